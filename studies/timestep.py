@@ -32,6 +32,7 @@ from benchmarks import IMAGES, machine
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json
+from billiards_env.sb3.aim_network import AimNetwork
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
 from examples import ppo
@@ -265,7 +266,7 @@ def train(run: Run, start: Weights | None, layouts: int) -> tuple[dict[str, Any]
     return result, weights
 
 
-def compare(policy: ppo.Policy, own_world: dict[str, Any], layouts: int) -> dict[str, Any]:
+def compare(policy: AimNetwork, own_world: dict[str, Any], layouts: int) -> dict[str, Any]:
     """Plays a policy on new layouts in all worlds.
 
     Args:
@@ -290,7 +291,7 @@ def compare(policy: ppo.Policy, own_world: dict[str, Any], layouts: int) -> dict
     }
 
 
-def compare_in_game(policy: ppo.Policy, run: Run, layouts: int) -> dict[str, Any]:
+def compare_in_game(policy: AimNetwork, run: Run, layouts: int) -> dict[str, Any]:
     """Plays new episodes of a part of `GAMES` in the worlds of the games.
 
     Returns:
@@ -304,7 +305,7 @@ def compare_in_game(policy: ppo.Policy, run: Run, layouts: int) -> dict[str, Any
     return {"success": success, "own": success[run.world]}
 
 
-def aim_of(policy: ppo.Policy, own_world: dict[str, Any], layouts: int) -> dict[str, list[list[float]]]:
+def aim_of(policy: AimNetwork, own_world: dict[str, Any], layouts: int) -> dict[str, list[list[float]]]:
     """Returns `aims_by_group` of the direct pots of a policy in its own world, on the layouts of `compare`."""
     envs = make_worlds(layouts, {"exact": {}})["exact"]
     observations, _ = envs.reset(seed=evaluation_seeds(LAYOUT_SEED, layouts).tolist())
@@ -314,7 +315,7 @@ def aim_of(policy: ppo.Policy, own_world: dict[str, Any], layouts: int) -> dict[
     return aims_by_group(aims(*shots, scene, max_speed, own_world.get("dt", 0.0)))
 
 
-def shots_of(policy: ppo.Policy, observations: NDArray[np.float32]) -> Floats:
+def shots_of(policy: AimNetwork, observations: NDArray[np.float32]) -> Floats:
     """Returns the actions (m, 2) of a policy without exploration noise."""
     with torch.no_grad():
         return policy(torch.from_numpy(observations))[0].mode().clamp(-1, 1).numpy().astype(np.float64)
@@ -325,11 +326,12 @@ def make_worlds(layouts: int, worlds: Mapping[str, dict[str, Any]]) -> dict[str,
     return {name: BilliardsVectorEnv(layouts, "Disabled", 1, **arguments) for name, arguments in worlds.items()}
 
 
-def policy_of(weights: Weights, args: Any) -> ppo.Policy:
+def policy_of(weights: Weights, args: Any) -> AimNetwork:
     """Returns the policy with some weights, for the options of the training."""
-    balls = (weights["choice.0.weight"].shape[1] - 6) // 2
-    policy = ppo.Policy(weights["half_extents"].tolist(), args.points, args.speeds, args.hidden, balls, args.aim)
-    policy.load_state_dict({name: torch.from_numpy(value.astype(np.float32)) for name, value in weights.items()})
+    policy = AimNetwork(weights["half_extents"].tolist(), args.points, args.speeds, args.hidden, args.aim)
+    read = {name: torch.from_numpy(value.astype(np.float32)) for name, value in weights.items()}
+    # Files of one object ball from before the policy took several do not have the weights of the other balls.
+    policy.load_state_dict({**policy.state_dict(), **read})
     return policy
 
 

@@ -4,9 +4,9 @@ Example:
     >>> import gymnasium as gym
     >>> from stable_baselines3 import PPO
     >>> envs = SameStepVecEnv(gym.make_vec("billiards_env:Billiards-v0", num_envs=64))
-    >>> model = PPO(MixturePolicy, envs, n_steps=16, batch_size=256, gamma=1.0, device="cpu")
-    >>> model.learn(2048).num_timesteps
-    2048
+    >>> model = PPO(AimPolicy, envs, **{**PPO_SETTINGS, "batch_size": 64})
+    >>> model.learn(128).num_timesteps
+    128
 """
 
 from billiards_env.checks import missing
@@ -17,8 +17,9 @@ try:
 except ModuleNotFoundError as error:
     raise missing(error.name or "stable_baselines3", "train") from error
 
+from billiards_env.sb3.aim_policy import PPO_SETTINGS, AimPolicy
 from billiards_env.sb3.policy import MixturePolicy
 from billiards_env.sb3.vec_env import SameStepVecEnv
 from billiards_env.sb3.weights import load_policy
 
-__all__ = ["MixturePolicy", "SameStepVecEnv", "load_policy"]
+__all__ = ["PPO_SETTINGS", "AimPolicy", "MixturePolicy", "SameStepVecEnv", "load_policy"]

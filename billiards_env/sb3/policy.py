@@ -7,24 +7,19 @@ knowledge of the game; `HEADS` lists them.
 
 from __future__ import annotations
 
-import functools
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
 
-import gymnasium as gym
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor, nn
 
-import billiards_env  # noqa: F401  (registers the environment)
 from billiards_env.checks import one_of
-from billiards_env.envs import BilliardsEnv
+from billiards_env.sb3.aim_policy import find_game
 from billiards_env.sb3.cue_parts import NUMBERS, cue_of
 from billiards_env.sb3.mixture import MixtureDistribution
 from billiards_env.sb3.position_heads import HitAims, PointAims, PositionHead, Reflected
 from billiards_env.sb3.pot_head import PotFeatures, PotHead
-from billiards_env.scene import Scene
 
 HEADS = ("mixture", "hits", "pots")
 """The heads, from the least prior knowledge to the most.
@@ -36,24 +31,6 @@ A component is one Gaussian of the mixture, with axes along and across its direc
 * "pots": one for each pot that geometry finds, at each of several speeds and, if actions are strikes, for each of
   several offsets of the tip. The task must be "pot", "clear" or "position".
 """
-
-
-def find_game(env: Mapping[str, Any]) -> BilliardsEnv:
-    """Returns an environment that describes the game: its scene, task and spaces. It must not be played.
-
-    Args:
-        env: Arguments of `gym.make("Billiards-v0", ...)`. Equal arguments return the same environment.
-
-    Raises:
-        ValueError: If an argument is impossible.
-        TypeError: If an argument has the wrong type.
-    """
-    return _find_game(json.dumps(env, default=Scene.to_dict))
-
-
-@functools.lru_cache(maxsize=8)
-def _find_game(env: str) -> BilliardsEnv:
-    return cast(BilliardsEnv, gym.make("Billiards-v0", **json.loads(env)).unwrapped)
 
 
 class MixturePolicy(ActorCriticPolicy):

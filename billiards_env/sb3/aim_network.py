@@ -1,0 +1,242 @@
+"""The network of `billiards_env.sb3.AimPolicy`: from the positions of the balls to a mixture of Gaussians over actions.
+
+It contains no pockets, ghost balls or cut angles. Each component of the mixture aims at a learned point next to an
+object ball. `examples/ppo.py` and the timestep study train it without Stable-Baselines3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+TIP = 3
+"""The number of other numbers of a strike: side, top and elevation."""
+
+_MOST = 0.7  # of the mean side and top, over the miscue offset: so the mean offset is below the miscue
+_LEVEL = -0.5  # the mean elevation before the training: below 0 the cue is level
+_NEVER = -1e4  # the logit of a component whose ball is not on the table, or not legal
+
+
+class Mixture(NamedTuple):
+    """m mixtures of k Gaussians over actions.
+
+    An action begins with a velocity, divided by the largest speed. Each Gaussian has one standard deviation along its
+    direction and one across it. A rotation does not change areas, so the density is that of the velocity. A strike has
+    three more numbers, which are independent. Its side turns the direction of the ball, so the direction of the cue is
+    the direction of the Gaussian turned back by an angle with the tangent `turn * side`.
+
+    Attributes:
+        log_weight: (m, k) logarithms of the weights.
+        dx, dy: (m, k) direction, a unit vector.
+        speed: (m, k) mean along the direction.
+        across: (m, k) standard deviation across the direction.
+        along: () standard deviation along it.
+        tip: (m, 3, k) means of side, top and elevation; (m, 0, k) without strikes.
+        tip_std: () their standard deviation.
+        turn: ().
+    """
+
+    log_weight: Tensor
+    dx: Tensor
+    dy: Tensor
+    speed: Tensor
+    across: Tensor
+    along: Tensor
+    tip: Tensor
+    tip_std: Tensor
+    turn: Tensor
+
+    def sample(self) -> Tensor:
+        """Returns a random action of each mixture, (m, 2) or (m, 5)."""
+        numbers = 2 + self.tip.shape[1]
+        return self._action(torch.multinomial(self.log_weight.exp(), 1), torch.randn(numbers, len(self.log_weight)))
+
+    def mode(self) -> Tensor:
+        """Returns the mean of the Gaussian with the largest weight, (m, 2) or (m, 5)."""
+        return self._action(self.log_weight.argmax(1, keepdim=True), torch.zeros(2 + self.tip.shape[1], 1))
+
+    def _action(self, component: Tensor, errors: Tensor) -> Tensor:
+        """Returns the actions of components (m, 1); `errors` are in standard deviations."""
+        dx, dy, speed, across = (part.gather(1, component)[:, 0] for part in self[1:5])
+        ahead, aside = speed + errors[0] * self.along, errors[1] * across
+        x, y = ahead * dx - aside * dy, ahead * dy + aside * dx
+        numbers = self.tip.shape[1]
+        if not numbers:
+            return torch.stack((x, y), 1)
+        means = self.tip.gather(2, component[:, None].expand(-1, numbers, 1))[:, :, 0]
+        tip = means + self.tip_std * errors[2:].T
+        return torch.cat((torch.stack(_turned(x, y, -self.turn * tip[:, 0]), 1), tip), 1)
+
+    def log_prob(self, actions: Tensor) -> Tensor:
+        """Returns the logarithms (m,) of the densities of actions (m, 2) or (m, 5)."""
+        x, y, tip = actions[:, :1], actions[:, 1:2], actions[:, 2:]
+        numbers = self.tip.shape[1]
+        if numbers:
+            x, y = _turned(x, y, self.turn * tip[:, :1])
+        ahead = (x * self.dx + y * self.dy - self.speed) / self.along
+        aside = (y * self.dx - x * self.dy) / self.across
+        logs = self.log_weight - 0.5 * (ahead * ahead + aside * aside) - self.across.log()
+        if numbers:
+            logs = logs - 0.5 * ((tip[:, :, None] - self.tip) / self.tip_std).square().sum(1)
+        constant = self.along.log() + numbers * self.tip_std.log() + (1 + 0.5 * numbers) * math.log(2 * math.pi)
+        return logs.logsumexp(1) - constant
+
+    def entropy(self) -> Tensor:
+        """Returns the entropies (m,) of the choice of the component. The entropy of a mixture has no closed form."""
+        return -(self.log_weight.exp() * self.log_weight).sum(1)
+
+
+class AimNetwork(nn.Module):
+    """The mixture for observations, and the value function.
+
+    The networks take a layout once for each object ball, with this ball in first place. A table has two axes of
+    symmetry, so each layout is reflected to x >= 0 and y >= 0 for this ball, and the directions are reflected back. The
+    other object balls enter as the sum of the outputs of one network. So the weights fit any number of balls, and the
+    order of the balls does not matter. Before the training the other balls have no effect.
+
+    Args:
+        half_extents: Half the length and half the width of the table, m: the units of the observation.
+        points: The number of points to aim at next to each object ball.
+        speeds: Borders of the ranges of mean speeds, over the largest speed. Each point has a component in each range.
+        hidden: Units of each hidden layer of the choice; the other networks have half as many.
+        aim: Whether the points depend on the position of their "ball" and the goal, or on the whole "layout".
+        goals: The number of goals in an observation, after the balls.
+        legal: Whether an observation then has a flag for each object ball. Other components than those of legal balls
+            have no weight.
+        rest: The number of other numbers at the end of an observation.
+        strikes: Whether the actions are strikes.
+
+    Attributes:
+        std: Standard deviations of the speed, over the largest, of the point aimed at, m, and of the three other
+            numbers of a strike.
+    """
+
+    half_extents: Tensor
+    slowest: Tensor
+    faster: Tensor
+    std: Tensor
+    CIRCLE = 0.05
+    """m: radius of the circle around the object ball on which the points are before the training."""
+
+    def __init__(
+        self,
+        half_extents: Sequence[float],
+        points: int,
+        speeds: Sequence[float],
+        hidden: int,
+        aim: str = "ball",
+        *,
+        goals: int = 0,
+        legal: bool = False,
+        rest: int = 0,
+        strikes: bool = False,
+    ) -> None:
+        super().__init__()
+        self.aim, self.ranges, self.numbers = aim, len(speeds) - 1, TIP * strikes
+        self.goals, self.legal, self.rest = goals, legal, rest
+        inputs, half = 8 + 2 * goals + rest, hidden // 2
+        borders, angles = torch.tensor(speeds), 2 * math.pi / points * torch.arange(points)
+        self.register_buffer("half_extents", torch.tensor(half_extents))
+        self.register_buffer("slowest", borders[:-1].repeat_interleave(points))
+        self.register_buffer("faster", borders.diff().repeat_interleave(points))
+        self.register_buffer("std", torch.ones(3))
+        self.first_points = nn.Parameter(self.CIRCLE * torch.stack((angles.cos(), angles.sin())))
+        self.points = _Layers(2 + 2 * goals if aim == "ball" else inputs, half, 2 * points, 0.02)
+        self.choice = _Layers(inputs, hidden, (2 + self.numbers) * points * self.ranges, 0.02)
+        self.critic = _Layers(inputs, half, 1)
+        self.turn = nn.Parameter(torch.zeros(()))
+        self.widths = hidden, half, half if aim == "layout" else 0
+        self.other_ball = nn.Sequential(nn.Linear(5 + legal, half), nn.ReLU(), nn.Linear(half, half), nn.ReLU())
+        self.other_balls = nn.Linear(half, sum(self.widths), bias=False)
+        nn.init.zeros_(self.other_balls.weight)
+
+    def forward(self, observations: Tensor) -> tuple[Mixture, Tensor]:
+        """Returns the mixtures and the values (m,) for observations (m, ...) with any number of object balls."""
+        m, n = len(observations), (observations.shape[1] - 2 - 2 * self.goals - self.rest) // (2 + self.legal)
+        places, flags, rest = observations.split((2 + 2 * (n + self.goals), n * self.legal, self.rest), 1)
+        places = places.unflatten(1, (-1, 2))
+        signs = torch.where(places[:, 1 : 1 + n] < 0, -1.0, 1.0)
+        tables = places[:, None] * signs[:, :, None]  # (m, n, 1 + n + goals, 2), one for each object ball
+        signs = signs.flatten(0, 1)
+        cue_ball, ball = tables[:, :, 0].flatten(0, 1), places[:, 1 : 1 + n].flatten(0, 1) * signs
+        to_ball = (ball - cue_ball) * self.half_extents
+        distance = to_ball.norm(dim=1, keepdim=True).clamp(min=1e-6)  # two balls in the same pocket have distance 0
+        way = to_ball / distance
+        goals, rest = tables[:, :, 1 + n :].reshape(m * n, -1), rest.repeat_interleave(n, 0)
+        features = torch.cat((cue_ball, ball, way, distance, 1 / (distance + 0.1), goals, rest), 1)
+        on_table = ball[:, 1] != 1  # of a potted ball this number is 1
+        chosen, judged, aimed = self._other_balls(tables, flags, way, on_table) if n > 1 else (None, None, None)
+        offset = self.points(torch.cat((ball, goals), 1)) if self.aim == "ball" else self.points(features, aimed)
+        dx, dy = (to_ball[:, :, None] + (self.first_points + self.CIRCLE * offset.unflatten(1, (2, -1)))).unbind(1)
+        inverse = torch.rsqrt(dx * dx + dy * dy + 1e-9)
+        dx, dy = dx * inverse * signs[:, :1], dy * inverse * signs[:, 1:]
+        dx, dy, inverse = (part.repeat(1, self.ranges) for part in (dx, dy, inverse))
+        logit, faster, *tip = self.choice(features, chosen).chunk(2 + self.numbers, 1)
+        playable = on_table & (flags.flatten() > 0) if self.legal else on_table
+        logit = logit.masked_fill(~playable[:, None], _NEVER)
+        speed = self.slowest + self.faster * faster.sigmoid()
+        # The std of the direction is that of the point over its distance. The limit is for points near the cue ball.
+        across = speed * self.std[1] * inverse.clamp(max=10.0)
+        if tip:
+            side, top, elevation = tip  # a reflection at one axis changes the sign of the side
+            tip = [_MOST * side.tanh() * signs.prod(1, keepdim=True), _MOST * top.tanh(), _LEVEL + elevation]
+        logit, dx, dy, speed, across, *tip = (part.reshape(m, -1) for part in (logit, dx, dy, speed, across, *tip))
+        strike = torch.stack(tip, 1) if tip else logit.new_empty(m, 0, 1)
+        mixture = Mixture(logit.log_softmax(1), dx, dy, speed, across, self.std[0], strike, self.std[2], self.turn)
+        on_table = on_table.reshape(m, n)
+        values = self.critic(features, judged).reshape(m, n) * on_table
+        return mixture, values.sum(1) / on_table.sum(1).clamp(min=1)
+
+    def _other_balls(self, tables: Tensor, flags: Tensor, way: Tensor, on_table: Tensor) -> Sequence[Tensor]:
+        """Returns what the other object balls add to the first layers of `choice`, `critic` and `points`.
+
+        Args:
+            tables: (m, n, 1 + n + goals, 2) the reflected layouts.
+            flags: (m, n) 1 for a legal ball; (m, 0) without legal balls.
+            way: (m * n, 2) directions from the cue ball to the ball in first place.
+            on_table: (m * n,) whether this ball is on the table.
+        """
+        n = tables.shape[1]
+        first = torch.arange(n)[:, None]
+        other = torch.tensor([[j for j in range(n) if j != i] for i in range(n)])
+        others, ball, cue_ball = tables[:, first, 1 + other], tables[:, first, 1 + first], tables[:, :, :1]
+        dx, dy = ((others - cue_ball) * self.half_extents).unbind(3)
+        ux, uy = way.reshape(-1, n, 1, 2).unbind(3)
+        near = 1 / (((others - ball) * self.half_extents).norm(dim=3) + 0.1)
+        features = torch.cat((others, torch.stack((dx * ux + dy * uy, dy * ux - dx * uy, near), 3)), 3)
+        if self.legal:
+            features = torch.cat((features, flags[:, other, None]), 3)
+        present = on_table.reshape(-1, n)[:, other, None]
+        total = (self.other_ball(features) * present).sum(2)
+        return self.other_balls(total.flatten(0, 1)).split(self.widths, 1)
+
+
+class _Layers(nn.Sequential):
+    """A network with two hidden layers. `scale` multiplies the first weights of its last layer."""
+
+    def __init__(self, inputs: int, hidden: int, outputs: int, scale: float = 1.0) -> None:
+        last = nn.Linear(hidden, outputs)
+        with torch.no_grad():
+            last.weight.mul_(scale)
+            last.bias.zero_()
+        super().__init__(nn.Linear(inputs, hidden), nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU(), last)
+
+    def forward(self, input: Tensor, added: Tensor | None = None) -> Tensor:
+        """Returns the outputs. `added` is added to the output of the first layer."""
+        first, *layers = self
+        x = first(input)
+        if added is not None:
+            x = x + added
+        for layer in layers:
+            x = layer(x)
+        return x
+
+
+def _turned(x: Tensor, y: Tensor, tangent: Tensor) -> tuple[Tensor, Tensor]:
+    """Returns vectors turned to the left by angles with these tangents."""
+    shorter = torch.rsqrt(1 + tangent * tangent)
+    return (x - tangent * y) * shorter, (y + tangent * x) * shorter

@@ -1,0 +1,187 @@
+"""A policy for Stable-Baselines3 that learns to aim from the positions of the balls."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, cast
+
+import gymnasium as gym
+import torch
+from gymnasium import spaces
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.type_aliases import PyTorchObs
+from stable_baselines3.common.utils import LinearSchedule
+from torch import Tensor
+
+import billiards_env  # noqa: F401  (registers the environment)
+from billiards_env.checks import one_of
+from billiards_env.envs import BilliardsEnv
+from billiards_env.envs.tasks import TASKS
+from billiards_env.sb3.aim_network import AimNetwork, Mixture
+from billiards_env.scene import Scene
+
+PPO_SETTINGS: dict[str, Any] = {
+    "n_steps": 1,
+    "batch_size": 1024,
+    "n_epochs": 4,
+    "learning_rate": LinearSchedule(2e-3, 2e-5, 1.0),
+    "gamma": 1.0,
+    "gae_lambda": 1.0,
+    "ent_coef": 0.03,
+    "max_grad_norm": 5.0,
+    "device": "cpu",
+}
+"""Arguments of `stable_baselines3.PPO` for 4096 environments and episodes of one shot."""
+
+_WORTH = 0.1  # the smallest value that divides an advantage
+
+
+def find_game(env: Mapping[str, Any]) -> BilliardsEnv:
+    """Returns an environment that describes the game: its scene, task and spaces. It must not be played.
+
+    Args:
+        env: Arguments of `gym.make("Billiards-v0", ...)`. Equal arguments return the same environment.
+
+    Raises:
+        ValueError: If an argument is impossible.
+        TypeError: If an argument has the wrong type.
+    """
+    return _find_game(json.dumps(env, default=Scene.to_dict))
+
+
+@functools.lru_cache(maxsize=8)
+def _find_game(env: str) -> BilliardsEnv:
+    return cast(BilliardsEnv, gym.make("Billiards-v0", **json.loads(env)).unwrapped)
+
+
+class AimPolicy(ActorCriticPolicy):
+    """An actor and critic that aims at learned points next to the object balls, see `AimNetwork`.
+
+    PPO of Stable-Baselines3 trains it without a callback. The policy counts the shots of its training. During the first
+    ones its standard deviations and the weight of its entropy fall geometrically, from their first to their last
+    values. Then they are constant. They change only between two rollouts. The count is saved with the weights.
+
+    The gradient of the probability of an action is divided by the value of the layout. So the policy improves the mean
+    logarithm of the success, in which difficult layouts count as much as easy ones. PPO normalizes its advantages, so
+    the factors are divided by their mean.
+
+    Args:
+        observation_space, action_space, lr_schedule: As in `ActorCriticPolicy`.
+        env: Arguments of `gym.make("Billiards-v0", ...)`. The weights fit any number of balls.
+        points, speeds, hidden: As in `AimNetwork`.
+        aim: As in `AimNetwork`; None for "ball" in the tasks that need pockets and "layout" in the others.
+        exploration: The number of shots after which the next four are constant.
+        std_speed: First and last standard deviation of the speed, over the largest.
+        std_aim: First and last standard deviation of the point aimed at, m.
+        std_tip: First and last standard deviation of side, top and elevation of a strike.
+        entropy: First and last factor of the entropy, and so of PPO's `ent_coef`.
+
+    Raises:
+        ValueError: If the environment has no object ball or another observation than `observation_space`, or `aim` is
+            unknown.
+
+    Example:
+        >>> from stable_baselines3 import PPO
+        >>> from billiards_env.sb3 import AimPolicy, PPO_SETTINGS, SameStepVecEnv
+        >>> envs = SameStepVecEnv(gym.make_vec("billiards_env:Billiards-v0", num_envs=1024))
+        >>> model = PPO(AimPolicy, envs, **PPO_SETTINGS)
+        >>> model.learn(2048).num_timesteps
+        2048
+    """
+
+    shots: Tensor
+
+    def __init__(
+        self,
+        observation_space: spaces.Space[Any],
+        action_space: spaces.Space[Any],
+        lr_schedule: Callable[[float], float],
+        *,
+        env: Mapping[str, Any] | None = None,
+        points: int = 16,
+        speeds: Sequence[float] = (0.2, 0.4, 0.8),
+        hidden: int = 128,
+        aim: str | None = None,
+        exploration: int = 400_000,
+        std_speed: Sequence[float] = (0.1, 0.03),
+        std_aim: Sequence[float] = (0.025, 0.0015),
+        std_tip: Sequence[float] = (0.2, 0.05),
+        entropy: Sequence[float] = (1.0, 0.1),
+        **kwargs: Any,
+    ) -> None:
+        self.game = find_game(env or {})
+        if observation_space.shape != self.game.observation_space.shape:
+            raise ValueError(
+                f"env = {dict(env or {})}: expected the arguments of the environment, whose observation has the shape "
+                f"{observation_space.shape}, not {self.game.observation_space.shape}"
+            )
+        if self.game.scene.n_balls < 2:
+            raise ValueError(f"env = {dict(env or {})}: expected an object ball, at which the policy aims")
+        aim = aim or ("ball" if TASKS[self.game.task].pockets else "layout")
+        one_of("aim", aim, ("ball", "layout"))
+        self.network = {"points": points, "speeds": tuple(speeds), "hidden": hidden, "aim": aim}
+        self.exploration = exploration
+        self.schedules = {"std_speed": std_speed, "std_aim": std_aim, "std_tip": std_tip, "entropy": entropy}
+        self.env = dict(env or {})
+        super().__init__(observation_space, action_space, lr_schedule, **kwargs)
+
+    def _build(self, lr_schedule: Callable[[float], float]) -> None:
+        game = self.game
+        n, goals, legal = game.scene.n_balls, len(game.goals), len(game.legal_balls) > 0
+        rest = gym.spaces.flatdim(game.observation_space) - 2 * (n + goals) - (n - 1) * legal
+        self.net = AimNetwork(
+            game.scene.half_extents,
+            **self.network,
+            goals=goals,
+            legal=legal,
+            rest=rest,
+            strikes=game.action == "strike",
+        )
+        self.register_buffer("shots", torch.zeros((), dtype=torch.int64))
+        self._follow_schedules()
+        self.optimizer = torch.optim.Adam(self.parameters(), lr=lr_schedule(1), eps=1e-5, fused=True)
+
+    def _follow_schedules(self) -> None:
+        part = min(self.shots.item() / self.exploration, 1.0)
+        *std, self.entropy = (first * (last / first) ** part for first, last in self.schedules.values())
+        self.net.std.copy_(torch.tensor(std))
+
+    def set_training_mode(self, mode: bool) -> None:
+        """Sets the mode. At the end of an update, the standard deviations and the entropy change."""
+        if self.training and not mode:
+            self._follow_schedules()
+        super().set_training_mode(mode)
+
+    def forward(self, obs: Tensor, deterministic: bool = False) -> tuple[Tensor, Tensor, Tensor]:
+        """Returns actions (m, 2) or (m, 5), values (m, 1) and logarithms (m,) of densities, and counts the shots."""
+        mixture, values = self.net(obs)
+        actions = mixture.mode() if deterministic else mixture.sample()
+        self.shots += len(obs)
+        return actions, values[:, None], mixture.log_prob(actions)
+
+    def evaluate_actions(self, obs: PyTorchObs, actions: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Returns values (m, 1), logarithms (m,) of densities and entropies (m,); see the class for the gradient."""
+        mixture, values = self.net(obs)
+        log_prob = mixture.log_prob(actions)
+        factor = 1.0 / values.detach().clamp(_WORTH, 1.0)
+        factor = factor / factor.mean()
+        log_prob = factor * log_prob + ((1.0 - factor) * log_prob).detach()
+        return values[:, None], log_prob, self.entropy * mixture.entropy()
+
+    def predict_values(self, obs: PyTorchObs) -> Tensor:
+        """Returns the values (m, 1)."""
+        return self.net(obs)[1][:, None]
+
+    def get_distribution(self, obs: PyTorchObs) -> Mixture:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Returns the mixtures."""
+        return self.net(obs)[0]
+
+    def _predict(self, observation: PyTorchObs, deterministic: bool = False) -> Tensor:
+        mixture = self.get_distribution(observation)
+        return mixture.mode() if deterministic else mixture.sample()
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        own = {"env": self.env, **self.network, "exploration": self.exploration, **self.schedules}
+        return super()._get_constructor_parameters() | own

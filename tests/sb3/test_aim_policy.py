@@ -1,0 +1,122 @@
+"""The policy that aims, trained by PPO of Stable-Baselines3."""
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch
+from stable_baselines3 import PPO
+
+from billiards_env.sb3 import PPO_SETTINGS, AimPolicy, SameStepVecEnv
+
+GAMES: dict[str, dict[str, Any]] = {
+    "pot": {},
+    "three balls": {"n_object_balls": 3, "max_shots": 2, "observe_shots_left": True},
+    "position": {"task": "position", "action": "strike"},
+    "carom": {"task": "carom", "layout": "random"},
+    "run-out": {"task": "nine_ball"},
+}
+
+
+def make(envs: int = 16, env: dict[str, Any] | None = None, **kwargs: Any) -> PPO:
+    """Returns an untrained model with as many environments as shots of a minibatch."""
+    env = env or {}
+    vector = SameStepVecEnv(gym.make_vec("billiards_env:Billiards-v0", num_envs=envs, **env))
+    settings = {**PPO_SETTINGS, "batch_size": envs, "seed": 0}
+    return PPO(AimPolicy, vector, **settings, policy_kwargs={"env": env, **kwargs})
+
+
+def net(model: PPO) -> Any:
+    return model.policy.net
+
+
+def shots(policy: Any) -> int:
+    return int(policy.shots)
+
+
+@pytest.mark.parametrize("name", GAMES)
+def test_ppo_trains_it_in_every_game_with_object_balls(name):
+    model = make(env=GAMES[name], hidden=16)
+    before = [weights.clone() for weights in model.policy.parameters()]
+    model.learn(32)
+    after = list(model.policy.parameters())
+    assert all(bool(torch.isfinite(weights).all()) for weights in after)
+    assert not all(torch.equal(old, new) for old, new in zip(before, after, strict=True))
+    envs: Any = model.env
+    actions, _ = model.predict(envs.reset(), deterministic=True)
+    assert actions.shape == (16, gym.spaces.flatdim(model.action_space))
+    assert (np.hypot(actions[:, 0], actions[:, 1]) > 0).all()
+    assert net(model).aim == ("layout" if name == "carom" else "ball")
+    assert shots(model.policy) == 32
+
+
+def test_it_learns_from_positions_alone():
+    torch.set_num_threads(1)
+    model = make(1024, hidden=64, exploration=50_000).learn(60_000)
+    envs: Any = model.env
+    success = [envs.step(model.predict(envs.reset(), deterministic=True)[0])[1] for _ in range(2)]
+    assert (np.concatenate(success) > 0).mean() > 0.12  # a random shot pots the ball once in a hundred times
+
+
+def test_a_saved_model_plays_and_learns_as_before(tmp_path):
+    model = make(hidden=16, aim="layout", exploration=64).learn(32)
+    observations = np.array([[0.2, -0.3, -0.4, 0.5]], np.float32)
+    model.save(tmp_path / "model")
+    model.policy.save(tmp_path / "policy")
+    loaded, alone = PPO.load(tmp_path / "model", device="cpu"), AimPolicy.load(tmp_path / "policy", device="cpu")
+    for policy in (loaded.policy, alone):
+        np.testing.assert_array_equal(
+            policy.predict(observations, deterministic=True)[0], model.predict(observations, deterministic=True)[0]
+        )
+        assert shots(policy) == 32
+    assert net(loaded).aim == "layout"
+
+
+def test_the_schedules_follow_the_shots_between_rollouts():
+    model = make(hidden=16, exploration=32, std_speed=(0.4, 0.1), std_aim=(0.01, 0.01), entropy=(1.0, 0.25))
+    found = []
+
+    def read(*_):
+        found.append((net(model).std.tolist(), model.policy.entropy))
+        model.predict(np.zeros((1, 4), np.float32))  # an evaluation in between changes nothing
+        return True
+
+    model.learn(64, callback=read)
+    assert [std[0] for std, _ in found] == pytest.approx([0.4, 0.2, 0.1, 0.1])
+    assert [std[1] for std, _ in found] == pytest.approx(4 * [0.01])
+    assert [entropy for _, entropy in found] == pytest.approx([1.0, 0.5, 0.25, 0.25])
+
+
+def test_the_densities_of_an_update_are_those_of_its_rollout():
+    model = make(hidden=16)
+    observations = torch.rand(8, 4) - 0.5
+    with torch.no_grad():
+        actions, values, log_prob = model.policy(observations)
+        entropy = model.policy.get_distribution(observations).entropy()
+    again, evaluated, weighted = model.policy.evaluate_actions(observations, actions)
+    torch.testing.assert_close(evaluated, log_prob)
+    torch.testing.assert_close(again, values)
+    assert torch.equal(model.policy.predict_values(observations), again)
+    torch.testing.assert_close(model.policy.get_distribution(observations).log_prob(actions), log_prob)
+    torch.testing.assert_close(weighted, entropy)  # its factor begins at 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"env": {"n_object_balls": 2}}, r"expected the arguments of the environment, whose observation .* not \(6,\)"),
+        ({"aim": "pocket"}, "aim = 'pocket': expected one of 'ball', 'layout'"),
+    ],
+)
+def test_wrong_arguments_are_refused(arguments, message):
+    env = gym.make("billiards_env:Billiards-v0")
+    with pytest.raises(ValueError, match=message):
+        AimPolicy(env.observation_space, env.action_space, lambda _: 1e-3, **arguments)
+
+
+def test_an_environment_without_object_balls_is_refused():
+    env = {"task": "place", "n_object_balls": 0}
+    game = gym.make("billiards_env:Billiards-v0", **env)
+    with pytest.raises(ValueError, match="expected an object ball"):
+        AimPolicy(game.observation_space, game.action_space, lambda _: 1e-3, env=env)
