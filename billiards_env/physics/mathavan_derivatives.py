@@ -102,7 +102,8 @@ def _rates_change(y, change, nose, more, tiny):
             d_ay = -(d_ay + ay * (d_h + (d_g * fy + g * d_fy) * cos + g * fy * d_cos)) / under
             press = sin - ay * cos
             d_press = d_sin - d_ay * cos - ay * d_cos
-            if press < 0.0:
+            if press < 0.0:  # the ball does not press on the cloth
+                ay, d_ay = -sin * cos / h, (sin * cos * d_h / h - d_sin * cos - sin * d_cos) / h
                 press = d_press = 0.0
             ax = mu_cloth * press * ex * d / 3.5
             d_ax = (
@@ -111,6 +112,8 @@ def _rates_change(y, change, nose, more, tiny):
         if ax * ax + ay * ay > mu * mu:
             if ex != 0.0 or ey != 0.0:
                 ax, ay, d_ax, d_ay = _begin_slip_change(ex, ey, d_ex, d_ey, nose, more)
+                if ay * cos > sin:
+                    ax, ay, d_ax, d_ay = _begin_slip_change(0.0, 0.0, 0.0, 0.0, nose, more)
             else:
                 ux, uy, d_ux, d_uy = _unit(ax, ay, d_ax, d_ay)
                 ax, ay, d_ax, d_ay = mu * ux, mu * uy, d_mu * ux + mu * d_ux, d_mu * uy + mu * d_uy
