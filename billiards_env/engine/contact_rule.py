@@ -37,7 +37,7 @@ import numpy as np
 
 from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.ball_ball import change_velocity, exchange, exchange_pair
-from billiards_env.physics.cushion import reflect
+from billiards_env.physics.cushion import reflect, reflect_both
 from billiards_env.physics.motion import largest_friction, launch, norm
 from billiards_env.physics.state import AX, AY, IDEAL, UX, UY, VX, VY, X, Y
 from billiards_env.physics.walls import wall_pressing
@@ -196,9 +196,9 @@ def resolve_jam(contacts, state, scene, memory):
     If friction presses a heavy ball against a light one at a fixed body, the number of impacts that lift the heavy ball
     is about the ratio of the masses. After more than `JAMMED` impacts of both balls at one place and instant, the ball
     with fewer of them is moved away, and the other, jammed ball keeps its velocity. This happens in two cases. Either
-    the impacts are weak and the jammed ball moves along the normal at `WEAK_SPEED` at most. Or the impact changes the
-    velocity of the moved ball by no more than its rounding, and the speed of approach and the jammed ball's speed along
-    the normal are at most 2^-24 of the moved ball's speed. Other weak impacts are plastic.
+    the impacts are weak and the jammed ball moves along the normal at `Numbers.weak_speed` at most. Or the impact
+    changes the velocity of the moved ball by no more than its rounding, and the speed of approach and the jammed ball's
+    speed along the normal are at most 2^-24 of the moved ball's speed. Other weak impacts are plastic.
     """
     i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
     rows, numbers, inv_mass = state.rows, scene.numbers, scene.inv_mass
@@ -282,6 +282,30 @@ def hit_cushion(contact, time, state, scene, memory):
         reflect(state, i, contact.nx, contact.ny, 0.0, scene)
         return 0
     return _hit_cushion_again(contact, time, state, scene, memory)
+
+
+@kernel
+def hit_corner(one, two, time, state, scene, memory):
+    """Changes the motion of a ball at two cushions, as `hit_cushion` does; both are `CushionContact`s of the ball.
+
+    The two count as one impact, at the larger speed of approach.
+    """
+    i, numbers = one.ball, scene.numbers
+    end_runs(i, time, max(one.speed, two.speed), numbers, memory)
+    count_impact(i, time, memory)
+    if is_over(i, i, state, numbers, memory):
+        halt(state, i)
+        return 1
+    if min(memory.run[i], memory.weak[i]) > JAMMED:
+        change_velocity(state, i, -state.rows[i, VX], -state.rows[i, VY], numbers)
+        return 1
+    pressing_one = wall_pressing(state, i, one.nx, one.ny, one.wall, scene.radius[i], scene.outline)
+    pressing_two = wall_pressing(state, i, two.nx, two.ny, two.wall, scene.radius[i], scene.outline)
+    rebounds = (
+        least_rebound(one.speed, pressing_one, memory.weak[i], numbers),
+        least_rebound(two.speed, pressing_two, memory.weak[i], numbers),
+    )
+    return 1 if reflect_both(state, i, (one.nx, one.ny), (two.nx, two.ny), rebounds, scene) else 0
 
 
 @kernel

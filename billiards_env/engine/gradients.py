@@ -32,7 +32,7 @@ from billiards_env.engine.log import (
 )
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
-from billiards_env.physics.cushion import CushionMotion
+from billiards_env.physics.cushion import CushionMotion, hit
 from billiards_env.physics.cushion_derivatives import TABLE, cushion_law
 from billiards_env.physics.derivatives import (
     Jump,
@@ -148,7 +148,7 @@ class Tape(NamedTuple):
         after: (pieces, BALL_WIDTH) float64: the state at its beginning.
         first: (events,) int64: the first piece that begins with each event.
         current: (n,) int64, the last piece of each ball.
-        joint: (n,) bool, whether it began with one of several impacts at one instant.
+        joint: (n,) bool, whether it began with one of several impacts of one solution.
         lanes: (lanes, LANE_WIDTH) float64.
         column: (MOST_LANES,) int64, the column of each unit vector.
         pulled: (MOST_LANES,) float64, the products of the adjoint with the lanes.
@@ -229,11 +229,32 @@ def _is_joint(events, e):
     return False
 
 
+@inlined
+def _is_corner(e, piece, events, segments):
+    """Returns whether event e, with a piece, is the first impact of a ball with two cushions that act together."""
+    if e + 1 == len(events) or events[e + 1, KIND] != BALL_CUSHION or events[e + 1, BALL] != events[e, BALL]:
+        return False
+    one, two = segments[piece, SEGMENT_ROW:], segments[piece + 1, SEGMENT_ROW:]
+    return one[T0] == two[T0] and one[VX] == two[VX] and one[VY] == two[VY]  # two successive ones change the velocity
+
+
+@inlined
+def _after_cushion(wall, state, radius, scene, after):
+    """Writes the state after an impact on one cushion."""
+    _copy(state, after)
+    motion = (state[DVX], state[DVY], state[DUX], state[DUY], radius * state[DWZ])
+    speed = wall.nx * state[DVX] + wall.ny * state[DVY]
+    (after[DVX], after[DVY], after[DUX], after[DUY], rwz), _ = hit(
+        motion, (wall.nx, wall.ny), max(0.0, speed), 0.0, radius, scene
+    )
+    after[DWZ] = rwz / radius
+
+
 @kernel
 def trace(events, segments, scene, is_sphere, tape):
     """Fills the tape of a shot.
 
-    Several impacts of balls at one instant count as successive, in the order of the log.
+    Several impacts with one solution count as successive, in the order of the log.
     """
     n, numbers = len(scene.radius), scene.numbers
     for i in range(n):
@@ -267,6 +288,11 @@ def trace(events, segments, scene, is_sphere, tape):
             if impact.wn < 0.0:
                 apply_push(first, 1.0, push, impact, scene.inv_mass[i], scene.radius[i], numbers)
                 apply_push(last, -1.0, push, impact, scene.inv_mass[j], scene.radius[j], numbers)
+        elif events[e, KIND] == BALL_CUSHION and _is_corner(e, piece, events, segments):
+            i = int(events[e, BALL])
+            wall = wall_at(tape.before[piece], int(events[e, OTHER]), scene.radius[i], scene.outline)
+            tape.joint[i] = True
+            _after_cushion(wall, tape.before[piece], scene.radius[i], scene, tape.after[piece])
         piece += balls
 
 
@@ -314,8 +340,9 @@ def apply_event(e, count, events, segments, scene, is_sphere, tape):
         radius = scene.radius[i]
         wall = wall_at(before, other, radius, scene.outline)
         nx, ny = wall.nx, wall.ny
+        speed = nx * before[DVX] + ny * before[DVY]
         motion = CushionMotion(
-            max(0.0, nx * before[DVX] + ny * before[DVY]),
+            max(0.0, speed),
             nx * before[DVY] - ny * before[DVX],
             nx * before[DUX] + ny * before[DUY],
             nx * before[DUY] - ny * before[DUX],
@@ -326,7 +353,10 @@ def apply_event(e, count, events, segments, scene, is_sphere, tape):
         for c in range(count):
             lane = lanes[c]
             flight_lane(lane, 0, flight)
-            wall_lane(lane, wall, jump, law, tape.table, scene)
+            if speed >= 0.0:
+                wall_lane(lane, wall, jump, law, tape.table, scene)
+            else:  # the second of two cushions, which the first one's friction takes the ball away from
+                lane[D_TIME] = lane[D_TIME + 1] = lane[D_TIME + 2] = 0.0
             settle_lane(lane, 0, phase, numbers)
     else:
         after_rates = _rates(segments, piece, tape.after[piece], scene, tape)

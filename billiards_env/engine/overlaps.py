@@ -23,7 +23,7 @@ from billiards_env.physics.clusters import sum_impulses
 from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.motion import Path, begin_phase, move, norm
 from billiards_env.physics.state import LASTS, VX, VY, X, Y
-from billiards_env.physics.walls import back_to_wall, overlap_time, wall_normal
+from billiards_env.physics.walls import back_to_wall, overlap_time, wall_normal, wall_overlap
 from billiards_env.scene import CONTACT_GAP
 
 
@@ -249,6 +249,15 @@ def _push_inside(i, wall, beyond, bounce, scene, work):
     return bounce
 
 
+@kernel
+def push_along(i, wall, n, m, scene, work):
+    """Moves ball i along the cushion with the normal n, which it touches, to touch the cushion with the normal m."""
+    x, y = work.here[i, X], work.here[i, Y]
+    beyond, _, _ = wall_overlap(x, y, scene.radius[i], wall, scene.numbers, scene.outline)
+    way = max(0.0, beyond) / (n[0] * m[1] - n[1] * m[0])
+    _place(i, x + way * n[1], y - way * n[0], work)
+
+
 _FIXES = {
     "push_apart": Fix(_keep_contacts, _push_apart, _push_inside, _keep_motion),
     "move_back": Fix(_touch_before, _keep_positions, _touch_cushion_before, _keep_motion),
@@ -258,6 +267,8 @@ _FIXES = {
 
 FIXES = tuple(_FIXES)
 """The names of the treatments; the first is the default. `Numbers.fix` is an index into them."""
+
+PUSH_APART = FIXES.index("push_apart")
 
 
 def _choice(kernels: Sequence[Any]) -> Any:

@@ -45,7 +45,8 @@ class Workspace(NamedTuple):
         contacts: The `Contacts` at one instant.
         scratch: The `Scratch` of their resolution; None for at most two balls.
         memory: The `Memory` of the contact-time rule.
-        changed: (2 most + n,) int64, balls whose motion the last event has changed.
+        due: (n,) int64, balls with an event alone at this instant.
+        changed: (2 most + 2 n,) int64, balls whose motion the last event has changed, once for each impact.
     """
 
     state: State
@@ -53,6 +54,7 @@ class Workspace(NamedTuple):
     contacts: Contacts
     scratch: Scratch | None
     memory: Memory
+    due: Any
     changed: Any
 
 
@@ -60,8 +62,8 @@ class Workspace(NamedTuple):
 def make_workspace(scene, queue, most, scratch):
     """Returns the `Workspace` for the balls of a scene, with up to `most` contacts at one instant."""
     n = len(scene.radius)
-    changed = np.empty(2 * most + n, np.int64)
-    return Workspace(empty_state(n), queue, empty_contacts(most), scratch, empty_memory(n), changed)
+    due, changed = np.empty(n, np.int64), np.empty(2 * (most + n), np.int64)
+    return Workspace(empty_state(n), queue, empty_contacts(most), scratch, empty_memory(n), due, changed)
 
 
 @inlined
@@ -131,8 +133,8 @@ def event_loop(queue: ModuleType) -> Any:
                 n_changed = resolve_impacts(n_contacts, now, k, scene, work, shots, log)
                 pending += CLUSTER_WORK * n_contacts * (n_contacts - 1)
             else:
-                n_changed = due(event, work.queue, changed)
-                resolve_singles(n_changed, now, k, scene, work, shots, log)  # advances the balls
+                n_due = due(event, work.queue, work.due)
+                n_changed = resolve_singles(n_due, now, k, scene, work, shots, log)  # advances the balls
                 pending += scene.numbers.cushion_work * n_changed
         if limit < math.inf:
             end_at(Time(limit, 0.0), k, state, scene, shots, AT_MAX_TIME)

@@ -3,8 +3,9 @@
 The balls move by the law of motion of `engine.pic`, in closed form, and each change of phase is at its exact time. The
 only difference is when contacts are detected. The engine tests for them at each multiple of dt, in this order: it
 captures balls whose centre is inside a pocket; it resolves the impacts of all pairs that overlap and do not separate,
-as one problem; and it reflects balls that are beyond a cushion and do not come back. It computes impulses by the impact
-laws, for the positions at the multiple of dt. It misses a contact that begins and ends within a step.
+as one problem; and it reflects balls that are beyond a cushion and do not come back, at two cushions together if they
+are beyond both. It computes impulses by the impact laws, for the positions at the multiple of dt. It misses a contact
+that begins and ends within a step.
 
 The test is that of Warkari and Jamsandekar, "Evaluation of Collision Handling Techniques in 2D collisions".
 `engine.overlaps` has the ways in which the overlaps are "fixed".
@@ -26,7 +27,15 @@ from billiards_env.engine.log import (
     log_segment,
     phase_end,
 )
-from billiards_env.engine.overlaps import Bounce, fix_after, fix_after_cushion, fix_at_cushion, fix_before
+from billiards_env.engine.overlaps import (
+    PUSH_APART,
+    Bounce,
+    fix_after,
+    fix_after_cushion,
+    fix_at_cushion,
+    fix_before,
+    push_along,
+)
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, count_hit
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
@@ -34,8 +43,8 @@ from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, empty_scratch
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.cushion import reflect
-from billiards_env.physics.motion import advance, begin_phase, capture, end_phase, motion_after, norm
+from billiards_env.physics.cushion import reflect, reflect_both
+from billiards_env.physics.motion import Path, advance, begin_phase, capture, end_phase, motion_after, norm
 from billiards_env.physics.state import (
     IDEAL,
     LASTS,
@@ -61,8 +70,11 @@ from billiards_env.physics.state import (
 from billiards_env.physics.walls import (
     half_sizes,
     next_overlap,
+    overlap_time,
+    wall_normal,
     wall_overlap,
     wall_turns,
+    walls_met,
 )
 
 MAX_STEPS = 100_000_000
@@ -261,24 +273,57 @@ def _resolve_overlaps(count, now, k, scene, work, shots, log):
         shots.time[k] = now.hi
 
 
+@inlined
+def _overlap_of(i, wall, scene, work):
+    """Returns how long ago ball i, which overlaps a cushion or touches it, first touched it, s."""
+    here, radius = work.here, scene.radius[i]
+    beyond, nx, ny = wall_overlap(here[i, X], here[i, Y], radius, wall, scene.numbers, scene.outline)
+    path = Path(here[i, X], here[i, Y], here[i, VX], here[i, VY], 0.0, 0.0)
+    return overlap_time(path, radius, wall, beyond, nx * path.vx + ny * path.vy, scene.outline)
+
+
+@inlined
+def _first_overlap(i, wall, scene, work):
+    """Returns that of the cushions which act on ball i, such as `wall`, that it touched first."""
+    one, two = walls_met(work.state, i, wall, scene.radius[i], scene.numbers, scene.outline)
+    if two >= 0 and _overlap_of(i, two, scene, work) > _overlap_of(i, one, scene, work):
+        return two
+    return one
+
+
 @kernel
-def _hit_cushion(i, wall, scene, work):
-    """Reflects ball i at a cushion if it is beyond it and does not come back.
+def _hit_cushions(i, wall, scene, work):
+    """Reflects ball i at a cushion if it is beyond it and does not come back, and at another that it then touches.
 
     Returns:
-        Its speed of approach, m/s, 0 if it was only moved back, or -1 if nothing happened.
+        (wall, other, speed, other_speed): the cushions that act, -1 for none, and the speeds of approach, m/s. The
+        first speed is 0 if the ball was only moved back, and -1 if nothing happened.
     """
-    here, numbers = work.here, scene.numbers
-    beyond, nx, ny = wall_overlap(here[i, X], here[i, Y], scene.radius[i], wall, numbers, scene.outline)
+    state, here, numbers, radius, outline = work.state, work.here, scene.numbers, scene.radius[i], scene.outline
+    beyond, nx, ny = wall_overlap(here[i, X], here[i, Y], radius, wall, numbers, outline)
     speed = nx * here[i, VX] + ny * here[i, VY]
     if beyond <= 0.0 or speed < 0.0:
-        return -1.0
-    nx, ny, speed = fix_at_cushion(numbers.fix, i, wall, beyond, Bounce(nx, ny, speed), scene, work)
+        return wall, -1, -1.0, 0.0
     if speed > 0.0:
-        reflect(work.state, i, nx, ny, 0.0, scene)
-        here[i, VX], here[i, VY] = work.state.rows[i, VX], work.state.rows[i, VY]
+        wall = _first_overlap(i, wall, scene, work)
+        beyond, nx, ny = wall_overlap(here[i, X], here[i, Y], radius, wall, numbers, outline)
+        speed = nx * here[i, VX] + ny * here[i, VY]
+    nx, ny, speed = fix_at_cushion(numbers.fix, i, wall, beyond, Bounce(nx, ny, speed), scene, work)
+    other, other_speed = -1, 0.0
+    if speed > 0.0:
+        one, two = walls_met(state, i, wall, radius, numbers, outline)
+        other = two if one == wall else one
+        if two < 0:
+            reflect(state, i, nx, ny, 0.0, scene)
+        else:
+            mx, my = wall_normal(state, i, other, outline)
+            other_speed = mx * here[i, VX] + my * here[i, VY]
+            if numbers.fix == PUSH_APART:
+                push_along(i, other, (nx, ny), (mx, my), scene, work)
+            reflect_both(state, i, (nx, ny), (mx, my), (0.0, 0.0), scene)
+        here[i, VX], here[i, VY] = state.rows[i, VX], state.rows[i, VY]
     fix_after_cushion(numbers.fix, i, scene, work)
-    return speed
+    return wall, other, speed, other_speed
 
 
 @inlined
@@ -298,14 +343,15 @@ def _test_cushions(now, k, scene, work, shots, log):
             if wall < 0:
                 continue
             advance(state, i, now, numbers)
-            speed = _hit_cushion(i, wall, scene, work)
+            wall, other, speed, other_speed = _hit_cushions(i, wall, scene, work)
             work.changed[i] = found = True
             if speed >= 0.0:
                 shots.time[k] = now.hi
-            if speed > 0.0:
-                shots.cushions[k, i] += 1
-                shots.n_events[k] += 1
-                log_event(log, now, BALL_CUSHION, i, wall, state, speed, False)
+            for hit, at_speed in ((wall, speed), (other, other_speed)):
+                if hit >= 0 and at_speed > 0.0:
+                    shots.cushions[k, i] += 1
+                    shots.n_events[k] += 1
+                    log_event(log, now, BALL_CUSHION, i, hit, state, at_speed, False)
     return found
 
 

@@ -8,8 +8,13 @@ from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.compliance import friction_impulse
+from billiards_env.physics.contact import NOISE
 from billiards_env.physics.mathavan import CushionNose, integrate_impact
+from billiards_env.physics.motion import norm
 from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, WZ
+
+_TURNS = 4
+"""Largest number of impacts on each of two cushions in `reflect_both`. The engine resolves what is left."""
 
 
 class CushionMotion(NamedTuple):
@@ -269,3 +274,118 @@ def reflect(state, i, nx, ny, rebound, scene):
         s[UY] += (after - vn) * ny
     s[VX], s[VY] = nx * after - ny * vt, ny * after + nx * vt
     return raised
+
+
+@kernel
+def hit(motion, n, share, rebound, radius, scene):
+    """Returns the motion of a ball after the impact of a part of its velocity on a cushion.
+
+    Args:
+        motion: Velocity (vx, vy), slip (ux, uy) and spin about the vertical axis times the radius, m/s.
+        n: (nx, ny), the unit normal into the cushion.
+        share: The normal speed that takes part, m/s, >= 0. Another cushion stops the rest.
+        rebound: See `han2005`.
+        radius: m.
+        scene: The `SceneArrays`.
+
+    Returns:
+        The motion, and whether `rebound` has raised the speed away from the cushion.
+    """
+    (vx, vy, ux, uy, rwz), (nx, ny) = motion, n
+    vn, vt = nx * vx + ny * vy, nx * vy - ny * vx
+    un, ut = nx * ux + ny * uy, nx * uy - ny * ux
+    rest = vn - share
+    if scene.numbers.cushion_rubs:
+        before = CushionMotion(share, vt, un - rest, ut, rwz)
+        (after, vt, un, ut, rwz), raised = cushion_impact(before, radius, rebound, scene)
+        after, un = after + rest, un + rest
+    else:
+        speed = cushion_restitution(share, scene.numbers) * share
+        after, raised = rest - max(speed, rebound), speed < rebound
+        un += after - vn
+    motion = (nx * after - ny * vt, ny * after + nx * vt, nx * un - ny * ut, ny * un + nx * ut, rwz)
+    return motion, raised and rebound > 0.0
+
+
+@kernel
+def _hit_in_turn(motion, one, two, rebounds, radius, scene):
+    """Returns the motion after impacts on the cushions with the normals `one` and `two` in turn; the rest as `hit`."""
+    sine, raised = one[0] * two[1] - one[1] * two[0], False
+    noise = NOISE * norm(motion[0], motion[1])
+    for turn in range(_TURNS):
+        share = (motion[0] * two[1] - motion[1] * two[0]) / sine
+        if share > (-rebounds[0] if turn == 0 and rebounds[0] > 0.0 else noise):
+            motion, acts = hit(motion, one, max(0.0, share), rebounds[0], radius, scene)
+            raised = raised or acts
+        share = (one[0] * motion[1] - one[1] * motion[0]) / sine
+        if share > (-rebounds[1] if turn == 0 and rebounds[1] > 0.0 else noise):
+            motion, acts = hit(motion, two, max(0.0, share), rebounds[1], radius, scene)
+            raised = raised or acts
+    return motion, raised
+
+
+@inlined
+def _product(a, b, rubs):
+    """Returns the scalar product of two motions of a ball that gives 2 E / m for equal ones, m^2/s^2."""
+    product = a[0] * b[0] + a[1] * b[1]
+    if rubs:
+        spins = (a[0] - a[2]) * (b[0] - b[2]) + (a[1] - a[3]) * (b[1] - b[3]) + a[4] * b[4]
+        product += 0.4 * spins
+    return product
+
+
+@inlined
+def _sum(weight, a, other, b):
+    """Returns the sum of two weighted motions."""
+    return (
+        weight * a[0] + other * b[0],
+        weight * a[1] + other * b[1],
+        weight * a[2] + other * b[2],
+        weight * a[3] + other * b[3],
+        weight * a[4] + other * b[4],
+    )
+
+
+@kernel
+def reflect_both(state, i, one, two, rebounds, scene):
+    """Changes ball i's velocity, slip and spin at two cushions that it touches at one instant.
+
+    With the normals n_1 and n_2 and the shares p_1 and p_2, the velocity is p_1 n_1 + p_2 n_2. The law of one cushion
+    acts at each with the normal speed p, in turn, until no share is positive. The result is the mean of both orders.
+    Without friction both orders give -e v, the generalised reflection of `physics.clusters`. If the normals are not
+    perpendicular, friction may raise the energy. The mean then moves towards the plastic impact without friction, which
+    stops the ball, until the energy does not rise.
+
+    Args:
+        state: The `State`.
+        i: The ball.
+        one: (nx, ny), the unit normal into a cushion.
+        two: The same of the other; v is between both.
+        rebounds: Least speeds away from the cushions after the impact, m/s, >= 0.
+        scene: The `SceneArrays`.
+
+    Returns:
+        Whether the rebounds have raised a speed away from a cushion.
+    """
+    s, radius, rubs = state.rows[i], scene.radius[i], scene.numbers.cushion_rubs
+    before = (s[VX], s[VY], s[UX], s[UY], radius * s[WZ])
+    sine, cosine = one[0] * two[1] - one[1] * two[0], one[0] * two[0] + one[1] * two[1]
+    first = max(0.0, rebounds[0] - cosine * rebounds[1]) / (sine * sine)
+    second = max(0.0, rebounds[1] - cosine * rebounds[0]) / (sine * sine)
+    a, raised = _hit_in_turn(before, one, two, (first, second), radius, scene)
+    b, raised_too = _hit_in_turn(before, two, one, (second, first), radius, scene)
+    after = _sum(0.5, a, 0.5, b)
+    vx, vy = -(first * one[0] + second * two[0]), -(first * one[1] + second * two[1])
+    plastic = (vx, vy, before[2] + (vx - before[0]), before[3] + (vy - before[1]), before[4])
+    least = _product(plastic, plastic, rubs)
+    spare = max(_product(before, before, rubs) - least, 0.0)
+    if _product(after, after, rubs) - least > spare:
+        way = _sum(1.0, after, -1.0, plastic)
+        slope, square = _product(plastic, way, rubs), _product(way, way, rubs)
+        after = _sum(1.0, plastic, (math.sqrt(slope * slope + square * spare) - slope) / square, way)
+    s[VX], s[VY] = after[0], after[1]
+    if rubs or scene.numbers.motion == SLIDING_AND_ROLLING:
+        s[UX], s[UY] = after[2], after[3]
+    if rubs:
+        s[WZ] = after[4] / radius
+    return raised or raised_too

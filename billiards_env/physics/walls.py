@@ -9,10 +9,8 @@ between the ends of the cushion. It touches a tip of radius r if the centres are
 part of the tip's circle. An arc and the cushions at its ends have common tangents, and pieces are longer by `JOINT` at
 each end, so no path passes between them.
 
-If a ball touches several cushions at one instant, straight cushions come first, then the one whose normal is nearer to
-the x axis, then the one that it approaches faster. This order does not depend on the numbers of the cushions, so
-mirrored shots on mirrored tables have mirrored results. If neither decides, because the ball moves along the bisector
-of two mirrored cushions, the lower number comes first.
+If a ball touches several cushions at one instant, at most two of them act: of those on the left of its direction of
+motion the one whose normal is nearest to this direction, and the same on the right (see `walls_met`).
 """
 
 from __future__ import annotations
@@ -25,7 +23,7 @@ import numpy as np
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.contact import MARGIN, NOISE, circle_time, line_time, misses_circle, sweep
-from billiards_env.physics.motion import norm, place_after, relative_to
+from billiards_env.physics.motion import norm, path_of, place_after, relative_to
 from billiards_env.physics.state import AX, AY, VX, VY, X, Y
 from billiards_env.scene import CONTACT_GAP
 from billiards_env.scene.outline import Corner, Line, Tip, pieces
@@ -235,12 +233,12 @@ def _outline_time(path, radius, end, leaves, side, outline):
 
 @kernel
 def any_wall_time(path, radius, end, outline):
-    """Returns the same as `wall_time` for an outline. It tests all cushions."""
+    """Returns the same as `wall_time` for an outline, or another cushion at the same instant. It tests all cushions."""
     first, number = math.inf, -1
     lines, tips = outline.lines, outline.tips
     for k in range(len(lines)):
         t = _segment_time(path, radius, end, lines[k])
-        if t < first or (t == first and t < math.inf and _comes_first(path, t, k, number, outline)):
+        if t < first:
             first, number, end = t, k, t
     swept, noise = sweep(path, end), NOISE * norm(path.vx, path.vy)
     for k in range(len(tips)):
@@ -248,27 +246,12 @@ def any_wall_time(path, radius, end, outline):
         if misses_circle(from_tip, swept, reach):
             continue
         t = circle_time(from_tip, reach, end, noise)
-        if t > first or t == math.inf:
+        if t >= first:
             continue
         x, y = place_after(path, t)
-        if not faces(tips[k], x, y):
-            continue
-        wall = len(lines) + k
-        if t < first or (number >= len(lines) and _comes_first(path, t, wall, number, outline)):
-            first, number = t, wall
+        if faces(tips[k], x, y):
+            first, number = t, len(lines) + k
     return first, number
-
-
-@kernel
-def _comes_first(path, t, wall, other, outline):
-    """Returns whether a ball that touches two cushions after t seconds bounces off `wall` before `other`."""
-    x, y = place_after(path, t)
-    vx, vy = path.vx + t * path.ax, path.vy + t * path.ay
-    nx, ny = _outline_normal(x, y, wall, outline)
-    mx, my = _outline_normal(x, y, other, outline)
-    if abs(nx) != abs(mx):
-        return abs(nx) > abs(mx)
-    return nx * vx + ny * vy > mx * vx + my * vy
 
 
 @inlined
@@ -330,6 +313,109 @@ def _outline_normal(x, y, wall, outline):
 
 
 @inlined
+def walls_met(state, i, wall, radius, numbers, outline):
+    """Returns the cushions that act on ball i, which touches `wall` and perhaps others at this instant.
+
+    A ball touches a cushion that is nearer than `CONTACT_GAP`, as two balls touch. The normals of two cushions that act
+    are the nearest on both sides of the direction of motion. If this direction is between no two normals, the nearest
+    acts alone, because its impulse takes the ball away from the others too. If the ball approaches no cushion, the
+    direction is that of its acceleration, which presses it against them.
+
+    Args:
+        state: The `State`.
+        i: The ball.
+        wall: The number of a cushion that it touches.
+        radius: m.
+        numbers: The `Numbers`.
+        outline: The `Outline`; None for a rectangle.
+
+    Returns:
+        The numbers of two cushions; the second is -1 if one acts. The first is that whose normal is nearer to the x
+        axis, then that which the ball approaches faster, then that with the lower number.
+    """
+    path = path_of(state, i)
+    half_length, half_width = half_sizes(numbers, outline)
+    room_x, room_y = half_length - radius - CONTACT_GAP, half_width - radius - CONTACT_GAP
+    if outline is None:
+        return _sides_met(path, wall, room_x, room_y)
+    past_x, past_y = abs(path.x) - room_x, abs(path.y) - room_y
+    if max(past_x, past_y) <= 2.0 * CONTACT_GAP and min(past_x, past_y) < 0.0:  # at one side of the box
+        return wall, -1
+    return _walls_met(path, wall, radius, outline)
+
+
+@inlined
+def _sides_met(path, wall, room_x, room_y):
+    """Implements `walls_met` for a rectangle, whose cushions touch a ball at +-`room_x` and +-`room_y`, m."""
+    x, y, vx, vy, ax, ay = path
+    dx, dy = (vx if vx != 0.0 else ax), (vy if vy != 0.0 else ay)
+    across, along = (1 if dx > 0.0 else 0), (3 if dy > 0.0 else 2)
+    in_corner = (x if dx > 0.0 else -x) >= room_x and (y if dy > 0.0 else -y) >= room_y
+    if not in_corner or dx == 0.0 or dy == 0.0:
+        return wall, -1
+    if (vx == 0.0) == (vy == 0.0):
+        return across, along
+    return (across if vy == 0.0 else along), -1
+
+
+@kernel
+def _walls_met(path, wall, radius, outline):
+    """Implements `walls_met` for an outline."""
+    x, y, vx, vy, ax, ay = path
+    one, two = _walls_around(path, vx, vy, wall, radius, outline)
+    if one < 0:
+        one, two = _walls_around(path, ax, ay, wall, radius, outline)
+    if two < 0:
+        return (wall if one < 0 else one), -1
+    (nx, ny), (mx, my) = _outline_normal(x, y, one, outline), _outline_normal(x, y, two, outline)
+    if (abs(nx), nx * vx + ny * vy, two) > (abs(mx), mx * vx + my * vy, one):
+        return one, two
+    return two, one
+
+
+@inlined
+def _walls_around(path, dx, dy, wall, radius, outline):
+    """Returns the cushions with the normals on both sides of the direction (dx, dy), or one and -1, or -1 and -1.
+
+    The ball must touch them and not leave them. `wall` counts as one that it touches.
+    """
+    x, y, vx, vy, _, _ = path
+    mx, my = _outline_normal(x, y, wall, outline)
+    still, noise = NOISE * norm(vx, vy), NOISE * norm(dx, dy)
+    left, right, left_ahead, right_ahead = -1, -1, noise, noise
+    for k in range(len(outline.lines) + len(outline.tips)):
+        if k != wall and not _touches(x, y, k, radius, outline):
+            continue
+        nx, ny = _outline_normal(x, y, k, outline)
+        if k != wall and radius * norm(nx - mx, ny - my) <= JOINT:  # the ends of two pieces touch it at one point
+            continue
+        ahead, side = nx * dx + ny * dy, dx * ny - dy * nx
+        if ahead <= noise or nx * vx + ny * vy < -still:
+            continue
+        if abs(side) <= noise:
+            return k, -1
+        if side > 0.0 and ahead > left_ahead:
+            left, left_ahead = k, ahead
+        elif side < 0.0 and ahead > right_ahead:
+            right, right_ahead = k, ahead
+    return (left, right) if left >= 0 else (right, -1)
+
+
+@inlined
+def _touches(x, y, wall, radius, outline):
+    """Returns whether a ball at (x, y), m, is nearer to a piece of an outline than `CONTACT_GAP`."""
+    lines, tips = outline.lines, outline.tips
+    if wall < len(lines):
+        line = lines[wall]
+        dx, dy = x - line[LINE_X], y - line[LINE_Y]
+        gap = -(line[NX] * dx + line[NY] * dy) - radius
+        return -radius < gap <= CONTACT_GAP and abs(line[TX] * dx + line[TY] * dy) <= line[HALF_LINE] + JOINT
+    tip = tips[wall - len(lines)]
+    distance = norm(tip[TIP_X] - x, tip[TIP_Y] - y)
+    return distance - (tip[TIP_RADIUS] + radius) <= CONTACT_GAP and faces(tip, x, y)
+
+
+@inlined
 def wall_pressing(state, i, nx, ny, wall, scene_radius, outline):
     """Returns the acceleration of ball i towards a cushion with the normal (nx, ny), m/s^2."""
     s = state.rows[i]
@@ -362,7 +448,7 @@ def is_side(wall, side, outline):
 @inlined
 def wall_turns(outline):
     """Returns the number of calls of `next_overlap` for one ball."""
-    return 4 if outline is None else 3
+    return 6 if outline is None else 3
 
 
 @inlined
@@ -378,13 +464,13 @@ def next_overlap(x, y, vx, vy, radius, turn, numbers, outline):
         vx: Its velocity along x, m/s.
         vy: The same along y.
         radius: m.
-        turn: The number of the call, from 0 to `wall_turns`. Each call with a rectangle tests one cushion. Each call
-            with an outline returns the next cushion that the ball does not leave.
+        turn: The number of the call, from 0 to `wall_turns`. Each call with a rectangle tests one cushion, those across
+            x twice. Each call with an outline returns the next cushion that the ball does not leave.
         numbers: The `Numbers`.
         outline: The `Outline`; None for a rectangle.
     """
     if outline is None:
-        return turn if wall_overlap(x, y, radius, turn, numbers, outline)[0] > 0.0 else -1
+        return turn % 4 if wall_overlap(x, y, radius, turn % 4, numbers, outline)[0] > 0.0 else -1
     return _next_overlap(x, y, vx, vy, radius, outline)
 
 

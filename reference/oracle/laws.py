@@ -14,6 +14,9 @@ from reference.oracle.roots import Real
 
 Vector = tuple[Real, ...]
 
+TURNS = 4
+"""The largest number of impacts on each of two cushions at one instant in `bounce_both`."""
+
 ROUNDS = 10_000
 """The number of joint impulses at one instant that counts as an inelastic collapse."""
 
@@ -241,6 +244,42 @@ def bounce(world: World, ball: int, n: Vector, velocity: Vector, spin: Vector) -
         law = {"han2005": _han, "stronge": _stronge}[world.cushion]
         vn, vt, wn, wt, wz = law(world, ball, vn, vt, wn, wt, wz)
     return (n[0] * vn + t[0] * vt, n[1] * vn + t[1] * vt), (n[0] * wn + t[0] * wt, n[1] * wn + t[1] * wt, wz)
+
+
+def shares(v: Vector, n: Vector, m: Vector) -> Vector:
+    """Returns the coefficients p and q of v = p n + q m, by Cramer's rule."""
+    area = n[0] * m[1] - n[1] * m[0]
+    return (v[0] * m[1] - v[1] * m[0]) / area, (n[0] * v[1] - n[1] * v[0]) / area
+
+
+def bounce_both(
+    world: World, ball: int, normals: tuple[Vector, Vector], velocity: Vector, spin: Vector, noise: Real
+) -> tuple[Vector, Vector]:
+    """Returns velocity and spin after two cushions at one instant, whose normals have the velocity between them.
+
+    The share of the velocity along a normal is lost to `bounce` while the rest is kept, first at one cushion, then at
+    the other, until neither has a share. The result is the mean over both orders. If it has more energy than before, it
+    is the point with the same energy between the mean and a ball that stops and keeps its spin.
+    """
+    ends = []
+    for order in (normals, normals[::-1]):
+        v, w = velocity, spin
+        for turn in range(2 * TURNS):
+            n, share = order[turn % 2], shares(v, *order)[turn % 2]
+            if share > noise:
+                rest = _scale(_dot(v, n) - share, n)
+                v, w = bounce(world, ball, n, _sum(v, _scale(-1, rest)), w)
+                v = _sum(v, rest)
+        ends.append((*v, *_scale(world.radius[ball] * mpmath.sqrt(mpmath.mpf("0.4")), w)))  # energy: half the square
+    mean = _scale(mpmath.mpf("0.5"), _sum(*ends))
+    turning = _scale(world.radius[ball] * mpmath.sqrt(mpmath.mpf("0.4")), spin)
+    stopped = (mpmath.mpf(0), mpmath.mpf(0), *turning)
+    way, excess = _sum(mean, _scale(-1, stopped)), _dot(mean, mean) - _dot((*velocity, *turning), (*velocity, *turning))
+    if excess > noise * noise:
+        # The larger root x of |stopped + x way|^2 = |before|^2
+        slope, square = _dot(stopped, way), _dot(way, way)
+        mean = _sum(stopped, _scale((mpmath.sqrt(slope**2 + square * _dot(velocity, velocity)) - slope) / square, way))
+    return mean[:2], _scale(1 / (world.radius[ball] * mpmath.sqrt(mpmath.mpf("0.4"))), mean[2:])
 
 
 def _restitution(world: World, speed: Real) -> Real:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from billiards_env.scene import CONTACT_GAP, Scene, check_positions
 from reference.oracle import contact, laws
 from reference.oracle.laws import Segment, Vector, World
-from reference.oracle.outline import Arc, dot, in_floats, normal_at
+from reference.oracle.outline import Arc, dot, in_floats, minus, normal_at
 from reference.oracle.roots import Real
 
 Rows: TypeAlias = "Sequence[Any] | NDArray[Any]"
@@ -25,6 +25,9 @@ GUARD_DIGITS = 20
 
 POCKET, BALL, CUSHION, PHASE, RESTING = range(5)
 """The kinds of predictions, in their order at one instant."""
+
+JOINT = 1e-10
+"""m. Pieces of an outline that touch a ball at points which are nearer to each other count as one cushion."""
 
 _ROUNDS = 100_000  # the number of events at one instant that counts as a collapse
 
@@ -335,17 +338,9 @@ class _Table:
                 heapq.heappush(self.queue, p)
         return first
 
-    def place(self, p: _Prediction) -> tuple[Real, ...]:
-        """Returns the place of a prediction among those of the same instant.
-
-        Of several cushions straight ones come first, then those with the normal nearest to the x axis, then those that
-        the ball approaches fastest.
-        """
-        if p.kind != CUSHION:
-            return (p.kind, p.ball, p.other)
-        wall, segment = self.world.walls[p.other], self.current[p.ball]
-        n = normal_at(wall, segment.position_at(p.time))
-        return (p.kind, p.ball, isinstance(wall, Arc), -abs(n[0]), -dot(n, segment.velocity_at(p.time)), p.other)
+    def place(self, p: _Prediction) -> tuple[int, ...]:
+        """Returns the place of a prediction among those of the same instant."""
+        return (p.kind, p.ball, p.other)
 
     def solve(self, p: _Prediction, base: Real) -> None:
         """Replaces a bound by its contact, if there is one."""
@@ -384,13 +379,52 @@ class _Table:
             still, center = (zero, zero), self.world.pockets[p.other][:2]
             self.replace({i: Segment("potted", self.now, None, center, still, still, (zero,) * 3, (zero,) * 3, zero)})
         else:
-            self.log("cushion", i, p.other)
             position, velocity = segment.position_at(self.now), segment.velocity_at(self.now)
             spin = segment.spin_at(self.now)
             noise = max(segment.noise, self.world.tiny * self.surface_speed(i))
-            normal = normal_at(self.world.walls[p.other], position)
-            velocity, spin = laws.bounce(self.world, i, normal, velocity, spin)
+            walls = self.walls_met(i, p.other, noise)
+            normals = [normal_at(self.world.walls[wall], position) for wall in walls]
+            for wall in walls:
+                self.log("cushion", i, wall)
+            if len(walls) == 1:
+                velocity, spin = laws.bounce(self.world, i, normals[0], velocity, spin)
+            else:
+                velocity, spin = laws.bounce_both(self.world, i, (normals[0], normals[1]), velocity, spin, noise)
             self.replace({i: laws.segment(self.world, i, self.now, position, velocity, spin, noise)})
+
+    def walls_met(self, ball: int, wall: int, noise: Real) -> tuple[int, ...]:
+        """Returns the cushions that act on a ball that touches `wall` now, one or two, as the engine logs them.
+
+        A normal along the velocity acts alone, and otherwise the closest two that have it between them. If there are no
+        such two, the one that the ball approaches fastest acts.
+        """
+        segment, radius = self.current[ball], self.world.radius[ball]
+        position, velocity = segment.position_at(self.now), segment.velocity_at(self.now)
+        normals: dict[int, Vector] = {}
+        for k in (wall, *(k for k in range(len(self.walls)) if k != wall)):
+            piece = self.world.walls[k]
+            normal = normal_at(piece, position)
+            gap = dot(normal, minus(piece.center if isinstance(piece, Arc) else piece.middle, position)) - radius
+            gap -= piece.radius if isinstance(piece, Arc) else 0
+            touches = k == wall or (abs(gap) <= CONTACT_GAP and piece.holds(position, self.world.tiny))
+            same = any(laws.norm(minus(normal, other)) * radius <= JOINT for other in normals.values())
+            if touches and not same and dot(normal, velocity) > noise:
+                normals[k] = normal
+        if wall not in normals:
+            return (wall,)
+        speed = {k: dot(n, velocity) for k, n in normals.items()}
+        fastest = max(normals, key=lambda k: speed[k])
+        if abs(normals[fastest][0] * velocity[1] - normals[fastest][1] * velocity[0]) <= noise:
+            return (fastest,)
+        pairs = [
+            pair
+            for pair in itertools.combinations(normals, 2)
+            if min(laws.shares(velocity, normals[pair[0]], normals[pair[1]])) > 0
+        ]
+        if not pairs:
+            return (fastest,)
+        closest = max(pairs, key=lambda pair: dot(normals[pair[0]], normals[pair[1]]))
+        return tuple(sorted(closest, key=lambda k: (-abs(normals[k][0]), -speed[k], k)))
 
     def log(self, kind: str, ball: int, other: int = -1) -> None:
         """Adds an event at the current time."""

@@ -3,7 +3,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from billiards_env.engine.modes import scene_arrays
@@ -13,7 +13,9 @@ from billiards_env.physics.cushion import (
     cushion_impact,
     cushion_restitution,
     han2005,
+    reflect_both,
 )
+from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, State
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene import scene as scenes
 from billiards_env.scene.table import Table
@@ -446,3 +448,87 @@ def test_a_name_without_a_law_is_an_error(monkeypatch, names, physics):
     scene = Scene(Balls.uniform(1), physics=Physics(**physics))
     with pytest.raises(ValueError, match=rf"physics.{next(iter(physics))} = 'new': expected one of '\w+', "):
         simulate(scene, [[0.0, 0.0]], [1.0, 0.0])
+
+
+# Two cushions at one instant
+
+
+def corner(scene, motion, one, two, rebounds=(0.0, 0.0)):
+    """Returns (vx, vy, ux, uy, rwz) after two cushions whose normals (2,) are at angles in radians."""
+    rows = np.zeros((1, WIDTH))
+    rows[0, [VX, VY, UX, UY, WZ]] = motion
+    rows[0, WZ] /= POOL_R
+    one, two = ((math.cos(angle), math.sin(angle)) for angle in (one, two))
+    reflect_both(State(rows, np.zeros(1, np.int8)), 0, one, two, rebounds, scene)
+    rows[0, WZ] *= POOL_R
+    return rows[0, [VX, VY, UX, UY, WZ]]
+
+
+def corner_energy(motion, spins=True):
+    vx, vy, ux, uy, rwz = motion
+    return vx**2 + vy**2 + (0.4 * ((vx - ux) ** 2 + (vy - uy) ** 2 + rwz**2) if spins else 0.0)
+
+
+CORNERS = st.tuples(st.floats(0.1, 1.4), st.floats(-0.9, 0.9), st.floats(0.1, 5.0), *[st.floats(-5, 5)] * 3)
+
+
+def draw_corner(values):
+    """Returns the motion of a ball that approaches both of two cushions with normals at +-half, and half."""
+    half, share, speed, ux, uy, rwz = values
+    angle = share * min(half, math.pi / 2 - half)
+    return np.array([speed * math.cos(angle), speed * math.sin(angle), ux, uy, rwz]), half
+
+
+@pytest.mark.parametrize("law", ["restitution", *LAWS])
+@settings(max_examples=50)
+@given(CORNERS, st.floats(0.5, 1))
+def test_a_corner_adds_no_energy_has_no_order_and_mirrors_bit_for_bit(law, values, e):
+    motion, half = draw_corner(values)
+    scene = pool_cushion(law, e_cushion=e)
+    after = corner(scene, motion, half, -half)
+    spins = law != "restitution"
+    assert corner_energy(after, spins) <= corner_energy(motion, spins) * (
+        1 + 1e-6 if law == "mathavan2010" else 1 + 1e-13
+    )
+    np.testing.assert_array_equal(after, corner(scene, motion, -half, half))
+    mirror = np.array([1, -1, 1, -1, -1])
+    np.testing.assert_array_equal(after * mirror, corner(scene, motion * mirror, half, -half))
+
+
+@pytest.mark.parametrize("law", ["restitution", *LAWS])
+@settings(max_examples=50)
+@given(CORNERS, st.floats(0.5, 1))
+def test_a_ball_leaves_both_cushions_of_a_square_corner(law, values, e):
+    motion, _ = draw_corner((math.pi / 4, *values[1:]))
+    after = corner(pool_cushion(law, e_cushion=e), motion, math.pi / 4, -math.pi / 4)
+    assert after[0] + abs(after[1]) <= 1e-4 * motion[0]  # after `TURNS` impacts little is left
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_corner_that_is_hit_along_one_cushion_is_that_of_the_other(law):
+    scene, motion = pool_cushion(law), np.array([2.0, 1e-9, 1.0, 0.5, 0.25])
+    (vn, vt, un, ut, rwz), _ = cushion_impact(CushionMotion(*motion), POOL_R, 0.0, scene)
+    if vt > 0.0:  # friction takes the ball to the other cushion
+        (v, t, un, ut, rwz), _ = cushion_impact(CushionMotion(vt, -vn, ut, -un, rwz), POOL_R, 0.0, scene)
+        vn, vt, un, ut = -t, v, -ut, un
+    np.testing.assert_allclose(corner(scene, motion, 0.0, math.pi / 2), (vn, vt, un, ut, rwz), atol=1e-7)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_corner_of_two_perpendicular_cushions_is_the_mean_of_both_orders(law):
+    scene, motion = pool_cushion(law), np.array([2.0, 1.0, 1.5, 0.5, 0.25])
+    (vn, vt, un, ut, rwz), _ = cushion_impact(CushionMotion(*motion), POOL_R, 0.0, scene)
+    (v, t, u, s, last), _ = cushion_impact(CushionMotion(vt, -vn, ut, -un, rwz), POOL_R, 0.0, scene)
+    one = np.array([-t, v, -s, u, last])
+    vx, vy, ux, uy, rwz = motion
+    (v, t, u, s, rwz), _ = cushion_impact(CushionMotion(vy, -vx, uy, -ux, rwz), POOL_R, 0.0, scene)
+    two, _ = cushion_impact(CushionMotion(-t, v, -s, u, rwz), POOL_R, 0.0, scene)
+    np.testing.assert_allclose(corner(scene, motion, 0.0, math.pi / 2), 0.5 * (one + np.array(two)), atol=1e-12)
+
+
+@pytest.mark.parametrize("half", [0.3, math.pi / 4, 1.2])
+def test_a_ball_leaves_a_corner_at_the_least_speeds(half):
+    scene, motion = pool_cushion("restitution", e_cushion=0.5), np.array([1e-3, 0.0, 0.0, 0.0, 0.0])
+    vx, vy, *_ = corner(scene, motion, half, -half, (0.01, 0.01))
+    assert vy == 0.0
+    assert -vx * math.cos(half) == pytest.approx(0.01)

@@ -10,11 +10,13 @@ from hypothesis import strategies as st
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics import walls
 from billiards_env.physics.motion import Path
+from billiards_env.physics.state import VX, VY, WIDTH, State, X, Y
 from billiards_env.physics.walls import BOX_X, HALF_LINE, outline_arrays
-from billiards_env.scene import Scene
+from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.outline import Corner, clearance, pieces
+from billiards_env.scene.table import Table
 from reference.stress.draw import star
-from tests.helpers.outlines import OCTAGON, SPLIT, TABLES, THROAT, free_places, joint_of, table
+from tests.helpers.outlines import OCTAGON, SPLIT, TABLES, THROAT, free_places, joint_of, table, with_corners
 
 INF = math.inf
 R = 0.03
@@ -236,13 +238,50 @@ def test_a_ball_between_two_cushions_meets_the_one_that_it_approaches():
     assert wall_time((0, 0, 1.0, 0.0, 0, 0), slot)[1] == 1
 
 
-def test_a_ball_that_meets_two_cushions_at_one_instant_bounces_off_the_one_across_x_first():
-    square = table([(0, 0), (1, 0), (1, 1), (0, 1)])
-    assert [wall_time((0, 0, x, y, 0, 0), square)[1] for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))] == [1, 3, 3, 1]
+def walls_met(place, velocity, wall, a_table):
+    rows = np.zeros((1, WIDTH))
+    rows[0, [X, Y, VX, VY]] = *place, *velocity
+    numbers = scene_arrays(Scene(Balls((R,), (0.2,)), a_table, Physics())).numbers
+    outline = arrays(a_table) if a_table.outline else None
+    return walls.walls_met(State(rows, np.zeros(1, np.int8)), 0, wall, R, numbers, outline)
 
 
-def test_a_ball_on_the_bisector_of_two_mirrored_cushions_bounces_off_the_lower_number_first():
-    assert wall_time((0, 0, -1, 0, 0, 0), TABLES["wedge"])[1] == 0
+@pytest.mark.parametrize("x", [1, -1])
+@pytest.mark.parametrize("y", [1, -1])
+def test_a_ball_in_a_corner_meets_both_cushions_if_it_approaches_both(x, y):
+    for a_table, (across, along) in (
+        (Table(1.0, 0.8), (int(x > 0), 2 + int(y > 0))),
+        (with_corners(Table(1.0, 0.8)), (1 if x > 0 else 3, 2 if y > 0 else 0)),
+    ):
+        place = np.array([x * (0.5 - R), y * (0.4 - R)])
+        for wall in (across, along):
+            assert walls_met(place, (x, 0.3 * y), wall, a_table) == (across, along)
+            assert walls_met(place - 5e-13, (x, 0.3 * y), wall, a_table) == (across, along)
+        near = place - [0.0, 2e-12 * y]
+        assert walls_met(near, (x, y), across, a_table) == (across, -1)
+        assert walls_met(place, (x, 0.0), across, a_table) == (across, -1)
+        assert walls_met(place, (x, -0.3 * y), across, a_table) == (across, -1)
+
+
+def test_the_nearest_normals_on_both_sides_of_the_velocity_act():
+    """The ball fills a regular hexagon and touches all sides; that of side k is at 30 + 60 k degrees."""
+    angles = [math.radians(60 * k) for k in range(6)]
+    hexagon = table([(2 * R / math.sqrt(3) * math.cos(a), 2 * R / math.sqrt(3) * math.sin(a)) for a in angles])
+    for degrees, expected in ((30, {0}), (89, {0, 1}), (91, {1, 2}), (90, {1}), (10, {0, 5}), (-29, {0, 5})):
+        velocity = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+        assert set(walls_met((0.0, 0.0), velocity, 0, hexagon)) - {-1} == expected
+
+
+def test_two_pieces_that_touch_a_ball_at_one_point_are_one_cushion():
+    a_table = TABLES["L"]
+    joint, tip = joint_of(a_table)
+    inward = np.array([tip.x0 - tip.x, tip.y0 - tip.y]) / tip.radius
+    place = joint + R * inward
+    outline = arrays(a_table)
+    line = min(range(len(outline.lines)), key=lambda k: walls._line_distance(*place, outline.lines[k]))
+    for wall in (line, len(outline.lines)):
+        assert walls._touches(*place, wall, R, outline)
+        assert walls_met(place, -inward, wall, a_table) == (wall, -1)
 
 
 def test_a_ball_behind_the_continuation_of_a_cushion_comes_back_to_it():
