@@ -100,6 +100,14 @@ def test_a_ball_that_is_apart_or_behind_is_not_driven(positions, heading):
     assert (shot.positions.tolist() == free.positions.tolist()) is not driven
 
 
+@pytest.mark.parametrize("speed", [5e-324, 1e-300, 1e-60, 1e-9])
+def test_a_ball_that_only_spins_is_not_driven(speed):
+    setup = Setup("straight", POOL)
+    played = play(setup, custom_opening(setup, PAIR), Stroke((speed, 0.0), spin=(0.0, 0.0, 600.0)))
+    assert np.abs(played.shot_input.velocities).max() <= speed
+    assert played.shot_input.spins[0, 2] == pytest.approx(600.0, rel=1e-12)
+
+
 def test_a_batch_repeats_single_shots_and_its_records():
     headings = np.array([0.0, 0.5, 2.0, -1.0])
     places, made = np.repeat(PAIR[None], 4, axis=0), strike(REAL, 1.5, headings, 0.2, -0.1, 0.1)
