@@ -9,10 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate, simulate_batch, strike
+from billiards_env.engine import frozen_strike
 from billiards_env.engine.frozen_strike import LEFT
-from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
+from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv, episodes
 from billiards_env.games import Setup, Stroke, custom_opening, play
 from billiards_env.games.batch import play_batch
+from billiards_env.shots import simulation
 
 POOL = Scene.named("pool", 2)
 REAL = Scene.named("real_pool", 2)
@@ -159,3 +161,17 @@ def test_games_play_the_strike_with_either_cue_ball():
     v = play(carom, second, Stroke((-1.0, 0.0))).shot_input.velocities
     assert v[0].tolist() == [0.0, 0.0]
     assert 0.0 < v[1, 0] - v[2, 0] < 0.02 * abs(v[1, 0])  # the approach that is left
+
+
+def test_a_shot_without_a_frozen_ball_does_not_drive(monkeypatch):
+    def fail(*_, **__):
+        raise AssertionError
+
+    monkeypatch.setattr(frozen_strike, "_drive", fail)
+    assert simulate(POOL, PAIR * [2, 1], strike(POOL, 1.0, 0.0)).status == "rest"
+    for module in (episodes, simulation):
+        monkeypatch.setattr(module, "strike_frozen", fail)
+    assert simulate(POOL, PAIR, [1.0, 0.0]).first_hit == 1
+    env = BilliardsEnv(scene="pool", n_object_balls=2)
+    env.reset(seed=1, options={"positions": PAIR})
+    assert env.step(np.array([0.4, 0.1], np.float32))[-1]["first_hit"] == 1
