@@ -135,6 +135,8 @@ def _drive(begin, end, ball, cue, scene, starts):
         load_balls(k, starts, arrays, state)
         speed, mass = norm(state.rows[ball, VX], state.rows[ball, VY]), arrays.inv_mass[ball]
         spin = _spin_energy(ball, speed, state, arrays)
+        if spin > 1e100:  # hardly moving, so the impulse does not change; larger numbers could overflow
+            continue
         exchange(_gather(k, arrays, starts, state, contacts), contacts, state, arrays, scratch)
         share = 0.0  # of the energy of the free ball
         for i in range(n):

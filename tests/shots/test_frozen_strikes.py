@@ -9,10 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate, simulate_batch, strike
+from billiards_env.engine import frozen_strike
 from billiards_env.engine.frozen_strike import LEFT
-from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
+from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv, episodes
 from billiards_env.games import Setup, Stroke, custom_opening, play
 from billiards_env.games.batch import play_batch
+from billiards_env.shots import simulation
 
 POOL = Scene.named("pool", 2)
 REAL = Scene.named("real_pool", 2)
@@ -100,6 +102,14 @@ def test_a_ball_that_is_apart_or_behind_is_not_driven(positions, heading):
     assert (shot.positions.tolist() == free.positions.tolist()) is not driven
 
 
+@pytest.mark.parametrize("speed", [5e-324, 1e-300, 1e-60, 1e-9])
+def test_a_ball_that_only_spins_is_not_driven(speed):
+    setup = Setup("straight", POOL)
+    played = play(setup, custom_opening(setup, PAIR), Stroke((speed, 0.0), spin=(0.0, 0.0, 600.0)))
+    assert np.abs(played.shot_input.velocities).max() <= speed
+    assert played.shot_input.spins[0, 2] == pytest.approx(600.0, rel=1e-12)
+
+
 def test_a_batch_repeats_single_shots_and_its_records():
     headings = np.array([0.0, 0.5, 2.0, -1.0])
     places, made = np.repeat(PAIR[None], 4, axis=0), strike(REAL, 1.5, headings, 0.2, -0.1, 0.1)
@@ -151,3 +161,17 @@ def test_games_play_the_strike_with_either_cue_ball():
     v = play(carom, second, Stroke((-1.0, 0.0))).shot_input.velocities
     assert v[0].tolist() == [0.0, 0.0]
     assert 0.0 < v[1, 0] - v[2, 0] < 0.02 * abs(v[1, 0])  # the approach that is left
+
+
+def test_a_shot_without_a_frozen_ball_does_not_drive(monkeypatch):
+    def fail(*_, **__):
+        raise AssertionError
+
+    monkeypatch.setattr(frozen_strike, "_drive", fail)
+    assert simulate(POOL, PAIR * [2, 1], strike(POOL, 1.0, 0.0)).status == "rest"
+    for module in (episodes, simulation):
+        monkeypatch.setattr(module, "strike_frozen", fail)
+    assert simulate(POOL, PAIR, [1.0, 0.0]).first_hit == 1
+    env = BilliardsEnv(scene="pool", n_object_balls=2)
+    env.reset(seed=1, options={"positions": PAIR})
+    assert env.step(np.array([0.4, 0.1], np.float32))[-1]["first_hit"] == 1
