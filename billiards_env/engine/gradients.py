@@ -404,16 +404,16 @@ def store(i, s, count, lanes, tangent):
 
 
 @inlined
-def _start_phase(i, until, segments):
-    """Returns the phase of ball i at the start. A shot that ends there, at 0 s, keeps all parts of its state."""
-    phase = int(segments[i, SEGMENT_PHASE])
+def _phase_until(piece, until, segments):
+    """Returns the phase of a piece. A shot until 0 s ends at its start and so keeps all parts of the state."""
+    phase = int(segments[piece, SEGMENT_PHASE])
     return SLIDING if until == 0.0 and phase < SLIDING else phase
 
 
 @inlined
 def _start(i, count, until, segments, scene, lanes):
     """Changes the first `count` lanes, with the inputs of ball i, to its state at the start of a shot until a time."""
-    phase = _start_phase(i, until, segments)
+    phase = _phase_until(i, until, segments)
     for c in range(count):
         start_lane(lanes[c], segments[i, SEGMENT_ROW:], phase, scene.radius[i], scene.numbers)
 
@@ -644,7 +644,7 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, constants, inputs):
             done += 1
         for i in range(n):
             if not _is_zero(i, adjoint):
-                phase = int(paths[tape.current[i], SEGMENT_PHASE])
+                phase = _phase_until(tape.current[i], times[k], paths)
                 lanes = _ball_columns(0, phase, DVX, 0, motion, tape.column)
                 lanes = _unit_lanes(1, -1, lanes, constants, tape)
                 _apply_end(i, lanes, times[k], paths, arrays, tape)
@@ -674,7 +674,7 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, constants, inputs):
                 pending = 0
         for i in range(n):
             if not _is_zero(i, adjoint):
-                phase = _start_phase(i, times[k], paths)
+                phase = _phase_until(i, times[k], paths)
                 lanes = _ball_columns(0, SLIDING if phase == ROLLING else phase, 0, 0, motion, tape.column)
                 lanes = _unit_lanes(1, -1, lanes, constants, tape)
                 _start(i, lanes, times[k], paths, arrays, tape.lanes)

@@ -22,11 +22,10 @@ from billiards_env.engine.log import (
     RULE,
     SEGMENT_PHASE,
     SEGMENT_ROW,
-    SPEED,
     TIME,
     TIME_LO,
 )
-from billiards_env.engine.margins import between, nearest_time, path_from, touches_line
+from billiards_env.engine.margins import between, nearest_time, path_from, touches_line, turn_time
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.contact import contact_distance, misses_circle, sweep
@@ -34,8 +33,10 @@ from billiards_env.physics.cushion import CushionMotion
 from billiards_env.physics.cushion_derivatives import cushion_is_smooth
 from billiards_env.physics.derivatives import wall_at
 from billiards_env.physics.lanes import DUX, DUY, DVX, DVY, DWZ, DX, DY
-from billiards_env.physics.motion import norm, place_after, relative_to
+from billiards_env.physics.motion import Path, norm, place_after, relative_to
 from billiards_env.physics.state import (
+    AX,
+    AY,
     LASTS,
     POCKET_RADIUS,
     POCKET_X,
@@ -61,7 +62,7 @@ from billiards_env.physics.walls import LINE_X, LINE_Y, NX, NY, TIP_RADIUS, TIP_
 from billiards_env.scene import CONTACT_GAP
 
 REASONS = {
-    "grazing": "two bodies touch, or pass within 1e-12 m, but hardly approach: after a small change they miss, or hit",
+    "grazing": "two bodies hardly touch, or pass within 1e-12 m: after a small change they miss, or hit",
     "simultaneous": "a ball has two impacts at one instant. The derivative is that of the impacts one after the other, "
     "in the order of the record",
     "rule": "the [contact-time rule](engines.md#resting-contact) acted. The derivative neglects it",
@@ -95,6 +96,7 @@ class Pass(NamedTuple):
         tape: The `Tape`.
         last: (n,) int64, the last event of each ball; -1 at the start.
         until: The `Time` at which the shot is cut.
+        cuts: Whether the pieces end there.
         time: (1,) float64, the time of what was found first, s.
         found: (2,) int64: the event or _BETWEEN, and the index of the reason; -1 and -1 for none.
     """
@@ -105,6 +107,7 @@ class Pass(NamedTuple):
     tape: Tape
     last: Any
     until: Time
+    cuts: Any
     time: Any
     found: Any
 
@@ -117,9 +120,22 @@ def _find(time, e, reason, over):
 
 
 @inlined
-def _is_tangent(gap, along, speed):
-    """Returns whether bodies with a gap, m, and a speed along it of a relative speed, m/s, touch without approach."""
-    return abs(gap) <= CONTACT_GAP and abs(along) <= GRAZE * speed
+def _touch(gap, along, speed, at_end, time, reason, over):
+    """Stores a reason if bodies touch without approach, or at the end of the shot.
+
+    Args:
+        gap: The least gap of the bodies on a piece of their paths, m.
+        along: The part of their relative velocity along it, m/s.
+        speed: Their relative speed, m/s.
+        at_end: Whether it is at the end of the piece.
+        time: s.
+        reason: The reason for a touch without approach.
+        over: The `Pass`.
+    """
+    if abs(gap) <= CONTACT_GAP and abs(along) <= GRAZE * speed:
+        _find(time, _BETWEEN, reason, over)
+    elif abs(gap) <= CONTACT_GAP and at_end and over.cuts:
+        _find(time, _BETWEEN, IS_CUT, over)
 
 
 @inlined
@@ -141,9 +157,9 @@ def _pass_circle(path, end, swept, begin, reach, meets, reason, over):
     t = nearest_time(path, end)
     x, y = place_after(path, t)
     vx, vy, distance = path.vx + t * path.ax, path.vy + t * path.ay, norm(x, y)
-    apart = distance > 0.0 and not (meets and t == 0.0)
-    if apart and _is_tangent(distance - reach, (x * vx + y * vy) / distance, norm(vx, vy)):
-        _find(later(begin, t).hi, _BETWEEN, reason, over)
+    if distance > 0.0 and not (meets and t == 0.0):
+        along = (x * vx + y * vy) / distance
+        _touch(distance - reach, along, norm(vx, vy), t == end, later(begin, t).hi, reason, over)
 
 
 @inlined
@@ -151,13 +167,12 @@ def _pass_line(path, end, begin, normal, room, line, meets, over):
     """Looks for a tangent pass at a straight cushion; the arguments are those of `margins._pass_line`."""
     nx, ny = normal
     v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
-    t = min(max(-v / a, 0.0), end) if a < 0.0 else 0.0
+    t = min(max(-v / a, 0.0), end) if a < 0.0 else (end if v + 0.5 * end * a > 0.0 else 0.0)
     x, y = place_after(path, t)
     vx, vy = path.vx + t * path.ax, path.vy + t * path.ay
     if (meets and t == 0.0) or (line is not None and not touches_line(line, x, y)):
         return
-    if _is_tangent(nx * x + ny * y - room, v + t * a, norm(vx, vy)):
-        _find(later(begin, t).hi, _BETWEEN, GRAZING, over)
+    _touch(nx * x + ny * y - room, v + t * a, norm(vx, vy), t == end, later(begin, t).hi, GRAZING, over)
 
 
 @inlined
@@ -254,39 +269,62 @@ def _is_smooth_cushion(i, wall, state, scene):
     return cushion_is_smooth(motion, radius, scene)
 
 
+@inlined
+def _grazes_circle(path, reach, speed):
+    """Returns whether a `Path` that touches a circle about the origin hardly approaches it, or hardly enters it."""
+    if -(path.x * path.vx + path.y * path.vy) <= GRAZE * norm(path.x, path.y) * speed:
+        return True
+    x, y = place_after(path, turn_time(path))
+    return reach - norm(x, y) <= CONTACT_GAP
+
+
+@inlined
+def _path_before(s, piece, over):
+    """Returns the `Path` of the first (s = 0) or second (s = 1) ball of an event at its first piece, without it."""
+    state, row = over.tape.before[piece + s], over.segments[over.tape.previous[piece + s], SEGMENT_ROW:]
+    return Path(state[DX], state[DY], state[DVX], state[DVY], row[AX], row[AY])
+
+
+@inlined
+def _grazes(kind, i, other, piece, speed, over):
+    """Returns whether a contact of ball i hardly approaches, or hardly enters the other body if nothing stops it."""
+    scene, path = over.scene, _path_before(0, piece, over)
+    if kind == BALL_BALL:
+        b = _path_before(1, piece, over)
+        path = Path(path.x - b.x, path.y - b.y, path.vx - b.vx, path.vy - b.vy, path.ax - b.ax, path.ay - b.ay)
+        return _grazes_circle(path, contact_distance(scene.spheres, scene.radius, i, other), speed)
+    if kind == BALL_POCKET:
+        pocket = scene.pockets[other]
+        return _grazes_circle(relative_to(path, pocket[POCKET_X], pocket[POCKET_Y]), pocket[POCKET_RADIUS], speed)
+    nx, ny, curvature = wall_at(over.tape.before[piece], other, scene.radius[i], scene.outline)
+    if curvature > 0.0:
+        reach = 1.0 / curvature
+        return _grazes_circle(relative_to(path, path.x + reach * nx, path.y + reach * ny), reach, speed)
+    v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
+    return v <= GRAZE * speed or (a < 0.0 and -0.5 * v * v / a <= CONTACT_GAP)
+
+
 @kernel
 def _judge(e, over):
     """Stores the reason why event e has no derivative."""
-    events, segments, scene, tape = over.events, over.segments, over.scene, over.tape
-    kind, i, other, time, piece = (
-        int(events[e, KIND]),
-        int(events[e, BALL]),
-        int(events[e, OTHER]),
-        events[e, TIME],
-        tape.first[e],
-    )
-    state = tape.before[piece]
-    speed, approach = norm(state[DVX], state[DVY]), events[e, SPEED]
-    if events[e, RULE]:
-        _find(time, e, BY_RULE, over)
+    events, scene, tape = over.events, over.scene, over.tape
+    kind, i, other = int(events[e, KIND]), int(events[e, BALL]), int(events[e, OTHER])
+    time, piece = events[e, TIME], tape.first[e]
     if kind > BALL_POCKET:
         return
-    if kind == BALL_BALL:
-        second = tape.before[piece + 1]
-        speed += norm(second[DVX], second[DVY])
+    if events[e, RULE]:
+        _find(time, e, BY_RULE, over)
+    speed = 0.0
     for s in range(2 if kind == BALL_BALL else 1):
+        speed += norm(tape.before[piece + s, DVX], tape.before[piece + s, DVY])
         last = over.last[int(events[e, BALL + s])]
         if last >= 0 and events[last, TIME] == time and events[last, KIND] <= BALL_POCKET:
             _find(time, e, SIMULTANEOUS, over)
-        if _rolls(segments[piece + s], scene.numbers):
+        if _rolls(over.segments[piece + s], scene.numbers):
             _find(time, e, ROLLS, over)
-    if kind == BALL_POCKET:
-        dx, dy = state[DX] - scene.pockets[other, POCKET_X], state[DY] - scene.pockets[other, POCKET_Y]
-        if -(dx * state[DVX] + dy * state[DVY]) <= GRAZE * norm(dx, dy) * speed:
-            _find(time, e, AT_LIP, over)
-    elif approach <= GRAZE * speed:
-        _find(time, e, GRAZING, over)
-    elif kind == BALL_CUSHION and not _is_smooth_cushion(i, other, state, scene):
+    if _grazes(kind, i, other, piece, speed, over):
+        _find(time, e, AT_LIP if kind == BALL_POCKET else GRAZING, over)
+    elif kind == BALL_CUSHION and not _is_smooth_cushion(i, other, tape.before[piece], scene):
         _find(time, e, SLIPS, over)
 
 
@@ -331,7 +369,7 @@ def find_nonsmooth(begin, end, shots, times, results):
         at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
         log, paths, until = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]], Time(times[k], 0.0)
         trace(log, paths, scene, shots.is_sphere, tape)
-        over = Pass(log, paths, scene, tape, last, until, first, results[k])
+        over = Pass(log, paths, scene, tape, last, until, False, first, results[k])
         first[0], results[k, 0], results[k, 1] = math.inf, -1, -1
         last[:] = -1
         for i in range(n):
@@ -352,6 +390,7 @@ def find_nonsmooth(begin, end, shots, times, results):
             if pending > _LOOK_AFTER:
                 end_call(interrupted())
                 pending = 0
+        over = Pass(log, paths, scene, tape, last, until, True, first, results[k])
         for i in range(n):
             _pass_by(i, until, over)
         _cut(done, over)

@@ -106,9 +106,7 @@ def _rates_change(y, change, nose, more, tiny):
                 ay, d_ay = -sin * cos / h, (sin * cos * d_h / h - d_sin * cos - sin * d_cos) / h
                 press = d_press = 0.0
             ax = mu_cloth * press * ex * d / 3.5
-            d_ax = (
-                (d_cloth * press + mu_cloth * d_press) * ex * d + mu_cloth * press * (d_ex * d + ex * d_d)
-            ) / 3.5
+            d_ax = ((d_cloth * press + mu_cloth * d_press) * ex * d + mu_cloth * press * (d_ex * d + ex * d_d)) / 3.5
         if ax * ax + ay * ay > mu * mu:
             if ex != 0.0 or ey != 0.0:
                 ax, ay, d_ax, d_ay = _begin_slip_change(ex, ey, d_ex, d_ey, nose, more)

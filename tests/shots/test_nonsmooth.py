@@ -1,0 +1,207 @@
+"""Shots without a derivative are named, and all other derivatives agree with differences."""
+
+import dataclasses
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from billiards_env import Scene, simulate, simulate_batch, strike
+from billiards_env.engine.nonsmooth import REASONS
+from billiards_env.scene import Balls
+from billiards_env.scene.table import Pocket, Table
+from billiards_env.shots.gradients import physics_inputs
+from tests.helpers.derivatives import start_of
+
+IDEAL = Scene.named("ideal").physics
+
+
+def ideal(n=2, radius=0.125, **fields):
+    """Returns a scene of ideal balls on a table of 4 by 2 m."""
+    return Scene(Balls.uniform(n, radius), Table(4.0, 2.0, **fields), IDEAL)
+
+
+@pytest.mark.parametrize(("gap", "reason"), [(0.0, "grazing"), (1e-13, "grazing"), (-1e-13, "grazing"), (1e-9, "")])
+def test_a_tangent_pass_has_no_derivative(gap, reason):
+    shot = simulate(ideal(), [[-1.0, 0.25 + gap], [0.0, 0.0]], [1.0, 0.0], record=True, max_time=2.0)
+    assert shot.nonsmooth().reason == reason
+    assert shot.nonsmooth(0.9).reason == ""  # it is nearest after 1 s
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e-13, -1e-13])
+def test_a_pass_along_a_pocket_or_a_cushion_has_no_derivative(offset):
+    pocket = ideal(1, pockets=(Pocket(0.0, 1.0, 0.25),))
+    shot = simulate(pocket, [[-1.0, 0.75 + offset]], [1.0, 0.0], record=True, max_time=1.5)
+    assert shot.nonsmooth().reason == "lip"
+    along = simulate(ideal(1), [[-1.0, 0.875 - abs(offset)]], [1.0, 0.0], record=True, max_time=1.0)
+    assert along.nonsmooth() == (-1, "grazing")
+
+
+@pytest.mark.parametrize("name", ["pool", "real_pool"])
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_the_shots_between_two_outcomes_have_no_derivative(name, seed):
+    """The two adjacent directions between which the events change are named, whatever the body is."""
+    scene = Scene.named(name, 1)
+    places, velocities, _ = start_of(scene, seed)
+    heading, speed = math.atan2(*velocities[0, ::-1]), 0.7 * math.hypot(*velocities[0])
+
+    def shot(angle):
+        start = [speed * math.cos(angle), speed * math.sin(angle)]
+        one = simulate(scene, places, start, record=True, max_time=2.5)
+        assert one.events is not None
+        events = one.events[["ball", "kind", "other"]].tolist()
+        return one, sorted(events, key=lambda event: event[0])  # events of two balls may change places
+
+    low, high = heading - 0.2, heading + 0.2
+    (_, first), (_, last) = shot(low), shot(high)
+    assume(first != last)
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (middle, high) if shot(middle)[1] == first else (low, middle)
+    assert shot(low)[0].nonsmooth().reason
+    assert shot(high)[0].nonsmooth().reason
+
+
+def test_a_ball_that_rolls_up_to_rounding_has_no_derivative():
+    scene, headings = Scene.named("pool", 1), np.linspace(-3.0, 3.0, 200)
+    starts = strike(scene, 1.0, headings, 0.0, 0.4)
+    batch = simulate_batch(scene, [[[0.0, 0.0], [0.5, 0.5]]] * 200, starts, record=True)
+    assert set(batch.nonsmooth().reason) == {"rolling"}
+    spinning = strike(scene, 1.0, headings, 0.0, 0.4 + 1e-9)
+    batch = simulate_batch(scene, [[[0.0, 0.0], [0.5, 0.5]]] * 200, spinning, record=True)
+    assert not (batch.nonsmooth(0.0).reason == "rolling").any()
+
+
+def test_a_shot_that_is_cut_at_an_event_has_no_derivative():
+    scene, places = Scene.named("ideal", 1), [[-0.5, 0.0], [0.0, 0.0]]
+    contact = 0.5 - 2 * 0.028575
+    whole = simulate(scene, places, [1.0, 0.0], record=True, max_time=1.0)
+    assert whole.nonsmooth().reason == ""
+    for time in (contact, np.nextafter(contact, 0.0), np.nextafter(contact, 1.0)):
+        assert simulate(scene, places, [1.0, 0.0], record=True, max_time=time).nonsmooth().reason == "cut"
+        assert whole.nonsmooth(time).reason == "cut"
+    pool = Scene.named("pool", 1)
+    shot = simulate(pool, places, [0.5, 0.01], record=True)
+    assert shot.nonsmooth().reason == ""  # the natural end
+    rolls = shot.events["time"][shot.events["kind"] == "sliding_rolling"][0]
+    assert shot.nonsmooth(rolls).reason == "cut"
+
+
+def test_the_start_is_its_own_derivative():
+    shot = simulate(Scene.named("pool", 1), [[-1.0, 0.0], [0.0, 0.5]], [0.5, 0.0], record=True)
+    change = {"velocities": np.array([[1.0, 2.0], [3.0, 4.0]]), "spins": np.arange(6.0).reshape(2, 3)}
+    for name, value in change.items():
+        assert np.allclose(shot.jvp({name: value}, name, t=0.0), value, rtol=1e-15)
+        assert np.allclose(shot.vjp({name: value}, name, t=0.0), value, rtol=1e-15)
+
+
+def test_the_derivative_by_a_wrong_strike_is_refused():
+    scene, places = Scene.named("pool", 1), [[-0.5, 0.1], [0.2, 0.15]]
+    shot = simulate(scene, places, strike(scene, 1.5, 0.07, 0.2, -0.1), record=True)
+    with pytest.raises(ValueError, match="expected the strike of the shot, whose velocity and spin are"):
+        shot.jacobian("positions", "strike", strike=[1.5, 0.07, 0.2, 0.1, 0.0])
+    backwards = simulate(scene, places, strike(scene, -1.5, 0.07, 0.2), record=True)
+    with pytest.raises(ValueError, match=r"speed = -1.5: expected a number >= 0 for a derivative"):
+        backwards.jacobian("positions", "strike", strike=[-1.5, 0.07, 0.2, 0.0, 0.0])
+
+
+def test_balls_without_friction_do_not_rub():
+    base = Scene.named("real_pool", 1)
+    scene = dataclasses.replace(base, physics=dataclasses.replace(base.physics, mu_ball_factor=0.0))
+    radius = scene.balls.radius[0]
+    shot = simulate(scene, [[-radius, 0.0], [radius, 0.0]], [2.0, 0.0], record=True, max_time=0.01)
+    turned = shot.jvp({"velocities": [[0.0, 1.0], [0.0, 0.0]]}, "velocities")
+    assert turned[1, 1] == 0.0
+
+
+def test_every_reason_is_in_the_page():
+    page = (Path(__file__).parents[2] / "docs" / "derivatives.md").read_text()
+    rows = re.findall(r"^\| `(\w+)` \| (.+) \|$", page.partition("| Reason |")[2].partition("\n\n")[0], re.MULTILINE)
+    assert dict(rows) == REASONS
+
+
+SCENES = {name: Scene.named(name, 2) for name in ("ideal", "pool", "carom", "real_pool", "snooker")}
+RANGES = {  # the first and the last number are ends of what the scenes allow
+    "mu_slide": (1e-3, 0.3, 10.0),
+    "mu_roll": (1e-4, 0.02, 0.2),
+    "spin_decay": (1e-3, 10.0, 1e3),
+    "e_ball": (0.0, 0.5, 1.0),
+    "e_cushion": (0.0, 0.5, 1.0),
+    "mu_cushion": (0.0, 1.0, 100.0),
+    "mu_ball_factor": (0.0, 1.0, 100.0),
+    "e_cushion_loss": (0.0, 0.1, 0.5),
+    "cushion_frequency_ratio": (1.0, 1.5, 2.0),
+}
+
+
+def is_free(number, scene):
+    """Returns whether a number may have all values of `RANGES`: the restitution of "stronge" cushions may not."""
+    return scene.physics.cushion != "stronge" or number not in (
+        "e_cushion",
+        "e_cushion_loss",
+        "cushion_frequency_ratio",
+    )
+
+
+def draw_scene(base, rng):
+    """Returns a scene with the engine of another and with some numbers of `RANGES`; the masses may be infinite."""
+    numbers = {key: float(rng.choice(values)) for key, values in RANGES.items() if rng.random() < 0.3}
+    masses = (base.balls.mass[0], *(float(x) for x in rng.choice([1e-3, base.balls.mass[0], 10.0, math.inf], 2)))
+    balls = dataclasses.replace(base.balls, mass=masses)
+    numbers = {key: value for key, value in numbers.items() if is_free(key, base)}
+    if base.physics.cushion != "stronge":
+        numbers["e_cushion_floor"] = 0.0
+    return dataclasses.replace(base, balls=balls, physics=dataclasses.replace(base.physics, **numbers))
+
+
+INSIDE = np.array([-2.0, -1.0, 1.0, 2.0]), np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
+AT_LEAST = np.array([0.0, 1.0, 2.0, 3.0]), np.array([-11.0, 18.0, -9.0, 2.0]) / 6.0
+AT_MOST = -AT_LEAST[0], -AT_LEAST[1]
+
+
+def differences(scene, start, change, number, step, time):
+    """Returns differences of the positions along a change of the start or of a number, and whether the events agree."""
+    (at, weights), value = INSIDE, getattr(scene.physics, number) if number else None
+    if number:
+        least, *_, most = RANGES[number]
+        at, weights = AT_LEAST if value == least else (AT_MOST if value == most else INSIDE)
+    moved = [np.stack([value + step * k * change.get(name, 0.0) for k in at]) for name, value in start.items()]
+    physics = {number: value + step * at} if number else None
+    spins = moved[2] if scene.physics.motion == "sliding" else None
+    batch = simulate_batch(scene, *moved[:2], spins=spins, physics=physics, max_time=time, threads=1)
+    return np.tensordot(weights, batch.positions, 1) / step, len(set(batch.n_events)) == 1
+
+
+@pytest.mark.parametrize("name", SCENES)
+@settings(max_examples=150, deadline=None)
+@given(seed=st.integers(0, 10**9))
+def test_a_derivative_without_a_reason_agrees_with_differences(name, seed):
+    rng = np.random.default_rng(seed)
+    scene = draw_scene(SCENES[name], rng)
+    start = dict(zip(("positions", "velocities", "spins"), start_of(scene, seed), strict=True))
+    time, spins = float(rng.uniform(0.2, 1.5)), start["spins"] if scene.physics.motion == "sliding" else None
+    shot: Any = simulate(scene, start["positions"], start["velocities"], spins=spins, record=True, max_time=time)
+    assume(shot.nonsmooth().reason == "" and shot.n_events < 30)
+    numbers = [key for key in RANGES if key in physics_inputs(scene.physics) and is_free(key, scene)]
+    number = str(rng.choice(numbers)) if rng.random() < 0.5 and name != "ideal" else None
+    change = {}
+    if number is None:
+        change = {
+            key: rng.normal(size=value.shape) for key, value in start.items() if key != "spins" or spins is not None
+        }
+        change["positions"] *= np.abs(start["positions"]) < 0.5  # not into a cushion
+        for key in change:
+            change[key][1:] *= key == "positions"  # friction stops a ball at rest
+    found = shot.jvp(change or {number: 1.0})
+    size, off = max(float(np.abs(found).max()), 1e-3), [math.inf]
+    for step in 10.0 ** np.arange(-3.0, -8.0, -0.5):
+        expected, same = differences(scene, start, change, number, step, time)
+        if same:
+            off.append(float(np.abs(expected - found).max()) / size)
+    assume(min(off) < math.inf)
+    assert min(off) < 2e-5
