@@ -416,7 +416,7 @@ def run(k, scene, work, limit, max_events, shots, log):
             _resolve_overlaps(overlaps, now, k, scene, work, shots, log)
             changed = True
         changed = _test_cushions(now, k, scene, work, shots, log) or changed
-    return step * (n * n + 8) // _PAIRS_PER_EVENT
+    return step * (n * n + 8) // _PAIRS_PER_EVENT + pending
 
 
 _run_all = for_all_shots(run)

@@ -152,7 +152,7 @@ class Balls:
         return len(self.radius)
 
     def contact_distances(self, i: int | NDArray[Any], j: slice | NDArray[Any] = slice(None)) -> NDArray[np.float64]:
-        """Returns the horizontal distance of the centres of balls i and j that touch, m; by default for all balls j, (n,).
+        """Returns the horizontal distance of the centres of balls i and j that touch, m; j is all balls by default.
 
         Example:
             >>> Balls((0.01, 0.04), (0.1, 0.1), shape="sphere").contact_distances(0).tolist()

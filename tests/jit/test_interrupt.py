@@ -17,7 +17,9 @@ import numpy as np
 import pytest
 
 from billiards_env.engine.modes import MANY_BALLS
-from billiards_env.scene import Balls, Physics, Scene
+from billiards_env.engine.runner import LOOK_AFTER
+from billiards_env.jit import interrupt
+from billiards_env.scene import Balls, Physics, Scene, layouts
 from billiards_env.scene.table import Table
 from billiards_env.shots.simulation import simulate, simulate_batch
 
@@ -216,6 +218,38 @@ def test_ctrl_c_interrupts_a_long_call_and_leaves_no_change(server, name):
         assert time.perf_counter() - begin < MAX_DELAY
     finally:
         watchdog.cancel()
+
+
+def looks(monkeypatch, run: Callable[[], object]) -> int:
+    """Returns the number of times that compiled code looks for signals during a call."""
+    count = 0
+
+    def look() -> None:
+        nonlocal count
+        count += 1
+
+    with monkeypatch.context() as patch:
+        patch.setattr(interrupt, "raise_if_stopped", look)
+        run()
+    return count
+
+
+@pytest.mark.parametrize("options", [{}, {"mode": "pit", "dt": 1e-3}])
+def test_slow_impacts_on_cushions_count_as_work(monkeypatch, options):
+    """Each counted as one event once. With impacts of 40 ms Ctrl-C had no effect for minutes."""
+    scene = Scene.named("snooker", 1)
+    places, velocities = [[[-1.0, 0.1], [1.0, 0.2]]] * 50, np.random.default_rng(0).normal(0.0, 5.0, (50, 2))
+    batch = simulate_batch(scene, places, velocities, threads=1, **options)
+    found = looks(monkeypatch, lambda: simulate_batch(scene, places, velocities, threads=1, **options))
+    assert found >= batch.cushions.sum() / 50
+
+
+def test_impacts_of_many_balls_at_one_instant_count_as_work(monkeypatch):
+    scene = Scene.named("pool", 15)
+    rng = np.random.default_rng(0)
+    shots = scene, [layouts.draw("tight_rack", scene, rng) for _ in range(20)], [[8.0, 0.0]] * 20
+    assert simulate_batch(*shots, threads=1).n_events.sum() < LOOK_AFTER
+    assert looks(monkeypatch, lambda: simulate_batch(*shots, threads=1)) > 0
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,11 @@ import pytest
 
 from billiards_env.checks import RANGES
 from billiards_env.engine.overlaps import FIXES
+from billiards_env.jit import interrupt
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.table import Table
 from billiards_env.shots.simulation import simulate
+from tests.helpers.outlines import with_corners
 
 MAX_EVENTS = 2000
 Shot = tuple[Scene, np.ndarray, np.ndarray, np.ndarray | None]
@@ -99,3 +102,32 @@ def test_shots_within_the_ranges_end_on_the_table(seed):
             scene, places, velocities, spins=spins, max_events=MAX_EVENTS, mode="pit", dt=dt, fix=fix, max_time=limit
         )
         check(pit, scene, "pit")
+
+
+@pytest.mark.parametrize("cushion", ["stronge", "mathavan2010"])
+def test_shots_with_extreme_friction_and_spin_end_and_look_for_signals(cushion, monkeypatch):
+    """An impact once took a second, and 20,000 of them passed before Ctrl-C had an effect."""
+    looks: list[float] = []
+    monkeypatch.setattr(interrupt, "raise_if_stopped", lambda: looks.append(time.thread_time()))
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        radius = float(rng.uniform(0.002, 0.05))
+        physics = Physics(
+            cushion=cushion,
+            ball_ball="frictional",
+            mu_slide=pick(rng, "friction", least=0.05),
+            mu_roll=pick(rng, "friction", least=0.005),
+            mu_ball=pick(rng, "mu_ball"),
+            mu_cushion=pick(rng, "mu_cushion"),
+            e_cushion=float(rng.uniform(0.5, 1.0)),
+        )
+        table = with_corners(Table(2.0, 1.0, float(radius * rng.choice([0.01, 0.5, 1.5, 1.99]))))
+        scene = Scene(Balls.uniform(3, radius), table, physics)
+        places = np.array([[-0.5, 0.1], [0.0, 0.0], [2 * radius, 0.0]])
+        velocities = rng.choice([-1.0, 0.3, 1.0], (3, 2)) * rng.choice([1e3, 1.0, 1e-9], (3, 1))
+        spins = rng.choice([-1.0, 0.0, 1.0], (3, 3)) * rng.choice([1e6, 1e3, 1.0], (3, 1))
+        if seed == 0:
+            simulate(scene, places, velocities, max_events=0)  # compiles
+        looks[:] = [time.thread_time()]
+        check(simulate(scene, places, velocities, spins=spins, max_events=20 * MAX_EVENTS), scene, "pic")
+        assert np.diff([*looks, time.thread_time()]).max() < 0.5
