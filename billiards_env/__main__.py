@@ -20,7 +20,7 @@ import numpy as np
 from billiards_env import Scene, __version__
 from billiards_env.checks import Range, number, whole
 from billiards_env.export import WRITERS
-from billiards_env.files import check_path
+from billiards_env.files import check_path, read_text
 from billiards_env.frozen import BENCH_TASKS, FROZEN
 from billiards_env.scene import SCENES
 
@@ -349,13 +349,14 @@ def dataset(args: argparse.Namespace) -> None:
 def calibrate(args: argparse.Namespace) -> None:
     """Runs the command `calibrate`."""
     from billiards_env.shots import calibration
+    from billiards_env.shots.records import MAX_BYTES
     from billiards_env.shots.tracks import read_tracks
 
     for path in args.out:
         calibration.check_out(path)
     tracks = read_tracks(args.tracks)
     if args.scene.endswith(".json"):
-        scene = Scene.from_dict(json.loads(Path(args.scene).read_text(encoding="utf-8")))
+        scene = Scene.from_dict(json.loads(read_text(args.scene, MAX_BYTES, "a scene")))
     else:
         most = max((int(track.balls.max()) for track in tracks), default=0)
         scene = Scene.named(args.scene, most if args.balls is None else args.balls)
@@ -484,7 +485,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             cache(args.clear)
         else:
             parser.print_help()
-    except (ImportError, OSError, TypeError, ValueError) as error:
+    except (ImportError, OSError, RecursionError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
 
 

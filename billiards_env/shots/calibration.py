@@ -8,6 +8,7 @@ with the variance s^2 of the residuals and the Jacobian J of the shared numbers 
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import os
 from collections.abc import Callable, Sequence
@@ -47,6 +48,8 @@ _NOISE = Range(1e-9, 1.0, "m")
 _LOST = 1.15  # the residuals of a shot over those of all shots above which its start is guessed again
 _AGAIN = (2,)  # the rounds in which all starts are guessed again
 _EVALUATIONS = 10  # most evaluations of a round
+_FACTORS = (0.83, 0.91, 1.1, 1.2)  # of all numbers, from which they are fitted again
+_OTHERS = 3  # other minima of single shots from which all numbers are fitted again
 _UNDETERMINED = 1e-12  # smallest eigenvalue of the scaled normal equations of the shared numbers
 
 
@@ -241,21 +244,17 @@ def calibrate(
         rows.known[:, 2 * n : 2 * n + 2] = finite("velocities", velocities, (len(tracks), 2))
     if spins is not None:
         rows.known[:, 2 * n + 2 :] = finite("spins", spins, (len(tracks), 3))
-    numbers = np.array([getattr(scene.physics, name) for name in names])
     bounds = np.array([RANGES[PHYSICS_RANGES[name]][:2] for name in names], np.float64).T
-    begun, scale = dict(zip(names, numbers.tolist(), strict=True)), noise
+    begun, scale = dict(zip(names, _numbers(scene, names).tolist(), strict=True)), noise
 
-    def fitted(loss: str, most: int) -> fit.Projection:
-        nonlocal numbers, scene
-        problem = fit.Projection(scene, names, starts, rows, loss, noise)
-        inside = np.clip(numbers, bounds[0] + 1e-9 * np.ptp(bounds, axis=0), bounds[1] - 1e-9 * np.ptp(bounds, axis=0))
+    def fitted(scene: Scene, starts: Floats, loss: str, most: int) -> tuple[Scene, fit.Projection]:
+        problem, edge = fit.Projection(scene, names, starts, rows, loss, noise), 1e-9 * np.ptp(bounds, axis=0)
+        inside = np.clip(_numbers(scene, names), bounds[0] + edge, bounds[1] - edge)
         options: dict[str, Any] = {"loss": loss, "f_scale": noise, "x_scale": "jac", "bounds": bounds, "max_nfev": most}
         exact: Any = problem.jacobian
         found = least_squares(problem.residuals, inside, exact, ftol=1e-7, **options)
-        numbers = found.x
-        problem.jacobian(numbers)
-        scene = fit.with_numbers(scene, names, numbers)
-        return problem
+        problem.jacobian(found.x)
+        return fit.with_numbers(scene, names, found.x), problem
 
     starts, far = fit.guess(scene, rows, noise), ~rows.seen
     for number, cut in enumerate(CUTS):
@@ -271,16 +270,30 @@ def calibrate(
         if not rows.used.any():
             raise ValueError(f"shots: no row is within {cut * scale:.2g} m of a path: expected tracks in this scene")
         starts = fit.settle_sides(scene, starts, rows, "soft_l1", noise)
-        starts = fitted("soft_l1", _EVALUATIONS).starts
+        scene, problem = fitted(scene, starts, "soft_l1", _EVALUATIONS)
+        starts = problem.starts
         size, _ = _judged(scene, starts, rows, np.inf)
         scale = max(noise, float(np.median(size[rows.used])) / 1.1774)  # of Gaussian noise in two coordinates
         if progress is not None:
-            text = ", ".join(f"{name} {value:.5g}" for name, value in zip(names, numbers, strict=True))
+            text = ", ".join(f"{name} {getattr(scene.physics, name):.5g}" for name in names)
             progress(f"round {number + 1}: {rows.used.sum()} of {rows.seen.sum()} rows, {text}")
     starts = fit.settle_sides(scene, starts, rows, "linear", noise)
-    problem = fitted("linear", 10 * _EVALUATIONS)
+    found = [fitted(scene, starts, "linear", 10 * _EVALUATIONS)]
+    (scene, problem), others = found[0], []
+    for factor in _FACTORS:  # other minima over the numbers
+        with contextlib.suppress(ValueError):  # numbers that `Physics` does not allow together
+            changed = fit.with_numbers(scene, names, np.clip(factor * _numbers(scene, names), *bounds))
+            others.append((changed, fit.settle_sides(changed, problem.starts, rows, "linear", noise)))
+    for _, k, start in fit.other_minima(scene, problem.starts, rows, noise)[:_OTHERS]:
+        others.append((scene, problem.starts.copy()))
+        others[-1][1][k] = start
+    found += [fitted(changed, starts, "linear", 10 * _EVALUATIONS) for changed, starts in others]
     far = np.where(far, CUTS[-1] * scale, 0.0)  # the rows that the last round left out
-    return _result(scene, begun, problem, tracks, rows, far)
+    return _result(begun, found, tracks, rows, far)
+
+
+def _numbers(scene: Scene, names: Sequence[str]) -> Floats:
+    return np.array([getattr(scene.physics, name) for name in names])
 
 
 def _check_names(scene: Scene, free: Sequence[str]) -> tuple[str, ...]:
@@ -293,17 +306,26 @@ def _check_names(scene: Scene, free: Sequence[str]) -> tuple[str, ...]:
 
 
 def _result(
-    scene: Scene,
     begun: dict[str, float],
-    problem: fit.Projection,
+    found: list[tuple[Scene, fit.Projection]],
     tracks: list[Track],
     rows: fit.Rows,
     far: Floats,
 ) -> Calibration:
-    """Returns the result of the last fit; `far` are the distances above which rows were left out, (m, r) m."""
-    starts, n, numbers = problem.starts, scene.n_balls, np.array([getattr(scene.physics, name) for name in begun])
-    covariance, variance, freedom = _covariance(problem, numbers, rows, tuple(begun))
+    """Returns the best of the last fits; `far` are the distances above which rows were left out, (m, r) m."""
+    names = tuple(begun)
+    costs = np.array([np.square(problem.residuals(_numbers(scene, names))).sum() for scene, problem in found])
+    surprise = np.array([fit.spin_surprise(scene, problem.starts).sum() for scene, problem in found])
+    order = (costs + costs.min() / (2 * rows.used.sum()) * surprise).argsort(kind="stable")
+    scene, problem = found[order[0]]
+    starts, n, numbers = problem.starts, scene.n_balls, _numbers(scene, names)
+    covariance, variance, freedom = _covariance(problem, numbers, rows, names)
     half = t_quantile(freedom) * np.sqrt(np.diag(covariance))
+    several = []
+    for k in order[1:]:
+        if costs[k] - costs[order[0]] < fit.CLEAR * variance:
+            other = found[k][0], found[k][1].starts
+            several += _several(tracks, (scene, starts), other, dict(zip(names, half.tolist(), strict=True)))
     batch = fit.run(scene, starts, rows)
     off = fit.modelled(batch._record("calibrate"), rows) - rows.positions
     zero = np.array([track.times[0] for track in tracks])
@@ -324,8 +346,27 @@ def _result(
         positions=starts[:, : 2 * n].reshape(-1, n, 2),
         velocities=starts[:, 2 * n : 2 * n + 2],
         spins=starts[:, 2 * n + 2 :],
-        problems=find_problems([track.name for track in tracks], zero, rows, batch, far),
+        problems=find_problems([track.name for track in tracks], zero, rows, batch, far) + several,
     )
+
+
+def _several(
+    tracks: Sequence[Track], found: tuple[Scene, Floats], other: tuple[Scene, Floats], half: dict[str, float]
+) -> list[Problem]:
+    """Returns the problem of another fit, (scene, starts), that is as good: none if it has almost the same numbers."""
+    numbers = [_numbers(scene, tuple(half)) for scene, _ in (found, other)]
+    differ = [
+        f"{name} {another:.4g} instead of {best:.4g}"
+        for name, best, another, least in zip(half, *numbers, half.values(), strict=True)
+        if abs(another - best) > 2.0 * least + 1e-6 * abs(best)  # in the same minimum it would be worse
+    ]
+    if not differ:
+        return []
+    sides = found[1][:, -1], other[1][:, -1]
+    k = int(np.abs(sides[1] - sides[0]).argmax())
+    text = f"a side spin of {sides[1][k]:.3g} instead of {sides[0][k]:.3g} rad/s fits as well, with {', '.join(differ)}"
+    begin = float(tracks[k].times[0])
+    return [Problem(tracks[k].name, "several minima", 0, begin, begin, text)]
 
 
 def _lost(scene: Scene, starts: Floats, rows: fit.Rows, most: float, scale: float) -> fit.Bools:

@@ -33,11 +33,18 @@ LOSSES: Mapping[str, tuple[Callable[[Floats], Floats], Callable[[Floats], Floats
 }
 
 MOST_SPEED = 20.0
-"""m/s, of each component of the cue ball's velocity, and of its spin times its radius. The hardest breaks reach 16."""
+"""m/s, of each component of the cue ball's velocity. The hardest breaks reach 16."""
+
+MOST_SPIN = 1.5
+"""Largest component of the cue ball's spin over the largest spin of a level strike, see `spin_of_cue`. More than 1,
+because an elevated cue gives more, and because the ball may slow down before the first row."""
 
 _FEW = 12  # rows
 _STEPS = 30  # most steps of `settle`
 _CONVERGED, _EXACT = 1e-9, 1e-14  # relative and absolute change of the loss
+CLEAR = 9.0
+"""The difference of two losses, over the variance of a residual, that noise does not explain: three standard deviations
+squared."""
 _RANK = 1e-12  # smallest eigenvalue of the scaled normal equations of a start that counts
 
 
@@ -185,8 +192,22 @@ def residuals(scene: Scene, starts: Floats, rows: Rows, names: Sequence[str]) ->
     return Residuals(off.reshape(m, 2 * r), np.moveaxis(rates, 2, 3).reshape(m, 2 * r, -1))
 
 
-def allowed(scene: Scene, starts: Floats, in_play: Bools) -> tuple[Floats, Bools]:
-    """Moves balls that overlap apart and balls that reach into a cushion out of it, and limits the speeds.
+def spin_of_cue(scene: Scene, starts: Floats) -> Floats:
+    """Returns the largest spins, (..., 1) rad/s, that a level cue gives the cue balls of starts (..., 2 n + 5).
+
+    An impulse at an offset of the miscue gives a sphere, with the moment of inertia 2/5 m R^2, 2.5 offset speed / R^2.
+    """
+    return 2.5 * scene.cue.miscue_offset * np.hypot(starts[..., -5:-4], starts[..., -4:-3]) / scene.balls.radius[0]
+
+
+def allowed(scene: Scene, starts: Floats, in_play: Bools, known: Floats | None = None) -> tuple[Floats, Bools]:
+    """Moves balls that overlap apart and balls that reach into a cushion out of it, and limits the speeds and spins.
+
+    Args:
+        scene: The scene.
+        starts: (m, 2 n + 5).
+        in_play: (m, n) bool.
+        known: (m, 2 n + 5), the spins that are not limited; NaN for the others.
 
     Returns:
         The starts (m, 2 n + 5), and whether they are allowed (m,).
@@ -196,7 +217,9 @@ def allowed(scene: Scene, starts: Floats, in_play: Bools) -> tuple[Floats, Bools
     reach = np.array([scene.balls.contact_distances(i) for i in range(n)])
     found = starts.copy()
     found[:, 2 * n : 2 * n + 2] = np.clip(found[:, 2 * n : 2 * n + 2], -MOST_SPEED, MOST_SPEED)
-    found[:, 2 * n + 2 :] = np.clip(found[:, 2 * n + 2 :], -MOST_SPEED / radius[0], MOST_SPEED / radius[0])
+    most, spins = MOST_SPIN * spin_of_cue(scene, found), found[:, -3:]  # a view
+    free = True if known is None else np.isnan(known[:, -3:])
+    np.clip(spins, -most, most, out=spins, where=free)
     places = found[:, : 2 * n].reshape(m, n, 2)  # a view
     both = np.triu(in_play[:, :, None] & in_play[:, None, :], 1)
     bad = np.zeros(m, np.bool_)
@@ -257,7 +280,7 @@ def settle(
         normal += damping[some, None, None] * np.eye(size.shape[1])
         step = np.linalg.solve(normal, (slope / size)[..., None])[..., 0] / size
         ends = (step * slope).sum(axis=1) <= _CONVERGED * cost[some] + _EXACT  # the gain that the step promises
-        tried, fine = allowed(scene, starts[some] - step, rows.in_play[some])
+        tried, fine = allowed(scene, starts[some] - step, rows.in_play[some], rows.known[some])
         tried[~fine] = starts[some][~fine]
         then = residuals(scene, tried, rows.of(some), ())
         costs = then.loss(loss, noise)
@@ -272,21 +295,59 @@ def settle(
     return starts, cost
 
 
-def settle_sides(scene: Scene, starts: Floats, rows: Rows, loss: str, noise: float) -> Floats:
-    """Fits the starts of shots as `settle` does, also from other side spins of the cue ball, and returns the best.
+def minima(scene: Scene, starts: Floats, rows: Rows, loss: str, noise: float) -> tuple[Floats, Floats]:
+    """Fits the starts of shots as `settle` does, also from other side spins of the cue ball.
 
     The loss has several minima over the side spin: the ball may slip or stick at each of its contacts.
+
+    Returns:
+        The starts (m, q, 2 n + 5), the first from the given ones, and their losses (m, q).
     """
-    m, radius = len(starts), scene.balls.radius[0]
+    m = len(starts)
     free = np.isnan(rows.known[:, -1]) & (scene.physics.motion == "sliding")
-    if not free.any():
-        return settle(scene, starts, rows, loss, noise)[0]
     tried = np.repeat(starts[:, None], 1 + len(_SIDES), axis=1)
-    speeds = np.hypot(*starts[:, -5:-3].T)
-    tried[free, 1:, -1] = np.array(_SIDES) * speeds[free, None] / radius
+    tried[free, 1:, -1] = np.array(_SIDES) * spin_of_cue(scene, starts[free])
     shot = np.repeat(np.arange(m), tried.shape[1])
     ends, losses = settle(scene, tried.reshape(len(shot), -1), rows.of(shot), loss, noise)
-    return ends.reshape(tried.shape)[np.arange(m), losses.reshape(m, -1).argmin(axis=1)]
+    return ends.reshape(tried.shape), losses.reshape(m, -1)
+
+
+def settle_sides(scene: Scene, starts: Floats, rows: Rows, loss: str, noise: float) -> Floats:
+    """Returns the best of the `minima` of each shot; of two that fit as well, that with the more plausible spin."""
+    ends, losses = minima(scene, starts, rows, loss, noise)
+    found = (losses + spread(rows, losses.min(axis=1))[:, None] * spin_surprise(scene, ends)).argmin(axis=1)
+    return ends[np.arange(len(ends)), found]
+
+
+def spread(rows: Rows, losses: Floats) -> Floats:
+    """Returns the variance of a residual of each shot from its loss (m,), in the unit of the loss."""
+    return losses / np.maximum(2 * rows.used.sum(axis=1) - rows.known.shape[1], 1)
+
+
+def spin_surprise(scene: Scene, starts: Floats) -> Floats:
+    """Returns the squares (...) of the spins of starts (..., 2 n + 5) over half of that of a level strike, at most."""
+    return np.square(2.0 * starts[..., -3:] / np.maximum(spin_of_cue(scene, starts), 1e-9)).sum(axis=-1)
+
+
+def other_minima(scene: Scene, starts: Floats, rows: Rows, noise: float) -> list[tuple[float, int, Floats]]:
+    """Returns the best other minimum of each shot that has one, the best first.
+
+    On the way to another minimum the loss rises by more than noise does. Starts that differ by a side spin without an
+    effect are not other minima.
+
+    Returns:
+        Tuples of the additional loss over the variance of a residual, the shot, and the start.
+    """
+    ends, losses = minima(scene, starts, rows, "linear", noise)
+    m, q = losses.shape
+    shot = np.repeat(np.arange(m), q)
+    between = 0.5 * (ends + ends[:, :1]).reshape(m * q, -1)
+    halfway = residuals(scene, allowed(scene, between, rows.in_play[shot], rows.known[shot])[0], rows.of(shot), ())
+    variance = np.maximum(spread(rows, losses.min(axis=1)), _EXACT)[:, None]
+    rise = (halfway.loss("linear", noise).reshape(m, q) - np.maximum(losses, losses[:, :1])) / variance
+    more = np.where(rise > CLEAR, (losses - losses[:, :1]) / variance, np.inf)
+    best = more.argmin(axis=1)
+    return sorted((float(more[k, j]), k, ends[k, j]) for k, j in enumerate(best.tolist()) if np.isfinite(more[k, j]))
 
 
 def _scale(normal: Floats) -> Floats:
@@ -344,7 +405,9 @@ class Projection:
         if not np.array_equal(numbers, self._latest[0]):
             starts = self.starts
             if self._at is not None:
-                moved, fine = allowed(scene, starts + self._follow @ (numbers - self._at), self._rows.in_play)
+                moved, fine = allowed(
+                    scene, starts + self._follow @ (numbers - self._at), self._rows.in_play, self._rows.known
+                )
                 starts = np.where(fine[:, None], moved, starts)
             starts, _ = settle(scene, starts, self._rows, self._loss, self._noise)
             self._latest = numbers.copy(), starts
@@ -353,7 +416,7 @@ class Projection:
 
 _WINDOWS = (4, 6, 10, 16)  # rows of the cue ball from which its first velocity is guessed
 _ROLLS = (1.0, 0.0, -1.0)  # its spin over that of a ball that rolls
-_SIDES = (-0.7, -0.35, 0.0, 0.35, 0.7)  # its side spin over speed / radius
+_SIDES = (-0.56, -0.28, 0.0, 0.28, 0.56)  # its side spin over the largest of a level strike
 _SHORT, _GROWTH = 0.1, 1.6  # s, the first duration of the rows that are fitted, and its growth
 FAR = 5.0  # the residual of a row that hardly counts for a guess, over the noise
 _LEFT, _MOST_LOSS = 6.0, 5.0  # rows far from their paths after which a shot has left its track, and their loss
@@ -417,7 +480,7 @@ def guess(scene: Scene, rows: Rows, noise: float, besides: Floats | None = None)
         tried = np.concatenate(groups, axis=1)
         tried = np.where(np.isnan(rows.known[:, None]), tried, rows.known[:, None])
         shot = np.repeat(np.arange(m), tried.shape[1])
-        starts, fine = allowed(scene, tried.reshape(len(shot), -1), rows.in_play[shot])
+        starts, fine = allowed(scene, tried.reshape(len(shot), -1), rows.in_play[shot], rows.known[shot])
         if not fine.reshape(m, -1).any(axis=1).all():
             lost = int(np.argmin(fine.reshape(m, -1).any(axis=1)))
             raise ValueError(f"shot {lost} begins with balls that overlap or lie outside of the table")
@@ -450,7 +513,7 @@ def _with_other_spins(scene: Scene, starts: Floats) -> list[Floats]:
         velocity = starts[..., 2 * n : 2 * n + 2]
         for side in _SIDES:
             found.append(starts.copy())
-            found[-1][..., -1] = side * np.hypot(velocity[..., 0], velocity[..., 1]) / radius
+            found[-1][..., -1:] = side * spin_of_cue(scene, starts)
         for roll in _ROLLS:
             found.append(starts.copy())
             found[-1][..., -3:-1] = roll * velocity[..., ::-1] * (-1.0, 1.0) / radius

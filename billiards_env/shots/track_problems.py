@@ -12,9 +12,10 @@ from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import BatchResult
 from billiards_env.shots.track_fit import Bools, Floats, Rows
 
-KINDS = ("outliers", "swapped balls", "missed contact", "extra contact", "other path")
+KINDS = ("outliers", "swapped balls", "missed contact", "extra contact", "other path", "several minima")
 """Rows far from the path; rows of a ball on the path of another; from a time on the track leaves the path of the model,
-because only the model has a contact ("missed contact"), only the track ("extra contact"), or for another reason."""
+because only the model has a contact ("missed contact"), only the track ("extra contact"), or for another reason; the
+rows do not decide between two starts ("several minima")."""
 
 CONTACTS = ("ball_ball", "cushion", "pocket")
 
@@ -25,7 +26,7 @@ _CLEAR = 4.0  # the change of a velocity that is a corner, over its standard dev
 
 
 class Problem(NamedTuple):
-    """Rows of a track that are reported, and not fitted.
+    """Rows of a track that are reported, and not fitted, or a start that the rows do not determine.
 
     Attributes:
         shot: Name of the shot.

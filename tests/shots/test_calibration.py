@@ -111,6 +111,49 @@ def test_overlapping_balls_and_balls_in_a_cushion_are_moved():
     assert np.abs(moved - start).max() < 0.05
 
 
+def test_spins_are_limited_to_those_that_a_cue_gives_unless_they_are_known():
+    start, known = np.zeros((2, 9)), np.full((2, 9), np.nan)
+    start[:, :4], start[:, 4:6] = [0.0, 0.0, 0.5, 0.0], [0.6, 0.8]
+    start[:, 6:] = 10.0, -500.0, 500.0
+    known[1, 6:] = start[1, 6:]
+    moved, fine = fit.allowed(SCENE, start, np.ones((2, 2), np.bool_), known)
+    most = 1.5 * 2.5 * 0.5 / SCENE.balls.radius[0]
+    assert fine.all()
+    assert moved[0, 6:] == pytest.approx([10.0, -most, most])
+    assert np.array_equal(moved[1], start[1])
+
+
+def two_shots():
+    """Returns a scene and tracks of shots without spin; the residuals have a second minimum at e_ball = 0.927."""
+    scene = Scene.named("pool", 1)
+    starts = [[[0.506, 0.196], [-1.069, 0.246]], [[1.192, -0.527], [-0.785, -0.474]]]
+    strikes = [[-2.239, 0.088], [-3.038, 0.045]]
+    given = [simulate(scene, places, v, record=True) for places, v in zip(starts, strikes, strict=True)]
+    return scene, [observed(f"{k}", shot, FRAMES, 0.002, seed=3700 + k) for k, shot in enumerate(given)]
+
+
+def test_the_best_of_several_minima_is_found():
+    scene, given = two_shots()
+    off = changed(scene, mu_slide=0.1847, mu_roll=0.0089, e_ball=0.99, e_cushion=0.7716)
+    found = calibrate(off, given)
+    assert found.problems == []
+    assert found.noise == pytest.approx(0.002, rel=0.1)
+    for name, (low, high) in found.intervals.items():
+        assert low < getattr(scene.physics, name) < high
+    assert (np.hypot(*found.spins.T) * scene.balls.radius[0] < 0.1 * np.hypot(*found.velocities.T)).all()
+
+
+def test_another_minimum_that_is_as_good_is_reported(monkeypatch):
+    scene, given = two_shots()
+    monkeypatch.setattr(fit, "CLEAR", 1e6)  # the other one counts as equally good
+    found = calibrate(scene, given)
+    several = [problem for problem in found.problems if problem.kind == "several minima"]
+    assert several
+    assert all("e_ball 0.92" in problem.text and "instead of 0.952" in problem.text for problem in several)
+    assert found.values["e_ball"] == pytest.approx(0.952, abs=1e-3)
+    assert "several minima: a side spin of " in str(found)
+
+
 def only(found, kind):
     assert {(problem.kind, problem.shot) for problem in found.problems} == {(kind, "1")}
     assert all(found.fitted[k].all() for k in (0, 2, 3))

@@ -49,7 +49,7 @@ def test_a_device_without_end_and_a_large_file_are_refused(tmp_path, monkeypatch
     monkeypatch.setattr(tracks, "MAX_BYTES", 100)
     path = tmp_path / "tracks.csv"
     path.write_bytes(bytes(101))
-    with pytest.raises(ValueError, match="tracks.csv: a file of more than 100 bytes"):
+    with pytest.raises(ValueError, match=r"tracks.csv: a file of more than 100 bytes"):
         read_tracks(path)
 
 
