@@ -13,7 +13,7 @@ REACH = 1.5
 """A pocket or a ball is under the mouse within this distance of its centre, over its radius."""
 
 SHOTS = 3_000
-"""The largest number of random shots to begin with. With 15 object balls they take a quarter of a second."""
+"""The largest number of random shots to begin with. Around a rack of 15 balls they take some seconds."""
 
 
 def pot_at(model: Model, point: Point) -> Pot | None:

@@ -33,6 +33,7 @@ SHOTS = 100_000
 
 _STARTS = 10  # shots that Newton's method begins with, in the first round; then a share of the random shots
 _SHARE = 0.05
+_MORE = 4  # rounds that follow a shot within the radius of a `Leave` that is not exact
 _ENOUGH = 4  # such shots, without the others
 _STEPS = 8  # of Newton's method
 _SHARES = np.array([1.0, 0.3])  # of a step that the line search tries
@@ -40,7 +41,9 @@ _GAIN = 0.8  # the largest distance after a step, over that before it
 _CLEAR = 0.002  # m; the margin that a step aims at
 _EXACT = 1e-10  # m; residual at which Newton's method ends
 _LONGEST = 0.3  # largest step, over the speed
+_LEAST_STEP = 1e-13  # the least one: rounding decides the outcome of a shot with larger derivatives
 _LEAST_SPEED = 0.05  # of the random shots, over the largest speed
+_RADIUS = Range(0.0, 1e4, "m")  # of a `Leave`
 _ROUND, _GROWTH = 800, 2  # number of random shots in the first round, and its growth
 _FAN, _FAN_SPEED = 240, 0.6  # shots in all directions, and their speed over the largest
 
@@ -195,11 +198,12 @@ def aim(
         seed: The seed of the random shots.
 
     Returns:
-        The shot and others. Without a `Leave`, the first one has the largest margins of its pots and touches.
+        The shot and others. Without a `Leave`, the first one has the largest margins of its pots and touches. With one,
+        it is the most exact one.
 
     Raises:
-        ValueError: If there is no goal, a ball or a pocket of a goal does not exist, or an argument of `simulate` is
-            invalid.
+        ValueError: If there is no goal, a ball of a goal is not in play, a pocket of a goal does not exist, or an
+            argument of `simulate` is invalid.
 
     Example:
         >>> from billiards_env import Scene
@@ -210,12 +214,13 @@ def aim(
     """
     problem = _checked(scene, positions, goals, max_speed, in_play)
     whole("shots", shots, Range(0, None))
-    rng, found = np.random.default_rng(seed), []
+    rng, found, more = np.random.default_rng(seed), [], _MORE
     for velocities in _starts(problem, shots, rng):
         starts = _STARTS if not found else max(_STARTS, int(_SHARE * len(velocities)))
         found.append(_solve(problem, _try(problem, velocities).best(starts)))
-        if found[-1].solved.any():
+        if (found[-1].solved & (found[-1].off <= _EXACT)).any() or more == 0:
             break
+        more -= any(tried.solved.any() for tried in found)
     tried = _Tried(*(np.concatenate(arrays) for arrays in zip(*found, strict=True)))
     order = np.lexsort((-_room(problem, tried), np.maximum(tried.off, _EXACT), tried.missed, ~tried.solved))
     best, others = order[0], order[1:][tried.solved[order[1:]]]
@@ -231,19 +236,25 @@ def _checked(
     n, given = scene.n_balls, tuple(goals) if isinstance(goals, Sequence) else (goals,)
     if not given or not all(isinstance(goal, Goal) for goal in given):
         raise ValueError(f"goals = {short(goals)}: expected goals such as Pot(1)")
+    playing = np.ones(n, bool) if in_play is None else np.array(in_play)
+    if playing.shape != (n,) or playing.dtype != bool or not playing[CUE_BALL]:
+        raise ValueError(f"in_play = {short(in_play)}: expected ({n},) bool, with the cue ball in play")
     for goal in given:
         name = type(goal).__name__
-        if not isinstance(goal, Cushions):
-            whole(f"{name}.ball", goal.ball, Range(0 if isinstance(goal, Leave) else 1, n - 1))
-        elif goal.before is not None:
-            whole(f"{name}.before", goal.before, Range(1, n - 1))
+        least, field = 0 if isinstance(goal, Leave) else 1, "before" if isinstance(goal, Cushions) else "ball"
+        ball = getattr(goal, field)
+        if (ball is not None or field == "ball") and not playing[whole(f"{name}.{field}", ball, Range(least, n - 1))]:
+            raise ValueError(f"{name}.{field} = {ball}: expected a ball in play")
+        if isinstance(goal, Cushions):
+            whole("Cushions.least", goal.least, Range(0, None))
         if isinstance(goal, Pot) and goal.pocket is not None:
-            whole(f"{name}.pocket", goal.pocket, Range(0, len(scene.table.pockets) - 1))
+            whole("Pot.pocket", goal.pocket, Range(0, len(scene.table.pockets) - 1))
         if isinstance(goal, Leave):
-            finite(f"{name}.position", goal.position, (2,))
-    places = shaped("positions", positions, (n, 2))
-    playing = np.ones(n, bool) if in_play is None else np.array(in_play, bool)
-    return _Problem(scene, places, playing, given, real("max_speed", max_speed, "max_speed"))
+            finite("Leave.position", goal.position, (2,))
+            real("Leave.radius", goal.radius, _RADIUS)
+    return _Problem(
+        scene, shaped("positions", positions, (n, 2)), playing, given, real("max_speed", max_speed, "max_speed")
+    )
 
 
 def _run(problem: _Problem, velocities: Floats, record: bool = False) -> BatchResult:
@@ -352,13 +363,15 @@ def _solve(problem: _Problem, tried: _Tried) -> _Tried:
         for rows, derive in ((missed == 0, _leave_rows), (missed > 0, _margin_rows)):
             if rows.any():
                 steps[rows] = _steps(*derive(problem, _run(problem, velocities[rows], record=True)))
-        steps = _shorten(steps, _LONGEST * np.hypot(*velocities.T))
+        speeds = np.hypot(*velocities.T)
+        steps = _shorten(steps, _LONGEST * speeds)
         moved = (velocities[:, None] + _SHARES[:, None] * steps[:, None]).reshape(-1, 2)
         after = _try(problem, _shorten(moved, problem.max_speed))
         ranks = np.where(after.missed == 0, after.off, 1e6 * after.missed).reshape(len(which), -1)
         best = ranks.argmin(axis=1)
         best += len(_SHARES) * np.arange(len(which))
         improves = (missed > 0) | ((after.missed[best] == 0) & (after.off[best] < _GAIN * tried.off[which]))
+        improves &= np.hypot(*steps.T) > _LEAST_STEP * speeds
         active[which[~improves]] = False
         for array, new in zip(tried, after, strict=True):
             array[which[improves]] = new[best[improves]]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from billiards_env.games import GameState, Setup
 from billiards_env.games.placement import cue_ball_area, cue_ball_point
+from billiards_env.players.budget import Budget
 from billiards_env.players.indirect import find_indirect
 from billiards_env.players.pots import DY, SPEED, TOLERANCE, Tables, find_pots
 from billiards_env.players.values import success
@@ -31,6 +32,7 @@ LEAST_CANDIDATES = 120
 
 _MOST_CANDIDATES = 4000
 _GEOMETRY = 0.7  # share of the candidates that are pots by geometry, if there are any
+_POT_TIME = 0.25  # share of the time for pots by geometry; then `indirect.TIME` for indirect pots
 _PUSH_OUTS = 0.3  # share of the other candidates that are push outs, if the rules offer one
 _LEAST_SHARE = 0.02  # share of a pot with tolerance 0, over that of a sure pot
 _PER_TIP, _PER_WAY = 3, 4  # candidates for each tip and legal ball, and for each indirect pot and ball on the table
@@ -75,9 +77,18 @@ def turn(vectors: Floats, angles: Floats) -> Floats:
 
 
 def candidates(
-    setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator, most: float, error: float, tips: Tips
+    setup: Setup,
+    game: GameState,
+    max_speed: float,
+    rng: np.random.Generator,
+    most: float,
+    error: float,
+    tips: Tips,
+    budget: Budget,
 ) -> Shots:
     """Returns candidates in random order, about `most`.
+
+    Geometry takes at most a share of the time of a budget.
 
     If `most` is less than `LEAST_CANDIDATES`, there are `LEAST_CANDIDATES` shots and no indirect pots, which would take
     the place of direct pots.
@@ -86,7 +97,7 @@ def candidates(
     places, legal = _places(setup, game, rng), len(setup.game_rules.legal(game.state, game.state.player))
     tips = tips[: max(1, count // (_PER_TIP * legal))]
     ways = count // (_PER_WAY * len(game.state.on_table)) if most >= count else 0
-    pots = None if game.state.break_shot else _pots(setup, game, places, max_speed, error, tips, ways)
+    pots = None if game.state.break_shot else _pots(setup, game, places, max_speed, error, tips, ways, budget)
     near = int(_GEOMETRY * count) if pots is not None else 0
     every = _anywhere(setup, game, places, count - near, max_speed, rng, tips)
     if pots is not None:
@@ -124,7 +135,14 @@ class _Pots(NamedTuple):
 
 
 def _pots(
-    setup: Setup, game: GameState, places: Floats, max_speed: float, error: float, tips: Tips, most: int
+    setup: Setup,
+    game: GameState,
+    places: Floats,
+    max_speed: float,
+    error: float,
+    tips: Tips,
+    most: int,
+    budget: Budget,
 ) -> _Pots | None:
     """Returns the pots of the legal balls, at most `most` of them indirect; None if there are none."""
     state, n = game.state, len(game.positions)
@@ -137,16 +155,19 @@ def _pots(
     tables = Tables(setup.scene, targets, positions, potted, max_speed, state.cue_balls[0])
     parts, many = [], targets.sum() > _MANY  # the banks of many balls take too long
     for tip, offset in enumerate(tips):
-        pots = find_pots(tables, most=12, offset=offset, banks=None if many else tip == 0)
-        place, k = np.nonzero(np.arange(pots.ball.shape[1]) < pots.count[:, None])
-        tolerance = pots.rows[place, k, TOLERANCE]
-        target = np.column_stack((pots.ball[place, k], pots.pocket[place, k]))
-        share = success(tolerance, error) + _LEAST_SHARE
-        parts.append((place, np.full(len(k), tip), target, pots.shots[place, k], tolerance, share))
+        for some in budget.pieces(len(places), _POT_TIME, first=tip == 0):
+            part = tables._replace(positions=positions[some], off_table=potted[some])
+            pots = find_pots(part, most=12, offset=offset, banks=None if many else tip == 0)
+            place, k = np.nonzero(np.arange(pots.ball.shape[1]) < pots.count[:, None])
+            tolerance = pots.rows[place, k, TOLERANCE]
+            target = np.column_stack((pots.ball[place, k], pots.pocket[place, k]))
+            share = success(tolerance, error) + _LEAST_SHARE
+            shots = pots.shots[place, k]
+            parts.append((some.start + place, np.full(len(k), tip), target, shots, tolerance, share))
     easiest = max((part[-1].max(initial=0.0) for part in parts), default=0.0)
     if state.in_hand == "no" and setup.mode == "pic" and easiest < _SURE and most:
         potted = np.arange(n) if setup.game_rules.pots_any else np.flatnonzero(targets)
-        ways = find_indirect(setup, game, potted, max_speed, most)
+        ways = find_indirect(setup, game, potted, max_speed, most, budget)
         pots = ways.target[:, 0] >= 0
         share = len(tips) * (pots * success(ways.tolerance, error) + _LEAST_SHARE)
         nothing = np.zeros(len(share), np.int64)

@@ -154,8 +154,8 @@ def situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
     )
     targets = np.flatnonzero(found.targets & ~found.off_table).tolist()
     goals = carom_goals(targets, cushions=setup.game_rules.cushions)
-    if setup.game_rules.pockets:
-        goals = tuple((FirstTouch(ball), Pot(ball)) for ball in targets)
+    if setup.game_rules.pockets:  # the pots of a break depend on rounding
+        goals = () if state.break_shot else tuple((FirstTouch(ball), Pot(ball)) for ball in targets)
     return found._replace(tried_first=full_hit(found)[None], goals=goals)
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from billiards_env.games import GameState, Setup
 from billiards_env.physics.state import CUE_BALL
+from billiards_env.players.budget import Budget
 from billiards_env.players.pots import DX, DY, SHOT_WIDTH, SPEED, SPEEDS
 from billiards_env.shots.gradients import margin_columns, margins_by_cue_ball
 from billiards_env.shots.simulation import simulate_batch
@@ -29,6 +30,10 @@ Ints = NDArray[np.int64]
 MOST = 12
 """The largest number of ways."""
 
+TIME = 0.4
+"""The share of the time of a budget after which no more ways are corrected."""
+
+_UNLIMITED = Budget()
 _CUE_SPEEDS = np.array([1.8, 3.2, 5.0])  # m/s
 _THICK = 0.25  # least cosine of the angle between the direction of a ball and the line of centres at its hit
 _GRAZE = 0.1  # the same where a ball glances off another one
@@ -72,7 +77,9 @@ class _Chains(NamedTuple):
     tolerance: Floats
 
 
-def find_indirect(setup: Setup, game: GameState, targets: Ints, max_speed: float, most: int = MOST) -> Ways:
+def find_indirect(
+    setup: Setup, game: GameState, targets: Ints, max_speed: float, most: int = MOST, budget: Budget = _UNLIMITED
+) -> Ways:
     """Returns the ways with the largest tolerance.
 
     Args:
@@ -81,6 +88,7 @@ def find_indirect(setup: Setup, game: GameState, targets: Ints, max_speed: float
         targets: The balls that may be potted.
         max_speed: Speed of the fastest shot, m/s.
         most: The largest number of ways, at most `MOST`.
+        budget: Corrections end when a share `TIME` of its time is used.
     """
     state, positions = game.state, game.positions
     on_table = np.array(sorted(state.object_balls))
@@ -94,7 +102,7 @@ def find_indirect(setup: Setup, game: GameState, targets: Ints, max_speed: float
     chains = _best(_joined([over_balls, kicks]), _CHECKED)
     far = _gaps(chains, positions[on_table], on_table) > reach
     within = (np.abs(chains.ends.reshape(-1, 6, 2)[:, :5]) <= room + 1e-6).all(axis=(1, 2))
-    return _corrected(setup, game, _best(_some(chains, far & within), min(most, MOST)), max_speed)
+    return _corrected(setup, game, _best(_some(chains, far & within), min(most, MOST)), max_speed, budget)
 
 
 def _best(chains: _Chains, most: int) -> _Chains:
@@ -212,7 +220,7 @@ def _gaps(chains: _Chains, balls: Floats, numbers: Ints) -> Floats:
     return np.where(spare, np.inf, gaps).min(axis=(1, 2), initial=np.inf)
 
 
-def _corrected(setup: Setup, game: GameState, chains: _Chains, max_speed: float) -> Ways:
+def _corrected(setup: Setup, game: GameState, chains: _Chains, max_speed: float, budget: Budget) -> Ways:
     """Returns the ways after Newton's method; those without success at any speed are left out."""
     scene, k, n = setup.scene, len(chains.target), len(game.positions)
     speeds = np.minimum(_CUE_SPEEDS, max_speed)
@@ -229,22 +237,22 @@ def _corrected(setup: Setup, game: GameState, chains: _Chains, max_speed: float)
     deepest = np.where(potted, np.array([p.radius for p in scene.table.pockets])[pocket], 2.0 * scene.balls.radius[0])
     wanted = np.zeros((n, margin_columns(scene)["cushion_margins"].stop), bool)
     wanted[row, column] = True
-    every, best = np.arange(len(chain)), np.full(len(chain), -np.inf)
-    kept, slopes = angles.copy(), np.ones(len(chain))
-    for _ in range(_STEPS):
-        velocities = speed[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
-        places = np.broadcast_to(game.positions, (len(chain), n, 2))
-        batch = simulate_batch(scene, places, velocities, in_play=in_play, record=True, threads=1)
-        margins, by = margins_by_cue_ball(batch._record("jacobian"), wanted)
-        margin, by = margins[every, row, column], by[every, :, row, column]
-        slope = -velocities[:, 1] * by[:, 0] + velocities[:, 0] * by[:, 1]
-        better = margin > best
-        best, kept, slopes = (
-            np.where(better, new, old) for new, old in ((margin, best), (angles, kept), (slope, slopes))
-        )
-        moves = np.isfinite(margin) & (np.abs(slope) > 1e-6)
-        step = np.where(moves, (deepest - margin) / np.where(moves, slope, 1.0), 0.0)
-        angles = kept + np.where(better, np.clip(step, -_LONGEST, _LONGEST), 0.0)
+    best, kept, slopes = np.full(len(chain), -np.inf), angles.copy(), np.ones(len(chain))
+    for some in budget.pieces(len(chain), TIME):
+        every = np.arange(some.stop - some.start)
+        for _ in range(_STEPS):
+            velocities = speed[some, None] * np.column_stack((np.cos(angles[some]), np.sin(angles[some])))
+            places = np.broadcast_to(game.positions, (len(every), n, 2))
+            batch = simulate_batch(scene, places, velocities, in_play=in_play, record=True, threads=1)
+            margins, by = margins_by_cue_ball(batch._record("jacobian"), wanted)
+            margin, by = margins[every, row[some], column[some]], by[every, :, row[some], column[some]]
+            slope = -velocities[:, 1] * by[:, 0] + velocities[:, 0] * by[:, 1]
+            better = margin > best[some]
+            for array, new in ((best, margin), (kept, angles[some]), (slopes, slope)):
+                array[some] = np.where(better, new, array[some])
+            moves = np.isfinite(margin) & (np.abs(slope) > 1e-6)
+            step = np.where(moves, (deepest[some] - margin) / np.where(moves, slope, 1.0), 0.0)
+            angles[some] = kept[some] + np.where(better, np.clip(step, -_LONGEST, _LONGEST), 0.0)
     works = (best > 0.0).reshape(k, -1)
     shots[:, : len(speeds), DX], shots[:, : len(speeds), DY] = (f(kept).reshape(k, -1) for f in (np.cos, np.sin))
     shots[:, : len(speeds), SPEED] = np.where(works, speeds, 0.0)

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import math
 import re
-import time
 from collections.abc import Callable
 from statistics import NormalDist
 from typing import NamedTuple
@@ -30,6 +29,7 @@ from billiards_env.checks import real
 from billiards_env.games import NO_CALL, Call, GameState, Setup, Stroke
 from billiards_env.games.batch import PlayedBatch, play_batch
 from billiards_env.players import run_outs
+from billiards_env.players.budget import Budget
 from billiards_env.players.candidates import LEAST_CANDIDATES, TIPS, Shots, candidates, turn
 from billiards_env.players.values import Values
 
@@ -44,7 +44,7 @@ FINALISTS = 4
 """The number of candidates that are left at the end of the selection."""
 
 _SHOTS_PER_CANDIDATE = 12  # budget over the number of first candidates
-_CHUNK = 20, 100  # least and largest number of shots without errors between two readings of the clock
+_CHUNK, _NOISY_CHUNK = (20, 100), (25, 1000)  # least and largest number of shots between two readings of the clock
 _RATE = 100_000  # shots in a second; a slower machine leaves some candidates out
 _KEPT = 0.25  # share of the candidates after the first simulation
 _LONGER = 4.0  # budget of a break over that of another shot
@@ -110,26 +110,6 @@ class Options(NamedTuple):
 _USUAL = Options()
 
 
-class Budget:
-    """The processor time or the number of simulated shots that a decision may use.
-
-    Attributes:
-        used: The number of shots that were simulated.
-    """
-
-    def __init__(self, seconds: float = math.inf, shots: float = math.inf) -> None:
-        """Starts the clock."""
-        self._begin, self._seconds, self._shots, self.used = time.thread_time(), seconds, shots, 0
-
-    @property
-    def left(self) -> float:
-        """The number of shots that can still be simulated, estimated from the time of the shots so far."""
-        if math.isinf(self._seconds):
-            return self._shots - self.used
-        taken = time.thread_time() - self._begin
-        return min(self._shots - self.used, (self._seconds - taken) * max(self.used, 1) / max(taken, 1e-6))
-
-
 def planner(setup: Setup, argument: str = "", noise: Noise = NOISE) -> Callable[..., Stroke]:
     """Returns a player for `players.game_player.find_player`.
 
@@ -182,7 +162,7 @@ def plan(
         game: Its state.
         max_speed: Speed of the fastest shot, m/s.
         rng: The generator to draw from.
-        seconds: Processor time of the decision, s; infinite for no limit.
+        seconds: Processor time of the decision, s; infinite for no limit. It is exceeded by the time of a few shots.
         shots: Number of shots to simulate; infinite for no limit.
         noise: Standard deviations of the direction, degrees, and of the speed, m/s.
         options: See `Options`.
@@ -197,8 +177,9 @@ def plan(
 
     count = min(shots, _RATE * seconds) / _SHOTS_PER_CANDIDATE
     tips = TIPS if options.english and setup.scene.physics.motion == "sliding" else TIPS[:1]
-    every = candidates(setup, game, max_speed, rng, count, errors[0], tips)
+    every = candidates(setup, game, max_speed, rng, count, errors[0], tips, budget)
 
+    budget.begin_shots()
     exact = _without_errors(search, every)
     alive = every.of(np.argsort(-exact, kind="stable")[: max(FINALISTS, int(_KEPT * len(exact)))])
 
@@ -298,8 +279,7 @@ def _without_errors(search: _Search, every: Shots) -> Floats:
     """Returns the values of the first candidates without errors, and sets the calls of random shots to their pots."""
     setup, game, budget, exact = search.setup, search.game, search.budget, np.empty(0)
     while len(exact) < len(every.velocities) and not (len(exact) and budget.left < 2 * budget.used):
-        chunk = int(np.clip(0.1 * budget.left, *_CHUNK))
-        part = every.of(slice(len(exact), len(exact) + chunk))
+        part = every.of(slice(len(exact), len(exact) + budget.chunk(0.1, *_CHUNK)))
         played = play_batch(setup, game, part.velocities, part.spins, part.places, threads=1)
         budget.used += len(part.velocities)
         _set_targets(setup, game, part.targets, played)
@@ -320,7 +300,7 @@ def _sample(search: _Search, shots: Shots, samples: int) -> tuple[Sums, Floats]:
     found, kept = np.full(k * samples, np.nan), np.zeros(k * samples)
     end = 0
     while end < k * samples and (end == 0 or budget.left > 0):
-        some = slice(end, end + int(np.clip(0.25 * budget.left, 25, 1000)))
+        some = slice(end, end + budget.chunk(0.25, *_NOISY_CHUNK))
         end = some.stop
         played = play_batch(
             setup, game, velocities[some], spins[some], part.places[some], part.targets[some], threads=1

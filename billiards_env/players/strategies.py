@@ -39,7 +39,10 @@ FINALISTS, REPEATS = 16, 16
 
 
 AIM_SHOTS = 3_000
-"""The largest number of random shots with which "aim" begins."""
+"""The largest number of random shots with which "aim" begins, for each way to score."""
+
+AIM_WAYS = 2
+"""With more ways to score than this, "aim" begins with the shots by geometry alone."""
 
 
 class Situation(NamedTuple):
@@ -134,6 +137,7 @@ def aim(situation: Situation, rng: np.random.Generator, noise: tuple[float, floa
     Of the shots with the highest rating the first one has the largest margins.
     """
     found = [np.empty((0, situation.action_size))]
+    shots = AIM_SHOTS if len(situation.goals) <= AIM_WAYS else 0
     for goals in situation.goals if situation.cue == 0 else ():
         aimed = aim_at(
             situation.scene,
@@ -141,7 +145,7 @@ def aim(situation: Situation, rng: np.random.Generator, noise: tuple[float, floa
             goals,
             max_speed=situation.max_speed,
             in_play=~situation.off_table,
-            shots=AIM_SHOTS,
+            shots=shots,
         )
         if aimed.solved:
             velocities = np.concatenate((aimed.velocity[None], aimed.alternatives))

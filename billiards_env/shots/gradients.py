@@ -375,18 +375,30 @@ def _cue_ball_inputs(record: Record) -> Floats:
     return inputs
 
 
+_LARGEST = 1e12  # m per m/s; the rounding of the velocity then moves a ball by about 1 mm
+
+
+def _limited(slopes: Floats) -> Floats:
+    """Returns derivatives of at most `_LARGEST`, which also replaces those that are not numbers.
+
+    Derivatives grow with each impact, and overflow after thousands of impacts, as in a rack.
+    """
+    return np.clip(np.where(np.isnan(slopes), _LARGEST, slopes), -_LARGEST, _LARGEST)
+
+
 def rest_by_cue_ball(record: Record) -> Floats:
-    """Returns the derivatives (m, 2, n, 2) of the positions at the end by the velocity of the cue ball."""
-    return _push(record, record.time[:, None], _cue_ball_inputs(record), 0, 1)[0][:, 0, :, :, :2]
+    """Returns the derivatives (m, 2, n, 2) of the positions at the end by the cue ball's velocity, see `_limited`."""
+    return _limited(_push(record, record.time[:, None], _cue_ball_inputs(record), 0, 1)[0][:, 0, :, :, :2])
 
 
 def margins_by_cue_ball(record: Record, wanted: NDArray[np.bool_]) -> tuple[Floats, Floats]:
     """Returns margins (m, n, q) of balls to the balls, pockets and cushions, and their derivatives (m, 2, n, q).
 
-    The derivatives are those by the velocity of the cue ball. Only the margins `wanted` (n, q) are computed.
+    The derivatives are those by the velocity of the cue ball, see `_limited`. Only the margins `wanted` (n, q) are
+    computed.
     """
     margins, _, slopes = _push_margins(record, record.time, _cue_ball_inputs(record), wanted, 1)
-    return margins, slopes
+    return margins, _limited(slopes)
 
 
 def states_by_errors(record: Record, times: Floats) -> Floats:

@@ -6,8 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate
+from billiards_env.games import opening
 from billiards_env.players.aim import Cushions, FirstTouch, Leave, Pot, Touch, aim
 from billiards_env.scene import layouts
+from tests.helpers.games import setup
 
 POOL, CAROM = Scene.named("pool", 1), Scene.named("carom", 2)
 PLACES = [[-0.6, 0.0], [0.6, 0.3]]
@@ -83,6 +85,37 @@ def test_a_ball_that_is_not_in_play_is_not_touched():
     assert np.hypot(*np.array(found.shot.at(0.0)[2])) > 0
 
 
+@pytest.mark.parametrize("goal", [Pot(1), Touch(1), FirstTouch(1), Leave((0.0, 0.0), ball=1), Cushions(1, before=1)])
+def test_a_ball_of_a_goal_has_to_be_in_play(goal):
+    with pytest.raises(ValueError, match=r" = 1: expected a ball in play"):
+        aim(POOL, PLACES, goal, in_play=[True, False])
+    for in_play in ([False, True], [True], [1, 1]):
+        with pytest.raises(ValueError, match=r"in_play = .*: expected \(2,\) bool, with the cue ball in play"):
+            aim(POOL, PLACES, goal, in_play=in_play)
+
+
+def test_a_ball_of_a_rack_is_aimed_at():
+    """The derivatives of some of these shots overflow."""
+    game = setup("eight_ball")
+    places = opening(game, np.random.default_rng(101)).positions
+    found = aim(game.scene, places, [FirstTouch(8), Pot(8)], max_speed=6.0, shots=100)
+    assert not found.solved
+    assert np.isfinite(found.velocity).all()
+
+
+def test_the_search_goes_on_after_a_shot_that_is_not_exact(monkeypatch):
+    def rounds(*_):
+        monkeypatch.setattr("billiards_env.players.aim._STEPS", 0)  # this round ends within the radius
+        yield np.array([[3.404, 0.815]])
+        monkeypatch.setattr("billiards_env.players.aim._STEPS", 8)
+        yield np.array([[3.4, 0.81]])
+
+    monkeypatch.setattr("billiards_env.players.aim._starts", rounds)
+    found = aim(POOL, PLACES, [Pot(1, 3), Leave((0.5, -0.3))])
+    assert found.residual < 1e-9
+    assert len(found.alternatives) == 1
+
+
 def test_equal_arguments_give_equal_bits():
     goals = [Pot(1, 0), Leave((0.2, 0.1))]
     first, second = (aim(POOL, PLACES, goals, seed=4, shots=2_000) for _ in range(2))
@@ -99,6 +132,9 @@ def test_equal_arguments_give_equal_bits():
         (Pot(1, 6), r"Pot.pocket = 6: expected a whole number from 0 to 5"),
         ([Cushions(3, before=5)], r"Cushions.before = 5: expected"),
         (Leave((np.nan, 0.0)), r"Leave.position = \[nan, 0.0\]: expected"),
+        (Leave((0.0, 0.0), radius=-0.1), r"Leave.radius = -0.1: expected a number from 0 to 10000 m"),
+        ([Cushions(-1)], r"Cushions.least = -1: expected a whole number >= 0"),
+        (Pot(None), r"Pot.ball = None: expected a whole number"),  # pyright: ignore[reportArgumentType]
         (Touch(0), r"Touch.ball = 0: expected a whole number from 1 to 1"),
     ],
 )

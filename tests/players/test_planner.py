@@ -1,13 +1,15 @@
 """The planner plays every game, keeps its budget, knows the noise and plans a good leave."""
 
 import time
+import types
 
 import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.games import RULES, Setup, custom_opening, opening, play
+from billiards_env.games import RULES, GameState, Setup, custom_opening, opening, play
 from billiards_env.games.batch import play_batch
+from billiards_env.players import candidates, indirect, planner
 from billiards_env.players.candidates import TIPS, _with_spin
 from billiards_env.players.game_player import find_player
 from billiards_env.players.planner import Options, _errors, parse_budget, plan, with_errors
@@ -45,13 +47,34 @@ def test_the_time_of_a_decision_is_kept():
     assert 0.15 < time.thread_time() - begin < 0.4
 
 
-def test_a_short_decision_in_snooker_keeps_its_time():
-    game = setup("snooker")
-    table = opening(game, RNG(3), "random")
-    plan(game, table, 6.0, RNG(0), shots=1500)  # compiles
-    begin = time.thread_time()
-    plan(game, table, 6.0, RNG(0), seconds=0.1)
-    assert time.thread_time() - begin < 0.2
+@pytest.mark.parametrize("rules", ["snooker", "eight_ball"])
+def test_slow_shots_keep_the_time_of_a_decision(rules, monkeypatch):
+    """The clock of this test counts work: 2 ms for a shot, 20 ms with its derivatives, 3 ms for the pots of a place."""
+    now = 0.0
+
+    def timed(module, name, seconds, count):
+        function = getattr(module, name)
+
+        def slow(*args, **kwargs):
+            nonlocal now
+            now += seconds * count(*args)
+            return function(*args, **kwargs)
+
+        monkeypatch.setattr(module, name, slow)
+
+    monkeypatch.setattr("billiards_env.players.budget.time", types.SimpleNamespace(thread_time=lambda: now))
+    timed(planner, "play_batch", 0.002, lambda setup, game, velocities, *_: len(velocities))
+    timed(indirect, "simulate_batch", 0.02, lambda scene, places, velocities: len(velocities))
+    timed(candidates, "find_pots", 0.003, lambda tables: len(tables.positions))
+    game = setup(rules)
+    table = opening(game, RNG(1), "random")
+    in_hand = GameState(table.positions, table.state._replace(in_hand="behind"))
+    for seconds in (0.02, 0.2, 1.0):
+        for start in (table, in_hand):
+            now = 0.0
+            planner.plan(game, start, 6.0, RNG(0), seconds=seconds)
+            assert now < 1.1 * seconds + 0.07
+            assert now > 0.8 * seconds
 
 
 def snookered(choices):
