@@ -184,10 +184,11 @@ def test_pot_margins_of_a_ball_that_is_off_the_table():
 
 
 def test_pot_margins_of_other_shots_are_refused():
-    for arguments, text in (
-        ({"action": "strike"}, r"env\.action = 'strike': expected 'velocity'"),
-        ({"mode": "pit", "dt": 0.01}, r"env\.mode = 'pit': expected 'pic'"),
+    strikes = gym.make("billiards_env:Billiards-v0", action="strike")
+    pit = gym.make("billiards_env:Billiards-v0", mode="pit", dt=0.01)
+    for env, text in (
+        (strikes, r"env\.action = 'strike': expected 'velocity'"),
+        (pit, r"env\.mode = 'pit': expected 'pic'"),
     ):
-        env = gym.make("billiards_env:Billiards-v0", **arguments)
         with pytest.raises(ValueError, match=text):
             pot_margins(env, torch.zeros(1, 2, 2), torch.zeros(1, 2))

@@ -33,7 +33,6 @@ SHOTS = 100_000
 
 _STARTS = 10  # shots that Newton's method begins with, in the first round; then a share of the random shots
 _SHARE = 0.05
-_MORE = 4  # rounds that follow a shot within the radius of a `Leave` that is not exact
 _ENOUGH = 4  # such shots, without the others
 _STEPS = 8  # of Newton's method
 _SHARES = np.array([1.0, 0.3])  # of a step that the line search tries
@@ -72,7 +71,8 @@ class Leave:
 
     Attributes:
         position: x and y, m.
-        radius: Largest distance from the point, m.
+        radius: Largest distance from the point, m. The shot is usually much nearer. With a small radius, such as 1e-9,
+            the search goes on until it is exact up to rounding.
         ball: The ball.
     """
 
@@ -214,13 +214,12 @@ def aim(
     """
     problem = _checked(scene, positions, goals, max_speed, in_play)
     whole("shots", shots, Range(0, None))
-    rng, found, more = np.random.default_rng(seed), [], _MORE
+    rng, found = np.random.default_rng(seed), []
     for velocities in _starts(problem, shots, rng):
         starts = _STARTS if not found else max(_STARTS, int(_SHARE * len(velocities)))
         found.append(_solve(problem, _try(problem, velocities).best(starts)))
-        if (found[-1].solved & (found[-1].off <= _EXACT)).any() or more == 0:
+        if found[-1].solved.any():
             break
-        more -= any(tried.solved.any() for tried in found)
     tried = _Tried(*(np.concatenate(arrays) for arrays in zip(*found, strict=True)))
     order = np.lexsort((-_room(problem, tried), np.maximum(tried.off, _EXACT), tried.missed, ~tried.solved))
     best, others = order[0], order[1:][tried.solved[order[1:]]]
