@@ -50,7 +50,7 @@ def test_a_potted_cue_ball_is_no_success():
         ({"side": [0.0], "angle": [0.0]}, {}, "parameter of a strike = 'angle'"),
         ({"side": [0.0], "top": [0.0]}, {"top": 0.1}, "top = 0.1: expected only one of the value and the grid"),
         ({"side": [0.0], "top": [[0.0]]}, {}, r"grid\['top'\] has shape \(1, 1\): expected a row of numbers"),
-        ({"side": [0.0], "top": [0.0]}, {"ball": 2}, "ball = 2: expected a whole number from 1 to 1"),
+        ({"side": [0.0], "top": [0.0]}, {"ball": 2}, "ball = 2: expected 1"),
     ],
 )
 def test_bad_arguments_are_rejected(grid, given, message):
