@@ -6,7 +6,8 @@ BIN := .venv/bin
 INSTALLED := .venv/.installed-$(VERSION)
 POOLTOOL := .venv-pooltool/.installed
 RLLIB := .venv-rllib/.installed
-PYTHONS := 3.10 3.11 3.12 3.13
+TOOLS := .venv-tools/.installed
+PYTHONS := 3.10 3.11 3.12 3.13 3.14 3.15
 CORE := tests/shots/test_result.py tests/engine/test_reference.py tests/shots/test_batch.py tests/envs/test_billiards.py tests/envs/test_tasks.py tests/test_main.py
 ARGS ?= --players human,search:20
 # make results ADDRESS=auto: a Ray cluster does the work of results and study.
@@ -15,7 +16,7 @@ SPREAD := $(if $(ADDRESS),--address $(ADDRESS))
 WORK := $(if $(ADDRESS),.venv-rllib/bin,$(BIN))
 WORKS := $(if $(ADDRESS),$(RLLIB),$(INSTALLED))
 
-.PHONY: help train play test pythons docs dist ci smoke stress lint bench results study rllib figures format clean
+.PHONY: help train play test pythons tools docs dist ci smoke stress lint bench results study rllib figures format clean
 
 help:  ## show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -30,12 +31,15 @@ play: $(INSTALLED)  ## play against the computer in a window, e.g. make play ARG
 test: lint  ## lint, type check, then run the fast tests and the doctests
 	$(BIN)/pytest -n 2 --dist worksteal -q
 
-pythons:  ## test the core (shots, batches, the environment, commands) on each installed Python from 3.10 to 3.13
+pythons:  ## test the core (shots, batches, the environment, commands) on each installed Python from 3.10 to 3.15
 	@for v in $(PYTHONS); do \
 	    if ! python$$v -c '' 2>/dev/null; then ran="$$ran\n$$v is not installed"; continue; fi; \
 	    make --no-print-directory .venv-$$v/.installed && .venv-$$v/bin/pytest -n 2 -q $(CORE) \
 	        && ran="$$ran\n$$v passed" || { ran="$$ran\n$$v failed"; failed=1; }; \
 	done; printf "$(CORE) on$$ran\n"; [ -z "$$failed" ]
+
+tools: $(TOOLS)  ## test the integrations with TorchRL, Minari and Optuna, which are installed in .venv-tools
+	.venv-tools/bin/pytest -q -m tools tests
 
 docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
@@ -43,7 +47,7 @@ docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, war
 dist: $(INSTALLED)  ## build the source archive and the wheel in dist/, and try the wheel in an empty environment
 	$(BIN)/python -m release.dist --results build/dist.json
 
-ci: test pythons docs smoke dist  ## run the steps of .github/workflows/ci.yml locally
+ci: test pythons tools docs smoke dist  ## run the steps of .github/workflows/ci.yml locally
 
 smoke: $(INSTALLED)  ## run short benchmarks, to check that they work
 	$(BIN)/python -m benchmarks.speed --repeats 1 --output build/speed.json
@@ -111,7 +115,7 @@ format: $(INSTALLED)  ## format the code in place
 	$(BIN)/ruff format .
 
 clean:  ## remove the virtual environment, builds and caches; trained runs stay
-	rm -rf .venv .venv-3.* .venv-pooltool .venv-rllib build dist site *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv .venv-3.* .venv-pooltool .venv-rllib .venv-tools build dist site *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Runs if .venv is missing or incomplete, or if its Python or the list of packages changes. It starts from an empty .venv.
@@ -140,6 +144,11 @@ $(RLLIB): pyproject.toml constraints.txt constraints-rllib.txt
 	$(PYTHON) -m venv --clear .venv-rllib
 	grep -v '^gymnasium==' constraints.txt | cat - constraints-rllib.txt > .venv-rllib/constraints.txt
 	.venv-rllib/bin/pip install --quiet -c .venv-rllib/constraints.txt -e '.[train,render,plot,multi,calibrate,dev,rllib]'
+	touch $@
+
+$(TOOLS): pyproject.toml constraints.txt
+	$(PYTHON) -m venv --clear .venv-tools
+	.venv-tools/bin/pip install --quiet -c constraints.txt -e '.[train,render,multi,dev,tools]'
 	touch $@
 
 # pooltool needs other versions of numba and llvmlite than this package.

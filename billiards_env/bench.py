@@ -168,7 +168,7 @@ def replay(
         if len(wrong):
             state = "is over" if over[wrong[0]] else "is not over"
             raise ValueError(f"episode {wrong[0]} of {task} {state} after {k + 1} of its {shots[wrong[0]]} shots")
-        times, ended = infos.get("shot_time", np.zeros(m)), playing & over
+        times, ended = infos["shot_time"], playing & over
         if ended.any():
             final = infos["final_info"]
             success[ended] = final["is_success"][ended]

@@ -137,8 +137,8 @@ def real(name: str, value: Any, within: str | Range | None = None) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise TypeError(f"{name} = {short(value)}: expected a number, not {type(value).__name__}")
     if not fits(value, _FINITE if within is None else within):
-        expected = "finite number" if within is None else f"number {_bounds(within)}"
-        raise ValueError(f"{name} = {short(value)}: expected a {expected}")
+        expected = "a finite number" if within is None else _expected("number", within)
+        raise ValueError(f"{name} = {short(value)}: expected {expected}")
     return float(value)
 
 
@@ -164,7 +164,7 @@ def whole(name: str, value: Any, within: str | Range) -> int:
     least, most, _, _ = RANGES[within] if isinstance(within, str) else within
     is_whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     if not is_whole or value < least or (most is not None and value > most):
-        raise ValueError(f"{name} = {short(value)}: expected a whole number {_bounds(within)}")
+        raise ValueError(f"{name} = {short(value)}: expected {_expected('whole number', within)}")
     return int(value)
 
 
@@ -304,10 +304,13 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _FINITE = Range(-sys.float_info.max, sys.float_info.max)
 
 
-def _bounds(within: str | Range) -> str:
-    """Returns the text of a range."""
+def _expected(kind: str, within: str | Range) -> str:
+    """Returns the text of the numbers of a range: a kind of number and its bounds, or its only number."""
     least, most, unit, _ = RANGES[within] if isinstance(within, str) else within
-    text = f">= {_text(least)}" if most is None else f"from {_text(least)} to {_text(most)}"
+    if least == most:
+        text = _text(least)
+    else:
+        text = f"a {kind} " + (f">= {_text(least)}" if most is None else f"from {_text(least)} to {_text(most)}")
     return text + (unit if unit.startswith(",") or not unit else f" {unit}")
 
 

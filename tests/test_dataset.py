@@ -1,7 +1,6 @@
 """Datasets of Minari. Errors in the arguments do not need Minari."""
 
 import importlib
-import importlib.util
 
 import gymnasium as gym
 import numpy as np
@@ -9,10 +8,6 @@ import pytest
 
 from billiards_env import dataset
 from billiards_env.__main__ import main
-
-needs_minari = pytest.mark.skipif(
-    not all(map(importlib.util.find_spec, ("minari", "h5py"))), reason="needs the extra data"
-)
 
 
 @pytest.mark.parametrize(
@@ -72,7 +67,7 @@ def test_without_minari_the_extra_is_named(monkeypatch):
         dataset.write("Pot1-v0", "random", 1)
 
 
-@needs_minari
+@pytest.mark.tools
 def test_a_dataset_has_the_episodes_and_makes_their_environment(monkeypatch, tmp_path, capsys):
     minari = importlib.import_module("minari")
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))

@@ -16,7 +16,7 @@ from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parent.parent
 METADATA = importlib.metadata.metadata("billiards-env")
-TRIED = ("3.10.13", "3.11.7", "3.12.1", "3.13.0")
+TRIED = ("3.10.13", "3.11.7", "3.12.1", "3.13.0", "3.14.10", "3.15.2")
 EXTRAS = METADATA.get_all("Provides-Extra") or []
 
 needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="no make on the PATH")

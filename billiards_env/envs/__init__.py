@@ -1,7 +1,8 @@
 """The Gymnasium environment `Billiards-v0`: the environments, their tasks, wrappers and rendering."""
 
+from billiards_env.engine import STATUS
 from billiards_env.envs.billiards import BilliardsEnv
 from billiards_env.envs.rendering import RecordVideo
 from billiards_env.envs.vector import BilliardsVectorEnv
 
-__all__ = ["BilliardsEnv", "BilliardsVectorEnv", "RecordVideo"]
+__all__ = ["STATUS", "BilliardsEnv", "BilliardsVectorEnv", "RecordVideo"]

@@ -17,7 +17,7 @@ from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS, check_action
 from billiards_env.envs.arguments import check_options, check_randomize, json_spec, make_scene
 from billiards_env.envs.episodes import Episodes
-from billiards_env.envs.info import info_arrays, single_info, single_physics
+from billiards_env.envs.info import info_arrays, single_info
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.tasks import TASKS, task_targets
 from billiards_env.scene import Scene, layouts
@@ -169,31 +169,33 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Info
 
-    `reset` returns an empty dictionary, and with `randomize` the numbers of the episode by name (float). `step` returns
-    these keys, and these numbers:
+    `reset` and `step` return the same keys. The numbers are NumPy scalars:
 
-    | Key          | Type       | Description                                              |
-    |--------------|------------|----------------------------------------------------------|
-    | `shot_time`  | float      | duration of the shot, s                                  |
-    | `n_events`   | int        | number of events in the shot                             |
-    | `status`     | str        | reason for the end of the shot, usually `"rest"`         |
-    | `first_hit`  | int        | the first ball that the cue ball touched, -1 if none     |
-    | `cushions`   | (n,) int32 | number of cushion contacts of each ball in the shot      |
-    | `potted`     | (n,) bool  | balls off the table after the shot                       |
-    | `scratch`    | bool       | whether the cue ball was potted                          |
-    | `points`     | int        | points of the shot                                       |
-    | `score`      | int        | points of the episode up to now                          |
-    | `shots_left` | int        | number of shots left in the episode                      |
-    | `is_success` | bool       | whether the task was achieved in the episode             |
-    | `miscue`     | bool       | whether the tip slipped; only with `action="strike"`     |
+    | Key           | Type       | Description                                              | After `reset` |
+    |---------------|------------|----------------------------------------------------------|---------------|
+    | `shot_time`   | float64    | duration of the shot, s                                  | 0             |
+    | `n_events`    | int64      | number of events in the shot                             | 0             |
+    | `status_code` | int64      | reason for the end of the shot, usually 0, see below     | 0             |
+    | `first_hit`   | int64      | the first ball that the cue ball touched, -1 if none     | -1            |
+    | `cushions`    | (n,) int32 | number of cushion contacts of each ball in the shot      | 0             |
+    | `potted`      | (n,) bool  | balls off the table after the shot                       | False         |
+    | `scratch`     | bool       | whether the cue ball was potted                          | False         |
+    | `points`      | int64      | points of the shot                                       | 0             |
+    | `score`       | int64      | points of the episode up to now                          | 0             |
+    | `shots_left`  | int64      | number of shots left in the episode                      | `max_shots`   |
+    | `is_success`  | bool       | whether the task was achieved in the episode             | False         |
+    | `miscue`      | bool       | whether the tip slipped; only with `action="strike"`     | False         |
+
+    With `randomize` the info also has the numbers of the episode by name (float64).
 
     Stable-Baselines3 logs `is_success`. The task `"pot"` is achieved if all object balls are potted and the cue ball is
     not. A run-out is achieved if the nine ball or the eight ball is potted without a foul when it may be potted. The
     other tasks are achieved if the score is at least 1.
 
-    The status is `"rest"`, or `"max_time"` if the shot reached the time limit of the scene. It is `"event_limit"` or
-    `"step_limit"` if the engine ended the shot at its limit on events or timesteps. In this case `step` also issues a
-    `RuntimeWarning`. Ordinary shots are far below these limits.
+    `billiards_env.envs.STATUS[info["status_code"]]` is the name of the status: `"rest"` (0), or `"max_time"` (1) if the
+    shot reached the time limit of the scene. It is `"event_limit"` (2) or `"step_limit"` (3) if the engine ended the
+    shot at its limit on events or timesteps. In this case `step` also issues a `RuntimeWarning`. Ordinary shots are far
+    below these limits.
 
     ## Arguments
 
@@ -202,8 +204,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     >>> env = gym.make("billiards_env:Billiards-v0", n_object_balls=2, max_shots=3)
     >>> observation, info = env.reset(seed=0)
     >>> observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
-    >>> observation.shape, info["shots_left"], info["status"]
-    ((6,), 2, 'rest')
+    >>> observation.shape, info["shots_left"].item(), info["status_code"].item()
+    ((6,), 2, 0)
 
     ```
 
@@ -310,7 +312,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._renderer = None if render_mode is None else Renderer(self.scene, render_mode)
 
         self._episodes = Episodes(1, self, 0 if self._renderer is None else 1)
-        self._info = info_arrays(self._episodes)
+        self._info, self._start = info_arrays(self._episodes)
         arrays = self._episodes.arrays
         coordinates = 2 * (self.scene.n_balls + arrays.goals.shape[1])
         flags = max(arrays.legal_balls.shape[1] - 1, 0) + self.observe_shots_left
@@ -369,7 +371,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
                 with a goal, and "physics": numbers of `randomize` by name. The rest of the starting state is drawn.
 
         Returns:
-            The observation, and an info with the numbers of `randomize` alone.
+            The observation and the info, see the class.
 
         Raises:
             ValueError: If an option is unknown, or a position or the goal is impossible.
@@ -390,7 +392,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         episodes.begin(0, 1, _ONE, observations)
         if self._renderer is not None:
             self._renderer.begin([drawn_layout(episodes, 0)])
-        return observations[0], single_physics(self._info)
+        return observations[0], single_info(self._start)
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Plays one shot.

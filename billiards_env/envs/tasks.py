@@ -229,7 +229,7 @@ class Task:
         goal_radius: m. Largest distance from the goal at which the cue ball may come to rest; 0 for a task without a
             goal.
         pots_any_ball: Whether it is achieved by potting object balls, of which all are legal. The head "pots" of
-            `agents` can then play it.
+            `billiards_env.sb3` can then play it.
         opening: For a run-out, in which the cue ball may touch only some balls first: the legal balls of the first
             shot, as a set of balls. 0 for other tasks.
         breaks: The layouts whose first shot is a break with the legal balls `break_opening`.

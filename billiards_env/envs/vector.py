@@ -18,11 +18,14 @@ from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.arguments import check_options, json_spec
 from billiards_env.envs.arrays import TALLY
 from billiards_env.envs.billiards import BilliardsEnv
-from billiards_env.envs.info import copied_info, copied_physics, info_arrays, masked_info
+from billiards_env.envs.info import copied_info, info_arrays, masked_info, with_starts
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.jit import streams
 
 Bools = NDArray[np.bool_]
+
+_OF_EACH = {"positions", "potted", "goals", "legal_balls", "np_random", "np_random_seed"}
+"""The attributes of `BilliardsVectorEnv` with one entry per environment."""
 
 
 class _NamesItsAdapter(type):
@@ -37,7 +40,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
     `gym.make_vec("Billiards-v0", num_envs)` returns this environment. Its results, including the infos, equal those of
     Gymnasium's `SyncVectorEnv` with `num_envs` environments of the class `BilliardsEnv` and the same autoreset mode,
-    bit for bit.
+    bit for bit. Only the type of `scratch`, `is_success` and `miscue` differs: `SyncVectorEnv` returns these bools as
+    objects.
 
     ## Reset
 
@@ -63,8 +67,9 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     - `"Disabled"`: the environment has to be reset with `reset_mask` before the next `step`.
 
     The default of Gymnasium's own vector environments is `"NextStep"`. In this mode every second step of an environment
-    with `max_shots=1` is a reset, which plays no shot, and a training loop has to leave these steps out. Some of
-    Gymnasium's wrappers of observations, such as `NormalizeObservation`, accept only `"NextStep"`.
+    with `max_shots=1` is a reset, which plays no shot, and a training loop has to leave these steps out. Gymnasium's
+    wrappers of observations, such as `NormalizeObservation`, do not accept `"SameStep"`, and before Gymnasium 1.4
+    `RecordEpisodeStatistics` and `NormalizeReward` return wrong numbers with it.
 
     ## Arguments
 
@@ -73,8 +78,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     >>> envs = gym.make_vec("billiards_env:Billiards-v0", num_envs=3)
     >>> observations, infos = envs.reset(seed=0)
     >>> observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
-    >>> observations.shape, infos["final_info"]["status"].tolist()
-    ((3, 4), ['rest', 'rest', 'rest'])
+    >>> observations.shape, infos["final_info"]["status_code"].tolist()
+    ((3, 4), [0, 0, 0])
 
     ```
 
@@ -117,6 +122,9 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if not isinstance(autoreset_mode, AutoresetMode):
             one_of("autoreset_mode", autoreset_mode, tuple(mode.value for mode in AutoresetMode))
         self.autoreset_mode = AutoresetMode(autoreset_mode)
+        if "max_episode_steps" in arguments:
+            steps = short(arguments["max_episode_steps"])
+            raise ValueError(f"max_episode_steps = {steps}: expected max_shots, one step is one shot")
         self.threads = None if threads is None else whole("threads", threads, "threads")
         self.single_env = env = BilliardsEnv(**arguments)
         self.render_mode = env.render_mode
@@ -130,7 +138,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
         self._n_shown = 0 if self._renderer is None else self._renderer.n_shown
         self._episodes = env.episodes(self.num_envs, self._n_shown)
-        self._info = info_arrays(self._episodes)
+        self._info, self._starts = info_arrays(self._episodes)
         self._tally = [getattr(self._episodes.arrays, name) for name in TALLY]
         self._streams = np.zeros((self.num_envs, 4), np.uint64)
         self._seeds = [-1] * self.num_envs  # -1: not seeded yet
@@ -170,6 +178,47 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     def legal_balls(self) -> Bools:
         """(num_envs, n) balls that the cue ball may touch first in a run-out, a copy; (num_envs, 0) in other tasks."""
         return self._episodes.arrays.legal_balls.copy()
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """Returns an attribute of each environment, as `SyncVectorEnv.get_attr` does.
+
+        Raises:
+            AttributeError: If a `BilliardsEnv` has no such attribute.
+        """
+        if name == "episode_scene":
+            return tuple(self._episodes.scene_and_engine(k)[0] for k in range(self.num_envs))
+        if name in _OF_EACH:
+            return tuple(getattr(self, name))
+        return (getattr(self.single_env, name),) * self.num_envs
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Sets an attribute of all environments.
+
+        Args:
+            name: The name of an attribute of `BilliardsEnv`.
+            values: A value, or a list or tuple with the same value for each environment: they are one object.
+
+        Raises:
+            ValueError: If the values differ.
+        """
+        values = list(values) if isinstance(values, (list, tuple)) else [values] * self.num_envs
+        if len(values) != self.num_envs or any(value is not values[0] for value in values):
+            raise ValueError(f"{name} = {short(values)}: expected one value for all {self.num_envs} environments")
+        setattr(self.single_env, name, values[0])
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Returns the results of a method of each environment, as `SyncVectorEnv.call` does.
+
+        Raises:
+            ValueError: If the method changes an environment.
+        """
+        if name in ("reset", "step", "close", "set_wrapper_attr"):
+            raise ValueError(f"call({name!r}): expected the method of the vector environment, or set_attr")
+        if name == "render":
+            return self.render() or (None,) * self.num_envs
+        if name == "get_wrapper_attr":
+            return self.get_attr(*args, **kwargs)
+        return (getattr(self.single_env, name)(*args, **kwargs),) * self.num_envs
 
     def reset(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -225,7 +274,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self._begun |= mask
         if self._renderer is not None:
             self._renderer.begin([drawn_layout(episodes, k) for k in range(self._n_shown)])
-        return observations, masked_info(copied_physics(self._info), mask)
+        return observations, masked_info(copied_info(self._starts), mask)
 
     def step(self, actions: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float64], Bools, Bools, dict[str, Any]]:
         """Plays one shot in every environment, except in those that this step resets.
@@ -257,7 +306,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         rewards, over, last = np.empty(m), np.empty(m, np.bool_), self._new_observations()
         observations = self._new_observations() if same_step else last
         goals = arrays.goals if self._renderer is None else arrays.goals.copy()
-        physics = copied_physics(self._info)
+        physics = {name: values.copy() for name, values in episodes.physics.items()}
 
         def work(begin: int, end: int) -> None:
             episodes.shoot(begin, end, checked, rewards, last)
@@ -290,19 +339,12 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if status.max() >= AT_EVENT_LIMIT:
             for k in np.flatnonzero((status >= AT_EVENT_LIMIT) & ~skip)[:1]:
                 episodes.warn_cut_off(k, checked[k])
-        info = copied_info(self._info) | physics
+        info = copied_info(self._info) | physics  # of the shots
+        begun = over if same_step else skip  # the episodes that this step has begun
+        infos = masked_info(with_starts(info, begun, self._starts) if begun.any() else info, np.ones(m, np.bool_))
         if same_step and over.any():
-            infos = {
-                **masked_info(info, ~over),
-                "final_obs": _masked_rows(last, over),
-                "_final_obs": over.copy(),
-                "final_info": masked_info(info, over),
-                "_final_info": over.copy(),
-            }
-        else:
-            infos = masked_info(info, ~skip)
-        if physics:  # also that of the episodes that this step has begun
-            infos |= masked_info(copied_physics(self._info), np.ones(m, np.bool_))
+            infos["final_obs"], infos["final_info"] = _masked_rows(last, over), masked_info(info, over)
+            infos["_final_obs"], infos["_final_info"] = over.copy(), over.copy()
         return observations, rewards, over, np.zeros(m, np.bool_), infos
 
     def render(self) -> tuple[Any, ...] | None:

@@ -177,7 +177,7 @@ class VectorExecutionNoise(VectorWrapper):
         self._scales = _scales(_game(env), angle_std, speed_std, offset_std, elevation_std)
         self._noise_seed = None if noise_seed is None else whole("noise_seed", noise_seed, "seed")
         self._streams = [_stream(None) for _ in range(self.num_envs)]
-        self._next_step = self.metadata.get("autoreset_mode") == AutoresetMode.NEXT_STEP
+        self.autoreset_mode = self.metadata.get("autoreset_mode")  # TorchRL reads this attribute
         self._over = np.zeros(self.num_envs, np.bool_)
         # Noise for several shots is drawn at once: a draw from each of many streams takes longer than the shots.
         self._drawn = np.empty((self.num_envs, _AHEAD, len(self._scales)))
@@ -211,7 +211,7 @@ class VectorExecutionNoise(VectorWrapper):
         noise[playing] = self._drawn[playing, self._used[playing]]
         self._used[playing] += 1
         result = self.env.step(perturb(actions, noise * self._scales))
-        if self._next_step:
+        if self.autoreset_mode == AutoresetMode.NEXT_STEP:
             self._over = result[2] | result[3]
         return result
 
@@ -249,9 +249,7 @@ def _stream(seed: int | None, noise_seed: int | None = None) -> np.random.Genera
 def _game(env: gym.Env[Any, Any] | VectorEnv) -> BilliardsEnv:
     """Returns a single environment with the arguments of all environments, without wrappers."""
     base: Any = env.unwrapped
-    if hasattr(base, "single_env"):  # the native vector environment
-        base = base.single_env
-    elif hasattr(base, "get_attr"):  # a vector environment of Gymnasium
+    if hasattr(base, "get_attr"):  # a vector environment
         base = base.get_attr("unwrapped")[0]
     if not isinstance(base, BilliardsEnv):
         raise TypeError(f"env = {env}: expected the environment Billiards-v0")
@@ -261,4 +259,4 @@ def _game(env: gym.Env[Any, Any] | VectorEnv) -> BilliardsEnv:
 def _each(envs: VectorEnv, name: str) -> NDArray[Any]:
     """Returns an attribute of all environments, stacked along a first axis."""
     base: Any = envs.unwrapped
-    return np.stack(base.get_attr(name)) if hasattr(base, "get_attr") else getattr(base, name)
+    return getattr(base, name) if isinstance(base, BilliardsVectorEnv) else np.stack(base.get_attr(name))

@@ -25,7 +25,7 @@ from gymnasium.error import DependencyNotInstalled
 from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
-from billiards_env.checks import finite, flag, missing, one_of, real, whole
+from billiards_env.checks import finite, flag, missing, one_of, real, short, whole
 from billiards_env.envs.actions import ACTIONS, check_action, cue_strike
 from billiards_env.envs.arguments import make_scene
 from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
@@ -142,8 +142,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
     `layout` is one of `RULES[rules].layouts`, by default the first: `"rack"`, `"tight_rack"` or `"random"` in the pool
     games, `"snooker"` or `"random"` in snooker, `"carom_opening"` or `"random"` in carom games. "random" has no break.
-    `reset(options={"positions": [[x, y], ...], "state": {...}})` sets the state, see `games.game.custom_opening`. Other
-    options are ignored, as PettingZoo's API test requires.
+    `reset(options={"positions": [[x, y], ...], "state": {...}})` sets the state, see `games.game.custom_opening`.
 
     ## Info
 
@@ -260,15 +259,20 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
         Args:
             seed: Seed of the generator that racks the balls; the same seed gives the same game bit for bit.
-            options: None, or a dict with "positions" and "state" to set the state.
+            options: None, or a dict with "positions" and, if the default does not fit, "state".
 
         Raises:
-            ValueError: If the positions or the state are invalid.
+            ValueError: If an option is unknown, or the positions or the state are invalid.
+            TypeError: If the options are not a mapping.
         """
-        options = options or {}
-        game = None
-        if "positions" in options:
-            game = custom_opening(self.setup, options["positions"], options.get("state"))
+        if options is not None and not isinstance(options, Mapping):
+            raise TypeError(f"options = {short(options)}: expected a dict")
+        given = {key: value for key, value in (options or {}).items() if key != "options"}  # PettingZoo's tests pass it
+        for key in given:
+            one_of("key of options", key, ("positions", "state"))
+        if "state" in given and "positions" not in given:
+            raise ValueError(f"options = {short(given)}: expected positions beside the state")
+        game = custom_opening(self.setup, **given) if given else None
         if seed is not None or self._rng is None:
             self._rng, _ = np_random(seed)
         self.game = opening(self.setup, self._rng, self.layout) if game is None else game

@@ -5,10 +5,15 @@ Modules:
     pots: Pots by geometry on many tables, for the geometric and the search player.
     aim: The velocity that reaches goals, by Gauss-Newton steps.
     aims, banks: The aim of a direct pot, and of a pot off one cushion (a bank).
+    indirect: Combinations, caroms and kicks by geometry.
     hits: The hit of the cue ball on an object ball, and the motion of both after it.
     paths: The path of a ball that meets no other ball.
     env_player: The strategies in `Billiards-v0`.
     planner: The player that plans under execution noise.
+    candidates: The shots among which the planner chooses.
+    values: The value of the outcomes of shots.
+    run_outs: The probability of a run-out from a position, by a small network.
+    chances: The probability of a pot under execution noise.
     levels: Levels of strength of the planner, by errors and budget.
     game_player: The strategies and other players in games, found by name.
 """

@@ -3,25 +3,31 @@
 from __future__ import annotations
 
 import time
+import warnings
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
+from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
+
+from billiards_env.checks import short
 
 
 class SameStepVecEnv(VecEnv):
     """A Gymnasium vector environment with same-step autoreset as a `VecEnv` of Stable-Baselines3.
 
-    Stable-Baselines3 has one `info` dict for each environment and step. To save time, a dict is empty unless its
-    episode is finished. It then has `terminal_observation`, `TimeLimit.truncated`, `episode` and, if the environment
-    has it, `is_success`. `episode` has the entries of `VecMonitor`: "r", the return of the episode, "l", its length,
-    and "t", the seconds since the adapter was created. (`VecMonitor` is slower than the shots, so it is not used.) All
-    infos of the last step are in `infos`, in Gymnasium's format.
+    Stable-Baselines3 has one `info` dict for each environment and step. To save time, the dict of a step is empty
+    unless its episode is finished. It then has `terminal_observation`, `TimeLimit.truncated`, `episode` and, if the
+    environment has it, `is_success`. `episode` has the entries of `Monitor`: "r", the return of the episode, "l", its
+    length, and "t", the seconds since the adapter was created. (`VecMonitor` is slower than the shots, so it is not
+    used.) All infos of the last step are in `infos`, in Gymnasium's format.
 
-    All environments are one object: they share their attributes, and a method is called once for all of them.
+    The environments are one object: an attribute is set in all of them, and a method is called for all of them.
 
     Attributes:
         envs: The vector environment.
@@ -38,22 +44,21 @@ class SameStepVecEnv(VecEnv):
         self._returns, self._lengths = np.zeros(envs.num_envs), np.zeros(envs.num_envs, np.int64)
         self._begun = time.perf_counter()
         super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
+        self.metadata = {**envs.metadata, **self.metadata}
 
     def reset(self) -> np.ndarray:
         """Resets all environments with the seeds and options that were set since the last reset.
 
         Raises:
-            ValueError: If only some environments have options, or an option is not `positions`.
+            ValueError: If the environments have different options, or the vector environment rejects an option.
         """
-        options = None
-        if any(self._options):
-            keys = {tuple(option) for option in self._options}
-            if keys != {("positions",)}:
-                raise ValueError(f"options = {self._options[:2]} ...: expected positions for every environment")
-            options = {"positions": np.stack([option["positions"] for option in self._options])}
+        options = _stacked("options", self._options) if any(self._options) else None
         # Without a seed the environments continue their random streams.
-        observations, _ = self.envs.reset(seed=self._seeds, options=options)  # pyright: ignore[reportArgumentType]
-        self.reset_infos = [{} for _ in range(self.num_envs)]
+        observations, infos = self.envs.reset(seed=self._seeds, options=options)  # pyright: ignore[reportArgumentType]
+        arrays = {key: values for key, values in infos.items() if isinstance(values, np.ndarray) and f"_{key}" in infos}
+        self.reset_infos = [
+            {key: values[i] for key, values in arrays.items() if infos[f"_{key}"][i]} for i in range(self.num_envs)
+        ]
         self._returns[:], self._lengths[:] = 0.0, 0
         self._reset_seeds()
         self._reset_options()
@@ -99,10 +104,24 @@ class SameStepVecEnv(VecEnv):
         """Closes the environments."""
         self.envs.close()
 
+    def get_images(self) -> list[np.ndarray | None]:
+        """Returns the frame of each environment, (height, width, 3) uint8, in the render mode "rgb_array".
+
+        Raises:
+            ResetNeeded: If the environments have not been reset.
+        """
+        if self.render_mode != "rgb_array":
+            warnings.warn(f"render_mode = {self.render_mode!r}: expected 'rgb_array' for images", stacklevel=2)
+            return [None] * self.num_envs
+        images: Any = self.envs.render()
+        if images[0] is None:
+            raise ResetNeeded("The episodes have not begun: call reset() before render()")
+        return list(images)
+
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Returns an attribute of the vector environment or, if it has none, of its `single_env`, for each index."""
-        owner = self._owner(attr_name)
-        return [getattr(owner, attr_name) for _ in self._get_indices(indices)]
+        """Returns an attribute of the environments of the indices."""
+        values = self._all.get_attr(attr_name)
+        return [values[i] for i in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Sets an attribute of all environments.
@@ -111,30 +130,38 @@ class SameStepVecEnv(VecEnv):
             ValueError: If `indices` does not contain all environments.
         """
         self._expect_all(f"set_attr({attr_name!r})", indices)
-        setattr(self._owner(attr_name), attr_name, value)
+        self._all.set_attr(attr_name, [value] * self.num_envs)
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
-        """Calls a method of the vector environment or, if it has none, of its `single_env`.
-
-        The result is repeated for each environment.
+        """Calls a method of all environments and returns the result of each.
 
         Raises:
-            ValueError: If `indices` does not contain all environments.
+            ValueError: If `indices` does not contain all environments, or if the method changes a `BilliardsEnv`.
         """
         self._expect_all(f"env_method({method_name!r})", indices)
-        result = getattr(self._owner(method_name), method_name)(*args, **kwargs)
-        return [result] * self.num_envs
+        return list(self._all.call(method_name, *args, **kwargs))
 
     def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
-        """Returns False for each index: there are no single environments with wrappers."""
-        return [False for _ in self._get_indices(indices)]
+        """Returns for each index whether the adapter does the work of a wrapper: True for `Monitor`."""
+        return [issubclass(Monitor, wrapper_class) for _ in self._get_indices(indices)]
 
-    def _owner(self, name: str) -> Any:
-        envs: Any = self.envs.unwrapped
-        single = getattr(envs, "single_env", None)
-        return single if single is not None and hasattr(single, name) and not hasattr(envs, name) else envs
+    @property
+    def _all(self) -> Any:
+        """The vector environment without wrappers, with the methods `get_attr`, `set_attr` and `call`."""
+        return self.envs.unwrapped
 
     def _expect_all(self, call: str, indices: VecEnvIndices) -> None:
         given = sorted(set(self._get_indices(indices)))
         if given != list(range(self.num_envs)):
             raise ValueError(f"{call} for environments {given}: expected all {self.num_envs}, which are one object")
+
+
+def _stacked(name: str, options: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Returns the options of all environments with each value stacked; the values of "physics" are mappings, too."""
+    if len({frozenset(option) for option in options}) > 1:
+        raise ValueError(f"{name} = {short(options)}: expected the same keys for every environment")
+    stacked = {}
+    for key, first in options[0].items():
+        values = [option[key] for option in options]
+        stacked[key] = _stacked(f"{name}[{key!r}]", values) if isinstance(first, Mapping) else np.stack(values)
+    return stacked

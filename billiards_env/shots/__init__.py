@@ -7,5 +7,9 @@ Modules:
     sensitivity: The derivative of a shot with respect to its start.
     records: Shots as files.
     strikes: The motion of the cue ball after a strike.
+    tracks: Where the balls of real shots were seen.
+    calibration: Numbers of `Physics` from tracks.
+    track_fit: The fit of shots to tracks.
+    track_problems: What does not fit in tracks.
     strike_map: The success of strikes over two parameters.
 """

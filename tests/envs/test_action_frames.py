@@ -145,7 +145,7 @@ def test_leading_axes_and_clipping_of_actions(frame):
     [
         (("cute",), r"frame = 'cute': expected one of .* \(did you mean 'cut'\?\)"),
         (("cut", "near"), r"ball = 'near': expected one of"),
-        (("cut", 0), "ball = 0: expected a whole number from 1 to 1, 'nearest' or 'first'"),
+        (("cut", 0), "ball = 0: expected 1, 'nearest' or 'first'"),
         (("cut", 2), "ball = 2"),
         (("cut", True), "ball = True"),
         (("cut", "nearest", 4.1), "least_speed = 4.1: expected a number from 0 to 4 m/s, max_speed"),

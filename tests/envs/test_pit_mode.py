@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.envs import BilliardsEnv
+from billiards_env.envs import STATUS, BilliardsEnv
 from billiards_env.envs.wrappers import VectorActionFrame
 from studies.failures import FAILURES
 
@@ -39,7 +39,7 @@ def test_episodes_of_several_shots_stay_in_the_observation_space(kwargs, fix, dt
     for seed in range(4):
         log, info = episode(env, seed)
         assert all(observation in env.observation_space for observation, _ in log)
-        assert info["status"] in ("rest", "max_time")
+        assert STATUS[info["status_code"]] in ("rest", "max_time")
         on_table = np.abs(log[-1][0][: 2 * env.scene.n_balls]).reshape(-1, 2).max(axis=1) < 1
         assert not (on_table & info["potted"]).any()
 
@@ -56,7 +56,7 @@ def test_without_a_fix_balls_may_overlap_before_the_next_shot():
         while not terminated:
             observation, _, terminated, _, info = env.step(rng.uniform(-1, 1, 2))
             assert observation in env.observation_space
-            assert info["status"] == "rest"
+            assert STATUS[info["status_code"]] == "rest"
             places = env._episodes.shots.positions[0][~info["potted"]]
             apart = np.linalg.norm(places[:, None] - places, axis=-1) + np.diag(np.full(len(places), np.inf))
             deepest = max(deepest, 2 * env.scene.balls.radius[0] - apart.min())

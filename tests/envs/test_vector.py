@@ -14,7 +14,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import vector as wrappers
 
-from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv, episodes
+from billiards_env.envs import STATUS, BilliardsEnv, BilliardsVectorEnv, episodes
 from billiards_env.envs.wrappers import VectorExecutionNoise
 from tests.helpers.environments import VARIANTS
 
@@ -41,13 +41,18 @@ def pair(num_envs, autoreset, threads=None, **kwargs):
 
 
 def same(one: Any, other: Any) -> None:
-    """Fails unless both are equal bit for bit: values, types, shapes and keys."""
+    """Fails unless both are equal bit for bit: values, types, shapes and keys.
+
+    Gymnasium's vector environments return bools of infos as objects, with None for an environment without an info.
+    """
     assert type(one) is type(other)
     if isinstance(one, dict):
         assert one.keys() == other.keys()
         for key, value in one.items():
             same(value, other[key])
     elif isinstance(one, np.ndarray):
+        if one.dtype == np.bool_ and other.dtype == object:
+            other = np.array([False if value is None else value for value in other])
         assert (one.dtype, one.shape) == (other.dtype, other.shape)
         if one.dtype == object:
             for a, b in zip(one.tolist(), other.tolist(), strict=True):
@@ -207,7 +212,8 @@ def test_next_step_resets_ignore_the_action():
     envs.reset(seed=0)
     envs.step(np.zeros((2, 2)))
     *_, infos = envs.step(np.full((2, 2), np.nan))
-    assert infos == {}
+    assert infos.keys() == envs.reset()[1].keys()
+    assert infos["shots_left"].tolist() == [1, 1]
     with pytest.raises(ValueError, match=r"action of environment 1 = \[0.0, nan\]: expected finite numbers"):
         envs.step([[0.0, 0.0], [0.0, np.nan]])
 
@@ -286,6 +292,7 @@ def test_bad_resets_raise_and_the_episodes_continue(kwargs, error, message):
         ({"autoreset_mode": "SameStp"}, ValueError, "autoreset_mode = 'SameStp': .*did you mean 'SameStep'"),
         ({"max_shots": 0}, ValueError, "max_shots = 0: expected a whole number from 1 to 1000000000"),
         ({"max_shot": 1}, TypeError, "max_shot"),
+        ({"max_episode_steps": 5}, ValueError, "max_episode_steps = 5: expected max_shots, one step is one shot"),
     ],
 )
 def test_bad_arguments_raise(kwargs, error, message):
@@ -317,7 +324,7 @@ def test_make_vec(kwargs, mode):
     spec = EnvSpec.from_json(envs.spec.to_json())
     observations, infos = envs.reset(seed=1)
     assert observations in envs.observation_space
-    assert infos == {}
+    assert infos["shots_left"].tolist() == [single.max_shots] * 3
     twin = gym.make_vec(spec)
     assert np.array_equal(twin.reset(seed=1)[0], observations)
     envs.action_space.seed(0)
@@ -346,6 +353,36 @@ def test_wrappers_of_gymnasium(mode):
     assert logs[0] == logs[1]
 
 
+@pytest.mark.parametrize(
+    "wrap",
+    [
+        wrappers.NormalizeObservation,
+        wrappers.FlattenObservation,
+        lambda envs: wrappers.TransformObservation(envs, lambda seen: seen),
+        lambda envs: wrappers.RescaleObservation(envs, 0.0, 1.0),
+        lambda envs: wrappers.ReshapeObservation(envs, (2, 2)),
+        lambda envs: wrappers.DtypeObservation(envs, np.float64),
+    ],
+)
+def test_wrappers_of_observations_refuse_the_mode_same_step(wrap):
+    with pytest.raises(ValueError, match="SAME_STEP"):
+        wrap(BilliardsVectorEnv(2)).reset()
+
+
+@pytest.mark.skipif(gym.__version__ < "1.4", reason="before 1.4 the wrapper ignores the mode SameStep")
+def test_episode_statistics_are_those_of_the_episodes():
+    envs: Any = wrappers.RecordEpisodeStatistics(BilliardsVectorEnv(20, **SOFT))
+    envs.reset(seed=0)
+    rng, totals, lengths = np.random.default_rng(0), np.zeros(20), np.zeros(20, int)
+    for _ in range(6):
+        _, rewards, over, _, infos = envs.step(rng.uniform(-1, 1, (20, 2)))
+        totals, lengths = totals + rewards, lengths + 1
+        if over.any():
+            assert infos["episode"]["r"][over] == pytest.approx(totals[over])
+            assert (infos["episode"]["l"][over] == lengths[over]).all()
+        totals[over] = lengths[over] = 0
+
+
 @pytest.mark.parametrize("copy_of", [copy.deepcopy, lambda envs: pickle.loads(pickle.dumps(envs))])
 @soft
 def test_a_copy_continues_like_its_original(copy_of, kwargs):
@@ -365,7 +402,7 @@ def test_a_shot_that_reaches_the_limit_on_events_warns(monkeypatch):
     envs.reset(options={"positions": [positions] * 2})
     with pytest.warns(RuntimeWarning, match=r"after 2 events and .* positions \[\[-0.5, 0.0\], .* action \[0.75, 0"):
         *_, infos = envs.step([[0.0, 0.0], [0.75, 0.0]])
-    assert infos["final_info"]["status"].tolist() == ["rest", "event_limit"]
+    assert [STATUS[code] for code in infos["final_info"]["status_code"]] == ["rest", "event_limit"]
 
 
 def test_a_layout_without_room_raises_from_a_thread(monkeypatch):
@@ -402,3 +439,31 @@ def test_seeds_may_be_numpy_integers():
     for seed in (np.float64(3), [True, 2], [np.int64(-1), 2]):
         with pytest.raises((TypeError, ValueError)):
             first(seed=seed)
+
+
+def test_attributes_of_each_environment():
+    native, sync = pair(3, "SameStep", **VARIED)
+    for envs in (native, sync):
+        envs.reset(seed=5)
+        envs.step(np.full((3, 2), 0.3))
+    for name in (
+        "positions",
+        "potted",
+        "goals",
+        "legal_balls",
+        "np_random_seed",
+        "max_shots",
+        "scene",
+        "episode_scene",
+    ):
+        same(native.get_attr(name), tuple(sync.get_attr(name)))
+        same(native.call("get_wrapper_attr", name), native.get_attr(name))
+    assert native.get_attr("np_random")[2].random() == sync.get_attr("np_random")[2].random()
+    with pytest.raises(AttributeError, match="tusk"):
+        native.get_attr("tusk")
+    native.set_attr("max_speed", [1.0] * 3)
+    assert native.get_attr("max_speed") == (1.0, 1.0, 1.0)
+    with pytest.raises(ValueError, match=r"max_speed = \[1.0, 2.0, 3.0\]: expected one value for all 3"):
+        native.set_attr("max_speed", [1.0, 2.0, 3.0])
+    with pytest.raises(ValueError, match=r"call\('reset'\): expected the method of the vector environment"):
+        native.call("reset")

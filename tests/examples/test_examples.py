@@ -45,15 +45,17 @@ def test_stable_baselines3_trains_and_writes_curves(tmp_path):
     assert list(tmp_path.rglob("events*"))
 
 
+@pytest.mark.tools
 def test_optuna_returns_the_best_of_its_trials():
-    study = load("optuna_sweep", "stable_baselines3", "optuna")["run"](2048, episodes=50)
+    study = load("optuna_sweep")["run"](2048, episodes=50)
     assert len(study.trials) == 2
     assert study.best_value == max(trial.value for trial in study.trials) > 0.5
 
 
+@pytest.mark.tools
 @pytest.mark.filterwarnings("ignore")
 def test_torchrl_collects_random_shots():
-    assert -0.2 < load("torchrl_collector", "torchrl")["run"](2048) < 0.2
+    assert -0.2 < load("torchrl_collector")["run"](2048) < 0.2
 
 
 def test_pixels_show_the_balls():
@@ -84,8 +86,9 @@ def test_self_play_aims_at_the_nearest_ball_and_trains():
     assert -10.0 < lead < 10.0
 
 
-def test_a_clone_pots_balls(tmp_path):
-    clone, teacher = load("dataset_cloning", "stable_baselines3", "minari", "h5py")["run"](64, episodes=100)
+@pytest.mark.tools
+def test_a_clone_pots_balls():
+    clone, teacher = load("dataset_cloning")["run"](64, episodes=100)
     assert clone > 0.8 < teacher
 
 

@@ -396,3 +396,17 @@ def test_without_pettingzoo_the_error_names_the_package_to_install():
         "    print(type(error).__name__, 'billiards-env[multi]' in str(error))\n"
     )
     assert printed(code) == ["DependencyNotInstalled", "True"]
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"x": 1}, ValueError, "key of options = 'x': expected one of 'positions', 'state'"),
+        ({"position": []}, ValueError, "did you mean 'positions'"),
+        ({"state": {"player": 1}}, ValueError, "expected positions beside the state"),
+        ([1], TypeError, r"options = \[1\]: expected a dict"),
+    ],
+)
+def test_bad_options_of_a_reset_raise(options, error, message):
+    with pytest.raises(error, match=message):
+        begun("nine_ball", options=options)

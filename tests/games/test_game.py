@@ -124,7 +124,7 @@ HEAVY = Scene.from_dict({"base": "pool", "balls": {"radius": [0.03, 0.03], "mass
         ("snooker", {"scene": Scene.named("pool", 15)}, "expected a table with a D"),
         ("straight", {"scene": TRIANGLE}, "expected a playing surface that is a rectangle"),
         ("straight", {"scene": HEAVY}, "infinite mass"),
-        ("eight_ball", {"n_players": 3}, "n_players = 3: expected a whole number from 2 to 2"),
+        ("eight_ball", {"n_players": 3}, "n_players = 3: expected 2 for rules 'eight_ball'"),
         ("nine_ball", {"n_players": 5}, "from 2 to 4"),
         ("nine_ball", {"n_players": True}, "n_players = True"),
         ("nine_ball", {"target": 3}, "target = 3"),

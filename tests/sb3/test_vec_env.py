@@ -1,16 +1,19 @@
 """The adapter agrees with the DummyVecEnv of Stable-Baselines3."""
 
+import warnings
 from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
 import pytest
 import torch
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from stable_baselines3 import PPO
+from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.save_util import load_from_zip_file
-from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize, VecVideoRecorder
 
 from agents.config import Config
 from agents.ppo import make_env, make_vec_env
@@ -34,6 +37,7 @@ def test_the_error_for_the_vector_environment_itself_names_the_adapter():
 
 @pytest.mark.parametrize("kwargs", [{}, SOFT], ids=["one shot", "three shots"])
 @pytest.mark.parametrize("wrapper", [lambda envs: envs, VecMonitor, VecNormalize])
+@pytest.mark.filterwarnings("ignore:The environment is already wrapped with a `Monitor`:UserWarning")
 def test_the_adapter_agrees_with_dummy_vec_env(kwargs, wrapper):
     native, dummy = (wrapper(envs) for envs in pair(7, **kwargs))
     rng = np.random.default_rng(0)
@@ -42,7 +46,9 @@ def test_the_adapter_agrees_with_dummy_vec_env(kwargs, wrapper):
             assert native.seed(3) == dummy.seed(3)
         observations = native.reset()
         assert observations.tobytes() == dummy.reset().tobytes()
-        assert native.reset_infos == dummy.reset_infos
+        for info, other in zip(native.reset_infos, dummy.reset_infos, strict=True):
+            assert info.keys() == other.keys()
+            assert all((info[key] == other[key]).all() for key in info)
         finished = 0
         for _ in range(6):
             actions = rng.uniform(-1, 1, (7, 2)).astype(np.float32)
@@ -58,7 +64,7 @@ def test_the_adapter_agrees_with_dummy_vec_env(kwargs, wrapper):
                 for key, value in info.items():
                     if key not in full:  # only VecMonitor reports the episodes of a DummyVecEnv
                         continue
-                    assert type(value) is type(full[key])
+                    assert isinstance(value, type(full[key])) or type(full[key]) is np.bool_
                     if key != "episode":
                         np.testing.assert_array_equal(value, full[key])
         assert finished > 6
@@ -90,7 +96,7 @@ def test_the_infos_of_the_last_step_are_available():
         envs.reset()
     native.step(np.full((3, 2), 0.5))
     *_, infos = dummy.step(np.full((3, 2), 0.5))
-    for key in ("n_events", "shot_time", "status"):
+    for key in ("n_events", "shot_time", "status_code"):
         assert native.infos["final_info"][key].tolist() == [info[key] for info in infos]
 
 
@@ -118,6 +124,20 @@ def test_a_seed_applies_to_one_reset():
     assert not np.array_equal(first, second)
 
 
+def test_options_of_every_environment():
+    kwargs = {"task": "place", "randomize": {"mu_roll": [0.004, 0.02]}}
+    envs, each = (
+        pair(2, **kwargs),
+        [{"goal": [0.1 * k, 0.3], "physics": {"mu_roll": 0.01 + 0.001 * k}} for k in range(2)],
+    )
+    seen = []
+    for one in envs:
+        one.seed(3)
+        one.set_options(each)
+        seen.append((one.reset().tobytes(), [info["mu_roll"] for info in one.reset_infos]))
+    assert seen[0] == seen[1]
+
+
 def test_positions_are_options_of_every_environment():
     native, dummy = pair(2)
     options = [{"positions": [[0.1, 0.2], [0.3, 0.4]]}, {"positions": [[0.5, 0.0], [-0.5, 0.0]]}]
@@ -127,9 +147,12 @@ def test_positions_are_options_of_every_environment():
     again = native.reset()
     native.set_options(options[0])
     assert not np.array_equal(native.reset(), again)
-    for bad in ([options[0], {}], {"seat": 3}):
+    for bad, message in (
+        ([options[0], {}], "expected the same keys for every"),
+        ({"seat": 3}, "key of options = 'seat'"),
+    ):
         native.set_options(bad)
-        with pytest.raises(ValueError, match="expected positions for every environment"):
+        with pytest.raises(ValueError, match=message):
             native.reset()
 
 
@@ -138,15 +161,59 @@ def test_attributes_and_methods_belong_to_all_environments():
     for name in ("max_speed", "scene", "layout", "render_mode", "max_shots"):
         for indices in (None, 1, [0, 2]):
             assert native.get_attr(name, indices) == dummy.get_attr(name, indices)
+    for envs in (native, dummy):
+        envs.seed(2)
+        envs.reset()
+    for name in ("positions", "potted", "episode_scene", "observation_space", "action_space"):
+        for indices in (None, 1, [0, 2]):
+            for one, other in zip(native.get_attr(name, indices), dummy.get_attr(name, indices), strict=True):
+                assert np.array_equal(one, other) if isinstance(one, np.ndarray) else one == other
     assert native.has_attr("task")
     assert not native.has_attr("tusk")
-    assert native.env_is_wrapped(Monitor) == [False] * 3
-    assert native.env_is_wrapped(Monitor, [1]) == [False]
+    assert native.env_is_wrapped(Monitor) == [True] * 3  # the infos have `episode`
+    assert native.env_is_wrapped(gym.wrappers.TimeLimit, [1]) == [False]
     assert native.env_method("get_wrapper_attr", "task") == dummy.env_method("get_wrapper_attr", "task")
     with pytest.raises(ValueError, match=r"set_attr\('max_speed'\) for environments \[1\]: expected all 3"):
         native.set_attr("max_speed", 1.0, indices=1)
     with pytest.raises(ValueError, match=r"env_method\('get_wrapper_attr'\) for environments \[0, 2\]"):
         native.env_method("get_wrapper_attr", "task", indices=[0, 2])
+
+
+def test_every_environment_is_one_object():
+    native, _ = pair(2)
+    for call in (lambda: native.env_method("reset"), lambda: native.env_method("step", [0.0, 0.0])):
+        with pytest.raises(ValueError, match="expected the method of the vector environment"):
+            call()
+
+
+def test_evaluate_policy_finds_the_episodes():
+    native, _ = pair(4)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mean, _ = evaluate_policy(PPO("MlpPolicy", native), native, 8)
+    assert -0.2 <= cast(float, mean) <= 1.0
+
+
+def test_images_equal_those_of_dummy_vec_env(tmp_path):
+    pytest.importorskip("pygame")
+    native, dummy = pair(2, render_mode="rgb_array", **SOFT)
+    with pytest.raises(ResetNeeded, match="call reset"):
+        native.render()
+    for envs in (native, dummy):
+        envs.seed(0)
+        envs.reset()
+        assert not envs.step(np.full((2, 2), 0.1))[2].any()
+    assert np.array_equal(native.render(), dummy.render())
+    assert [image.shape for image in native.env_method("render")] == [image.shape for image in native.get_images()]
+    films = VecVideoRecorder(native, str(tmp_path), lambda step: step == 0, video_length=2)
+    films.reset()
+    for _ in range(3):
+        films.step(np.zeros((2, 2)))
+    films.close()
+    assert films.frames_per_sec == dummy.get_attr("metadata")[0]["render_fps"]
+    assert len(list(tmp_path.glob("*.mp4"))) == 1
+    with pytest.warns(UserWarning, match="expected 'rgb_array'"):
+        assert pair(2)[0].get_images() == [None, None]
 
 
 def test_a_set_attribute_takes_effect():
@@ -176,6 +243,7 @@ def test_any_vector_environment_with_same_step_resets_is_accepted():
     )
     envs = SameStepVecEnv(envs)
     envs.reset()
+    assert envs.get_attr("gravity", [1]) == [9.8]
     for step in range(1, 5):
         assert not envs.step(np.array([step % 2] * 2))[2].any()
     *_, dones, infos = envs.step(np.array([1, 1]))
