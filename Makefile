@@ -70,6 +70,7 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m benchmarks.error_limit
 	$(BIN)/python -m benchmarks.validation
 	$(BIN)/python -m benchmarks.speed
+	$(BIN)/python -m benchmarks.ablation
 	$(BIN)/python -m benchmarks.gradients
 	$(BIN)/python -m benchmarks.aim
 	$(BIN)/python -m benchmarks.differentiable

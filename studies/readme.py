@@ -25,6 +25,7 @@ PAGES = (ROOT / "README.md", ROOT / "paper" / "paper.md", *sorted((ROOT / "docs"
 SOURCES = {
     re.split("[./]", command.removesuffix(".yaml"))[-1]: command
     for command in (
+        "benchmarks.ablation",
         "benchmarks.accuracy",
         "benchmarks.aim",
         "benchmarks.calibration",

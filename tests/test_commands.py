@@ -34,6 +34,7 @@ TESTED = {
     "agents.evaluate": "agents/test_evaluate.py",
     "agents.rllib": "cluster/test_cluster.py",
     "agents.train": "agents/test_train.py",
+    "benchmarks.ablation": "benchmarks/test_ablation.py",
     "benchmarks.accuracy": "benchmarks/test_benchmarks.py",
     "benchmarks.calibration": "benchmarks/test_benchmarks.py",
     "benchmarks.comparison": "benchmarks/test_comparison.py",

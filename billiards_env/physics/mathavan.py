@@ -27,8 +27,12 @@ from billiards_env.jit import inlined, kernel
 
 TOLERANCE = 1e-9  # the local error of the integration over the normal velocity
 
-_MOST_STEPS = 20_000  # a limit for safety; an impact has about 50, one in a thousand has 1,000
-_COARSER = 2_000  # after each 2,000 steps the tolerance grows tenfold: an impact with extreme numbers ends as well
+_MOST_STEPS = 20_000  # a limit for safety; an impact has about 50, one in a thousand has 1,500
+_PATIENCE = 5_000
+"""After this number of steps the tolerance grows tenfold in each 1,000 steps, so an impact with extreme numbers ends.
+
+On real tables the most of 180,000 random impacts was 3,585.
+"""
 
 # Dormand and Prince (1980), RK5(4)7M.
 _A2 = (1 / 5,)
@@ -223,7 +227,7 @@ def integrate_impact(vx, vy, rwx, rwy, rwz, nose, e):
     h = 0.1 * vy
     rate = _rates(y, nose, tiny)
     for step in range(1, _MOST_STEPS):
-        if step % _COARSER == 0:
+        if step >= _PATIENCE and step % 1_000 == 0:
             most, tiny = 10.0 * most, 10.0 * tiny
         h = min(h, _longest_step(y, rate, nose, tiny))
         after, rate_after, error = _step(y, h, rate, nose, tiny)

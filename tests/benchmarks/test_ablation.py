@@ -1,0 +1,84 @@
+"""A scene compiles and imports nothing of the parts that it does not use."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from benchmarks import ablation
+from benchmarks.ablation import Process, Row
+
+# The modules of parts, which a shot or a step without them does not import.
+UNUSED = (
+    "agents",
+    "drawing",
+    "engine.gradients",
+    "engine.margins",
+    "envs.wrappers",
+    "games",
+    "physics.cushion_derivatives",
+    "physics.derivatives",
+    "physics.lanes",
+    "play",
+    "players",
+    "sb3",
+    "shots.gradients",
+    "torch",
+)
+# The modules of parts, of which a shot or a step without them compiles nothing. The modules of physics are imported.
+NOT_COMPILED = (
+    *UNUSED,
+    "engine.cell_grid",
+    "engine.overlaps",
+    "engine.pit",
+    "physics.complementarity",
+    "physics.compliance",
+    "physics.elementary",
+    "physics.mathavan",
+    "physics.strike",
+    "rules",
+)
+
+
+def of(names, parts):
+    """Returns the names that belong to modules or packages of `billiards_env`."""
+    return [name for name in names if f"{name}.".startswith(tuple(f"billiards_env.{part}." for part in parts))]
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    """Returns the row of a shot and of a step that use nothing, in one process, and what its process found."""
+    shot, step = (row for row in ablation.ROWS if row.name.endswith("that uses nothing"))
+    row = Row("nothing", "", f"{shot.code}\nshoot = play\n{step.code}\n_step = play\ndef play(): shoot(), _step()")
+    with Process(row, tmp_path_factory.mktemp("cache")) as process:
+        return {"name": row.name, "without": "", **process.found, "passes": [process.play()]}
+
+
+def test_a_plain_shot_and_a_plain_step_import_no_part(plain):
+    assert "billiards_env.engine.pic" in plain["modules"]
+    assert of(plain["modules"], UNUSED) == []
+
+
+def test_a_plain_shot_and_a_plain_step_compile_no_part(plain):
+    """Every scene once compiled the law of Mathavan, Jackson and Parkin (2010)."""
+    assert "billiards_env.engine.pic.run" in plain["functions"]
+    assert of(plain["functions"], NOT_COMPILED) == []
+    friction = of(plain["functions"], ("physics.ball_friction",))
+    assert friction == ["billiards_env.physics.ball_friction.rub_pair"]  # which returns at once
+
+
+def test_the_table_compares_rows(plain, tmp_path, monkeypatch, capsys):
+    more = plain | {"name": "more", "without": "nothing", "functions": [*plain["functions"], "f"]}
+    result = {"machine": ablation.machine(), "shots": 10, "repeats": 1, "rows": [plain, more]}
+    monkeypatch.setattr(ablation, "measure", lambda repeats: result)
+    ablation.main(["--repeats", "1", "--output", str(tmp_path / "a.json")])
+    assert json.loads((tmp_path / "a.json").read_text()) == result
+    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("| more"))
+    assert [cell.strip() for cell in line.split("|")][-3:-1] == ["+1", "+0"]
+    assert " 1.0 " in line
+
+
+def test_every_row_follows_the_row_that_it_is_compared_with():
+    names = [row.name for row in ablation.ROWS]
+    assert all(row.without in ("", *names[:k]) for k, row in enumerate(ablation.ROWS))
