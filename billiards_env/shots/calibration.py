@@ -212,7 +212,7 @@ def calibrate(
     The positions of the balls at the first row of each shot, and the cue ball's velocity and spin there, are fitted
     too. The numbers are fitted with `scipy.optimize.least_squares`, exact derivatives and the loss "soft_l1". Rows that
     are far from the paths are left out, in rounds with smaller and smaller distances, see `CUTS`. The last fit, of the
-    other rows, is one of least squares.
+    other rows, is one of least squares. It is repeated from other numbers and other starts, and the best one counts.
 
     Args:
         scene: The scene; its numbers are the start of the fit.
