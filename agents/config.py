@@ -29,7 +29,7 @@ from pydantic.dataclasses import dataclass
 from billiards_env.checks import RANGES, number, one_of, short
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.tasks import TASKS
-from billiards_env.files import plain_yaml
+from billiards_env.settings import plain_yaml
 
 ENV_ID = "Billiards-v0"
 Head = Literal["gaussian", "mixture", "hits", "pots"]

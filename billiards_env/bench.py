@@ -132,7 +132,7 @@ def _play(player: str, task: str, seed: int, progress: Callable[[str, int], obje
     return replay(task, seed, np.array(shots, np.uint8), np.array(actions), noise_seed)
 
 
-def _noise(noise_seed: int | None) -> dict[str, int]:
+def _noise(noise_seed: int | None) -> dict[str, Any]:
     """Returns the arguments of `gym.make` for a seed of the noise."""
     return {} if noise_seed is None else {"noise_seed": noise_seed}
 

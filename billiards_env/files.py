@@ -127,24 +127,3 @@ def _json(data: Any, indent: str = "") -> str:
         lines = [f"{json.dumps(str(key))}: {_json(value, inner)}" for key, value in data.items()]
         return f"{{\n{inner}" + f",\n{inner}".join(lines) + f"\n{indent}}}"
     return f"[\n{inner}" + f",\n{inner}".join(_json(value, inner) for value in data) + f"\n{indent}]"
-
-
-def plain_yaml(text: str) -> Any:
-    """Returns the data of a YAML text without aliases (extra `train`).
-
-    A few lines with aliases can stand for gigabytes of data.
-
-    Raises:
-        yaml.YAMLError: If the text is not YAML, has an alias, or is nested too deeply.
-    """
-    import yaml
-
-    if text.count("[") + text.count("{") > 1000:  # the time to read nested lists rises with the square of the depth
-        raise yaml.YAMLError("more than 1000 lists and mappings in brackets")
-    for event in yaml.parse(text, yaml.SafeLoader):
-        if isinstance(event, yaml.AliasEvent):
-            raise yaml.MarkedYAMLError(problem=f"an alias, *{event.anchor}", problem_mark=event.start_mark)
-    try:
-        return yaml.safe_load(text)
-    except RecursionError:
-        raise yaml.YAMLError("nested too deeply") from None

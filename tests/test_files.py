@@ -64,7 +64,7 @@ def test_a_text_is_read_without_its_byte_order_mark(tmp_path):
     with pytest.raises(ValueError, match="text: a file of more than 4 bytes: expected at most 4"):
         read_text(path, 4, "a text")
     path.write_bytes(b"\xff")
-    with pytest.raises(ValueError, match="text: .* can't decode"):
+    with pytest.raises(ValueError, match=r"text: .* can't decode"):
         read_text(path, 5, "a text")
 
 

@@ -16,9 +16,10 @@ from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from torch import Tensor
 
 from billiards_env.checks import Range, finite, flag, one_of, sequence, whole
-from billiards_env.files import plain_yaml, read_text, write_whole
+from billiards_env.files import read_text, write_whole
 from billiards_env.sb3.policy import MixturePolicy, find_game
 from billiards_env.sb3.rated import RATED_HEADS, RatedPolicy
+from billiards_env.settings import plain_yaml
 
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU, "silu": torch.nn.SiLU}
 

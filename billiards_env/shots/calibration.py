@@ -212,7 +212,7 @@ def calibrate(
     The positions of the balls at the first row of each shot, and the cue ball's velocity and spin there, are fitted
     too. The numbers are fitted with `scipy.optimize.least_squares`, exact derivatives and the loss "soft_l1". Rows that
     are far from the paths are left out, in rounds with smaller and smaller distances, see `CUTS`. The last fit, of the
-    other rows, is one of least squares.
+    other rows, is one of least squares. It is repeated from other numbers and other starts, and the best one counts.
 
     Args:
         scene: The scene; its numbers are the start of the fit.
@@ -283,17 +283,24 @@ def calibrate(
     for factor in _FACTORS:  # other minima over the numbers
         with contextlib.suppress(ValueError):  # numbers that `Physics` does not allow together
             changed = fit.with_numbers(scene, names, np.clip(factor * _numbers(scene, names), *bounds))
-            others.append((changed, fit.settle_sides(changed, problem.starts, rows, "linear", noise)))
+            others.append((changed, problem.starts))
     for _, k, start in fit.other_minima(scene, problem.starts, rows, noise)[:_OTHERS]:
         others.append((scene, problem.starts.copy()))
         others[-1][1][k] = start
-    found += [fitted(changed, starts, "linear", 10 * _EVALUATIONS) for changed, starts in others]
+    found += [fitted(changed, starts, "linear", _EVALUATIONS) for changed, starts in others]
+    scene, problem = min(found, key=lambda one: _cost(*one, names))
+    if problem is not found[0][1]:
+        found.append(fitted(scene, problem.starts, "linear", 10 * _EVALUATIONS))
     far = np.where(far, CUTS[-1] * scale, 0.0)  # the rows that the last round left out
     return _result(begun, found, tracks, rows, far)
 
 
 def _numbers(scene: Scene, names: Sequence[str]) -> Floats:
     return np.array([getattr(scene.physics, name) for name in names])
+
+
+def _cost(scene: Scene, problem: fit.Projection, names: Sequence[str]) -> float:
+    return float(np.square(problem.residuals(_numbers(scene, names))).sum())
 
 
 def _check_names(scene: Scene, free: Sequence[str]) -> tuple[str, ...]:
@@ -314,18 +321,19 @@ def _result(
 ) -> Calibration:
     """Returns the best of the last fits; `far` are the distances above which rows were left out, (m, r) m."""
     names = tuple(begun)
-    costs = np.array([np.square(problem.residuals(_numbers(scene, names))).sum() for scene, problem in found])
+    costs = np.array([_cost(*one, names) for one in found])
     surprise = np.array([fit.spin_surprise(scene, problem.starts).sum() for scene, problem in found])
     order = (costs + costs.min() / (2 * rows.used.sum()) * surprise).argsort(kind="stable")
     scene, problem = found[order[0]]
     starts, n, numbers = problem.starts, scene.n_balls, _numbers(scene, names)
     covariance, variance, freedom = _covariance(problem, numbers, rows, names)
     half = t_quantile(freedom) * np.sqrt(np.diag(covariance))
-    several = []
+    several: dict[str, Problem] = {}
     for k in order[1:]:
-        if costs[k] - costs[order[0]] < fit.CLEAR * variance:
-            other = found[k][0], found[k][1].starts
-            several += _several(tracks, (scene, starts), other, dict(zip(names, half.tolist(), strict=True)))
+        other = found[k][0], found[k][1].starts
+        one = _several(tracks, (scene, starts), other, dict(zip(names, half.tolist(), strict=True)))
+        if one is not None and costs[k] - costs[order[0]] < fit.CLEAR * variance:
+            several.setdefault(one.shot, one)
     batch = fit.run(scene, starts, rows)
     off = fit.modelled(batch._record("calibrate"), rows) - rows.positions
     zero = np.array([track.times[0] for track in tracks])
@@ -346,14 +354,14 @@ def _result(
         positions=starts[:, : 2 * n].reshape(-1, n, 2),
         velocities=starts[:, 2 * n : 2 * n + 2],
         spins=starts[:, 2 * n + 2 :],
-        problems=find_problems([track.name for track in tracks], zero, rows, batch, far) + several,
+        problems=find_problems([track.name for track in tracks], zero, rows, batch, far) + list(several.values()),
     )
 
 
 def _several(
     tracks: Sequence[Track], found: tuple[Scene, Floats], other: tuple[Scene, Floats], half: dict[str, float]
-) -> list[Problem]:
-    """Returns the problem of another fit, (scene, starts), that is as good: none if it has almost the same numbers."""
+) -> Problem | None:
+    """Returns the problem of another fit, (scene, starts), that is as good; None if it has almost the same numbers."""
     numbers = [_numbers(scene, tuple(half)) for scene, _ in (found, other)]
     differ = [
         f"{name} {another:.4g} instead of {best:.4g}"
@@ -361,12 +369,12 @@ def _several(
         if abs(another - best) > 2.0 * least + 1e-6 * abs(best)  # in the same minimum it would be worse
     ]
     if not differ:
-        return []
+        return None
     sides = found[1][:, -1], other[1][:, -1]
     k = int(np.abs(sides[1] - sides[0]).argmax())
     text = f"a side spin of {sides[1][k]:.3g} instead of {sides[0][k]:.3g} rad/s fits as well, with {', '.join(differ)}"
     begin = float(tracks[k].times[0])
-    return [Problem(tracks[k].name, "several minima", 0, begin, begin, text)]
+    return Problem(tracks[k].name, "several minima", 0, begin, begin, text)
 
 
 def _lost(scene: Scene, starts: Floats, rows: fit.Rows, most: float, scale: float) -> fit.Bools:

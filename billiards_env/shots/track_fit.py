@@ -341,8 +341,11 @@ def other_minima(scene: Scene, starts: Floats, rows: Rows, noise: float) -> list
     ends, losses = minima(scene, starts, rows, "linear", noise)
     m, q = losses.shape
     shot = np.repeat(np.arange(m), q)
-    between = 0.5 * (ends + ends[:, :1]).reshape(m * q, -1)
-    halfway = residuals(scene, allowed(scene, between, rows.in_play[shot], rows.known[shot])[0], rows.of(shot), ())
+    flat = ends.reshape(m * q, -1)
+    between, fine = allowed(
+        scene, 0.5 * (flat + np.repeat(ends[:, 0], q, axis=0)), rows.in_play[shot], rows.known[shot]
+    )
+    halfway = residuals(scene, np.where(fine[:, None], between, flat), rows.of(shot), ())
     variance = np.maximum(spread(rows, losses.min(axis=1)), _EXACT)[:, None]
     rise = (halfway.loss("linear", noise).reshape(m, q) - np.maximum(losses, losses[:, :1])) / variance
     more = np.where(rise > CLEAR, (losses - losses[:, :1]) / variance, np.inf)

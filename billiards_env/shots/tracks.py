@@ -163,6 +163,8 @@ def check_tracks(scene: Scene, tracks: Sequence[Track], least: int) -> list[Trac
         k = balls.size
         times = finite(f"{name}.times", track.times, (k,))
         positions = finite(f"{name}.positions", track.positions, (k, 2))
+        if k and not np.abs(times).max() <= RANGES["limit"].most:
+            raise ValueError(f"{name}.times = {short(times.tolist())}: expected at most {RANGES['limit'].most:g} s")
         if balls.dtype.kind not in "iu" or not ((balls >= 0) & (balls < scene.n_balls)).all():
             raise ValueError(f"{name}.balls = {short(np.unique(balls).tolist())}: expected 0 to {scene.n_balls - 1}")
         if np.count_nonzero(balls == 0) < least:

@@ -102,6 +102,7 @@ def track_of(balls, times=None, positions=None, name="a"):
         ([track_of([0] * 4, times=[1.0] * 4)], r"shots\['a'\]: ball 0 has two rows at 1 s: expected one"),
         ([track_of([0, 0, 1, 0, 1, 0], times=[0, 1, 2, 3, 2, 4])], r"ball 1 has two rows at 2 s: expected one"),
         ([track_of([0] * 4, times=[0, 1e-300, 1, 2])], "ball 0 has two rows at 1e-300 s: expected one"),
+        ([track_of([0] * 4, times=[0, 1, 2, -1e300])], r"shots\['a'\].times = .*: expected at most 1e\+12 s"),
         ([track_of([0] * 4, positions=np.zeros((3, 2)))], r"positions has shape \(3, 2\): expected \(4, 2\)"),
     ],
 )

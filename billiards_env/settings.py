@@ -1,0 +1,26 @@
+"""Settings in YAML that may come from others (extra `train`)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+
+def plain_yaml(text: str) -> Any:
+    """Returns the data of a YAML text without aliases.
+
+    A few lines with aliases can stand for gigabytes of data.
+
+    Raises:
+        yaml.YAMLError: If the text is not YAML, has an alias, or is nested too deeply.
+    """
+    if text.count("[") + text.count("{") > 1000:  # the time to read nested lists rises with the square of the depth
+        raise yaml.YAMLError("more than 1000 lists and mappings in brackets")
+    for event in yaml.parse(text, yaml.SafeLoader):
+        if isinstance(event, yaml.AliasEvent):
+            raise yaml.MarkedYAMLError(problem=f"an alias, *{event.anchor}", problem_mark=event.start_mark)
+    try:
+        return yaml.safe_load(text)
+    except RecursionError:
+        raise yaml.YAMLError("nested too deeply") from None
