@@ -446,3 +446,11 @@ def test_a_name_without_a_law_is_an_error(monkeypatch, names, physics):
     scene = Scene(Balls.uniform(1), physics=Physics(**physics))
     with pytest.raises(ValueError, match=rf"physics.{next(iter(physics))} = 'new': expected one of '\w+', "):
         simulate(scene, [[0.0, 0.0]], [1.0, 0.0])
+
+
+@pytest.mark.parametrize("name", ["real_pool", "real_carom", "uk_pool"])
+def test_a_ball_that_rolls_into_a_compliant_cushion_slips_throughout(name):
+    scene = Scene.named(name)
+    p, sine = scene.physics, scene.table.cushion_height / max(scene.balls.radius) - 1.0
+    least_slip = (1.0 + sine) / (p.mu_cushion * math.sqrt(1.0 - sine * sine))  # head on, over mu times the speed
+    assert least_slip > 3.5 * (1.0 + p.e_cushion - 1.0 / (p.e_cushion * p.cushion_frequency_ratio**2))
