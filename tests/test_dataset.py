@@ -47,7 +47,7 @@ def test_a_wrong_id_is_refused_before_an_episode(wrong, monkeypatch):
         dataset.write("Pot1-v0", "random", 1, dataset_id=wrong)
 
 
-@needs_minari
+@pytest.mark.tools
 def test_the_ids_are_valid_in_minari_and_a_broken_folder_does_no_harm(monkeypatch, tmp_path):
     parse = importlib.import_module("minari.dataset.minari_dataset").parse_dataset_id
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))

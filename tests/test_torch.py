@@ -117,6 +117,15 @@ def test_jacobians_by_constants_need_no_batch_of_scenes():
         vmap(lambda e: simulate(SCENES["pool"], *start(SCENES["pool"]), physics={"e_ball": e}))(torch.ones(2))
 
 
+def test_whole_numbers_are_numbers():
+    scene, places, velocities = SCENES["ideal"], torch.tensor([[-1, 0], [0, 0], [1, 0]]), torch.tensor([0, 1])
+    ends = simulate(scene, places, velocities, max_time=0.25)
+    assert ends.dtype == torch.get_default_dtype()
+    assert ends[0].tolist() == [-1.0, 0.25]
+    with pytest.raises(ValueError, match=r"velocities has type torch.complex64: expected real numbers"):
+        simulate(scene, places, velocities * 1j)
+
+
 def test_second_derivatives_are_refused():
     places, moving = start(SCENES["pool"])
     (first,) = torch.autograd.grad(simulate(SCENES["pool"], places, moving).sum(), moving, create_graph=True)

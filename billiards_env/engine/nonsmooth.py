@@ -58,28 +58,46 @@ from billiards_env.physics.state import (
     later,
     since,
 )
-from billiards_env.physics.walls import LINE_X, LINE_Y, NX, NY, TIP_RADIUS, TIP_X, TIP_Y, faces
+from billiards_env.physics.walls import (
+    BEGIN_TX,
+    BEGIN_TY,
+    END_TX,
+    END_TY,
+    HALF_LINE,
+    JOINT,
+    LINE_X,
+    LINE_Y,
+    NX,
+    NY,
+    TIP_RADIUS,
+    TIP_X,
+    TIP_Y,
+    TX,
+    TY,
+    faces,
+)
 from billiards_env.scene import CONTACT_GAP
 
 REASONS = {
     "grazing": "two bodies hardly touch, or pass within 1e-12 m: after a small change they miss, or hit",
-    "simultaneous": "a ball has two impacts at one instant. The derivative is that of the impacts one after the other, "
-    "in the order of the record",
+    "simultaneous": "a ball touches two bodies at one instant, or one as a phase ends, up to 1e-12 m or s. The "
+    "derivative is that of the events one after the other, in the order of the record",
     "rule": "the [contact-time rule](engines.md#resting-contact) acted. The derivative neglects it",
     "lip": "a ball grazes the circle of a pocket, inside or outside",
     "rolling": "a ball rolls without slip, up to rounding, at the start or after an impact",
     "slip": 'a slip at a "mathavan2010" cushion is zero at first, or stops and begins again at once; or it changes so '
     "often that the derivative is not computed",
+    "joint": "a ball touches a cushion where its curvature changes, within 2e-10 m",
     "cut": "the shot, or `t`, ends at the instant of an event",
 }
 """Why a shot has no derivative, by name."""
-GRAZING, SIMULTANEOUS, BY_RULE, AT_LIP, ROLLS, SLIPS, IS_CUT = range(len(REASONS))
+GRAZING, SIMULTANEOUS, BY_RULE, AT_LIP, ROLLS, SLIPS, AT_JOINT, IS_CUT = range(len(REASONS))
 
 GRAZE = 1e-6
 """Speed of approach over the relative speed below which a contact counts as grazing."""
 
 _ROLLS = 2.0**-40  # slip over speed of a ball that rolls up to rounding
-_AT_ONCE = 1e-14  # s, and relative: times that are equal up to rounding
+_AT_ONCE = 1e-12  # s, and relative: times that are equal up to rounding
 
 _BETWEEN = -2  # in place of an event
 
@@ -96,7 +114,6 @@ class Pass(NamedTuple):
         tape: The `Tape`.
         last: (n,) int64, the last event of each ball; -1 at the start.
         until: The `Time` at which the shot is cut.
-        cuts: Whether the pieces end there.
         time: (1,) float64, the time of what was found first, s.
         found: (2,) int64: the event or _BETWEEN, and the index of the reason; -1 and -1 for none.
     """
@@ -107,7 +124,6 @@ class Pass(NamedTuple):
     tape: Tape
     last: Any
     until: Time
-    cuts: Any
     time: Any
     found: Any
 
@@ -119,98 +135,123 @@ def _find(time, e, reason, over):
         over.time[0], over.found[0], over.found[1] = time, e, reason
 
 
+class Approach(NamedTuple):
+    """A ball and a body on a piece of the ball's path.
+
+    Attributes:
+        begin: The `Time` of its beginning.
+        end: Its duration, s.
+        meets: Whether it begins with the impact of the two.
+        met_by: The reason to store if they touch at its end: SIMULTANEOUS, or IS_CUT at the end of the shot; -1 if it
+            ends with their impact.
+        reason: The reason to store if they touch but do not approach.
+    """
+
+    begin: Any
+    end: Any
+    meets: Any
+    met_by: Any
+    reason: Any
+
+
 @inlined
-def _touch(gap, along, speed, at_end, time, reason, over):
-    """Stores a reason if bodies touch without approach, or at the end of the shot.
+def _touch(gap, along, speed, t, approach, over):
+    """Stores a reason if two bodies touch.
 
     Args:
-        gap: The least gap of the bodies on a piece of their paths, m.
+        gap: Their least gap on a piece of their paths, m.
         along: The part of their relative velocity along it, m/s.
         speed: Their relative speed, m/s.
-        at_end: Whether it is at the end of the piece.
-        time: s.
-        reason: The reason for a touch without approach.
+        t: The time of the least gap, s.
+        approach: The `Approach`.
         over: The `Pass`.
     """
-    if abs(gap) <= CONTACT_GAP and abs(along) <= GRAZE * speed:
-        _find(time, _BETWEEN, reason, over)
-    elif abs(gap) <= CONTACT_GAP and at_end and over.cuts:
-        _find(time, _BETWEEN, IS_CUT, over)
+    if abs(gap) > CONTACT_GAP or (approach.meets and t == 0.0):
+        return
+    time = later(approach.begin, t).hi
+    if abs(along) <= GRAZE * speed:
+        _find(time, _BETWEEN, approach.reason, over)
+    elif t == approach.end and approach.met_by >= 0:
+        _find(time, _BETWEEN, approach.met_by, over)
 
 
 @inlined
-def _pass_circle(path, end, swept, begin, reach, meets, reason, over):
-    """Looks for a tangent pass of a `Path` at a circle about the origin.
-
-    Args:
-        path: The `Path`.
-        end: Its end, s.
-        swept: Its `Sweep`.
-        begin: The `Time` of its beginning.
-        reach: Radius of the circle, m.
-        meets: Whether it begins with the impact of the two.
-        reason: The reason to store.
-        over: The `Pass`.
-    """
+def _pass_circle(path, swept, reach, approach, over):
+    """Looks for a touch of a circle about the origin with a radius `reach`, m, on a `Path` with its `Sweep`."""
     if misses_circle(path, swept, reach + CONTACT_GAP):
         return
-    t = nearest_time(path, end)
+    t = nearest_time(path, approach.end)
     x, y = place_after(path, t)
     vx, vy, distance = path.vx + t * path.ax, path.vy + t * path.ay, norm(x, y)
-    if distance > 0.0 and not (meets and t == 0.0):
-        along = (x * vx + y * vy) / distance
-        _touch(distance - reach, along, norm(vx, vy), t == end, later(begin, t).hi, reason, over)
+    if distance > 0.0:
+        _touch(distance - reach, (x * vx + y * vy) / distance, norm(vx, vy), t, approach, over)
 
 
 @inlined
-def _pass_line(path, end, begin, normal, room, line, meets, over):
-    """Looks for a tangent pass at a straight cushion; the arguments are those of `margins._pass_line`."""
-    nx, ny = normal
+def _pass_line(path, normal, room, line, approach, over):
+    """Looks for a touch of a straight cushion on a `Path`; see `margins._pass_line`."""
+    (nx, ny), end = normal, approach.end
     v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
     t = min(max(-v / a, 0.0), end) if a < 0.0 else (end if v + 0.5 * end * a > 0.0 else 0.0)
     x, y = place_after(path, t)
     vx, vy = path.vx + t * path.ax, path.vy + t * path.ay
-    if (meets and t == 0.0) or (line is not None and not touches_line(line, x, y)):
-        return
-    _touch(nx * x + ny * y - room, v + t * a, norm(vx, vy), t == end, later(begin, t).hi, GRAZING, over)
+    if line is None or touches_line(line, x, y):
+        _touch(nx * x + ny * y - room, v + t * a, norm(vx, vy), t, approach, over)
 
 
 @inlined
-def _pass_cushions(outline, i, path, end, swept, begin, wall, over):
-    """Looks for tangent passes of ball i at the cushions; `wall` is the one with which its path begins, or -1."""
+def _approach_of(kind, i, other, span, begin, e, over):
+    """Returns the `Approach` of ball i to a body on `span` seconds from a `Time` to event e, or to the end (-1)."""
+    meets, met_by = False, SIMULTANEOUS if e >= 0 else IS_CUT
+    for k in (over.last[i], e):
+        if k >= 0 and over.events[k, KIND] == kind:
+            first, second = int(over.events[k, BALL]), int(over.events[k, OTHER])
+            if (first == i and second == other) or (kind == BALL_BALL and first == other and second == i):
+                if k == e:
+                    met_by = -1
+                elif kind != BALL_BALL or over.last[other] == k:
+                    meets = True
+    return Approach(begin, span, meets, met_by, AT_LIP if kind == BALL_POCKET else GRAZING)
+
+
+@inlined
+def _pass_cushions(outline, i, path, swept, whole, e, over):
+    """Looks for touches of ball i and the cushions; `whole` is the `Approach` to any body on its `Path`."""
     radius, numbers = over.scene.radius[i], over.scene.numbers
     if outline is None:
         for k in range(4):
-            sign = 1.0 if k % 2 else -1.0
+            sign, approach = 1.0 if k % 2 else -1.0, _approach_of(BALL_CUSHION, i, k, whole.end, whole.begin, e, over)
             if k < 2:
-                _pass_line(path, end, begin, (sign, 0.0), numbers.half_length - radius, None, k == wall, over)
+                _pass_line(path, (sign, 0.0), numbers.half_length - radius, None, approach, over)
             else:
-                _pass_line(path, end, begin, (0.0, sign), numbers.half_width - radius, None, k == wall, over)
+                _pass_line(path, (0.0, sign), numbers.half_width - radius, None, approach, over)
     else:
-        _pass_outline(outline, i, path, end, swept, begin, wall, over)
+        _pass_outline(outline, i, path, swept, whole, e, over)
 
 
 @kernel
-def _pass_outline(outline, i, path, end, swept, begin, wall, over):
+def _pass_outline(outline, i, path, swept, whole, e, over):
     """Implements `_pass_cushions` for an outline."""
     radius, lines, tips = over.scene.radius[i], outline.lines, outline.tips
     for k in range(len(lines)):
         line = lines[k]
         room = line[NX] * line[LINE_X] + line[NY] * line[LINE_Y] - radius
-        _pass_line(path, end, begin, (line[NX], line[NY]), room, line, k == wall, over)
+        approach = _approach_of(BALL_CUSHION, i, k, whole.end, whole.begin, e, over)
+        _pass_line(path, (line[NX], line[NY]), room, line, approach, over)
     for k in range(len(tips)):
         tip = tips[k]
         from_tip, reach = relative_to(path, tip[TIP_X], tip[TIP_Y]), tip[TIP_RADIUS] + radius
         if not misses_circle(from_tip, swept, reach + CONTACT_GAP):
-            x, y = place_after(from_tip, nearest_time(from_tip, end))
+            x, y = place_after(from_tip, nearest_time(from_tip, whole.end))
             if faces(tip, x + tip[TIP_X], y + tip[TIP_Y]):
-                _pass_circle(from_tip, end, swept, begin, reach, k + len(lines) == wall, GRAZING, over)
+                approach = _approach_of(BALL_CUSHION, i, k + len(lines), whole.end, whole.begin, e, over)
+                _pass_circle(from_tip, swept, reach, approach, over)
 
 
 @kernel
-def _pass_by(i, now, over):
-    """Looks for tangent passes of ball i on its current piece until a `Time`."""
-    segments, scene, tape, last = over.segments, over.scene, over.tape, over.last
+def _pass_by(i, e, now, over):
+    """Looks for touches of ball i on its current piece until a `Time`, that of event e or that of the end (-1)."""
+    segments, scene, tape = over.segments, over.scene, over.tape
     piece, n = tape.current[i], len(scene.radius)
     row = segments[piece, SEGMENT_ROW:]
     begin = Time(row[T0], row[T0_LO])
@@ -219,14 +260,13 @@ def _pass_by(i, now, over):
         return
     moves = path.vx != 0.0 or path.vy != 0.0
     if moves:
-        swept, wall = sweep(path, end), -1
-        if last[i] >= 0 and over.events[last[i], KIND] == BALL_CUSHION:
-            wall = int(over.events[last[i], OTHER])
+        swept = sweep(path, end)
         for p in range(len(scene.pockets)):
             pocket = scene.pockets[p]
             from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
-            _pass_circle(from_pocket, end, swept, begin, pocket[POCKET_RADIUS], False, AT_LIP, over)
-        _pass_cushions(scene.outline, i, path, end, swept, begin, wall, over)
+            approach = _approach_of(BALL_POCKET, i, p, end, begin, e, over)
+            _pass_circle(from_pocket, swept, pocket[POCKET_RADIUS], approach, over)
+        _pass_cushions(scene.outline, i, path, swept, Approach(begin, end, False, -1, GRAZING), e, over)
     for k in range(n):
         other = segments[tape.current[k]]
         second = other[SEGMENT_ROW:]
@@ -237,10 +277,10 @@ def _pass_by(i, now, over):
             start = begin
         span = since(now, start)
         if span >= 0.0:
-            meets = last[i] >= 0 and last[i] == last[k]
             path_to = between(segments[piece], other, start)
             reach = contact_distance(scene.spheres, scene.radius, i, k)
-            _pass_circle(path_to, span, sweep(path_to, span), start, reach, meets, GRAZING, over)
+            approach = _approach_of(BALL_BALL, i, k, span, start, e, over)
+            _pass_circle(path_to, sweep(path_to, span), reach, approach, over)
 
 
 @inlined
@@ -304,6 +344,34 @@ def _grazes(kind, i, other, piece, speed, over):
     return v <= GRAZE * speed or (a < 0.0 and -0.5 * v * v / a <= CONTACT_GAP)
 
 
+@inlined
+def _is_at_joint(outline, wall, state):
+    """Returns whether a ball with a state (7,) touches a cushion where its curvature changes."""
+    if outline is None:
+        return False
+    if wall < len(outline.lines):
+        line = outline.lines[wall]
+        along = line[TX] * (state[DX] - line[LINE_X]) + line[TY] * (state[DY] - line[LINE_Y])
+        return abs(abs(along) - line[HALF_LINE]) <= 2.0 * JOINT
+    tip = outline.tips[wall - len(outline.lines)]
+    dx, dy = state[DX] - tip[TIP_X], state[DY] - tip[TIP_Y]
+    return abs(dx * tip[BEGIN_TX] + dy * tip[BEGIN_TY]) <= 2.0 * JOINT or (
+        abs(dx * tip[END_TX] + dy * tip[END_TY]) <= 2.0 * JOINT
+    )
+
+
+@inlined
+def _is_at_once(dt, time):
+    """Returns whether times with a difference dt, s, are equal up to rounding."""
+    return abs(dt) <= _AT_ONCE * (1.0 + time)
+
+
+@inlined
+def _left(segment, now):
+    """Returns the time from a `Time` to the end of the phase of a piece, s."""
+    return segment[SEGMENT_ROW + LASTS] - since(now, Time(segment[SEGMENT_ROW + T0], segment[SEGMENT_ROW + T0_LO]))
+
+
 @kernel
 def _judge(e, over):
     """Stores the reason why event e has no derivative."""
@@ -318,7 +386,10 @@ def _judge(e, over):
     for s in range(2 if kind == BALL_BALL else 1):
         speed += norm(tape.before[piece + s, DVX], tape.before[piece + s, DVY])
         last = over.last[int(events[e, BALL + s])]
+        now, before_it = Time(time, events[e, TIME_LO]), over.segments[tape.previous[piece + s]]
         if last >= 0 and events[last, TIME] == time and events[last, KIND] <= BALL_POCKET:
+            _find(time, e, SIMULTANEOUS, over)
+        if before_it[SEGMENT_PHASE] in (ROLLING, SLIDING) and _is_at_once(_left(before_it, now), time):
             _find(time, e, SIMULTANEOUS, over)
         if _rolls(over.segments[piece + s], scene.numbers):
             _find(time, e, ROLLS, over)
@@ -326,11 +397,8 @@ def _judge(e, over):
         _find(time, e, AT_LIP if kind == BALL_POCKET else GRAZING, over)
     elif kind == BALL_CUSHION and not _is_smooth_cushion(i, other, tape.before[piece], scene):
         _find(time, e, SLIPS, over)
-
-
-@inlined
-def _is_at_once(dt, time):
-    return abs(dt) <= _AT_ONCE * (1.0 + time)
+    elif kind == BALL_CUSHION and _is_at_joint(scene.outline, other, tape.before[piece]):
+        _find(time, e, AT_JOINT, over)
 
 
 @inlined
@@ -339,10 +407,9 @@ def _cut(done, over):
     rests = True
     for i in range(len(over.last)):
         segment = over.segments[over.tape.current[i]]
-        phase, row = segment[SEGMENT_PHASE], segment[SEGMENT_ROW:]
-        if phase not in (REST, POTTED):
+        if segment[SEGMENT_PHASE] not in (REST, POTTED):
             rests = False
-            if _is_at_once(since(over.until, Time(row[T0], row[T0_LO])) - row[LASTS], over.until.hi):
+            if _is_at_once(_left(segment, over.until), over.until.hi):
                 _find(over.until.hi, _BETWEEN, IS_CUT, over)
     for e in (done - 1, done):
         if not rests and 0 <= e < len(over.events) and _is_at_once(over.events[e, TIME] - over.until.hi, over.until.hi):
@@ -369,7 +436,7 @@ def find_nonsmooth(begin, end, shots, times, results):
         at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
         log, paths, until = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]], Time(times[k], 0.0)
         trace(log, paths, scene, shots.is_sphere, tape)
-        over = Pass(log, paths, scene, tape, last, until, False, first, results[k])
+        over = Pass(log, paths, scene, tape, last, until, first, results[k])
         first[0], results[k, 0], results[k, 1] = math.inf, -1, -1
         last[:] = -1
         for i in range(n):
@@ -379,9 +446,9 @@ def find_nonsmooth(begin, end, shots, times, results):
         done = 0
         while done < len(log) and log[done, TIME] <= times[k]:
             balls = 2 if log[done, KIND] == BALL_BALL else 1
-            for s in range(balls):
-                _pass_by(int(log[done, BALL + s]), Time(log[done, TIME], log[done, TIME_LO]), over)
             _judge(done, over)
+            for s in range(balls):
+                _pass_by(int(log[done, BALL + s]), done, Time(log[done, TIME], log[done, TIME_LO]), over)
             for s in range(balls):
                 i = int(log[done, BALL + s])
                 tape.current[i], last[i] = tape.first[done] + s, done
@@ -390,9 +457,8 @@ def find_nonsmooth(begin, end, shots, times, results):
             if pending > _LOOK_AFTER:
                 end_call(interrupted())
                 pending = 0
-        over = Pass(log, paths, scene, tape, last, until, True, first, results[k])
         for i in range(n):
-            _pass_by(i, until, over)
+            _pass_by(i, -1, until, over)
         _cut(done, over)
         if results[k, 0] == _BETWEEN:
             results[k, 0] = -1

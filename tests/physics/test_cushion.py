@@ -570,3 +570,11 @@ def test_a_ball_leaves_a_corner_at_the_least_speeds(half):
     vx, vy, *_ = corner(scene, motion, half, -half, (0.01, 0.01))
     assert vy == 0.0
     assert -vx * math.cos(half) == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize("name", ["real_pool", "real_carom", "uk_pool"])
+def test_a_ball_that_rolls_into_a_compliant_cushion_slips_throughout(name):
+    scene = Scene.named(name)
+    p, sine = scene.physics, scene.table.cushion_height / max(scene.balls.radius) - 1.0
+    least_slip = (1.0 + sine) / (p.mu_cushion * math.sqrt(1.0 - sine * sine))  # head on, over mu times the speed
+    assert least_slip > 3.5 * (1.0 + p.e_cushion - 1.0 / (p.e_cushion * p.cushion_frequency_ratio**2))

@@ -9,6 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate, simulate_batch
+from billiards_env.engine.modes import scene_fields
+from billiards_env.physics.walls import TIP_RADIUS, faces
 from billiards_env.shots.gradients import MARGINS
 from tests.helpers.derivatives import SCENES, aimed, recorded, start_of, tangent_of
 
@@ -136,3 +138,20 @@ def test_balls_that_are_not_in_play_have_no_margin():
     assert (shot.margins().pockets[2] == -np.inf).all()
     assert (shot.margins().balls[2] == -np.inf).all()
     assert (shot.margins().balls.diagonal() == -np.inf).all()
+
+
+def test_the_margin_of_a_jaw_that_a_ball_passes_is_the_gap():
+    scene, compared = Scene.named("real_pool"), 0
+    lines, tips = scene_fields(scene)[4]
+    for seed in range(30):
+        shot = recorded(scene, start_of(scene, seed), max_time=0.8)
+        grid = np.linspace(0.0, 0.8, 1601)
+        places = np.array([shot.at(t)[0] for t in grid])
+        margins = shot.margins()
+        for k, tip in enumerate(tips, len(lines)):
+            gaps = np.hypot(*(places - tip[:2]).T) - tip[TIP_RADIUS] - scene.balls.radius[0]
+            nearest = int(gaps.argmin())
+            if faces(tip, *places[nearest]) and 0 < nearest < 1600 and gaps[nearest] > 1e-3:
+                assert margins.cushions[0, k] == pytest.approx(-gaps[nearest], abs=1e-5)
+                compared += 1
+    assert compared > 3

@@ -43,7 +43,7 @@ def test_a_pass_along_a_pocket_or_a_cushion_has_no_derivative(offset):
 
 
 @pytest.mark.parametrize("name", ["pool", "real_pool"])
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_the_shots_between_two_outcomes_have_no_derivative(name, seed):
     """The two adjacent directions between which the events change are named, whatever the body is."""
@@ -178,7 +178,7 @@ def differences(scene, start, change, number, step, time):
 
 
 @pytest.mark.parametrize("name", SCENES)
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10**9))
 def test_a_derivative_without_a_reason_agrees_with_differences(name, seed):
     rng = np.random.default_rng(seed)
