@@ -5,7 +5,7 @@ from __future__ import annotations
 from billiards_env.engine.contact_rule import CushionContact, collide, hit_corner, hit_cushion
 from billiards_env.engine.log import BALL_BALL, BALL_CUSHION, BALL_POCKET, log_event
 from billiards_env.engine.shots import count_hit
-from billiards_env.jit import inlined
+from billiards_env.jit import inlined, kernel
 from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.motion import advance, capture, end_phase, motion_after, norm
 from billiards_env.physics.state import POCKET_X, POCKET_Y, VX, VY, own_time, same, since
@@ -76,40 +76,22 @@ def resolve_impacts(count, now, k, scene, work, shots, log):
 
 
 @inlined
-def _record(kind, i, other, speed, acts, now, k, state, shots, log):
-    """Counts and records an event of ball i alone, with the acts of the contact-time rule."""
-    shots.n_contact_rule[k] += acts
-    shots.n_events[k] += 1
-    log_event(log, now, kind, i, other, state, speed, acts > 0)
-
-
-@inlined
 def _contact_with(i, wall, state, scene):
     """Returns the `CushionContact` of ball i."""
     nx, ny = wall_normal(state, i, wall, scene.outline)
     return CushionContact(i, wall, nx, ny, nx * state.rows[i, VX] + ny * state.rows[i, VY])
 
 
-@inlined
-def _bounce(i, wall, now, k, scene, work, shots, log):
-    """Resolves and records the impact of ball i on a cushion and on another that it touches at this instant.
-
-    Returns the number of cushions.
-    """
-    state, memory = work.state, work.memory
-    wall, other = walls_met(state, i, wall, scene.radius[i], scene.numbers, scene.outline)
-    one = _contact_with(i, wall, state, scene)
-    if other < 0:
-        acts = hit_cushion(one, now.hi, state, scene, memory)
-        shots.cushions[k, i] += 1
-        _record(BALL_CUSHION, i, wall, one.speed, acts, now, k, state, shots, log)
-        return 1
-    two = _contact_with(i, other, state, scene)
-    acts = hit_corner(one, two, now.hi, state, scene, memory)
+@kernel
+def _resolve_corner(i, walls, now, k, scene, work, shots, log):
+    """Resolves and records the impact of ball i on two cushions."""
+    one, two = _contact_with(i, walls[0], work.state, scene), _contact_with(i, walls[1], work.state, scene)
+    acts = hit_corner(one, two, now.hi, work.state, scene, work.memory)
     shots.cushions[k, i] += 2
-    _record(BALL_CUSHION, i, wall, one.speed, acts, now, k, state, shots, log)
-    _record(BALL_CUSHION, i, other, two.speed, acts, now, k, state, shots, log)
-    return 2
+    shots.n_contact_rule[k] += 2 * acts
+    shots.n_events[k] += 2
+    for contact in (one, two):
+        log_event(log, now, BALL_CUSHION, i, contact.wall, work.state, contact.speed, acts > 0)
 
 
 @inlined
@@ -128,23 +110,33 @@ def resolve_singles(count, now, k, scene, work, shots, log):
     Returns:
         The number of balls listed in `work.changed`, once for each event.
     """
-    state, singles, n_changed = work.state, work.queue.singles, 0
+    state, singles, changed, n_changed = work.state, work.queue.singles, work.changed, 0
     for c in range(count):
         i = work.due[c]
         kind, other = singles.kind[i], singles.other[i]
-        speed, n_events = 0.0, 1
-        if kind == BALL_CUSHION:
+        speed, acts = 0.0, 0
+        changed[n_changed] = i
+        n_changed += 1
+        if kind == BALL_POCKET:
             advance(state, i, now, scene.numbers)
-            n_events = _bounce(i, other, now, k, scene, work, shots, log)
+            speed = norm(state.rows[i, VX], state.rows[i, VY])
+            capture(state, i, scene.pockets[other, POCKET_X], scene.pockets[other, POCKET_Y])
+        elif kind == BALL_CUSHION:
+            advance(state, i, now, scene.numbers)
+            walls = walls_met(state, i, other, scene.radius[i], scene.numbers, scene.outline)
+            if walls[1] >= 0:
+                _resolve_corner(i, walls, now, k, scene, work, shots, log)
+                changed[n_changed] = i
+                n_changed += 1
+                continue
+            other = walls[0]
+            contact = _contact_with(i, other, state, scene)
+            speed = contact.speed
+            acts = hit_cushion(contact, now.hi, state, scene, work.memory)
+            shots.cushions[k, i] += 1
         else:
-            if kind == BALL_POCKET:
-                advance(state, i, now, scene.numbers)
-                speed = norm(state.rows[i, VX], state.rows[i, VY])
-                capture(state, i, scene.pockets[other, POCKET_X], scene.pockets[other, POCKET_Y])
-            else:
-                end_phase(state, i, now, scene.numbers)
-            _record(kind, i, other, speed, 0, now, k, state, shots, log)
-        for _ in range(n_events):
-            work.changed[n_changed] = i
-            n_changed += 1
+            end_phase(state, i, now, scene.numbers)
+        shots.n_contact_rule[k] += acts
+        shots.n_events[k] += 1
+        log_event(log, now, kind, i, other, state, speed, acts > 0)
     return n_changed

@@ -333,35 +333,23 @@ def walls_met(state, i, wall, radius, numbers, outline):
         The numbers of two cushions; the second is -1 if one acts. The first is that whose normal is nearer to the x
         axis, then that which the ball approaches faster, then that with the lower number.
     """
-    path = path_of(state, i)
     half_length, half_width = half_sizes(numbers, outline)
-    room_x, room_y = half_length - radius - CONTACT_GAP, half_width - radius - CONTACT_GAP
-    if outline is None:
-        return _sides_met(path, wall, room_x, room_y)
-    past_x, past_y = abs(path.x) - room_x, abs(path.y) - room_y
-    if max(past_x, past_y) <= 2.0 * CONTACT_GAP and min(past_x, past_y) < 0.0:  # at one side of the box
+    past_x = abs(state.rows[i, X]) - (half_length - radius)
+    past_y = abs(state.rows[i, Y]) - (half_width - radius)
+    at_one_side = min(past_x, past_y) < -CONTACT_GAP and max(past_x, past_y) <= CONTACT_GAP
+    if at_one_side or (outline is None and min(past_x, past_y) < -CONTACT_GAP):
         return wall, -1
-    return _walls_met(path, wall, radius, outline)
-
-
-@inlined
-def _sides_met(path, wall, room_x, room_y):
-    """Implements `walls_met` for a rectangle, whose cushions touch a ball at +-`room_x` and +-`room_y`, m."""
-    x, y, vx, vy, ax, ay = path
-    dx, dy = (vx if vx != 0.0 else ax), (vy if vy != 0.0 else ay)
-    across, along = (1 if dx > 0.0 else 0), (3 if dy > 0.0 else 2)
-    in_corner = (x if dx > 0.0 else -x) >= room_x and (y if dy > 0.0 else -y) >= room_y
-    if not in_corner or dx == 0.0 or dy == 0.0:
-        return wall, -1
-    if (vx == 0.0) == (vy == 0.0):
-        return across, along
-    return (across if vy == 0.0 else along), -1
+    return _walls_met(path_of(state, i), wall, radius, outline)
 
 
 @kernel
 def _walls_met(path, wall, radius, outline):
-    """Implements `walls_met` for an outline."""
+    """Implements `walls_met` for a ball that touches cushions across x and along x, or an outline at any place."""
     x, y, vx, vy, ax, ay = path
+    if outline is None:
+        return _sides_met(path, wall)
+    if not _touches_another(x, y, wall, radius, outline):
+        return wall, -1
     one, two = _walls_around(path, vx, vy, wall, radius, outline)
     if one < 0:
         one, two = _walls_around(path, ax, ay, wall, radius, outline)
@@ -371,6 +359,19 @@ def _walls_met(path, wall, radius, outline):
     if (abs(nx), nx * vx + ny * vy, two) > (abs(mx), mx * vx + my * vy, one):
         return one, two
     return two, one
+
+
+@inlined
+def _sides_met(path, wall):
+    """Implements `walls_met` for a ball in a corner of a rectangle."""
+    x, y, vx, vy, ax, ay = path
+    dx, dy = (vx if vx != 0.0 else ax), (vy if vy != 0.0 else ay)
+    if dx == 0.0 or dy == 0.0 or x * dx < 0.0 or y * dy < 0.0:
+        return wall, -1
+    across, along = (1 if dx > 0.0 else 0), (3 if dy > 0.0 else 2)
+    if (vx == 0.0) == (vy == 0.0):
+        return across, along
+    return (across if vy == 0.0 else along), -1
 
 
 @inlined
@@ -402,17 +403,38 @@ def _walls_around(path, dx, dy, wall, radius, outline):
 
 
 @inlined
+def _touches_line(x, y, line, radius):
+    """Returns whether a ball at (x, y), m, is nearer to a straight cushion than `CONTACT_GAP`."""
+    dx, dy = x - line[LINE_X], y - line[LINE_Y]
+    gap = -(line[NX] * dx + line[NY] * dy) - radius
+    return gap <= CONTACT_GAP and gap > -radius and abs(line[TX] * dx + line[TY] * dy) <= line[HALF_LINE] + JOINT
+
+
+@inlined
+def _touches_tip(x, y, tip, radius):
+    """Returns the same for a tip."""
+    dx, dy, reach = tip[TIP_X] - x, tip[TIP_Y] - y, tip[TIP_RADIUS] + radius + CONTACT_GAP
+    return dx * dx + dy * dy <= reach * reach and faces(tip, x, y)
+
+
+@inlined
 def _touches(x, y, wall, radius, outline):
-    """Returns whether a ball at (x, y), m, is nearer to a piece of an outline than `CONTACT_GAP`."""
-    lines, tips = outline.lines, outline.tips
+    """Returns the same for a piece of an outline."""
+    lines = outline.lines
     if wall < len(lines):
-        line = lines[wall]
-        dx, dy = x - line[LINE_X], y - line[LINE_Y]
-        gap = -(line[NX] * dx + line[NY] * dy) - radius
-        return -radius < gap <= CONTACT_GAP and abs(line[TX] * dx + line[TY] * dy) <= line[HALF_LINE] + JOINT
-    tip = tips[wall - len(lines)]
-    distance = norm(tip[TIP_X] - x, tip[TIP_Y] - y)
-    return distance - (tip[TIP_RADIUS] + radius) <= CONTACT_GAP and faces(tip, x, y)
+        return _touches_line(x, y, lines[wall], radius)
+    return _touches_tip(x, y, outline.tips[wall - len(lines)], radius)
+
+
+@inlined
+def _touches_another(x, y, wall, radius, outline):
+    """Returns whether a ball that touches `wall` touches another piece of an outline."""
+    lines, tips, found = outline.lines, outline.tips, False
+    for k in range(len(lines)):
+        found = found or (_touches_line(x, y, lines[k], radius) and k != wall)
+    for k in range(len(tips)):
+        found = found or (_touches_tip(x, y, tips[k], radius) and len(lines) + k != wall)
+    return found
 
 
 @inlined

@@ -240,7 +240,7 @@ def test_a_ball_between_two_cushions_meets_the_one_that_it_approaches():
 
 def walls_met(place, velocity, wall, a_table):
     rows = np.zeros((1, WIDTH))
-    rows[0, [X, Y, VX, VY]] = *place, *velocity
+    rows[0, [X, Y, VX, VY]] = np.concatenate([place, velocity])
     numbers = scene_arrays(Scene(Balls((R,), (0.2,)), a_table, Physics())).numbers
     outline = arrays(a_table) if a_table.outline else None
     return walls.walls_met(State(rows, np.zeros(1, np.int8)), 0, wall, R, numbers, outline)
@@ -278,9 +278,10 @@ def test_two_pieces_that_touch_a_ball_at_one_point_are_one_cushion():
     inward = np.array([tip.x0 - tip.x, tip.y0 - tip.y]) / tip.radius
     place = joint + R * inward
     outline = arrays(a_table)
-    line = min(range(len(outline.lines)), key=lambda k: walls._line_distance(*place, outline.lines[k]))
+    x, y = place.tolist()
+    line = min(range(len(outline.lines)), key=lambda k: walls._line_distance(x, y, outline.lines[k]))
     for wall in (line, len(outline.lines)):
-        assert walls._touches(*place, wall, R, outline)
+        assert walls._touches(x, y, wall, R, outline)
         assert walls_met(place, -inward, wall, a_table) == (wall, -1)
 
 
