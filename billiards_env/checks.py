@@ -57,7 +57,7 @@ RANGES: dict[str, Range] = {
     "restitution": Range(0.0, 1.0, "", "an impact does not add energy"),
     "miscue_offset": Range(1e-3, 1.0, "ball radii", "1 at the edge of the ball; 0.5 to 0.55 with chalk"),
     "max_time": Range(1e-9, 1e12, "s", "up to 30,000 years; above 0, so the shot advances"),
-    "balls": Range(1, 100_000, "", "the check of the positions compares all pairs"),
+    "balls": Range(1, 100_000, "", "a gigabyte of memory for two seconds of their events"),
     # A shot
     "speed": Range(-MAX_SPEED, MAX_SPEED, "m/s", "each component; the hardest breaks reach 16 m/s"),
     "heading": Range(-10.0, 10.0, "rad", "more than a full turn both ways"),

@@ -427,7 +427,8 @@ def test_every_impact_ends_and_does_not_add_energy():
         nose = CushionNose(sin, math.sqrt(1 - sin * sin), mu, mu_cloth)
         spin = rng.choice([-1.0, 0.0, 0.3, 1.0], 3) * radius * 10 ** rng.uniform(-3, 6)
         before = np.array([rng.normal() * 10 ** rng.uniform(-6, 2), 10 ** rng.uniform(-6, 3), *spin])
-        after = np.array(integrate_impact(*before.tolist(), nose, float(rng.choice([0.0, 1.0, rng.random()]))))
+        e = float(rng.choice([0.0, 1.0, rng.random()]))
+        after = np.array(integrate_impact(*before.tolist(), nose=nose, e=e))
         energy = [v[:2] @ v[:2] + 0.4 * v[2:] @ v[2:] for v in (before, after)]
         assert energy[1] <= energy[0] * (1 + 1e-9)
         assert after[1] <= 1e-6 * np.abs(before[1:]).max()
