@@ -29,7 +29,7 @@ from billiards_env.scene import Scene, layouts
 POOL = Scene.named("pool")
 REACH = 2 * POOL.balls.radius[0]
 FAST = {"max_speed": 4.5, "n_object_balls": 2, "max_shots": 3}  # fast enough for all action frames
-NOISE = {"angle_std": 5.0, "speed_std": 0.5}
+NOISE: dict[str, Any] = {"angle_std": 5.0, "speed_std": 0.5}
 shares = st.floats(-1.0, 1.0)
 frames = pytest.mark.parametrize("frame", FRAMES)
 

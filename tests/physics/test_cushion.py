@@ -1,6 +1,7 @@
 import math
 import re
 import time
+from typing import Any, cast
 
 import numpy as np
 import pytest

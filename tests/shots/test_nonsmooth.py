@@ -88,6 +88,7 @@ def test_a_shot_that_is_cut_at_an_event_has_no_derivative():
     pool = Scene.named("pool", 1)
     shot = simulate(pool, places, [0.5, 0.01], record=True)
     assert shot.nonsmooth().reason == ""  # the natural end
+    assert shot.events is not None
     rolls = shot.events["time"][shot.events["kind"] == "sliding_rolling"][0]
     assert shot.nonsmooth(rolls).reason == "cut"
 
