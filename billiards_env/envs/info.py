@@ -63,7 +63,11 @@ def copied_info(arrays: InfoArrays) -> dict[str, NDArray[Any]]:
 
 
 def with_starts(info: dict[str, NDArray[Any]], mask: NDArray[np.bool_], starts: InfoArrays) -> dict[str, NDArray[Any]]:
-    """Returns new arrays with the rows of `starts` in the mask, and those of `info` outside of it."""
+    """Returns the rows of `starts` in the mask, in new arrays, and those of `info` outside of it."""
+    if not mask.any():
+        return info
+    if mask.all():
+        return copied_info(starts)
     return {
         key: np.where(mask if values.ndim == 1 else mask[:, None], values, info[key])
         for key, values in (starts.numbers | starts.rows).items()

@@ -341,7 +341,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
                 episodes.warn_cut_off(k, checked[k])
         info = copied_info(self._info) | physics  # of the shots
         begun = over if same_step else skip  # the episodes that this step has begun
-        infos = masked_info(with_starts(info, begun, self._starts) if begun.any() else info, np.ones(m, np.bool_))
+        infos = masked_info(with_starts(info, begun, self._starts), np.ones(m, np.bool_))
         if same_step and over.any():
             infos["final_obs"], infos["final_info"] = _masked_rows(last, over), masked_info(info, over)
             infos["_final_obs"], infos["_final_info"] = over.copy(), over.copy()
