@@ -31,7 +31,7 @@ from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.tasks import TASKS
 
 ENV_ID = "Billiards-v0"
-Head = Literal["gaussian", "mixture", "hits", "pots"]
+Head = Literal["aim", "gaussian", "mixture", "hits", "pots"]
 HEADS: tuple[str, ...] = get_args(Head)
 """The heads that PPO trains."""
 Rated = Literal["rated_hits", "rated_pots"]
@@ -176,9 +176,9 @@ class Policy(Checked):
     """The policy and value networks.
 
     Attributes:
-        head: The part of the policy that computes its distribution: "gaussian", which is the policy of
-            Stable-Baselines3, or one of `billiards_env.sb3.policy.HEADS`. With one of `RATED_HEADS` the policy rates
-            candidate shots instead, see `billiards_env.sb3.rated`.
+        head: The part of the policy that computes its distribution: "aim", which is `billiards_env.sb3.AimPolicy`,
+            "gaussian", which is the policy of Stable-Baselines3, or one of `billiards_env.sb3.policy.HEADS`. With one
+            of `RATED_HEADS` the policy rates candidate shots instead, see `billiards_env.sb3.rated`.
         components: The number of components, see `billiards_env.sb3.policy.MixturePolicy`; "gaussian" ignores it. For
             `RATED_HEADS` see `billiards_env.sb3.rated.RatedPolicy`.
         speeds: The smallest and the largest mean speed of a component or a candidate, over the largest speed of the
@@ -186,7 +186,8 @@ class Policy(Checked):
         banks: Whether "pots" and "rated_pots" find banks also on tables with a direct pot; the other heads ignore it.
         hidden: The number of units of each hidden layer.
         activation: "tanh", "relu", "elu" or "silu".
-        std: The schedule of the standard deviations; None if they are learned.
+        std: The schedule of the standard deviations; None if they are learned. "aim" has schedules of its own.
+        arguments: The arguments of "aim", see `billiards_env.sb3.weights.AIM_ARGUMENTS`; "aim" ignores the other keys.
     """
 
     head: Head | Rated = "gaussian"
@@ -198,6 +199,7 @@ class Policy(Checked):
     hidden: Annotated[tuple[Count, ...], Field(min_length=1)] = (64, 64)
     activation: Literal["tanh", "relu", "elu", "silu"] = "tanh"
     std: Std | None = None
+    arguments: dict[str, Any] = Field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, config=CHECKS)

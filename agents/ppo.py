@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, cast
 
@@ -21,6 +21,7 @@ from agents.config import ENV_ID, Config, load
 from billiards_env import sb3
 from billiards_env.envs.wrappers import ExecutionNoise, VectorExecutionNoise
 from billiards_env.evaluation import FIRST_EVALUATION_SEED
+from billiards_env.sb3.aim_policy import AimPolicy
 from billiards_env.sb3.policy import MixturePolicy
 from billiards_env.sb3.pot_head import FeatureBuffer, PotFeatures
 from billiards_env.sb3.vec_env import SameStepVecEnv
@@ -101,8 +102,10 @@ def make_policy(config: Config) -> BasePolicy:
 
 
 def set_std(policy: ActorCriticPolicy, config: Config, timesteps: int) -> None:
-    """Sets the standard deviations of the policy after `timesteps` steps, if the configuration has a schedule."""
-    if config.policy.std is not None:
+    """Sets the standard deviations of the policy after `timesteps` steps, if it has a schedule."""
+    if isinstance(policy, AimPolicy):
+        policy.set_shots(timesteps)
+    elif config.policy.std is not None:
         std = config.policy.std.at(timesteps / config.timesteps)
         if isinstance(policy, MixturePolicy):
             policy.set_std(std)
@@ -120,6 +123,11 @@ def make_ppo_policy(config: Config) -> ActorCriticPolicy:
     if not isinstance(policy, ActorCriticPolicy):
         raise ValueError(f"policy.head = {config.policy.head!r}: expected a head that PPO trains")
     return policy
+
+
+def deterministic(policy: BasePolicy) -> Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]:
+    """Returns the argument `act` of `play` for a policy without exploration noise."""
+    return lambda observations: policy.predict(observations, deterministic=True)[0]
 
 
 def load_policy(run_dir: Path, env: Mapping[str, Any] | None = None) -> tuple[Config, BasePolicy]:

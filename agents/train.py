@@ -29,7 +29,7 @@ import shutil
 import sys
 import time
 from collections import deque
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -49,9 +49,8 @@ from tqdm import tqdm
 
 import billiards_env
 from agents.config import RATED_HEADS, Config, changed, load
-from agents.evaluate import deterministic
 from agents.output import print_commands, print_table
-from agents.ppo import make_model, make_policy, make_vec_env, make_vector, set_std, training_seed
+from agents.ppo import deterministic, make_model, make_policy, make_vec_env, make_vector, set_std, training_seed
 from agents.rating import Rater
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json, write_whole
@@ -279,7 +278,7 @@ class Point(NamedTuple):
 
     Attributes:
         steps: The number of environment steps.
-        seconds: The time that they took, without the evaluations.
+        seconds: The processor time that they took, s, without the evaluations; with RLlib the time on the clock.
         training_success: Success in the last 1000 episodes of the training, with exploration.
         success: Success in `config.evaluation_episodes` episodes without exploration, on layouts that do not occur in
             training.
@@ -311,23 +310,26 @@ class LearningCurve:
         config: The configuration of the run.
         run_dir: The folder of the run.
         steps: The number of steps of the training so far. Later points in the file are dropped.
+        clock: Measures the time of the training, s.
 
     Attributes:
         points: The points of the curve.
     """
 
-    def __init__(self, config: Config, run_dir: Path, steps: int) -> None:
-        self.config, self.run_dir = config, run_dir
+    def __init__(
+        self, config: Config, run_dir: Path, steps: int, clock: Callable[[], float] = time.process_time
+    ) -> None:
+        self.config, self.run_dir, self.clock = config, run_dir, clock
         self.points = [point for point in learning_curve(run_dir) if point.steps <= steps]
         self._envs = make_vector(config, config.evaluation_episodes)
-        self._clock = time.perf_counter()
+        self._begin = self.clock()
 
     def measure(self, policy: BasePolicy, steps: int, successes: Collection[bool]) -> None:
         """Adds a point after `steps` steps, unless the last one has the same number.
 
         `successes` are those of the last episodes of the training.
         """
-        seconds = time.perf_counter() - self._clock + (self.points[-1].seconds if self.points else 0.0)
+        seconds = self.clock() - self._begin + (self.points[-1].seconds if self.points else 0.0)
         if not self.points or self.points[-1].steps < steps:
             seeds = evaluation_seeds(self.config.seed, self.config.evaluation_episodes).tolist()
             result = play_together(self._envs, deterministic(policy), seeds)
@@ -336,7 +338,7 @@ class LearningCurve:
             text = io.StringIO()
             csv.writer(text, lineterminator="\n").writerows([Point._fields, *self.points])
             write_whole(self.run_dir / "training.csv", text.getvalue().encode())
-        self._clock = time.perf_counter()
+        self._begin = self.clock()
 
     def close(self) -> None:
         """Closes the environments of the measurements."""
@@ -509,7 +511,7 @@ def print_result(run_dir: Path, config: Config) -> None:
             ),
         )
         time_taken = f"{point.seconds / 60:.1f} minutes" if point.seconds >= 120 else f"{point.seconds:.0f} s"
-        title = f"{run_dir} after {point.steps:,} steps in {time_taken}"
+        title = f"{run_dir} after {point.steps:,} steps, which took {time_taken} of one core"
         print_table(title, ("actions", "episodes", "success", "score"), rows)
     print_commands("Next:", {"compare with random": ("-m", "agents.evaluate", str(run_dir))})
 

@@ -99,7 +99,7 @@ def learned(name: str) -> Learned | None:
         for entry in entries
         if entry["player"] not in PLAYERS and name in entry["scores"]
     ]
-    for source in ("recipes", "ratings", "english"):
+    for source in ("recipes", "ratings"):
         for result in json.loads((RESULTS / f"{source}.json").read_text(encoding="utf-8"))["results"]:
             if _same_task(result["config"], FROZEN[name]):
                 success = float(np.mean([run["policy"]["success_rate"] for run in result["runs"]]))

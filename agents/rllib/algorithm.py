@@ -31,6 +31,7 @@ from agents.config import ENV_ID, Config
 from agents.ppo import make_env, make_ppo_policy, set_std, training_seed
 from agents.rllib.rollouts import Rollouts, compile_engine
 from agents.rllib.settings import Settings
+from billiards_env.sb3.aim_policy import AimPolicy, by_value
 
 PATIENCE = 600.0
 """Seconds without any runner after which a training ends with an error."""
@@ -54,39 +55,39 @@ class PolicyModule(TorchRLModule, ValueFunctionAPI):
         set_std(self.policy, config, 0)
 
     def _forward(self, batch: dict[str, Any], **kwargs: Any) -> dict[str, Any]:
-        features = self.policy.extract_features(batch[Columns.OBS])
-        latent_pi, latent_vf = self.policy.mlp_extractor(features)
-        return {Columns.ACTION_DIST_INPUTS: latent_pi, Columns.EMBEDDINGS: latent_vf}
+        observations, policy = batch[Columns.OBS], self.policy
+        if isinstance(policy, AimPolicy):
+            distribution, values = policy.net(observations)
+        else:
+            distribution, values = policy.get_distribution(observations), policy.predict_values(observations)[:, 0]
+        return {Columns.ACTION_DIST_INPUTS: (distribution, values), Columns.EMBEDDINGS: values}
 
     def compute_values(self, batch: dict[str, Any], embeddings: Tensor | None = None) -> Tensor:
         """Returns the values (m,) of the states of a batch."""
-        if embeddings is None:
-            embeddings = self._forward(batch)[Columns.EMBEDDINGS]
-        return self.policy.value_net(embeddings)[:, 0]
+        return self._forward(batch)[Columns.EMBEDDINGS] if embeddings is None else embeddings
 
     def get_inference_action_dist_cls(self) -> Any:
         """Returns an object whose method `from_logits` returns the distribution of the actions."""
-        return _Distributions(self.policy)
+        return _Distribution(self.policy)
 
 
-class _Distributions:
-    """Makes distributions with the names of RLlib's methods from those of Stable-Baselines3."""
+class _Distribution:
+    """The distribution of a policy with the names of RLlib's methods. `outputs` are the distribution and the values."""
 
-    def __init__(self, policy: ActorCriticPolicy, latent: Tensor | None = None) -> None:
-        self.policy, self.latent = policy, latent
+    def __init__(self, policy: ActorCriticPolicy, outputs: Any = None) -> None:
+        self.policy, self.outputs = policy, outputs
 
-    def from_logits(self, latent: Tensor) -> _Distributions:
-        return _Distributions(self.policy, latent)
-
-    def _distribution(self) -> Any:
-        assert self.latent is not None
-        return self.policy._get_action_dist_from_latent(self.latent)
+    def from_logits(self, outputs: Any) -> _Distribution:
+        return _Distribution(self.policy, outputs)
 
     def logp(self, actions: Tensor) -> Tensor:
-        return self._distribution().log_prob(actions)
+        distribution, values = self.outputs
+        log_prob = distribution.log_prob(actions)
+        return by_value(log_prob, values) if isinstance(self.policy, AimPolicy) else log_prob
 
     def entropy(self) -> Tensor:
-        return self._distribution().entropy()
+        factor = self.policy.entropy_factor if isinstance(self.policy, AimPolicy) else 1.0
+        return factor * self.outputs[0].entropy()
 
 
 class PolicyLearner(PPOTorchLearner):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import shutil
+import time
 from collections import deque
 from collections.abc import Collection
 from contextlib import closing
@@ -65,7 +66,7 @@ def _train(algorithm: ArrayPPO, config: Config, run_dir: Path) -> None:
     logger = Logger(str(run_dir), [TensorBoardOutputFormat(str(run_dir / "tensorboard"))])
     every = config.checkpoint_every
     bar = progress_bar(config.timesteps, algorithm.steps)
-    with bar, closing(LearningCurve(config, run_dir, algorithm.steps)) as curve:
+    with bar, closing(LearningCurve(config, run_dir, algorithm.steps, time.perf_counter)) as curve:
         while True:
             steps = algorithm.steps
             done = steps >= config.timesteps

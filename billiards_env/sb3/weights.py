@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 import io
 import os
 import zipfile
@@ -15,16 +16,21 @@ import yaml
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from torch import Tensor
 
+from billiards_env.checks import one_of
 from billiards_env.files import write_whole
-from billiards_env.sb3.policy import MixturePolicy, find_game
+from billiards_env.sb3.aim_policy import AimPolicy, find_game
+from billiards_env.sb3.policy import MixturePolicy
 from billiards_env.sb3.rated import RATED_HEADS, RatedPolicy
+
+AIM_ARGUMENTS = tuple(inspect.signature(AimPolicy).parameters)[4:-1]
+"""The arguments of `AimPolicy` in the section `policy.arguments` of a configuration: those after `env`."""
 
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU, "silu": torch.nn.SiLU}
 
 
 def policy_class(head: str) -> type[ActorCriticPolicy]:
-    """Returns the class of a policy with a head: "gaussian" or one of `policy.HEADS`."""
-    return ActorCriticPolicy if head == "gaussian" else MixturePolicy
+    """Returns the class of a policy with a head: "aim", "gaussian" or one of `policy.HEADS`."""
+    return {"aim": AimPolicy, "gaussian": ActorCriticPolicy}.get(head, MixturePolicy)
 
 
 def policy_arguments(env: Mapping[str, Any], description: Mapping[str, Any]) -> dict[str, Any]:
@@ -33,8 +39,16 @@ def policy_arguments(env: Mapping[str, Any], description: Mapping[str, Any]) -> 
     Args:
         env: Arguments of `gym.make("Billiards-v0", ...)`.
         description: The section `policy` of a configuration: `head`, `hidden`, `activation`, `components`, `speeds`,
-            `banks`.
+            `banks`. For the head "aim" it has `arguments`, the other arguments of `AimPolicy`.
+
+    Raises:
+        ValueError: If one of `arguments` is unknown.
     """
+    if description["head"] == "aim":
+        given = description.get("arguments", {})
+        for name in given:
+            one_of("policy.arguments", name, AIM_ARGUMENTS)
+        return {"env": dict(env), **given}
     arguments: dict[str, Any] = {
         "net_arch": list(description["hidden"]),
         "activation_fn": ACTIVATIONS[description["activation"]],

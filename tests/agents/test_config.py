@@ -13,12 +13,11 @@ from agents.ppo import make_env, make_model, make_policy, make_vec_env
 from billiards_env.envs import wrappers
 from billiards_env.envs.tasks import TASKS
 from billiards_env.players.pots import SPEEDS
+from billiards_env.sb3.aim_policy import AimPolicy
 from billiards_env.sb3.policy import MixturePolicy
 
 FOLDER = Path(__file__).parents[2] / "configs"
-CONFIGS = sorted(
-    path for folder in ("ppo", "rated", "prior_knowledge", "english") for path in FOLDER.glob(f"{folder}/*.yaml")
-)
+CONFIGS = sorted(path for folder in ("ppo", "rated") for path in FOLDER.glob(f"{folder}/*.yaml"))
 
 
 def test_missing_settings_and_arguments_have_their_defaults():
@@ -151,9 +150,9 @@ def test_the_configurations_of_the_project_fit_their_environments(path):
     envs.close()
 
 
-@pytest.mark.parametrize("name", ["ppo/pot", "ppo/sum_to_three", "prior_knowledge/gaussian", "prior_knowledge/mixture"])
+@pytest.mark.parametrize("name", ["pot", "pot_mlp", "sum_to_three", "clear"])
 def test_a_configuration_with_each_head_trains(name):
-    config = load(FOLDER / f"{name}.yaml")
+    config = load(FOLDER / "ppo" / f"{name}.yaml")
     short = dataclasses.replace(config, n_envs=8, ppo=dataclasses.replace(config.ppo, n_steps=4, batch_size=16))
     envs = make_vec_env(short)
     model = make_model(short, envs)
@@ -174,7 +173,17 @@ def test_the_noise_has_the_defaults_of_its_wrapper():
     assert list(dataclasses.astuple(Noise())) == theirs
 
 
-@pytest.mark.parametrize("head", HEADS)
+def test_a_configuration_makes_the_policy_that_aims():
+    settings = {"timesteps": 1, "env": {"n_object_balls": 2}, "policy": {"head": "aim", "arguments": {"points": 3}}}
+    policy: Any = make_policy(Config.from_dict(settings))
+    assert isinstance(policy, AimPolicy)
+    assert policy.net.first_points.shape == (2, 3)
+    settings["policy"]["arguments"] = {"point": 3}
+    with pytest.raises(ValueError, match=r"policy.arguments = 'point': expected one of .* \(did you mean 'points'"):
+        make_policy(Config.from_dict(settings))
+
+
+@pytest.mark.parametrize("head", HEADS[1:])
 def test_a_configuration_makes_its_policy(head):
     settings = {"head": head, "components": 3, "speeds": [0.25, 0.5], "hidden": [8, 9], "activation": "relu"}
     config = Config.from_dict({"timesteps": 1, "env": {"max_speed": 3.0}, "policy": settings})

@@ -12,11 +12,11 @@ import pytest
 import torch
 from stable_baselines3 import PPO
 
-from agents.config import Config, Noise
+from agents.config import Config, Noise, load
 from agents.evaluate import deterministic, evaluate, main
 from agents.ppo import load_policy, make_env, make_policy, make_vector
 from billiards_env.envs import BilliardsEnv
-from billiards_env.evaluation import evaluation_seeds, play, play_together
+from billiards_env.evaluation import evaluation_seeds, measure, play, play_together
 from billiards_env.intervals import wilson_interval
 from billiards_env.sb3.policy import MixturePolicy
 from billiards_env.sb3.weights import save_policy
@@ -74,6 +74,24 @@ def test_an_evaluation_is_printed_written_and_repeatable(trained, tmp_path, caps
     assert evaluate(run_dir) == written
     assert evaluate(run_dir, episodes=30, seed=1)["random"]["episodes"] == 30
     assert json.loads((run_dir / "evaluation.json").read_text())["seed"] == 1
+
+
+def test_runs_and_players_are_printed_side_by_side_with_their_learning_curves(trained, tmp_path, capsys):
+    for name in ("one", "two"):
+        shutil.copytree(trained, tmp_path / name)
+    curve = tmp_path / "curve.png"
+    runs = [str(tmp_path / "one"), str(tmp_path / "two")]
+    main([*runs, "--players", "search:5", "--episodes", "15", "--curve", str(curve)])
+    printed = capsys.readouterr().out
+    rows = {line.split()[0]: line.split() for line in printed.splitlines() if "% to" in line}
+    assert list(rows) == ["one", "two", "random", "search:5"]
+    expected = measure("search:5", load(tmp_path / "one" / "config.yaml").env, (0.0, 0.0), 15, 5)
+    assert rows["search:5"][1] == f"{expected['success_rate']:.1%}"
+    assert curve.read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(SystemExit, match=r"error: path = .*: expected a name that ends in '.png'"):
+        main([runs[0], "--curve", "curve.pdf"])
+    with pytest.raises(SystemExit, match="error: player = 'nobody': expected one of"):
+        main([runs[0], "--players", "nobody"])
 
 
 def test_the_agent_learns_to_hit_a_big_ball(tmp_path):

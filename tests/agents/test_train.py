@@ -143,6 +143,17 @@ def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(trained, co
     assert equal(weights(tmp_path / "run" / "model.zip"), weights(trained / "model.zip"))
 
 
+def test_the_schedules_of_the_policy_that_aims_survive_an_interruption(command, interrupted, tmp_path):
+    policy = {"head": "aim", "arguments": {"hidden": 16, "exploration": 640}}
+    command(policy=policy)
+    whole = weights(tmp_path / "run" / "model.zip")
+    interrupted("--fresh", policy=policy)
+    command(policy=policy)
+    assert equal(weights(tmp_path / "run" / "model.zip"), whole)
+    assert int(whole["shots"]) == 512
+    assert whole["net.std"][0].item() == pytest.approx(0.1 * 0.3**0.8)
+
+
 def test_another_seed_gives_other_weights(trained, command, tmp_path):
     command("--seed", "6")
     assert load(tmp_path / "run" / "config.yaml").seed == 6
@@ -215,7 +226,7 @@ def test_a_run_with_0_timesteps_is_finished_without_training(command, tmp_path, 
     begun = weights(run / "model.zip")
     assert all(torch.equal(begun[name], value) for name, value in policy.state_dict().items() if "value" not in name)
     printed = capsys.readouterr().out
-    assert "after 0 steps in 0 s" in " ".join(printed.split())
+    assert "after 0 steps, which took 0 s of one core" in " ".join(printed.split())
     assert f"-m agents.evaluate {run}\n" in printed
     command(**settings)
     assert "is trained already (0 steps)" in capsys.readouterr().out

@@ -76,14 +76,14 @@ def train(head: str, env: dict[str, Any] | None = None, **arguments: Any) -> PPO
     return model.learn(48)
 
 
-@pytest.fixture(scope="module", params=config.HEADS)
+@pytest.fixture(scope="module", params=("gaussian", *HEADS))
 def learned(request) -> PPO:
     """Returns a model with each head after a few updates."""
     return train(request.param)
 
 
 def test_the_configuration_and_the_policy_have_the_same_heads():
-    assert ("gaussian", *HEADS) == config.HEADS
+    assert ("aim", "gaussian", *HEADS) == config.HEADS
 
 
 def test_ppo_trains_in_the_plain_environment_and_its_actions_are_velocities(learned):

@@ -13,7 +13,7 @@ from agents.evaluate import deterministic
 from agents.ppo import load_policy, make_vector
 from billiards_env.evaluation import evaluation_seeds, play_together
 from studies import recipes
-from studies.recipes import PLAYERS, Recipes, blocks, find_places, main, row, step
+from studies.recipes import PLAYERS, Recipes, blocks, find_places, main, row
 from tests.helpers.training import settings
 
 LISTS = sorted(recipes.CONFIG.parent.glob("*.yaml"))
@@ -50,7 +50,6 @@ def test_every_recipe_is_trained_with_every_seed_and_reported(printed, tmp_path)
 
     written = blocks({"results": found})
     assert written["table"] in printed
-    assert all(cell in written["ladder"] for result in found for cell in step(result))
     assert found[0]["players"] == found[1]["players"]  # both recipes have the same game
     assert all(name in written["table"].splitlines()[0] for name in ("million shots", "random", *PLAYERS))
     for name in ("one", "two"):
