@@ -80,7 +80,6 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 
 results: $(WORKS)  ## train every recipe with several seeds (up to five hours; recipes with results are not trained again)
 	$(WORK)/python -m studies.recipes $(SPREAD)
-	$(WORK)/python -m studies.recipes configs/ratings.yaml $(SPREAD)
 	$(WORK)/python -m studies.plain
 	$(WORK)/python -m studies.learn_by_gradient
 	$(WORK)/python -m studies.run_outs

@@ -49,7 +49,6 @@ SOURCES = {
         "studies.positions",
         "studies.pot_chances",
         "studies.recipes",
-        "studies.recipes configs/ratings.yaml",
         "studies.run_outs",
         "studies.tasks",
         "studies.timestep",

@@ -1,13 +1,11 @@
 """Trains every recipe of a list with several seeds and reports the results: `python -m studies.recipes [LIST]`.
 
-A recipe is a configuration of `agents.train`. `configs/recipes.yaml` lists recipes for many games, and
-`configs/ratings.yaml` lists policies that rate shots. The results are
+A recipe is a configuration of `agents.train`. `configs/recipes.yaml` lists those of the documentation. The results are
 
 * `studies/results/LIST.json`: the configuration of each recipe, the learning curve and evaluation of each run, and the
   success of players without training,
 * `docs/images/LIST.png`: the learning curves of the recipes in `figure`,
-* for `recipes.yaml` and `ratings.yaml`, `studies/results/policies/RECIPE`: the policy of the first seed, with its
-  configuration.
+* for `recipes.yaml`, `studies/results/policies/RECIPE`: the policy of the first seed, with its configuration.
 
 The results of any other list are in `runs/LIST`.
 
@@ -90,7 +88,7 @@ def find_places(config: Path, folder: Path | None = None) -> Places:
     """Returns the places of a list: a folder or, for a list in `configs`, those of the published results."""
     name, runs = config.stem, folder or RUNS / config.stem
     published = folder is None and config.resolve().parent == CONFIG.parent
-    plays = published and name in ("recipes", "ratings")
+    plays = published and name == "recipes"
     return Places(
         runs,
         (RESULTS if published else runs) / f"{name}.json",
@@ -186,8 +184,8 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
         "time": f"All these trainings together take {minutes:.0f} minutes on one core.",
         "summary": f"`make train` trains for at most {_seconds(first):.0f} s on one core. The policy learns from the "
         f"positions of the balls alone. It then pots the ball on {as_percent(over_seeds(policies))} of new layouts "
-        f"(mean of {len(policies)} seeds, 95% interval), before the training on {np.mean(untrained):.1%}. Random shots pot "
-        f"{np.mean([run['random']['success_rate'] for run in first['runs']]):.1%}, and a search of 1,000 shots for "
+        f"(mean of {len(policies)} seeds, 95% interval), before the training on {np.mean(untrained):.1%}. Random shots "
+        f"pot {np.mean([run['random']['success_rate'] for run in first['runs']]):.1%}, and a search of 1,000 shots for "
         f"each layout {first['players']['search:1000']['success_rate']:.1%}.",
     }
 

@@ -28,7 +28,7 @@ from stable_baselines3.common.utils import set_random_seed
 from torch import Tensor
 
 from agents.config import ENV_ID, Config
-from agents.ppo import make_env, make_ppo_policy, set_std, training_seed
+from agents.ppo import make_env, make_policy, training_seed
 from agents.rllib.rollouts import Rollouts, compile_engine
 from agents.rllib.settings import Settings
 from billiards_env.sb3.aim_policy import AimPolicy, by_value
@@ -51,8 +51,7 @@ class PolicyModule(TorchRLModule, ValueFunctionAPI):
         config = Config.from_dict(self.model_config["recipe"])
         with torch.random.fork_rng(devices=()):
             torch.manual_seed(config.seed)
-            self.policy = make_ppo_policy(config)
-        set_std(self.policy, config, 0)
+            self.policy = make_policy(config)
 
     def _forward(self, batch: dict[str, Any], **kwargs: Any) -> dict[str, Any]:
         observations, policy = batch[Columns.OBS], self.policy
@@ -91,12 +90,12 @@ class _Distribution:
 
 
 class PolicyLearner(PPOTorchLearner):
-    """RLlib's PPO with the optimizer of `agents.ppo`. Fixed standard deviations are not trained."""
+    """RLlib's PPO with the optimizer of `agents.ppo`."""
 
     def configure_optimizers_for_module(self, module_id: str, config: Any = None) -> None:
-        """Makes Adam for the parameters that are trained."""
+        """Makes Adam for the parameters."""
         torch.set_num_threads(1)
-        params = [p for p in self.get_parameters(self._module[module_id]) if p.requires_grad]
+        params = self.get_parameters(self._module[module_id])
         optimizer = torch.optim.Adam(params, eps=1e-5, fused=True)
         self.register_optimizer(module_id=module_id, optimizer=optimizer, params=params, lr_or_lr_schedule=config.lr)
 
@@ -195,7 +194,9 @@ class ArrayPPO(PPO):
         steps, seed, self.seed_next = self.steps, self.seed_next, False
 
         def prepare(learner: Any) -> None:
-            set_std(learner.module[DEFAULT_MODULE_ID].unwrapped().policy, recipe, steps)
+            policy = learner.module[DEFAULT_MODULE_ID].unwrapped().policy
+            if isinstance(policy, AimPolicy):
+                policy.set_shots(steps)
             if seed:
                 set_random_seed(training_seed(recipe, steps))
 

@@ -15,7 +15,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.utils import set_random_seed
 
 from agents.config import Config
-from agents.ppo import make_ppo_policy, make_vector, training_seed
+from agents.ppo import make_policy, make_vector, training_seed
 
 # In a folder of this machine, because the clone may be on a disk that several machines share.
 _LOCK = Path(tempfile.gettempdir()) / f"billiards-env-{zlib.crc32(__file__.encode()):08x}.lock"
@@ -90,7 +90,7 @@ def compile_engine(config: Config) -> None:
     The first process of a machine compiles. The others wait for it and load the machine code.
     """
     with FileLock(_LOCK):
-        rollouts = Rollouts(config, make_ppo_policy(config), 1, 0)
+        rollouts = Rollouts(config, make_policy(config), 1, 0)
         rollouts.seed(0)
         rollouts.play(1)
 

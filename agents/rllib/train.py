@@ -21,7 +21,7 @@ import ray  # pyright: ignore[reportMissingImports]
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 
 from agents.config import Config
-from agents.ppo import make_ppo_policy
+from agents.ppo import make_policy
 from agents.rllib.algorithm import ArrayPPO, algorithm_config
 from agents.rllib.settings import Settings
 from agents.train import LearningCurve, locked, progress_bar, start_from, versions
@@ -54,7 +54,7 @@ def train(config: Config, settings: Settings, run_dir: Path) -> None:
 
 
 def _train(algorithm: ArrayPPO, config: Config, run_dir: Path) -> None:
-    policy = make_ppo_policy(config)
+    policy = make_policy(config)
     checkpoint = newest_checkpoint(run_dir)
     if checkpoint is not None:
         algorithm.restore_from_path(str(checkpoint.resolve()))

@@ -19,8 +19,6 @@ from torch import Tensor
 from billiards_env.checks import one_of
 from billiards_env.files import write_whole
 from billiards_env.sb3.aim_policy import AimPolicy, find_game
-from billiards_env.sb3.policy import MixturePolicy
-from billiards_env.sb3.rated import RATED_HEADS, RatedPolicy
 
 AIM_ARGUMENTS = tuple(inspect.signature(AimPolicy).parameters)[4:-1]
 """The arguments of `AimPolicy` in the section `policy.arguments` of a configuration: those after `env`."""
@@ -28,9 +26,8 @@ AIM_ARGUMENTS = tuple(inspect.signature(AimPolicy).parameters)[4:-1]
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU, "silu": torch.nn.SiLU}
 
 
-def policy_class(head: str) -> type[ActorCriticPolicy]:
-    """Returns the class of a policy with a head: "aim", "gaussian" or one of `policy.HEADS`."""
-    return {"aim": AimPolicy, "gaussian": ActorCriticPolicy}.get(head, MixturePolicy)
+POLICIES: dict[str, type[ActorCriticPolicy]] = {"aim": AimPolicy, "gaussian": ActorCriticPolicy}
+"""The policies, by `policy.head` of a configuration."""
 
 
 def policy_arguments(env: Mapping[str, Any], description: Mapping[str, Any]) -> dict[str, Any]:
@@ -38,30 +35,25 @@ def policy_arguments(env: Mapping[str, Any], description: Mapping[str, Any]) -> 
 
     Args:
         env: Arguments of `gym.make("Billiards-v0", ...)`.
-        description: The section `policy` of a configuration: `head`, `hidden`, `activation`, `components`, `speeds`,
-            `banks`. For the head "aim" it has `arguments`, the other arguments of `AimPolicy`.
+        description: The section `policy` of a configuration: `head`, and `arguments` for the head "aim", or `hidden`
+            and `activation` for "gaussian".
 
     Raises:
         ValueError: If one of `arguments` is unknown.
     """
-    if description["head"] == "aim":
-        given = description.get("arguments", {})
-        for name in given:
-            one_of("policy.arguments", name, AIM_ARGUMENTS)
-        return {"env": dict(env), **given}
-    arguments: dict[str, Any] = {
-        "net_arch": list(description["hidden"]),
-        "activation_fn": ACTIVATIONS[description["activation"]],
-    }
-    if description["head"] != "gaussian":
-        own = {name: description[name] for name in ("head", "components", "speeds", "banks") if name in description}
-        arguments |= {"env": dict(env), **own}
-    return arguments
+    if description["head"] == "gaussian":
+        return {
+            "net_arch": list(description["hidden"]),
+            "activation_fn": ACTIVATIONS[description["activation"]],
+        }
+    for name in description["arguments"]:
+        one_of("policy.arguments", name, AIM_ARGUMENTS)
+    return {"env": dict(env), **description["arguments"]}
 
 
 def build_policy(
     env: Mapping[str, Any], description: Mapping[str, Any], learning_rate: Callable[[float], float] = lambda _: 0.0
-) -> BasePolicy:
+) -> ActorCriticPolicy:
     """Returns an untrained policy.
 
     Args:
@@ -70,14 +62,13 @@ def build_policy(
         learning_rate: The step size of the optimiser, as a function of the share of the steps that remain.
 
     Raises:
-        ValueError: If an argument of the environment is impossible, or the head does not fit the task.
+        ValueError: If an argument of the environment is impossible, or the policy does not fit the task.
         TypeError: If an argument of the environment has the wrong type.
+        KeyError: If there is no such policy, or a key is missing.
     """
     game = find_game(env)
-    spaces = game.observation_space, game.action_space
-    if description["head"] in RATED_HEADS:
-        return RatedPolicy(*spaces, **policy_arguments(env, description))
-    return policy_class(description["head"])(*spaces, learning_rate, **policy_arguments(env, description))
+    kind, arguments = POLICIES[description["head"]], policy_arguments(env, description)
+    return kind(game.observation_space, game.action_space, learning_rate, **arguments)
 
 
 def check_finished(folder: Path) -> None:
@@ -98,8 +89,8 @@ def load_policy(
 
     Args:
         run_dir: The folder of a run of `agents.train`, with `config.yaml` and `policy.pt`.
-        env: Arguments of `gym.make("Billiards-v0", ...)` that replace those of the run. The weights of the head "pots"
-            do not depend on the number of balls.
+        env: Arguments of `gym.make("Billiards-v0", ...)` that replace those of the run. The weights of `AimPolicy` do
+            not depend on the number of balls.
 
     Returns:
         The arguments of `gym.make("Billiards-v0", ...)`, and the policy. `policy.predict` returns actions of this

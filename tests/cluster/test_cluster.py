@@ -167,11 +167,10 @@ def test_remote_learners_share_the_minibatches(cluster, tmp_path):
     assert learning_curve(folder)[-1].steps == 1024
 
 
-def test_fixed_standard_deviations_follow_their_schedule(cluster, tmp_path):
-    std = {"first": [0.4, 0.2], "last": [0.1, 0.1], "until": 1.0}
-    policy = {**TINY["policy"], "std": std}
+def test_the_standard_deviations_follow_their_schedule(cluster, tmp_path):
+    policy = {"head": "aim", "arguments": {"hidden": 16, "exploration": 1024, "std_speed": [0.4, 0.1]}}
     found = weights(trained(tmp_path / "run", Settings(recipe="tiny.yaml", runners=0), timesteps=1024, policy=policy))
-    assert found["mlp_extractor.log_along"].exp().item() == pytest.approx(0.2)  # set before the second of two updates
+    assert found["net.std"][0].item() == pytest.approx(0.2)  # set before the second of two updates
 
 
 def test_rllib_plays_the_environment_with_its_own_runner(cluster):

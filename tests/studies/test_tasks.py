@@ -62,7 +62,6 @@ def test_the_text_about_a_task_fits_it():
 @pytest.mark.parametrize(
     ("name", "policy"),
     [
-        ("Pot1Noise-v0", "pot_noise"),
         ("Pot3Noise-v0", None),  # trained without noise only
         ("SumToThree-v0", None),  # trained with another layout
         ("NineBall-v0", "distilled"),
