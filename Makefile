@@ -21,9 +21,11 @@ WORKS := $(if $(ADDRESS),$(RLLIB),$(INSTALLED))
 help:  ## show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
 
-train: $(INSTALLED)  ## train the example agent (resumes, if interrupted) and evaluate it
+train: $(INSTALLED)  ## train the example agent (resumes, if interrupted), compare it with others, and film it
 	$(BIN)/python -m agents.train configs/ppo/pot.yaml --run-dir runs/pot
-	$(BIN)/python -m agents.evaluate runs/pot
+	$(BIN)/python -m agents.train configs/ppo/pot_mlp.yaml --run-dir runs/pot_mlp
+	$(BIN)/python -m agents.evaluate runs/pot --film runs/pot/film.mp4
+	$(BIN)/python -m agents.evaluate runs/pot runs/pot_mlp --players search:200 --curve runs/pot/curve.png
 
 play: $(INSTALLED)  ## play against the computer in a window, e.g. make play ARGS="--rules carom --players human,human"
 	$(BIN)/python -m billiards_env.play $(ARGS)
@@ -83,10 +85,6 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 
 results: $(WORKS)  ## train every recipe with several seeds (up to five hours; recipes with results are not trained again)
 	$(WORK)/python -m studies.recipes $(SPREAD)
-	$(WORK)/python -m studies.recipes configs/ratings.yaml $(SPREAD)
-	$(WORK)/python -m studies.recipes configs/prior_knowledge.yaml $(SPREAD)
-	$(WORK)/python -m studies.recipes configs/prior_knowledge_long.yaml $(SPREAD)
-	$(WORK)/python -m studies.recipes configs/english.yaml $(SPREAD)
 	$(WORK)/python -m studies.plain
 	$(WORK)/python -m studies.learn_by_gradient
 	$(WORK)/python -m studies.run_outs

@@ -11,7 +11,7 @@ import inspect
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args
+from typing import Annotated, Any, Literal, TypeVar
 
 import yaml
 from pydantic import (
@@ -19,7 +19,6 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    StrictBool,
     TypeAdapter,
     ValidationError,
     model_validator,
@@ -32,12 +31,6 @@ from billiards_env.envs.tasks import TASKS
 from billiards_env.settings import plain_yaml
 
 ENV_ID = "Billiards-v0"
-Head = Literal["gaussian", "mixture", "hits", "pots"]
-HEADS: tuple[str, ...] = get_args(Head)
-"""The heads that PPO trains."""
-Rated = Literal["rated_hits", "rated_pots"]
-RATED_HEADS: tuple[str, ...] = get_args(Rated)
-"""The heads that `agents.rating` trains."""
 
 CHECKS = ConfigDict(extra="forbid", allow_inf_nan=False)
 """The checks of all settings."""
@@ -70,17 +63,6 @@ def _numbers(value: Any) -> Any:
     if isinstance(value, list):
         return [_numbers(item) for item in value]
     return value if isinstance(value, bool) else number(value)
-
-
-def increasing(pair: tuple[float, float]) -> tuple[float, float]:
-    """Returns a pair of numbers.
-
-    Raises:
-        ValueError: If the first is not less than the second.
-    """
-    if pair[0] >= pair[1]:
-        raise ValueError("expected two increasing numbers")
-    return pair
 
 
 def distinct(values: tuple[T, ...]) -> tuple[T, ...]:
@@ -144,61 +126,20 @@ class Noise(Checked):
 
 
 @dataclass(frozen=True, kw_only=True, config=CHECKS)
-class Std(Checked):
-    """A schedule of the two standard deviations of the policy.
-
-    They fall geometrically from `first` to `last` in the first part of the training and then stay constant. With the
-    head "gaussian" they are those of the velocity along x and y, over the largest speed. For the other heads see
-    `billiards_env.sb3.policy.MixturePolicy.set_std`.
-
-    Attributes:
-        first: The values before the training.
-        last: The values after the first part.
-        until: The length of the first part as a share of all steps.
-    """
-
-    first: tuple[Positive, Positive]
-    last: tuple[Positive, Positive]
-    until: Annotated[Positive, Field(le=1)] = 0.5
-
-    def at(self, share: float) -> list[float]:
-        """Returns the standard deviations after a share of all steps.
-
-        Example:
-            >>> Std(first=(0.4, 1.0), last=(0.1, 1.0), until=0.5).at(0.25)
-            [0.2, 1.0]
-        """
-        part = min(share / self.until, 1.0)
-        return [first * (last / first) ** part for first, last in zip(self.first, self.last, strict=True)]
-
-
-@dataclass(frozen=True, kw_only=True, config=CHECKS)
 class Policy(Checked):
     """The policy and value networks.
 
     Attributes:
-        head: The part of the policy that computes its distribution: "gaussian", which is the policy of
-            Stable-Baselines3, or one of `billiards_env.sb3.policy.HEADS`. With one of `RATED_HEADS` the policy rates
-            candidate shots instead, see `billiards_env.sb3.rated`.
-        components: The number of components, see `billiards_env.sb3.policy.MixturePolicy`; "gaussian" ignores it. For
-            `RATED_HEADS` see `billiards_env.sb3.rated.RatedPolicy`.
-        speeds: The smallest and the largest mean speed of a component or a candidate, over the largest speed of the
-            environment; "gaussian" and "pots" ignore it.
-        banks: Whether "pots" and "rated_pots" find banks also on tables with a direct pot; the other heads ignore it.
-        hidden: The number of units of each hidden layer.
-        activation: "tanh", "relu", "elu" or "silu".
-        std: The schedule of the standard deviations; None if they are learned.
+        head: "aim" for `billiards_env.sb3.AimPolicy`, or "gaussian" for the usual policy of Stable-Baselines3.
+        arguments: The arguments of "aim", see `billiards_env.sb3.weights.AIM_ARGUMENTS`.
+        hidden: The number of units of each hidden layer of "gaussian".
+        activation: Its activation function: "tanh", "relu", "elu" or "silu".
     """
 
-    head: Head | Rated = "gaussian"
-    components: Count = 1
-    speeds: Annotated[
-        tuple[Annotated[Positive, Field(le=1)], Annotated[Positive, Field(le=1)]], AfterValidator(increasing)
-    ] = (0.1, 1.0)
-    banks: StrictBool = False
+    head: Literal["aim", "gaussian"] = "gaussian"
+    arguments: dict[str, Any] = Field(default_factory=dict)
     hidden: Annotated[tuple[Count, ...], Field(min_length=1)] = (64, 64)
     activation: Literal["tanh", "relu", "elu", "silu"] = "tanh"
-    std: Std | None = None
 
 
 @dataclass(frozen=True, kw_only=True, config=CHECKS)
@@ -237,28 +178,6 @@ class Hyperparameters(Checked):
 
 
 @dataclass(frozen=True, kw_only=True, config=CHECKS)
-class Rating(Checked):
-    """Settings for learning ratings, see `agents.rating`.
-
-    Attributes:
-        drawn: The number of random candidates that the policy rates in each layout.
-        kept: The number of candidates that it plays in each layout, even. One half is random; the other half are those
-            with the best ratings.
-        batch_size: Shots in a minibatch.
-        learning_rate: Adam's step size at the start. It falls to 0 along a half cosine.
-    """
-
-    drawn: Count = 32
-    kept: Annotated[Whole, Field(ge=2, multiple_of=2)] = 8
-    batch_size: Count = 2048
-    learning_rate: Positive = 2e-3
-
-    def __post_init__(self) -> None:
-        if self.kept > self.drawn:
-            raise ValueError(f"rating.kept = {self.kept}: expected at most rating.drawn = {self.drawn}")
-
-
-@dataclass(frozen=True, kw_only=True, config=CHECKS)
 class Config(Checked):
     """A training run.
 
@@ -274,7 +193,6 @@ class Config(Checked):
             curve and in `agents.evaluate`.
         policy: The networks.
         ppo: The learning algorithm.
-        rating: The learning algorithm of `RATED_HEADS`, which do not use `ppo`.
     """
 
     timesteps: Annotated[Whole, Field(ge=0)]
@@ -287,14 +205,8 @@ class Config(Checked):
     evaluation_episodes: Together = 1000
     policy: Policy = Field(default_factory=Policy)
     ppo: Hyperparameters = Field(default_factory=Hyperparameters)
-    rating: Rating = Field(default_factory=Rating)
 
     def __post_init__(self) -> None:
-        shots = self.env["max_shots"]
-        if self.policy.head in RATED_HEADS and shots != 1:
-            raise ValueError(f"policy.head = {self.policy.head!r} with max_shots = {shots}: expected 1")
-        if self.policy.head in RATED_HEADS and self.n_envs % self.rating.kept:
-            raise ValueError(f"rating.kept = {self.rating.kept}: expected a divisor of n_envs = {self.n_envs}")
         rollout, batch = self.n_envs * self.ppo.n_steps, self.ppo.batch_size
         if rollout % batch:
             raise ValueError(f"ppo.batch_size = {batch}: expected a divisor of n_envs * ppo.n_steps = {rollout}")

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
-import torch
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
@@ -21,10 +20,8 @@ from agents.config import ENV_ID, Config, load
 from billiards_env import sb3
 from billiards_env.envs.wrappers import ExecutionNoise, VectorExecutionNoise
 from billiards_env.evaluation import FIRST_EVALUATION_SEED
-from billiards_env.sb3.policy import MixturePolicy
-from billiards_env.sb3.pot_head import FeatureBuffer, PotFeatures
 from billiards_env.sb3.vec_env import SameStepVecEnv
-from billiards_env.sb3.weights import build_policy, check_finished, policy_arguments, policy_class
+from billiards_env.sb3.weights import POLICIES, build_policy, check_finished, policy_arguments
 
 
 def training_seed(config: Config, timesteps: int) -> int:
@@ -75,51 +72,30 @@ def make_model(config: Config, envs: VecEnv) -> PPO:
     """Returns an untrained PPO model."""
     settings = dataclasses.asdict(config.ppo)
     del settings["final_learning_rate"]
-    model = PPO(
-        policy_class(config.policy.head),
+    return PPO(
+        POLICIES[config.policy.head],
         envs,
         **{**settings, "learning_rate": _learning_rate(config)},
-        rollout_buffer_class=FeatureBuffer if config.policy.head == "pots" else None,
         policy_kwargs=policy_arguments(config.env, vars(config.policy)),
         seed=config.seed,
         stats_window_size=1000,
         device="cpu",  # such small networks are not faster on an accelerator
     )
-    if isinstance(model.rollout_buffer, FeatureBuffer):
-        model.rollout_buffer.extractor = cast(PotFeatures, model.policy.features_extractor)
-    return model
 
 
-def make_policy(config: Config) -> BasePolicy:
+def make_policy(config: Config) -> ActorCriticPolicy:
     """Returns an untrained policy.
 
     Raises:
-        ValueError: If an argument of the environment or its noise is impossible, or the head does not fit the task.
+        ValueError: If an argument of the environment or its noise is impossible, or the policy does not fit the task.
         TypeError: If an argument of the environment has the wrong type.
     """
     return build_policy(config.env, vars(config.policy), _learning_rate(config))
 
 
-def set_std(policy: ActorCriticPolicy, config: Config, timesteps: int) -> None:
-    """Sets the standard deviations of the policy after `timesteps` steps, if the configuration has a schedule."""
-    if config.policy.std is not None:
-        std = config.policy.std.at(timesteps / config.timesteps)
-        if isinstance(policy, MixturePolicy):
-            policy.set_std(std)
-        else:
-            policy.log_std.requires_grad_(False).copy_(torch.tensor(std).log())
-
-
-def make_ppo_policy(config: Config) -> ActorCriticPolicy:
-    """Returns an untrained policy that PPO can train.
-
-    Raises:
-        ValueError: If the head is one of `agents.config.RATED_HEADS`.
-    """
-    policy = make_policy(config)
-    if not isinstance(policy, ActorCriticPolicy):
-        raise ValueError(f"policy.head = {config.policy.head!r}: expected a head that PPO trains")
-    return policy
+def deterministic(policy: BasePolicy) -> Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]:
+    """Returns the argument `act` of `play` for a policy without exploration noise."""
+    return lambda observations: policy.predict(observations, deterministic=True)[0]
 
 
 def load_policy(run_dir: Path, env: Mapping[str, Any] | None = None) -> tuple[Config, BasePolicy]:

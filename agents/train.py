@@ -1,11 +1,8 @@
 """Trains a policy on `Billiards-v0`: `python -m agents.train configs/ppo/pot.yaml`.
 
-`agents.rating` trains policies whose head is one of `agents.config.RATED_HEADS`; PPO trains the others.
-
 The folder of a run holds `config.yaml` (all settings, with the seed), `versions.json`, `training.csv` (the learning
-curve, see `Point`), `tensorboard/` (PPO only) and `checkpoints/`. After the training it also holds `model.zip`, which
-Stable-Baselines3 loads if PPO trained the policy, and `policy.pt`, the weights of the policy. Reading `policy.pt` runs
-no code from the file.
+curve, see `Point`), `tensorboard/` and `checkpoints/`. After the training it also holds `model.zip`, which
+Stable-Baselines3 loads, and `policy.pt`, the weights of the policy. Reading `policy.pt` runs no code from the file.
 
 The same command resumes an interrupted run from its newest checkpoint that is not damaged. At each checkpoint the seed
 and the number of steps determine the seeds of all random generators. A resumed run therefore ends with the same weights
@@ -29,7 +26,7 @@ import shutil
 import sys
 import time
 from collections import deque
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -48,11 +45,9 @@ from stable_baselines3.common.utils import set_random_seed
 from tqdm import tqdm
 
 import billiards_env
-from agents.config import RATED_HEADS, Config, changed, load
-from agents.evaluate import deterministic
+from agents.config import Config, changed, load
 from agents.output import print_commands, print_table
-from agents.ppo import make_model, make_policy, make_vec_env, make_vector, set_std, training_seed
-from agents.rating import Rater
+from agents.ppo import deterministic, make_model, make_policy, make_vec_env, make_vector, training_seed
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json, write_whole
 from billiards_env.sb3.weights import load_weights, save_policy, whole_archive
@@ -167,35 +162,12 @@ def train(config: Config, run_dir: Path) -> None:
     # With several threads, sums round differently on another machine, and such small networks gain little speed.
     torch.set_num_threads(1)
     with locked(run_dir):
-        model = _train_ratings(config, run_dir) if config.policy.head in RATED_HEADS else _train_ppo(config, run_dir)
+        model = _train(config, run_dir)
         _save(model, run_dir / "model.zip")
         save_policy(model.policy, run_dir / "policy.pt")
 
 
-def _train_ratings(config: Config, run_dir: Path) -> Rater:
-    total = -(-config.timesteps // config.n_envs) * config.n_envs
-    with closing(Rater(config)) as rater:
-        _begin(rater, config, run_dir)
-        with (
-            progress_bar(total, rater.num_timesteps) as bar,
-            closing(LearningCurve(config, run_dir, rater.num_timesteps)) as curve,
-        ):
-            successes, due = deque[bool](maxlen=1000), 0
-            while rater.num_timesteps < total:
-                if rater.num_timesteps >= due:
-                    curve.measure(rater.policy, rater.num_timesteps, successes)
-                    if due:
-                        _save(rater, run_dir / "checkpoints" / f"{rater.num_timesteps:09d}.zip")
-                    due = (rater.num_timesteps // config.checkpoint_every + 1) * config.checkpoint_every
-                    rater.seed(training_seed(config, rater.num_timesteps))
-                successes.extend(rater.update())
-                bar.set_postfix(curve.rates(successes), refresh=False)
-                bar.update(rater.num_timesteps - bar.n)
-            curve.measure(rater.policy, rater.num_timesteps, successes)
-    return rater
-
-
-def _begin(model: PPO | Rater, config: Config, run_dir: Path) -> None:
+def _begin(model: PPO, config: Config, run_dir: Path) -> None:
     """Sets the weights to those of the newest checkpoint, or to those of `start_from`, if there are any."""
     if checkpoints(run_dir):
         _resume(model, config, run_dir)
@@ -203,7 +175,7 @@ def _begin(model: PPO | Rater, config: Config, run_dir: Path) -> None:
         start_from(model.policy, config.start_from)
 
 
-def _train_ppo(config: Config, run_dir: Path) -> PPO:
+def _train(config: Config, run_dir: Path) -> PPO:
     outputs: list[KVWriter] = [TensorBoardOutputFormat(str(run_dir / "tensorboard"))]
     with closing(make_vec_env(config)) as envs, closing(Logger(str(run_dir), outputs)) as logger:
         model = make_model(config, envs)
@@ -237,7 +209,7 @@ def progress_bar(total: int, done: int) -> tqdm:
     return tqdm(total=most, disable=not total, initial=done, unit_scale=True, bar_format=_BAR, ncols=width)
 
 
-def _resume(model: PPO | Rater, config: Config, run_dir: Path) -> None:
+def _resume(model: PPO, config: Config, run_dir: Path) -> None:
     """Sets the weights and the number of steps to those of the newest checkpoint that is whole."""
     checkpoint = newest_checkpoint(run_dir)
     for path in checkpoints(run_dir):
@@ -279,7 +251,7 @@ class Point(NamedTuple):
 
     Attributes:
         steps: The number of environment steps.
-        seconds: The time that they took, without the evaluations.
+        seconds: The processor time that they took, s, without the evaluations; with RLlib the time on the clock.
         training_success: Success in the last 1000 episodes of the training, with exploration.
         success: Success in `config.evaluation_episodes` episodes without exploration, on layouts that do not occur in
             training.
@@ -311,23 +283,26 @@ class LearningCurve:
         config: The configuration of the run.
         run_dir: The folder of the run.
         steps: The number of steps of the training so far. Later points in the file are dropped.
+        clock: Measures the time of the training, s.
 
     Attributes:
         points: The points of the curve.
     """
 
-    def __init__(self, config: Config, run_dir: Path, steps: int) -> None:
-        self.config, self.run_dir = config, run_dir
+    def __init__(
+        self, config: Config, run_dir: Path, steps: int, clock: Callable[[], float] = time.process_time
+    ) -> None:
+        self.config, self.run_dir, self.clock = config, run_dir, clock
         self.points = [point for point in learning_curve(run_dir) if point.steps <= steps]
         self._envs = make_vector(config, config.evaluation_episodes)
-        self._clock = time.perf_counter()
+        self._begin = self.clock()
 
     def measure(self, policy: BasePolicy, steps: int, successes: Collection[bool]) -> None:
         """Adds a point after `steps` steps, unless the last one has the same number.
 
         `successes` are those of the last episodes of the training.
         """
-        seconds = time.perf_counter() - self._clock + (self.points[-1].seconds if self.points else 0.0)
+        seconds = self.clock() - self._begin + (self.points[-1].seconds if self.points else 0.0)
         if not self.points or self.points[-1].steps < steps:
             seeds = evaluation_seeds(self.config.seed, self.config.evaluation_episodes).tolist()
             result = play_together(self._envs, deterministic(policy), seeds)
@@ -336,7 +311,7 @@ class LearningCurve:
             text = io.StringIO()
             csv.writer(text, lineterminator="\n").writerows([Point._fields, *self.points])
             write_whole(self.run_dir / "training.csv", text.getvalue().encode())
-        self._clock = time.perf_counter()
+        self._begin = self.clock()
 
     def close(self) -> None:
         """Closes the environments of the measurements."""
@@ -407,7 +382,6 @@ class _Callback(BaseCallback):
         self._show()
 
     def _on_rollout_start(self) -> None:
-        set_std(cast(ActorCriticPolicy, self.model.policy), self.config, self.num_timesteps)
         if self.num_timesteps < self.next_checkpoint:
             return
         self.measure()
@@ -446,7 +420,7 @@ class _Callback(BaseCallback):
         self.bar.set_postfix(self.curve.rates(self.successes), refresh=False)
 
 
-def _save(model: BaseAlgorithm | Rater, path: Path) -> None:
+def _save(model: BaseAlgorithm, path: Path) -> None:
     buffer = io.BytesIO()
     model.save(buffer)
     write_whole(path, buffer.getvalue())
@@ -509,7 +483,7 @@ def print_result(run_dir: Path, config: Config) -> None:
             ),
         )
         time_taken = f"{point.seconds / 60:.1f} minutes" if point.seconds >= 120 else f"{point.seconds:.0f} s"
-        title = f"{run_dir} after {point.steps:,} steps in {time_taken}"
+        title = f"{run_dir} after {point.steps:,} steps, which took {time_taken} of one core"
         print_table(title, ("actions", "episodes", "success", "score"), rows)
     print_commands("Next:", {"compare with random": ("-m", "agents.evaluate", str(run_dir))})
 

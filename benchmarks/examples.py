@@ -20,7 +20,7 @@ from typing import Any
 from benchmarks import Count, machine, machine_line, parser_of, report, table
 
 STEPS = {
-    "sb3_ppo": ("PPO of Stable-Baselines3 on 64 tables, with training", 8192, {"logs": None}),
+    "sb3_ppo": ("PPO of Stable-Baselines3 on 1,024 tables, with training", 8192, {"logs": None}),
     "optuna_sweep": ("Optuna: two trials of this PPO, with their evaluation", 8192, {}),
     "torchrl_collector": ("TorchRL: collector of random shots on 64 tables", 16384, {}),
     "pixels": ("one table, observation of 84 x 84 pixels", 256, {}),

@@ -1,7 +1,7 @@
 """Behaviour cloning from a dataset of Minari: `python examples/dataset_cloning.py` (extras `data` and `train`).
 
-The policy has the head "pots": geometry finds the pots, and the network learns which of them the teacher plays and at
-which speed. `billiards dataset Pot1-v0 geometric 5000` writes the same dataset.
+The policy observes the positions of the balls alone. `billiards dataset Pot1-v0 geometric 5000` writes the same
+dataset.
 """
 
 import tempfile
@@ -13,20 +13,20 @@ from stable_baselines3 import PPO
 
 from billiards_env import dataset
 from billiards_env.evaluation import evaluation_seeds, find_player, play, play_together
-from billiards_env.sb3 import MixturePolicy, SameStepVecEnv
+from billiards_env.sb3 import AimPolicy, SameStepVecEnv
 
 
 def clone(data, epochs: int = 10) -> PPO:
     """Returns a policy that is trained to maximise the likelihood of the actions of a dataset."""
     env = data.recover_environment()  # Billiards/Pot1-v0
     envs = SameStepVecEnv(gym.make_vec(env.spec.id, num_envs=1))
-    model = PPO(MixturePolicy, envs, learning_rate=1e-3, policy_kwargs={"head": "pots"}, device="cpu")
+    model = PPO(AimPolicy, envs, learning_rate=1e-3, device="cpu")
     episodes = list(data.iterate_episodes())
     observations = torch.cat([torch.as_tensor(episode.observations[:-1]) for episode in episodes])
     actions = torch.cat([torch.as_tensor(episode.actions) for episode in episodes])
     for _ in range(epochs):
         for rows in torch.randperm(len(actions)).split(256):
-            _, log_density, _ = model.policy.evaluate_actions(observations[rows], actions[rows])
+            log_density = model.policy.get_distribution(observations[rows]).log_prob(actions[rows])
             model.policy.optimizer.zero_grad()
             (-log_density.mean()).backward()
             model.policy.optimizer.step()

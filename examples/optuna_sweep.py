@@ -8,7 +8,7 @@ import optuna  # pyright: ignore[reportMissingImports]
 from stable_baselines3 import PPO
 
 from billiards_env.evaluation import evaluation_seeds, play_together
-from billiards_env.sb3 import MixturePolicy, SameStepVecEnv
+from billiards_env.sb3 import AimPolicy, SameStepVecEnv
 
 ENV = "billiards_env:Billiards-v0"
 
@@ -16,14 +16,14 @@ ENV = "billiards_env:Billiards-v0"
 def success(trial: optuna.Trial, steps: int, episodes: int) -> float:
     """Trains with the hyper-parameters of a trial. Returns the share of new layouts on which the ball is potted."""
     model = PPO(
-        MixturePolicy,
-        SameStepVecEnv(gym.make_vec(ENV, num_envs=64)),
-        n_steps=2 ** trial.suggest_int("log2_n_steps", 2, 6),
-        batch_size=256,
+        AimPolicy,
+        SameStepVecEnv(gym.make_vec(ENV, num_envs=1024)),
+        n_steps=1,
+        batch_size=2 ** trial.suggest_int("log2_batch_size", 6, 10),
         learning_rate=trial.suggest_float("learning_rate", 1e-4, 1e-2, log=True),
-        ent_coef=trial.suggest_float("ent_coef", 1e-6, 1e-2, log=True),
+        ent_coef=trial.suggest_float("ent_coef", 1e-3, 1e-1, log=True),
         gamma=1.0,
-        policy_kwargs={"head": "pots"},
+        policy_kwargs={"exploration": steps // 2},
         seed=trial.number,
         device="cpu",
     ).learn(steps)

@@ -1,15 +1,11 @@
 """Trains every recipe of a list with several seeds and reports the results: `python -m studies.recipes [LIST]`.
 
-A recipe is a configuration of `agents.train`. `configs/recipes.yaml` lists recipes for many games.
-`configs/prior_knowledge.yaml` lists recipes for one game with different prior knowledge, and
-`configs/prior_knowledge_long.yaml` lists the same recipes with ten times as many shots. `configs/english.yaml` lists
-recipes with and without english, and `configs/ratings.yaml` lists policies that rate shots. The results are
+A recipe is a configuration of `agents.train`. `configs/recipes.yaml` lists those of the documentation. The results are
 
 * `studies/results/LIST.json`: the configuration of each recipe, the learning curve and evaluation of each run, and the
   success of players without training,
 * `docs/images/LIST.png`: the learning curves of the recipes in `figure`,
-* for `recipes.yaml` and `ratings.yaml`, `studies/results/policies/RECIPE`: the policy of the first seed, with its
-  configuration.
+* for `recipes.yaml`, `studies/results/policies/RECIPE`: the policy of the first seed, with its configuration.
 
 The results of any other list are in `runs/LIST`.
 
@@ -92,7 +88,7 @@ def find_places(config: Path, folder: Path | None = None) -> Places:
     """Returns the places of a list: a folder or, for a list in `configs`, those of the published results."""
     name, runs = config.stem, folder or RUNS / config.stem
     published = folder is None and config.resolve().parent == CONFIG.parent
-    plays = published and name in ("recipes", "ratings")
+    plays = published and name == "recipes"
     return Places(
         runs,
         (RESULTS if published else runs) / f"{name}.json",
@@ -185,16 +181,12 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
     minutes = sum(_curve(run)[-1].seconds for r in results for run in r["runs"]) / 60
     return {
         "table": table(head, [row(r) for r in results]),
-        "ladder": table(
-            ("recipe", "before PPO", "success by seed", "mean over seeds", "minutes"), [step(r) for r in results]
-        ),
         "time": f"All these trainings together take {minutes:.0f} minutes on one core.",
-        "summary": f"`make train` trains for {_seconds(first):.0f} s on one core. The trained policy pots the ball on "
-        f"{as_percent(over_seeds(policies))} of new layouts. Most of this is geometry: the network chooses among pots "
-        f"that geometry finds, and before any training it already pots {as_percent(over_seeds(untrained))} of the "
-        f"balls. Random shots pot {np.mean([run['random']['success_rate'] for run in first['runs']]):.1%}, and a "
-        f"search of 1,000 shots for each layout {first['players']['search:1000']['success_rate']:.1%}. "
-        f"The first two numbers are means over {len(policies)} seeds with their 95% intervals.",
+        "summary": f"`make train` trains for at most {_seconds(first):.0f} s on one core. The policy learns from the "
+        f"positions of the balls alone. It then pots the ball on {as_percent(over_seeds(policies))} of new layouts "
+        f"(mean of {len(policies)} seeds, 95% interval), before the training on {np.mean(untrained):.1%}. Random shots "
+        f"pot {np.mean([run['random']['success_rate'] for run in first['runs']]):.1%}, and a search of 1,000 shots for "
+        f"each layout {first['players']['search:1000']['success_rate']:.1%}.",
     }
 
 
@@ -224,18 +216,6 @@ def row(result: Mapping[str, Any]) -> tuple[str, ...]:
         f"{np.mean([run['policy']['mean_score'] for run in runs]):.2f}",
         f"{np.mean([run['random']['success_rate'] for run in runs]):.1%}",
         *(f"{result['players'][name]['success_rate']:.1%}" for name in PLAYERS),
-    )
-
-
-def step(result: Mapping[str, Any]) -> tuple[str, ...]:
-    """Returns the cells of a recipe in the table of prior knowledge."""
-    rates = _rates(result)
-    return (
-        result["recipe"],
-        as_percent(over_seeds([_curve(run)[0].success for run in result["runs"]])),
-        ", ".join(f"{rate:.1%}" for rate in rates),
-        as_percent(over_seeds(rates)),
-        f"{_seconds(result) / 60:.1f}",
     )
 
 

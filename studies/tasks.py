@@ -104,11 +104,10 @@ def learned(name: str) -> Learned | None:
         for entry in entries
         if entry["player"] not in PLAYERS and name in entry["scores"]
     ]
-    for source in ("recipes", "ratings", "english"):
-        for result in json.loads((RESULTS / f"{source}.json").read_text(encoding="utf-8"))["results"]:
-            if _same_task(result["config"], FROZEN[name]):
-                success = float(np.mean([run["policy"]["success_rate"] for run in result["runs"]]))
-                found.append(Learned(result["recipe"], success, "training.md"))
+    for result in json.loads((RESULTS / "recipes.json").read_text(encoding="utf-8"))["results"]:
+        if _same_task(result["config"], FROZEN[name]):
+            success = float(np.mean([run["policy"]["success_rate"] for run in result["runs"]]))
+            found.append(Learned(result["recipe"], success, "training.md"))
     return max(found, key=lambda one: one.success, default=None)
 
 

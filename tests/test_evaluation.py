@@ -87,4 +87,4 @@ def test_the_command_refuses_bad_arguments(mine, capsys):
 def test_a_trained_policy_plays():
     pytest.importorskip("stable_baselines3")
     found = measure("policy:studies/results/policies/pot", {}, (0.0, 0.0), 100, 0)
-    assert found["success_rate"] > 0.9
+    assert found["success_rate"] > 0.8

@@ -28,9 +28,10 @@ from stable_baselines3.common.utils import set_random_seed
 from torch import Tensor
 
 from agents.config import ENV_ID, Config
-from agents.ppo import make_env, make_ppo_policy, set_std, training_seed
+from agents.ppo import make_env, make_policy, training_seed
 from agents.rllib.rollouts import Rollouts, compile_engine
 from agents.rllib.settings import Settings
+from billiards_env.sb3.aim_policy import AimPolicy, by_value
 
 PATIENCE = 600.0
 """Seconds without any runner after which a training ends with an error."""
@@ -50,52 +51,51 @@ class PolicyModule(TorchRLModule, ValueFunctionAPI):
         config = Config.from_dict(self.model_config["recipe"])
         with torch.random.fork_rng(devices=()):
             torch.manual_seed(config.seed)
-            self.policy = make_ppo_policy(config)
-        set_std(self.policy, config, 0)
+            self.policy = make_policy(config)
 
     def _forward(self, batch: dict[str, Any], **kwargs: Any) -> dict[str, Any]:
-        features = self.policy.extract_features(batch[Columns.OBS])
-        latent_pi, latent_vf = self.policy.mlp_extractor(features)
-        return {Columns.ACTION_DIST_INPUTS: latent_pi, Columns.EMBEDDINGS: latent_vf}
+        observations, policy = batch[Columns.OBS], self.policy
+        if isinstance(policy, AimPolicy):
+            distribution, values = policy.net(observations)
+        else:
+            distribution, values = policy.get_distribution(observations), policy.predict_values(observations)[:, 0]
+        return {Columns.ACTION_DIST_INPUTS: (distribution, values), Columns.EMBEDDINGS: values}
 
     def compute_values(self, batch: dict[str, Any], embeddings: Tensor | None = None) -> Tensor:
         """Returns the values (m,) of the states of a batch."""
-        if embeddings is None:
-            embeddings = self._forward(batch)[Columns.EMBEDDINGS]
-        return self.policy.value_net(embeddings)[:, 0]
+        return self._forward(batch)[Columns.EMBEDDINGS] if embeddings is None else embeddings
 
     def get_inference_action_dist_cls(self) -> Any:
         """Returns an object whose method `from_logits` returns the distribution of the actions."""
-        return _Distributions(self.policy)
+        return _Distribution(self.policy)
 
 
-class _Distributions:
-    """Makes distributions with the names of RLlib's methods from those of Stable-Baselines3."""
+class _Distribution:
+    """The distribution of a policy with the names of RLlib's methods. `outputs` are the distribution and the values."""
 
-    def __init__(self, policy: ActorCriticPolicy, latent: Tensor | None = None) -> None:
-        self.policy, self.latent = policy, latent
+    def __init__(self, policy: ActorCriticPolicy, outputs: Any = None) -> None:
+        self.policy, self.outputs = policy, outputs
 
-    def from_logits(self, latent: Tensor) -> _Distributions:
-        return _Distributions(self.policy, latent)
-
-    def _distribution(self) -> Any:
-        assert self.latent is not None
-        return self.policy._get_action_dist_from_latent(self.latent)
+    def from_logits(self, outputs: Any) -> _Distribution:
+        return _Distribution(self.policy, outputs)
 
     def logp(self, actions: Tensor) -> Tensor:
-        return self._distribution().log_prob(actions)
+        distribution, values = self.outputs
+        log_prob = distribution.log_prob(actions)
+        return by_value(log_prob, values) if isinstance(self.policy, AimPolicy) else log_prob
 
     def entropy(self) -> Tensor:
-        return self._distribution().entropy()
+        factor = self.policy.entropy_factor if isinstance(self.policy, AimPolicy) else 1.0
+        return factor * self.outputs[0].entropy()
 
 
 class PolicyLearner(PPOTorchLearner):
-    """RLlib's PPO with the optimizer of `agents.ppo`. Fixed standard deviations are not trained."""
+    """RLlib's PPO with the optimizer of `agents.ppo`."""
 
     def configure_optimizers_for_module(self, module_id: str, config: Any = None) -> None:
-        """Makes Adam for the parameters that are trained."""
+        """Makes Adam for the parameters."""
         torch.set_num_threads(1)
-        params = [p for p in self.get_parameters(self._module[module_id]) if p.requires_grad]
+        params = self.get_parameters(self._module[module_id])
         optimizer = torch.optim.Adam(params, eps=1e-5, fused=True)
         self.register_optimizer(module_id=module_id, optimizer=optimizer, params=params, lr_or_lr_schedule=config.lr)
 
@@ -194,7 +194,9 @@ class ArrayPPO(PPO):
         steps, seed, self.seed_next = self.steps, self.seed_next, False
 
         def prepare(learner: Any) -> None:
-            set_std(learner.module[DEFAULT_MODULE_ID].unwrapped().policy, recipe, steps)
+            policy = learner.module[DEFAULT_MODULE_ID].unwrapped().policy
+            if isinstance(policy, AimPolicy):
+                policy.set_shots(steps)
             if seed:
                 set_random_seed(training_seed(recipe, steps))
 

@@ -15,8 +15,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.utils import set_random_seed
 
 from agents.config import Config
-from agents.ppo import make_ppo_policy, make_vector, training_seed
-from billiards_env.sb3.pot_head import PotFeatures
+from agents.ppo import make_policy, make_vector, training_seed
 
 # In a folder of this machine, because the clone may be on a disk that several machines share.
 _LOCK = Path(tempfile.gettempdir()) / f"billiards-env-{zlib.crc32(__file__.encode()):08x}.lock"
@@ -57,8 +56,7 @@ class Rollouts:
 
         Returns:
             The arrays of an update, one row for each step, and the success of each episode that ended. The arrays are
-            "obs", the input of the policy, "actions", "action_logp", "advantages" and "value_targets". For the head
-            "pots" the input of the policy is the features, so that no process computes them again.
+            "obs", "actions", "action_logp", "advantages" and "value_targets".
         """
         shape = n_steps, self.envs.num_envs
         low, high = self.envs.action_space.low, self.envs.action_space.high  # pyright: ignore[reportAttributeAccessIssue]
@@ -67,7 +65,7 @@ class Rollouts:
         columns: dict[str, list[Array]] = {"obs": [], "actions": [], "action_logp": []}
         successes = []
         for t in range(n_steps):
-            inputs = self._inputs()
+            inputs = torch.from_numpy(self.observations)
             actions, value, log_prob = self.policy(inputs)
             for name, tensor in zip(columns, (inputs, actions, log_prob), strict=True):
                 columns[name].append(tensor.numpy())
@@ -79,17 +77,11 @@ class Rollouts:
             if ends[t].any():
                 successes.append(infos["final_info"]["is_success"][ends[t]])
         if not ends[-1].all():
-            values[-1] = self.policy.predict_values(self._inputs()).numpy()[:, 0]
+            values[-1] = self.policy.predict_values(torch.from_numpy(self.observations)).numpy()[:, 0]
         gained = advantages(rewards, values, ends, self.config.ppo.gamma, self.config.ppo.gae_lambda)
         arrays = {name: np.concatenate(parts) for name, parts in columns.items()}
         arrays |= {"advantages": gained.ravel(), "value_targets": (gained + values[:-1]).ravel()}
         return arrays, np.concatenate(successes) if successes else np.zeros(0, np.bool_)
-
-    def _inputs(self) -> torch.Tensor:
-        """Returns the input of the policy for the present observations."""
-        observations = torch.from_numpy(self.observations)
-        extractor = self.policy.features_extractor
-        return extractor(observations) if isinstance(extractor, PotFeatures) else observations
 
 
 def compile_engine(config: Config) -> None:
@@ -98,7 +90,7 @@ def compile_engine(config: Config) -> None:
     The first process of a machine compiles. The others wait for it and load the machine code.
     """
     with FileLock(_LOCK):
-        rollouts = Rollouts(config, make_ppo_policy(config), 1, 0)
+        rollouts = Rollouts(config, make_policy(config), 1, 0)
         rollouts.seed(0)
         rollouts.play(1)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import shutil
+import time
 from collections import deque
 from collections.abc import Collection
 from contextlib import closing
@@ -20,7 +21,7 @@ import ray  # pyright: ignore[reportMissingImports]
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 
 from agents.config import Config
-from agents.ppo import make_ppo_policy
+from agents.ppo import make_policy
 from agents.rllib.algorithm import ArrayPPO, algorithm_config
 from agents.rllib.settings import Settings
 from agents.train import LearningCurve, locked, progress_bar, start_from, versions
@@ -53,7 +54,7 @@ def train(config: Config, settings: Settings, run_dir: Path) -> None:
 
 
 def _train(algorithm: ArrayPPO, config: Config, run_dir: Path) -> None:
-    policy = make_ppo_policy(config)
+    policy = make_policy(config)
     checkpoint = newest_checkpoint(run_dir)
     if checkpoint is not None:
         algorithm.restore_from_path(str(checkpoint.resolve()))
@@ -65,7 +66,7 @@ def _train(algorithm: ArrayPPO, config: Config, run_dir: Path) -> None:
     logger = Logger(str(run_dir), [TensorBoardOutputFormat(str(run_dir / "tensorboard"))])
     every = config.checkpoint_every
     bar = progress_bar(config.timesteps, algorithm.steps)
-    with bar, closing(LearningCurve(config, run_dir, algorithm.steps)) as curve:
+    with bar, closing(LearningCurve(config, run_dir, algorithm.steps, time.perf_counter)) as curve:
         while True:
             steps = algorithm.steps
             done = steps >= config.timesteps

@@ -228,8 +228,6 @@ class Task:
         max_shots: The default of the number of shots after which an episode ends.
         goal_radius: m. Largest distance from the goal at which the cue ball may come to rest; 0 for a task without a
             goal.
-        pots_any_ball: Whether it is achieved by potting object balls, of which all are legal. The head "pots" of
-            `billiards_env.sb3` can then play it.
         opening: For a run-out, in which the cue ball may touch only some balls first: the legal balls of the first
             shot, as a set of balls. 0 for other tasks.
         breaks: The layouts whose first shot is a break with the legal balls `break_opening`.
@@ -245,7 +243,6 @@ class Task:
     pockets: bool | None = None
     max_shots: int = 1
     goal_radius: float = 0.0
-    pots_any_ball: bool = False
     opening: int = 0
     breaks: tuple[str, ...] = ()
     break_opening: int = 0
@@ -254,15 +251,15 @@ class Task:
 
 
 TASKS = {
-    "pot": Task(judge=judge_pot, layout="random", pockets=True, pots_any_ball=True, rules="straight"),
+    "pot": Task(judge=judge_pot, layout="random", pockets=True, rules="straight"),
     "carom": Task(judge=judge_carom, layout="carom_opening", scene="carom", cushions=0),
     "three_cushion": Task(judge=judge_three_cushion, layout="carom_opening", scene="carom", cushions=CUSHIONS),
     "sum_to_three": Task(
         judge=judge_sum_to_three, layout="line", scene="sum_to_three", n_object_balls=(1, 1), pockets=False
     ),
     "place": Task(judge=judge_place, layout="random", n_object_balls=(0, None), goal_radius=0.15),
-    "position": Task(judge=judge_position, layout="random", pockets=True, goal_radius=0.3, pots_any_ball=True),
-    "clear": Task(judge=judge_clear, layout="random", pockets=True, pots_any_ball=True, rules="straight"),
+    "position": Task(judge=judge_position, layout="random", pockets=True, goal_radius=0.3),
+    "clear": Task(judge=judge_clear, layout="random", pockets=True, rules="straight"),
     "nine_ball": Task(
         judge=judge_nine_ball,
         layout="nine_ball",

@@ -18,6 +18,7 @@ TIP = 3
 
 _MOST = 0.7  # of the mean side and top, over the miscue offset: so the mean offset is below the miscue
 _LEVEL = -0.5  # the mean elevation before the training: below 0 the cue is level
+_FAR = 60.0  # densities of exp(-60) have no effect, and much smaller ones are denormal numbers, which are slow
 _NEVER = -1e4  # the logit of a component whose ball is not on the table, or not legal
 
 
@@ -79,7 +80,8 @@ class Mixture(NamedTuple):
             x, y = _turned(x, y, self.turn * tip[:, :1])
         ahead = (x * self.dx + y * self.dy - self.speed) / self.along
         aside = (y * self.dx - x * self.dy) / self.across
-        logs = self.log_weight - 0.5 * (ahead * ahead + aside * aside) - self.across.log()
+        far = (0.5 * (ahead * ahead + aside * aside)).clamp(max=_FAR)
+        logs = self.log_weight - far - self.across.log()
         if numbers:
             logs = logs - 0.5 * ((tip[:, :, None] - self.tip) / self.tip_std).square().sum(1)
         constant = self.along.log() + numbers * self.tip_std.log() + (1 + 0.5 * numbers) * math.log(2 * math.pi)
@@ -154,8 +156,11 @@ class AimNetwork(nn.Module):
         self.other_balls = nn.Linear(half, sum(self.widths), bias=False)
         nn.init.zeros_(self.other_balls.weight)
 
-    def forward(self, observations: Tensor) -> tuple[Mixture, Tensor]:
-        """Returns the mixtures and the values (m,) for observations (m, ...) with any number of object balls."""
+    def forward(self, observations: Tensor, legal: Tensor | None = None) -> tuple[Mixture, Tensor]:
+        """Returns the mixtures and the values (m,) for observations (m, ...) of n object balls, for any n.
+
+        `legal` (m, n) are the balls at which a component may aim; None for those of the observation, or for all.
+        """
         m, n = len(observations), (observations.shape[1] - 2 - 2 * self.goals - self.rest) // (2 + self.legal)
         places, flags, rest = observations.split((2 + 2 * (n + self.goals), n * self.legal, self.rest), 1)
         places = places.unflatten(1, (-1, 2))
@@ -176,8 +181,10 @@ class AimNetwork(nn.Module):
         dx, dy = dx * inverse * signs[:, :1], dy * inverse * signs[:, 1:]
         dx, dy, inverse = (part.repeat(1, self.ranges) for part in (dx, dy, inverse))
         logit, faster, *tip = self.choice(features, chosen).chunk(2 + self.numbers, 1)
-        playable = on_table & (flags.flatten() > 0) if self.legal else on_table
-        logit = logit.masked_fill(~playable[:, None], _NEVER)
+        if legal is None and self.legal:
+            legal = flags > 0
+        allowed = on_table if legal is None else on_table & legal.flatten()
+        logit = logit.masked_fill(~allowed[:, None], _NEVER)
         speed = self.slowest + self.faster * faster.sigmoid()
         # The std of the direction is that of the point over its distance. The limit is for points near the cue ball.
         across = speed * self.std[1] * inverse.clamp(max=10.0)

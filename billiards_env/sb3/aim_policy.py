@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
 
 import gymnasium as gym
+import numpy as np
 import torch
 from gymnasium import spaces
 from stable_baselines3.common.policies import ActorCriticPolicy
@@ -16,7 +17,7 @@ from stable_baselines3.common.utils import LinearSchedule
 from torch import Tensor
 
 import billiards_env  # noqa: F401  (registers the environment)
-from billiards_env.checks import one_of
+from billiards_env.checks import Range, finite, numbers, one_of, short, whole
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.tasks import TASKS
 from billiards_env.sb3.aim_network import AimNetwork, Mixture
@@ -25,7 +26,7 @@ from billiards_env.scene import Scene
 PPO_SETTINGS: dict[str, Any] = {
     "n_steps": 1,
     "batch_size": 1024,
-    "n_epochs": 4,
+    "n_epochs": 3,
     "learning_rate": LinearSchedule(2e-3, 2e-5, 1.0),
     "gamma": 1.0,
     "gae_lambda": 1.0,
@@ -35,6 +36,7 @@ PPO_SETTINGS: dict[str, Any] = {
 }
 """Arguments of `stable_baselines3.PPO` for 4096 environments and episodes of one shot."""
 
+_UNITS, _MOST_SPEEDS = Range(2, 4096), 100
 _WORTH = 0.1  # the smallest value that divides an advantage
 
 
@@ -54,6 +56,16 @@ def find_game(env: Mapping[str, Any]) -> BilliardsEnv:
 @functools.lru_cache(maxsize=8)
 def _find_game(env: str) -> BilliardsEnv:
     return cast(BilliardsEnv, gym.make("Billiards-v0", **json.loads(env)).unwrapped)
+
+
+def by_value(log_prob: Tensor, values: Tensor) -> Tensor:
+    """Returns `log_prob` (m,) with a gradient that is divided by `values` (m,), and then by the mean of these factors.
+
+    Factors are at least 1 and at most 10 before they are divided by their mean.
+    """
+    factor = 1.0 / values.detach().clamp(_WORTH, 1.0)
+    factor = factor / factor.mean()
+    return factor * log_prob + ((1.0 - factor) * log_prob).detach()
 
 
 class AimPolicy(ActorCriticPolicy):
@@ -79,8 +91,8 @@ class AimPolicy(ActorCriticPolicy):
         entropy: First and last factor of the entropy, and so of PPO's `ent_coef`.
 
     Raises:
-        ValueError: If the environment has no object ball or another observation than `observation_space`, or `aim` is
-            unknown.
+        ValueError: If an argument is wrong, or the environment has no object ball or another observation than
+            `observation_space`.
 
     Example:
         >>> from stable_baselines3 import PPO
@@ -102,15 +114,25 @@ class AimPolicy(ActorCriticPolicy):
         env: Mapping[str, Any] | None = None,
         points: int = 16,
         speeds: Sequence[float] = (0.2, 0.4, 0.8),
-        hidden: int = 128,
+        hidden: int = 192,
         aim: str | None = None,
-        exploration: int = 400_000,
+        exploration: int = 500_000,
         std_speed: Sequence[float] = (0.1, 0.03),
         std_aim: Sequence[float] = (0.025, 0.0015),
         std_tip: Sequence[float] = (0.2, 0.05),
         entropy: Sequence[float] = (1.0, 0.1),
         **kwargs: Any,
     ) -> None:
+        for name, number in (("points", points), ("hidden", hidden)):
+            whole(name, number, _UNITS)
+        whole("exploration", exploration, Range(1, None))
+        borders = numbers("speeds", speeds)
+        if borders.ndim != 1 or not 2 <= len(borders) <= _MOST_SPEEDS or not (np.diff(borders) > 0.0).all():
+            raise ValueError(f"speeds = {short(speeds)}: expected from 2 to {_MOST_SPEEDS} numbers in ascending order")
+        self.schedules = {"std_speed": std_speed, "std_aim": std_aim, "std_tip": std_tip, "entropy": entropy}
+        for name, ends in self.schedules.items():
+            if min(finite(name, ends, (2,))) <= 0.0:
+                raise ValueError(f"{name} = {short(ends)}: expected two positive numbers")
         self.game = find_game(env or {})
         if observation_space.shape != self.game.observation_space.shape:
             raise ValueError(
@@ -123,7 +145,6 @@ class AimPolicy(ActorCriticPolicy):
         one_of("aim", aim, ("ball", "layout"))
         self.network = {"points": points, "speeds": tuple(speeds), "hidden": hidden, "aim": aim}
         self.exploration = exploration
-        self.schedules = {"std_speed": std_speed, "std_aim": std_aim, "std_tip": std_tip, "entropy": entropy}
         self.env = dict(env or {})
         super().__init__(observation_space, action_space, lr_schedule, **kwargs)
 
@@ -140,18 +161,20 @@ class AimPolicy(ActorCriticPolicy):
             strikes=game.action == "strike",
         )
         self.register_buffer("shots", torch.zeros((), dtype=torch.int64))
-        self._follow_schedules()
+        self.set_shots(0)
         self.optimizer = torch.optim.Adam(self.parameters(), lr=lr_schedule(1), eps=1e-5, fused=True)
 
-    def _follow_schedules(self) -> None:
-        part = min(self.shots.item() / self.exploration, 1.0)
-        *std, self.entropy = (first * (last / first) ** part for first, last in self.schedules.values())
+    def set_shots(self, shots: int) -> None:
+        """Sets the number of shots of the training, and the standard deviations and the entropy that belong to it."""
+        self.shots.fill_(shots)
+        part = min(shots / self.exploration, 1.0)
+        *std, self.entropy_factor = (first * (last / first) ** part for first, last in self.schedules.values())
         self.net.std.copy_(torch.tensor(std))
 
     def set_training_mode(self, mode: bool) -> None:
         """Sets the mode. At the end of an update, the standard deviations and the entropy change."""
         if self.training and not mode:
-            self._follow_schedules()
+            self.set_shots(int(self.shots))
         super().set_training_mode(mode)
 
     def forward(self, obs: Tensor, deterministic: bool = False) -> tuple[Tensor, Tensor, Tensor]:
@@ -162,13 +185,10 @@ class AimPolicy(ActorCriticPolicy):
         return actions, values[:, None], mixture.log_prob(actions)
 
     def evaluate_actions(self, obs: PyTorchObs, actions: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Returns values (m, 1), logarithms (m,) of densities and entropies (m,); see the class for the gradient."""
+        """Returns values (m, 1), logarithms (m,) of densities and entropies (m,); see the class for their gradients."""
         mixture, values = self.net(obs)
-        log_prob = mixture.log_prob(actions)
-        factor = 1.0 / values.detach().clamp(_WORTH, 1.0)
-        factor = factor / factor.mean()
-        log_prob = factor * log_prob + ((1.0 - factor) * log_prob).detach()
-        return values[:, None], log_prob, self.entropy * mixture.entropy()
+        log_prob = by_value(mixture.log_prob(actions), values)
+        return values[:, None], log_prob, self.entropy_factor * mixture.entropy()
 
     def predict_values(self, obs: PyTorchObs) -> Tensor:
         """Returns the values (m, 1)."""

@@ -1,7 +1,10 @@
 """A trained policy as a player of games: `billiards play --scene pool --players human,policy:runs/pot`.
 
-In a game with pockets the policy must be trained with one object ball. It observes the cue ball and the nearest legal
-ball. In a carom game the policy must be trained with two object balls.
+`AimPolicy` plays with any number of balls. If it was trained with one object ball, it observes each legal ball as if
+this ball were alone with the cue ball, and plays the one with the largest value. Otherwise it observes all balls.
+
+Another policy must be trained with one object ball for a game with pockets, and then observes the nearest legal ball.
+In a carom game a policy must be trained with two object balls.
 """
 
 from __future__ import annotations
@@ -12,9 +15,12 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+import torch
+from numpy.typing import NDArray
 
 from billiards_env.games import RULES, GameState, Setup, Stroke
 from billiards_env.players.game_player import Player, make_stroke, place_cue_ball, with_call
+from billiards_env.sb3.aim_policy import AimPolicy
 from billiards_env.sb3.weights import load_policy
 from billiards_env.scene import Scene
 
@@ -28,7 +34,8 @@ def policy(setup: Setup, argument: str) -> Player:
 
     Raises:
         OSError: If the folder holds no finished run.
-        ValueError: If the policy was trained on another table, with another number of balls or with `observe_physics`.
+        ValueError: If the policy was trained on another table, with another number of balls, for strikes, with a goal
+            or with `observe_physics`.
     """
     folder = Path(argument)
     if not argument or not (folder / "policy.pt").is_file():
@@ -41,23 +48,29 @@ def policy(setup: Setup, argument: str) -> Player:
     expected = 1 if setup.game_rules.pockets else 2
     trained, played = base.scene, setup.scene
     error = f"player = 'policy:{argument}' with rules = {setup.rules!r}: expected"
-    if trained.n_balls != 1 + expected:
+    aims = isinstance(model, AimPolicy) and setup.game_rules.pockets
+    if trained.n_balls != 1 + expected and not aims:
         balls = f"{expected} object ball{'s' if expected > 1 else ''}"
         raise ValueError(f"{error} a policy trained with {balls}, not {trained.n_balls - 1}")
-    if trained.table != played.table or trained.balls.radius != played.balls.radius[: 1 + expected]:
+    if trained.table != played.table or trained.balls.radius[:2] != played.balls.radius[:2]:
         raise ValueError(
             f"{error} the table and the balls of its training; --scene of billiards play, for example --scene pool, "
             "chooses them"
         )
-    if base.observe_physics:
-        raise ValueError(f"player = 'policy:{argument}': expected a policy trained without observe_physics")
+    if base.observe_physics or base.action == "strike" or len(base.goals):
+        raise ValueError(
+            f"player = 'policy:{argument}': expected a policy trained without observe_physics, strikes or a goal"
+        )
 
     def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
         game, place = place_cue_ball(setup, game, max_speed, rng)
-        cue = game.state.cue_balls[0]
-        balls = [_nearest(setup, game)] if setup.game_rules.pockets else sorted(game.state.object_balls)
-        observation, _ = env.reset(options={"positions": game.positions[[cue, *balls]]})
-        action, _ = model.predict(observation, deterministic=True)
+        if isinstance(model, AimPolicy):
+            action = _aimed(model, setup, game)
+        else:
+            cue = game.state.cue_balls[0]
+            balls = [_nearest(setup, game)] if setup.game_rules.pockets else sorted(game.state.object_balls)
+            observation, _ = env.reset(options={"positions": game.positions[[cue, *balls]]})
+            action, _ = model.predict(observation, deterministic=True)
         velocity = base.max_speed * np.asarray(action, np.float64)
         return with_call(setup, game, make_stroke(velocity, max_speed, place))
 
@@ -72,6 +85,21 @@ def playable(run_dir: Path) -> str | None:
             policy(Setup(rules, Scene.named(name, balls)), str(run_dir))
             return rules
     return None
+
+
+def _aimed(model: AimPolicy, setup: Setup, game: GameState) -> NDArray[np.float32]:
+    """Returns the action of a policy for the balls on the table."""
+    state, net = game.state, model.net
+    cue, balls = state.cue_balls[0], sorted(state.object_balls)
+    legal = sorted(setup.game_rules.legal(state, state.player)) if setup.game_rules.pockets else balls
+    tables = torch.tensor([[cue, ball] for ball in legal] if model.game.scene.n_balls == 2 else [[cue, *balls]])
+    flags = torch.tensor([[ball in legal for ball in table[1:]] for table in tables.tolist()])
+    places = torch.tensor(game.positions / np.array(model.game.scene.half_extents), dtype=torch.float32)
+    shots_left = torch.ones(len(tables), net.rest)
+    observed = torch.cat((places[tables].flatten(1), *([flags.float()] if net.legal else []), shots_left), 1)
+    with torch.no_grad():
+        mixtures, values = net(observed, flags)
+        return mixtures.mode()[values.argmax()].clamp(-1, 1).numpy()
 
 
 def _nearest(setup: Setup, game: GameState) -> int:

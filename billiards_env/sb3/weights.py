@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 import io
 import os
 import zipfile
@@ -15,21 +16,21 @@ import yaml
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from torch import Tensor
 
-from billiards_env.checks import Range, finite, flag, one_of, sequence, whole
+from billiards_env.checks import Range, one_of, sequence, whole
 from billiards_env.files import read_text, write_whole
-from billiards_env.sb3.policy import MixturePolicy, find_game
-from billiards_env.sb3.rated import RATED_HEADS, RatedPolicy
+from billiards_env.sb3.aim_policy import AimPolicy, find_game
 from billiards_env.settings import plain_yaml
+
+AIM_ARGUMENTS = tuple(inspect.signature(AimPolicy).parameters)[4:-1]
+"""The arguments of `AimPolicy` in the section `policy.arguments` of a configuration: those after `env`."""
 
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU, "silu": torch.nn.SiLU}
 
-_COMPONENTS = Range(1, 10_000)
 _MOST_BYTES = 100_000  # of a config.yaml, which has about 1000
 
 
-def policy_class(head: str) -> type[ActorCriticPolicy]:
-    """Returns the class of a policy with a head: "gaussian" or one of `policy.HEADS`."""
-    return ActorCriticPolicy if head == "gaussian" else MixturePolicy
+POLICIES: dict[str, type[ActorCriticPolicy]] = {"aim": AimPolicy, "gaussian": ActorCriticPolicy}
+"""The policies, by `policy.head` of a configuration."""
 
 
 def policy_arguments(env: Mapping[str, Any], description: Mapping[str, Any]) -> dict[str, Any]:
@@ -37,31 +38,28 @@ def policy_arguments(env: Mapping[str, Any], description: Mapping[str, Any]) -> 
 
     Args:
         env: Arguments of `gym.make("Billiards-v0", ...)`.
-        description: The section `policy` of a configuration: `head`, `hidden`, `activation`, `components`, `speeds`,
-            `banks`.
+        description: The section `policy` of a configuration: `head`, and `arguments` for the head "aim", or `hidden`
+            and `activation` for "gaussian".
 
     Raises:
         KeyError, TypeError, ValueError: If a value of the description is missing or wrong.
     """
-    one_of("policy.activation", description["activation"], tuple(ACTIVATIONS))
-    arguments: dict[str, Any] = {
-        "net_arch": [
-            whole("policy.hidden", n, Range(1, None)) for n in sequence("policy.hidden", description["hidden"])
-        ],
-        "activation_fn": ACTIVATIONS[description["activation"]],
-    }
-    if description["head"] != "gaussian":
-        own = {name: description[name] for name in ("head", "components", "speeds", "banks") if name in description}
-        whole("policy.components", own.get("components", 1), _COMPONENTS)
-        finite("policy.speeds", own.get("speeds", (0.1, 1.0)), (2,))
-        flag("policy.banks", own.get("banks", False))
-        arguments |= {"env": dict(env), **own}
-    return arguments
+    one_of("policy.head", description["head"], tuple(POLICIES))
+    if description["head"] == "gaussian":
+        one_of("policy.activation", description["activation"], tuple(ACTIVATIONS))
+        hidden = sequence("policy.hidden", description["hidden"])
+        return {
+            "net_arch": [whole("policy.hidden", n, Range(1, None)) for n in hidden],
+            "activation_fn": ACTIVATIONS[description["activation"]],
+        }
+    for name in description["arguments"]:
+        one_of("policy.arguments", name, AIM_ARGUMENTS)
+    return {"env": dict(env), **description["arguments"]}
 
 
 def build_policy(
     env: Mapping[str, Any], description: Mapping[str, Any], learning_rate: Callable[[float], float] = lambda _: 0.0
-) -> BasePolicy:
+) -> ActorCriticPolicy:
     """Returns an untrained policy.
 
     Args:
@@ -70,14 +68,13 @@ def build_policy(
         learning_rate: The step size of the optimiser, as a function of the share of the steps that remain.
 
     Raises:
-        ValueError: If an argument of the environment is impossible, or the head does not fit the task.
-        TypeError: If an argument of the environment has the wrong type.
+        ValueError: If an argument is impossible, there is no such policy, or it does not fit the task.
+        TypeError: If an argument has the wrong type.
+        KeyError: If a key is missing.
     """
     game = find_game(env)
-    spaces = game.observation_space, game.action_space
-    if description["head"] in RATED_HEADS:
-        return RatedPolicy(*spaces, **policy_arguments(env, description))
-    return policy_class(description["head"])(*spaces, learning_rate, **policy_arguments(env, description))
+    arguments = policy_arguments(env, description)
+    return POLICIES[description["head"]](game.observation_space, game.action_space, learning_rate, **arguments)
 
 
 def check_finished(folder: Path) -> None:
@@ -98,8 +95,8 @@ def load_policy(
 
     Args:
         run_dir: The folder of a run of `agents.train`, with `config.yaml` and `policy.pt`.
-        env: Arguments of `gym.make("Billiards-v0", ...)` that replace those of the run. The weights of the head "pots"
-            do not depend on the number of balls.
+        env: Arguments of `gym.make("Billiards-v0", ...)` that replace those of the run. The weights of `AimPolicy` do
+            not depend on the number of balls.
 
     Returns:
         The arguments of `gym.make("Billiards-v0", ...)`, and the policy. `policy.predict` returns actions of this
@@ -120,7 +117,7 @@ def load_policy(
         arguments, description = {**config["env"], **(env or {})}, config["policy"]
         if env is None:
             find_game(arguments)
-        hidden = policy_arguments(arguments, description)["net_arch"]
+        hidden = policy_arguments(arguments, description).get("net_arch", ())
     except (AttributeError, KeyError, RecursionError, TypeError, yaml.YAMLError) as error:
         why = " ".join(str(error).split())
         raise ValueError(f"{settings}: expected the sections env and policy of a run ({why})") from None

@@ -8,17 +8,14 @@ import torch
 import yaml
 from stable_baselines3.common.policies import ActorCriticPolicy
 
-from agents.config import HEADS, Config, Hyperparameters, Noise, Policy, Std, changed, load
+from agents.config import Config, Hyperparameters, Noise, Policy, changed, load
 from agents.ppo import make_env, make_model, make_policy, make_vec_env
 from billiards_env.envs import wrappers
 from billiards_env.envs.tasks import TASKS
-from billiards_env.players.pots import SPEEDS
-from billiards_env.sb3.policy import MixturePolicy
+from billiards_env.sb3.aim_policy import AimPolicy
 
 FOLDER = Path(__file__).parents[2] / "configs"
-CONFIGS = sorted(
-    path for folder in ("ppo", "rated", "prior_knowledge", "english") for path in FOLDER.glob(f"{folder}/*.yaml")
-)
+CONFIGS = sorted(FOLDER.glob("ppo/*.yaml"))
 
 
 def test_missing_settings_and_arguments_have_their_defaults():
@@ -28,7 +25,7 @@ def test_missing_settings_and_arguments_have_their_defaults():
     assert (config.env["max_speed"], config.env["scene"]) == (3.0, "pool")
     assert "render_mode" not in config.env
     # The default policy is that of Stable-Baselines3.
-    assert config.policy == Policy(head="gaussian", components=1, hidden=(64, 64), activation="tanh", std=None)
+    assert config.policy == Policy(head="gaussian", arguments={}, hidden=(64, 64), activation="tanh")
 
 
 @pytest.mark.parametrize(
@@ -56,13 +53,8 @@ def test_missing_settings_and_arguments_have_their_defaults():
         ({"timesteps": "a", "ppo": {"gamma": 2}}, r"ppo.gamma = 2: .*\ntimesteps = 'a': .*$"),
         ({"timesteps": 1, "ppo": {"gamma": "1/0"}}, "ppo.gamma = '1/0': expected a valid number"),
         ({"timesteps": 1, "policy": {"activation": "thanh"}}, "policy.activation = 'thanh': expected 'tanh', 'relu'"),
-        ({"timesteps": 1, "policy": {"speeds": [0.5, 0.5]}}, r"policy.speeds = .*: expected two increasing numbers"),
-        ({"timesteps": 1, "policy": {"speeds": [0.5, 1.1]}}, r"policy.speeds\[1\] = 1.1: expected a number <="),
+        ({"timesteps": 1, "policy": {"head": "pots"}}, "policy.head = 'pots': expected 'aim' or 'gaussian'"),
         ({"timesteps": 1, "policy": {"hidden": [8, 0]}}, r"policy.hidden\[1\] = 0: expected a number >= "),
-        (
-            {"timesteps": 1, "policy": {"std": {"first": [0.1, 0.1], "last": [0.1, 0.0]}}},
-            r"policy.std.last\[1\] = 0.0: expected a number > 0",
-        ),
     ],
 )
 def test_unknown_keys_and_impossible_values_are_refused(data, message):
@@ -72,8 +64,6 @@ def test_unknown_keys_and_impossible_values_are_refused(data, message):
 
 def test_changed_settings_are_checked():
     config = Config(timesteps=1000)
-    std = {"first": [0.4, 0.2], "last": [0.1, 0.1]}
-    assert changed(config, {"policy.std": std}).policy.std == Std(first=(0.4, 0.2), last=(0.1, 0.1))
     assert changed(config, {"ppo.batch_size": "1.28e2", "n_envs": 8}).ppo.batch_size == 128
     with pytest.raises(ValueError, match=r"setting = 'pqo.gamma': expected a path"):
         changed(config, {"pqo.gamma": 1})
@@ -90,12 +80,10 @@ def test_a_configuration_survives_yaml(tmp_path):
             "noise": {"angle_std": 1},
             "start_from": "runs/other",
             "policy": {
-                "head": "hits",
-                "components": 3,
-                "speeds": [0.25, 0.5],
+                "head": "aim",
+                "arguments": {"std_aim": [0.02, 0.001]},
                 "hidden": [32, 16],
                 "activation": "relu",
-                "std": {"first": [0.5, 0.4], "last": [0.1, 0.1]},
             },
             "ppo": {"final_learning_rate": 1e-5, "n_steps": 8},
         }
@@ -104,7 +92,7 @@ def test_a_configuration_survives_yaml(tmp_path):
     path.write_text(config.to_yaml())
     assert load(path) == config
     assert config.noise == Noise(angle_std=1.0)
-    assert (config.start_from, config.policy.head, config.policy.speeds) == ("runs/other", "hits", (0.25, 0.5))
+    assert (config.start_from, config.policy.head, config.policy.hidden) == ("runs/other", "aim", (32, 16))
 
 
 @pytest.mark.parametrize(
@@ -151,9 +139,9 @@ def test_the_configurations_of_the_project_fit_their_environments(path):
     envs.close()
 
 
-@pytest.mark.parametrize("name", ["ppo/pot", "ppo/sum_to_three", "prior_knowledge/gaussian", "prior_knowledge/mixture"])
+@pytest.mark.parametrize("name", ["pot", "pot_mlp", "pot_three_balls"])
 def test_a_configuration_with_each_head_trains(name):
-    config = load(FOLDER / f"{name}.yaml")
+    config = load(FOLDER / "ppo" / f"{name}.yaml")
     short = dataclasses.replace(config, n_envs=8, ppo=dataclasses.replace(config.ppo, n_steps=4, batch_size=16))
     envs = make_vec_env(short)
     model = make_model(short, envs)
@@ -174,24 +162,22 @@ def test_the_noise_has_the_defaults_of_its_wrapper():
     assert list(dataclasses.astuple(Noise())) == theirs
 
 
-@pytest.mark.parametrize("head", HEADS)
-def test_a_configuration_makes_its_policy(head):
-    settings = {"head": head, "components": 3, "speeds": [0.25, 0.5], "hidden": [8, 9], "activation": "relu"}
-    config = Config.from_dict({"timesteps": 1, "env": {"max_speed": 3.0}, "policy": settings})
-    policy = make_policy(config)
+def test_a_configuration_makes_the_policy_that_aims():
+    settings = {"timesteps": 1, "env": {"n_object_balls": 2}, "policy": {"head": "aim", "arguments": {"points": 3}}}
+    policy: Any = make_policy(Config.from_dict(settings))
+    assert isinstance(policy, AimPolicy)
+    assert policy.net.first_points.shape == (2, 3)
+    settings["policy"]["arguments"] = {"point": 3}
+    with pytest.raises(ValueError, match=r"policy.arguments = 'point': expected one of .* \(did you mean 'points'"):
+        make_policy(Config.from_dict(settings))
+
+
+def test_a_configuration_makes_the_usual_policy():
+    settings = {"hidden": [8, 9], "activation": "relu"}
+    policy = make_policy(Config.from_dict({"timesteps": 1, "policy": settings}))
+    assert type(policy) is ActorCriticPolicy
     assert {type(layer).__name__ for layer in policy.modules()} >= {"ReLU", "Linear"}
     assert {8, 9} <= {len(weights) for name, weights in policy.named_parameters() if name.endswith("bias")}
-    if head == "gaussian":
-        assert type(policy) is ActorCriticPolicy
-        return
-    assert isinstance(policy, MixturePolicy)
-    assert policy.game.max_speed == 3.0
-    with torch.no_grad():
-        distribution: Any = policy.get_distribution(torch.tensor([[0.1, 0.2, 0.3, 0.4]]))
-    found = distribution.components
-    assert found.speed.shape[1] == {"pots": 3 * len(SPEEDS)}.get(head, 3)
-    if head != "pots":
-        assert 0.25 < float(found.speed.min()) <= float(found.speed.max()) < 0.5
 
 
 @pytest.mark.parametrize(("last", "rates"), [(None, [4e-3] * 4), (1e-3, [4e-3, 2.5e-3, 1e-3, 1e-3])])

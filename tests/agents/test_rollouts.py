@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from agents.config import Config
-from agents.ppo import make_ppo_policy, make_vector, set_std, training_seed
+from agents.ppo import make_policy, make_vector, training_seed
 from agents.rllib.rollouts import Rollouts, advantages
 
 
@@ -23,7 +23,7 @@ def config(**changes):
 
 def rollouts(settings, n_envs=8, first=0):
     torch.manual_seed(0)
-    return Rollouts(settings, make_ppo_policy(settings), n_envs, first)
+    return Rollouts(settings, make_policy(settings), n_envs, first)
 
 
 def test_runners_play_the_layouts_of_one_vector_environment():
@@ -50,7 +50,7 @@ def test_runners_explore_differently():
     assert not np.isin(*actions).any()
 
 
-@pytest.mark.parametrize("head", ["gaussian", "pots"])
+@pytest.mark.parametrize("head", ["gaussian", "aim"])
 def test_every_step_is_a_shot_with_the_numbers_of_its_policy(head):
     settings = config(policy={"head": head, "hidden": [8]})
     played = rollouts(settings)
@@ -59,7 +59,7 @@ def test_every_step_is_a_shot_with_the_numbers_of_its_policy(head):
     assert len(successes) == 40  # one shot is one episode, and no step is a reset
     assert {len(array) for array in arrays.values()} == {40}
     obs, actions = torch.from_numpy(arrays["obs"]), torch.from_numpy(arrays["actions"])
-    assert (obs.shape[1] == 4) == (head == "gaussian")
+    assert obs.shape[1] == 4
     with torch.no_grad():
         values, log_prob, _ = played.policy.evaluate_actions(obs, actions)
     np.testing.assert_allclose(arrays["action_logp"], log_prob, atol=1e-5)
@@ -70,10 +70,9 @@ def test_every_step_is_a_shot_with_the_numbers_of_its_policy(head):
 
 
 def test_unfinished_episodes_use_the_value_of_the_last_state():
-    slow = {"std": {"first": [1e-3, 1e-3], "last": [1e-3, 1e-3]}}
+    slow = {"head": "aim", "arguments": {"speeds": [1e-3, 2e-3], "std_speed": [1e-3, 1e-3]}}
     settings = config(env={"max_shots": 3, "n_object_balls": 2}, policy=slow)
     played = rollouts(settings)
-    set_std(played.policy, settings, 0)
     played.seed(0)
     arrays, successes = played.play(1)
     assert len(successes) == 0

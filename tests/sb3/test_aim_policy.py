@@ -78,7 +78,7 @@ def test_the_schedules_follow_the_shots_between_rollouts():
     found = []
 
     def read(*_):
-        found.append((net(model).std.tolist(), model.policy.entropy))
+        found.append((net(model).std.tolist(), model.policy.entropy_factor))
         model.predict(np.zeros((1, 4), np.float32))  # an evaluation in between changes nothing
         return True
 

@@ -4,6 +4,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+import torch
 
 from agents.config import Config
 from agents.ppo import make_env, make_policy
@@ -11,7 +12,7 @@ from billiards_env.games import custom_opening, opening
 from billiards_env.play.__main__ import make_history, make_parser
 from billiards_env.sb3.policy_player import playable, policy
 from billiards_env.sb3.weights import save_policy
-from tests.helpers.games import setup
+from tests.helpers.games import in_a_row, setup
 
 RNG = np.random.default_rng
 
@@ -30,9 +31,9 @@ def test_the_policy_plays_the_nearest_legal_ball(trained):
     assert np.hypot(*slow.velocity) <= 0.5 * (1 + 1e-6)
 
 
-@pytest.mark.parametrize("head", ["hits", "pots"])
-def test_the_stroke_is_the_shot_of_the_policy_in_the_plain_environment(tiny, tmp_path, head):
-    config = Config.from_dict(tiny(env={"max_speed": 5.0}, policy={"head": head, "hidden": [8]}))
+@pytest.mark.parametrize("policy_of_run", [{"hidden": [8]}, {"head": "aim"}], ids=["gaussian", "aim"])
+def test_the_stroke_is_the_shot_of_the_policy_in_the_plain_environment(tiny, tmp_path, policy_of_run):
+    config = Config.from_dict(tiny(env={"max_speed": 5.0}, policy=policy_of_run))
     (tmp_path / "config.yaml").write_text(config.to_yaml())
     model, env = make_policy(config), make_env(config)
     save_policy(model, tmp_path / "policy.pt")
@@ -65,7 +66,7 @@ def test_a_policy_that_observes_physics_is_refused(tiny, tmp_path):
     config = Config.from_dict(tiny(env={"randomize": {"mu_roll": [0.005, 0.015]}, "observe_physics": True}))
     (tmp_path / "config.yaml").write_text(config.to_yaml())
     save_policy(make_policy(config), tmp_path / "policy.pt")
-    with pytest.raises(ValueError, match="expected a policy trained without observe_physics"):
+    with pytest.raises(ValueError, match="expected a policy trained without observe_physics, strikes or a goal"):
         policy(setup("straight"), str(tmp_path))
 
 
@@ -79,3 +80,35 @@ def test_a_policy_of_another_game_or_table_is_refused(trained):
         else:  # the window opens straight pool on the table with jaws
             with pytest.raises(ValueError, match="expected the table and the balls of its training; --scene"):
                 policy(game, str(trained))
+
+
+def aim_run(tmp_path, **env):
+    """Returns the folder and the untrained policy of a run with the head "aim"."""
+    config = Config.from_dict({"timesteps": 0, "env": env, "policy": {"head": "aim", "arguments": {"hidden": 16}}})
+    (tmp_path / "config.yaml").write_text(config.to_yaml())
+    model: Any = make_policy(config)
+    save_policy(model, tmp_path / "policy.pt")
+    return tmp_path, model
+
+
+def test_a_policy_of_one_ball_plays_the_legal_ball_with_the_largest_value(tmp_path):
+    folder, model = aim_run(tmp_path)
+    game = setup("straight", 3)
+    table = custom_opening(game, [[0.1, 0.2], [0.5, 0.3], [-0.4, -0.1], [-0.9, 0.4]])
+    stroke = policy(game, str(folder))(game, table, 6.0, RNG(0))
+    half = np.array(game.scene.half_extents)
+    seen = np.array([[table.positions[0], ball] for ball in table.positions[1:]]) / half
+    observations = seen.reshape(3, 4).astype(np.float32)
+    best = int(model.predict_values(torch.as_tensor(observations)).argmax())
+    action, _ = model.predict(observations[best], deterministic=True)
+    np.testing.assert_allclose(stroke.velocity, 4.0 * action.astype(float), rtol=1e-5)
+
+
+@pytest.mark.parametrize("balls", [1, 2])
+def test_a_policy_that_aims_plays_a_game_with_any_number_of_balls_and_only_at_legal_ones(tmp_path, balls):
+    folder, _ = aim_run(tmp_path, n_object_balls=balls, max_shots=balls, observe_shots_left=True)
+    game = setup("nine_ball")
+    table = custom_opening(game, in_a_row(10, {1: (0.9, 0.5)}))
+    stroke = policy(game, str(folder))(game, table, 6.0, RNG(0))
+    way = np.array([0.9, 0.5]) - table.positions[0]
+    assert np.dot(stroke.velocity, way) > 0.99 * np.hypot(*stroke.velocity) * np.hypot(*way)  # the one is on

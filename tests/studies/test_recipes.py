@@ -13,11 +13,11 @@ from agents.evaluate import deterministic
 from agents.ppo import load_policy, make_vector
 from billiards_env.evaluation import evaluation_seeds, play_together
 from studies import recipes
-from studies.recipes import PLAYERS, Recipes, blocks, find_places, main, row, step
+from studies.recipes import PLAYERS, Recipes, blocks, find_places, main, row
 from tests.helpers.training import settings
 
 LISTS = sorted(recipes.CONFIG.parent.glob("*.yaml"))
-TWO = {"policy": {"head": "hits", "components": 3, "hidden": [8]}}
+TWO = {"policy": {"head": "aim", "arguments": {"hidden": 8}}}
 
 
 def run_command(folder, *arguments: str) -> None:
@@ -50,7 +50,6 @@ def test_every_recipe_is_trained_with_every_seed_and_reported(printed, tmp_path)
 
     written = blocks({"results": found})
     assert written["table"] in printed
-    assert all(cell in written["ladder"] for result in found for cell in step(result))
     assert found[0]["players"] == found[1]["players"]  # both recipes have the same game
     assert all(name in written["table"].splitlines()[0] for name in ("million shots", "random", *PLAYERS))
     for name in ("one", "two"):
@@ -162,8 +161,7 @@ def test_only_the_lists_of_the_project_replace_the_results_of_the_project(tmp_pa
         assert found.runs == recipes.RUNS / name
         assert found.summary == recipes.RESULTS / f"{name}.json"
         assert found.figure == recipes.IMAGES / f"{name}.png"
-        policies = recipes.RESULTS if name in ("recipes", "ratings") else recipes.RUNS / name
-        assert found.policies == policies / "policies"
+        assert found.policies == recipes.RESULTS / "policies"
     # A list of the same name elsewhere is not one of the project.
     other = find_places(tmp_path / "recipes.yaml")
     assert {path.is_relative_to(recipes.RUNS / "recipes") for path in other} == {True}
@@ -191,7 +189,7 @@ def test_the_results_of_the_project_are_those_of_its_lists(path):
         assert set(result["players"]) == set(PLAYERS)
 
 
-@pytest.mark.parametrize("name", ["recipes", "ratings"])
+@pytest.mark.parametrize("name", ["recipes"])
 def test_the_policies_of_the_project_play_as_well_as_their_results(name):
     places = find_places(recipes.CONFIG.with_name(f"{name}.yaml"))
     for result in json.loads(places.summary.read_text())["results"]:

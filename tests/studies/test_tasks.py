@@ -62,10 +62,8 @@ def test_the_text_about_a_task_fits_it():
 @pytest.mark.parametrize(
     ("name", "policy"),
     [
-        ("Pot1Noise-v0", "pot_noise"),
         ("Pot3Noise-v0", None),  # trained without noise only
         ("SumToThree-v0", None),  # trained with another layout
-        ("PositionStrike-v0", "strike"),
         ("NineBall-v0", "distilled"),
     ],
 )
