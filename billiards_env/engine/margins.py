@@ -340,7 +340,7 @@ def _pass_outline(outline, i, first, path, end, swept, begin, shot):
             continue
         t = nearest_time(from_tip, end)
         x, y = place_after(path, t)
-        if (t > 0.0 or end == 0.0) and faces(tip, x + tip[TIP_X], y + tip[TIP_Y]):
+        if (t > 0.0 or end == 0.0) and faces(tip, x, y):
             _approach(Pair(i, -1, q), from_tip, t, t == end, begin, reach, shot)
 
 

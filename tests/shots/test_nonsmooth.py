@@ -86,7 +86,7 @@ def test_a_shot_that_is_cut_at_an_event_has_no_derivative():
         assert simulate(scene, places, [1.0, 0.0], record=True, max_time=time).nonsmooth().reason == "cut"
         assert whole.nonsmooth(time).reason == "cut"
     pool = Scene.named("pool", 1)
-    shot = simulate(pool, places, [0.5, 0.01], record=True)
+    shot: Any = simulate(pool, places, [0.5, 0.01], record=True)
     assert shot.nonsmooth().reason == ""  # the natural end
     assert shot.events is not None
     rolls = shot.events["time"][shot.events["kind"] == "sliding_rolling"][0]
