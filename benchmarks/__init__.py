@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from tqdm import tqdm
 
 from billiards_env.checks import Range, whole
-from billiards_env.engine.threads import num_threads
 from billiards_env.files import write_json, write_whole
 
 if TYPE_CHECKING:
@@ -117,7 +116,11 @@ def parser_of(name: str, description: str, output: bool = True, **counts: Count)
     return parser
 
 
-WORKERS = Count(num_threads(), "processes")
+def workers() -> Count:
+    """Returns the default number of processes of a command."""
+    from billiards_env.engine.threads import num_threads
+
+    return Count(num_threads(), "processes")
 
 
 def run_kinds(

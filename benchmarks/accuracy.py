@@ -24,7 +24,6 @@ from tqdm import tqdm
 from benchmarks import (
     IMAGES,
     RESULTS,
-    WORKERS,
     Count,
     accuracy_report,
     error_limit,
@@ -32,6 +31,7 @@ from benchmarks import (
     parser_of,
     report,
     run_kinds,
+    workers,
 )
 from benchmarks.accuracy_report import blocks
 from benchmarks.methods import PIC, Method, timer
@@ -253,7 +253,7 @@ def main(arguments: list[str] | None = None) -> None:
         shots=Count(64, "shots of each scene against the oracle", 4),  # the fourth break is followed to its end
         outcomes=Count(2000, "shots of each scene for outcomes"),
         passes=Count(3, "repetitions of the run time measurement"),
-        workers=WORKERS,
+        workers=workers(),
     )
     parser.add_argument("--results", type=Path, default=RESULTS, help="folder of accuracy.json")
     parser.add_argument("--images", type=Path, default=IMAGES, help="folder of pareto.png")

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import WORKERS, Count, machine, machine_line, parser_of, report, run_kinds, table
+from benchmarks import Count, machine, machine_line, parser_of, report, run_kinds, table, workers
 from billiards_env.intervals import success_rate
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.calibration import calibrate
@@ -108,7 +108,7 @@ def main(arguments: list[str] | None = None) -> None:
         "calibration",
         "Count how often the intervals of a calibration contain the truth.",
         repeats=Count(500, "number of repeats"),
-        workers=WORKERS,
+        workers=workers(),
     )
     args = parser.parse_args(arguments)
     report(measure(args.repeats, args.workers), blocks, args.output)

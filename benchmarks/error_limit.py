@@ -20,7 +20,7 @@ import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import IMAGES, WORKERS, Count, machine, machine_line, parser_of, report, run_kinds, save, table
+from benchmarks import IMAGES, Count, machine, machine_line, parser_of, report, run_kinds, save, table, workers
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.sensitivity import UNIT_ROUNDOFF
 from billiards_env.shots.simulation import simulate
@@ -183,7 +183,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.error_limit --help`."""
     description, shots = "Compare the engine's error with the unavoidable error.", Count(1000, "shots of each kind")
-    parser = parser_of("error_limit", description, shots=shots, workers=WORKERS)
+    parser = parser_of("error_limit", description, shots=shots, workers=workers())
     parser.add_argument("--picture", type=Path, default=IMAGES / "error_limit.png", help="picture file")
     args = parser.parse_args(arguments)
     on, found = machine(), run_kinds(compare, KINDS, args.shots, args.workers)

@@ -13,7 +13,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from benchmarks import RESULTS, WORKERS, machine, machine_line, parser_of, report, table
+from benchmarks import RESULTS, machine, machine_line, parser_of, report, table, workers
 from reference.stress import families, measure
 
 # Thousands of shots of each kind, and the number of shots in one task.
@@ -113,7 +113,7 @@ def _row(s: dict[str, Any], bad: int) -> tuple[str, ...]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs all measurements, prints and writes the results."""
-    parser = parser_of("stress", "Run and check millions of shots.", output=False, workers=WORKERS)
+    parser = parser_of("stress", "Run and check millions of shots.", output=False, workers=workers())
     parser.add_argument(
         "--scale", type=float, default=1.0, help="share of the shots (1); nothing is written if it is less than 1"
     )

@@ -31,7 +31,7 @@ def test_wrong_arguments_are_rejected(arguments, message):
         "mydata",
         "../../x-v0",
         "a/../x-v0",
-        "/tmp/x-v0",
+        "/x/y-v0",
         "x/y-v0",
         "mine//x-v0",
         "x-v01",

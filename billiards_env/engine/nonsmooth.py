@@ -81,7 +81,8 @@ from billiards_env.scene import CONTACT_GAP
 REASONS = {
     "grazing": "two bodies hardly touch, or pass within 1e-12 m: after a small change they miss, or hit",
     "simultaneous": "a ball touches two bodies at one instant, or one as a phase ends, up to 1e-12 m or s. The "
-    "derivative is that of the events one after the other, in the order of the record",
+    "derivative is that of the events one after the other, in the order of the record, and of the recorded flight after "
+    "them",
     "rule": "the [contact-time rule](engines.md#resting-contact) acted. The derivative neglects it",
     "lip": "a ball grazes the circle of a pocket, inside or outside",
     "rolling": "a ball rolls without slip, up to rounding, at the start or after an impact",
@@ -453,7 +454,7 @@ def find_nonsmooth(begin, end, shots, times, results):
                 i = int(log[done, BALL + s])
                 tape.current[i], last[i] = tape.first[done] + s, done
             done += 1
-            pending += n
+            pending += n + scene.numbers.cushion_work
             if pending > _LOOK_AFTER:
                 end_call(interrupted())
                 pending = 0

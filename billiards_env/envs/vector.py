@@ -207,7 +207,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         setattr(self.single_env, name, values[0])
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """Returns the results of a method of each environment, as `SyncVectorEnv.call` does.
+        """Returns the results of a method of each environment, or the values of an attribute, as in `SyncVectorEnv`.
 
         Raises:
             ValueError: If the method changes an environment.
@@ -218,7 +218,9 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             return self.render() or (None,) * self.num_envs
         if name == "get_wrapper_attr":
             return self.get_attr(*args, **kwargs)
-        return (getattr(self.single_env, name)(*args, **kwargs),) * self.num_envs
+        if not callable(found := getattr(self.single_env, name)):
+            return self.get_attr(name)
+        return (found(*args, **kwargs),) * self.num_envs
 
     def reset(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

@@ -50,7 +50,7 @@ class ActionFrame(gym.ActionWrapper[Any, Any, Any], RecordConstructorArgs):
         >>> env = ActionFrame(gym.make("billiards_env:Billiards-v0", layout="line"), "cut")
         >>> observation, info = env.reset()
         >>> *_, info = env.step([0.0, -0.5])  # full hit
-        >>> info["first_hit"]
+        >>> int(info["first_hit"])
         1
     """
 

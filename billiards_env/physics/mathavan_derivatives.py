@@ -1,6 +1,6 @@
 """The derivative of the impact of `physics.mathavan` along one direction of change, and where it does not exist.
 
-Each function returns the value of the law and its change. The change of the motion follows the linearised equation,
+The change of the motion follows the linearised equation,
 in the same steps. Where a slip stops, the rates jump: the change then gets the saltation term of
 `physics.derivatives`. Each phase ends at a changed impulse.
 """
@@ -25,6 +25,7 @@ from billiards_env.physics.mathavan import (
     _longest_step,
     _rates,
     _slips,
+    _sticks,
 )
 
 _TOLERANCE = 1e-2 * TOLERANCE  # the change follows the motion less well where a slip turns
@@ -141,8 +142,9 @@ def _rates_change(y, change, nose, more, tiny):
 
 
 @inlined
-def _stage(y, change, h, k, c, weights, nose, more, tiny):
-    """Returns the rates and their change within a step, after the rates k and their changes c."""
+def _stage(y, change, h, rates, weights, nose, more, tiny):
+    """Returns the rates and their change within a step, after (rates, changes of them)."""
+    k, c = rates
     return _rates_change(_combine(y, h, k, weights), _combine(change, h, c, weights), nose, more, tiny)
 
 
@@ -150,11 +152,11 @@ def _stage(y, change, h, k, c, weights, nose, more, tiny):
 def _step_change(y, change, h, nose, more, tiny):
     """Returns (y after a step h, its change, the error of the velocities)."""
     k1, c1 = _rates_change(y, change, nose, more, tiny)
-    k2, c2 = _stage(y, change, h, (k1,), (c1,), _A2, nose, more, tiny)
-    k3, c3 = _stage(y, change, h, (k1, k2), (c1, c2), _A3, nose, more, tiny)
-    k4, c4 = _stage(y, change, h, (k1, k2, k3), (c1, c2, c3), _A4, nose, more, tiny)
-    k5, c5 = _stage(y, change, h, (k1, k2, k3, k4), (c1, c2, c3, c4), _A5, nose, more, tiny)
-    k6, c6 = _stage(y, change, h, (k1, k2, k3, k4, k5), (c1, c2, c3, c4, c5), _A6, nose, more, tiny)
+    k2, c2 = _stage(y, change, h, ((k1,), (c1,)), _A2, nose, more, tiny)
+    k3, c3 = _stage(y, change, h, ((k1, k2), (c1, c2)), _A3, nose, more, tiny)
+    k4, c4 = _stage(y, change, h, ((k1, k2, k3), (c1, c2, c3)), _A4, nose, more, tiny)
+    k5, c5 = _stage(y, change, h, ((k1, k2, k3, k4), (c1, c2, c3, c4)), _A5, nose, more, tiny)
+    k6, c6 = _stage(y, change, h, ((k1, k2, k3, k4, k5), (c1, c2, c3, c4, c5)), _A6, nose, more, tiny)
     k = (k1, k2, k3, k4, k5, k6)
     after = _combine(y, h, k, _A7)
     zero = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -275,6 +277,8 @@ def impact_change(before, change, nose, more, e, d_e):
             continue
         y, change, stays = _stop_slip(y, after, change, after_change, nose, more, tiny)
         exists = exists and stays
+        if left_after > close and _sticks(y, nose, tiny) and _rates(y, nose, tiny)[1] > -1e-12:
+            return (change[0], 0.0, change[2], change[3], change[4]), False  # the cushion and the slate hold the ball
         if left_after <= close:
             rate = _rates(y, nose, tiny)
             if not compresses:

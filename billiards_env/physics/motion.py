@@ -10,8 +10,7 @@ In every phase the position is quadratic in time, r(t) = r0 + v0 t + a t^2 / 2:
 
 The spin about the vertical axis decays linearly to zero in every phase, independently of the rest.
 
-The engines call this module. The derivatives (`physics.derivatives`), the 50-digit reference and `sb3.rated`, which
-needs tensors, repeat the law.
+The engines call this module. The derivatives (`physics.derivatives`) and the 50-digit reference repeat the law.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ Modules:
     candidates: The shots among which the planner chooses.
     values: The value of the outcomes of shots.
     run_outs: The probability of a run-out from a position, by a small network.
-    chances: The probability of a pot under execution noise.
+    budget: The time or the number of shots of a decision.
     levels: Levels of strength of the planner, by errors and budget.
     game_player: The strategies and other players in games, found by name.
 """

@@ -121,7 +121,8 @@ def load_policy(
     except (AttributeError, KeyError, RecursionError, TypeError, yaml.YAMLError) as error:
         why = " ".join(str(error).split())
         raise ValueError(f"{settings}: expected the sections env and policy of a run ({why})") from None
-    if 4 * sum(a * b for a, b in zip((1, *hidden), hidden, strict=False)) > weights.stat().st_size:
+    size = weights.stat().st_size
+    if size and 4 * sum(a * b for a, b in zip((1, *hidden), hidden, strict=False)) > size:
         raise ValueError(f"{weights} does not hold the policy of its configuration: expected more weights for {hidden}")
     policy = build_policy(arguments, description)
     load_weights(policy, weights)

@@ -11,5 +11,4 @@ Modules:
     calibration: Numbers of `Physics` from tracks.
     track_fit: The fit of shots to tracks.
     track_problems: What does not fit in tracks.
-    strike_map: The success of strikes over two parameters.
 """

@@ -93,9 +93,9 @@ def test_the_environment_plays_the_strike(options):
     scene = Scene.named("pool", 2)
     expected = simulate(scene, PLACES, cue_strike(action, scene, 4.0), **options)
     assert env.get_wrapper_attr("positions").tolist() == expected.positions.tolist()
-    assert info["miscue"] is False
+    assert not info["miscue"]
     *_, info = env.step([0.4, 0.03, 0.9, -0.6, 0.05])
-    assert info["miscue"] is True
+    assert info["miscue"]
 
 
 def test_strikes_with_zeros_are_the_shots_of_the_default_action():

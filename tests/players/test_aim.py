@@ -135,7 +135,7 @@ def test_equal_arguments_give_equal_bits():
         (Leave((np.nan, 0.0)), r"Leave.position = \[nan, 0.0\]: expected"),
         (Leave((0.0, 0.0), radius=-0.1), r"Leave.radius = -0.1: expected a number from 0 to 10000 m"),
         ([Cushions(-1)], r"Cushions.least = -1: expected a whole number >= 0"),
-        (Pot(None), r"Pot.ball = None: expected a whole number"),  # pyright: ignore[reportArgumentType]
+        (Pot(None), r"Pot.ball = None: expected 1"),  # pyright: ignore[reportArgumentType]
         (Touch(0), r"Touch.ball = 0: expected 1"),
     ],
 )
