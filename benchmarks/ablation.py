@@ -1,8 +1,8 @@
 """What the parts of a scene cost, and what a scene without them pays: `python -m benchmarks.ablation`.
 
-Each row is a process with an empty cache of numba. It imports what it needs, plays its shots once, which compiles them,
-and then plays them again each time that its turn comes. The rows take turns, so other load on the machine affects all
-of them equally. A row is compared with the row of the same shots without the part.
+Each row is a process with an empty cache of numba. It imports what it needs and plays its shots once, which
+compiles the engine. Then it plays them again in each of its turns. The rows take turns, so other load on the
+machine affects all of them equally. A row is compared with the row of the same shots without the part.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Row(NamedTuple):
 
 
 def _batch(name: str, without: str, after: str = "", record: bool = False, **changes: Any) -> Row:
-    """Returns the row of a batch of shots in the scene "pool" with changes; `after` is code that follows the batch."""
+    """Returns the row of a batch of shots in the scene "pool" with changes; `after` is code to run after the batch."""
     code = f"""
 import numpy as np
 from billiards_env import Scene, simulate_batch
@@ -55,7 +55,7 @@ def play():
 
 
 def _steps(name: str, without: str, wrapper: str = "{}", **arguments: Any) -> Row:
-    """Returns the row of a step of the vector environment; `wrapper` is code of what is around it."""
+    """Returns the row of a step of the vector environment; `wrapper` is the code around the environment."""
     made = wrapper.format(f'gymnasium.make_vec("Billiards-v0", num_envs={SHOTS}, threads=1, **{arguments!r})')
     code = f"""
 import numpy as np

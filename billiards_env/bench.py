@@ -4,8 +4,8 @@ A player plays one episode for each of `EPISODES` layouts of a task. The seed of
 also the execution noise if there is no separate seed for it. A file holds all actions and their outcomes. `verify`
 plays the actions again and accepts the file only if all outcomes have the same bits. The file holds data and no code.
 
-This proves that the actions have these outcomes, and not who chose them: whoever has the seeds can compute the noise,
-and choose actions that profit from it. `fresh` plays actions with noise that did not exist when they were chosen.
+This proves that the actions have these outcomes. It does not prove who chose them: anyone who has the seeds can compute
+the noise and choose actions that profit from it. `fresh` plays the actions with noise of another seed.
 
 Actions are stored and played as float32, the type of the action space.
 """
@@ -183,9 +183,9 @@ def replay(
 def fresh(bench: Bench, noise_seed: int) -> Bench:
     """Plays the actions in the tasks of one shot with noise again, with other noise.
 
-    If the seed is drawn after the actions were chosen, as `secrets.randbits(63)`, no choice of the actions can profit
-    from it. Later shots of an episode depend on the noise before them, so longer tasks need the player itself: see the
-    `noise_seed` of `play`.
+    If the seed is drawn after the actions were chosen, for example by `secrets.randbits(63)`, the actions cannot profit
+    from the noise. Later shots of an episode depend on the noise before them, so longer tasks need the player itself:
+    see the `noise_seed` of `play`.
 
     Args:
         bench: The content of a file.
@@ -227,7 +227,7 @@ def to_json(bench: Bench) -> str:
         data["success"] = "".join("01"[won] for won in result.success.astype(int))
         data["returns"] = result.returns.tolist()
         if result.noise_seed is None:
-            del data["noise_seed"]  # as in the files before there was such a seed
+            del data["noise_seed"]  # older files do not have this key
         results.append(data)
     return records.json_text(BENCH, {"player": bench.player, "results": results})
 

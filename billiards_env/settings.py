@@ -15,7 +15,7 @@ def plain_yaml(text: str) -> Any:
     Raises:
         yaml.YAMLError: If the text is not YAML, has an alias, or is nested too deeply.
     """
-    if text.count("[") + text.count("{") > 1000:  # the time to read nested lists rises with the square of the depth
+    if text.count("[") + text.count("{") > 1000:  # the time to read nested lists grows with the square of the depth
         raise yaml.YAMLError("more than 1000 lists and mappings in brackets")
     for event in yaml.parse(text, yaml.SafeLoader):
         if isinstance(event, yaml.AliasEvent):

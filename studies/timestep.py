@@ -330,7 +330,7 @@ def policy_of(weights: Weights, args: Any) -> AimNetwork:
     """Returns the policy with some weights, for the options of the training."""
     policy = AimNetwork(weights["half_extents"].tolist(), args.points, args.speeds, args.hidden, args.aim)
     read = {name: torch.from_numpy(value.astype(np.float32)) for name, value in weights.items()}
-    # Files of one object ball from before the policy took several do not have the weights of the other balls.
+    # Older files of policies for one object ball do not have the weights of the other balls.
     policy.load_state_dict({**policy.state_dict(), **read})
     return policy
 

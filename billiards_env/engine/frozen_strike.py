@@ -6,10 +6,10 @@ The tip pushes for about a millisecond, longer than an impact of two balls lasts
 * The impact is plastic, with the friction of the scene. Chains and racks of touching balls are one problem, see
   `physics.clusters`. Measured directions: Alciatore, TP A.15.
 * The tip pushes a larger mass. An impulse of the tip that gives the free ball the energy m V^2 (1 + k) / 2 gives these
-  balls the energy m V^2 (push + k) / 2, with which `strike.impulse_gain` has the impulse. Friction and the direction of
-  the balls are those at the speed of the free ball. The cue counts as level.
-* A share `LEFT` of the approach is left for the start of the shot. So its first event is an impact of the balls, as in
-  other shots, and with the restitution `e_ball` the ratio of their speeds after a full hit is (1 - LEFT e_ball) /
+  balls the energy m V^2 (push + k) / 2. `strike.impulse_gain` computes the impulse from this energy. Friction and
+  the direction of the balls are those at the speed of the free ball. The cue counts as level.
+* A share `LEFT` of the speed of approach remains at the start of the shot, so its first event is an ordinary impact of
+  the balls. With the restitution `e_ball` the ratio of their speeds after a full hit is (1 - LEFT e_ball) /
   (1 + LEFT e_ball).
 """
 
@@ -29,7 +29,7 @@ from billiards_env.physics.strike import CueNumbers, cue_numbers, impulse_gain
 from billiards_env.scene import CONTACT_GAP, Scene
 
 LEFT = 0.0069
-"""Share of the speed of approach at which the balls separate by themselves: with `e_ball` 0.95 the cue ball then has
+"""Share of the speed of approach that remains for the impact after the strike. With `e_ball` 0.95 the cue ball then has
 0.987 times the speed of the object ball after a full hit, as measured by Cross (2016)."""
 
 

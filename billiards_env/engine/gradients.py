@@ -355,7 +355,7 @@ def apply_event(e, count, events, segments, scene, is_sphere, tape):
             flight_lane(lane, 0, flight)
             if speed >= 0.0:
                 wall_lane(lane, wall, jump, law, tape.table, scene)
-            else:  # the second of two cushions, which the first one's friction takes the ball away from
+            else:  # the second of two cushions, if friction at the first one takes the ball away from it
                 lane[D_TIME] = lane[D_TIME + 1] = lane[D_TIME + 2] = 0.0
             settle_lane(lane, 0, phase, numbers)
     else:
@@ -405,7 +405,7 @@ def store(i, s, count, lanes, tangent):
 
 @inlined
 def _phase_until(piece, until, segments):
-    """Returns the phase of a piece. A shot until 0 s ends at its start and so keeps all parts of the state."""
+    """Returns the phase of a piece. A shot until 0 s ends at its start, so all parts of its state remain."""
     phase = int(segments[piece, SEGMENT_PHASE])
     return SLIDING if until == 0.0 and phase < SLIDING else phase
 

@@ -1,7 +1,7 @@
 """Where a recorded shot has no derivative: one pass over its log.
 
 `REASONS` lists what is found. A body that a ball passes within rounding counts as touched: a small change of the start
-makes a hit of the miss.
+turns the miss into a hit.
 """
 
 from __future__ import annotations

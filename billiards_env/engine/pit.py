@@ -3,9 +3,9 @@
 The balls move by the law of motion of `engine.pic`, in closed form, and each change of phase is at its exact time. The
 only difference is when contacts are detected. The engine tests for them at each multiple of dt, in this order: it
 captures balls whose centre is inside a pocket; it resolves the impacts of all pairs that overlap and do not separate,
-as one problem; and it reflects balls that are beyond a cushion and do not come back, at two cushions together if they
-are beyond both. It computes impulses by the impact laws, for the positions at the multiple of dt. It misses a contact
-that begins and ends within a step.
+as one problem; and it reflects balls that are beyond a cushion and do not come back. A ball that is beyond two
+cushions is reflected at both together. The engine computes impulses by the impact laws, for the positions at the
+multiple of dt. It misses a contact that begins and ends within a step.
 
 The test is that of Warkari and Jamsandekar, "Evaluation of Collision Handling Techniques in 2D collisions".
 `engine.overlaps` has the ways in which the overlaps are "fixed".
@@ -284,7 +284,7 @@ def _overlap_of(i, wall, scene, work):
 
 @inlined
 def _first_overlap(i, wall, scene, work):
-    """Returns that of the cushions which act on ball i, such as `wall`, that it touched first."""
+    """Returns the cushion that ball i touched first, of those that act on it. `wall` is one of these."""
     one, two = walls_met(work.state, i, wall, scene.radius[i], scene.numbers, scene.outline)
     if two >= 0 and _overlap_of(i, two, scene, work) > _overlap_of(i, one, scene, work):
         return two

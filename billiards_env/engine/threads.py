@@ -32,9 +32,9 @@ _chosen: int | None = None
 def set_num_threads(n: int | None) -> None:
     """Sets the number of threads of each call in this process that does not have an argument `threads`.
 
-    By default it is the number of processors that the process may use: those of its affinity mask, at most the
-    processor time per time that its control groups (Linux) allow, rounded up, and at most `NUMBA_NUM_THREADS`. Other
-    variables have no effect. `OMP_NUM_THREADS` is one of them, because it is often set to 1 for PyTorch alone.
+    By default it is the number of processors that the process may use. This is the number in its affinity mask, limited
+    by the quota of its control groups (Linux), rounded up, and by `NUMBA_NUM_THREADS`. Other variables have no effect.
+    This includes `OMP_NUM_THREADS`, because it is often set to 1 for PyTorch alone.
 
     Args:
         n: The number of threads, from 1 to 1024; None for the default.

@@ -54,8 +54,9 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     With `action="strike"` the shape is `(5,)`. The first two numbers are the heading and the speed of the cue: they are
     the velocity that the ball gets if a level cue hits its centre. With zeros in the other numbers the shot is the same
-    as that of the default action, bit for bit, unless the cue ball touches a ball ahead of it: a strike then drives
-    both balls (see `engine.frozen_strike`), while a velocity has no cue. The other numbers are:
+    as that of the default action, bit for bit. There is one exception: if the cue ball touches a ball ahead of it, the
+    cue drives both balls (see `engine.frozen_strike`), but the default action is played without a cue. The other
+    numbers are:
 
     | Num | Action                                                                       | Min | Max |
     |-----|------------------------------------------------------------------------------|-----|-----|

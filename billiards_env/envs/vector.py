@@ -196,7 +196,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
         Args:
             name: The name of an attribute of `BilliardsEnv`.
-            values: A value, or a list or tuple with the same value for each environment: they are one object.
+            values: A value, or a list or tuple with the same value for each environment, because they are one object.
 
         Raises:
             ValueError: If the values differ.

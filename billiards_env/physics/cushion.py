@@ -14,7 +14,7 @@ from billiards_env.physics.motion import norm
 from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, WZ
 
 _TURNS = 4
-"""Largest number of impacts on each of two cushions in `reflect_both`. The engine resolves what is left."""
+"""Largest number of impacts on each of two cushions in `reflect_both`. The engine resolves an approach that remains."""
 
 
 class CushionMotion(NamedTuple):
@@ -206,7 +206,8 @@ def by_law(kernel: Callable[..., Any], *others: Callable[..., Any]) -> Callable[
 
     The given kernels are in the order of `LAWS`, one for each law. The arguments of the returned kernel are
     `SceneArrays.cushion` and a tuple with the arguments of the given kernel. Numba compiles only the kernel that is
-    called: it leaves out what follows a condition that an argument is None, but not what follows the opposite.
+    called. In a condition `x is None` it leaves out the other branch if x is None, but no branch if x is not None, so
+    each law has two arguments of which one is None.
     """
     others_by_law: Any = by_law(*others) if others else None
 
@@ -283,7 +284,7 @@ def hit(motion, n, share, rebound, radius, scene):
     Args:
         motion: Velocity (vx, vy), slip (ux, uy) and spin about the vertical axis times the radius, m/s.
         n: (nx, ny), the unit normal into the cushion.
-        share: The normal speed that takes part, m/s, >= 0. Another cushion stops the rest.
+        share: The part of the normal speed that acts on this cushion, m/s, >= 0. Another cushion stops the rest.
         rebound: See `han2005`.
         radius: m.
         scene: The `SceneArrays`.
@@ -360,7 +361,7 @@ def reflect_both(state, i, one, two, rebounds, scene):
         state: The `State`.
         i: The ball.
         one: (nx, ny), the unit normal into a cushion.
-        two: The same of the other; v is between both.
+        two: The same for the other cushion; v is between the two normals.
         rebounds: Least speeds away from the cushions after the impact, m/s, >= 0.
         scene: The `SceneArrays`.
 

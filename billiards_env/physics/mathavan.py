@@ -31,7 +31,7 @@ _MOST_STEPS = 20_000  # a limit for safety; an impact has about 50, one in a tho
 _PATIENCE = 5_000
 """After this number of steps the tolerance grows tenfold in each 1,000 steps, so an impact with extreme numbers ends.
 
-On real tables the most of 180,000 random impacts was 3,585.
+On real tables, the largest number of steps in 180,000 random impacts was 3,585.
 """
 
 # Dormand and Prince (1980), RK5(4)7M.

@@ -2,7 +2,7 @@
 
 The change of the motion follows the linearised equation,
 in the same steps. Where a slip stops, the rates jump: the change then gets the saltation term of
-`physics.derivatives`. Each phase ends at a changed impulse.
+`physics.derivatives`. The change also shifts the impulse at which each phase ends.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from billiards_env.physics.mathavan import (
     _sticks,
 )
 
-_TOLERANCE = 1e-2 * TOLERANCE  # the change follows the motion less well where a slip turns
-_MOST_STEPS = 10_000  # an impact has about 100; those with more are impacts whose slip stops and begins again
-_TINY_E = 1e-5  # the restitution below which its phase is shorter than its steps
+_TOLERANCE = 1e-2 * TOLERANCE  # the change is less accurate than the motion where a slip turns
+_MOST_STEPS = 10_000  # an impact has about 100; impacts with far more have a slip that stops and begins again
+_TINY_E = 1e-5  # for a smaller restitution, the phase of restitution is shorter than its steps
 
 
 @inlined
@@ -231,7 +231,7 @@ def _stop_slip(y, after, change, after_change, nose, more, tiny):
 
 @inlined
 def _stable_step(y, nose, tiny):
-    """Returns the longest step in which the change of the direction of a slip does not grow by the steps alone."""
+    """Returns the longest stable step: longer ones alone make the change of a slip's direction grow."""
     at_nose, at_cloth = _sizes(y, nose)
     longest = 2.0 * at_nose / (3.5 * nose.mu) if at_nose > tiny and nose.mu > 0.0 else math.inf
     if at_cloth > tiny:

@@ -317,7 +317,7 @@ def walls_met(state, i, wall, radius, numbers, outline):
     """Returns the cushions that act on ball i, which touches `wall` and perhaps others at this instant.
 
     A ball touches a cushion that is nearer than `CONTACT_GAP`, as two balls touch. The normals of two cushions that act
-    are the nearest on both sides of the direction of motion. If this direction is between no two normals, the nearest
+    are the nearest on both sides of the direction of motion. If this direction is not between two normals, the nearest
     acts alone, because its impulse takes the ball away from the others too. If the ball approaches no cushion, the
     direction is that of its acceleration, which presses it against them.
 
@@ -330,8 +330,8 @@ def walls_met(state, i, wall, radius, numbers, outline):
         outline: The `Outline`; None for a rectangle.
 
     Returns:
-        The numbers of two cushions; the second is -1 if one acts. The first is that whose normal is nearer to the x
-        axis, then that which the ball approaches faster, then that with the lower number.
+        The numbers of two cushions; the second is -1 if one acts. The first is the one whose normal is nearer to
+        the x axis; if both are as near, the one that the ball approaches faster, or else the one with the lower number.
     """
     half_length, half_width = half_sizes(numbers, outline)
     past_x = abs(state.rows[i, X]) - (half_length - radius)

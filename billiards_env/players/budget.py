@@ -18,7 +18,7 @@ class Budget:
     """
 
     def __init__(self, seconds: float = math.inf, shots: float = math.inf) -> None:
-        """Starts the clock of the thread. Infinite: no limit."""
+        """Starts the clock of the thread. An infinite number means no limit."""
         self._begin = self._first = time.thread_time()
         self._seconds, self._shots, self.used = seconds, shots, 0
 
@@ -47,10 +47,10 @@ class Budget:
         return int(min(max(share * left, least), most))
 
     def pieces(self, total: int, share: float, first: bool = False) -> Iterator[slice]:
-        """Yields consecutive pieces of range(total), all of it at once if the time is not limited.
+        """Yields consecutive pieces of range(total), or a single piece if the time is not limited.
 
-        Otherwise the first piece has one entry, and the next ones have as many as fit in a share of the whole time,
-        estimated from the time of those before. `first`: whether the first piece always comes.
+        Otherwise the first piece has one entry. Each later piece has as many entries as fit in a share of the whole
+        time, estimated from the time of the entries before. `first`: whether the first piece is always yielded.
         """
         if math.isinf(self._seconds):
             yield slice(0, total)

@@ -39,7 +39,7 @@ FINALISTS, REPEATS = 16, 16
 
 
 AIM_SHOTS = 3_000
-"""The largest number of random shots with which "aim" begins, for each way to score."""
+"""The largest number of random shots for each way to score with which "aim" begins."""
 
 AIM_WAYS = 2
 """With more ways to score than this, "aim" begins with the shots by geometry alone."""

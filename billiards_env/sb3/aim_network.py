@@ -14,9 +14,9 @@ import torch
 from torch import Tensor, nn
 
 TIP = 3
-"""The number of other numbers of a strike: side, top and elevation."""
+"""The number of entries of a strike after its velocity: side, top and elevation."""
 
-_MOST = 0.7  # of the mean side and top, over the miscue offset: so the mean offset is below the miscue
+_MOST = 0.7  # largest mean side and top over the miscue offset, so that the mean is no miscue
 _LEVEL = -0.5  # the mean elevation before the training: below 0 the cue is level
 _FAR = 60.0  # densities of exp(-60) have no effect, and much smaller ones are denormal numbers, which are slow
 _NEVER = -1e4  # the logit of a component whose ball is not on the table, or not legal
@@ -107,9 +107,9 @@ class AimNetwork(nn.Module):
         hidden: Units of each hidden layer of the choice; the other networks have half as many.
         aim: Whether the points depend on the position of their "ball" and the goal, or on the whole "layout".
         goals: The number of goals in an observation, after the balls.
-        legal: Whether an observation then has a flag for each object ball. Other components than those of legal balls
-            have no weight.
-        rest: The number of other numbers at the end of an observation.
+        legal: Whether an observation then has a flag for each object ball. Only the components of legal balls
+            then have weight.
+        rest: The number of remaining values at the end of an observation.
         strikes: Whether the actions are strikes.
 
     Attributes:

@@ -72,7 +72,7 @@ class AimPolicy(ActorCriticPolicy):
     """An actor and critic that aims at learned points next to the object balls, see `AimNetwork`.
 
     PPO of Stable-Baselines3 trains it without a callback. The policy counts the shots of its training. During the first
-    ones its standard deviations and the weight of its entropy fall geometrically, from their first to their last
+    shots its standard deviations and the weight of its entropy fall geometrically, from their first to their last
     values. Then they are constant. They change only between two rollouts. The count is saved with the weights.
 
     The gradient of the probability of an action is divided by the value of the layout. So the policy improves the mean
@@ -84,7 +84,7 @@ class AimPolicy(ActorCriticPolicy):
         env: Arguments of `gym.make("Billiards-v0", ...)`. The weights fit any number of balls.
         points, speeds, hidden: As in `AimNetwork`.
         aim: As in `AimNetwork`; None for "ball" in the tasks that need pockets and "layout" in the others.
-        exploration: The number of shots after which the next four are constant.
+        exploration: The number of shots after which the next four arguments have their last values.
         std_speed: First and last standard deviation of the speed, over the largest.
         std_aim: First and last standard deviation of the point aimed at, m.
         std_tip: First and last standard deviation of side, top and elevation of a strike.

@@ -195,7 +195,7 @@ def residuals(scene: Scene, starts: Floats, rows: Rows, names: Sequence[str]) ->
 def spin_of_cue(scene: Scene, starts: Floats) -> Floats:
     """Returns the largest spins, (..., 1) rad/s, that a level cue gives the cue balls of starts (..., 2 n + 5).
 
-    An impulse at an offset of the miscue gives a sphere, with the moment of inertia 2/5 m R^2, 2.5 offset speed / R^2.
+    An impulse at the miscue offset gives a sphere (moment of inertia 2/5 m R^2) the spin 2.5 offset speed / R^2.
     """
     return 2.5 * scene.cue.miscue_offset * np.hypot(starts[..., -5:-4], starts[..., -4:-3]) / scene.balls.radius[0]
 

@@ -32,7 +32,7 @@ MAX_BYTES = 64 * 2**20
 """The largest file that is read: more than a million rows."""
 
 _BALLS = Range(0, RANGES["balls"].most)
-_APART = 1e-6  # s, least time between two rows of a ball; no camera has so many frames in a second
+_APART = 1e-6  # s, least time between two rows of a ball; no camera takes frames that fast
 
 
 class Track(NamedTuple):
@@ -113,7 +113,7 @@ def read_tracks(path: str | os.PathLike[str]) -> list[Track]:
 def _row(cells: Sequence[str]) -> tuple[float, int, float, float] | None:
     """Returns time, ball, x and y of a row of a file; None if the ball was not found."""
     _, time, ball, *place = cells
-    value = number(ball)  # a column with empty cells makes tables write 0.0 for ball 0
+    value = number(ball)  # pandas writes 0.0 for ball 0 if the column has empty cells
     index = whole("ball", int(value) if isinstance(value, float) and value.is_integer() else ball, _BALLS)
     if all(cell == "" or cell.lower() == "nan" for cell in place):
         return None

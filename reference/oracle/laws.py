@@ -257,8 +257,8 @@ def bounce_both(
 ) -> tuple[Vector, Vector]:
     """Returns velocity and spin after two cushions at one instant, whose normals have the velocity between them.
 
-    The share of the velocity along a normal is lost to `bounce` while the rest is kept, first at one cushion, then at
-    the other, until neither has a share. The result is the mean over both orders. If it has more energy than before, it
+    `bounce` acts on the share of the velocity along one normal and the rest is kept. It acts at the two cushions in
+    turn, until neither has a share. The result is the mean over both orders. If it has more energy than before, it
     is the point with the same energy between the mean and a ball that stops and keeps its spin.
     """
     ends = []

@@ -395,8 +395,9 @@ class _Table:
     def walls_met(self, ball: int, wall: int, noise: Real) -> tuple[int, ...]:
         """Returns the cushions that act on a ball that touches `wall` now, one or two, as the engine logs them.
 
-        A normal along the velocity acts alone, and otherwise the closest two that have it between them. If there are no
-        such two, the one that the ball approaches fastest acts.
+        A cushion whose normal is along the velocity acts alone. Otherwise the two cushions act whose normals are the
+        closest to the velocity on either side of it. If there are no such two, the one that the ball approaches fastest
+        acts.
         """
         segment, radius = self.current[ball], self.world.radius[ball]
         position, velocity = segment.position_at(self.now), segment.velocity_at(self.now)
