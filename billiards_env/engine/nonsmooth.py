@@ -81,8 +81,8 @@ from billiards_env.scene import CONTACT_GAP
 REASONS = {
     "grazing": "two bodies hardly touch, or pass within 1e-12 m: after a small change they miss, or hit",
     "simultaneous": "a ball touches two bodies at one instant, or one as a phase ends, up to 1e-12 m or s. The "
-    "derivative is that of the events one after the other, in the order of the record, and of the recorded flight after "
-    "them",
+    "derivative is that of the events one after the other, in the order of the record, and of the recorded flight "
+    "after them",
     "rule": "the [contact-time rule](engines.md#resting-contact) acted. The derivative neglects it",
     "lip": "a ball grazes the circle of a pocket, inside or outside",
     "rolling": "a ball rolls without slip, up to rounding, at the start or after an impact",
