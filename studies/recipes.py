@@ -182,7 +182,7 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
     return {
         "table": table(head, [row(r) for r in results]),
         "time": f"All these trainings together take {minutes:.0f} minutes on one core.",
-        "summary": f"`make train` trains for {_seconds(first):.0f} s on one core. The policy learns from the "
+        "summary": f"`make train` trains for at most {_seconds(first):.0f} s on one core. The policy learns from the "
         f"positions of the balls alone. It then pots the ball on {as_percent(over_seeds(policies))} of new layouts "
         f"(mean of {len(policies)} seeds, 95% interval), before the training on {np.mean(untrained):.1%}. Random shots "
         f"pot {np.mean([run['random']['success_rate'] for run in first['runs']]):.1%}, and a search of 1,000 shots for "
