@@ -41,7 +41,7 @@ pythons:  ## test the core (shots, batches, the environment, commands) on each i
 	done; printf "$(CORE) on$$ran\n"; [ -z "$$failed" ]
 
 tools: $(TOOLS)  ## test the integrations with TorchRL, Minari and Optuna, which are installed in .venv-tools
-	.venv-tools/bin/pytest -q -m tools tests
+	.venv-tools/bin/pytest -q -m tools tests/tools tests/test_dataset.py tests/examples
 
 docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
