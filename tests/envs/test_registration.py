@@ -1,24 +1,23 @@
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 import billiards_env
+from tests.helpers.environments import printed
 
 
 @pytest.mark.parametrize(
-    ("code", "printed", "heavy"),
+    ("code", "words", "heavy"),
     [
         ("import billiards_env; print(gymnasium.spec('Billiards-v0').id)", "Billiards-v0", {"numba"}),
         ("print(type(gymnasium.make('billiards_env:Billiards-v0').unwrapped).__name__)", "BilliardsEnv", set()),
     ],
 )
-def test_registration_loads_nothing_heavy(code, printed, heavy):
+def test_registration_loads_nothing_heavy(code, words, heavy):
     heavy |= {"torch", "pygame", "matplotlib"}
     code = f"import sys, gymnasium; {code}; print(*{heavy} & set(sys.modules))"
-    assert subprocess.check_output([sys.executable, "-c", code], text=True).split() == [printed]
+    assert printed(code) == [words]
 
 
 def test_the_version_matches_pyproject():

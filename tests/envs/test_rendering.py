@@ -1,4 +1,3 @@
-import copy
 import math
 import os
 import re
@@ -9,7 +8,6 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import DependencyNotInstalled
 
 from billiards_env import envs as billiards_envs
@@ -18,6 +16,7 @@ from billiards_env.envs import RecordVideo, episodes
 from billiards_env.envs.rendering import FPS, RENDER_MODES
 from billiards_env.envs.tasks import TASKS
 from billiards_env.shots import simulation
+from tests.helpers.environments import printed
 
 make: Any = gym.make  # Any: the type of the result of `render` depends on the render mode
 make_vec: Any = gym.make_vec
@@ -38,10 +37,6 @@ def n_frames(info):
     return math.ceil(FPS * info["shot_time"] - 1e-6) + 1
 
 
-def run(code):
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-
-
 def test_drawing_modules_are_loaded_only_when_needed():
     code = (
         "import sys, gymnasium, billiards_env, numpy\n"
@@ -52,8 +47,8 @@ def test_drawing_modules_are_loaded_only_when_needed():
         "%s\n"
         "print(*sorted(m for m in sys.modules if m in ('pygame', 'matplotlib', 'PIL')))\n"
     )
-    assert run(code % (None, "env.close()")) == []
-    assert run(code % ("'rgb_array'", "env.render()")) == ["pygame"]  # and not before `render` is called
+    assert printed(code % (None, "env.close()")) == []
+    assert printed(code % ("'rgb_array'", "env.render()")) == ["pygame"]  # and not before `render` is called
 
 
 @pytest.mark.parametrize("kwargs", [{}, {"mode": "pit", "dt": 0.01}])
@@ -140,51 +135,48 @@ def test_rgb_array_list_is_every_frame_since_the_last_call():
     assert len(env.render()) == 1  # a reset discards earlier frames
 
 
-def test_balls_are_drawn_at_their_positions():
-    env = BilliardsEnv(render_mode="rgb_array", max_shots=2)
-    env.reset(seed=3)
-    observation, *_ = env.step(SLOWLY)
-    frame = env.render()
-    from billiards_env.drawing.canvas import Canvas
-
-    canvas = Canvas(env.scene)
-    half = np.array([env.scene.table.length, env.scene.table.width]) / 2
-    (cue, ball) = canvas.pixels_of(observation.reshape(2, 2) * half)
-    assert frame[int(cue[1]), int(cue[0])].min() >= 250
-    assert frame[int(ball[1]), int(ball[0] - 5)] == pytest.approx((240, 228, 66), abs=12)
+OBSTACLE = {"base": "pool", "balls": {"radius": [0.03, 0.05, 0.03], "mass": [0.2, "inf", 0.2]}}
 
 
-def test_a_ball_potted_before_is_drawn_below_the_table():
-    env = BilliardsEnv(render_mode="rgb_array_list", n_object_balls=2, max_shots=2)
-    env.reset(options={"positions": [*INTO_THE_CORNER["positions"], [-0.5, -0.3]]})
-    *_, info = env.step(np.array([0.35, 0.35]))
-    assert info["potted"].tolist() == [False, True, False]
-    env.render()
-    env.step(SLOWLY)
-    first = env.render()[0].astype(int)
-    yellow = (np.abs(first - (240, 228, 66)).max(-1) < 12).nonzero()
-    assert len(yellow[0]) > 30
-    assert yellow[0].min() > 425  # in the bar under the table
+@pytest.mark.parametrize(
+    ("kwargs", "positions", "captions"),
+    [
+        (
+            {"n_object_balls": 2, "max_shots": 3},  # the second shot begins without the ball of the first
+            [*INTO_THE_CORNER["positions"], [-0.5, -0.3]],
+            [
+                ("pot   shot 1 of 3   1.98 m/s", "reward 1   score 1"),
+                ("pot   shot 2 of 3   0.57 m/s", "reward 0   score 1"),
+            ],
+        ),
+        (
+            {"scene": OBSTACLE, "task": "carom", "max_shots": 2, "max_speed": 1.0},
+            [[0.0, 0.0], [0.3, 0.0], [0.6, 0.1]],
+            [
+                ("carom   shot 1 of 2   0.49 m/s", "reward 0   score 0"),
+                ("carom   shot 2 of 2   0.14 m/s", "reward 0   score 0"),
+            ],
+        ),
+    ],
+    ids=["a ball was potted before", "an obstacle"],
+)
+def test_the_frames_are_those_of_the_shots_with_texts(kwargs, positions, captions):
+    from billiards_env.drawing.canvas import Canvas, Caption, pixels
 
-
-def test_text_is_drawn_for_every_task(monkeypatch):
-    from billiards_env.drawing.canvas import Canvas
-
-    lines = []
-    draw = Canvas.film
-    monkeypatch.setattr(Canvas, "film", lambda self, *a, **k: lines.append(a[2]) or draw(self, *a, **k))
-    env = BilliardsEnv(render_mode="rgb_array", n_object_balls=1, max_shots=3)
-    env.reset(options=INTO_THE_CORNER)
-    env.render()
-    env.step(np.array([0.35, 0.35]))
-    env.render()
-    env = BilliardsEnv(scene="carom", task="carom", render_mode="rgb_array", max_shots=2)
-    env.reset(seed=0)
-    env.step(np.array([3.0, 4.0]))
-    env.render()
-    assert lines[0] == ("pot", "")
-    assert lines[1] == ("pot   shot 1 of 3   1.98 m/s", "reward 1   score 1")
-    assert lines[2] == ("carom   shot 1 of 2   4.00 m/s", "reward 0   score 0")
+    env = BilliardsEnv(render_mode="rgb_array_list", **kwargs)
+    env.reset(options={"positions": positions})
+    (start,) = env.render()
+    canvas, places, in_play = Canvas(env.scene), np.array(positions), np.ones(3, bool)
+    still = simulation.simulate(env.scene, positions, [0.0, 0.0], max_time=0.0, record=True)
+    (expected,) = canvas.film(still.recording(), FPS, Caption(env.task))
+    assert (start == pixels(expected)).all()
+    for action, caption in zip((3.5 * SLOWLY, -SLOWLY), captions, strict=True):
+        env.step(action)
+        velocity = env.max_speed * action.astype(float)
+        shot = simulation.simulate(env.scene, places, velocity, in_play=in_play, record=True)
+        film = [pixels(frame) for frame in canvas.film(shot.recording(), FPS, Caption(*caption))]
+        assert np.array_equal(env.render(), film)
+        places, in_play = shot.positions, ~shot.potted
 
 
 @pytest.mark.parametrize("autoreset_mode", ["SameStep", "NextStep"])
@@ -275,16 +267,6 @@ def test_keys_change_the_pace_of_a_window(pygame, monkeypatch):
     window.close()
 
 
-def test_human_rendering_of_gymnasium():
-    for mode in ("rgb_array", "rgb_array_list"):
-        env = gym.wrappers.HumanRendering(make("Billiards-v0", render_mode=mode, max_shots=2))
-        env.reset(seed=0)
-        env.step(0.1 * SLOWLY)
-        env.step(0.1 * SLOWLY)
-        assert env.render() is None
-        env.close()
-
-
 def film_of(path):
     ffmpeg = pytest.importorskip("imageio_ffmpeg")
     options = f"-loglevel error -i {path} -f rawvideo -pix_fmt rgb24 -".split()
@@ -337,24 +319,6 @@ def test_record_video_by_length(tmp_path):
 def test_record_video_raises_for_another_render_mode(tmp_path):
     with pytest.raises(ValueError, match="render_mode = 'rgb_array': expected 'rgb_array_list'"):
         RecordVideo(make("Billiards-v0", render_mode="rgb_array"), str(tmp_path))
-
-
-def test_record_video_of_gymnasium(tmp_path):
-    pytest.importorskip("moviepy")
-    env = make("Billiards-v0", render_mode="rgb_array", max_shots=3)
-    env = gym.wrappers.RecordVideo(env, str(tmp_path / "films"))
-    env.reset(seed=0)
-    for sign in (1, -1, 1):
-        env.step(sign * SLOWLY)
-    assert len(env.recorded_frames) == 4  # the starting state, and the end of each shot
-    env.close()
-    assert len(film_of(tmp_path / "films" / "rl-video-episode-0.mp4")) == 4
-
-
-def test_metadata():
-    # SyncVectorEnv of Gymnasium 1.2 adds the mode of its autoreset to this dict.
-    metadata = {key: value for key, value in BilliardsEnv.metadata.items() if key != "autoreset_mode"}
-    assert metadata == {"render_modes": list(RENDER_MODES), "render_fps": FPS}
 
 
 @pytest.mark.parametrize(("autoreset_mode", "mode"), [("NextStep", "rgb_array"), ("SameStep", "rgb_array_list")])
@@ -416,15 +380,6 @@ def test_a_window_shows_up_to_four_environments_side_by_side(pygame, num_envs, s
     assert not pygame.display.get_init()
 
 
-def test_copies_and_specs_with_a_render_mode():
-    env = make("Billiards-v0", render_mode="rgb_array")
-    env.reset(seed=0)
-    other = copy.deepcopy(env)
-    assert (other.render() == env.render()).all()
-    again = make(EnvSpec.from_json(env.spec.to_json()))
-    assert again.render_mode == "rgb_array"
-
-
 def test_rendering_without_a_render_mode_warns():
     env = BilliardsEnv()
     env.reset(seed=0)
@@ -444,15 +399,10 @@ def test_the_error_without_pygame_contains_the_command_to_install_it(mode, monke
         env.reset(seed=0) if mode == "human" else env.render()
 
 
-def test_a_custom_scene_is_drawn():
-    balls = {"radius": [0.03, 0.05, 0.03], "mass": [0.2, "inf", 0.2]}
-    env = BilliardsEnv(scene={"base": "pool", "balls": balls}, render_mode="rgb_array")
-    env.reset(options={"positions": [[0.0, 0.0], [0.3, 0.0], [0.6, 0.1]]})
-    frame = env.render().astype(int)
-    assert (np.abs(frame - (107, 107, 107)).max(-1) < 8).sum() > 100  # the lit side of the fixed ball
-
-
 @pytest.mark.parametrize(("render_mode", "fps"), [("rgb_array", 1), ("rgb_array_list", 30), ("human", 30)])
 def test_a_video_of_single_frames_shows_each_shot_for_a_second(render_mode, fps):
+    # SyncVectorEnv of Gymnasium 1.2 adds the mode of its autoreset to this dict.
+    metadata = {key: value for key, value in BilliardsEnv.metadata.items() if key != "autoreset_mode"}
+    assert metadata == {"render_modes": list(RENDER_MODES), "render_fps": FPS}
     assert gym.make("Billiards-v0", render_mode=render_mode).metadata["render_fps"] == fps
     assert make_vec("Billiards-v0", num_envs=2, render_mode=render_mode).metadata["render_fps"] == fps

@@ -17,17 +17,15 @@ from billiards_env.envs.tasks import (
 )
 from tests.helpers.environments import RUN_OUTS
 
-NONE = np.zeros(3, bool)
-BOTH = np.array([False, True, True])
 GOAL = (0.3, -0.2)
 PLACE, POSITION = TASKS["place"].goal_radius, TASKS["position"].goal_radius
 SAMPLE: dict[str, Any] = {
-    "before": NONE,
-    "after": NONE,
+    "targets": (1, 2),
+    "before": (),
+    "after": (),
     "cushions": (0, 0, 0),
     "before_hit": (-1, -1, -1),
     "cue": (9.0, 9.0),
-    "first_hit": -1,
 }
 
 
@@ -38,16 +36,16 @@ def judged(kernel, targets, goal_radius=0.0, **arrays: Any):
     return kernel(len(arrays["potted"]) - 1, numbers, unused._replace(**arrays))
 
 
-def one(task, targets=BOTH, **changes: Any):
+def one(task, **changes: Any):
     """Returns the result of the last of three shots. The other two shots have different values."""
     shot = {**SAMPLE, **changes}
     goals, before, after = np.full((3, 1, 2), 9.0), np.ones((3, 3), np.bool_), np.zeros((3, 3), np.bool_)
     cushions, before_hit, positions = np.full((3, 3), 7), np.full((3, 3), 7), np.full((3, 3, 2), 5.0)
-    goals[2, 0], before[2], after[2], positions[2, 0] = GOAL, shot["before"], shot["after"], shot["cue"]
+    goals[2, 0], before[2], after[2], positions[2, 0] = GOAL, balls(shot["before"]), balls(shot["after"]), shot["cue"]
     cushions[2], before_hit[2] = shot["cushions"], shot["before_hit"]
     return judged(
         task,
-        targets,
+        balls(shot["targets"]),
         {judge_place: PLACE, judge_position: POSITION}.get(task, 0.0),
         positions=positions,
         goals=goals,
@@ -55,147 +53,114 @@ def one(task, targets=BOTH, **changes: Any):
         potted=after,
         cushions=cushions,
         cushions_before_hit=before_hit,
-        first_hit=np.array([1, 1, shot["first_hit"]]),
+        first_hit=np.array([1, 1, -1]),
     )
 
 
-def balls(*numbers):
+def balls(numbers):
     return np.isin(np.arange(3), numbers)
 
 
-@pytest.mark.parametrize(
-    ("before", "after", "points", "over", "success"),
-    [
-        ((), (), 0, False, False),
-        ((), (1,), 1, False, False),
-        ((1,), (1,), 0, False, False),
-        ((1,), (1, 2), 1, True, True),
-        ((), (1, 2), 2, True, True),
-        ((), (0,), 0, True, False),
-        ((1,), (0, 1), 0, True, False),
-        ((), (0, 1, 2), 2, True, False),
-    ],
-)
-def test_pot(before, after, points, over, success):
-    assert one(judge_pot, before=balls(*before), after=balls(*after)) == (points, over, success)
-
-
-def test_only_targets_count_in_pot():
-    assert one(judge_pot, balls(2), after=balls(2)) == (1, True, True)
-    assert one(judge_pot, balls(2), after=balls(1)) == (0, False, False)
-
-
-TOUCHES = [
-    ([-1, -1, -1], (), 0, False),
-    ([-1, 0, -1], (), 0, False),
-    ([-1, 0, 0], (), 1, False),
-    ([-1, 3, 1], (), 1, False),
-    ([-1, 0, 0], (1,), 1, True),
-    ([-1, 0, 0], (0,), 0, True),
-    ([-1, -1, 0], (2,), 0, True),
+# The balls that were potted before a shot and those after it, points, whether the episode is over, and success
+POT = [
+    ((), (), 0, False, False),
+    ((), (1,), 1, False, False),
+    ((1,), (1,), 0, False, False),
+    ((1,), (1, 2), 1, True, True),
+    ((), (1, 2), 2, True, True),
+    ((), (0,), 0, True, False),
+    ((1,), (0, 1), 0, True, False),
+    ((), (0, 1, 2), 2, True, False),
+]
+CLEAR = [
+    ((), (1,), 0, False),
+    ((1,), (1, 2), 1, True),
+    ((), (1, 2), 1, True),
+    ((1,), (0, 1, 2), 0, True),
+    ((), (0,), 0, True),
+]
+# The cushions of the cue ball before it touches each ball, and the balls that are potted
+CAROM = [
+    ((-1, -1, -1), (), 0, False),
+    ((-1, 0, -1), (), 0, False),
+    ((-1, 0, 0), (), 1, False),
+    ((-1, 3, 1), (), 1, False),
+    ((-1, 0, 0), (1,), 1, True),
+    ((-1, 0, 0), (0,), 0, True),
+    ((-1, -1, 0), (2,), 0, True),
+]
+THREE_CUSHION = [
+    ((-1, 0, 2), 0),
+    ((-1, 0, 3), 1),
+    ((-1, 3, 0), 1),
+    ((-1, 2, 2), 0),
+    ((-1, 5, 4), 1),
+    ((-1, -1, 3), 0),
+    ((-1, 3, -1), 0),
+    ((9, 0, 0), 0),
+]
+# The cushions of both balls, and those of the cue ball before the touch
+SUM_TO_THREE = [
+    ((0, 3), 0, 1),
+    ((3, 0), 3, 1),
+    ((2, 1), 1, 1),
+    ((1, 1), 0, 0),
+    ((2, 2), 0, 0),
+    ((0, 0), 0, 0),
+    ((3, 0), -1, 0),
+]
+ON_THE_EDGE, BEYOND = (GOAL[0] + PLACE - 1e-12, GOAL[1]), (GOAL[0], GOAL[1] - PLACE - 1e-12)
+PLACES = [
+    (GOAL, (-1, 0, -1), (), (), 1, True),
+    (ON_THE_EDGE, (-1, -1, 4), (), (), 1, True),
+    (BEYOND, (-1, 0, -1), (), (), 0, False),
+    (GOAL, (-1, -1, -1), (), (), 0, False),
+    (GOAL, (-1, 0, -1), (), (1,), 1, True),
+    (GOAL, (-1, -1, -1), (1,), (1,), 0, False),
+    (GOAL, (-1, -1, -1), (1, 2), (1, 2), 1, True),
+    (GOAL, (-1, 0, -1), (), (0,), 0, True),
+]
+POSITIONS = [
+    (GOAL, (), (1,), 1, True),
+    ((GOAL[0] + POSITION - 1e-12, GOAL[1]), (), (1,), 1, True),
+    ((GOAL[0], GOAL[1] - POSITION - 1e-12), (), (1,), 0, False),
+    (BEYOND, (), (), 0, False),
+    (GOAL, (), (), 0, False),
+    (GOAL, (1,), (1,), 0, False),
+    (GOAL, (), (0, 1), 0, True),
+    ((9.0, 9.0), (1,), (1, 2), 0, True),
 ]
 
 
-@pytest.mark.parametrize(("before_hit", "potted", "points", "over"), TOUCHES)
-def test_carom_and_three_cushion(before_hit, potted, points, over):
-    later = np.where(np.array(before_hit) >= 0, 3, -1)
-    for kernel, hits in ((judge_carom, before_hit), (judge_three_cushion, later)):
-        assert one(kernel, before_hit=hits, after=balls(*potted)) == (points, over, points == 1)
+def cases():
+    """Yields kernels, the changes of a shot, and the results."""
+    for before, after, *result in POT:
+        yield judge_pot, {"before": before, "after": after}, result
+    yield judge_pot, {"targets": (2,), "after": (2,)}, (1, True, True)
+    yield judge_pot, {"targets": (2,), "after": (1,)}, (0, False, False)
+    for before, after, points, over in CLEAR:
+        yield judge_clear, {"before": before, "after": after}, (points, over, points == 1)
+    for before_hit, after, points, over in CAROM:
+        three = [3 if cushions >= 0 else -1 for cushions in before_hit]
+        yield judge_carom, {"before_hit": before_hit, "after": after}, (points, over, points == 1)
+        yield judge_three_cushion, {"before_hit": three, "after": after}, (points, over, points == 1)
+    for before_hit, points in THREE_CUSHION:
+        shot = {"before_hit": before_hit, "cushions": (9, 9, 9)}
+        yield judge_three_cushion, shot, (points, False, points == 1)
+    for cushions, before, points in SUM_TO_THREE:
+        shot = {"cushions": (*cushions, 7), "before_hit": (-1, before, 7)}
+        yield judge_sum_to_three, shot, (points, False, points == 1)
+    for cue, before_hit, before, after, points, over in PLACES:
+        shot = {"cue": cue, "before_hit": before_hit, "before": before, "after": after}
+        yield judge_place, shot, (points, over, points == 1)
+    yield judge_place, {"targets": (), "cue": GOAL}, (1, True, True)  # no touch is needed without object balls
+    for cue, before, after, points, over in POSITIONS:
+        yield judge_position, {"cue": cue, "before": before, "after": after}, (points, over, points == 1)
 
 
-@pytest.mark.parametrize(
-    ("before_hit", "points"),
-    [
-        ([-1, 0, 2], 0),
-        ([-1, 0, 3], 1),
-        ([-1, 3, 0], 1),
-        ([-1, 2, 2], 0),
-        ([-1, 5, 4], 1),
-        ([-1, -1, 3], 0),
-        ([-1, 3, -1], 0),
-        ([9, 0, 0], 0),
-    ],
-)
-def test_three_cushion_needs_three_contacts_before_the_last_ball(before_hit, points):
-    assert one(judge_three_cushion, before_hit=before_hit, cushions=(9, 9, 9)) == (points, False, points == 1)
-
-
-@pytest.mark.parametrize(
-    ("cushions", "before_hit", "points"),
-    [
-        ((0, 3), 0, 1),
-        ((3, 0), 3, 1),
-        ((2, 1), 1, 1),
-        ((1, 1), 0, 0),
-        ((2, 2), 0, 0),
-        ((0, 0), 0, 0),
-        ((3, 0), -1, 0),
-    ],
-)
-def test_sum_to_three(cushions, before_hit, points):
-    assert one(judge_sum_to_three, cushions=(*cushions, 7), before_hit=(-1, before_hit, 7)) == (
-        points,
-        False,
-        points == 1,
-    )
-
-
-ON_THE_EDGE = (GOAL[0] + PLACE - 1e-12, GOAL[1])
-BEYOND = (GOAL[0], GOAL[1] - PLACE - 1e-12)
-
-
-@pytest.mark.parametrize(
-    ("cue", "before_hit", "before", "after", "points", "over"),
-    [
-        (GOAL, (-1, 0, -1), (), (), 1, True),
-        (ON_THE_EDGE, (-1, -1, 4), (), (), 1, True),
-        (BEYOND, (-1, 0, -1), (), (), 0, False),
-        (GOAL, (-1, -1, -1), (), (), 0, False),
-        (GOAL, (-1, 0, -1), (), (1,), 1, True),
-        (GOAL, (-1, -1, -1), (1,), (1,), 0, False),
-        (GOAL, (-1, -1, -1), (1, 2), (1, 2), 1, True),
-        (GOAL, (-1, 0, -1), (), (0,), 0, True),
-    ],
-)
-def test_place(cue, before_hit, before, after, points, over):
-    shot = {"cue": cue, "before_hit": before_hit, "before": balls(*before), "after": balls(*after)}
-    assert one(judge_place, **shot) == (points, over, points == 1)
-
-
-def test_place_needs_no_touch_without_object_balls():
-    assert one(judge_place, NONE, cue=GOAL) == (1, True, True)
-
-
-@pytest.mark.parametrize(
-    ("cue", "before", "after", "points", "over"),
-    [
-        (GOAL, (), (1,), 1, True),
-        ((GOAL[0] + POSITION - 1e-12, GOAL[1]), (), (1,), 1, True),
-        ((GOAL[0], GOAL[1] - POSITION - 1e-12), (), (1,), 0, False),
-        (BEYOND, (), (), 0, False),
-        (GOAL, (), (), 0, False),
-        (GOAL, (1,), (1,), 0, False),
-        (GOAL, (), (0, 1), 0, True),
-        ((9.0, 9.0), (1,), (1, 2), 0, True),
-    ],
-)
-def test_position(cue, before, after, points, over):
-    shot = {"cue": cue, "before": balls(*before), "after": balls(*after)}
-    assert one(judge_position, **shot) == (points, over, points == 1)
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "points", "over"),
-    [
-        ((), (1,), 0, False),
-        ((1,), (1, 2), 1, True),
-        ((), (1, 2), 1, True),
-        ((1,), (0, 1, 2), 0, True),
-        ((), (0,), 0, True),
-    ],
-)
-def test_clear(before, after, points, over):
-    assert one(judge_clear, before=balls(*before), after=balls(*after)) == (points, over, points == 1)
+@pytest.mark.parametrize(("judge", "shot", "result"), list(cases()), ids=lambda one: getattr(one, "__name__", str(one)))
+def test_the_points_of_a_shot(judge, shot, result):
+    assert one(judge, **shot) == tuple(result)
 
 
 # --- run-outs ---------------------------------------------------------------------------------------------------------
@@ -301,10 +266,3 @@ def test_the_legal_balls_of_the_first_shot(task, layout, legal):
     env = BilliardsEnv(task=task, layout=layout)
     env.reset(seed=0)
     assert set(np.flatnonzero(env.legal_balls).tolist()) == legal
-
-
-def test_the_table_of_tasks():
-    assert all(task.judge.__name__ == f"judge_{name}" for name, task in TASKS.items())
-    for name, task in TASKS.items():
-        env = BilliardsEnv(task=name)
-        assert (env.layout, env.max_shots) == (task.layout, task.max_shots)

@@ -1,6 +1,12 @@
-"""Variants of the environment for the tests of all variants."""
+"""Variants of the environment for the tests of all variants, and comparisons of results bit for bit."""
 
 from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
 
 from billiards_env.envs.tasks import TASKS
 
@@ -8,8 +14,12 @@ RUN_OUTS = {name: task.n_object_balls[0] for name, task in TASKS.items() if task
 """The run-outs and their numbers of object balls."""
 
 LONG = {"max_shots": 3, "observe_shots_left": True}
-# Each task, scene and layout is in at least one variant.
-VARIANTS = [
+SOFT = {"n_object_balls": 2, "max_shots": 3, "max_speed": 2.0}
+"""Some episodes end with a scratch, some at the limit."""
+VARIED = {**SOFT, "randomize": {"mu_roll": [0.004, 0.02], "g": [5.0, 15.0]}, "observe_physics": True}
+STRIKE = {"n_object_balls": 2, "action": "strike", "max_shots": 3, "scratch_penalty": 0.3}
+# Each task, scene, layout, engine and fix is in at least one variant.
+VARIANTS: list[dict[str, Any]] = [
     {"n_object_balls": 2, **LONG},
     {"layout": None},
     {"n_object_balls": 9, "layout": "rack", "max_shots": 2},
@@ -25,6 +35,7 @@ VARIANTS = [
     {"scene": "pooltool_real_carom", "task": "place", "layout": "random"},
     {"scene": "real_pool", "task": "position", **LONG},  # one object ball: the engine for two balls
     {"scene": "uk_pool", "task": "clear", "max_shots": 2},
+    STRIKE,
     *({"task": task, "n_object_balls": n, "layout": task, "max_shots": 3} for task, n in RUN_OUTS.items()),
     {"task": "nine_ball", "n_object_balls": 9, "layout": "random", **LONG},
     {"scene": {"base": "pool", "balls": {"radius": [0.02, 0.03], "mass": [0.1, 0.2]}}},
@@ -32,7 +43,44 @@ VARIANTS = [
     {"randomize": {"mu_roll": [0.005, 0.02], "e_ball": [0.85, 0.95]}, "observe_physics": True, **LONG},
     {"scene": "real_pool", "task": "position", "randomize": {"g": [8.0, 11.0]}, "observe_physics": True},
     {"mode": "pit", "dt": 0.01, "randomize": {"dt": [0.005, 0.05], "mu_slide": [0.1, 0.3]}, "max_shots": 2},
-    {"mode": "pit", "dt": 1 / 60, "n_object_balls": 2, "max_shots": 2},
-    {"mode": "pit", "dt": 0.01, "fix": "move_back", "scene": "carom", "task": "carom"},
+    {"mode": "pit", "dt": 1 / 15, "n_object_balls": 9, "layout": "rack", "max_shots": 5, "max_speed": 8.0},
+    {"mode": "pit", "dt": 1 / 60, "fix": "move_back", "scene": "carom", "task": "carom", "max_shots": 5},
     {"mode": "pit", "dt": 1 / 60, "fix": "none", "scene": "uk_pool", "max_shots": 2},
+    {"mode": "pit", "dt": 1 / 30, "fix": "time_of_impact", "scene": "ideal", "task": "carom", "max_speed": 10.0},
 ]
+
+
+def name_of(kwargs: Any) -> str:
+    """Returns the arguments of an environment as the id of a test."""
+    return ",".join(map(str, kwargs.values()))[:60] if isinstance(kwargs, dict) else str(kwargs)
+
+
+def same(one: Any, other: Any) -> None:
+    """Fails unless both are equal bit for bit: values, types, shapes and keys.
+
+    Gymnasium's vector environments return bools of infos as objects, with None for an environment without an info.
+    """
+    assert type(one) is type(other)
+    if isinstance(one, dict):
+        assert one.keys() == other.keys()
+        for key, value in one.items():
+            same(value, other[key])
+    elif isinstance(one, np.ndarray):
+        if one.dtype == np.bool_ and other.dtype == object:
+            other = np.array([False if value is None else value for value in other])
+        assert (one.dtype, one.shape) == (other.dtype, other.shape)
+        if one.dtype == object:
+            same(one.tolist(), other.tolist())
+        else:
+            assert one.tobytes() == other.tobytes()
+    elif isinstance(one, (tuple, list)):
+        assert len(one) == len(other)
+        for a, b in zip(one, other, strict=True):
+            same(a, b)
+    else:
+        assert one == other
+
+
+def printed(code: str) -> list[str]:
+    """Returns the words that a program prints in a process of its own."""
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()

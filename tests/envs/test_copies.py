@@ -1,0 +1,133 @@
+"""Copies and specs of single environments, of vector environments and of games, and the warning of all three."""
+
+import copy
+import dataclasses
+import json
+import pickle
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+
+from billiards_env.envs import STATUS, BilliardsEnv, BilliardsVectorEnv, episodes
+from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise
+from billiards_env.games import billiards_v0
+from billiards_env.scene import Scene
+from tests.helpers.environments import SOFT, VARIANTS, VARIED, name_of, same
+
+KINDS: dict[str, Any] = {
+    "a single environment": lambda: BilliardsEnv(n_object_balls=3, max_shots=6),
+    "a vector environment": lambda: BilliardsVectorEnv(64, "SameStep", **SOFT),
+    "a vector environment with varied physics": lambda: BilliardsVectorEnv(64, "SameStep", **VARIED),
+    "a game": lambda: billiards_v0.raw_env("straight"),
+}
+
+
+def begun(env: Any, seed: int | None = None) -> Any:
+    """Returns the results of `reset`; of a game, those of `last`."""
+    return env.reset(seed=seed) or env.last()
+
+
+def played(env: Any, action: Any) -> Any:
+    """Returns the results of `step`; of a game, those of `last`."""
+    return env.step(action) or env.last()
+
+
+def actions_of(env: Any, count: int) -> np.ndarray:
+    """Returns random actions of slow shots, which end no episode of a single environment."""
+    space = env.action_space("player_0") if hasattr(env, "agents") else env.action_space
+    return np.random.default_rng(0).uniform(-0.2, 0.2, (count, *space.shape))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "copy_of", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["deep", "pickle"]
+)
+def test_a_copy_continues_like_its_original(kind, copy_of):
+    env = KINDS[kind]()
+    begun(env, 5)
+    actions = actions_of(env, 5)
+    for action in actions[:2]:
+        played(env, action)
+    twin = copy_of(env)
+    for action in actions[2:]:
+        same(played(env, action), played(twin, action))
+    same(begun(env), begun(twin))
+
+
+def test_a_deep_copy_shares_the_compiled_functions_and_has_its_own_renderer():
+    pytest.importorskip("pygame")
+    env = BilliardsEnv(render_mode="rgb_array")
+    env.reset(seed=0)
+    twin: Any = copy.deepcopy(env)
+    assert twin._episodes._run_shots is env._episodes._run_shots
+    assert (twin.render() == env.render()).all()  # pyright: ignore[reportAttributeAccessIssue]
+
+
+SCENE = Scene.from_dict({"base": "real_pool", "n_object_balls": 2, "physics": {"mu_roll": 0.012}})
+
+
+@pytest.mark.parametrize("vector", [False, True], ids=["single", "vector"])
+@pytest.mark.parametrize(
+    ("kwargs", "written"),
+    [
+        *((kwargs, kwargs) for kwargs in VARIANTS[::5]),
+        ({"scene": SCENE}, {"scene": SCENE.to_dict()}),
+        ({"randomize": {"mu_roll": (0.004, 0.02)}}, {"randomize": {"mu_roll": [0.004, 0.02]}}),
+        ({"render_mode": "rgb_array"}, {"render_mode": "rgb_array"}),
+    ],
+    ids=name_of,
+)
+def test_a_spec_recreates_its_environment_from_json_and_pickle(kwargs, written, vector):
+    env: Any = gym.make_vec("Billiards-v0", num_envs=3, **kwargs) if vector else gym.make("Billiards-v0", **kwargs)
+    assert written.items() <= json.loads(env.spec.to_json())["kwargs"].items()
+    (action,) = actions_of(env, 1)
+    expected = env.reset(seed=3), env.step(action)
+    for spec in (EnvSpec.from_json(env.spec.to_json()), pickle.loads(pickle.dumps(env.spec))):
+        again: Any = gym.make_vec(spec) if vector else gym.make(spec)
+        same((again.reset(seed=3), again.step(action)), expected)
+        assert again.render_mode == kwargs.get("render_mode")
+
+
+def test_a_spec_recreates_the_wrappers():
+    game = gym.make("Billiards-v0", max_speed=4.5, n_object_balls=2)
+    env = ActionFrame(ExecutionNoise(game, 0.25, 0.1), "cut", ball=2, least_speed=1.0)
+    assert env.spec is not None
+    again = gym.make(EnvSpec.from_json(env.spec.to_json()))
+    assert str(again) == str(env)
+    arguments = {"frame": "cut", "ball": 2, "least_speed": 1.0}
+    assert json.loads(env.spec.to_json())["additional_wrappers"][-1]["kwargs"] == arguments
+    for one in (env, again):
+        one.reset(seed=3)
+    action = np.array([0.3, 0.2], np.float32)
+    same(env.step(action), again.step(action))
+
+
+def test_a_shot_that_reaches_the_limit_on_events_warns(monkeypatch):
+    monkeypatch.setattr(episodes, "MAX_EVENTS", 2)
+    env, envs, apart = BilliardsEnv(), BilliardsVectorEnv(2), [[-0.5, 0.0], [0.5, 0.0]]
+    env.reset(options={"positions": apart})
+    envs.reset(options={"positions": [apart] * 2})
+    with pytest.warns(
+        RuntimeWarning, match=r"after 2 events and .* s; .* positions \[\[-0.5, 0.0\], .* action \[1.0, 0"
+    ):
+        assert STATUS[env.step([1.0, 0.0])[4]["status_code"]] == "event_limit"
+    with pytest.warns(RuntimeWarning, match=r"after 2 events and .* positions \[\[-0.5, 0.0\], .* action \[0.75, 0"):
+        *_, infos = envs.step([[0.0, 0.0], [0.75, 0.0]])
+    assert [STATUS[code] for code in infos["final_info"]["status_code"]] == ["rest", "event_limit"]
+
+
+def test_a_shot_of_a_game_that_reaches_the_limit_on_events_warns(monkeypatch):
+    play = billiards_v0.play
+
+    def cut(*args):
+        played = play(*args)
+        return played._replace(shot=dataclasses.replace(played.shot, status="event_limit"))
+
+    monkeypatch.setattr(billiards_v0, "play", cut)
+    game = billiards_v0.raw_env("carom")
+    game.reset(seed=0)
+    with pytest.warns(RuntimeWarning, match="reached the engine.s limit"):
+        game.step(np.zeros(2, np.float32))

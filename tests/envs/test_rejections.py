@@ -1,0 +1,250 @@
+"""Wrong arguments, resets and actions are refused with the name, the value and what was expected."""
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers import OrderEnforcing
+
+from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
+from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
+from billiards_env.scene import Scene
+from tests.helpers.environments import STRIKE, same
+from tests.helpers.errors import refusals
+
+ONE_BALL = Scene.named("pool").to_dict()
+ALL_FIXED = {"base": "pool", "balls": {"radius": [0.02, 0.02], "mass": [0.1, "inf"]}}
+RANGES = {"mu_roll": [0.004, 0.02], "e_ball": [0.8, 1.0]}
+FLOOR = {"e_cushion": [0.5, 0.9], "e_cushion_floor": [0.4, 0.6]}
+NO_TIMESTEP = {"mode": "pit", "dt": 1 / 60, "randomize": {"dt": [0, 1]}}
+
+
+@refusals(
+    "arguments",
+    [
+        ({"scene": "pol"}, r"scene = 'pol': expected one of 'pool', .* \(did you mean 'pool'\?\)"),
+        ({"scene": 3}, "scene = 3: expected a name, a Scene, or a dict", TypeError),
+        ({"scene": {"ball": {}}}, "key of scene = 'ball': .*did you mean 'balls'"),
+        ({"scene": ONE_BALL, "n_object_balls": 2}, "n_object_balls = 2 with a scene without a name: expected None"),
+        ({"n_object_balls": 16}, "n_object_balls = 16: expected a whole number from 0 to 15"),
+        ({"n_object_balls": 0}, "task = 'pot' with a scene of the cue ball alone: expected at least one object ball"),
+        ({"task": "carom", "n_object_balls": 0}, "task = 'carom' with a scene of the cue ball alone"),
+        (
+            {"task": "sum_to_three", "scene": "pool"},
+            "'sum_to_three' with 1 object balls and 6 pockets: expected 1 object",
+        ),
+        (
+            {"task": "sum_to_three", "scene": "carom", "n_object_balls": 2},
+            "'sum_to_three' with 2 object balls and 0 pockets: expected 1 object balls and a table without",
+        ),
+        ({"task": "pott"}, "task = 'pott': expected one of 'pot', 'carom', .*did you mean 'pot'"),
+        ({"scene": "carom"}, "'pot' with 2 object balls and 0 pockets: expected object balls and a table with"),
+        ({"scene": ALL_FIXED}, "task = 'pot' with object balls of infinite mass only: expected one of finite mass"),
+        ({"mode": "pci"}, "mode = 'pci': expected"),
+        ({"dt": 0.1}, "dt = 0.1 with mode='pic': expected None"),
+        ({"layout": "racked"}, "layout = 'racked': expected one of .*did you mean 'rack'"),
+        ({"layout": "line", "n_object_balls": 2}, "layout = 'line' with 2 object balls: expected 1"),
+        ({"layout": None, "scene": "carom", "task": "carom", "n_object_balls": 3}, "'carom_opening' with 3"),
+        ({"observe_shots_left": 1}, "observe_shots_left = 1: expected True or False"),
+        ({"render_mode": "ansi"}, "render_mode = 'ansi': expected one of 'human'"),
+        ({"action": "spin"}, "action = 'spin': expected one of 'velocity', 'strike'"),
+        (
+            {"scene": "ideal", "task": "carom", "action": "strike"},
+            "action = 'strike' with physics.motion = 'ideal': expected motion 'sliding'",
+        ),
+        ({"randomize": 3}, "randomize = 3: expected a mapping", TypeError),
+        ({"randomize": {"mu_rol": [1, 2]}}, "key of randomize = 'mu_rol': expected one of .*did you mean 'mu_roll'"),
+        ({"randomize": {"dt": [0.01, 0.02]}}, r"randomize\['dt'\] with mode='pic': expected mode='pit'"),
+        ({"randomize": {"mu_roll": 0.01}}, r"randomize\['mu_roll'\] = 0.01: expected a list", TypeError),
+        ({"randomize": {"mu_roll": [0.01]}}, r"randomize\['mu_roll'\] = \[0.01\]: expected \(low, high\)"),
+        ({"randomize": {"mu_roll": [0.02, 0.01]}}, r"randomize\['mu_roll'\] = \[0.02, 0.01\]: .* with low < high"),
+        ({"randomize": {"mu_roll": ["a", 1]}}, r"randomize\['mu_roll'\] = 'a': expected a number, not str", TypeError),
+        ({"randomize": {"mu_roll": [-1, 1]}}, "randomize: physics.mu_roll = -1.0: expected a number from 1e-12 to 100"),
+        ({"randomize": FLOOR}, "randomize: physics.e_cushion_floor = 0.6: expected at most e_cushion = 0.5"),
+        (NO_TIMESTEP, "randomize: dt = 0.0 with mode='pit': expected the timestep"),
+        ({"observe_physics": True}, "observe_physics = True without randomize"),
+        ({"observe_physics": 1, "randomize": RANGES}, "observe_physics = 1: expected True or False"),
+    ],
+)
+def test_wrong_arguments(arguments, message, kind):
+    for make in (BilliardsEnv, BilliardsVectorEnv):
+        with pytest.raises(kind, match=message):
+            make(**arguments)
+
+
+@refusals(
+    "arguments",
+    [
+        ({"num_envs": 0}, "num_envs = 0: expected a whole number from 1 to 10000000"),
+        ({"num_envs": 1.5}, "num_envs = 1.5: expected a whole number from 1 to 10000000"),
+        ({"threads": 0}, "threads = 0: expected a whole number from 1 to 1024"),
+        ({"autoreset_mode": "SameStp"}, "autoreset_mode = 'SameStp': .*did you mean 'SameStep'"),
+        ({"max_shot": 1}, "max_shot", TypeError),
+        ({"max_episode_steps": 5}, "max_episode_steps = 5: expected max_shots, one step is one shot"),
+    ],
+)
+def test_wrong_arguments_of_the_vector_environment(arguments, message, kind):
+    with pytest.raises(kind, match=message):
+        BilliardsVectorEnv(**arguments)
+
+
+FRAMES, NOISE = (ActionFrame, VectorActionFrame), (ExecutionNoise, VectorExecutionNoise)
+
+
+@refusals(
+    "wrappers, arguments",
+    [
+        (FRAMES, ("cute",), r"frame = 'cute': expected one of .* \(did you mean 'cut'\?\)"),
+        (FRAMES, ("cut", "near"), r"ball = 'near': expected one of"),
+        (FRAMES, ("cut", 0), "ball = 0: expected 1, 'nearest' or 'first'"),
+        (FRAMES, ("cut", 2), "ball = 2"),
+        (FRAMES, ("cut", True), "ball = True"),
+        (FRAMES, ("cut", "nearest", 4.1), "least_speed = 4.1: expected a number from 0 to 4 m/s, max_speed"),
+        (FRAMES, ("cut", "nearest", -1.0), "least_speed = -1.0"),
+        (FRAMES, ("sum_to_three",), "max_speed = 4.0 with frame 'sum_to_three': expected at least 4.185"),
+        (NOISE, (-0.1, 0.0), "angle_std = -0.1: expected a number from 0 to "),
+        (NOISE, (0.0, np.nan), "speed_std = nan: expected a number from 0 to "),
+        (NOISE, (np.inf, 0.0), "angle_std = inf: expected a number from 0 to "),
+    ],
+)
+def test_wrong_arguments_of_wrappers(wrappers, arguments, message, kind):
+    for wrap, env in zip(wrappers, (gym.make("Billiards-v0"), gym.make_vec("Billiards-v0", 2)), strict=True):
+        with pytest.raises(kind, match=message):
+            wrap(env, *arguments)
+
+
+@refusals(
+    "options",
+    [
+        ({"position": []}, "key of options = 'position': expected one of 'positions', 'goal', .*did you mean 'pos"),
+        ([1, 2], r"options = \[1, 2\]: expected a dict", TypeError),
+        ({"positions": [[0, 0]]}, r"options\['positions'\] has shape \(1, 2\): expected \(2, 2\)"),
+        ({"positions": np.full((4, 2, 2), [[0], [0.5]])}, r"shape \(4, 2, 2\): expected \(2, 2\)"),
+        ({"positions": [[0, 0], [0.01, 0]]}, "balls 0 and 1 are 0.01 m apart: expected at least 0.05715"),
+        ({"positions": [[0, 0], [2, 0]]}, r"ball 1 is at \[2.0, 0.0\]: .* inside the cushions"),
+        ({"positions": [[0, 0], [np.nan, 0]]}, r"ball 1 is at \[nan, 0.0\]: expected finite"),
+        ({"positions": [[0, 0], [1.24, 0.6]]}, r"ball 1 is at .*: expected a place outside pocket 3"),
+        ({"goals": [0, 0]}, "key of options = 'goals': expected one of 'positions', 'goal', .*did you mean 'goal'"),
+        ({"goal": [[0, 0]]}, r"options\['goal'\] has shape \(1, 2\): expected \(2,\)"),
+        (
+            {"goal": [0, 0.62]},
+            r"options\['goal'\] as a position of the cue ball: .* at \[0.0, 0.62\]: .* inside the cushions",
+        ),
+        ({"goal": [0, np.nan]}, "expected finite coordinates"),
+        ({"goal": [1.24, 0.6]}, "expected a place outside pocket 3"),
+        ({"physics": 0.01}, r"options\['physics'\] = 0.01: expected a mapping", TypeError),
+        ({"physics": {"g": 9.0}}, r"key of options\['physics'\] = 'g': expected one of 'mu_roll', 'e_ball'"),
+        ({"physics": {"mu_roll": [0.01]}}, r"options\['physics'\]\['mu_roll'\] has shape \(1,\): expected \(\)"),
+        ({"physics": {"mu_roll": 0.03}}, r"'mu_roll'\] = 0.03: expected a number from 0.004 to 0.02, as in randomize"),
+        ({"physics": {"mu_roll": np.nan}}, r"\['mu_roll'\] = nan: expected a number from 0.004 to 0.02"),
+    ],
+)
+def test_after_wrong_options_the_episode_continues(options, message, kind):
+    env = BilliardsEnv(task="place", randomize=RANGES)
+    observation, _ = env.reset(seed=0)
+    with pytest.raises(kind, match=message):
+        env.reset(options=options)
+    assert np.array_equal(env.step(np.zeros(2))[0], observation)
+
+
+@pytest.mark.parametrize("name", ["goal", "physics"])
+def test_an_option_that_does_not_fit_the_environment(name):
+    with pytest.raises(ValueError, match=f"key of options = '{name}': expected one of 'positions'"):
+        BilliardsEnv().reset(options={name: [0, 0]})
+
+
+APART, CLOSE = [[0.0, 0.0], [0.5, 0.0]], [[0.0, 0.0], [0.01, 0.0]]
+
+
+@refusals(
+    "start",
+    [
+        ({"seed": -1}, "seed of environment 0 = -1: expected a whole number >= 0"),
+        ({"seed": [1, 2.0]}, "seed of environment 1 = 2.0: expected a whole number"),
+        ({"seed": np.float64(3)}, r"seed = 3.0: expected a whole number", TypeError),
+        ({"seed": [True, 2]}, "seed of environment 0 = True: expected a whole number"),
+        ({"seed": [np.int64(-1), 2]}, "seed of environment 0 = -1: expected a whole number >= 0"),
+        ({"seed": [1]}, "seed has 1 entries: expected 2"),
+        ({"options": [1]}, r"options = \[1\]: expected a dict", TypeError),
+        ({"options": {"position": 1}}, "did you mean 'positions'"),
+        ({"options": {"positions": APART}}, r"shape \(2, 2\): expected \(2, 2, 2\)"),
+        ({"options": {"goal": [0.1, 0.2]}}, r"has shape \(2,\): expected \(2, 2\)"),
+        ({"options": {"positions": [APART, CLOSE]}}, "shot 1, balls 0 and 1 are 0.01 m apart"),
+        ({"options": {"reset_mask": [True, True]}}, "expected a NumPy array of bool", TypeError),
+        ({"options": {"reset_mask": np.ones(2)}}, "expected a NumPy array of bool", TypeError),
+        ({"options": {"reset_mask": np.ones(3, bool)}}, r"has shape \(3,\): expected \(2,\)"),
+        ({"options": {"reset_mask": np.zeros(2, bool)}}, "expected at least one environment to reset"),
+    ],
+)
+def test_after_a_wrong_reset_of_the_vector_environment_the_episodes_continue(start, message, kind):
+    envs = BilliardsVectorEnv(2, "NextStep", task="place")
+    observations, _ = envs.reset(seed=0)
+    states = [rng.bit_generator.state for rng in envs.np_random]
+    with pytest.raises(kind, match=message):
+        envs.reset(**start)
+    assert [rng.bit_generator.state for rng in envs.np_random] == states
+    assert np.array_equal(envs.step(np.zeros((2, 2)))[0], observations)
+
+
+THREE = {"num_envs": 3, "autoreset_mode": AutoresetMode.DISABLED}
+
+
+@refusals(
+    "make, arguments, action",
+    [
+        (BilliardsEnv, {}, [np.nan, 0.0], r"action = \[nan, 0.0\]: expected finite numbers"),
+        (BilliardsEnv, {}, [0.0, -np.inf], r"action = \[0.0, -inf\]: expected finite numbers"),
+        (BilliardsEnv, {}, [0.0, 0.0, 0.0], r"action has shape \(3,\): expected \(2,\)"),
+        (BilliardsEnv, {}, 0.5, r"action has shape \(\): expected \(2,\)"),
+        (BilliardsEnv, STRIKE, [0.1, 0.2], r"action has shape \(2,\): expected \(5,\)"),
+        (BilliardsEnv, STRIKE, [0.1, 0.2, 0.0, np.nan, 0.0], "action = .*: expected finite numbers"),
+        (BilliardsVectorEnv, THREE, np.zeros((2, 2)), r"actions has shape \(2, 2\): expected \(3, 2\)"),
+        (BilliardsVectorEnv, THREE, np.zeros(2), r"actions has shape \(2,\): expected \(3, 2\)"),
+        (
+            BilliardsVectorEnv,
+            {"num_envs": 3},
+            [[0, 0], [np.inf, 0], [0, 0]],
+            r"action of environment 1 = \[inf, 0.0\]: expected finite numbers",
+        ),
+    ],
+)
+def test_a_wrong_action_changes_nothing(make, arguments, action, message, kind):
+    env, twin = make(**arguments), make(**arguments)
+    for one in (env, twin):
+        one.reset(seed=0)
+    with pytest.raises(kind, match=message):
+        env.step(action)
+    usual = np.full(env.action_space.shape, 0.1)
+    same(env.step(usual), twin.step(usual))
+
+
+def test_a_step_without_an_episode():
+    env = BilliardsEnv()
+    with pytest.raises(ResetNeeded, match=r"over or has not begun: call reset\(\)"):
+        env.step(np.zeros(2))
+    for _ in range(2):
+        env.reset(seed=0)
+        env.step(np.zeros(2))
+        with pytest.raises(ResetNeeded, match=r"over or has not begun: call reset\(\)"):
+            env.step(np.zeros(2))
+    assert isinstance(gym.make("Billiards-v0"), OrderEnforcing)
+
+
+@pytest.mark.parametrize("mode", AutoresetMode, ids=lambda mode: mode.value)
+def test_a_step_of_the_vector_environment_without_episodes(mode):
+    envs: Any = BilliardsVectorEnv(2, autoreset_mode=mode)
+    first = {"reset_mask": np.array([True, False])}
+    with pytest.raises(ResetNeeded, match="call reset"):
+        envs.step(np.zeros((2, 2)))
+    with pytest.raises(ResetNeeded, match="never been reset: reset all environments first"):
+        envs.reset(options=first)
+    envs.reset()
+    envs.step(np.zeros((2, 2)))
+    if mode is AutoresetMode.DISABLED:
+        for over, start in enumerate((first, None)):
+            with pytest.raises(ResetNeeded, match=f"The episode of environment {over} is over"):
+                envs.step(np.zeros((2, 2)))
+            envs.reset(options=start)
