@@ -7,7 +7,6 @@ from billiards_env.games.judging import RuleState
 from billiards_env.games.placement import (
     cue_ball_point,
     nearest_free_point,
-    obstacles,
     placement_area,
     rack_again,
     spotted_point,
@@ -133,21 +132,6 @@ def test_the_result_is_free_and_nearest():
         inside = min(max(point[0], area[0]), area[1]), min(max(point[1], area[2]), area[3])
         best = brute(inside, area, circles)
         assert math.hypot(x - inside[0], y - inside[1]) <= math.sqrt(best) + 1e-9
-
-
-def test_placed_balls_are_valid_for_the_engine():
-    rng = np.random.default_rng(1)
-    scene = Scene.named("pool", 9)
-    for _ in range(100):
-        positions = np.full((10, 2), 0.0)
-        for ball in range(10):
-            point, lying = tuple((2.6 * rng.random(2) - 1.3).tolist()), range(ball)
-            positions[ball] = (
-                spotted_point(scene, positions, lying, ball, 0)
-                if ball % 3
-                else nearest_free_point(point, placement_area(scene, ball), obstacles(scene, positions, ball, lying))
-            )
-        check_positions(scene, positions)
 
 
 RACK = plan("tight_rack", SCENE).spots[1:]

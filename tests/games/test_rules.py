@@ -7,7 +7,7 @@ import pytest
 from billiards_env import Scene, simulate
 from billiards_env.games import RULES, Call, Facts, Verdict
 from billiards_env.games.judging import facts_of, next_state
-from tests.helpers.games import facts, state
+from tests.helpers.games import check_together, facts, state
 
 SOLIDS, STRIPES = set(range(1, 8)), set(range(9, 16))
 ANYWHERE: dict[str, Any] = {"in_hand": "anywhere"}
@@ -85,8 +85,6 @@ def test_legal_balls(rules, fields, player, legal):
 
 def test_any_ball_may_be_called_in_straight_pool():
     assert RULES["straight"].callable(state("straight", on_table=(3, 8)), 0) == {3, 8}
-    with pytest.raises(ValueError, match="game = 'nine_ball': expected one of"):
-        RULES["nine_ball"].callable(state("nine_ball"), 0)
 
 
 # Fouls of nine ball and eight ball.
@@ -277,6 +275,11 @@ CASES = {
 def test_verdicts(rules, case):
     fields, log, verdict, *call = case
     assert judged(rules, fields, log, *call) == verdict
+
+
+@pytest.mark.parametrize("rules", CASES)
+def test_many_shots_are_judged_as_one_is(rules):
+    check_together(rules, CASES[rules])
 
 
 LAST_SOLID, LAST_STRIPE = {"solids": 0, "on_table": (1, 8, 9)}, {"solids": 1, "on_table": (2, 8)}

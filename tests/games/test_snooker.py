@@ -11,7 +11,7 @@ from billiards_env.games.judging import next_state
 from billiards_env.games.placement import SPOT_GAP, cue_ball_point, placement_area, spot_colours
 from billiards_env.games.snooker_fouls import is_miss, is_snookered, points_left
 from billiards_env.scene.layouts import plan
-from tests.helpers.games import facts, state
+from tests.helpers.games import check_together, facts, state
 
 YELLOW, GREEN, BROWN, BLUE, PINK, BLACK = range(16, 22)
 COLOURS = tuple(range(16, 22))
@@ -58,36 +58,40 @@ def scored(points, *spotted, colour=False):
     return Verdict(points=points, continues=True, spotted=spotted, colour=colour)
 
 
-@pytest.mark.parametrize(
-    ("fields", "log", "call", "verdict"),
-    [
-        ({}, "hit 0 4, pocket 4", Call(), scored(1, colour=True)),  # 3.3 d
-        ({}, "hit 0 4, pocket 4, pocket 9", Call(), scored(2, colour=True)),
-        ({}, "hit 0 3", Call(), Verdict()),  # a miss needs no cushion
-        ({"colour": True}, f"hit 0 {BLUE}", Call(), Verdict()),
-        ({"on_table": (BLACK,)}, f"hit 0 {BLACK}", Call(), Verdict()),
-        # A free ball counts as a red and is spotted (3.12 a, c, e), or scores the value of the ball on (3.12 a, d, e).
-        (FREE, "hit 0 1", Call(), Verdict()),
-        (FREE, "hit 0 1, pocket 1", Call(), scored(1, colour=True)),
-        (FREE, f"hit 0 {GREEN}, pocket {GREEN}", Call(), scored(1, GREEN, colour=True)),
-        (FREE, f"hit 0 {GREEN}, pocket {GREEN}", Call(GREEN), scored(1, GREEN, colour=True)),
-        (FREE, f"hit 0 {GREEN}, pocket {GREEN}, pocket 4", Call(), scored(2, GREEN, colour=True)),
-        (LAST_THREE, f"hit 0 {BLACK}, pocket {BLACK}", Call(), scored(5, BLACK)),
-        (LAST_THREE, f"hit 0 {BLACK}, pocket {BLUE}", Call(), scored(5)),
-        (LAST_THREE, f"hit 0 {BLACK}, pocket {BLUE}, pocket {BLACK}", Call(), scored(5, BLACK)),
-    ],
-)
-def test_shots_without_a_foul(fields, log, call, verdict):
-    assert snooker(frame(**fields), facts(log), call) == verdict
+def pots(log):
+    """Returns the events of shots that hit and pot a ball."""
+    return f"hit 0 {log}, pocket {log}"
 
 
-@pytest.mark.parametrize(("ball", "points"), list(zip(COLOURS, range(2, 8), strict=True)))
-def test_a_colour_scores_its_value_and_is_spotted(ball, points):  # 3.3 e
-    before = frame(colour=True)
-    for call in (Call(), Call(ball)):
-        verdict = snooker(before, pot(ball), call)
-        assert verdict == scored(points, ball)
-    assert balls_on(next_state(before, pot(ball), verdict), 0) == set(range(1, 16))
+WITHOUT_FOUL = [
+    ({}, pots(4), scored(1, colour=True)),  # 3.3 d
+    ({}, f"{pots(4)}, pocket 9", scored(2, colour=True)),
+    ({}, "hit 0 3", Verdict()),  # a miss needs no cushion
+    ({"colour": True}, f"hit 0 {BLUE}", Verdict()),
+    ({"on_table": (BLACK,)}, f"hit 0 {BLACK}", Verdict()),
+    # A colour scores its value and is spotted (3.3 e).
+    *(({"colour": True}, pots(ball), scored(ball - 14, ball)) for ball in COLOURS),
+    *(({"colour": True}, pots(ball), scored(ball - 14, ball), Call(ball)) for ball in COLOURS),
+    # A free ball counts as a red and is spotted (3.12 a, c, e), or scores the value of the ball on (3.12 a, d, e).
+    (FREE, "hit 0 1", Verdict()),
+    (FREE, pots(1), scored(1, colour=True)),
+    (FREE, pots(GREEN), scored(1, GREEN, colour=True)),
+    (FREE, pots(GREEN), scored(1, GREEN, colour=True), Call(GREEN)),
+    (FREE, f"{pots(GREEN)}, pocket 4", scored(2, GREEN, colour=True)),
+    (LAST_THREE, pots(BLACK), scored(5, BLACK)),
+    (LAST_THREE, f"hit 0 {BLACK}, pocket {BLUE}", scored(5)),
+    (LAST_THREE, f"hit 0 {BLACK}, pocket {BLUE}, pocket {BLACK}", scored(5, BLACK)),
+]
+
+
+@pytest.mark.parametrize("case", WITHOUT_FOUL)
+def test_shots_without_a_foul(case):
+    fields, log, verdict, *call = case
+    assert snooker(frame(**fields), facts(log), *call) == verdict
+
+
+def test_many_shots_are_judged_as_one_is():
+    check_together("snooker", WITHOUT_FOUL)
 
 
 def test_the_colour_after_the_last_red_is_spotted_and_the_yellow_follows():  # 3.3 e, f

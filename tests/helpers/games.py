@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 
 from billiards_env import Scene
-from billiards_env.games import RULES, RuleState, Setup
-from billiards_env.games.judging import facts_of
+from billiards_env.games import NO_CALL, RULES, RuleState, Setup
+from billiards_env.games.judging import balls_of, call_array, fact_array, facts_of, state_array, verdict_of
+from billiards_env.rules import judge_shots, legal_balls
 from billiards_env.shots.result import EVENT_DTYPE
 
 
@@ -41,6 +42,16 @@ def state(rules, *, on_table=None, players=2, **fields):
     start = RuleState(0, (0,) * players, frozenset(range(n)), False, "no", RULES[rules].cue_balls)
     start = start._replace(reds=15 if rules == "snooker" else 0)
     return start._replace(**fields, on_table=start.on_table if on_table is None else frozenset({0, *on_table}))
+
+
+def check_together(rules, cases):
+    """Checks that arrays of shots have the verdicts and the legal balls of cases: (fields, log, verdict[, call])."""
+    shots = [(state(rules, **case[0]), facts(case[1]), case[2], *(case[3:] or [NO_CALL])) for case in cases]
+    states, made, verdicts, calls = zip(*shots, strict=True)
+    judged = judge_shots(rules, state_array(states), fact_array(made), call_array(calls, made))
+    assert [verdict_of(row, highest_first=rules == "snooker") for row in judged] == list(verdicts)
+    legal = legal_balls(rules, state_array(states), np.ones(len(states), int))
+    assert [set(balls_of(int(balls))) for balls in legal] == [RULES[rules].legal(one, 1) for one in states]
 
 
 def in_a_row(n, places=None):

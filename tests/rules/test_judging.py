@@ -1,83 +1,11 @@
-"""Arrays of shots are judged as single shots are."""
+"""Arrays of states and of facts. Tests of `games` judge them."""
 
 import numpy as np
 import pytest
 
-from billiards_env.games import RULES, Call, RuleState
-from billiards_env.games.judging import (
-    ball_set,
-    balls_of,
-    call_array,
-    fact_array,
-    facts_of,
-    state_array,
-    verdict_of,
-)
-from billiards_env.rules import CALL, FACTS, FOULS, GAMES, STATE, Counts, facts_of_shots, judge_shots, legal_balls
-from tests.helpers.games import events
-
-
-def random_state(name, rng):
-    rules = RULES[name]
-    n, players = 1 + rules.n_object_balls[1], int(rng.integers(rules.n_players[0], rules.n_players[1] + 1))
-    lying = {0, (rules.deciding_ball or 1) % n, *np.flatnonzero(rng.random(n) < rng.random()).tolist()}
-    return RuleState(
-        player=int(rng.integers(players)),
-        scores=tuple(rng.integers(0, 20, players).tolist()),
-        on_table=frozenset(lying if rules.pockets else range(n)),
-        break_shot=bool(rng.random() < 0.3),
-        cue_balls=rules.cue_balls if rng.random() < 0.5 else rules.cue_balls[::-1],
-        solids=int(rng.integers(-1, 2)) if name == "eight_ball" else -1,
-        target=int(rng.choice([0, 10, 60])),
-        call_shot=bool(rng.random() < 0.5) and rules.call_kernel is not None,
-        reds=15 if name == "snooker" else 0,
-        fouls=tuple(rng.integers(0, 3, players).tolist()),
-        colour=name == "snooker" and bool(rng.random() < 0.4),
-        free_ball=name == "snooker" and bool(rng.random() < 0.3),
-    )
-
-
-def random_facts(name, state, rng):
-    cue, table, rows = state.cue_balls[0], set(state.on_table), []
-    for _ in range(int(rng.integers(8))):
-        kind = str(rng.choice(["hit", "cushion", "pocket"] if RULES[name].pockets else ["hit", "cushion"]))
-        ball = int(rng.choice(sorted(table)))
-        if kind == "hit" and {cue} < table:
-            ball = int(rng.choice(sorted(table - {cue})))
-            rows.append((kind, cue, ball))
-        elif kind != "hit" and (kind == "cushion" or len(table) > 1):
-            rows.append((kind, ball, int(rng.integers(6))))
-            table -= {ball} if kind == "pocket" else set()
-    return facts_of(events(*rows, times=np.cumsum(rng.integers(0, 2, len(rows)))), cue)
-
-
-def random_call(state, facts, rng):
-    kind = str(rng.choice(["shot", "shot", "safety", "push_out"]))
-    if facts.potted and rng.random() < 0.7:
-        return Call(facts.potted[-1], facts.pockets[-1], kind)
-    return Call(int(rng.choice([-1, *sorted(state.object_balls)])), int(rng.integers(-1, 6)), kind)
-
-
-@pytest.mark.parametrize("name", GAMES)
-def test_games_in_different_states_are_judged_as_one_by_one(name):
-    rng, rules = np.random.default_rng(3), RULES[name]
-    states = [random_state(name, rng) for _ in range(1000)]
-    facts = [random_facts(name, state, rng) for state in states]
-    calls = [random_call(state, found, rng) for state, found in zip(states, facts, strict=True)]
-    verdicts = judge_shots(name, state_array(states), fact_array(facts), call_array(calls, facts))
-    singles = [rules.judge(*shot) for shot in zip(states, facts, calls, strict=True)]
-    assert [verdict_of(row, highest_first=name == "snooker") for row in verdicts] == singles
-    assert len(set(singles)) > (1 if rules.pockets else 2)
-    for found, verdict in zip(facts, singles, strict=True):
-        assert verdict.in_hand == "no" or verdict.foul or verdict.spotted
-        assert verdict.winner < 0 or verdict.over
-        assert not (verdict.foul and verdict.points > 0)
-        assert set(verdict.spotted) <= {*found.potted, 21}  # in snooker the black after a tie
-    players = np.array([len(state.scores) - 1 for state in states])
-    legal = legal_balls(name, state_array(states), players)
-    assert [frozenset(balls_of(int(balls))) for balls in legal] == [
-        rules.legal(state, int(player)) for state, player in zip(states, players, strict=True)
-    ]
+from billiards_env.games import RuleState
+from billiards_env.games.judging import ball_set, balls_of, state_array
+from billiards_env.rules import CALL, FACTS, FOULS, STATE, Counts, facts_of_shots, judge_shots
 
 
 def test_the_fields_of_arrays_are_those_of_one_shot():
