@@ -3,22 +3,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env.envs import BilliardsEnv
+from billiards_env.envs import BilliardsEnv, tasks
 from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
-from billiards_env.envs.tasks import (
-    TASKS,
-    judge_carom,
-    judge_clear,
-    judge_place,
-    judge_position,
-    judge_pot,
-    judge_sum_to_three,
-    judge_three_cushion,
-)
 from tests.helpers.environments import RUN_OUTS
 
 GOAL = (0.3, -0.2)
-PLACE, POSITION = TASKS["place"].goal_radius, TASKS["position"].goal_radius
+PLACE, POSITION = tasks.TASKS["place"].goal_radius, tasks.TASKS["position"].goal_radius
 SAMPLE: dict[str, Any] = {
     "targets": (1, 2),
     "before": (),
@@ -46,7 +36,7 @@ def one(task, **changes: Any):
     return judged(
         task,
         balls(shot["targets"]),
-        {judge_place: PLACE, judge_position: POSITION}.get(task, 0.0),
+        {tasks.judge_place: PLACE, tasks.judge_position: POSITION}.get(task, 0.0),
         positions=positions,
         goals=goals,
         potted_before=before,
@@ -135,27 +125,27 @@ POSITIONS = [
 def cases():
     """Yields kernels, the changes of a shot, and the results."""
     for before, after, *result in POT:
-        yield judge_pot, {"before": before, "after": after}, result
-    yield judge_pot, {"targets": (2,), "after": (2,)}, (1, True, True)
-    yield judge_pot, {"targets": (2,), "after": (1,)}, (0, False, False)
+        yield tasks.judge_pot, {"before": before, "after": after}, result
+    yield tasks.judge_pot, {"targets": (2,), "after": (2,)}, (1, True, True)
+    yield tasks.judge_pot, {"targets": (2,), "after": (1,)}, (0, False, False)
     for before, after, points, over in CLEAR:
-        yield judge_clear, {"before": before, "after": after}, (points, over, points == 1)
+        yield tasks.judge_clear, {"before": before, "after": after}, (points, over, points == 1)
     for before_hit, after, points, over in CAROM:
         three = [3 if cushions >= 0 else -1 for cushions in before_hit]
-        yield judge_carom, {"before_hit": before_hit, "after": after}, (points, over, points == 1)
-        yield judge_three_cushion, {"before_hit": three, "after": after}, (points, over, points == 1)
+        yield tasks.judge_carom, {"before_hit": before_hit, "after": after}, (points, over, points == 1)
+        yield tasks.judge_three_cushion, {"before_hit": three, "after": after}, (points, over, points == 1)
     for before_hit, points in THREE_CUSHION:
         shot = {"before_hit": before_hit, "cushions": (9, 9, 9)}
-        yield judge_three_cushion, shot, (points, False, points == 1)
+        yield tasks.judge_three_cushion, shot, (points, False, points == 1)
     for cushions, before, points in SUM_TO_THREE:
         shot = {"cushions": (*cushions, 7), "before_hit": (-1, before, 7)}
-        yield judge_sum_to_three, shot, (points, False, points == 1)
+        yield tasks.judge_sum_to_three, shot, (points, False, points == 1)
     for cue, before_hit, before, after, points, over in PLACES:
         shot = {"cue": cue, "before_hit": before_hit, "before": before, "after": after}
-        yield judge_place, shot, (points, over, points == 1)
-    yield judge_place, {"targets": (), "cue": GOAL}, (1, True, True)  # no touch is needed without object balls
+        yield tasks.judge_place, shot, (points, over, points == 1)
+    yield tasks.judge_place, {"targets": (), "cue": GOAL}, (1, True, True)  # no touch is needed without object balls
     for cue, before, after, points, over in POSITIONS:
-        yield judge_position, {"cue": cue, "before": before, "after": after}, (points, over, points == 1)
+        yield tasks.judge_position, {"cue": cue, "before": before, "after": after}, (points, over, points == 1)
 
 
 @pytest.mark.parametrize(("judge", "shot", "result"), list(cases()), ids=lambda one: getattr(one, "__name__", str(one)))
@@ -181,7 +171,7 @@ def run_out(task, before=(), potted=(), first=1, on=(), cushion=5):
     if first >= 0:
         before_hit[0, first] = 0
     result = judged(
-        TASKS[task].judge,
+        tasks.TASKS[task].judge,
         np.zeros(n, np.bool_),
         potted_before=was,
         potted=off,

@@ -161,15 +161,6 @@ def test_next_step_resets_ignore_the_action():
         envs.step([[0.0, 0.0], [0.0, np.nan]])
 
 
-def test_by_default_every_step_plays_a_shot_in_every_environment():
-    envs = gym.make_vec("Billiards-v0", num_envs=3)
-    assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
-    envs.reset(seed=0)
-    for _ in range(3):
-        *_, infos = envs.step(np.ones((3, 2)))
-        assert (infos["final_info"]["n_events"] > 0).all()
-
-
 @pytest.mark.parametrize(("kwargs", "mode"), list(zip(VARIANTS[-3:], MODES, strict=True)), ids=name_of)
 def test_make_vec(kwargs, mode):
     with warnings.catch_warnings():

@@ -3,14 +3,8 @@ import math
 import numpy as np
 import pytest
 
+from billiards_env.games import placement
 from billiards_env.games.judging import RuleState
-from billiards_env.games.placement import (
-    cue_ball_point,
-    nearest_free_point,
-    placement_area,
-    rack_again,
-    spotted_point,
-)
 from billiards_env.scene import Balls, Scene, check_positions
 from billiards_env.scene.layouts import MARGIN, plan
 from billiards_env.scene.table import Table
@@ -25,7 +19,7 @@ AWAY = np.array([[-1.2 + 0.1 * i, 0.55] for i in range(16)])
 def place(point, on_table=(), in_hand="anywhere", positions=AWAY):
     """Returns the place of a cue ball in hand."""
     state = RuleState(0, (0, 0), frozenset({0, *on_table}), in_hand=in_hand)
-    return cue_ball_point(SCENE, positions, state, point)
+    return placement.cue_ball_point(SCENE, positions, state, point)
 
 
 def on_axis(*xs):
@@ -48,27 +42,29 @@ def on_axis(*xs):
 )
 def test_a_ball_is_spotted_on_the_long_string(balls, x):
     positions, lying = on_axis(*balls)
-    positions[15] = spotted_point(SCENE, positions, lying, 15, 0)
+    positions[15] = placement.spotted_point(SCENE, positions, lying, 15, 0)
     assert positions[15] == pytest.approx((x, 0.0), abs=1e-15)
     check_positions(SCENE, positions)
 
 
 def test_a_spotted_ball_does_not_touch_the_cue_ball():
     positions, lying = on_axis(FOOT, FOOT + 2 * R)
-    assert spotted_point(SCENE, positions, lying, 15, 2) == pytest.approx((FOOT + 2 * R + REACH, 0.0), abs=1e-12)
+    assert placement.spotted_point(SCENE, positions, lying, 15, 2) == pytest.approx(
+        (FOOT + 2 * R + REACH, 0.0), abs=1e-12
+    )
 
 
 def test_a_ball_near_the_long_string_blocks_a_part_of_it():
     positions, balls = on_axis(FOOT)
     for y, x in ((R, FOOT + math.sqrt(3.0) * R), (2.001 * R, FOOT)):
         positions[1] = FOOT, y
-        assert spotted_point(SCENE, positions, balls, 9, 0) == pytest.approx((x, 0.0), abs=1e-12)
+        assert placement.spotted_point(SCENE, positions, balls, 9, 0) == pytest.approx((x, 0.0), abs=1e-12)
 
 
 def test_with_a_blocked_long_string_the_ball_is_placed_off_the_axis():
     small = Scene(Balls.uniform(4, 0.1, 1.0), Table(0.62, 2.0))
     positions = np.array([[-0.2, 0.0], [0.0, 0.0], [0.2, 0.0], [0.0, 0.5]])
-    x, y = spotted_point(small, positions, (0, 1, 2), 3, 0)
+    x, y = placement.spotted_point(small, positions, (0, 1, 2), 3, 0)
     assert abs(y) > 0.15
     positions[3] = x, y
     check_positions(small, positions)
@@ -76,7 +72,7 @@ def test_with_a_blocked_long_string_the_ball_is_placed_off_the_axis():
 
 def test_a_full_table_is_an_error():
     with pytest.raises(ValueError, match="no room"):
-        nearest_free_point((0.0, 0.0), (-1.0, 1.0, -1.0, 1.0), [(0.0, 0.0, 2.0)])
+        placement.nearest_free_point((0.0, 0.0), (-1.0, 1.0, -1.0, 1.0), [(0.0, 0.0, 2.0)])
 
 
 def test_a_free_point_is_returned_unchanged():
@@ -85,13 +81,13 @@ def test_a_free_point_is_returned_unchanged():
 
 
 def test_a_point_outside_the_area_is_clipped():
-    x_low, x_high, y_low, y_high = placement_area(SCENE, 0)
+    x_low, x_high, y_low, y_high = placement.placement_area(SCENE, 0)
     assert place((9.0, 0.3)) == (x_high, 0.3)
     assert place((0.3, -9.0)) == (0.3, y_low)
     assert place((0.3, 0.1), in_hand="behind") == (-SCENE.table.length / 4, 0.1)
     assert (x_low, y_low, x_high) == (-x_high, -y_high, SCENE.table.length / 2 - R - MARGIN)
     with_jaws = Scene.named("uk_pool")
-    assert placement_area(with_jaws, 0, behind=True)[1] == with_jaws.table.head_x < 0.0
+    assert placement.placement_area(with_jaws, 0, behind=True)[1] == with_jaws.table.head_x < 0.0
 
 
 def test_a_blocked_point_moves_radially_out():
@@ -122,15 +118,14 @@ def test_the_result_is_free_and_nearest():
     for _ in range(200):
         circles = [(*(2 * rng.random(2) - 1).tolist(), 0.1 + 0.3 * rng.random()) for _ in range(12)]
         point = tuple((2.4 * rng.random(2) - 1.2).tolist())
-        nearest = brute(point, area, circles)
-        if not np.isfinite(nearest):
+        inside = min(max(point[0], area[0]), area[1]), min(max(point[1], area[2]), area[3])
+        best = brute(inside, area, circles)
+        if not np.isfinite(best):
             continue
-        x, y = nearest_free_point(point, area, circles)
+        x, y = placement.nearest_free_point(point, area, circles)
         assert area[0] <= x <= area[1]
         assert area[2] <= y <= area[3]
         assert all(math.hypot(x - cx, y - cy) >= reach - 1e-8 for cx, cy, reach in circles)
-        inside = min(max(point[0], area[0]), area[1]), min(max(point[1], area[2]), area[3])
-        best = brute(inside, area, circles)
         assert math.hypot(x - inside[0], y - inside[1]) <= math.sqrt(best) + 1e-9
 
 
@@ -154,7 +149,7 @@ def test_straight_pool_special_racking_situations(case):  # 4.8
     positions = np.zeros((16, 2))
     positions[15], positions[0] = last or (0.0, 0.0), cue
     on_table = {0, 15} if last else {0}
-    assert rack_again(SCENE, positions, on_table, 0) == in_hand
+    assert placement.rack_again(SCENE, positions, on_table, 0) == in_hand
     assert positions[15] == pytest.approx(last_after)
     assert cue_after is None or positions[0] == pytest.approx(cue_after)
     full = "potted" in case or "both" in case

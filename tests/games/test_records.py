@@ -4,6 +4,7 @@ import functools
 import json
 import math
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -80,7 +81,8 @@ def test_a_record_survives_a_file_and_replays_bit_for_bit(name, tmp_path):
     data = json.loads((tmp_path / "a.json").read_text(), parse_constant=pytest.fail)  # strict JSON
     assert data["format"] == ("billiards_env/shot" if name in SHOTS else "billiards_env/game")
     assert (data["version"], data["written_by"]) == (2, f"billiards_env {__version__}")
-    played, end = records.replay(loaded), loaded.end
+    played: Any = records.replay(loaded)
+    end: Any = loaded.end
     assert played.positions.tolist() == [list(row) for row in end.positions]
     if isinstance(loaded, records.GameRecord):
         assert played.state.scores == end.scores
