@@ -37,6 +37,7 @@ def test_mp4(shot, tmp_path):
     expected = drawn(shot, 30, 400)
     assert fps == 30
     assert len(frames) == len(expected) == math.ceil(30 * shot.time) + 1
+    assert {(frame.shape, frame.dtype.name) for frame in expected} == {((*frames.shape[1:],), "uint8")}
     for one, other in zip(frames[::20], expected[::20], strict=True):
         assert np.abs(one.astype(int) - other).mean() < 4
 
@@ -88,8 +89,9 @@ def test_bad_arguments_are_rejected_and_leave_no_file(suffix, shot, elsewhere, t
                 write(target, fps=fps)
         with pytest.raises(ValueError, match="width = 3: expected a whole number from 160 to 7680 pixels"):
             write(target, width=3)
-    with pytest.raises(ValueError, match="compare: expected a shot with the same balls"):
-        write(target, compare=elsewhere)
+    for draw in (lambda: write(target, compare=elsewhere), lambda: shot.plot(compare=elsewhere)):
+        with pytest.raises(ValueError, match="compare: expected a shot with the same balls on the same table"):
+            draw()
     assert os.listdir(tmp_path) == [f"folder.{suffix}"]
 
 

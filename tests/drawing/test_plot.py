@@ -84,11 +84,6 @@ def test_another_run_has_dashed_paths_and_rings(shot, pit):
     assert np.abs(rings[:, :2] - pit.positions[2]).max(1).min() < 1e-12
 
 
-def test_shots_on_another_table_are_not_compared(shot, elsewhere):
-    with pytest.raises(ValueError, match="compare: expected a shot with the same balls on the same table"):
-        shot.plot(compare=elsewhere)
-
-
 def test_weak_contacts_have_no_mark():
     scene = Scene.named("pool", 1)
     gap = 2 * scene.balls.radius[0] + 1e-4

@@ -1,4 +1,3 @@
-import dataclasses
 import re
 
 import numpy as np
@@ -6,8 +5,6 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.drawing.recording import frame_times
-from billiards_env.drawing.style import looks
-from billiards_env.scene import Balls
 from billiards_env.shots.simulation import simulate
 
 
@@ -70,18 +67,6 @@ def test_unrecorded_shots_cannot_be_drawn(unrecorded, tmp_path):
         with pytest.raises(ValueError, match=re.escape(message)):
             call()
     assert not list(tmp_path.iterdir())
-
-
-def test_the_looks_of_balls():
-    pool = looks(Scene.named("pool", 15))
-    assert [look.number for look in pool] == ["", *map(str, range(1, 16))]
-    assert [look.striped for look in pool] == [False] * 9 + [True] * 7
-    assert [look.fill for look in pool[1:8]] == [look.fill for look in pool[9:]]
-    assert len({look.fill for look in pool[:9]}) == 9
-    assert len({look.fill for look in looks(Scene.named("carom"))}) == 3
-    assert [look.fill for look in looks(Scene.named("carom"))[1:]] == ["#c0281c", "#f0e442"]  # ball 1 is red
-    fixed = dataclasses.replace(Scene.named("pool"), balls=Balls((0.03, 0.03), (0.2, float("inf"))))
-    assert looks(fixed)[1].fill == "#6b6b6b"
 
 
 def test_speeds_are_the_slopes_of_the_path(shot):

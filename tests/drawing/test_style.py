@@ -1,24 +1,11 @@
+import dataclasses
 import itertools
 
 import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.drawing.style import (
-    CHALK,
-    CLOTH,
-    CUSHION,
-    CUSHION_EDGE,
-    MARKING,
-    PALETTES,
-    POCKET,
-    RAIL_EDGE,
-    cushion_names,
-    draw_table,
-    looks,
-    rail_width,
-    tray,
-)
+from billiards_env.drawing import style
 from billiards_env.scene import Balls
 from billiards_env.scene.outline import Corner, polygon
 from billiards_env.scene.table import Pocket, Table, six_pockets
@@ -37,7 +24,7 @@ TABLES = {
 
 
 def of_colour(table, colour):
-    return [shape.corners for shape in draw_table(table) if shape.colour == colour]
+    return [shape.corners for shape in style.draw_table(table) if shape.colour == colour]
 
 
 JAWS = ("pool_7ft", "pool_8ft", "pool_9ft", "snooker_12ft", "uk_7ft")
@@ -52,13 +39,13 @@ def luminance(colour):
 
 @pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)
 def test_holes_are_in_the_rail(table):
-    holes = of_colour(table, POCKET)
+    holes = of_colour(table, style.POCKET)
     assert len(holes) == len(table.pockets)
     half = np.array([table.length, table.width]) / 2
-    (rail,) = of_colour(table, RAIL_EDGE)
-    assert rail.max(0) == pytest.approx(half + rail_width(table), rel=0.01)
+    (rail,) = of_colour(table, style.RAIL_EDGE)
+    assert rail.max(0) == pytest.approx(half + style.rail_width(table), rel=0.01)
     for hole, pocket in zip(holes, table.pockets, strict=True):
-        assert (np.abs(hole) < half + rail_width(table)).all()
+        assert (np.abs(hole) < half + style.rail_width(table)).all()
         middle, place = hole.mean(0), np.array([pocket.x, pocket.y])
         at_edge = np.abs(place) + pocket.radius > half
         assert (np.abs(middle - place) > 0.2 * pocket.radius).tolist() == at_edge.tolist()
@@ -68,35 +55,35 @@ def test_holes_are_in_the_rail(table):
 
 def test_the_mouth_of_a_pocket_has_the_radius_of_the_physics():
     pocket = six_pockets()[4]
-    (mouth,) = [s.corners for s in draw_table(TABLES["pool"]) if abs(s.corners - [0, pocket.y]).max() < 0.15][1:2]
+    (mouth,) = [s.corners for s in style.draw_table(TABLES["pool"]) if abs(s.corners - [0, pocket.y]).max() < 0.15][1:2]
     inside = mouth[np.abs(mouth[:, 1]) < abs(pocket.y)]
     assert np.hypot(*(inside - [pocket.x, pocket.y]).T) == pytest.approx(pocket.radius)
 
 
 def test_a_table_without_pockets_has_no_holes():
-    assert not of_colour(Table(), POCKET)
-    assert rail_width(Table()) == pytest.approx(0.1016)
+    assert not of_colour(Table(), style.POCKET)
+    assert style.rail_width(Table()) == pytest.approx(0.1016)
 
 
 @pytest.mark.parametrize("name", JAWS)
 def test_an_outline_is_drawn_to_scale(name):
     table = Table.named(name)
-    (cloth,) = of_colour(table, CLOTH)
+    (cloth,) = of_colour(table, style.CLOTH)
     assert np.array_equal(cloth, polygon(table.outline))
-    cushions = of_colour(table, CUSHION_EDGE)
-    assert len(cushions) == len(of_colour(table, CUSHION)) == 6
+    cushions = of_colour(table, style.CUSHION_EDGE)
+    assert len(cushions) == len(of_colour(table, style.CUSHION)) == 6
     points = {tuple(point) for cushion in cushions for point in cushion}
     assert len(points) == len(cloth)  # facings, tips and rails; a line behind a pocket has no other point
-    inset = np.vstack(of_colour(table, CUSHION))
+    inset = np.vstack(of_colour(table, style.CUSHION))
     assert (table.clearance(inset) < 0).all()  # the rubber is outside the cloth
-    half = np.array([table.length, table.width]) / 2 + rail_width(table)
-    assert all((np.abs(shape.corners) <= half + 1e-12).all() for shape in draw_table(table))
+    half = np.array([table.length, table.width]) / 2 + style.rail_width(table)
+    assert all((np.abs(shape.corners) <= half + 1e-12).all() for shape in style.draw_table(table))
 
 
 @pytest.mark.parametrize("name", JAWS)
 def test_the_hole_between_jaws_has_the_radius_of_the_physics(name):
     table = Table.named(name)
-    shapes = of_colour(table, POCKET)
+    shapes = of_colour(table, style.POCKET)
     falls = shapes[len(table.pockets) :]
     assert len(falls) == len(table.pockets)
     for fall, hole, pocket in zip(falls, shapes, table.pockets, strict=False):
@@ -111,25 +98,25 @@ def test_the_hole_between_jaws_has_the_radius_of_the_physics(name):
 
 def test_an_outline_without_jaws_has_strips_of_rubber():
     table = Table(2.0, 1.5, outline=tuple(Corner(x, y) for x, y in HEXAGON))
-    strips = of_colour(table, CUSHION)
+    strips = of_colour(table, style.CUSHION)
     assert len(strips) == 6
     for strip in strips:
         assert (table.clearance(strip) <= 1e-12).all()
-    assert [shape.colour for shape in draw_table(table)].index(CLOTH) > 2
+    assert [shape.colour for shape in style.draw_table(table)].index(style.CLOTH) > 2
 
 
 def test_a_baulk_line_and_a_d_replace_the_diamonds():
-    line, d = of_colour(Table.named("snooker_12ft"), MARKING)
+    line, d = of_colour(Table.named("snooker_12ft"), style.MARKING)
     assert line.mean(0) == pytest.approx([0.737 - 3.569 / 2, 0.0])
     assert np.hypot(*(d - [line[:, 0].mean(), 0.0]).T) == pytest.approx(0.292, rel=0.015)
-    assert not of_colour(Table.named("snooker_12ft"), CHALK)
-    assert len(of_colour(Table.named("pool_9ft"), CHALK)) == len(of_colour(TABLES["pool"], CHALK))
+    assert not of_colour(Table.named("snooker_12ft"), style.CHALK)
+    assert len(of_colour(Table.named("pool_9ft"), style.CHALK)) == len(of_colour(TABLES["pool"], style.CHALK))
 
 
 def test_cushions_have_the_names_of_their_numbers_in_events():
-    assert cushion_names(Table())[3] == "the upper cushion"
+    assert style.cushion_names(Table())[3] == "the upper cushion"
     scene = Scene.named("real_pool")
-    names = cushion_names(scene.table)
+    names = style.cushion_names(scene.table)
     assert len(names) == 24 + 12
     shot = simulate(scene, [[0.3, 0.2], [-0.5, 0.0]], [0.0, 2.0], record=True)
     assert shot.events is not None
@@ -141,42 +128,49 @@ def test_cushions_have_the_names_of_their_numbers_in_events():
     assert [names[k] for k in hits["other"]] == ["the upper cushion", "the right cushion", "a facing"]
 
 
-def test_snooker_and_uk_balls_have_the_colours_of_their_game():
-    fills = [look.fill for look in looks(Scene.named("snooker"))]
+def test_balls_have_the_colours_of_their_game():
+    pool, carom = style.looks(Scene.named("pool", 15)), style.looks(Scene.named("carom"))
+    assert [look.number for look in pool] == ["", *map(str, range(1, 16))]
+    assert [look.striped for look in pool] == [False] * 9 + [True] * 7
+    assert [look.fill for look in pool[1:8]] == [look.fill for look in pool[9:]]
+    assert [look.fill for look in carom[1:]] == ["#c0281c", "#f0e442"]  # ball 1 is red
+    fixed = dataclasses.replace(Scene.named("pool"), balls=Balls((0.03, 0.03), (0.2, float("inf"))))
+    assert style.looks(fixed)[1].fill == "#6b6b6b"
+    fills = [look.fill for look in style.looks(Scene.named("snooker"))]
     assert len(set(fills[1:16])) == 1
     assert len(set(fills[15:])) == 7
-    assert [look.fill for look in looks(Scene.named("snooker", 6))][1:] == fills[16:]
-    uk = [look.fill for look in looks(Scene.named("uk_pool"))]
+    assert [look.fill for look in style.looks(Scene.named("snooker", 6))][1:] == fills[16:]
+    uk = [look.fill for look in style.looks(Scene.named("uk_pool"))]
     assert len(set(uk[1:8])) == len(set(uk[9:])) == 1
     assert len(set(uk)) == 4
-    assert not any(look.striped for look in looks(Scene.named("snooker")) + looks(Scene.named("uk_pool")))
+    assert not any(look.striped for look in style.looks(Scene.named("snooker")) + style.looks(Scene.named("uk_pool")))
 
 
 def test_the_colours_of_a_palette_differ():
-    for palette in PALETTES:
+    for palette in style.PALETTES:
         for scene, n in (("pool", 8), ("snooker", None), ("carom", None)):
-            fills = [look.fill for look in looks(Scene.named(scene, n), palette)]
+            fills = [look.fill for look in style.looks(Scene.named(scene, n), palette)]
             assert len(set(fills)) == {"pool": 9, "snooker": 8, "carom": 3}[scene]
-    realistic = looks(Scene.named("pool", 7), "realistic")
+    realistic = style.looks(Scene.named("pool", 7), "realistic")
     red, green, blue = (int(realistic[3].fill[k : k + 2], 16) for k in (1, 3, 5))
     assert red > 3 * max(green, blue)  # the 3 is red
     with pytest.raises(ValueError, match="palette = 'real': expected one of"):
-        looks(Scene.named("pool"), "real")
+        style.looks(Scene.named("pool"), "real")
 
 
-@pytest.mark.parametrize("palette", PALETTES)
+@pytest.mark.parametrize("palette", style.PALETTES)
 def test_paths_contrast_with_the_cloth(palette):
     for look in (
         look
         for name, n in (("pool", 15), ("carom", 2), ("snooker", 21))
-        for look in looks(Scene.named(name, n), palette)
+        for look in style.looks(Scene.named(name, n), palette)
     ):
-        assert (luminance(look.path) + 0.05) / (luminance(CLOTH) + 0.05) > 3
+        assert (luminance(look.path) + 0.05) / (luminance(style.CLOTH) + 0.05) > 3
 
 
 @pytest.mark.parametrize("n", [1, 2, 16, 40])
 def test_the_tray_has_room_for_all_balls(n):
-    radius, half, x = tray(n, 800.0, 33.0)
+    radius, half, x = style.tray(n, 800.0, 33.0)
     assert len(x) == n
     assert half < 0.2 * 800
     assert -half + radius <= x[0]
@@ -188,7 +182,7 @@ def test_the_page_has_the_same_table():
     scene = Scene(Balls((0.03,), (0.2,)), TABLES["big pockets"])
     shot = simulate(scene, [[0.0, 0.0]], [1.0, 0.0], record=True)
     data = page_data(shot)
-    assert data["cushions"] == cushion_names(scene.table)
-    for (colour, corners), shape in zip(data["shapes"], draw_table(scene.table), strict=True):
+    assert data["cushions"] == style.cushion_names(scene.table)
+    for (colour, corners), shape in zip(data["shapes"], style.draw_table(scene.table), strict=True):
         assert colour == shape.colour
         assert np.reshape(corners, (-1, 2)) == pytest.approx(shape.corners, abs=1e-4)

@@ -4,17 +4,7 @@ import pytest
 
 from billiards_env.games import RULES
 from billiards_env.play import labels
-from billiards_env.play.model import (
-    change_speed,
-    go,
-    look_at,
-    next_called,
-    next_kind,
-    replay,
-    tick,
-    toggle_ghost,
-    turn_aim,
-)
+from billiards_env.play import model as actions
 from billiards_env.play.pages import rules_page
 
 EIGHT = [[0.0, 0.0], *([-1.0 + 0.12 * i, 0.5 if i % 2 else -0.5] for i in range(15))]
@@ -55,36 +45,41 @@ def test_the_prompt_uses_the_words_of_the_game(rules, state, words, make_model):
 
 
 def test_the_prompt_has_the_calls_and_the_choices(make_model):
-    assert labels.on(next_called(make_model("snooker", SNOOKER, {"colour": True}), "ball")) == "on: a colour: yellow"
+    assert (
+        labels.on(actions.next_called(make_model("snooker", SNOOKER, {"colour": True}), "ball"))
+        == "on: a colour: yellow"
+    )
     model = make_model("eight_ball", EIGHT, call_shot=True)
     assert (labels.button(model), labels.choice(model)) == ("Shoot", "X: safety")
-    model = next_kind(make_model("nine_ball", EIGHT[:10], {"choices": ["push_out"]}, choices=True))
+    model = actions.next_kind(make_model("nine_ball", EIGHT[:10], {"choices": ["push_out"]}, choices=True))
     assert labels.status(model) == "Player 1: push out, any ball or none"
     assert (labels.button(model), labels.choice(model)) == ("Push out", "X: shot")
 
 
 def test_cushions_are_counted(make_model):
-    start = change_speed(make_model("three_cushion", CAROM), 4.0)
+    start = actions.change_speed(make_model("three_cushion", CAROM), 4.0)
     counts = set()
     for degrees in range(0, 360, 5):
-        model: Any = go(turn_aim(start, degrees))
+        model: Any = actions.go(actions.turn_aim(start, degrees))
         touched = model.last_shot.facts.touched
         if len(touched) == 2:
             counts.add(touched[1][1])
             assert labels.cushions(model).split()[0] == str(touched[1][1])
     assert len(counts) > 1
-    model = go(look_at(make_model("three_cushion", [[0.0, 0.3], *CAROM[1:]]), (0.0, 0.5)))
-    assert labels.status(tick(model, 0.3)) == "Player 1   1 cushion"
+    model = actions.go(actions.look_at(make_model("three_cushion", [[0.0, 0.3], *CAROM[1:]]), (0.0, 0.5)))
+    assert labels.status(actions.tick(model, 0.3)) == "Player 1   1 cushion"
 
 
 def test_the_result_of_a_shot(make_model):
     model = make_model(positions=[[0.97, 0.335], [1.07, 0.435], [-0.5, 0.0]], target=3)
     assert labels.result(model) == "0 : 0"
-    potted = go(go(model))
+    potted = actions.go(actions.go(model))
     assert labels.result(potted) == "potted 1   1 : 0"
-    missed = go(go(turn_aim(potted, 90.0)))
+    missed = actions.go(actions.go(actions.turn_aim(potted, 90.0)))
     assert labels.result(missed) == "foul: no hit   0 : 0"
-    snooker = go(go(look_at(make_model("snooker", SNOOKER, {}, choices=True, miss=True), (0.3, -0.5))))
+    snooker = actions.go(
+        actions.go(actions.look_at(make_model("snooker", SNOOKER, {}, choices=True, miss=True), (0.3, -0.5)))
+    )
     assert labels.result(snooker) == "foul and a miss: no hit, 4 points   0 : 4"
 
 
@@ -101,9 +96,9 @@ def test_each_player_has_a_label(make_model):
 
 
 def test_a_replay_shows_the_engines(make_model):
-    model = replay(go(make_model(positions=EIGHT[:3])))
+    model = actions.replay(actions.go(make_model(positions=EIGHT[:3])))
     assert labels.key_hint(model).startswith("balls: PIC   rings: PIT, dt = 16.67 ms")
-    assert labels.key_hint(toggle_ghost(model)).startswith("balls: PIC   continue")
+    assert labels.key_hint(actions.toggle_ghost(model)).startswith("balls: PIC   continue")
 
 
 def test_minus_zero_is_not_shown(make_model):

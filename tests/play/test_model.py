@@ -11,33 +11,8 @@ from billiards_env import Scene, simulate, strike
 from billiards_env.drawing.pace import PACES
 from billiards_env.games import NO_CALL, Call, History, Setup, Stroke, custom_opening, play
 from billiards_env.games.placement import placement_area
-from billiards_env.play.model import (
-    LEAST_SPEED,
-    aim_at,
-    aim_like,
-    begin,
-    change_speed,
-    go,
-    level,
-    look_at,
-    move_by,
-    move_to,
-    next_called,
-    next_kind,
-    place,
-    redo,
-    replay,
-    set_elevation,
-    set_tip,
-    shoot,
-    slow_down,
-    speed_up,
-    tick,
-    toggle_ghost,
-    toggle_page,
-    turn_aim,
-    undo,
-)
+from billiards_env.play import model as actions
+from billiards_env.play.model import LEAST_SPEED, begin, shoot, tick
 from billiards_env.play.preview import make_preview
 from billiards_env.scene import Physics
 
@@ -46,10 +21,10 @@ NINE = [[0.0, 0.0], *([-1.0 + 0.12 * i, -0.5] for i in range(9))]
 INTO_THE_CORNER = [[0.97, 0.335], [1.07, 0.435], [-0.5, 0.0]]
 
 
-def after(model, *actions) -> Any:
+def after(model, *steps) -> Any:
     """Returns the model after actions; one with arguments is a tuple."""
-    for action in actions:
-        act, *arguments = action if isinstance(action, tuple) else (action,)
+    for step in steps:
+        act, *arguments = step if isinstance(step, tuple) else (step,)
         model = act(model, *arguments)
     return model
 
@@ -71,9 +46,9 @@ def test_model_and_labels_do_not_import_pygame():
 def test_a_shot_from_the_cue_ball_in_hand_to_the_next_player(make_model):
     model = make_model("nine_ball")
     assert model.phase == "placing"
-    model = after(model, go)
+    model = after(model, actions.go)
     assert model.phase == "aiming"
-    model = after(model, (turn_aim, 2.0), go)
+    model = after(model, (actions.turn_aim, 2.0), actions.go)
     assert model.phase == "rolling"
     shot = model.shown_shots[0]
     for _ in range(math.ceil(60 * shot.time)):
@@ -94,54 +69,60 @@ def test_the_first_aim_is_full_on_the_nearest_legal_ball(make_model):
 
 
 def test_arrow_keys_change_direction_and_speed(make_model):
-    model = after(make_model(positions=STRAIGHT), (turn_aim, 10.0), (change_speed, 0.5))
+    model = after(make_model(positions=STRAIGHT), (actions.turn_aim, 10.0), (actions.change_speed, 0.5))
     assert math.degrees(model.aim.angle) == pytest.approx(10.0)
     assert model.aim.speed == pytest.approx(2.5)
     assert model.stroke.velocity == pytest.approx((2.5 * math.cos(model.aim.angle), 2.5 * math.sin(model.aim.angle)))
-    assert after(model, (change_speed, 100.0)).aim.speed == model.max_speed
-    assert after(model, (change_speed, -100.0)).aim.speed == LEAST_SPEED
+    assert after(model, (actions.change_speed, 100.0)).aim.speed == model.max_speed
+    assert after(model, (actions.change_speed, -100.0)).aim.speed == LEAST_SPEED
 
 
 def test_the_arrow_follows_the_mouse(make_model):
     model = make_model(positions=STRAIGHT)
     r = model.setup.scene.balls.radius[0]
-    model = after(model, (aim_at, (-0.4, 0.09 * 3.0 + 1.4 * r)))
+    model = after(model, (actions.aim_at, (-0.4, 0.09 * 3.0 + 1.4 * r)))
     assert model.aim.angle == math.pi / 2
     assert model.aim.speed == pytest.approx(3.0)
-    assert after(model, (aim_at, (-0.4, 0.0))).aim.speed == LEAST_SPEED
+    assert after(model, (actions.aim_at, (-0.4, 0.0))).aim.speed == LEAST_SPEED
 
 
 def test_inputs_that_do_not_apply_have_no_effect(make_model):
     aiming = make_model(positions=STRAIGHT)
-    for given in ((move_to, (0.0, 0.0)), (move_by, (0.1, 0.0)), place, undo, replay):
+    for given in (
+        (actions.move_to, (0.0, 0.0)),
+        (actions.move_by, (0.1, 0.0)),
+        actions.place,
+        actions.undo,
+        actions.replay,
+    ):
         assert after(aiming, given) is aiming
     placing = make_model("nine_ball")
-    for given in ((turn_aim, 1.0), (change_speed, 1.0), (aim_at, (0.0, 0.0))):
+    for given in ((actions.turn_aim, 1.0), (actions.change_speed, 1.0), (actions.aim_at, (0.0, 0.0))):
         assert after(placing, given) is placing
     assert tick(aiming, 1.0) is aiming
-    rolling = after(aiming, go)
-    assert turn_aim(rolling, 1.0) is rolling
+    rolling = after(aiming, actions.go)
+    assert actions.turn_aim(rolling, 1.0) is rolling
 
 
 def test_a_cue_ball_in_hand_moves_to_the_nearest_free_point(make_model):
-    model = after(make_model("nine_ball"), (move_to, (-0.9, 0.2)))
+    model = after(make_model("nine_ball"), (actions.move_to, (-0.9, 0.2)))
     assert model.cue_position == (-0.9, 0.2)
-    model = after(model, (move_by, (0.01, -0.02)))
+    model = after(model, (actions.move_by, (0.01, -0.02)))
     assert model.cue_position == pytest.approx((-0.89, 0.18))
-    model = after(model, (move_to, (0.5, 9.0)))  # limited by the head string and the cushion
+    model = after(model, (actions.move_to, (0.5, 9.0)))  # limited by the head string and the cushion
     _, x, _, y = placement_area(model.setup.scene, 0, behind=True)
     assert model.cue_position == (x, y)
-    model = after(model, go)
-    assert after(model, place).phase == "placing"
+    model = after(model, actions.go)
+    assert after(model, actions.place).phase == "placing"
     assert model.stroke.place == (x, y)
     anywhere = make_model(positions=STRAIGHT, state={"in_hand": "anywhere"})
-    placed = np.array(after(anywhere, (move_to, (0.4, 0.01))).cue_position)
+    placed = np.array(after(anywhere, (actions.move_to, (0.4, 0.01))).cue_position)
     assert np.hypot(*(placed - STRAIGHT[1])) > 2 * anywhere.setup.scene.balls.radius[0]
 
 
 @pytest.mark.parametrize("mode", [{}, {"mode": "pit", "dt": 1e-4}])
 def test_the_preview_ends_at_the_first_contact_of_the_engine(make_model, mode):
-    model = after(make_model(positions=STRAIGHT, **mode), (turn_aim, 1.5))
+    model = after(make_model(positions=STRAIGHT, **mode), (actions.turn_aim, 1.5))
     preview = model.preview
     shot = simulate(model.setup.scene, STRAIGHT, model.stroke.velocity, record=True)
     assert shot.events is not None
@@ -167,8 +148,8 @@ def test_the_preview_ends_at_the_first_contact_of_the_engine(make_model, mode):
 
 
 def test_the_preview_has_the_throw_and_the_spin_of_the_engine(make_model):
-    plain = after(make_model(positions=STRAIGHT), (look_at, (0.4, 0.03)))
-    turned = after(plain, (set_tip, -0.4, 0.2), (set_elevation, 10.0))
+    plain = after(make_model(positions=STRAIGHT), (actions.look_at, (0.4, 0.03)))
+    turned = after(plain, (actions.set_tip, -0.4, 0.2), (actions.set_elevation, 10.0))
     assert (turned.aim.angle, turned.aim.speed) == (plain.aim.angle, plain.aim.speed)
     assert not np.allclose(turned.preview.path[:50], plain.preview.path[:50], atol=1e-4)
     scene, (side, top) = turned.setup.scene, turned.aim.tip
@@ -184,12 +165,12 @@ def test_the_preview_has_the_throw_and_the_spin_of_the_engine(make_model):
 
 
 def test_the_tip_of_the_cue_does_not_slip(make_model):
-    model = after(make_model(positions=STRAIGHT), (set_tip, 0.9, -1.2))
+    model = after(make_model(positions=STRAIGHT), (actions.set_tip, 0.9, -1.2))
     assert math.hypot(*model.aim.tip) == pytest.approx(0.5, rel=2e-3)
     assert model.aim.tip[0] / model.aim.tip[1] == pytest.approx(-0.75)
-    assert after(model, (set_elevation, 200.0)).aim.elevation == 90.0
-    assert after(model, level).aim.tip == (0.0, 0.0)
-    assert after(model, go, go).aim.tip == (0.0, 0.0)  # the next turn begins with a level cue
+    assert after(model, (actions.set_elevation, 200.0)).aim.elevation == 90.0
+    assert after(model, actions.level).aim.tip == (0.0, 0.0)
+    assert after(model, actions.go, actions.go).aim.tip == (0.0, 0.0)  # the next turn begins with a level cue
 
 
 def test_scenes_without_spin_have_no_english():
@@ -197,22 +178,22 @@ def test_scenes_without_spin_have_no_english():
     rolling = Physics(motion="rolling", cushion="restitution")
     setup = Setup("straight", dataclasses.replace(scene, physics=rolling))
     model = begin(History(setup, custom_opening(setup, STRAIGHT), ()), ("human",) * 2, 8.0, 1 / 60)
-    assert after(model, (set_tip, 0.3, 0.0), (set_elevation, 20.0)) is model
+    assert after(model, (actions.set_tip, 0.3, 0.0), (actions.set_elevation, 20.0)) is model
     assert model.stroke.velocity == (2.0, 0.0)
 
 
 def test_balls_keep_their_orientation_from_shot_to_shot(make_model):
-    first = after(make_model(positions=STRAIGHT), (look_at, (0.4, 0.03)), go)
+    first = after(make_model(positions=STRAIGHT), (actions.look_at, (0.4, 0.03)), actions.go)
     assert first.first_faces is None
-    second = after(first, go)
+    second = after(first, actions.go)
     assert second.faces.shape == (3, 4)
     assert abs(second.faces[0, 0]) < 1
     assert second.faces[2].tolist() == [1.0, 0.0, 0.0, 0.0]  # has not moved
-    assert after(second, go).first_faces is second.faces
+    assert after(second, actions.go).first_faces is second.faces
 
 
 def test_a_preview_without_contact_shows_the_whole_path(make_model):
-    model = after(make_model(positions=STRAIGHT), (turn_aim, 180.0), (change_speed, -1.9))
+    model = after(make_model(positions=STRAIGHT), (actions.turn_aim, 180.0), (actions.change_speed, -1.9))
     assert model.preview.ball == -1
     shot = simulate(model.setup.scene, STRAIGHT, model.stroke.velocity)
     assert model.preview.path[-1] == pytest.approx(shot.positions[0], abs=1e-12)
@@ -230,162 +211,170 @@ def test_the_preview_uses_the_cue_ball_of_the_player(make_model):
 
 
 def test_undo_and_the_same_stroke_reproduce_the_bits(make_model):
-    model = after(make_model("nine_ball"), go, (turn_aim, 0.3))
-    done = after(model, go, go)
-    undone = after(done, undo)
+    model = after(make_model("nine_ball"), actions.go, (actions.turn_aim, 0.3))
+    done = after(model, actions.go, actions.go)
+    undone = after(done, actions.undo)
     assert undone.strokes == ()
     assert undone.last_shot is None
-    assert same(after(undone, go), done)
-    two = after(done, go, go)
-    back = after(two, undo)
+    assert same(after(undone, actions.go), done)
+    two = after(done, actions.go, actions.go)
+    back = after(two, actions.undo)
     assert same(back, done)
     assert (back.last_shot.shot.positions == done.last_shot.shot.positions).all()
 
 
 def test_undo_keeps_the_aim_of_the_shot(make_model):
-    start = after(make_model("nine_ball"), (move_to, (-0.8, 0.1)), go, (turn_aim, 0.31), (set_tip, 0.2, -0.3))
-    undone = after(start, go, go, undo)
+    start = after(
+        make_model("nine_ball"),
+        (actions.move_to, (-0.8, 0.1)),
+        actions.go,
+        (actions.turn_aim, 0.31),
+        (actions.set_tip, 0.2, -0.3),
+    )
+    undone = after(start, actions.go, actions.go, actions.undo)
     assert (undone.aim, undone.stroke) == (start.aim, start.stroke)
-    loaded = begin(after(start, go).history, start.players, 8.0, 1 / 60)
-    assert after(loaded, undo).aim.place == start.aim.place
-    assert after(loaded, undo).stroke.velocity == pytest.approx(start.stroke.velocity)
+    loaded = begin(after(start, actions.go).history, start.players, 8.0, 1 / 60)
+    assert after(loaded, actions.undo).aim.place == start.aim.place
+    assert after(loaded, actions.undo).stroke.velocity == pytest.approx(start.stroke.velocity)
 
 
 def test_redo_restores_what_was_undone(make_model):
     start = make_model(positions=STRAIGHT)
-    done = after(start, *[go] * 4)
-    undone = after(done, undo, undo)
+    done = after(start, *[actions.go] * 4)
+    undone = after(done, actions.undo, actions.undo)
     assert undone.strokes == ()
-    one = after(undone, redo)
+    one = after(undone, actions.redo)
     assert one.strokes == done.strokes[:1]
-    two = after(one, redo)
+    two = after(one, actions.redo)
     assert same(two, done)
     assert two.phase == done.phase
     assert (two.last_shot.shot.positions == done.last_shot.shot.positions).all()
-    assert after(two, redo) is two
-    other = after(one, *[go] * 2)  # a new shot discards the undone ones
+    assert after(two, actions.redo) is two
+    other = after(one, *[actions.go] * 2)  # a new shot discards the undone ones
     assert len(other.strokes) == 2
-    assert after(other, redo) is other
+    assert after(other, actions.redo) is other
 
 
 def test_redo_includes_the_strokes_of_programs(make_model):
     model = make_model(positions=STRAIGHT, players=("human", "random"))
-    model = after(model, (turn_aim, 90.0), go, go)
-    thinking = after(model, undo, redo)
+    model = after(model, (actions.turn_aim, 90.0), actions.go, actions.go)
+    thinking = after(model, actions.undo, actions.redo)
     assert (thinking.phase, thinking.strokes) == ("thinking", model.strokes)
-    model = after(shoot(model, Stroke((0.1, 0.1))), go)
-    again = after(model, undo, redo)
+    model = after(shoot(model, Stroke((0.1, 0.1))), actions.go)
+    again = after(model, actions.undo, actions.redo)
     assert same(again, model)
     assert again.undone == ()
 
 
 def test_undo_returns_to_the_last_shot_of_a_person(make_model):
     model = make_model(positions=STRAIGHT, players=("human", "random"))
-    model = after(model, (turn_aim, 90.0), go, go)
+    model = after(model, (actions.turn_aim, 90.0), actions.go, actions.go)
     assert model.phase == "thinking"
-    model = after(shoot(model, Stroke((0.1, 0.1))), go)
+    model = after(shoot(model, Stroke((0.1, 0.1))), actions.go)
     assert len(model.strokes) == 2
-    assert len(after(model, undo).strokes) == 0
+    assert len(after(model, actions.undo).strokes) == 0
     programs = make_model(positions=STRAIGHT, players=("random", "random"))
-    programs = after(shoot(programs, Stroke((0.1, 0.0))), go)
-    assert after(programs, undo) is programs
+    programs = after(shoot(programs, Stroke((0.1, 0.0))), actions.go)
+    assert after(programs, actions.undo) is programs
 
 
 @pytest.mark.parametrize(
     ("mode", "ghost"), [({}, ("pit", 1 / 60)), ({"mode": "pit", "dt": 1 / 240}, ("pic", None))], ids=["pic", "pit"]
 )
 def test_a_replay_shows_the_shot_of_the_other_engine(make_model, mode, ghost):
-    model = after(make_model(positions=STRAIGHT, **mode), (turn_aim, 1.0), go, go)
+    model = after(make_model(positions=STRAIGHT, **mode), (actions.turn_aim, 1.0), actions.go, actions.go)
     before = model.aim.angle, model.phase
-    model = after(model, replay)
+    model = after(model, actions.replay)
     shot, comparison = model.shown_shots
     velocity = model.strokes[0].velocity
     expected = simulate(model.setup.scene, STRAIGHT, velocity, mode=ghost[0], dt=ghost[1])
     assert (comparison.positions == expected.positions).all()
     assert (shot.positions == simulate(model.setup.scene, STRAIGHT, velocity, **mode).positions).all()
     assert (shot.positions != comparison.positions).any()
-    assert after(model, toggle_ghost).shown_shots[1] is None
+    assert after(model, actions.toggle_ghost).shown_shots[1] is None
     assert tick(model, 1e9).phase == "replaying"  # the end remains visible
     assert tick(model, 1e9).clock == max(shot.time, comparison.time)
-    back = after(tick(model, 1e9), go)
+    back = after(tick(model, 1e9), actions.go)
     assert (back.aim.angle, back.phase) == before
-    assert after(tick(model, 1.0), replay).clock == 0.0
+    assert after(tick(model, 1.0), actions.replay).clock == 0.0
 
 
 def test_slower_and_faster_change_the_pace(make_model):
-    model = after(make_model(positions=STRAIGHT), slow_down, go)
+    model = after(make_model(positions=STRAIGHT), actions.slow_down, actions.go)
     assert tick(model, 1.0).clock == 0.5
-    assert after(model, *[slow_down] * 20).pace == PACES[0]
-    assert after(model, *[speed_up] * 20).pace == PACES[-1]
+    assert after(model, *[actions.slow_down] * 20).pace == PACES[0]
+    assert after(model, *[actions.speed_up] * 20).pace == PACES[-1]
 
 
 def test_nothing_changes_while_nothing_moves(make_model):
     model = make_model(positions=STRAIGHT)
     assert tick(model, 1.0) is model
-    end = tick(after(model, go, go, replay), 1e9)
+    end = tick(after(model, actions.go, actions.go, actions.replay), 1e9)
     assert end.phase == "replaying"
     assert tick(end, 1.0) is end
-    helped = after(model, go, (toggle_page, "keys"))
+    helped = after(model, actions.go, (actions.toggle_page, "keys"))
     assert tick(helped, 1.0) is helped  # the shot is not shown behind the help
-    assert tick(after(helped, (toggle_page, "keys")), 0.1).clock == 0.1
+    assert tick(after(helped, (actions.toggle_page, "keys")), 0.1).clock == 0.1
 
 
 def test_a_game_that_is_over_has_no_further_shot(make_model):
     model = make_model(positions=INTO_THE_CORNER, target=1)
-    model = after(model, go, go)
+    model = after(model, actions.go, actions.go)
     assert model.phase == "over"
     assert model.game.state.winner == 0
-    assert after(model, go) is model
-    assert after(model, replay).phase == "replaying"
-    assert after(model, replay, go).phase == "over"
-    assert after(model, undo).phase == "aiming"
+    assert after(model, actions.go) is model
+    assert after(model, actions.replay).phase == "replaying"
+    assert after(model, actions.replay, actions.go).phase == "over"
+    assert after(model, actions.undo).phase == "aiming"
 
 
 def test_a_game_is_continued_from_its_history(make_model):
-    model = after(make_model("nine_ball"), *[go] * 5)
+    model = after(make_model("nine_ball"), *[actions.go] * 5)
     again = begin(model.history, model.players, 8.0, 1 / 60)
     assert len(model.strokes) == 2
     assert same(model, again)
     assert again.phase == model.phase
-    assert same(after(model, undo), after(again, undo))
+    assert same(after(model, actions.undo), after(again, actions.undo))
     with pytest.raises(ValueError, match="players = human, human, human: expected 2"):
         begin(model.history, ("human",) * 3, 8.0, 1 / 60)
 
 
 def test_the_aimed_ball_and_pocket_are_called(make_model):
     model = make_model("straight", [[-0.3, 0.0], [0.5, 0.3], [0.5, -0.3]], call_shot=True)
-    model, pockets = after(model, (look_at, (0.5, 0.3))), model.setup.scene.table.pockets
+    model, pockets = after(model, (actions.look_at, (0.5, 0.3))), model.setup.scene.table.pockets
     ball, pocket, _ = model.stroke.call
     assert (ball, pockets[pocket].x > 1, pockets[pocket].y > 0.6) == (1, True, True)
-    other = after(model, (next_called, "ball"), (next_called, "pocket"))
+    other = after(model, (actions.next_called, "ball"), (actions.next_called, "pocket"))
     assert other.stroke.call == Call(2, (pocket + 1) % 6)
-    safety = after(other, next_kind)
+    safety = after(other, actions.next_kind)
     assert safety.stroke.call == Call(kind="safety")
-    assert after(safety, (next_called, "ball")) is safety
-    assert after(safety, next_kind).call == model.call
+    assert after(safety, (actions.next_called, "ball")) is safety
+    assert after(safety, actions.next_kind).call == model.call
     model = make_model("straight", STRAIGHT)
-    assert after(model, (next_called, "ball"), (next_called, "pocket"), next_kind).call == NO_CALL
+    assert (
+        after(model, (actions.next_called, "ball"), (actions.next_called, "pocket"), actions.next_kind).call == NO_CALL
+    )
 
 
 def test_a_push_out_is_handed_back(make_model):
     state = {"choices": ["push_out"]}
     model = make_model("nine_ball", NINE, state, choices=True)
     assert make_model("nine_ball", NINE, state).kinds == ("shot",)
-    pushed = after(model, (look_at, (0.3, 0.6)), next_kind, go)
+    pushed = after(model, (actions.look_at, (0.3, 0.6)), actions.next_kind, actions.go)
     assert (pushed.last_shot.facts.first, pushed.last_shot.verdict.foul) == ((), "")
-    model = after(pushed, go)
+    model = after(pushed, actions.go)
     assert (model.game.state.player, model.kinds) == (1, ("shot", "hand_back"))
-    back = after(model, next_kind, go, go)
+    back = after(model, actions.next_kind, actions.go, actions.go)
     assert (back.game.state.player, back.phase) == (0, "aiming")
     assert (back.game.positions == model.game.positions).all()
-    assert after(back, undo).aim.call == NO_CALL
+    assert after(back, actions.undo).aim.call == NO_CALL
 
 
 def test_the_balls_are_replaced_after_a_miss(make_model):
-    start = after(make_model("snooker", choices=True, miss=True), go, (look_at, (-2.0, 0.0)))
-    model = after(start, go, go)
+    start = after(make_model("snooker", choices=True, miss=True), actions.go, (actions.look_at, (-2.0, 0.0)))
+    model = after(start, actions.go, actions.go)
     assert model.kinds == ("shot", "hand_back", "replace")
-    model = after(model, next_kind, next_kind, go, go)
+    model = after(model, actions.next_kind, actions.next_kind, actions.go, actions.go)
     assert model.game.state.player == 0
     assert (model.game.positions[1:] == start.game.positions[1:]).all()
 
@@ -393,9 +382,9 @@ def test_the_balls_are_replaced_after_a_miss(make_model):
 def test_a_colour_is_nominated(make_model):
     opening = make_model("snooker").game.positions.copy()
     opening[0] = [-0.5, 0.3]
-    model = after(make_model("snooker", opening, {"colour": True}), *[(next_called, "ball")] * 4)
+    model = after(make_model("snooker", opening, {"colour": True}), *[(actions.next_called, "ball")] * 4)
     assert model.stroke.call == Call(ball=19)
-    assert after(make_model("snooker", opening), (next_called, "ball")).call == NO_CALL  # a red is on
+    assert after(make_model("snooker", opening), (actions.next_called, "ball")).call == NO_CALL  # a red is on
 
 
 def test_the_aim_for_a_stroke_is_that_stroke(make_model):
@@ -404,9 +393,9 @@ def test_the_aim_for_a_stroke_is_that_stroke(make_model):
     for side, top in ((0.0, 0.0), (0.3, 0.2), (-0.2, -0.4)):
         made = strike(scene, 2.0, 0.7, side, top)
         stroke = Stroke(tuple(made.velocity.tolist()), (-0.5, 0.1), tuple(made.spin.tolist()))
-        aimed = aim_like(model, stroke)
+        aimed = actions.aim_like(model, stroke)
         assert (aimed.phase, aimed.aim.place) == ("aiming", (-0.5, 0.1))
         assert aimed.aim.tip == pytest.approx((side, top), abs=1e-9)
         np.testing.assert_allclose(aimed.stroke.velocity, stroke.velocity, atol=1e-9)
         np.testing.assert_allclose(aimed.stroke.spin, stroke.spin, atol=1e-9)
-    assert aim_like(go(aimed), stroke).phase == "rolling"
+    assert actions.aim_like(actions.go(aimed), stroke).phase == "rolling"

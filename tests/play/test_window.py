@@ -127,6 +127,8 @@ def test_a_shot_by_mouse(shown):
     assert shown.model.aim.angle == pytest.approx(math.atan2(-0.4, 1.2), abs=0.02)
     assert (shown.model.phase, shown.model.aim.speed) == ("aiming", speed)
     expected = shown.model.stroke
+    click(shown, (0.0, 0.72))  # next to the table
+    assert shown.model.stroke == expected
     click_on(shown, "shoot")
     assert shown.model.strokes == (expected,)
     assert shown.model.phase == "rolling"
@@ -152,7 +154,7 @@ def test_the_controls_set_the_tip_the_elevation_and_the_speed(shown):
     assert (shown.model.aim.tip, shown.model.aim.elevation) == ((0.0, 0.0), 0.0)
 
 
-def test_keys_set_the_tip_and_the_elevation(shown):
+def test_keys_set_the_tip_the_elevation_and_the_call(shown, make_model, window):
     press(shown, pygame.K_LEFT, pygame.K_UP, pygame.K_UP, mod=pygame.KMOD_LCTRL)
     press(shown, pygame.K_PAGEUP, pygame.K_PAGEUP, pygame.K_PAGEDOWN)
     assert shown.model.aim.tip == pytest.approx((0.05, 0.1))
@@ -160,6 +162,12 @@ def test_keys_set_the_tip_and_the_elevation(shown):
     assert shown.model.aim.angle == 0.0
     press(shown, pygame.K_c)
     assert (shown.model.aim.tip, shown.model.aim.elevation) == ((0.0, 0.0), 0.0)
+    called = window(make_model(positions=BALLS, call_shot=True))
+    plain = press(called)
+    assert (press(called, pygame.K_b, pygame.K_k) != plain).any()  # the rings move
+    assert called.model.stroke.call.ball == 2
+    press(called, pygame.K_x)
+    assert called.model.stroke.call.kind == "safety"
 
 
 def test_fine_aim(shown):
@@ -221,15 +229,6 @@ def test_a_key_aims_at_the_ball_and_the_pocket_under_the_mouse(shown):
     assert shown.message == "point at a ball or a pocket"
 
 
-def test_calls_by_keyboard(make_model, window):
-    shown = window(make_model(positions=BALLS, call_shot=True))
-    plain = press(shown)
-    assert (press(shown, pygame.K_b, pygame.K_k) != plain).any()  # the rings move
-    assert shown.model.stroke.call.ball == 2
-    press(shown, pygame.K_x)
-    assert shown.model.stroke.call.kind == "safety"
-
-
 def test_the_texts_of_snooker_do_not_overlap_the_tray(make_model, monkeypatch):
     model = make_model("snooker")
     view, trays = View(model.setup.scene, 640), []
@@ -269,12 +268,6 @@ def test_pages_cover_the_table(shown):
     assert (shown.open, shown.model.page, shown.model.phase) == (True, "", "aiming")
 
 
-def test_a_click_next_to_the_table_has_no_effect(shown):
-    model = shown.model
-    click(shown, (0.0, 0.72))
-    assert shown.model is model
-
-
 def test_a_new_game_starts_after_the_end(make_model, window):
     model = make_model("straight", [[0.97, 0.335], [1.07, 0.435], [-0.5, 0.0]], target=1)
     shown = window(model)
@@ -312,25 +305,29 @@ def test_quitting_asks_if_the_game_is_not_saved(shown, tmp_path):
     press(shown, pygame.K_q, pygame.K_s)
     assert not shown.open
     assert (tmp_path / "game.json").exists()
-    shown.open = True
-    press(shown, pygame.K_q)  # the game is saved
-    assert not shown.open
 
 
-def test_quitting_does_not_ask_if_the_game_is_saved_afterwards(shown):
-    shown.ask = False
-    press(shown, pygame.K_SPACE, pygame.K_SPACE, pygame.K_q)
-    assert not shown.open
+QUIT = {"kind": pygame.QUIT}
 
 
-@pytest.mark.parametrize("last", [{"kind": pygame.KEYDOWN, "key": pygame.K_q}, {"kind": pygame.QUIT}])
-def test_quitting_without_saving(last, shown, tmp_path):
-    press(shown, pygame.K_SPACE, pygame.K_SPACE)
-    for event, is_open in (({"kind": pygame.QUIT}, True), (last, False)):
+@pytest.mark.parametrize(
+    ("key", "ask", "events"),
+    [
+        (pygame.K_s, True, [QUIT]),
+        (None, False, [QUIT]),
+        (None, True, [QUIT, QUIT]),
+        (None, True, [QUIT, {"kind": pygame.KEYDOWN, "key": pygame.K_q}]),
+    ],
+    ids=["the game is saved", "it is saved afterwards", "the window is closed twice", "the answer is to quit"],
+)
+def test_quitting(key, ask, events, shown, tmp_path):
+    shown.ask = ask
+    press(shown, pygame.K_SPACE, pygame.K_SPACE, *([key] if key else []))
+    for left, event in zip(range(len(events))[::-1], events, strict=True):
         post(**event)
         press(shown)
-        assert shown.open == is_open
-    assert not (tmp_path / "game.json").exists()
+        assert shown.open == (left > 0)
+    assert (tmp_path / "game.json").exists() == (key is not None)
 
 
 def test_nothing_is_drawn_while_nothing_changes(shown, monkeypatch):
@@ -393,30 +390,11 @@ def test_a_game_that_cannot_be_saved_continues(shown, tmp_path):
     assert (shown.open, shown.message.startswith("not saved: ")) == (True, True)
 
 
-def test_a_program_plays_after_its_turn_is_shown(make_model, window):
-    calls = []
+def test_the_window_handles_keys_while_a_program_thinks(make_model, window):
+    may_play, calls = threading.Event(), []
 
     def player(setup, table, max_speed, rng):
-        calls.append((table, max_speed))
-        return Stroke((0.3, 0.4))
-
-    shown = window(make_model(positions=BALLS, players=("program", "human")), (player, None))
-    assert shown.model.phase == "thinking"
-    while shown.model.phase == "thinking":
-        press(shown, pygame.K_SPACE)
-    assert shown.model.strokes == (Stroke((0.3, 0.4)),)
-    press(shown, pygame.K_SPACE)
-    assert shown.model.game.state.player == 1
-    assert shown.model.phase == "aiming"
-    assert len(calls) == 1
-    assert calls[0][0].positions.tolist() == BALLS
-    assert calls[0][1] == 8.0
-
-
-def test_the_window_handles_keys_while_a_program_thinks(make_model, window):
-    may_play = threading.Event()
-
-    def player(*_):
+        calls.append((setup, table.positions.tolist(), max_speed))
         may_play.wait()
         return Stroke((0.3, 0.4))
 
@@ -427,6 +405,7 @@ def test_the_window_handles_keys_while_a_program_thinks(make_model, window):
     assert (shown.model.phase, shown.model.game.state.player) == ("thinking", 1)
     assert (press(shown, pygame.K_h) != plain).any()
     assert (press(shown, pygame.K_h) == plain).all()
+    assert calls == [(shown.model.setup, shown.model.game.positions.tolist(), 8.0)]
     press(shown, pygame.K_u)
     assert (shown.model.phase, shown.model.strokes) == ("aiming", ())
     press(shown, pygame.K_y, pygame.K_q)
@@ -437,37 +416,29 @@ def test_the_window_handles_keys_while_a_program_thinks(make_model, window):
     while shown.model.phase == "thinking":
         press(shown)
     assert shown.model.strokes == (*first, Stroke((0.3, 0.4)))
+    press(shown, pygame.K_SPACE)
+    assert (shown.model.phase, shown.model.game.state.player, len(calls)) == ("aiming", 0, 1)
 
 
-def test_the_planner_shows_its_shot_before_it_plays_it(make_model, window, monkeypatch):
-    stroke = Stroke((0.3, 0.4))
-    model = make_model(positions=BALLS, players=("planner:1s", "human"))
-    monkeypatch.setattr("billiards_env.play.window.INTENT", np.inf)
-    shown = window(model, (lambda *_: stroke, None))
+@pytest.mark.parametrize(
+    ("name", "noise"), [("planner:1s", None), ("planner:club", (1.0, 0.2))], ids=["planner", "level"]
+)
+def test_the_planner_shows_its_shot_without_errors_before_it_plays_it(name, noise, make_model, window, monkeypatch):
+    stroke, intent = Stroke((0.3, 0.4)), "billiards_env.play.window.INTENT"
+    player = LevelPlayer(lambda *_: stroke, noise) if noise else lambda *_: stroke
+    monkeypatch.setattr(intent, np.inf)
+    shown = window(make_model(positions=BALLS, players=(name, "human")), (player, None))
     plain = pixels(shown.frame()).copy()
     while shown.model.preview is None:
         shown.frame()
     assert (pixels(shown.frame()) != plain).any()
     assert (shown.model.phase, shown.model.strokes) == ("thinking", ())
     np.testing.assert_allclose(shown.model.stroke.velocity, stroke.velocity)
-    monkeypatch.setattr("billiards_env.play.window.INTENT", 0.01)
+    monkeypatch.setattr(intent, 0.01)
     while shown.model.phase == "thinking":
         shown.frame()
-    assert shown.model.strokes == (stroke,)
-
-
-def test_a_level_shows_its_shot_without_the_error_that_it_makes(make_model, window):
-    stroke = Stroke((0.3, 0.4))
-    shown = window(
-        make_model(positions=BALLS, players=("planner:club", "human")),
-        (LevelPlayer(lambda *_: stroke, (1.0, 0.2)), None),
-    )
-    while shown.model.preview is None:
-        shown.frame()
-    np.testing.assert_allclose(shown.model.stroke.velocity, stroke.velocity)
-    while shown.model.phase == "thinking":
-        shown.frame()
-    assert 0.0 < np.hypot(*np.subtract(shown.model.strokes[0].velocity, stroke.velocity)) < 1.0
+    error = np.hypot(*np.subtract(shown.model.strokes[0].velocity, stroke.velocity))
+    assert 0.0 < error < 1.0 if noise else shown.model.strokes == (stroke,)
 
 
 def test_a_planner_that_thinks_does_not_hold_the_window_up(make_model, window):
@@ -503,18 +474,6 @@ def lit(frame, shown, point, colour):
 
 
 WHITE, YELLOW = (255, 255, 255), (246, 199, 20)
-
-
-def test_balls_are_drawn_at_their_positions(shown):
-    frame = press(shown)
-    assert lit(frame, shown, BALLS[0], WHITE)
-    assert lit(frame, shown, BALLS[1], YELLOW)
-    assert not lit(frame, shown, (-0.4, 0.4), WHITE)
-    press(shown, pygame.K_SPACE)
-    for _ in range(20):
-        frame = press(shown)
-    assert lit(frame, shown, shown.model.last_shot.shot.at(shown.model.clock)[0], WHITE)
-    assert not lit(frame, shown, BALLS[0], WHITE)
 
 
 def test_the_ghost_is_visible_in_a_replay(make_model):
