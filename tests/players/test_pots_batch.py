@@ -93,16 +93,10 @@ def test_mirror_images_give_mirrored_pots(three, signs):
     assert (there[mirrored.pocket] == there[found.pocket] * signs)[exists].all()
 
 
-@pytest.mark.parametrize(
-    ("name", "offset"),
-    [
-        ("pool", (0.0, 0.0)),
-        ("pool", (0.3, 0.0)),
-        ("pool", (0.0, -0.4)),
-        ("real_pool", (-0.2, -0.3)),
-        ("real_pool", (0.2, 0.4)),
-    ],
-)
+OFFSETS = {"pool": [(0.0, 0.0), (0.3, 0.0), (0.0, -0.4)], "real_pool": [(-0.2, -0.3), (0.2, 0.4)]}
+
+
+@pytest.mark.parametrize(("name", "offset"), [(name, offset) for name in OFFSETS for offset in OFFSETS[name]])
 def test_the_cue_ball_comes_to_rest_where_its_path_ends(name, offset):
     scene, rng = Scene.named(name), np.random.default_rng(3)
     positions = np.array([layouts.draw("random", scene, rng) for _ in range(100)])
@@ -244,23 +238,21 @@ def test_scratches_before_the_first_cushion_are_predicted(played):
     assert np.mean(agree) > 0.97
 
 
+CUT, RAIL, JAWS = [[0.0, 0.0], [0.9, 0.3]], 0.635 - 0.028575, 1.27 - 0.0579
+IDEAL = {"motion": "ideal", "cushion": "restitution", "max_time": 10.0}
 ODD = {
     "no pockets": ({"table": {"pockets": []}}, [[0.0, 0.0], [0.5, 0.1]], 0),
-    "ideal": (
-        {"physics": {"motion": "ideal", "cushion": "restitution", "max_time": 10.0}},
-        [[0.0, 0.0], [0.9, 0.3]],
-        1,
-    ),
-    "rolling": ({"physics": {"motion": "rolling", "cushion": "restitution"}}, [[0.0, 0.0], [0.9, 0.3]], 1),
-    "small ball": ({"balls": {"radius": [0.03, 0.02]}}, [[0.0, 0.0], [0.9, 0.3]], 1),
-    "large ball": ({"balls": {"radius": [0.02, 0.04]}}, [[0.0, 0.0], [0.9, 0.3]], 1),
-    "light cue ball": ({"balls": {"mass": [0.1, 0.3]}}, [[0.0, 0.0], [0.9, 0.3]], 1),
-    "fixed object ball": ({"balls": {"mass": [0.17, float("inf")]}}, [[0.0, 0.0], [0.9, 0.3]], 0),
+    "ideal": ({"physics": IDEAL}, CUT, 1),
+    "rolling": ({"physics": {"motion": "rolling", "cushion": "restitution"}}, CUT, 1),
+    "small ball": ({"balls": {"radius": [0.03, 0.02]}}, CUT, 1),
+    "large ball": ({"balls": {"radius": [0.02, 0.04]}}, CUT, 1),
+    "light cue ball": ({"balls": {"mass": [0.1, 0.3]}}, CUT, 1),
+    "fixed object ball": ({"balls": {"mass": [0.17, float("inf")]}}, CUT, 0),
     "balls in contact": ({}, [[0.0, 0.0], [0.05715, 0.0]], None),
-    "ball on the cushion": ({}, [[0.2, 0.3], [0.7, 0.635 - 0.028575]], 1),
-    "ball in the corner's jaws": ({}, [[0.2, 0.3], [1.27 - 0.0579, 0.635 - 0.028575]], 1),
-    "cue ball on the cushion": ({}, [[0.2, 0.635 - 0.028575], [0.9, 0.3]], 1),
-    "cue ball in the jaws": ({}, [[-1.27 + 0.0579, -0.635 + 0.028575], [0.9, 0.3]], 1),
+    "ball on the cushion": ({}, [[0.2, 0.3], [0.7, RAIL]], 1),
+    "ball in the corner's jaws": ({}, [[0.2, 0.3], [JAWS, RAIL]], 1),
+    "cue ball on the cushion": ({}, [[0.2, RAIL], [0.9, 0.3]], 1),
+    "cue ball in the jaws": ({}, [[-JAWS, -RAIL], [0.9, 0.3]], 1),
 }
 
 

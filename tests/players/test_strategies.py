@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from billiards_env import simulate
 from billiards_env.envs import BilliardsEnv
 from billiards_env.players.env_player import rewards, situation
 from billiards_env.players.strategies import FINALISTS, REPEATS, find_strategy, geometric, search
@@ -15,7 +16,11 @@ named = pytest.mark.parametrize(("positions", "pocket"), NAMED_POTS.values(), id
 @named
 def test_the_geometric_player_pots_the_ball(positions, pocket):
     env = at(positions)
-    assert pocket in situation(env).pots().pocket
+    pots = situation(env).pots()
+    assert pocket in pots.pocket
+    for direction, speed, goal in zip(pots.direction, pots.speed, pots.pocket, strict=True):
+        there = env.scene.table.pockets[goal]
+        assert simulate(env.scene, positions, speed * direction).positions[1].tolist() == [there.x, there.y]
     *_, info = env.step(geometric(situation(env), RNG(0)))
     assert info["is_success"]
     assert info["cushions"][1] == 0

@@ -31,14 +31,21 @@ def test_the_policy_plays_the_nearest_legal_ball(trained):
     assert np.hypot(*slow.velocity) <= 0.5 * (1 + 1e-6)
 
 
-@pytest.mark.parametrize("policy_of_run", [{"hidden": [8]}, {"head": "aim"}], ids=["gaussian", "aim"])
-def test_the_stroke_is_the_shot_of_the_policy_in_the_plain_environment(tiny, tmp_path, policy_of_run):
-    config = Config.from_dict(tiny(env={"max_speed": 5.0}, policy=policy_of_run))
-    (tmp_path / "config.yaml").write_text(config.to_yaml())
-    model, env = make_policy(config), make_env(config)
-    save_policy(model, tmp_path / "policy.pt")
+def untrained(folder, head="aim", **env):
+    """Returns the folder and the untrained policy of a run, and its environment."""
+    policy = {"head": "aim", "arguments": {"hidden": 16}} if head == "aim" else {"head": head, "hidden": [8]}
+    config = Config.from_dict({"timesteps": 0, "env": env, "policy": policy})
+    (folder / "config.yaml").write_text(config.to_yaml())
+    model: Any = make_policy(config)
+    save_policy(model, folder / "policy.pt")
+    return folder, model, make_env(config)
+
+
+@pytest.mark.parametrize("head", ["gaussian", "aim"])
+def test_the_stroke_is_the_shot_of_the_policy_in_the_plain_environment(tmp_path, head):
+    folder, model, env = untrained(tmp_path, head, max_speed=5.0)
     game = setup("straight", 1)
-    player = policy(game, str(tmp_path))
+    player = policy(game, str(folder))
     for seed in range(5):
         observation, _ = env.reset(seed=seed)
         table = custom_opening(game, cast(Any, env.unwrapped).positions)
@@ -53,21 +60,16 @@ def test_a_folder_without_a_policy_is_refused(text):
         policy(setup("straight"), text)
 
 
-def test_playable_returns_a_game_that_the_policy_can_play(trained, tiny, tmp_path):
+def test_playable_returns_a_game_that_the_policy_can_play(trained, tmp_path):
     assert playable(trained) == "straight"
-    for task, scene, rules in (("carom", "carom", "carom"), ("sum_to_three", "sum_to_three", None)):
-        config = Config.from_dict(tiny(env={"task": task, "scene": scene}))
-        (tmp_path / "config.yaml").write_text(config.to_yaml())
-        save_policy(make_policy(config), tmp_path / "policy.pt")
-        assert playable(tmp_path) == rules
+    for task, rules in (("carom", "carom"), ("sum_to_three", None)):
+        assert playable(untrained(tmp_path, "gaussian", task=task, scene=task)[0]) == rules
 
 
-def test_a_policy_that_observes_physics_is_refused(tiny, tmp_path):
-    config = Config.from_dict(tiny(env={"randomize": {"mu_roll": [0.005, 0.015]}, "observe_physics": True}))
-    (tmp_path / "config.yaml").write_text(config.to_yaml())
-    save_policy(make_policy(config), tmp_path / "policy.pt")
+def test_a_policy_that_observes_physics_is_refused(tmp_path):
+    folder, *_ = untrained(tmp_path, "gaussian", randomize={"mu_roll": [0.005, 0.015]}, observe_physics=True)
     with pytest.raises(ValueError, match="expected a policy trained without observe_physics, strikes or a goal"):
-        policy(setup("straight"), str(tmp_path))
+        policy(setup("straight"), str(folder))
 
 
 def test_a_policy_of_another_game_or_table_is_refused(trained):
@@ -82,17 +84,8 @@ def test_a_policy_of_another_game_or_table_is_refused(trained):
                 policy(game, str(trained))
 
 
-def aim_run(tmp_path, **env):
-    """Returns the folder and the untrained policy of a run with the head "aim"."""
-    config = Config.from_dict({"timesteps": 0, "env": env, "policy": {"head": "aim", "arguments": {"hidden": 16}}})
-    (tmp_path / "config.yaml").write_text(config.to_yaml())
-    model: Any = make_policy(config)
-    save_policy(model, tmp_path / "policy.pt")
-    return tmp_path, model
-
-
 def test_a_policy_of_one_ball_plays_the_legal_ball_with_the_largest_value(tmp_path):
-    folder, model = aim_run(tmp_path)
+    folder, model, _ = untrained(tmp_path)
     game = setup("straight", 3)
     table = custom_opening(game, [[0.1, 0.2], [0.5, 0.3], [-0.4, -0.1], [-0.9, 0.4]])
     stroke = policy(game, str(folder))(game, table, 6.0, RNG(0))
@@ -106,7 +99,7 @@ def test_a_policy_of_one_ball_plays_the_legal_ball_with_the_largest_value(tmp_pa
 
 @pytest.mark.parametrize("balls", [1, 2])
 def test_a_policy_that_aims_plays_a_game_with_any_number_of_balls_and_only_at_legal_ones(tmp_path, balls):
-    folder, _ = aim_run(tmp_path, n_object_balls=balls, max_shots=balls, observe_shots_left=True)
+    folder, *_ = untrained(tmp_path, n_object_balls=balls, max_shots=balls, observe_shots_left=True)
     game = setup("nine_ball")
     table = custom_opening(game, in_a_row(10, {1: (0.9, 0.5)}))
     stroke = policy(game, str(folder))(game, table, 6.0, RNG(0))

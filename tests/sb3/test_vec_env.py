@@ -1,26 +1,19 @@
 """The adapter agrees with the DummyVecEnv of Stable-Baselines3."""
 
-import warnings
 from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
 import pytest
-import torch
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from stable_baselines3 import PPO
-from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize, VecVideoRecorder
 
-from agents.config import Config
-from agents.ppo import make_env, make_vec_env
 from billiards_env.sb3.vec_env import SameStepVecEnv
-from tests.helpers.training import trained_run
+from tests.helpers.environments import SOFT
 
-SOFT = {"n_object_balls": 2, "max_shots": 3, "max_speed": 2.0}
 KEPT = ("terminal_observation", "TimeLimit.truncated", "is_success")
 
 
@@ -100,19 +93,6 @@ def test_the_infos_of_the_last_step_are_available():
         assert native.infos["final_info"][key].tolist() == [info[key] for info in infos]
 
 
-def test_returned_arrays_do_not_change_later():
-    native, _ = pair(4)
-    native.reset()
-    *arrays, infos = native.step(np.zeros((4, 2)))
-    arrays += [info["terminal_observation"] for info in infos]
-    kept = [array.copy() for array in arrays]
-    native.step(np.ones((4, 2)))
-    for now, before in zip(arrays, kept, strict=True):
-        assert np.array_equal(now, before)
-    infos[0]["mine"] = 1
-    assert "mine" not in native.step(np.zeros((4, 2)))[3][0]
-
-
 def test_a_seed_applies_to_one_reset():
     native, _ = pair(3)
     native.seed(5)
@@ -125,25 +105,15 @@ def test_a_seed_applies_to_one_reset():
 
 
 def test_options_of_every_environment():
-    kwargs = {"task": "place", "randomize": {"mu_roll": [0.004, 0.02]}}
-    envs, each = (
-        pair(2, **kwargs),
-        [{"goal": [0.1 * k, 0.3], "physics": {"mu_roll": 0.01 + 0.001 * k}} for k in range(2)],
-    )
-    seen = []
-    for one in envs:
-        one.seed(3)
-        one.set_options(each)
-        seen.append((one.reset().tobytes(), [info["mu_roll"] for info in one.reset_infos]))
-    assert seen[0] == seen[1]
-
-
-def test_positions_are_options_of_every_environment():
-    native, dummy = pair(2)
-    options = [{"positions": [[0.1, 0.2], [0.3, 0.4]]}, {"positions": [[0.5, 0.0], [-0.5, 0.0]]}]
-    native.set_options(options)
-    dummy.set_options(options)
+    native, dummy = pair(2, task="place", randomize={"mu_roll": [0.004, 0.02]})
+    options = [
+        {"positions": [[0.1, 0.2], [0.3, 0.1 * k]], "goal": [0.1 * k, 0.3], "physics": {"mu_roll": 0.01 + 0.001 * k}}
+        for k in range(2)
+    ]
+    for envs in (native, dummy):
+        envs.set_options(options)
     assert np.array_equal(native.reset(), dummy.reset())
+    assert [info["mu_roll"] for info in native.reset_infos] == [info["mu_roll"] for info in dummy.reset_infos]
     again = native.reset()
     native.set_options(options[0])
     assert not np.array_equal(native.reset(), again)
@@ -173,25 +143,19 @@ def test_attributes_and_methods_belong_to_all_environments():
     assert native.env_is_wrapped(Monitor) == [True] * 3  # the infos have `episode`
     assert native.env_is_wrapped(gym.wrappers.TimeLimit, [1]) == [False]
     assert native.env_method("get_wrapper_attr", "task") == dummy.env_method("get_wrapper_attr", "task")
+    for call in (lambda: native.env_method("reset"), lambda: native.env_method("step", [0.0, 0.0])):
+        with pytest.raises(ValueError, match="expected the method of the vector environment"):
+            call()
     with pytest.raises(ValueError, match=r"set_attr\('max_speed'\) for environments \[1\]: expected all 3"):
         native.set_attr("max_speed", 1.0, indices=1)
     with pytest.raises(ValueError, match=r"env_method\('get_wrapper_attr'\) for environments \[0, 2\]"):
         native.env_method("get_wrapper_attr", "task", indices=[0, 2])
-
-
-def test_every_environment_is_one_object():
-    native, _ = pair(2)
-    for call in (lambda: native.env_method("reset"), lambda: native.env_method("step", [0.0, 0.0])):
-        with pytest.raises(ValueError, match="expected the method of the vector environment"):
-            call()
-
-
-def test_evaluate_policy_finds_the_episodes():
-    native, _ = pair(4)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        mean, _ = evaluate_policy(PPO("MlpPolicy", native), native, 8)
-    assert -0.2 <= cast(float, mean) <= 1.0
+    native.set_attr("max_speed", 1.0)
+    for one in dummy.envs:
+        one.unwrapped.max_speed = 1.0
+    assert native.get_attr("max_speed") == [1.0] * 3
+    one, other = (envs.step(np.full((3, 2), 0.5))[3] for envs in (native, dummy))
+    assert np.array_equal(one[0]["terminal_observation"], other[0]["terminal_observation"])
 
 
 def test_images_equal_those_of_dummy_vec_env(tmp_path):
@@ -216,17 +180,6 @@ def test_images_equal_those_of_dummy_vec_env(tmp_path):
         assert pair(2)[0].get_images() == [None, None]
 
 
-def test_a_set_attribute_takes_effect():
-    native, twin = pair(2)[0], pair(2, max_speed=1.0)[0]
-    native.set_attr("max_speed", 1.0)
-    assert native.get_attr("max_speed") == [1.0, 1.0]
-    for envs in (native, twin):
-        envs.seed(0)
-        envs.reset()
-    one, other = (envs.step(np.full((2, 2), 0.5))[3] for envs in (native, twin))
-    assert np.array_equal(one[0]["terminal_observation"], other[0]["terminal_observation"])
-
-
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])
 def test_other_autoreset_modes_are_refused(mode):
     with pytest.raises(ValueError, match=r"expected AutoresetMode\.SAME_STEP"):
@@ -249,17 +202,3 @@ def test_any_vector_environment_with_same_step_resets_is_accepted():
     *_, dones, infos = envs.step(np.array([1, 1]))
     assert dones.all()
     assert [info["TimeLimit.truncated"] for info in infos] == [True, True]
-
-
-def test_training_gives_the_same_weights_as_with_dummy_vec_env(trained, tiny, tmp_path, monkeypatch):
-    config = Config.from_dict(tiny())
-    assert isinstance(make_vec_env(config).unwrapped, SameStepVecEnv)
-
-    def single(config):
-        return VecMonitor(DummyVecEnv([lambda: make_env(config) for _ in range(config.n_envs)]))
-
-    monkeypatch.setattr("agents.train.make_vec_env", single)
-    models = (folder / "model.zip" for folder in (trained, trained_run(config, tmp_path / "run")))
-    native, dummy = (cast(dict[str, Any], load_from_zip_file(path, load_data=False)[1]["policy"]) for path in models)
-    assert native.keys() == dummy.keys()
-    assert all(torch.equal(native[key], dummy[key]) for key in native)
