@@ -151,26 +151,14 @@ HOSTILE = {
     "wrong digest": (set_result("digest", "0" * 64), "digest = 0*: expected"),
     "wrong hash": (set_result("digest", "0" * 63 + "\n"), r"results\[0\]\.digest = .*: expected 64 hexadecimal digits"),
     "truncated": (lambda text: text[:-200], "line .*: expected the JSON of a benchmark"),
-    "empty": (lambda text: "", "expected the JSON of a benchmark"),
-    "foreign": (
-        lambda text: '{"format": "billiards_env/shot"}',
-        "format = 'billiards_env/shot': expected 'billiards_e",
-    ),
-    "a list": (lambda text: "[1]", r"the file = \[1\]: expected a mapping"),
+    "foreign": (lambda text: '{"format": "billiards_env/shot"}', "format = 'billiards_env/shot': expected 'bill"),
     "newer": (edit(lambda data: data.update(version=99)), "version = 99: expected at most"),
     "deep": (lambda text: "[" * 100_000, "nested too deeply|expected the JSON of a benchmark"),
-    "deep objects": (lambda text: '{"a":' * 100_000, "nested too deeply|expected the JSON of a benchmark"),
     "oversized": (lambda text: text + " " * records.MAX_BYTES, "a file of more than 4194304 bytes"),
-    "a key twice": (lambda text: text.replace('"player"', '"player": "a", "player"', 1), "'player' appears twice"),
     "NaN": (lambda text: text.replace('"returns": [', '"returns": [NaN, ', 1), "NaN: expected a finite number"),
-    "infinite": (set_result("returns", [1e999] * 12), "Infinity: expected a finite number"),
     "infinite text": (lambda text: text.replace('"returns": [', '"returns": [1e999, ', 1), "expected a list of 12"),
-    "huge number": (lambda text: text.replace('"seed": 5', '"seed": 1' + "0" * 4000), "seed = .*: expected a whole"),
     "huger number": (lambda text: text.replace('"seed": 5', '"seed": 1' + "0" * 9000), "geometric.json: "),
-    "huge return": (
-        set_result("returns", [10**400] * 12),
-        r"results\[0\]\.returns\[0\] = .*: expected a finite number",
-    ),
+    "huge return": (set_result("returns", [10**400] * 12), r"results\[0\]\.returns\[0\] = .*: expected a finite"),
     "text return": (set_result("returns", ["1.0"] * 12), r"results\[0\]\.returns\[0\] = '1\.0': expected a number"),
     "bool return": (set_result("returns", [True] * 12), "expected a number, not bool"),
     "few returns": (set_result("returns", [1.0]), "expected a list of 12"),
@@ -182,10 +170,7 @@ HOSTILE = {
     "unicode actions": (set_result("actions", "é" * 128), "expected 96 bytes as base64"),
     "many actions": (set_result("actions", "A" * 100_000), "expected 96 bytes as base64"),
     "list of actions": (set_result("actions", [0.5] * 24), "expected 96 bytes as base64"),
-    "no shots": (
-        set_result("shots", ZEROS),
-        r"a number in results\[0\]\.shots = 0: expected 1",
-    ),
+    "no shots": (set_result("shots", ZEROS), r"a number in results\[0\]\.shots = 0: expected 1"),
     "many shots": (set_result("shots", "/" * 16), "= 255: expected 1"),
     "float seed": (set_result("seed", 0.5), r"results\[0\]\.seed = 0\.5: expected a whole number"),
     "negative seed": (set_result("seed", -1), r"results\[0\]\.seed = -1: expected a whole number"),
@@ -242,26 +227,6 @@ def test_the_command_plays_writes_and_verifies(tmp_path, capsys, monkeypatch):
     printed = capsys.readouterr().out.splitlines()
     assert printed[: len(rows) + 2] == [f"{path}: accepted, me: 2", head, *rows]
     assert printed.count(f"{path}: accepted, me: 2") == 2
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["random", "--tasks", "Pot-v0"], "task = 'Pot-v0': expected one of .*did you mean"),
-        (["random", "--seed", "-1"], "seed = -1: expected a whole number"),
-        (["random", "--noise-seed", "-1"], "noise_seed = -1: expected a whole number"),
-        (["random", "--name", "<b>"], "player = '<b>': expected 1 to 80 letters"),
-        (["random", "--out", "x.txt"], "expected a name that ends in '.json'"),
-        (["random", "--out", "no/x.json"], "expected an existing folder"),
-        (["random", "x.json"], "file = 'x.json' after a player: expected the word verify"),
-        (["verify"], "bench verify without a file"),
-        (["verify", "no.json"], "path = 'no.json': expected a file of a benchmark, but it does not exist"),
-        (["nobody", "--tasks", "Pot1-v0"], "player = 'nobody': expected one of"),
-    ],
-)
-def test_errors_are_one_line(arguments, message):
-    with pytest.raises(SystemExit, match=message):
-        main(["bench", *arguments])
 
 
 def test_a_pipe_is_refused_and_not_read(tmp_path):

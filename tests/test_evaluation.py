@@ -74,16 +74,6 @@ def test_the_command_measures_players_on_the_same_layouts(mine, capsys):
     assert [row.split()[0] for row in rows] == ["my_players:full_hit", "random"]
 
 
-def test_the_command_refuses_bad_arguments(mine, capsys):
-    for arguments, message in (
-        (["my_players:nothing"], "player = 'my_players:nothing'"),
-        (["random", "--task", "pott"], "task = 'pott'.*did you mean 'pot'"),
-        (["random", "--episodes", "0"], "--episodes = 0: expected a whole number >= 1"),
-    ):
-        with pytest.raises(SystemExit, match=message):
-            main(["evaluate", *arguments, "--beside"])
-
-
 def test_a_trained_policy_plays():
     pytest.importorskip("stable_baselines3")
     found = measure("policy:studies/results/policies/pot", {}, (0.0, 0.0), 100, 0)

@@ -4,18 +4,10 @@ import ast
 import re
 from pathlib import Path
 
+from tests.helpers.imports import imported
+
 TESTS = Path(__file__).parent
 HELPERS = "tests.helpers"
-
-
-def imported(path):
-    """Yields the names of the modules that a file imports."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            yield from (name.name for name in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path} has a relative import"
-            yield from (f"{node.module}.{name.name}" for name in node.names)
 
 
 def test_no_test_module_imports_a_test_module():

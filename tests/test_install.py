@@ -81,49 +81,38 @@ def add_python(path: Path, version: tuple[int, int]) -> None:
     path.chmod(0o755)
 
 
-def add_environment(folder: Path, version: tuple[int, int]) -> None:
-    """Writes a complete virtual environment, as far as make looks at it."""
-    add_python(folder / ".venv" / "bin" / "python", version)
-    (folder / ".venv" / ".installed-{}.{}".format(*version)).touch()
-
-
 @needs_make
 def test_a_python_that_is_too_old_is_rejected(make, tmp_path):
     add_python(tmp_path / "python3", (3, 9))
-    made = make("train")
-    assert made.returncode != 0
-    assert made.stdout.startswith(
-        "PYTHON = python3: expected Python 3.10 or later, such as: make PYTHON=python3.12 train"
+    made, message = (
+        make("train"),
+        "PYTHON = python3: expected Python 3.10 or later, such as: make PYTHON=python3.12 train",
     )
+    assert made.returncode != 0
+    assert made.stdout.startswith(message)
     assert not (tmp_path / ".venv").exists()
 
 
 @needs_make
 @pytest.mark.parametrize(
-    ("arguments", "rebuilt_with"),
+    ("complete", "arguments", "rebuilt_with"),
     [
-        ([], None),
-        (["PYTHON=python3.11"], None),
-        (["PYTHON=python3.12"], "python3.12"),
+        (True, [], []),
+        (True, ["PYTHON=python3.11"], []),
+        (True, ["PYTHON=python3.12"], ["python3.12"]),
+        (False, [], ["python3"]),
     ],
+    ids=["complete", "the same Python", "another Python", "incomplete"],
 )
-def test_another_python_rebuilds_the_environment(make, tmp_path, arguments, rebuilt_with):
-    add_python(tmp_path / "python3", (3, 13))
-    add_python(tmp_path / "python3.11", (3, 11))
-    add_python(tmp_path / "python3.12", (3, 12))
-    add_environment(tmp_path, (3, 11))
-    commands = make("-n", "format", *arguments).stdout
-    assert re.findall(r"^(\S+) -m venv --clear \.venv$", commands, re.MULTILINE) == (
-        [rebuilt_with] if rebuilt_with else []
-    )
-    assert ".venv/bin/ruff format ." in commands
-
-
-@needs_make
-def test_an_incomplete_environment_is_rebuilt(make, tmp_path):
-    add_python(tmp_path / "python3", (3, 13))
+def test_an_incomplete_environment_or_another_python_rebuilds_it(make, tmp_path, complete, arguments, rebuilt_with):
+    for name, version in (("python3", (3, 13)), ("python3.11", (3, 11)), ("python3.12", (3, 12))):
+        add_python(tmp_path / name, version)
     add_python(tmp_path / ".venv" / "bin" / "python", (3, 11))
-    assert "\npython3 -m venv --clear .venv\n" in make("-n", "format").stdout
+    if complete:
+        (tmp_path / ".venv" / ".installed-3.11").touch()
+    commands = make("-n", "format", *arguments).stdout
+    assert re.findall(r"^(\S+) -m venv --clear \.venv$", commands, re.MULTILINE) == rebuilt_with
+    assert ".venv/bin/ruff format ." in commands
 
 
 @needs_make
@@ -160,7 +149,4 @@ def test_the_installation_shows_its_packages_and_a_failed_one_is_repeated(make, 
         "torch (190.5 MB) numpy ",
         "Installing these packages",
     ]
-    assert (made.returncode == 0, (tmp_path / ".venv" / ".installed-3.12").exists()) == (
-        not exit_status,
-        not exit_status,
-    )
+    assert (made.returncode, (tmp_path / ".venv" / ".installed-3.12").exists()) == (2 * exit_status, not exit_status)

@@ -157,43 +157,51 @@ def test_cache_shows_and_clears_the_compiled_code(capsys, monkeypatch, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["kernels-of-others"]
 
 
+PIT = "simulate --mode pit"
+
+
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("command", "message"),
     [
-        (["simulate", "--mode", "pci"], "mode = 'pci': expected one of 'pic', 'pit' (did you mean 'pic'?)"),
-        (
-            ["simulate", "--mode", "pit", "--dt", "abc"],
-            "dt = 'abc' with mode='pit': expected the timestep, a number from",
-        ),
-        (
-            ["simulate", "--mode", "pit", "--dt", "1/0"],
-            "dt = '1/0' with mode='pit': expected the timestep, a number from",
-        ),
-        (["simulate", "--mode", "pit", "--dt", "0.1", "--fix", "push"], "fix = 'push': expected one of 'push_apart', "),
-        (["simulate", "--max-time", "abc"], "max_time = 'abc': expected a number, not str"),
-        (["simulate", "--velocity", "2", "fast"], "velocities = [2.0, 'fast']: expected finite numbers in an array"),
-        (["simulate", "--side", "0.3"], "--side without --speed: expected the speed of the cue"),
-        (
-            ["simulate", "--speed", "2", "--spin", "0", "0", "9"],
-            "--speed with --velocity or --spin: expected the motion",
-        ),
-        (["simulate", "--speed", "2", "--heading", "east"], "heading = 'east': expected finite numbers in an array"),
-        (["simulate", "--scene", "pol"], "scene = 'pol': expected one of 'pool', "),
-        (["simulate", "--layout", "rak"], "layout = 'rak': expected one of 'random', "),
-        (["simulate", "--seed", "-3"], "--seed = -3: expected a whole number >= 0"),
-        (["simulate", "--positions", "0", "0"], "--positions with 2 numbers: expected 4, x and y of 2 balls"),
-        (["simulate", "--out", "shot.txt"], "--out = 'shot.txt': expected a name that ends in one of .html .png"),
-        (["simulate", "--out", "no/shot.png"], "path = 'no/shot.png': expected an existing folder"),
-        (["replay", "no.json"], "path = 'no.json': expected a file of a shot or a game, but it does not exist"),
-        (["replay", "."], "path = '.': expected a file of a shot or a game, but it is a folder"),
-        (["replay", "shot.json", "--out", "copy.json"], "--out = 'copy.json': expected a name that ends in"),
+        ("simulate --mode pci", "mode = 'pci': expected one of 'pic', 'pit' (did you mean 'pic'?)"),
+        (f"{PIT} --dt abc", "dt = 'abc' with mode='pit': expected the timestep, a number from"),
+        (f"{PIT} --dt 1/0", "dt = '1/0' with mode='pit': expected the timestep, a number from"),
+        (f"{PIT} --dt 0.1 --fix push", "fix = 'push': expected one of 'push_apart', "),
+        ("simulate --max-time abc", "max_time = 'abc': expected a number, not str"),
+        ("simulate --velocity 2 fast", "velocities = [2.0, 'fast']: expected finite numbers in an array"),
+        ("simulate --side 0.3", "--side without --speed: expected the speed of the cue"),
+        ("simulate --speed 2 --spin 0 0 9", "--speed with --velocity or --spin: expected the motion"),
+        ("simulate --speed 2 --heading east", "heading = 'east': expected finite numbers in an array"),
+        ("simulate --scene pol", "scene = 'pol': expected one of 'pool', "),
+        ("simulate --layout rak", "layout = 'rak': expected one of 'random', "),
+        ("simulate --seed -3", "--seed = -3: expected a whole number >= 0"),
+        ("simulate --positions 0 0", "--positions with 2 numbers: expected 4, x and y of 2 balls"),
+        ("simulate --out shot.txt", "--out = 'shot.txt': expected a name that ends in one of .html .png"),
+        ("simulate --out no/shot.png", "path = 'no/shot.png': expected an existing folder"),
+        ("replay no.json", "path = 'no.json': expected a file of a shot or a game, but it does not exist"),
+        ("replay .", "path = '.': expected a file of a shot or a game, but it is a folder"),
+        ("replay shot.json --out copy.json", "--out = 'copy.json': expected a name that ends in"),
+        ("bench random --tasks Pot-v0", "task = 'Pot-v0': expected one of 'Pot1-v0'"),
+        ("bench random --seed -1", "seed = -1: expected a whole number"),
+        ("bench random --noise-seed -1", "noise_seed = -1: expected a whole number"),
+        ("bench random --name <b>", "player = '<b>': expected 1 to 80 letters"),
+        ("bench random --out x.txt", "path = 'x.txt': expected a name that ends in '.json'"),
+        ("bench random --out no/x.json", "path = 'no/x.json': expected an existing folder"),
+        ("bench random x.json", "file = 'x.json' after a player: expected the word verify"),
+        ("bench verify", "bench verify without a file"),
+        ("bench verify no.json", "path = 'no.json': expected a file of a benchmark, but it does not exist"),
+        ("bench nobody --tasks Pot1-v0", "player = 'nobody': expected one of"),
+        ("evaluate nobody:nothing --beside", "player = 'nobody:nothing': "),
+        ("evaluate random --task pott --beside", "task = 'pott': expected one of 'pot'"),
+        ("evaluate random --episodes 0 --beside", "--episodes = 0: expected a whole number >= 1"),
     ],
 )
-def test_errors_are_one_line(arguments, message):
+def test_errors_are_one_line(command, message):
     with pytest.raises(SystemExit) as exit:
-        main(arguments)
+        main(command.split())
     assert isinstance(exit.value.code, str)
     assert exit.value.code.startswith(f"error: {message}")
+    assert "\n" not in exit.value.code
 
 
 def test_help_lists_the_values_of_each_option(capsys):
