@@ -277,8 +277,10 @@ def test_a_cue_ball_in_hand_is_placed_in_the_d():  # 3.5
     assert place((head - 1.0, 1.0)) == pytest.approx((head - d / math.sqrt(2), d / math.sqrt(2)))
     x, y = place((head - 0.01, 0.0), [BROWN])  # next to the brown
     assert math.hypot(x - head, y) == pytest.approx(2 * R + 1e-3)
-    x, y = place((head - d, 0.0), [1])
+    positions[1] = head - 0.7 * d, 0.7 * d  # the nearest free point is beyond this red, but outside the D
+    x, y = place((head - d / math.sqrt(2), d / math.sqrt(2)), [1])
     assert math.hypot(x - head, y) <= d + 1e-9
+    assert math.dist((x, y), positions[1]) >= 2 * R + 1e-3 - 1e-9
 
 
 # Snookered after a foul.
