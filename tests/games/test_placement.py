@@ -6,7 +6,7 @@ import pytest
 from billiards_env.games import placement
 from billiards_env.games.judging import RuleState
 from billiards_env.scene import Balls, Scene, check_positions
-from billiards_env.scene.layouts import MARGIN, plan
+from billiards_env.scene.layouts import MARGIN, layout_plan
 from billiards_env.scene.table import Table
 
 SCENE = Scene.named("pool", 15)
@@ -129,7 +129,7 @@ def test_the_result_is_free_and_nearest():
         assert math.hypot(x - inside[0], y - inside[1]) <= math.sqrt(best) + 1e-9
 
 
-RACK = plan("tight_rack", SCENE).spots[1:]
+RACK = layout_plan("tight_rack", SCENE).spots[1:]
 HEAD = (SCENE.table.head_x, 0.0)
 RACK_CASES = {  # (last ball, cue ball) before, and after; None for a potted ball
     "clear": (((0.2, 0.3), (0.1, 0.1)), ((0.2, 0.3), (0.1, 0.1)), "no"),
