@@ -50,9 +50,11 @@ VARIANTS: list[dict[str, Any]] = [
 ]
 
 
-def name_of(kwargs: Any) -> str:
-    """Returns the arguments of an environment as the id of a test."""
-    return ",".join(map(str, kwargs.values()))[:60] if isinstance(kwargs, dict) else str(kwargs)
+def name_of(argument: Any) -> str:
+    """Returns the arguments of an environment, or a mode of autoreset, as the id of a test."""
+    if isinstance(argument, dict):
+        return ",".join(map(str, argument.values()))[:60]
+    return str(getattr(argument, "value", argument))
 
 
 def same(one: Any, other: Any) -> None:
