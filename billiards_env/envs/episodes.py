@@ -94,7 +94,7 @@ class Episodes:
             half_width=scene.half_extents[1],
             observe_shots_left=env.observe_shots_left,
         )
-        # The arguments of the entry points. The arrays are those of the attributes above, also after a deep copy.
+        # The arguments of the entry points. These tuples hold the arrays above, also after a deep copy.
         self._numbers, self._arrays = tuple(numbers), tuple(self.arrays)
         self._shots, self._balls = tuple(shots), tuple(self.balls)
         self.physics = {name: np.full(count, low) for name, (low, _) in env.randomize.items()}
