@@ -41,7 +41,7 @@ class Episodes:
     Attributes:
         env: The environment with the arguments of the episodes.
         shots: The balls and, after `shoot`, the outcomes of the shots (see `engine.Shots`).
-        balls: The balls before and after the last shots. They are those of `shots`.
+        balls: The balls before and after the last shots. They are part of `shots`.
         arrays: The state of the episodes. Its balls are those of `balls`.
         plan: The layout at the start of an episode.
         goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has

@@ -206,7 +206,7 @@ class RecordVideo(gym.wrappers.RecordVideo):
 
     Gymnasium's wrapper records one frame per step, which is the end of a shot. This wrapper records all frames of a
     step, so the video shows the balls in motion. The environment must have the render mode "rgb_array_list".
-    The arguments and the names of the files are those of Gymnasium's wrapper. Frames are written to the file
+    The arguments and the names of the files are as in Gymnasium's wrapper. Frames are written to the file
     immediately, so the length of a video is not limited by memory.
 
     Raises:
