@@ -296,10 +296,9 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "with the checks of its input and the first predictions.",
         "growth": table(("disks", "events", "us/event", "us/disk to begin", "s to begin"), growth),
         "two_cores": f"Two threads run {min(gains):.2f} to {max(gains):.2f} times as many shots a second as one.",
-        "summary": f"{rounded(per_second)} shots a second on one core in a batch, which is "
+        "summary": f"One core plays {rounded(per_second)} shots a second in a batch (one object ball): "
         f"{per_second * result['batch'][0]['seconds_simulated_per_shot'] / 1e6:.2g} million seconds of table time per "
-        f"second (one object ball). `env.step` in a loop plays {rounded(1e6 / per_call['env_step']['median'])} shots a "
-        "second.",
+        f"second. A loop over `env.step` plays {rounded(1e6 / per_call['env_step']['median'])}.",
     }
 
 

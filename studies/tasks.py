@@ -93,7 +93,7 @@ def solved(found: Mapping[str, Any]) -> str:
             cells.append(f"{_percent(known[best]['success'])} ({best})")
         chance = _percent(players["random"]["success"])
         rows.append((f"`{name}`", chance, _percent(policy and policy.success), *cells))
-    return table(("task", "random", "best learned", "best search or planner", "the same with noise"), rows)
+    return table(("task", "random", "best learned", "best search or planner", "best with noise"), rows)
 
 
 def _percent(share: float | None) -> str:
