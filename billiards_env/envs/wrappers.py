@@ -110,7 +110,7 @@ class ExecutionNoise(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     is clipped before the noise is added, so an action outside of the action space has the noise of its clipped shot.
 
     `reset(seed=...)` also seeds the noise. The noise has a separate random stream, so it does not change the layouts.
-    Whoever has the seed can compute the noise beforehand, unless `noise_seed` is secret.
+    Anyone who has the seed can compute the noise beforehand, unless `noise_seed` is secret.
 
     Args:
         env: A `BilliardsEnv`, wrapped or not.
