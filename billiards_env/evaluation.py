@@ -8,8 +8,8 @@ from __future__ import annotations
 import importlib
 import inspect
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, cast
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple, cast
 
 import gymnasium as gym
 import numpy as np
@@ -38,6 +38,28 @@ def evaluation_seeds(seed: int, episodes: int) -> NDArray[np.int64]:
     return FIRST_EVALUATION_SEED + np.random.SeedSequence(seed).generate_state(episodes).astype(np.int64) // 2
 
 
+class Step(NamedTuple):
+    """The observation before a step, the action, and what `Env.step` returns: `following` is the observation after it."""
+
+    observation: NDArray[np.float32]
+    action: Any
+    following: NDArray[np.float32]
+    reward: float
+    terminated: bool
+    truncated: bool
+    info: dict[str, Any]
+
+
+def steps(env: gym.Env[Any, Any], act: Act, seed: int) -> Iterator[Step]:
+    """Yields the steps of one episode, in which `act` chooses the actions."""
+    observation, done = env.reset(seed=seed)[0], False
+    while not done:
+        action = act(observation)
+        step = Step(observation, action, *env.step(action))
+        yield step
+        observation, done = step.following, step.terminated or step.truncated
+
+
 def play(env: gym.Env[Any, Any], act: Act, seeds: Iterable[int]) -> dict[str, Any]:
     """Plays one episode for each seed.
 
@@ -52,15 +74,10 @@ def play(env: gym.Env[Any, Any], act: Act, seeds: Iterable[int]) -> dict[str, An
     """
     successes, scores, rewards = [], [], []
     for seed in seeds:
-        observation, info = env.reset(seed=int(seed))
-        total, done = 0.0, False
-        while not done:
-            observation, reward, terminated, truncated, info = env.step(act(observation))
-            total += float(reward)
-            done = terminated or truncated
-        successes.append(bool(info["is_success"]))
-        scores.append(float(info["score"]))
-        rewards.append(total)
+        played = list(steps(env, act, int(seed)))
+        successes.append(bool(played[-1].info["is_success"]))
+        scores.append(float(played[-1].info["score"]))
+        rewards.append(sum(float(step.reward) for step in played))
     return summary(successes, scores, rewards)
 
 

@@ -37,6 +37,11 @@ class Frozen(NamedTuple):
     noise: bool = False
     history: tuple[str, ...] = ("v0: the first version.",)
 
+    @property
+    def errors(self) -> tuple[float, float]:
+        """The standard deviations of the noise that a player expects: direction, degrees, and speed, m/s."""
+        return (NOISE["angle_std"], NOISE["speed_std"]) if self.noise else (0.0, 0.0)
+
 
 _COMMON = {
     "mode": "pic",
