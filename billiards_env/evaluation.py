@@ -39,7 +39,7 @@ def evaluation_seeds(seed: int, episodes: int) -> NDArray[np.int64]:
 
 
 class Step(NamedTuple):
-    """The observation before a step, the action, and what `Env.step` returns: `following` is the observation after it."""
+    """The observation before a step, the action, and what `Env.step` returns; `following` is its observation."""
 
     observation: NDArray[np.float32]
     action: Any
