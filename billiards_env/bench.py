@@ -116,7 +116,7 @@ def play(
 def _play(player: str, task: str, seed: int, progress: Callable[[str, int], object], noise_seed: int | None) -> Result:
     noise_seed = noise_seed if FROZEN[task].noise else None
     env = gym.make(NAMESPACE + task, **_noise(noise_seed))
-    act, actions, shots = find_player(player, env, FROZEN[task].errors, seed), [], []
+    act, actions, shots = find_player(player, env, FROZEN[task].execution_noise, seed), [], []
     shape = cast(Any, env.action_space.shape)
 
     def checked(observation: NDArray[np.float32]) -> NDArray[np.float32]:

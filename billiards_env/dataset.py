@@ -68,7 +68,7 @@ def write(
     if storage.get_dataset_path(dataset_id).exists():
         raise ValueError(f"dataset_id = {dataset_id!r}: expected a new one; `minari delete {dataset_id}` deletes it")
     env = gym.make(NAMESPACE + task)
-    act = find_player(player, env, FROZEN[task].errors, seed)
+    act = find_player(player, env, FROZEN[task].execution_noise, seed)
     buffers = []
     for k in range(episodes):
         played = list(steps(env, lambda observation: np.asarray(act(observation), np.float32), seed + k))

@@ -9,7 +9,7 @@ import importlib
 import inspect
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, SupportsFloat, cast
 
 import gymnasium as gym
 import numpy as np
@@ -44,7 +44,7 @@ class Step(NamedTuple):
     observation: NDArray[np.float32]
     action: Any
     following: NDArray[np.float32]
-    reward: float
+    reward: SupportsFloat
     terminated: bool
     truncated: bool
     info: dict[str, Any]

@@ -38,8 +38,8 @@ class Frozen(NamedTuple):
     history: tuple[str, ...] = ("v0: the first version.",)
 
     @property
-    def errors(self) -> tuple[float, float]:
-        """The standard deviations of the noise that a player expects: direction, degrees, and speed, m/s."""
+    def execution_noise(self) -> tuple[float, float]:
+        """The standard deviations of the direction, degrees, and of the speed, m/s, that a player expects."""
         return (NOISE["angle_std"], NOISE["speed_std"]) if self.noise else (0.0, 0.0)
 
 
