@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from benchmarks import IMAGES, Count, machine, machine_line, parser_of, report, run_kinds, save, table, workers
 from billiards_env.scene import Scene, layouts
-from billiards_env.shots.gradients import UNIT_ROUNDOFF, sensitivities
+from billiards_env.shots.gradients import UNIT_ROUNDOFF
 from billiards_env.shots.simulation import simulate
 from reference.oracle import OracleError, run
 
@@ -99,7 +99,7 @@ def compare(kind: str, seed: int) -> dict[str, float | bool | int]:
     times = np.append(shot.events["time"], shot.time)
     until = shot.time
     allowed = OF_A_RADIUS * min(scene.balls.radius) / UNIT_ROUNDOFF
-    for k, here in enumerate(sensitivities(shot._record("sensitivities"), times)):
+    for k, here in enumerate(shot.sensitivities(times)):
         if here.condition > allowed or not here.smooth:
             # Halfway between this event and the one before, so that rounding does not move an event across the end.
             until = 0.5 * (times[k - 1] + times[k]) if k else 0.5 * times[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -156,9 +156,17 @@ class ShotResult(Differentiable):
         Raises:
             ValueError: If the shot was not recorded or not run by "pic", or t is negative or not finite.
         """
+        return next(self.sensitivities([self.time if t is None else t]))
+
+    def sensitivities(self, times: ArrayLike) -> Iterator[Sensitivity]:
+        """Returns the `sensitivity` at each of several ascending times, s, computed in one pass.
+
+        Raises:
+            ValueError: As in `sensitivity`, or if a time is earlier than the one before.
+        """
         from billiards_env.shots import gradients
 
-        return next(gradients.sensitivities(self._record("sensitivity"), [self.time if t is None else t]))
+        return gradients.sensitivities(self._record("sensitivity"), times)
 
     def _of_each(self, found: Any) -> Any:
         """Returns the results of the first shot."""

@@ -657,4 +657,4 @@ def test_pit_shots_have_no_sensitivity():
     with rejected(message):
         shot.sensitivity()
     with rejected(message):
-        shot.sensitivity(0.0)
+        next(shot.sensitivities([0.0]))

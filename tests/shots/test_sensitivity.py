@@ -8,7 +8,7 @@ import pytest
 
 from billiards_env.scene import Balls, Physics, Scene, layouts
 from billiards_env.scene.table import Table
-from billiards_env.shots.gradients import UNIT_ROUNDOFF, sensitivities
+from billiards_env.shots.gradients import UNIT_ROUNDOFF
 from billiards_env.shots.simulation import simulate
 from tests.helpers.derivatives import aimed, differences
 from tests.helpers.outlines import MARBLES
@@ -95,7 +95,7 @@ def test_each_collision_multiplies_the_condition():
     scene = Scene.named("ideal", 15)
     rng = np.random.default_rng(0)
     shot = simulate(scene, layouts.draw("random", scene, rng), rng.normal(0.0, 1.0, (16, 2)), record=True, max_time=4.0)
-    early, late = shot.sensitivity(1.0), shot.sensitivity(4.0)
+    early, late = shot.sensitivities([1.0, 4.0])
     assert early.condition > 10.0
     assert late.condition > 1e3 * early.condition
 
@@ -121,6 +121,6 @@ def test_a_sensitivity_needs_a_record_and_ascending_finite_times():
         shot.sensitivity()
     recorded = simulate(scene, [[-1.0, 0.0], [0.0, 0.5]], [0.5, 0.25], record=True)
     with pytest.raises(ValueError, match="ascending"):
-        next(sensitivities(recorded._record("test"), [1.0, 0.5]))
+        next(recorded.sensitivities([1.0, 0.5]))
     with pytest.raises(ValueError, match="finite"):
         recorded.sensitivity(float("nan"))
