@@ -137,8 +137,11 @@ def try_wheel(wheel: Path, folder: Path, repeats: int) -> dict[str, tuple[float,
     python, times = install(wheel, folder / "venv"), {}
     shipped, compiled = {"NUMBA_CACHE_DIR": str(folder / "none")}, {"NUMBA_CACHE_DIR": str(folder / "fresh")}
     compiled["BILLIARDS_ENV_COMPILE"] = "1"
-    for environment, prefix in ((shipped, ""), (compiled, "with BILLIARDS_ENV_COMPILE=1, ")):
-        times[f"{prefix}first start"] = start(python, folder, **environment)
+    for environment, prefix, after in (
+        (shipped, "", " after the installation"),
+        (compiled, "with BILLIARDS_ENV_COMPILE=1, ", ""),
+    ):
+        times[f"{prefix}first start{after}"] = start(python, folder, **environment)
         later = [start(python, folder, **environment) for _ in range(repeats)]
         times[f"{prefix}later starts"] = sorted(later)[repeats // 2]
     shots = python, ROOT / "release" / "shots.py"
