@@ -5,8 +5,6 @@ A player is a function `act(observation) -> action`, or one of the names of `fin
 
 from __future__ import annotations
 
-import importlib
-import inspect
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, SupportsFloat, cast
@@ -16,10 +14,10 @@ import numpy as np
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
-from billiards_env.checks import suggestion
 from billiards_env.envs.wrappers import ExecutionNoise
 from billiards_env.intervals import mean_interval, wilson_interval
 from billiards_env.players.env_player import planned, situation
+from billiards_env.players.named import check_call, imported
 from billiards_env.players.strategies import STRATEGIES, find_strategy
 
 Act = Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]
@@ -150,18 +148,8 @@ def find_player(
         arguments = {key: given[key] for key in given if key not in ("render_mode", "noise_seed")}
         policy = sb3.load_policy(argument, arguments)[1]
         return lambda observation: policy.predict(observation, deterministic=True)[0]
-    try:
-        act = getattr(importlib.import_module(name), argument)
-    except (AttributeError, ImportError, ValueError) as error:
-        known = (*STRATEGIES, "planner", "policy")
-        why = suggestion(name, known) or f" ({error})"
-        raise ValueError(
-            f"player = {text!r}: expected one of {', '.join(map(repr, known))}, or module:function{why}"
-        ) from error
-    try:
-        inspect.signature(act).bind(None)
-    except (TypeError, ValueError):
-        raise TypeError(f"player = {text!r}: expected a function act(observation) that returns an action") from None
+    act = imported(text, name, argument, (*STRATEGIES, "planner", "policy"))
+    check_call(text, act, (None,), "act(observation) that returns an action")
     return act
 
 
