@@ -78,9 +78,7 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m benchmarks.differentiable
 	$(BIN)/python -m benchmarks.calibration
 	$(BIN)/python -m benchmarks.vector
-	$(BIN)/python -m benchmarks.start_up
 	$(BIN)/python -m release.dist
-	$(BIN)/python -m benchmarks.examples
 	$(BIN)/python -m studies.readme
 
 results: $(WORKS)  ## train every recipe with several seeds (up to five hours; recipes with results are not trained again)

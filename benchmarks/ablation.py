@@ -153,16 +153,14 @@ def measure(repeats: int, rows: tuple[Row, ...] = ROWS) -> dict[str, Any]:
         start and of its first pass, which compiles, the `modules` and `functions` of the package that it imports and
         compiles, and `passes`, the durations of the later passes, s.
     """
-    on, passes = machine(), [[] for _ in rows]
+    on = machine()
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
         processes = [stack.enter_context(Process(row, Path(folder) / str(k))) for k, row in enumerate(rows)]
-        for _ in range(repeats):
-            for process, found in zip(processes, passes, strict=True):
-                found.append(process.play())
+        passes = [[process.play() for process in processes] for _ in range(repeats)]
         entries = [
             {"name": row.name, "without": row.without, **process.found, "passes": found}
-            for row, process, found in zip(rows, processes, passes, strict=True)
+            for row, process, *found in zip(rows, processes, *passes, strict=True)
         ]
     return {"machine": on, "shots": SHOTS, "repeats": repeats, "rows": entries}
 

@@ -174,11 +174,8 @@ def seconds_per_shot(shots: int, passes: int) -> dict[tuple[str, Method], list[f
     for name, problem in PROBLEMS.items():
         few = shots_of(name, min(shots, TIMED))
         calls |= {(name, method): timer(problem.scene, *few, method) for method in (PIC, *PIT)}
-    found: dict[tuple[str, Method], list[float]] = {key: [] for key in calls}
-    for _ in tqdm(range(passes), "times", unit="pass"):
-        for key, call in calls.items():
-            found[key].append(call())
-    return found
+    times = [[call() for call in calls.values()] for _ in tqdm(range(passes), "times", unit="pass")]
+    return dict(zip(calls, map(list, zip(*times, strict=True)), strict=True))
 
 
 def rows_of(

@@ -1,14 +1,10 @@
 """Published tasks for differentiable simulators, with the exact derivatives: `python -m benchmarks.differentiable`.
 
-The tasks are those of DiffTaichi (Hu et al. 2020), DiffMJX (2026) and of two reports about Nimble and MJX. They run in
-this engine and, with `--python`, also in the packages that they come from, see `benchmarks.differentiable_worker`.
+The tasks are those of DiffTaichi (Hu et al. 2020), DiffMJX (2026) and of two reports about Nimble and MJX.
 """
 
 from __future__ import annotations
 
-import json
-import subprocess
-from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -21,7 +17,6 @@ from billiards_env.shots.simulation import BatchResult, simulate, simulate_batch
 
 Floats = NDArray[np.float64]
 
-WORKER = Path(__file__).resolve().parent / "differentiable_worker.py"
 SOLVED = 1e-6  # m, distance from the goal
 MOST = 10  # iterations
 
@@ -101,12 +96,7 @@ def difftaichi(tasks: int) -> dict[str, Any]:
         goals = np.concatenate((goals, ends[np.abs(ends - rack).max(axis=1) > task.radius]))
     own = task.solve(np.array(task.home), np.array(task.goal), rng)
     starts = task.draw(tasks, rng)
-    return {
-        "own": own,
-        "starts": starts.tolist(),
-        "goals": goals[:tasks].tolist(),
-        "random": [task.solve(start, goal, rng) for start, goal in zip(starts, goals, strict=False)],
-    }
+    return {"own": own, "random": [task.solve(start, goal, rng) for start, goal in zip(starts, goals, strict=False)]}
 
 
 class Push(NamedTuple):
@@ -181,83 +171,34 @@ def nimble() -> list[float]:
     return [*by["positions"][:, 0].tolist(), *by["velocities"][:, 0].tolist()]
 
 
-def theirs(python: Path, package: str, tasks: dict[str, Any]) -> dict[str, Any]:
-    """Returns the version and the result of `benchmarks.differentiable_worker`, or the last line of its error."""
-    found = subprocess.run(
-        [python, WORKER, package], input=json.dumps(tasks), capture_output=True, text=True, check=False
-    )
-    if found.returncode:
-        return {"error": (found.stderr.strip().splitlines() or [f"exit status {found.returncode}"])[-1]}
-    return json.loads(found.stdout.splitlines()[-1])
-
-
-def measure(tasks: int, taken: int, python: Path | None) -> dict[str, Any]:
-    """Runs all tasks.
-
-    Args:
-        tasks: Number of random tasks of DiffTaichi, and of starts of DiffMJX.
-        taken: Number of these random tasks that DiffTaichi runs; it takes seconds for each.
-        python: Python of an environment with the other packages; None for none.
-    """
-    found: dict[str, Any] = {"machine": machine(), "difftaichi": difftaichi(tasks), "diffmjx": diffmjx(tasks)}
-    found |= {"nimble": nimble(), "theirs": {}}
-    if python is not None:
-        own, task = found["difftaichi"], Break()
-        tried = {"starts": [task.home, *own["starts"][:taken]], "goals": [task.goal, *own["goals"][:taken]]}
-        for package in ("taichi", "nimblephysics", "mujoco-mjx"):
-            found["theirs"][package] = theirs(python, package, tried)
-    return found
+def measure(tasks: int) -> dict[str, Any]:
+    """Runs all tasks: `tasks` random tasks of DiffTaichi, and as many starts of DiffMJX."""
+    on = machine()
+    return {"machine": on, "difftaichi": difftaichi(tasks), "diffmjx": diffmjx(tasks), "nimble": nimble()}
 
 
 def blocks(found: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
-    other = found["theirs"]
-
-    def run(package: str, text: Any) -> str:
-        """Returns the text of their result, with the version."""
-        reply = other.get(package)
-        if reply is None:
-            return "not run"
-        return reply["error"] if "error" in reply else f"{text(reply['result'])} ({reply['version']})"
 
     def solved(results: list[dict[str, Any]], budget: int) -> str:
         least = [r["iterations"] for r in results if r["iterations"] is not None and r["iterations"] <= budget]
         text = f"{len(least)} of {len(results)} solved in at most {budget} iterations"
         return text + (f", median {np.median(least):.0f}" if least else "")
 
-    def far(pairs: list[list[float]]) -> str:
-        first, last = np.median(pairs, axis=0) if pairs else (np.nan, np.nan)
-        near = sum(pair[1] < 0.01 for pair in pairs)
-        return f"{near} of {len(pairs)} within 1 cm after 200 iterations; median distance {first:.2f} to {last:.2f} m"
-
-    def numbers(values: Any) -> str:
-        return ", ".join(f"{value + 0.0:.2g}" for value in values)
-
     own, pushed = found["difftaichi"]["own"], found["diffmjx"]
+    gradient = ", ".join(f"{value + 0.0:.2g}" for value in found["nimble"])
     rows = [
         (
             "DiffTaichi, billiards",
             "200 iterations",
-            run("taichi", lambda r: f"{1000 * r[0][1]:.2g} mm from the goal"),
             f"{own['iterations']} iterations, {own['distance']:.0e} m from the goal",
         ),
-        (
-            "the same from other starts to other goals",
-            "the loss rises",
-            run("taichi", lambda r: far(r[1:])),
-            solved(found["difftaichi"]["random"], 10),
-        ),
-        ("DiffMJX, `03_billiard`", "at most 30 iterations", "not run", solved(pushed["results"], 5)),
-        (
-            "Nimble, two balls on a line; exact: 1, 0, 1, 0",
-            "0.75, 0.25, 0.91, 0.08",
-            run("nimblephysics", numbers),
-            numbers(found["nimble"]),
-        ),
+        ("the same from other starts to other goals", "the loss rises", solved(found["difftaichi"]["random"], 10)),
+        ("DiffMJX, `03_billiard`", "at most 30 iterations", solved(pushed["results"], 5)),
+        ("Nimble, two balls on a line; exact: 1, 0, 1, 0", "0.75, 0.25, 0.91, 0.08", gradient),
         (
             "MJX, derivative of one push of a ball to another",
             "NaN",
-            run("mujoco-mjx", lambda r: ", ".join(f"{name}: {value:.2g}" for name, value in r.items())),
             f"{pushed['gradient']:.10f}; central difference {pushed['difference']:.10f}",
         ),
     ]
@@ -266,19 +207,15 @@ def blocks(found: dict[str, Any]) -> dict[str, str]:
     return {
         "machine": machine_line(found["machine"]),
         "cost": f"A random task takes {np.median(shots):,.0f} shots and {np.median(seconds):.1f} s (medians).",
-        "tasks": table(("task", "published", "their package, run here", "here"), rows, left=4),
+        "tasks": table(("task", "published", "here"), rows, left=3),
     }
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.differentiable --help`."""
-    tasks = Count(100, "random tasks"), Count(20, "random tasks that DiffTaichi runs")
-    parser = parser_of("differentiable", "Run published tasks with derivatives.", tasks=tasks[0], taken=tasks[1])
-    parser.add_argument("--python", type=Path, help="Python with taichi, nimblephysics and mujoco-mjx")
-    args = parser.parse_args(arguments)
-    if args.python is None:
-        print("their packages are left out: no --python")
-    report(measure(args.tasks, args.taken, args.python), blocks, args.output)
+    tasks = Count(100, "random tasks")
+    args = parser_of("differentiable", "Run published tasks with derivatives.", tasks=tasks).parse_args(arguments)
+    report(measure(args.tasks), blocks, args.output)
 
 
 if __name__ == "__main__":

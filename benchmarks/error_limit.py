@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from benchmarks import IMAGES, Count, machine, machine_line, parser_of, report, run_kinds, save, table, workers
 from billiards_env.scene import Scene, layouts
-from billiards_env.shots.sensitivity import UNIT_ROUNDOFF
+from billiards_env.shots.gradients import UNIT_ROUNDOFF
 from billiards_env.shots.simulation import simulate
 from reference.oracle import OracleError, run
 

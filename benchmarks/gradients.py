@@ -42,22 +42,14 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
     Returns:
         `cases`: a list with one entry per case.
     """
-    on, every = machine(), cases(scale)
-    ratios: list[list[list[float]]] = [[] for _ in every]
-    plain: list[list[float]] = [[] for _ in every]
-    for k in range(repeats + 1):
-        for case, found, alone in zip(every, ratios, plain, strict=True):
-            times = time_parts(case)
-            if k > 0:  # the first pass compiles
-                alone.append(times[0])
-                found.append([t / times[0] for t in times[1:]])
-    rows = []
-    for case, found, alone in zip(every, ratios, plain, strict=True):
-        columns = np.array(found).T
-        sums = (columns[0] + columns[1], columns[0] + columns[2])
-        row = {name: summary(list(column)) for name, column in zip(PARTS, (*columns, *sums), strict=True)}
-        us = 1e6 * float(np.median(alone)) / len(case.positions)
-        rows.append({"case": case.name, "us_per_shot": us, "ratios": row})
+    on, every, rows = machine(), cases(scale), []
+    passes = np.array([[time_parts(case) for case in every] for _ in range(repeats + 1)])[1:]  # the first one compiles
+    for k, case in enumerate(every):
+        plain, *parts = passes[:, k].T
+        record, jvp, vjp = (part / plain for part in parts)
+        ratios = zip(PARTS, (record, jvp, vjp, record + jvp, record + vjp), strict=True)
+        us = 1e6 * float(np.median(plain)) / len(case.positions)
+        rows.append({"case": case.name, "us_per_shot": us, "ratios": {name: summary(row) for name, row in ratios}})
     return {"machine": on, "repeats": repeats, "cases": rows}
 
 

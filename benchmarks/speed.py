@@ -8,7 +8,7 @@ reported; the JSON also has the quartiles. Every case uses a fixed seed. Shots p
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -119,7 +119,7 @@ def seconds(run: Callable[..., object], *arguments: Any) -> float:
     return perf_counter() - begin
 
 
-def summary(values: list[float]) -> dict[str, float]:
+def summary(values: Sequence[float] | Floats) -> dict[str, float]:
     """Returns the median and the quartiles."""
     low, middle, high = np.quantile(values, (0.25, 0.5, 0.75)).tolist()
     return {"median": middle, "lower_quartile": low, "upper_quartile": high}

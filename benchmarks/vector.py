@@ -118,12 +118,8 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
     outside()
     for _, _, play in every:  # compiles the kernels
         play()
-    rates: list[list[float]] = [[] for _ in every]
-    shares = []
-    for _ in range(repeats):
-        shares.append(outside())
-        for found, (_, steps, play) in zip(rates, every, strict=True):
-            found.append(steps / seconds(play))
+    passes = [[outside(), *(steps / seconds(play) for _, steps, play in every)] for _ in range(repeats)]
+    shares, *rates = zip(*passes, strict=True)
     rows = [{"kind": name, "per_second": summary(found)} for (name, _, _), found in zip(every, rates, strict=True)]
     return {"machine": on, "repeats": repeats, "steps": rows, "outside_engine": summary(shares)}
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import importlib.metadata
-import importlib.util
 import itertools
 import json
 import platform
@@ -31,66 +30,34 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-COMMANDS = {
-    "agents.train": "train a policy with a configuration, for example configs/ppo/pot.yaml",
-    "agents.evaluate": "measure a trained policy on new layouts, next to a random policy",
-    "agents.rllib": "train PPO with RLlib, on one machine or on a cluster",
-    "studies.recipes": "train all recipes with several seeds",
-    "studies.timestep": "train policies with several timesteps and compare them",
-    "benchmarks.speed": "measure shots per second",
-    "benchmarks.gradients": "measure the cost of derivatives",
-    "benchmarks.calibration": "measure how often the intervals of a calibration contain the truth",
-    "benchmarks.vector": "measure steps per second of many environments",
-    "benchmarks.accuracy": "measure errors and run times of both engines",
-    "benchmarks.comparison": "compare run times and errors with pooltool and pymunk",
-    "benchmarks.error_limit": "measure errors against the 50-digit reference",
-    "benchmarks.stress": "check every event of ten million random shots",
-    "release.dist": "build the source archive and the wheel, and try them",
-    "studies.readme": "write the measured tables into the documentation",
-}
-"""Modules of the repository that run with `python -m`, and what they do."""
-
 PACKAGES = ("numpy", "numba", "gymnasium", "pettingzoo", "pygame", "matplotlib", "scipy", "stable-baselines3", "torch")
 """The distributions that `version` lists."""
 
 
-def available() -> dict[str, str]:
-    """Returns the commands of the repository that can be imported; all need a clone of the repository."""
-    found = {}
-    for module, text in COMMANDS.items():
-        package = module.partition(".")[0]
-        if importlib.util.find_spec(package) and importlib.util.find_spec(module):
-            found[module] = text
-    return found
-
-
 def make_parser() -> argparse.ArgumentParser:
     """Returns the parser of the command line."""
-    lines = [f"  python -m {module:24}{text}" for module, text in available().items()]
-    if lines:
-        epilog = "programs of the repository ('make' lists the commands that run several of these):\n"
-    else:
-        epilog = "Training and benchmarks run from a clone of the repository."
     parser = argparse.ArgumentParser(
         prog="billiards" if Path(sys.argv[0]).stem == "billiards" else "python -m billiards_env",
         description=f"billiards-env {__version__}: gym.make('billiards_env:Billiards-v0') makes the environment.",
-        epilog=epilog + "\n".join(lines) + "\n\n'--help' after a command lists its options.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="'--help' after a command lists its options. Training and benchmarks run from a clone of the "
+        "repository, where 'make' lists them.",
     )
     parser.add_argument("--version", action="version", version=f"billiards-env {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="command", title="commands")
     commands.add_parser("play", add_help=False, help="play in a window, against people or programs")
-    _add_simulate(commands.add_parser("simulate", help="run one shot, print the result and write pictures or films"))
-    _add_evaluate(commands.add_parser("evaluate", help="measure a player in the environment, next to other players"))
-    _add_bench(
-        commands.add_parser("bench", help="play frozen tasks and write a file that can be replayed, or replay it")
-    )
-    _add_dataset(commands.add_parser("dataset", help="write episodes of a frozen task as a dataset of Minari"))
-    _add_replay(commands.add_parser("replay", help="run a saved shot or game again, and show it"))
-    _add_calibrate(commands.add_parser("calibrate", help="fit friction and other numbers to tracks of shots"))
-    commands.add_parser("version", help="print the versions of billiards-env and of the packages that it uses")
-    cache = commands.add_parser("cache", help="print the folder of the compiled code and its size, or delete it")
-    cache.add_argument("--clear", action="store_true", help="delete the compiled code; the next run compiles again")
+    for add, run, text in (
+        (_add_simulate, simulate, "run one shot, print the result and write pictures or films"),
+        (_add_evaluate, evaluate, "measure a player in the environment, next to other players"),
+        (_add_bench, bench, "play frozen tasks and write a file that can be replayed, or replay it"),
+        (_add_dataset, dataset, "write episodes of a frozen task as a dataset of Minari"),
+        (_add_replay, replay, "run a saved shot or game again, and show it"),
+        (_add_calibrate, calibrate, "fit friction and other numbers to tracks of shots"),
+        (_add_version, version, "print the versions of billiards-env and of the packages that it uses"),
+        (_add_cache, cache, "print the folder of the compiled code and its size, or delete it"),
+    ):
+        command = commands.add_parser(run.__name__, help=text)
+        command.set_defaults(run=run)
+        add(command)
     return parser
 
 
@@ -220,6 +187,15 @@ def _add_calibrate(parser: argparse.ArgumentParser) -> None:
     add("--noise", type=number, default=0.002, help="standard deviation of a coordinate, m (default: %(default)s)")
     text = "write the report: .json, or a picture .png, .svg or .pdf"
     add("--out", type=Path, action="append", default=[], metavar="FILE", help=text)
+
+
+def _add_version(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Print the versions of billiards-env, of Python and of the packages that it uses."
+
+
+def _add_cache(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Print the folder of the compiled code and its size."
+    parser.add_argument("--clear", action="store_true", help="delete the compiled code; the next run compiles again")
 
 
 def _add_out(parser: argparse.ArgumentParser) -> None:
@@ -430,7 +406,7 @@ def _write(shot: ShotResult, paths: Sequence[Path], compare: Sequence[ShotResult
         print(f"wrote {path}")
 
 
-def version() -> None:
+def version(_: argparse.Namespace) -> None:
     """Runs the command `version`."""
     print(f"billiards-env {__version__}\npython {platform.python_version()} ({platform.platform()})")
     for name in PACKAGES:
@@ -440,7 +416,7 @@ def version() -> None:
             print(name, "is not installed")
 
 
-def cache(clear: bool) -> None:
+def cache(args: argparse.Namespace) -> None:
     """Runs the command `cache`."""
     from billiards_env.jit.folders import cache_folder
 
@@ -451,7 +427,7 @@ def cache(clear: bool) -> None:
         files = [path for path in folder.rglob("*") if path.is_file()]
         note = "" if folder == current else ", of another version"
         print(f"{folder}: {len(files)} files, {sum(path.stat().st_size for path in files) / 1e6:.1f} MB{note}")
-        if clear:
+        if args.clear:
             shutil.rmtree(folder)
             print("deleted")
 
@@ -468,25 +444,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         return play(rest)
     if rest:
         parser.error(f"unrecognized arguments: {' '.join(rest)}")
+    if args.command is None:
+        return parser.print_help()
     try:
-        if args.command == "simulate":
-            simulate(args)
-        elif args.command == "evaluate":
-            evaluate(args)
-        elif args.command == "bench":
-            bench(args)
-        elif args.command == "dataset":
-            dataset(args)
-        elif args.command == "replay":
-            replay(args)
-        elif args.command == "calibrate":
-            calibrate(args)
-        elif args.command == "version":
-            version()
-        elif args.command == "cache":
-            cache(args.clear)
-        else:
-            parser.print_help()
+        args.run(args)
     except (ImportError, OSError, RecursionError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
 

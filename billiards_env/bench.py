@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.checks import Range, finite, integer, one_of, real, short
-from billiards_env.evaluation import evaluation_seeds, find_player
-from billiards_env.frozen import FROZEN, NAMESPACE, NOISE
+from billiards_env.evaluation import evaluation_seeds, find_player, steps
+from billiards_env.frozen import FROZEN, NAMESPACE
 from billiards_env.intervals import interquartile_mean, mean_interval, wilson_interval
 from billiards_env.shots import records
 
@@ -116,17 +116,16 @@ def play(
 def _play(player: str, task: str, seed: int, progress: Callable[[str, int], object], noise_seed: int | None) -> Result:
     noise_seed = noise_seed if FROZEN[task].noise else None
     env = gym.make(NAMESPACE + task, **_noise(noise_seed))
-    noise = (NOISE["angle_std"], NOISE["speed_std"]) if FROZEN[task].noise else (0.0, 0.0)
-    act, actions, shots = find_player(player, env, noise, seed), [], []
+    act, actions, shots = find_player(player, env, FROZEN[task].execution_noise, seed), [], []
+    shape = cast(Any, env.action_space.shape)
+
+    def checked(observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        return finite("action", act(observation), shape).astype(np.float32)
+
     for episode, start in enumerate(evaluation_seeds(seed, EPISODES).tolist()):
-        observation, _ = env.reset(seed=start)
-        done, before = False, len(actions)
-        while not done:
-            action = finite("action", act(observation), cast(Any, env.action_space.shape))
-            actions.append(action.astype(np.float32))
-            observation, _, terminated, truncated, _ = env.step(actions[-1])
-            done = terminated or truncated
-        shots.append(len(actions) - before)
+        played = [step.action for step in steps(env, checked, start)]
+        actions += played
+        shots.append(len(played))
         progress(task, episode + 1)
     env.close()
     return replay(task, seed, np.array(shots, np.uint8), np.array(actions), noise_seed)

@@ -15,10 +15,11 @@ import gymnasium as gym
 import numpy as np
 
 from billiards_env.checks import Range, integer, missing, one_of, short
-from billiards_env.evaluation import find_player
-from billiards_env.frozen import FROZEN, NAMESPACE, NOISE
+from billiards_env.evaluation import find_player, steps
+from billiards_env.frozen import FROZEN, NAMESPACE
 
 _ID = r"(\w[\w-]+/)*\w[\w-]*-v(0|[1-9][0-9]*)"  # no dots, which could leave the folder of Minari
+_COLUMNS = ("action", "reward", "terminated", "truncated")  # of `evaluation.Step`, for `EpisodeBuffer`
 
 
 def write(
@@ -67,18 +68,12 @@ def write(
     if storage.get_dataset_path(dataset_id).exists():
         raise ValueError(f"dataset_id = {dataset_id!r}: expected a new one; `minari delete {dataset_id}` deletes it")
     env = gym.make(NAMESPACE + task)
-    noise = (NOISE["angle_std"], NOISE["speed_std"]) if FROZEN[task].noise else (0.0, 0.0)
-    act = find_player(player, env, noise, seed)
+    act = find_player(player, env, FROZEN[task].execution_noise, seed)
     buffers = []
     for k in range(episodes):
-        observations, steps, done = [env.reset(seed=seed + k)[0]], [], False
-        while not done:
-            action = np.asarray(act(observations[-1]), np.float32)
-            observation, reward, terminated, truncated, _ = env.step(action)
-            observations.append(observation)
-            steps.append((action, reward, terminated, truncated))
-            done = terminated or truncated
-        columns = (list(column) for column in zip(*steps, strict=True))
+        played = list(steps(env, lambda observation: np.asarray(act(observation), np.float32), seed + k))
+        observations = [played[0].observation, *(step.following for step in played)]
+        columns = ([getattr(step, name) for step in played] for name in _COLUMNS)
         buffers.append(minari.data_collector.EpisodeBuffer(k, seed + k, None, observations, *columns, {}))
         progress()
     about = {"algorithm_name": player, "description": FROZEN[task].summary}

@@ -5,21 +5,19 @@ A player is a function `act(observation) -> action`, or one of the names of `fin
 
 from __future__ import annotations
 
-import importlib
-import inspect
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, cast
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple, SupportsFloat, cast
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
-from billiards_env.checks import suggestion
 from billiards_env.envs.wrappers import ExecutionNoise
 from billiards_env.intervals import mean_interval, wilson_interval
 from billiards_env.players.env_player import planned, situation
+from billiards_env.players.named import check_call, imported
 from billiards_env.players.strategies import STRATEGIES, find_strategy
 
 Act = Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]
@@ -38,6 +36,28 @@ def evaluation_seeds(seed: int, episodes: int) -> NDArray[np.int64]:
     return FIRST_EVALUATION_SEED + np.random.SeedSequence(seed).generate_state(episodes).astype(np.int64) // 2
 
 
+class Step(NamedTuple):
+    """The observation before a step, the action, and what `Env.step` returns; `following` is its observation."""
+
+    observation: NDArray[np.float32]
+    action: Any
+    following: NDArray[np.float32]
+    reward: SupportsFloat
+    terminated: bool
+    truncated: bool
+    info: dict[str, Any]
+
+
+def steps(env: gym.Env[Any, Any], act: Act, seed: int) -> Iterator[Step]:
+    """Yields the steps of one episode, in which `act` chooses the actions."""
+    observation, done = env.reset(seed=seed)[0], False
+    while not done:
+        action = act(observation)
+        step = Step(observation, action, *env.step(action))
+        yield step
+        observation, done = step.following, step.terminated or step.truncated
+
+
 def play(env: gym.Env[Any, Any], act: Act, seeds: Iterable[int]) -> dict[str, Any]:
     """Plays one episode for each seed.
 
@@ -52,15 +72,10 @@ def play(env: gym.Env[Any, Any], act: Act, seeds: Iterable[int]) -> dict[str, An
     """
     successes, scores, rewards = [], [], []
     for seed in seeds:
-        observation, info = env.reset(seed=int(seed))
-        total, done = 0.0, False
-        while not done:
-            observation, reward, terminated, truncated, info = env.step(act(observation))
-            total += float(reward)
-            done = terminated or truncated
-        successes.append(bool(info["is_success"]))
-        scores.append(float(info["score"]))
-        rewards.append(total)
+        played = list(steps(env, act, int(seed)))
+        successes.append(bool(played[-1].info["is_success"]))
+        scores.append(float(played[-1].info["score"]))
+        rewards.append(sum(float(step.reward) for step in played))
     return summary(successes, scores, rewards)
 
 
@@ -133,18 +148,8 @@ def find_player(
         arguments = {key: given[key] for key in given if key not in ("render_mode", "noise_seed")}
         policy = sb3.load_policy(argument, arguments)[1]
         return lambda observation: policy.predict(observation, deterministic=True)[0]
-    try:
-        act = getattr(importlib.import_module(name), argument)
-    except (AttributeError, ImportError, ValueError) as error:
-        known = (*STRATEGIES, "planner", "policy")
-        why = suggestion(name, known) or f" ({error})"
-        raise ValueError(
-            f"player = {text!r}: expected one of {', '.join(map(repr, known))}, or module:function{why}"
-        ) from error
-    try:
-        inspect.signature(act).bind(None)
-    except (TypeError, ValueError):
-        raise TypeError(f"player = {text!r}: expected a function act(observation) that returns an action") from None
+    act = imported(text, name, argument, (*STRATEGIES, "planner", "policy"))
+    check_call(text, act, (None,), "act(observation) that returns an action")
     return act
 
 

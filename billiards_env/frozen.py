@@ -37,6 +37,11 @@ class Frozen(NamedTuple):
     noise: bool = False
     history: tuple[str, ...] = ("v0: the first version.",)
 
+    @property
+    def execution_noise(self) -> tuple[float, float]:
+        """The standard deviations of the direction, degrees, and of the speed, m/s, that a player expects."""
+        return (NOISE["angle_std"], NOISE["speed_std"]) if self.noise else (0.0, 0.0)
+
 
 _COMMON = {
     "mode": "pic",

@@ -1,4 +1,4 @@
-"""Builds the source archive and the wheel, and tries them in empty environments: `python -m release.dist`.
+"""Builds the source archive and the wheel, and tries the wheel in an empty environment: `python -m release.dist`.
 
 The wheel has the machine code of the environments in `release.shots`, for any CPU of this architecture and for this
 version of Python. Its tags are those of the installed numba, whose versions the code needs. The package uses the code
@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import email
 import importlib.metadata
-import json
 import os
 import re
 import shutil
@@ -18,13 +17,11 @@ import subprocess
 import sys
 import tempfile
 import venv
-from collections.abc import Iterable
 from pathlib import Path
 from time import time
 from typing import Any
 
 from benchmarks import machine, machine_line, report, table
-from benchmarks.start_up import FIRST_STEP
 from billiards_env.jit.decorators import GENERIC
 from release.shots import ENVIRONMENTS
 
@@ -33,6 +30,16 @@ RESULTS = ROOT / "release" / "results" / "dist.json"
 FOLDER_OF_CODE = (
     "from billiards_env.jit import folders; print(folders.code_folder(), folders.cache_folder(), sep='\\n')"
 )
+# It prints the wall-clock time at the end, because the parent process reads the time before it starts the process.
+FIRST_STEP = """
+import time
+import gymnasium
+import billiards_env
+env = gymnasium.make("Billiards-v0")
+env.reset(seed=0)
+env.step(env.action_space.sample())
+print(time.time())
+"""
 
 
 def run(*command: str | Path, cwd: Path | None = None, **environment: str) -> str:
@@ -102,19 +109,18 @@ def build(output: Path, folder: Path) -> tuple[Path, Path]:
     return archive, wheel
 
 
-def install(file: Path, extra: str, folder: Path) -> Path:
-    """Installs an archive or a wheel with one extra ("" for none) in a new virtual environment. Returns its Python."""
+def install(wheel: Path, folder: Path) -> Path:
+    """Installs a wheel in a new virtual environment. Returns its Python."""
     venv.create(folder, with_pip=True)
     python = folder / "bin" / "python"
-    what = f"billiards-env[{extra}] @ {file.resolve().as_uri()}" if extra else file.resolve()
-    run(python, "-m", "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", what, cwd=folder)
+    run(python, "-m", "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", wheel.resolve(), cwd=folder)
     return python
 
 
 def start(python: Path, folder: Path, **environment: str) -> tuple[float, float]:
     """Returns the time from the start of a process to the end of its first `env.step`, and its processor time, s."""
     before, begin = sum(os.times()[2:4]), time()
-    end = json.loads(run(python, "-c", FIRST_STEP, cwd=folder, **environment))[-1]
+    end = float(run(python, "-c", FIRST_STEP, cwd=folder, **environment))
     return end - begin, sum(os.times()[2:4]) - before
 
 
@@ -122,38 +128,29 @@ def try_wheel(wheel: Path, folder: Path, repeats: int) -> dict[str, tuple[float,
     """Installs the wheel alone, and measures the first step with its machine code and with code of this machine.
 
     Returns:
-        The times of `start`: for the first start, which may compile the bytecode of all packages, for the median of the
-        later ones, and for a start that compiles the kernels.
+        The times of `start` with both: for the first start, which may compile the bytecode of all packages or the
+        kernels, and for the median of the later ones.
 
     Raises:
         RuntimeError: If the wheel's code and newly compiled code give different results, or the first is not used.
     """
-    python, cache, fresh = install(wheel, "", folder / "venv"), folder / "none", folder / "fresh"
-    times = {"first start after the installation": start(python, folder, NUMBA_CACHE_DIR=str(cache))}
-    later = [start(python, folder, NUMBA_CACHE_DIR=str(cache)) for _ in range(repeats)]
-    times["later starts"] = sorted(later)[repeats // 2]
-    times["with BILLIARDS_ENV_COMPILE=1, first start"] = start(
-        python, folder, NUMBA_CACHE_DIR=str(fresh), BILLIARDS_ENV_COMPILE="1"
-    )
+    python, times = install(wheel, folder / "venv"), {}
+    shipped, compiled = {"NUMBA_CACHE_DIR": str(folder / "none")}, {"NUMBA_CACHE_DIR": str(folder / "fresh")}
+    compiled["BILLIARDS_ENV_COMPILE"] = "1"
+    for environment, prefix, after in (
+        (shipped, "", " after the installation"),
+        (compiled, "with BILLIARDS_ENV_COMPILE=1, ", ""),
+    ):
+        times[f"{prefix}first start{after}"] = start(python, folder, **environment)
+        later = [start(python, folder, **environment) for _ in range(repeats)]
+        times[f"{prefix}later starts"] = sorted(later)[repeats // 2]
     shots = python, ROOT / "release" / "shots.py"
-    shipped = run(*shots, cwd=folder, NUMBA_CACHE_DIR=str(cache))
-    if list(cache.rglob("*.nb[ci]")):
+    results = run(*shots, cwd=folder, **shipped)
+    if list((folder / "none").rglob("*.nb[ci]")):
         raise RuntimeError(f"{wheel.name}: expected the machine code of all common environments")
-    if run(*shots, cwd=folder, NUMBA_CACHE_DIR=str(fresh), BILLIARDS_ENV_COMPILE="1") != shipped:
+    if run(*shots, cwd=folder, **compiled) != results:
         raise RuntimeError(f"{wheel.name}: expected the same results as those of newly compiled code")
     return times
-
-
-def try_quick_start(files: Iterable[Path], extras: Iterable[str], folder: Path) -> None:
-    """Runs the Python of `docs/quickstart.md` with each file and each extra, in new virtual environments."""
-    page = (ROOT / "docs" / "quickstart.md").read_text(encoding="utf-8")
-    code = "\n".join(re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL))
-    for file in files:
-        for extra in extras:
-            with tempfile.TemporaryDirectory(dir=folder) as inner:
-                python = install(file, extra, Path(inner) / "venv")
-                run(python, "-c", code, cwd=Path(inner))
-            print(f"{file.name}[{extra}]: the quick start runs", flush=True)
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
@@ -174,9 +171,6 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--output", type=Path, default=ROOT / "dist", help="folder of both (default: dist)")
     parser.add_argument("--results", type=Path, default=RESULTS, help="JSON file of the measured times")
     parser.add_argument("--repeats", type=int, default=5, help="starts to measure (default: %(default)s)")
-    parser.add_argument(
-        "--extras", nargs="*", default=[], metavar="EXTRA", help="run the quick start with these extras"
-    )
     args = parser.parse_args(arguments)
     if args.repeats < 1:
         parser.error(f"--repeats = {args.repeats}: expected at least 1")
@@ -193,7 +187,6 @@ def main(arguments: list[str] | None = None) -> None:
                 "seconds": try_wheel(files[1], folder, args.repeats),
             }
             report(result, blocks, args.results)
-            try_quick_start(files, args.extras, folder)
         except RuntimeError as error:
             sys.exit(f"error: {error}")
 

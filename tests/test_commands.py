@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
-import os
 import re
 import shlex
 import shutil
@@ -14,7 +13,6 @@ import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -32,12 +30,6 @@ COMMANDS = {
 }
 
 
-def without_compiling(patch: pytest.MonkeyPatch, module: Any) -> None:
-    """Lets the processes that a command starts, and not this one, run the kernels in Python."""
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONWARNINGS": "ignore"}
-    patch.setattr(module, "os", SimpleNamespace(environ=environment, pathsep=os.pathsep))
-
-
 def few_shots(patch: pytest.MonkeyPatch, module: Any) -> None:
     assert module.SHOTS.keys() == module.families.FAMILIES.keys()
     patch.setattr(module, "SHOTS", dict.fromkeys(("pool, 1 object ball", "pool, 5 object balls"), (0, 2)))
@@ -49,9 +41,7 @@ def few_breaks(patch: pytest.MonkeyPatch, module: Any) -> None:
 
 
 TINY: dict[str, tuple[str, Callable[[pytest.MonkeyPatch, Any], None] | None]] = {
-    "benchmarks.differentiable": ("--tasks 2 --taken 1 --output {0}/differentiable.json", few_breaks),
-    "benchmarks.examples": ("--scale 64 --output {0}/examples.json", None),
-    "benchmarks.start_up": ("--repeats 1 --compilations 1 --output {0}/start_up.json", without_compiling),
+    "benchmarks.differentiable": ("--tasks 2 --output {0}/differentiable.json", few_breaks),
     "benchmarks.stress": ("--scale 1e-9 --workers 1", few_shots),
     "benchmarks.validation": ("--output {0}/validation.json --folder {0}", None),
 }

@@ -17,7 +17,6 @@ import yaml
 from agents.config import Config
 from agents.ppo import make_model, make_vec_env
 from benchmarks import speed
-from billiards_env import __main__ as overview
 from billiards_env.envs import BilliardsEnv
 from billiards_env.scene import SCENES, Cue, Physics, Scene
 from billiards_env.scene import scene as scenes
@@ -190,7 +189,7 @@ def test_physics_defaults_are_those_of_the_code():
 
 def test_commands_exist():
     pages = "\n".join(PAGES.values())
-    modules = {*re.findall(r"python -m ([\w.]+)", pages), *overview.COMMANDS}
+    modules = set(re.findall(r"python -m ([\w.]+)", pages))
     assert modules >= {"agents.train", "agents.evaluate", "benchmarks.speed"}
     assert [module for module in sorted(modules) if not importlib.util.find_spec(module)] == []
     targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
@@ -198,13 +197,6 @@ def test_commands_exist():
     assert [path for path in re.findall(r"configs/[\w/]+\.yaml", pages) if not (ROOT / path).is_file()] == []
     paths = re.findall(r"`((?:billiards_env|agents|benchmarks|tests|docs)/[\w/.]+\.\w+)`", pages)
     assert [path for path in paths if not (ROOT / path).exists()] == []
-
-
-def test_the_overview_lists_every_command(capsys):
-    overview.main([])
-    printed = capsys.readouterr().out
-    assert re.findall(r"^  python -m ([\w.]+) ", printed, re.MULTILINE) == list(overview.COMMANDS)
-    assert overview.available() == overview.COMMANDS
 
 
 @pytest.mark.parametrize("page", PAGES)

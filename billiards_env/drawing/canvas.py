@@ -51,7 +51,7 @@ SUBPIXELS = 4
 """Number of fractions of a pixel along x and along y at which a stamp is drawn."""
 
 PATH_STEPS = 4
-"""Number of path points between two frames, in addition to the corners."""
+"""Number of points of a path in a step, in addition to the corners."""
 
 RESULT_SHOWN = 1.0
 """s. The text on the right is shown for this time at the end of a shot, when balls are slow."""
@@ -152,64 +152,23 @@ class Canvas:
         Raises:
             ValueError: If `compare` has other balls or another table.
         """
-        shots = [recording]
         if compare is not None:
             check_pair(recording, compare)
-            shots.insert(0, compare)
-        duration = max(shot.time for shot in shots)
-        times = frame_times(duration, fps)
-        n = self.scene.n_balls
-        base, frame = self.table.copy(), self.table.copy()
+        duration = max(shot.time for shot in (recording, compare) if shot is not None)
+        shown = Motion(self, recording, compare, 1.0 / fps)
         for x, y, radius in circles:
             angles = np.linspace(0.0, 2 * np.pi, 97)
             rim = np.column_stack((x + radius * np.cos(angles), y + radius * np.sin(angles)))
-            self.draw_path(base, self.pixels_of(rim), CHALK)
+            self.draw_path(shown.base, self.pixels_of(rim), CHALK)
         if arrow and recording.gone[0] > 0:
             paths = recording.trajectory
-            self.draw_arrow(base, 0, paths.position[0], paths.velocity[0])
-        tracks = []
-        for shot in shots:
-            ring = shot is compare
-            for i in range(n):
-                if shot.gone[i] == 0:
-                    continue
-                centres = self.pixels_of(shot.path(i, np.minimum(times, shot.time)))
-                steps = None
-                if shot.moves(i):
-                    if not ring:
-                        self.stamp(base, i, centres[0], GHOST)
-                    steps = self._path_steps(shot, i, times)
-                tracks.append((shot, ring, i, centres, steps))
-        turns = turning(recording, error=VISIBLE)
-        for k, t in enumerate(times):
-            for _, ring, i, _, steps in tracks:
-                gap = ring and k % 2 == 0  # the paths of another run are dotted
-                if steps is not None and k > 0 and len(steps[k - 1]) > 1 and not gap:
-                    self.draw_path(base, steps[k - 1], self.looks[i].path)
-            if only_last and k < len(times) - 1:
-                continue
-            frame.blit(base, (0, 0))
-            for shot, ring, i, centres, _ in tracks:
-                if ring and t < shot.gone[i]:
-                    self.stamp(frame, i, centres[k], RING)
-            shown = [(i, centres[k]) for shot, ring, i, centres, _ in tracks if not ring and t < shot.gone[i]]
-            self.draw_balls(frame, [i for i, _ in shown], [centre for _, centre in shown], turns.at(t))
+            self.draw_arrow(shown.base, 0, paths.position[0], paths.velocity[0])
+        frame = self.table.copy()
+        for t in [duration] if only_last else frame_times(duration, fps).tolist():
+            shown.draw(frame, t)
             line = f"{caption.left}   {t:.2f} s" if duration > 0 else caption.left
-            potted = np.flatnonzero(recording.gone <= t)
-            self.draw_bar(frame, line, caption.right if t >= duration - RESULT_SHOWN else "", potted)
+            self.draw_bar(frame, line, caption.right if t >= duration - RESULT_SHOWN else "", shown.potted(t))
             yield frame
-
-    def _path_steps(self, shot: Recording, ball: int, times: Floats) -> list[Floats]:
-        """Returns the points of a ball's path between consecutive frames, pixels."""
-        end = min(shot.time, shot.gone[ball])
-        fine = np.interp(np.arange(PATH_STEPS * (len(times) - 1) + 1) / PATH_STEPS, np.arange(len(times)), times)
-        corners = shot.corners(ball)
-        at = np.union1d(fine, corners)
-        at = at[at < end] if end < times[-1] else at
-        points = self.pixels_of(shot.path(ball, np.minimum(at, shot.time)))
-        first = np.searchsorted(at, times[:-1])
-        last = np.searchsorted(at, times[1:], side="right")
-        return [points[a:b] for a, b in zip(first, last, strict=True)]
 
     @functools.cached_property
     def table(self) -> Surface:
@@ -351,6 +310,78 @@ class Canvas:
         n, radius = self.scene.n_balls, self._tray.radius
         faces = np.tile(UPRIGHT, (n, 1))
         return Painter(self.looks, np.full(n, radius)).paint(np.arange(n), np.zeros((n, 2)), faces)
+
+
+class Motion:
+    """Draws a shot in motion, and another run of it as rings, at times that increase.
+
+    Attributes:
+        base: The table with the paths up to now, and with what the caller adds.
+    """
+
+    def __init__(
+        self, canvas: Canvas, recording: Recording, compare: Recording | None, step: float, faces: Floats | None = None
+    ) -> None:
+        """Prepares the drawing. Paths grow in pieces of `step` seconds; the rings leave out every second piece.
+
+        `faces` are the orientations of the balls at the start, see `Canvas.draw_balls`.
+        """
+        self.base = canvas.table.copy()
+        self._canvas, self._recording, self._step, self._steps = canvas, recording, step, 0
+        self._turning = turning(recording, faces, VISIBLE)
+        # Each run with the times and points of the paths of its moving balls. The rings are drawn first.
+        self._runs: list[tuple[Recording, dict[int, tuple[Floats, Floats]]]] = []
+        for run in (recording,) if compare is None else (compare, recording):
+            moving = [ball for ball in range(canvas.scene.n_balls) if run.moves(ball)]
+            self._runs.append((run, {ball: self._points(run, ball) for ball in moving}))
+        for ball in self._runs[-1][1]:
+            canvas.stamp(self.base, ball, canvas.pixels_of(recording.path(ball, [0.0])[0]), GHOST)
+
+    @property
+    def least_time(self) -> float:
+        """The least time that can be drawn, s."""
+        return self._steps * self._step
+
+    def potted(self, time: float) -> NDArray[np.intp]:
+        """Returns the balls that are potted at a time, s."""
+        return np.flatnonzero(self._recording.gone <= time)
+
+    def draw(self, frame: Surface, time: float) -> None:
+        """Draws the table with the paths and the balls at a time, s."""
+        canvas = self._canvas
+        while self.least_time + self._step <= time:
+            self._draw_paths(self.base, self.least_time + self._step)
+            self._steps += 1
+        frame.blit(self.base, (0, 0))
+        self._draw_paths(frame, time)
+        for run, _ in self._runs:
+            places = canvas.pixels_of(run.trajectory.at(min(time, run.time)))
+            shown = np.flatnonzero(run.gone > time).tolist()
+            if run is self._recording:
+                canvas.draw_balls(frame, shown, [places[ball] for ball in shown], self._turning.at(time))
+            else:
+                for ball in shown:
+                    canvas.stamp(frame, ball, places[ball], RING)
+
+    def _points(self, run: Recording, ball: int) -> tuple[Floats, Floats]:
+        """Returns the times (m,), s, and the points (m, 2), pixels, of a ball's path up to its end."""
+        end, step = min(run.time, run.gone[ball]), self._step / PATH_STEPS
+        times = np.union1d(np.arange(math.ceil(end / step)) * step, run.corners(ball))
+        times = np.append(times[times < end], end)
+        return times, self._canvas.pixels_of(run.trajectory.path(ball, times, before=True))
+
+    def _draw_paths(self, surface: Surface, end: float) -> None:
+        """Draws the paths from the start of the present step to a later time, s."""
+        for run, paths in self._runs:
+            if run is not self._recording and self._steps % 2 == 1:
+                continue
+            for ball, (times, points) in paths.items():
+                first, last = np.searchsorted(times, (self.least_time - 1e-12, end + 1e-12)).tolist()
+                line = points[first:last]
+                if len(line) and times[last - 1] < end - 1e-12 and last < len(times):
+                    line = np.vstack((line, self._canvas.pixels_of(run.path(ball, [end]))))
+                if len(line) > 1:
+                    self._canvas.draw_path(surface, line, self._canvas.looks[ball].path)
 
 
 def _enlarged(points: Floats, margin: float, colour: str) -> tuple[Surface, NDArray[np.int_]]:

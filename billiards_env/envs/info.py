@@ -29,7 +29,7 @@ class InfoArrays(NamedTuple):
 def info_arrays(episodes: Episodes) -> tuple[InfoArrays, InfoArrays]:
     """Returns the arrays of the keys of `info` after the last shots and at the starts of episodes.
 
-    The arrays change with the episodes. Those of the starts are read-only, except for the physics of the episodes.
+    The arrays change with the episodes. Of those of the starts, only the physics of the episodes changes.
     """
     shots, arrays = episodes.shots, episodes.arrays
     numbers = {
@@ -45,7 +45,7 @@ def info_arrays(episodes: Episodes) -> tuple[InfoArrays, InfoArrays]:
     first = {"first_hit": -1, "shots_left": episodes.env.max_shots}  # the others are 0 or False
 
     def starts(found: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-        return {key: np.broadcast_to(v.dtype.type(first.get(key, 0)), v.shape) for key, v in found.items()}
+        return {key: np.full_like(values, first.get(key, 0)) for key, values in found.items()}
 
     physics = episodes.physics
     return InfoArrays(numbers | physics, rows), InfoArrays(starts(numbers) | physics, starts(rows))
@@ -64,9 +64,10 @@ def copied_info(arrays: InfoArrays) -> dict[str, NDArray[Any]]:
 
 def with_starts(info: dict[str, NDArray[Any]], mask: NDArray[np.bool_], starts: InfoArrays) -> dict[str, NDArray[Any]]:
     """Returns the rows of `starts` in the mask, in new arrays, and those of `info` outside of it."""
-    if not mask.any():
+    count = np.count_nonzero(mask)  # faster than `any` and `all`
+    if count == 0:
         return info
-    if mask.all():
+    if count == len(mask):
         return copied_info(starts)
     return {
         key: np.where(mask if values.ndim == 1 else mask[:, None], values, info[key])
@@ -76,9 +77,9 @@ def with_starts(info: dict[str, NDArray[Any]], mask: NDArray[np.bool_], starts: 
 
 def masked_info(info: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> dict[str, Any]:
     """Returns the infos of the environments in the mask, in the format of `VectorEnv._add_info`."""
-    everywhere = mask.all()
+    everywhere = np.count_nonzero(mask) == len(mask)
     infos: dict[str, Any] = {}
-    for (key, values), copy in zip(info.items(), np.repeat(mask[None], len(info), axis=0), strict=True):
+    for key, values in info.items():
         infos[key] = values if everywhere else values * (mask if values.ndim == 1 else mask[:, None])
-        infos[f"_{key}"] = copy
+        infos[f"_{key}"] = mask.copy()
     return infos

@@ -298,10 +298,10 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         """
         episodes, m, status = self._episodes, self.num_envs, self._episodes.shots.status
         arrays = episodes.arrays
-        if not self._begun.all():
+        if np.count_nonzero(self._begun) < m:
             raise ResetNeeded("The episodes have not begun: call reset() before step()")
         skip = arrays.over.copy()
-        resets, same_step = skip.any(), self.autoreset_mode is AutoresetMode.SAME_STEP
+        resets, same_step = np.count_nonzero(skip) > 0, self.autoreset_mode is AutoresetMode.SAME_STEP
         if resets and self.autoreset_mode is not AutoresetMode.NEXT_STEP:
             raise ResetNeeded(f"The episode of environment {np.argmax(skip)} is over: call reset() with a reset_mask")
         checked = self._checked_actions(actions, skip)
@@ -399,7 +399,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         """Returns a copy of the actions; those in `skip` may be any numbers."""
         array = shaped("actions", actions, self._actions_shape)
         finite = np.isfinite(array)
-        if not finite.all():
+        if np.count_nonzero(finite) < finite.size:
             bad = np.flatnonzero(~finite.all(axis=1) & ~skip)
             if len(bad):
                 raise ValueError(f"action of environment {bad[0]} = {array[bad[0]].tolist()}: expected finite numbers")
@@ -419,7 +419,7 @@ def _checked_mask(mask: Any, num_envs: int) -> Bools:
 
 def _masked_rows(array: NDArray[np.float32], mask: Bools) -> NDArray[Any]:
     """Returns an object array of the rows in the mask, with None for the other rows."""
-    if mask.all():
+    if np.count_nonzero(mask) == len(mask):
         return np.fromiter(array, object, len(array))
     rows = np.full(len(array), None)
     rows[mask] = np.fromiter(array[mask], dtype=object)

@@ -44,7 +44,7 @@ class _Locator(UserProvidedCacheLocator):
 class _Cache(FunctionCache):
     """The files with the machine code of a function. They save all later processes the first compile.
 
-    `benchmarks.start_up` measures both. The code of the user's cache comes first, because it is for this CPU, and then
+    `release.dist` measures both. The code of the user's cache comes first, because it is for this CPU, and then
     that of the package.
     """
 

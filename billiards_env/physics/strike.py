@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from billiards_env.jit import entry_point, inlined, kernel
+from billiards_env.jit import entry_point, kernel
 from billiards_env.physics.elementary import sine_cosine
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import CUE_BALL, SPIN_X, SPIN_Y, SPIN_Z, X, Y
@@ -45,15 +45,6 @@ def cue_numbers(scene: Scene, ball: int = CUE_BALL) -> CueNumbers:
     )
 
 
-def gain_terms(cue, k, push=1.0):
-    """Returns (rest, total): `impulse_gain` is (1 + sqrt(rest)) / total. `k` may be a tensor."""
-    total, e = push + cue.mass_ratio + k, cue.restitution
-    return (e * e * total - k) / (push + cue.mass_ratio), total
-
-
-_gain_terms = inlined(gain_terms)
-
-
 @kernel
 def impulse_gain(cue, k, push):
     """Returns the impulse of the tip over the mass of the ball and the speed of the cue.
@@ -62,7 +53,8 @@ def impulse_gain(cue, k, push):
     the ball. The impact loses the same fraction of the cue's energy at every offset (Alciatore 2008, TP A.30). This is
     the fraction of a central impact, k = 0, with the tip's restitution.
     """
-    rest, total = _gain_terms(cue, k, push)
+    total, e = push + cue.mass_ratio + k, cue.restitution
+    rest = (e * e * total - k) / (push + cue.mass_ratio)
     return (1.0 + math.sqrt(max(rest, 0.0))) / total
 
 

@@ -10,9 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.drawing.canvas import GHOST, PATH_STEPS, PATH_ZOOM, RING, Canvas, Surface, pygame
-from billiards_env.drawing.orientation import VISIBLE, turning
-from billiards_env.drawing.recording import Floats, Recording
+from billiards_env.drawing.canvas import PATH_ZOOM, RESULT_SHOWN, Canvas, Motion, Surface, pygame
+from billiards_env.drawing.recording import Floats
 from billiards_env.drawing.style import CHALK
 from billiards_env.drawing.text import text_image
 from billiards_env.play import controls, labels
@@ -25,10 +24,7 @@ from billiards_env.shots.result import ShotResult
 FPS = 60
 
 STEP = 1 / 60
-"""s. Paths grow in pieces of this time, also in slow motion. Every second piece of a ghost's path is left out."""
-
-RESULT_SHOWN = 1.0
-"""s. The result of a shot is shown for this time at its end."""
+"""s. Paths grow in pieces of this time, also in slow motion."""
 
 INSET, INSET_REACH = 0.44, 3.5
 """Side of the square with the enlarged ball over the width of the table; half of it in ball radii."""
@@ -215,68 +211,22 @@ class View:
 
     def _draw_shot(self, model: Model) -> None:
         """Draws the shown shots at the model's clock."""
-        canvas, frame, time = self.canvas, self._table, model.clock
+        time = model.clock
         same = self._shots is not None and all(map(operator.is_, self._shots, model.shown_shots))
-        if not same or time < self._steps * STEP:
+        if not same or time < self._motion.least_time:
             self._start_paths(model)
-        while (self._steps + 1) * STEP <= time:
-            self._draw_paths(self._paths, (self._steps + 1) * STEP)
-            self._steps += 1
-        frame.blit(self._paths, (0, 0))
-        self._draw_paths(frame, time)
-        for shot, _, ring in self._balls:
-            places = canvas.pixels_of(shot.trajectory.at(min(time, shot.time)))
-            shown = np.flatnonzero(shot.gone > time).tolist()
-            if ring:
-                for ball in shown:
-                    canvas.stamp(frame, ball, places[ball], RING)
-            else:
-                canvas.draw_balls(frame, shown, [places[ball] for ball in shown], self._turning.at(time))
+        self._motion.draw(self._table, time)
         result = labels.result(model) if time >= model.duration - RESULT_SHOWN else ""
-        potted = np.flatnonzero(self._balls[-1][0].gone <= time)
-        self._draw_bar(f"{labels.status(model)}   {time:.2f} s", result, potted)
+        self._draw_bar(f"{labels.status(model)}   {time:.2f} s", result, self._motion.potted(time))
 
     def _start_paths(self, model: Model) -> None:
         """Draws the table at the start of the shown shots."""
-        canvas = self.canvas
-        self._shots, self._steps, self._paths = model.shown_shots, 0, canvas.table.copy()
-        shot, ghost = model.shown_shots
-        # Each shot with the times and points of the paths of its moving balls, and whether it is drawn as rings; the
-        # ghost is drawn first.
-        self._balls: list[tuple[Recording, dict[int, tuple[Floats, Floats]], bool]] = []
-        for shown, ring in ((ghost, True), (shot, False)):
-            if shown is not None:
-                recording = shown.recording()
-                moving = [ball for ball in range(len(recording.gone)) if recording.moves(ball)]
-                self._balls.append((recording, {ball: self._points(recording, ball) for ball in moving}, ring))
-        recording, moving, _ = self._balls[-1]
-        self._turning = turning(recording, model.first_faces, VISIBLE)
-        for ball in moving:
-            canvas.stamp(self._paths, ball, canvas.pixels_of(recording.path(ball, [0.0])[0]), GHOST)
+        self._shots = shot, ghost = model.shown_shots
+        recording, rings = shot.recording(), None if ghost is None else ghost.recording()
+        self._motion = Motion(self.canvas, recording, rings, STEP, model.first_faces)
         cue = model.games[-2].state.cue_balls[0]
         velocity = np.array(model.strokes[-1].velocity)
-        canvas.draw_arrow(self._paths, cue, recording.path(cue, [0.0])[0], velocity)
-
-    def _points(self, shot: Recording, ball: int) -> tuple[Floats, Floats]:
-        """Returns the times (m,), s, and the points (m, 2), pixels, of a ball's path up to its end."""
-        end = min(shot.time, shot.gone[ball])
-        times = np.union1d(np.arange(math.ceil(end * PATH_STEPS / STEP)) * (STEP / PATH_STEPS), shot.corners(ball))
-        times = np.append(times[times < end], end)
-        return times, self.canvas.pixels_of(shot.trajectory.path(ball, times, before=True))
-
-    def _draw_paths(self, surface: Surface, end: float) -> None:
-        """Draws the paths of the shown shots from the start of the present step to a later time, s."""
-        start = self._steps * STEP
-        for shot, paths, ring in self._balls:
-            if ring and self._steps % 2 == 0:
-                continue
-            for ball, (times, points) in paths.items():
-                first, last = np.searchsorted(times, (start - 1e-12, end + 1e-12)).tolist()
-                line = points[first:last]
-                if len(line) and times[last - 1] < end - 1e-12 and last < len(times):
-                    line = np.vstack((line, self.canvas.pixels_of(shot.path(ball, [end]))))
-                if len(line) > 1:
-                    self.canvas.draw_path(surface, line, self.canvas.looks[ball].path)
+        self.canvas.draw_arrow(self._motion.base, cue, recording.path(cue, [0.0])[0], velocity)
 
     def _draw_rows(self, rows: Sequence[tuple[str, str]]) -> None:
         """Draws rows of two texts on a page that covers the table."""

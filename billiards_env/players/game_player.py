@@ -21,9 +21,7 @@ With the cue ball in hand, a geometric or search player draws some places and ch
 
 from __future__ import annotations
 
-import importlib
 import importlib.metadata
-import inspect
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
@@ -31,12 +29,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import suggestion
 from billiards_env.games import GameState, Setup, Stroke, play
 from billiards_env.games.batch import best_call, judge_batch
 from billiards_env.games.placement import Point, cue_ball_area, cue_ball_point
 from billiards_env.players.aim import FirstTouch, Pot, carom_goals
 from billiards_env.players.levels import LevelPlayer, expected, level_of
+from billiards_env.players.named import check_call, imported
 from billiards_env.players.planner import NOISE, planner
 from billiards_env.players.pots import PotShots
 from billiards_env.players.strategies import STRATEGIES, Situation, find_strategy, full_hit
@@ -85,26 +83,13 @@ def find_player(
         else:
             module = name
             function, _, argument = argument.partition(":")
-        try:
-            maker = getattr(importlib.import_module(module), function)
-        except (AttributeError, ImportError, ValueError) as error:
-            known = sorted({*STRATEGIES, "planner", *makers, *offered.names, *also})
-            why = "" if name in known else suggestion(name, known)
-            expected = f"one of {', '.join(map(repr, known))}, or module:function"
-            raise ValueError(f"player = {text!r}: expected {expected}{why or f' ({error})'}") from error
-    _check_call(text, maker, (setup, argument), "(setup, argument) that returns a player")
+        maker = imported(text, module, function, sorted({*STRATEGIES, "planner", *makers, *offered.names, *also}))
+    see = "see billiards_env.players.game_player"
+    check_call(text, maker, (setup, argument), f"(setup, argument) that returns a player, {see}")
     player = maker(setup, argument)
-    _check_call(text, player, (setup, None, 1.0, None), "that returns a player (setup, game, max_speed, rng)")
+    what = "that returns a player (setup, game, max_speed, rng)"
+    check_call(text, player, (setup, None, 1.0, None), f"{what}, {see}")
     return player
-
-
-def _check_call(text: str, function: Any, arguments: tuple[Any, ...], what: str) -> None:
-    try:
-        inspect.signature(function).bind(*arguments)
-    except TypeError:
-        raise TypeError(
-            f"player = {text!r}: expected a function {what}, see billiards_env.players.game_player"
-        ) from None
 
 
 def _planner(setup: Setup, argument: str, noise: tuple[float, float]) -> Player:

@@ -4,7 +4,7 @@ Modules:
     simulation: `simulate` and `simulate_batch`.
     result: The result of one shot.
     gradients: Derivatives of shots, forwards and backwards.
-    sensitivity: The derivative of a shot with respect to its start.
+    derivatives: The methods of results that return derivatives.
     records: Shots as files.
     strikes: The motion of the cue ball after a strike.
     tracks: Where the balls of real shots were seen.

@@ -21,7 +21,7 @@ unless the motion is "ideal".
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import numbers, one_of, short
 from billiards_env.engine.compile import PIC, Varied, physics_of_shots, scene_fields, varied_fields
 from billiards_env.engine.gradients import BALL_INPUTS, NUMBER_INPUTS, pull_lanes, push_lanes
-from billiards_env.engine.log import SEGMENT_ROW
+from billiards_env.engine.log import SEGMENT_ROW, TIME
 from billiards_env.engine.margins import push_margins
 from billiards_env.engine.nonsmooth import REASONS, find_nonsmooth
 from billiards_env.engine.threads import parallel_for
@@ -122,6 +122,30 @@ class Margins(NamedTuple):
     ball_times: Floats
     pocket_times: Floats
     cushion_times: Floats
+
+
+UNIT_ROUNDOFF = 2.0**-53
+
+
+class Sensitivity(NamedTuple):
+    """The derivative of a shot's positions with respect to its start.
+
+    Attributes:
+        jacobian: (n, 2, n, 7) float64: of ball i's position with respect to ball j's initial (x, y, vx, vy, wx, wy,
+            wz), in m, m/s and rad/s.
+        time: The time of the positions, s.
+        smooth: Whether the positions depend smoothly on the start up to that time. They do not if an event up to that
+            time has no derivative, see `Nonsmooth`. The jacobian then treats impacts at one instant as successive, and
+            neglects the contact-time rule.
+        condition: Largest error of a position, m, per unit of relative error of the inputs: the largest 2-norm, over
+            the balls, of the jacobian with each column times the size of its input. Times `UNIT_ROUNDOFF` it is the
+            error that no double-precision engine can avoid.
+    """
+
+    jacobian: Floats
+    time: float
+    smooth: bool
+    condition: float
 
 
 def physics_inputs(physics: Physics, varied: Varied = MappingProxyType({})) -> dict[str, Floats]:
@@ -401,22 +425,6 @@ def margins_by_cue_ball(record: Record, selected: NDArray[np.bool_]) -> tuple[Fl
     return margins, _limited(slopes)
 
 
-def states_by_noise(record: Record, times: Floats) -> Floats:
-    """Returns the derivatives of the states at times (m,) by noise in the stroke.
-
-    One component turns the velocity and spin of the cue ball counterclockwise, rad. The other changes its speed, m/s,
-    with the spin in proportion.
-
-    Returns:
-        (m, 2, n, 9) float64: of x, y, vx, vy, wx, wy, wz, and of the radius and the mass, by the two components.
-    """
-    vx, vy, wx, wy, wz = np.moveaxis(start_states(record)[:, 0, 2:7], -1, 0)
-    inputs = np.zeros_like(_cue_ball_inputs(record))
-    inputs[:, 0, 2:7] = np.stack((-vy, vx, -wy, wx, np.zeros_like(wz)), axis=-1)
-    inputs[:, 1, 2:7] = np.stack((vx, vy, wx, wy, wz), axis=-1) / np.maximum(np.hypot(vx, vy), 1e-300)[:, None]
-    return _push(record, times[:, None], inputs, 0, 1)[0][:, 0]
-
-
 def _chosen(of: str, outputs: Floats, at_events: Floats) -> Floats:
     """Returns an output by name, (m, k, ...)."""
     if of in _BALL_OUTPUTS:
@@ -531,7 +539,32 @@ def nonsmooth(record: Record, t: ArrayLike | None, threads: int | None) -> Nonsm
     return Nonsmooth(found[:, 0], np.array((*REASONS, ""))[found[:, 1]])
 
 
-def ball_jacobians(record: Record, times: Floats) -> Floats:
+_TIMES = 64  # number of times in one pass, which bounds the memory
+
+
+def sensitivities(record: Record, times: ArrayLike) -> Iterator[Sensitivity]:
+    """Yields `ShotResult.sensitivity` of one shot at each of several ascending times, s.
+
+    A time after the end of the shot counts as its end. An event exactly at a time counts as past.
+
+    Raises:
+        ValueError: If a time is negative, not finite or earlier than the one before.
+    """
+    array = numbers("times", times)
+    if not (np.isfinite(array).all() and (array >= 0).all() and (np.diff(array) >= 0).all()):
+        raise ValueError(f"times = {short(times)}: expected finite numbers of seconds >= 0 in ascending order")
+    (part,), n, array = record.parts, record.scene.n_balls, np.minimum(array, record.time)
+    scale, (events, reasons) = np.abs(start_states(record)[0]), nonsmooth(record, None, 1)
+    event = int(events[0])
+    last = np.inf if not reasons[0] else part.events[event, TIME] if event >= 0 else -1.0
+    for block in np.split(array, range(_TIMES, len(array), _TIMES)):
+        for time, jacobian in zip(block.tolist(), _ball_jacobians(record, block), strict=True):
+            scaled = (jacobian * scale).reshape(n, 2, -1)
+            condition = float(np.linalg.norm(scaled, 2, axis=(1, 2)).max())
+            yield Sensitivity(jacobian, time, bool(time < last), condition)
+
+
+def _ball_jacobians(record: Record, times: Floats) -> Floats:
     """Returns the derivatives of the positions of one shot at ascending times (q,) by its start.
 
     They are (q, n, 2, n, 7) float64, with respect to (x, y, vx, vy, wx, wy, wz).

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,12 +32,12 @@ from billiards_env.engine.log import (
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.scene import Scene
+from billiards_env.shots.derivatives import Differentiable
 
 if TYPE_CHECKING:
     from billiards_env.drawing.plot import Axes
     from billiards_env.drawing.recording import Recording
-    from billiards_env.shots.gradients import Margins, Nonsmooth, Record
-    from billiards_env.shots.sensitivity import Sensitivity
+    from billiards_env.shots.gradients import Record, Sensitivity
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ _COLUMNS = {"time": TIME, "ball": BALL, "other": OTHER, "x": EVENT_X, "y": EVENT
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class ShotResult:
+class ShotResult(Differentiable):
     """The balls at the end of a shot, and what happened.
 
     Unless the shot was recorded, `events`, `trajectory` and `scene` are None and `engine` is "".
@@ -159,157 +159,22 @@ class ShotResult:
         return next(self.sensitivities([self.time if t is None else t]))
 
     def sensitivities(self, times: ArrayLike) -> Iterator[Sensitivity]:
-        """Returns the `sensitivity` at each of several times, computed in one pass.
-
-        Args:
-            times: Ascending, s; a time after the end of the shot counts as its end.
-
-        Returns:
-            An iterator with one sensitivity for each time.
+        """Returns the `sensitivity` at each of several ascending times, s, computed in one pass.
 
         Raises:
-            ValueError: If the shot was not recorded or not run by "pic", or a time is negative, not finite or earlier
-                than the one before.
-        """
-        from billiards_env.shots.sensitivity import sensitivity_along
-
-        record = self._record("sensitivity")
-        array = numbers("times", times)
-        if not (np.isfinite(array).all() and (array >= 0).all() and (np.diff(array) >= 0).all()):
-            raise ValueError(f"times = {short(times)}: expected finite numbers of seconds >= 0 in ascending order")
-        return sensitivity_along(record, np.minimum(array, self.time))
-
-    def jvp(
-        self,
-        tangents: Mapping[str, ArrayLike],
-        of: str | Sequence[str] = "positions",
-        *,
-        t: float | None = None,
-        strike: ArrayLike | None = None,
-    ) -> Any:
-        """Returns the Jacobian times a vector: the change of outputs that a small change of inputs causes.
-
-        Args:
-            tangents: The changes of the inputs by name, such as {"velocities": [[0.1, 0.0], [0.0, 0.0]]}.
-                `shots.gradients` lists the inputs and the outputs with their shapes.
-            of: An output, or several.
-            t: Time of the positions, velocities and spins, s; None for the end of the shot. The derivatives of later
-                events are 0.
-            strike: (5,) speed, heading, side, top and elevation of the strike of the shot, if it is an input.
-
-        Returns:
-            The change of the output, or a dict with those of the outputs by name. There is no derivative at an event
-            that `nonsmooth` reports: the result then treats impacts at one instant as successive, and neglects the
-            contact-time rule.
-
-        Raises:
-            ValueError: If the shot was not recorded or not run by "pic", a name is unknown, an array has another shape,
-                t is negative or not finite, or `strike` is missing, not that of the shot, a miscue, or at a ball that
-                touched another one ahead of it.
-
-        Example:
-            >>> from billiards_env import Scene, simulate
-            >>> shot = simulate(Scene.named("ideal", 0), [[0.0, 0.0]], [0.5, 0.0], max_time=1.0, record=True)
-            >>> shot.jvp({"velocities": [[0.0, 0.1]]}).tolist()
-            [[0.0, 0.1]]
+            ValueError: As in `sensitivity`, or if a time is earlier than the one before.
         """
         from billiards_env.shots import gradients
 
-        return _first(gradients.jvp(self._record("jvp"), tangents, of, t, strike, 1))
+        return gradients.sensitivities(self._record("sensitivity"), times)
 
-    def vjp(
-        self,
-        cotangents: Mapping[str, ArrayLike],
-        by: str | Sequence[str] = "velocities",
-        *,
-        t: float | None = None,
-        strike: ArrayLike | None = None,
-    ) -> Any:
-        """Returns a vector times the Jacobian: the gradient of a function of outputs with respect to inputs.
-
-        Args:
-            cotangents: The derivatives of the function with respect to the outputs by name.
-            by: An input, or several.
-            t: As in `jvp`.
-            strike: As in `jvp`.
-
-        Returns:
-            The gradient, or a dict with the gradients by name; see `jvp`.
-
-        Raises:
-            ValueError: As in `jvp`.
-
-        Example:
-            >>> from billiards_env import Scene, simulate
-            >>> shot = simulate(Scene.named("ideal", 0), [[0.0, 0.0]], [0.5, 0.0], max_time=1.0, record=True)
-            >>> shot.vjp({"positions": [[3.0, 4.0]]}, by=("velocities", "mass"))
-            {'velocities': array([[3., 4.]]), 'mass': array([0.])}
-        """
-        from billiards_env.shots import gradients
-
-        return _first(gradients.vjp(self._record("vjp"), cotangents, by, t, strike, 1))
-
-    def jacobian(
-        self, of: str = "positions", by: str = "velocities", *, t: float | None = None, strike: ArrayLike | None = None
-    ) -> Floats:
-        """Returns the derivative of an output with respect to an input, with the axes of `of` and then those of `by`.
-
-        Args:
-            of: An output.
-            by: An input.
-            t: As in `jvp`.
-            strike: As in `jvp`.
-
-        Raises:
-            ValueError: As in `jvp`.
-
-        Example:
-            >>> from billiards_env import Scene, simulate
-            >>> shot = simulate(Scene.named("ideal", 0), [[0.0, 0.0]], [0.5, 0.0], max_time=1.0, record=True)
-            >>> shot.jacobian()[0, :, 0].tolist()
-            [[1.0, 0.0], [0.0, 1.0]]
-        """
-        from billiards_env.shots import gradients
-
-        return gradients.jacobian(self._record("jacobian"), of, by, t, strike, 1)[0]
-
-    def nonsmooth(self, t: float | None = None) -> Nonsmooth:
-        """Returns the first event at which the shot has no derivative, with the reason, see `gradients.Nonsmooth`.
-
-        Args:
-            t: Time until which the shot counts, s; None for its end.
-
-        Raises:
-            ValueError: If the shot was not recorded or not run by "pic", or t is negative or not finite.
-        """
-        from billiards_env.shots import gradients
-
-        found = gradients.nonsmooth(self._record("nonsmooth"), t, 1)
-        return gradients.Nonsmooth(int(found.event[0]), str(found.reason[0]))
-
-    def margins(self, t: float | None = None) -> Margins:
-        """Returns the signed distances to changes of outcome: of balls to balls, to pockets and to cushions.
-
-        Their derivatives are `shot.jacobian("pocket_margins", "velocities")`, and the same of "ball_margins" and
-        "cushion_margins".
-
-        Args:
-            t: Time until which the shot counts, s; None for its end.
-
-        Raises:
-            ValueError: If the shot was not recorded or not run by "pic", or t is negative or not finite.
-
-        Example:
-            >>> from billiards_env import Scene, simulate
-            >>> scene = Scene.named("ideal")  # balls of 28.575 mm: the cue ball passes at a gap of 3 mm
-            >>> shot = simulate(scene, [[-0.5, 0.06015], [0.0, 0.0]], [1.0, 0.0], max_time=0.9, record=True)
-            >>> round(float(shot.margins().balls[0, 1]), 6)
-            -0.003
-        """
-        from billiards_env.shots import gradients
-
-        found = gradients.margins(self._record("margins"), t, 1)
-        return gradients.Margins(*(array[0] for array in found))
+    def _of_each(self, found: Any) -> Any:
+        """Returns the results of the first shot."""
+        if isinstance(found, dict):
+            return {name: array[0] for name, array in found.items()}
+        if isinstance(found, tuple):
+            return type(found)(*(array[0] if array.ndim > 1 else array[0].item() for array in found))
+        return found[0]
 
     def _record(self, method: str) -> Record:
         from billiards_env.shots.gradients import Part, Record
@@ -445,11 +310,6 @@ class ShotResult:
         from billiards_env.drawing.recording import Recording
 
         return Recording(self.scene, self.time, self.engine, self.trajectory, self.events)
-
-
-def _first(found: Any) -> Any:
-    """Returns the arrays of the first shot."""
-    return {name: array[0] for name, array in found.items()} if isinstance(found, dict) else found[0]
 
 
 def _recording(shot: ShotResult | None, method: str) -> Recording | None:

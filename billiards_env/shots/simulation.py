@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import operator
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,11 +28,12 @@ from billiards_env.engine.shot_input import ShotInput, check_shot, check_varied
 from billiards_env.engine.shots import STATUS, Shots, empty_shots
 from billiards_env.engine.threads import parallel_for
 from billiards_env.scene import Scene, check_scene
+from billiards_env.shots.derivatives import Differentiable
 from billiards_env.shots.result import ShotResult, read_log
 from billiards_env.shots.strikes import Strike
 
 if TYPE_CHECKING:
-    from billiards_env.shots.gradients import Margins, Nonsmooth, Part, Record
+    from billiards_env.shots.gradients import Part, Record
 
 
 def simulate(
@@ -150,7 +151,7 @@ def run_shot(
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class BatchResult:
+class BatchResult(Differentiable):
     """The outcome of m shots: the fields of `ShotResult` with a leading axis.
 
     `len(batch)` is m. `batch[i]` runs shot i again with `record=True` and returns its `ShotResult`. The arrays share
@@ -203,71 +204,6 @@ class BatchResult:
         scene, engine = varied_shot(scene, self._engine, self._varied, k)
         settings = settings | engine._asdict()
         return simulate(scene, positions, velocities, spins=spins, in_play=in_play, record=True, **settings)
-
-    def jvp(
-        self,
-        tangents: Mapping[str, ArrayLike],
-        of: str | Sequence[str] = "positions",
-        *,
-        t: ArrayLike | None = None,
-        strike: ArrayLike | None = None,
-        threads: int | None = None,
-    ) -> Any:
-        """Returns `ShotResult.jvp` of all shots, with the same bits and a leading axis.
-
-        Args:
-            tangents: As there, with a leading axis m, or without it if it is the same for all shots.
-            of: As there.
-            t: A time or (m,) times, s; None for the ends of the shots.
-            strike: (m, 5) or (5,) parameters of the strikes, if they are an input.
-            threads: Number of threads; None for the number of `set_num_threads`.
-
-        Raises:
-            ValueError: As there, or if the batch was not recorded.
-        """
-        from billiards_env.shots import gradients
-
-        return gradients.jvp(self._record("jvp"), tangents, of, t, strike, threads)
-
-    def vjp(
-        self,
-        cotangents: Mapping[str, ArrayLike],
-        by: str | Sequence[str] = "velocities",
-        *,
-        t: ArrayLike | None = None,
-        strike: ArrayLike | None = None,
-        threads: int | None = None,
-    ) -> Any:
-        """Returns `ShotResult.vjp` of all shots; the arguments are as in `jvp`."""
-        from billiards_env.shots import gradients
-
-        return gradients.vjp(self._record("vjp"), cotangents, by, t, strike, threads)
-
-    def jacobian(
-        self,
-        of: str = "positions",
-        by: str = "velocities",
-        *,
-        t: ArrayLike | None = None,
-        strike: ArrayLike | None = None,
-        threads: int | None = None,
-    ) -> NDArray[np.float64]:
-        """Returns `ShotResult.jacobian` of all shots; the arguments are as in `jvp`."""
-        from billiards_env.shots import gradients
-
-        return gradients.jacobian(self._record("jacobian"), of, by, t, strike, threads)
-
-    def nonsmooth(self, t: ArrayLike | None = None, threads: int | None = None) -> Nonsmooth:
-        """Returns `ShotResult.nonsmooth` of all shots, as arrays (m,), until times t, () or (m,)."""
-        from billiards_env.shots import gradients
-
-        return gradients.nonsmooth(self._record("nonsmooth"), t, threads)
-
-    def margins(self, t: ArrayLike | None = None, threads: int | None = None) -> Margins:
-        """Returns `ShotResult.margins` of all shots, with a leading axis."""
-        from billiards_env.shots import gradients
-
-        return gradients.margins(self._record("margins"), t, threads)
 
     def _record(self, method: str) -> Record:
         from billiards_env.shots.gradients import Record

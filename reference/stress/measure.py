@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.table import Table
-from billiards_env.shots.sensitivity import UNIT_ROUNDOFF
+from billiards_env.shots.gradients import UNIT_ROUNDOFF
 from billiards_env.shots.simulation import simulate
 from reference.stress import draw
 from reference.stress.checks import DRIFT_X, DRIFT_Y, IMPACTS, MOMENTUM, OVERLAP, check_shots

@@ -18,7 +18,6 @@ from benchmarks import (
     error_limit,
     gradients,
     speed,
-    start_up,
     stress,
     vector,
 )
@@ -125,16 +124,6 @@ def test_the_error_limit_is_drawn_and_written(matplotlib, tmp_path, monkeypatch)
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def test_start_up_reads_the_clock_of_a_fresh_process(tmp_path):
-    begin, printed = start_up.run("import time; print([time.time()])", tmp_path)
-    assert begin < printed
-
-
-def test_a_process_that_fails_raises(tmp_path):
-    with pytest.raises(start_up.subprocess.CalledProcessError):
-        start_up.run("raise SystemExit(1)", tmp_path)
-
-
 @pytest.mark.parametrize("name", ["1 object ball", "carom", "2 elastic disks"])
 def test_pic_is_exact_and_pit_is_not(name):
     ways = (PIC, *accuracy.PIT)
@@ -195,7 +184,6 @@ def test_gases_of_all_sizes_have_the_same_density_and_no_overlaps(n):
         (calibration, "--repeats"),
         (error_limit, "--shots"),
         (speed, "--repeats"),
-        (start_up, "--repeats"),
         (stress, "--workers"),
         (vector, "--repeats"),
     ],

@@ -7,7 +7,7 @@ import pytest
 from billiards_env import Scene
 from billiards_env.physics.state import UX, UY, VX, VY, WZ
 from billiards_env.scene import Balls, Physics, layouts
-from billiards_env.shots.sensitivity import UNIT_ROUNDOFF
+from billiards_env.shots.gradients import UNIT_ROUNDOFF
 from billiards_env.shots.simulation import simulate
 from reference.oracle import laws, run
 from reference.oracle.laws import World

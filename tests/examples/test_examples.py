@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import examples
-
 FOLDER = Path(__file__).resolve().parents[2] / "examples"
 PAGE = (FOLDER.parent / "docs" / "examples.md").read_text(encoding="utf-8")
 
@@ -32,10 +30,9 @@ def load(name, *packages):
     return runpy.run_path(str(FOLDER / f"{name}.py"))
 
 
-def test_every_program_is_on_the_page_and_measured():
+def test_every_program_is_on_the_page():
     programs = {path.name for path in FOLDER.glob("[a-z]*.*")}
-    assert set(re.findall(r"^\| `examples/([\w.]+)`", PAGE.partition("<!--")[0], re.MULTILINE)) == programs
-    assert {f"{name}.py" for name in examples.STEPS} == programs - {"ppo.py", "first_steps.ipynb"}
+    assert set(re.findall(r"^\| `examples/([\w.]+)`", PAGE, re.MULTILINE)) == programs
 
 
 def test_stable_baselines3_trains_and_writes_curves(tmp_path):

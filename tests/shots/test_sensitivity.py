@@ -8,7 +8,7 @@ import pytest
 
 from billiards_env.scene import Balls, Physics, Scene, layouts
 from billiards_env.scene.table import Table
-from billiards_env.shots.sensitivity import UNIT_ROUNDOFF
+from billiards_env.shots.gradients import UNIT_ROUNDOFF
 from billiards_env.shots.simulation import simulate
 from tests.helpers.derivatives import aimed, differences
 from tests.helpers.outlines import MARBLES
@@ -121,6 +121,6 @@ def test_a_sensitivity_needs_a_record_and_ascending_finite_times():
         shot.sensitivity()
     recorded = simulate(scene, [[-1.0, 0.0], [0.0, 0.5]], [0.5, 0.25], record=True)
     with pytest.raises(ValueError, match="ascending"):
-        recorded.sensitivities([1.0, 0.5])
+        next(recorded.sensitivities([1.0, 0.5]))
     with pytest.raises(ValueError, match="finite"):
         recorded.sensitivity(float("nan"))
