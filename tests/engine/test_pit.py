@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate_batch
@@ -20,14 +20,9 @@ from tests.helpers.shots import (
     ROLLING,
     SLIDING,
     R,
-    check_mirror_images,
-    check_renumbering,
     draw_shot,
     draw_starts,
-    instants,
     kinds,
-    kinetic_energy,
-    motion_at,
     simulate,
     world,
 )
@@ -383,75 +378,6 @@ def test_the_first_test_for_contacts_is_at_dt():
 # Properties of all shots, for random dt and fix
 
 
-@settings(max_examples=60)
-@given(seeds)
-@example(15360)  # balls at rest are moved apart at the end of the last timestep
-def test_a_record_is_complete_and_in_order(seed):
-    (scene, places, velocities, spins), arguments = random_shot(seed)
-    shot = pit(scene, places, velocities, spins=spins, record=True, **arguments)
-    bare = pit(scene, places, velocities, spins=spins, **arguments)
-    assert shot.status == ("max_time" if scene.physics.motion == "ideal" else "rest")
-    assert (np.diff(shot.events["time"]) >= 0).all()
-    assert len(shot.events) == shot.n_events == bare.n_events
-    assert np.array_equal(shot.positions, bare.positions)
-    assert shot.time == bare.time
-    assert np.array_equal(shot.at(0.0), places)
-    assert shot.at(shot.time) == pytest.approx(shot.positions, abs=1e-13)
-    assert np.isfinite(shot.positions).all()
-    kind, ball, other = (shot.events[name] for name in ("kind", "ball", "other"))
-    assert shot.cushions.tolist() == [int(((kind == "cushion") & (ball == i)).sum()) for i in range(len(places))]
-    assert np.flatnonzero(shot.potted).tolist() == sorted(ball[kind == "pocket"])
-    met = other[(kind == "ball_ball") & (ball == 0)]
-    assert shot.first_hit == (met[0] if len(met) else -1)
-    assert ((shot.cushions_before_hit >= 0) == np.isin(np.arange(len(places)), met)).all()
-    assert (shot.n_contact_rule, shot.events["rule"].any()) == (0, False)
-
-
-def play_with(arguments):
-    """Returns a function that runs a shot with these arguments of `simulate`."""
-    return lambda scene, positions, velocities, spins: pit(scene, positions, velocities, spins=spins, **arguments)
-
-
-@settings(max_examples=60)
-@given(seeds)
-def test_mirrored_shots_have_mirrored_results_bit_for_bit(seed):
-    shot, arguments = random_shot(seed)
-    check_mirror_images(play_with(arguments), *shot)
-
-
-@settings(max_examples=60)
-@given(seeds)
-def test_the_order_of_object_balls_changes_no_bit(seed):
-    shot, arguments = random_shot(seed)
-    check_renumbering(play_with(arguments), *shot, seed)
-
-
-@settings(max_examples=60)
-@given(seeds)
-def test_energy_does_not_rise_and_collisions_conserve_momentum(seed):
-    """With the time of impact an event is compared with the step before, as friction acts on other velocities since."""
-    (scene, places, velocities, spins), arguments = random_shot(seed)
-    at_impact = arguments["fix"] == "time_of_impact" and scene.physics.motion != "ideal"
-    shot = pit(scene, places, velocities, spins=spins, record=True, **arguments)
-    found: dict[float, set[str]] = {}
-    for event in shot.events:
-        found.setdefault(event["time"], set()).add(event["kind"])
-    mass, (_, phases, rows) = np.array(scene.balls.mass), shot.trajectory
-    start = last = kinetic_energy(motion_at(rows[: len(mass)], phases[: len(mass)], 0.0), scene)
-    total = math.sqrt(2 * start * mass.sum())  # no momentum is larger
-    energies = [(-math.inf, start)]
-    for t, before, after in instants(shot):
-        assert kinetic_energy(before, scene) <= last + 1e-13 * start
-        last = kinetic_energy(after, scene)
-        earlier = [energy for time, energy in energies if time <= t - 0.999 * arguments["dt"]]
-        assert last <= (earlier[-1] if at_impact else kinetic_energy(before, scene)) + 1e-13 * start
-        energies.append((t, last))
-        if found.get(t) == {"ball_ball"} and not at_impact:
-            assert np.abs(mass @ (after.velocities - before.velocities)).max() <= 1e-13 * total
-    if scene.physics.motion == "ideal":
-        assert twice_energy(scene, shot.velocities) == pytest.approx(twice_energy(scene, velocities), rel=1e-12)
-
-
 @fixes
 @settings(max_examples=30)
 @given(seed=seeds)
@@ -579,21 +505,6 @@ def test_balls_that_move_side_by_side_along_a_cushion_are_pushed_apart_within_it
 
 
 # Limits and errors
-
-
-def test_a_shot_stops_at_its_limit_of_events():
-    scene = Scene.named("carom")
-    places = layouts.draw("random", scene, np.random.default_rng(3))
-    whole = pit(scene, places, [4.0, 3.0], record=True)
-    for limit in range(whole.n_events):
-        part = pit(scene, places, [4.0, 3.0], record=True, max_events=limit)
-        assert part.status == "event_limit"
-        # All events of a timestep are processed.
-        assert limit <= part.n_events <= limit + 2
-        assert np.array_equal(part.events, whole.events[: part.n_events])
-        assert part.time == (whole.events["time"][part.n_events - 1] if part.n_events else 0.0)
-        assert part.positions == pytest.approx(whole.at(part.time), abs=1e-13)
-    assert pit(scene, places, [4.0, 3.0], max_events=whole.n_events).status == "rest"
 
 
 @pytest.mark.parametrize(
