@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from billiards_env import Scene, simulate_batch
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Balls, Physics, layouts
 from billiards_env.scene.table import Pocket, Table
-from tests.helpers.errors import rejected
 from tests.helpers.shots import (
     FREE,
     LAWS,
@@ -507,65 +505,7 @@ def test_balls_that_move_side_by_side_along_a_cushion_are_pushed_apart_within_it
 # Limits and errors
 
 
-@pytest.mark.parametrize(
-    "dt", [None, 0, 0.0, -1, -1 / 60, math.nan, math.inf, 1e-12, "x", "1/60", True, [0.1], np.nan, 1j]
-)
-def test_a_bad_timestep_is_rejected(dt):
-    message = f"dt = {dt!r} with mode='pit': expected the timestep, a number from 1e-09 to 1e+06 s, such as 1/60"
-    scene, places = world(2, FREE), [[0.0, 0.0], [1.0, 0.0]]
-    with rejected(message):
-        simulate(scene, places, [1.0, 0.0], mode="pit", dt=dt)
-    if not isinstance(dt, list):  # a batch takes a timestep for each shot
-        with rejected(message):
-            simulate_batch(scene, [places], [[1.0, 0.0]], mode="pit", dt=dt)
-
-
 @pytest.mark.parametrize("dt", [1, np.float32(0.5), np.int64(2), np.float64(0.25)])
 def test_a_timestep_may_have_any_number_type(dt):
     given = world(1, FREE), [[0.0, 0.0]], [1.0, 0.0]
     assert same_bits(simulate(*given, mode="pit", dt=dt), simulate(*given, mode="pit", dt=float(dt)))
-
-
-@pytest.mark.parametrize(
-    ("fix", "message"),
-    [
-        (
-            "pushapart",
-            "fix = 'pushapart': expected one of 'push_apart', 'move_back', 'none', 'time_of_impact' (did you mean "
-            "'push_apart'?)",
-        ),
-        ("", "fix = '': expected one of"),
-        (1, "fix = 1: expected one of"),
-        (False, "fix = False: expected one of"),
-    ],
-)
-def test_an_unknown_fix_is_rejected(fix, message):
-    with rejected(message):
-        pit(world(1, FREE), [[0.0, 0.0]], [1.0, 0.0], fix=fix)
-    with rejected(message):
-        simulate_batch(world(1, FREE), [[[0.0, 0.0]]], [[1.0, 0.0]], mode="pit", dt=0.1, fix=fix)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"dt": 1 / 60}, "with mode='pic': expected None, PIC has no timestep"),
-        ({"fix": "none"}, "fix = 'none' with mode='pic': expected None, PIC has no overlaps to fix"),
-    ],
-)
-def test_pic_rejects_the_arguments_of_pit(arguments, message):
-    options: dict[str, Any]
-    for options in (arguments, {**arguments, "mode": "pic"}):
-        with rejected(message):
-            simulate(world(1, FREE), [[0.0, 0.0]], [1.0, 0.0], **options)
-        with rejected(message):
-            simulate_batch(world(1, FREE), [[[0.0, 0.0]]], [[1.0, 0.0]], **options)
-
-
-def test_pit_shots_have_no_sensitivity():
-    shot = pit(world(1, FREE), [[0.0, 0.0]], [1.0, 0.0], record=True)
-    message = "shot.sensitivity: expected a shot of simulate(..., mode='pic', record=True)"
-    with rejected(message):
-        shot.sensitivity()
-    with rejected(message):
-        next(shot.sensitivities([0.0]))

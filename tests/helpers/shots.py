@@ -168,10 +168,28 @@ def draw_starts(scene, count, arrangement="random"):
     return positions, velocities, rng.normal(size=(count, 3)) * 20
 
 
-def check_batch(batch, singles):
-    """Checks that a batch has the same results as single shots bit for bit."""
+def with_physics(scene, physics, k):
+    """Returns the scene of shot k, whose numbers of `Physics` are entry k of the arrays in `physics`."""
+    numbers = {name: values[k] for name, values in physics.items()}
+    return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **numbers))
+
+
+def run_both(scene, positions, velocities, spins=None, record=False, threads=None, **options) -> tuple[Any, list[Any]]:
+    """Returns a batch and its shots run one by one, after a check that all results are equal bit for bit.
+
+    Options that are arrays have one entry for each shot, and so has each number of `physics`.
+    """
+    recorded = record and options.get("mode", "pic") == "pic"
+    arguments = {"spins": spins, "threads": threads, "record": recorded, **options}
+    batch = simulation.simulate_batch(scene, positions, velocities, **arguments)
+    physics, singles = options.pop("physics", {}), []
+    for k in range(len(positions)):
+        mine = {name: value[k] if isinstance(value, np.ndarray) else value for name, value in options.items()}
+        turning = None if spins is None else spins[k]
+        of = with_physics(scene, physics, k)
+        singles.append(simulate(of, positions[k], velocities[k], spins=turning, record=record, **mine))
     for name in BALL_ARRAYS:
         assert np.array_equal(getattr(batch, name), [getattr(shot, name) for shot in singles])
-    for name in SCALARS:
+    for name in (*SCALARS, "status"):
         assert getattr(batch, name).tolist() == [getattr(shot, name) for shot in singles]
-    assert batch.status.tolist() == [shot.status for shot in singles]
+    return batch, singles
