@@ -24,12 +24,12 @@ def without_spin(motion):
     return dataclasses.replace(POOL, physics=Physics(motion=motion, cushion="restitution", max_time=1.0))
 
 
-def one(scene=POOL, **arguments: Any):
+def one(scene: Any = POOL, **arguments: Any):
     """Returns a call of `simulate` with these arguments, those of a usual shot by default."""
     return lambda: simulate(scene, **{"positions": PLACES, "velocities": [1.0, 0.0], **arguments})
 
 
-def many(m=2, **arguments: Any):
+def many(m: Any = 2, **arguments: Any):
     """Returns a call of `simulate_batch`, as `one`."""
     return lambda: simulate_batch(POOL, **{"positions": [PLACES] * m, "velocities": [[1.0, 0.0]] * m, **arguments})
 
