@@ -16,10 +16,9 @@ from mpmath import mpf
 from billiards_env.scene.table import Pocket, Table
 from reference import oracle
 from reference.stress import scenes
-from tests.helpers.shots import FREE, ROLLING, SLIDING, R, simulate, world
+from tests.helpers.shots import FREE, MOTIONS, ROLLING, SLIDING, R, simulate, world
 
 DIGITS = 70
-MOTIONS = {"free": FREE, "rolling": ROLLING, "sliding": SLIDING}
 SQUARE = Table(2.0, 2.0)
 ORIGIN, TOUCHING, APART = [[0.0, 0.0]], [[0.0, 0.0], [2 * R, 0.0]], [[-1.0, 0.0], [0.0, 0.0]]
 HIT, STOPS = [("ball_ball", 0, 1)], [("sliding_rolling", 0, -1), ("rolling_rest", 0, -1)]
@@ -212,7 +211,7 @@ def add_cushions():
     case("a ball reaches a cushion and a ball at one instant", start, both, 0.5, **end)
 
     table = Table(2.0, 2.0, pockets=(Pocket(1.0, 1.0, 0.1), Pocket(0.25, 0.5, 0.125)))
-    for name, a in (("free", mpf(0)), ("rolling", deceleration(0.01))):
+    for name, a in (("ideal", mpf(0)), ("rolling", deceleration(0.01))):
         t = 2 * mpf(0.625) / (2 + mpmath.sqrt(4 - 2 * a * mpf(0.625)))
         start = world(1, MOTIONS[name], table), [[-0.5, 0.5]], [2.0, 0.0]
         end = {"times": [t], "positions": [[0.25, 0.5]], "potted": [True], "status": "rest"}
