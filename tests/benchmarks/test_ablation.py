@@ -7,9 +7,9 @@ import json
 import pytest
 
 from benchmarks import ablation
-from benchmarks.ablation import Process, Row
+from benchmarks.ablation import Process
 
-# The modules of parts, which a shot or a step without them does not import.
+# The modules of parts, which a step without them does not import, and so no shot.
 UNUSED = (
     "agents",
     "drawing",
@@ -26,7 +26,7 @@ UNUSED = (
     "shots.gradients",
     "torch",
 )
-# The modules of parts, of which a shot or a step without them compiles nothing. The modules of physics are imported.
+# The modules of parts, of which a step without them compiles nothing. The modules of physics are imported.
 NOT_COMPILED = (
     *UNUSED,
     "engine.cell_grid",
@@ -48,19 +48,18 @@ def of(names, parts):
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory):
-    """Returns the row of a shot and of a step that use nothing, in one process, and what its process found."""
-    shot, step = (row for row in ablation.ROWS if row.name.endswith("that uses nothing"))
-    row = Row("nothing", "", f"{shot.code}\nshoot = play\n{step.code}\n_step = play\ndef play(): shoot(), _step()")
+    """Returns the row of a step that uses nothing, and what its process found. Its shots have spin and friction."""
+    (row,) = (row for row in ablation.ROWS if row.name == "a step that uses nothing")
     with Process(row, tmp_path_factory.mktemp("cache")) as process:
-        return {"name": row.name, "without": "", **process.found, "passes": [process.play()]}
+        return {"name": "nothing", "without": "", **process.found, "passes": [process.play()]}
 
 
-def test_a_plain_shot_and_a_plain_step_import_no_part(plain):
+def test_a_plain_step_imports_no_part(plain):
     assert "billiards_env.engine.pic" in plain["modules"]
     assert of(plain["modules"], UNUSED) == []
 
 
-def test_a_plain_shot_and_a_plain_step_compile_no_part(plain):
+def test_a_plain_step_compiles_no_part(plain):
     """Every scene once compiled the law of Mathavan, Jackson and Parkin (2010)."""
     assert "billiards_env.engine.pic.run" in plain["functions"]
     assert of(plain["functions"], NOT_COMPILED) == []

@@ -30,58 +30,50 @@ def matplotlib():
     return pytest.importorskip("matplotlib")
 
 
-def test_cases_are_repeatable_and_valid():
+def test_cases_of_speed_are_repeatable_and_as_documented():
     for case, again in zip(speed.cases(0.001), speed.cases(0.001), strict=True):
         assert np.array_equal(case.positions, again.positions)
         assert np.array_equal(case.velocities, again.velocities)
         speed.run(case)
+    speeds = np.hypot(*speed.random_shots("", Scene.named("pool"), 200).velocities.T)
+    assert 0.5 * speed.MAX_SPEED > speeds.min() < speeds.max() <= speed.MAX_SPEED * (1 + 1e-15)
+    for rack in ("rack", "tight_rack"):
+        assert (speed.run(speed.breaks("", "pool", rack, 20)).first_hit == 1).all()
 
 
-def test_random_shots_are_at_most_as_fast_as_an_action():
-    case = speed.random_shots("", Scene.named("pool"), 200)
-    speeds = np.hypot(*case.velocities.T)
-    assert speeds.max() <= speed.MAX_SPEED * (1 + 1e-15)
-    assert speeds.min() < 0.5 * speed.MAX_SPEED
-
-
-@pytest.mark.parametrize("rack", ["rack", "tight_rack"])
-def test_breaks_hit_the_rack(rack):
-    case = speed.breaks("", "pool", rack, 20)
-    assert (speed.run(case).first_hit == 1).all()
+def rows_of(module, tmp_path, monkeypatch):
+    """Returns what a benchmark measures, after it has written and printed it."""
+    measured, path = module.measure(repeats=1, scale=0.001), tmp_path / "written.json"
+    monkeypatch.setattr(module, "measure", lambda repeats: measured)
+    module.main(["--repeats", "1", "--output", str(path)])
+    assert [file.name for file in tmp_path.iterdir()] == ["written.json"]
+    return json.loads(path.read_text())
 
 
 def test_speed_writes_and_prints_all_results(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(speed, "DISKS", (2, 16))
-    measured = speed.measure(repeats=1, scale=0.001)
-    for row in measured["batch"]:
+    written = rows_of(speed, tmp_path, monkeypatch)
+    for row in written["batch"]:
         events, rate = row["events_per_shot"], row["shots_per_second"]["median"]
         assert row["microseconds_per_event"]["median"] == pytest.approx(1e6 / (events * rate))
-    monkeypatch.setattr(speed, "measure", lambda repeats: measured)
-    speed.main(["--repeats", "1", "--output", str(tmp_path / "speed.json")])
-    written = json.loads((tmp_path / "speed.json").read_text())
-    assert [path.name for path in tmp_path.iterdir()] == ["speed.json"]
     assert len(written["batch"]) == len(speed.cases(0.001))
     assert [row["disks"] for row in written["growth"]] == [2, 16]
     out = capsys.readouterr().out
     assert all(row["case"] in out for row in written["batch"])
 
 
-def test_aim_writes_and_prints_what_it_solves(tmp_path, capsys):
-    path = tmp_path / "aim.json"
-    aim.main(["--layouts", "3", "--shots", "100", "--episodes", "2", "--output", str(path)])
-    written = json.loads(path.read_text())
-    assert len(written["rows"]) == 3
-    assert "aim, of those of search" in capsys.readouterr().out
-
-
 def test_gradients_writes_and_prints_all_ratios(tmp_path, monkeypatch, capsys):
-    measured = gradients.measure(repeats=1, scale=0.001)
-    monkeypatch.setattr(gradients, "measure", lambda repeats: measured)
-    gradients.main(["--repeats", "1", "--output", str(tmp_path / "gradients.json")])
-    written = json.loads((tmp_path / "gradients.json").read_text())
+    written = rows_of(gradients, tmp_path, monkeypatch)
     assert [row["case"] for row in written["cases"]] == [case.name for case in gradients.cases(0.001)]
     out = capsys.readouterr().out
     assert all(name in out for name in gradients.PARTS)
+
+
+def test_aim_writes_and_prints_what_it_solves(tmp_path, capsys):
+    path = tmp_path / "aim.json"
+    aim.main(["--layouts", "3", "--shots", "100", "--episodes", "2", "--output", str(path)])
+    assert len(json.loads(path.read_text())["rows"]) == 3
+    assert "aim, of those of search" in capsys.readouterr().out
 
 
 def test_calibration_counts_the_intervals_with_the_truth(tmp_path, monkeypatch):

@@ -1,19 +1,15 @@
 """The contact-time rule acts on balls that friction presses together, and on no other sequence of impacts."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from billiards_env.engine.contact_rule import longest_run
 from billiards_env.jit import kernel
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.table import Table
 from billiards_env.shots.simulation import simulate
-from tests.helpers.clusters import position_in_contact
 
 R = 0.03
 INF = math.inf
@@ -96,52 +92,3 @@ def test_only_impacts_that_the_rule_changes_are_counted(e):
     assert pressed.events is not None
     hits = pressed.events[pressed.events["kind"] == "cushion"]
     assert pressed.n_contact_rule == hits["rule"].sum() > 0
-
-
-@settings(max_examples=60)
-@given(st.integers(0, 2**32), st.integers(3, 12), st.floats(0, 1), st.sampled_from(["ideal", "rolling", "sliding"]))
-def test_renumbering_a_dense_scene_changes_no_bits(seed, n, e, motion):
-    """Simultaneous cushion impacts were once resolved in the order of the ball numbers."""
-    rng = np.random.default_rng(seed)
-    radius, mass = tuple(rng.uniform(0.02, 0.035, n)), tuple(10.0 ** rng.uniform(-1.5, 1.5, n))
-    limit = {"max_time": 5.0} if motion == "ideal" else {}
-    scene = world(
-        *mass,
-        radius=radius,
-        length=0.5,
-        width=0.4,
-        motion=motion,
-        cushion="han2005" if motion == "sliding" else "restitution",
-        e_ball=e,
-        e_cushion=rng.uniform(0, 1),
-        **limit,
-    )
-    places = touching_places(rng, radius, 0.25, 0.2)
-    velocities = rng.normal(size=(n, 2)) * (rng.random((n, 1)) < 0.4)
-    spins = rng.normal(0, 60, (n, 3)) if motion == "sliding" else None
-    order = rng.permutation(n)
-    renamed = dataclasses.replace(scene, balls=Balls(tuple(radius[i] for i in order), tuple(mass[i] for i in order)))
-    shot = simulate(scene, places, velocities, spins=spins)
-    again = simulate(renamed, places[order], velocities[order], spins=None if spins is None else spins[order])
-    assert np.array_equal(again.positions, shot.positions[order])
-    assert np.array_equal(again.velocities, shot.velocities[order])
-    assert (again.n_events, again.n_contact_rule) == (shot.n_events, shot.n_contact_rule)
-
-
-def touching_places(rng, radius, half_length, half_width):
-    """Returns random positions (n, 2), m, of balls; most of them touch one or two others."""
-    places: list[np.ndarray] = []
-    while len(places) < len(radius):
-        k = len(places)
-        place = rng.uniform(-1, 1, 2) * [half_length - radius[k], half_width - radius[k]]
-        if k and rng.random() < 0.9:
-            a, b = rng.integers(k), rng.integers(k)
-            reach, other = radius[a] + radius[k], radius[b] + radius[k]
-            angle = rng.uniform(0, 2 * math.pi)
-            place = places[a] + reach * np.array([math.cos(angle), math.sin(angle)])
-            both = position_in_contact(rng, places[a], places[b], reach, other)
-            place = place if both is None else both
-        inside = abs(place[0]) <= half_length - radius[k] and abs(place[1]) <= half_width - radius[k]
-        if inside and all(math.dist(place, q) >= radius[k] + radius[m] - 5e-13 for m, q in enumerate(places)):
-            places.append(place)
-    return np.array(places)

@@ -6,14 +6,14 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.physics.state import UX, UY, VX, VY, WZ
-from billiards_env.scene import Balls, Physics, layouts
+from billiards_env.scene import Balls, Physics
 from billiards_env.shots.gradients import UNIT_ROUNDOFF
 from billiards_env.shots.simulation import simulate
 from reference.oracle import laws, run
 from reference.oracle.laws import World
 from tests.helpers import rubbing_clusters as clusters
 from tests.helpers.outlines import MARBLES
-from tests.helpers.shots import kinds, real
+from tests.helpers.shots import aimed_shot, kinds, real
 
 FALLING = {"e_cushion": 0.93, "e_cushion_loss": 0.1, "e_cushion_onset": 0.5, "e_cushion_floor": 0.6}
 
@@ -33,10 +33,7 @@ FALLING = {"e_cushion": 0.93, "e_cushion_loss": 0.1, "e_cushion_onset": 0.5, "e_
 def test_random_shots_have_the_error_of_their_condition(scene):
     ratios = []
     for seed in range(15):
-        rng = np.random.default_rng(seed)
-        places = layouts.draw("random", scene, rng)
-        toward = places[1] - places[0] + rng.normal(size=2) * 0.02
-        start, spins = toward / np.linalg.norm(toward) * rng.uniform(0.5, 5), rng.normal(size=3) * 30
+        places, start, spins = aimed_shot(scene, seed)
         shot = simulate(scene, places, start, spins=spins, record=True)
         condition = shot.sensitivity().condition
         if condition > 1e6:

@@ -14,29 +14,18 @@ from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.outline import clearance, pieces
 from billiards_env.scene.table import Pocket, Table
 from reference.stress.draw import star
-from tests.helpers.outlines import TABLES, apart_places, beyond, mirrored, table, with_corners
+from tests.helpers.outlines import TABLES, beyond, table, with_corners
 from tests.helpers.queues import CELL_GRID, check
-from tests.helpers.shots import FREE, ROLLING, SLIDING, check_mirror_images, kinds, simulate
+from tests.helpers.shots import FREE, ROLLING, SLIDING, kinds, outline_shot, simulate
+from tests.helpers.shots import OUTLINE_LAWS as LAWS
 
 R = 0.028575
-LAWS = {"ideal": FREE, "rolling": ROLLING, "sliding": SLIDING, "plastic": {**ROLLING, "e_cushion": 0.0}}
 tables = st.sampled_from(sorted(TABLES)).map(TABLES.__getitem__) | st.integers(0, 10**4).map(star)
 seeds = st.integers(0, 2**32)
 
 
 def scene_of(a_table, n=1, physics=SLIDING, radius=R, **changes):
     return Scene(Balls.uniform(n, radius), a_table, Physics(**{**physics, **changes}))
-
-
-def draw(a_table, rng, n=1, physics=SLIDING):
-    """Returns a random shot (scene, positions, velocities, spins) of n balls that do not overlap."""
-    scene = scene_of(a_table, n, physics, e_ball=1.0 if physics is FREE else 0.95)
-    places = apart_places(a_table, R, rng, n)
-    angle = rng.uniform(0, 2 * math.pi)
-    velocities = np.zeros((n, 2))
-    velocities[0] = rng.uniform(0.3, 6.0) * np.array([math.cos(angle), math.sin(angle)])
-    spins = rng.normal(size=(n, 3)) * 40 if physics is SLIDING else None
-    return scene, places, velocities, spins
 
 
 def play(scene, places, velocities, spins=None, record=True, **options):
@@ -64,7 +53,7 @@ def test_a_rectangle_as_an_outline_is_the_plain_rectangle(physics, pit):
     numbers = [3, 1, 0, 2]  # the cushions of the rectangle along -x, +x, -y, +y
     options = {"mode": "pit", "dt": 1 / 120} if pit else {}
     for seed in range(30):
-        scene, places, velocities, spins = draw(outline, np.random.default_rng(seed), 2, physics)
+        scene, places, velocities, spins = outline_shot(outline, np.random.default_rng(seed), 2, physics)
         shot = play(scene, places, velocities, spins, **options)
         same = play(dataclasses.replace(scene, table=rectangle), places, velocities, spins, **options)
         expected = [(k, b, numbers[o] if k == "cushion" else o) for k, b, o in kinds(same)]
@@ -129,25 +118,10 @@ def test_a_tip_is_like_a_fixed_ball(radius):
 @settings(max_examples=40)
 @given(tables, seeds, st.sampled_from(sorted(LAWS)), st.integers(1, 2))
 def test_no_ball_overlaps_the_outline(a_table, seed, law, n):
-    scene, places, velocities, spins = draw(a_table, np.random.default_rng(seed), n, LAWS[law])
+    scene, places, velocities, spins = outline_shot(a_table, np.random.default_rng(seed), n, LAWS[law])
     shot = play(scene, places, velocities, spins)
     assert shot.status == ("max_time" if law == "ideal" and not shot.potted.all() else "rest")
     assert beyond(scene, shot, 300) < 1e-12
-
-
-@settings(max_examples=20)
-@given(tables, seeds, st.sampled_from(sorted(LAWS)), st.sampled_from([None, *FIXES]))
-def test_mirrored_shots_on_mirrored_tables_have_mirrored_results_bit_for_bit(a_table, seed, law, fix):
-    scene, places, velocities, spins = draw(a_table, np.random.default_rng(seed), 2, LAWS[law])
-    options = {} if fix is None else {"mode": "pit", "dt": 1 / 60, "fix": fix}
-
-    def mirrored_scene(scene, mirror):
-        return dataclasses.replace(scene, table=mirrored(a_table, mirror))
-
-    def run(*shot):
-        return play(*shot, record=False, max_events=300, **options)
-
-    check_mirror_images(run, scene, places, velocities, spins, mirrored_scene)
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -155,7 +129,7 @@ def test_all_queues_have_the_same_bits(name):
     """The scene has the laws of UK pool, whose engines other tests compile too."""
     rng = np.random.default_rng(3)
     for n in (3, 4):
-        scene, places, velocities, spins = draw(TABLES[name], rng, n)
+        scene, places, velocities, spins = outline_shot(TABLES[name], rng, n)
         assert spins is not None
         balls = Balls((0.9 * R, *(R,) * (n - 1)), scene.balls.mass, shape="sphere")
         scene = dataclasses.replace(scene, balls=balls, physics=Scene.named("uk_pool").physics)
@@ -179,7 +153,7 @@ def test_pit_approaches_pic_as_the_timestep_falls(name, fix):
     rng = np.random.default_rng(0)
     errors = {1e-3: [], 1e-5: []}
     for _ in range(40):
-        scene, places, velocities, spins = draw(TABLES[name], rng, 1, SLIDING)
+        scene, places, velocities, spins = outline_shot(TABLES[name], rng)
         exact = simulate(scene, places, velocities, spins=spins, max_time=1.5)
         for dt, found in errors.items():
             shot = simulate(scene, places, velocities, spins=spins, max_time=1.5, mode="pit", dt=dt, fix=fix)
@@ -193,7 +167,7 @@ def test_pit_approaches_pic_as_the_timestep_falls(name, fix):
 @settings(max_examples=20)
 @given(tables, seeds, st.sampled_from([1 / 240, 1 / 60, 1 / 15, 1.0]), st.sampled_from([0.3, 3.0, 30.0]))
 def test_pit_loses_no_ball_outside_the_outline(fix, a_table, seed, dt, speed):
-    scene, places, velocities, spins = draw(a_table, np.random.default_rng(seed), 2, SLIDING)
+    scene, places, velocities, spins = outline_shot(a_table, np.random.default_rng(seed), 2)
     velocities *= speed / np.linalg.norm(velocities)
     spins *= 0.1 * speed
     shot = simulate(scene, places, velocities, spins=spins, mode="pit", dt=dt, fix=fix, max_time=max(20.0, 100 * dt))

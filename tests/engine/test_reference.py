@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.scene import Balls, Physics, layouts
+from billiards_env.scene import Balls, Physics
 from billiards_env.scene.table import Table
 from reference.oracle import run
 from tests.helpers.outlines import TABLES, apart_places
-from tests.helpers.shots import kinds, simulate
+from tests.helpers.shots import aimed_shot, kinds, simulate
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "pooltool_carom_shots.json").read_text())
 SHOTS = REFERENCE["shots"]
@@ -112,12 +112,7 @@ def test_random_shots_agree_with_the_high_precision_simulator(name, n):
         scene = dataclasses.replace(scene, physics=physics)
     compared = 0
     for seed in range(20):
-        rng = np.random.default_rng(seed)
-        places = layouts.draw("random", scene, rng)
-        toward = places[1] - places[0] + rng.normal(size=2) * 0.02
-        start = toward / np.linalg.norm(toward) * rng.uniform(0.5, 5)
-        spins = rng.normal(size=3) * 30 if scene.physics.motion == "sliding" else None
-        compared += agrees(scene, places, start, spins, 3.0 if name == "ideal" else None) is not None
+        compared += agrees(scene, *aimed_shot(scene, seed), 3.0 if name == "ideal" else None) is not None
     assert compared >= 8
 
 

@@ -77,42 +77,27 @@ def test_numba_num_threads_is_a_limit(monkeypatch):
     assert num_threads() == 5
 
 
-# The files of Linux, and the number of threads. Kubernetes and Docker give a container a quota in this way.
+# The groups of the process, the files of its quotas, and the number of threads. Kubernetes and Docker give a container
+# a quota in this way.
+V1 = "4:cpu,cpuacct:/docker/x\n"
 GROUPS = {
-    "version 2": ({"proc/self/cgroup": "0::/a/b\n", "sys/fs/cgroup/a/b/cpu.max": "250000 100000\n"}, 3),
-    "version 2, a limit above": (
-        {
-            "proc/self/cgroup": "0::/a/b\n",
-            "sys/fs/cgroup/a/b/cpu.max": "max 100000\n",
-            "sys/fs/cgroup/a/cpu.max": "200000 100000\n",
-        },
-        2,
-    ),
-    "version 2, a container": ({"proc/self/cgroup": "0::/\n", "sys/fs/cgroup/cpu.max": "10000 100000\n"}, 1),
-    "version 2, no limit": ({"proc/self/cgroup": "0::/\n", "sys/fs/cgroup/cpu.max": "max 100000\n"}, 64),
+    "version 2": ("0::/a/b\n", {"a/b/cpu.max": "250000 100000"}, 3),
+    "version 2, a limit above": ("0::/a/b\n", {"a/b/cpu.max": "max 100000", "a/cpu.max": "200000 100000"}, 2),
+    "version 2, a container": ("0::/\n", {"cpu.max": "10000 100000"}, 1),
+    "version 2, no limit": ("0::/\n", {"cpu.max": "max 100000"}, 64),
     "version 1": (
-        {
-            "proc/self/cgroup": "5:memory:/x\n4:cpu,cpuacct:/docker/x\n0::/\n",
-            "sys/fs/cgroup/cpu/cpu.cfs_quota_us": "400000\n",
-            "sys/fs/cgroup/cpu/cpu.cfs_period_us": "100000\n",
-            "sys/fs/cgroup/cpu.max": "damaged",
-        },
+        f"5:memory:/x\n{V1}0::/\n",
+        {"cpu/cpu.cfs_quota_us": "400000", "cpu/cpu.cfs_period_us": "100000", "cpu.max": "damaged"},
         4,
     ),
-    "version 1, no limit": (
-        {
-            "proc/self/cgroup": "4:cpu:/\n",
-            "sys/fs/cgroup/cpu/cpu.cfs_quota_us": "-1\n",
-            "sys/fs/cgroup/cpu/cpu.cfs_period_us": "100000\n",
-        },
-        64,
-    ),
+    "version 1, no limit": ("4:cpu:/\n", {"cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}, 64),
 }
 
 
 @pytest.mark.parametrize("name", GROUPS)
 def test_a_quota_of_processor_time_is_a_limit(name, tmp_path):
-    files, expected = GROUPS[name]
+    groups, quotas, expected = GROUPS[name]
+    files = {"proc/self/cgroup": groups, **{f"sys/fs/cgroup/{name}": f"{text}\n" for name, text in quotas.items()}}
     for path, text in files.items():
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(text)

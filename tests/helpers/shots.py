@@ -13,7 +13,7 @@ from billiards_env.physics import state as columns
 from billiards_env.scene import Balls, Physics, layouts
 from billiards_env.scene.table import Table
 from billiards_env.shots import simulation
-from tests.helpers.outlines import with_corners
+from tests.helpers.outlines import apart_places, with_corners
 
 simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type
 
@@ -21,6 +21,8 @@ R = 0.03125  # m; a power of two, so multiples of it are exact
 FREE = {"motion": "ideal", "cushion": "restitution", "e_ball": 1.0, "e_cushion": 1.0, "max_time": 10.0}
 ROLLING = {"motion": "rolling", "cushion": "restitution", "e_ball": 1.0}
 SLIDING = {"motion": "sliding", "e_ball": 1.0}
+MOTIONS = {"ideal": FREE, "rolling": ROLLING, "sliding": SLIDING}
+OUTLINE_LAWS = {**MOTIONS, "plastic": {**ROLLING, "e_cushion": 0.0}}
 SQUARE = Table(64.0, 64.0)
 BALL_ARRAYS = ("positions", "velocities", "spins", "potted", "cushions", "cushions_before_hit")
 SCALARS = ("time", "n_events", "first_hit", "n_contact_rule")
@@ -81,26 +83,24 @@ def draw_shot(seed):
     return scene, positions, velocities, spins
 
 
-def check_mirror_images(play, scene, positions, velocities, spins, mirrored=lambda scene, mirror: scene):
-    """Checks that `play` of a mirrored shot returns the mirrored result bit for bit. `mirrored` returns its scene."""
-    shot = play(scene, positions, velocities, spins)
-    for mirror in (np.array([-1.0, 1.0]), np.array([1.0, -1.0]), np.array([-1.0, -1.0])):
-        x, y = mirror
-        mirrored_spins = None if spins is None else spins * [y, x, x * y]  # spin is an axial vector
-        image = play(mirrored(scene, mirror), positions * mirror, velocities * mirror, mirrored_spins)
-        assert np.array_equal(image.positions, shot.positions * mirror)
-        assert np.array_equal(image.velocities, shot.velocities * mirror)
-        assert (image.time, image.n_events) == (shot.time, shot.n_events)
+def aimed_shot(scene, seed):
+    """Returns random positions, and velocities and spins with the cue ball aimed at ball 1."""
+    rng = np.random.default_rng(seed)
+    places = layouts.draw("random", scene, rng)
+    velocities, spins = np.zeros((scene.n_balls, 2)), np.zeros((scene.n_balls, 3))
+    toward = places[1] - places[0] + rng.normal(size=2) * 0.02
+    velocities[0] = toward / np.linalg.norm(toward) * rng.uniform(0.5, 5)
+    spins[0] = rng.normal(size=3) * 30
+    return places, velocities, spins if scene.physics.motion == "sliding" else None
 
 
-def check_renumbering(play, scene, positions, velocities, spins, seed):
-    """Checks that `play` with object balls in random order returns the same result bit for bit."""
-    order = np.r_[0, 1 + np.random.default_rng(seed).permutation(scene.n_balls - 1)]
-    shot = play(scene, positions, velocities, spins)
-    other = play(scene, positions[order], velocities[order], None if spins is None else spins[order])
-    for name in BALL_ARRAYS:
-        assert np.array_equal(getattr(other, name), getattr(shot, name)[order])
-    assert (other.time, other.n_events) == (shot.time, shot.n_events)
+def outline_shot(table, rng, n=1, physics=SLIDING):
+    """Returns a random shot (scene, positions, velocities, spins) of n pool balls on a table with an outline."""
+    law = Physics(**{**physics, "e_ball": 1.0 if physics is FREE else 0.95})
+    scene, velocities, angle = Scene(Balls.uniform(n), table, law), np.zeros((n, 2)), rng.uniform(0, 2 * np.pi)
+    places = apart_places(table, scene.balls.radius[0], rng, n)
+    velocities[0] = rng.uniform(0.3, 6.0) * np.array([np.cos(angle), np.sin(angle)])
+    return scene, places, velocities, rng.normal(size=(n, 3)) * 40 if physics is SLIDING else None
 
 
 class Motion(NamedTuple):
@@ -168,10 +168,28 @@ def draw_starts(scene, count, arrangement="random"):
     return positions, velocities, rng.normal(size=(count, 3)) * 20
 
 
-def check_batch(batch, singles):
-    """Checks that a batch has the same results as single shots bit for bit."""
+def with_physics(scene, physics, k):
+    """Returns the scene of shot k, whose numbers of `Physics` are entry k of the arrays in `physics`."""
+    numbers = {name: values[k] for name, values in physics.items()}
+    return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **numbers))
+
+
+def run_both(scene, positions, velocities, spins=None, record=False, threads=None, **options) -> tuple[Any, list[Any]]:
+    """Returns a batch and its shots run one by one, after a check that all results are equal bit for bit.
+
+    Options that are arrays have one entry for each shot, and so has each number of `physics`.
+    """
+    recorded = record and options.get("mode", "pic") == "pic"
+    arguments = {"spins": spins, "threads": threads, "record": recorded, **options}
+    batch = simulation.simulate_batch(scene, positions, velocities, **arguments)
+    physics, singles = options.pop("physics", {}), []
+    for k in range(len(positions)):
+        mine = {name: value[k] if isinstance(value, np.ndarray) else value for name, value in options.items()}
+        turning = None if spins is None else spins[k]
+        of = with_physics(scene, physics, k)
+        singles.append(simulate(of, positions[k], velocities[k], spins=turning, record=record, **mine))
     for name in BALL_ARRAYS:
         assert np.array_equal(getattr(batch, name), [getattr(shot, name) for shot in singles])
-    for name in SCALARS:
+    for name in (*SCALARS, "status"):
         assert getattr(batch, name).tolist() == [getattr(shot, name) for shot in singles]
-    assert batch.status.tolist() == [shot.status for shot in singles]
+    return batch, singles

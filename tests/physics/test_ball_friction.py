@@ -24,23 +24,10 @@ def pool(count=2, **physics):
     return Scene(Balls.uniform(count, R, 0.17), physics=Physics(ball_ball="frictional", **physics))
 
 
-@pytest.mark.parametrize(
-    ("speed", "mu"),
-    [
-        (0, 0.11795),
-        (0.1, 0.10682),
-        (0.25, 0.09223),
-        (0.5, 0.07264),
-        (0.75, 0.05771),
-        (1, 0.04634),
-        (1.5, 0.03107),
-        (2, 0.02221),
-        (3, 0.01408),
-        (5, 0.01042),
-    ],
-)
-def test_the_friction_of_balls_falls_with_the_sliding_speed(speed, mu):
-    assert friction_coefficient(MU, speed) == pytest.approx(mu, abs=6e-6)
+def test_the_friction_of_balls_falls_with_the_sliding_speed():
+    speeds = (0, 0.1, 0.25, 0.5, 0.75, 1, 1.5, 2, 3, 5)
+    expected = (0.11795, 0.10682, 0.09223, 0.07264, 0.05771, 0.04634, 0.03107, 0.02221, 0.01408, 0.01042)
+    assert [friction_coefficient(MU, speed) for speed in speeds] == pytest.approx(expected, abs=6e-6)
 
 
 def test_the_friction_of_balls_may_be_constant_and_has_a_multiplier():
@@ -51,51 +38,34 @@ def test_the_friction_of_balls_may_be_constant_and_has_a_multiplier():
         assert friction_coefficient(found, 1.0) == pytest.approx(factor * friction_coefficient(MU, 1.0))
 
 
-@pytest.mark.parametrize(
-    ("angle", "velocities", "spins", "velocities_after", "spins_after"),
-    [
-        (
-            30,
-            [(1, 0), (0, 0)],
-            [(0, 0, 0), (0, 0, 0)],
-            [(0.238084, -0.369072), (0.761916, 0.369072)],
-            [(0, 0, 5.365922), (0, 0, 5.365922)],
-        ),
-        (
-            30,
-            [(1, 0), (0, 0)],
-            [(0, 1 / R, 0), (0, 0, 0)],
-            [(0.258969, -0.405246), (0.741031, 0.405246)],
-            [(1.482175, 32.428423, 1.711468), (1.482175, -2.567203, 1.711468)],
-        ),
-        (
-            -45,
-            [(2, 0), (0, 0)],
-            [(0, -1 / R, 0.8 / R), (0, 0, 0)],
-            [(1.007758, 0.957758), (0.992242, -0.957758)],
-            [(0.48172, -34.513906, 25.86324), (0.48172, 0.48172, -2.133261)],
-        ),
-        (
-            10,
-            [(1, 0.2), (-0.5, 0.3)],
-            [(5, 10, -20), (3, -7, 12)],
-            [(-0.416302, 0.035499), (0.916302, 0.464501)],
-            [(5.097072, 9.449479, -12.656505), (3.097072, -7.550521, 19.343495)],
-        ),
-        (
-            5,
-            [(1, 0), (0, 0)],
-            [(0, 0, 0), (0, 0, 0)],
-            [(0.031321, -0.07225), (0.968679, 0.07225)],
-            [(0, 0, 1.089311), (0, 0, 1.089311)],
-        ),
-    ],
-    ids=["stun", "rolling", "draw and side", "both move", "stick"],
-)
-def test_impacts_computed_by_hand(angle, velocities, spins, velocities_after, spins_after):
-    found = impact(velocities, spins, angle, pool())
-    assert found[0] == pytest.approx(np.array(velocities_after), abs=6e-7)
-    assert found[1] == pytest.approx(np.array(spins_after), abs=6e-7)
+# Angle; velocity and spin of both balls before; the same after
+BY_HAND = {
+    "stun": (30, "1 0 0 0 0  0 0 0 0 0", "0.238084 -0.369072 0 0 5.365922  0.761916 0.369072 0 0 5.365922"),
+    "rolling": (
+        30,
+        f"1 0 0 {1 / R} 0  0 0 0 0 0",
+        "0.258969 -0.405246 1.482175 32.428423 1.711468  0.741031 0.405246 1.482175 -2.567203 1.711468",
+    ),
+    "draw and side": (
+        -45,
+        f"2 0 0 {-1 / R} {0.8 / R}  0 0 0 0 0",
+        "1.007758 0.957758 0.48172 -34.513906 25.86324  0.992242 -0.957758 0.48172 0.48172 -2.133261",
+    ),
+    "both move": (
+        10,
+        "1 0.2 5 10 -20  -0.5 0.3 3 -7 12",
+        "-0.416302 0.035499 5.097072 9.449479 -12.656505  0.916302 0.464501 3.097072 -7.550521 19.343495",
+    ),
+    "stick": (5, "1 0 0 0 0  0 0 0 0 0", "0.031321 -0.07225 0 0 1.089311  0.968679 0.07225 0 0 1.089311"),
+}
+
+
+@pytest.mark.parametrize("name", BY_HAND)
+def test_impacts_computed_by_hand(name):
+    angle, *motions = BY_HAND[name]
+    before, after = (np.array(text.split(), float).reshape(2, 5) for text in motions)
+    found = np.hstack(impact(before[:, :2], before[:, 2:], angle, pool()))
+    assert found == pytest.approx(after, abs=6e-7)
 
 
 def throw(cut, speed, scene, roll=0.0, side=0.0):

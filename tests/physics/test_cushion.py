@@ -1,5 +1,4 @@
 import math
-import re
 
 import numpy as np
 import pytest
@@ -175,46 +174,23 @@ def test_rebound_angles_with_side_spin(angle, side, after):
     assert math.degrees(math.atan2(-vy, vx)) == pytest.approx(after, abs=0.006)
 
 
+# Velocity (2) and spin (3) before, after an impact on a rigid cushion, and after one on a compliant cushion
 NOT_ROLLING = [
-    (
-        (0.2, 1),
-        (0, 0, 0),
-        ((0.14286, -0.72736), (6.9991, -1.3998, 4.7994)),
-        ((0.12513, -0.73431), (9.1699, -1.8340, 6.2879)),
-    ),
-    (
-        (0.5, 1),
-        (0, 0, 0),
-        ((0.35714, -0.72736), (6.9991, -3.4996, 11.9985)),
-        ((0.28725, -0.73832), (10.4235, -5.2118, 17.8689)),
-    ),
-    (
-        (1, 1),
-        (0, 0, 0),
-        ((0.71429, -0.72736), (6.9991, -6.9991, 23.997)),
-        ((0.65796, -0.73178), (8.3791, -8.3791, 28.7282)),
-    ),
-    (
-        (1, 1),
-        (0, 0, 30),
-        ((0.94942, -0.72736), (6.9991, -1.2391, 34.2484)),
-        ((0.93502, -0.73373), (8.9908, -1.5917, 35.4574)),
-    ),
-    (
-        (0.6, 0.8),
-        (-8.399, 6.299, 0),
-        ((0.41417, -0.60109), (3.1996, 1.747, 15.6076)),
-        ((0.36867, -0.61018), (6.0394, 0.6324, 19.429)),
-    ),
+    (0.2, 1, 0, 0, 0, 0.14286, -0.72736, 6.9991, -1.3998, 4.7994, 0.12513, -0.73431, 9.1699, -1.8340, 6.2879),
+    (0.5, 1, 0, 0, 0, 0.35714, -0.72736, 6.9991, -3.4996, 11.9985, 0.28725, -0.73832, 10.4235, -5.2118, 17.8689),
+    (1, 1, 0, 0, 0, 0.71429, -0.72736, 6.9991, -6.9991, 23.997, 0.65796, -0.73178, 8.3791, -8.3791, 28.7282),
+    (1, 1, 0, 0, 30, 0.94942, -0.72736, 6.9991, -1.2391, 34.2484, 0.93502, -0.73373, 8.9908, -1.5917, 35.4574),
+    (0.6, 0.8, -8.399, 6.299, 0, 0.41417, -0.60109, 3.1996, 1.747, 15.6076, 0.36867, -0.61018, 6.0394, 0.6324, 19.429),
 ]
 
 
-@pytest.mark.parametrize(("velocity", "spin", "rigid", "compliant"), NOT_ROLLING)
-def test_a_compliant_cushion_adds_spin_to_a_ball_that_does_not_roll(velocity, spin, rigid, compliant):
-    for law, expected in (("han2005", rigid), ("stronge", compliant)):
-        found = rebound_of(pool_cushion(law), velocity, spin)
-        assert found[0] == pytest.approx(expected[0], abs=6e-6)
-        assert found[1] == pytest.approx(expected[1], abs=3e-4)
+@pytest.mark.parametrize("row", NOT_ROLLING)
+def test_a_compliant_cushion_adds_spin_to_a_ball_that_does_not_roll(row):
+    before, *after = np.split(np.array(row, float), 3)
+    for law, expected in zip(("han2005", "stronge"), after, strict=True):
+        velocity, spin = rebound_of(pool_cushion(law), before[:2], before[2:])
+        assert velocity == pytest.approx(expected[:2], abs=6e-6)
+        assert spin == pytest.approx(expected[2:], abs=3e-4)
 
 
 COMPLIANT = {
@@ -431,29 +407,6 @@ def test_every_impact_ends_and_does_not_add_energy():
         energy = [v[:2] @ v[:2] + 0.4 * v[2:] @ v[2:] for v in (before, after)]
         assert energy[1] <= energy[0] * (1 + 1e-9)
         assert after[1] <= 1e-6 * np.abs(before[1:]).max()
-
-
-@pytest.mark.parametrize(
-    ("physics", "message"),
-    [
-        (
-            {"cushion": "stronge", "e_cushion": 0.3},
-            "physics.e_cushion = 0.3 with physics.cushion = 'stronge': expected",
-        ),
-        ({"cushion": "stronge", "e_cushion_loss": 0.1}, "physics.e_cushion_floor = 0.0 with"),
-        ({"e_cushion_floor": 0.9}, "physics.e_cushion_floor = 0.9: expected at most e_cushion = 0.85"),
-        ({"cushion_frequency_ratio": 2.5}, "physics.cushion_frequency_ratio = 2.5: expected a number from 1 to 2"),
-        (
-            {"motion": "rolling", "cushion": "restitution", "ball_ball": "frictional"},
-            "physics.ball_ball = 'frictional'",
-        ),
-        ({"ball_ball": "rough"}, "physics.ball_ball = 'rough': expected one of 'frictionless', 'frictional'"),
-        ({"mu_ball": -0.1}, "physics.mu_ball = -0.1: expected a number from 0 to 100"),
-    ],
-)
-def test_constants_of_impacts_outside_their_range_are_refused(physics, message):
-    with pytest.raises(ValueError, match=re.escape(message)):
-        Physics(**physics)
 
 
 def test_each_cushion_of_a_scene_has_its_own_law():

@@ -67,47 +67,24 @@ def test_norm_is_correct_if_squares_underflow(x, y, size):
     assert norm(x, y) == pytest.approx(size, rel=1e-15)
 
 
-def test_a_slipping_ball_slides_until_its_slip_is_zero():
-    state, row = ball(numbers(), vx=1.0, vy=2.0, ux=3.0, uy=-4.0)
-    assert state.phase[0] == SLIDING
-    assert row[[AX, AY]] == pytest.approx([-SLIDE * 0.6, SLIDE * 0.8])
-    assert row[LASTS] == pytest.approx(2 * 5 / (7 * SLIDE))
-
-
-def test_a_ball_without_slip_rolls_until_it_stops():
-    state, row = ball(numbers(), vx=0.3, vy=-0.4, wz=1.0)
-    assert state.phase[0] == ROLLING
-    assert row[[AX, AY]] == pytest.approx([-ROLL * 0.6, ROLL * 0.8])
-    assert row[LASTS] == pytest.approx(0.5 / ROLL)
-
-
-def test_a_ball_with_spin_alone_spins_until_its_spin_is_zero():
-    state, row = ball(numbers(spin_decay=4.0), wz=-8.0)
-    assert state.phase[0] == SPINNING
-    assert row[LASTS] == 2.0
-    assert not row[[AX, AY]].any()
-
-
-def test_a_ball_with_slip_and_no_velocity_slides():
-    state, row = ball(numbers(), ux=1.0)
-    assert state.phase[0] == SLIDING
-    assert row[AX] < 0
-
-
-def test_a_ball_without_velocity_slip_and_spin_rests():
-    state, row = ball(numbers())
-    assert state.phase[0] == REST
-    assert row[LASTS] == math.inf
-
-
-def test_other_laws_of_motion_ignore_slip_and_spin():
-    state, row = ball(numbers(motion="rolling"), vx=1.0, ux=1.0, wz=0.0)
-    assert state.phase[0] == ROLLING
-    assert row[AX] == pytest.approx(-ROLL)
-    state, row = ball(numbers(motion="ideal"), vx=1.0)
-    assert state.phase[0] == FREE
-    assert (row[AX], row[LASTS]) == (0.0, math.inf)
-    assert ball(numbers(motion="ideal"))[0].phase[0] == REST
+@pytest.mark.parametrize(
+    ("motion", "columns", "phase", "acceleration", "lasts"),
+    [
+        ("sliding", {"vx": 1, "vy": 2, "ux": 3, "uy": -4}, SLIDING, (-SLIDE * 0.6, SLIDE * 0.8), 10 / (7 * SLIDE)),
+        ("sliding", {"ux": 1}, SLIDING, (-SLIDE, 0), 2 / (7 * SLIDE)),
+        ("sliding", {"vx": 0.3, "vy": -0.4, "wz": 1}, ROLLING, (-ROLL * 0.6, ROLL * 0.8), 0.5 / ROLL),
+        ("sliding", {"wz": -20}, SPINNING, (0, 0), 2),
+        ("sliding", {}, REST, (0, 0), math.inf),
+        ("rolling", {"vx": 1, "ux": 1}, ROLLING, (-ROLL, 0), 1 / ROLL),
+        ("ideal", {"vx": 1}, FREE, (0, 0), math.inf),
+        ("ideal", {}, REST, (0, 0), math.inf),
+    ],
+)
+def test_velocity_slip_and_spin_begin_a_phase(motion, columns, phase, acceleration, lasts):
+    state, row = ball(numbers(motion=motion), **columns)
+    assert state.phase[0] == phase
+    assert row[[AX, AY]] == pytest.approx(acceleration, abs=0)
+    assert row[LASTS] == pytest.approx(lasts)
 
 
 def test_a_potted_ball_does_not_change():

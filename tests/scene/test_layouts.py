@@ -1,4 +1,3 @@
-import dataclasses
 import hashlib
 import itertools
 import math
@@ -10,14 +9,7 @@ from hypothesis import strategies as st
 
 from billiards_env import simulate
 from billiards_env.scene import SCENES, Balls, Scene, check_positions, layouts
-
-
-def ideal(balls):
-    """Returns the "ideal" scene with other balls."""
-    return dataclasses.replace(Scene.named("ideal"), balls=balls)
-
-
-LARGE_AND_SMALL = ideal(Balls(radius=(0.02, 0.01, 0.2, 0.05), mass=(0.2, 0.1, math.inf, 0.3)))
+from tests.helpers.scenes import LARGE_AND_SMALL, ideal, three_balls
 
 
 def draws(name, scene, count, seed=0):
@@ -193,12 +185,6 @@ def test_line_places_both_balls_on_the_long_axis(scene):
     assert draws("line", scene, 1)[0].tolist() == [[-length / 4, 0.0], [length / 4, 0.0]]
 
 
-def three_balls(cue, target, blocker):
-    """Returns the "blocked_pool" scene with the given radii, m."""
-    scene = Scene.named("blocked_pool")
-    return dataclasses.replace(scene, balls=Balls((cue, target, blocker), scene.balls.mass))
-
-
 RADII = st.floats(0.02, 0.05)
 SNOOKERED = st.tuples(RADII, RADII, RADII).map(lambda r: three_balls(r[0], *sorted(r[1:])))
 
@@ -231,36 +217,6 @@ def test_snookered_covers_the_whole_table():
     assert np.abs(shares.mean(axis=0)).max() < 0.05
     # Each ball is on the left with probability 1/2, so neither is drawn relative to the other.
     assert abs((positions[:, 0, 0] < positions[:, 1, 0]).mean() - 0.5) < 0.03
-
-
-NARROW = {"balls": {"radius": [0.1], "mass": [0.2]}, "table": {"width": 0.2}, "physics": {"cushion": "restitution"}}
-NO_ROOM = r"layout = '{}': found no room for ball \d .*radius {} m.*10000 tries"
-
-
-@pytest.mark.parametrize(
-    ("name", "scene", "message"),
-    [
-        ("snookered", Scene.named("pool", 1), "layout = 'snookered' with 1 object balls: expected 2"),
-        ("snookered", Scene.named("pool", 3), "layout = 'snookered' with 3 object balls: expected 2"),
-        ("snookered", three_balls(0.03, 0.03, 0.02), "balls 1 and 2 of radii 0.03 and 0.02 m: expected"),
-        ("snookered", ideal(Balls.uniform(3, 0.45)), NO_ROOM.format("snookered", 0.45)),
-        ("line", Scene.named("pool", 2), "layout = 'line' with 2 object balls: expected 1"),
-        ("line", Scene.named("pool", 0), "layout = 'line' with 0 object balls: expected 1"),
-        ("carom_opening", Scene.named("pool", 3), "layout = 'carom_opening' with 3 object balls: expected 1 to 2"),
-        ("rak", Scene.named("pool", 1), "layout = 'rak': expected one of .* \\(did you mean 'rack'\\?\\)"),
-        ("random", ideal(Balls.uniform(8, 0.3)), NO_ROOM.format("random", 0.3)),
-        ("random", Scene.from_dict(NARROW), "found no room for ball 0"),
-        ("nine_ball", Scene.named("pool", 3), "layout = 'nine_ball' with 3 object balls: expected 9"),
-        ("eight_ball", Scene.named("pool", 3), "layout = 'eight_ball' with 3 object balls: expected 15"),
-        ("tight_rack", LARGE_AND_SMALL, r"layout = 'tight_rack' .*radii \[0.01, 0.05, 0.2\] m: expected one radius"),
-        ("rack", Scene.named("ideal", 200), r"layout 'rack': ball \d+ is at .*inside the cushions"),
-        ("snooker", Scene.named("pool", 15), "layout = 'snooker' with table.d_radius = 0: expected a table with a D"),
-        ("snooker", Scene.named("snooker", 5), "layout = 'snooker' with 5 object balls: expected 6 to 21"),
-    ],
-)
-def test_layouts_reject_unsuitable_scenes(name, scene, message):
-    with pytest.raises(ValueError, match=message):
-        layouts.draw(name, scene, np.random.default_rng(0))
 
 
 def test_draws_are_the_same_on_every_machine():

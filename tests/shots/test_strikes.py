@@ -139,24 +139,6 @@ def test_derivative_of_the_strike(scene, seed):
     np.testing.assert_allclose(strike_derivative(scene, *at), np.transpose(expected), atol=1e-6)
 
 
-def test_derivative_of_a_shot_by_the_parameters_of_the_strike():
-    scene, positions = Scene.named("real_pool"), [[-0.5, 0.1], [0.2, 0.15]]
-    at = np.array([1.5, 0.07, 0.2, -0.1, 0.1])
-    shot = simulate(scene, positions, strike(scene, *at), record=True)
-    cue_ball = shot.sensitivity().jacobian[:, :, 0, 2:]
-    step = 1e-7
-    expected = [
-        (
-            simulate(scene, positions, strike(scene, *(at + h))).positions
-            - simulate(scene, positions, strike(scene, *(at - h))).positions
-        )
-        / (2 * step)
-        for h in step * np.eye(5)
-    ]
-    found = cue_ball @ strike_derivative(scene, *at)
-    np.testing.assert_allclose(found, np.stack(expected, axis=-1), atol=2e-5 * np.abs(found).max())
-
-
 # Coriolis (1835), in the form of Alciatore (2005), TP A.19: the ball leaves the slide in the direction of the line from
 # its resting point to the point at which the axis of the cue meets the cloth.
 @pytest.mark.parametrize("elevation", [20.0, 45.0, 70.0])
@@ -186,36 +168,3 @@ def test_simulate_takes_strikes():
     hits = strike(POOL, [1.5, 0.7], 0.07, 0.2, -0.1, 0.1)
     batch = simulate_batch(POOL, [positions] * 2, hits)
     assert batch.positions[0].tolist() == expected.positions.tolist()
-    with pytest.raises(ValueError, match=r"spins = .* with a Strike: expected None"):
-        simulate(POOL, positions, hit, spins=[0, 0, 1])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"speed": math.nan}, "speed = .*nan.*: expected numbers from -1000 to 1000 m/s"),
-        ({"heading": 11.0}, "heading = .*11.*: expected numbers from -10 to 10 rad"),
-        ({"side": 1.1}, "side = .*1.1.*: expected numbers from -1 to 1 ball radii"),
-        ({"side": 0.8, "top": 0.8}, r"\(side, top\) = \[0.8, 0.8\]: expected an offset of at most 1 ball radius"),
-        ({"elevation": -0.1}, "elevation = .*-0.1.*: expected numbers from 0 to 1.5708 rad"),
-        ({"speed": [1, 2], "side": [0, 0, 0]}, "expected shapes that broadcast"),
-        ({"scene": Scene.named("ideal")}, "physics.motion = 'ideal': expected motion 'sliding'"),
-    ],
-)
-def test_wrong_strikes_are_refused(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        strike(**{"scene": POOL, "speed": 1.0, "heading": 0.0, **arguments})
-
-
-def test_wrong_cues_are_refused():
-    with pytest.raises(ValueError, match=r"cue.miscue_offset = 1.5: expected a number from 0.001 to 1 ball radii"):
-        Cue(miscue_offset=1.5)
-    with pytest.raises(
-        ValueError, match=r"cue.tip_restitution = 0.3: expected at least 0.5\d+, so that the tip leaves"
-    ):
-        dataclasses.replace(POOL, cue=Cue(tip_restitution=0.3))
-
-
-def test_the_derivative_refuses_a_miscue():
-    with pytest.raises(ValueError, match=r"expected at most 0\.5 ball radii, no miscue"):
-        strike_derivative(POOL, 1.0, 0.0, 0.6)

@@ -9,6 +9,7 @@ import pytest
 
 from billiards_env.physics.contact import circle_time
 from billiards_env.physics.motion import Path
+from reference import oracle
 from reference.stress import families
 from reference.stress.scenes import R, kinds, rough, run
 
@@ -63,3 +64,14 @@ def test_balls_pressed_together_after_a_plastic_impact_do_not_overlap():
     t = circle_time(Path(*d, *w, *b), reach, 0.13277429667059007, 0.0)
     place = [x + t * (v + t * a / 2) for x, v, a in zip(d, w, b, strict=True)]
     assert np.hypot(place[0], place[1]) == pytest.approx(reach, abs=1e-15)
+
+
+@pytest.mark.parametrize("short", [1e-3, 1e-6, 1e-9])
+def test_a_graze_on_a_curved_path_agrees_with_the_reference(short):
+    scene = rough(1.0, 1.0)
+    places, velocities, spins = [[-0.25, 2 * R * (1 - short)], [0.0, 0.0]], [2.0, 0.0], [0.0, 80.0, 0.0]
+    shot = run(scene, places, velocities, spins)
+    exact = oracle.run(scene, places, velocities, spins)
+    assert kinds(shot) == [(e.kind, e.ball, e.other) for e in exact.events]
+    final = [[float(x) for x in place] for place in exact.positions]
+    assert shot.positions == pytest.approx(np.array(final), abs=1e-9)

@@ -1,0 +1,243 @@
+"""What all shots of both engines keep: mirror images, numbers of the balls, energy, momentum, limits."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+
+from billiards_env import Scene
+from billiards_env.engine.overlaps import FIXES
+from billiards_env.engine.shots import AT_EVENT_LIMIT
+from billiards_env.scene import Balls, Physics, layouts
+from billiards_env.scene.table import Table
+from reference.stress import checks
+from reference.stress.draw import star
+from tests.helpers.clusters import position_in_contact
+from tests.helpers.outlines import MARBLES, TABLES, mirrored
+from tests.helpers.shots import (
+    BALL_ARRAYS,
+    OUTLINE_LAWS,
+    SCALARS,
+    aimed_shot,
+    draw_shot,
+    instants,
+    kinetic_energy,
+    motion_at,
+    outline_shot,
+    simulate,
+)
+
+DTS = (1 / 15, 1 / 30, 1 / 60, 1 / 240)
+UK = Scene.named("uk_pool", 4)
+SEEDS = st.integers(0, 10**6)
+
+
+def dense(seed):
+    """Returns a shot of 3 to 12 balls of any size on a small table; most of them touch one or two others."""
+    rng = np.random.default_rng(seed)
+    n, motion = int(rng.integers(3, 13)), str(rng.choice(["ideal", "rolling", "sliding"]))
+    radius, mass = rng.uniform(0.02, 0.035, n), 10.0 ** rng.uniform(-1.5, 1.5, n)
+    physics = Physics(
+        motion=motion,
+        cushion="han2005" if motion == "sliding" else "restitution",
+        e_ball=rng.random(),
+        e_cushion=rng.random(),
+        max_time=5.0 if motion == "ideal" else None,
+    )
+    scene = Scene(Balls(tuple(radius.tolist()), tuple(mass.tolist())), Table(0.5, 0.4), physics)
+    places: list[np.ndarray] = []
+    while len(places) < n:
+        k = len(places)
+        room = np.array([0.25, 0.2]) - radius[k]
+        place = rng.uniform(-1, 1, 2) * room
+        if k and rng.random() < 0.9:
+            a, b = rng.integers(k), rng.integers(k)
+            reach, angle = radius[a] + radius[k], rng.uniform(0, 2 * math.pi)
+            place = places[a] + reach * np.array([math.cos(angle), math.sin(angle)])
+            both = position_in_contact(rng, places[a], places[b], reach, radius[b] + radius[k])
+            place = place if both is None else both
+        apart = [math.dist(place, q) - radius[k] - radius[m] for m, q in enumerate(places)]
+        if (np.abs(place) <= room).all() and min(apart, default=0.0) >= -5e-13:
+            places.append(place)
+    velocities = rng.normal(size=(n, 2)) * (rng.random((n, 1)) < 0.4)
+    return scene, np.array(places), velocities, rng.normal(0, 60, (n, 3)) if motion == "sliding" else None
+
+
+def on_an_outline(seed):
+    """Returns a shot of two balls on a table with an outline."""
+    rng = np.random.default_rng(seed)
+    table = star(int(rng.integers(10**4))) if rng.random() < 0.5 else TABLES[str(rng.choice(sorted(TABLES)))]
+    return outline_shot(table, rng, 2, OUTLINE_LAWS[str(rng.choice(sorted(OUTLINE_LAWS)))])
+
+
+WORLDS: dict[str, Any] = {
+    "racks and scattered balls": draw_shot,
+    "outlines": on_an_outline,
+    "spheres": lambda seed: (UK, *aimed_shot(UK, seed)),
+    "spheres of different size": lambda seed: (MARBLES, *aimed_shot(MARBLES, seed)),
+    "touching balls": dense,
+}
+engines_and_worlds = pytest.mark.parametrize(
+    ("engine", "world"), [("pic", world) for world in WORLDS] + [("pit", world) for world in [*WORLDS][:-1]]
+)
+
+
+def options_of(engine, scene, seed) -> dict[str, Any]:
+    """Returns arguments of `simulate`, with a random timestep and treatment of overlaps. Ideal balls move for 3 s."""
+    rng = np.random.default_rng([seed, 1])
+    options: dict[str, Any] = {"max_time": 3.0 if scene.physics.motion == "ideal" else None, "max_events": 50_000}
+    if engine == "pit":
+        options |= {"mode": "pit", "dt": DTS[rng.integers(len(DTS))], "fix": FIXES[rng.integers(len(FIXES))]}
+    return options
+
+
+def play(shot, options, **more):
+    scene, positions, velocities, spins = shot
+    return simulate(scene, positions, velocities, spins=spins, **options, **more)
+
+
+@engines_and_worlds
+@settings(max_examples=30)
+@given(seed=SEEDS)
+def test_mirrored_shots_have_mirrored_results_bit_for_bit(engine, world, seed):
+    scene, positions, velocities, spins = given_shot = WORLDS[world](seed)
+    options = options_of(engine, scene, seed)
+    shot = play(given_shot, options)
+    for x, y in ((-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)):
+        mirror, turned = np.array([x, y]), None if spins is None else spins * [y, x, x * y]  # spin is an axial vector
+        table = mirrored(scene.table, mirror) if world == "outlines" else scene.table
+        other = dataclasses.replace(scene, table=table), positions * mirror, velocities * mirror, turned
+        image = play(other, options)
+        assert np.array_equal(image.positions, shot.positions * mirror)
+        assert np.array_equal(image.velocities, shot.velocities * mirror)
+        assert (image.time, image.n_events) == (shot.time, shot.n_events)
+
+
+def renumbered(shot, order):
+    """Returns a shot whose ball k is ball order[k] of the given one."""
+    scene, positions, velocities, spins = shot
+    radius, mass = (tuple(values[k] for k in order) for values in (scene.balls.radius, scene.balls.mass))
+    balls = dataclasses.replace(scene.balls, radius=radius, mass=mass)
+    spins = None if spins is None else spins[order]
+    return dataclasses.replace(scene, balls=balls), positions[order], velocities[order], spins
+
+
+def check_renumbering(shot, options, order):
+    """Checks that the numbers of the balls change no bit of the result."""
+    found, other = play(shot, options), play(renumbered(shot, order), options)
+    for name in BALL_ARRAYS if order[0] == 0 else BALL_ARRAYS[:-1]:  # the last one is of hits by the cue ball
+        assert np.array_equal(getattr(other, name), getattr(found, name)[order])
+    for name in ("time", "n_events", "n_contact_rule"):
+        assert getattr(other, name) == getattr(found, name)
+
+
+@engines_and_worlds
+@settings(max_examples=30)
+@given(seed=SEEDS)
+def test_the_numbers_of_the_balls_change_no_bit(engine, world, seed):
+    """Simultaneous impacts on cushions were once resolved in the order of the balls."""
+    shot, rng = WORLDS[world](seed), np.random.default_rng(seed)
+    order = np.r_[0, 1 + rng.permutation(shot[0].n_balls - 1)] if seed % 2 else rng.permutation(shot[0].n_balls)
+    check_renumbering(shot, options_of(engine, shot[0], seed), order)
+
+
+def test_the_numbers_of_the_balls_of_a_spinning_frozen_rack_change_no_bit():
+    scene = Scene.named("pool", 6)
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        positions, spins = layouts.draw("tight_rack", scene, rng), rng.normal(size=(7, 3)) * 50
+        velocities = np.zeros((7, 2))
+        velocities[0] = 3 * (positions[1] - positions[0])
+        check_renumbering((scene, positions, velocities, spins), {}, np.r_[0, 1 + rng.permutation(6)])
+
+
+@pytest.mark.parametrize("world", [world for world in WORLDS if world != "outlines"])  # `test_outline.py` has those
+@settings(max_examples=40)
+@given(seed=SEEDS)
+def test_every_event_keeps_the_rules(world, seed):
+    """No energy is created, impacts of balls keep momentum, and no balls overlap or leave the table."""
+    scene, positions, velocities, spins = WORLDS[world](seed)
+    ideal = scene.physics.motion == "ideal"
+    turning = None if spins is None else spins[None]
+    limits: dict[str, Any] = {"max_time": 3.0 if ideal else None, "max_events": 50_000}
+    found = checks.check_shots(scene, positions[None], velocities[None], turning, **limits)
+    assume(found.status[0] != AT_EVENT_LIMIT)  # clusters of inelastic balls, which tests/stress runs to rest
+    assert not found.bad(ideal).any(), found.found
+
+
+# The time of impact raises the energy of shot 39 by a few millionths. Random examples hit such shots now and then.
+RISES = pytest.param(39, marks=pytest.mark.xfail(reason="fix = 'time_of_impact' may raise the energy a little"))
+
+
+@pytest.mark.parametrize("seed", [*range(39), RISES, *range(40, 60)])
+def test_with_timesteps_energy_does_not_rise_and_impacts_of_balls_keep_momentum(seed):
+    """With the time of impact an event is compared with the step before, as friction acts on other velocities since."""
+    given_shot = scene, *_ = draw_shot(seed)
+    options = options_of("pit", scene, seed)
+    at_impact = options["fix"] == "time_of_impact" and scene.physics.motion != "ideal"
+    shot = play(given_shot, options, record=True)
+    found: dict[float, set[str]] = {}
+    for event in shot.events:
+        found.setdefault(event["time"], set()).add(event["kind"])
+    mass, (_, phases, rows) = np.array(scene.balls.mass), shot.trajectory
+    start = last = kinetic_energy(motion_at(rows[: len(mass)], phases[: len(mass)], 0.0), scene)
+    total = math.sqrt(2 * start * mass.sum())  # no momentum is larger
+    energies = [(-math.inf, start)]
+    for t, before, after in instants(shot):
+        assert kinetic_energy(before, scene) <= last + 1e-13 * start
+        last = kinetic_energy(after, scene)
+        earlier = [energy for time, energy in energies if time <= t - 0.999 * options["dt"]]
+        assert last <= (earlier[-1] if at_impact else kinetic_energy(before, scene)) + 1e-13 * start
+        energies.append((t, last))
+        if found.get(t) == {"ball_ball"} and not at_impact:
+            assert np.abs(mass @ (after.velocities - before.velocities)).max() <= 1e-13 * total
+    if scene.physics.motion == "ideal":
+        assert 0.5 * mass @ (shot.velocities**2).sum(axis=1) == pytest.approx(start, rel=1e-12)
+
+
+@pytest.mark.parametrize("engine", ["pic", "pit"])
+@settings(max_examples=60)
+@given(seed=SEEDS)
+@example(seed=15360)  # balls at rest are moved apart at the end of the last timestep
+def test_a_record_is_complete_and_in_order(engine, seed):
+    given_shot = scene, places, *_ = draw_shot(seed)
+    options = options_of(engine, scene, seed)
+    shot, bare = play(given_shot, options, record=True), play(given_shot, options)
+    assume(shot.status != "event_limit")
+    assert shot.status == ("max_time" if scene.physics.motion == "ideal" else "rest")
+    assert (np.diff(shot.events["time"]) >= 0).all()
+    assert len(shot.events) == shot.n_events
+    for name in (*BALL_ARRAYS, *SCALARS, "status"):
+        assert np.array_equal(getattr(bare, name), getattr(shot, name))
+    assert np.array_equal(shot.at(0.0), places)
+    assert shot.at(shot.time) == pytest.approx(shot.positions, abs=1e-13)
+    assert np.isfinite(shot.positions).all()
+    kind, ball, other = (shot.events[name] for name in ("kind", "ball", "other"))
+    assert shot.cushions.tolist() == [int(((kind == "cushion") & (ball == i)).sum()) for i in range(len(places))]
+    assert np.flatnonzero(shot.potted).tolist() == sorted(ball[kind == "pocket"])
+    met = other[(kind == "ball_ball") & (ball == 0)]
+    assert shot.first_hit == (met[0] if len(met) else -1)
+    assert ((shot.cushions_before_hit >= 0) == np.isin(np.arange(len(places)), met)).all()
+    assert (shot.n_contact_rule > 0) == shot.events["rule"].any() <= (engine == "pic")
+
+
+@pytest.mark.parametrize("engine", ["pic", "pit"])
+def test_a_shot_stops_at_its_limit_of_events(engine):
+    options = {"mode": "pit", "dt": 1 / 60} if engine == "pit" else {}
+    scene = Scene.named("carom")
+    shot = scene, layouts.draw("random", scene, np.random.default_rng(3)), [4.0, 3.0], None
+    whole = play(shot, options, record=True)
+    for limit in range(whole.n_events):
+        part = play(shot, options, record=True, max_events=limit)
+        assert part.status == "event_limit"
+        assert limit <= part.n_events <= limit + 2 * (engine == "pit")  # PIT processes all events of a timestep
+        assert np.array_equal(part.events, whole.events[: part.n_events])
+        assert part.time == (whole.events["time"][part.n_events - 1] if part.n_events else 0.0)
+        assert part.positions == pytest.approx(whole.at(part.time), abs=1e-13)
+    assert play(shot, options, max_events=whole.n_events).status == "rest"

@@ -1,0 +1,234 @@
+"""Wrong arguments of shots, batches, strikes, tracks and derivatives are refused."""
+
+import dataclasses
+import math
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene, simulate, simulate_batch, strike
+from billiards_env.scene import Balls, Cue, Physics
+from billiards_env.shots.strikes import strike_derivative
+from billiards_env.shots.tracks import Track, check_tracks
+
+POOL = Scene.named("pool")
+PLACES = [[-0.5, 0.0], [0.5, 0.0]]
+START = POOL, PLACES, [1.0, 0.0]
+NAN = math.nan
+FIXED = Scene(Balls((0.03, 0.03), (0.2, math.inf)))
+
+
+def without_spin(motion):
+    return dataclasses.replace(POOL, physics=Physics(motion=motion, cushion="restitution", max_time=1.0))
+
+
+def one(scene: Any = POOL, **arguments: Any):
+    """Returns a call of `simulate` with these arguments, those of a usual shot by default."""
+    return lambda: simulate(scene, **{"positions": PLACES, "velocities": [1.0, 0.0], **arguments})
+
+
+def many(m: Any = 2, **arguments: Any):
+    """Returns a call of `simulate_batch`, as `one`."""
+    return lambda: simulate_batch(POOL, **{"positions": [PLACES] * m, "velocities": [[1.0, 0.0]] * m, **arguments})
+
+
+def pit(dt, **arguments):
+    """Returns calls of `simulate` and `simulate_batch` with a timestep."""
+    options: dict[str, Any] = {"mode": "pit", "dt": dt, **arguments}
+    return one(**options), many(1, **options)
+
+
+def struck(**arguments: Any):
+    return lambda: strike(**{"scene": POOL, "speed": 1.0, "heading": 0.0, **arguments})
+
+
+def tracked(*tracks, name="a", times=None, positions=None):
+    """Returns a call of `check_tracks` with a track of each list of balls."""
+
+    def track(balls):
+        places = np.zeros((len(balls), 2)) if positions is None else positions
+        return Track(name, np.arange(len(balls), dtype=float) if times is None else times, np.array(balls), places)
+
+    return lambda: check_tracks(POOL, [track(balls) for balls in tracks], 4)
+
+
+def of_shot(method, *arguments, recorded=True, **options):
+    """Returns a call of a method of a shot."""
+
+    def call():
+        result = getattr(simulate(*START, record=recorded), method)(*arguments, **options)
+        return list(result) if method == "sensitivities" else result
+
+    return call
+
+
+def of_batch(method, *arguments):
+    return lambda: getattr(simulate_batch(POOL, [PLACES], [[1.0, 0.0]]), method)(*arguments)
+
+
+def of_pit(method, *arguments):
+    return lambda: getattr(simulate(*START, mode="pit", dt=0.1, record=True), method)(*arguments)
+
+
+ONE_SHOT = [
+    (one(positions=[0.0, 0.0]), "positions has shape (2,): expected (2, 2), one row per ball"),
+    (one(positions=[PLACES]), "positions has shape (1, 2, 2): expected (2, 2), one row per ball"),
+    (one(positions=[[0.0, 0.0]]), "positions has shape (1, 2): expected (2, 2)"),
+    (one(positions=[[0.0, 0.0], [0.0, 0.05]]), "positions: balls 0 and 1 are 0.05 m apart: expected at least"),
+    (one(positions=[[0.0, 0.0], [1.25, 0.0]]), "positions: ball 1 is at [1.25, 0.0]: expected |x|"),
+    (one(velocities=[1.0]), "velocities has shape (1,): expected (2, 2) for all balls or (2,) for the cue ball"),
+    (one(velocities=[[1.0, 0.0]] * 3), "velocities has shape (3, 2): expected (2, 2) for all balls"),
+    (one(velocities=[NAN, 0.0]), "velocities: ball 0 has [nan, 0.0]: expected numbers from -1000 to 1000 m/s"),
+    (one(spins=[1.0, 2.0]), "spins has shape (2,): expected (2, 3) for all balls or (3,) for the cue ball"),
+    (one(spins=[0, 0, NAN]), "spins: ball 0 has [0.0, 0.0, nan]: expected numbers from -1e+06 to 1e+06 rad/s"),
+    (one(in_play=[True]), "in_play has shape (1,): expected (2,), one value per ball"),
+    (one(in_play=True), "in_play has shape (): expected (2,), one value per ball"),
+    (one(mode="pik"), "mode = 'pik': expected one of 'pic'"),
+    (one(max_time=-1.0), "max_time = -1.0: expected a number from 0 to 1e+12 s"),
+    (one(max_time=NAN), "max_time = nan: expected a number from 0 to 1e+12 s"),
+    (one(FIXED, velocities=[[0, 0], [0, 0.1]]), "velocities: ball 1 has an infinite mass: expected it to be at rest"),
+    (one(FIXED, spins=[[0] * 3, [0, 0, 1]]), "spins: ball 1 has an infinite mass: expected it to be at rest"),
+    *(
+        (
+            one(without_spin(motion), spins=[0, 0, 0]),
+            f"spins with physics.motion = '{motion}': expected None, spins need",
+        )
+        for motion in ("ideal", "rolling")
+    ),
+]
+BATCHES = [
+    (many(positions=PLACES), "positions has shape (2, 2): expected (m, 2, 2)"),
+    (many(positions=[PLACES, [[0, 0], [0.05, 0]]]), "positions: shot 1, balls 0 and 1 are 0.05 m apart"),
+    (many(positions=[PLACES, [[0, 0], [9, 0]]]), "positions: shot 1, ball 1 is at [9.0, 0.0]"),
+    (many(positions=[[[NAN, 0], [0, 0]], PLACES]), "positions: shot 0, ball 0 is at [nan, 0.0]"),
+    (many(velocities=[1, 0, 0]), "velocities has shape (3,): expected (2, 2, 2) for all balls or (2, 2) for"),
+    (many(spins=[[0, 0, 1]]), "spins has shape (1, 3): expected (2, 2, 3) for all balls or (2, 3) for"),
+    (many(in_play=[[True, True]]), "in_play has shape (1, 2): expected (2,), one value per ball"),
+    (many(max_events=1.5), "max_events = 1.5: expected a whole number from 0 to 1000000000"),
+    (many(mode="pig"), "mode = 'pig': expected one of 'pic'"),
+    (many(max_time=-1), "max_time = -1: expected a number from 0 to 1e+12 s"),
+    (many(mode="pit", dt=0.01, record=True), "record = True with mode = 'pit'"),
+    (lambda: many()()[2], "batch[2]: expected an index from -2 to 1"),
+    (many(physics={"mu_rol": [1, 1]}), "key of physics = 'mu_rol': expected one of "),
+    (many(physics={"max_time": [1, 1]}), "key of physics = 'max_time': expected one of 'g'"),
+    (many(physics={"mu_roll": [0.1]}), "physics['mu_roll'] has shape (1,): expected (2,)"),
+    (many(physics={"mu_roll": ["a", "a"]}), "physics['mu_roll'] = ['a', 'a']: expected finite numbers"),
+    (many(physics=[1.0]), "physics = [1.0]: expected a mapping"),
+    (many(physics={"mu_roll": [0.1, -1]}), "shot 1: physics.mu_roll = -1.0: expected a number from 1e-12 to 10"),
+    (many(physics={"e_ball": [1, NAN]}), "shot 1: physics.e_ball = nan: expected a number from 0 to 1"),
+    (
+        many(physics={"e_cushion": [0.9, 0.6], "e_cushion_floor": [0.6, 0.7]}),
+        "shot 1: physics.e_cushion_floor = 0.7: expected at most e_cushion = 0.6",
+    ),
+]
+TIMESTEPS = [
+    *(
+        (call, f"dt = {dt!r} with mode='pit': expected the timestep, a number from 1e-09 to 1e+06 s, such as 1/60")
+        for dt in (None, 0, 0.0, -1, -1 / 60, NAN, math.inf, 1e-12, "x", "1/60", True, 1j)
+        for call in pit(dt)
+    ),
+    (pit([0.1])[0], "dt = [0.1] with mode='pit': expected the timestep"),  # a batch takes one for each shot
+    (many(mode="pit", dt=[0.1] * 3), "dt has shape (3,): expected (2,)"),
+    (many(mode="pit", dt=[0.1, 0]), "shot 1: dt = 0.0 with mode='pit': expected the timestep"),
+    (many(dt=[0.1, 0.1]), "shot 0: dt = 0.1 with mode='pic': expected None"),
+    *(
+        (call, message)
+        for fix, message in (
+            (
+                "pushapart",
+                "fix = 'pushapart': expected one of 'push_apart', 'move_back', 'none', 'time_of_impact' (did",
+            ),
+            ("", "fix = '': expected one of"),
+            (1, "fix = 1: expected one of"),
+            (False, "fix = False: expected one of"),
+        )
+        for call in pit(0.1, fix=fix)
+    ),
+    *(
+        (call(**arguments, **mode), message)
+        for arguments, message in (
+            ({"dt": 1 / 60}, f"dt = {1 / 60} with mode='pic': expected None, PIC has no timestep"),
+            ({"fix": "none"}, "fix = 'none' with mode='pic': expected None, PIC has no overlaps to fix"),
+        )
+        for mode in ({}, {"mode": "pic"})
+        for call in (one, many)
+    ),
+]
+RECORDED = "expected a shot of simulate(..., mode='pic', record=True)"
+DERIVATIVES = [
+    (of_shot("jvp", {}), "tangents = {}"),
+    (of_shot("jvp", {"mu": 1.0}), "by = 'mu'"),
+    (of_shot("jvp", {"positions": [1.0, 2.0]}), "tangents['positions'] has shape (2,): expected (2, 2)"),
+    (of_shot("jvp", {"e_ball": 1.0}, "places"), "of = 'places'"),
+    (of_shot("jvp", {"e_ball": 1.0}, t=-1.0), "t = -1.0"),
+    (of_shot("jvp", {"e_ball": 1.0}, ()), "of = ()"),
+    (of_shot("vjp", {"positions": np.zeros((2, 2))}, "mu_ball"), "by = 'mu_ball'"),
+    (of_shot("vjp", {"places": 1.0}), "of = 'places'"),
+    (of_shot("vjp", {"positions": 1.0}), "cotangents['positions'] has shape ()"),
+    (of_shot("jacobian", "positions", "strike"), "strike = None"),
+    (of_shot("jacobian", "positions", "strike", strike=[1, 0]), "strike has shape (2,)"),
+    (
+        of_shot("jacobian", "positions", "strike", strike=[1, 0, 0, 0, 0]),
+        "strike = [1.0, 0.0, 0.0, 0.0, 0.0]: expected the strike of",
+    ),
+    (of_shot("jvp", {"e_ball": 1.0}, recorded=False), f"shot.jvp: {RECORDED}"),
+    (of_shot("sensitivity", recorded=False), f"shot.sensitivity: {RECORDED}"),
+    (of_pit("sensitivity"), f"shot.sensitivity: {RECORDED}"),
+    (of_pit("sensitivities", [0.0]), f"shot.sensitivity: {RECORDED}"),
+    (of_batch("vjp", {"positions": 1.0}), "batch.vjp: expected a batch of simulate_batch(..., mode='pic', record=True"),
+    (
+        of_shot("sensitivities", [1.0, 0.5]),
+        "times = [1.0, 0.5]: expected finite numbers of seconds >= 0 in ascending order",
+    ),
+    (of_shot("sensitivity", NAN), "times = [nan]: expected finite numbers of seconds >= 0"),
+    (of_shot("at", 0.1, recorded=False), "shot.at: the shot was not recorded, expected simulate(..., record=True)"),
+    *((of_shot("at", t), f"t = {t!r}: expected a finite number of seconds >= 0") for t in (-1e-9, NAN, math.inf)),
+    (
+        lambda: strike_derivative(POOL, 1.0, 0.0, 0.6),
+        "offset of the tip = 0.6: expected at most 0.5 ball radii, no miscue",
+    ),
+]
+STRIKES = [
+    (struck(speed=NAN), "speed = nan: expected numbers from -1000 to 1000 m/s"),
+    (struck(heading=11.0), "heading = 11.0: expected numbers from -10 to 10 rad"),
+    (struck(side=1.1), "side = 1.1: expected numbers from -1 to 1 ball radii"),
+    (struck(side=0.8, top=0.8), "(side, top) = [0.8, 0.8]: expected an offset of at most 1 ball radius"),
+    (struck(elevation=-0.1), "elevation = -0.1: expected numbers from 0 to 1.5708 rad"),
+    (
+        struck(speed=[1, 2], side=[0, 0, 0]),
+        "shapes of speed (2,), heading (), side (3,), top (), elevation (): expected shapes that broadcast",
+    ),
+    (struck(scene=Scene.named("ideal")), "strike with physics.motion = 'ideal': expected motion 'sliding'"),
+    (one(velocities=strike(POOL, 1.0, 0.0), spins=[0, 0, 1]), "spins = [0, 0, 1] with a Strike: expected None"),
+    (lambda: Cue(miscue_offset=1.5), "cue.miscue_offset = 1.5: expected a number from 0.001 to 1 ball radii"),
+    (
+        lambda: dataclasses.replace(POOL, cue=Cue(tip_restitution=0.3)),
+        "cue.tip_restitution = 0.3: expected at least 0.5",
+    ),
+]
+ZEROS = [0, 0, 0, 0]
+TRACKS = [
+    (tracked(), "shots = []: expected one track or more"),
+    (tracked(ZEROS, ZEROS), "shots['a'] appears twice"),
+    (tracked([0, 0, 0, 1]), "shots['a']: 3 rows of the cue ball: expected 4 or more"),
+    (tracked([*ZEROS, 2]), "shots['a'].balls = [0, 2]: expected 0 to 1"),
+    (tracked(ZEROS, times=[0, 1, NAN, 2]), "shots['a'].times = [0.0, 1.0, nan, 2.0]: expected finite numbers"),
+    (tracked(ZEROS, times=[1.0] * 4), "shots['a']: ball 0 has two rows at 1 s: expected one"),
+    (tracked([0, 0, 1, 0, 1, 0], times=[0, 1, 2, 3, 2, 4]), "shots['a']: ball 1 has two rows at 2 s: expected one"),
+    (tracked(ZEROS, times=[0, 1e-300, 1, 2]), "shots['a']: ball 0 has two rows at 1e-300 s: expected one"),
+    (tracked(ZEROS, times=[0, 1, 2, -1e300]), "shots['a'].times = [0.0, 1.0, 2.0, -1e+300]: expected at most 1e+12 s"),
+    (tracked(ZEROS, positions=np.zeros((3, 2))), "shots['a'].positions has shape (3, 2): expected (4, 2)"),
+]
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [*ONE_SHOT, *BATCHES, *TIMESTEPS, *DERIVATIVES, *STRIKES, *TRACKS],
+    ids=lambda x: x if isinstance(x, str) else "",
+)
+def test_a_wrong_argument_is_refused(call, message):
+    with pytest.raises((IndexError, TypeError, ValueError), match=re.escape(message)) as error:
+        call()
+    assert str(error.value).startswith(message)
