@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from billiards_env.engine.modes import scene_arrays
-from billiards_env.physics.cushion import CushionMotion, cushion_impact
-from billiards_env.physics.cushion_derivatives import TABLE, CushionChange, cushion_lane, cushion_law
+from billiards_env.physics.cushion import CushionMotion, cushion_impact, cushion_restitution
+from billiards_env.physics.cushion_derivatives import cushion_change
 from billiards_env.physics.lanes import D_E_CUSHION, LANE_WIDTH
 from billiards_env.scene import Scene
 
@@ -51,15 +51,14 @@ def differences(motion, scene, step, count=12):
 
 
 def derivative(motion, scene):
-    """Returns the same by `cushion_lane`, and the `CushionLaw`."""
-    arrays, table = scene_arrays(scene), np.empty(TABLE)
-    law = cushion_law(CushionMotion(*motion), RADIUS, table, arrays)
-    columns = []
+    """Returns the same by `cushion_change`."""
+    arrays, columns = scene_arrays(scene), []
     for unit in np.eye(12):
         lane = np.zeros(LANE_WIDTH)
         lane[D_E_CUSHION : D_E_CUSHION + len(CONSTANTS)] = unit[6:]
-        columns.append(cushion_lane(CushionChange._make((*unit[:6], lane)), law, table, arrays))
-    return np.array(columns).T, law
+        change = CushionMotion(*unit[:5])
+        columns.append(cushion_change(CushionMotion(*motion), change, RADIUS, unit[5], lane, arrays))
+    return np.array(columns).T
 
 
 @pytest.mark.parametrize(
@@ -77,11 +76,13 @@ def test_the_derivative_of_an_impact_is_that_of_small_changes(cushion, weakest):
         scene = scene_with(cushion, mu_cushion=(0.15, 0.4, 1.0, 2.0)[k % 4], **constants)
         motion = rng.normal(size=5) * (1.0, 1.0, (1.0, 8.0)[k % 2], 1.0, 2.0)
         motion[0] = rng.uniform(0.2, 4.0)
-        found, law = derivative(motion, scene)
-        expected = differences(motion, scene, 1e-6)
+        found, expected = derivative(motion, scene), differences(motion, scene, 1e-6)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7 * np.abs(expected).max(), err_msg=f"impact {k}")
-        courses |= {("restitution", law.e_kind), ("stops", bool(law.stops)), ("sticks", law.friction.by_slip > 0.0)}
-    assert len(courses) == 7
+        e, stops = cushion_restitution(motion[0], scene_arrays(scene).numbers), impact(motion, RADIUS, scene)[0] == 0.0
+        by_mu, by_ratio = (found[:, 6 + CONSTANTS.index(name)] for name in ("mu_cushion", "cushion_frequency_ratio"))
+        courses |= {("stops", bool(stops)), ("sticks", bool(by_ratio.any() or not by_mu.any()))}
+        courses |= {("restitution", e == constants["e_cushion"]), ("floor", e == constants["e_cushion_floor"])}
+    assert len(courses) == 8
 
 
 @pytest.mark.parametrize("mu", [0.05, 0.14, 0.6])
@@ -91,7 +92,7 @@ def test_the_derivative_of_a_mathavan_cushion_is_that_of_small_changes(mu):
     for k in range(8):
         motion = rng.normal(size=5) * (1.0, 1.0, (0.0, 1.0)[k % 2], (0.0, 1.0)[k % 2], 2.0)  # half of them roll
         motion[0] = rng.uniform(0.2, 4.0)
-        found, _ = derivative(motion, scene)
+        found = derivative(motion, scene)
         wide, narrow = differences(motion, scene, 4e-3, 11), differences(motion, scene, 2e-3, 11)
         free = [0, 1, 4, 5, 6, 10] if k % 2 == 0 else [*range(7), 10]  # a rolling ball has no change of slip
         off = np.abs(found[:, :11] - (4.0 * narrow - wide) / 3.0)[:, free]
@@ -102,12 +103,10 @@ def test_numbers_at_the_end_of_their_range_have_the_derivative_of_one_side():
     motion = np.array([1.5, 0.4, 1.5, 0.0, 0.3])
     smooth = scene_with("han2005", mu_cushion=0.0)
     head_on = np.array([1.5, 0.0, 1.5 + 1.5 * (smooth.table.cushion_height / RADIUS - 1.0), 0.0, 0.0])  # without slip
-    found, law = derivative(head_on, smooth)
-    assert law.friction.size == law.friction.by_slip == 0.0
-    assert found[1, 1] == 1.0
+    assert derivative(head_on, smooth)[1, 1] == 1.0
     for name in ("han2005", "mathavan2010"):
         scene = scene_with(name)
-        found, _ = derivative(motion, scene)
+        found = derivative(motion, scene)
         column = 6 + CONSTANTS.index("e_cushion_loss")
         less = dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, e_cushion_loss=1e-4))
         expected = (impact(motion, RADIUS, less) - impact(motion, RADIUS, scene)) / 1e-4
