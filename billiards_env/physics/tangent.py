@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import copy
 import functools
 import inspect
 import linecache
@@ -243,9 +244,7 @@ class _Writer:
 
         The change is None if it is zero.
         """
-        tree = _Calls(self).visit(ast.parse(f"({ast.unparse(node)})", mode="eval").body)
-        for part in ast.walk(tree):
-            part.lineno = node.lineno  # type: ignore[attr-defined]
+        tree = _Calls(self).visit(copy.deepcopy(node))
         return ast.unparse(tree), self.change(tree)
 
     def change(self, node: Any) -> str | None:
@@ -326,7 +325,7 @@ class _Calls(ast.NodeTransformer):
         writer.calls += 1
         writer.write(f"{result}, d_{result} = d_{function}({', '.join([*map(ast.unparse, node.args), *changes])})")
         writer.active.add(result)
-        return ast.Name(result)
+        return ast.copy_location(ast.Name(result), node)
 
 
 def _renamed(target: Any) -> Any:

@@ -10,6 +10,7 @@ from billiards_env.physics.cushion import CushionMotion, cushion_impact, cushion
 from billiards_env.physics.cushion_derivatives import cushion_change
 from billiards_env.physics.lanes import D_E_CUSHION, LANE_WIDTH
 from billiards_env.scene import Scene
+from tests.helpers.cushion_impacts import law_jacobians
 
 RADIUS = 0.0286
 CONSTANTS = (
@@ -19,6 +20,7 @@ CONSTANTS = (
     "e_cushion_floor",
     "mu_cushion",
     "cushion_frequency_ratio",
+    "mu_cloth",
 )
 
 
@@ -33,8 +35,8 @@ def impact(motion, radius, scene):
     return np.array(cushion_impact(CushionMotion(*motion), radius, 0.0, scene_arrays(scene))[0])
 
 
-def differences(motion, scene, step, count=12):
-    """Returns the central differences of `impact` by the motion, the radius and the constants, (5, count)."""
+def differences(motion, scene, step):
+    """Returns the central differences of `impact` by the motion, the radius and the first constants, (5, 12)."""
 
     def moved(c, by):
         if c < 5:
@@ -45,7 +47,7 @@ def differences(motion, scene, step, count=12):
         physics = dataclasses.replace(scene.physics, **{name: getattr(scene.physics, name) + by})
         return impact(motion, RADIUS, dataclasses.replace(scene, physics=physics))
 
-    columns = [(moved(c, step) - moved(c, -step)) / (2.0 * step) for c in range(count)]
+    columns = [(moved(c, step) - moved(c, -step)) / (2.0 * step) for c in range(12)]
     columns[5:6] = [column / RADIUS for column in columns[5:6]]
     return np.stack(columns, axis=1)
 
@@ -53,7 +55,7 @@ def differences(motion, scene, step, count=12):
 def derivative(motion, scene):
     """Returns the same by `cushion_change`."""
     arrays, columns = scene_arrays(scene), []
-    for unit in np.eye(12):
+    for unit in np.eye(6 + len(CONSTANTS)):
         lane = np.zeros(LANE_WIDTH)
         lane[D_E_CUSHION : D_E_CUSHION + len(CONSTANTS)] = unit[6:]
         change = CushionMotion(*unit[:5])
@@ -76,7 +78,7 @@ def test_the_derivative_of_an_impact_is_that_of_small_changes(cushion, weakest):
         scene = scene_with(cushion, mu_cushion=(0.15, 0.4, 1.0, 2.0)[k % 4], **constants)
         motion = rng.normal(size=5) * (1.0, 1.0, (1.0, 8.0)[k % 2], 1.0, 2.0)
         motion[0] = rng.uniform(0.2, 4.0)
-        found, expected = derivative(motion, scene), differences(motion, scene, 1e-6)
+        found, expected = derivative(motion, scene)[:, :12], differences(motion, scene, 1e-6)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7 * np.abs(expected).max(), err_msg=f"impact {k}")
         e, stops = cushion_restitution(motion[0], scene_arrays(scene).numbers), impact(motion, RADIUS, scene)[0] == 0.0
         by_mu, by_ratio = (found[:, 6 + CONSTANTS.index(name)] for name in ("mu_cushion", "cushion_frequency_ratio"))
@@ -85,18 +87,21 @@ def test_the_derivative_of_an_impact_is_that_of_small_changes(cushion, weakest):
     assert len(courses) == 8
 
 
-@pytest.mark.parametrize("mu", [0.05, 0.14, 0.6])
-def test_the_derivative_of_a_mathavan_cushion_is_that_of_small_changes(mu):
-    falling = {"e_cushion": 0.93, "e_cushion_loss": 0.1, "e_cushion_onset": 0.1, "e_cushion_floor": 0.3}
-    scene, rng = scene_with("mathavan2010", mu_cushion=mu, **falling), np.random.default_rng(0)
-    for k in range(8):
-        motion = rng.normal(size=5) * (1.0, 1.0, (0.0, 1.0)[k % 2], (0.0, 1.0)[k % 2], 2.0)  # half of them roll
-        motion[0] = rng.uniform(0.2, 4.0)
-        found = derivative(motion, scene)
-        wide, narrow = differences(motion, scene, 4e-3, 11), differences(motion, scene, 2e-3, 11)
-        free = [0, 1, 4, 5, 6, 10] if k % 2 == 0 else [*range(7), 10]  # a rolling ball has no change of slip
-        off = np.abs(found[:, :11] - (4.0 * narrow - wide) / 3.0)[:, free]
-        assert off.max() < 2e-5 * np.abs(found).max(), f"impact {k}"
+def test_the_derivative_of_a_mathavan_cushion_is_that_of_its_equation():
+    rng, m = np.random.default_rng(0), 12
+    values = rng.normal(size=(9, m)) * np.array([0.0, 1.0, 1.0, 1.0, 2.0, 0.0, 0.0, 0.0, 0.0])[:, None]
+    values[0] = rng.uniform(0.2, 4.0, m)
+    values[2:4, ::2] = 0.0  # half of the balls roll
+    values[5], values[6] = RADIUS, rng.uniform(0.3, 0.98, m)
+    values[7], values[8] = rng.permutation(np.repeat((0.05, 0.14, 0.5), m // 3)), rng.uniform(0.1, 0.3, m)
+    expected = law_jacobians(values, Scene.named("carom").table.cushion_height)
+    columns = [*range(7), 6 + CONSTANTS.index("mu_cushion"), 6 + CONSTANTS.index("mu_cloth")]
+    for k, column in enumerate(values.T):
+        scene = scene_with("mathavan2010", e_cushion=column[6], mu_cushion=column[7], mu_slide=column[8])
+        changed = slice(None) if column[2] else [0, 1, 4, 5, 6, 7, 8]  # a rolling ball has no change of slip
+        found = derivative(column[:5], scene)[:, columns][:, changed]
+        off = np.abs(found - expected[:, changed, k]).max()
+        assert off < 1e-9 * np.abs(found).max(), f"impact {k}"
 
 
 def test_numbers_at_the_end_of_their_range_have_the_derivative_of_one_side():
