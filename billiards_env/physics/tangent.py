@@ -66,7 +66,7 @@ class Tangent:
         """The compiled function."""
         source, file = self.source, f"<tangent of {self.plain.__module__}.{self.plain.__qualname__}>"
         linecache.cache[file] = len(source), None, source.splitlines(keepends=True), file  # for tracebacks
-        names = _names(self.plain)
+        names = _names(self.plain) | {"__name__": self.plain.__module__}
         names |= {f"d_{name}": _TANGENTS[value].call for name, value in names.items() if _is_kernel(value)}
         exec(compile(source, file, "exec"), names)
         options = getattr(self.function, "targetoptions", {})
