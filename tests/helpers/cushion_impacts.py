@@ -85,10 +85,10 @@ def law(values, height):
     return np.stack((vy, -vx, vy + rwx, rwy - vx, rwz))
 
 
-def law_jacobians(values, height, step=2e-4):
-    """Returns the derivatives (5, 9, m) of `law` by central differences of order 6, with relative changes."""
+def law_jacobians(values, height):
+    """Returns the derivatives (5, 9, m) of `law` by central differences of order 6; 0 for velocities that are 0."""
     moved = np.repeat(values[:, None, None], 9, 1) * np.ones((9, 6, 1))
-    sizes = np.where(values == 0.0, 0.0, step * np.abs(values))
+    sizes = np.where(values == 0.0, 0.0, np.concatenate((np.maximum(1e-4, 2e-4 * abs(values[:5])), 5e-4 * values[5:])))
     for c in range(9):
         moved[c, c] += np.array([1, -1, 2, -2, 3, -3])[:, None] * sizes[c]
     after = law(moved.reshape(9, -1), height).reshape(5, 9, 6, -1)
