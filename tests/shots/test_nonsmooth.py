@@ -155,7 +155,7 @@ RANGES = {  # the first and the last number are ends of what the scenes allow
     "e_cushion_loss": (0.0, 0.1, 100.0),
     "e_cushion_onset": (0.0, 1.0, 1e3),
     "e_cushion_floor": (0.0, 0.5, 0.98),
-    "cushion_frequency_ratio": (1.0, 1.5, 2.0),
+    "cushion_frequency_ratio": (1.1, 1.5, 2.0),
 }
 
 
