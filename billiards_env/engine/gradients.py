@@ -33,7 +33,6 @@ from billiards_env.engine.log import (
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.cushion import CushionMotion, hit
-from billiards_env.physics.cushion_derivatives import TABLE, cushion_law
 from billiards_env.physics.derivatives import (
     Jump,
     apply_push,
@@ -152,7 +151,6 @@ class Tape(NamedTuple):
         lanes: (lanes, LANE_WIDTH) float64.
         column: (MOST_LANES,) int64, the column of each unit vector.
         pulled: (MOST_LANES,) float64, the products of the adjoint with the lanes.
-        table: Of the shape `cushion_derivatives.TABLE`.
         state: (BALL_WIDTH,) float64.
     """
 
@@ -165,7 +163,6 @@ class Tape(NamedTuple):
     lanes: Any
     column: Any
     pulled: Any
-    table: Any
     state: Any
 
 
@@ -186,7 +183,6 @@ def empty_tape(begin, end, shots, lanes):
         np.empty((lanes, LANE_WIDTH)),
         np.empty(MOST_LANES, np.int64),
         np.empty(MOST_LANES),
-        np.empty(TABLE),
         np.empty(BALL_WIDTH),
     )
 
@@ -348,13 +344,12 @@ def apply_event(e, count, events, segments, scene, is_sphere, tape):
             nx * before[DUY] - ny * before[DUX],
             radius * before[DWZ],
         )
-        law = cushion_law(motion, radius, tape.table, scene)
         jump = _jump(i, piece, segments, scene, tape)
         for c in range(count):
             lane = lanes[c]
             flight_lane(lane, 0, flight)
             if speed >= 0.0:
-                wall_lane(lane, wall, jump, law, tape.table, scene)
+                wall_lane(lane, wall, jump, motion, scene)
             else:  # the second of two cushions, if friction at the first one takes the ball away from it
                 lane[D_TIME] = lane[D_TIME + 1] = lane[D_TIME + 2] = 0.0
             settle_lane(lane, 0, phase, numbers)

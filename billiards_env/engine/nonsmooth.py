@@ -90,9 +90,10 @@ REASONS = {
     "often that the derivative is not computed",
     "joint": "a ball touches a cushion where its curvature changes, within 2e-10 m",
     "cut": "the shot, or `t`, ends at the instant of an event",
+    "overflow": "the derivative is above 1e100, after many impacts. It soon overflows, and is infinite or not a number",
 }
 """Why a shot has no derivative, by name."""
-GRAZING, SIMULTANEOUS, BY_RULE, AT_LIP, ROLLS, SLIPS, AT_JOINT, IS_CUT = range(len(REASONS))
+GRAZING, SIMULTANEOUS, BY_RULE, AT_LIP, ROLLS, SLIPS, AT_JOINT, IS_CUT, OVERFLOWS = range(len(REASONS))
 
 GRAZE = 1e-6
 """Speed of approach over the relative speed below which a contact counts as grazing."""

@@ -57,22 +57,27 @@ def begin_stick(x, e, omega):
     return t, h * math.sqrt(1.0 - c * c), _BETA * (1.0 - e * c) - x
 
 
+@inlined
+def stick_force(t, start, stretch, velocity, e, omega):
+    """Returns the excess of the tangential spring's force at a time t of the stick, and its slope."""
+    h = _BETA / (omega * omega)
+    sin, cos = sine_cosine(omega * (t - start))
+    sin_n, cos_n = sine_cosine(release_phase(t, e))
+    return velocity * sin / omega - stretch * cos - h * sin_n, velocity * cos + stretch * omega * sin - h * cos_n / e
+
+
 @kernel
 def end_stick(start, stretch, velocity, e, omega):
     """Returns the time at which the stick ends, by Newton's method within a bracket; see `begin_stick`."""
-    h = _BETA / (omega * omega)
     lo, hi = max(start, _HALF_PI), (1.0 + e) * _HALF_PI
     t = 0.5 * (lo + hi)
     last = hi - lo
     for _ in range(_MAX_ITERATIONS):
-        sin, cos = sine_cosine(omega * (t - start))
-        sin_n, cos_n = sine_cosine(release_phase(t, e))
-        excess = velocity * sin / omega - stretch * cos - h * sin_n
+        excess, slope = stick_force(t, start, stretch, velocity, e, omega)
         if excess > 0.0:
             hi = t
         else:
             lo = t
-        slope = velocity * cos + stretch * omega * sin - h * cos_n / e
         newton = t - excess / slope
         if slope == 0.0 or not (lo < newton < hi) or abs(newton - t) > 0.5 * last:
             newton = 0.5 * (lo + hi)

@@ -62,8 +62,10 @@ class Nose(NamedTuple):
 def cushion_restitution(speed, numbers):
     """Returns the restitution at a normal speed, m/s."""
     e = numbers.e_cushion
-    if numbers.e_cushion_loss > 0.0 and speed > numbers.e_cushion_onset:
-        e = max(numbers.e_cushion_floor, e - numbers.e_cushion_loss * (speed - numbers.e_cushion_onset))
+    if speed > numbers.e_cushion_onset:
+        e -= numbers.e_cushion_loss * (speed - numbers.e_cushion_onset)
+        if numbers.e_cushion_loss > 0.0:
+            e = max(numbers.e_cushion_floor, e)
     return e
 
 
@@ -85,9 +87,11 @@ def _squeeze(needed, nose, mu):
     slip = math.sqrt(sx * sx + sy * sy)
     resistance = cos + (mu * sin * (sx / slip) if slip > 0.0 else 0.0)
     pze = needed / resistance if resistance > 0.0 else math.inf
-    if slip * (2.0 / 7.0) <= mu * pze:  # friction sticks
+    if slip * (2.0 / 7.0) <= mu * pze and mu > 0.0:  # friction sticks
         return sx * (2.0 / 7.0), sy * (2.0 / 7.0), max(0.0, (needed - sx * (2.0 / 7.0) * sin) / cos)
-    return mu * pze * (sx / slip), mu * pze * (sy / slip), pze
+    if slip > 0.0:
+        return mu * pze * (sx / slip), mu * pze * (sy / slip), pze
+    return 0.0, 0.0, pze
 
 
 @inlined
@@ -128,9 +132,10 @@ def han2005(before, radius, rebound, numbers):
     sin, cos, sx, sy = nose.sin, nose.cos, nose.sx, nose.sy
     slip = math.sqrt(sx * sx + sy * sy)
     pze = (1.0 + cushion_restitution(vn, numbers)) * vn * cos  # impulses per mass
-    if slip * (2.0 / 7.0) <= mu * pze:
+    pxe = pye = 0.0
+    if slip * (2.0 / 7.0) <= mu * pze and mu > 0.0:
         pxe, pye = sx * (2.0 / 7.0), sy * (2.0 / 7.0)
-    else:
+    elif slip > 0.0:
         pxe, pye = mu * pze * (sx / slip), mu * pze * (sy / slip)
     px = -pxe * sin - pze * cos
     raised = vn + px > -rebound
@@ -162,14 +167,20 @@ def stronge(before, radius, rebound, numbers):
     return _leave(before, nose, -rebound if raised else vn + px, px, pxe, pye, pze), raised
 
 
+@inlined
+def mathavan_arguments(before, radius, numbers):
+    """Returns the motion (vx, vy, rwx, rwy, rwz), the `CushionNose` and the restitution of `integrate_impact`."""
+    nose = _nose(before, radius, numbers)
+    contact = CushionNose(nose.sin, nose.cos, numbers.mu_cushion, numbers.mu_cloth)
+    e = cushion_restitution(before.vn, numbers)
+    return (-before.vt, before.vn, -nose.rwt, nose.rwn, before.rwz), contact, e
+
+
 @kernel
 def mathavan2010(before, radius, rebound, numbers):
     """Returns a ball's motion after an impact by `mathavan.integrate_impact`, as `stronge` does."""
-    vn, vt, _, _, rwz = before
-    nose = _nose(before, radius, numbers)
-    contact = CushionNose(nose.sin, nose.cos, numbers.mu_cushion, numbers.mu_cloth)
-    e = cushion_restitution(vn, numbers)
-    vx, vy, rwx, rwy, rwz = integrate_impact(-vt, vn, -nose.rwt, nose.rwn, rwz, contact, e)
+    (vx, vy, rwx, rwy, rwz), nose, e = mathavan_arguments(before, radius, numbers)
+    vx, vy, rwx, rwy, rwz = integrate_impact(vx, vy, rwx, rwy, rwz, nose, e)
     raised = vy > -rebound
     vn = -rebound if raised else vy
     return CushionMotion(vn, -vx, vn + rwx, rwy - vx, rwz), raised

@@ -15,7 +15,8 @@ import math
 from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.cushion_derivatives import CushionChange, cushion_lane
+from billiards_env.physics.cushion import CushionMotion
+from billiards_env.physics.cushion_derivatives import cushion_change
 from billiards_env.physics.elementary import exponential
 from billiards_env.physics.lanes import (
     BALL_WIDTH,
@@ -348,34 +349,30 @@ def _outline_wall(state, wall, radius, outline):
 
 
 @inlined
-def wall_lane(lane, wall, jump, law, table, scene):
+def wall_lane(lane, wall, jump, before, scene):
     """Changes a lane by an impact on a cushion.
 
     Args:
         lane: The lane.
         wall: The `Wall`.
         jump: The `Jump`.
-        law: The coefficients of `cushion_derivatives.cushion_law`.
-        table: Its table.
+        before: The `CushionMotion` before the impact.
         scene: The `SceneArrays`.
     """
     nx, ny, state, after = wall.nx, wall.ny, jump.before, jump.after
-    speed = nx * state[DVX] + ny * state[DVY]
+    speed, vt, un, ut, _ = before
     more = lane[D_RADIUS]
     dt = -(nx * lane[DX] + ny * lane[DY] + more) / speed if speed != 0.0 else 0.0
     _end_phase(lane, dt, jump.before_rates)
     turn = -wall.curvature * (nx * lane[DY] - ny * lane[DX])  # at a tip the normal turns with the point of contact
-    vt, un, ut = nx * state[DVY] - ny * state[DVX], nx * state[DUX] + ny * state[DUY], nx * state[DUY] - ny * state[DUX]
-    change = CushionChange(
+    d_before = CushionMotion(
         nx * lane[DVX] + ny * lane[DVY] + vt * turn,
         nx * lane[DVY] - ny * lane[DVX] - speed * turn,
         nx * lane[DUX] + ny * lane[DUY] + ut * turn,
         nx * lane[DUY] - ny * lane[DUX] - un * turn,
         jump.radius * lane[DWZ] + state[DWZ] * more,
-        more,
-        lane,
     )
-    dvn, dvt, dun, dut, drwz = cushion_lane(change, law, table, scene)
+    dvn, dvt, dun, dut, drwz = cushion_change(before, d_before, jump.radius, more, lane, scene)
     dvn -= (nx * after[DVY] - ny * after[DVX]) * turn
     dvt += (nx * after[DVX] + ny * after[DVY]) * turn
     lane[DVX], lane[DVY] = nx * dvn - ny * dvt, ny * dvn + nx * dvt

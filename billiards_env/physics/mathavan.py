@@ -21,6 +21,7 @@ The axes are x along the cushion, y into it and z up. Impulses are per mass; spi
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
@@ -70,28 +71,39 @@ def _at_most(x, y, limit):
 
 
 @inlined
-def _slips(y, nose):
+def slips_of(y, nose):
     """Returns the slips (x, y) at the cushion and (x, y) at the cloth."""
     return y[0] + y[3] * nose.sin - y[4] * nose.cos, y[2] - y[1] * nose.sin, y[0] - y[3], y[1] + y[2]
 
 
 @inlined
-def _begin_slip(ex, ey, nose):
-    """Returns the direction (x, y) of the slip at the cushion when it begins, and its rate over this unit vector.
+def slip_at(lam, ex, ey, nose):
+    """Returns the slip (x, y) at the cushion that has a rate of lam (x, y), and its derivative with respect to lam.
 
-    (ex, ey) is the direction of the slip on the cloth.
+    (ex, ey) is the direction of the slip on the cloth. The friction at the cushion is mu along -(x, y).
     """
     sin, cos, mu, mu_cloth = nose
     d, g, h = 1.0 - 2.5 * sin, 2.5 - sin, 2.5 + sin * sin
-    # Without friction the slip changes at the rate r. With friction mu along -(x, y) the rate is lam (x, y).
+    # Without friction the slip changes at the rate r.
     rx, ry = -d * mu_cloth * ex * sin, sin * cos - g * mu_cloth * ey * sin
     mixed, across = d * mu_cloth * ex * cos, h + g * mu_cloth * ey * cos
-    lo, hi = 0.0, abs(rx) + abs(ry) + mu * abs(mixed)
+    y = ry / (mu * across + lam)
+    x = (rx - mu * mixed * y) / (3.5 * mu + lam)
+    by_y = -y / (mu * across + lam)
+    return x, y, -(x + mu * mixed * by_y) / (3.5 * mu + lam), by_y
+
+
+@inlined
+def begin_slip(ex, ey, nose):
+    """Returns the direction (x, y) of the slip at the cushion when it begins, and its rate; see `slip_at`."""
+    sin, cos, mu, mu_cloth = nose
+    d, g = 1.0 - 2.5 * sin, 2.5 - sin
+    rx, ry = -d * mu_cloth * ex * sin, sin * cos - g * mu_cloth * ey * sin
+    lo, hi = 0.0, abs(rx) + abs(ry) + mu * abs(d * mu_cloth * ex * cos)
     x = y = lam = 0.0
     for _ in range(40):
         lam = 0.5 * (lo + hi)
-        y = ry / (mu * across + lam)
-        x = (rx - mu * mixed * y) / (3.5 * mu + lam)
+        x, y, _, _ = slip_at(lam, ex, ey, nose)
         if x * x + y * y > 1.0:
             lo = lam
         else:
@@ -99,19 +111,22 @@ def _begin_slip(ex, ey, nose):
     return x, y, lam
 
 
-@kernel
-def _rates(y, nose, tiny):
-    """Returns the derivatives of y = (vx, vy, R wx, R wy, R wz, work) with respect to P; a slip of `tiny` is zero."""
+@inlined
+def friction(slips, nose, tiny):
+    """Returns the friction at the cushion (ax, ay) and at the cloth (bx, by) per normal impulse.
+
+    `slips` is that of `slips_of`. A slip of tiny[0] at the cushion, or of tiny[1] at the cloth, is zero.
+    """
     sin, cos, mu, mu_cloth = nose
-    xi, yi, xc, yc = _slips(y, nose)
+    xi, yi, xc, yc = slips
     at_nose, at_cloth = math.sqrt(xi * xi + yi * yi), math.sqrt(xc * xc + yc * yc)
     # A unit impulse along y at one contact changes the slip at the other one by g, that along x by d.
     d, g, h = 1.0 - 2.5 * sin, 2.5 - sin, 2.5 + sin * sin
     ex, ey = 0.0, 0.0  # direction of the slip on the cloth
-    slides = at_cloth > tiny
+    slides = at_cloth > tiny[1]
     if slides:
         ex, ey = xc / at_cloth, yc / at_cloth
-    if at_nose > tiny:
+    if at_nose > tiny[0]:
         ax, ay = -mu * (xi / at_nose), -mu * (yi / at_nose)  # friction at the cushion per normal impulse
     else:
         ax, ay = 0.0, -(sin * cos + g * cos / 3.5) / (h - g * g / 3.5)  # it stops both slips
@@ -126,9 +141,9 @@ def _rates(y, nose, tiny):
             ax = mu_cloth * max(0.0, sin - ay * cos) * ex * d / 3.5
         if ax * ax + ay * ay > mu * mu:
             if ex != 0.0 or ey != 0.0:
-                x, z, _ = _begin_slip(ex, ey, nose)
+                x, z, _ = begin_slip(ex, ey, nose)
                 if -mu * z * cos > sin:
-                    x, z, _ = _begin_slip(0.0, 0.0, nose)
+                    x, z, _ = begin_slip(0.0, 0.0, nose)
                 ax, ay = -mu * x, -mu * z
             else:
                 ax, ay = _at_most(ax, ay, mu)
@@ -137,11 +152,19 @@ def _rates(y, nose, tiny):
         bx, by = -press * ex, -press * ey
     else:
         bx, by = _at_most(-ax * d / 3.5, (cos - g * ay) / 3.5, press)
+    return ax, ay, bx, by
+
+
+@kernel
+def _rates(y, nose, tiny):
+    """Returns the derivatives of y = (vx, vy, R wx, R wy, R wz, work) with respect to P; see `friction`."""
+    sin, cos = nose.sin, nose.cos
+    ax, ay, bx, by = friction(slips_of(y, nose), nose, tiny)
     return (ax + bx, by - cos - sin * ay, 2.5 * (ay + by), 2.5 * (ax * sin - bx), -2.5 * ax * cos, y[1] * cos)
 
 
 @inlined
-def _combine(y, h, k, weights):
+def combine(y, h, k, weights):
     """Returns y + h times the weighted sum of the derivatives k."""
     a, b, c, d, e, f = y
     for m in range(len(weights)):
@@ -155,27 +178,38 @@ def _combine(y, h, k, weights):
     return a, b, c, d, e, f
 
 
-@kernel
-def _step(y, h, k1, nose, tiny):
-    """Returns (y after a step h, its derivative, error of the velocities); k1 is the derivative at y."""
-    k2 = _rates(_combine(y, h, (k1,), _A2), nose, tiny)
-    k3 = _rates(_combine(y, h, (k1, k2), _A3), nose, tiny)
-    k4 = _rates(_combine(y, h, (k1, k2, k3), _A4), nose, tiny)
-    k5 = _rates(_combine(y, h, (k1, k2, k3, k4), _A5), nose, tiny)
-    k6 = _rates(_combine(y, h, (k1, k2, k3, k4, k5), _A6), nose, tiny)
-    after = _combine(y, h, (k1, k2, k3, k4, k5, k6), _A7)
-    k7 = _rates(after, nose, tiny)
-    zero = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    off = _combine(zero, h, (k1, k2, k3, k4, k5, k6, k7), _ERROR)
-    error = max(max(abs(off[0]), abs(off[1])), max(max(abs(off[2]), abs(off[3])), abs(off[4])))
-    return after, k7, error
+def stepper(rates: Callable[..., Any]) -> Callable[..., Any]:
+    """Returns the kernel of a step of an equation; `rates` is like `_rates`."""
+
+    @kernel
+    def step(y, h, k1, nose, tiny):
+        """Returns (y after a step h, its derivative, the error of y); k1 is the derivative at y."""
+        k2 = rates(combine(y, h, (k1,), _A2), nose, tiny)
+        k3 = rates(combine(y, h, (k1, k2), _A3), nose, tiny)
+        k4 = rates(combine(y, h, (k1, k2, k3), _A4), nose, tiny)
+        k5 = rates(combine(y, h, (k1, k2, k3, k4), _A5), nose, tiny)
+        k6 = rates(combine(y, h, (k1, k2, k3, k4, k5), _A6), nose, tiny)
+        after = combine(y, h, (k1, k2, k3, k4, k5, k6), _A7)
+        k7 = rates(after, nose, tiny)
+        return after, k7, combine((0.0, 0.0, 0.0, 0.0, 0.0, 0.0), h, (k1, k2, k3, k4, k5, k6, k7), _ERROR)
+
+    return step
+
+
+_step = stepper(_rates)
+
+
+@inlined
+def largest(y):
+    """Returns the size of the largest velocity of y."""
+    return max(max(abs(y[0]), abs(y[1])), max(max(abs(y[2]), abs(y[3])), abs(y[4])))
 
 
 @inlined
 def _longest_step(y, rate, nose, tiny):
     """Returns the longest step in which no falling slip changes by more than half of its size."""
-    xi, yi, xc, yc = _slips(y, nose)
-    dxi, dyi, dxc, dyc = _slips(rate, nose)
+    xi, yi, xc, yc = slips_of(y, nose)
+    dxi, dyi, dxc, dyc = slips_of(rate, nose)
     longest = math.inf
     for x, z, dx, dz in ((xi, yi, dxi, dyi), (xc, yc, dxc, dyc)):
         size = math.sqrt(x * x + z * z)
@@ -188,7 +222,7 @@ def _longest_step(y, rate, nose, tiny):
 def _clear_slips(y, nose, tiny):
     """Returns y with spins that make slips of less than `tiny` zero."""
     vx, vy, rwx, rwy, rwz, work = y
-    xi, yi, xc, yc = _slips(y, nose)
+    xi, yi, xc, yc = slips_of(y, nose)
     if xc * xc + yc * yc < tiny * tiny:
         rwx, rwy = -vy, vx
     elif xi * xi + yi * yi < tiny * tiny:
@@ -201,7 +235,7 @@ def _clear_slips(y, nose, tiny):
 @inlined
 def _sticks(y, nose, tiny):
     """Returns whether neither contact slips."""
-    xi, yi, xc, yc = _slips(y, nose)
+    xi, yi, xc, yc = slips_of(y, nose)
     return max(abs(xi), abs(yi), abs(xc), abs(yc)) < tiny
 
 
@@ -225,12 +259,13 @@ def integrate_impact(vx, vy, rwx, rwy, rwz, nose, e):
     tiny = 100.0 * most
     compresses, work, last_work = True, 0.0, 0.0
     h = 0.1 * vy
-    rate = _rates(y, nose, tiny)
+    rate = _rates(y, nose, (tiny, tiny))
     for step in range(1, _MOST_STEPS):
         if step >= _PATIENCE and step % 1_000 == 0:
             most, tiny = 10.0 * most, 10.0 * tiny
         h = min(h, _longest_step(y, rate, nose, tiny))
-        after, rate_after, error = _step(y, h, rate, nose, tiny)
+        after, rate_after, off = _step(y, h, rate, nose, (tiny, tiny))
+        error = largest(off)
         if error > most and h > most:
             h *= max(0.1, 0.9 * math.sqrt(math.sqrt(most / error)))
             continue

@@ -33,7 +33,7 @@ from billiards_env.engine.compile import PIC, Varied, physics_of_shots, scene_fi
 from billiards_env.engine.gradients import BALL_INPUTS, NUMBER_INPUTS, pull_lanes, push_lanes
 from billiards_env.engine.log import SEGMENT_ROW, TIME
 from billiards_env.engine.margins import push_margins
-from billiards_env.engine.nonsmooth import REASONS, find_nonsmooth
+from billiards_env.engine.nonsmooth import OVERFLOWS, REASONS, find_nonsmooth
 from billiards_env.engine.threads import parallel_for
 from billiards_env.physics import lanes as columns
 from billiards_env.physics.state import UX, UY, VX, VY, WZ, X, Y
@@ -532,10 +532,26 @@ def jacobian(
     return np.ascontiguousarray(found.reshape(m, *left, *right))
 
 
+_HUGE = 1e100  # a derivative that overflows in the next impacts
+_FEW = 16  # events, after which no derivative is `_HUGE`: an impact that does not graze multiplies it by less than 1e6
+
+
 def nonsmooth(record: Record, t: ArrayLike | None, threads: int | None) -> Nonsmooth:
     """Implements `BatchResult.nonsmooth`."""
-    found = np.empty((len(record.time), 2), np.int64)
-    _for_all(record, find_nonsmooth, threads, _times(record, t), found)
+    found, times = np.empty((len(record.time), 2), np.int64), _times(record, t)
+    _for_all(record, find_nonsmooth, threads, times, found)
+    most = _most_events(record, ("event_times",))
+    if most > _FEW and (found[:, 1] < 0).any():
+        n = BALL_INPUTS * record.scene.n_balls
+        inputs = np.zeros((len(found), 1, n + NUMBER_INPUTS))
+        inputs[..., :n] = np.cos(np.arange(n))  # a change without a symmetry
+        outputs, at_events = _push(record, times[:, None], inputs, most, threads)
+        huge = ~(np.abs(at_events[:, 0]).max(axis=2) <= _HUGE)
+        ends = ~(np.abs(outputs).max(axis=(1, 2, 3, 4)) <= _HUGE)
+        overflows = (found[:, 1] < 0) & (ends | huge.any(axis=1))
+        last = np.count_nonzero(at_events[:, 0].any(axis=2), axis=1) - 1
+        event = np.where(huge.any(axis=1), huge.argmax(axis=1), last)
+        found[overflows] = np.stack((event, np.full_like(event, OVERFLOWS)), axis=1)[overflows]
     return Nonsmooth(found[:, 0], np.array((*REASONS, ""))[found[:, 1]])
 
 

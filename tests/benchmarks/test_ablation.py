@@ -20,6 +20,8 @@ UNUSED = (
     "physics.cushion_derivatives",
     "physics.derivatives",
     "physics.lanes",
+    "physics.mathavan_derivatives",
+    "physics.tangent",
     "play",
     "players",
     "sb3",

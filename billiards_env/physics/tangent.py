@@ -1,0 +1,335 @@
+"""The derivative of a kernel, made from its source: `tangent_of` returns the kernel's tangent.
+
+The tangent of `f(x, y) -> value` is `d_f(x, y, d_x, d_y) -> (value, d_value)`. The change `d_value` of the result
+belongs to the changes `d_x` and `d_y` of the arguments (forward mode, one direction; Griewank and Walther 2008, chapter
+3). A change of a tuple is a tuple, and that of a NamedTuple or of a record has the fields that the kernel reads.
+Arguments named in `constant` have no change. The tangent computes the value with the operations of the kernel.
+
+A kernel may consist of:
+
+* assignments to names and tuples of names, also `a = b = value` and `a += value`; `if`; `for` over constant values,
+  `break` and `continue`; `return`,
+* numbers, names, tuples, attributes, `a[i]` with a constant i,
+* `+ - * /`, comparisons, `and`, `or`, `not`, `a if condition else b`,
+* `abs`, `math.sqrt`, `max` and `min` of two numbers, NamedTuples, and calls of other kernels with positional arguments,
+  but no call of a kernel within `a if condition else b` or a condition.
+
+Everything else is refused, with its line. The tangents of called kernels are made in the same way. `rule` gives a
+kernel a tangent of another form: for an iteration, differentiate the equation that it solves.
+
+The derivative at a branch is that of the branch that is taken. So the derivative of `max(a, b)` and `min(a, b)` at
+a = b is that of a, that of `abs(x)` at 0 is 1, and that of `math.sqrt(x)` at 0 is 0.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import copy
+import functools
+import inspect
+import linecache
+import textwrap
+from collections.abc import Callable, Collection
+from typing import Any, NamedTuple, NoReturn
+
+from billiards_env.jit import inlined, kernel
+
+
+class _Entry(NamedTuple):
+    call: Callable[..., Any]
+    constant: frozenset[str]
+
+
+_TANGENTS: dict[Any, _Entry] = {}  # by kernel
+
+
+class Tangent:
+    """The tangent of a kernel. It is a kernel whose source is made when the first kernel that calls it is compiled.
+
+    Attributes:
+        function: The kernel.
+        constant: The names of its arguments that do not change.
+    """
+
+    def __init__(self, function: Callable[..., Any], constant: frozenset[str]) -> None:
+        self.function, self.constant = function, constant
+        self.plain: Any = getattr(function, "py_func", function)
+
+    @functools.cached_property
+    def source(self) -> str:
+        """Its source."""
+        return _Writer(self.plain, self.constant).source
+
+    @functools.cached_property
+    def kernel(self) -> Any:
+        """The compiled function."""
+        source, file = self.source, f"<tangent of {self.plain.__module__}.{self.plain.__qualname__}>"
+        linecache.cache[file] = len(source), None, source.splitlines(keepends=True), file  # for tracebacks
+        names = _names(self.plain) | {"__name__": self.plain.__module__}
+        names |= {f"d_{name}": _TANGENTS[value].call for name, value in names.items() if _is_kernel(value)}
+        exec(compile(source, file, "exec"), names)
+        options = getattr(self.function, "targetoptions", {})
+        return (inlined if options.get("forceinline") else kernel)(names[f"d_{self.plain.__name__}"])
+
+    @property
+    def _numba_type_(self) -> Any:
+        return self.kernel._numba_type_
+
+    def __call__(self, *args: Any) -> Any:
+        """Calls the kernel from Python."""
+        return self.kernel(*args)
+
+
+def rule(function: Callable[..., Any], *, constant: Collection[str] = ()) -> Callable[[Any], Any]:
+    """Returns a decorator that makes a kernel the tangent of `function`."""
+
+    def decorate(call: Any) -> Any:
+        _TANGENTS[function] = _Entry(call, frozenset(constant))
+        return call
+
+    return decorate
+
+
+def tangent_of(function: Callable[..., Any], *, constant: Collection[str] = ()) -> Any:
+    """Returns the tangent of a kernel, made at the first compile.
+
+    Args:
+        function: The kernel, a function of a module.
+        constant: The names of the arguments that do not change.
+
+    Raises:
+        SyntaxError: At the first compile, if the kernel contains something that has no tangent here.
+    """
+    if function not in _TANGENTS:
+        rule(function, constant=constant)(Tangent(function, frozenset(constant)))
+    return _TANGENTS[function].call
+
+
+def _is_kernel(value: Any) -> bool:
+    return callable(value) and value in _TANGENTS
+
+
+def _names(plain: Any) -> dict[str, Any]:
+    """Returns the names that a function reads from its module and from the function around it."""
+    read = {name: plain.__globals__[name] for name in plain.__code__.co_names if name in plain.__globals__}
+    cells = plain.__closure__ or ()
+    return read | {name: cell.cell_contents for name, cell in zip(plain.__code__.co_freevars, cells, strict=True)}
+
+
+def _is_plain(function: str) -> bool:
+    """Returns whether a function is not a kernel."""
+    return hasattr(builtins, function) or function.startswith("math.")
+
+
+class _Writer:
+    """Writes the source of a tangent."""
+
+    def __init__(self, plain: Any, constant: frozenset[str]) -> None:
+        lines, first = inspect.getsourcelines(plain)
+        self.at = f"{plain.__code__.co_filename}:", first - 1
+        self.globals, self.lines, self.depth, self.calls = _names(plain), [], 0, 0
+        (definition,) = ast.parse(textwrap.dedent("".join(lines))).body
+        if not isinstance(definition, ast.FunctionDef):
+            self.refuse(definition)
+        for name in ast.walk(definition):
+            if isinstance(name, ast.Name) and name.id.startswith("d_"):
+                self.refuse(name)
+        arguments = [argument.arg for argument in definition.args.args]
+        self.kept, self.active = constant, set(arguments) - constant
+        while (found := self.active | self.changed(definition)) != self.active:
+            self.active = found
+        changes = [f"d_{name}" for name in arguments if name not in constant]
+        self.write(f"def d_{definition.name}({', '.join(arguments + changes)}):")
+        self.block(definition.body)
+        self.source = ast.unparse(ast.parse("\n".join(self.lines))) + "\n"
+
+    def refuse(self, node: Any) -> NoReturn:
+        line = self.at[1] + node.lineno
+        raise SyntaxError(f"{self.at[0]}{line}: {ast.unparse(node)}: expected an expression of physics.tangent")
+
+    def write(self, line: str) -> None:
+        self.lines.append("    " * self.depth + line)
+
+    # Which names change. ------------------------------------------------------------------------------------------
+
+    def changed(self, definition: ast.FunctionDef) -> set[str]:
+        """Returns the names that get a value that changes."""
+        names: set[str] = set()
+        for node in ast.walk(definition):
+            if isinstance(node, ast.Assign | ast.AugAssign) and self.changes(node.value):
+                targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+                names |= {name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)}
+        return names - {"_"}
+
+    def changes(self, node: Any) -> bool:
+        """Returns whether an expression changes."""
+        match node:
+            case ast.Name():
+                return node.id in self.active
+            case ast.Compare() | ast.BoolOp() | ast.UnaryOp(op=ast.Not()):
+                return False
+            case ast.IfExp():
+                return self.changes(node.body) or self.changes(node.orelse)
+            case ast.Subscript() | ast.Attribute():
+                return self.changes(node.value)
+            case ast.Call(func=ast.Name(id="len" | "range")):
+                return False
+        return any(self.changes(part) for part in ast.iter_child_nodes(node))
+
+    # Statements. --------------------------------------------------------------------------------------------------
+
+    def block(self, body: list[ast.stmt]) -> None:
+        self.depth += 1
+        for statement in body:
+            self.statement(statement)
+        self.depth -= 1
+
+    def statement(self, node: ast.stmt) -> None:
+        match node:
+            case ast.Expr(value=ast.Constant()):
+                pass  # the docstring
+            case ast.Assign():
+                value, change = self.hoisted(node.value)
+                for target in node.targets:
+                    self.assign(target, value, change, node.value)
+            case ast.AugAssign():
+                whole = ast.copy_location(ast.BinOp(node.target, node.op, node.value), node)
+                self.assign(node.target, *self.hoisted(whole), whole)
+            case ast.If():
+                self.write(f"if {self.constant(node.test)}:")
+                self.block(node.body)
+                if node.orelse:
+                    self.write("else:")
+                    self.block(node.orelse)
+            case ast.For(orelse=[]) if not self.changes(node.iter):
+                self.write(f"for {ast.unparse(node.target)} in {self.constant(node.iter)}:")
+                self.block(node.body)
+            case ast.Break() | ast.Continue():
+                self.write(ast.unparse(node))
+            case ast.Return():
+                value, change = self.hoisted(node.value)
+                self.write(f"return {value}, {change or self.zero(node.value)}")
+            case _:
+                self.refuse(node)
+
+    def assign(self, target: Any, value: str, change: str | None, node: Any) -> None:
+        names = [name.id for name in ast.walk(target) if isinstance(name, ast.Name) and name.id != "_"]
+        plain = all(isinstance(part, ast.Name | ast.Tuple | ast.Store) for part in ast.walk(target))
+        if not plain or self.kept.intersection(names):
+            self.refuse(target)
+        if not any(name in self.active for name in names):
+            self.write(f"{ast.unparse(target)} = {value}")
+        else:
+            pattern = ast.unparse(target), ast.unparse(_renamed(target))
+            self.write(f"({pattern[0]}), ({pattern[1]}) = {value}, {change or self.zero(node)}")
+
+    # Expressions. -------------------------------------------------------------------------------------------------
+
+    def zero(self, node: Any) -> str:
+        """Returns the change of an expression that does not change."""
+        if isinstance(node, ast.Tuple):
+            return f"({', '.join(map(self.zero, node.elts))},)"
+        return "0.0"
+
+    def constant(self, node: Any) -> str:
+        """Returns the source of an expression in which no kernel is called."""
+        for part in ast.walk(node):
+            if isinstance(part, ast.Call) and not _is_plain(ast.unparse(part.func)):
+                self.refuse(part)
+        return ast.unparse(node)
+
+    def hoisted(self, node: Any) -> tuple[str, str | None]:
+        """Returns the value and the change of an expression, after statements with the kernels that it calls.
+
+        The change is None if it is zero.
+        """
+        tree = _Calls(self).visit(copy.deepcopy(node))
+        return ast.unparse(tree), self.change(tree)
+
+    def change(self, node: Any) -> str | None:
+        """Returns the source of the change of an expression without calls of kernels; None if it is zero."""
+        if not self.changes(node):
+            return None
+        match node:
+            case ast.Name():
+                return f"d_{node.id}"
+            case ast.Attribute():
+                return f"{self.change(node.value)}.{node.attr}"
+            case ast.Subscript():
+                return f"{self.change(node.value)}[{ast.unparse(node.slice)}]"
+            case ast.Tuple():
+                return f"({', '.join(self.change(part) or self.zero(part) for part in node.elts)},)"
+            case ast.UnaryOp(op=ast.USub()):
+                return f"(-{self.change(node.operand)})"
+            case ast.IfExp():
+                one, two = (self.change(part) or self.zero(part) for part in (node.body, node.orelse))
+                return f"({one} if {ast.unparse(node.test)} else {two})"
+            case ast.BinOp():
+                return self.binary(node, self.change(node.left), self.change(node.right))
+            case ast.Call():
+                return self.call(node)
+        self.refuse(node)
+
+    def binary(self, node: ast.BinOp, da: str | None, db: str | None) -> str:
+        a, b = f"({ast.unparse(node.left)})", f"({ast.unparse(node.right)})"
+        match node.op:
+            case ast.Add():
+                return f"({da} + {db})" if da and db else str(da or db)
+            case ast.Sub():
+                return f"({da} - {db})" if da and db else da or f"(-{db})"
+            case ast.Mult():
+                return "(" + " + ".join([f"{da} * {b}"] * bool(da) + [f"{a} * {db}"] * bool(db)) + ")"
+            case ast.Div():
+                return f"(({da or 0.0} - {a} / {b} * {db}) / {b})" if db else f"({da} / {b})"
+        self.refuse(node)
+
+    def call(self, node: ast.Call) -> str:
+        function, parts = ast.unparse(node.func), [self.change(part) or "0.0" for part in node.args]
+        values = [f"({ast.unparse(part)})" for part in node.args]
+        match function, values, parts:
+            case "math.sqrt", [v], [dv]:
+                return f"(0.5 * {dv} / math.sqrt({v}) if {v} > 0.0 else 0.0)"
+            case "abs", [v], [dv]:
+                return f"({dv} if {v} >= 0.0 else -{dv})"
+            case "max" | "min", [a, b], [da, db]:
+                return f"({da} if {a} {'>=' if function == 'max' else '<='} {b} else {db})"
+        if not hasattr(self.globals.get(function), "_fields"):
+            self.refuse(node)
+        return f"{function}({', '.join(parts)})"
+
+
+class _Calls(ast.NodeTransformer):
+    """Replaces calls of kernels by names, after statements that call their tangents."""
+
+    def __init__(self, writer: _Writer) -> None:
+        self.writer = writer
+
+    def visit_IfExp(self, node: ast.IfExp) -> ast.IfExp:
+        self.writer.constant(node)
+        return node
+
+    def visit_Call(self, node: ast.Call) -> Any:
+        writer, function = self.writer, ast.unparse(node.func)
+        self.generic_visit(node)
+        called = writer.globals.get(function)
+        if _is_plain(function) or hasattr(called, "_fields"):
+            return node
+        if called is None:
+            writer.refuse(node)
+        tangent_of(called)
+        names = inspect.signature(getattr(called, "py_func", called)).parameters
+        changing = [part for name, part in zip(names, node.args, strict=True) if name not in _TANGENTS[called].constant]
+        changes = [writer.change(part) or writer.zero(part) for part in changing]
+        result = f"_{writer.calls}"
+        writer.calls += 1
+        writer.write(f"{result}, d_{result} = d_{function}({', '.join([*map(ast.unparse, node.args), *changes])})")
+        writer.active.add(result)
+        return ast.copy_location(ast.Name(result), node)
+
+
+def _renamed(target: Any) -> Any:
+    """Returns the target of an assignment for changes."""
+    if isinstance(target, ast.Tuple):
+        return ast.Tuple([_renamed(part) for part in target.elts])
+    return ast.Name("_" if target.id == "_" else f"d_{target.id}")
