@@ -103,7 +103,7 @@ MOST_LANES = 2 * BALL_WIDTH + 4 + NUMBER_INPUTS
 """Largest number of unit vectors at an event."""
 
 _LOOK_AFTER = 100_000  # events times lanes between two calls of `interrupted`
-_WORK = 10  # lanes that take as long as the work of one event, see `Numbers.cushion_work`
+_WORK = 10  # lanes without an impact that take as long as one unit of `Numbers.cushion_work`, which each lane repeats
 
 
 class RecordedShots(NamedTuple):
@@ -475,7 +475,7 @@ def push_lanes(begin, end, shots, times, inputs, results):
                         for j in range(3):
                             at_events[k, c, done, j] = lanes[c, D_TIME + j]
                 done += 1
-                pending += count + _WORK * arrays.numbers.cushion_work
+                pending += count * (1 + _WORK * arrays.numbers.cushion_work)
                 if pending > _LOOK_AFTER:
                     end_call(interrupted())
                     pending = 0
@@ -663,7 +663,7 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, constants, inputs):
             lanes = _unit_lanes(1 if j < 0 else 2, kind, lanes, constants, tape)
             apply_event(e, lanes, log, paths, arrays, is_sphere, tape)
             _pull(lanes, i, j, begin_at, EventAdjoint(at_event, marked), tape, adjoint, sums)
-            pending += lanes + _WORK * arrays.numbers.cushion_work
+            pending += lanes * (1 + _WORK * arrays.numbers.cushion_work)
             if pending > _LOOK_AFTER:
                 end_call(interrupted())
                 pending = 0

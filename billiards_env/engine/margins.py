@@ -543,7 +543,7 @@ def push_margins(begin, end, shots, times, inputs, selected, results):
                 store(i, s, count, tape.lanes, tangent)
                 _move_ends(i, shot)
                 tape.current[i] = tape.first[e] + s
-            pending += 1 + count + arrays.numbers.cushion_work
+            pending += (1 + count) * (1 + arrays.numbers.cushion_work)
             if pending > _LOOK_AFTER:
                 end_call(interrupted())
                 pending = 0
