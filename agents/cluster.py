@@ -10,9 +10,8 @@ import importlib.util
 import logging
 import os
 import reprlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Executor, Future
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,7 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 RETRIES = 3
 """The number of times that a failed task is repeated."""
 
-_STORE = 512 * 2**20  # bytes of shared memory for the objects of a machine without a cluster
+STORE = 512 * 2**20  # bytes of shared memory for the objects of a machine without a cluster
 
 _SHORT = reprlib.Repr()  # of arguments in messages
 _SHORT.maxstring = _SHORT.maxother = 100
@@ -59,30 +58,7 @@ def connect(address: str | None, cpus: int | None = None) -> None:
     if address is not None:
         ray.init(address=address, **shared)
     else:
-        ray.init(address="local", num_cpus=cpus, include_dashboard=False, object_store_memory=_STORE, **shared)
-
-
-@contextmanager
-def two_nodes() -> Iterator[Any]:
-    """Starts a cluster of two nodes with one core each on this machine and connects this process to it.
-
-    Yields:
-        The cluster, see `ray.cluster_utils.Cluster`. Its attribute `address` is the address.
-    """
-    import ray  # pyright: ignore[reportMissingImports]
-    from ray.cluster_utils import Cluster  # pyright: ignore[reportMissingImports]
-
-    logging.getLogger("ray").setLevel(logging.ERROR)
-    node = {"num_cpus": 1, "object_store_memory": _STORE}
-    cluster = Cluster(initialize_head=True, head_node_args={**node, "include_dashboard": False})
-    try:
-        cluster.add_node(**node)
-        cluster.wait_for_nodes()
-        connect(cluster.address)
-        yield cluster
-    finally:
-        ray.shutdown()
-        cluster.shutdown()
+        ray.init(address="local", num_cpus=cpus, include_dashboard=False, object_store_memory=STORE, **shared)
 
 
 class RayExecutor(Executor):

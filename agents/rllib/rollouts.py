@@ -56,32 +56,34 @@ class Rollouts:
 
         Returns:
             The arrays of an update, one row for each step, and the success of each episode that ended. The arrays are
-            "obs", "actions", "action_logp", "advantages" and "value_targets".
+            "obs", "actions", "action_logp", "advantages" and "value_targets". The advantages are the generalized ones
+            of Schulman et al. (2016).
         """
-        shape = n_steps, self.envs.num_envs
-        low, high = self.envs.action_space.low, self.envs.action_space.high  # pyright: ignore[reportAttributeAccessIssue]
-        rewards, ends = np.empty(shape, np.float32), np.empty(shape, np.bool_)
-        values = np.zeros((n_steps + 1, shape[1]), np.float32)
+        space: Any = self.envs.single_action_space
+        rewards, ends, values, successes = [], [], [], []
         columns: dict[str, list[Array]] = {"obs": [], "actions": [], "action_logp": []}
-        successes = []
-        for t in range(n_steps):
+        for _ in range(n_steps):
             inputs = torch.from_numpy(self.observations)
             actions, value, log_prob = self.policy(inputs)
             for name, tensor in zip(columns, (inputs, actions, log_prob), strict=True):
                 columns[name].append(tensor.numpy())
-            values[t] = value.numpy()[:, 0]
-            self.observations, rewards[t], terminated, truncated, infos = self.envs.step(
-                np.clip(actions.numpy(), low, high)
-            )
-            ends[t] = terminated | truncated
-            if ends[t].any():
-                successes.append(infos["final_info"]["is_success"][ends[t]])
-        if not ends[-1].all():
-            values[-1] = self.policy.predict_values(torch.from_numpy(self.observations)).numpy()[:, 0]
-        gained = advantages(rewards, values, ends, self.config.ppo.gamma, self.config.ppo.gae_lambda)
+            values.append(value.numpy()[:, 0])
+            shots = np.clip(actions.numpy(), space.low, space.high)
+            self.observations, reward, terminated, truncated, infos = self.envs.step(shots)
+            rewards.append(reward.astype(np.float32))
+            ends.append(terminated | truncated)
+            if ends[-1].any():
+                successes.append(infos["final_info"]["is_success"][ends[-1]])
+        values.append(self.policy.predict_values(torch.from_numpy(self.observations)).numpy()[:, 0])
+        gamma, trace = self.config.ppo.get("gamma", 0.99), self.config.ppo.get("gae_lambda", 0.95)
+        gained, later = [], np.zeros(self.envs.num_envs, np.float32)
+        for reward, end, value, following in reversed(list(zip(rewards, ends, values, values[1:], strict=False))):
+            later = reward - value + gamma * ~end * (following + trace * later)
+            gained.append(later)
         arrays = {name: np.concatenate(parts) for name, parts in columns.items()}
-        arrays |= {"advantages": gained.ravel(), "value_targets": (gained + values[:-1]).ravel()}
-        return arrays, np.concatenate(successes) if successes else np.zeros(0, np.bool_)
+        arrays["advantages"] = np.concatenate(gained[::-1])
+        arrays["value_targets"] = arrays["advantages"] + np.concatenate(values[:-1])
+        return arrays, np.concatenate([np.zeros(0, np.bool_), *successes])
 
 
 def compile_engine(config: Config) -> None:
@@ -93,26 +95,3 @@ def compile_engine(config: Config) -> None:
         rollouts = Rollouts(config, make_policy(config), 1, 0)
         rollouts.seed(0)
         rollouts.play(1)
-
-
-def advantages(rewards: Array, values: Array, ends: Array, gamma: float, gae_lambda: float) -> Array:
-    """Returns the generalized advantage estimates (Schulman et al. 2016), (n_steps, n_envs).
-
-    Args:
-        rewards: (n_steps, n_envs).
-        values: (n_steps + 1, n_envs), the values of the states before the steps and of the last state.
-        ends: (n_steps, n_envs), whether an episode ended. The value of the state after it is 0.
-        gamma: The discount factor.
-        gae_lambda: See `agents.config.Hyperparameters`.
-
-    Example:
-        >>> ones = np.ones((2, 1), np.float32)
-        >>> advantages(ones, np.zeros((3, 1)), ones > 2, gamma=0.5, gae_lambda=1.0).ravel().tolist()
-        [1.5, 1.0]
-    """
-    found, later = np.empty_like(rewards), np.zeros(rewards.shape[1], rewards.dtype)
-    for t in reversed(range(len(rewards))):
-        goes_on = ~ends[t]
-        error = rewards[t] + gamma * goes_on * values[t + 1] - values[t]
-        found[t] = later = error + gamma * gae_lambda * goes_on * later
-    return found

@@ -110,6 +110,7 @@ class AimNetwork(nn.Module):
         legal: Whether an observation then has a flag for each object ball. Only the components of legal balls
             then have weight.
         rest: The number of remaining values at the end of an observation.
+        ignored: The number of values before them that have no effect.
         strikes: Whether the actions are strikes.
 
     Attributes:
@@ -135,11 +136,12 @@ class AimNetwork(nn.Module):
         goals: int = 0,
         legal: bool = False,
         rest: int = 0,
+        ignored: int = 0,
         strikes: bool = False,
     ) -> None:
         super().__init__()
         self.aim, self.ranges, self.numbers = aim, len(speeds) - 1, TIP * strikes
-        self.goals, self.legal, self.rest = goals, legal, rest
+        self.goals, self.legal, self.rest, self.ignored = goals, legal, rest, ignored
         inputs, half = 8 + 2 * goals + rest, hidden // 2
         borders, angles = torch.tensor(speeds), 2 * math.pi / points * torch.arange(points)
         self.register_buffer("half_extents", torch.tensor(half_extents))
@@ -161,8 +163,10 @@ class AimNetwork(nn.Module):
 
         `legal` (m, n) are the balls at which a component may aim; None for those of the observation, or for all.
         """
-        m, n = len(observations), (observations.shape[1] - 2 - 2 * self.goals - self.rest) // (2 + self.legal)
-        places, flags, rest = observations.split((2 + 2 * (n + self.goals), n * self.legal, self.rest), 1)
+        m, last = len(observations), self.ignored + self.rest
+        n = (observations.shape[1] - 2 - 2 * self.goals - last) // (2 + self.legal)
+        sizes = 2 + 2 * (n + self.goals), n * self.legal, self.ignored, self.rest
+        places, flags, _, rest = observations.split(sizes, 1)
         places = places.unflatten(1, (-1, 2))
         signs = torch.where(places[:, 1 : 1 + n] < 0, -1.0, 1.0)
         tables = places[:, None] * signs[:, :, None]  # (m, n, 1 + n + goals, 2), one for each object ball

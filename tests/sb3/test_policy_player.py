@@ -31,7 +31,9 @@ def test_the_policy_plays_the_nearest_legal_ball(trained):
     assert np.hypot(*slow.velocity) <= 0.5 * (1 + 1e-6)
 
 
-@pytest.mark.parametrize("policy_of_run", [{"hidden": [8]}, {"head": "aim"}], ids=["gaussian", "aim"])
+@pytest.mark.parametrize(
+    "policy_of_run", [{"head": "gaussian", "hidden": [8]}, {"head": "aim"}], ids=["gaussian", "aim"]
+)
 def test_the_stroke_is_the_shot_of_the_policy_in_the_plain_environment(tiny, tmp_path, policy_of_run):
     config = Config.from_dict(tiny(env={"max_speed": 5.0}, policy=policy_of_run))
     (tmp_path / "config.yaml").write_text(config.to_yaml())
