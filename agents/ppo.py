@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -13,6 +13,7 @@ from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
+from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.config import ENV_ID, Config, load
@@ -58,9 +59,9 @@ def make_vector(
     return envs if config.noise is None else VectorExecutionNoise(envs, **config.noise)
 
 
-def make_vec_env(config: Config) -> VecEnv:
-    """Returns `config.n_envs` environments to train in, for Stable-Baselines3."""
-    return SameStepVecEnv(make_vector(config, config.n_envs))
+def make_vec_env(config: Config, threads: int | None = None) -> VecEnv:
+    """Returns `config.n_envs` environments to train in, for Stable-Baselines3; `threads` as in `make_vector`."""
+    return SameStepVecEnv(make_vector(config, config.n_envs, threads))
 
 
 def make_model(config: Config, envs: VecEnv) -> PPO:
@@ -74,6 +75,15 @@ def make_model(config: Config, envs: VecEnv) -> PPO:
         stats_window_size=1000,
         device="cpu",  # such small networks are not faster on an accelerator
     )
+
+
+def restart(model: PPO, seed: int) -> None:
+    """Seeds all random generators and begins new episodes. What follows depends only on the weights and the seed."""
+    assert model.env is not None
+    set_random_seed(seed)
+    model.env.seed(seed)
+    model._last_obs = cast(Any, model.env.reset())
+    model._last_episode_starts = np.ones(model.n_envs, dtype=bool)
 
 
 def make_policy(config: Config) -> ActorCriticPolicy:

@@ -24,7 +24,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 import torch
@@ -33,11 +33,11 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.policies import BasePolicy
-from stable_baselines3.common.utils import safe_mean, set_random_seed
+from stable_baselines3.common.utils import safe_mean
 
 import billiards_env
 from agents.config import Config, load
-from agents.ppo import deterministic, make_model, make_policy, make_vec_env, make_vector, training_seed
+from agents.ppo import deterministic, make_model, make_policy, make_vec_env, make_vector, restart, training_seed
 from billiards_env.checks import number
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json, write_whole
@@ -267,17 +267,8 @@ class _Callback(BaseCallback):
             _save(cast(PPO, self.model), self.curve.run_dir / "checkpoints" / f"{self.num_timesteps:09d}.zip")
         every = self.curve.config.checkpoint_every
         self.next_checkpoint = (self.num_timesteps // every + 1) * every
-        self._reseed()
-
-    def _reseed(self) -> None:
-        """Seeds all generators. What follows depends only on the weights, the seed and the number of steps."""
-        model, config = cast(PPO, self.model), self.curve.config
-        seed = training_seed(config, self.num_timesteps)
-        set_random_seed(seed)
-        self.training_env.seed(seed)
-        # Unfinished episodes are dropped: the next rollout begins with a reset.
-        model._last_obs = cast(Any, self.training_env.reset())
-        model._last_episode_starts = np.ones(config.n_envs, dtype=bool)
+        # Unfinished episodes are dropped.
+        restart(cast(PPO, self.model), training_seed(self.curve.config, self.num_timesteps))
 
     def _on_step(self) -> bool:
         return True

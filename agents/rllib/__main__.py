@@ -26,14 +26,13 @@ from billiards_env.checks import number
 from billiards_env.sb3.weights import save_policy
 
 
-def train(config: Config, run_dir: Path, runners: int = 1, learners: int = 0) -> None:
+def train(config: Config, run_dir: Path, runners: int = 1) -> None:
     """Trains a configuration, from the newest checkpoint if there is one. Ray must be running.
 
     Args:
         config: The configuration.
         run_dir: The folder of the run, prepared by `agents.train.open_run`.
         runners: As in `algorithm_config`. It may differ from that before an interruption.
-        learners: Likewise.
 
     Raises:
         OSError: If another process trains in the folder.
@@ -47,7 +46,7 @@ def train(config: Config, run_dir: Path, runners: int = 1, learners: int = 0) ->
         return
     policy, successes = make_policy(config), deque[bool](maxlen=1000)
     with locked(run_dir):
-        algorithm: ArrayPPO = algorithm_config(config, runners, learners).build_algo()
+        algorithm: ArrayPPO = algorithm_config(config, runners).build_algo()
         try:
             if (checkpoint := newest_checkpoint(run_dir)) is not None:
                 algorithm.restore_from_path(str(checkpoint.resolve()))
@@ -65,7 +64,7 @@ def train(config: Config, run_dir: Path, runners: int = 1, learners: int = 0) ->
                     if steps >= config.timesteps:
                         break
                     algorithm.train()
-                    successes.extend(algorithm.successes.tolist())
+                    successes.extend(algorithm.successes)
                     if algorithm.steps // config.checkpoint_every > steps // config.checkpoint_every:
                         _save(algorithm, run_dir / "checkpoints" / f"{algorithm.steps:09d}")
                         algorithm.seed_next = True
@@ -90,16 +89,15 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--address", help='address of a Ray cluster, e.g. "auto" (default: this machine only)')
     parser.add_argument("--run-dir", type=Path, help="folder of the run (default: runs/rllib/NAME)")
     parser.add_argument("--runners", type=int, default=2, help="number of processes that play (default: %(default)s)")
-    parser.add_argument("--learners", type=int, default=0, help="processes that update the policy (default: this one)")
     parser.add_argument("--timesteps", type=number, help="number of shots (default: that of the config)")
     parser.add_argument("--fresh", action="store_true", help="delete the run in the folder and start again")
     args = parser.parse_args(arguments)
     run_dir = args.run_dir or Path("runs") / "rllib" / Path(args.config).stem
     try:
         config = load(args.config, **({} if args.timesteps is None else {"timesteps": args.timesteps}))
-        connect(args.address, cpus=1 + args.runners + args.learners)
+        connect(args.address, cpus=1 + args.runners)
         open_run(config, run_dir, args.fresh)
-        train(config, run_dir, args.runners, args.learners)
+        train(config, run_dir, args.runners)
     except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:

@@ -27,7 +27,7 @@ from torch import Tensor
 
 from agents.config import ENV_ID, Config
 from agents.ppo import make_env, make_policy, training_seed
-from agents.rllib.rollouts import Rollouts, compile_engine
+from agents.rllib.rollouts import Rollouts, as_tensors
 from billiards_env.sb3.aim_policy import AimPolicy, by_value
 
 PATIENCE = 600.0
@@ -98,28 +98,24 @@ class ArrayRunner(EnvRunner, Checkpointable):
     RLlib's own runner keeps a Python object for each environment and episode, and needs a step between two episodes.
     """
 
+    rollouts: Rollouts | None = None
+
     def __init__(self, *, config: Any, **kwargs: Any) -> None:
         super().__init__(config=config, **kwargs)
         torch.set_num_threads(1)
         torch.set_flush_denormal(True)
-        compile_engine(Config.from_dict(self.config.rl_module_spec.model_config["config"]))
-        self.make_module()
-        self.rollouts: Rollouts | None = None
         if self.worker_index or not self.config.num_env_runners:  # the process of the command plays without runners
             self.make_env()
 
     def make_module(self) -> None:
-        """Makes the policy."""
-        self.module = self.config.get_rl_module_spec(spaces=self.get_spaces()).build()
-        self.module.policy.set_training_mode(False)
+        """Does nothing: the policy is that of `Rollouts`."""
 
     def make_env(self) -> None:
         """Makes the environments of this runner."""
-        config, n_envs = Config.from_dict(self.module.model_config["config"]), self.config.num_envs_per_env_runner
-        self.rollouts = Rollouts(config, self.module.policy, n_envs, max(self.worker_index - 1, 0) * n_envs)
-        self.env = self.rollouts.envs
+        n_envs = self.config.num_envs_per_env_runner
+        self.rollouts = Rollouts(settings_of(self.config), n_envs, max(self.worker_index - 1, 0) * n_envs)
 
-    def sample(self, *, weights: Any, steps: int, seed: bool, **kwargs: Any) -> tuple[int, dict[str, Any], Any]:
+    def sample(self, *, weights: Any, steps: int, seed: bool, **kwargs: Any) -> tuple[int, dict[str, Any], list[bool]]:
         """Plays a part of a batch.
 
         Args:
@@ -132,10 +128,9 @@ class ArrayRunner(EnvRunner, Checkpointable):
             The index of this runner, and the result of `Rollouts.play`.
         """
         assert self.rollouts is not None
-        self.module.set_state(weights)
         if seed or not self.rollouts.seeded:
             self.rollouts.seed(steps)
-        return self.worker_index, *self.rollouts.play(self.config.rollout_fragment_length)
+        return self.worker_index, *self.rollouts.play(as_tensors(weights))
 
     def get_spaces(self) -> dict[str, Any]:
         """Returns the spaces of observations and actions, as `(observations, actions)`."""
@@ -159,8 +154,8 @@ class ArrayRunner(EnvRunner, Checkpointable):
 
     def stop(self) -> None:
         """Closes the environments."""
-        if self.rollouts is not None:
-            self.rollouts.envs.close()
+        if self.rollouts is not None and self.rollouts.model.env is not None:
+            self.rollouts.model.env.close()
 
 
 class ArrayPPO(PPO):
@@ -173,7 +168,7 @@ class ArrayPPO(PPO):
     """
 
     seed_next = True
-    successes: Any = np.zeros(0, np.bool_)
+    successes: tuple[bool, ...] = ()
 
     @property
     def steps(self) -> int:
@@ -182,8 +177,7 @@ class ArrayPPO(PPO):
 
     def training_step(self) -> None:
         """Plays a batch, updates the policy with it, and counts its steps."""
-        config = Config.from_dict(self.config.rl_module_spec.model_config["config"])
-        steps, seed, self.seed_next = self.steps, self.seed_next, False
+        config, steps, seed, self.seed_next = settings_of(self.config), self.steps, self.seed_next, False
 
         def prepare(learner: Any) -> None:
             learner.module[DEFAULT_MODULE_ID].unwrapped().policy.set_shots(steps)
@@ -208,7 +202,7 @@ class ArrayPPO(PPO):
     def _sample(self, steps: int, seed: bool) -> dict[str, Any]:
         """Returns a batch from all runners. Runners that work replace the part of one that does not."""
         weights, wanted = self.learner_group.get_weights()[DEFAULT_MODULE_ID], self.config.total_train_batch_size
-        parts: list[tuple[int, dict[str, Any], Any]] = []
+        parts: list[tuple[int, dict[str, Any], list[bool]]] = []
         if not self.config.num_env_runners:
             parts.append(self.env_runner.sample(weights=weights, steps=steps, seed=seed))
         stored, deadline = ray.put(weights), time.monotonic() + PATIENCE
@@ -223,7 +217,7 @@ class ArrayPPO(PPO):
                 raise RuntimeError(f"none of the {self.config.num_env_runners} runners has worked for {PATIENCE:.0f} s")
             seed = False
             self.restore_env_runners(self.env_runner_group)
-        self.successes = np.concatenate([part[2] for part in parts])
+        self.successes = tuple(success for part in parts for success in part[2])
         return {name: np.concatenate([part[1][name] for part in parts])[:wanted] for name in parts[0][1]}
 
     def restore_env_runners(self, env_runner_group: Any) -> list[int]:
@@ -232,29 +226,29 @@ class ArrayPPO(PPO):
 
     def policy_state(self) -> dict[str, Tensor]:
         """Returns the weights of the policy in the learners."""
-        weights = self.learner_group.get_weights()[DEFAULT_MODULE_ID]
-        return {name.removeprefix("policy."): torch.tensor(array) for name, array in weights.items()}
+        return as_tensors(self.learner_group.get_weights()[DEFAULT_MODULE_ID])
 
 
-def algorithm_config(config: Config, runners: int, learners: int) -> PPOConfig:
+def settings_of(config: Any) -> Config:
+    """Returns the configuration of `agents.train` in one of RLlib."""
+    return Config.from_dict(config.rl_module_spec.model_config["config"])
+
+
+def algorithm_config(config: Config, runners: int) -> PPOConfig:
     """Returns RLlib's configuration of a training.
 
     Args:
         config: The configuration.
         runners: The number of processes that play. They share the `n_envs` environments. 0 if this process plays.
-        learners: The number of processes that share each minibatch. 0 if this process computes the updates.
 
     Raises:
-        ValueError: If the environments or a minibatch cannot be shared, or the policy is not `AimPolicy`.
+        ValueError: If the environments cannot be shared, or the policy is not `AimPolicy`.
     """
-    ppo, players, updaters = config.ppo, max(runners, 1), max(learners, 1)
+    ppo, players = config.ppo, max(runners, 1)
     if config.policy["head"] != "aim":
         raise ValueError(f"policy.head = {config.policy['head']!r}: expected 'aim' with RLlib")
-    if config.n_envs % players or ppo["batch_size"] % updaters:
-        raise ValueError(
-            f"runners = {runners}, learners = {learners}: expected divisors of n_envs = {config.n_envs} and of "
-            f"ppo.batch_size = {ppo['batch_size']}"
-        )
+    if config.n_envs % players:
+        raise ValueError(f"runners = {runners}: expected a divisor of n_envs = {config.n_envs}")
     env = make_env(config)
     first, last = ppo["learning_rate"]
     return (
@@ -269,12 +263,12 @@ def algorithm_config(config: Config, runners: int, learners: int) -> PPOConfig:
             merge_env_runner_states=False,
             broadcast_env_runner_states=False,
         )
-        .learners(num_learners=learners, num_gpus_per_learner=0, learner_class=Learner)
+        .learners(learner_class=Learner)
         .rl_module(rl_module_spec=RLModuleSpec(module_class=AimModule, model_config={"config": config.to_dict()}))
         .training(
             lr=[[0, first], [max(config.timesteps, 1), last]],
-            train_batch_size_per_learner=config.n_envs * ppo["n_steps"] // updaters,
-            minibatch_size=ppo["batch_size"] // updaters,
+            train_batch_size_per_learner=config.n_envs * ppo["n_steps"],
+            minibatch_size=ppo["batch_size"],
             num_epochs=ppo["n_epochs"],
             clip_param=ppo.get("clip_range", 0.2),
             use_kl_loss=False,

@@ -39,10 +39,10 @@ TINY = {
 }
 
 
-def trained(folder: Path, runners: int = 2, learners: int = 0, **changes) -> Path:
+def trained(folder: Path, runners: int = 2, **changes) -> Path:
     config = Config.from_dict({**TINY, **changes})
     open_run(config, folder)
-    train(config, folder, runners, learners)
+    train(config, folder, runners)
     return folder
 
 
@@ -106,11 +106,11 @@ def test_a_killed_command_resumes_and_ends_with_the_same_weights(cluster, finish
     assert evaluate(folder)["policy"]["success_rate"] == learning_curve(folder)[-1].success
 
 
-def test_learners_share_the_minibatches_and_the_schedules_are_those_of_the_policy(cluster, tmp_path):
-    folder = trained(tmp_path / "run", runners=0, learners=1, timesteps=1024)
+def test_one_process_trains_with_the_schedules_of_the_policy(cluster, tmp_path):
+    folder = trained(tmp_path / "run", runners=0, timesteps=1024)
     assert learning_curve(folder)[-1].steps == 1024
     assert weights(folder)["net.std"][0].item() == pytest.approx(0.4 * 0.25**0.125)  # before the second of two updates
-    with pytest.raises(ValueError, match="expected divisors"):
+    with pytest.raises(ValueError, match="runners = 2: expected a divisor"):
         trained(tmp_path / "odd", n_envs=63)
     with pytest.raises(ValueError, match="expected 'aim'"):
         trained(tmp_path / "usual", policy={"head": "gaussian"})

@@ -1,8 +1,7 @@
 """The trainings of the published results."""
 
+import contextlib
 import json
-from concurrent.futures import Executor, Future
-from typing import Any
 
 import gymnasium as gym
 import pytest
@@ -12,6 +11,7 @@ from agents import config as settings
 from billiards_env.evaluation import evaluation_seeds, find_player, play
 from studies import learning
 from studies.learning import blocks, main
+from tests.studies.conftest import InThisProcess
 
 ROWS = {
     "seeds": [3, 4],
@@ -35,7 +35,7 @@ def command(tmp_path, monkeypatch):
     monkeypatch.setattr(settings, "LEARNING", tmp_path / "learning.yaml")
     monkeypatch.setattr(learning, "LEARNING", tmp_path / "learning.yaml")
     monkeypatch.setattr(learning, "EPISODES", 50)
-    monkeypatch.setattr("studies.ProcessPoolExecutor", lambda jobs, context: InThisProcess())
+    monkeypatch.setattr(learning, "workers", lambda *_: contextlib.nullcontext(InThisProcess()))
 
     def run(rows=ROWS):
         (tmp_path / "learning.yaml").write_text(yaml.safe_dump(rows))
@@ -43,15 +43,6 @@ def command(tmp_path, monkeypatch):
         return json.loads((tmp_path / "runs" / "learning.json").read_text())
 
     return run
-
-
-class InThisProcess(Executor):
-    """An executor that calls at once."""
-
-    def submit(self, fn, /, *args, **kwargs):
-        future = Future[Any]()
-        future.set_result(fn(*args, **kwargs))
-        return future
 
 
 def test_the_command_trains_what_has_no_results(command, tmp_path, capsys):
