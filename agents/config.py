@@ -15,7 +15,7 @@ from typing import Any
 import yaml
 from stable_baselines3 import PPO
 
-from billiards_env.checks import Range, fields_of, number, one_of, whole
+from billiards_env.checks import Range, fields_of, integer, number, one_of
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.tasks import TASKS
 from billiards_env.envs.wrappers import ExecutionNoise
@@ -78,7 +78,7 @@ class Config:
     def __post_init__(self) -> None:
         least = {"timesteps": 0, "seed": 0, "n_envs": 1, "checkpoint_every": 1, "evaluation_episodes": 1}
         for name, bound in least.items():  # Stable-Baselines3 limits the seed
-            self._set(name, whole(name, _whole(getattr(self, name)), Range(bound, 2**32 - 1)))
+            self._set(name, integer(name, _whole(getattr(self, name)), Range(bound, 2**32 - 1)))
         given, noise = dict(self.env), self.noise
         if self.task is not None:
             one_of("task", self.task, tuple(FROZEN))

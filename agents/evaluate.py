@@ -16,7 +16,7 @@ from typing import Any
 from agents.film import EPISODES, film
 from agents.ppo import deterministic, load_policy, make_vector
 from agents.train import learning_curve
-from billiards_env.checks import Range, missing, whole
+from billiards_env.checks import Range, integer, missing
 from billiards_env.evaluation import evaluation_seeds, measure, play_together
 from billiards_env.files import check_path, write_json
 from billiards_env.games import RULES
@@ -42,8 +42,8 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
         ValueError: If `episodes` or `seed` is impossible, or the policy does not fit the configuration.
     """
     config, policy = load_policy(run_dir)
-    episodes = whole("episodes", config.evaluation_episodes if episodes is None else episodes, "num_envs")
-    seed = whole("seed", config.seed if seed is None else seed, Range(0, 2**32 - 1))
+    episodes = integer("episodes", config.evaluation_episodes if episodes is None else episodes, "num_envs")
+    seed = integer("seed", config.seed if seed is None else seed, Range(0, 2**32 - 1))
     seeds = evaluation_seeds(seed, episodes).tolist()
     envs = make_vector(config, episodes)
     envs.action_space.seed(seed)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import Count, machine, machine_line, parser_of, report, table
-from billiards_env.engine.modes import MANY_BALLS
+from billiards_env.engine.compile import MANY_BALLS
 from billiards_env.envs.actions import cue_strike
 from billiards_env.scene import Balls, Physics, Scene, layouts
 from billiards_env.scene.table import POOL_RADIUS, Table

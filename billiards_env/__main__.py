@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from billiards_env import Scene, __version__
-from billiards_env.checks import Range, number, whole
+from billiards_env.checks import Range, integer, number
 from billiards_env.export import WRITERS
 from billiards_env.files import check_path, read_text
 from billiards_env.frozen import BENCH_TASKS, FROZEN
@@ -128,7 +128,7 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
         "Measure players in Billiards-v0, on layouts that training never uses. A player is module:function for a "
         "function act(observation) that returns an action, policy:FOLDER for a run of agents.train, random, geometric, "
         "search:K (simulates K shots), aim (computes shots), planner:TIME (plans under noise) or a level such as "
-        "planner:club (also makes errors)."
+        "planner:club (its strokes are noisy)."
     )
     add = parser.add_argument
     add("player", nargs="+", help="a player, such as mine:act for the function act of mine.py")
@@ -235,7 +235,9 @@ def simulate(args: argparse.Namespace) -> None:
     _check_out(args.out)
     scene = Scene.named(args.scene, args.balls)
     if args.positions is None:
-        positions = layouts.draw(args.layout, scene, np.random.default_rng(whole("--seed", args.seed, Range(0, None))))
+        positions = layouts.draw(
+            args.layout, scene, np.random.default_rng(integer("--seed", args.seed, Range(0, None)))
+        )
     elif len(args.positions) != 2 * scene.n_balls:
         raise ValueError(
             f"--positions with {len(args.positions)} numbers: expected {2 * scene.n_balls}, x and y of {scene.n_balls} "
@@ -279,7 +281,7 @@ def evaluate(args: argparse.Namespace) -> None:
 
     names = ("task", "scene", "n_object_balls", "layout", "action", "max_shots", "mode", "dt")
     arguments = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
-    episodes, seed = whole("--episodes", args.episodes, Range(1, None)), whole("--seed", args.seed, Range(0, None))
+    episodes, seed = integer("--episodes", args.episodes, Range(1, None)), integer("--seed", args.seed, Range(0, None))
     players = [*args.player, *(player for player in args.beside if player not in args.player)]
     width = max(map(len, players))
     head = f"{'player':{width}}  success  95% interval  score  reward  shots  ms per shot"

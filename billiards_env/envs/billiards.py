@@ -11,7 +11,7 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import finite, flag, one_of, real, whole
+from billiards_env.checks import finite, flag, integer, one_of, real
 from billiards_env.engine import checked_engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS, check_action
@@ -294,7 +294,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.task = task
         self.engine = checked_engine(mode, dt, fix)
         self.action = check_action(action, self.scene)
-        self.max_shots = whole("max_shots", entry.max_shots if max_shots is None else max_shots, "max_shots")
+        self.max_shots = integer("max_shots", entry.max_shots if max_shots is None else max_shots, "max_shots")
         self.max_speed = real("max_speed", max_speed, "max_speed")
         self.layout = entry.layout if layout is None else layout
         # A layout that is impossible in the scene raises an error here and not in `reset`.

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, ShotInput, empty_shots, run_shots_of
+from billiards_env.engine.compile import varied_fields, varied_shot, vary
 from billiards_env.engine.frozen_strike import strike_frozen
-from billiards_env.engine.modes import varied_fields, varied_shot, vary
 from billiards_env.envs.actions import shorten, strike_balls
 from billiards_env.envs.arrays import BallArrays, EpisodeArrays, TaskNumbers
 from billiards_env.envs.tasks import TASKS, judge_pot, write_legal_balls
@@ -55,8 +55,8 @@ class Episodes:
         scene, n, task = env.scene, env.scene.n_balls, TASKS[env.task]
         self.env, self.n_recorded = env, n_recorded
         self.recorded: dict[int, ShotResult] = {}
-        self.plan = layouts.plan(env.layout, scene)
-        self.goal_plan = layouts.plan("random", cue_ball_alone(scene)) if task.goal_radius else None
+        self.plan = layouts.layout_plan(env.layout, scene)
+        self.goal_plan = layouts.layout_plan("random", cue_ball_alone(scene)) if task.goal_radius else None
         self.shots = shots = empty_shots(count, n)
         for array in shots:
             array[...] = 0

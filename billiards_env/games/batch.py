@@ -111,7 +111,7 @@ def play_batch(
     states["break_shot"], states["fouls"] = verdicts["rack"] != 0, 0
     states["solids"], states["colour"], states["free_ball"] = verdicts["solids"], verdicts["colour"], False
     if verdicts["spotted"].any():
-        spots = layouts.plan("snooker", setup.scene).spots if setup.game_rules.has_spots else None
+        spots = layouts.layout_plan("snooker", setup.scene).spots if setup.game_rules.has_spots else None
         for ball in range(1, setup.scene.n_balls):
             back = (verdicts["spotted"] >> ball & 1) > 0
             positions[back, ball] = (setup.scene.table.foot_x, 0.0) if spots is None else spots[ball]

@@ -25,7 +25,7 @@ from gymnasium.error import DependencyNotInstalled
 from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
-from billiards_env.checks import finite, flag, missing, one_of, real, short, whole
+from billiards_env.checks import finite, flag, integer, missing, one_of, real, short
 from billiards_env.envs.actions import ACTIONS, check_action, cue_strike
 from billiards_env.envs.arguments import make_scene
 from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
@@ -42,7 +42,7 @@ from billiards_env.games.game import (
 )
 from billiards_env.games.judging import NO_CALL, RULES, Call
 from billiards_env.games.placement import Point, cue_ball_area
-from billiards_env.games.snooker_fouls import points_left
+from billiards_env.games.snooker_fouls import frame_points_left
 from billiards_env.scene import Scene
 
 try:
@@ -215,7 +215,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.can_call = can_call
         self.layout = layout
         opening(self.setup, np.random.default_rng(0), layout)  # raises here if the layout does not suit the game
-        self.max_shots = whole("max_shots", max_shots, "max_shots")
+        self.max_shots = integer("max_shots", max_shots, "max_shots")
         self.max_speed = real("max_speed", max_speed, "max_speed")
         if render_mode is not None:
             one_of("render_mode", render_mode, RENDER_MODES)
@@ -226,7 +226,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.possible_agents = [f"player_{i}" for i in range(players)]
         self.agents = []
         self._half = np.array(self.setup.scene.half_extents)
-        most = points_left(opening_state(self.setup)) if rules == "snooker" else n - 1
+        most = frame_points_left(opening_state(self.setup)) if rules == "snooker" else n - 1
         self._score_scale = float(self.setup.target or most)
         self._observes_fouls = game_rules.counts_fouls and (
             bool(self.setup.target) if rules == "straight" else players == 2

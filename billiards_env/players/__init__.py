@@ -14,6 +14,6 @@ Modules:
     values: The value of the outcomes of shots.
     run_outs: The probability of a run-out from a position, by a small network.
     budget: The time or the number of shots of a decision.
-    levels: Levels of strength of the planner, by errors and budget.
+    levels: Levels of strength of the planner, by noise and budget.
     game_player: The strategies and other players in games, found by name.
 """

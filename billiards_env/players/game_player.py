@@ -6,7 +6,7 @@ speed of the fastest shot in m/s and a random generator. A maker of players is a
 
 * "random", "geometric", "search" and "aim", the strategies of `billiards_env.players.strategies`;
 * "planner", which plans under execution noise (`billiards_env.players.planner`): "planner:100ms", "planner:1s";
-* a level of the planner, whose strokes have errors (`billiards_env.players.levels`): "planner:club";
+* a level of the planner, whose strokes are noisy (`billiards_env.players.levels`): "planner:club";
 * a name among the makers that the caller passes, such as "policy" in the window;
 * the name of an entry point in the group `billiards_env.players` of an installed package; it loads a maker;
 * "module:function", any other maker.

@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import flag, numbers, short, whole
-from billiards_env.engine.frozen_strike import strike_frozen
-from billiards_env.engine.log import NO_LOG, empty_log
-from billiards_env.engine.modes import (
+from billiards_env.checks import flag, integer, numbers, short
+from billiards_env.engine.compile import (
     MAX_EVENTS,
     PIC,
     Engine,
@@ -24,6 +22,8 @@ from billiards_env.engine.modes import (
     varied_fields,
     varied_shot,
 )
+from billiards_env.engine.frozen_strike import strike_frozen
+from billiards_env.engine.log import NO_LOG, empty_log
 from billiards_env.engine.shot_input import ShotInput, check_shot, check_varied
 from billiards_env.engine.shots import STATUS, Shots, empty_shots
 from billiards_env.engine.threads import parallel_for
@@ -86,7 +86,7 @@ def simulate(
     """
     check_scene(scene)
     engine = checked_engine(mode, dt, fix)
-    whole("max_events", max_events, "max_events")
+    integer("max_events", max_events, "max_events")
     flag("record", record)
     positions = numbers("positions", positions)
     if positions.ndim != 2:
@@ -345,14 +345,14 @@ def simulate_batch(
         [1, 1, -1]
     """
     check_scene(scene)
-    whole("max_events", max_events, "max_events")
+    integer("max_events", max_events, "max_events")
     if flag("record", record) and mode != "pic":
         raise ValueError(f"record = True with mode = {mode!r}: expected mode='pic', the derivatives of a batch need it")
     positions = numbers("positions", positions)
     if positions.ndim != 3:
         raise ValueError(f"positions has shape {positions.shape}: expected (m, {scene.n_balls}, 2)")
     if threads is not None:
-        whole("threads", threads, "threads")
+        integer("threads", threads, "threads")
     m = len(positions)
     engine, varied = check_varied(scene, physics, mode, dt, fix, m)
     shots = empty_shots(m, scene.n_balls)
