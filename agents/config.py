@@ -66,7 +66,7 @@ class Config:
     timesteps: int
     task: str | None = None
     env: dict[str, Any] = dataclasses.field(default_factory=dict)
-    noise: dict[str, float] | None = None
+    noise: dict[str, Any] | None = None
     start_from: str | None = None
     n_envs: int = 4096
     seed: int = 0

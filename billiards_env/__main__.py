@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 COMMANDS = {
-    "agents.train": "train a policy with a configuration, for example configs/ppo/pot.yaml",
+    "agents.train": "train a policy, for example with the row pot of configs/learning.yaml",
     "agents.evaluate": "measure a trained policy on new layouts, next to a random policy",
     "agents.rllib": "train PPO with RLlib, on one machine or on a cluster",
     "studies.recipes": "train all recipes with several seeds",

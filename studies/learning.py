@@ -177,23 +177,31 @@ def blocks(found: Result) -> dict[str, str]:
 
 def _solved(found: Result, others: Mapping[str, Mapping[str, float]]) -> str:
     """Returns the table "solved and open": the best policy of each task beside the best player without training."""
-    best: dict[str, tuple[float, Result]] = {}
-    usual = {}
+    usual: dict[str, str] = {}
+    best: dict[str, tuple[float, str]] = {}
     for _, task, result in policies(found):
         mean = float(np.mean(mean_rates(result, task)))
         if result["config"]["policy"]["head"] == "gaussian":
             usual[task] = f"{mean:.1%}"
-        elif task not in best or best[task][0] < mean:
-            best[task] = mean, result
+        else:
+            text = f"{mean:.1%} ({result['config']['timesteps'] / 1e6:g} M)"
+            best[task] = max(best.get(task, (0.0, "")), (mean, text))
     lines = []
-    for task, (mean, result) in sorted(best.items(), key=lambda item: list(FROZEN).index(item[0])):
-        known = others[task]
-        rival = max((name for name in known if name != "random"), key=lambda name: known[name])
-        shots = f"{mean:.1%} ({result['config']['timesteps'] / 1e6:g} M)"
-        cells = (f"{known['random']:.1%}", usual.get(task, ""), shots, f"{known[rival]:.1%} (`{rival}`)")
-        lines.append((f"`{task.removesuffix('-v0')}`", *cells))
-    head = ("task", "random", '`PPO("MlpPolicy")`', "`AimPolicy` (shots)", "planner or search")
+    for task, known in others.items():
+        noisy = task.replace("-v0", "Noise-v0")
+        if task in best and noisy in FROZEN:
+            cells = (f"{known['random']:.1%}", usual.get(task, ""), best[task][1], _rival(known))
+            noise = f"{best[noisy][0]:.1%}" if noisy in best else ""
+            lines.append((f"`{task.removesuffix('-v0')}`", *cells, noise, _rival(others[noisy])))
+    ours, theirs = "`AimPolicy`", "planner or search"
+    head = ("task", "random", '`PPO("MlpPolicy")`', f"{ours} (shots)", theirs, f"{ours}, noise", f"{theirs}, noise")
     return table(head, lines)
+
+
+def _rival(known: Mapping[str, float]) -> str:
+    """Returns the success and the name of the best player without training, but not of random shots."""
+    name = max((name for name in known if name != "random"), key=lambda name: known[name])
+    return f"{known[name]:.1%} (`{name}`)"
 
 
 def draw(found: Result, path: Path) -> None:
@@ -204,7 +212,7 @@ def draw(found: Result, path: Path) -> None:
     for k, (name, result) in enumerate((name, row) for name, row in found["rows"].items() if row["runs"]):
         curves = np.array([[point[3] for point in run["curve"]] for run in runs(result)])
         steps = np.array([point[0] for point in runs(result)[0]["curve"]]) / 1e6
-        style = {"color": f"C{k % 10}", "linestyle": "-" if k < 10 else "--"}
+        style: dict[str, Any] = {"color": f"C{k % 10}", "linestyle": "-" if k < 10 else "--"}
         axes.plot(steps, 100 * curves.mean(0), linewidth=2, label=name, **style)
         axes.plot(steps, 100 * curves.T, linewidth=0.5, alpha=0.6, **style)
     axes.set(xlabel="million shots", ylabel="success on new layouts (%)", ylim=(0, 102), xlim=(0, 2))

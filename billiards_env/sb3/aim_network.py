@@ -105,7 +105,7 @@ class AimNetwork(nn.Module):
         points: The number of points to aim at next to each object ball.
         speeds: Borders of the ranges of mean speeds, over the largest speed. Each point has a component in each range.
         hidden: Units of each hidden layer of the choice; the other networks have half as many.
-        aim: Whether the points depend on the position of their "ball" and the goal, or on the whole "layout".
+        aim: Whether the points depend on the position of their "ball", or on the whole "layout".
         goals: The number of goals in an observation, after the balls.
         legal: Whether an observation then has a flag for each object ball. Only the components of legal balls
             then have weight.
@@ -149,7 +149,7 @@ class AimNetwork(nn.Module):
         self.register_buffer("faster", borders.diff().repeat_interleave(points))
         self.register_buffer("std", torch.ones(3))
         self.first_points = nn.Parameter(self.CIRCLE * torch.stack((angles.cos(), angles.sin())))
-        self.points = _Layers(2 + 2 * goals if aim == "ball" else inputs, half, 2 * points, 0.02)
+        self.points = _Layers(2 if aim == "ball" else inputs, half, 2 * points, 0.02)
         self.choice = _Layers(inputs, hidden, (2 + self.numbers) * points * self.ranges, 0.02)
         self.critic = _Layers(inputs, half, 1)
         self.turn = nn.Parameter(torch.zeros(()))
@@ -179,7 +179,7 @@ class AimNetwork(nn.Module):
         features = torch.cat((cue_ball, ball, way, distance, 1 / (distance + 0.1), goals, rest), 1)
         on_table = ball[:, 1] != 1  # of a potted ball this number is 1
         chosen, judged, aimed = self._other_balls(tables, flags, way, on_table) if n > 1 else (None, None, None)
-        offset = self.points(torch.cat((ball, goals), 1)) if self.aim == "ball" else self.points(features, aimed)
+        offset = self.points(ball) if self.aim == "ball" else self.points(features, aimed)
         dx, dy = (to_ball[:, :, None] + (self.first_points + self.CIRCLE * offset.unflatten(1, (2, -1)))).unbind(1)
         inverse = torch.rsqrt(dx * dx + dy * dy + 1e-9)
         dx, dy = dx * inverse * signs[:, :1], dy * inverse * signs[:, 1:]

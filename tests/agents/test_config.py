@@ -1,5 +1,6 @@
 import dataclasses
 import inspect
+from typing import Any
 
 import pytest
 from stable_baselines3.common.policies import ActorCriticPolicy
@@ -81,6 +82,5 @@ def test_a_file_without_settings_is_refused(tmp_path, content, message):
 
 def test_the_noise_is_that_of_the_configuration():
     noise = {"angle_std": 1.0, "offset_std": 0.002}
-    env = make_env(Config(timesteps=0, noise=noise))
-    assert env.spec is not None
-    assert env.spec.additional_wrappers[-1].kwargs.items() >= noise.items()
+    spec: Any = make_env(Config(timesteps=0, noise=noise)).spec
+    assert spec.additional_wrappers[-1].kwargs.items() >= noise.items()
