@@ -35,7 +35,7 @@ COMMANDS = {
     "agents.train": "train a policy, for example with the row pot of configs/learning.yaml",
     "agents.evaluate": "measure a trained policy on new layouts, next to a random policy",
     "agents.rllib": "train PPO with RLlib, on one machine or on a cluster",
-    "studies.recipes": "train all recipes with several seeds",
+    "studies.learning": "train the rows of configs/learning.yaml with several seeds, and measure them",
     "studies.timestep": "train policies with several timesteps and compare them",
     "benchmarks.speed": "measure shots per second",
     "benchmarks.gradients": "measure the cost of derivatives",

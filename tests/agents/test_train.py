@@ -48,8 +48,8 @@ def command(tiny, tmp_path):
 def test_a_run_folder_has_settings_versions_logs_checkpoints_and_model(trained, tiny):
     assert load(trained / "config.yaml") == Config.from_dict(tiny())
     assert "torch" in json.loads((trained / "versions.json").read_text())
-    files = {path.name for path in trained.iterdir() if path.name != ".lock"}
-    assert files == {"config.yaml", *module._FILES, *module._FOLDERS} - {"evaluation.json"}
+    files = {path.name for path in trained.iterdir()} - {".lock", "evaluation.json"}
+    assert files | {"evaluation.json"} == {"config.yaml", *module._FILES, *module._FOLDERS}
     assert [path.name for path in (trained / "checkpoints").iterdir()] == ["000000256.zip"]
     model = PPO.load(trained / "model.zip", device="cpu")
     assert model.num_timesteps == 512

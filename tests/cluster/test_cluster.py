@@ -94,7 +94,7 @@ def test_a_killed_command_resumes_and_ends_with_the_same_weights(cluster, finish
     command = [sys.executable, "-m", "agents.rllib", str(settings), "--run-dir", str(folder)]
     command += ["--address", cluster.address]
     first = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 600
     while newest_checkpoint(folder) is None and time.monotonic() < deadline and first.poll() is None:
         time.sleep(0.02)
     first.kill()
