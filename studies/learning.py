@@ -23,7 +23,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from agents.config import LEARNING, Config, load, read, rows
+from agents.config import LEARNING, load, read, rows
 from agents.ppo import deterministic, load_policy
 from agents.train import learning_curve, open_run, train, versions
 from benchmarks import IMAGES, machine, machine_line, save, table, use_own_font
@@ -44,26 +44,23 @@ PLAYERS = ("random", "search:200", "planner:300")
 Result = Mapping[str, Any]
 
 
-def run_row(name: str, seed: int, folder: Path, episodes: int) -> dict[str, Any]:
+def run_row(name: str, seed: int, folder: Path, episodes: int) -> tuple[dict[str, Any], dict[str, bytes]]:
     """Trains a row with a seed, unless the folder holds the finished run, and plays its tasks.
 
     Returns:
-        `curve`, the learning curve (a list of `agents.train.Point`), and `tasks`: the results of `play` by task.
+        `curve`, the learning curve (a list of `agents.train.Point`), and `tasks`: the results of `play` by task. Then
+        the files of the policy, because another machine may train it.
     """
-    open_run(load(name, seed=seed), folder)
-    train(load(name, seed=seed), folder)
-    found = {}
+    config, found = load(name, seed=seed), {}
+    open_run(config, folder)
+    train(config, folder)
     for task in rows()[name]["plays"]:
         envs = gym.make_vec(NAMESPACE + task, num_envs=episodes, autoreset_mode="SameStep")
-        policy = load_policy(folder, task_of(envs))[1]
+        policy = load_policy(folder, FROZEN[task].arguments)[1]
         found[task] = play_together(envs, deterministic(policy), evaluation_seeds(seed, episodes).tolist())
         envs.close()
-    return {"curve": [list(point) for point in learning_curve(folder)], "tasks": found}
-
-
-def task_of(envs: Any) -> dict[str, Any]:
-    """Returns the arguments of `Billiards-v0` of the vector environment of a frozen task."""
-    return {name: value for name, value in envs.spec.kwargs.items() if name in Config(timesteps=0).env}
+    files = {file: (folder / file).read_bytes() for file in ("config.yaml", "policy.pt")}
+    return {"curve": [list(point) for point in learning_curve(folder)], "tasks": found}, files
 
 
 class Places(NamedTuple):
@@ -108,18 +105,17 @@ def measure(where: Places, folder: Path, jobs: int, address: str | None) -> dict
         }
         for done in as_completed(waits):
             seed, name = waits[done]
-            known = {**found["rows"][name]["runs"], str(seed): done.result()}
-            found["rows"][name]["runs"] = dict(sorted(known.items()))
+            result, files = done.result()
+            found["rows"][name]["runs"] = dict(sorted({**found["rows"][name]["runs"], str(seed): result}.items()))
             write_json(where.results, found)
-            if seed == seeds[0]:
-                for file in ("config.yaml", "policy.pt"):
-                    write_whole(where.policies / name / file, (folder / name / f"seed{seed}" / file).read_bytes())
+            for file, content in files.items() if seed == seeds[0] else ():
+                write_whole(where.policies / name / file, content)
             bar.update()
     return found
 
 
 def mean_rates(result: Result, task: str) -> list[float]:
-    """Returns the success of each seed of a row in a task; in the task of several equal shots, their share."""
+    """Returns the success of each seed of a row in a task, as `share_of`."""
     return [
         share_of(task, run["tasks"][task]["success_rate"], run["tasks"][task]["mean_score"]) for run in runs(result)
     ]
