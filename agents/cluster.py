@@ -7,7 +7,6 @@ Every node needs the same clone of the repository at the same path, and the same
 from __future__ import annotations
 
 import importlib.util
-import logging
 import os
 import reprlib
 from collections.abc import Callable
@@ -23,9 +22,6 @@ RETRIES = 3
 """The number of times that a failed task is repeated."""
 
 STORE = 512 * 2**20  # bytes of shared memory for the objects of a machine without a cluster
-
-_SHORT = reprlib.Repr()  # of arguments in messages
-_SHORT.maxstring = _SHORT.maxother = 100
 
 T = TypeVar("T")
 
@@ -47,7 +43,6 @@ def connect(address: str | None, cpus: int | None = None) -> None:
 
     if ray.is_initialized():
         return
-    logging.getLogger("ray").setLevel(logging.ERROR)
     # The workers of other nodes find the packages of the clone.
     paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
     shared: dict[str, Any] = {
@@ -74,24 +69,11 @@ class RayExecutor(Executor):
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         """Returns the future result of a call.
 
-        A call is repeated up to `RETRIES` times if it raises an exception or if its process or node ends. After that
-        `Future.result` raises a RuntimeError that names the call.
+        A call is repeated up to `RETRIES` times if it raises an exception or if its process or node ends. The error
+        after that is one of Ray, which names the call.
         """
         import ray  # pyright: ignore[reportMissingImports]
 
-        name = f"{fn.__module__}.{fn.__qualname__}({', '.join(map(_SHORT.repr, args))})"
-        named = Future[T]()
+        name = f"{fn.__module__}.{fn.__qualname__}({', '.join(map(reprlib.repr, args))})"
         task = ray.remote(num_cpus=1, max_retries=RETRIES, retry_exceptions=True, name=name)(fn)
-
-        def finish(future: Future[T]) -> None:
-            try:
-                result = future.result()
-            except Exception as error:
-                failure = RuntimeError(f"{name} failed {RETRIES + 1} times on the cluster: {error}")
-                failure.__cause__ = error
-                named.set_exception(failure)
-            else:
-                named.set_result(result)
-
-        task.remote(*args, **kwargs).future().add_done_callback(finish)
-        return named
+        return task.remote(*args, **kwargs).future()

@@ -21,7 +21,8 @@ import numpy as np
 from agents.cluster import connect
 from agents.config import Config, load
 from agents.ppo import make_policy
-from agents.train import LearningCurve, locked, newest_checkpoint, open_run, start_from
+from agents.rllib.rollouts import as_tensors
+from agents.train import LearningCurve, locked, newest_checkpoint, one_fast_thread, open_run
 from billiards_env.checks import number
 from billiards_env.sb3.weights import save_policy
 
@@ -36,7 +37,6 @@ def train(config: Config, run_dir: Path, runners: int = 1) -> None:
 
     Raises:
         OSError: If another process trains in the folder.
-        RuntimeError: If no runner works.
         ValueError: As in `algorithm_config`.
     """
     from agents.rllib.algorithm import ArrayPPO, algorithm_config  # imports Ray
@@ -45,21 +45,17 @@ def train(config: Config, run_dir: Path, runners: int = 1) -> None:
         print(f"{run_dir} is trained already ({config.timesteps:,} shots); --fresh starts again")
         return
     policy, successes = make_policy(config), deque[bool](maxlen=1000)
-    with locked(run_dir):
+    with locked(run_dir), one_fast_thread():
         algorithm: ArrayPPO = algorithm_config(config, runners).build_algo()
         try:
             if (checkpoint := newest_checkpoint(run_dir)) is not None:
                 algorithm.restore_from_path(str(checkpoint.resolve()))
-            elif config.start_from is not None:
-                start_from(policy, config.start_from)
-                state = {f"policy.{name}": tensor.numpy() for name, tensor in policy.state_dict().items()}
-                algorithm.learner_group.set_weights({"default_policy": state})
             print(f"{run_dir}: {algorithm.steps:,} of {config.timesteps:,} shots")
             with closing(LearningCurve(config, run_dir, algorithm.steps, time.perf_counter)) as curve:
                 while True:
                     steps = algorithm.steps
                     if algorithm.seed_next or steps >= config.timesteps:
-                        policy.load_state_dict(algorithm.policy_state())
+                        policy.load_state_dict(as_tensors(algorithm.learner_group.get_weights()["default_policy"]))
                         curve.measure(policy, steps, float(np.mean(successes or [0.0])))
                     if steps >= config.timesteps:
                         break
@@ -83,8 +79,7 @@ def _save(algorithm: object, folder: Path) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m agents.rllib --help`."""
-    description = "Train PPO on Billiards-v0 with RLlib, on one machine or a cluster."
-    parser = argparse.ArgumentParser(prog="python -m agents.rllib", description=description)
+    parser = argparse.ArgumentParser(prog="python -m agents.rllib", description="Train PPO with RLlib and Ray.")
     parser.add_argument("config", help="row of configs/learning.yaml, such as pot, or a YAML file")
     parser.add_argument("--address", help='address of a Ray cluster, e.g. "auto" (default: this machine only)')
     parser.add_argument("--run-dir", type=Path, help="folder of the run (default: runs/rllib/NAME)")

@@ -4,14 +4,11 @@
 
 from __future__ import annotations
 
-import time
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-import ray
 import torch
 from ray.rllib.algorithms.ppo import PPO, PPOConfig
-from ray.rllib.algorithms.ppo.torch.ppo_torch_learner import PPOTorchLearner
 from ray.rllib.core import DEFAULT_MODULE_ID
 from ray.rllib.core.columns import Columns
 from ray.rllib.core.rl_module.apis import ValueFunctionAPI
@@ -29,9 +26,6 @@ from agents.config import ENV_ID, Config
 from agents.ppo import make_env, make_policy, training_seed
 from agents.rllib.rollouts import Rollouts, as_tensors
 from billiards_env.sb3.aim_policy import AimPolicy, by_value
-
-PATIENCE = 600.0
-"""Seconds without any runner after which a training ends with an error."""
 
 _STEPS = (ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME)
 
@@ -63,14 +57,14 @@ class AimModule(TorchRLModule, ValueFunctionAPI):
         return _Distribution(self.policy)
 
 
-class _Distribution:
+class _Distribution(NamedTuple):
     """The distribution of a policy with the names of RLlib's methods. `outputs` are the mixtures and the values."""
 
-    def __init__(self, policy: AimPolicy, outputs: Any = None) -> None:
-        self.policy, self.outputs = policy, outputs
+    policy: AimPolicy
+    outputs: Any = None
 
     def from_logits(self, outputs: Any) -> _Distribution:
-        return _Distribution(self.policy, outputs)
+        return self._replace(outputs=outputs)
 
     def logp(self, actions: Tensor) -> Tensor:
         mixtures, values = self.outputs
@@ -78,18 +72,6 @@ class _Distribution:
 
     def entropy(self) -> Tensor:
         return self.policy.entropy_factor * self.outputs[0].entropy()
-
-
-class Learner(PPOTorchLearner):
-    """RLlib's PPO with the optimizer of `AimPolicy`."""
-
-    def configure_optimizers_for_module(self, module_id: str, config: Any = None) -> None:
-        """Makes Adam for the parameters."""
-        torch.set_num_threads(1)
-        torch.set_flush_denormal(True)
-        params = self.get_parameters(self._module[module_id])
-        optimizer = torch.optim.Adam(params, eps=1e-5, fused=True)
-        self.register_optimizer(module_id=module_id, optimizer=optimizer, params=params, lr_or_lr_schedule=config.lr)
 
 
 class ArrayRunner(EnvRunner, Checkpointable):
@@ -205,16 +187,11 @@ class ArrayPPO(PPO):
         parts: list[tuple[int, dict[str, Any], list[bool]]] = []
         if not self.config.num_env_runners:
             parts.append(self.env_runner.sample(weights=weights, steps=steps, seed=seed))
-        stored, deadline = ray.put(weights), time.monotonic() + PATIENCE
         while (have := sum(len(part[1]["advantages"]) for part in parts)) < wanted:
             found = self.env_runner_group.foreach_env_runner(
-                "sample", kwargs={"weights": stored, "steps": steps + have, "seed": seed}, local_env_runner=False
+                "sample", kwargs={"weights": weights, "steps": steps + have, "seed": seed}, local_env_runner=False
             )
             parts += sorted(found, key=lambda part: part[0])
-            if found:
-                deadline = time.monotonic() + PATIENCE
-            elif time.monotonic() > deadline:
-                raise RuntimeError(f"none of the {self.config.num_env_runners} runners has worked for {PATIENCE:.0f} s")
             seed = False
             self.restore_env_runners(self.env_runner_group)
         self.successes = tuple(success for part in parts for success in part[2])
@@ -223,10 +200,6 @@ class ArrayPPO(PPO):
     def restore_env_runners(self, env_runner_group: Any) -> list[int]:
         """Uses the replaced runners again and returns their indices. They need no state, see `ArrayRunner.sample`."""
         return env_runner_group.probe_unhealthy_env_runners()
-
-    def policy_state(self) -> dict[str, Tensor]:
-        """Returns the weights of the policy in the learners."""
-        return as_tensors(self.learner_group.get_weights()[DEFAULT_MODULE_ID])
 
 
 def settings_of(config: Any) -> Config:
@@ -245,8 +218,8 @@ def algorithm_config(config: Config, runners: int) -> PPOConfig:
         ValueError: If the environments cannot be shared, or the policy is not `AimPolicy`.
     """
     ppo, players = config.ppo, max(runners, 1)
-    if config.policy["head"] != "aim":
-        raise ValueError(f"policy.head = {config.policy['head']!r}: expected 'aim' with RLlib")
+    if (given := (config.policy["head"], config.start_from)) != ("aim", None):
+        raise ValueError(f"policy.head, start_from = {given}: expected 'aim' and None with RLlib")
     if config.n_envs % players:
         raise ValueError(f"runners = {runners}: expected a divisor of n_envs = {config.n_envs}")
     env = make_env(config)
@@ -258,12 +231,10 @@ def algorithm_config(config: Config, runners: int) -> PPOConfig:
             env_runner_cls=ArrayRunner,
             num_env_runners=runners,
             num_envs_per_env_runner=config.n_envs // players,
-            gym_env_vectorize_mode="vector_entry_point",
             rollout_fragment_length=ppo["n_steps"],
             merge_env_runner_states=False,
             broadcast_env_runner_states=False,
         )
-        .learners(learner_class=Learner)
         .rl_module(rl_module_spec=RLModuleSpec(module_class=AimModule, model_config={"config": config.to_dict()}))
         .training(
             lr=[[0, first], [max(config.timesteps, 1), last]],
@@ -279,9 +250,5 @@ def algorithm_config(config: Config, runners: int) -> PPOConfig:
             grad_clip_by="global_norm",
         )
         .debugging(seed=config.seed, log_level="ERROR")
-        .fault_tolerance(
-            restart_failed_env_runners=True,
-            delay_between_env_runner_restarts_s=1.0,
-            env_runner_health_probe_timeout_s=0.5,
-        )
+        .fault_tolerance(delay_between_env_runner_restarts_s=1.0, env_runner_health_probe_timeout_s=0.5)
     )

@@ -8,11 +8,15 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from stable_baselines3.common.buffers import RolloutBuffer
 from torch import Tensor
 
 from agents.config import Config
 from agents.ppo import make_model, make_vec_env, restart, training_seed
+
+COLUMNS = dict(
+    obs="observations", actions="actions", action_logp="log_probs", advantages="advantages", value_targets="returns"
+)
+"""The arrays of an update by their names in RLlib, and their names in Stable-Baselines3."""
 
 
 class Rollouts:
@@ -47,21 +51,14 @@ class Rollouts:
         """Plays the steps of an update with the weights of a policy.
 
         Returns:
-            The arrays of an update, one row for each step, and the success of each episode that ended. The arrays are
-            "obs", "actions", "action_logp", "advantages" and "value_targets".
+            The arrays of `COLUMNS`, one row for each step, and the success of each episode that ended.
         """
-        model = self.model
-        assert model.env is not None
-        assert isinstance(model.rollout_buffer, RolloutBuffer)
-        assert model.ep_success_buffer is not None
+        model: Any = self.model
         model.policy.load_state_dict(weights)
         model.ep_success_buffer.clear()
         model.collect_rollouts(model.env, self._callback, model.rollout_buffer, model.n_steps)
-        names = {"obs": "observations", "actions": "actions", "action_logp": "log_probs", "value_targets": "returns"}
-        names["advantages"] = "advantages"
-        arrays = {name: getattr(model.rollout_buffer, of_buffer) for name, of_buffer in names.items()}
-        flat = {name: np.concatenate(array) for name, array in arrays.items()}
-        return flat, list(model.ep_success_buffer)
+        columns = {name: getattr(model.rollout_buffer, column) for name, column in COLUMNS.items()}
+        return {name: np.concatenate(column) for name, column in columns.items()}, list(model.ep_success_buffer)
 
 
 def as_tensors(weights: dict[str, NDArray[Any]]) -> dict[str, Tensor]:

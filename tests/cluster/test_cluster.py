@@ -112,7 +112,7 @@ def test_one_process_trains_with_the_schedules_of_the_policy(cluster, tmp_path):
     assert weights(folder)["net.std"][0].item() == pytest.approx(0.4 * 0.25**0.125)  # before the second of two updates
     with pytest.raises(ValueError, match="runners = 2: expected a divisor"):
         trained(tmp_path / "odd", n_envs=63)
-    with pytest.raises(ValueError, match="expected 'aim'"):
+    with pytest.raises(ValueError, match="expected 'aim' and None"):
         trained(tmp_path / "usual", policy={"head": "gaussian"})
 
 
@@ -147,4 +147,4 @@ def test_failed_tasks_are_repeated_and_one_that_always_fails_is_named(cluster, t
         assert pool.submit(fails_at_first, tmp_path / "b", 1, killed=True).result() == 1
         failed = pool.submit(fails_at_first, tmp_path / "c", 100).exception()
     assert "fails_at_first(" in str(failed)
-    assert f"failed {RETRIES + 1} times" in str(failed)
+    assert len(list((tmp_path / "c").iterdir())) == RETRIES + 1
