@@ -94,7 +94,7 @@ def play(
         seeds: The seeds of the layouts, of the noise and of the player.
         name: The name of the player in the file; None for `player`.
         progress: A function that is called with the task and the number of finished episodes.
-        noise_seed: The seed of the noise in the tasks with noise; None for that of the layouts.
+        noise_seed: The seed of the noise in the tasks with noise; None for the seed of the layouts.
 
     Raises:
         ValueError: If a task or a player is unknown, a name has characters other than letters, digits and ".:/+ -_",
@@ -147,7 +147,7 @@ def replay(
         seed: The seed of the layouts.
         shots: (m,) number of shots of each episode, at least 1.
         actions: (sum of shots, 2) or (sum of shots, 5), finite.
-        noise_seed: The seed of the noise of a task with noise; None for that of the layouts.
+        noise_seed: The seed of the noise of a task with noise; None for the seed of the layouts.
 
     Raises:
         ValueError: If an episode has too few or too many actions.
@@ -253,7 +253,7 @@ def verify(path: str | os.PathLike[str]) -> Bench:
 
 
 def load(path: str | os.PathLike[str]) -> Bench:
-    """Reads a file and checks its form, but not its outcomes. The errors are those of `verify`."""
+    """Reads a file and checks its form, but not its outcomes. Raises the errors of `verify`."""
     return records.read(path, from_json, _WHAT)
 
 

@@ -272,7 +272,7 @@ def times(layouts: int = 40) -> dict[str, float]:
 
 
 _HEADS = {
-    "run-outs": ("racks", "run-outs", "turn kept after the break", "won on the break", "strokes", "expected success"),
+    "run-outs": ("racks", "run-outs", "table kept after the break", "won on the break", "strokes", "expected success"),
     "matches": ("racks", "racks won by the planner", "strokes"),
     "one ball": ("shots", "pots"),
     "levels": ("racks", "racks won against the level below", "strokes"),

@@ -258,7 +258,7 @@ def blocks(found: dict[str, Any]) -> dict[str, str]:
         )
         for cell in found["cells"]
     ]
-    head = ("game", "scene", "noise", "positions", "run-outs", "loss of the mean", "loss of the network")
+    head = ("game", "scene", "noise", "positions", "run-outs", "baseline loss", "network loss")
     return {"machine": machine_line(found["machine"]), "table": table(head, rows, left=3)}
 
 

@@ -65,7 +65,7 @@ def measure(output: Path) -> dict[str, Any]:
 
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
-    """Returns a table of all tasks, and one of the player "random" in those without noise."""
+    """Returns a table of all tasks, one of the player "random" in those without noise, and the one of the README."""
     rows, chance = [], []
     for name, task in FROZEN.items():
         known, policy = found.get(name, {}).get("players", {}), learned(name)

@@ -7,7 +7,7 @@ as one problem; and it reflects balls that are beyond a cushion and do not come 
 cushions is reflected at both together. The engine computes impulses by the impact laws, for the positions at the
 multiple of dt. It misses a contact that begins and ends within a step.
 
-The test is that of Warkari and Jamsandekar, "Evaluation of Collision Handling Techniques in 2D collisions".
+The test follows Warkari and Jamsandekar, "Evaluation of Collision Handling Techniques in 2D collisions".
 `engine.overlaps` has the ways in which the overlaps are "fixed".
 """
 

@@ -176,7 +176,7 @@ def check_shot(
         in_play: As in `simulate`.
         max_time: As in `simulate`.
         into: The `Shots` to write a batch to; None for new arrays.
-        threads: Number of threads that check a batch; None for that of `set_num_threads`.
+        threads: Number of threads that check a batch; None for the number of `set_num_threads`.
 
     Raises:
         ValueError: As in `simulate`; the message names the shot of a batch.

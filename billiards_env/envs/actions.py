@@ -34,7 +34,7 @@ ACTIONS = {"velocity": 2, "strike": 5}
 
 # Columns of an action, after X and Y.
 SIDE, TOP, ELEVATION = 2, 3, 4
-# The first two columns of the noise of `perturb`; the others are those of the action.
+# The first two columns of the noise of `perturb`; the others belong to the numbers of the action.
 TURN, SPEED = 0, 1
 
 

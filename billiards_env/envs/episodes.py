@@ -41,7 +41,7 @@ class Episodes:
     Attributes:
         env: The environment with the arguments of the episodes.
         shots: The balls and, after `shoot`, the outcomes of the shots (see `engine.Shots`).
-        balls: The balls before and after the last shots. They are those of `shots`.
+        balls: The balls before and after the last shots. They are part of `shots`.
         arrays: The state of the episodes. Its balls are those of `balls`.
         plan: The layout at the start of an episode.
         goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has
@@ -94,7 +94,7 @@ class Episodes:
             half_width=scene.half_extents[1],
             observe_shots_left=env.observe_shots_left,
         )
-        # The arguments of the entry points. The arrays are those of the attributes above, also after a deep copy.
+        # The arguments of the entry points. These tuples hold the arrays above, also after a deep copy.
         self._numbers, self._arrays = tuple(numbers), tuple(self.arrays)
         self._shots, self._balls = tuple(shots), tuple(self.balls)
         self.physics = {name: np.full(count, low) for name, (low, _) in env.randomize.items()}

@@ -89,11 +89,11 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     | `autoreset_mode` | str or AutoresetMode | `"SameStep"` | what happens after the end of an episode             |
     | `threads`        | int or None          | `None`       | threads; None for the number of `set_num_threads`    |
 
-    All other arguments are those of `BilliardsEnv` and apply to every environment.
+    All other arguments are as in `BilliardsEnv` and apply to every environment.
 
     ## Rendering
 
-    The render modes are those of `BilliardsEnv`. `render()` returns a tuple with one item for each environment: the
+    The render modes are as in `BilliardsEnv`. `render()` returns a tuple with one item for each environment: the
     result of `BilliardsEnv.render()`. Gymnasium's wrappers `gymnasium.wrappers.vector.RecordVideo` and `HumanRendering`
     combine the frames of the mode `"rgb_array"`. In the mode `"human"` a window shows the first four environments side
     by side.

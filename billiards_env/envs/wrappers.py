@@ -105,12 +105,12 @@ class ExecutionNoise(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     """Adds Gaussian noise to each shot, as an inaccurate player does.
 
     The noise is added to the direction and the speed and, with `action="strike"`, also to the offsets of the tip and
-    the elevation. The defaults are those of the pool tournaments at the Computer Olympiad (Smith 2007, PickPocket: A
+    the elevation. The defaults come from the pool tournaments at the Computer Olympiad (Smith 2007, PickPocket: A
     computer billiards shark). The speed stays between 0 and `max_speed`. A shot of speed 0 stays at speed 0. An action
     is clipped before the noise is added, so an action outside of the action space has the noise of its clipped shot.
 
     `reset(seed=...)` also seeds the noise. The noise has a separate random stream, so it does not change the layouts.
-    Whoever has the seed can compute the noise beforehand, unless `noise_seed` is secret.
+    Anyone who has the seed can compute the noise beforehand, unless `noise_seed` is secret.
 
     Args:
         env: A `BilliardsEnv`, wrapped or not.
@@ -217,7 +217,7 @@ class VectorExecutionNoise(VectorWrapper):
 
 
 def noisy_env(noise_seed: int | None = None, **arguments: Any) -> ExecutionNoise:
-    """Returns the environment of a frozen task with noise. The other arguments are those of `BilliardsEnv`."""
+    """Returns the environment of a frozen task with noise. The other arguments are as in `BilliardsEnv`."""
     return ExecutionNoise(BilliardsEnv(**arguments), **NOISE, noise_seed=noise_seed)
 
 

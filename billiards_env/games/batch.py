@@ -81,7 +81,7 @@ def play_batch(
         game: As there.
         velocities: As there.
         spins: As there.
-        places: (m, 2) free places of the cue ball, m; None for that of `game`.
+        places: (m, 2) free places of the cue ball, m; None for its place in `game`.
         calls: (m, 2) the called balls and pockets, -1 for none; None for the call of `judge_batch`. They have no effect
             in a game without called shots.
         threads: As there.

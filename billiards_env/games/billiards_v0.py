@@ -157,7 +157,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     |---|---|---|---|
     | `rules` | str | `"eight_ball"` | the game |
     | `n_players` | int | `2` | number of players |
-    | `scene` | see right | `None` | a scene as in `Billiards-v0`; None for that of the game |
+    | `scene` | see right | `None` | a scene as in `Billiards-v0`; None for the game's |
     | `n_object_balls` | int or None | `None` | object balls of a named scene; None for the default of the game |
     | `target` | int or None | `None` | the score that wins, or 0; None for 0, in carom games for 10 |
     | `action` | str | `"velocity"` | `"velocity"` or `"strike"`, see Action Space |

@@ -48,7 +48,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     add("--scene", help=f"table, balls and physics: {', '.join(SCENES)} (default: real_pool, snooker or carom)")
     add("--balls", type=int, help="number of object balls, for straight (default: 15)")
-    add("--layout", help=f"starting positions: {', '.join(layouts_of_games)} (default: those of the game)")
+    add("--layout", help=f"starting positions: {', '.join(layouts_of_games)} (default: the game's)")
     add("--target", type=int, help="the score that wins, for straight and the carom games")
     add(
         "--call-shot",

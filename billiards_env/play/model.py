@@ -92,7 +92,7 @@ class Model:
         max_speed: Speed of the fastest shot, m/s.
         ghost_dt: The timestep of PIT for the ghost, s. If the game itself uses PIT, the ghost uses PIC.
         opening: The state before the first stroke.
-        choices: Whether a person may make the choices of the game other than a shot, `RuleState.choices`.
+        choices: Whether people are offered choices other than a shot, such as to pass, `RuleState.choices`.
         turns: The strokes up to now.
         undone: The strokes that were undone, the next one first.
         phase: One of the phases in the module's docstring.

@@ -433,10 +433,10 @@ def _margins(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
 
 
 def _margin_rows(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
-    """Returns the same of the margins of the pots and touches that are missed."""
-    found, by = _margins(problem, batch)
-    missed = (found < _CLEAR) & np.isfinite(found)
-    return np.where(missed[..., None], by, 0.0), np.where(missed, found - _CLEAR, 0.0)
+    """Like `_leave_rows`, for the margins of missed pots and touches."""
+    margins, by = _margins(problem, batch)
+    missed = (margins < _CLEAR) & np.isfinite(margins)
+    return np.where(missed[..., None], by, 0.0), np.where(missed, margins - _CLEAR, 0.0)
 
 
 def _room(problem: _Problem, tried: _Tried) -> Floats:

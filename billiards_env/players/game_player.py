@@ -63,7 +63,7 @@ def find_player(
         text: See the module's docstring.
         setup: The game to be played.
         makers: Other makers as "module:function", by name.
-        also: Names of other players that the caller knows, for the message of an error.
+        also: Names of other players, for the message of an error.
         noise: The execution noise that "search", "aim" and "planner" expect, see `strategies.search`. Without noise
             "planner" expects `planner.NOISE`.
 

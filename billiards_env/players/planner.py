@@ -47,7 +47,7 @@ _SHOTS_PER_CANDIDATE = 12  # budget over the number of first candidates
 _CHUNK, _NOISY_CHUNK = (20, 100), (25, 1000)  # least and largest number of shots between two readings of the clock
 _RATE = 100_000  # shots in a second; a slower machine leaves some candidates out
 _KEPT = 0.25  # share of the candidates after the first simulation
-_LONGER = 4.0  # budget of a break over that of another shot
+_LONGER = 4.0  # budget of a break over the budget of another shot
 _QUANTILES = np.array([NormalDist().inv_cdf((k + 0.5) / 1024) for k in range(1024)])
 
 
@@ -99,7 +99,7 @@ class Options(NamedTuple):
         run_out: Whether only the present turn counts. The value is then the probability of a run-out, or in a game that
             is won by points the expected points of the turn.
         english: Whether to try offsets of the tip, in a scene with spin.
-        values: A function that returns the values (m,) of m simulated shots; None for those of `Plan.value`.
+        values: A function that returns the values (m,) of m simulated shots; None for the usual ones, see `Plan.value`.
     """
 
     run_out: bool = False

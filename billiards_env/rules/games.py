@@ -183,7 +183,7 @@ def legal_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) -> 
 
 
 def callable_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Returns the balls that players may call; the arguments are those of `legal_balls`.
+    """Returns the balls that players may call; the arguments are as in `legal_balls`.
 
     Raises:
         ValueError: If the game is unknown or has no called shots.

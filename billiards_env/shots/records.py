@@ -89,7 +89,7 @@ class ShotRecord:
         mode: The engine.
         dt: The timestep of "pit", s; None for "pic".
         fix: As in `simulate`.
-        max_time: Time limit, s; None for that of the scene.
+        max_time: Time limit, s; None for the scene's.
         max_events: As in `simulate`.
         end: The result.
     """
@@ -108,7 +108,7 @@ class ShotRecord:
 
 
 def record_shot(scene: Scene, positions: ArrayLike, velocities: ArrayLike | Strike, **options: Any) -> ShotRecord:
-    """Simulates a shot and returns its record, for `save`. The arguments and the errors are those of `simulate`."""
+    """Simulates a shot and returns its record, for `save`. The arguments and the errors are as in `simulate`."""
     return record_of(simulate(scene, positions, velocities, record=True, **options))
 
 

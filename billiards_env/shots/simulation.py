@@ -220,7 +220,7 @@ class BatchResult:
             of: As there.
             t: A time or (m,) times, s; None for the ends of the shots.
             strike: (m, 5) or (5,) parameters of the strikes, if they are an input.
-            threads: Number of threads; None for that of `set_num_threads`.
+            threads: Number of threads; None for the number of `set_num_threads`.
 
         Raises:
             ValueError: As there, or if the batch was not recorded.
@@ -238,7 +238,7 @@ class BatchResult:
         strike: ArrayLike | None = None,
         threads: int | None = None,
     ) -> Any:
-        """Returns `ShotResult.vjp` of all shots; the arguments are those of `jvp`."""
+        """Returns `ShotResult.vjp` of all shots; the arguments are as in `jvp`."""
         from billiards_env.shots import gradients
 
         return gradients.vjp(self._record("vjp"), cotangents, by, t, strike, threads)
@@ -252,7 +252,7 @@ class BatchResult:
         strike: ArrayLike | None = None,
         threads: int | None = None,
     ) -> NDArray[np.float64]:
-        """Returns `ShotResult.jacobian` of all shots; the arguments are those of `jvp`."""
+        """Returns `ShotResult.jacobian` of all shots; the arguments are as in `jvp`."""
         from billiards_env.shots import gradients
 
         return gradients.jacobian(self._record("jacobian"), of, by, t, strike, threads)
@@ -321,14 +321,14 @@ def simulate_batch(
         dt: The timestep of "pit", s, or one for each shot, (m,); None for "pic".
         fix: As in `simulate`.
         physics: Numbers of `Physics` that differ from shot to shot, by name, such as {"mu_roll": ...}, (m,) each. They
-            replace those of the scene. `max_time` is not one of them.
+            replace the scene's. `max_time` is not one of them.
         spins: (m, n, 3) or (m, 3) angular velocities, rad/s; None for zero, or for a `Strike`.
         in_play: (m, n) or (n,) bool; by default all balls are in play.
         max_time: As in `simulate`.
         record: Whether to keep the events and trajectories, for the derivatives of the shots. Only shots by
             "pic" have derivatives.
         max_events: As in `simulate`, for each shot.
-        threads: Number of threads; None for that of `set_num_threads`.
+        threads: Number of threads; None for the number of `set_num_threads`.
 
     Returns:
         The balls at the end of each shot, and what happened.

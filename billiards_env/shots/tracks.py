@@ -52,7 +52,7 @@ class Track(NamedTuple):
 
 
 def observed(name: str, shot: ShotResult, times: ArrayLike, noise: float = 0.0, seed: int = 0) -> Track:
-    """Returns the track that a camera sees of a simulated shot.
+    """Returns the track that a camera records of a simulated shot.
 
     Args:
         name: Name of the shot.
