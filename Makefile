@@ -22,8 +22,8 @@ help:  ## show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
 
 train: $(INSTALLED)  ## train the example agent (resumes, if interrupted), compare it with others, and film it
-	$(BIN)/python -m agents.train configs/ppo/pot.yaml --run-dir runs/pot
-	$(BIN)/python -m agents.train configs/ppo/pot_mlp.yaml --run-dir runs/pot_mlp
+	$(BIN)/python -m agents.train pot
+	$(BIN)/python -m agents.train pot_mlp
 	$(BIN)/python -m agents.evaluate runs/pot --film runs/pot/film.mp4
 	$(BIN)/python -m agents.evaluate runs/pot runs/pot_mlp --players search:200 --curve runs/pot/curve.png
 
@@ -81,10 +81,8 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m release.dist
 	$(BIN)/python -m studies.readme
 
-results: $(WORKS)  ## train every recipe with several seeds (up to five hours; recipes with results are not trained again)
-	$(WORK)/python -m studies.recipes $(SPREAD)
-	$(WORK)/python -m studies.plain
-	$(WORK)/python -m studies.learn_by_gradient
+results: $(WORKS)  ## train every row of configs/learning.yaml with its seeds, and measure the players (up to five hours; what has results is not measured again)
+	$(WORK)/python -m studies.learning $(SPREAD)
 	$(WORK)/python -m studies.run_outs
 	$(WORK)/python -m studies.planner
 	$(WORK)/python -m studies.positions
@@ -95,13 +93,12 @@ results: $(WORKS)  ## train every recipe with several seeds (up to five hours; r
 study: $(WORKS)  ## train policies with several timesteps and compare them (four hours on two cores; runs with results are not trained again)
 	$(WORK)/python -m studies.timestep $(SPREAD)
 	$(WORK)/python -m studies.timestep_page
-	$(WORK)/python -m studies.gradient_timestep
-	$(WORK)/python -m studies.learn_through_timestep
+	$(WORK)/python -m studies.derivatives
 	$(WORK)/python -m studies.readme
 
 rllib: $(RLLIB)  ## install RLlib in .venv-rllib, test it on a cluster of two nodes on this machine, and train a little
 	.venv-rllib/bin/pytest -q -m cluster tests/cluster
-	.venv-rllib/bin/python -m agents.rllib configs/rllib/pot.yaml --timesteps 200_000 --run-dir runs/rllib/first --fresh
+	.venv-rllib/bin/python -m agents.rllib pot --timesteps 200_000 --run-dir runs/rllib/first --fresh
 	.venv-rllib/bin/python -m agents.evaluate runs/rllib/first
 
 figures: $(INSTALLED)  ## draw the pictures in docs/images

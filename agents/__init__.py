@@ -1,6 +1,6 @@
 """Training and evaluation of agents on `Billiards-v0`.
 
-`python -m agents.train CONFIG` trains PPO (Stable-Baselines3) and writes a run folder. `python -m agents.evaluate
+`python -m agents.train ROW` trains PPO (Stable-Baselines3) and writes a run folder. `python -m agents.evaluate
 RUN_DIR` compares the trained policy with random actions, films it or shows it in a window.
 """
 
@@ -24,4 +24,4 @@ def require(extra: str, packages: Sequence[str]) -> None:
                 sys.exit(f"error: {missing(package, extra)}")
 
 
-require("train", ("yaml", "pydantic", "rich", "stable_baselines3", "tensorboard", "torch", "tqdm", "filelock"))
+require("train", ("yaml", "stable_baselines3", "tensorboard", "torch", "tqdm", "filelock"))

@@ -7,12 +7,10 @@ Every node needs the same clone of the repository at the same path, and the same
 from __future__ import annotations
 
 import importlib.util
-import logging
 import os
 import reprlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Executor, Future
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,10 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent
 RETRIES = 3
 """The number of times that a failed task is repeated."""
 
-_STORE = 512 * 2**20  # bytes of shared memory for the objects of a machine without a cluster
-
-_SHORT = reprlib.Repr()  # of arguments in messages
-_SHORT.maxstring = _SHORT.maxother = 100
+STORE = 512 * 2**20  # bytes of shared memory for the objects of a machine without a cluster
 
 T = TypeVar("T")
 
@@ -48,7 +43,6 @@ def connect(address: str | None, cpus: int | None = None) -> None:
 
     if ray.is_initialized():
         return
-    logging.getLogger("ray").setLevel(logging.ERROR)
     # The workers of other nodes find the packages of the clone.
     paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
     shared: dict[str, Any] = {
@@ -59,30 +53,7 @@ def connect(address: str | None, cpus: int | None = None) -> None:
     if address is not None:
         ray.init(address=address, **shared)
     else:
-        ray.init(address="local", num_cpus=cpus, include_dashboard=False, object_store_memory=_STORE, **shared)
-
-
-@contextmanager
-def two_nodes() -> Iterator[Any]:
-    """Starts a cluster of two nodes with one core each on this machine and connects this process to it.
-
-    Yields:
-        The cluster, see `ray.cluster_utils.Cluster`. Its attribute `address` is the address.
-    """
-    import ray  # pyright: ignore[reportMissingImports]
-    from ray.cluster_utils import Cluster  # pyright: ignore[reportMissingImports]
-
-    logging.getLogger("ray").setLevel(logging.ERROR)
-    node = {"num_cpus": 1, "object_store_memory": _STORE}
-    cluster = Cluster(initialize_head=True, head_node_args={**node, "include_dashboard": False})
-    try:
-        cluster.add_node(**node)
-        cluster.wait_for_nodes()
-        connect(cluster.address)
-        yield cluster
-    finally:
-        ray.shutdown()
-        cluster.shutdown()
+        ray.init(address="local", num_cpus=cpus, include_dashboard=False, object_store_memory=STORE, **shared)
 
 
 class RayExecutor(Executor):
@@ -98,24 +69,11 @@ class RayExecutor(Executor):
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         """Returns the future result of a call.
 
-        A call is repeated up to `RETRIES` times if it raises an exception or if its process or node ends. After that
-        `Future.result` raises a RuntimeError that names the call.
+        A call is repeated up to `RETRIES` times if it raises an exception or if its process or node ends. The error
+        after that is one of Ray, which names the call.
         """
         import ray  # pyright: ignore[reportMissingImports]
 
-        name = f"{fn.__module__}.{fn.__qualname__}({', '.join(map(_SHORT.repr, args))})"
-        named = Future[T]()
+        name = f"{fn.__module__}.{fn.__qualname__}({', '.join(map(reprlib.repr, args))})"
         task = ray.remote(num_cpus=1, max_retries=RETRIES, retry_exceptions=True, name=name)(fn)
-
-        def finish(future: Future[T]) -> None:
-            try:
-                result = future.result()
-            except Exception as error:
-                failure = RuntimeError(f"{name} failed {RETRIES + 1} times on the cluster: {error}")
-                failure.__cause__ = error
-                named.set_exception(failure)
-            else:
-                named.set_result(result)
-
-        task.remote(*args, **kwargs).future().add_done_callback(finish)
-        return named
+        return task.remote(*args, **kwargs).future()

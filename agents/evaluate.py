@@ -9,16 +9,14 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from agents.config import Count, Seed, validate
-from agents.film import EPISODES, film, show
-from agents.output import print_commands, print_table
+from agents.film import EPISODES, film
 from agents.ppo import deterministic, load_policy, make_vector
 from agents.train import learning_curve
-from billiards_env.checks import missing
+from billiards_env.checks import Range, integer, missing
 from billiards_env.evaluation import evaluation_seeds, measure, play_together
 from billiards_env.files import check_path, write_json
 from billiards_env.games import RULES
@@ -44,10 +42,8 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
         ValueError: If `episodes` or `seed` is impossible, or the policy does not fit the configuration.
     """
     config, policy = load_policy(run_dir)
-    episodes = config.evaluation_episodes if episodes is None else episodes
-    seed = config.seed if seed is None else seed
-    validate(Count, episodes, "episodes")
-    validate(Seed, seed, "seed")
+    episodes = integer("episodes", config.evaluation_episodes if episodes is None else episodes, "num_envs")
+    seed = integer("seed", config.seed if seed is None else seed, Range(0, 2**32 - 1))
     seeds = evaluation_seeds(seed, episodes).tolist()
     envs = make_vector(config, episodes)
     envs.action_space.seed(seed)
@@ -61,16 +57,20 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
     return result
 
 
-def evaluate_players(run_dir: Path, players: Sequence[str], result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Returns the results of players without training (`play`) on the first layouts of a result of `evaluate`.
+def evaluate_players(
+    run_dir: Path, players: Sequence[str], episodes: int | None = None, seed: int | None = None
+) -> dict[str, dict[str, Any]]:
+    """Returns the results of players without training on the first layouts of `evaluate`, by name; see `play`.
 
     Raises:
         ValueError: If there is no such player.
     """
     config, _ = load_policy(run_dir)
-    noise = (0.0, 0.0) if config.noise is None else (config.noise.angle_std, config.noise.speed_std)
-    episodes = min(result["policy"]["episodes"], LAYOUTS)
-    return {name: measure(name, config.env, noise, episodes, result["seed"]) for name in players}
+    noise = config.noise or {}
+    deviations = noise.get("angle_std", 0.0), noise.get("speed_std", 0.0)
+    episodes = min(episodes or config.evaluation_episodes, LAYOUTS)
+    seed = config.seed if seed is None else seed
+    return {name: measure(name, config.env, deviations, episodes, seed) for name in players}
 
 
 def draw_curves(runs: Sequence[Path], path: Path) -> None:
@@ -89,7 +89,7 @@ def draw_curves(runs: Sequence[Path], path: Path) -> None:
     axes = figure.add_subplot()
     for run in runs:
         curve = learning_curve(run)
-        axes.plot([point.steps / 1e6 for point in curve], [100 * point.success for point in curve], label=str(run))
+        axes.plot([point.steps / 1e6 for point in curve], [100 * point.success for point in curve], label=run.name)
     axes.set(xlabel="million shots", ylabel="success on new layouts (%)", ylim=(0, 102))
     axes.grid(alpha=0.3)
     axes.legend(frameon=False)
@@ -108,70 +108,52 @@ def main(arguments: list[str] | None = None) -> None:
     )
     parser.add_argument("--curve", type=Path, metavar="FILE.png", help="draw the learning curves of the runs")
     parser.add_argument(
-        "--episodes", help=f"number of episodes (default: that of the config; {EPISODES} with --film or --show)"
+        "--episodes", type=int, help=f"number (default: that of the config; {EPISODES} with --film or --show)"
     )
-    parser.add_argument("--seed", help="seed of the layouts (default: that of the config)")
+    parser.add_argument("--seed", type=int, help="seed of the layouts (default: that of the config)")
     instead = parser.add_mutually_exclusive_group()
     instead.add_argument("--film", type=Path, metavar="FILE.mp4", help="write a film of the policy instead")
     instead.add_argument("--show", action="store_true", help="show the policy in a window instead")
     args = parser.parse_args(arguments)
     run_dir: Path = args.runs[0]
     try:
-        episodes = validate(Count | None, args.episodes, "episodes")
-        seed = validate(Seed | None, args.seed, "seed")
-        if args.film is not None:
-            _print_episodes(film(run_dir, args.film, episodes or EPISODES, seed))
-            print(f"written to {args.film}")
-        elif args.show:
-            _print_episodes(show(run_dir, episodes or EPISODES, seed))
+        if args.film is not None or args.show:
+            infos = film(run_dir, args.film, EPISODES if args.episodes is None else args.episodes, args.seed)
+            for k, info in enumerate(infos, 1):
+                print(f"episode {k}: {'success' if info['is_success'] else 'no success'}, score {info['score']}")
         else:
             if args.curve is not None:
                 draw_curves(args.runs, args.curve)
-            results = {run: evaluate(run, episodes, seed) for run in args.runs}
-            _print(results, evaluate_players(run_dir, args.players, results[run_dir]))
-            if args.curve is not None:
-                print(f"learning curves in {args.curve}")
+            results = {run: evaluate(run, args.episodes, args.seed) for run in args.runs}
+            names = ["policy"] if len(args.runs) == 1 else [run.resolve().name for run in args.runs]
+            shown = {name: result["policy"] for name, result in zip(names, results.values(), strict=True)}
+            shown["random"] = results[run_dir]["random"]
+            print_results({**shown, **evaluate_players(run_dir, args.players, args.episodes, args.seed)})
+            print_commands(run_dir)
     except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:  # RuntimeError: no display
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
         sys.exit(130)
 
 
-def _print_episodes(infos: Sequence[Mapping[str, Any]]) -> None:
-    """Prints the outcome of each episode."""
-    for k, info in enumerate(infos, 1):
-        print(f"episode {k}: {'success' if info['is_success'] else 'no success'}, score {info['score']}")
+def print_results(results: dict[str, dict[str, Any]]) -> None:
+    """Prints results of `play` side by side, by the name of the player."""
+    width = max(map(len, (*results, "player")))
+    print(f"{'player':{width}} {'layouts':>8} {'success':>8} {'95% interval':>17} {'score':>7}")
+    for name, r in results.items():
+        low, high = r["confidence_interval_95"]
+        rates = f"{r['success_rate']:8.1%} {f'{low:.1%} to {high:.1%}':>17}"
+        print(f"{name:{width}} {r['episodes']:>8,} {rates} {r['mean_score']:7.3f}")
 
 
-def _print(results: Mapping[Path, Mapping[str, Any]], players: Mapping[str, Mapping[str, Any]]) -> None:
-    """Prints the results of `evaluate` by run and those of `evaluate_players`, and commands for the next step."""
-    run_dir, result = next(iter(results.items()))
-    found = {"policy" if len(results) == 1 else run.resolve().name: results[run]["policy"] for run in results}
-    rows = []
-    for name, r in {**found, "random": result["random"], **players}.items():
-        rates, scores = r["confidence_interval_95"], r["score_interval_95"]
-        rows.append(
-            (
-                name,
-                f"{r['success_rate']:.1%}",
-                "{:.1%} to {:.1%}".format(*rates),
-                f"{r['mean_score']:.3f}",
-                "-" if scores is None else "{:.3f} to {:.3f}".format(*scores),
-                f"{r['mean_reward']:.3f}",
-            )
-        )
-    title = f"{result['policy']['episodes']:,} episodes on new layouts, without exploration (seed {result['seed']})"
-    title += "".join(f"; {name}: {r['episodes']:,}" for name, r in players.items())
-    print_table(title, ("player", "success", "95% interval", "score", "95% interval", "reward"), rows)
-    print("written to", ", ".join(str(run / "evaluation.json") for run in results), end="\n\n")
-    this = ("-m", "agents.evaluate", str(run_dir))
-    commands = {"film": (*this, "--film", f"{run_dir.resolve().name}.mp4"), "watch": (*this, "--show")}
+def print_commands(run_dir: Path) -> None:
+    """Prints commands for the next step."""
+    print(f"\nfilm:  python -m agents.evaluate {run_dir} --film {run_dir.resolve().name}.mp4")
+    print(f"watch: python -m agents.evaluate {run_dir} --show")
     if (rules := playable(run_dir)) is not None:
-        game = ("--rules", rules, "--scene", RULES[rules].scene, "--players", f"human,policy:{run_dir}")
-        commands["play against it"] = ("-m", "billiards_env.play", *game)
-    if (run_dir / "tensorboard").is_dir():
-        commands["learning curves"] = ("-m", "tensorboard.main", "--logdir", str(run_dir))
-    print_commands("Next:", commands)
+        game = f"--rules {rules} --scene {RULES[rules].scene}"
+        print(f"play:  python -m billiards_env.play {game} --players human,policy:{run_dir}")
+    print(f"log:   tensorboard --logdir {run_dir}")
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
-"""Makes environments and PPO models from a configuration, and saves and loads policies."""
+"""Makes environments and PPO models from a configuration, and loads trained policies."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -13,7 +13,7 @@ from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
-from stable_baselines3.common.type_aliases import Schedule
+from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.config import ENV_ID, Config, load
@@ -41,9 +41,7 @@ def make_env(config: Config, render_mode: str | None = None) -> gym.Env[NDArray[
         TypeError: If an argument has the wrong type.
     """
     env: gym.Env[Any, Any] = gym.make(ENV_ID, render_mode=render_mode, **config.env)
-    if config.noise is not None:
-        env = ExecutionNoise(env, **dataclasses.asdict(config.noise))
-    return env
+    return env if config.noise is None else ExecutionNoise(env, **config.noise)
 
 
 def make_vector(
@@ -58,29 +56,34 @@ def make_vector(
         autoreset_mode: See `BilliardsVectorEnv`.
     """
     envs = gym.make_vec(ENV_ID, num_envs=num_envs, autoreset_mode=autoreset_mode, threads=threads, **config.env)
-    if config.noise is not None:
-        envs = VectorExecutionNoise(envs, **dataclasses.asdict(config.noise))
-    return envs
+    return envs if config.noise is None else VectorExecutionNoise(envs, **config.noise)
 
 
-def make_vec_env(config: Config) -> VecEnv:
-    """Returns `config.n_envs` environments to train in, for Stable-Baselines3."""
-    return SameStepVecEnv(make_vector(config, config.n_envs))
+def make_vec_env(config: Config, threads: int | None = None) -> VecEnv:
+    """Returns `config.n_envs` environments to train in, for Stable-Baselines3; `threads` as in `make_vector`."""
+    return SameStepVecEnv(make_vector(config, config.n_envs, threads))
 
 
 def make_model(config: Config, envs: VecEnv) -> PPO:
     """Returns an untrained PPO model."""
-    settings = dataclasses.asdict(config.ppo)
-    del settings["final_learning_rate"]
     return PPO(
-        POLICIES[config.policy.head],
+        POLICIES[config.policy["head"]],
         envs,
-        **{**settings, "learning_rate": _learning_rate(config)},
-        policy_kwargs=policy_arguments(config.env, vars(config.policy)),
+        **{**config.ppo, "learning_rate": learning_rate(config)},
+        policy_kwargs=policy_arguments(config.env, config.policy),
         seed=config.seed,
         stats_window_size=1000,
         device="cpu",  # such small networks are not faster on an accelerator
     )
+
+
+def restart(model: PPO, seed: int) -> None:
+    """Seeds all random generators and begins new episodes. What follows depends only on the weights and the seed."""
+    assert model.env is not None
+    set_random_seed(seed)
+    model.env.seed(seed)
+    model._last_obs = cast(Any, model.env.reset())
+    model._last_episode_starts = np.ones(model.n_envs, dtype=bool)
 
 
 def make_policy(config: Config) -> ActorCriticPolicy:
@@ -90,7 +93,15 @@ def make_policy(config: Config) -> ActorCriticPolicy:
         ValueError: If an argument of the environment or its noise is impossible, or the policy does not fit the task.
         TypeError: If an argument of the environment has the wrong type.
     """
-    return build_policy(config.env, vars(config.policy), _learning_rate(config))
+    make_env(config).close()
+    return build_policy(config.env, config.policy, learning_rate(config))
+
+
+def learning_rate(config: Config) -> Callable[[float], float]:
+    """Returns Adam's step size as a function of the share of the steps to come, which may be below 0 at the end."""
+    rate = config.ppo.get("learning_rate", 3e-4)
+    first, last = rate if isinstance(rate, list) else (rate, rate)
+    return lambda remaining: last + (first - last) * max(remaining, 0.0)
 
 
 def deterministic(policy: BasePolicy) -> Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]:
@@ -118,12 +129,3 @@ def load_policy(run_dir: Path, env: Mapping[str, Any] | None = None) -> tuple[Co
     config = load(run_dir / "config.yaml")
     arguments, policy = sb3.load_policy(run_dir, env)
     return dataclasses.replace(config, env=arguments), policy
-
-
-def _learning_rate(config: Config) -> Schedule:
-    first, last = config.ppo.learning_rate, config.ppo.final_learning_rate
-    if last is None:
-        return lambda remaining: first
-    # `remaining`, the share of steps to come, falls from 1 to 0. It is below 0 if the last
-    # update has more steps than are left.
-    return lambda remaining: last + (first - last) * max(remaining, 0.0)

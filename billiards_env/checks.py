@@ -279,7 +279,7 @@ def fields_of(kind: type, name: str, data: Any, complete: bool = False) -> dict[
     for key in data:
         one_of(f"key of {name}", key, tuple(fields))
     for key, field in fields.items():
-        if key not in data and field.default is dataclasses.MISSING:
+        if key not in data and field.default is field.default_factory:  # both are missing
             raise ValueError(f"{name}.{key} is missing: expected a value, it has no default")
         if key not in data and complete:
             raise ValueError(

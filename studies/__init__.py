@@ -1,14 +1,11 @@
 """Experiments with agents and players: commands that print tables and write JSON to `studies/results`.
 
 Modules:
-    recipes: Trains every recipe with several seeds: `make results`.
+    learning: Trains the rows of `configs/learning.yaml` with several seeds: `make results`.
     timestep: Trains policies with several timesteps and compares them: `make study`.
     timestep_page: Writes the page with the shots of these policies.
-    gradient_timestep: Compares derivatives through timesteps with exact ones.
-    learn_through_timestep: Trains networks by derivatives through timesteps.
+    derivatives: Compares derivatives through timesteps with exact ones, and trains networks by derivatives.
     failures: The four failures of a timestep, as small scenes.
-    plain: Measures PPO and SAC of Stable-Baselines3 with their default settings.
-    learn_by_gradient: Trains a network by the gradient of its shots.
     planner: Measures the planner under execution noise.
     positions: Measures the strokes of players in a fixed set of positions.
     tasks: Measures players without training in the frozen tasks.
@@ -21,14 +18,17 @@ Modules:
 import argparse
 import contextlib
 import json
+import multiprocessing
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor, ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from agents import require
+from agents.cluster import RayExecutor
 from benchmarks import machine
 from billiards_env.files import replacing
 
@@ -73,6 +73,19 @@ def errors_in_one_line() -> Iterator[None]:
     except KeyboardInterrupt:
         print("\ninterrupted; the same command continues", file=sys.stderr)
         sys.exit(130)
+
+
+@contextlib.contextmanager
+def workers(jobs: int, address: str | None) -> Iterator[Executor]:
+    """Yields processes of this machine, or the nodes of the Ray cluster at an address."""
+    if address is not None:
+        yield RayExecutor(address)
+        return
+    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"))
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def resumed(output: Path, settings: Mapping[str, Any], **empty: Any) -> dict[str, Any]:

@@ -77,23 +77,7 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     return {
         "table": table(("id", "solved from", *PLAYERS, "best learned"), rows),
         "random": table(("id", "success", "mean return"), chance),
-        "solved": solved(found),
     }
-
-
-def solved(found: Mapping[str, Any]) -> str:
-    """Returns a short table: random, learned and best players in each task, and the best players with noise."""
-    rows = []
-    for name, task in FROZEN.items():
-        if task.noise or "Strike" in name:
-            continue
-        players, policy, cells = found[name]["players"], learned(name), []
-        for known in (players, found[name.replace("-", "Noise-")]["players"]):
-            best = max(known, key=lambda player: known[player]["success"])
-            cells.append(f"{_percent(known[best]['success'])} ({best})")
-        chance = _percent(players["random"]["success"])
-        rows.append((f"`{name}`", chance, _percent(policy and policy.success), *cells))
-    return table(("task", "random", "best learned", "best search or planner", "best with noise"), rows)
 
 
 def _percent(share: float | None) -> str:
@@ -111,8 +95,8 @@ class Learned(NamedTuple):
 def learned(name: str) -> Learned | None:
     """Returns the best trained policy in a frozen task, or None if none was measured.
 
-    The candidates are the entries of the leaderboard, and the recipes with the scene, the task, the action, the layout
-    and the noise of the id. The success of a recipe is the mean over its seeds, in layouts of its own evaluation.
+    The candidates are the entries of the leaderboard and the rows of `configs/learning.yaml`, with their mean success
+    over the seeds.
     """
     entries = json.loads((RESULTS / "leaderboard.json").read_text(encoding="utf-8")).values()
     found = [
@@ -120,19 +104,11 @@ def learned(name: str) -> Learned | None:
         for entry in entries
         if entry["player"] not in PLAYERS and name in entry["scores"]
     ]
-    for result in json.loads((RESULTS / "recipes.json").read_text(encoding="utf-8"))["results"]:
-        if _same_task(result["config"], FROZEN[name]):
-            success = float(np.mean([run["policy"]["success_rate"] for run in result["runs"]]))
-            found.append(Learned(result["recipe"], success, "training.md"))
+    for row, result in json.loads((RESULTS / "learning.json").read_text(encoding="utf-8"))["rows"].items():
+        rates = [run["tasks"][name]["success_rate"] for run in result["runs"].values() if name in run["tasks"]]
+        if rates:
+            found.append(Learned(row, float(np.mean(rates)), "training.md"))
     return max(found, key=lambda one: one.success, default=None)
-
-
-def _same_task(config: Mapping[str, Any], task: Frozen) -> bool:
-    """Returns whether a policy was trained in a frozen task. The number of balls may be that of the scene."""
-    given = {"action": "velocity"} | config["env"]
-    fields = ("scene", "task", "action", "layout", "max_shots", "max_speed")
-    balls = given["n_object_balls"] in (None, task.arguments["n_object_balls"])
-    return balls and bool(config["noise"]) == task.noise and all(given[f] == task.arguments[f] for f in fields)
 
 
 def page(name: str) -> str:

@@ -14,9 +14,8 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-import multiprocessing
-from collections.abc import Iterator, Mapping
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from collections.abc import Mapping
+from concurrent.futures import as_completed
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,7 +25,6 @@ import torch
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from agents.cluster import RayExecutor
 from agents.train import versions
 from benchmarks import IMAGES, machine
 from billiards_env.envs import BilliardsVectorEnv
@@ -36,7 +34,7 @@ from billiards_env.sb3.aim_network import AimNetwork
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
 from examples import ppo
-from studies import RESULTS, errors_in_one_line, load_weights, parser_of_runs, save_weights, timestep_report
+from studies import RESULTS, errors_in_one_line, load_weights, parser_of_runs, save_weights, timestep_report, workers
 from studies.timestep_report import GROUPS, blocks
 
 Floats = NDArray[np.float64]
@@ -348,19 +346,6 @@ def places(folder: Path | None) -> Places:
     if folder is None:
         return Places(RESULTS / "timestep.json", RESULTS / "policies" / "timestep", IMAGES)
     return Places(folder / "timestep.json", folder / "policies", folder)
-
-
-@contextlib.contextmanager
-def workers(jobs: int, address: str | None) -> Iterator[Executor]:
-    """Yields processes of this machine, or the nodes of a Ray cluster."""
-    if address is not None:
-        yield RayExecutor(address)
-        return
-    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"))
-    try:
-        yield pool
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def measure(where: Places, jobs: int, address: str | None, layouts: int) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Summarizes the timestep study: statistics over the seeds, tables and pictures.
 
 The statistics are those of Agarwal et al. (2021), Deep Reinforcement Learning at the Edge of the Statistical Precipice:
-interquartile means with 95% bootstrap intervals over the seeds, performance profiles, and probabilities of improvement.
+interquartile means with 95% bootstrap intervals over the seeds, and probabilities of improvement.
 The layouts are the same for all policies.
 """
 
@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -104,15 +103,8 @@ def blocks(result: Result) -> dict[str, str]:
         "size": f"{len(result['runs'])} runs, {numbers[0]} seeds in each world of the main part, "
         f"{result['layouts']:,} layouts, {seconds / 3600:.1f} hours of training on one core",
         "main": _main(result, main, exact),
-        "transfer": table(
-            ("trained in", *(f"played in {_name(world)}" for world in main)),
-            [
-                (_name(a), *(f"{interquartile_mean(rates(result, runs, b)):.1%}" for b in main))
-                for a, runs in main.items()
-            ],
-        ),
-        **{f"aim: {group}": _aim(main, group) for group in GROUPS},
-        "aim: new seeds": _new_seeds(main),
+        "aim": _aim(main),
+        "new seeds": _new_seeds(main),
     }
     if controls := {**of_part(result, "random"), **of_part(result, "move_back")}:
         found["control"] = _controls(result, controls, exact)
@@ -145,7 +137,8 @@ def _main(result: Result, main: Mapping[str, list[dict[str, Any]]], exact: Float
     return table((*head, "probability of beating exact training", "false successes", "fastest training"), rows)
 
 
-def _aim(main: Mapping[str, list[dict[str, Any]]], group: str) -> str:
+def _aim(main: Mapping[str, list[dict[str, Any]]]) -> str:
+    group = "cut angle"
     unit, edges = GROUPS[group]
     base = mean_errors(main[EXACT], group)[:, 0]
     head = [f"{low:g} to {high:g} {unit}" for low, high in pairwise(edges)]
@@ -242,8 +235,8 @@ def draw(result: Result, folder: Path) -> None:
     """Draws the pictures of the study: `timestep_success.png`, `timestep_aim.png` and `timestep_fine_tuning.png`."""
     use_own_font()
     main = of_part(result, "main")
-    for name, picture in (("success", _draw_success), ("aim", _draw_aim), ("profiles", _draw_profiles)):
-        save(picture(result, main), folder / f"timestep_{name}.png")
+    save(_draw_success(result, main), folder / "timestep_success.png")
+    save(_draw_aim(result, main), folder / "timestep_aim.png")
     if tuned := of_part(result, "fine_tuning"):
         save(_draw_fine_tuning(result, main, tuned), folder / "timestep_fine_tuning.png")
 
@@ -283,17 +276,6 @@ def _draw_aim(result: Result, main: Mapping[str, list[dict[str, Any]]]) -> Figur
     axes.set(xlabel="cut angle (degrees)", ylabel="mean error of the aim (mm)", xticks=limits)
     axes.set_title("The error of the aim is the one that makes up for the late contact", loc="left", fontsize=11)
     return _finished(figure)
-
-
-def _draw_profiles(result: Result, main: Mapping[str, list[dict[str, Any]]]) -> Figure:
-    figure = Figure(figsize=(7.2, 3.4), dpi=120, layout="constrained")
-    axes, levels = figure.add_subplot(), np.linspace(0.0, 1.0, 501)
-    colours = np.linspace(0.0, 0.9, len(main))
-    for (world, runs), colour in zip(main.items(), colours, strict=True):
-        reached = (rates(result, runs, EXACT)[:, None] > levels).mean(0)
-        axes.plot(100 * levels, 100 * reached, color=colormaps["viridis"](colour), label=_name(world))
-    axes.set(xlabel="success in the exact world (%)", ylabel="runs with more (%)", xlim=(0, 100))
-    return _finished(figure, "trained in")
 
 
 def _draw_fine_tuning(

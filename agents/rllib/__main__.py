@@ -1,53 +1,104 @@
-"""The command `python -m agents.rllib`; see `agents.rllib`."""
+"""The command `python -m agents.rllib`; see `agents.rllib`.
+
+The folder of a run is that of `agents.train`, but its checkpoints are those of RLlib. The same command resumes an
+interrupted run from its newest checkpoint. It ends with the same weights as an uninterrupted one, because the seed and
+the number of steps determine all random numbers after a checkpoint. Only the failure of a runner changes the weights.
+"""
 
 from __future__ import annotations
 
 import argparse
+import os
+import shutil
 import sys
+import time
+from collections import deque
+from contextlib import closing
 from pathlib import Path
 
+import numpy as np
+
 from agents.cluster import connect
-from agents.config import changed, read
-from agents.rllib.settings import Settings, load_recipe
-from agents.train import open_run, print_result
+from agents.config import Config, load
+from agents.ppo import make_policy
+from agents.rllib.rollouts import as_tensors
+from agents.train import LearningCurve, locked, newest_checkpoint, one_fast_thread, open_run
+from billiards_env.checks import number
+from billiards_env.sb3.weights import save_policy
+
+
+def train(config: Config, run_dir: Path, runners: int = 1) -> None:
+    """Trains a configuration, from the newest checkpoint if there is one. Ray must be running.
+
+    Args:
+        config: The configuration.
+        run_dir: The folder of the run, prepared by `agents.train.open_run`.
+        runners: As in `algorithm_config`. It may differ from that before an interruption.
+
+    Raises:
+        OSError: If another process trains in the folder.
+        ValueError: As in `algorithm_config`.
+    """
+    from agents.rllib.algorithm import ArrayPPO, algorithm_config  # imports Ray
+
+    if (run_dir / "policy.pt").exists():
+        print(f"{run_dir} is trained already ({config.timesteps:,} shots); --fresh starts again")
+        return
+    policy, successes = make_policy(config), deque[bool](maxlen=1000)
+    with locked(run_dir), one_fast_thread():
+        algorithm: ArrayPPO = algorithm_config(config, runners).build_algo()
+        try:
+            if (checkpoint := newest_checkpoint(run_dir)) is not None:
+                algorithm.restore_from_path(str(checkpoint.resolve()))
+            print(f"{run_dir}: {algorithm.steps:,} of {config.timesteps:,} shots")
+            with closing(LearningCurve(config, run_dir, algorithm.steps, time.perf_counter)) as curve:
+                while True:
+                    steps = algorithm.steps
+                    if algorithm.seed_next or steps >= config.timesteps:
+                        policy.load_state_dict(as_tensors(algorithm.learner_group.get_weights()["default_policy"]))
+                        curve.measure(policy, steps, float(np.mean(successes or [0.0])))
+                    if steps >= config.timesteps:
+                        break
+                    algorithm.train()
+                    successes.extend(algorithm.successes)
+                    if algorithm.steps // config.checkpoint_every > steps // config.checkpoint_every:
+                        _save(algorithm, run_dir / "checkpoints" / f"{algorithm.steps:09d}")
+                        algorithm.seed_next = True
+        finally:
+            algorithm.stop()
+    save_policy(policy, run_dir / "policy.pt")
+
+
+def _save(algorithm: object, folder: Path) -> None:
+    """Writes a checkpoint. An interruption leaves no incomplete one."""
+    incomplete = folder.with_name(f"incomplete.{folder.name}")
+    shutil.rmtree(incomplete, ignore_errors=True)
+    algorithm.save_to_path(str(incomplete.resolve()))  # pyright: ignore[reportAttributeAccessIssue]
+    os.replace(incomplete, folder)
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m agents.rllib --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m agents.rllib", description="Train PPO on Billiards-v0 with RLlib, on one machine or a cluster."
-    )
-    parser.add_argument("settings", type=Path, help="YAML file of settings, e.g. configs/rllib/pot.yaml")
+    parser = argparse.ArgumentParser(prog="python -m agents.rllib", description="Train PPO with RLlib and Ray.")
+    parser.add_argument("config", help="row of configs/learning.yaml, such as pot, or a YAML file")
     parser.add_argument("--address", help='address of a Ray cluster, e.g. "auto" (default: this machine only)')
-    parser.add_argument("--run-dir", type=Path, help="folder of the run (default: runs/rllib/NAME OF THE SETTINGS)")
-    for name, text in (
-        ("runners", "number of processes that play (default: that of the settings)"),
-        ("learners", "number of processes that compute the updates (default: that of the settings)"),
-        ("seed", "default: that of the recipe"),
-        ("timesteps", "default: that of the recipe"),
-    ):
-        parser.add_argument(f"--{name}", help=text)
+    parser.add_argument("--run-dir", type=Path, help="folder of the run (default: runs/rllib/NAME)")
+    parser.add_argument("--runners", type=int, default=2, help="number of processes that play (default: %(default)s)")
+    parser.add_argument("--timesteps", type=number, help="number of shots (default: that of the config)")
     parser.add_argument("--fresh", action="store_true", help="delete the run in the folder and start again")
     args = parser.parse_args(arguments)
-    run_dir = args.run_dir or Path("runs") / "rllib" / args.settings.stem
-    given = {k: text for k in ("runners", "learners", "seed", "timesteps") if (text := getattr(args, k)) is not None}
+    run_dir = args.run_dir or Path("runs") / "rllib" / Path(args.config).stem
     try:
-        settings = read(Settings, args.settings)
-        config = load_recipe(settings, args.settings)
-        settings = changed(settings, {k: v for k, v in given.items() if k in ("runners", "learners")})
-        config = changed(config, {k: v for k, v in given.items() if k in ("seed", "timesteps")})
-        settings.check(config)
-        connect(args.address, cpus=1 + settings.runners + settings.learners)
-        from agents.rllib.train import train  # imports Ray
-
+        config = load(args.config, **({} if args.timesteps is None else {"timesteps": args.timesteps}))
+        connect(args.address, cpus=1 + args.runners)
         open_run(config, run_dir, args.fresh)
-        train(config, settings, run_dir)
+        train(config, run_dir, args.runners)
     except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
         print("\ninterrupted; the same command resumes from the newest checkpoint", file=sys.stderr)
         sys.exit(130)
-    print_result(run_dir, config)
+    print(f"Next: python -m agents.evaluate {run_dir}")
 
 
 if __name__ == "__main__":

@@ -4,15 +4,11 @@
 
 from __future__ import annotations
 
-import logging
-import time
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-import ray
 import torch
 from ray.rllib.algorithms.ppo import PPO, PPOConfig
-from ray.rllib.algorithms.ppo.torch.ppo_torch_learner import PPOTorchLearner
 from ray.rllib.core import DEFAULT_MODULE_ID
 from ray.rllib.core.columns import Columns
 from ray.rllib.core.rl_module.apis import ValueFunctionAPI
@@ -22,44 +18,35 @@ from ray.rllib.env import INPUT_ENV_SINGLE_SPACES, INPUT_ENV_SPACES
 from ray.rllib.env.env_runner import EnvRunner
 from ray.rllib.policy.sample_batch import MultiAgentBatch, SampleBatch
 from ray.rllib.utils.checkpoints import Checkpointable
-from ray.rllib.utils.metrics import ENV_RUNNER_RESULTS, LEARNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME
-from stable_baselines3.common.policies import ActorCriticPolicy
+from ray.rllib.utils.metrics import ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME
 from stable_baselines3.common.utils import set_random_seed
 from torch import Tensor
 
 from agents.config import ENV_ID, Config
 from agents.ppo import make_env, make_policy, training_seed
-from agents.rllib.rollouts import Rollouts, compile_engine
-from agents.rllib.settings import Settings
+from agents.rllib.rollouts import Rollouts, as_tensors
 from billiards_env.sb3.aim_policy import AimPolicy, by_value
-
-PATIENCE = 600.0
-"""Seconds without any runner after which a training ends with an error."""
 
 _STEPS = (ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME)
 
-_log = logging.getLogger(__name__)
 
+class AimModule(TorchRLModule, ValueFunctionAPI):
+    """`AimPolicy` as an RLModule. Its weights are those of the policy, with the prefix "policy."."""
 
-class PolicyModule(TorchRLModule, ValueFunctionAPI):
-    """A policy of `agents.ppo` as an RLModule. Its weights are those of the policy, with the prefix "policy."."""
-
-    policy: ActorCriticPolicy
+    policy: AimPolicy
 
     def setup(self) -> None:
         """Makes the untrained policy of the configuration, with the same weights in every process."""
-        config = Config.from_dict(self.model_config["recipe"])
+        config = Config.from_dict(self.model_config["config"])
         with torch.random.fork_rng(devices=()):
             torch.manual_seed(config.seed)
-            self.policy = make_policy(config)
+            policy = make_policy(config)
+        assert isinstance(policy, AimPolicy)
+        self.policy = policy
 
     def _forward(self, batch: dict[str, Any], **kwargs: Any) -> dict[str, Any]:
-        observations, policy = batch[Columns.OBS], self.policy
-        if isinstance(policy, AimPolicy):
-            distribution, values = policy.net(observations)
-        else:
-            distribution, values = policy.get_distribution(observations), policy.predict_values(observations)[:, 0]
-        return {Columns.ACTION_DIST_INPUTS: (distribution, values), Columns.EMBEDDINGS: values}
+        mixtures, values = self.policy.net(batch[Columns.OBS])
+        return {Columns.ACTION_DIST_INPUTS: (mixtures, values), Columns.EMBEDDINGS: values}
 
     def compute_values(self, batch: dict[str, Any], embeddings: Tensor | None = None) -> Tensor:
         """Returns the values (m,) of the states of a batch."""
@@ -70,34 +57,21 @@ class PolicyModule(TorchRLModule, ValueFunctionAPI):
         return _Distribution(self.policy)
 
 
-class _Distribution:
-    """The distribution of a policy with the names of RLlib's methods. `outputs` are the distribution and the values."""
+class _Distribution(NamedTuple):
+    """The distribution of a policy with the names of RLlib's methods. `outputs` are the mixtures and the values."""
 
-    def __init__(self, policy: ActorCriticPolicy, outputs: Any = None) -> None:
-        self.policy, self.outputs = policy, outputs
+    policy: AimPolicy
+    outputs: Any = None
 
     def from_logits(self, outputs: Any) -> _Distribution:
-        return _Distribution(self.policy, outputs)
+        return self._replace(outputs=outputs)
 
     def logp(self, actions: Tensor) -> Tensor:
-        distribution, values = self.outputs
-        log_prob = distribution.log_prob(actions)
-        return by_value(log_prob, values) if isinstance(self.policy, AimPolicy) else log_prob
+        mixtures, values = self.outputs
+        return by_value(mixtures.log_prob(actions), values)
 
     def entropy(self) -> Tensor:
-        factor = self.policy.entropy_factor if isinstance(self.policy, AimPolicy) else 1.0
-        return factor * self.outputs[0].entropy()
-
-
-class PolicyLearner(PPOTorchLearner):
-    """RLlib's PPO with the optimizer of `agents.ppo`."""
-
-    def configure_optimizers_for_module(self, module_id: str, config: Any = None) -> None:
-        """Makes Adam for the parameters."""
-        torch.set_num_threads(1)
-        params = self.get_parameters(self._module[module_id])
-        optimizer = torch.optim.Adam(params, eps=1e-5, fused=True)
-        self.register_optimizer(module_id=module_id, optimizer=optimizer, params=params, lr_or_lr_schedule=config.lr)
+        return self.policy.entropy_factor * self.outputs[0].entropy()
 
 
 class ArrayRunner(EnvRunner, Checkpointable):
@@ -106,28 +80,24 @@ class ArrayRunner(EnvRunner, Checkpointable):
     RLlib's own runner keeps a Python object for each environment and episode, and needs a step between two episodes.
     """
 
+    rollouts: Rollouts | None = None
+
     def __init__(self, *, config: Any, **kwargs: Any) -> None:
         super().__init__(config=config, **kwargs)
         torch.set_num_threads(1)
-        compile_engine(Config.from_dict(self.config.rl_module_spec.model_config["recipe"]))
-        self.make_module()
-        self.rollouts: Rollouts | None = None
+        torch.set_flush_denormal(True)
         if self.worker_index or not self.config.num_env_runners:  # the process of the command plays without runners
             self.make_env()
 
     def make_module(self) -> None:
-        """Makes the policy."""
-        self.module = self.config.get_rl_module_spec(spaces=self.get_spaces()).build()
-        self.module.policy.set_training_mode(False)
+        """Does nothing: the policy is that of `Rollouts`."""
 
     def make_env(self) -> None:
         """Makes the environments of this runner."""
-        recipe = Config.from_dict(self.module.model_config["recipe"])
         n_envs = self.config.num_envs_per_env_runner
-        self.rollouts = Rollouts(recipe, self.module.policy, n_envs, max(self.worker_index - 1, 0) * n_envs)
-        self.env = self.rollouts.envs
+        self.rollouts = Rollouts(settings_of(self.config), n_envs, max(self.worker_index - 1, 0) * n_envs)
 
-    def sample(self, *, weights: Any, steps: int, seed: bool, **kwargs: Any) -> tuple[int, dict[str, Any], Any]:
+    def sample(self, *, weights: Any, steps: int, seed: bool, **kwargs: Any) -> tuple[int, dict[str, Any], list[bool]]:
         """Plays a part of a batch.
 
         Args:
@@ -140,10 +110,9 @@ class ArrayRunner(EnvRunner, Checkpointable):
             The index of this runner, and the result of `Rollouts.play`.
         """
         assert self.rollouts is not None
-        self.module.set_state(weights)
         if seed or not self.rollouts.seeded:
             self.rollouts.seed(steps)
-        return self.worker_index, *self.rollouts.play(self.config.rollout_fragment_length)
+        return self.worker_index, *self.rollouts.play(as_tensors(weights))
 
     def get_spaces(self) -> dict[str, Any]:
         """Returns the spaces of observations and actions, as `(observations, actions)`."""
@@ -167,8 +136,8 @@ class ArrayRunner(EnvRunner, Checkpointable):
 
     def stop(self) -> None:
         """Closes the environments."""
-        if self.rollouts is not None:
-            self.rollouts.envs.close()
+        if self.rollouts is not None and self.rollouts.model.env is not None:
+            self.rollouts.model.env.close()
 
 
 class ArrayPPO(PPO):
@@ -181,7 +150,7 @@ class ArrayPPO(PPO):
     """
 
     seed_next = True
-    successes: Any = np.zeros(0, np.bool_)
+    successes: tuple[bool, ...] = ()
 
     @property
     def steps(self) -> int:
@@ -190,117 +159,96 @@ class ArrayPPO(PPO):
 
     def training_step(self) -> None:
         """Plays a batch, updates the policy with it, and counts its steps."""
-        recipe = Config.from_dict(self.config.rl_module_spec.model_config["recipe"])
-        steps, seed, self.seed_next = self.steps, self.seed_next, False
+        config, steps, seed, self.seed_next = settings_of(self.config), self.steps, self.seed_next, False
 
         def prepare(learner: Any) -> None:
-            policy = learner.module[DEFAULT_MODULE_ID].unwrapped().policy
-            if isinstance(policy, AimPolicy):
-                policy.set_shots(steps)
+            learner.module[DEFAULT_MODULE_ID].unwrapped().policy.set_shots(steps)
             if seed:
-                set_random_seed(training_seed(recipe, steps))
+                set_random_seed(training_seed(config, steps))
 
         self.learner_group.foreach_learner(prepare)
         arrays = self._sample(steps, seed)
-        self.update(arrays, steps)
-        self.metrics.log_value(_STEPS, len(arrays["advantages"]), reduce="lifetime_sum")
-
-    def update(self, arrays: dict[str, Any], steps: int) -> None:
-        """Updates the policy with a batch, which begins after `steps` steps of the training."""
         gained = arrays["advantages"]
-        normalized = {"advantages": (gained - gained.mean()) / (gained.std() + 1e-8)}
+        arrays["advantages"] = (gained - gained.mean()) / (gained.std() + 1e-8)
         # PPO of RLlib also needs the old distributions, for a penalty that is not used here.
-        unused = {Columns.ACTION_DIST_INPUTS: np.zeros((len(gained), 0), np.float32)}
-        batch = SampleBatch({**arrays, **normalized, **unused})
-        results = self.learner_group.update(
-            batch=MultiAgentBatch({DEFAULT_MODULE_ID: batch}, env_steps=len(gained)),
+        arrays[Columns.ACTION_DIST_INPUTS] = np.zeros((len(gained), 0), np.float32)
+        self.learner_group.update(
+            batch=MultiAgentBatch({DEFAULT_MODULE_ID: SampleBatch(arrays)}, env_steps=len(gained)),
             timesteps={NUM_ENV_STEPS_SAMPLED_LIFETIME: steps + len(gained)},
             num_epochs=self.config.num_epochs,
             minibatch_size=self.config.minibatch_size,
             shuffle_batch_per_epoch=True,
         )
-        self.metrics.aggregate(results, key=LEARNER_RESULTS)
+        self.metrics.log_value(_STEPS, len(gained), reduce="lifetime_sum")
 
     def _sample(self, steps: int, seed: bool) -> dict[str, Any]:
         """Returns a batch from all runners. Runners that work replace the part of one that does not."""
-        weights, wanted = self.weights(), self.config.total_train_batch_size
-        parts: list[tuple[int, dict[str, Any], Any]] = []
+        weights, wanted = self.learner_group.get_weights()[DEFAULT_MODULE_ID], self.config.total_train_batch_size
+        parts: list[tuple[int, dict[str, Any], list[bool]]] = []
         if not self.config.num_env_runners:
             parts.append(self.env_runner.sample(weights=weights, steps=steps, seed=seed))
-        stored, deadline = ray.put(weights), time.monotonic() + PATIENCE
         while (have := sum(len(part[1]["advantages"]) for part in parts)) < wanted:
             found = self.env_runner_group.foreach_env_runner(
-                "sample", kwargs={"weights": stored, "steps": steps + have, "seed": seed}, local_env_runner=False
+                "sample", kwargs={"weights": weights, "steps": steps + have, "seed": seed}, local_env_runner=False
             )
             parts += sorted(found, key=lambda part: part[0])
-            if found:
-                deadline = time.monotonic() + PATIENCE
-            elif time.monotonic() > deadline:
-                raise RuntimeError(f"none of the {self.config.num_env_runners} runners has worked for {PATIENCE:.0f} s")
             seed = False
             self.restore_env_runners(self.env_runner_group)
-        self.successes = np.concatenate([part[2] for part in parts])
+        self.successes = tuple(success for part in parts for success in part[2])
         return {name: np.concatenate([part[1][name] for part in parts])[:wanted] for name in parts[0][1]}
 
     def restore_env_runners(self, env_runner_group: Any) -> list[int]:
         """Uses the replaced runners again and returns their indices. They need no state, see `ArrayRunner.sample`."""
         return env_runner_group.probe_unhealthy_env_runners()
 
-    def weights(self) -> dict[str, Any]:
-        """Returns the state of the policy module."""
-        return self.learner_group.get_weights()[DEFAULT_MODULE_ID]
 
-    def set_policy(self, policy: ActorCriticPolicy) -> None:
-        """Sets the weights of the policy in all learners."""
-        state = {f"policy.{name}": tensor.numpy() for name, tensor in policy.state_dict().items()}
-        self.learner_group.set_weights({DEFAULT_MODULE_ID: state})
-
-    def read_policy(self, policy: ActorCriticPolicy) -> None:
-        """Sets the weights of a policy to those of the learners."""
-        policy.load_state_dict(
-            {name.removeprefix("policy."): torch.tensor(array) for name, array in self.weights().items()}
-        )
+def settings_of(config: Any) -> Config:
+    """Returns the configuration of `agents.train` in one of RLlib."""
+    return Config.from_dict(config.rl_module_spec.model_config["config"])
 
 
-def algorithm_config(config: Config, settings: Settings) -> PPOConfig:
-    """Returns RLlib's configuration of a training."""
-    p, runners, learners = config.ppo, max(settings.runners, 1), max(settings.learners, 1)
+def algorithm_config(config: Config, runners: int) -> PPOConfig:
+    """Returns RLlib's configuration of a training.
+
+    Args:
+        config: The configuration.
+        runners: The number of processes that play. They share the `n_envs` environments. 0 if this process plays.
+
+    Raises:
+        ValueError: If the environments cannot be shared, or the policy is not `AimPolicy`.
+    """
+    ppo, players = config.ppo, max(runners, 1)
+    if (given := (config.policy["head"], config.start_from)) != ("aim", None):
+        raise ValueError(f"policy.head, start_from = {given}: expected 'aim' and None with RLlib")
+    if config.n_envs % players:
+        raise ValueError(f"runners = {runners}: expected a divisor of n_envs = {config.n_envs}")
     env = make_env(config)
-    spaces = env.observation_space, env.action_space
-    env.close()
-    rate = p.learning_rate
-    schedule = rate if p.final_learning_rate is None else [[0, rate], [config.timesteps, p.final_learning_rate]]
+    first, last = ppo["learning_rate"]
     return (
         PPOConfig(algo_class=ArrayPPO)
-        .environment(f"billiards_env:{ENV_ID}", observation_space=spaces[0], action_space=spaces[1])
+        .environment(f"billiards_env:{ENV_ID}", observation_space=env.observation_space, action_space=env.action_space)
         .env_runners(
             env_runner_cls=ArrayRunner,
-            num_env_runners=settings.runners,
-            num_envs_per_env_runner=config.n_envs // runners,
-            gym_env_vectorize_mode="vector_entry_point",
-            rollout_fragment_length=p.n_steps,
+            num_env_runners=runners,
+            num_envs_per_env_runner=config.n_envs // players,
+            rollout_fragment_length=ppo["n_steps"],
             merge_env_runner_states=False,
             broadcast_env_runner_states=False,
         )
-        .learners(num_learners=settings.learners, num_gpus_per_learner=0, learner_class=PolicyLearner)
-        .rl_module(rl_module_spec=RLModuleSpec(module_class=PolicyModule, model_config={"recipe": config.to_dict()}))
+        .rl_module(rl_module_spec=RLModuleSpec(module_class=AimModule, model_config={"config": config.to_dict()}))
         .training(
-            lr=schedule,
-            train_batch_size_per_learner=config.n_envs * p.n_steps // learners,
-            minibatch_size=p.batch_size // learners,
-            num_epochs=p.n_epochs,
-            clip_param=p.clip_range,
+            lr=[[0, first], [max(config.timesteps, 1), last]],
+            train_batch_size_per_learner=config.n_envs * ppo["n_steps"],
+            minibatch_size=ppo["batch_size"],
+            num_epochs=ppo["n_epochs"],
+            clip_param=ppo.get("clip_range", 0.2),
             use_kl_loss=False,
-            vf_loss_coeff=p.vf_coef,
+            vf_loss_coeff=ppo.get("vf_coef", 0.5),
             vf_clip_param=float("inf"),
-            entropy_coeff=p.ent_coef,
-            grad_clip=p.max_grad_norm,
+            entropy_coeff=ppo["ent_coef"],
+            grad_clip=ppo["max_grad_norm"],
             grad_clip_by="global_norm",
         )
         .debugging(seed=config.seed, log_level="ERROR")
-        .fault_tolerance(
-            restart_failed_env_runners=True,
-            delay_between_env_runner_restarts_s=1.0,
-            env_runner_health_probe_timeout_s=0.5,
-        )
+        .fault_tolerance(delay_between_env_runner_restarts_s=1.0, env_runner_health_probe_timeout_s=0.5)
     )

@@ -105,11 +105,12 @@ class AimNetwork(nn.Module):
         points: The number of points to aim at next to each object ball.
         speeds: Borders of the ranges of mean speeds, over the largest speed. Each point has a component in each range.
         hidden: Units of each hidden layer of the choice; the other networks have half as many.
-        aim: Whether the points depend on the position of their "ball" and the goal, or on the whole "layout".
+        aim: Whether the points depend on the position of their "ball", or on the whole "layout".
         goals: The number of goals in an observation, after the balls.
         legal: Whether an observation then has a flag for each object ball. Only the components of legal balls
             then have weight.
         rest: The number of remaining values at the end of an observation.
+        ignored: The number of values before them that have no effect.
         strikes: Whether the actions are strikes.
 
     Attributes:
@@ -135,11 +136,12 @@ class AimNetwork(nn.Module):
         goals: int = 0,
         legal: bool = False,
         rest: int = 0,
+        ignored: int = 0,
         strikes: bool = False,
     ) -> None:
         super().__init__()
         self.aim, self.ranges, self.numbers = aim, len(speeds) - 1, TIP * strikes
-        self.goals, self.legal, self.rest = goals, legal, rest
+        self.goals, self.legal, self.rest, self.ignored = goals, legal, rest, ignored
         inputs, half = 8 + 2 * goals + rest, hidden // 2
         borders, angles = torch.tensor(speeds), 2 * math.pi / points * torch.arange(points)
         self.register_buffer("half_extents", torch.tensor(half_extents))
@@ -147,7 +149,7 @@ class AimNetwork(nn.Module):
         self.register_buffer("faster", borders.diff().repeat_interleave(points))
         self.register_buffer("std", torch.ones(3))
         self.first_points = nn.Parameter(self.CIRCLE * torch.stack((angles.cos(), angles.sin())))
-        self.points = _Layers(2 + 2 * goals if aim == "ball" else inputs, half, 2 * points, 0.02)
+        self.points = _Layers(2 if aim == "ball" else inputs, half, 2 * points, 0.02)
         self.choice = _Layers(inputs, hidden, (2 + self.numbers) * points * self.ranges, 0.02)
         self.critic = _Layers(inputs, half, 1)
         self.turn = nn.Parameter(torch.zeros(()))
@@ -161,8 +163,10 @@ class AimNetwork(nn.Module):
 
         `legal` (m, n) are the balls at which a component may aim; None for those of the observation, or for all.
         """
-        m, n = len(observations), (observations.shape[1] - 2 - 2 * self.goals - self.rest) // (2 + self.legal)
-        places, flags, rest = observations.split((2 + 2 * (n + self.goals), n * self.legal, self.rest), 1)
+        m, last = len(observations), self.ignored + self.rest
+        n = (observations.shape[1] - 2 - 2 * self.goals - last) // (2 + self.legal)
+        sizes = 2 + 2 * (n + self.goals), n * self.legal, self.ignored, self.rest
+        places, flags, _, rest = observations.split(sizes, 1)
         places = places.unflatten(1, (-1, 2))
         signs = torch.where(places[:, 1 : 1 + n] < 0, -1.0, 1.0)
         tables = places[:, None] * signs[:, :, None]  # (m, n, 1 + n + goals, 2), one for each object ball
@@ -175,7 +179,7 @@ class AimNetwork(nn.Module):
         features = torch.cat((cue_ball, ball, way, distance, 1 / (distance + 0.1), goals, rest), 1)
         on_table = ball[:, 1] != 1  # of a potted ball this number is 1
         chosen, judged, aimed = self._other_balls(tables, flags, way, on_table) if n > 1 else (None, None, None)
-        offset = self.points(torch.cat((ball, goals), 1)) if self.aim == "ball" else self.points(features, aimed)
+        offset = self.points(ball) if self.aim == "ball" else self.points(features, aimed)
         dx, dy = (to_ball[:, :, None] + (self.first_points + self.CIRCLE * offset.unflatten(1, (2, -1)))).unbind(1)
         inverse = torch.rsqrt(dx * dx + dy * dy + 1e-9)
         dx, dy = dx * inverse * signs[:, :1], dy * inverse * signs[:, 1:]

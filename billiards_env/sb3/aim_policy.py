@@ -17,7 +17,7 @@ from stable_baselines3.common.utils import LinearSchedule
 from torch import Tensor
 
 import billiards_env  # noqa: F401  (registers the environment)
-from billiards_env.checks import Range, finite, integer, numbers, one_of, short
+from billiards_env.checks import Range, finite, flag, integer, numbers, one_of, short
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.tasks import TASKS
 from billiards_env.sb3.aim_network import AimNetwork, Mixture
@@ -25,7 +25,7 @@ from billiards_env.scene import Scene
 
 PPO_SETTINGS: dict[str, Any] = {
     "n_steps": 1,
-    "batch_size": 1024,
+    "batch_size": 512,
     "n_epochs": 3,
     "learning_rate": LinearSchedule(2e-3, 2e-5, 1.0),
     "gamma": 1.0,
@@ -34,7 +34,7 @@ PPO_SETTINGS: dict[str, Any] = {
     "max_grad_norm": 5.0,
     "device": "cpu",
 }
-"""Arguments of `stable_baselines3.PPO` for 4096 environments and episodes of one shot."""
+"""Arguments of `stable_baselines3.PPO` for 4096 environments."""
 
 _UNITS, _MOST_SPEEDS = Range(2, 4096), 100
 _WORTH = 0.1  # the smallest value that divides an advantage
@@ -82,6 +82,7 @@ class AimPolicy(ActorCriticPolicy):
     Args:
         observation_space, action_space, lr_schedule: As in `ActorCriticPolicy`.
         env: Arguments of `gym.make("Billiards-v0", ...)`. The weights fit any number of balls.
+        observe_shots_left: Whether the networks observe the shots left, if the environment shows them.
         points, speeds, hidden: As in `AimNetwork`.
         aim: As in `AimNetwork`; None for "ball" in the tasks that need pockets and "layout" in the others.
         exploration: The number of shots after which the next four arguments have their last values.
@@ -112,6 +113,7 @@ class AimPolicy(ActorCriticPolicy):
         lr_schedule: Callable[[float], float],
         *,
         env: Mapping[str, Any] | None = None,
+        observe_shots_left: bool = True,
         points: int = 16,
         speeds: Sequence[float] = (0.2, 0.4, 0.8),
         hidden: int = 192,
@@ -144,6 +146,7 @@ class AimPolicy(ActorCriticPolicy):
         aim = aim or ("ball" if TASKS[self.game.task].pockets else "layout")
         one_of("aim", aim, ("ball", "layout"))
         self.network = {"points": points, "speeds": tuple(speeds), "hidden": hidden, "aim": aim}
+        self.observe_shots_left = flag("observe_shots_left", observe_shots_left)
         self.exploration = exploration
         self.env = dict(env or {})
         super().__init__(observation_space, action_space, lr_schedule, **kwargs)
@@ -151,13 +154,15 @@ class AimPolicy(ActorCriticPolicy):
     def _build(self, lr_schedule: Callable[[float], float]) -> None:
         game = self.game
         n, goals, legal = game.scene.n_balls, len(game.goals), len(game.legal_balls) > 0
-        rest = gym.spaces.flatdim(game.observation_space) - 2 * (n + goals) - (n - 1) * legal
+        ignored = int(game.observe_shots_left and not self.observe_shots_left)
+        rest = gym.spaces.flatdim(game.observation_space) - 2 * (n + goals) - (n - 1) * legal - ignored
         self.net = AimNetwork(
             game.scene.half_extents,
             **self.network,
             goals=goals,
             legal=legal,
             rest=rest,
+            ignored=ignored,
             strikes=game.action == "strike",
         )
         self.register_buffer("shots", torch.zeros((), dtype=torch.int64))
@@ -203,5 +208,6 @@ class AimPolicy(ActorCriticPolicy):
         return mixture.mode() if deterministic else mixture.sample()
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
-        own = {"env": self.env, **self.network, "exploration": self.exploration, **self.schedules}
+        own = {"env": self.env, "observe_shots_left": self.observe_shots_left, **self.network}
+        own |= {"exploration": self.exploration, **self.schedules}
         return super()._get_constructor_parameters() | own

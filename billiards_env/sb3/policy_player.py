@@ -95,7 +95,7 @@ def _aimed(model: AimPolicy, setup: Setup, game: GameState) -> NDArray[np.float3
     tables = torch.tensor([[cue, ball] for ball in legal] if model.game.scene.n_balls == 2 else [[cue, *balls]])
     flags = torch.tensor([[ball in legal for ball in table[1:]] for table in tables.tolist()])
     places = torch.tensor(game.positions / np.array(model.game.scene.half_extents), dtype=torch.float32)
-    shots_left = torch.ones(len(tables), net.rest)
+    shots_left = torch.ones(len(tables), net.ignored + net.rest)
     observed = torch.cat((places[tables].flatten(1), *([flags.float()] if net.legal else []), shots_left), 1)
     with torch.no_grad():
         mixtures, values = net(observed, flags)

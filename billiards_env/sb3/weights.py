@@ -114,7 +114,10 @@ def load_policy(
     settings, weights = folder / "config.yaml", folder / "policy.pt"
     try:
         config = plain_yaml(read_text(settings, _MOST_BYTES, "the settings of a run"))
-        arguments, description = {**config["env"], **(env or {})}, config["policy"]
+        arguments, description = {**config["env"], **(env or {})}, dict(config["policy"])
+        if description["head"] == "aim":  # the networks observe what they observed in the training
+            shots_left = {"observe_shots_left": config["env"].get("observe_shots_left", False)}
+            description["arguments"] = {**shots_left, **description["arguments"]}
         if env is None:
             find_game(arguments)
         hidden = policy_arguments(arguments, description).get("net_arch", ())

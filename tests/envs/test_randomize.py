@@ -119,7 +119,7 @@ def test_ranges_in_a_configuration():
     env = {"mode": "pit", "dt": "1/60", "randomize": {"dt": ["1/240", "1e-1"]}}
     found = config.from_dict({"timesteps": 0, "env": env})
     assert found.env["randomize"] == {"dt": [1 / 240, 0.1]}
-    assert found.is_saved_as(found.to_dict())
+    assert config.from_dict(found.to_dict()) == found
 
 
 @pytest.mark.parametrize("head", ["gaussian", "aim"])

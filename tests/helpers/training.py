@@ -36,8 +36,8 @@ def settings(**changes: Any) -> dict[str, Any]:
         "seed": 5,
         "checkpoint_every": 200,
         "evaluation_episodes": 20,
-        "policy": {"hidden": [16]},
-        "ppo": {"n_steps": 32, "n_epochs": 2, "final_learning_rate": 1e-4},
+        "policy": {"head": "gaussian", "hidden": [16]},
+        "ppo": {"n_steps": 32, "n_epochs": 2, "batch_size": 64, "learning_rate": [3e-4, 1e-4]},
         **changes,
     }
 

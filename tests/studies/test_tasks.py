@@ -62,8 +62,8 @@ def test_the_text_about_a_task_fits_it():
 @pytest.mark.parametrize(
     ("name", "policy"),
     [
-        ("Pot3Noise-v0", None),  # trained without noise only
-        ("SumToThree-v0", None),  # trained with another layout
+        ("Pot3Noise-v0", "three_balls"),  # trained without noise
+        ("EightBall-v0", None),
         ("NineBall-v0", "distilled"),
     ],
 )

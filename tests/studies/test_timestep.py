@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-from concurrent.futures import Executor, Future
 from typing import Any
 
 import gymnasium as gym
@@ -15,19 +14,11 @@ import pytest
 from billiards_env import Scene, simulate
 from studies import timestep, timestep_page, timestep_report
 from studies.readme import fill, results
+from tests.studies.conftest import InThisProcess
 
 pytest.importorskip("matplotlib")
 
 TINY = "--shots 2048 --envs 1024 --hidden 16 --points 4 --epochs 1"
-
-
-class Here(Executor):
-    """Calls functions in this thread."""
-
-    def submit(self, fn, /, *args, **kwargs):
-        future = Future[Any]()
-        future.set_result(fn(*args, **kwargs))
-        return future
 
 
 WORLDS = {"exact": {}, "1/60": timestep.WORLDS["1/60"], "1/15": timestep.WORLDS["1/15"]}
@@ -50,7 +41,7 @@ def shrink(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(timestep, "WORLDS_OF_GAMES", tuple(WORLDS))
     patch.setattr(timestep, "PARTS", PARTS)
     patch.setattr(timestep, "LAYOUTS", 200)
-    patch.setattr(timestep, "workers", lambda *_: contextlib.nullcontext(Here()))
+    patch.setattr(timestep, "workers", lambda *_: contextlib.nullcontext(InThisProcess()))
     patch.setattr(timestep_report, "SHOTS_OF_FINE_TUNING", (0, 1024, 2048))
 
 

@@ -1,0 +1,236 @@
+"""Trains the policies of `configs/learning.yaml` and measures them in frozen tasks: `python -m studies.learning`.
+
+Each row is trained with each seed by `agents.train`, in `runs/learning/ROW/seedN`. The policy then plays new layouts of
+the frozen tasks of its row without exploration. The results are
+
+* `studies/results/learning.json`: for each row its settings, and for each seed the learning curve and the successes,
+* `studies/results/policies/ROW`: the policy of the first seed, with its configuration,
+* `docs/images/learning.png`: the learning curves.
+
+The command skips the seeds that have results with the same settings. A training that was interrupted continues.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from concurrent.futures import as_completed
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+from matplotlib.figure import Figure
+from tqdm import tqdm
+
+from agents.config import LEARNING, load, read, rows
+from agents.ppo import deterministic, load_policy
+from agents.train import learning_curve, open_run, train, versions
+from benchmarks import IMAGES, machine, machine_line, save, table, use_own_font
+from billiards_env.evaluation import evaluation_seeds, play_together
+from billiards_env.files import write_json, write_whole
+from billiards_env.frozen import FROZEN, NAMESPACE
+from billiards_env.intervals import as_percent, over_seeds
+from studies import RESULTS, RUNS, parser_of_runs, report, tasks, workers
+
+OUTPUT, POLICIES, PICTURE = RESULTS / "learning.json", RESULTS / "policies", IMAGES / "learning.png"
+
+EPISODES = 10_000
+"""The number of layouts of each task and seed."""
+
+PLAYERS = ("random", "search:200", "planner:300")
+"""The players without training beside the policies. `studies.tasks` measures them."""
+
+Result = Mapping[str, Any]
+
+
+def run_row(name: str, seed: int, folder: Path, episodes: int) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """Trains a row with a seed, unless the folder holds the finished run, and plays its tasks.
+
+    Returns:
+        `curve`, the learning curve (a list of `agents.train.Point`), and `tasks`: the results of `play` by task. Then
+        the files of the policy, because another machine may train it.
+    """
+    config, found = load(name, seed=seed), {}
+    open_run(config, folder)
+    train(config, folder)
+    for task in rows()[name]["plays"]:
+        envs = gym.make_vec(NAMESPACE + task, num_envs=episodes, autoreset_mode="SameStep")
+        policy = load_policy(folder, FROZEN[task].arguments)[1]
+        found[task] = play_together(envs, deterministic(policy), evaluation_seeds(seed, episodes).tolist())
+        envs.close()
+    files = {file: (folder / file).read_bytes() for file in ("config.yaml", "policy.pt")}
+    return {"curve": [list(point) for point in learning_curve(folder)], "tasks": found}, files
+
+
+class Places(NamedTuple):
+    """The JSON file of the results, the folder of the policies of the first seed, and the picture of the curves."""
+
+    results: Path
+    policies: Path
+    picture: Path
+
+
+def measure(where: Places, folder: Path, jobs: int, address: str | None) -> dict[str, Any]:
+    """Trains what has no results, and writes the result of each seed as soon as it is known.
+
+    Args:
+        where: The files of the results.
+        folder: The folder of the runs.
+        jobs: The number of trainings at a time.
+        address: The address of a Ray cluster that trains; None for this machine.
+
+    Returns:
+        The content of the file: `machine`, `versions`, and `rows`: for each row its `config` and its `runs` by seed,
+        see `run_row`.
+
+    Raises:
+        OSError: If a file cannot be read or written.
+        ValueError: If a row is impossible.
+    """
+    old = json.loads(where.results.read_text(encoding="utf-8")) if where.results.exists() else {"rows": {}}
+    found: dict[str, Any] = {"machine": machine(), "versions": versions(), **old, "rows": {}}
+    seeds = read(LEARNING)["seeds"]
+    for name in rows():
+        config = json.loads(json.dumps({**load(name).to_dict(), "seed": None}))
+        known = old["rows"].get(name, {})
+        done = known["runs"] if known.get("config") == config else {}
+        found["rows"][name] = {"config": config, "runs": done}
+    order = [(seed, name) for seed in seeds for name in rows()]
+    waiting = [(seed, name) for seed, name in order if str(seed) not in found["rows"][name]["runs"]]
+    with workers(jobs, address) as pool, tqdm(total=len(order), initial=len(order) - len(waiting), unit="run") as bar:
+        waits = {
+            pool.submit(run_row, name, seed, folder / name / f"seed{seed}", EPISODES): (seed, name)
+            for seed, name in waiting
+        }
+        for done in as_completed(waits):
+            seed, name = waits[done]
+            result, files = done.result()
+            found["rows"][name]["runs"] = dict(sorted({**found["rows"][name]["runs"], str(seed): result}.items()))
+            write_json(where.results, found)
+            for file, content in files.items() if seed == seeds[0] else ():
+                write_whole(where.policies / name / file, content)
+            bar.update()
+    return found
+
+
+def mean_rates(result: Result, task: str) -> list[float]:
+    """Returns the success of each seed of a row in a task, as `share_of`."""
+    return [
+        share_of(task, run["tasks"][task]["success_rate"], run["tasks"][task]["mean_score"]) for run in runs(result)
+    ]
+
+
+def share_of(task: str, success: float, points: float) -> float:
+    """Returns the success of a player in a task, or the share of the shots that score in "SumToThree"."""
+    return points / FROZEN[task].arguments["max_shots"] if task.startswith("SumToThree") else success
+
+
+def runs(result: Result) -> list[Result]:
+    """Returns the runs of a row, by ascending seed."""
+    return list(result["runs"].values())
+
+
+def players() -> dict[str, dict[str, float]]:
+    """Returns the success of the players without training by task and name, as `share_of`."""
+    found = json.loads(tasks.OUTPUT.read_text(encoding="utf-8"))
+    return {
+        task: {name: share_of(task, one["success"], one["return"]) for name, one in known["players"].items()}
+        for task, known in found.items()
+    }
+
+
+def policies(found: Result) -> list[tuple[str, str, Result]]:
+    """Returns the name, the task and the result of each row with results and each of its tasks."""
+    rows = ((name, result) for name, result in found["rows"].items() if result["runs"])
+    return [(name, task, result) for name, result in rows for task in runs(result)[0]["tasks"]]
+
+
+def blocks(found: Result) -> dict[str, str]:
+    """Returns the tables and sentences for the pages, by name."""
+    others, lines = players(), []
+    for name, task, result in policies(found):
+        rates, curve = mean_rates(result, task), runs(result)[0]["curve"]
+        seconds = np.mean([run["curve"][-1][1] for run in runs(result)])
+        numbers = (f"{curve[-1][0] / 1e6:.1f}", f"{seconds:.0f} s", str(len(rates)), as_percent(over_seeds(rates)))
+        cells = (f"{others[task][player]:.1%}" if player in others[task] else "" for player in PLAYERS)
+        lines.append((f"`{name}`", f"`{task.removesuffix('-v0')}`", *numbers, *cells))
+    head = ("row", "task", "million shots", "processor time", "seeds", "success", *(f"`{name}`" for name in PLAYERS))
+    pot, usual = (found["rows"][name] for name in ("pot", "pot_mlp"))
+    first = np.mean([run["curve"][0][3] for run in runs(pot)])
+    return {
+        "machine": machine_line(found["machine"]),
+        "table": table(head, lines, left=2),
+        "solved": _solved(found, others),
+        "summary": f"`make train` trains for {max(run['curve'][-1][1] for run in runs(pot)):.0f} s on one core. The "
+        f"policy learns from the positions of the balls alone. It then pots the ball on "
+        f"{as_percent(over_seeds(mean_rates(pot, 'Pot1-v0')))} of new layouts (mean of {len(runs(pot))} seeds, 95% "
+        f'interval), before the training on {first:.1%}. After as many shots `PPO("MlpPolicy")` pots '
+        f"{np.mean(mean_rates(usual, 'Pot1-v0')):.1%}. Random shots pot {others['Pot1-v0']['random']:.1%}, and a "
+        f"search of 200 shots for each layout {others['Pot1-v0']['search:200']:.1%}.",
+    }
+
+
+def _solved(found: Result, others: Mapping[str, Mapping[str, float]]) -> str:
+    """Returns the table "solved and open": the best policy of each task beside the best player without training."""
+    usual: dict[str, str] = {}
+    best: dict[str, tuple[float, str]] = {}
+    for _, task, result in policies(found):
+        mean = float(np.mean(mean_rates(result, task)))
+        if result["config"]["policy"]["head"] == "gaussian":
+            usual[task] = f"{mean:.1%}"
+        else:
+            text = f"{mean:.1%} ({result['config']['timesteps'] / 1e6:g} M)"
+            best[task] = max(best.get(task, (0.0, "")), (mean, text))
+    lines = []
+    for task, known in others.items():
+        noisy = task.replace("-v0", "Noise-v0")
+        if task in best and noisy in FROZEN:
+            cells = (f"{known['random']:.1%}", usual.get(task, ""), best[task][1], _rival(known))
+            noise = f"{best[noisy][0]:.1%}" if noisy in best else ""
+            lines.append((f"`{task.removesuffix('-v0')}`", *cells, noise, _rival(others[noisy])))
+    ours, theirs = "`AimPolicy`", "planner or search"
+    head = ("task", "random", '`PPO("MlpPolicy")`', f"{ours} (shots)", theirs, f"{ours}, noise", f"{theirs}, noise")
+    return table(head, lines)
+
+
+def _rival(known: Mapping[str, float]) -> str:
+    """Returns the success and the name of the best player without training, but not of random shots."""
+    name = max((name for name in known if name != "random"), key=lambda name: known[name])
+    return f"{known[name]:.1%} (`{name}`)"
+
+
+def draw(found: Result, path: Path) -> None:
+    """Draws the learning curves of the rows: the mean over the seeds and, thin, each seed."""
+    use_own_font()
+    figure = Figure(figsize=(9, 4.6), dpi=110, layout="constrained")
+    axes = figure.add_subplot()
+    for k, (name, result) in enumerate((name, row) for name, row in found["rows"].items() if row["runs"]):
+        curves = np.array([[point[3] for point in run["curve"]] for run in runs(result)])
+        steps = np.array([point[0] for point in runs(result)[0]["curve"]]) / 1e6
+        style: dict[str, Any] = {"color": f"C{k % 10}", "linestyle": "-" if k < 10 else "--"}
+        axes.plot(steps, 100 * curves.mean(0), linewidth=2, label=name, **style)
+        axes.plot(steps, 100 * curves.T, linewidth=0.5, alpha=0.6, **style)
+    axes.set(xlabel="million shots", ylabel="success on new layouts (%)", ylim=(0, 102), xlim=(0, 2))
+    axes.grid(alpha=0.3)
+    figure.legend(loc="outside right upper", fontsize=9, frameon=False)
+    save(figure, path)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Runs the command line; see `python -m studies.learning --help`."""
+    args = parser_of_runs("learning", "Train the rows of configs/learning.yaml and measure them.").parse_args(arguments)
+    folder = args.folder or RUNS / "learning"
+    published = Places(OUTPUT, POLICIES, PICTURE)
+    where = published if args.folder is None else Places(folder / "learning.json", folder, folder / "learning.png")
+
+    def work() -> Result:
+        found = measure(where, folder, args.jobs, args.address)
+        draw(found, where.picture)
+        return found
+
+    report(work, blocks, where.results, where.picture)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,71 @@
+"""The trainings of the published results."""
+
+import contextlib
+import json
+
+import gymnasium as gym
+import pytest
+import yaml
+
+from agents import config as settings
+from billiards_env.evaluation import evaluation_seeds, find_player, play
+from studies import learning
+from studies.learning import blocks, main
+from tests.studies.conftest import InThisProcess
+
+ROWS = {
+    "seeds": [3, 4],
+    "defaults": {"checkpoint_every": 128, "evaluation_episodes": 20, "env": {"scratch_penalty": 0.0}, "n_envs": 64},
+    "rows": {
+        "pot": {"task": "Pot1-v0", "timesteps": 128, "policy": {"arguments": {"hidden": 8}}, "ppo": {"batch_size": 64}},
+        "pot_mlp": {
+            "task": "Pot1-v0",
+            "timesteps": 128,
+            "policy": {"head": "gaussian", "hidden": [8]},
+            "ppo": {"n_steps": 2},
+            "plays": ["Pot1-v0", "Pot1Noise-v0"],
+        },
+    },
+}
+
+
+@pytest.fixture
+def command(tmp_path, monkeypatch):
+    """A function that runs the command with tiny rows, in this process."""
+    monkeypatch.setattr(settings, "LEARNING", tmp_path / "learning.yaml")
+    monkeypatch.setattr(learning, "LEARNING", tmp_path / "learning.yaml")
+    monkeypatch.setattr(learning, "EPISODES", 50)
+    monkeypatch.setattr(learning, "workers", lambda *_: contextlib.nullcontext(InThisProcess()))
+
+    def run(rows=ROWS):
+        (tmp_path / "learning.yaml").write_text(yaml.safe_dump(rows))
+        main(["--folder", str(tmp_path / "runs")])
+        return json.loads((tmp_path / "runs" / "learning.json").read_text())
+
+    return run
+
+
+def test_the_command_trains_what_has_no_results(command, tmp_path, capsys):
+    found = command()
+    printed = capsys.readouterr().out
+    assert all(text in printed for text in blocks(found).values())
+    assert [list(row["runs"]) for row in found["rows"].values()] == [["3", "4"]] * 2
+    run = found["rows"]["pot_mlp"]["runs"]["4"]
+    assert [point[0] for point in run["curve"]] == [0, 128]
+    env = gym.make("Billiards/Pot1-v0")
+    player = find_player(f"policy:{tmp_path / 'runs' / 'pot_mlp' / 'seed4'}", env)
+    assert play(env, player, evaluation_seeds(4, 50).tolist()) == run["tasks"]["Pot1-v0"]
+    assert run["tasks"]["Pot1Noise-v0"]["episodes"] == 50
+    assert (tmp_path / "runs" / "learning.png").exists()
+    assert (tmp_path / "runs" / "pot" / "policy.pt").exists()
+
+    path = tmp_path / "runs" / "learning.json"
+    found["rows"]["pot"]["runs"]["3"]["tasks"]["Pot1-v0"]["success_rate"] = 0.75
+    del found["rows"]["pot_mlp"]["runs"]["3"]
+    path.write_text(json.dumps(found))
+    again = command()
+    assert again["rows"]["pot"]["runs"]["3"]["tasks"]["Pot1-v0"]["success_rate"] == 0.75
+    assert again["rows"]["pot_mlp"]["runs"].keys() == {"3", "4"}
+    changed = {**ROWS, "rows": {**ROWS["rows"], "pot": {**ROWS["rows"]["pot"], "timesteps": 64}}}
+    with pytest.raises(SystemExit, match="expected a run of the same settings, but timesteps is 128, not 64"):
+        command(changed)
