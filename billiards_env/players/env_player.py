@@ -43,6 +43,7 @@ def situation(env: BilliardsEnv) -> Situation:
         lambda actions: rewards(env, actions),
         action_size=ACTIONS[env.action],
         goals=_goals(env, np.flatnonzero(targets & ~env.potted).tolist()),
+        strike=env.action == "strike",
     )
 
 
@@ -87,7 +88,9 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
     both = expected(noise, level)
     english = env.action == "strike"
     errors = both if any(both) else NOISE
-    stroke = plan(setup, game, env.max_speed, rng, seconds, shots, errors, Options(run_out, english)).stroke
+    stroke = plan(
+        setup, game, env.max_speed, rng, seconds, shots, errors, Options(run_out, english, leaves=False)
+    ).stroke
     stroke = with_noise(stroke, level.noise, env.max_speed, rng)
     if not english:
         return np.array(stroke.velocity) / env.max_speed

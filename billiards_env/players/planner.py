@@ -20,7 +20,7 @@ import math
 import re
 from collections.abc import Callable
 from statistics import NormalDist
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,12 +57,14 @@ class Plan(NamedTuple):
     Attributes:
         stroke: The stroke.
         value: The mean value of its noisy outcomes, from -1 for a lost game to 1 for a won game. In a game that is won
-            by points it is the expected lead.
-        probability: The share of its noisy outcomes that win the game or continue the turn.
+            by points it is the expected lead. With a budget too small for noisy outcomes it is that of the shot
+            without errors.
+        probability: The share of its noisy outcomes that win the game or continue the turn, or whether the shot without
+            errors does.
         ball: The ball that it plans to pot, or -1.
         pocket: The pocket of this pot, or -1.
-        leave: (n, 2) m: the positions of the balls after the shot without errors.
-        samples: The number of noisy outcomes.
+        leave: (n, 2) m: the positions of the balls after the shot without errors; NaN without `Options.leaves`.
+        samples: The number of noisy outcomes, or 1.
         alternatives: Other shots, the best first; they have no alternatives.
     """
 
@@ -100,11 +102,13 @@ class Options(NamedTuple):
             is won by points the expected points of the turn.
         english: Whether to try offsets of the tip, in a scene with spin.
         values: A function that returns the values (m,) of m simulated shots; None for those of `Plan.value`.
+        leaves: Whether to compute `Plan.leave`, which simulates the final shots once more.
     """
 
     run_out: bool = False
     english: bool = True
     values: Callable[[PlayedBatch], Floats] | None = None
+    leaves: bool = True
 
 
 _USUAL = Options()
@@ -126,7 +130,7 @@ def planner(setup: Setup, argument: str = "", noise: Noise = NOISE) -> Callable[
     noise = real("noise[0]", noise[0], "angle_std"), real("noise[1]", noise[1], "speed_std")
 
     def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
-        return plan(setup, game, max_speed, rng, seconds, shots, noise).stroke
+        return plan(setup, game, max_speed, rng, seconds, shots, noise, Options(leaves=False)).stroke
 
     return stroke
 
@@ -181,44 +185,29 @@ def plan(
 
     budget.begin_shots()
     exact = _without_errors(search, every)
-    alive = every.of(np.argsort(-exact, kind="stable")[: max(FINALISTS, int(_KEPT * len(exact)))])
-
-    found = Sums(*np.zeros((3, len(alive.velocities))))
-    while True:
-        rounds = max(1, math.ceil(math.log2(len(found.samples) / FINALISTS)) + 1)
-        samples = max(1, int(budget.left / rounds / len(found.samples)))
-        some, shifts = _sample(search, alive, samples)
-        found = Sums(*(before + new for before, new in zip(found, some, strict=True)))
-        order = found.order()
-        if rounds == 1 or budget.left < len(order):
-            break
-        order = order[: max(FINALISTS, len(order) // 2)]
-        # Copies of the better half, with the mean error of its better outcomes, replace the worse half.
-        half = len(order) // 2 if rounds > 2 else 0
-        copied, order = order[:half], order[: len(order) - half]
-        velocities, spins = with_errors(alive.velocities[copied], alive.spins[copied], shifts[copied], max_speed)
-        copies = alive.of(copied)._replace(velocities=velocities, spins=spins)
-        alive = alive.of(order).and_also(copies)
-        found = Sums(*(np.concatenate((sums[order], np.zeros(half))) for sums in found))
-
-    order = order[:FINALISTS]
-    best = alive.of(order)
-    leaves = play_batch(setup, game, best.velocities, best.spins, best.places, best.targets, threads=1).positions
+    order = np.argsort(-exact.total, kind="stable")[: max(FINALISTS, int(_KEPT * len(exact.total)))]
+    best, found = every.of(order), exact.of(order)
+    if budget.left > 0:
+        best, found = _halved(search, best)
+    leaves = np.full((FINALISTS, *game.positions.shape), np.nan)
+    if options.leaves:
+        some = best.of(slice(FINALISTS))
+        leaves = play_batch(setup, game, some.velocities, some.spins, some.places, some.targets, threads=1).positions
     plans = []
-    for k, leave in zip(order.tolist(), leaves, strict=True):
-        ball, pocket = alive.targets[k].tolist()
+    for k, leave in enumerate(leaves[: len(best.velocities)]):
+        ball, pocket = best.targets[k].tolist()
         call = Call(ball, pocket) if game.state.call_shot and not game.state.break_shot and ball >= 0 else NO_CALL
-        call = Call(kind="push_out") if alive.push_out[k] else call
-        x, y = alive.velocities[k].tolist()
-        place = None if game.state.in_hand == "no" else tuple(alive.places[k].tolist())
-        stroke = Stroke((x, y), place, tuple(alive.spins[k].tolist()), call)
+        call = Call(kind="push_out") if best.push_out[k] else call
+        x, y = best.velocities[k].tolist()
+        place = None if game.state.in_hand == "no" else tuple(best.places[k].tolist())
+        stroke = Stroke((x, y), place, tuple(best.spins[k].tolist()), call)
         value, probability = (float(sums[k] / found.samples[k]) for sums in found[:2])
         plans.append(Plan(stroke, value, probability, ball, pocket, leave, int(found.samples[k])))
-    best = plans[0]
-    if "hand_back" in game.state.choices and best.value < 0.0 and not options.run_out:
+    first = plans[0]
+    if "hand_back" in game.state.choices and first.value < 0.0 and not options.run_out:
         none = Stroke((0.0, 0.0), call=Call(kind="hand_back"))
-        return Plan(none, -best.value, 0.0, -1, -1, game.positions, best.samples, tuple(plans[:-1]))
-    return best._replace(alternatives=tuple(plans[1:]))
+        return Plan(none, -first.value, 0.0, -1, -1, game.positions, first.samples, tuple(plans[:-1]))
+    return first._replace(alternatives=tuple(plans[1:]))
 
 
 def _values(
@@ -245,6 +234,10 @@ class Sums(NamedTuple):
     total: Floats
     kept: Floats
     samples: Floats
+
+    def of(self, which: Any) -> Sums:
+        """Returns the sums of some of the candidates."""
+        return Sums(self.total[which], self.kept[which], self.samples[which])
 
     def order(self) -> Ints:
         """Returns the candidates with samples, the best first; few samples count against a candidate."""
@@ -275,15 +268,43 @@ class _Search(NamedTuple):
     budget: Budget
 
 
-def _without_errors(search: _Search, every: Shots) -> Floats:
-    """Returns the values of the first candidates without errors, and sets the calls of random shots to their pots."""
-    setup, game, budget, exact = search.setup, search.game, search.budget, np.empty(0)
-    while len(exact) < len(every.velocities) and not (len(exact) and budget.left < 2 * budget.used):
-        part = every.of(slice(len(exact), len(exact) + budget.chunk(0.1, *_CHUNK)))
+def _halved(search: _Search, alive: Shots) -> tuple[Shots, Sums]:
+    """Simulates candidates with errors, and drops the worse half until few are left. Returns these, the best first."""
+    budget, found = search.budget, Sums(*np.zeros((3, len(alive.velocities))))
+    while True:
+        rounds = max(1, math.ceil(math.log2(len(found.samples) / FINALISTS)) + 1)
+        samples = max(1, int(budget.left / rounds / len(found.samples)))
+        some, shifts = _sample(search, alive, samples)
+        found = Sums(*(before + new for before, new in zip(found, some, strict=True)))
+        order = found.order()
+        if rounds == 1 or budget.left < len(order):
+            return alive.of(order[:FINALISTS]), found.of(order[:FINALISTS])
+        order = order[: max(FINALISTS, len(order) // 2)]
+        # Copies of the better half, with the mean error of its better outcomes, replace the worse half.
+        half = len(order) // 2 if rounds > 2 else 0
+        copied, order = order[:half], order[: len(order) - half]
+        shifted = with_errors(alive.velocities[copied], alive.spins[copied], shifts[copied], search.max_speed)
+        copies = alive.of(copied)._replace(velocities=shifted[0], spins=shifted[1])
+        alive = alive.of(order).and_also(copies)
+        found = Sums(*(np.concatenate((sums[order], np.zeros(half))) for sums in found))
+
+
+def _kept(search: _Search, played: PlayedBatch, push_out: NDArray[np.bool_]) -> Floats:
+    """Returns 1 for the shots that win the game or continue the turn, and 0 for the others, (m,)."""
+    verdicts = played.verdicts
+    return 1.0 * ((verdicts["continues"] | (verdicts["winner"] == search.game.state.player)) & ~push_out)
+
+
+def _without_errors(search: _Search, every: Shots) -> Sums:
+    """Simulates the first candidates without errors, and sets the calls of random shots to their pots."""
+    setup, game, budget, exact = search.setup, search.game, search.budget, Sums(*np.empty((3, 0)))
+    while len(exact.total) < len(every.velocities) and not (budget.used and budget.left < 2 * budget.used):
+        part = every.of(slice(budget.used, budget.used + budget.chunk(0.1, *_CHUNK)))
         played = play_batch(setup, game, part.velocities, part.spins, part.places, threads=1)
         budget.used += len(part.velocities)
         _set_targets(setup, game, part.targets, played)
-        exact = np.concatenate((exact, search.values(played, part.push_out)))
+        new = search.values(played, part.push_out), _kept(search, played, part.push_out), np.ones(len(part.velocities))
+        exact = Sums(*(np.concatenate(pair) for pair in zip(exact, new, strict=True)))
     return exact
 
 
@@ -307,8 +328,7 @@ def _sample(search: _Search, shots: Shots, samples: int) -> tuple[Sums, Floats]:
         )
         budget.used += len(played.verdicts)
         found[some] = search.values(played, part.push_out[some])
-        keeps = played.verdicts["continues"] | (played.verdicts["winner"] == game.state.player)
-        kept[some] = keeps & ~part.push_out[some]
+        kept[some] = _kept(search, played, part.push_out[some])
     done, found = ~np.isnan(found).reshape(k, samples), np.nan_to_num(found).reshape(k, samples)
     sums = Sums(found.sum(axis=1), kept.reshape(k, samples).sum(axis=1), done.sum(axis=1).astype(float))
     better = np.where(done, np.maximum(found - (sums.total / np.maximum(sums.samples, 1.0))[:, None], 0.0), 0.0)
