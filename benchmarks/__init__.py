@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tqdm import tqdm
 
-from billiards_env.checks import Range, whole
+from billiards_env.checks import Range, integer
 from billiards_env.files import write_json, write_whole
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def parser_of(name: str, description: str, output: bool = True, **counts: Count)
 
         def count(given: str, option: str = option, least: int = least) -> int:
             try:
-                return whole(f"--{option}", int(given), Range(least, None))
+                return integer(f"--{option}", int(given), Range(least, None))
             except ValueError as error:
                 raise argparse.ArgumentTypeError(str(error)) from error
 

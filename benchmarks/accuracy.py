@@ -49,7 +49,7 @@ TIMED = 24  # shots whose run time is measured
 BREAKS = 8  # number of other shots per break in the comparison of outcomes, because breaks take long
 
 
-class Problem(NamedTuple):
+class ShotKind(NamedTuple):
     """Random shots in a scene; `column` is the index in `TIMES` of the time of the main error, or -1 for the end."""
 
     scene: Scene
@@ -61,13 +61,13 @@ _shot, _break, _gas = (
     error_limit.KINDS[kind][1] for kind in ("1 object ball", "15-ball break, loose", "gas of 16 disks")
 )
 PROBLEMS = {
-    "1 object ball": Problem(Scene.named("pool", 1), _shot, -1),
-    "3 object balls": Problem(Scene.named("pool", 3), _shot, -1),
-    "5 object balls": Problem(Scene.named("pool", 5), _shot, -1),
-    "carom": Problem(Scene.named("carom", 2), _shot, -1),
-    "15-ball break": Problem(Scene.named("pool", 15), _break, 0),
-    "2 elastic disks": Problem(Scene.named("ideal", 1), _shot, 2),
-    "gas of 16 disks": Problem(Scene.named("ideal", 15), _gas, 1),
+    "1 object ball": ShotKind(Scene.named("pool", 1), _shot, -1),
+    "3 object balls": ShotKind(Scene.named("pool", 3), _shot, -1),
+    "5 object balls": ShotKind(Scene.named("pool", 5), _shot, -1),
+    "carom": ShotKind(Scene.named("carom", 2), _shot, -1),
+    "15-ball break": ShotKind(Scene.named("pool", 15), _break, 0),
+    "2 elastic disks": ShotKind(Scene.named("ideal", 1), _shot, 2),
+    "gas of 16 disks": ShotKind(Scene.named("ideal", 15), _gas, 1),
 }
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import Count, machine, machine_line, parser_of, report, table
-from billiards_env.engine.modes import MANY_BALLS
+from billiards_env.engine.compile import MANY_BALLS
 from billiards_env.envs.actions import cue_strike
 from billiards_env.scene import Balls, Physics, Scene, layouts
 from billiards_env.scene.table import POOL_RADIUS, Table
@@ -280,7 +280,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         )
         for g in result["growth"]
     ]
-    one = {key: f"{per_call[key]['median']:.2g} us" for key in names}
+    per_second = result["batch"][0]["shots_per_second"]["median"]
     gains = [row["two_threads_over_one"]["median"] for row in result["batch"]]
     return {
         "machine": machine_line(result["machine"]),
@@ -296,9 +296,15 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "with the checks of its input and the first predictions.",
         "growth": table(("disks", "events", "us/event", "us/disk to begin", "s to begin"), growth),
         "two_cores": f"Two threads run {min(gains):.2f} to {max(gains):.2f} times as many shots a second as one.",
-        "summary": f"In a batch, a shot with one object ball takes {one['simulate_batch']} on one core. A "
-        f"single call takes {one['simulate']} with `simulate` or {one['env_step']} with `env.step`.",
+        "summary": f"One core plays {rounded(per_second)} shots a second in a batch (one object ball): "
+        f"{per_second * result['batch'][0]['seconds_simulated_per_shot'] / 1e6:.2g} million seconds of table time per "
+        f"second. A loop over `env.step` plays {rounded(1e6 / per_call['env_step']['median'])}.",
     }
+
+
+def rounded(number: float) -> str:
+    """Returns a number with two significant digits."""
+    return f"{float(f'{number:.2g}'):,.0f}"
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from billiards_env import Scene, __version__
-from billiards_env.checks import Range, number, whole
+from billiards_env.checks import Range, integer, number
 from billiards_env.export import WRITERS
 from billiards_env.files import check_path, read_text
 from billiards_env.frozen import BENCH_TASKS, FROZEN
@@ -98,7 +98,7 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     parser.description = "Run one shot. Lengths are in metres from the centre of the table, x along its length."
     add = parser.add_argument
     add("--scene", default="pool", help=f"the scene: {', '.join(SCENES)} (default: %(default)s)")
-    add("--balls", type=int, metavar="N", help="number of object balls (default: that of the scene)")
+    add("--balls", type=int, metavar="N", help="number of object balls (default: the scene's)")
     add(
         "--layout",
         default="random",
@@ -128,7 +128,7 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
         "Measure players in Billiards-v0, on layouts that training never uses. A player is module:function for a "
         "function act(observation) that returns an action, policy:FOLDER for a run of agents.train, random, geometric, "
         "search:K (simulates K shots), aim (computes shots), planner:TIME (plans under noise) or a level such as "
-        "planner:club (also makes errors)."
+        "planner:club (its strokes are noisy)."
     )
     add = parser.add_argument
     add("player", nargs="+", help="a player, such as mine:act for the function act of mine.py")
@@ -140,11 +140,11 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
         help="players to compare with (default: random geometric search:200)",
     )
     add("--task", help="the task, such as pot, carom or nine_ball (default: pot)")
-    add("--scene", help=f"the scene: {', '.join(SCENES)} (default: that of the task)")
+    add("--scene", help=f"the scene: {', '.join(SCENES)} (default: the task's)")
     add("--balls", type=int, metavar="N", dest="n_object_balls", help="number of object balls (default: the task's)")
-    add("--layout", help="starting positions (default: those of the task)")
+    add("--layout", help="starting positions (default: the task's)")
     add("--action", help="velocity or strike (default: velocity)")
-    add("--max-shots", type=int, help="most shots of an episode (default: that of the task)")
+    add("--max-shots", type=int, help="most shots of an episode (default: the task's)")
     add("--mode", help="the engine: pic or pit (default: pic)")
     add("--dt", type=number, help="timestep of pit, s, such as 1/60")
     add(
@@ -163,7 +163,7 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Play 1,000 layouts of frozen tasks and write a file with all actions and outcomes, or check files: 'billiards "
         "bench verify FILE' plays the actions again and fails if any bit differs. In tasks of one shot with noise it "
-        "also prints the scores of the actions with other noise. Players: those of evaluate."
+        "also prints the scores of the actions with other noise. Players: as for evaluate."
     )
     add = parser.add_argument
     add("player", help="a player, such as search:200 or mine:act, or the word verify")
@@ -177,7 +177,7 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="seeds of the layouts (default: 0, the public ones)",
     )
-    text = "seed of the noise (default: that of the layouts; for verify a random one)"
+    text = "seed of the noise (default: the seed of the layouts; for verify a random one)"
     add("--noise-seed", type=int, metavar="N", help=text)
     add("--name", help="the name of the player in the file (default: the player)")
     add("--out", type=Path, metavar="FILE", help="write the file, .json")
@@ -235,7 +235,9 @@ def simulate(args: argparse.Namespace) -> None:
     _check_out(args.out)
     scene = Scene.named(args.scene, args.balls)
     if args.positions is None:
-        positions = layouts.draw(args.layout, scene, np.random.default_rng(whole("--seed", args.seed, Range(0, None))))
+        positions = layouts.draw(
+            args.layout, scene, np.random.default_rng(integer("--seed", args.seed, Range(0, None)))
+        )
     elif len(args.positions) != 2 * scene.n_balls:
         raise ValueError(
             f"--positions with {len(args.positions)} numbers: expected {2 * scene.n_balls}, x and y of {scene.n_balls} "
@@ -266,7 +268,7 @@ def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tupl
         velocity = 2.0 * aim / np.hypot(*aim) if aim.any() else (2.0, 0.0)
         return args.velocity or velocity, args.spin
     if args.velocity or args.spin:
-        raise ValueError("--speed with --velocity or --spin: expected the motion of the cue or that of the ball")
+        raise ValueError("--speed with --velocity or --spin: expected the motion either of the cue or of the ball")
     struck = strike(scene, args.speed, **{"heading": np.arctan2(aim[1], aim[0]), **given})
     if struck.miscue:
         print("the tip slips on the ball: a miscue")
@@ -279,7 +281,7 @@ def evaluate(args: argparse.Namespace) -> None:
 
     names = ("task", "scene", "n_object_balls", "layout", "action", "max_shots", "mode", "dt")
     arguments = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
-    episodes, seed = whole("--episodes", args.episodes, Range(1, None)), whole("--seed", args.seed, Range(0, None))
+    episodes, seed = integer("--episodes", args.episodes, Range(1, None)), integer("--seed", args.seed, Range(0, None))
     players = [*args.player, *(player for player in args.beside if player not in args.player)]
     width = max(map(len, players))
     head = f"{'player':{width}}  success  95% interval  score  reward  shots  ms per shot"

@@ -26,7 +26,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import Range, finite, one_of, real, short, whole
+from billiards_env.checks import Range, finite, integer, one_of, real, short
 from billiards_env.evaluation import evaluation_seeds, find_player
 from billiards_env.frozen import FROZEN, NAMESPACE, NOISE
 from billiards_env.intervals import interquartile_mean, mean_interval, wilson_interval
@@ -94,7 +94,7 @@ def play(
         seeds: The seeds of the layouts, of the noise and of the player.
         name: The name of the player in the file; None for `player`.
         progress: A function that is called with the task and the number of finished episodes.
-        noise_seed: The seed of the noise in the tasks with noise; None for that of the layouts.
+        noise_seed: The seed of the noise in the tasks with noise; None for the seed of the layouts.
 
     Raises:
         ValueError: If a task or a player is unknown, a name has characters other than letters, digits and ".:/+ -_",
@@ -105,9 +105,9 @@ def play(
     for task in names:
         one_of("task", task, tuple(FROZEN))
     for seed in seeds:
-        whole("seed", seed, _SEEDS)
+        integer("seed", seed, _SEEDS)
     if noise_seed is not None:
-        whole("noise_seed", noise_seed, _SEEDS)
+        integer("noise_seed", noise_seed, _SEEDS)
     title = _name(player if name is None else name)
     pairs = list(dict.fromkeys((task, seed) for task in names for seed in seeds))
     return Bench(title, tuple(_play(player, task, seed, progress, noise_seed) for task, seed in pairs))
@@ -147,7 +147,7 @@ def replay(
         seed: The seed of the layouts.
         shots: (m,) number of shots of each episode, at least 1.
         actions: (sum of shots, 2) or (sum of shots, 5), finite.
-        noise_seed: The seed of the noise of a task with noise; None for that of the layouts.
+        noise_seed: The seed of the noise of a task with noise; None for the seed of the layouts.
 
     Raises:
         ValueError: If an episode has too few or too many actions.
@@ -253,7 +253,7 @@ def verify(path: str | os.PathLike[str]) -> Bench:
 
 
 def load(path: str | os.PathLike[str]) -> Bench:
-    """Reads a file and checks its form, but not its outcomes. The errors are those of `verify`."""
+    """Reads a file and checks its form, but not its outcomes. Raises the errors of `verify`."""
     return records.read(path, from_json, _WHAT)
 
 
@@ -270,7 +270,7 @@ def _bench_of(data: dict[str, Any]) -> Bench:
     if not isinstance(data["written_by"], str):
         raise ValueError(f"written_by = {short(data['written_by'])}: expected a text")
     items = records.items("results", data["results"])
-    whole("number of results", len(items), Range(1, 2 * len(FROZEN)))
+    integer("number of results", len(items), Range(1, 2 * len(FROZEN)))
     results = tuple(_result_of(f"results[{i}]", item) for i, item in enumerate(items))
     pairs = [(result.task, result.seed) for result in results]
     if len(set(pairs)) < len(pairs):
@@ -282,13 +282,13 @@ def _result_of(name: str, item: Any) -> Result:
     data = records.fields(name, {"noise_seed": None, **item} if isinstance(item, dict) else item, Result._fields)
     one_of(f"{name}.task", data["task"], tuple(FROZEN))
     if data["noise_seed"] is not None:
-        whole(f"{name}.noise_seed", data["noise_seed"], _SEEDS)
+        integer(f"{name}.noise_seed", data["noise_seed"], _SEEDS)
         if not FROZEN[data["task"]].noise:
             raise ValueError(f"{name}.noise_seed = {data['noise_seed']}: expected none, {data['task']} has no noise")
     arguments = FROZEN[data["task"]].arguments
     shots = np.frombuffer(_bytes(f"{name}.shots", data["shots"], EPISODES), np.uint8)
     for limit in (shots.min(), shots.max()):
-        whole(f"a number in {name}.shots", limit, Range(1, arguments["max_shots"]))
+        integer(f"a number in {name}.shots", limit, Range(1, arguments["max_shots"]))
     size, count = 5 if arguments["action"] == "strike" else 2, int(shots.sum(dtype=np.int64))
     packed = _bytes(f"{name}.actions", data["actions"], 4 * size * count)
     actions = np.frombuffer(packed, "<f4").astype(np.float32).reshape(count, size)
@@ -300,7 +300,7 @@ def _result_of(name: str, item: Any) -> Result:
     returns = records.items(f"{name}.returns", data["returns"], EPISODES)
     return Result(
         task=data["task"],
-        seed=whole(f"{name}.seed", data["seed"], _SEEDS),
+        seed=integer(f"{name}.seed", data["seed"], _SEEDS),
         layouts=_hash(f"{name}.layouts", data["layouts"]),
         shots=shots,
         actions=actions,

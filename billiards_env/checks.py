@@ -142,7 +142,7 @@ def real(name: str, value: Any, within: str | Range | None = None) -> float:
     return float(value)
 
 
-def whole(name: str, value: Any, within: str | Range) -> int:
+def integer(name: str, value: Any, within: str | Range) -> int:
     """Returns a whole number as an int, after a check of its type and range.
 
     Args:
@@ -157,7 +157,7 @@ def whole(name: str, value: Any, within: str | Range) -> int:
         ValueError: If `value` is not a whole number or is outside the range.
 
     Example:
-        >>> whole("max_shots", 0, "max_shots")
+        >>> integer("max_shots", 0, "max_shots")
         Traceback (most recent call last):
         ValueError: max_shots = 0: expected a whole number from 1 to 1000000000
     """
@@ -249,8 +249,8 @@ def finite(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> NDArra
         ValueError: action = [0.5, nan]: expected finite numbers
     """
     array = shaped(name, value, shape)
-    few = array.ndim == 1 and len(array) < 16  # Python checks these faster than NumPy
-    if not (all(map(math.isfinite, array.tolist())) if few else np.isfinite(array).all()):
+    short_array = array.ndim == 1 and len(array) < 16  # Python checks these faster than NumPy
+    if not (all(map(math.isfinite, array.tolist())) if short_array else np.isfinite(array).all()):
         raise ValueError(f"{name} = {short(array.tolist())}: expected finite numbers")
     return array
 

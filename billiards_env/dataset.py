@@ -14,7 +14,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from billiards_env.checks import Range, missing, one_of, short, whole
+from billiards_env.checks import Range, integer, missing, one_of, short
 from billiards_env.evaluation import find_player
 from billiards_env.frozen import FROZEN, NAMESPACE, NOISE
 
@@ -53,8 +53,8 @@ def write(
         ValueError: If a name or a number is wrong, or if there is a dataset with this id.
     """
     one_of("task", task, tuple(FROZEN))
-    whole("episodes", episodes, Range(1, None))
-    whole("seed", seed, Range(0, 2**31 - episodes))
+    integer("episodes", episodes, Range(1, None))
+    integer("seed", seed, Range(0, 2**31 - episodes))
     if dataset_id is None:
         words = re.sub(r"\W+", "-", player.lower()).strip("-")
         dataset_id = f"billiards/{task.lower().rpartition('-')[0]}/{words}-v0"

@@ -69,7 +69,7 @@ def play_together(
     act: Act,
     seeds: Sequence[int],
 ) -> dict[str, Any]:
-    """Plays one episode for each seed, all at the same time. The episodes and the result are those of `play`.
+    """Plays one episode for each seed, all at the same time. The episodes and the result are as in `play`.
 
     `envs` has one environment for each seed and resets in the same step. `act` returns the actions of all of them.
     """

@@ -62,9 +62,9 @@ def simulate(
         spins: (m, n, 3) rad/s, or (m, 3) for the cue balls alone; (n, 3) or (3,) for one shot. None for zero.
         of: An output, or several: "positions", "velocities", "spins", and the signed distances to changes of outcome
             "ball_margins", "pocket_margins" and "cushion_margins" (see `shots.gradients.Margins`).
-        radius: (n,) radii of the balls, m; None for those of the scene.
-        mass: (n,) masses of the balls, kg; None for those of the scene.
-        physics: Numbers of `Physics` by name, as tensors without axes. The others are those of the scene.
+        radius: (n,) radii of the balls, m; None for the scene's.
+        mass: (n,) masses of the balls, kg; None for the scene's.
+        physics: Numbers of `Physics` by name, as tensors without axes. The others come from the scene.
         varied: Numbers of `Physics` that differ from shot to shot, (m,) each, without derivatives: `physics` of
             `simulate_batch`.
         in_play: As in `simulate_batch`.

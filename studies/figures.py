@@ -254,7 +254,7 @@ def drag(shown: GameWindow, start: np.ndarray, end: np.ndarray) -> None:
 
 
 FILM: dict[str, Any] = {"noise": (0.057, 0.02), "shots": 3000, "width": 480, "pace": 3.0, "frame": 0.12, "plan": 1.5}
-"""The film of a run-out: the errors of the strokes (degrees, m/s), the simulated shots of a decision, the width
+"""The film of a run-out: the noise of the strokes (degrees, m/s), the simulated shots of a decision, the width
 (pixels), the playback speed, and how long it shows a frame and a plan, s."""
 
 

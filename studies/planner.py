@@ -8,9 +8,9 @@
 * Straight pool, snooker, three-cushion: the points of one turn from random positions; straight pool over several racks.
 * One ball: `Billiards-v0` with its default arguments, one shot at one ball from a random layout, without english.
 * Levels: the levels of the planner, such as "planner:club", each at one ball and in matches against the level below it.
-  The errors are those of the levels.
+  The noise is that of the levels.
 
-Each player gets the size of the errors as an argument. The results are in `studies/results/planner.json`, written after
+Each player gets the size of the noise as an argument. The results are in `studies/results/planner.json`, written after
 each rack. The command continues after an interruption. A larger number of `--racks` adds racks. Players with a time
 limit have other results on another machine.
 """
@@ -281,7 +281,7 @@ def times(layouts: int = 40) -> dict[str, tuple[float, float]]:
 
 
 _HEADS = {
-    "run-outs": ("racks", "run-outs", "turn kept after the break", "won on the break", "strokes", "expected success"),
+    "run-outs": ("racks", "run-outs", "table kept after the break", "won on the break", "strokes", "expected success"),
     "matches": ("racks", "racks won by the planner", "strokes"),
     "one ball": ("shots", "pots"),
     "levels": ("racks", "racks won against the level below", "strokes"),

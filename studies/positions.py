@@ -4,9 +4,9 @@ The set, `studies/position_set.json`, has positions of nine ball and of eight ba
 stroke that the planner chooses. They come from games of the planner against itself under execution noise, after the
 break. `--make` plays these games again and writes the set.
 
-A player chooses one stroke in each position. The stroke is simulated with `SAMPLES` errors, the same for all players.
-Its success is the share of the outcomes in which the player wins or keeps the turn, so a safety is not a success. The
-scores are in `studies/results/positions.json`.
+A player chooses one stroke in each position. The stroke is simulated with `SAMPLES` draws of noise, the same for all
+players. Its success is the share of the outcomes in which the player wins or keeps the turn, so a safety is not a
+success. The scores are in `studies/results/positions.json`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from billiards_env.games.game import STATE_FIELDS
 from billiards_env.games.placement import cue_ball_point
 from billiards_env.intervals import as_percent, mean_interval
 from billiards_env.players.game_player import find_player
-from billiards_env.players.planner import plan, with_errors
+from billiards_env.players.planner import add_noise, plan
 from billiards_env.scene import Scene
 from studies import RESULTS, parser_of, report
 from studies.planner import MAX_SPEED, OLYMPIAD, shoot
@@ -106,9 +106,9 @@ def stroke_of(answer: Mapping[str, Any]) -> Stroke:
 
 def success(setup: Setup, game: GameState, stroke: Stroke, samples: int, rng: np.random.Generator) -> float:
     """Returns the share of the noisy outcomes of a stroke in which the player wins or keeps the turn."""
-    errors = rng.standard_normal((samples, 2)) * (math.radians(OLYMPIAD[0]), OLYMPIAD[1])
+    drawn = rng.standard_normal((samples, 2)) * (math.radians(OLYMPIAD[0]), OLYMPIAD[1])
     given: NDArray[np.float64] = np.repeat([[*stroke.velocity, *stroke.spin]], samples, axis=0)
-    velocities, spins = with_errors(given[:, :2], given[:, 2:], errors, MAX_SPEED)
+    velocities, spins = add_noise(given[:, :2], given[:, 2:], drawn, MAX_SPEED)
     places = None
     if game.state.in_hand != "no":
         assert stroke.place is not None
@@ -183,7 +183,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         make=(False, "play the games and write the set"),
         set=(SET, "the positions, JSON"),
         output=(OUTPUT, "the scores, JSON"),
-        samples=(SAMPLES, "errors for each stroke"),
+        samples=(SAMPLES, "draws of noise for each stroke"),
     )
     parser.add_argument("players", nargs="*", help=f"players of games (default: answers, {', '.join(PLAYERS)})")
     args = parser.parse_args(arguments)

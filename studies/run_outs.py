@@ -1,6 +1,6 @@
 """Trains the network for the probability of a run-out from a position: `python -m studies.run_outs`.
 
-The planner plays racks of nine ball and eight ball for run-outs, with errors. When it loses its turn, it plays on from
+The planner plays racks of nine ball and eight ball for run-outs, with noise. When it loses its turn, it plays on from
 the position of the balls, with the cue ball in a random place if it is in hand. So there are good and bad positions.
 The network learns the probability of a run-out from each of them (`billiards_env.players.run_outs`). In the first round
 the planner rates positions by the next pot, in the others by a network that was trained on the rounds before. The final
@@ -88,7 +88,7 @@ def play_rack(
         The inputs (k,) of the network for each position after the break, and whether its turn won the rack.
     """
     setup = Setup(cell.rules, Scene.named(cell.scene, RULES[cell.rules].n_object_balls[1]))
-    errors, english = (math.radians(cell.noise[0]), cell.noise[1]), cell.scene != "pool"
+    deviations, english = (math.radians(cell.noise[0]), cell.noise[1]), cell.scene != "pool"
     game = play(setup, opening(setup, rng), with_noise(FIXED_BREAK, cell.noise, MAX_SPEED, rng)).game
     inputs, won = [], []
     for _ in range(LONGEST):
@@ -96,7 +96,7 @@ def play_rack(
             break
         game, before = next_turn(setup, game, rng), len(inputs)
         while not game.state.over and game.state.player == 0 and len(inputs) - before < LONGEST:
-            values = Values(setup, game, MAX_SPEED, errors, True, english, weights)
+            values = Values(setup, game, MAX_SPEED, deviations, True, english, weights)
             here = PlayedBatch(game.positions[None], state_array([game.state]), np.zeros(1, VERDICT))
             inputs.append(
                 values.inputs(here, legal_balls(setup.rules, here.states, np.zeros(1, int)), np.ones(1, bool))[0]
@@ -258,7 +258,7 @@ def blocks(found: dict[str, Any]) -> dict[str, str]:
         )
         for cell in found["cells"]
     ]
-    head = ("game", "scene", "noise", "positions", "run-outs", "loss of the mean", "loss of the network")
+    head = ("game", "scene", "noise", "positions", "run-outs", "baseline loss", "network loss")
     return {"machine": machine_line(found["machine"]), "table": table(head, rows, left=3)}
 
 

@@ -65,7 +65,7 @@ def measure(output: Path) -> dict[str, Any]:
 
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
-    """Returns a table of all tasks, and one of the player "random" in those without noise."""
+    """Returns a table of all tasks, one of the player "random" in those without noise, and the one of the README."""
     rows, chance = [], []
     for name, task in FROZEN.items():
         known, policy = found.get(name, {}).get("players", {}), learned(name)
@@ -77,7 +77,23 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     return {
         "table": table(("id", "solved from", *PLAYERS, "best learned"), rows),
         "random": table(("id", "success", "mean return"), chance),
+        "solved": solved(found),
     }
+
+
+def solved(found: Mapping[str, Any]) -> str:
+    """Returns a short table: random, learned and best players in each task, and the best players with noise."""
+    rows = []
+    for name, task in FROZEN.items():
+        if task.noise or "Strike" in name:
+            continue
+        players, policy, cells = found[name]["players"], learned(name), []
+        for known in (players, found[name.replace("-", "Noise-")]["players"]):
+            best = max(known, key=lambda player: known[player]["success"])
+            cells.append(f"{_percent(known[best]['success'])} ({best})")
+        chance = _percent(players["random"]["success"])
+        rows.append((f"`{name}`", chance, _percent(policy and policy.success), *cells))
+    return table(("task", "random", "best learned", "best search or planner", "best with noise"), rows)
 
 
 def _percent(share: float | None) -> str:

@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from billiards_env.checks import RANGES, Range, fits, numbers, one_of, real, short, whole
+from billiards_env.checks import RANGES, Range, fits, integer, numbers, one_of, real, short
 from billiards_env.engine.pit import MAX_STEPS
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.envs.actions import aimed_strikes, perturb
@@ -142,7 +142,7 @@ def test_values_that_are_not_numbers_are_rejected(value):
         real("x", value, "length")
     assert not fits(value, "length")
     with rejected(f"x = {short(value)}: expected a whole number from 1 to 9"):
-        whole("x", value, Range(1, 9))
+        integer("x", value, Range(1, 9))
 
 
 @pytest.mark.parametrize(
@@ -183,12 +183,12 @@ def test_a_number_without_a_range_must_be_finite(value):
 
 
 def test_a_whole_number_is_an_integer_of_python_or_numpy():
-    assert (whole("n", np.int64(3), Range(0, 5)), whole("n", 10**30, "seed")) == (3, 10**30)
+    assert (integer("n", np.int64(3), Range(0, 5)), integer("n", 10**30, "seed")) == (3, 10**30)
     for value in (3.0, np.float64(3), 10**5000):
         with rejected("n = "):
-            whole("n", value, Range(0, 5, "of them"))
+            integer("n", value, Range(0, 5, "of them"))
     with rejected("n = -1: expected a whole number >= 0"):
-        whole("n", -1, "seed")
+        integer("n", -1, "seed")
 
 
 def test_an_unknown_name_is_rejected_with_a_suggestion():
@@ -268,7 +268,7 @@ def stroke(*arguments: Any) -> Any:
         (lambda: strike(POOL, COMPLEX, 0.0), "speed = array("),
         (lambda: strike(POOL, np.float64(2e3), 0.0), "speed = 2000.0: expected numbers from "),
         (lambda: aimed_strikes(POOL, [COMPLEX], [[0, 0]]), "actions = [array("),
-        (lambda: perturb([0, 0], COMPLEX), "errors = array("),
+        (lambda: perturb([0, 0], COMPLEX), "noise = array("),
         (lambda: judge_batch(*new_game(), [COMPLEX]), "velocities = [array("),
         (stroke((ONE, 0.0), (-0.8, 0.0)), "stroke.velocity[0] = (1+0j): expected a number"),
         (stroke((0.0, 1e200), (-0.8, 0.0)), "stroke.velocity[1] = 1e+200: expected a number from -1000 to 1000 m/s"),

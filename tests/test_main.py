@@ -10,7 +10,7 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.__main__ import main
-from billiards_env.engine.modes import MODES
+from billiards_env.engine.compile import MODES
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.games import Setup, Stroke, opening, records
 from billiards_env.games.game import History

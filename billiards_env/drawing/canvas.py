@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import missing, whole
+from billiards_env.checks import integer, missing
 
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
 try:
@@ -81,7 +81,7 @@ class Canvas:
         self, scene: Scene, width: int = 800, paper: str = PAPER, ink: str = INK, palette: str = "colour_blind"
     ) -> None:
         """Prepares the drawing of a scene in frames of `width` pixels, with the colours around and of the balls."""
-        width = whole("width", width, "frame_width")
+        width = integer("width", width, "frame_width")
         self.scene, self._paper, self._ink = scene, paper, ink
         width = width // 2 * 2
         self._margin = width // 80

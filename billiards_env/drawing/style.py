@@ -3,7 +3,7 @@
 `draw_table` describes a table as coloured polygons and `tray` places the potted balls. The plot, the frames and the
 page draw these descriptions.
 
-The ball colours of the palette "colour_blind" are those of Okabe and Ito (2008), which colour-blind readers can
+The palette "colour_blind" has the ball colours of Okabe and Ito (2008), which colour-blind readers can
 distinguish, in the order of pool balls. The seventh is wine from Tol (2021) and the eighth is black. Those of the
 palette "realistic" are near the colours of real balls. Balls 9 to 15 are striped, and each object ball of pool has its
 number, so no information depends on colour alone. Paths have lighter colours, which are visible on the cloth. The faces
@@ -124,7 +124,7 @@ class Look(NamedTuple):
         striped: Whether only a band has the colour.
         number: The number of the ball; empty for the cue ball.
         dots: Colour of the dots on its face; empty for a face with the number.
-        dot: Radius of the dots over that of the ball.
+        dot: Radius of the dots over the radius of the ball.
     """
 
     fill: str

@@ -1,7 +1,7 @@
 """The engines that run shots in compiled code: `pic` (event-driven) and `pit` (fixed timestep)."""
 
+from billiards_env.engine.compile import MAX_EVENTS, PIC, Engine, checked_engine, run_shots_of, scene_fields
 from billiards_env.engine.log import KINDS, NO_LOG
-from billiards_env.engine.modes import MAX_EVENTS, PIC, Engine, checked_engine, run_shots_of, scene_fields
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.engine.shots import STATUS, Shots, empty_shots
 from billiards_env.engine.threads import parallel_for

@@ -107,7 +107,7 @@ _LOOK_AFTER = 100_000  # events times lanes between two calls of `interrupted`
 _WORK = 10  # lanes that take as long as the work of one event, see `Numbers.cushion_work`
 
 
-class Shots(NamedTuple):
+class RecordedShots(NamedTuple):
     """Recorded shots. An entry point takes them as a plain tuple of these fields.
 
     Attributes:
@@ -127,7 +127,7 @@ class Shots(NamedTuple):
     bounds: Any
 
 
-class Marks(NamedTuple):
+class EventAdjoint(NamedTuple):
     """The adjoints of the results of an event.
 
     Attributes:
@@ -171,7 +171,7 @@ class Tape(NamedTuple):
 
 @allocating
 def empty_tape(begin, end, shots, lanes):
-    """Returns the `Tape` for shots `begin` to `end` - 1 of the `Shots`."""
+    """Returns the `Tape` for shots `begin` to `end` - 1 of the `RecordedShots`."""
     events, pieces, n, bounds = 1, 1, len(shots.scene[1]), shots.bounds
     for k in range(begin - shots.first, end - shots.first):
         events = max(events, bounds[k + 1, 0] - bounds[k, 0])
@@ -445,14 +445,14 @@ def push_lanes(begin, end, shots, times, inputs, results):
     Args:
         begin: First shot.
         end: One past the last.
-        shots: The `Shots`, as a plain tuple.
+        shots: The `RecordedShots`, as a plain tuple.
         times: (m, q) float64, ascending, s; not later than the end of the shot.
         inputs: (m, k, 9 n + 14) float64, the changes of the inputs.
         results: Two output arrays: (m, q, k, n, 7) float64, the changes of the outputs at these times;
             (m, k, l, 3) float64, the changes of time and place of the first l events, zero for events after the last of
             these times.
     """
-    shots, (outputs, at_events) = Shots(*shots), results
+    shots, (outputs, at_events) = RecordedShots(*shots), results
     is_sphere = shots.is_sphere
     n, count, most = outputs.shape[3], inputs.shape[1], at_events.shape[2]
     tape = empty_tape(begin, end, shots, count)
@@ -460,16 +460,16 @@ def push_lanes(begin, end, shots, times, inputs, results):
     for k in range(begin, end):
         arrays = SceneArrays(shots.scene[0][min(k, len(shots.scene[0]) - 1)], *shots.scene[1:])
         at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
-        log, paths, given = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]], inputs[k]
+        log, paths, changes = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]], inputs[k]
         trace(log, paths, arrays, is_sphere, tape)
-        begin_lanes(n, given, times[k, -1], paths, arrays, tangent, tape)
+        begin_lanes(n, changes, times[k, -1], paths, arrays, tangent, tape)
         at_events[k] = 0.0
         done = 0
         for q in range(times.shape[1]):
             while done < len(log) and log[done, TIME] <= times[k, q]:
                 balls = 2 if log[done, KIND] == BALL_BALL else 1
                 for s in range(balls):
-                    load(int(log[done, BALL + s]), s, count, given, tangent, lanes)
+                    load(int(log[done, BALL + s]), s, count, changes, tangent, lanes)
                 apply_event(done, count, log, paths, arrays, is_sphere, tape)
                 for s in range(balls):
                     i = int(log[done, BALL + s])
@@ -485,7 +485,7 @@ def push_lanes(begin, end, shots, times, inputs, results):
                     end_call(interrupted())
                     pending = 0
             for i in range(n):
-                load(i, 0, count, given, tangent, lanes)
+                load(i, 0, count, changes, tangent, lanes)
                 _apply_end(i, count, times[k, q], paths, arrays, tape)
                 for c in range(count):
                     for j in range(BALL_WIDTH):
@@ -546,7 +546,7 @@ def _unit_lanes(balls, kind, count, constants, tape):
 
 
 @inlined
-def _pull(count, i, other, begin, marks, tape, adjoint, sums):
+def _pull(count, i, other, begin, event, tape, adjoint, sums):
     """Multiplies adjoints by the lanes of one ball or of two.
 
     Args:
@@ -554,7 +554,7 @@ def _pull(count, i, other, begin, marks, tape, adjoint, sums):
         i: The first ball.
         other: The second ball; -1 for none.
         begin: The first column of the first ball that the lanes change.
-        marks: The `Marks` of the event.
+        event: The `EventAdjoint` of the event.
         tape: The `Tape`.
         adjoint: (k, n, 7) float64, changed in place.
         sums: (k, 9 n + 14) float64; the parts of the constants are added.
@@ -564,9 +564,9 @@ def _pull(count, i, other, begin, marks, tape, adjoint, sums):
         a, b = adjoint[k, i], adjoint[k, max(other, 0)]
         for c in range(count):
             lane, total = lanes[c], 0.0
-            if marks.used:
+            if event.used:
                 for j in range(3):
-                    total += marks.values[k, j] * lane[D_TIME + j]
+                    total += event.values[k, j] * lane[D_TIME + j]
             for j in range(BALL_WIDTH):
                 total += a[j] * lane[j]
             if other >= 0:
@@ -615,18 +615,18 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, constants, inputs):
     Args:
         begin: First shot.
         end: One past the last.
-        shots: The `Shots`, as a plain tuple.
+        shots: The `RecordedShots`, as a plain tuple.
         times: (m,) float64, s, the times of the outputs.
         outputs: (m, k, n, 7) float64, the adjoints of the outputs. This function changes them.
         at_events: (m, k, l, 3) float64, the adjoints of time and place of the first l events.
         constants: Whether to compute the products for radii, masses and numbers. Otherwise they are zero.
         inputs: (m, k, 9 n + 14) float64 out, the products.
     """
-    shots = Shots(*shots)
+    shots = RecordedShots(*shots)
     is_sphere = shots.is_sphere
     n, count, most = outputs.shape[2], outputs.shape[1], at_events.shape[2]
     tape = empty_tape(begin, end, shots, MOST_LANES)
-    marks, pending = np.zeros((count, 3)), 0
+    at_event, pending = np.zeros((count, 3)), 0
     tape.lanes[:] = 0.0
     for k in range(begin, end):
         arrays = SceneArrays(shots.scene[0][min(k, len(shots.scene[0]) - 1)], *shots.scene[1:])
@@ -648,7 +648,7 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, constants, inputs):
                 lanes = _ball_columns(0, phase, DVX, 0, motion, tape.column)
                 lanes = _unit_lanes(1, -1, lanes, constants, tape)
                 _apply_end(i, lanes, times[k], paths, arrays, tape)
-                _pull(lanes, i, -1, DVX, Marks(marks, False), tape, adjoint, sums)
+                _pull(lanes, i, -1, DVX, EventAdjoint(at_event, False), tape, adjoint, sums)
         for e in range(done - 1, -1, -1):
             kind, i = int(log[e, KIND]), int(log[e, BALL])
             j = int(log[e, OTHER]) if kind == BALL_BALL else -1
@@ -656,8 +656,8 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, constants, inputs):
             if e < most:
                 for c in range(count):
                     for d in range(3):
-                        marks[c, d] = at_events[k, c, e, d]
-                        marked = marked or marks[c, d] != 0.0
+                        at_event[c, d] = at_events[k, c, e, d]
+                        marked = marked or at_event[c, d] != 0.0
             if not marked and _is_zero(i, adjoint) and (j < 0 or _is_zero(j, adjoint)):
                 continue
             piece, begin_at = tape.first[e], 0 if kind <= BALL_POCKET or marked else DVX
@@ -667,7 +667,7 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, constants, inputs):
                 lanes = _ball_columns(BALL_WIDTH, phase, 0, lanes, motion, tape.column)
             lanes = _unit_lanes(1 if j < 0 else 2, kind, lanes, constants, tape)
             apply_event(e, lanes, log, paths, arrays, is_sphere, tape)
-            _pull(lanes, i, j, begin_at, Marks(marks, marked), tape, adjoint, sums)
+            _pull(lanes, i, j, begin_at, EventAdjoint(at_event, marked), tape, adjoint, sums)
             pending += lanes + _WORK * arrays.numbers.cushion_work
             if pending > _LOOK_AFTER:
                 end_call(interrupted())
@@ -678,7 +678,7 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, constants, inputs):
                 lanes = _ball_columns(0, SLIDING if phase == ROLLING else phase, 0, 0, motion, tape.column)
                 lanes = _unit_lanes(1, -1, lanes, constants, tape)
                 _start(i, lanes, times[k], paths, arrays, tape.lanes)
-                _pull(lanes, i, -1, 0, Marks(marks, False), tape, adjoint, sums)
+                _pull(lanes, i, -1, 0, EventAdjoint(at_event, False), tape, adjoint, sums)
             for c in range(count):
                 for d in range(BALL_WIDTH):
                     sums[c, BALL_INPUTS * i + d] = adjoint[c, i, d]

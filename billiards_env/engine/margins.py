@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.engine.gradients import (
-    Shots,
+    RecordedShots,
     Tape,
     apply_event,
     begin_lanes,
@@ -87,7 +87,7 @@ _TOUCHING = 1e-9  # m; a gap that is less than minus this is not on the ball's s
 _LOOK_AFTER = 10_000  # events between two calls of `interrupted`
 
 
-class Found(NamedTuple):
+class MarginsOut(NamedTuple):
     """The margins of a shot of n balls to q bodies: the balls, then the pockets, then the cushions.
 
     Attributes:
@@ -109,7 +109,7 @@ class Pair(NamedTuple):
     Attributes:
         ball: The ball.
         other: The other ball; -1 if the body is a pocket or a cushion.
-        column: The column of the body in `Found`.
+        column: The column of the body in `MarginsOut`.
     """
 
     ball: Any
@@ -122,23 +122,23 @@ class Shot(NamedTuple):
 
     Attributes:
         segments: The pieces of its paths.
-        wanted: (n, q) bool, the margins to compute.
-        given: (k, 9 n + 14) the changes of its inputs.
+        selected: (n, q) bool, the margins to compute.
+        inputs: (k, 9 n + 14) the changes of its inputs.
         tangent: (n, k, 7) the changes of the states at the beginning of the current pieces.
         scene: The `SceneArrays`.
         is_sphere: Whether the balls are spheres.
         tape: The `Tape`.
-        found: The `Found`.
+        out: The `MarginsOut`.
     """
 
     segments: Any
-    wanted: Any
-    given: Any
+    selected: Any
+    inputs: Any
     tangent: Any
     scene: SceneArrays
     is_sphere: bool
     tape: Tape
-    found: Found
+    out: MarginsOut
 
 
 @inlined
@@ -210,21 +210,21 @@ def _set(pair, margin, normal, rate, now, shot):
         pair: The `Pair`.
         margin: m.
         normal: Unit vector (x, y) from the ball towards the body.
-        rate: As in `Found`.
+        rate: As in `MarginsOut`.
         now: The `Time` at which the two are nearest. The lanes then have the positions at this time.
         shot: The `Shot`.
     """
-    (i, j, q), (nx, ny), found, tape, scene = pair, normal, shot.found, shot.tape, shot.scene
-    count, lanes, n = len(found.slope), tape.lanes, len(scene.radius)
-    found.margin[i, q], found.time[i, q], found.rate[i, q] = margin, now.hi, rate
+    (i, j, q), (nx, ny), out, tape, scene = pair, normal, shot.out, shot.tape, shot.scene
+    count, lanes, n = len(out.slope), tape.lanes, len(scene.radius)
+    out.margin[i, q], out.time[i, q], out.rate[i, q] = margin, now.hi, rate
     if count == 0:
         return
     flight = flight_until(shot.segments, tape.current[i], now, scene)
-    load(i, 0, count, shot.given, shot.tangent, lanes)
+    load(i, 0, count, shot.inputs, shot.tangent, lanes)
     for c in range(count):
         lane = lanes[c]
         flight_lane(lane, 0, flight)
-        found.slope[c, i, q] = nx * lane[DX] + ny * lane[DY]
+        out.slope[c, i, q] = nx * lane[DX] + ny * lane[DY]
     if j >= 0:
         reach_i = reach_j = 1.0
         if shot.is_sphere:
@@ -233,15 +233,15 @@ def _set(pair, margin, normal, rate, now, shot):
                 math.sqrt(scene.radius[i] / scene.radius[j]),
             )
         flight = flight_until(shot.segments, tape.current[j], now, scene)
-        load(j, 1, count, shot.given, shot.tangent, lanes)
+        load(j, 1, count, shot.inputs, shot.tangent, lanes)
         for c in range(count):
             lane = lanes[c]
             flight_lane(lane, BALL_WIDTH, flight)
-            found.slope[c, i, q] += reach_i * lane[D_RADIUS] + reach_j * lane[D_RADIUS + 1]
-            found.slope[c, i, q] -= nx * lane[BALL_WIDTH + DX] + ny * lane[BALL_WIDTH + DY]
+            out.slope[c, i, q] += reach_i * lane[D_RADIUS] + reach_j * lane[D_RADIUS + 1]
+            out.slope[c, i, q] -= nx * lane[BALL_WIDTH + DX] + ny * lane[BALL_WIDTH + DY]
     elif q >= n + len(scene.pockets):
         for c in range(count):
-            found.slope[c, i, q] += lanes[c, D_RADIUS]
+            out.slope[c, i, q] += lanes[c, D_RADIUS]
 
 
 @kernel
@@ -259,7 +259,7 @@ def _approach(pair, path, t, ends, begin, reach, shot):
     """
     x, y = place_after(path, t)
     distance = norm(x, y)
-    if reach - distance > shot.found.margin[pair.ball, pair.column] and distance > 0.0:
+    if reach - distance > shot.out.margin[pair.ball, pair.column] and distance > 0.0:
         nx, ny = -x / distance, -y / distance
         rate = nx * (path.vx + t * path.ax) + ny * (path.vy + t * path.ay) if ends else 0.0
         _set(pair, reach - distance, (nx, ny), rate, later(begin, t), shot)
@@ -269,7 +269,7 @@ def _approach(pair, path, t, ends, begin, reach, shot):
 def _pass_circle(pair, path, end, swept, begin, reach, shot):
     """Stores the margin of a ball to a circle on a piece of its path, if it is the largest."""
     i, q = pair.ball, pair.column
-    if shot.wanted[i, q] and not misses_circle(path, swept, reach - shot.found.margin[i, q]):
+    if shot.selected[i, q] and not misses_circle(path, swept, reach - shot.out.margin[i, q]):
         t = nearest_time(path, end)
         if t > 0.0:
             _approach(pair, path, t, t == end, begin, reach, shot)
@@ -296,7 +296,7 @@ def _pass_line(pair, path, end, begin, normal, room, line, shot):
         shot: The `Shot`.
     """
     (i, _, q), (nx, ny) = pair, normal
-    if not shot.wanted[i, q]:
+    if not shot.selected[i, q]:
         return
     v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
     t = end
@@ -306,7 +306,7 @@ def _pass_line(pair, path, end, begin, normal, room, line, shot):
         return  # it was nearer before
     x, y = place_after(path, t)
     margin = nx * x + ny * y - room
-    if shot.found.margin[i, q] < margin <= _TOUCHING and (line is None or touches_line(line, x, y)):
+    if shot.out.margin[i, q] < margin <= _TOUCHING and (line is None or touches_line(line, x, y)):
         _set(pair, margin, normal, v + t * a if t == end else 0.0, later(begin, t), shot)
 
 
@@ -336,7 +336,7 @@ def _pass_outline(outline, i, first, path, end, swept, begin, shot):
     for k in range(len(tips)):
         tip, q = tips[k], first + len(lines) + k
         from_tip, reach = relative_to(path, tip[TIP_X], tip[TIP_Y]), tip[TIP_RADIUS] + radius
-        if not shot.wanted[i, q] or misses_circle(from_tip, swept, reach - shot.found.margin[i, q]):
+        if not shot.selected[i, q] or misses_circle(from_tip, swept, reach - shot.out.margin[i, q]):
             continue
         t = nearest_time(from_tip, end)
         x, y = place_after(path, t)
@@ -370,7 +370,7 @@ def _pass_by(i, now, shot):
             continue
         low, high = min(i, k), max(i, k)
         second = other[SEGMENT_ROW:]
-        if not shot.wanted[low, high] or not (moves or second[VX] != 0.0 or second[VY] != 0.0):
+        if not shot.selected[low, high] or not (moves or second[VX] != 0.0 or second[VY] != 0.0):
             continue
         start = Time(second[T0], second[T0_LO])
         if before(start, begin):
@@ -386,18 +386,18 @@ def _pass_by(i, now, shot):
 def _begin(shot):
     """Stores the margins at the start of the shot."""
     segments, scene, start = shot.segments, shot.scene, Time(0.0, 0.0)
-    n, wanted = len(scene.radius), shot.wanted
+    n, selected = len(scene.radius), shot.selected
     for i in range(n):
         if segments[i, SEGMENT_PHASE] == POTTED:
             continue
         path = path_from(segments[i, SEGMENT_ROW:], start)
         for j in range(i + 1, n):
-            if wanted[i, j] and segments[j, SEGMENT_PHASE] != POTTED:
+            if selected[i, j] and segments[j, SEGMENT_PHASE] != POTTED:
                 reach = contact_distance(scene.spheres, scene.radius, i, j)
                 _approach(Pair(i, j, j), between(segments[i], segments[j], start), 0.0, False, start, reach, shot)
         for p in range(len(scene.pockets)):
             pocket = scene.pockets[p]
-            if wanted[i, n + p]:
+            if selected[i, n + p]:
                 from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
                 _approach(Pair(i, -1, n + p), from_pocket, 0.0, False, start, pocket[POCKET_RADIUS], shot)
         _pass_cushions(scene.outline, i, n + len(scene.pockets), path, 0.0, sweep(path, 0.0), start, shot)
@@ -410,7 +410,7 @@ def _enter_pocket(i, p, path, now, shot):
     The path ends at the cushion behind the pocket, if the ball is not nearest to the centre before.
     """
     scene, q = shot.scene, len(shot.scene.radius) + p
-    pocket, tape, found = scene.pockets[p], shot.tape, shot.found
+    pocket, tape, out = scene.pockets[p], shot.tape, shot.out
     from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
     t, cut = turn_time(from_pocket), False
     limit, wall = wall_time(path, scene.radius[i], t, scene.numbers, scene.outline)
@@ -421,10 +421,10 @@ def _enter_pocket(i, p, path, now, shot):
         tape.state[DX], tape.state[DY] = place_after(path, t)
         nx, ny, _ = wall_at(tape.state, wall, scene.radius[i], scene.outline)
         speed = nx * (path.vx + t * path.ax) + ny * (path.vy + t * path.ay)
-        for c in range(len(found.slope)):
+        for c in range(len(out.slope)):
             lane = tape.lanes[c]
-            found.slope[c, i, q] -= found.rate[i, q] * (nx * lane[DX] + ny * lane[DY] + lane[D_RADIUS]) / speed
-    found.rate[i, q] = 0.0
+            out.slope[c, i, q] -= out.rate[i, q] * (nx * lane[DX] + ny * lane[DY] + lane[D_RADIUS]) / speed
+    out.rate[i, q] = 0.0
 
 
 @inlined
@@ -437,11 +437,11 @@ def _hit_cushion(outline, i, wall, piece, path, now, shot):
     nx, ny, _ = wall_at(shot.tape.before[piece], wall, shot.scene.radius[i], outline)
     v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
     if a >= 0.0:
-        found = shot.found
-        found.margin[i, q], found.time[i, q], found.rate[i, q] = math.inf, now.hi, 0.0
-        for c in range(len(found.slope)):
-            found.slope[c, i, q] = 0.0
-    elif v > 0.0 and -0.5 * v * v / a > shot.found.margin[i, q]:
+        out = shot.out
+        out.margin[i, q], out.time[i, q], out.rate[i, q] = math.inf, now.hi, 0.0
+        for c in range(len(out.slope)):
+            out.slope[c, i, q] = 0.0
+    elif v > 0.0 and -0.5 * v * v / a > shot.out.margin[i, q]:
         _set(Pair(i, -1, q), -0.5 * v * v / a, (nx, ny), 0.0, later(now, -v / a), shot)
 
 
@@ -461,7 +461,7 @@ def _meet(e, events, shot):
     now, piece = Time(events[e, TIME], events[e, TIME_LO]), tape.first[e]
     row, a = segments[tape.current[i], SEGMENT_ROW:], tape.before[piece]
     path = Path(a[DX], a[DY], a[DVX], a[DVY], row[AX], row[AY])
-    if kind == BALL_BALL and shot.wanted[min(i, other), max(i, other)]:
+    if kind == BALL_BALL and shot.selected[min(i, other), max(i, other)]:
         second, b = segments[tape.current[other], SEGMENT_ROW:], tape.before[piece + 1]
         sign = 1.0 if i < other else -1.0
         between = Path(
@@ -475,41 +475,41 @@ def _meet(e, events, shot):
         low, high = min(i, other), max(i, other)
         reach = contact_distance(scene.spheres, scene.radius, i, other)
         _approach(Pair(low, high, high), between, turn_time(between), False, now, reach, shot)
-    elif kind == BALL_POCKET and shot.wanted[i, len(scene.radius) + other]:
+    elif kind == BALL_POCKET and shot.selected[i, len(scene.radius) + other]:
         _enter_pocket(i, other, path, now, shot)
-    elif kind == BALL_CUSHION and shot.wanted[i, len(scene.radius) + len(scene.pockets) + other]:
+    elif kind == BALL_CUSHION and shot.selected[i, len(scene.radius) + len(scene.pockets) + other]:
         _hit_cushion(scene.outline, i, other, piece, path, now, shot)
 
 
 @inlined
 def _move_ends(i, shot):
     """Adds the change of an event's time to the changes of the margins of ball i that it ends."""
-    found = shot.found
-    n = len(found.margin)
-    for q in range(found.margin.shape[1]):
+    out = shot.out
+    n = len(out.margin)
+    for q in range(out.margin.shape[1]):
         low, high = (min(i, q), max(i, q)) if q < n else (i, q)
-        rate = found.rate[low, high]
+        rate = out.rate[low, high]
         if rate != 0.0:
-            for c in range(len(found.slope)):
-                found.slope[c, low, high] += rate * shot.tape.lanes[c, D_TIME]
-            found.rate[low, high] = 0.0
+            for c in range(len(out.slope)):
+                out.slope[c, low, high] += rate * shot.tape.lanes[c, D_TIME]
+            out.rate[low, high] = 0.0
 
 
 @allocating_entry_point
-def push_margins(begin, end, shots, times, inputs, wanted, results):
+def push_margins(begin, end, shots, times, inputs, selected, results):
     """Computes the margins of shots `begin` to `end` - 1 and their changes by changes of the inputs.
 
     Args:
         begin: First shot.
         end: One past the last.
-        shots: The `gradients.Shots`, as a plain tuple.
+        shots: The `gradients.RecordedShots`, as a plain tuple.
         times: (m,) float64, s: only the shot until then counts.
         inputs: (m, k, 9 n + 14) float64, the changes of the inputs.
-        wanted: (n, q) bool, the margins to compute; of two balls, those of the lower number to the higher.
-        results: Three float64 output arrays, see `Found`: the margins (m, n, q), minus infinity where not wanted; the
-            times (m, n, q); the slopes (m, k, n, q).
+        selected: (n, q) bool, the margins to compute; of two balls, those of the lower number to the higher.
+        results: Three float64 output arrays, see `MarginsOut`: the margins (m, n, q), minus infinity where not
+            selected; the times (m, n, q); the slopes (m, k, n, q).
     """
-    shots, (margins, nearest, slopes) = Shots(*shots), results
+    shots, (margins, nearest, slopes) = RecordedShots(*shots), results
     _, n, bodies = margins.shape
     is_sphere, count = shots.is_sphere, inputs.shape[1]
     tape = empty_tape(begin, end, shots, max(count, 1))
@@ -519,14 +519,14 @@ def push_margins(begin, end, shots, times, inputs, wanted, results):
         at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
         log, paths = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]]
         trace(log, paths, arrays, is_sphere, tape)
-        found = Found(margins[k], nearest[k], rates, slopes[k])
-        shot = Shot(paths, wanted, inputs[k], tangent, arrays, is_sphere, tape, found)
-        found.margin[:] = -math.inf
-        found.time[:] = 0.0
-        found.slope[:] = 0.0
+        out = MarginsOut(margins[k], nearest[k], rates, slopes[k])
+        shot = Shot(paths, selected, inputs[k], tangent, arrays, is_sphere, tape, out)
+        out.margin[:] = -math.inf
+        out.time[:] = 0.0
+        out.slope[:] = 0.0
         begin_lanes(n, inputs[k], times[k], paths, arrays, tangent, tape)
         _begin(shot)
-        found.rate[:] = 0.0
+        out.rate[:] = 0.0
         for e in range(len(log)):
             if log[e, TIME] > times[k]:
                 break
@@ -551,6 +551,6 @@ def push_margins(begin, end, shots, times, inputs, wanted, results):
             _pass_by(i, Time(times[k], 0.0), shot)
         for i in range(n):
             for j in range(i):
-                found.margin[i, j], found.time[i, j] = found.margin[j, i], found.time[j, i]
+                out.margin[i, j], out.time[i, j] = out.margin[j, i], out.time[j, i]
                 for c in range(count):
-                    found.slope[c, i, j] = found.slope[c, j, i]
+                    out.slope[c, i, j] = out.slope[c, j, i]

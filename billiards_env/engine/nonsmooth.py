@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.engine.gradients import Shots, Tape, empty_tape, trace
+from billiards_env.engine.gradients import RecordedShots, Tape, empty_tape, trace
 from billiards_env.engine.log import (
     BALL,
     BALL_BALL,
@@ -424,12 +424,12 @@ def find_nonsmooth(begin, end, shots, times, results):
     Args:
         begin: First shot.
         end: One past the last.
-        shots: The `Shots`, as a plain tuple.
+        shots: The `RecordedShots`, as a plain tuple.
         times: (m,) float64, s: only the shot until then counts.
         results: (m, 2) int64 out: the last event until then and the index of the reason in `REASONS`; -1 and -1 if
             there is none. The start of the shot is event -1.
     """
-    shots = Shots(*shots)
+    shots = RecordedShots(*shots)
     tape, n, first, pending = empty_tape(begin, end, shots, 1), len(shots.scene[1]), np.empty(1), 0
     last = np.empty(n, np.int64)
     for k in range(begin, end):

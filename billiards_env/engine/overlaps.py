@@ -42,7 +42,7 @@ class Bounce(NamedTuple):
 
 
 class Fix(NamedTuple):
-    """A treatment of overlaps, as kernels that move balls in `pit.Workspace.here` and in `State.rows`.
+    """A treatment of overlaps, as kernels that move balls in `pit.PitWorkspace.here` and in `State.rows`.
 
     Attributes:
         before: (count, scene, work) before the impacts of `count` overlapping pairs. Returns how many of them are left.

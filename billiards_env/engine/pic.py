@@ -36,7 +36,7 @@ CLUSTER_WORK = 100
 """Largest amount of work for each two of the impacts at one instant, in the unit of `LOOK_AFTER`."""
 
 
-class Workspace(NamedTuple):
+class PicWorkspace(NamedTuple):
     """The arrays in which shots are run, one after the other.
 
     Attributes:
@@ -60,10 +60,10 @@ class Workspace(NamedTuple):
 
 @allocating
 def make_workspace(scene, queue, most, scratch):
-    """Returns the `Workspace` for the balls of a scene, with up to `most` contacts at one instant."""
+    """Returns the `PicWorkspace` for the balls of a scene, with up to `most` contacts at one instant."""
     n = len(scene.radius)
     due, changed = np.empty(n, np.int64), np.empty(2 * (most + n), np.int64)
-    return Workspace(empty_state(n), queue, empty_contacts(most), scratch, empty_memory(n), due, changed)
+    return PicWorkspace(empty_state(n), queue, empty_contacts(most), scratch, empty_memory(n), due, changed)
 
 
 @inlined

@@ -56,7 +56,7 @@ def resolve_impacts(count, now, k, scene, work, shots, log):
         now: The `Time`; the balls are advanced to it already.
         k: The shot.
         scene: The `SceneArrays`.
-        work: The `pic.Workspace`.
+        work: The `pic.PicWorkspace`.
         shots: The `Shots`.
         log: The `Log`.
 
@@ -103,7 +103,7 @@ def resolve_singles(count, now, k, scene, work, shots, log):
         now: The `Time` of these events.
         k: The shot.
         scene: The `SceneArrays`.
-        work: The `pic.Workspace`.
+        work: The `pic.PicWorkspace`.
         shots: The `Shots`.
         log: The `Log`.
 

@@ -7,7 +7,7 @@ as one problem; and it reflects balls that are beyond a cushion and do not come 
 cushions is reflected at both together. The engine computes impulses by the impact laws, for the positions at the
 multiple of dt. It misses a contact that begins and ends within a step.
 
-The test is that of Warkari and Jamsandekar, "Evaluation of Collision Handling Techniques in 2D collisions".
+The test follows Warkari and Jamsandekar, "Evaluation of Collision Handling Techniques in 2D collisions".
 `engine.overlaps` has the ways in which the overlaps are "fixed".
 """
 
@@ -84,7 +84,7 @@ _LOOK_AFTER = 10_000_000  # pairs of balls tested between two calls of `interrup
 _PAIRS_PER_EVENT = 500  # pairs that are tested in the time of one event of `engine.pic`
 
 
-class Workspace(NamedTuple):
+class PitWorkspace(NamedTuple):
     """The arrays in which shots of n balls are run, one after the other.
 
     Attributes:
@@ -114,10 +114,10 @@ class Workspace(NamedTuple):
 
 @allocating
 def make_workspace(scene):
-    """Returns the `Workspace` for the balls of a scene."""
+    """Returns the `PitWorkspace` for the balls of a scene."""
     n = len(scene.radius)
     most = max(1, n * (n - 1) // 2)
-    return Workspace(
+    return PitWorkspace(
         empty_state(n),
         empty_contacts(most),
         empty_scratch(n, most, scene.ball_friction),

@@ -11,7 +11,7 @@ from billiards_env.jit.interrupt import interrupted
 from billiards_env.physics.state import SceneArrays
 
 INTERRUPTED = -1
-"""Result of a loop that was interrupted (see `jit.interrupt`). The shot has no outcome then."""
+"""Returned when Ctrl-C stopped a shot (see `jit.interrupt`); its results are undefined."""
 
 LOOK_AFTER = 20_000
 """Amount of work after which a loop calls `interrupted`: about ten milliseconds. The unit is one event of PIC."""

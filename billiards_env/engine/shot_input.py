@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import MAX_SPEED, MAX_SPIN, RANGES, Range, numbers, one_of, real, shaped, short
 from billiards_env.engine.cell_grid import cell_of, empty_cells
-from billiards_env.engine.modes import MANY_BALLS, Engine, checked_engine, scene_fields
+from billiards_env.engine.compile import MANY_BALLS, Engine, checked_engine, scene_fields
 from billiards_env.engine.shots import Shots
 from billiards_env.engine.threads import parallel_for
 from billiards_env.jit import allocating_entry_point, entry_point, inlined
@@ -176,7 +176,7 @@ def check_shot(
         in_play: As in `simulate`.
         max_time: As in `simulate`.
         into: The `Shots` to write a batch to; None for new arrays.
-        threads: Number of threads that check a batch; None for that of `set_num_threads`.
+        threads: Number of threads that check a batch; None for the number of `set_num_threads`.
 
     Raises:
         ValueError: As in `simulate`; the message names the shot of a batch.

@@ -16,7 +16,7 @@ from typing import Any
 
 from numba.core import config
 
-from billiards_env.checks import whole
+from billiards_env.checks import integer
 from billiards_env.jit.interrupt import helping
 
 _PIECE = 4e-4
@@ -43,7 +43,7 @@ def set_num_threads(n: int | None) -> None:
         ValueError: If n is not such a number.
     """
     global _chosen
-    _chosen = None if n is None else whole("n", n, "threads")
+    _chosen = None if n is None else integer("n", n, "threads")
 
 
 def num_threads() -> int:

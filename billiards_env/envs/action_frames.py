@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, finite, one_of, real, short, whole
+from billiards_env.checks import Range, finite, integer, one_of, real, short
 from billiards_env.envs.actions import cos_sin
 from billiards_env.jit import entry_point, kernel
 from billiards_env.physics.motion import norm
@@ -97,7 +97,7 @@ class ActionTransform:
         if isinstance(ball, str):
             one_of("ball", ball, BALLS)
         else:
-            whole("ball", ball, Range(1, scene.n_balls - 1, ", 'nearest' or 'first'"))
+            integer("ball", ball, Range(1, scene.n_balls - 1, ", 'nearest' or 'first'"))
         least_speed = real("least_speed", least_speed, Range(0.0, max_speed, "m/s, max_speed"))
         fastest = SUM_TO_THREE_GAIN * SUM_TO_THREE_SPEEDS[1]
         if name == "sum_to_three" and max_speed < fastest:

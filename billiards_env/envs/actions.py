@@ -34,7 +34,7 @@ ACTIONS = {"velocity": 2, "strike": 5}
 
 # Columns of an action, after X and Y.
 SIDE, TOP, ELEVATION = 2, 3, 4
-# The first two columns of the errors of `perturb`; the others are those of the action.
+# The first two columns of the noise of `perturb`; the others belong to the numbers of the action.
 TURN, SPEED = 0, 1
 
 
@@ -104,17 +104,17 @@ def aimed_strikes(scene: Scene, actions: ArrayLike, offsets: ArrayLike) -> NDArr
     return out
 
 
-def perturb(actions: ArrayLike, errors: ArrayLike) -> NDArray[np.float64]:
-    """Adds errors to shots. Actions that are clipped to the same shot get the same errors.
+def perturb(actions: ArrayLike, noise: ArrayLike) -> NDArray[np.float64]:
+    """Adds noise to shots. Actions that are clipped to the same shot get the same result.
 
     Args:
-        actions: (..., 2) or (..., 5), clipped as by `cue_strike` before the errors are added.
-        errors: Of the same shape: the error of the direction, in half turns, that of the speed, divided by the largest
-            speed, and those of the other numbers. The speed stays between 0 and the largest speed. A speed of zero
+        actions: (..., 2) or (..., 5), clipped as by `cue_strike` before the noise is added.
+        noise: Of the same shape: what is added to the direction, in half turns, to the speed, divided by the largest
+            speed, and to the other numbers. The speed stays between 0 and the largest speed. A speed of zero
             stays zero.
 
     Returns:
-        The actions with the errors. An action that is not finite stays as it is; an environment refuses it.
+        The actions with the noise. An action that is not finite stays as it is; an environment refuses it.
 
     Raises:
         ValueError: If the shapes differ.
@@ -123,11 +123,11 @@ def perturb(actions: ArrayLike, errors: ArrayLike) -> NDArray[np.float64]:
         >>> perturb([0.0, 0.5], [0.5, 0.25]).tolist()
         [-0.75, 0.0]
     """
-    given = numbers("errors", errors)
-    array = shaped("action", actions, given.shape)
-    out = np.empty(given.shape)
-    size = given.shape[-1]
-    _perturbed(array.reshape(-1, size), given.reshape(-1, size), out.reshape(-1, size))
+    noise = numbers("noise", noise)
+    array = shaped("action", actions, noise.shape)
+    out = np.empty(noise.shape)
+    size = noise.shape[-1]
+    _perturbed(array.reshape(-1, size), noise.reshape(-1, size), out.reshape(-1, size))
     return out
 
 
@@ -212,7 +212,7 @@ def _aimed(cue, actions, offsets, out):
 
 
 @entry_point
-def _perturbed(actions, errors, out):
+def _perturbed(actions, noise, out):
     for k in range(len(actions)):
         finite = True
         for column in range(actions.shape[1]):
@@ -221,12 +221,12 @@ def _perturbed(actions, errors, out):
         if not finite:
             continue
         for column in range(SIDE, actions.shape[1]):
-            out[k, column] = clipped(actions, k, column) + errors[k, column]
+            out[k, column] = clipped(actions, k, column) + noise[k, column]
         x, y = shorten(actions[k, X], actions[k, Y], 1.0)
         share = norm(x, y)
         if share == 0.0:
             out[k, X] = out[k, Y] = 0.0
             continue
-        scale = min(max(min(share, 1.0) + errors[k, SPEED], 0.0), 1.0) / share
-        c, s = cos_sin(errors[k, TURN])
+        scale = min(max(min(share, 1.0) + noise[k, SPEED], 0.0), 1.0) / share
+        c, s = cos_sin(noise[k, TURN])
         out[k, X], out[k, Y] = scale * (c * x - s * y), scale * (s * x + c * y)

@@ -31,7 +31,7 @@ def make_scene(
         scene: Name of a scene, a scene, or a mapping for `Scene.from_dict`; None for the usual one.
         n_object_balls: Number of object balls of a named scene; None for the usual number.
         usual: Name of the usual scene.
-        usual_count: Usual number of object balls; None for that of the scene.
+        usual_count: Usual number of object balls; None for the scene's.
 
     Raises:
         ValueError: If the name is unknown, the data are invalid, or `n_object_balls` is not None without a name.

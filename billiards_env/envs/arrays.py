@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 TALLY = ("points", "score", "shots_left", "scratch", "is_success")
-"""The fields of `EpisodeArrays` with the results of the last shot. Their names are those of the keys of `info`."""
+"""The fields of `EpisodeArrays` with the results of the last shot. They have the names of the keys of `info`."""
 
 
 class TaskNumbers(NamedTuple):
@@ -38,7 +38,7 @@ class TaskNumbers(NamedTuple):
 
 
 class BallArrays(NamedTuple):
-    """The balls of m episodes. The first four arrays are those of `engine.Shots`, which a shot overwrites.
+    """The balls of m episodes. The first four arrays belong to `engine.Shots`, which a shot overwrites.
 
     Attributes:
         positions: (m, n, 2) float64, m.

@@ -11,7 +11,7 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import finite, flag, one_of, real, whole
+from billiards_env.checks import finite, flag, integer, one_of, real
 from billiards_env.engine import checked_engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS, check_action
@@ -119,7 +119,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Starting State
 
-    The argument `layout` selects the starting positions of the balls. By default it is that of the task:
+    The argument `layout` selects the starting positions of the balls. By default the task selects it:
     `"carom_opening"` in `"carom"` and `"three_cushion"`, `"line"` in `"sum_to_three"`, the rack of the game in the
     run-outs, and `"random"` in the others. The layouts are:
 
@@ -144,7 +144,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     With `randomize` each episode then draws its physics. `randomize` maps names of numbers of `Physics` to ranges (low,
     high), such as `{"mu_roll": (0.008, 0.015)}`, and with `mode="pit"` also "dt". A number is drawn uniformly from its
-    range and replaces that of the scene (or `dt`) during the episode. With `observe_physics=True` the observation has
+    range and replaces the scene's number (or `dt`) during the episode. With `observe_physics=True` the observation has
     these numbers, scaled from their ranges to [-1, 1].
 
     `reset(options={"positions": [[x, y], ...]})` sets the positions of all balls, in metres from the centre of the
@@ -212,16 +212,16 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     | Argument             | Type          | Default      | Description                                            |
     |----------------------|---------------|--------------|--------------------------------------------------------|
-    | `scene`              | see below     | `None`       | scene; None for that of the task                       |
+    | `scene`              | see below     | `None`       | scene; None for the task's                             |
     | `task`               | str           | `"pot"`      | the task, see Rewards                                  |
     | `n_object_balls`     | int or None   | `None`       | number of object balls; None for the usual one         |
     | `mode`               | str           | `"pic"`      | engine: `"pic"` (exact) or `"pit"` (fixed timestep)    |
     | `dt`                 | float or None | `None`       | timestep of `"pit"`, s                                 |
     | `fix`                | str or None   | `None`       | how `"pit"` treats overlaps                            |
     | `action`             | str           | `"velocity"` | `"velocity"` or `"strike"`, see Action Space           |
-    | `max_shots`          | int or None   | `None`       | maximum number of shots; None for that of the task     |
+    | `max_shots`          | int or None   | `None`       | maximum number of shots; None for the task's           |
     | `max_speed`          | float         | `4.0`        | speed of the fastest shot, m/s                         |
-    | `layout`             | str or None   | `None`       | starting positions; None for those of the task         |
+    | `layout`             | str or None   | `None`       | starting positions; None for the task's                |
     | `observe_shots_left` | bool          | `False`      | whether the observation has the fraction of shots left |
     | `scratch_penalty`    | float         | `0.1`        | reward subtracted for a scratch                        |
     | `randomize`          | dict or None  | `None`       | ranges of physics that each episode draws              |
@@ -294,7 +294,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.task = task
         self.engine = checked_engine(mode, dt, fix)
         self.action = check_action(action, self.scene)
-        self.max_shots = whole("max_shots", entry.max_shots if max_shots is None else max_shots, "max_shots")
+        self.max_shots = integer("max_shots", entry.max_shots if max_shots is None else max_shots, "max_shots")
         self.max_speed = real("max_speed", max_speed, "max_speed")
         self.layout = entry.layout if layout is None else layout
         # A layout that is impossible in the scene raises an error here and not in `reset`.

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, ShotInput, empty_shots, run_shots_of
+from billiards_env.engine.compile import varied_fields, varied_shot, vary
 from billiards_env.engine.frozen_strike import strike_frozen
-from billiards_env.engine.modes import varied_fields, varied_shot, vary
 from billiards_env.envs.actions import shorten, strike_balls
 from billiards_env.envs.arrays import BallArrays, EpisodeArrays, TaskNumbers
 from billiards_env.envs.tasks import TASKS, judge_pot, write_legal_balls
@@ -41,7 +41,7 @@ class Episodes:
     Attributes:
         env: The environment with the arguments of the episodes.
         shots: The balls and, after `shoot`, the outcomes of the shots (see `engine.Shots`).
-        balls: The balls before and after the last shots. They are those of `shots`.
+        balls: The balls before and after the last shots. They are part of `shots`.
         arrays: The state of the episodes. Its balls are those of `balls`.
         plan: The layout at the start of an episode.
         goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has
@@ -55,8 +55,8 @@ class Episodes:
         scene, n, task = env.scene, env.scene.n_balls, TASKS[env.task]
         self.env, self.n_recorded = env, n_recorded
         self.recorded: dict[int, ShotResult] = {}
-        self.plan = layouts.plan(env.layout, scene)
-        self.goal_plan = layouts.plan("random", cue_ball_alone(scene)) if task.goal_radius else None
+        self.plan = layouts.layout_plan(env.layout, scene)
+        self.goal_plan = layouts.layout_plan("random", cue_ball_alone(scene)) if task.goal_radius else None
         self.shots = shots = empty_shots(count, n)
         for array in shots:
             array[...] = 0
@@ -94,7 +94,7 @@ class Episodes:
             half_width=scene.half_extents[1],
             observe_shots_left=env.observe_shots_left,
         )
-        # The arguments of the entry points. The arrays are those of the attributes above, also after a deep copy.
+        # The arguments of the entry points. These tuples hold the arrays above, also after a deep copy.
         self._numbers, self._arrays = tuple(numbers), tuple(self.arrays)
         self._shots, self._balls = tuple(shots), tuple(self.balls)
         self.physics = {name: np.full(count, low) for name, (low, _) in env.randomize.items()}

@@ -66,7 +66,7 @@ class DrawnShot(NamedTuple):
 def balls_at_rest(
     scene: Scene, positions: NDArray[np.float64], in_play: NDArray[np.bool_], left: str, circles: Circles = ()
 ) -> DrawnShot:
-    """Returns balls at rest for drawing: `positions` (n, 2) m and `in_play` (n,) bool. The others: see `DrawnShot`."""
+    """Returns balls at rest for drawing: `positions` (n, 2) m and `in_play` (n,) bool. See `DrawnShot` for the rest."""
     n = len(positions)
     start = ShotInput(positions, np.zeros((n, 2)), np.zeros((n, 3)), in_play, 0.0)
     return DrawnShot(run_shot(scene, start, record=True), left, circles=circles)
@@ -206,7 +206,7 @@ class RecordVideo(gym.wrappers.RecordVideo):
 
     Gymnasium's wrapper records one frame per step, which is the end of a shot. This wrapper records all frames of a
     step, so the video shows the balls in motion. The environment must have the render mode "rgb_array_list".
-    The arguments and the names of the files are those of Gymnasium's wrapper. Frames are written to the file
+    The arguments and the names of the files are as in Gymnasium's wrapper. Frames are written to the file
     immediately, so the length of a video is not limited by memory.
 
     Raises:

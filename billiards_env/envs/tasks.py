@@ -8,7 +8,7 @@ Each kernel has the arguments
 
 and returns the points of the shot, whether the episode is decided, and whether the task is achieved. The kernels of the
 run-outs also write the `legal_balls` of the next shot. The limit on shots and the penalty for a scratch are not part of
-a task. The rules of games are those of `billiards_env.rules`. See `envs.arrays` for the types.
+a task. The rules of games are in `billiards_env.rules`. See `envs.arrays` for the types.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def judge_carom(k, numbers, arrays):
 def judge_three_cushion(k, numbers, arrays):
     """Touches every object ball with the cue ball, the last one after at least three cushion contacts: 1 point.
 
-    The other rules are those of `judge_carom`. Several contacts with the same cushion count.
+    The other rules are as in `judge_carom`. Several contacts with the same cushion count.
     """
     return judge_cushions(k, numbers, arrays, CUSHIONS)
 

@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import one_of, shaped, short, whole
+from billiards_env.checks import integer, one_of, shaped, short
 from billiards_env.engine import parallel_for
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS
@@ -89,11 +89,11 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     | `autoreset_mode` | str or AutoresetMode | `"SameStep"` | what happens after the end of an episode             |
     | `threads`        | int or None          | `None`       | threads; None for the number of `set_num_threads`    |
 
-    All other arguments are those of `BilliardsEnv` and apply to every environment.
+    All other arguments are as in `BilliardsEnv` and apply to every environment.
 
     ## Rendering
 
-    The render modes are those of `BilliardsEnv`. `render()` returns a tuple with one item for each environment: the
+    The render modes are as in `BilliardsEnv`. `render()` returns a tuple with one item for each environment: the
     result of `BilliardsEnv.render()`. Gymnasium's wrappers `gymnasium.wrappers.vector.RecordVideo` and `HumanRendering`
     combine the frames of the mode `"rgb_array"`. In the mode `"human"` a window shows the first four environments side
     by side.
@@ -118,14 +118,14 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         threads: int | None = None,
         **arguments: Any,
     ) -> None:
-        self.num_envs = whole("num_envs", num_envs, "num_envs")
+        self.num_envs = integer("num_envs", num_envs, "num_envs")
         if not isinstance(autoreset_mode, AutoresetMode):
             one_of("autoreset_mode", autoreset_mode, tuple(mode.value for mode in AutoresetMode))
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         if "max_episode_steps" in arguments:
             steps = short(arguments["max_episode_steps"])
             raise ValueError(f"max_episode_steps = {steps}: expected max_shots, one step is one shot")
-        self.threads = None if threads is None else whole("threads", threads, "threads")
+        self.threads = None if threads is None else integer("threads", threads, "threads")
         self.single_env = env = BilliardsEnv(**arguments)
         self.render_mode = env.render_mode
         self._renderer = None if env.render_mode is None else Renderer(env.scene, env.render_mode, self.num_envs)
@@ -393,7 +393,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         seeds = list(seed)
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed has {len(seeds)} entries: expected {self.num_envs}, one per environment")
-        return [v if v is None else whole(f"seed of environment {i}", v, "seed") for i, v in enumerate(seeds)]
+        return [v if v is None else integer(f"seed of environment {i}", v, "seed") for i, v in enumerate(seeds)]
 
     def _checked_actions(self, actions: ArrayLike, skip: Bools) -> NDArray[np.float64]:
         """Returns a copy of the actions; those in `skip` may be any numbers."""

@@ -16,7 +16,7 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorActionWrapper, VectorEnv, VectorWrapper
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import finite, real, whole
+from billiards_env.checks import finite, integer, real
 from billiards_env.envs.action_frames import ActionTransform
 from billiards_env.envs.actions import ACTIONS, ELEVATION, SIDE, SPEED, TOP, TURN, perturb
 from billiards_env.envs.billiards import BilliardsEnv
@@ -105,12 +105,12 @@ class ExecutionNoise(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     """Adds Gaussian noise to each shot, as an inaccurate player does.
 
     The noise is added to the direction and the speed and, with `action="strike"`, also to the offsets of the tip and
-    the elevation. The defaults are those of the pool tournaments at the Computer Olympiad (Smith 2007, PickPocket: A
+    the elevation. The defaults come from the pool tournaments at the Computer Olympiad (Smith 2007, PickPocket: A
     computer billiards shark). The speed stays between 0 and `max_speed`. A shot of speed 0 stays at speed 0. An action
     is clipped before the noise is added, so an action outside of the action space has the noise of its clipped shot.
 
     `reset(seed=...)` also seeds the noise. The noise has a separate random stream, so it does not change the layouts.
-    Whoever has the seed can compute the noise beforehand, unless `noise_seed` is secret.
+    Anyone who has the seed can compute the noise beforehand, unless `noise_seed` is secret.
 
     Args:
         env: A `BilliardsEnv`, wrapped or not.
@@ -143,7 +143,7 @@ class ExecutionNoise(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         )
         super().__init__(env)
         self._scales = _scales(_game(env), angle_std, speed_std, offset_std, elevation_std)
-        self._noise_seed = None if noise_seed is None else whole("noise_seed", noise_seed, "seed")
+        self._noise_seed = None if noise_seed is None else integer("noise_seed", noise_seed, "seed")
         self._stream = _stream(None)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
@@ -175,7 +175,7 @@ class VectorExecutionNoise(VectorWrapper):
     ) -> None:
         super().__init__(env)
         self._scales = _scales(_game(env), angle_std, speed_std, offset_std, elevation_std)
-        self._noise_seed = None if noise_seed is None else whole("noise_seed", noise_seed, "seed")
+        self._noise_seed = None if noise_seed is None else integer("noise_seed", noise_seed, "seed")
         self._streams = [_stream(None) for _ in range(self.num_envs)]
         self.autoreset_mode = self.metadata.get("autoreset_mode")  # TorchRL reads this attribute
         self._over = np.zeros(self.num_envs, np.bool_)
@@ -217,7 +217,7 @@ class VectorExecutionNoise(VectorWrapper):
 
 
 def noisy_env(noise_seed: int | None = None, **arguments: Any) -> ExecutionNoise:
-    """Returns the environment of a frozen task with noise. The other arguments are those of `BilliardsEnv`."""
+    """Returns the environment of a frozen task with noise. The other arguments are as in `BilliardsEnv`."""
     return ExecutionNoise(BilliardsEnv(**arguments), **NOISE, noise_seed=noise_seed)
 
 
@@ -230,7 +230,7 @@ noisy_env.metadata = BilliardsEnv.metadata  # pyright: ignore[reportFunctionMemb
 
 
 def _scales(game: BilliardsEnv, angle_std: float, speed_std: float, offset_std: float, elevation_std: float) -> Floats:
-    """Returns the standard deviations of the errors of `perturb`, after a check."""
+    """Returns the standard deviations of the noise of `perturb`, after a check."""
     scales = np.empty(5)
     scales[TURN] = real("angle_std", angle_std, "angle_std") / 180.0
     scales[SPEED] = real("speed_std", speed_std, "speed_std") / game.max_speed

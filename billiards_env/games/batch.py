@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import numbers
-from billiards_env.engine.modes import cached_by_scene
+from billiards_env.engine.compile import cached_by_scene
 from billiards_env.games.game import GameState, Setup
 from billiards_env.games.judging import NO_CALL, Call, Facts, Rules, RuleState, ball_set, state_array
 from billiards_env.rules import CALL, Counts, facts_of_shots, judge_shots
@@ -81,7 +81,7 @@ def play_batch(
         game: As there.
         velocities: As there.
         spins: As there.
-        places: (m, 2) free places of the cue ball, m; None for that of `game`.
+        places: (m, 2) free places of the cue ball, m; None for its place in `game`.
         calls: (m, 2) the called balls and pockets, -1 for none; None for the call of `judge_batch`. They have no effect
             in a game without called shots.
         threads: As there.
@@ -111,7 +111,7 @@ def play_batch(
     states["break_shot"], states["fouls"] = verdicts["rack"] != 0, 0
     states["solids"], states["colour"], states["free_ball"] = verdicts["solids"], verdicts["colour"], False
     if verdicts["spotted"].any():
-        spots = layouts.plan("snooker", setup.scene).spots if setup.game_rules.has_spots else None
+        spots = layouts.layout_plan("snooker", setup.scene).spots if setup.game_rules.has_spots else None
         for ball in range(1, setup.scene.n_balls):
             back = (verdicts["spotted"] >> ball & 1) > 0
             positions[back, ball] = (setup.scene.table.foot_x, 0.0) if spots is None else spots[ball]

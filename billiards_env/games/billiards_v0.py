@@ -25,7 +25,7 @@ from gymnasium.error import DependencyNotInstalled
 from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
-from billiards_env.checks import finite, flag, missing, one_of, real, short, whole
+from billiards_env.checks import finite, flag, integer, missing, one_of, real, short
 from billiards_env.envs.actions import ACTIONS, check_action, cue_strike
 from billiards_env.envs.arguments import make_scene
 from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
@@ -42,7 +42,7 @@ from billiards_env.games.game import (
 )
 from billiards_env.games.judging import NO_CALL, RULES, Call
 from billiards_env.games.placement import Point, cue_ball_area
-from billiards_env.games.snooker_fouls import points_left
+from billiards_env.games.snooker_fouls import frame_points_left
 from billiards_env.scene import Scene
 
 try:
@@ -157,7 +157,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     |---|---|---|---|
     | `rules` | str | `"eight_ball"` | the game |
     | `n_players` | int | `2` | number of players |
-    | `scene` | see right | `None` | a scene as in `Billiards-v0`; None for that of the game |
+    | `scene` | see right | `None` | a scene as in `Billiards-v0`; None for the game's |
     | `n_object_balls` | int or None | `None` | object balls of a named scene; None for the default of the game |
     | `target` | int or None | `None` | the score that wins, or 0; None for 0, in carom games for 10 |
     | `action` | str | `"velocity"` | `"velocity"` or `"strike"`, see Action Space |
@@ -215,7 +215,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.can_call = can_call
         self.layout = layout
         opening(self.setup, np.random.default_rng(0), layout)  # raises here if the layout does not suit the game
-        self.max_shots = whole("max_shots", max_shots, "max_shots")
+        self.max_shots = integer("max_shots", max_shots, "max_shots")
         self.max_speed = real("max_speed", max_speed, "max_speed")
         if render_mode is not None:
             one_of("render_mode", render_mode, RENDER_MODES)
@@ -226,7 +226,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.possible_agents = [f"player_{i}" for i in range(players)]
         self.agents = []
         self._half = np.array(self.setup.scene.half_extents)
-        most = points_left(opening_state(self.setup)) if rules == "snooker" else n - 1
+        most = frame_points_left(opening_state(self.setup)) if rules == "snooker" else n - 1
         self._score_scale = float(self.setup.target or most)
         self._observes_fouls = game_rules.counts_fouls and (
             bool(self.setup.target) if rules == "straight" else players == 2

@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, flag, one_of, real, shaped, short, whole
+from billiards_env.checks import Range, flag, integer, one_of, real, shaped, short
+from billiards_env.engine.compile import Engine, checked_engine, scene_fields
 from billiards_env.engine.frozen_strike import strike_frozen
-from billiards_env.engine.modes import Engine, checked_engine, scene_fields
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.games.judging import (
     NO_CALL,
@@ -107,7 +107,9 @@ class Setup:
             if math.isinf(mass):
                 raise ValueError(f"rules = {self.rules!r} with ball {i} of infinite mass: expected finite masses")
         object.__setattr__(
-            self, "n_players", whole("n_players", self.n_players, Range(*rules.n_players, f"for rules {self.rules!r}"))
+            self,
+            "n_players",
+            integer("n_players", self.n_players, Range(*rules.n_players, f"for rules {self.rules!r}")),
         )
         if rules.target is None:
             if self.target is not None:
@@ -116,9 +118,9 @@ class Setup:
                 )
         else:
             target = rules.target if self.target is None else self.target
-            object.__setattr__(self, "target", whole("target", target, Range(0, MAX_SCORE)))
+            object.__setattr__(self, "target", integer("target", target, Range(0, MAX_SCORE)))
         if self.rules == "snooker":
-            layouts.plan("snooker", self.scene)  # raises if the scene does not suit snooker
+            layouts.layout_plan("snooker", self.scene)  # raises if the scene does not suit snooker
         for name, possible in (("call_shot", rules.call_kernel is not None), ("miss", "replace" in rules.choices)):
             if flag(name, getattr(self, name)) and not possible:
                 raise ValueError(f"{name} = True with rules {self.rules!r}: expected False, the game has no such rule")
@@ -272,15 +274,15 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
         one_of("key of state", key, tuple(sorted(STATE_FIELDS)))
     values: dict[str, Any] = {name: changes.get(name, getattr(default, name)) for name in STATE_FIELDS}
     n, players = setup.scene.n_balls, setup.n_players
-    whole("state.player", values["player"], Range(0, players - 1))
-    whole("state.solids", values["solids"], Range(-1, players - 1 if setup.rules == "eight_ball" else -1))
+    integer("state.player", values["player"], Range(0, players - 1))
+    integer("state.solids", values["solids"], Range(-1, players - 1 if setup.rules == "eight_ball" else -1))
     ball = Range(0, n - 1)
     limits = {"scores": Range(-MAX_SCORE, MAX_SCORE), "on_table": ball, "cue_balls": ball, "fouls": Range(0, MAX_SCORE)}
     for name, limit in limits.items():
         if not isinstance(values[name], (list, tuple, *((set, frozenset) if name == "on_table" else ()))):
             raise ValueError(f"state.{name} = {short(values[name])}: expected a list of whole numbers")
         for i, value in enumerate(values[name]):
-            whole(f"state.{name}[{i}]", value, limit)
+            integer(f"state.{name}[{i}]", value, limit)
     for name in ("scores", "fouls"):
         if len(values[name]) != players:
             raise ValueError(f"state.{name} = {short(values[name])}: expected {players} {name}, one per player")
@@ -415,8 +417,8 @@ def _check_stroke(setup: Setup, state: RuleState, stroke: Stroke) -> None:
     call, n = stroke.call, setup.scene.n_balls
     safety = ("safety",) if state.call_shot else ()
     one_of("stroke.call.kind", call.kind, ("shot", *safety, *state.choices))
-    whole("stroke.call.ball", call.ball, Range(-1, n - 1))
-    whole("stroke.call.pocket", call.pocket, Range(-1, len(setup.scene.table.pockets) - 1))
+    integer("stroke.call.ball", call.ball, Range(-1, n - 1))
+    integer("stroke.call.pocket", call.pocket, Range(-1, len(setup.scene.table.pockets) - 1))
     if call.kind in ("hand_back", "replace"):
         if any(stroke.velocity) or any(stroke.spin) or stroke.place is not None:
             raise ValueError(f"stroke = {short(stroke)}: expected no motion and no place, the call is {call.kind!r}")

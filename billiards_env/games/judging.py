@@ -261,17 +261,17 @@ def fact_array(facts: Iterable[Facts]) -> NDArray[Any]:
     """Returns facts as an array of `rules.FACTS`."""
     rows = [
         FactNumbers(
-            first=ball_set(found.first),
-            touched=len(found.touched),
-            cushions_before_last=found.touched[-1][1] if found.touched else 0,
-            potted=ball_set(found.potted) & ~ball_set({CUE_BALL}),
-            first_potted=ball_set([ball for ball in found.potted if ball != CUE_BALL][:1]),
-            scratch=CUE_BALL in found.potted,
-            cushion_after=found.cushion_after,
-            driven=ball_set(found.driven),
-            cue_driven=found.cue_driven,
+            first=ball_set(shot.first),
+            touched=len(shot.touched),
+            cushions_before_last=shot.touched[-1][1] if shot.touched else 0,
+            potted=ball_set(shot.potted) & ~ball_set({CUE_BALL}),
+            first_potted=ball_set([ball for ball in shot.potted if ball != CUE_BALL][:1]),
+            scratch=CUE_BALL in shot.potted,
+            cushion_after=shot.cushion_after,
+            driven=ball_set(shot.driven),
+            cue_driven=shot.cue_driven,
         )
-        for found in facts
+        for shot in facts
     ]
     return np.array(rows, FACTS)
 
@@ -282,25 +282,25 @@ def call_array(calls: Iterable[Call], facts: Iterable[Facts]) -> NDArray[Any]:
         CallNumbers(
             ball=call.ball,
             kind=CALLS.index(call.kind),
-            made=(call.ball, call.pocket) in zip(found.potted, found.pockets, strict=True),
+            made=(call.ball, call.pocket) in zip(shot.potted, shot.pockets, strict=True),
         )
-        for call, found in zip(calls, facts, strict=True)
+        for call, shot in zip(calls, facts, strict=True)
     ]
     return np.array(rows, CALL)
 
 
 def verdict_of(row: Any, highest_first: bool = False) -> Verdict:
     """Returns the verdict of a row of `rules.VERDICT`, with the order in which balls are spotted."""
-    found = dict(zip(row.dtype.names, row.item(), strict=True))
-    spotted = balls_of(found["spotted"])
+    fields = dict(zip(row.dtype.names, row.item(), strict=True))
+    spotted = balls_of(fields["spotted"])
     return Verdict(
-        **found
+        **fields
         | {
-            "foul": FOULS[found["foul"]],
-            "in_hand": IN_HAND[found["in_hand"]],
+            "foul": FOULS[fields["foul"]],
+            "in_hand": IN_HAND[fields["in_hand"]],
             "spotted": spotted[::-1] if highest_first else spotted,
-            "rack": RERACKS[found["rack"]],
-            "choices": tuple(CALLS[i] for i in balls_of(found["choices"])),
+            "rack": RERACKS[fields["rack"]],
+            "choices": tuple(CALLS[i] for i in balls_of(fields["choices"])),
         }
     )
 

@@ -194,7 +194,7 @@ def spot_colours(scene: Scene, positions: NDArray[Any], on_table: Iterable[int],
     highest value first. If all spots are occupied, it is placed as near to its spot as possible on the line from there
     to the top cushion, or, without room there, below the spot. The other balls are `on_table`.
     """
-    spots = [(x, y) for x, y in layouts.plan("snooker", scene).spots.tolist()]
+    spots = [(x, y) for x, y in layouts.layout_plan("snooker", scene).spots.tolist()]
     others, waiting = set(on_table), []
     for ball in sorted(balls, reverse=True):
         if is_free(spots[ball], obstacles(scene, positions, ball, others, SPOT_GAP)):
@@ -218,7 +218,7 @@ def rack_again(scene: Scene, positions: NDArray[Any], on_table: Iterable[int], c
     in the rack, it is in hand behind the head string; with the last ball there it is placed on the head spot, or on the
     centre spot if the last ball blocks the head spot. If both are in the rack, the last ball is placed at the apex.
     """
-    places = layouts.plan("tight_rack", scene).spots[1:]
+    places = layouts.layout_plan("tight_rack", scene).spots[1:]
     radius = scene.balls.radius
     head, centre = (scene.table.head_x, 0.0), (0.0, 0.0)
 

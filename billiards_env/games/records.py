@@ -11,7 +11,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from billiards_env.checks import Range, flag, one_of, real, short, whole
+from billiards_env.checks import Range, flag, integer, one_of, real, short
 from billiards_env.games.game import STATE_FIELDS, GameState, History, Setup, Stroke, custom_opening, play
 from billiards_env.games.judging import Call, RuleState
 from billiards_env.rules import CALLS
@@ -193,22 +193,22 @@ def _game(data: dict[str, Any]) -> GameRecord:
         positions=rows_of("end.positions", end["positions"], n, 2),
         on_table=_whole_numbers("end.on_table", end["on_table"], Range(0, n - 1)),
         scores=_whole_numbers("end.scores", end["scores"], Range(-(2**62), 2**62)),
-        player=whole("end.player", end["player"], Range(0, setup.n_players - 1)),
+        player=integer("end.player", end["player"], Range(0, setup.n_players - 1)),
         over=flag("end.over", end["over"]),
-        winner=whole("end.winner", end["winner"], Range(-1, setup.n_players - 1)),
+        winner=integer("end.winner", end["winner"], Range(-1, setup.n_players - 1)),
     )
     return GameRecord(setup, positions, state, tuple(strokes), result)
 
 
 def _whole_numbers(name: str, values: Any, within: Range) -> tuple[int, ...]:
-    return tuple(whole(f"{name}[{i}]", value, within) for i, value in enumerate(items(name, values)))
+    return tuple(integer(f"{name}[{i}]", value, within) for i, value in enumerate(items(name, values)))
 
 
 def _call(name: str, value: Any) -> Call:
     call, number = fields(name, value, Call._fields), Range(-1, 2**31 - 1)
     one_of(f"{name}.kind", call["kind"], CALLS)
     return Call(
-        whole(f"{name}.ball", call["ball"], number), whole(f"{name}.pocket", call["pocket"], number), call["kind"]
+        integer(f"{name}.ball", call["ball"], number), integer(f"{name}.pocket", call["pocket"], number), call["kind"]
     )
 
 

@@ -19,7 +19,7 @@ from billiards_env.scene import CONTACT_GAP, Scene
 _STEPS = 9  # places in the D along each axis at which a cue ball in hand is tested for a snooker
 
 
-def points_left(state: RuleState) -> int:
+def frame_points_left(state: RuleState) -> int:
     """Returns the most points that a player can still score: a black after each red, then the colours."""
     return int(snooker.points_left(state_array([state]))[0])
 
@@ -30,7 +30,7 @@ def is_miss(before: RuleState, after: RuleState, facts: Facts, call: Call = NO_C
     A shot is a miss if it touches no ball on first, and no player needs penalty points before or after it. It is a miss
     even if it also pots the cue ball.
     """
-    needed = any(abs(state.scores[0] - state.scores[1]) > points_left(state) for state in (before, after))
+    needed = any(abs(state.scores[0] - state.scores[1]) > frame_points_left(state) for state in (before, after))
     foul = RULES["snooker"].judge(before, facts._replace(potted=(), pockets=()), call).foul
     return not needed and foul in ("no_hit", "wrong_ball")
 

@@ -1,8 +1,7 @@
 """Numba's compiler without the steps that this package does not need.
 
-The first shot without a cache compiles more than a hundred functions. The docstrings state the processor time of this
-compilation without a part, over that with it: in the first step of the default environment, and in a break of nine ball
-on `real_pool`.
+The first shot without a cache compiles more than a hundred functions. Each docstring gives the slowdown of a cold
+start without that part: of the first step of the default environment, and of a break of nine ball on `real_pool`.
 """
 
 from __future__ import annotations
@@ -28,14 +27,14 @@ def _announce() -> None:
 
 
 class _KernelLibrary(JITCodeLibrary):
-    """The LLVM code of a kernel, which only its callers translate to machine code. Without it: 1.6 and 1.6."""
+    """The LLVM code of a kernel, compiled to machine code only as part of its callers. Slowdown without: 1.6x, 1.6x."""
 
     def _finalize_final_module(self) -> None:
         self._finalized = True
 
 
 class _InlinedLibrary(_KernelLibrary):
-    """The LLVM code of an inlined kernel, which only its callers optimise. Without it: 1.1 and 1.2."""
+    """The LLVM code of an inlined kernel, optimised only as part of its callers. Slowdown without: 1.1x, 1.2x."""
 
     def _optimize_final_module(self) -> None:
         pass

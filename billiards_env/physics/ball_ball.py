@@ -31,7 +31,7 @@ def change_velocity(state, i, dvx, dvy, numbers):
 
 @kernel
 def _exchange_many(count, contacts, state, scene, scratch):
-    """Implements `exchange` for more than one contact. Without scratch arrays numba compiles nothing else."""
+    """Implements `exchange` for more than one contact. With `scratch=None` numba drops the rest."""
     if scratch is None:
         return 0
     e, wanted, friction = scene.numbers.e_ball, scratch.wanted, scene.ball_friction

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.jit import allocating, inlined, kernel
-from billiards_env.physics.complementarity import MOST, Problem, empty_problem, solve_complementarity
+from billiards_env.physics.complementarity import MOST, ComplementarityProblem, empty_problem, solve_complementarity
 from billiards_env.physics.double_double import HI, LO, add, multiply, two_product, two_sum
 from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, X, Y
 
@@ -98,7 +98,7 @@ class Scratch(NamedTuple):
         wanted: (most, 2) float64, double-double: required increase of each contact's speed of separation, m/s.
         impulse: (most, 2) float64, double-double, kg m/s.
         change: (n, 4) float64, changes of velocity, see the columns above.
-        problem: The `Problem` of up to `MOST` contacts.
+        problem: The `ComplementarityProblem` of up to `MOST` contacts.
         descent: (4, most) float64, scratch of `_descend`.
         dv: (n, 2) float64, changes of velocity, m/s; `apply_changes` uses it as scratch.
         done: (n,) bool, False between calls.
@@ -108,7 +108,7 @@ class Scratch(NamedTuple):
     wanted: Any
     impulse: Any
     change: Any
-    problem: Problem
+    problem: ComplementarityProblem
     descent: Any
     dv: Any
     done: Any

@@ -27,7 +27,7 @@ _PROXIMAL = 2.0**-24  # relative weight of the distance from the last solution i
 _EXCHANGES = 100  # largest number of changes of the active set; random problems need a few
 
 
-class Problem(NamedTuple):
+class ComplementarityProblem(NamedTuple):
     """The problem x >= 0, a x >= b, x . (a x - b) = 0 with up to m unknowns, and its scratch arrays.
 
     The last axis of length 2 holds the two parts (hi, lo) of a double-double number.
@@ -55,8 +55,8 @@ class Problem(NamedTuple):
 
 @allocating
 def empty_problem(m):
-    """Returns a `Problem` of up to m unknowns, with undefined content."""
-    return Problem(
+    """Returns a `ComplementarityProblem` of up to m unknowns, with undefined content."""
+    return ComplementarityProblem(
         np.empty((m, m, 2)),
         np.empty((m, 2)),
         np.empty((m, 2)),
@@ -142,7 +142,7 @@ def solve_complementarity(n, problem):
 
     Args:
         n: Number of unknowns, at most `MOST`.
-        problem: A `Problem`.
+        problem: A `ComplementarityProblem`.
 
     Returns:
         Whether a solution was found.
@@ -196,7 +196,7 @@ def solve_smallest(n, problem, target):
 
     Args:
         n: Number of unknowns, at most `MOST`.
-        problem: The `Problem`; a and b are changed.
+        problem: The `ComplementarityProblem`; a and b are changed.
         target: (m, 4) float64 scratch.
     """
     a, b, x = problem.a, problem.b, problem.x

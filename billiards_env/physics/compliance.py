@@ -4,7 +4,7 @@ The contact has a linear spring along the normal and one along the tangent. Freq
 the ratio Omega of the tangential to the normal frequency, from 1 to 2. The normal spring has a half period pi, so
 compression ends at the time pi / 2, and restitution, which is shortened by the restitution e, at (1 + e) pi / 2. The
 contact point sticks or slips. Units are those in which the normal velocity of the impact times the coefficient of
-friction is 1. With the slip x before the impact, there are three courses:
+friction is 1. With the slip x before the impact, there are three cases:
 
 * gross slip, if x >= (1 + e) 7/2 - h / e, with h = (7/2) / Omega^2: friction acts against the slip throughout,
 * stick and then slip, if x < h,

@@ -263,7 +263,7 @@ def slide_end_lane(lane, flight, after, numbers):
 
 @inlined
 def roll_end_lane(lane, flight, after, numbers):
-    """The same of a ball that stops rolling."""
+    """Like `slide_end_lane`, for a ball that stops rolling."""
     dt = (flight.ex * lane[DVX] + flight.ey * lane[DVY]) / numbers.roll
     _end_phase(lane, dt, after)
     _shift(lane, 0, after, -dt)
@@ -271,7 +271,7 @@ def roll_end_lane(lane, flight, after, numbers):
 
 @inlined
 def spin_end_lane(lane, flight, numbers):
-    """The same of a ball that stops spinning; the ball is at rest afterwards."""
+    """Like `slide_end_lane`, for a ball that stops spinning; the ball is at rest afterwards."""
     lane[D_TIME] = flight.spin * lane[DWZ] / numbers.spin_decay
     lane[D_PLACE_X], lane[D_PLACE_Y] = lane[DX], lane[DY]
 

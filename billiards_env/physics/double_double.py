@@ -1,7 +1,7 @@
 """Double-double arithmetic: a number as the unevaluated sum (hi, lo) of two doubles, about 32 decimal digits.
 
-The error-free sums and products are those of Knuth (1969, section 4.2.2) and Dekker (1971). The other operations are
-those of Hida, Li and Bailey (2001), Algorithms for Quad-Double Precision Floating Point Arithmetic. Only `+ - * /` are
+The error-free sums and products follow Knuth (1969, section 4.2.2) and Dekker (1971). The other operations follow
+Hida, Li and Bailey (2001), Algorithms for Quad-Double Precision Floating Point Arithmetic. Only `+ - * /` are
 used, so results have the same bits on every IEEE 754 machine.
 """
 

@@ -1,6 +1,6 @@
 """Elementary functions from `+ - * /` and `sqrt` only, so that they have the same bits on every IEEE 754 machine.
 
-The reductions of the argument and the polynomials are those of the library fdlibm (Sun Microsystems 1993). The errors
+The reductions of the argument and the polynomials come from the library fdlibm (Sun Microsystems 1993). The errors
 are below 2 ulp, and those of `sine_cosine` below 1e-16 near a zero.
 """
 

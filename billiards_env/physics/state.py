@@ -31,7 +31,7 @@ WIDTH = 12
 # Phases of a ball's motion.
 REST, SPINNING, ROLLING, SLIDING, FREE, POTTED = 0, 1, 2, 3, 4, 5
 
-# The laws of `engine.modes.MOTIONS`.
+# The laws of `engine.compile.MOTIONS`.
 IDEAL, ROLLING_ONLY, SLIDING_AND_ROLLING = 0, 1, 2
 
 # Columns of angular velocities.

@@ -23,8 +23,8 @@ class CueNumbers(NamedTuple):
     """The cue in the form that the kernels use.
 
     Attributes:
-        mass_ratio: Mass of the ball over that of the cue.
-        end_ratio: Mass of the ball over that of the end of the shaft.
+        mass_ratio: Mass of the ball over the mass of the cue.
+        end_ratio: Mass of the ball over the mass of the end of the shaft.
         restitution: As `Cue.tip_restitution`.
         miscue: As `Cue.miscue_offset`.
         radius: Radius of the ball, m.
@@ -68,7 +68,7 @@ def impulse_gain(cue, k, push):
 
 @kernel
 def speed_gain(cue, offset):
-    """Returns the speed of a free ball over that of the cue, for a tip at `offset` ball radii from the centre."""
+    """Returns the speed of a free ball over the speed of the cue, for a tip at `offset` ball radii from the centre."""
     return impulse_gain(cue, 2.5 * offset * offset, 1.0)
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from billiards_env.checks import Range, number, one_of, real, whole
+from billiards_env.checks import Range, integer, number, one_of, real
 from billiards_env.drawing.style import PALETTES
-from billiards_env.engine.modes import MODES
+from billiards_env.engine.compile import MODES
 from billiards_env.games import RULES, History, Setup, opening, records
 from billiards_env.play.model import HUMAN, PACES, begin
 from billiards_env.players.game_player import find_player
@@ -48,7 +48,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     add("--scene", help=f"table, balls and physics: {', '.join(SCENES)} (default: real_pool, snooker or carom)")
     add("--balls", type=int, help="number of object balls, for straight (default: 15)")
-    add("--layout", help=f"starting positions: {', '.join(layouts_of_games)} (default: those of the game)")
+    add("--layout", help=f"starting positions: {', '.join(layouts_of_games)} (default: the game's)")
     add("--target", type=int, help="the score that wins, for straight and the carom games")
     add(
         "--call-shot",
@@ -122,7 +122,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m billiards_env.play --help`."""
     args = make_parser().parse_args(arguments)
     try:
-        rng = np.random.default_rng(None if args.seed is None else whole("--seed", args.seed, Range(0, None)))
+        rng = np.random.default_rng(None if args.seed is None else integer("--seed", args.seed, Range(0, None)))
         history = make_history(args, rng)
         names = (HUMAN,) * history.setup.n_players
         if args.players:

@@ -54,7 +54,7 @@ NO_SHOT = ("hand_back", "replace")
 """The kinds of calls without a shot."""
 
 
-class Aim(NamedTuple):
+class StrokeInput(NamedTuple):
     """What a person sets before a shot.
 
     Attributes:
@@ -79,7 +79,7 @@ class Turn(NamedTuple):
 
     stroke: Stroke
     played: PlayedShot
-    aim: Aim
+    aim: StrokeInput
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +92,7 @@ class Model:
         max_speed: Speed of the fastest shot, m/s.
         ghost_dt: The timestep of PIT for the ghost, s. If the game itself uses PIT, the ghost uses PIC.
         opening: The state before the first stroke.
-        choices: Whether a person may make the choices of the game other than a shot, `RuleState.choices`.
+        choices: Whether people are offered choices other than a shot, such as to pass, `RuleState.choices`.
         turns: The strokes up to now.
         undone: The strokes that were undone, the next one first.
         phase: One of the phases in the module's docstring.
@@ -117,7 +117,7 @@ class Model:
     turns: tuple[Turn, ...] = ()
     undone: tuple[Turn, ...] = ()
     phase: str = "thinking"
-    aim: Aim = dataclasses.field(default_factory=Aim)
+    aim: StrokeInput = dataclasses.field(default_factory=StrokeInput)
     preview: Preview | None = None
     comparison: ShotResult | None = None
     clock: float = 0.0
@@ -248,7 +248,7 @@ def tick(model: Model, seconds: float) -> Model:
     return model if model.clock == model.duration else dataclasses.replace(model, clock=model.duration)
 
 
-def shoot(model: Model, stroke: Stroke, aim: Aim | None = None) -> Model:
+def shoot(model: Model, stroke: Stroke, aim: StrokeInput | None = None) -> Model:
     """Plays a stroke and returns the model in phase "rolling". The stroke of a person comes with its aim.
 
     Raises:
@@ -256,7 +256,7 @@ def shoot(model: Model, stroke: Stroke, aim: Aim | None = None) -> Model:
     """
     if aim is None:
         (x, y), place, _, call = stroke
-        aim = Aim(math.atan2(y, x), math.hypot(x, y), place=place, call=call)
+        aim = StrokeInput(math.atan2(y, x), math.hypot(x, y), place=place, call=call)
     return dataclasses.replace(
         model,
         turns=(*model.turns, Turn(stroke, play(model.setup, model.game, stroke), aim)),
@@ -272,7 +272,7 @@ def shoot(model: Model, stroke: Stroke, aim: Aim | None = None) -> Model:
 def _next_turn(model: Model) -> Model:
     """Returns the model at the start of the next turn; the first aim is full on the nearest legal ball."""
     state = model.game.state
-    model = dataclasses.replace(model, aim=Aim(speed=_first_speed(model)), preview=None, clock=0.0)
+    model = dataclasses.replace(model, aim=StrokeInput(speed=_first_speed(model)), preview=None, clock=0.0)
     if state.over:
         return dataclasses.replace(model, phase="over")
     if model.players[state.player] != HUMAN:
@@ -385,7 +385,7 @@ def aim_like(model: Model, made: Stroke) -> Model:
     if any(made.spin):
         cue, heading, *tip = level_strike(model.setup.scene, made.velocity, made.spin)
         speed = cue * float(strike(model.setup.scene, 1.0, 0.0).velocity[0])
-    aim = Aim(math.remainder(heading, math.tau), speed, (tip[0], tip[1]), place=place, call=call)
+    aim = StrokeInput(math.remainder(heading, math.tau), speed, (tip[0], tip[1]), place=place, call=call)
     preview = make_preview(model.setup, model.game, made)
     phase = "thinking" if model.phase == "thinking" else "aiming"
     return dataclasses.replace(model, phase=phase, aim=aim, preview=preview, clock=0.0)

@@ -248,7 +248,7 @@ class GameWindow:
         return _Thought(model.game, stroke, time.monotonic())
 
     def _executed(self, stroke: Stroke) -> Stroke:
-        """Returns the stroke that is played. That of a level has errors, which the window does not show in advance."""
+        """Returns the stroke that is played. That of a level has noise, which the window does not show in advance."""
         player = self._players[self.model.game.state.player]
         if not isinstance(player, LevelPlayer):
             return stroke

@@ -4,7 +4,7 @@ Modules:
     strategies: The choice of a shot by each of these players.
     pots: Pots by geometry on many tables, for the geometric and the search player.
     aim: The velocity that reaches goals, by Gauss-Newton steps.
-    aims, banks: The aim of a direct pot, and of a pot off one cushion (a bank).
+    direct, banks: The geometry of a direct pot, and of a pot off one cushion (a bank).
     indirect: Combinations, caroms and kicks by geometry.
     hits: The hit of the cue ball on an object ball, and the motion of both after it.
     paths: The path of a ball that meets no other ball.
@@ -14,6 +14,6 @@ Modules:
     values: The value of the outcomes of shots.
     run_outs: The probability of a run-out from a position, by a small network.
     budget: The time or the number of shots of a decision.
-    levels: Levels of strength of the planner, by errors and budget.
+    levels: Levels of strength of the planner, by noise and budget.
     game_player: The strategies and other players in games, found by name.
 """

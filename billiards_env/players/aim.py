@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, finite, flag, real, shaped, short, whole
+from billiards_env.checks import Range, finite, flag, integer, real, shaped, short
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.pots import SPEED, TOLERANCE, Tables, find_pots
 from billiards_env.scene import Scene, check_scene
@@ -219,7 +219,7 @@ def aim(
         (True, [False, True], True)
     """
     problem = _checked(scene, positions, goals, max_speed, in_play, flag("strike", strike))
-    whole("shots", shots, Range(0, None))
+    integer("shots", shots, Range(0, None))
     rng, found = np.random.default_rng(seed), []
     for velocities in _starts(problem, shots, rng):
         starts = _STARTS if not found else max(_STARTS, int(_SHARE * len(velocities)))
@@ -253,12 +253,12 @@ def _checked(
         name = type(goal).__name__
         least, field = 0 if isinstance(goal, Leave) else 1, "before" if isinstance(goal, Cushions) else "ball"
         ball = getattr(goal, field)
-        if (ball is not None or field == "ball") and not playing[whole(f"{name}.{field}", ball, Range(least, n - 1))]:
+        if (ball is not None or field == "ball") and not playing[integer(f"{name}.{field}", ball, Range(least, n - 1))]:
             raise ValueError(f"{name}.{field} = {ball}: expected a ball in play")
         if isinstance(goal, Cushions):
-            whole("Cushions.least", goal.least, Range(0, None))
+            integer("Cushions.least", goal.least, Range(0, None))
         if isinstance(goal, Pot) and goal.pocket is not None:
-            whole("Pot.pocket", goal.pocket, Range(0, len(scene.table.pockets) - 1))
+            integer("Pot.pocket", goal.pocket, Range(0, len(scene.table.pockets) - 1))
         if isinstance(goal, Leave):
             finite("Leave.position", goal.position, (2,))
             real("Leave.radius", goal.radius, _RADIUS)
@@ -431,9 +431,9 @@ def _margins(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
 
     A shot that first touches another ball has the margin by which it must miss this ball.
     """
-    every, n = np.arange(len(batch)), problem.scene.n_balls
+    shots, n = np.arange(len(batch)), problem.scene.n_balls
     values, slopes = margins_by_cue_ball(batch._record("jacobian"), _wanted(problem))
-    found, by = np.full((len(batch), len(problem.goals)), np.inf), np.zeros((len(batch), len(problem.goals), 2))
+    margins, by = np.full((len(batch), len(problem.goals)), np.inf), np.zeros((len(batch), len(problem.goals), 2))
     for g, goal in enumerate(problem.goals):
         if not isinstance(goal, Pot | Touch | FirstTouch):
             continue
@@ -443,16 +443,16 @@ def _margins(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
         elif isinstance(goal, FirstTouch):
             wrong = (batch.first_hit > 0) & (batch.first_hit != goal.ball)
             body, sign = np.where(wrong, batch.first_hit, body), np.where(wrong, -1.0, 1.0)
-        found[:, g] = sign * values[every, ball, body]
-        by[:, g] = sign[:, None] * slopes[every, :, ball, body]
-    return found, by
+        margins[:, g] = sign * values[shots, ball, body]
+        by[:, g] = sign[:, None] * slopes[shots, :, ball, body]
+    return margins, by
 
 
 def _margin_rows(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
-    """Returns the same of the margins of the pots and touches that are missed."""
-    found, by = _margins(problem, batch)
-    missed = (found < _CLEAR) & np.isfinite(found)
-    return np.where(missed[..., None], by, 0.0), np.where(missed, found - _CLEAR, 0.0)
+    """Like `_leave_rows`, for the margins of missed pots and touches."""
+    margins, by = _margins(problem, batch)
+    missed = (margins < _CLEAR) & np.isfinite(margins)
+    return np.where(missed[..., None], by, 0.0), np.where(missed, margins - _CLEAR, 0.0)
 
 
 def _room(problem: _Problem, tried: _Tried) -> Floats:

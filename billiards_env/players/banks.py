@@ -10,7 +10,7 @@ from billiards_env.physics.elementary import sine_cosine
 from billiards_env.physics.motion import motion_after, norm
 from billiards_env.physics.state import POCKET_X, POCKET_Y, REST, T0, X, Y
 from billiards_env.physics.walls import is_side
-from billiards_env.players.aims import NO_AIM, THINNEST, Aim, distance_to_rim, open_mouth
+from billiards_env.players.direct import NO_POT, THINNEST, PotGeometry, distance_to_rim, open_mouth
 from billiards_env.players.hits import (
     approach_gap,
     ball_gap,
@@ -29,7 +29,7 @@ _APART = 0.2  # m: the least distance of the pocket from its mirror image, to le
 _SHORT = 0.1  # m: a ball that meets its second cushion this close to the pocket still counts
 
 
-class Bounce(NamedTuple):
+class Bank(NamedTuple):
     """The path of a ball off a cushion into a pocket.
 
     Attributes:
@@ -51,46 +51,46 @@ class Bounce(NamedTuple):
     time: float
 
 
-NO_BOUNCE = Bounce(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NO_BANK = Bank(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @kernel
-def bank_aim(table, i, p, wall, speed, state):
-    """Returns the `Aim` at which ball i goes off a cushion, 0 to 3 for -x, +x, -y, +y, into pocket p.
+def bank_pot(table, i, p, wall, speed, state):
+    """Returns the `PotGeometry` at which ball i goes off a cushion, 0 to 3 for -x, +x, -y, +y, into pocket p.
 
     The first guess of the object ball's direction is that of a mirror. The secant method corrects it until the ball
-    meets the middle of the pocket's mouth. The arguments are those of `hits`.
+    meets the middle of the pocket's mouth. The arguments are as in `hits`.
     """
     scene, x, y = table.scene, table.positions[i, X], table.positions[i, Y]
     image_x, image_y, apart = _mirrored(scene, i, p, wall)
     if apart < _APART:
-        return NO_AIM
+        return NO_POT
     angle, last_angle, last_miss = math.atan2(image_y - y, image_x - x), 0.0, 0.0
     for step in range(_STEPS):
         sine, cosine = sine_cosine(angle)
         hit = hit_along(table, i, cosine, sine)
         if not can_hit(table, hit, 2 * THINNEST) or not play_hit(table, i, hit, speed, state):
-            return NO_AIM
+            return NO_POT
         bounce = _follow_bank(scene, state, i, p, wall)
         if bounce.second <= 0.0:
-            return NO_AIM
+            return NO_POT
         run = norm(bounce.x - x, bounce.y - y) + bounce.second
         if abs(bounce.miss) < _MISS:
             if enters_pocket(table, hit) or meet_again(table, i, hit, speed, bounce.time, state):
-                return NO_AIM
+                return NO_POT
             gap = min(
                 approach_gap(table, i, hit),
                 ball_gap(table, i, i, x, y, bounce.x, bounce.y),
                 ball_gap(table, i, i, bounce.x, bounce.y, bounce.end_x, bounce.end_y),
             )
-            return Aim(i, p, wall, hit, run, bounce.half * bounce.second / run, gap)
+            return PotGeometry(i, p, wall, hit, run, bounce.half * bounce.second / run, gap)
         # In a mirror the path after the cushion turns by the opposite angle.
         slope = run if step == 0 else (bounce.miss - last_miss) / (angle - last_angle)
         if slope <= 0.0:
-            return NO_AIM
+            return NO_POT
         last_angle, last_miss = angle, bounce.miss
         angle -= bounce.miss / slope
-    return NO_AIM
+    return NO_POT
 
 
 @inlined
@@ -111,8 +111,8 @@ def _mirrored(scene, i, p, wall):
 
 @inlined
 def _follow_bank(scene, state, i, p, wall):
-    """Computes the path of ball i off a cushion to pocket p, and returns the `Bounce`."""
-    row, bounce = state.rows[i], NO_BOUNCE
+    """Computes the path of ball i off a cushion to pocket p, and returns the `Bank`."""
+    row, bounce = state.rows[i], NO_BANK
     state.phase[i] = REST
     for _ in range(LEGS):
         leg = begin_leg(scene, state, i)
@@ -128,25 +128,25 @@ def _follow_bank(scene, state, i, p, wall):
                     if along <= (length + _SHORT if k == leg.chords and leg.wall >= 0 else length):
                         miss = cross(sx, sy, left_x, left_y) / length
                         time = row[T0] + leg.lasts * (k - 1 + max(along, 0.0) / length) / leg.chords
-                        return Bounce(*bounce[:-2], miss, time)
+                        return Bank(*bounce[:-2], miss, time)
                 if pocket_gap(scene.pockets, p if bounce.second > 0.0 else -1, x, y, to_x, to_y) < 0.0:
-                    return NO_BOUNCE
+                    return NO_BANK
             x, y = to_x, to_y
         if leg.chords == 0 or (leg.wall >= 0 and (bounce.second > 0.0 or not is_side(leg.wall, wall, scene.outline))):
-            return NO_BOUNCE
+            return NO_BANK
         end_leg(scene, state, i, leg)
         if leg.wall >= 0:
             bounce = _bounce(scene, i, p, row[X], row[Y])
             if bounce.second <= 0.0:
-                return NO_BOUNCE
-    return NO_BOUNCE
+                return NO_BANK
+    return NO_BANK
 
 
 @inlined
 def _bounce(scene, i, p, x, y):
-    """Returns the `Bounce` at (x, y), without its miss and time."""
+    """Returns the `Bank` at (x, y), without its miss and time."""
     mouth = open_mouth(scene, i, p, x, y)
     if mouth.half <= 0.0:
-        return NO_BOUNCE
+        return NO_BANK
     second = distance_to_rim(scene, p, x, y, mouth.dx, mouth.dy)
-    return Bounce(x, y, x + second * mouth.dx, y + second * mouth.dy, second, mouth.half, 0.0, 0.0)
+    return Bank(x, y, x + second * mouth.dx, y + second * mouth.dy, second, mouth.half, 0.0, 0.0)

@@ -39,10 +39,10 @@ _PER_TIP, _PER_WAY = 3, 4  # candidates for each tip and legal ball, and for eac
 _MANY = 8  # with more legal balls there are no banks
 _SURE = 0.9  # with a pot of at least this share there are no indirect pots
 _TURN = 0.2  # standard deviation of the random turn of a pot, over its tolerance
-_BREAKS = 3.8, 5.6  # m/s; speeds of a break: faster ones depend more on the errors
+_BREAKS = 3.8, 5.6  # m/s; speeds of a break: faster ones depend more on the noise
 
 
-class Shots(NamedTuple):
+class Candidates(NamedTuple):
     """k candidates.
 
     Attributes:
@@ -59,15 +59,15 @@ class Shots(NamedTuple):
     targets: Ints
     push_out: NDArray[np.bool_]
 
-    def of(self, which: Any) -> Shots:
+    def take(self, which: Any) -> Candidates:
         """Returns some of the candidates."""
         arrays: Any = (array[which] for array in self)
-        return Shots(*arrays)
+        return Candidates(*arrays)
 
-    def and_also(self, others: Shots) -> Shots:
+    def joined(self, others: Candidates) -> Candidates:
         """Returns these candidates and others."""
         arrays: Any = (np.concatenate(pair) for pair in zip(self, others, strict=True))
-        return Shots(*arrays)
+        return Candidates(*arrays)
 
 
 def turn(vectors: Floats, angles: Floats) -> Floats:
@@ -82,10 +82,10 @@ def candidates(
     max_speed: float,
     rng: np.random.Generator,
     most: float,
-    error: float,
+    noise: float,
     tips: Tips,
     budget: Budget,
-) -> Shots:
+) -> Candidates:
     """Returns candidates in random order, about `most`.
 
     Geometry takes at most a share of the time of a budget.
@@ -97,12 +97,12 @@ def candidates(
     places, legal = _places(setup, game, rng), len(setup.game_rules.legal(game.state, game.state.player))
     tips = tips[: max(1, count // (_PER_TIP * legal))]
     ways = count // (_PER_WAY * len(game.state.on_table)) if most >= count else 0
-    pots = None if game.state.break_shot else _pots(setup, game, places, max_speed, error, tips, ways, budget)
+    pots = None if game.state.break_shot else _pots(setup, game, places, max_speed, noise, tips, ways, budget)
     near = int(_GEOMETRY * count) if pots is not None else 0
-    every = _anywhere(setup, game, places, count - near, max_speed, rng, tips)
+    shots = _anywhere(setup, game, places, count - near, max_speed, rng, tips)
     if pots is not None:
-        every = every.and_also(_near(setup.scene, places, pots, near, max_speed, rng))
-    return every.of(rng.permutation(count))
+        shots = shots.joined(_near(setup.scene, places, pots, near, max_speed, rng))
+    return shots.take(rng.permutation(count))
 
 
 def _places(setup: Setup, game: GameState, rng: np.random.Generator) -> Floats:
@@ -139,7 +139,7 @@ def _pots(
     game: GameState,
     places: Floats,
     max_speed: float,
-    error: float,
+    noise: float,
     tips: Tips,
     most: int,
     budget: Budget,
@@ -161,7 +161,7 @@ def _pots(
             place, k = np.nonzero(np.arange(pots.ball.shape[1]) < pots.count[:, None])
             tolerance = pots.rows[place, k, TOLERANCE]
             target = np.column_stack((pots.ball[place, k], pots.pocket[place, k]))
-            share = success(tolerance, error) + _LEAST_SHARE
+            share = success(tolerance, noise) + _LEAST_SHARE
             shots = pots.shots[place, k]
             parts.append((some.start + place, np.full(len(k), tip), target, shots, tolerance, share))
     easiest = max((part[-1].max(initial=0.0) for part in parts), default=0.0)
@@ -169,14 +169,16 @@ def _pots(
         potted = np.arange(n) if setup.game_rules.pots_any else np.flatnonzero(targets)
         ways = find_indirect(setup, game, potted, max_speed, most, budget)
         pots = ways.target[:, 0] >= 0
-        share = len(tips) * (pots * success(ways.tolerance, error) + _LEAST_SHARE)
+        share = len(tips) * (pots * success(ways.tolerance, noise) + _LEAST_SHARE)
         nothing = np.zeros(len(share), np.int64)
         parts.append((nothing, nothing, ways.target, ways.shots, ways.tolerance, share))
     found = _Pots(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     return found if len(found.place) else None
 
 
-def _near(scene: Scene, places: Floats, pots: _Pots, count: int, max_speed: float, rng: np.random.Generator) -> Shots:
+def _near(
+    scene: Scene, places: Floats, pots: _Pots, count: int, max_speed: float, rng: np.random.Generator
+) -> Candidates:
     """Returns shots at pots, the easier pots more often, with random speeds and small turns."""
     k = rng.choice(len(pots.share), count, p=pots.share / pots.share.sum())
     possible = pots.shots[k, :, SPEED] > 0
@@ -190,7 +192,7 @@ def _near(scene: Scene, places: Floats, pots: _Pots, count: int, max_speed: floa
     speeds = (1.0 - part[:, 0]) * low[:, SPEED] + part[:, 0] * high[:, SPEED]
     ways = turn(ways, _TURN * pots.tolerance[k] * rng.standard_normal(count))
     velocities, spins = _with_spin(scene, speeds[:, None] * ways, pots.tip[k], max_speed)
-    return Shots(velocities, spins, places[pots.place[k]], pots.target[k], np.zeros(count, bool))
+    return Candidates(velocities, spins, places[pots.place[k]], pots.target[k], np.zeros(count, bool))
 
 
 def _anywhere(
@@ -201,7 +203,7 @@ def _anywhere(
     max_speed: float,
     rng: np.random.Generator,
     tips: Tips,
-) -> Shots:
+) -> Candidates:
     """Returns random shots: half of them towards a legal ball, in a break all of them, towards the nearest one."""
     state, radius = game.state, setup.scene.balls.radius
     balls = np.array(sorted(setup.game_rules.legal(state, state.player) & state.on_table))
@@ -219,7 +221,7 @@ def _anywhere(
     velocities = max_speed * np.minimum(share, 1.0)[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
     velocities, spins = _with_spin(setup.scene, velocities, rng.integers(len(tips), size=count), max_speed)
     push_out = (rng.random(count) < _PUSH_OUTS) & ("push_out" in state.choices)
-    return Shots(velocities, spins, from_places, np.full((count, 2), -1), push_out)
+    return Candidates(velocities, spins, from_places, np.full((count, 2), -1), push_out)
 
 
 def _with_spin(scene: Scene, velocities: Floats, tips: Ints, max_speed: float) -> tuple[Floats, Floats]:

@@ -87,10 +87,8 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
     game, run_out = GameState(env.positions, state), env.task != "clear"
     both = expected(noise, level)
     english = env.action == "strike"
-    errors = both if any(both) else NOISE
-    stroke = plan(
-        setup, game, env.max_speed, rng, seconds, shots, errors, Options(run_out, english, leaves=False)
-    ).stroke
+    planned, options = both if any(both) else NOISE, Options(run_out, english, leaves=False)
+    stroke = plan(setup, game, env.max_speed, rng, seconds, shots, planned, options).stroke
     stroke = with_noise(stroke, level.noise, env.max_speed, rng)
     if not english:
         return np.array(stroke.velocity) / env.max_speed

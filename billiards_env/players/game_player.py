@@ -6,7 +6,7 @@ speed of the fastest shot in m/s and a random generator. A maker of players is a
 
 * "random", "geometric", "search" and "aim", the strategies of `billiards_env.players.strategies`;
 * "planner", which plans under execution noise (`billiards_env.players.planner`): "planner:100ms", "planner:1s";
-* a level of the planner, whose strokes have errors (`billiards_env.players.levels`): "planner:club";
+* a level of the planner, whose strokes are noisy (`billiards_env.players.levels`): "planner:club";
 * a name among the makers that the caller passes, such as "policy" in the window;
 * the name of an entry point in the group `billiards_env.players` of an installed package; it loads a maker;
 * "module:function", any other maker.
@@ -63,7 +63,7 @@ def find_player(
         text: See the module's docstring.
         setup: The game to be played.
         makers: Other makers as "module:function", by name.
-        also: Names of other players that the caller knows, for the message of an error.
+        also: Names of other players, for the message of an error.
         noise: The execution noise that "search", "aim" and "planner" expect, see `strategies.search`. Without noise
             "planner" expects `planner.NOISE`.
 

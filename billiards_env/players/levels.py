@@ -1,6 +1,6 @@
 """Levels of the player "planner", such as "planner:club".
 
-The strokes of a level have random errors. The planner expects errors of this size, but at most `EXPECTED`. The budget
+The strokes of a level have random noise. The planner expects this noise, but at most `EXPECTED`. The budget
 of a level is a number of simulated shots, so games with the same seed are the same.
 
 Example:
@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from billiards_env.games import GameState, Setup, Stroke
-from billiards_env.players.planner import Noise, parse_budget, with_errors
+from billiards_env.players.planner import Noise, add_noise, parse_budget
 
 
 class Level(NamedTuple):
@@ -25,7 +25,7 @@ class Level(NamedTuple):
 
     Attributes:
         budget: The budget of the planner, such as "100ms" or a number of simulated shots.
-        noise: Standard deviations of the errors of its strokes: direction, degrees, and speed, m/s.
+        noise: Standard deviations of direction, degrees, and speed, m/s, of its strokes.
     """
 
     budget: str
@@ -41,15 +41,15 @@ LEVELS = {
 """The levels by name, weakest first."""
 
 EXPECTED = (0.2, 0.1)
-"""The largest errors of its own that a level plans for, degrees and m/s. With larger ones it would play safe for
+"""The largest noise of its own that a level plans for, degrees and m/s. With more it would play safe for
 hundreds of strokes instead of trying to pot a ball."""
 
 
 class LevelPlayer(NamedTuple):
-    """A player of games whose strokes have errors.
+    """A player of games whose strokes have noise.
 
     Attributes:
-        intend: The player without errors.
+        intend: The player without noise.
         noise: As in `Level`.
     """
 
@@ -62,7 +62,7 @@ class LevelPlayer(NamedTuple):
 
 
 def level_of(argument: str) -> Level:
-    """Returns the level for an argument of the planner. If the argument is a budget, the level has no errors.
+    """Returns the level for an argument of the planner. If the argument is a budget, the level has no noise.
 
     Raises:
         ValueError: If the argument is neither a level nor a budget.
@@ -77,19 +77,21 @@ def level_of(argument: str) -> Level:
 
 
 def expected(noise: Noise, level: Level) -> Noise:
-    """Returns the standard deviations that a level plans for, from the noise of the environment and its own errors."""
+    """Returns the standard deviations that a level plans for, from the noise of the environment and its own noise."""
     own = map(min, level.noise, EXPECTED)
     degrees, speed = map(math.hypot, noise, own)
     return degrees, speed
 
 
 def with_noise(stroke: Stroke, noise: Noise, max_speed: float, rng: np.random.Generator) -> Stroke:
-    """Returns a stroke with random errors of the direction, degrees, and of the speed, m/s.
+    """Returns a stroke with random noise.
+
+    `noise` has the standard deviations of the direction, degrees, and of the speed, m/s.
 
     A stroke with speed 0, which hands the shot back, does not change.
     """
     if not any(noise) or not any(stroke.velocity):
         return stroke
-    errors = rng.standard_normal((1, 2)) * (math.radians(noise[0]), noise[1])
-    (velocity,), (spin,) = with_errors(np.array([stroke.velocity]), np.array([stroke.spin]), errors, max_speed)
+    drawn = rng.standard_normal((1, 2)) * (math.radians(noise[0]), noise[1])
+    (velocity,), (spin,) = add_noise(np.array([stroke.velocity]), np.array([stroke.spin]), drawn, max_speed)
     return stroke._replace(velocity=tuple(velocity.tolist()), spin=tuple(spin.tolist()))

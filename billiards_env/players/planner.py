@@ -4,14 +4,14 @@ A decision takes the given processor time on one core, and a break takes four ti
 
 * Candidates: pots by geometry (direct, off one cushion, and indirect) from each place of the cue ball, with several
   speeds and offsets of the tip, and random shots.
-* Selection: each candidate is simulated without errors, and those with the lowest values are dropped. The others are
-  simulated with random errors of direction and speed, and the worse half is dropped, until a few are left (sequential
+* Selection: each candidate is simulated without noise, and those with the lowest values are dropped. The others are
+  simulated with noise in direction and speed, and the worse half is dropped, until a few are left (sequential
   halving: Karnin, Koren and Somekh 2013, Almost optimal exploration in multi-armed bandits). Copies of the better ones,
-  corrected by the mean error of their better outcomes, replace some of the others.
+  corrected by the mean noise of their better outcomes, replace some of the others.
 * Values: the value of an outcome is an estimate, from -1 for a lost game to 1 for a won game, or the expected lead in
   points. It depends on the easiest pots of the player who shoots next, see `players.values`.
 
-The size of the errors is an argument. The error of the shot that is played is drawn later.
+The size of the noise is an argument. The noise of the shot that is played is drawn later.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from billiards_env.games import NO_CALL, Call, GameState, Setup, Stroke
 from billiards_env.games.batch import PlayedBatch, play_batch
 from billiards_env.players import run_outs
 from billiards_env.players.budget import Budget
-from billiards_env.players.candidates import LEAST_CANDIDATES, TIPS, Shots, candidates, turn
+from billiards_env.players.candidates import LEAST_CANDIDATES, TIPS, Candidates, candidates, turn
 from billiards_env.players.values import Values
 
 Floats = NDArray[np.float64]
@@ -38,7 +38,7 @@ Ints = NDArray[np.int64]
 Noise = tuple[float, float]
 
 NOISE = (0.057, 0.02)
-"""The errors that a player expects if none are given: standard deviations of direction, degrees, and speed, m/s."""
+"""The noise that a player expects if none is given: standard deviations of direction, degrees, and speed, m/s."""
 
 FINALISTS = 4
 """The number of candidates that are left at the end of the selection."""
@@ -47,7 +47,7 @@ _SHOTS_PER_CANDIDATE = 12  # budget over the number of first candidates
 _CHUNK, _NOISY_CHUNK = (20, 100), (25, 1000)  # least and largest number of shots between two readings of the clock
 _RATE = 100_000  # shots in a second; a slower machine leaves some candidates out
 _KEPT = 0.25  # share of the candidates after the first simulation
-_LONGER = 4.0  # budget of a break over that of another shot
+_LONGER = 4.0  # budget of a break over the budget of another shot
 _QUANTILES = np.array([NormalDist().inv_cdf((k + 0.5) / 1024) for k in range(1024)])
 
 
@@ -58,12 +58,12 @@ class Plan(NamedTuple):
         stroke: The stroke.
         value: The mean value of its noisy outcomes, from -1 for a lost game to 1 for a won game. In a game that is won
             by points it is the expected lead. With a budget too small for noisy outcomes it is that of the shot
-            without errors.
+            without noise.
         probability: The share of its noisy outcomes that win the game or continue the turn, or whether the shot without
-            errors does.
+            noise does.
         ball: The ball that it plans to pot, or -1.
         pocket: The pocket of this pot, or -1.
-        leave: (n, 2) m: the positions of the balls after the shot without errors; NaN without `Options.leaves`.
+        leave: (n, 2) m: the positions of the balls after the shot without noise; NaN without `Options.leaves`.
         samples: The number of noisy outcomes, or 1.
         alternatives: Other shots, the best first; they have no alternatives.
     """
@@ -101,7 +101,7 @@ class Options(NamedTuple):
         run_out: Whether only the present turn counts. The value is then the probability of a run-out, or in a game that
             is won by points the expected points of the turn.
         english: Whether to try offsets of the tip, in a scene with spin.
-        values: A function that returns the values (m,) of m simulated shots; None for those of `Plan.value`.
+        values: A function that returns the values (m,) of m simulated shots; None for the usual ones, see `Plan.value`.
         leaves: Whether to compute `Plan.leave`, which simulates the final shots once more.
     """
 
@@ -121,7 +121,7 @@ def planner(setup: Setup, argument: str = "", noise: Noise = NOISE) -> Callable[
         setup: The game.
         argument: The time of a decision, such as "100ms" or "1s", or a number of simulated shots, such as "5000". With
             a number of shots a seed repeats a game on every machine. The default is "100ms".
-        noise: The errors that it expects: standard deviations of the direction, degrees, and of the speed, m/s.
+        noise: The noise that it expects: standard deviations of the direction, degrees, and of the speed, m/s.
 
     Raises:
         ValueError: If the argument is neither a time nor a number.
@@ -140,13 +140,13 @@ def parse_budget(text: str) -> tuple[float, float]:
 
     An empty text is "100ms".
     """
-    found = re.fullmatch(r"(\d+(?:\.\d+)?)(ms|s)|(\d+)", text or "100ms")
-    amount = float(found[1] or found[3]) if found else 0.0
-    if found is None or amount <= 0.0:
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)(ms|s)|(\d+)", text or "100ms")
+    amount = float(match[1] or match[3]) if match else 0.0
+    if match is None or amount <= 0.0:
         raise ValueError(f"player = 'planner:{text}': expected a time such as 'planner:100ms' or a number of shots")
-    if found[2] is None:
+    if match[2] is None:
         return math.inf, amount
-    return amount * {"ms": 1e-3, "s": 1.0}[found[2]], math.inf
+    return amount * {"ms": 1e-3, "s": 1.0}[match[2]], math.inf
 
 
 def plan(
@@ -171,55 +171,55 @@ def plan(
         noise: Standard deviations of the direction, degrees, and of the speed, m/s.
         options: See `Options`.
     """
-    few = min(shots, _RATE * seconds) < LEAST_CANDIDATES * _SHOTS_PER_CANDIDATE
+    low_budget = min(shots, _RATE * seconds) < LEAST_CANDIDATES * _SHOTS_PER_CANDIDATE
     if game.state.break_shot:
         seconds, shots = _LONGER * seconds, _LONGER * shots
     budget = Budget(seconds, shots)
-    errors = math.radians(noise[0]), noise[1]
-    values = _values(setup, game, max_speed, errors, options, few)
-    search = _Search(setup, game, max_speed, errors, values, rng, budget)
+    deviations = math.radians(noise[0]), noise[1]
+    values = _values(setup, game, max_speed, deviations, options, low_budget)
+    search = _Search(setup, game, max_speed, deviations, values, rng, budget)
 
     count = min(shots, _RATE * seconds) / _SHOTS_PER_CANDIDATE
     tips = TIPS if options.english and setup.scene.physics.motion == "sliding" else TIPS[:1]
-    every = candidates(setup, game, max_speed, rng, count, errors[0], tips, budget)
+    first = candidates(setup, game, max_speed, rng, count, deviations[0], tips, budget)
 
     budget.begin_shots()
-    exact = _without_errors(search, every)
+    exact = _without_noise(search, first)
     order = np.argsort(-exact.total, kind="stable")[: max(FINALISTS, int(_KEPT * len(exact.total)))]
-    best, found = every.of(order), exact.of(order)
+    finalists, totals = first.take(order), exact.take(order)
     if budget.left > 0:
-        best, found = _halved(search, best)
+        finalists, totals = _halved(search, finalists)
     leaves = np.full((FINALISTS, *game.positions.shape), np.nan)
     if options.leaves:
-        some = best.of(slice(FINALISTS))
-        leaves = play_batch(setup, game, some.velocities, some.spins, some.places, some.targets, threads=1).positions
+        few = finalists.take(slice(FINALISTS))
+        leaves = play_batch(setup, game, few.velocities, few.spins, few.places, few.targets, threads=1).positions
     plans = []
-    for k, leave in enumerate(leaves[: len(best.velocities)]):
-        ball, pocket = best.targets[k].tolist()
+    for k, leave in enumerate(leaves[: len(finalists.velocities)]):
+        ball, pocket = finalists.targets[k].tolist()
         call = Call(ball, pocket) if game.state.call_shot and not game.state.break_shot and ball >= 0 else NO_CALL
-        call = Call(kind="push_out") if best.push_out[k] else call
-        x, y = best.velocities[k].tolist()
-        place = None if game.state.in_hand == "no" else tuple(best.places[k].tolist())
-        stroke = Stroke((x, y), place, tuple(best.spins[k].tolist()), call)
-        value, probability = (float(sums[k] / found.samples[k]) for sums in found[:2])
-        plans.append(Plan(stroke, value, probability, ball, pocket, leave, int(found.samples[k])))
-    first = plans[0]
-    if "hand_back" in game.state.choices and first.value < 0.0 and not options.run_out:
+        call = Call(kind="push_out") if finalists.push_out[k] else call
+        x, y = finalists.velocities[k].tolist()
+        place = None if game.state.in_hand == "no" else tuple(finalists.places[k].tolist())
+        stroke = Stroke((x, y), place, tuple(finalists.spins[k].tolist()), call)
+        value, probability = (float(sums[k] / totals.samples[k]) for sums in totals[:2])
+        plans.append(Plan(stroke, value, probability, ball, pocket, leave, int(totals.samples[k])))
+    best = plans[0]
+    if "hand_back" in game.state.choices and best.value < 0.0 and not options.run_out:
         none = Stroke((0.0, 0.0), call=Call(kind="hand_back"))
-        return Plan(none, -first.value, 0.0, -1, -1, game.positions, first.samples, tuple(plans[:-1]))
-    return first._replace(alternatives=tuple(plans[1:]))
+        return Plan(none, -best.value, 0.0, -1, -1, game.positions, best.samples, tuple(plans[:-1]))
+    return best._replace(alternatives=tuple(plans[1:]))
 
 
 def _values(
-    setup: Setup, game: GameState, max_speed: float, errors: Noise, options: Options, few: bool
+    setup: Setup, game: GameState, max_speed: float, noise: Noise, options: Options, low_budget: bool
 ) -> Callable[[PlayedBatch, NDArray[np.bool_]], Floats]:
-    """Returns the function that rates shots, see `_Search.values`. `few`: whether a decision simulates few shots."""
+    """Returns the function that rates shots, see `_Search.values`."""
     values = options.values
     if values is not None:
         return lambda played, _: values(played)
     # With few shots the network overestimates positions without a pot: its training had 0.1 s for a decision.
-    weights = None if few or setup.target is not None else run_outs.trained()
-    return Values(setup, game, max_speed, errors, options.run_out, options.english, weights).of
+    weights = None if low_budget or setup.target is not None else run_outs.trained()
+    return Values(setup, game, max_speed, noise, options.run_out, options.english, weights).of
 
 
 class Sums(NamedTuple):
@@ -235,7 +235,7 @@ class Sums(NamedTuple):
     kept: Floats
     samples: Floats
 
-    def of(self, which: Any) -> Sums:
+    def take(self, which: Any) -> Sums:
         """Returns the sums of some of the candidates."""
         return Sums(self.total[which], self.kept[which], self.samples[which])
 
@@ -254,7 +254,8 @@ class _Search(NamedTuple):
         game: Its state.
         max_speed: Speed of the fastest shot, m/s.
         noise: Standard deviations of the direction, rad, and of the speed, m/s.
-        values: A function that returns the values (m,) of m simulated shots; its second argument is `Shots.push_out`.
+        values: A function that returns the values (m,) of m simulated shots; its second argument is
+            `Candidates.push_out`.
         rng: The generator to draw from.
         budget: What is left for the decision.
     """
@@ -268,25 +269,26 @@ class _Search(NamedTuple):
     budget: Budget
 
 
-def _halved(search: _Search, alive: Shots) -> tuple[Shots, Sums]:
-    """Simulates candidates with errors, and drops the worse half until few are left. Returns these, the best first."""
-    budget, found = search.budget, Sums(*np.zeros((3, len(alive.velocities))))
+def _halved(search: _Search, survivors: Candidates) -> tuple[Candidates, Sums]:
+    """Simulates candidates with noise, and drops the worse half until few are left. Returns these, the best first."""
+    budget, totals = search.budget, Sums(*np.zeros((3, len(survivors.velocities))))
     while True:
-        rounds = max(1, math.ceil(math.log2(len(found.samples) / FINALISTS)) + 1)
-        samples = max(1, int(budget.left / rounds / len(found.samples)))
-        some, shifts = _sample(search, alive, samples)
-        found = Sums(*(before + new for before, new in zip(found, some, strict=True)))
-        order = found.order()
+        rounds = max(1, math.ceil(math.log2(len(totals.samples) / FINALISTS)) + 1)
+        samples = max(1, int(budget.left / rounds / len(totals.samples)))
+        new, shifts = _sample(search, survivors, samples)
+        totals = Sums(*(before + after for before, after in zip(totals, new, strict=True)))
+        order = totals.order()
         if rounds == 1 or budget.left < len(order):
-            return alive.of(order[:FINALISTS]), found.of(order[:FINALISTS])
+            return survivors.take(order[:FINALISTS]), totals.take(order[:FINALISTS])
         order = order[: max(FINALISTS, len(order) // 2)]
-        # Copies of the better half, with the mean error of its better outcomes, replace the worse half.
+        # Copies of the better half, with the mean noise of its better outcomes, replace the worse half.
         half = len(order) // 2 if rounds > 2 else 0
         copied, order = order[:half], order[: len(order) - half]
-        shifted = with_errors(alive.velocities[copied], alive.spins[copied], shifts[copied], search.max_speed)
-        copies = alive.of(copied)._replace(velocities=shifted[0], spins=shifted[1])
-        alive = alive.of(order).and_also(copies)
-        found = Sums(*(np.concatenate((sums[order], np.zeros(half))) for sums in found))
+        noisy = survivors.velocities[copied], survivors.spins[copied], shifts[copied]
+        velocities, spins = add_noise(*noisy, search.max_speed)
+        copies = survivors.take(copied)._replace(velocities=velocities, spins=spins)
+        survivors = survivors.take(order).joined(copies)
+        totals = Sums(*(np.concatenate((sums[order], np.zeros(half))) for sums in totals))
 
 
 def _kept(search: _Search, played: PlayedBatch, push_out: NDArray[np.bool_]) -> Floats:
@@ -295,11 +297,11 @@ def _kept(search: _Search, played: PlayedBatch, push_out: NDArray[np.bool_]) -> 
     return 1.0 * ((verdicts["continues"] | (verdicts["winner"] == search.game.state.player)) & ~push_out)
 
 
-def _without_errors(search: _Search, every: Shots) -> Sums:
-    """Simulates the first candidates without errors, and sets the calls of random shots to their pots."""
+def _without_noise(search: _Search, first: Candidates) -> Sums:
+    """Simulates the first candidates without noise, and sets the calls of random shots to their pots."""
     setup, game, budget, exact = search.setup, search.game, search.budget, Sums(*np.empty((3, 0)))
-    while len(exact.total) < len(every.velocities) and not (budget.used and budget.left < 2 * budget.used):
-        part = every.of(slice(budget.used, budget.used + budget.chunk(0.1, *_CHUNK)))
+    while len(exact.total) < len(first.velocities) and not (budget.used and budget.left < 2 * budget.used):
+        part = first.take(slice(budget.used, budget.used + budget.chunk(0.1, *_CHUNK)))
         played = play_batch(setup, game, part.velocities, part.spins, part.places, threads=1)
         budget.used += len(part.velocities)
         _set_targets(setup, game, part.targets, played)
@@ -308,31 +310,31 @@ def _without_errors(search: _Search, every: Shots) -> Sums:
     return exact
 
 
-def _sample(search: _Search, shots: Shots, samples: int) -> tuple[Sums, Floats]:
-    """Simulates each of k candidates `samples` times with errors, fewer if the budget ends.
+def _sample(search: _Search, shots: Candidates, samples: int) -> tuple[Sums, Floats]:
+    """Simulates each of k candidates `samples` times with noise, fewer if the budget ends.
 
     Returns:
-        The sums, and (k, 2) the weighted mean error of the outcomes that are better than the mean of their candidate.
+        The sums, and (k, 2) the weighted mean noise of the outcomes that are better than the mean of their candidate.
     """
     setup, game, budget, k = search.setup, search.game, search.budget, len(shots.velocities)
-    errors = _errors(k, samples, search.noise, search.rng)
-    part = shots.of(np.repeat(np.arange(k), samples))
-    velocities, spins = with_errors(part.velocities, part.spins, errors, search.max_speed)
-    found, kept = np.full(k * samples, np.nan), np.zeros(k * samples)
+    noise = _draw_noise(k, samples, search.noise, search.rng)
+    part = shots.take(np.repeat(np.arange(k), samples))
+    velocities, spins = add_noise(part.velocities, part.spins, noise, search.max_speed)
+    values, kept = np.full(k * samples, np.nan), np.zeros(k * samples)
     end = 0
     while end < k * samples and (end == 0 or budget.left > 0):
-        some = slice(end, end + budget.chunk(0.25, *_NOISY_CHUNK))
-        end = some.stop
+        piece = slice(end, end + budget.chunk(0.25, *_NOISY_CHUNK))
+        end = piece.stop
         played = play_batch(
-            setup, game, velocities[some], spins[some], part.places[some], part.targets[some], threads=1
+            setup, game, velocities[piece], spins[piece], part.places[piece], part.targets[piece], threads=1
         )
         budget.used += len(played.verdicts)
-        found[some] = search.values(played, part.push_out[some])
-        kept[some] = _kept(search, played, part.push_out[some])
-    done, found = ~np.isnan(found).reshape(k, samples), np.nan_to_num(found).reshape(k, samples)
-    sums = Sums(found.sum(axis=1), kept.reshape(k, samples).sum(axis=1), done.sum(axis=1).astype(float))
-    better = np.where(done, np.maximum(found - (sums.total / np.maximum(sums.samples, 1.0))[:, None], 0.0), 0.0)
-    shifts = (better[..., None] * errors.reshape(k, samples, 2)).sum(axis=1)
+        values[piece] = search.values(played, part.push_out[piece])
+        kept[piece] = _kept(search, played, part.push_out[piece])
+    done, values = ~np.isnan(values).reshape(k, samples), np.nan_to_num(values).reshape(k, samples)
+    sums = Sums(values.sum(axis=1), kept.reshape(k, samples).sum(axis=1), done.sum(axis=1).astype(float))
+    better = np.where(done, np.maximum(values - (sums.total / np.maximum(sums.samples, 1.0))[:, None], 0.0), 0.0)
+    shifts = (better[..., None] * noise.reshape(k, samples, 2)).sum(axis=1)
     return sums, shifts / np.maximum(better.sum(axis=1), 1e-9)[:, None]
 
 
@@ -347,26 +349,26 @@ def _set_targets(setup: Setup, game: GameState, targets: Ints, played: PlayedBat
         targets[new] = np.column_stack((np.full(new.sum(), ball), hits[new].argmax(axis=1)))
 
 
-def with_errors(velocities: Floats, spins: Floats, errors: Floats, max_speed: float) -> tuple[Floats, Floats]:
-    """Returns strokes with errors: turned, and with another speed of the cue.
+def add_noise(velocities: Floats, spins: Floats, noise: Floats, max_speed: float) -> tuple[Floats, Floats]:
+    """Returns strokes with given noise: turned, and with another speed of the cue.
 
     Args:
         velocities: (m, 2) m/s.
         spins: (m, 3) rad/s. The spin changes with the speed in proportion.
-        errors: (m, 2) of the direction, rad, and of the speed, m/s.
+        noise: (m, 2) of the direction, rad, and of the speed, m/s.
         max_speed: The largest speed, m/s; the least is 0.
 
     Returns:
         The velocities (m, 2) and the spins (m, 3).
     """
     speed = np.hypot(velocities[:, 0], velocities[:, 1])
-    scale = (np.clip(speed + errors[:, 1], 0.0, np.maximum(max_speed, speed)) / np.maximum(speed, 1e-9))[:, None]
-    turned = scale * turn(velocities, errors[:, 0])
-    return turned, np.column_stack((scale * turn(spins[:, :2], errors[:, 0]), scale * spins[:, 2:]))
+    scale = (np.clip(speed + noise[:, 1], 0.0, np.maximum(max_speed, speed)) / np.maximum(speed, 1e-9))[:, None]
+    turned = scale * turn(velocities, noise[:, 0])
+    return turned, np.column_stack((scale * turn(spins[:, :2], noise[:, 0]), scale * spins[:, 2:]))
 
 
-def _errors(shots: int, samples: int, noise: Noise, rng: np.random.Generator) -> Floats:
-    """Returns (shots * samples, 2) normal errors, stratified over the samples of each shot."""
+def _draw_noise(shots: int, samples: int, noise: Noise, rng: np.random.Generator) -> Floats:
+    """Returns (shots * samples, 2) normal noise, stratified over the samples of each shot."""
     ranks = rng.permuted(np.broadcast_to(np.arange(samples)[:, None], (shots, samples, 1)).repeat(2, 2), axis=1)
     shares = (ranks + rng.random((shots, samples, 2))) / samples
     return (np.array(noise) * _QUANTILES[(1024 * shares).astype(np.int64)]).reshape(-1, 2)

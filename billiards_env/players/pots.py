@@ -17,8 +17,8 @@ from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.motion import launch
 from billiards_env.physics.state import SceneArrays, X, Y, empty_state
-from billiards_env.players.aims import direct_aim
-from billiards_env.players.banks import bank_aim
+from billiards_env.players.banks import bank_pot
+from billiards_env.players.direct import direct_pot
 from billiards_env.players.hits import TableArrays, against_throw, cut_cosine, gain, hit_at, meet_before, play_hit
 from billiards_env.players.paths import FAR as FAR
 from billiards_env.players.paths import cross, follow
@@ -180,10 +180,10 @@ def pot_shots(table: Tables) -> PotShots:
 
 
 @allocating_entry_point
-def write_pots(scene, balls, tables, wanted, pots):
+def write_pots(scene, balls, tables, flags, pots):
     """Writes the pots of all tables to `pots`; see `find_pots`.
 
-    `tables` holds the other fields of `TableArrays`. `wanted` has three flags: find banks on tables without a direct
+    `tables` holds the other fields of `TableArrays`. `flags`: find banks on tables without a direct
     pot, find all banks, write the shots.
     """
     scene, pots = SceneArrays(scene[0][0], *scene[1:]), Pots(*pots)
@@ -191,41 +191,41 @@ def write_pots(scene, balls, tables, wanted, pots):
     state = empty_state(positions.shape[1])
     for t in range(len(positions)):
         table = TableArrays(scene, cue, positions[t], off_table[t], max_speed, slip_ratio, spin_ratio)
-        found = Pots(pots.count[t : t + 1], pots.ball[t], pots.pocket[t], pots.rows[t], pots.shots[t])
-        found.count[0] = 0
-        _add_direct(table, balls, found)
-        any_banks, all_banks, speeds = wanted
+        own = Pots(pots.count[t : t + 1], pots.ball[t], pots.pocket[t], pots.rows[t], pots.shots[t])
+        own.count[0] = 0
+        _add_direct(table, balls, own)
+        any_banks, all_banks, speeds = flags
         if speeds and not all_banks:
-            _add_speeds(table, found, state)
-        if all_banks or (any_banks and found.count[0] == 0):
-            _add_banks(table, balls, found, state)
+            _add_speeds(table, own, state)
+        if all_banks or (any_banks and own.count[0] == 0):
+            _add_banks(table, balls, own, state)
             if speeds:
-                _add_speeds(table, found, state)
+                _add_speeds(table, own, state)
 
 
 @inlined
-def _add_direct(table, balls, found):
-    """Adds the direct pots of a table to `found`, the `Pots` of this table alone."""
+def _add_direct(table, balls, pots):
+    """Adds the direct pots of a table to the `Pots` of this table alone."""
     for i in balls:
         if not table.off_table[i]:
             for p in range(len(table.scene.pockets)):
-                aim = direct_aim(table, i, p)
+                aim = direct_pot(table, i, p)
                 if aim.gap >= 0.0:
                     least = _least_speed(table, aim)
                     if least <= table.max_speed:
-                        _insert(table, aim, least, found)
+                        _insert(table, aim, least, pots)
 
 
 @inlined
-def _add_banks(table, balls, found, state):
-    """Adds the banks of a table to `found`, the `Pots` of this table alone."""
+def _add_banks(table, balls, pots, state):
+    """Adds the banks of a table to the `Pots` of this table alone."""
     for i in balls:
         if not table.off_table[i]:
             for p in range(len(table.scene.pockets)):
                 for wall in range(4):
-                    aim = bank_aim(table, i, p, wall, _BANK_SPEED * table.max_speed, state)
+                    aim = bank_pot(table, i, p, wall, _BANK_SPEED * table.max_speed, state)
                     if aim.gap >= 0.0:
-                        _insert(table, aim, _LEAST_BANK_SPEED * table.max_speed, found)
+                        _insert(table, aim, _LEAST_BANK_SPEED * table.max_speed, pots)
 
 
 @kernel
@@ -243,23 +243,23 @@ def _least_speed(table, aim):
 
 
 @kernel
-def _insert(table, aim, least, found):
+def _insert(table, aim, least, pots):
     """Inserts a pot with its least speed, m/s, into the `Pots` of one table, in the order of their tolerances."""
     hit, scene = aim.hit, table.scene
     reach = contact_distance(scene.spheres, scene.radius, table.cue, aim.ball)
     cosine = cut_cosine(hit)
     tolerance = aim.mouth * reach * cosine / max(hit.approach, reach)
-    k = found.count[0]
-    while k > 0 and found.rows[k - 1, TOLERANCE] < tolerance:
+    k = pots.count[0]
+    while k > 0 and pots.rows[k - 1, TOLERANCE] < tolerance:
         k -= 1
-    most = len(found.ball)
+    most = len(pots.ball)
     if k == most:
         return
-    found.count[0] = min(found.count[0] + 1, most)
-    for j in range(found.count[0] - 1, k, -1):
-        _copy(found, j - 1, j)
-    found.ball[k], found.pocket[k] = aim.ball, aim.pocket
-    row = found.rows[k]
+    pots.count[0] = min(pots.count[0] + 1, most)
+    for j in range(pots.count[0] - 1, k, -1):
+        _copy(pots, j - 1, j)
+    pots.ball[k], pots.pocket[k] = aim.ball, aim.pocket
+    row = pots.rows[k]
     row[GHOST_X], row[GHOST_Y], row[WALL] = hit.x, hit.y, aim.wall
     row[CUT_COS], row[CUT_SIN] = cosine, cross(hit.dx, hit.dy, hit.line_x, hit.line_y)
     row[APPROACH], row[RUN], row[MOUTH], row[TOLERANCE] = hit.approach, aim.run, aim.mouth, tolerance
@@ -267,36 +267,36 @@ def _insert(table, aim, least, found):
 
 
 @inlined
-def _copy(found, k, to):
+def _copy(pots, k, to):
     """Copies pot k, without its shots, to the row `to`."""
-    found.ball[to], found.pocket[to] = found.ball[k], found.pocket[k]
+    pots.ball[to], pots.pocket[to] = pots.ball[k], pots.pocket[k]
     for column in range(WIDTH):
-        found.rows[to, column] = found.rows[k, column]
+        pots.rows[to, column] = pots.rows[k, column]
 
 
 @kernel
-def _add_speeds(table, found, state):
+def _add_speeds(table, pots, state):
     """Writes the shots of the `Pots` of one table, and removes the pots that are not possible at any speed."""
-    count, kept = found.count[0], 0
+    count, kept = pots.count[0], 0
     for k in range(count):
-        _copy(found, k, kept)
-        if _add_shots(table, found, kept, state):
+        _copy(pots, k, kept)
+        if _add_shots(table, pots, kept, state):
             kept += 1
     for k in range(kept, count):
-        found.ball[k] = found.pocket[k] = 0
-        found.rows[k] = 0.0
-    found.count[0] = kept
+        pots.ball[k] = pots.pocket[k] = 0
+        pots.rows[k] = 0.0
+    pots.count[0] = kept
 
 
 @inlined
-def _add_shots(table, found, k, state):
+def _add_shots(table, pots, k, state):
     """Writes the shots of pot k in the `Pots` of one table, and returns whether any speed is possible."""
-    i, row, possible = found.ball[k], found.rows[k], False
+    i, row, possible = pots.ball[k], pots.rows[k], False
     straight, wall = hit_at(table, i, row[GHOST_X], row[GHOST_Y]), int(row[WALL])
     for s in range(len(SPEEDS)):
         speed = row[LEAST_SPEED] + SPEEDS[s] * (table.max_speed - row[LEAST_SPEED])
         if wall >= 0:
-            aim = bank_aim(table, i, found.pocket[k], wall, speed, state)
+            aim = bank_pot(table, i, pots.pocket[k], wall, speed, state)
             if aim.gap < 0.0:
                 continue
             hit = aim.hit
@@ -304,7 +304,7 @@ def _add_shots(table, found, k, state):
             hit = against_throw(table.scene.ball_friction, table, i, straight, speed, state)
             if cut_cosine(hit) <= 0.0 or meet_before(table, i, hit, speed, row[RUN], state):
                 continue
-        shot, possible = found.shots[k, s], True
+        shot, possible = pots.shots[k, s], True
         shot[DX], shot[DY], shot[SPEED] = hit.dx, hit.dy, speed
         play_hit(table, i, hit, speed, state)
         follow(table.scene, state, table.cue, shot[GAPS:])

@@ -1,7 +1,7 @@
 """The probability that a player runs out from the position after a shot, by a small network.
 
 The inputs of the network are the two easiest pots, the numbers of balls to pot and of legal balls, the place of the cue
-ball, the size of the errors, and whether english is allowed. `python -m studies.run_outs` trains it on racks that the
+ball, the size of the noise, and whether english is allowed. `python -m studies.run_outs` trains it on racks that the
 planner plays, and writes its weights.
 """
 
@@ -28,7 +28,7 @@ POTS = 2
 """The number of pots among the inputs."""
 
 FLOOR = math.radians(0.03)
-"""Error of the direction of the next pot in addition to that of the stroke, rad."""
+"""Noise of the direction of the next pot in addition to that of the stroke, rad."""
 
 _LEAST = 1e-4  # rad; smaller tolerances count as this one
 
@@ -38,7 +38,7 @@ def inputs(pots: Floats, cue: Floats, left: Floats, legal: Floats, noise: tuple[
 
     The columns are: the logarithms of the tolerances of the pots; the cosine of the cut and the distances of the cue
     ball and of the object ball, for each pot; balls to pot; whether it is one; legal balls; place of the cue ball (two
-    columns); logarithm of the error of the direction; error of the speed; english.
+    columns); logarithm of the noise of the direction; noise of the speed; english.
 
     Args:
         pots: (m, `POTS`, w) the easiest pots, as in `Pots.rows`; zero for none.

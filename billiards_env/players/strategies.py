@@ -35,7 +35,7 @@ SHOTS = 200
 """The number of shots that "search" simulates."""
 
 FINALISTS, REPEATS = 16, 16
-"""With execution noise, "search" simulates each of its best `FINALISTS` shots `REPEATS` times with random errors."""
+"""With execution noise, "search" simulates each of its best `FINALISTS` shots `REPEATS` times with noise."""
 
 
 AIM_SHOTS = 3_000
@@ -106,7 +106,7 @@ def search(
 ) -> Floats:
     """Simulates shots and returns the action of the first one with the highest rating.
 
-    The first half of the shots are the pots, best first, and then variations of them with errors of the direction of
+    The first half of the shots are the pots, best first, and then variations of them with directions turned by
     about the tolerance, random speeds and, if actions are strikes, random offsets of the tip. The other shots have
     random directions and speeds. If there is no pot, all shots are random.
 
@@ -115,7 +115,7 @@ def search(
         rng: The generator to draw from.
         shots: The number of shots to simulate.
         noise: Standard deviations of the execution noise: of the direction, degrees, and of the speed, m/s. If either
-            is positive, the best shots are simulated again with such errors, and the highest mean rating decides.
+            is positive, the best shots are simulated again with such noise, and the highest mean rating decides.
 
     Returns:
         (2,) or (5,) action.
@@ -126,10 +126,10 @@ def search(
     ratings = situation.rate(actions)
     if any(noise):
         actions = actions[np.argsort(-ratings, kind="stable")[:FINALISTS]]
-        errors = np.moveaxis(rng.standard_normal((2, REPEATS, len(actions))), 0, -1)
-        errors = with_numbers(errors * (noise[0] / 180.0, noise[1] / situation.max_speed), situation.action_size)
-        perturbed = perturb(np.broadcast_to(actions, errors.shape), errors)
-        ratings = situation.rate(perturbed.reshape(-1, situation.action_size)).reshape(errors.shape[:2]).mean(axis=0)
+        drawn = np.moveaxis(rng.standard_normal((2, REPEATS, len(actions))), 0, -1)
+        drawn = with_numbers(drawn * (noise[0] / 180.0, noise[1] / situation.max_speed), situation.action_size)
+        perturbed = perturb(np.broadcast_to(actions, drawn.shape), drawn)
+        ratings = situation.rate(perturbed.reshape(-1, situation.action_size)).reshape(drawn.shape[:2]).mean(axis=0)
     return actions[np.argmax(ratings)]
 
 

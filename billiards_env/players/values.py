@@ -20,7 +20,7 @@ from billiards_env.rules.pool import EIGHT
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_UNKNOWN = 0.7  # ease of the next shot after a new rack, and in games without pockets
+_UNKNOWN = 0.7  # chance to pot with the next shot after a new rack, and in games without pockets
 _WITHOUT = 0.4  # probability of a win for a player who does not run out
 _NEAREST = 4  # balls whose pots are found in a leave in snooker
 _SECOND = 0.03  # weight of the second pot of a leave
@@ -32,9 +32,9 @@ _DEVIATIONS = np.linspace(0.0, 4.0, 401)
 _WITHIN = np.array([math.erf(x / math.sqrt(2.0)) for x in _DEVIATIONS])
 
 
-def success(tolerance: Floats, error: float) -> Floats:
-    """Returns the probability of pots with tolerances, rad, under normal errors of the direction, rad."""
-    return np.interp(tolerance / math.hypot(error, FLOOR), _DEVIATIONS, _WITHIN)
+def success(tolerance: Floats, noise: float) -> Floats:
+    """Returns the probability of pots with tolerances, rad, under normal noise of the direction, rad."""
+    return np.interp(tolerance / math.hypot(noise, FLOOR), _DEVIATIONS, _WITHIN)
 
 
 class Values:
@@ -83,15 +83,15 @@ class Values:
         legal = legal_balls(self._setup.rules, states, states["player"])
         won = np.where(verdicts["winner"] == self._me, 1.0, np.where(verdicts["winner"] >= 0, -1.0, 0.0))
         goes_on = mine & ~push_out & ~verdicts["over"]
-        wanted = goes_on if self._run_out else ~verdicts["over"]
+        needed = goes_on if self._run_out else ~verdicts["over"]
         if self._setup.target is not None:
-            following = self._setup.game_rules.sure_pot * self.ease(played, legal, wanted)
+            following = self._setup.game_rules.sure_pot * self.next_pot_chance(played, legal, needed)
             points = verdicts["points"] - (0 if self._run_out else verdicts["penalty"])
             return points + np.where(verdicts["over"], 10.0 * won, following * (mine if self._run_out else sign))
         if self._weights is None:
-            runs_out = self.ease(played, legal, wanted) * self._usual ** (self._left(states, legal) - 1.0)
+            runs_out = self.next_pot_chance(played, legal, needed) * self._usual ** (self._left(states, legal) - 1.0)
         else:
-            runs_out = run_outs.chances(self._weights, self.inputs(played, legal, wanted))
+            runs_out = run_outs.chances(self._weights, self.inputs(played, legal, needed))
         if self._run_out:
             return np.where(goes_on, runs_out, won == 1.0)
         chance = runs_out + (1.0 - runs_out) * _WITHOUT
@@ -107,37 +107,37 @@ class Values:
             return _sizes(states["object_balls"])
         return np.minimum(_sizes(legal & ~EIGHT) + 1.0, 8.0)
 
-    def inputs(self, played: PlayedBatch, legal: Ints, wanted: NDArray[np.bool_]) -> Floats:
-        """Returns the inputs (m, k) of the network of `players.run_outs`; see `ease` for the arguments.
+    def inputs(self, played: PlayedBatch, legal: Ints, needed: NDArray[np.bool_]) -> Floats:
+        """Returns the inputs (m, k) of the network of `players.run_outs`; see `next_pot_chance` for the arguments.
 
         With the cue ball in hand, two fixed easy pots replace the pots of the position.
         """
         hand = played.verdicts["in_hand"] > 0
-        rows = self._pots(played, legal, wanted & ~hand)
+        rows = self._pots(played, legal, needed & ~hand)
         cue, left = played.positions[:, CUE_BALL] / self._setup.scene.half_extents, self._left(played.states, legal)
         rows[hand], cue[hand] = _IN_HAND, 0.5
         return run_outs.inputs(rows, cue, left, _sizes(legal), self._noise, self._english)
 
-    def ease(self, played: PlayedBatch, legal: Ints, wanted: NDArray[np.bool_]) -> Floats:
+    def next_pot_chance(self, played: PlayedBatch, legal: Ints, needed: NDArray[np.bool_]) -> Floats:
         """Returns the probability that the next player pots a ball, (m,), from the easiest pots.
 
-        `legal` (m,) are sets of balls. The results of shots that are not `wanted` (m,) are arbitrary.
+        `legal` (m,) are sets of balls. The results of shots that are not `needed` (m,) are arbitrary.
         """
         verdicts, states = played.verdicts, played.states
-        ease = np.full(len(states), _UNKNOWN)
+        chance = np.full(len(states), _UNKNOWN)
         if not self._setup.game_rules.pockets:
-            return ease
+            return chance
         hand = verdicts["in_hand"] == IN_HAND.index("anywhere")
-        ease[hand] = success(np.array(_IN_HAND[TOLERANCE]), self._noise[0])
-        known = wanted & ~(verdicts["over"] | states["break_shot"]) & (verdicts["in_hand"] == 0)
+        chance[hand] = success(np.array(_IN_HAND[TOLERANCE]), self._noise[0])
+        known = needed & ~(verdicts["over"] | states["break_shot"]) & (verdicts["in_hand"] == 0)
         easiest, second = success(self._pots(played, legal, known)[..., TOLERANCE], self._noise[0]).T
-        return np.where(known, np.minimum(1.0, (1.0 - _SECOND) * easiest + _SECOND * second), ease)
+        return np.where(known, np.minimum(1.0, (1.0 - _SECOND) * easiest + _SECOND * second), chance)
 
-    def _pots(self, played: PlayedBatch, legal: Ints, wanted: NDArray[np.bool_]) -> Floats:
-        """Returns (m, `run_outs.POTS`, w) the easiest pots after m shots, as in `Pots.rows`; see `ease`."""
-        rows, balls = np.zeros((len(wanted), run_outs.POTS, WIDTH)), np.arange(played.positions.shape[1])
-        for mask in np.unique(legal[wanted]).tolist():
-            which = np.flatnonzero(wanted & (legal == mask))
+    def _pots(self, played: PlayedBatch, legal: Ints, needed: NDArray[np.bool_]) -> Floats:
+        """Returns (m, `run_outs.POTS`, w) the easiest pots after m shots, as in `Pots.rows`; see `next_pot_chance`."""
+        rows, balls = np.zeros((len(needed), run_outs.POTS, WIDTH)), np.arange(played.positions.shape[1])
+        for mask in np.unique(legal[needed]).tolist():
+            which = np.flatnonzero(needed & (legal == mask))
             potted = (played.states["object_balls"][which, None] >> balls & 1) == 0
             potted[:, CUE_BALL] = False
             targets = (mask >> balls & 1) > 0

@@ -1,7 +1,7 @@
 """The states, facts, calls and verdicts of shots, as arrays and as numbers.
 
 A kernel takes the numbers of one shot: a row of a structured array, or a NamedTuple. `STATE`, `FACTS`, `CALL` and
-`VERDICT` are the types of the structured arrays; their fields are those of the NamedTuples. A set of balls is a bit
+`VERDICT` are the types of the structured arrays; they have the fields of the NamedTuples. A set of balls is a bit
 mask: bit i is ball i. A set of balls never holds the ball that is struck.
 """
 
@@ -49,7 +49,7 @@ NO_RERACK, RERACK_ALL, RERACK_REST = range(len(RERACKS))
 class StateNumbers(NamedTuple):
     """The state of the rules before a shot.
 
-    The other fields have the meanings of those of `games.judging.RuleState`.
+    The other fields mean the same as in `games.judging.RuleState`.
 
     Attributes:
         scores: The score of each player, 0 after the last of `n_players`.
@@ -132,7 +132,7 @@ class NextShot(NamedTuple):
 class VerdictNumbers(NamedTuple):
     """The judgement of a shot. `VERDICT` has the fields of `NextShot` in place of `next_shot`.
 
-    The other fields have the meanings of those of `games.judging.Verdict`.
+    The other fields mean the same as in `games.judging.Verdict`.
 
     Attributes:
         foul: Index in `FOULS`.

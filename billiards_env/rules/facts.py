@@ -60,10 +60,10 @@ def facts_of_shot(k, counts):
 def write_facts(counts, facts):
     """Writes the facts of m shots; `facts` is (m,) `FACTS` out."""
     for k in range(len(facts)):
-        found, row = facts_of_shot(k, counts), facts[k]
-        row.first, row.touched, row.cushions_before_last = found.first, found.touched, found.cushions_before_last
-        row.potted, row.first_potted, row.scratch = found.potted, found.first_potted, found.scratch
-        row.cushion_after, row.driven, row.cue_driven = found.cushion_after, found.driven, found.cue_driven
+        shot, row = facts_of_shot(k, counts), facts[k]
+        row.first, row.touched, row.cushions_before_last = shot.first, shot.touched, shot.cushions_before_last
+        row.potted, row.first_potted, row.scratch = shot.potted, shot.first_potted, shot.scratch
+        row.cushion_after, row.driven, row.cue_driven = shot.cushion_after, shot.driven, shot.cue_driven
 
 
 def facts_of_shots(counts: Counts) -> NDArray[Any]:

@@ -183,7 +183,7 @@ def legal_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) -> 
 
 
 def callable_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Returns the balls that players may call; the arguments are those of `legal_balls`.
+    """Returns the balls that players may call; the arguments are as in `legal_balls`.
 
     Raises:
         ValueError: If the game is unknown or has no called shots.
@@ -198,10 +198,15 @@ judge, legal = straight, any_ball  # `specialised` puts the kernels of each game
 def _write_verdicts(states, facts, calls, verdicts):
     for k in range(len(states)):
         state = states[k]
-        found = judge(state, legal(state, state.player), facts[k], calls[k])
-        row, following = verdicts[k], found.next_shot
-        row.foul, row.points, row.penalty, row.continues = found.foul, found.points, found.penalty, found.continues
-        row.spotted, row.over, row.winner = found.spotted, found.over, found.winner
+        verdict = judge(state, legal(state, state.player), facts[k], calls[k])
+        row, following = verdicts[k], verdict.next_shot
+        row.foul, row.points, row.penalty, row.continues = (
+            verdict.foul,
+            verdict.points,
+            verdict.penalty,
+            verdict.continues,
+        )
+        row.spotted, row.over, row.winner = verdict.spotted, verdict.over, verdict.winner
         row.in_hand, row.choices, row.rack = following.in_hand, following.choices, following.rack
         row.solids, row.colour = following.solids, following.colour
 

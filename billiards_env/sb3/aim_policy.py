@@ -17,7 +17,7 @@ from stable_baselines3.common.utils import LinearSchedule
 from torch import Tensor
 
 import billiards_env  # noqa: F401  (registers the environment)
-from billiards_env.checks import Range, finite, numbers, one_of, short, whole
+from billiards_env.checks import Range, finite, integer, numbers, one_of, short
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.tasks import TASKS
 from billiards_env.sb3.aim_network import AimNetwork, Mixture
@@ -124,8 +124,8 @@ class AimPolicy(ActorCriticPolicy):
         **kwargs: Any,
     ) -> None:
         for name, number in (("points", points), ("hidden", hidden)):
-            whole(name, number, _UNITS)
-        whole("exploration", exploration, Range(1, None))
+            integer(name, number, _UNITS)
+        integer("exploration", exploration, Range(1, None))
         borders = numbers("speeds", speeds)
         if borders.ndim != 1 or not 2 <= len(borders) <= _MOST_SPEEDS or not (np.diff(borders) > 0.0).all():
             raise ValueError(f"speeds = {short(speeds)}: expected from 2 to {_MOST_SPEEDS} numbers in ascending order")

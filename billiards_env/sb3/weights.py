@@ -16,7 +16,7 @@ import yaml
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from torch import Tensor
 
-from billiards_env.checks import Range, one_of, sequence, whole
+from billiards_env.checks import Range, integer, one_of, sequence
 from billiards_env.files import read_text, write_whole
 from billiards_env.sb3.aim_policy import AimPolicy, find_game
 from billiards_env.settings import plain_yaml
@@ -49,7 +49,7 @@ def policy_arguments(env: Mapping[str, Any], description: Mapping[str, Any]) -> 
         one_of("policy.activation", description["activation"], tuple(ACTIVATIONS))
         hidden = sequence("policy.hidden", description["hidden"])
         return {
-            "net_arch": [whole("policy.hidden", n, Range(1, None)) for n in hidden],
+            "net_arch": [integer("policy.hidden", n, Range(1, None)) for n in hidden],
             "activation_fn": ACTIVATIONS[description["activation"]],
         }
     for name in description["arguments"]:

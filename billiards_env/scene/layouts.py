@@ -36,9 +36,9 @@ head string, which is called baulk line in snooker. All balls lie inside the rec
     ball 1 at a distance b passes the centre of ball 2, half as far away, at b / 2. On a path that meets ball 1,
     b <= r0 + r1, so b / 2 < r0 + r2, and the cue ball meets ball 2 first.
 
-`plan` computes once what a layout needs on a scene. One kernel draws the positions from a plan, for one table or for
-many. The kernel draws numbers from [0, 1) and uses only `+ - * /` on doubles, which every machine rounds in the same
-way. The same seed therefore gives the same layout bit for bit.
+`layout_plan` computes once what a layout needs on a scene. One kernel draws the positions from a plan, for one table
+or for many. The kernel draws numbers from [0, 1) and uses only `+ - * /` on doubles, which every machine rounds in the
+same way. The same seed therefore gives the same layout bit for bit.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def draw(name: str, scene: Scene, rng: np.random.Generator, game: str = "") -> F
         name: One of `LAYOUTS`.
         scene: The scene.
         rng: The generator to draw from.
-        game: As in `plan`.
+        game: As in `layout_plan`.
 
     Returns:
         (n, 2) positions, m.
@@ -129,10 +129,10 @@ def draw(name: str, scene: Scene, rng: np.random.Generator, game: str = "") -> F
         >>> bool((blocker == (cue + target) / 2).all())
         True
     """
-    return draw_one(plan(name, scene, game), rng)
+    return draw_one(layout_plan(name, scene, game), rng)
 
 
-class Plan(NamedTuple):
+class LayoutPlan(NamedTuple):
     """The data that a layout needs on a scene: some balls lie at spots, the others are drawn one after the other.
 
     Attributes:
@@ -168,7 +168,7 @@ class Plan(NamedTuple):
     corners: NDArray[np.int64] = np.empty((0, 3), np.int64)
 
 
-def plan(name: str, scene: Scene, game: str = "") -> Plan:
+def layout_plan(name: str, scene: Scene, game: str = "") -> LayoutPlan:
     """Returns the plan of a layout.
 
     Args:
@@ -189,7 +189,7 @@ def plan(name: str, scene: Scene, game: str = "") -> Plan:
 
 
 @functools.lru_cache(maxsize=256)
-def _make_plan(name: str, scene: Scene, game: str) -> Plan:
+def _make_plan(name: str, scene: Scene, game: str) -> LayoutPlan:
     n = scene.n_balls
     if name == "random":
         largest_first = sorted(range(n), key=lambda i: -scene.balls.radius[i])
@@ -209,7 +209,7 @@ def _make_plan(name: str, scene: Scene, game: str) -> Plan:
     return _plan(name, scene, (), np.array(spots[name][:n]))
 
 
-def draw_one(plan: Plan, rng: np.random.Generator) -> Floats:
+def draw_one(plan: LayoutPlan, rng: np.random.Generator) -> Floats:
     """Draws a layout from its plan.
 
     Args:
@@ -233,7 +233,12 @@ def draw_one(plan: Plan, rng: np.random.Generator) -> Floats:
 
 
 def draw_tables(
-    plan: Plan, begin: int, end: int, mask: NDArray[np.bool_], table_streams: NDArray[np.uint64], positions: Floats
+    plan: LayoutPlan,
+    begin: int,
+    end: int,
+    mask: NDArray[np.bool_],
+    table_streams: NDArray[np.uint64],
+    positions: Floats,
 ) -> None:
     """Draws a layout for the tables `begin` to `end` that are in the mask, each from its own stream.
 
@@ -411,7 +416,7 @@ def _plan(
     displacement: float = 0.0,
     x_most: float = math.inf,
     d_radius: float = math.inf,
-) -> Plan:
+) -> LayoutPlan:
     """Returns a plan that draws the balls `drawn`, in this order; the other balls lie at their `spots`.
 
     The drawn balls stay at x <= `x_most`. If `d_radius` is finite, they also stay in the D of this radius.
@@ -437,7 +442,7 @@ def _plan(
         lines, tips = pieces(scene.table.outline)
         outline = np.array([*lines, *(tip[3:] for tip in tips)]), np.array([tip[:3] for tip in tips]).reshape(-1, 3)
     layout = LAYOUTS.index(name)
-    return Plan(layout, spots, displacement, order, n_spots, limits, radius, pockets, outline, d)
+    return LayoutPlan(layout, spots, displacement, order, n_spots, limits, radius, pockets, outline, d)
 
 
 def _check_spots(name: str, scene: Scene, spots: Floats, displacement: float, balls: NDArray[np.int64]) -> None:
@@ -449,7 +454,7 @@ def _check_spots(name: str, scene: Scene, spots: Floats, displacement: float, ba
         check_positions(scene, spots + corner, f"layout {name!r}", in_play)
 
 
-def _rack_plan(name: str, scene: Scene, game: str) -> Plan:
+def _rack_plan(name: str, scene: Scene, game: str) -> LayoutPlan:
     """Returns the plan of a rack: object balls at the foot spot, the cue ball drawn behind the head string."""
     radius = scene.balls.radius
     rack = RACKS[game] if game else Rack(tuple(range(1, scene.n_balls)), tuple(range(1, scene.n_balls)))
@@ -481,7 +486,7 @@ def _rack(count: int, foot: float, pitch: float) -> Floats:
     return np.array(places).reshape(-1, 2)
 
 
-def _snooker_plan(name: str, scene: Scene) -> Plan:
+def _snooker_plan(name: str, scene: Scene) -> LayoutPlan:
     """Returns the plan of "snooker": object balls on their spots, the cue ball drawn in the D."""
     _expect_object_balls(scene, name, 6, 21)
     table, radius = scene.table, scene.balls.radius[1:]
@@ -500,7 +505,7 @@ def _snooker_plan(name: str, scene: Scene) -> Plan:
     return _plan(name, scene, (0,), spots, x_most=table.head_x, d_radius=table.d_radius)
 
 
-def _snookered_plan(name: str, scene: Scene) -> Plan:
+def _snookered_plan(name: str, scene: Scene) -> LayoutPlan:
     """Returns the plan of "snookered": cue ball and ball 1 are drawn, the larger first, with ball 2 midway."""
     _expect_object_balls(scene, name, 2, 2)
     radius = scene.balls.radius

@@ -55,7 +55,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, check_fields, fields_of, numbers, one_of, real, sequence, short, whole
+from billiards_env.checks import Range, check_fields, fields_of, integer, numbers, one_of, real, sequence, short
 from billiards_env.scene.outline import extents
 from billiards_env.scene.table import INCH, POOL_RADIUS, Table, six_pockets
 
@@ -133,7 +133,7 @@ class Balls:
             object.__setattr__(self, name, tuple(checked))
         if not self.radius:
             raise ValueError("balls.radius = (): expected at least one ball, the cue ball")
-        whole("number of balls", len(self.radius), "balls")
+        integer("number of balls", len(self.radius), "balls")
         if len(self.radius) != len(self.mass):
             raise ValueError(
                 f"balls.mass has {len(self.mass)} values and balls.radius has {len(self.radius)}: "
@@ -145,7 +145,7 @@ class Balls:
     @classmethod
     def uniform(cls, n_balls: int, radius: float = POOL_RADIUS, mass: float = _POOL_MASS) -> Balls:
         """Returns `n_balls` equal balls of `radius` metres and `mass` kilograms."""
-        n_balls = whole("n_balls", n_balls, "balls")
+        n_balls = integer("n_balls", n_balls, "balls")
         return cls((radius,) * n_balls, (mass,) * n_balls)
 
     def __len__(self) -> int:
@@ -387,7 +387,7 @@ class Scene:
         one_of("scene", name, tuple(_NAMED))
         build, usual, most = _NAMED[name]
         n = usual if n_object_balls is None else n_object_balls
-        return build(whole("n_object_balls", n, Range(0, most, f"for scene {name!r}")) + 1)
+        return build(integer("n_object_balls", n, Range(0, most, f"for scene {name!r}")) + 1)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:

@@ -255,7 +255,7 @@ def pool_table(
 ) -> Table:
     """Returns a table with six pockets and their jaws.
 
-    The construction is that of pooltool 0.6.0 (objects/table/layout.py), but each facing is tangent to its tip. A line
+    The construction follows pooltool 0.6.0 (objects/table/layout.py), but each facing is tangent to its tip. A line
     behind each pocket closes the outline. No ball reaches this line, because its centre enters the hole first.
 
     Args:

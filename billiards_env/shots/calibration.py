@@ -355,23 +355,23 @@ def _check_names(scene: Scene, free: Sequence[str]) -> tuple[str, ...]:
 
 def _result(
     begun: dict[str, float],
-    found: list[tuple[Scene, fit.Projection]],
+    fits: list[tuple[Scene, fit.Projection]],
     tracks: list[Track],
     rows: fit.Rows,
     far: Floats,
 ) -> Calibration:
     """Returns the best of the last fits; `far` are the distances above which rows were left out, (m, r) m."""
     names = tuple(begun)
-    costs = np.array([_cost(*one, names) for one in found])
-    surprise = np.array([fit.spin_surprise(scene, problem.starts).sum() for scene, problem in found])
+    costs = np.array([_cost(*one, names) for one in fits])
+    surprise = np.array([fit.spin_surprise(scene, problem.starts).sum() for scene, problem in fits])
     order = (costs + costs.min() / (2 * rows.used.sum()) * surprise).argsort(kind="stable")
-    scene, problem = found[order[0]]
+    scene, problem = fits[order[0]]
     starts, n, numbers = problem.starts, scene.n_balls, _numbers(scene, names)
     covariance, variance, freedom = _covariance(problem, numbers, rows, names)
     half = t_quantile(freedom) * np.sqrt(np.diag(covariance))
     several: dict[str, Problem] = {}
     for k in order[1:]:
-        other = found[k][0], found[k][1].starts
+        other = fits[k][0], fits[k][1].starts
         one = _several(tracks, (scene, starts), other, dict(zip(names, half.tolist(), strict=True)))
         if one is not None and costs[k] - costs[order[0]] < fit.CLEAR * variance:
             several.setdefault(one.shot, one)

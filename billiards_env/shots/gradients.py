@@ -29,10 +29,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import numbers, one_of, short
+from billiards_env.engine.compile import PIC, Varied, physics_of_shots, scene_fields, varied_fields
 from billiards_env.engine.gradients import BALL_INPUTS, NUMBER_INPUTS, pull_lanes, push_lanes
 from billiards_env.engine.log import SEGMENT_ROW
 from billiards_env.engine.margins import push_margins
-from billiards_env.engine.modes import PIC, Varied, physics_of_shots, scene_fields, varied_fields
 from billiards_env.engine.nonsmooth import REASONS, find_nonsmooth
 from billiards_env.engine.threads import parallel_for
 from billiards_env.physics import lanes as columns
@@ -129,13 +129,13 @@ def physics_inputs(physics: Physics, varied: Varied = MappingProxyType({})) -> d
 
     Those that depend on `varied`, numbers (m,) that differ from shot to shot, are (m, 14). The others are (14,).
     """
-    found: dict[str, Floats] = {}
+    rates_by_name: dict[str, Floats] = {}
     p = physics_of_shots(physics, varied)
 
     def add(name: str, **rates: Any) -> None:
-        found[name] = np.zeros((*np.broadcast_shapes(*map(np.shape, rates.values())), NUMBER_INPUTS))
+        rates_by_name[name] = np.zeros((*np.broadcast_shapes(*map(np.shape, rates.values())), NUMBER_INPUTS))
         for column, rate in rates.items():
-            found[name][..., getattr(columns, f"D_{column.upper()}") - columns.D_NUMBERS] = rate
+            rates_by_name[name][..., getattr(columns, f"D_{column.upper()}") - columns.D_NUMBERS] = rate
 
     add("g", slide=p.mu_slide, roll=p.mu_roll)
     add("mu_slide", slide=p.g, mu_cloth=1.0)
@@ -147,7 +147,7 @@ def physics_inputs(physics: Physics, varied: Varied = MappingProxyType({})) -> d
     for name in PHYSICS_RANGES:
         if hasattr(columns, f"D_{name.upper()}"):
             add(name, **{name: 1.0})
-    return found
+    return rates_by_name
 
 
 class _Inputs(NamedTuple):
@@ -315,22 +315,22 @@ def margin_columns(scene: Scene) -> dict[str, slice]:
     return dict(zip(MARGINS, (slice(0, n), slice(n, n + p), slice(n + p, n + p + c)), strict=True))
 
 
-def _wanted(scene: Scene, names: Sequence[str]) -> NDArray[np.bool_]:
+def _selected(scene: Scene, names: Sequence[str]) -> NDArray[np.bool_]:
     """Returns which margins belong to outputs, as an argument of `push_margins`."""
     columns_of = margin_columns(scene)
-    wanted = np.zeros((scene.n_balls, columns_of["cushion_margins"].stop), np.bool_)
+    selected = np.zeros((scene.n_balls, columns_of["cushion_margins"].stop), np.bool_)
     for name in set(names) & set(MARGINS):
-        wanted[:, columns_of[name]] = True
-    return wanted
+        selected[:, columns_of[name]] = True
+    return selected
 
 
 def _push_margins(
-    record: Record, times: Floats, inputs: Floats, wanted: NDArray[np.bool_], threads: int | None
+    record: Record, times: Floats, inputs: Floats, selected: NDArray[np.bool_], threads: int | None
 ) -> tuple[Floats, Floats, Floats]:
     """Calls `push_margins`. Returns its outputs."""
-    shape = (len(times), *wanted.shape)
-    results = np.empty(shape), np.empty(shape), np.empty((*inputs.shape[:2], *wanted.shape))
-    _for_all(record, push_margins, threads, times, inputs, wanted, results)
+    shape = (len(times), *selected.shape)
+    results = np.empty(shape), np.empty(shape), np.empty((*inputs.shape[:2], *selected.shape))
+    _for_all(record, push_margins, threads, times, inputs, selected, results)
     return results
 
 
@@ -338,15 +338,15 @@ def _forwards(
     record: Record, names: Sequence[str], inputs: Floats, times: Floats, threads: int | None
 ) -> dict[str, Floats]:
     """Returns the changes of outputs by name, (m, k, ...), for changes of the inputs of the engine."""
-    found: dict[str, Floats] = {}
+    changes: dict[str, Floats] = {}
     if set(names) & set(OUTPUTS):
         outputs, at_events = _push(record, times[:, None], inputs, _most_events(record, names), threads)
-        found |= {name: _chosen(name, outputs[:, 0], at_events) for name in names if name in OUTPUTS}
+        changes |= {name: _chosen(name, outputs[:, 0], at_events) for name in names if name in OUTPUTS}
     if set(names) & set(MARGINS):
-        slopes = _push_margins(record, times, inputs, _wanted(record.scene, names), threads)[2]
+        slopes = _push_margins(record, times, inputs, _selected(record.scene, names), threads)[2]
         columns_of = margin_columns(record.scene)
-        found |= {name: slopes[..., columns_of[name]] for name in names if name in MARGINS}
-    return found
+        changes |= {name: slopes[..., columns_of[name]] for name in names if name in MARGINS}
+    return changes
 
 
 def _by_columns(
@@ -363,9 +363,9 @@ def _by_columns(
 def margins(record: Record, t: ArrayLike | None, threads: int | None) -> Margins:
     """Implements `BatchResult.margins`."""
     nothing = np.empty((len(record.time), 0, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
-    *found, _ = _push_margins(record, _times(record, t), nothing, _wanted(record.scene, MARGINS), threads)
+    *arrays, _ = _push_margins(record, _times(record, t), nothing, _selected(record.scene, MARGINS), threads)
     columns_of = margin_columns(record.scene).values()
-    return Margins(*(array[..., column] for array in found for column in columns_of))
+    return Margins(*(array[..., column] for array in arrays for column in columns_of))
 
 
 def _cue_ball_inputs(record: Record) -> Floats:
@@ -391,24 +391,24 @@ def rest_by_cue_ball(record: Record) -> Floats:
     return _limited(_push(record, record.time[:, None], _cue_ball_inputs(record), 0, 1)[0][:, 0, :, :, :2])
 
 
-def margins_by_cue_ball(record: Record, wanted: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+def margins_by_cue_ball(record: Record, selected: NDArray[np.bool_]) -> tuple[Floats, Floats]:
     """Returns margins (m, n, q) of balls to the balls, pockets and cushions, and their derivatives (m, 2, n, q).
 
-    The derivatives are those by the velocity of the cue ball, see `_limited`. Only the margins `wanted` (n, q) are
+    The derivatives are those by the velocity of the cue ball, see `_limited`. Only the margins `selected` (n, q) are
     computed.
     """
-    margins, _, slopes = _push_margins(record, record.time, _cue_ball_inputs(record), wanted, 1)
+    margins, _, slopes = _push_margins(record, record.time, _cue_ball_inputs(record), selected, 1)
     return margins, _limited(slopes)
 
 
-def states_by_errors(record: Record, times: Floats) -> Floats:
-    """Returns the derivatives of the states at times (m,) by errors of the stroke.
+def states_by_noise(record: Record, times: Floats) -> Floats:
+    """Returns the derivatives of the states at times (m,) by noise in the stroke.
 
-    One error turns the velocity and spin of the cue ball counterclockwise, rad. The other changes its speed, m/s, with
-    the spin in proportion.
+    One component turns the velocity and spin of the cue ball counterclockwise, rad. The other changes its speed, m/s,
+    with the spin in proportion.
 
     Returns:
-        (m, 2, n, 9) float64: of x, y, vx, vy, wx, wy, wz, and of the radius and the mass, by the two errors.
+        (m, 2, n, 9) float64: of x, y, vx, vy, wx, wy, wz, and of the radius and the mass, by the two components.
     """
     vx, vy, wx, wy, wz = np.moveaxis(start_states(record)[:, 0, 2:7], -1, 0)
     inputs = np.zeros_like(_cue_ball_inputs(record))

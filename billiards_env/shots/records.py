@@ -30,8 +30,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from billiards_env.checks import Range, flag, one_of, real, short, whole
-from billiards_env.engine.modes import checked_engine
+from billiards_env.checks import Range, flag, integer, one_of, real, short
+from billiards_env.engine.compile import checked_engine
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import STATUS
 from billiards_env.files import read_text, replacing
@@ -89,7 +89,7 @@ class ShotRecord:
         mode: The engine.
         dt: The timestep of "pit", s; None for "pic".
         fix: As in `simulate`.
-        max_time: Time limit, s; None for that of the scene.
+        max_time: Time limit, s; None for the scene's.
         max_events: As in `simulate`.
         end: The result.
     """
@@ -108,7 +108,7 @@ class ShotRecord:
 
 
 def record_shot(scene: Scene, positions: ArrayLike, velocities: ArrayLike | Strike, **options: Any) -> ShotRecord:
-    """Simulates a shot and returns its record, for `save`. The arguments and the errors are those of `simulate`."""
+    """Simulates a shot and returns its record, for `save`. The arguments and the errors are as in `simulate`."""
     return record_of(simulate(scene, positions, velocities, record=True, **options))
 
 
@@ -232,7 +232,7 @@ def parse(text: str, kinds: Mapping[str, Callable[[dict[str, Any]], T]], what: s
     kind: Any = _mapping("the file", data).get("format")
     if kind not in tuple(kinds):
         raise ValueError(f"format = {short(kind)}: expected {' or '.join(map(repr, kinds))}")
-    version = whole("version", data.get("version"), Range(1, None))
+    version = integer("version", data.get("version"), Range(1, None))
     if version > VERSION:
         raise ValueError(
             f"version = {version}: expected at most {VERSION}; the file was written by a newer version of "
@@ -261,7 +261,7 @@ def shot_of(data: dict[str, Any]) -> ShotRecord:
     spins = None if data["spins"] is None else rows_of("spins", data["spins"], n, 3)
     in_play = bools("in_play", data["in_play"], n)
     max_time = None if data["max_time"] is None else real("max_time", data["max_time"])
-    max_events = whole("max_events", data["max_events"], "max_events")
+    max_events = integer("max_events", data["max_events"], "max_events")
     check_shot(scene, positions, velocities, spins, in_play, max_time)
     end = fields("end", data["end"], _SHOT_END)
     one_of("end.status", end["status"], tuple(STATUS))
@@ -279,7 +279,7 @@ def shot_of(data: dict[str, Any]) -> ShotRecord:
         end=ShotEnd(
             status=end["status"],
             time=real("end.time", end["time"]),
-            n_events=whole("end.n_events", end["n_events"], Range(0, 2**62)),
+            n_events=integer("end.n_events", end["n_events"], Range(0, 2**62)),
             positions=rows_of("end.positions", end["positions"], n, 2),
             potted=bools("end.potted", end["potted"], n),
         ),
@@ -369,7 +369,7 @@ def head(data: Mapping[str, Any]) -> tuple[Scene, str, float | None, str | None]
     if not isinstance(data["written_by"], str):
         raise ValueError(f"written_by = {short(data['written_by'])}: expected a text")
     scene = Scene.from_dict(data["scene"])
-    whole("number of balls", scene.n_balls, Range(1, MAX_BALLS))
+    integer("number of balls", scene.n_balls, Range(1, MAX_BALLS))
     mode, dt, fix = data["mode"], data["dt"], data["fix"]
     dt = None if dt is None else real("dt", dt)
     checked_engine(mode, dt, fix)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import numbers, short
+from billiards_env.engine.compile import Engine
 from billiards_env.engine.log import (
     BALL,
     EVENT_X,
@@ -28,7 +29,6 @@ from billiards_env.engine.log import (
     TIME,
     Log,
 )
-from billiards_env.engine.modes import Engine
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.scene import Scene

@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import flag, numbers, short, whole
-from billiards_env.engine.frozen_strike import strike_frozen
-from billiards_env.engine.log import NO_LOG, empty_log
-from billiards_env.engine.modes import (
+from billiards_env.checks import flag, integer, numbers, short
+from billiards_env.engine.compile import (
     MAX_EVENTS,
     PIC,
     Engine,
@@ -24,6 +22,8 @@ from billiards_env.engine.modes import (
     varied_fields,
     varied_shot,
 )
+from billiards_env.engine.frozen_strike import strike_frozen
+from billiards_env.engine.log import NO_LOG, empty_log
 from billiards_env.engine.shot_input import ShotInput, check_shot, check_varied
 from billiards_env.engine.shots import STATUS, Shots, empty_shots
 from billiards_env.engine.threads import parallel_for
@@ -86,7 +86,7 @@ def simulate(
     """
     check_scene(scene)
     engine = checked_engine(mode, dt, fix)
-    whole("max_events", max_events, "max_events")
+    integer("max_events", max_events, "max_events")
     flag("record", record)
     positions = numbers("positions", positions)
     if positions.ndim != 2:
@@ -220,7 +220,7 @@ class BatchResult:
             of: As there.
             t: A time or (m,) times, s; None for the ends of the shots.
             strike: (m, 5) or (5,) parameters of the strikes, if they are an input.
-            threads: Number of threads; None for that of `set_num_threads`.
+            threads: Number of threads; None for the number of `set_num_threads`.
 
         Raises:
             ValueError: As there, or if the batch was not recorded.
@@ -238,7 +238,7 @@ class BatchResult:
         strike: ArrayLike | None = None,
         threads: int | None = None,
     ) -> Any:
-        """Returns `ShotResult.vjp` of all shots; the arguments are those of `jvp`."""
+        """Returns `ShotResult.vjp` of all shots; the arguments are as in `jvp`."""
         from billiards_env.shots import gradients
 
         return gradients.vjp(self._record("vjp"), cotangents, by, t, strike, threads)
@@ -252,7 +252,7 @@ class BatchResult:
         strike: ArrayLike | None = None,
         threads: int | None = None,
     ) -> NDArray[np.float64]:
-        """Returns `ShotResult.jacobian` of all shots; the arguments are those of `jvp`."""
+        """Returns `ShotResult.jacobian` of all shots; the arguments are as in `jvp`."""
         from billiards_env.shots import gradients
 
         return gradients.jacobian(self._record("jacobian"), of, by, t, strike, threads)
@@ -321,14 +321,14 @@ def simulate_batch(
         dt: The timestep of "pit", s, or one for each shot, (m,); None for "pic".
         fix: As in `simulate`.
         physics: Numbers of `Physics` that differ from shot to shot, by name, such as {"mu_roll": ...}, (m,) each. They
-            replace those of the scene. `max_time` is not one of them.
+            replace the scene's. `max_time` is not one of them.
         spins: (m, n, 3) or (m, 3) angular velocities, rad/s; None for zero, or for a `Strike`.
         in_play: (m, n) or (n,) bool; by default all balls are in play.
         max_time: As in `simulate`.
         record: Whether to keep the events and trajectories, for the derivatives of the shots. Only shots by
             "pic" have derivatives.
         max_events: As in `simulate`, for each shot.
-        threads: Number of threads; None for that of `set_num_threads`.
+        threads: Number of threads; None for the number of `set_num_threads`.
 
     Returns:
         The balls at the end of each shot, and what happened.
@@ -345,14 +345,14 @@ def simulate_batch(
         [1, 1, -1]
     """
     check_scene(scene)
-    whole("max_events", max_events, "max_events")
+    integer("max_events", max_events, "max_events")
     if flag("record", record) and mode != "pic":
         raise ValueError(f"record = True with mode = {mode!r}: expected mode='pic', the derivatives of a batch need it")
     positions = numbers("positions", positions)
     if positions.ndim != 3:
         raise ValueError(f"positions has shape {positions.shape}: expected (m, {scene.n_balls}, 2)")
     if threads is not None:
-        whole("threads", threads, "threads")
+        integer("threads", threads, "threads")
     m = len(positions)
     engine, varied = check_varied(scene, physics, mode, dt, fix, m)
     shots = empty_shots(m, scene.n_balls)

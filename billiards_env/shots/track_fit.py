@@ -144,10 +144,10 @@ def run(scene: Scene, starts: Floats, rows: Rows) -> BatchResult:
 
 def modelled(record: Record, rows: Rows) -> Floats:
     """Returns the places of the balls of the rows in simulated shots, (m, r, 2) m."""
-    n, found = record.scene.n_balls, np.empty(rows.positions.shape)
+    n, places = record.scene.n_balls, np.empty(rows.positions.shape)
     times = np.minimum(rows.time, record.time[:, None])
     span = 2.0 * times.max() + 1.0
-    wanted = (np.arange(len(times))[:, None] * n + rows.ball) * span + times
+    keys = (np.arange(len(times))[:, None] * n + rows.ball) * span + times
     for part in record.parts:
         pieces = part.segments[part.bounds[0, 1] : part.bounds[-1, 1]]
         shot = np.repeat(np.arange(part.begin, part.end), np.diff(part.bounds[:, 1]))
@@ -155,10 +155,10 @@ def modelled(record: Record, rows: Rows) -> Floats:
         order = np.argsort(shot * n + ball, kind="stable")  # those of a ball stay in the order of time
         paths = Trajectory(ball, pieces[:, SEGMENT_PHASE].astype(np.intp), pieces[:, SEGMENT_ROW:])
         begins = ((shot * n + ball) * span + paths.start)[order]
-        some = slice(part.begin, part.end)
-        last = order[np.searchsorted(begins, wanted[some].ravel(), side="right") - 1]
-        found[some] = paths.at_pieces(last, times[some].ravel()).reshape(found[some].shape)
-    return found
+        shots = slice(part.begin, part.end)
+        last = order[np.searchsorted(begins, keys[shots].ravel(), side="right") - 1]
+        places[shots] = paths.at_pieces(last, times[shots].ravel()).reshape(places[shots].shape)
+    return places
 
 
 class Residuals(NamedTuple):
@@ -215,12 +215,12 @@ def allowed(scene: Scene, starts: Floats, in_play: Bools, known: Floats | None =
     m, n = in_play.shape
     radius = np.array(scene.balls.radius)
     reach = np.array([scene.balls.contact_distances(i) for i in range(n)])
-    found = starts.copy()
-    found[:, 2 * n : 2 * n + 2] = np.clip(found[:, 2 * n : 2 * n + 2], -MOST_SPEED, MOST_SPEED)
-    most, spins = MOST_SPIN * spin_of_cue(scene, found), found[:, -3:]  # a view
+    moved = starts.copy()
+    moved[:, 2 * n : 2 * n + 2] = np.clip(moved[:, 2 * n : 2 * n + 2], -MOST_SPEED, MOST_SPEED)
+    most, spins = MOST_SPIN * spin_of_cue(scene, moved), moved[:, -3:]  # a view
     free = True if known is None else np.isnan(known[:, -3:])
     np.clip(spins, -most, most, out=spins, where=free)
-    places = found[:, : 2 * n].reshape(m, n, 2)  # a view
+    places = moved[:, : 2 * n].reshape(m, n, 2)  # a view
     both = np.triu(in_play[:, :, None] & in_play[:, None, :], 1)
     bad = np.zeros(m, np.bool_)
     for _ in range(20):
@@ -244,7 +244,7 @@ def allowed(scene: Scene, starts: Floats, in_play: Bools, known: Floats | None =
     for pocket in scene.table.pockets:
         inside = np.hypot(places[..., 0] - pocket.x, places[..., 1] - pocket.y) < pocket.radius
         bad |= (inside & in_play).any(axis=1)
-    return found, ~bad
+    return moved, ~bad
 
 
 def settle(
@@ -269,29 +269,29 @@ def settle(
     begin = 1e-4 if loss == "cauchy" else 1e-9  # guesses are far from their end
     cost, damping, active = now.loss(loss, noise), np.full(len(starts), begin), np.ones(len(starts), np.bool_)
     for _ in range(most):
-        some = np.flatnonzero(active)
-        if not some.size:
+        running = np.flatnonzero(active)
+        if not running.size:
             break
-        here = Residuals(values[some], jacobian[some])
+        here = Residuals(values[running], jacobian[running])
         pulled = np.swapaxes(here.weighted(loss, noise), 1, 2)
         normal, slope = pulled @ here.jacobian, (pulled @ here.values[..., None])[..., 0]
         size = _scale(normal)
         normal /= size[:, :, None] * size[:, None, :]
-        normal += damping[some, None, None] * np.eye(size.shape[1])
+        normal += damping[running, None, None] * np.eye(size.shape[1])
         step = np.linalg.solve(normal, (slope / size)[..., None])[..., 0] / size
-        ends = (step * slope).sum(axis=1) <= _CONVERGED * cost[some] + _EXACT  # the gain that the step promises
-        tried, fine = allowed(scene, starts[some] - step, rows.in_play[some], rows.known[some])
-        tried[~fine] = starts[some][~fine]
-        then = residuals(scene, tried, rows.of(some), ())
+        ends = (step * slope).sum(axis=1) <= _CONVERGED * cost[running] + _EXACT  # the gain that the step promises
+        tried, fine = allowed(scene, starts[running] - step, rows.in_play[running], rows.known[running])
+        tried[~fine] = starts[running][~fine]
+        then = residuals(scene, tried, rows.of(running), ())
         costs = then.loss(loss, noise)
-        better = costs < cost[some]
-        gain = cost[some] - costs
-        taken = some[better]
+        better = costs < cost[running]
+        gain = cost[running] - costs
+        taken = running[better]
         starts[taken], values[taken], jacobian[taken] = tried[better], then.values[better], then.jacobian[better]
         cost[taken] = costs[better]
-        damping[some] = np.where(better, np.maximum(damping[some] / 10.0, 1e-9), damping[some] * 10.0)
-        done = ends | np.where(better, gain <= _CONVERGED * cost[some], damping[some] > 1e4)
-        active[some[done]] = False
+        damping[running] = np.where(better, np.maximum(damping[running] / 10.0, 1e-9), damping[running] * 10.0)
+        done = ends | np.where(better, gain <= _CONVERGED * cost[running], damping[running] > 1e4)
+        active[running[done]] = False
     return starts, cost
 
 
@@ -315,8 +315,8 @@ def minima(scene: Scene, starts: Floats, rows: Rows, loss: str, noise: float) ->
 def settle_sides(scene: Scene, starts: Floats, rows: Rows, loss: str, noise: float) -> Floats:
     """Returns the best of the `minima` of each shot; of two that fit as well, that with the more plausible spin."""
     ends, losses = minima(scene, starts, rows, loss, noise)
-    found = (losses + spread(rows, losses.min(axis=1))[:, None] * spin_surprise(scene, ends)).argmin(axis=1)
-    return ends[np.arange(len(ends)), found]
+    best = (losses + spread(rows, losses.min(axis=1))[:, None] * spin_surprise(scene, ends)).argmin(axis=1)
+    return ends[np.arange(len(ends)), best]
 
 
 def spread(rows: Rows, losses: Floats) -> Floats:
@@ -383,17 +383,17 @@ class Projection:
     def residuals(self, numbers: Floats) -> Floats:
         """Returns the residuals (2 m r,), m; a metre each for numbers that `Physics` does not allow together."""
         try:
-            return self._found(numbers).values.ravel()
+            return self._fitted(numbers).values.ravel()
         except ValueError:
             return np.ones(2 * self._rows.used.size)
 
     def jacobian(self, numbers: Floats) -> Floats:
         """Returns the derivative (2 m r, s) of the residuals, and keeps the starts."""
-        found = self._found(numbers)
+        fitted = self._fitted(numbers)
         self.starts, self._at = self._latest[1], numbers.copy()
         d = self.starts.shape[1]
-        by_start, by_numbers = found.jacobian[..., :d], found.jacobian[..., d:]
-        pulled = np.swapaxes(found.weighted(self._loss, self._noise)[..., :d], 1, 2)
+        by_start, by_numbers = fitted.jacobian[..., :d], fitted.jacobian[..., d:]
+        pulled = np.swapaxes(fitted.weighted(self._loss, self._noise)[..., :d], 1, 2)
         normal = pulled @ by_start
         size = _scale(normal)
         values, vectors = np.linalg.eigh(normal / (size[:, :, None] * size[:, None, :]))
@@ -403,7 +403,7 @@ class Projection:
         self._follow = -(vectors * inverse[:, None, :]) @ (np.swapaxes(vectors, 1, 2) @ right) / size[..., None]
         return (by_numbers + by_start @ self._follow).reshape(-1, len(self._names))
 
-    def _found(self, numbers: Floats) -> Residuals:
+    def _fitted(self, numbers: Floats) -> Residuals:
         scene = with_numbers(self._scene, self._names, numbers)  # may raise
         if not np.array_equal(numbers, self._latest[0]):
             starts = self.starts
@@ -430,10 +430,10 @@ _FEW_STEPS = 10  # most steps of a guess
 def first_guesses(scene: Scene, rows: Rows, noise: float) -> Floats:
     """Returns guesses of the starts of shots from their first rows, (m, windows, rolls, 2 n + 5)."""
     m, n = rows.in_play.shape
-    found = np.zeros((m, len(_WINDOWS), len(_ROLLS), 2 * n + 5))
+    guesses = np.zeros((m, len(_WINDOWS), len(_ROLLS), 2 * n + 5))
     rolls = np.array(_ROLLS)[:, None] * (scene.physics.motion == "sliding")
     for k in range(m):
-        starts = found[k]
+        starts = guesses[k]
         for i in np.flatnonzero(rows.in_play[k]):
             mine = np.flatnonzero(rows.seen[k] & (rows.ball[k] == i))
             times, positions = rows.time[k, mine], rows.positions[k, mine]
@@ -450,7 +450,7 @@ def first_guesses(scene: Scene, rows: Rows, noise: float) -> Floats:
                 velocity = coefficients[-2]
                 start[:, :2], start[:, 2 * n : 2 * n + 2] = coefficients[-1], velocity
                 start[:, 2 * n + 2 : 2 * n + 4] = rolls * (-velocity[1], velocity[0]) / scene.balls.radius[0]
-    return found
+    return guesses
 
 
 def prefix_loss(scene: Scene, starts: Floats, rows: Rows, noise: float) -> Floats:

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import RANGES, Range, finite, number, numbers, real, short, whole
+from billiards_env.checks import RANGES, Range, finite, integer, number, numbers, real, short
 from billiards_env.files import read_text, write_whole
 from billiards_env.scene import Scene
 from billiards_env.shots.result import ShotResult
@@ -52,7 +52,7 @@ class Track(NamedTuple):
 
 
 def observed(name: str, shot: ShotResult, times: ArrayLike, noise: float = 0.0, seed: int = 0) -> Track:
-    """Returns the track that a camera sees of a simulated shot.
+    """Returns the track that a camera records of a simulated shot.
 
     Args:
         name: Name of the shot.
@@ -114,7 +114,7 @@ def _row(cells: Sequence[str]) -> tuple[float, int, float, float] | None:
     """Returns time, ball, x and y of a row of a file; None if the ball was not found."""
     _, time, ball, *place = cells
     value = number(ball)  # pandas writes 0.0 for ball 0 if the column has empty cells
-    index = whole("ball", int(value) if isinstance(value, float) and value.is_integer() else ball, _BALLS)
+    index = integer("ball", int(value) if isinstance(value, float) and value.is_integer() else ball, _BALLS)
     if all(cell == "" or cell.lower() == "nan" for cell in place):
         return None
     values = []

@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.engine.compile import MAX_EVENTS, scene_arrays, scene_fields
 from billiards_env.engine.log import (
     BALL_BALL,
     KIND,
@@ -24,7 +25,6 @@ from billiards_env.engine.log import (
     Log,
     empty_log,
 )
-from billiards_env.engine.modes import MAX_EVENTS, scene_arrays, scene_fields
 from billiards_env.engine.pic import run_shots
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import Shots, empty_shots

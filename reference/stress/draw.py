@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine.modes import scene_arrays
+from billiards_env.engine.compile import scene_arrays
 from billiards_env.jit import allocating_entry_point
 from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y

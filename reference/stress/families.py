@@ -15,21 +15,21 @@ from reference.stress import draw
 from reference.stress.checks import MOMENTUM, OUTSIDE, OVERLAP, RISE, check_shots
 
 Floats = NDArray[np.float64]
-Shots = tuple[Scene, Floats, Floats, Floats | None]
+RandomShots = tuple[Scene, Floats, Floats, Floats | None]
 
 
-def _scattered(scene: Scene) -> Callable[[np.random.Generator, int], Shots | None]:
-    def shots(rng: np.random.Generator, m: int) -> Shots | None:
+def _scattered(scene: Scene) -> Callable[[np.random.Generator, int], RandomShots | None]:
+    def shots(rng: np.random.Generator, m: int) -> RandomShots | None:
         places = draw.layouts(scene, rng, m)
         return None if places is None else (scene, places, *draw.cue_shots(scene, rng, m))
 
     return shots
 
 
-def _break(layout: str, balls: int) -> Callable[[np.random.Generator, int], Shots]:
+def _break(layout: str, balls: int) -> Callable[[np.random.Generator, int], RandomShots]:
     scene = Scene.named("pool", balls)
 
-    def shots(rng: np.random.Generator, m: int) -> Shots:
+    def shots(rng: np.random.Generator, m: int) -> RandomShots:
         places = np.array([layouts.draw(layout, scene, rng) for _ in range(m)])
         aim = places[:, 1] - places[:, 0]
         aim[:, 1] += rng.uniform(-0.02, 0.02, m)
@@ -39,24 +39,24 @@ def _break(layout: str, balls: int) -> Callable[[np.random.Generator, int], Shot
     return shots
 
 
-def _gas(n: int) -> Callable[[np.random.Generator, int], Shots | None]:
+def _gas(n: int) -> Callable[[np.random.Generator, int], RandomShots | None]:
     physics = Physics(motion="ideal", cushion="restitution", e_ball=1.0, e_cushion=1.0, max_time=1.0)
     scene = Scene(Balls((0.03,) * n, (0.17,) * n), Table(1.0, 1.0), physics)
 
-    def shots(rng: np.random.Generator, m: int) -> Shots | None:
+    def shots(rng: np.random.Generator, m: int) -> RandomShots | None:
         places = draw.layouts(scene, rng, m)
         return None if places is None else (scene, places, rng.normal(size=(m, n, 2)), None)
 
     return shots
 
 
-def _wild(rng: np.random.Generator, m: int) -> Shots | None:
+def _wild(rng: np.random.Generator, m: int) -> RandomShots | None:
     scene = draw.wild_scene(rng)
     shots = draw.wild_shots(scene, rng, m)
     return None if shots is None else (scene, *shots)
 
 
-def _wild_outline(rng: np.random.Generator, m: int) -> Shots | None:
+def _wild_outline(rng: np.random.Generator, m: int) -> RandomShots | None:
     """Returns wild shots on a table with a random outline, or with the jaws of real pockets, some without holes."""
     scene = draw.wild_scene(rng)
     radius = tuple(min(r, 0.035) for r in scene.balls.radius)
@@ -91,7 +91,7 @@ def _closed(scene: Scene) -> Scene:
     return dataclasses.replace(scene, table=dataclasses.replace(scene.table, pockets=()))
 
 
-FAMILIES: dict[str, Callable[[np.random.Generator, int], Shots | None]] = {
+FAMILIES: dict[str, Callable[[np.random.Generator, int], RandomShots | None]] = {
     "pool, cue ball alone": _scattered(Scene.named("pool", 0)),
     "carom, cue ball alone": _scattered(Scene.named("carom", 0)),
     "pool, 1 object ball": _scattered(Scene.named("pool", 1)),

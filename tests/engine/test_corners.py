@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.engine.modes import scene_arrays
+from billiards_env.engine.compile import scene_arrays
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.jit import allocating_entry_point
 from billiards_env.physics.state import UX, UY, VX, VY, X, Y, empty_state

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate
-from billiards_env.engine import modes, pic
+from billiards_env.engine import pic
+from billiards_env.engine.compile import MANY_BALLS, PIC, run_shots_of
 from billiards_env.scene import Balls, Physics
 from billiards_env.scene.table import Table
 from reference.stress import draw, families
@@ -101,6 +102,6 @@ def test_shots_of_balls_in_contact_at_rest_are_equal():
 
 
 def test_the_number_of_balls_selects_the_engine():
-    assert modes.run_shots_of(modes.PIC, 1) is modes.run_shots_of(modes.PIC, 2) is pic.run_shots_of_at_most_two
-    assert modes.run_shots_of(modes.PIC, 3) is modes.run_shots_of(modes.PIC, modes.MANY_BALLS - 1) is pic.run_shots
-    assert modes.run_shots_of(modes.PIC, modes.MANY_BALLS) is pic.run_shots_of_many
+    assert run_shots_of(PIC, 1) is run_shots_of(PIC, 2) is pic.run_shots_of_at_most_two
+    assert run_shots_of(PIC, 3) is run_shots_of(PIC, MANY_BALLS - 1) is pic.run_shots
+    assert run_shots_of(PIC, MANY_BALLS) is pic.run_shots_of_many

@@ -8,7 +8,7 @@ import itertools
 import numpy as np
 import pytest
 
-from billiards_env.engine.modes import MANY_BALLS, scene_fields
+from billiards_env.engine.compile import MANY_BALLS, scene_fields
 from billiards_env.engine.shot_input import check_shot, is_valid_fast, is_valid_fast_of_many
 from billiards_env.scene import CONTACT_GAP, Balls, Physics, Scene, check_positions
 from billiards_env.scene.table import Table

@@ -314,7 +314,7 @@ def test_straight_pool_three_fouls_on_the_table():
         game = played.game
         assert (played.verdict.foul, game.state.player) == ("no_hit", (k + 1) % 2 if k < 4 else 0)
     assert (game.state.break_shot, game.state.in_hand, game.state.scores) == (True, "behind", (-18, -2))
-    assert game.positions[1:].tolist() == layouts.plan("tight_rack", STRAIGHT.scene).spots[1:].tolist()
+    assert game.positions[1:].tolist() == layouts.layout_plan("tight_rack", STRAIGHT.scene).spots[1:].tolist()
 
 
 # Whole games.

@@ -13,7 +13,7 @@ from billiards_env.games.placement import (
     spotted_point,
 )
 from billiards_env.scene import Balls, Scene, check_positions
-from billiards_env.scene.layouts import MARGIN, plan
+from billiards_env.scene.layouts import MARGIN, layout_plan
 from billiards_env.scene.table import Table
 
 SCENE = Scene.named("pool", 15)
@@ -150,7 +150,7 @@ def test_placed_balls_are_valid_for_the_engine():
         check_positions(scene, positions)
 
 
-RACK = plan("tight_rack", SCENE).spots[1:]
+RACK = layout_plan("tight_rack", SCENE).spots[1:]
 HEAD = (SCENE.table.head_x, 0.0)
 RACK_CASES = {  # (last ball, cue ball) before, and after; None for a potted ball
     "clear": (((0.2, 0.3), (0.1, 0.1)), ((0.2, 0.3), (0.1, 0.1)), "no"),

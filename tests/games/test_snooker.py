@@ -9,15 +9,15 @@ from billiards_env import Scene
 from billiards_env.games import RULES, Call, Setup, Stroke, Verdict, custom_opening, opening, play
 from billiards_env.games.judging import next_state
 from billiards_env.games.placement import SPOT_GAP, cue_ball_point, placement_area, spot_colours
-from billiards_env.games.snooker_fouls import is_miss, is_snookered, points_left
-from billiards_env.scene.layouts import plan
+from billiards_env.games.snooker_fouls import frame_points_left, is_miss, is_snookered
+from billiards_env.scene.layouts import layout_plan
 from tests.helpers.games import facts, state
 
 YELLOW, GREEN, BROWN, BLUE, PINK, BLACK = range(16, 22)
 COLOURS = tuple(range(16, 22))
 SCENE = Scene.named("snooker")
 SETUP = Setup("snooker", SCENE)
-SPOTS = plan("snooker", SCENE).spots
+SPOTS = layout_plan("snooker", SCENE).spots
 R = SCENE.balls.radius[0]
 snooker, balls_on = RULES["snooker"].judge, RULES["snooker"].legal
 
@@ -213,10 +213,10 @@ def test_after_a_tie_the_black_is_spotted(scores, log):  # 3.4 b
 
 
 def test_points_left():
-    assert points_left(frame()) == 147
-    assert points_left(frame(on_table=(1, *COLOURS))) == 35
-    assert points_left(frame(on_table=COLOURS, colour=True)) == 34
-    assert points_left(frame(on_table=(PINK, BLACK))) == 13
+    assert frame_points_left(frame()) == 147
+    assert frame_points_left(frame(on_table=(1, *COLOURS))) == 35
+    assert frame_points_left(frame(on_table=COLOURS, colour=True)) == 34
+    assert frame_points_left(frame(on_table=(PINK, BLACK))) == 13
 
 
 # Spotting colours.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from billiards_env.engine.compile import PIC, Engine, scene_fields
 from billiards_env.engine.log import empty_log
-from billiards_env.engine.modes import PIC, Engine, scene_fields
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import Shots, empty_shots
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from billiards_env.engine.modes import scene_arrays
+from billiards_env.engine.compile import scene_arrays
 from billiards_env.jit import allocating_entry_point
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import empty_contacts, empty_scratch

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from billiards_env.engine.modes import scene_arrays
+from billiards_env.engine.compile import scene_arrays
 from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ
 from billiards_env.scene import Balls, Physics, Scene
 from tests.helpers.clusters import cluster

@@ -18,7 +18,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from billiards_env.engine.modes import MANY_BALLS
+from billiards_env.engine.compile import MANY_BALLS
 from billiards_env.engine.runner import LOOK_AFTER
 from billiards_env.physics.cushion import CUSHIONS
 from billiards_env.scene import Balls, Physics, Scene, layouts

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from billiards_env.engine.modes import scene_arrays
+from billiards_env.engine.compile import scene_arrays
 from billiards_env.physics.ball_friction import friction_coefficient
 from billiards_env.physics.state import UX, UY, VX, VY, WZ
 from billiards_env.scene import Balls, Physics, Scene

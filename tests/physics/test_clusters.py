@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from billiards_env.engine.modes import scene_arrays
+from billiards_env.engine.compile import scene_arrays
 from billiards_env.jit import allocating, allocating_entry_point
 from billiards_env.physics.clusters import empty_contacts, empty_scratch, solve_plastic, sum_impulses
 from billiards_env.physics.complementarity import MOST

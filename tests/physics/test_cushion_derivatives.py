@@ -1,11 +1,11 @@
-"""The derivatives of cushions agree with differences of the laws, in all their courses."""
+"""The derivatives of cushions agree with differences of the laws, in all their cases."""
 
 import dataclasses
 
 import numpy as np
 import pytest
 
-from billiards_env.engine.modes import scene_arrays
+from billiards_env.engine.compile import scene_arrays
 from billiards_env.physics.cushion import CushionMotion, cushion_impact
 from billiards_env.physics.cushion_derivatives import TABLE, CushionChange, cushion_lane, cushion_law
 from billiards_env.physics.lanes import D_E_CUSHION, LANE_WIDTH
@@ -70,7 +70,7 @@ def derivative(motion, scene):
     ],
 )
 def test_the_derivative_of_an_impact_is_that_of_small_changes(cushion, weakest):
-    rng, courses = np.random.default_rng(0), set()
+    rng, cases = np.random.default_rng(0), set()
     falling = {"e_cushion": 0.93, "e_cushion_loss": 0.1, "e_cushion_onset": 0.5, "e_cushion_floor": 0.7}
     for k in range(80):
         constants = {**falling, **weakest} if k % 4 == 3 else falling
@@ -80,8 +80,8 @@ def test_the_derivative_of_an_impact_is_that_of_small_changes(cushion, weakest):
         found, law = derivative(motion, scene)
         expected = differences(motion, scene, 1e-6)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7 * np.abs(expected).max(), err_msg=f"impact {k}")
-        courses |= {("restitution", law.e_kind), ("stops", bool(law.stops)), ("sticks", law.friction.by_slip > 0.0)}
-    assert len(courses) == 7
+        cases |= {("restitution", law.e_kind), ("stops", bool(law.stops)), ("sticks", law.friction.by_slip > 0.0)}
+    assert len(cases) == 7
 
 
 @pytest.mark.parametrize("mu", [0.05, 0.14, 0.6])

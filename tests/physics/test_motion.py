@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from billiards_env.engine.modes import scene_arrays
+from billiards_env.engine.compile import scene_arrays
 from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after, norm, spin_after
 from billiards_env.physics.state import (
     AX,

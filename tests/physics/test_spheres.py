@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from billiards_env.engine.modes import scene_arrays
+from billiards_env.engine.compile import scene_arrays
 from billiards_env.physics.ball_friction import tilt_of
 from billiards_env.physics.contact import contact_distance
 from billiards_env.scene import Balls, Physics, Scene

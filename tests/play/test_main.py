@@ -12,7 +12,7 @@ pytest.importorskip("pygame")
 
 from billiards_env import Scene, simulate
 from billiards_env.drawing.style import PALETTES, looks
-from billiards_env.engine.modes import MODES
+from billiards_env.engine.compile import MODES
 from billiards_env.games import RULES, Stroke, records
 from billiards_env.play import window as windows
 from billiards_env.play.__main__ import MAKERS, compile_engines, main, make_history, make_parser

@@ -11,7 +11,7 @@ from billiards_env.games.batch import play_batch
 from billiards_env.players import candidates, indirect, planner
 from billiards_env.players.candidates import TIPS, _with_spin
 from billiards_env.players.game_player import find_player
-from billiards_env.players.planner import Options, _errors, parse_budget, plan, with_errors
+from billiards_env.players.planner import Options, _draw_noise, add_noise, parse_budget, plan
 from billiards_env.players.values import Values, success
 from billiards_env.shots.strikes import strike
 from tests.helpers.games import setup
@@ -150,7 +150,7 @@ def test_the_probability_is_that_of_played_shots_with_errors():
         found = plan(game, table, 6.0, RNG(0), np.inf, 4000, NOISE)
         errors = RNG(1).standard_normal((200, 2)) * (np.radians(NOISE[0]), NOISE[1])
         stroke = np.array([found.stroke.velocity]).repeat(200, 0), np.array([found.stroke.spin]).repeat(200, 0)
-        velocities, spins = (array.tolist() for array in with_errors(*stroke, errors, 6.0))
+        velocities, spins = (array.tolist() for array in add_noise(*stroke, errors, 6.0))
         kept = [
             play(game, table, found.stroke._replace(velocity=tuple(v), spin=tuple(w))).verdict
             for v, w in zip(velocities, spins, strict=True)
@@ -168,7 +168,7 @@ def test_it_sinks_more_balls_under_noise_than_search():
             table = opening(game, rng, "random")
             stroke = player(game, table, 6.0, RNG(0))
             errors = rng.standard_normal((1, 2)) * (np.radians(NOISE[0]), NOISE[1])
-            (v,), (w,) = with_errors(np.array([stroke.velocity]), np.array([stroke.spin]), errors, 6.0)
+            (v,), (w,) = add_noise(np.array([stroke.velocity]), np.array([stroke.spin]), errors, 6.0)
             points[name] += play(game, table, stroke._replace(velocity=tuple(v), spin=tuple(w))).verdict.points
     assert points["planner:1500"] >= points["search:1500"]
     assert points["planner:1500"] > 35
@@ -207,7 +207,7 @@ def test_a_stroke_with_spin_is_one_of_the_cue():
 
 
 def test_errors_are_normal_and_stratified():
-    errors = _errors(50, 64, (0.1, 2.0), RNG(0)).reshape(50, 64, 2)
+    errors = _draw_noise(50, 64, (0.1, 2.0), RNG(0)).reshape(50, 64, 2)
     np.testing.assert_allclose(errors.std(axis=(0, 1)), (0.1, 2.0), rtol=0.01)
     assert abs(errors.mean(axis=1)).max() < 0.1 * 2.0
     assert abs(np.corrcoef(errors.reshape(-1, 2).T)[0, 1]) < 0.05

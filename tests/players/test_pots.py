@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate
-from billiards_env.engine.modes import scene_arrays
+from billiards_env.engine.compile import scene_arrays
 from billiards_env.physics.motion import arrival, launch, travel_time
 from billiards_env.players.pots import Tables, pot_shots
 from tests.helpers.layouts import NAMED_POTS as LAYOUTS

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate, simulate_batch
-from billiards_env.engine.modes import PIC, scene_fields, varied_fields
+from billiards_env.engine.compile import PIC, scene_fields, varied_fields
 from billiards_env.scene import PHYSICS_RANGES
 from billiards_env.shots import records
 from billiards_env.shots.gradients import physics_inputs

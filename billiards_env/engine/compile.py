@@ -1,4 +1,4 @@
-"""The choice of the engine, and the conversion of a scene to arrays."""
+"""Compiles a scene to the arrays that the engines read, and chooses the engine."""
 
 from __future__ import annotations
 

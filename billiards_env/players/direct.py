@@ -1,4 +1,4 @@
-"""The aim of a direct pot, and the open mouth of a pocket."""
+"""The geometry of a direct pot, and the open mouth of a pocket."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LEEWAY = 0.02  # radians by which a ball on a cushion may miss the open mouth, 
 _CLEAR = 1e-6  # m; gap between the cue ball at the hit and a cushion
 
 
-class Aim(NamedTuple):
+class PotGeometry(NamedTuple):
     """How the cue ball sends an object ball into a pocket.
 
     Attributes:
@@ -42,23 +42,23 @@ class Aim(NamedTuple):
     gap: float
 
 
-NO_AIM = Aim(-1, -1, -1, Hit(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, -1.0)
-"""The aim of a pot that is not possible."""
+NO_POT = PotGeometry(-1, -1, -1, Hit(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, -1.0)
+"""A pot that is not possible."""
 
 
 @inlined
-def direct_aim(table, i, p):
-    """Returns the `Aim` at which ball i goes straight into pocket p.
+def direct_pot(table, i, p):
+    """Returns the `PotGeometry` at which ball i goes straight into pocket p.
 
     The object ball goes to the middle of the pocket's open mouth. If the cue ball would overlap a cushion at this hit,
     the cue ball is moved off the cushion, along the object ball's surface.
     """
     if _is_behind(table, i, p):
-        return NO_AIM
+        return NO_POT
     scene, x, y = table.scene, table.positions[i, X], table.positions[i, Y]
     mouth = open_mouth(scene, i, p, x, y)
     if mouth.half <= 0.0:
-        return NO_AIM
+        return NO_POT
     reach = contact_distance(scene.spheres, scene.radius, table.cue, i)
     room_x, room_y = room_of(scene, table.cue)
     ghost = hit_along(table, i, mouth.dx, mouth.dy)
@@ -66,15 +66,15 @@ def direct_aim(table, i, p):
     ghost_y, ghost_x = _off_cushion(ghost_y, ghost_x, y, x, room_y - _CLEAR, reach)
     hit = hit_at(table, i, ghost_x, ghost_y)
     if not can_hit(table, hit, THINNEST):
-        return NO_AIM
+        return NO_POT
     along = mouth.dx * hit.line_x + mouth.dy * hit.line_y
     off = abs(math.atan2(cross(mouth.dx, mouth.dy, hit.line_x, hit.line_y), along))
     run = distance_to_rim(scene, p, x, y, hit.line_x, hit.line_y)
     end_x, end_y = x + run * hit.line_x, y + run * hit.line_y
     if off > mouth.half + _LEEWAY or enters_pocket(table, hit) or pocket_gap(scene.pockets, p, x, y, end_x, end_y) < 0:
-        return NO_AIM
+        return NO_POT
     gap = min(approach_gap(table, i, hit), ball_gap(table, i, i, x, y, end_x, end_y))
-    return Aim(i, p, -1, hit, run, max(mouth.half - off, mouth.half / 10), gap)
+    return PotGeometry(i, p, -1, hit, run, max(mouth.half - off, mouth.half / 10), gap)
 
 
 @inlined
