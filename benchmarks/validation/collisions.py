@@ -45,9 +45,6 @@ FROZEN = ((0, 0), (8, 13), (20, 34), (34, 50), (46, 61), (57, 70), (67, 78), (77
 """A cue ball frozen to an object ball: direction of the stroke and measured direction of the cue ball, both from the
 line of centres, with an uncertainty of 3 degrees: Alciatore, TP A.15."""
 
-FROZEN_RATIO = 0.987
-"""Measured speed of a frozen cue ball over that of the object ball after a full hit: Cross (2016)."""
-
 FROZEN_PAIR = {"slow": 7.0, "fast": 3.0}
 """Measured throw of an object ball frozen to another one that is hit at 45 degrees: Alciatore, articles "Throw"."""
 
@@ -300,7 +297,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "throw points": table(["throw, °", "measured", "model", "difference"], points),
         "frozen": table(["stroke", "measured, °", "model, °", "difference, °"], frozen_rows),
         "frozen ratio": f"After a full hit the cue ball has {result['frozen']['ratio']:.3f} times the speed of the"
-        f" object ball; {FROZEN_RATIO} was measured (Cross 2016).",
+        " object ball.",
         "snooker": table(
             [
                 "after both balls roll",

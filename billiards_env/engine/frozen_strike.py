@@ -30,7 +30,7 @@ from billiards_env.scene import CONTACT_GAP, Scene
 
 LEFT = 0.0069
 """Share of the speed of approach that remains for the impact after the strike. With `e_ball` 0.95 the cue ball then has
-0.987 times the speed of the object ball after a full hit, as measured by Cross (2016)."""
+0.987 times the speed of the object ball after a full hit. No publication of a measurement of this ratio is known."""
 
 
 def strike_frozen(

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import numbers
+from billiards_env.engine.compile import cached_by_scene
 from billiards_env.games.game import GameState, Setup
 from billiards_env.games.judging import NO_CALL, Call, Facts, Rules, RuleState, ball_set, state_array
 from billiards_env.rules import CALL, Counts, facts_of_shots, judge_shots
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import BatchResult, simulate_batch
-from billiards_env.shots.strikes import Strike
+from billiards_env.shots.strikes import strike_with
 
 
 class PlayedBatch(NamedTuple):
@@ -141,8 +141,7 @@ def _judged(
         positions = np.concatenate((places[:, None], positions[:, 1:]), axis=1)
     scene, m = _scene_of(setup.scene, balls), len(speeds)
     if scene.physics.motion == "sliding":
-        turning = np.zeros((m, 3)) if spins is None else numbers("spins", spins)
-        speeds, spins = Strike(speeds, turning, np.zeros(m, np.bool_)), None
+        speeds, spins = strike_with(speeds, None if spins is None else numbers("spins", spins)), None
     batch = simulate_batch(
         scene, positions, speeds, mode=setup.mode, dt=setup.dt, fix=setup.fix, spins=spins, threads=threads
     )
@@ -174,7 +173,7 @@ def best_call(rules: Rules, state: RuleState, facts: Facts) -> Call:
     return NO_CALL
 
 
-@functools.lru_cache(maxsize=64)
+@cached_by_scene
 def _scene_of(scene: Scene, balls: tuple[int, ...]) -> Scene:
     """Returns the scene with some of its balls in a given order."""
     radius, mass = (tuple(values[i] for i in balls) for values in (scene.balls.radius, scene.balls.mass))

@@ -34,6 +34,6 @@ def velocity_for(model: Model, pot: Pot) -> NDArray[np.float64] | None:
     scene, positions = model.setup.scene, model.game.positions.copy()
     positions[model.cue] = model.cue_position
     in_play = np.isin(np.arange(scene.n_balls), sorted(model.game.state.on_table | {model.cue}))
-    goals = (FirstTouch(pot.ball), pot)
-    found = aim(scene, positions, goals, max_speed=model.max_speed, in_play=in_play, shots=SHOTS)
+    goals, strike = (FirstTouch(pot.ball), pot), scene.physics.motion == "sliding"
+    found = aim(scene, positions, goals, max_speed=model.max_speed, in_play=in_play, strike=strike, shots=SHOTS)
     return found.velocity if found.solved else None

@@ -17,13 +17,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, finite, integer, real, shaped, short
+from billiards_env.checks import Range, finite, flag, integer, real, shaped, short
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.pots import SPEED, TOLERANCE, Tables, find_pots
 from billiards_env.scene import Scene, check_scene
 from billiards_env.shots.gradients import margin_columns, margins_by_cue_ball, rest_by_cue_ball
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import BatchResult, simulate, simulate_batch
+from billiards_env.shots.strikes import Strike, strike_with
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -144,6 +145,7 @@ class _Problem(NamedTuple):
         in_play: (n,) bool.
         goals: The goals.
         max_speed: m/s.
+        strike: Whether a cue strikes the cue ball.
     """
 
     scene: Scene
@@ -151,6 +153,7 @@ class _Problem(NamedTuple):
     in_play: Bools
     goals: tuple[Goal, ...]
     max_speed: float
+    strike: bool
 
 
 class _Tried(NamedTuple):
@@ -183,6 +186,7 @@ def aim(
     *,
     max_speed: float = 4.0,
     in_play: ArrayLike | None = None,
+    strike: bool = False,
     shots: int = SHOTS,
     seed: int = 0,
 ) -> Aim:
@@ -194,6 +198,8 @@ def aim(
         goals: A goal or several, of `Pot`, `Leave`, `Touch`, `FirstTouch` and `Cushions`.
         max_speed: Largest speed of the cue ball, m/s.
         in_play: (n,) bool; by default all balls are in play.
+        strike: Whether each shot is a `Strike` at the centre of the cue ball, which drives balls that touch it. It
+            needs the motion "sliding".
         shots: The largest number of random shots to begin with, if those by geometry do not reach the goals.
         seed: The seed of the random shots.
 
@@ -212,7 +218,7 @@ def aim(
         >>> found.solved, found.shot.potted.tolist(), found.residual < 1e-9
         (True, [False, True], True)
     """
-    problem = _checked(scene, positions, goals, max_speed, in_play)
+    problem = _checked(scene, positions, goals, max_speed, in_play, flag("strike", strike))
     integer("shots", shots, Range(0, None))
     rng, found = np.random.default_rng(seed), []
     for velocities in _starts(problem, shots, rng):
@@ -224,12 +230,17 @@ def aim(
     order = np.lexsort((-_room(problem, tried), np.maximum(tried.off, _EXACT), tried.missed, ~tried.solved))
     best, others = order[0], order[1:][tried.solved[order[1:]]]
     velocity = tried.velocities[best]
-    shot = simulate(scene, problem.positions, velocity, in_play=problem.in_play, record=True)
+    shot = simulate(scene, problem.positions, _stroke(problem, velocity), in_play=problem.in_play, record=True)
     return Aim(bool(tried.solved[best]), velocity, float(tried.off[best]), shot, tried.velocities[others])
 
 
 def _checked(
-    scene: Scene, positions: ArrayLike, goals: Goal | Sequence[Goal], max_speed: float, in_play: ArrayLike | None
+    scene: Scene,
+    positions: ArrayLike,
+    goals: Goal | Sequence[Goal],
+    max_speed: float,
+    in_play: ArrayLike | None,
+    strike: bool,
 ) -> _Problem:
     check_scene(scene)
     n, given = scene.n_balls, tuple(goals) if isinstance(goals, Sequence) else (goals,)
@@ -251,14 +262,19 @@ def _checked(
         if isinstance(goal, Leave):
             finite("Leave.position", goal.position, (2,))
             real("Leave.radius", goal.radius, _RADIUS)
-    return _Problem(
-        scene, shaped("positions", positions, (n, 2)), playing, given, real("max_speed", max_speed, "max_speed")
-    )
+    fastest = real("max_speed", max_speed, "max_speed")
+    return _Problem(scene, shaped("positions", positions, (n, 2)), playing, given, fastest, strike)
+
+
+def _stroke(problem: _Problem, velocities: Floats) -> Floats | Strike:
+    """Returns how the cue ball begins shots with velocities (..., 2), as an argument of `simulate`."""
+    return strike_with(velocities) if problem.strike else velocities
 
 
 def _run(problem: _Problem, velocities: Floats, record: bool = False) -> BatchResult:
     places = np.broadcast_to(problem.positions, (len(velocities), *problem.positions.shape))
-    return simulate_batch(problem.scene, places, velocities, in_play=problem.in_play, record=record, threads=1)
+    strokes = _stroke(problem, velocities)
+    return simulate_batch(problem.scene, places, strokes, in_play=problem.in_play, record=record, threads=1)
 
 
 def _starts(problem: _Problem, shots: int, rng: np.random.Generator) -> Iterator[Floats]:

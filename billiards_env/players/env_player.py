@@ -43,6 +43,7 @@ def situation(env: BilliardsEnv) -> Situation:
         lambda actions: rewards(env, actions),
         action_size=ACTIONS[env.action],
         goals=_goals(env, np.flatnonzero(targets & ~env.potted).tolist()),
+        strike=env.action == "strike",
     )
 
 
@@ -86,8 +87,8 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
     game, run_out = GameState(env.positions, state), env.task != "clear"
     both = expected(noise, level)
     english = env.action == "strike"
-    planned = both if any(both) else NOISE
-    stroke = plan(setup, game, env.max_speed, rng, seconds, shots, planned, Options(run_out, english)).stroke
+    planned, options = both if any(both) else NOISE, Options(run_out, english, leaves=False)
+    stroke = plan(setup, game, env.max_speed, rng, seconds, shots, planned, options).stroke
     stroke = with_noise(stroke, level.noise, env.max_speed, rng)
     if not english:
         return np.array(stroke.velocity) / env.max_speed

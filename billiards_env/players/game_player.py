@@ -141,7 +141,8 @@ def situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
     goals = carom_goals(targets, cushions=setup.game_rules.cushions)
     if setup.game_rules.pockets:  # the pots of a break depend on rounding
         goals = () if state.break_shot else tuple((FirstTouch(ball), Pot(ball)) for ball in targets)
-    return found._replace(tried_first=full_hit(found)[None], goals=goals)
+    strike = setup.scene.physics.motion == "sliding"
+    return found._replace(tried_first=full_hit(found)[None], goals=goals, strike=strike)
 
 
 def make_stroke(velocity: Floats, max_speed: float, place: Point | None) -> Stroke:

@@ -23,6 +23,7 @@ from billiards_env.players.budget import Budget
 from billiards_env.players.pots import DX, DY, SHOT_WIDTH, SPEED, SPEEDS
 from billiards_env.shots.gradients import margin_columns, margins_by_cue_ball
 from billiards_env.shots.simulation import simulate_batch
+from billiards_env.shots.strikes import strike_with
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -243,7 +244,8 @@ def _corrected(setup: Setup, game: GameState, chains: _Chains, max_speed: float,
         for _ in range(_STEPS):
             velocities = speed[some, None] * np.column_stack((np.cos(angles[some]), np.sin(angles[some])))
             places = np.broadcast_to(game.positions, (len(every), n, 2))
-            batch = simulate_batch(scene, places, velocities, in_play=in_play, record=True, threads=1)
+            strokes = strike_with(velocities) if scene.physics.motion == "sliding" else velocities
+            batch = simulate_batch(scene, places, strokes, in_play=in_play, record=True, threads=1)
             margins, by = margins_by_cue_ball(batch._record("jacobian"), wanted)
             margin, by = margins[every, row[some], column[some]], by[every, :, row[some], column[some]]
             slope = -velocities[:, 1] * by[:, 0] + velocities[:, 0] * by[:, 1]

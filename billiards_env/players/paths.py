@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.cushion import reflect
+from billiards_env.physics.cushion import reflect, reflect_both
 from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after, norm, path_of
 from billiards_env.physics.state import (
     AX,
@@ -25,7 +25,7 @@ from billiards_env.physics.state import (
     moves,
     own_time,
 )
-from billiards_env.physics.walls import wall_normal, wall_time
+from billiards_env.physics.walls import wall_normal, wall_time, walls_met
 
 FAR = 0.2
 """m. Gaps are at most this: larger ones are not measured."""
@@ -84,16 +84,20 @@ def _extremes(x, v, a, end):
     return min(x, half, last), max(x, half, last)
 
 
-@inlined
+@kernel
 def end_leg(scene, state, i, leg):
-    """Advances ball i to the end of a leg, where its phase ends or a cushion reflects it."""
+    """Advances ball i to the end of a leg, where its phase ends, or a cushion or two at one instant reflect it."""
     now = later(own_time(state, i), leg.lasts)
     if leg.wall < 0:
         end_phase(state, i, now, scene.numbers)
     else:
         advance(state, i, now, scene.numbers)
-        nx, ny = wall_normal(state, i, leg.wall, scene.outline)
-        reflect(state, i, nx, ny, 0.0, scene)
+        one, two = walls_met(state, i, leg.wall, scene.radius[i], scene.numbers, scene.outline)
+        normal = wall_normal(state, i, one, scene.outline)
+        if two < 0:
+            reflect(state, i, *normal, 0.0, scene)
+        else:
+            reflect_both(state, i, normal, wall_normal(state, i, two, scene.outline), (0.0, 0.0), scene)
 
 
 @kernel

@@ -20,7 +20,7 @@ import math
 import re
 from collections.abc import Callable
 from statistics import NormalDist
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,12 +57,14 @@ class Plan(NamedTuple):
     Attributes:
         stroke: The stroke.
         value: The mean value of its noisy outcomes, from -1 for a lost game to 1 for a won game. In a game that is won
-            by points it is the expected lead.
-        probability: The share of its noisy outcomes that win the game or continue the turn.
+            by points it is the expected lead. With a budget too small for noisy outcomes it is that of the shot
+            without noise.
+        probability: The share of its noisy outcomes that win the game or continue the turn, or whether the shot without
+            noise does.
         ball: The ball that it plans to pot, or -1.
         pocket: The pocket of this pot, or -1.
-        leave: (n, 2) m: the positions of the balls after the shot without noise.
-        samples: The number of noisy outcomes.
+        leave: (n, 2) m: the positions of the balls after the shot without noise; NaN without `Options.leaves`.
+        samples: The number of noisy outcomes, or 1.
         alternatives: Other shots, the best first; they have no alternatives.
     """
 
@@ -100,11 +102,13 @@ class Options(NamedTuple):
             is won by points the expected points of the turn.
         english: Whether to try offsets of the tip, in a scene with spin.
         values: A function that returns the values (m,) of m simulated shots; None for the usual ones, see `Plan.value`.
+        leaves: Whether to compute `Plan.leave`, which simulates the final shots once more.
     """
 
     run_out: bool = False
     english: bool = True
     values: Callable[[PlayedBatch], Floats] | None = None
+    leaves: bool = True
 
 
 _USUAL = Options()
@@ -126,7 +130,7 @@ def planner(setup: Setup, argument: str = "", noise: Noise = NOISE) -> Callable[
     noise = real("noise[0]", noise[0], "angle_std"), real("noise[1]", noise[1], "speed_std")
 
     def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
-        return plan(setup, game, max_speed, rng, seconds, shots, noise).stroke
+        return plan(setup, game, max_speed, rng, seconds, shots, noise, Options(leaves=False)).stroke
 
     return stroke
 
@@ -181,37 +185,22 @@ def plan(
 
     budget.begin_shots()
     exact = _without_noise(search, first)
-    survivors = first.take(np.argsort(-exact, kind="stable")[: max(FINALISTS, int(_KEPT * len(exact)))])
-
-    totals = Sums(*np.zeros((3, len(survivors.velocities))))
-    while True:
-        rounds = max(1, math.ceil(math.log2(len(totals.samples) / FINALISTS)) + 1)
-        samples = max(1, int(budget.left / rounds / len(totals.samples)))
-        new, shifts = _sample(search, survivors, samples)
-        totals = Sums(*(before + after for before, after in zip(totals, new, strict=True)))
-        order = totals.order()
-        if rounds == 1 or budget.left < len(order):
-            break
-        order = order[: max(FINALISTS, len(order) // 2)]
-        # Copies of the better half, with the mean noise of its better outcomes, replace the worse half.
-        half = len(order) // 2 if rounds > 2 else 0
-        copied, order = order[:half], order[: len(order) - half]
-        velocities, spins = add_noise(survivors.velocities[copied], survivors.spins[copied], shifts[copied], max_speed)
-        copies = survivors.take(copied)._replace(velocities=velocities, spins=spins)
-        survivors = survivors.take(order).joined(copies)
-        totals = Sums(*(np.concatenate((sums[order], np.zeros(half))) for sums in totals))
-
-    order = order[:FINALISTS]
-    best = survivors.take(order)
-    leaves = play_batch(setup, game, best.velocities, best.spins, best.places, best.targets, threads=1).positions
+    order = np.argsort(-exact.total, kind="stable")[: max(FINALISTS, int(_KEPT * len(exact.total)))]
+    finalists, totals = first.take(order), exact.take(order)
+    if budget.left > 0:
+        finalists, totals = _halved(search, finalists)
+    leaves = np.full((FINALISTS, *game.positions.shape), np.nan)
+    if options.leaves:
+        few = finalists.take(slice(FINALISTS))
+        leaves = play_batch(setup, game, few.velocities, few.spins, few.places, few.targets, threads=1).positions
     plans = []
-    for k, leave in zip(order.tolist(), leaves, strict=True):
-        ball, pocket = survivors.targets[k].tolist()
+    for k, leave in enumerate(leaves[: len(finalists.velocities)]):
+        ball, pocket = finalists.targets[k].tolist()
         call = Call(ball, pocket) if game.state.call_shot and not game.state.break_shot and ball >= 0 else NO_CALL
-        call = Call(kind="push_out") if survivors.push_out[k] else call
-        x, y = survivors.velocities[k].tolist()
-        place = None if game.state.in_hand == "no" else tuple(survivors.places[k].tolist())
-        stroke = Stroke((x, y), place, tuple(survivors.spins[k].tolist()), call)
+        call = Call(kind="push_out") if finalists.push_out[k] else call
+        x, y = finalists.velocities[k].tolist()
+        place = None if game.state.in_hand == "no" else tuple(finalists.places[k].tolist())
+        stroke = Stroke((x, y), place, tuple(finalists.spins[k].tolist()), call)
         value, probability = (float(sums[k] / totals.samples[k]) for sums in totals[:2])
         plans.append(Plan(stroke, value, probability, ball, pocket, leave, int(totals.samples[k])))
     best = plans[0]
@@ -246,6 +235,10 @@ class Sums(NamedTuple):
     kept: Floats
     samples: Floats
 
+    def take(self, which: Any) -> Sums:
+        """Returns the sums of some of the candidates."""
+        return Sums(self.total[which], self.kept[which], self.samples[which])
+
     def order(self) -> Ints:
         """Returns the candidates with samples, the best first; few samples count against a candidate."""
         sampled = np.flatnonzero(self.samples)
@@ -276,15 +269,44 @@ class _Search(NamedTuple):
     budget: Budget
 
 
-def _without_noise(search: _Search, first: Candidates) -> Floats:
-    """Returns the values of the first candidates without noise, and sets the calls of random shots to their pots."""
-    setup, game, budget, exact = search.setup, search.game, search.budget, np.empty(0)
-    while len(exact) < len(first.velocities) and not (len(exact) and budget.left < 2 * budget.used):
-        part = first.take(slice(len(exact), len(exact) + budget.chunk(0.1, *_CHUNK)))
+def _halved(search: _Search, survivors: Candidates) -> tuple[Candidates, Sums]:
+    """Simulates candidates with noise, and drops the worse half until few are left. Returns these, the best first."""
+    budget, totals = search.budget, Sums(*np.zeros((3, len(survivors.velocities))))
+    while True:
+        rounds = max(1, math.ceil(math.log2(len(totals.samples) / FINALISTS)) + 1)
+        samples = max(1, int(budget.left / rounds / len(totals.samples)))
+        new, shifts = _sample(search, survivors, samples)
+        totals = Sums(*(before + after for before, after in zip(totals, new, strict=True)))
+        order = totals.order()
+        if rounds == 1 or budget.left < len(order):
+            return survivors.take(order[:FINALISTS]), totals.take(order[:FINALISTS])
+        order = order[: max(FINALISTS, len(order) // 2)]
+        # Copies of the better half, with the mean noise of its better outcomes, replace the worse half.
+        half = len(order) // 2 if rounds > 2 else 0
+        copied, order = order[:half], order[: len(order) - half]
+        noisy = survivors.velocities[copied], survivors.spins[copied], shifts[copied]
+        velocities, spins = add_noise(*noisy, search.max_speed)
+        copies = survivors.take(copied)._replace(velocities=velocities, spins=spins)
+        survivors = survivors.take(order).joined(copies)
+        totals = Sums(*(np.concatenate((sums[order], np.zeros(half))) for sums in totals))
+
+
+def _kept(search: _Search, played: PlayedBatch, push_out: NDArray[np.bool_]) -> Floats:
+    """Returns 1 for the shots that win the game or continue the turn, and 0 for the others, (m,)."""
+    verdicts = played.verdicts
+    return 1.0 * ((verdicts["continues"] | (verdicts["winner"] == search.game.state.player)) & ~push_out)
+
+
+def _without_noise(search: _Search, first: Candidates) -> Sums:
+    """Simulates the first candidates without noise, and sets the calls of random shots to their pots."""
+    setup, game, budget, exact = search.setup, search.game, search.budget, Sums(*np.empty((3, 0)))
+    while len(exact.total) < len(first.velocities) and not (budget.used and budget.left < 2 * budget.used):
+        part = first.take(slice(budget.used, budget.used + budget.chunk(0.1, *_CHUNK)))
         played = play_batch(setup, game, part.velocities, part.spins, part.places, threads=1)
         budget.used += len(part.velocities)
         _set_targets(setup, game, part.targets, played)
-        exact = np.concatenate((exact, search.values(played, part.push_out)))
+        new = search.values(played, part.push_out), _kept(search, played, part.push_out), np.ones(len(part.velocities))
+        exact = Sums(*(np.concatenate(pair) for pair in zip(exact, new, strict=True)))
     return exact
 
 
@@ -308,8 +330,7 @@ def _sample(search: _Search, shots: Candidates, samples: int) -> tuple[Sums, Flo
         )
         budget.used += len(played.verdicts)
         values[piece] = search.values(played, part.push_out[piece])
-        keeps = played.verdicts["continues"] | (played.verdicts["winner"] == game.state.player)
-        kept[piece] = keeps & ~part.push_out[piece]
+        kept[piece] = _kept(search, played, part.push_out[piece])
     done, values = ~np.isnan(values).reshape(k, samples), np.nan_to_num(values).reshape(k, samples)
     sums = Sums(values.sum(axis=1), kept.reshape(k, samples).sum(axis=1), done.sum(axis=1).astype(float))
     better = np.where(done, np.maximum(values - (sums.total / np.maximum(sums.samples, 1.0))[:, None], 0.0), 0.0)

@@ -59,6 +59,7 @@ class Situation(NamedTuple):
         tried_first: (k, 2) velocities that "search" tries before all others.
         action_size: The number of values of an action, 2 or 5.
         goals: Several ways to score: the goals of each.
+        strike: Whether a cue strikes the cue ball and drives balls that touch it.
     """
 
     scene: Scene
@@ -71,6 +72,7 @@ class Situation(NamedTuple):
     tried_first: Floats = np.empty((0, 2))
     action_size: int = 2
     goals: tuple[tuple[Goal, ...], ...] = ()
+    strike: bool = False
 
     def pots(self) -> PotShots:
         """Returns the direct pots, or the pots off one cushion if there is no direct pot, best first."""
@@ -145,6 +147,7 @@ def aim(situation: Situation, rng: np.random.Generator, noise: tuple[float, floa
             goals,
             max_speed=situation.max_speed,
             in_play=~situation.off_table,
+            strike=situation.strike,
             shots=shots,
         )
         if aimed.solved:

@@ -13,7 +13,7 @@ import dataclasses
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,7 +48,7 @@ _NOISE = Range(1e-9, 1.0, "m")
 _LOST = 1.15  # the residuals of a shot over those of all shots above which its start is guessed again
 _AGAIN = (2,)  # the rounds in which all starts are guessed again
 _EVALUATIONS = 10  # most evaluations of a round
-_FACTORS = (0.83, 0.91, 1.1, 1.2)  # of all numbers, from which they are fitted again
+_CHANGES = (-0.1, 0.1)  # relative, of each number, from which all are fitted again
 _OTHERS = 3  # other minima of single shots from which all numbers are fitted again
 _UNDETERMINED = 1e-12  # smallest eigenvalue of the scaled normal equations of the shared numbers
 
@@ -230,11 +230,7 @@ def calibrate(
         ValueError: If a number is unknown, a track is invalid, or the rows do not determine a number.
         ModuleNotFoundError: If scipy is not installed.
     """
-    try:
-        from scipy.optimize import least_squares
-    except ModuleNotFoundError as error:
-        raise missing("scipy", "calibrate") from error
-
+    solve = _least_squares()
     check_scene(scene)
     real("noise", noise, _NOISE)
     names = _check_names(scene, free)
@@ -244,18 +240,58 @@ def calibrate(
         rows.known[:, 2 * n : 2 * n + 2] = finite("velocities", velocities, (len(tracks), 2))
     if spins is not None:
         rows.known[:, 2 * n + 2 :] = finite("spins", spins, (len(tracks), 3))
-    bounds = np.array([RANGES[PHYSICS_RANGES[name]][:2] for name in names], np.float64).T
-    begun, scale = dict(zip(names, _numbers(scene, names).tolist(), strict=True)), noise
+    begun = dict(zip(names, _numbers(scene, names).tolist(), strict=True))
+    fits = _Fits(names, np.array([RANGES[PHYSICS_RANGES[name]][:2] for name in names], np.float64).T, noise, solve)
+    scene, starts, rows, far = _choose_rows(fits, scene, rows, progress)
+    return _result(begun, _last_fits(fits, scene, starts, rows), tracks, rows, far)
 
-    def fitted(scene: Scene, starts: Floats, loss: str, most: int) -> tuple[Scene, fit.Projection]:
-        problem, edge = fit.Projection(scene, names, starts, rows, loss, noise), 1e-9 * np.ptp(bounds, axis=0)
-        inside = np.clip(_numbers(scene, names), bounds[0] + edge, bounds[1] - edge)
-        options: dict[str, Any] = {"loss": loss, "f_scale": noise, "x_scale": "jac", "bounds": bounds, "max_nfev": most}
+
+def _least_squares() -> Callable[..., Any]:
+    """Returns `scipy.optimize.least_squares`."""
+    try:
+        from scipy.optimize import least_squares
+    except ModuleNotFoundError as error:
+        raise missing("scipy", "calibrate") from error
+    return least_squares
+
+
+class _Fits(NamedTuple):
+    """What the fits of a calibration have in common.
+
+    Attributes:
+        names: The s names of the numbers.
+        bounds: (2, s) the least and the largest numbers.
+        noise: m.
+        solve: `scipy.optimize.least_squares`.
+    """
+
+    names: tuple[str, ...]
+    bounds: Floats
+    noise: float
+    solve: Callable[..., Any]
+
+    def run(self, scene: Scene, starts: Floats, rows: fit.Rows, loss: str, most: int) -> tuple[Scene, fit.Projection]:
+        """Fits the numbers from those of a scene, with at most `most` evaluations."""
+        problem = fit.Projection(scene, self.names, starts, rows, loss, self.noise)
+        edge = 1e-9 * np.ptp(self.bounds, axis=0)
+        inside = np.clip(_numbers(scene, self.names), self.bounds[0] + edge, self.bounds[1] - edge)
+        options: dict[str, Any] = {"loss": loss, "f_scale": self.noise, "x_scale": "jac", "bounds": self.bounds}
         exact: Any = problem.jacobian
-        found = least_squares(problem.residuals, inside, exact, ftol=1e-7, **options)
+        found = self.solve(problem.residuals, inside, exact, ftol=1e-7, max_nfev=most, **options)
         problem.jacobian(found.x)
-        return fit.with_numbers(scene, names, found.x), problem
+        return fit.with_numbers(scene, self.names, found.x), problem
 
+
+def _choose_rows(
+    fits: _Fits, scene: Scene, rows: fit.Rows, progress: Callable[[str], None] | None
+) -> tuple[Scene, Floats, fit.Rows, Floats]:
+    """Fits the numbers in rounds, with the rows that are near the paths.
+
+    Returns:
+        The scene with the numbers, the starts, the rows with those that are used, and the distances above which the
+        others were left out, (m, r) m.
+    """
+    noise = scale = fits.noise
     starts, far = fit.guess(scene, rows, noise), ~rows.seen
     for number, cut in enumerate(CUTS):
         if number > 0:
@@ -270,29 +306,34 @@ def calibrate(
         if not rows.used.any():
             raise ValueError(f"shots: no row is within {cut * scale:.2g} m of a path: expected tracks in this scene")
         starts = fit.settle_sides(scene, starts, rows, "soft_l1", noise)
-        scene, problem = fitted(scene, starts, "soft_l1", _EVALUATIONS)
+        scene, problem = fits.run(scene, starts, rows, "soft_l1", _EVALUATIONS)
         starts = problem.starts
         size, _ = _judged(scene, starts, rows, np.inf)
         scale = max(noise, float(np.median(size[rows.used])) / 1.1774)  # of Gaussian noise in two coordinates
         if progress is not None:
-            text = ", ".join(f"{name} {getattr(scene.physics, name):.5g}" for name in names)
+            text = ", ".join(f"{name} {getattr(scene.physics, name):.5g}" for name in fits.names)
             progress(f"round {number + 1}: {rows.used.sum()} of {rows.seen.sum()} rows, {text}")
-    starts = fit.settle_sides(scene, starts, rows, "linear", noise)
-    found = [fitted(scene, starts, "linear", 10 * _EVALUATIONS)]
+    return scene, starts, rows, np.where(far, CUTS[-1] * scale, 0.0)
+
+
+def _last_fits(fits: _Fits, scene: Scene, starts: Floats, rows: fit.Rows) -> list[tuple[Scene, fit.Projection]]:
+    """Returns fits of least squares to the chosen rows, each from other numbers or from another start of a shot."""
+    starts = fit.settle_sides(scene, starts, rows, "linear", fits.noise)
+    found = [fits.run(scene, starts, rows, "linear", 10 * _EVALUATIONS)]
     (scene, problem), others = found[0], []
-    for factor in _FACTORS:  # other minima over the numbers
+    numbers = _numbers(scene, fits.names)
+    for factors in 1.0 + np.concatenate([change * np.eye(len(numbers)) for change in _CHANGES]):
         with contextlib.suppress(ValueError):  # numbers that `Physics` does not allow together
-            changed = fit.with_numbers(scene, names, np.clip(factor * _numbers(scene, names), *bounds))
+            changed = fit.with_numbers(scene, fits.names, np.clip(factors * numbers, *fits.bounds))
             others.append((changed, problem.starts))
-    for _, k, start in fit.other_minima(scene, problem.starts, rows, noise)[:_OTHERS]:
+    for _, k, start in fit.other_minima(scene, problem.starts, rows, fits.noise)[:_OTHERS]:
         others.append((scene, problem.starts.copy()))
         others[-1][1][k] = start
-    found += [fitted(changed, starts, "linear", _EVALUATIONS) for changed, starts in others]
-    scene, problem = min(found, key=lambda one: _cost(*one, names))
+    found += [fits.run(changed, begin, rows, "linear", _EVALUATIONS) for changed, begin in others]
+    scene, problem = min(found, key=lambda one: _cost(*one, fits.names))
     if problem is not found[0][1]:
-        found.append(fitted(scene, problem.starts, "linear", 10 * _EVALUATIONS))
-    far = np.where(far, CUTS[-1] * scale, 0.0)  # the rows that the last round left out
-    return _result(begun, found, tracks, rows, far)
+        found.append(fits.run(scene, problem.starts, rows, "linear", 10 * _EVALUATIONS))
+    return found
 
 
 def _numbers(scene: Scene, names: Sequence[str]) -> Floats:

@@ -81,6 +81,12 @@ def strike(
     return result
 
 
+def strike_with(velocities: Floats, spins: Floats | None = None) -> Strike:
+    """Returns the strikes that give free balls velocities (..., 2), m/s, and spins (..., 3), rad/s, by default none."""
+    shape = velocities.shape[:-1]
+    return Strike(velocities, np.zeros((*shape, 3)) if spins is None else spins, np.zeros(shape, np.bool_))
+
+
 def level_strike(scene: Scene, velocity: ArrayLike, spin: ArrayLike) -> tuple[float, float, float, float]:
     """Returns the arguments (speed, heading, side, top) of the level `strike` that gives a velocity and a spin.
 

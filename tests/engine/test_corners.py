@@ -7,12 +7,16 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
+from billiards_env.engine.compile import scene_arrays
 from billiards_env.engine.overlaps import FIXES
+from billiards_env.jit import allocating_entry_point
+from billiards_env.physics.state import UX, UY, VX, VY, X, Y, empty_state
+from billiards_env.players.paths import follow
 from billiards_env.scene import Balls, Physics
 from billiards_env.scene.table import Table
 from reference.oracle import run
 from tests.helpers.outlines import table, with_corners
-from tests.helpers.shots import FREE, SLIDING, kinds, simulate
+from tests.helpers.shots import FREE, SLIDING, instants, kinds, kinetic_energy, simulate
 
 R = 0.028575
 SQUARE = Table(4.5, 4.5)
@@ -103,6 +107,27 @@ def test_a_corner_agrees_with_the_reference(law, a_table, axis, spin):
     assert shot.positions[0] == pytest.approx([float(x) for x in exact.positions[0]], abs=1e-12)
 
 
+@pytest.mark.parametrize("law", ["han2005", "stronge", "mathavan2010"])
+@pytest.mark.parametrize("angle", [60.0, 20.0])
+def test_the_impacts_of_an_instant_in_an_acute_corner_end(law, angle):
+    """After the joint impact the ball may approach a cushion again: up to hundreds of times, as spin drives it in."""
+    sine, slope = math.sin(math.radians(angle / 2)), math.tan(math.radians(angle / 2))
+    scene = scene_of(law, table([(0, 0), (1.5, -1.5 * slope), (1.5, 1.5 * slope)]))
+    place, rng, longest = np.array([[R / sine - 0.75, 0.0]]), np.random.default_rng(0), 0
+    for _ in range(15):
+        heading = math.pi + math.radians(rng.uniform(-0.7, 0.7) * angle)
+        v, w = rng.uniform(0.05, 5.0) * np.array([math.cos(heading), math.sin(heading)]), rng.normal(0.0, 100.0, 3)
+        shot = simulate(scene, place, v, spins=[w], record=True)
+        image = simulate(scene, place, v * [1.0, -1.0], spins=[w * [-1.0, 1.0, -1.0]], record=True)
+        assert (shot.status, shot.n_events) == (image.status, image.n_events)
+        assert shot.status == "rest"
+        np.testing.assert_array_equal(shot.positions, image.positions * [1.0, -1.0])
+        energies = [kinetic_energy(motion, scene) for _, *both in instants(shot) for motion in both]
+        assert (np.diff(energies) <= 1e-12 * energies[0]).all()
+        longest = max(longest, np.count_nonzero(shot.events["time"] < 1e-9))
+    assert longest > (2 if angle == 60.0 else 8)
+
+
 @pytest.mark.parametrize("n", [2, 4])
 def test_balls_in_a_corner_stay_symmetric_about_the_diagonal(n):
     """The cue ball hits a ball that touches both cushions; balls 2 and 3 touch it and one cushion each."""
@@ -160,3 +185,22 @@ def test_a_ball_that_spin_presses_into_a_corner_stays_on_its_diagonal(law, outli
     assert shot.n_contact_rule > 0
     assert shot.positions[0, 0] == shot.positions[0, 1]
     assert shot.positions[0, 0] == pytest.approx(x, abs=1e-6)
+
+
+@allocating_entry_point
+def end_of_path(scene, start, velocity, gaps):
+    """Returns the end of the path that the players compute for a ball that slides without spin, m."""
+    state = empty_state(1)
+    row = state.rows[0]
+    row[:] = 0.0
+    row[X], row[Y] = start
+    row[VX], row[VY] = row[UX], row[UY] = velocity
+    follow(scene, state, 0, gaps)
+    return row[X], row[Y]
+
+
+@pytest.mark.parametrize("velocity", [(1.5, 1.5), (1.5, 1.2)])
+def test_the_paths_of_players_leave_a_corner_as_the_engine_does(velocity):
+    scene = scene_of("han2005")
+    shot = simulate(scene, [[0.2, 0.2]], velocity)
+    assert end_of_path(scene_arrays(scene), (0.2, 0.2), velocity, np.empty(8)) == tuple(shot.positions[0])

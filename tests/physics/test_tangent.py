@@ -1,7 +1,7 @@
 """The tangents of kernels are the derivatives of their values, and what has no tangent is refused with its line."""
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
@@ -53,8 +53,9 @@ def everything(x, y, pair, k):
     return total, Pair(first, Pair(x, k).first + (x if x > 1.0 else y))
 
 
-def value(x, y, one, two, k):
-    total, (first, second) = everything.py_func(x, y, Pair(one, two), k)
+def value(at, k):
+    x, y, one, two = at
+    total, (first, second) = cast(Any, everything).py_func(x, y, Pair(one, two), k)
     return np.array([total, first, second])
 
 
@@ -66,8 +67,8 @@ def test_a_tangent_is_the_difference_of_values(k):
         ((total, pair), (d_total, d_pair)) = tangent(
             at[0], at[1], Pair(*at[2:]), k, change[0], change[1], Pair(*change[2:])
         )
-        assert np.array_equal([total, *pair], value(*at, k))
-        expected = (value(*(at + 1e-6 * change), k) - value(*(at - 1e-6 * change), k)) / 2e-6
+        assert np.array_equal([total, *pair], value(at, k))
+        expected = (value(at + 1e-6 * change, k) - value(at - 1e-6 * change, k)) / 2e-6
         np.testing.assert_allclose([d_total, *d_pair], expected, atol=1e-7)
 
 

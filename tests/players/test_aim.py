@@ -9,10 +9,12 @@ from billiards_env import Scene, simulate
 from billiards_env.games import opening
 from billiards_env.players.aim import Cushions, FirstTouch, Leave, Pot, Touch, aim
 from billiards_env.scene import layouts
+from billiards_env.shots.strikes import strike_with
 from tests.helpers.games import setup
 
 POOL, CAROM = Scene.named("pool", 1), Scene.named("carom", 2)
 PLACES = [[-0.6, 0.0], [0.6, 0.3]]
+POCKET = POOL.table.pockets[3].x, POOL.table.pockets[3].y
 
 
 def test_pot_and_position_are_exact():
@@ -68,6 +70,24 @@ def test_margins_lead_from_a_miss_to_a_touch(monkeypatch):
     miss = simulate(CAROM, places, [3.0, 0.65])
     assert not (miss.cushions_before_hit[1:] >= 0).all()
     assert aim(CAROM, places, goals).solved
+
+
+def test_a_cue_drives_a_ball_that_it_touches_in_the_shot_that_is_solved():
+    """The same goals need another velocity without a cue, where the first impact is an ordinary one."""
+    places = np.array([[0.6, 0.15], [0.6, 0.15]])
+    to = np.array(POCKET) - places[0]
+    places[1] += 2 * POOL.balls.radius[0] * to / np.hypot(*to)
+    goals, found = [Pot(1, 3), Leave((0.9, -0.1), radius=0.005)], {}
+    for strike in (True, False):
+        found[strike] = aim(POOL, places, goals, strike=strike)
+        assert found[strike].solved
+        for velocity in (found[strike].velocity, *found[strike].alternatives):
+            shot = simulate(POOL, places, strike_with(velocity) if strike else velocity)
+            assert shot.potted.tolist() == [False, True]
+            assert np.hypot(*(shot.positions[0] - goals[1].position)) <= 0.005
+        assert found[strike].residual == np.hypot(*(found[strike].shot.positions[0] - goals[1].position))
+    other = simulate(POOL, places, strike_with(found[False].velocity))
+    assert np.hypot(*(other.positions[0] - goals[1].position)) > 0.1
 
 
 def test_an_unreachable_goal_gives_the_nearest_shot():

@@ -17,30 +17,24 @@ EASY = [[0.6, 0.1], [1.07, 0.435], [-0.5, 0.0]]
 RNG = np.random.default_rng
 
 
-ENDS = {
-    "eight_ball": {"on_table": [0, 8], "solids": 0},
-    "nine_ball": {"on_table": [0, 9]},
-    "snooker": {"on_table": [0, 21]},
-}
 NAMES = ("random", "geometric", "search:100", "aim", "planner:60")
+MOST_STROKES = 400  # a game takes 3 to 50
 
 
 @pytest.mark.parametrize("rules", list(RULES))
 @pytest.mark.parametrize("name", NAMES)
-def test_every_player_plays_every_game(name, rules):
-    """From the opening, and from a position before the last points to the end of the game."""
+def test_every_player_plays_whole_games(name, rules):
+    """The random player only begins the game."""
     game, rng = setup(rules), RNG(1)
     if name == "geometric" and not game.game_rules.pockets:
         return
-    player, end = find_player(name, game), ENDS.get(rules) or {"scores": [(game.target or 0) - 1] * 2}
-    last = custom_opening(game, opening(game, rng, "random").positions, end)
-    for table, strokes in ((opening(game, rng), 3), (last, 60 if rules in ENDS else 20)):
-        for _ in range(strokes):
-            stroke = player(game, table, 6.0, rng)
-            assert np.hypot(*stroke.velocity) <= 6.0 * (1 + 1e-12)
-            table = play(game, table, stroke).game  # refuses what the rules forbid
-            if table.state.over:
-                break
+    player, table = find_player(name, game), opening(game, rng)
+    for _ in range(20 if name == "random" else MOST_STROKES):
+        stroke = player(game, table, 6.0, rng)
+        assert np.hypot(*stroke.velocity) <= 6.0 * (1 + 1e-12)
+        table = play(game, table, stroke).game  # refuses what the rules forbid
+        if table.state.over:
+            break
     assert table.state.over or name == "random"
 
 

@@ -7,8 +7,10 @@ from billiards_env import simulate
 from billiards_env.games import custom_opening
 from billiards_env.players.indirect import find_indirect
 from billiards_env.players.pots import DX, DY, SPEED
+from billiards_env.shots.strikes import strike_with
 from tests.helpers.games import setup
 
+R = 0.028575  # m
 FAR = [[-1.15 + 0.08 * k, -0.55] for k in range(9)]  # places of balls that take no part
 
 
@@ -43,6 +45,15 @@ def test_kicks_reach_a_ball_behind_another_one():
     _check_all(game, state, ways)
 
 
+def test_a_cue_drives_a_ball_that_it_touches():
+    """Two of these ways fail without the cue, where the first impact is an ordinary one."""
+    touching = np.array([0.524, 0.114]) + 2 * R * np.array([np.cos(3.0443), np.sin(3.0443)])
+    game, state = table(b0=touching, b1=(0.524, 0.114), b9=(-0.319, 0.281))
+    ways = find_indirect(game, state, np.arange(1, 10), 6.0)
+    assert (1, 4) in [tuple(row) for row in ways.target.tolist()]
+    _check_all(game, state, ways)
+
+
 def _check_all(game, state, ways):
     """Asserts that every shot pots its ball, or touches the legal ball."""
     pockets = np.array([(pocket.x, pocket.y) for pocket in game.scene.table.pockets])
@@ -51,7 +62,7 @@ def _check_all(game, state, ways):
     for (ball, pocket), shots in zip(ways.target.tolist(), ways.shots, strict=True):
         velocities = shots[:, SPEED, None] * shots[:, [DX, DY]]
         for velocity in velocities[shots[:, SPEED] > 0]:
-            shot = simulate(game.scene, state.positions, velocity, in_play=in_play)
+            shot = simulate(game.scene, state.positions, strike_with(velocity), in_play=in_play)
             if ball < 0:
                 assert shot.cushions_before_hit[1] >= 0
             else:

@@ -54,7 +54,7 @@ def test_slow_shots_keep_the_time_of_a_decision(rules, monkeypatch):
 
     monkeypatch.setattr("billiards_env.players.budget.time", types.SimpleNamespace(thread_time=lambda: now))
     timed(planner, "play_batch", 0.002, lambda setup, game, velocities, *_: len(velocities))
-    timed(indirect, "simulate_batch", 0.02, lambda scene, places, velocities: len(velocities))
+    timed(indirect, "simulate_batch", 0.02, lambda scene, places, strokes: len(places))
     timed(candidates, "find_pots", 0.003, lambda tables: len(tables.positions))
     game = setup(rules)
     table = opening(game, RNG(1), "random")
@@ -65,6 +65,25 @@ def test_slow_shots_keep_the_time_of_a_decision(rules, monkeypatch):
             planner.plan(game, start, 6.0, RNG(0), seconds=seconds)
             assert now < 1.1 * seconds + 0.07
             assert now > 0.8 * seconds
+
+
+def test_a_decision_with_hardly_any_time_simulates_four_shots(monkeypatch):
+    played = []
+
+    def counted(setup, game, velocities, *args, **kwargs):
+        played.append(len(velocities))
+        return play_batch(setup, game, velocities, *args, **kwargs)
+
+    monkeypatch.setattr(planner, "play_batch", counted)
+    game = setup("snooker")
+    table = opening(game, RNG(1), "random")
+    stroke = find_player("planner:0.001ms", game)(game, table, 6.0, RNG(0))
+    assert played == [4]
+    found = plan(game, table, 6.0, RNG(0), seconds=1e-6)
+    assert played == [4, 4, 4]  # the leaves too
+    assert (found.stroke, found.samples, len(found.alternatives)) == (stroke, 1, 3)
+    assert found.probability in (0.0, 1.0)
+    assert np.isfinite(found.leave).all()
 
 
 def snookered(choices):

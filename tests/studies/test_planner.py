@@ -66,7 +66,14 @@ def test_the_times_of_the_decisions_are_printed(monkeypatch, capsys):
     monkeypatch.setattr(planner, "EQUAL_TIME", "search:2")
     monkeypatch.setattr(planner, "times", functools.partial(planner.times, 1))
     main(["--times"])
-    assert [line.partition(": ")[0] for line in capsys.readouterr().out.splitlines()] == ["planner:60", "search:2"]
+    names = [line.rpartition(": ")[0] for line in capsys.readouterr().out.splitlines()]
+    least = planner.LEAST
+    assert names == [
+        "planner:60 in eight_ball",
+        "search:2 in eight_ball",
+        f"{least} in eight_ball",
+        f"{least} in snooker",
+    ]
 
 
 def test_a_file_that_cannot_be_read_is_reported(tmp_path):

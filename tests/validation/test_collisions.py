@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.validation import collisions as c
+from billiards_env.engine import frozen_strike
 from billiards_env.scene import Physics
 
 
@@ -17,13 +18,17 @@ def test_measured_throw_is_within_a_degree():
     )
 
 
-def test_frozen_balls_leave_within_four_degrees_of_the_measured_directions():
+def test_frozen_balls_leave_within_four_degrees_of_the_measured_directions(monkeypatch):
     found = c.frozen(c.SPEEDS["slow"])
     off = np.subtract(found.directions, [value for _, value in c.FROZEN])
     assert abs(off).max() < 4.0
     assert (abs(off) < 3.0).sum() == 8
     assert off[0] == 0.0
-    assert found.ratio == pytest.approx(c.FROZEN_RATIO, abs=5e-4)
+    assert found.ratio == pytest.approx(0.987, abs=5e-4)
+    monkeypatch.setattr(frozen_strike, "LEFT", 0.0)  # the constant that the ratio determines
+    other = c.frozen(c.SPEEDS["slow"])
+    assert other.ratio == pytest.approx(1.0)
+    assert np.abs(np.subtract(other.directions, found.directions)).max() < 0.5
 
 
 def test_snooker_shots_agree_with_the_measurements_but_for_the_first():

@@ -1,0 +1,22 @@
+"""Counts how often compiled code looks for signals, the measure of its work between two chances for Ctrl-C."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from billiards_env.jit import interrupt
+
+
+def looks(monkeypatch: Any, run: Callable[[], Any]) -> tuple[int, Any]:
+    """Returns the number of times that compiled code looks for signals during a call, and the result of the call."""
+    count = 0
+
+    def look() -> None:
+        nonlocal count
+        count += 1
+
+    with monkeypatch.context() as patch:
+        patch.setattr(interrupt, "raise_if_stopped", look)
+        result = run()
+    return count, result
