@@ -25,7 +25,7 @@ train: $(INSTALLED)  ## train the example agent (resumes, if interrupted), compa
 	$(BIN)/python -m agents.train pot
 	$(BIN)/python -m agents.train pot_mlp
 	$(BIN)/python -m agents.evaluate runs/pot --film runs/pot/film.mp4
-	$(BIN)/python -m agents.evaluate runs/pot runs/pot_mlp --players search:200 --curve runs/pot/curve.png
+	$(BIN)/python -m agents.evaluate runs/pot runs/pot_mlp --episodes 10000 --players search:200 --curve runs/pot/curve.png
 
 play: $(INSTALLED)  ## play against the computer in a window, e.g. make play ARGS="--rules carom --players human,human"
 	$(BIN)/python -m billiards_env.play $(ARGS)
