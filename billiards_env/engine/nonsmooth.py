@@ -79,18 +79,19 @@ from billiards_env.physics.walls import (
 from billiards_env.scene import CONTACT_GAP
 
 REASONS = {
-    "grazing": "two bodies hardly touch, or pass within 1e-12 m: after a small change they miss, or hit",
-    "simultaneous": "a ball touches two bodies at one instant, or one as a phase ends, up to 1e-12 m or s. The "
-    "derivative is that of the events one after the other, in the order of the record, and of the recorded flight "
-    "after them",
-    "rule": "the [contact-time rule](engines.md#resting-contact) acted. The derivative neglects it",
+    "grazing": "two bodies barely touch, or pass within 1e-12 m of each other, so a small change turns the hit into "
+    "a miss or the miss into a hit",
+    "simultaneous": "a ball touches two bodies at one instant, or touches a body as a phase of its motion ends, to "
+    "within 1e-12 m or s. The derivative treats the events as if they happened one after the other, in recorded "
+    "order, followed by the recorded flight",
+    "rule": "the [contact-time rule](engines.md#resting-contact) acted. The derivative ignores it",
     "lip": "a ball grazes the circle of a pocket, inside or outside",
     "rolling": "a ball rolls without slip, up to rounding, at the start or after an impact",
-    "slip": 'a slip at a "mathavan2010" cushion is zero at first, or stops and begins again at once; or it changes so '
-    "often that the derivative is not computed",
+    "slip": 'at a `"mathavan2010"` cushion, the slip is zero at first, or it stops and begins again at once, or it '
+    "changes too often to compute the derivative",
     "joint": "a ball touches a cushion where its curvature changes, within 2e-10 m",
     "cut": "the shot, or `t`, ends at the instant of an event",
-    "overflow": "the derivative is above 1e100, after many impacts. It soon overflows, and is infinite or not a number",
+    "overflow": "after many impacts the derivative exceeds 1e100. It soon overflows to infinity or NaN",
 }
 """Why a shot has no derivative, by name."""
 GRAZING, SIMULTANEOUS, BY_RULE, AT_LIP, ROLLS, SLIPS, AT_JOINT, IS_CUT, OVERFLOWS = range(len(REASONS))

@@ -15,7 +15,7 @@ def distance(one, other):
     return 4.0 * np.arcsin(nearest / 2.0)
 
 
-def reference(spin, change, lasts, steps=3000):
+def reference(spin, change, lasts, steps=8000):
     """Returns the rotations of dq/dt = w q / 2 by Runge and Kutta's method of fourth order."""
 
     def slope(t, q):

@@ -3,7 +3,6 @@ import functools
 import io
 import shutil
 from collections.abc import Iterator
-from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +19,6 @@ def denormal() -> Iterator[None]:
     """Ends the rounding of tiny numbers to zero, which `examples/ppo.py` turns on for its process."""
     yield
     torch.set_flush_denormal(False)
-
-
-class InThisProcess(Executor):
-    """Calls functions at once."""
-
-    def submit(self, fn, /, *args, **kwargs):
-        future = Future[Any]()
-        future.set_result(fn(*args, **kwargs))
-        return future
 
 
 @pytest.fixture

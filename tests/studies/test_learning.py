@@ -11,7 +11,7 @@ from agents import config as settings
 from billiards_env.evaluation import evaluation_seeds, find_player, play
 from studies import learning
 from studies.learning import blocks, main
-from tests.studies.conftest import InThisProcess
+from tests.helpers.processes import InThisProcess
 
 ROWS = {
     "seeds": [3, 4],

@@ -14,7 +14,7 @@ import pytest
 from billiards_env import Scene, simulate
 from studies import timestep, timestep_page, timestep_report
 from studies.readme import fill, results
-from tests.studies.conftest import InThisProcess
+from tests.helpers.processes import InThisProcess
 
 pytest.importorskip("matplotlib")
 
