@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from stable_baselines3 import PPO
 
-from billiards_env.checks import Range, fields_of, integer, number, one_of
+from billiards_env.checks import Range, fields_of, integer, number, one_of, real, short
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.tasks import TASKS
 from billiards_env.envs.wrappers import ExecutionNoise
@@ -30,8 +29,14 @@ LEARNING = Path(__file__).resolve().parent.parent / "configs" / "learning.yaml"
 AIM_POLICY: dict[str, Any] = {"arguments": {}}
 USUAL_POLICY: dict[str, Any] = {"hidden": [64, 64], "activation": "tanh"}
 
-_PPO = tuple(inspect.signature(PPO).parameters)[2:19]  # those of the algorithm
+_PPO = (
+    *("learning_rate", "n_steps", "batch_size", "n_epochs", "gamma", "gae_lambda", "clip_range", "clip_range_vf"),
+    *("normalize_advantage", "ent_coef", "vf_coef", "max_grad_norm", "target_kl"),
+)
 _NOISE = tuple(inspect.signature(ExecutionNoise).parameters)[1:-1]
+_POLICY = {"aim": ("head", "arguments"), "gaussian": ("head", "hidden", "activation")}
+_COUNTS = ("n_steps", "batch_size", "n_epochs")
+_SHARES = ("gamma", "gae_lambda")
 
 AIM_PPO = {**{name: PPO_SETTINGS[name] for name in PPO_SETTINGS if name in _PPO}, "learning_rate": [2e-3, 2e-5]}
 """`PPO_SETTINGS` as plain data."""
@@ -79,6 +84,9 @@ class Config:
         least = {"timesteps": 0, "seed": 0, "n_envs": 1, "checkpoint_every": 1, "evaluation_episodes": 1}
         for name, bound in least.items():  # Stable-Baselines3 limits the seed
             self._set(name, integer(name, _whole(getattr(self, name)), Range(bound, 2**32 - 1)))
+        for name in ("env", "policy", "ppo", *(["noise"] if self.noise is not None else [])):
+            if not isinstance(getattr(self, name), Mapping):
+                raise ValueError(f"{name} = {short(getattr(self, name))}: expected a mapping")
         given, noise = dict(self.env), self.noise
         if self.task is not None:
             one_of("task", self.task, tuple(FROZEN))
@@ -90,11 +98,28 @@ class Config:
                 one_of("key of noise", name, _NOISE)
             self._set("noise", _numbers(noise))
         head = self.policy.get("head", "aim")
+        one_of("policy.head", head, tuple(_POLICY))
+        for name in self.policy:
+            one_of(f"key of policy ({head})", name, _POLICY[head])
         policy, ppo = (AIM_POLICY, AIM_PPO) if head == "aim" else (USUAL_POLICY, {})
         self._set("policy", {"head": head, **policy, **_numbers(self.policy)})
         for name in self.ppo:
             one_of("key of ppo", name, _PPO)
         self._set("ppo", {**ppo, **_numbers(self.ppo)})
+        self._check_ppo()
+
+    def _check_ppo(self) -> None:
+        ppo = self.ppo
+        for name in ppo.keys() & set(_COUNTS):
+            ppo[name] = integer(f"ppo.{name}", _whole(ppo[name]), Range(1, None))
+        for name in ppo.keys() & set(_SHARES):
+            real(f"ppo.{name}", ppo[name], Range(0.0, 1.0))
+        rate = ppo.get("learning_rate", 3e-4)
+        for one in rate if isinstance(rate, list) and len(rate) == 2 else [rate]:
+            real("ppo.learning_rate", one, Range(0.0, 1.0))
+        rollout, batch = self.n_envs * ppo.get("n_steps", 2048), ppo.get("batch_size", 64)
+        if rollout % min(batch, rollout):
+            raise ValueError(f"ppo.batch_size = {batch}: expected a divisor of n_envs * ppo.n_steps = {rollout}")
 
     def _set(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, value)

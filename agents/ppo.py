@@ -97,10 +97,16 @@ def make_policy(config: Config) -> ActorCriticPolicy:
     return build_policy(config.env, config.policy, learning_rate(config))
 
 
-def learning_rate(config: Config) -> Callable[[float], float]:
-    """Returns Adam's step size as a function of the share of the steps to come, which may be below 0 at the end."""
+def learning_rates(config: Config) -> tuple[float, float]:
+    """Returns Adam's step size at the start and at the end."""
     rate = config.ppo.get("learning_rate", 3e-4)
     first, last = rate if isinstance(rate, list) else (rate, rate)
+    return first, last
+
+
+def learning_rate(config: Config) -> Callable[[float], float]:
+    """Returns Adam's step size as a function of the share of the steps to come, which may be below 0 at the end."""
+    first, last = learning_rates(config)
     return lambda remaining: last + (first - last) * max(remaining, 0.0)
 
 

@@ -211,7 +211,7 @@ def draw(found: Result, path: Path) -> None:
         style: dict[str, Any] = {"color": f"C{k % 10}", "linestyle": "-" if k < 10 else "--"}
         axes.plot(steps, 100 * curves.mean(0), linewidth=2, label=name, **style)
         axes.plot(steps, 100 * curves.T, linewidth=0.5, alpha=0.6, **style)
-    axes.set(xlabel="million shots", ylabel="success on new layouts (%)", ylim=(0, 102), xlim=(0, 2))
+    axes.set(xlabel="million shots", ylabel="success on new layouts (%)", ylim=(0, 102))
     axes.grid(alpha=0.3)
     figure.legend(loc="outside right upper", fontsize=9, frameon=False)
     save(figure, path)

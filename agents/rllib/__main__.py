@@ -84,13 +84,18 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--address", help='address of a Ray cluster, e.g. "auto" (default: this machine only)')
     parser.add_argument("--run-dir", type=Path, help="folder of the run (default: runs/rllib/NAME)")
     parser.add_argument("--runners", type=int, default=2, help="number of processes that play (default: %(default)s)")
+    parser.add_argument("--seed", type=number, help="default: that of the config")
     parser.add_argument("--timesteps", type=number, help="number of shots (default: that of the config)")
     parser.add_argument("--fresh", action="store_true", help="delete the run in the folder and start again")
     args = parser.parse_args(arguments)
     run_dir = args.run_dir or Path("runs") / "rllib" / Path(args.config).stem
     try:
-        config = load(args.config, **({} if args.timesteps is None else {"timesteps": args.timesteps}))
+        from agents.rllib.algorithm import algorithm_config as check  # imports Ray
+
+        changes = {name: value for name in ("seed", "timesteps") if (value := getattr(args, name)) is not None}
+        config = load(args.config, **changes)
         connect(args.address, cpus=1 + args.runners)
+        check(config, args.runners)
         open_run(config, run_dir, args.fresh)
         train(config, run_dir, args.runners)
     except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:

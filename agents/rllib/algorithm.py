@@ -23,7 +23,7 @@ from stable_baselines3.common.utils import set_random_seed
 from torch import Tensor
 
 from agents.config import ENV_ID, Config
-from agents.ppo import make_env, make_policy, training_seed
+from agents.ppo import learning_rates, make_env, make_policy, training_seed
 from agents.rllib.rollouts import Rollouts, as_tensors
 from billiards_env.sb3.aim_policy import AimPolicy, by_value
 
@@ -220,10 +220,13 @@ def algorithm_config(config: Config, runners: int) -> PPOConfig:
     ppo, players = config.ppo, max(runners, 1)
     if (given := (config.policy["head"], config.start_from)) != ("aim", None):
         raise ValueError(f"policy.head, start_from = {given}: expected 'aim' and None with RLlib")
-    if config.n_envs % players:
+    if runners < 0 or config.n_envs % players:
         raise ValueError(f"runners = {runners}: expected a divisor of n_envs = {config.n_envs}")
+    for name in ("target_kl", "clip_range_vf"):
+        if ppo.get(name) is not None:
+            raise ValueError(f"ppo.{name} = {ppo[name]}: expected None with RLlib")
     env = make_env(config)
-    first, last = ppo["learning_rate"]
+    first, last = learning_rates(config)
     return (
         PPOConfig(algo_class=ArrayPPO)
         .environment(f"billiards_env:{ENV_ID}", observation_space=env.observation_space, action_space=env.action_space)

@@ -100,9 +100,12 @@ def tangent_of(function: Callable[..., Any], *, constant: Collection[str] = ()) 
 
     Raises:
         SyntaxError: At the first compile, if the kernel contains something that has no tangent here.
+        ValueError: If the kernel already has a tangent with other constants.
     """
     if function not in _TANGENTS:
         rule(function, constant=constant)(Tangent(function, frozenset(constant)))
+    if constant and _TANGENTS[function].constant != frozenset(constant):
+        raise ValueError(f"constant = {sorted(constant)}: expected {sorted(_TANGENTS[function].constant)}, as before")
     return _TANGENTS[function].call
 
 
@@ -191,6 +194,10 @@ class _Writer:
                 pass  # the docstring
             case ast.Assign():
                 value, change = self.hoisted(node.value)
+                if len(node.targets) > 1 and change:
+                    name, self.calls = f"_{self.calls}", self.calls + 1
+                    self.write(f"{name}, d_{name} = {value}, {change}")
+                    value, change = name, f"d_{name}"
                 for target in node.targets:
                     self.assign(target, value, change, node.value)
             case ast.AugAssign():
@@ -202,7 +209,7 @@ class _Writer:
                 if node.orelse:
                     self.write("else:")
                     self.block(node.orelse)
-            case ast.For(orelse=[]) if not self.changes(node.iter):
+            case ast.For(orelse=[]) if not self.changes(node.iter) and not self.changes(node.target):
                 self.write(f"for {ast.unparse(node.target)} in {self.constant(node.iter)}:")
                 self.block(node.body)
             case ast.Break() | ast.Continue():
@@ -311,6 +318,8 @@ class _Calls(ast.NodeTransformer):
 
     def visit_Call(self, node: ast.Call) -> Any:
         writer, function = self.writer, ast.unparse(node.func)
+        if node.keywords:
+            writer.refuse(node)
         self.generic_visit(node)
         called = writer.globals.get(function)
         if _is_plain(function) or hasattr(called, "_fields"):

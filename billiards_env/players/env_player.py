@@ -87,8 +87,8 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
     game, run_out = GameState(env.positions, state), env.task != "clear"
     both = expected(noise, level)
     english = env.action == "strike"
-    planned, options = both if any(both) else NOISE, Options(run_out, english, leaves=False)
-    stroke = plan(setup, game, env.max_speed, rng, seconds, shots, planned, options).stroke
+    deviations, options = both if any(both) else NOISE, Options(run_out, english, leaves=False)
+    stroke = plan(setup, game, env.max_speed, rng, seconds, shots, deviations, options).stroke
     stroke = with_noise(stroke, level.noise, env.max_speed, rng)
     if not english:
         return np.array(stroke.velocity) / env.max_speed

@@ -413,7 +413,9 @@ def _several(
         return None
     sides = found[1][:, -1], other[1][:, -1]
     k = int(np.abs(sides[1] - sides[0]).argmax())
-    text = f"a side spin of {sides[1][k]:.3g} instead of {sides[0][k]:.3g} rad/s fits as well, with {', '.join(differ)}"
+    if sides[0][k] != sides[1][k]:
+        differ.insert(0, f"a side spin of {sides[1][k]:.3g} instead of {sides[0][k]:.3g} rad/s")
+    text = f"a fit with {', '.join(differ)} is as good"
     begin = float(tracks[k].times[0])
     return Problem(tracks[k].name, "several minima", 0, begin, begin, text)
 

@@ -559,7 +559,7 @@ _TIMES = 64  # number of times in one pass, which bounds the memory
 
 
 def sensitivities(record: Record, times: ArrayLike) -> Iterator[Sensitivity]:
-    """Yields `ShotResult.sensitivity` of one shot at each of several ascending times, s.
+    """Returns an iterator over `ShotResult.sensitivity` of one shot at several ascending times, s.
 
     A time after the end of the shot counts as its end. An event exactly at a time counts as past.
 
@@ -569,7 +569,11 @@ def sensitivities(record: Record, times: ArrayLike) -> Iterator[Sensitivity]:
     array = numbers("times", times)
     if not (np.isfinite(array).all() and (array >= 0).all() and (np.diff(array) >= 0).all()):
         raise ValueError(f"times = {short(times)}: expected finite numbers of seconds >= 0 in ascending order")
-    (part,), n, array = record.parts, record.scene.n_balls, np.minimum(array, record.time)
+    return _sensitivities(record, np.minimum(array, record.time))
+
+
+def _sensitivities(record: Record, array: Floats) -> Iterator[Sensitivity]:
+    (part,), n = record.parts, record.scene.n_balls
     scale, (events, reasons) = np.abs(start_states(record)[0]), nonsmooth(record, None, 1)
     event = int(events[0])
     last = np.inf if not reasons[0] else part.events[event, TIME] if event >= 0 else -1.0

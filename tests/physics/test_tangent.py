@@ -72,6 +72,22 @@ def test_a_tangent_is_the_difference_of_values(k):
         np.testing.assert_allclose([d_total, *d_pair], expected, atol=1e-7)
 
 
+@kernel
+def twice(x):
+    y = z = x * x
+    return y + z
+
+
+def test_a_chain_of_assignments_computes_its_value_once():
+    assert tangent_of(twice)(3.0, 1.0) == (18.0, 12.0)
+    assert tangent_of(twice).source.count("d_x * x") == 1
+
+
+def test_a_kernel_has_one_tangent():
+    with pytest.raises(ValueError, match=r"constant = \['x'\]: expected \[\], as before"):
+        tangent_of(twice, constant=("x",))
+
+
 def power(x):
     y = 2.0 * x
     return y**2
@@ -93,6 +109,21 @@ def written_array(x, y):
     return x
 
 
+def keyword(x):
+    return Pair(first=x, second=1.0)
+
+
+def keyword_of_a_kernel(x):
+    return halves(x, y=1.0)
+
+
+def changed_counter(x):
+    total = x
+    for x in (1.0, 2.0):
+        total += x
+    return total
+
+
 def changed_constant(x, k):
     k = k + x
     return k
@@ -105,6 +136,9 @@ def changed_constant(x, k):
         (call_within_a_condition, 1, r"halves\(x, y\)"),
         (changed_range, 2, "for part in x"),
         (written_array, 1, r"y\[0\]"),
+        (keyword, 1, r"Pair\(first=x, second=1.0\)"),
+        (keyword_of_a_kernel, 1, r"halves\(x, y=1.0\)"),
+        (changed_counter, 2, "for x in"),
         (changed_constant, 1, "k"),
     ],
 )
