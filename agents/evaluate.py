@@ -125,7 +125,10 @@ def main(arguments: list[str] | None = None) -> None:
             if args.curve is not None:
                 draw_curves(args.runs, args.curve)
             results = {run: evaluate(run, args.episodes, args.seed) for run in args.runs}
-            names = ["policy"] if len(args.runs) == 1 else [str(run) for run in args.runs]
+            names = [run.resolve().name for run in args.runs]
+            if len(set(names)) < len(names):
+                names = [str(run) for run in args.runs]
+            names = ["policy"] if len(names) == 1 else names
             shown = {name: result["policy"] for name, result in zip(names, results.values(), strict=True)}
             shown["random"] = results[run_dir]["random"]
             print_results({**shown, **evaluate_players(run_dir, args.players, args.episodes, args.seed)})

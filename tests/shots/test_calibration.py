@@ -165,7 +165,7 @@ def test_another_minimum_that_is_as_good_is_reported(monkeypatch):
     assert several
     assert all("e_ball 0.92" in problem.text and "instead of 0.952" in problem.text for problem in several)
     assert found.values["e_ball"] == pytest.approx(0.952, abs=1e-3)
-    assert "several minima: a fit with a side spin of " in str(found)
+    assert "several minima: a fit with mu_slide " in str(found)
 
 
 def only(found, kind):
