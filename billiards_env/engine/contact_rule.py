@@ -22,6 +22,8 @@ geometrically, and the impacts are computed one by one. The rule only ends a lon
 instant, as follows. After more than `JAMMED` weak impacts, a light ball between a heavy one and a fixed body is jammed
 (see `resolve_jam`), and a weak impact with a cushion is plastic. All balls of an impact come to rest if one of them has
 had more than `WEDGED` weak impacts or more than `longest_run` impacts of any speed, or if they are slower than `STILL`.
+A ball that a spinning ball wedges into a corner has such runs again and again until the spin ends, which may take
+minutes. So after `ENDLESS` weak impacts in a row, balls that are slower than a weak impact come to rest sooner.
 A finite sequence of three bodies has fewer impacts than `longest_run`. An elastic ball that fits exactly between two
 fixed bodies has more.
 
@@ -53,6 +55,9 @@ JAMMED = 20
 
 WEDGED = 100
 """After more than this number of weak impacts at one place and instant a ball comes to rest."""
+
+ENDLESS = 10_000
+"""After more than this number of weak impacts in a row, slow balls come to rest after `PRESSED` impacts at a place."""
 
 RESOLUTION = 1e-8
 """m. Balls that are about to stop next to each other separate by about this distance."""
@@ -149,7 +154,8 @@ def is_over(i, j, state, numbers, memory):
     if min(run[i], run[j]) < 2:
         return False
     speed = max(abs(rows[i, VX]), abs(rows[i, VY]), abs(rows[j, VX]), abs(rows[j, VY]))
-    return speed < STILL
+    endless = max(weak[i], weak[j]) > ENDLESS and min(run[i], run[j]) > PRESSED
+    return speed < STILL or (endless and speed <= numbers.weak_speed)
 
 
 @inlined

@@ -39,6 +39,14 @@ def test_two_hundred_breaks_end(rack):
     assert found["most_events"] < 20_000
 
 
+@pytest.mark.slow
+def test_a_ball_that_a_spinning_ball_wedges_into_a_corner_comes_to_rest():
+    """The spin lasts for 414 s. Before, the shot had ten million impacts in seven seconds and did not end."""
+    found = families.run("wild outlines", seed=1155, shots=50)
+    assert found["bad"] == []
+    assert found["most_events"] < 2_000_000
+
+
 @pytest.mark.parametrize("speed", [1.0, 10.0, 100.0])
 @pytest.mark.parametrize("offset", [0.0, 0.5, 0.99])
 def test_a_fast_ball_does_not_pass_through_another(speed, offset):
