@@ -23,7 +23,7 @@ from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import empty_contacts, empty_scratch
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.motion import norm
+from billiards_env.physics.elementary import norm
 from billiards_env.physics.state import CUE_BALL, UX, UY, VX, VY, WZ, SceneArrays, X, Y, empty_state
 from billiards_env.physics.strike import CueNumbers, cue_numbers, impulse_gain
 from billiards_env.scene import CONTACT_GAP, Scene

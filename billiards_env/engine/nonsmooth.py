@@ -29,11 +29,9 @@ from billiards_env.engine.margins import between, nearest_time, path_from, touch
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.contact import contact_distance, misses_circle, sweep
-from billiards_env.physics.cushion import CushionMotion
-from billiards_env.physics.cushion_derivatives import cushion_is_smooth
-from billiards_env.physics.derivatives import wall_at
-from billiards_env.physics.lanes import DUX, DUY, DVX, DVY, DWZ, DX, DY
-from billiards_env.physics.motion import Path, norm, place_after, relative_to
+from billiards_env.physics.derivatives import DVX, DVY, DX, DY, ball_at, cushion_is_smooth, wall_at
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.motion import Path, place_after, relative_to
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -300,16 +298,8 @@ def _is_smooth_cushion(i, wall, state, scene):
     """Returns whether the impact of ball i with a state (7,) on a cushion has a derivative."""
     if not scene.numbers.cushion_rubs:
         return True
-    radius = scene.radius[i]
-    nx, ny, _ = wall_at(state, wall, radius, scene.outline)
-    motion = CushionMotion(
-        nx * state[DVX] + ny * state[DVY],
-        nx * state[DVY] - ny * state[DVX],
-        nx * state[DUX] + ny * state[DUY],
-        nx * state[DUY] - ny * state[DUX],
-        radius * state[DWZ],
-    )
-    return cushion_is_smooth(motion, radius, scene)
+    touched = wall_at(state[DX], state[DY], wall, scene.radius[i], scene.outline)
+    return cushion_is_smooth(ball_at(state, 0), touched, scene.radius[i], scene)
 
 
 @inlined
@@ -339,7 +329,7 @@ def _grazes(kind, i, other, piece, speed, over):
     if kind == BALL_POCKET:
         pocket = scene.pockets[other]
         return _grazes_circle(relative_to(path, pocket[POCKET_X], pocket[POCKET_Y]), pocket[POCKET_RADIUS], speed)
-    nx, ny, curvature = wall_at(over.tape.before[piece], other, scene.radius[i], scene.outline)
+    nx, ny, curvature = wall_at(path.x, path.y, other, scene.radius[i], scene.outline)
     if curvature > 0.0:
         reach = 1.0 / curvature
         return _grazes_circle(relative_to(path, path.x + reach * nx, path.y + reach * ny), reach, speed)

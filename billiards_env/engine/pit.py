@@ -44,7 +44,8 @@ from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, empty_scratch
 from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.cushion import reflect, reflect_both
-from billiards_env.physics.motion import Path, advance, begin_phase, capture, end_phase, motion_after, norm
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.motion import Path, advance, begin_phase, capture, end_phase, motion_after
 from billiards_env.physics.state import (
     IDEAL,
     LASTS,

@@ -14,7 +14,8 @@ import numpy as np
 from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, phase_end
 from billiards_env.jit import allocating, inlined
 from billiards_env.physics.contact import MARGIN, NOISE, TINY, circle_time, contact_distance, misses_circle, sweep
-from billiards_env.physics.motion import Path, motion_after, norm, path_of, relative_to
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.motion import Path, motion_after, path_of, relative_to
 from billiards_env.physics.state import (
     AX,
     AY,

@@ -13,7 +13,7 @@ from billiards_env.checks import one_of, real, sequence, shaped, short
 from billiards_env.engine import Engine, checked_engine
 from billiards_env.envs.episodes import cue_ball_alone
 from billiards_env.envs.tasks import TASKS
-from billiards_env.scene import PHYSICS_RANGES, Scene, check_positions, check_ranges
+from billiards_env.scene import PARAMETERS, Scene, check_positions, check_ranges
 
 if TYPE_CHECKING:
     from billiards_env.envs.billiards import BilliardsEnv
@@ -69,7 +69,7 @@ def check_randomize(
     for key, given in (randomize or {}).items():
         if key == "dt" and engine.mode == "pic":
             raise ValueError("randomize['dt'] with mode='pic': expected mode='pit', PIC has no timestep")
-        one_of("key of randomize", key, (*PHYSICS_RANGES, "dt"))
+        one_of("key of randomize", key, (*PARAMETERS, "dt"))
         name = f"randomize[{key!r}]"
         pair = tuple(real(name, end) for end in sequence(name, given))
         if len(pair) != 2 or pair[0] >= pair[1]:

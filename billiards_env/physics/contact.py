@@ -11,7 +11,7 @@ import math
 from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.motion import norm
+from billiards_env.physics.elementary import norm
 from billiards_env.physics.roots import first_descent
 
 MARGIN = 1e-6

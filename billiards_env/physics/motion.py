@@ -1,17 +1,4 @@
-"""The law of motion: how a ball moves between two events.
-
-In every phase the position is quadratic in time, r(t) = r0 + v0 t + a t^2 / 2:
-
-* sliding: the point that touches the cloth moves at u = v + R z x omega. Friction a = -mu_s g u/|u| keeps its
-  direction, and du/dt = 7/2 a, so the phase lasts 2 |u| / (7 mu_s g) (Marlow 1995, The Physics of Pocket Billiards).
-* rolling: u = 0 and a = -mu_r g v/|v|, so the phase lasts |v| / (mu_r g).
-* free: a = 0, and the phase has no end.
-* spinning and at rest: v = 0.
-
-The spin about the vertical axis decays linearly to zero in every phase, independently of the rest.
-
-The engines call this module. The derivatives (`physics.derivatives`) and the 50-digit reference repeat the law.
-"""
+"""The motion of balls as the engines use it: rows of numbers that follow the laws of `physics.laws.cloth`."""
 
 from __future__ import annotations
 
@@ -19,14 +6,13 @@ import math
 from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
+from billiards_env.physics.laws.cloth import SLIP_RATE, drive, phase_of, spin_after
 from billiards_env.physics.state import (
     AX,
     AY,
-    FREE,
     IDEAL,
     LASTS,
     POTTED,
-    REST,
     ROLLING,
     ROLLING_ONLY,
     SLIDING,
@@ -41,13 +27,11 @@ from billiards_env.physics.state import (
     WZ,
     X,
     Y,
+    ball_of,
     moves,
     own_time,
     since,
 )
-
-SLIP_RATE = 3.5
-"""While a ball slides, its slip changes at this multiple of its acceleration."""
 
 
 class Path(NamedTuple):
@@ -89,17 +73,6 @@ def place_after(path, t):
     return path.x + t * (path.vx + 0.5 * t * path.ax), path.y + t * (path.vy + 0.5 * t * path.ay)
 
 
-@kernel
-def norm(x: float, y: float) -> float:
-    """Returns the length of (x, y). It is correct even if the squares underflow."""
-    big = max(abs(x), abs(y))
-    if big > 1e-140:
-        return math.sqrt(x * x + y * y)
-    if big == 0.0:
-        return 0.0
-    return big * math.sqrt((x / big) * (x / big) + (y / big) * (y / big))
-
-
 @inlined
 def begin_phase(state, i, numbers):
     """Sets ball i's phase, AX, AY and LASTS from its velocity, slip and spin.
@@ -113,30 +86,9 @@ def begin_phase(state, i, numbers):
     if phase[i] == POTTED:
         return
     s = state.rows[i]
-    v = norm(s[VX], s[VY])
-    s[AX] = s[AY] = 0.0
-    s[LASTS] = math.inf
-    if numbers.motion == IDEAL:
-        phase[i] = FREE if v > 0.0 else REST
-        return
-    if numbers.motion == SLIDING_AND_ROLLING:
-        u = norm(s[UX], s[UY])
-        if u > 0.0:
-            phase[i] = SLIDING
-            s[AX] = -numbers.slide * (s[UX] / u)
-            s[AY] = -numbers.slide * (s[UY] / u)
-            s[LASTS] = u / (SLIP_RATE * numbers.slide)
-            return
-    if v > 0.0:
-        phase[i] = ROLLING
-        s[AX] = -numbers.roll * (s[VX] / v)
-        s[AY] = -numbers.roll * (s[VY] / v)
-        s[LASTS] = v / numbers.roll
-    elif s[WZ] != 0.0:
-        phase[i] = SPINNING
-        s[LASTS] = abs(s[WZ]) / numbers.spin_decay
-    else:
-        phase[i] = REST
+    ball = ball_of(s)
+    phase[i] = phase_of(ball, numbers)
+    s[AX], s[AY], s[LASTS] = drive(ball, phase[i], numbers)
 
 
 @kernel
@@ -160,13 +112,6 @@ def slip_after(state, i, t):
     if state.phase[i] == SLIDING:
         return s[UX] + SLIP_RATE * t * s[AX], s[UY] + SLIP_RATE * t * s[AY]
     return s[UX], s[UY]
-
-
-@kernel
-def spin_after(wz, t, numbers):
-    """Returns the spin about the vertical axis after t seconds, rad/s."""
-    left = abs(wz) - numbers.spin_decay * t
-    return math.copysign(left, wz) if left > 0.0 else 0.0
 
 
 @inlined

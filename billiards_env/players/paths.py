@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.cushion import reflect, reflect_both
-from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after, norm, path_of
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after, path_of
 from billiards_env.physics.state import (
     AX,
     AY,

@@ -30,7 +30,9 @@ from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import Shots, empty_shots
 from billiards_env.jit import allocating, allocating_entry_point, kernel
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.motion import motion_after, norm, slip_after, spin_after
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.laws.cloth import spin_after
+from billiards_env.physics.motion import motion_after, slip_after
 from billiards_env.physics.state import (
     POCKET_RADIUS,
     POCKET_X,

@@ -28,6 +28,8 @@ def inputs_of(scene):
         names += ["mu_cushion"]
     if p.cushion == "stronge":
         names += ["cushion_frequency_ratio"]
+    if p.cushion == "han2005_variable":
+        names += ["mu_cushion_angle", "e_cushion_topspin"]
     if p.e_cushion_loss:
         names += ["e_cushion_loss", "e_cushion_onset", "e_cushion_floor"]
     if p.ball_ball == "frictional":
