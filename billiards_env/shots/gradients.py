@@ -4,7 +4,7 @@ Inputs (the names of `by` and of tangents) for a shot of n balls:
 
 * "positions" (n, 2), "velocities" (n, 2) and "spins" (n, 3) at the start,
 * "radius" (n,) and "mass" (n,),
-* each number of `Physics` that enters the motion, (),
+* each number of `Physics` that enters the motion, and "cushion_height" of the `Table`, (),
 * "strike" (5,): speed, heading, side, top and elevation of the strike of the cue ball.
 
 Outputs (the names of `of` and of cotangents) are "positions", "velocities" and "spins" at a time, and "event_times"
@@ -170,7 +170,7 @@ class _Inputs(NamedTuple):
 
     Attributes:
         scene: The scene.
-        numbers: The result of `physics_inputs`.
+        numbers: The result of `physics_inputs`, and the same for "cushion_height".
         strike: (m, 5, 5) derivative of the cue ball's velocity and spin by the strike, or None.
     """
 
@@ -242,7 +242,9 @@ def _inputs(record: Record, strike: ArrayLike | None) -> _Inputs:
                 f"strike = {short(parameters.tolist())}: expected the strike of the shot, whose velocity and spin are "
                 f"{begun[off][0].tolist()}, not {struck[off][0].tolist()}"
             )
-    return _Inputs(scene, physics_inputs(scene.physics, record.varied), derivative)
+    height = np.array([float(name == "cushion_height") for name in LAW_NUMBERS])
+    known = physics_inputs(scene.physics, record.varied) | {"cushion_height": height}
+    return _Inputs(scene, known, derivative)
 
 
 def start_states(record: Record) -> Floats:

@@ -25,7 +25,7 @@ def inputs_of(scene):
     if p.motion == "sliding":
         names += ["spins", "mu_slide", "spin_decay"]
     if p.cushion != "restitution":
-        names += ["mu_cushion"]
+        names += ["mu_cushion", "cushion_height"]
     if p.cushion == "stronge":
         names += ["cushion_frequency_ratio"]
     if p.cushion == "han2005_variable":
