@@ -527,20 +527,17 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     fixes, steps, chosen = found["settings"]["fixes"], found["settings"]["steps"], found["chosen"]
     dts = [f"1/{n} s" for n in steps]
     ends, some = (dts[0], dts[-1]), (dts[0], dts[len(dts) // 2], dts[-1])
-    rows = []
-    for kind, results in found["errors"].items():
-        for fix in fixes:
-            at = {dt: results[f"{fix} {dt}"] for dt in dts}
-            positions = (f"{at[dt]['position']:.1e} m" for dt in ends)
-            small, large = (percent(at[dt]["small"]) for dt in some), (percent(at[dt]["large"]) for dt in ends)
-            rows.append((kind, f"`{fix}`", *positions, *small, *large))
-        exact = results["exact"]
-        rows.append((kind, "exact engine", "", "", percent(exact["small"]), "", "", percent(exact["large"]), ""))
+    rows, results, compared = [], found["errors"]["whole shots"], chosen["whole shots"]
+    for fix in fixes:
+        at = {dt: results[f"{fix} {dt}"] for dt in dts}
+        positions = (f"{at[dt]['position']:.1e} m" for dt in ends)
+        small, large = (percent(at[dt]["small"]) for dt in some), (percent(at[dt]["large"]) for dt in ends)
+        rows.append((f"`{fix}`", *positions, *small, *large))
+    exact = results["exact"]
+    rows.append(("exact engine", "", "", percent(exact["small"]), "", "", percent(exact["large"]), ""))
     columns = (("position", ends), ("derivative", some), ("over 2 mm/s", ends))
-    head = ("shots", "fix", *(f"{name}, {dt}" for name, at in columns for dt in at))
-    other = chosen["whole shots"]["other"]
-    contacts = [(f"`{fix}`", *(percent(other[f"{fix} {dt}"]) for dt in dts)) for fix in fixes]
-    numbers = ", ".join(f"{len(c['numbers'])} of {c['smooth']:,} ({kind})" for kind, c in chosen.items())
+    head = ("fix", *(f"{name}, {dt}" for name, at in columns for dt in at))
+    other = (f"{percent(compared['other'][f'time_of_impact {dt}'])} (timestep {dt})" for dt in dts)
     learned = []
     for world, derivatives in found["goals"].items():
         for derivative, runs in derivatives.items():
@@ -564,9 +561,10 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
         pots.append((f"{int(shots):,}", ", ".join(f"{rate:.1%}" for rate in rates), as_percent(over_seeds(rates))))
     return {
         "machine": machine_line(found["machine"]),
-        "errors": table(head, rows, left=2),
-        "contacts": table(("whole shots with other contacts", *dts), contacts),
-        "shots": f"Smooth shots with the same contacts for each fix and timestep: {numbers}.",
+        "errors": table(head, rows),
+        "contacts": f"Shots in which `time_of_impact` makes other contacts: {', '.join(other)}.",
+        "shots": f"{len(compared['numbers'])} of {compared['smooth']:,} smooth shots are compared: those with the same "
+        "contacts for each fix and timestep.",
         "goals": table(in_worlds, learned, left=2),
         "size": f"{len(GOAL_SEEDS)} seeds for each row, {goals['updates'] * goals['batch']:,} shots of training, "
         f"{goals['layouts']:,} new layouts for each seed.",
