@@ -162,15 +162,15 @@ def empty_tape(begin, end, shots, lanes):
         events = max(events, bounds[k + 1, 0] - bounds[k, 0])
         pieces = max(pieces, bounds[k + 1, 1] - bounds[k, 1])
     return Tape(
-        np.empty(pieces, np.int64),
-        np.empty((pieces, BALL_WIDTH)),
-        np.empty((pieces, BALL_WIDTH)),
-        np.empty(events, np.int64),
-        np.empty(n, np.int64),
-        np.empty(n, np.bool_),
-        np.empty((lanes, LANE_WIDTH)),
-        np.empty(MOST_LANES, np.int64),
-        np.empty(MOST_LANES),
+        previous=np.empty(pieces, np.int64),
+        before=np.empty((pieces, BALL_WIDTH)),
+        after=np.empty((pieces, BALL_WIDTH)),
+        first=np.empty(events, np.int64),
+        current=np.empty(n, np.int64),
+        joint=np.empty(n, np.bool_),
+        lanes=np.empty((lanes, LANE_WIDTH)),
+        column=np.empty(MOST_LANES, np.int64),
+        pulled=np.empty(MOST_LANES),
     )
 
 

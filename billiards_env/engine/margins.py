@@ -529,7 +529,16 @@ def push_margins(begin, end, shots, times, inputs, selected, results):
         log, paths = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]]
         trace(log, paths, arrays, is_sphere, tape)
         out = MarginsOut(margins[k], nearest[k], rates, slopes[k])
-        shot = Shot(paths, selected, inputs[k], tangent, arrays, is_sphere, tape, out)
+        shot = Shot(
+            segments=paths,
+            selected=selected,
+            inputs=inputs[k],
+            tangent=tangent,
+            scene=arrays,
+            is_sphere=is_sphere,
+            tape=tape,
+            out=out,
+        )
         out.margin[:] = -math.inf
         out.time[:] = 0.0
         out.slope[:] = 0.0

@@ -429,7 +429,9 @@ def find_nonsmooth(begin, end, shots, times, results):
         at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
         log, paths, until = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]], Time(times[k], 0.0)
         trace(log, paths, scene, shots.is_sphere, tape)
-        over = Pass(log, paths, scene, tape, last, until, first, results[k])
+        over = Pass(
+            events=log, segments=paths, scene=scene, tape=tape, last=last, until=until, time=first, found=results[k]
+        )
         first[0], results[k, 0], results[k, 1] = math.inf, -1, -1
         last[:] = -1
         for i in range(n):

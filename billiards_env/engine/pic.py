@@ -63,7 +63,15 @@ def make_workspace(scene, queue, most, scratch):
     """Returns the `PicWorkspace` for the balls of a scene, with up to `most` contacts at one instant."""
     n = len(scene.radius)
     due, changed = np.empty(n, np.int64), np.empty(2 * (most + n), np.int64)
-    return PicWorkspace(empty_state(n), queue, empty_contacts(most), scratch, empty_memory(n), due, changed)
+    return PicWorkspace(
+        state=empty_state(n),
+        queue=queue,
+        contacts=empty_contacts(most),
+        scratch=scratch,
+        memory=empty_memory(n),
+        due=due,
+        changed=changed,
+    )
 
 
 @inlined

@@ -119,16 +119,16 @@ def make_workspace(scene):
     n = len(scene.radius)
     most = max(1, n * (n - 1) // 2)
     return PitWorkspace(
-        empty_state(n),
-        empty_contacts(most),
-        empty_scratch(n, most, scene.ball_friction),
-        np.empty((n, 4)),
-        np.empty(n),
-        np.empty(n),
-        np.empty(n),
-        np.empty(n, np.int64),
-        np.empty(n, np.bool_),
-        np.empty(n, np.bool_),
+        state=empty_state(n),
+        contacts=empty_contacts(most),
+        scratch=empty_scratch(n, most, scene.ball_friction),
+        here=np.empty((n, 4)),
+        back=np.empty(n),
+        phase_end_hi=np.empty(n),
+        phase_end_lo=np.empty(n),
+        moving=np.empty(n, np.int64),
+        moved=np.empty(n, np.bool_),
+        changed=np.empty(n, np.bool_),
     )
 
 

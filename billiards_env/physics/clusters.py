@@ -120,15 +120,15 @@ def _empty_rubbing(ball_friction, n, most):
     if ball_friction is None:
         return None
     return Rubbing(
-        np.empty(most),
-        np.empty((min(most, MOST), 4)),
-        np.empty(most),
-        np.empty(most),
-        np.empty((most, 2)),
-        np.empty((most, 2)),
-        np.empty((most, 2)),
-        np.empty((n, 6)),
-        np.empty(n, np.int64),
+        normal=np.empty(most),
+        target=np.empty((min(most, MOST), 4)),
+        limit=np.empty(most),
+        weight=np.empty(most),
+        slip=np.empty((most, 2)),
+        point=np.empty((most, 2)),
+        last=np.empty((most, 2)),
+        sums=np.empty((n, 6)),
+        degree=np.empty(n, np.int64),
     )
 
 
@@ -136,14 +136,14 @@ def _empty_rubbing(ball_friction, n, most):
 def empty_scratch(n, most, ball_friction):
     """Returns the `Scratch` for n balls and `most` contacts; `ball_friction` is `SceneArrays.ball_friction`."""
     return Scratch(
-        np.empty((most, 2)),
-        np.empty((most, 2)),
-        np.empty((n, 4)),
-        empty_problem(min(most, MOST)),
-        np.empty((4, most)),
-        np.empty((n, 2)),
-        np.zeros(n, np.bool_),
-        _empty_rubbing(ball_friction, n, most),
+        wanted=np.empty((most, 2)),
+        impulse=np.empty((most, 2)),
+        change=np.empty((n, 4)),
+        problem=empty_problem(min(most, MOST)),
+        descent=np.empty((4, most)),
+        dv=np.empty((n, 2)),
+        done=np.zeros(n, np.bool_),
+        rubbing=_empty_rubbing(ball_friction, n, most),
     )
 
 

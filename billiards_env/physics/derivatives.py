@@ -175,8 +175,8 @@ def settle_lane(lane, at, phase, numbers):
     if numbers.motion == IDEAL:
         return
     if phase == ROLLING:
-        lane[at + DVX] -= lane[at + DUX] / SLIP_RATE
-        lane[at + DVY] -= lane[at + DUY] / SLIP_RATE
+        lane[at + DVX] -= lane[at + DUX] * (1.0 / SLIP_RATE)
+        lane[at + DVY] -= lane[at + DUY] * (1.0 / SLIP_RATE)
     if phase <= SPINNING:
         lane[at + DVX] = lane[at + DVY] = 0.0
     if phase <= ROLLING:
@@ -340,7 +340,7 @@ def wall_lane(lane, wall, jump, cushion, numbers, solution):
     """
     nx, ny, ball, d_radius = wall.nx, wall.ny, jump.ball, lane[D_RADIUS]
     speed = nx * ball.vx + ny * ball.vy
-    dt = -(nx * lane[DX] + ny * lane[DY] + d_radius) / speed if speed != 0.0 else 0.0
+    dt = -(nx * lane[DX] + ny * lane[DY] + d_radius) * (1.0 / speed) if speed != 0.0 else 0.0
     change = _shifted(ball_at(lane, 0), jump.before, dt)
     _note(lane, dt, change)
     turn = -wall.curvature * (nx * change.y - ny * change.x)  # at a tip the normal turns with the point of contact
@@ -369,7 +369,7 @@ def pair_lane(lane, one, two, are_spheres, ball_friction, numbers):
     closing = dx * (b.vx - a.vx) + dy * (b.vy - a.vy)
     late = d_distance_of(are_spheres, *bodies[:2], *d_bodies[:2])[1] * norm(dx, dy)
     late -= dx * (d_b.x - d_a.x) + dy * (d_b.y - d_a.y)
-    dt = late / closing if closing != 0.0 else 0.0
+    dt = late * (1.0 / closing) if closing != 0.0 else 0.0
     d_a, d_b = _shifted(d_a, one.before, dt), _shifted(d_b, two.before, dt)
     _note(lane, dt, d_a)
     d_a, d_b = _d_meet(ball_friction, are_spheres, a, b, bodies, numbers, d_a, d_b, d_bodies, _changes(lane))[1]

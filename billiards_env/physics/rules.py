@@ -24,7 +24,7 @@ SMOOTH = {mathavan2010: is_smooth}
 @inlined
 def _d_norm(x, y, d_x, d_y):
     size = norm(x, y)
-    return size, (x * d_x + y * d_y) / size if size > 0.0 else 0.0
+    return size, (x / size) * d_x + (y / size) * d_y if size > 0.0 else 0.0
 
 
 @rule(exponential)
@@ -45,7 +45,7 @@ def _d_sine_cosine(x, d_x):
 @inlined
 def _d_arccosine(x, d_x):
     square = 1.0 - x * x
-    return arccosine(x), -d_x / math.sqrt(square) if square > 0.0 else 0.0
+    return arccosine(x), -d_x * (1.0 / math.sqrt(square)) if square > 0.0 else 0.0
 
 
 @rule(known_end)

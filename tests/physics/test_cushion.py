@@ -232,6 +232,23 @@ def test_compliant_rebounds_of_another_simulator(velocity, spin, change, change_
     )
 
 
+@pytest.mark.parametrize(
+    ("motion", "e", "mu"),
+    [
+        ((1.0, 0.0, 0.0, 0.0, 0.3), 0.84, 0.2),  # rolls along the normal
+        ((1.0, 1.0, 1.0, 1.0, 0.0), 0.8, 0.25),  # slides at 45 degrees
+        ((1.0, -1.0, 0.5, -1.0, 0.2), 0.82, 0.25),  # half of the topspin of rolling
+        ((1.0, 0.0, -3.0, 0.5, 0.1), 0.84, 0.2),  # more topspin than rolling
+        ((1.0, 0.0, 2.0, 0.5, 0.1), 0.8, 0.2),  # backspin
+    ],
+)
+def test_a_variable_cushion_has_the_friction_of_the_angle_and_the_restitution_of_the_topspin(motion, e, mu):
+    numbers = {"e_cushion": 0.8, "mu_cushion": 0.2, "mu_cushion_angle": 0.1, "e_cushion_topspin": 0.04}
+    found, _ = impact(CushionMotion(*motion), POOL_R, 0.0, pool_cushion("han2005_variable", **numbers))
+    plain = pool_cushion("han2005", e_cushion=e, mu_cushion=mu)
+    assert found == pytest.approx(impact(CushionMotion(*motion), POOL_R, 0.0, plain)[0], abs=1e-15)
+
+
 ENERGETIC = st.tuples(st.floats(0, 1), st.floats(1.0, 2.0))
 
 
@@ -258,7 +275,7 @@ def test_a_stiff_cushion_without_slip_is_restitution():
     assert spin == pytest.approx((1.0, 2.0, 3.0))
 
 
-LAWS = ["han2005", "stronge", "mathavan2010"]
+LAWS = ["han2005", "stronge", "mathavan2010", "han2005_variable"]
 # A square of a smaller number may underflow.
 SPEEDS = st.floats(-5, 5).map(lambda v: v if abs(v) > 1e-100 else 0.0)
 STATES = st.tuples(st.floats(0.01, 5), SPEEDS, *[SPEEDS] * 3)
@@ -268,7 +285,7 @@ def energy(vn, vt, un, ut, rwz):
     return vn**2 + vt**2 + 0.4 * ((vn - un) ** 2 + (ut - vt) ** 2 + rwz**2)
 
 
-ERROR = {"han2005": 1e-13, "stronge": 1e-13, "mathavan2010": 1e-7}
+ERROR = {"han2005": 1e-13, "stronge": 1e-13, "mathavan2010": 1e-7, "han2005_variable": 1e-13}
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from billiards_env.jit import inlined, kernel
+from billiards_env.jit import inlined
 from billiards_env.physics.elementary import exponential, norm
 from billiards_env.physics.state import SLIDING_AND_ROLLING, BallState
 
@@ -60,7 +60,7 @@ def tilt_between(are_spheres, radius_i, radius_j):
     return 1.0, 0.0
 
 
-@kernel
+@inlined
 def normal_impulse(closing, inv_mass_i, inv_mass_j, e):
     """Returns the impulse along the line of centres of two smooth balls that approach at speed `closing`, kg m/s.
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 
-from billiards_env.jit import inlined, kernel
+from billiards_env.jit import inlined
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.state import (
     FREE,
@@ -59,7 +59,7 @@ def drive(ball, phase, numbers):
     return 0.0, 0.0, math.inf
 
 
-@kernel
+@inlined
 def spin_after(wz, t, numbers):
     """Returns the spin about the vertical axis after t seconds, rad/s."""
     left = abs(wz) - numbers.spin_decay * t

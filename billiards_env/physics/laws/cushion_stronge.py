@@ -103,7 +103,7 @@ def _gross_slip(grip, e, omega):
     return grip * ((1.0 + e) * _BETA - _BETA / (omega * omega * e))
 
 
-@kernel
+@inlined
 def friction_impulse(slip, grip, e, omega, end):
     """Returns the impulse of friction against the slip, per mass, m/s.
 
@@ -132,7 +132,7 @@ def _arguments(before, radius, numbers):
     return nose, math.sqrt(nose.sx * nose.sx + nose.sy * nose.sy), cushion_restitution(before.vn, numbers)
 
 
-@kernel
+@inlined
 def stronge(before, radius, rebound, numbers, solution):
     """Returns a ball's motion after an impact on a compliant cushion, as `cushion_han2005.han2005` does.
 
