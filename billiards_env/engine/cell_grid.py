@@ -35,7 +35,7 @@ from billiards_env.engine.predictions import (
 from billiards_env.engine.runner import LOOK_AFTER
 from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.jit.interrupt import interrupted
-from billiards_env.physics.contact import line_time
+from billiards_env.physics.geometry.contact import line_time
 from billiards_env.physics.motion import motion_after
 from billiards_env.physics.state import AX, AY, LASTS, Time, X, Y, before, moves, own_time, same, since
 

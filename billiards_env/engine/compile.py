@@ -16,8 +16,8 @@ from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.physics.cushion import CUSHIONS, LAWS
+from billiards_env.physics.geometry.walls import outline_arrays
 from billiards_env.physics.state import IDEAL, NUMBERS, ROLLING_ONLY, SLIDING_AND_ROLLING, Numbers, SceneArrays
-from billiards_env.physics.walls import outline_arrays
 from billiards_env.scene import Physics, Scene, law_numbers
 
 MODES = {"pic": pic.run_shots, "pit": pit.run_shots}

@@ -63,7 +63,7 @@ from billiards_env.physics.derivatives import (
     wall_lane,
 )
 from billiards_env.physics.laws.balls import meet
-from billiards_env.physics.laws.cloth import drive, fly, phase_of
+from billiards_env.physics.laws.cloth import coast, drive, phase_of
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -183,6 +183,13 @@ def flight_until(segments, piece, until, numbers):
 
 
 @inlined
+def _flown(segments, piece, flight):
+    """Returns the `BallState` after a `Flight` on a piece."""
+    row = segments[piece, SEGMENT_ROW:]
+    return coast(flight.ball, (row[AX], row[AY]), flight.phase, flight.dt, flight.numbers)
+
+
+@inlined
 def _rates(segments, piece, ball, numbers, tape):
     """Returns the time derivative of a `BallState` on a piece."""
     row, begun, phase = segments[piece, SEGMENT_ROW:], tape.after[piece], int(segments[piece, SEGMENT_PHASE])
@@ -245,7 +252,7 @@ def trace(events, segments, scene, is_sphere, tape):
             if tape.joint[i] and flight.dt == 0.0:
                 put_ball(tape.before[here], 0, ball_at(tape.after[p], 0))
             else:
-                put_ball(tape.before[here], 0, fly(flight.ball, flight.phase, flight.dt, numbers))
+                put_ball(tape.before[here], 0, _flown(segments, p, flight))
             put_ball(tape.after[here], 0, ball_of(segments[here, SEGMENT_ROW:]))
             tape.current[i] = here
             tape.joint[i] = False
@@ -325,7 +332,7 @@ def _apply_end(i, count, until, segments, scene, tape):
     """Changes the first `count` lanes, with ball i, by its last flight until a time (s)."""
     numbers = law_numbers_of(scene.numbers)
     flight = flight_until(segments, tape.current[i], Time(until, 0.0), numbers)
-    ball = fly(flight.ball, flight.phase, flight.dt, numbers)
+    ball = _flown(segments, tape.current[i], flight)
     for c in range(count):
         flight_lane(tape.lanes[c], 0, flight)
         end_lane(tape.lanes[c], ball, scene.radius[i], numbers)

@@ -42,7 +42,6 @@ from billiards_env.engine.log import (
 )
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
-from billiards_env.physics.contact import contact_distance, misses_circle, sweep
 from billiards_env.physics.derivatives import (
     BALL_WIDTH,
     D_RADIUS,
@@ -56,8 +55,24 @@ from billiards_env.physics.derivatives import (
     wall_at,
 )
 from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import contact_distance, misses_circle, sweep
+from billiards_env.physics.geometry.roots import bracketed_root, quartic
+from billiards_env.physics.geometry.walls import (
+    HALF_LINE,
+    JOINT,
+    LINE_X,
+    LINE_Y,
+    NX,
+    NY,
+    TIP_RADIUS,
+    TIP_X,
+    TIP_Y,
+    TX,
+    TY,
+    faces,
+    wall_time,
+)
 from billiards_env.physics.motion import Path, place_after, relative_to
-from billiards_env.physics.roots import bracketed_root, quartic
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -77,21 +92,6 @@ from billiards_env.physics.state import (
     later,
     law_numbers_of,
     since,
-)
-from billiards_env.physics.walls import (
-    HALF_LINE,
-    JOINT,
-    LINE_X,
-    LINE_Y,
-    NX,
-    NY,
-    TIP_RADIUS,
-    TIP_X,
-    TIP_Y,
-    TX,
-    TY,
-    faces,
-    wall_time,
 )
 
 _TOUCHING = 1e-9  # m; a gap that is less than minus this is not on the ball's side of a cushion

@@ -28,9 +28,27 @@ from billiards_env.engine.log import (
 from billiards_env.engine.margins import between, nearest_time, path_from, touches_line, turn_time
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
-from billiards_env.physics.contact import contact_distance, misses_circle, sweep
 from billiards_env.physics.derivatives import DVX, DVY, DX, DY, ball_at, cushion_is_smooth, wall_at
 from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import contact_distance, misses_circle, sweep
+from billiards_env.physics.geometry.walls import (
+    BEGIN_TX,
+    BEGIN_TY,
+    END_TX,
+    END_TY,
+    HALF_LINE,
+    JOINT,
+    LINE_X,
+    LINE_Y,
+    NX,
+    NY,
+    TIP_RADIUS,
+    TIP_X,
+    TIP_Y,
+    TX,
+    TY,
+    faces,
+)
 from billiards_env.physics.motion import Path, place_after, relative_to
 from billiards_env.physics.state import (
     AX,
@@ -55,24 +73,6 @@ from billiards_env.physics.state import (
     before,
     later,
     since,
-)
-from billiards_env.physics.walls import (
-    BEGIN_TX,
-    BEGIN_TY,
-    END_TX,
-    END_TY,
-    HALF_LINE,
-    JOINT,
-    LINE_X,
-    LINE_Y,
-    NX,
-    NY,
-    TIP_RADIUS,
-    TIP_X,
-    TIP_Y,
-    TX,
-    TY,
-    faces,
 )
 from billiards_env.scene import CONTACT_GAP
 

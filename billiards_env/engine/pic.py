@@ -28,7 +28,7 @@ from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME
 from billiards_env.jit import allocating, allocating_entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
-from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, empty_scratch
+from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts, empty_scratch
 from billiards_env.physics.motion import advance, begin_phase
 from billiards_env.physics.state import POTTED, REST, SceneArrays, State, Time, empty_state
 

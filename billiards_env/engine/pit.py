@@ -41,10 +41,19 @@ from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMI
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange
-from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, empty_scratch
-from billiards_env.physics.contact import contact_distance
+from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts, empty_scratch
 from billiards_env.physics.cushion import reflect, reflect_both
 from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import contact_distance
+from billiards_env.physics.geometry.walls import (
+    half_sizes,
+    next_overlap,
+    overlap_time,
+    wall_normal,
+    wall_overlap,
+    wall_turns,
+    walls_met,
+)
 from billiards_env.physics.motion import Path, advance, begin_phase, capture, end_phase, motion_after
 from billiards_env.physics.state import (
     IDEAL,
@@ -67,15 +76,6 @@ from billiards_env.physics.state import (
     moves,
     own_time,
     since,
-)
-from billiards_env.physics.walls import (
-    half_sizes,
-    next_overlap,
-    overlap_time,
-    wall_normal,
-    wall_overlap,
-    wall_turns,
-    walls_met,
 )
 
 MAX_STEPS = 100_000_000

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.ball_friction import add_normal_impulses, forget_normal_impulses, rub_all, tilt_of
-from billiards_env.physics.clusters import apply_changes, separation_speed, solve_plastic
+from billiards_env.physics.clusters.friction import add_normal_impulses, forget_normal_impulses, rub_all, tilt_of
+from billiards_env.physics.clusters.impulses import apply_changes, separation_speed, solve_plastic
 from billiards_env.physics.double_double import HI, LO, add
 from billiards_env.physics.laws.balls import Pair, normal_impulse, push_apart, push_ball
 from billiards_env.physics.state import ball_of, set_motion

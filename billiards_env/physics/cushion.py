@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import Any
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.contact import NOISE
 from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import NOISE
 from billiards_env.physics.laws.cushion import Cushion, CushionMotion, cushion_restitution
 from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, WZ, BallState
 from billiards_env.scene import scene as scenes
@@ -209,9 +209,9 @@ def reflect_both(state, i, one, two, rebounds, scene):
 
     With the normals n_1 and n_2 and the shares p_1 and p_2, the velocity is p_1 n_1 + p_2 n_2. The law of one cushion
     acts at each with the normal speed p, in turn, until no share is positive. The result is the mean of both orders.
-    Without friction both orders give -e v, the generalised reflection of `physics.clusters`. If the normals are not
-    perpendicular, friction may raise the energy. The mean then moves towards the plastic impact without friction, which
-    stops the ball, until the energy does not rise.
+    Without friction both orders give -e v, the generalised reflection of `physics.clusters.impulses`. If the normals
+    are not perpendicular, friction may raise the energy. The mean then moves towards the plastic impact without
+    friction, which stops the ball, until the energy does not rise.
 
     Args:
         state: The `State`.

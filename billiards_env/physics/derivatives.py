@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 from billiards_env.jit import entry_point, inlined, kernel
 from billiards_env.physics.cushion import CUSHIONS, LAWS, bounce, by_law, cushion_impact
 from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.walls import NX, NY, TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.physics.laws.balls import distance_of, meet, push_ball
 from billiards_env.physics.laws.cloth import SLIP_RATE, drive, fly, slip_of, spin_of
 from billiards_env.physics.laws.cushion import CushionMotion
@@ -39,7 +40,6 @@ from billiards_env.physics.state import (
 )
 from billiards_env.physics.strike import ELEVATION, HEADING, SIDE, SPEED, TOP, CueNumbers, strike_by
 from billiards_env.physics.tangent import rule, tangent_of
-from billiards_env.physics.walls import NX, NY, TIP_RADIUS, TIP_X, TIP_Y
 
 # Columns of a lane: the state of the first ball, and that of the second.
 DX, DY, DVX, DVY, DUX, DUY, DWZ = range(7)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from billiards_env.engine.predictions import cannot_meet
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.ball_ball import push_pair
-from billiards_env.physics.contact import NOISE, circle_time, contact_distance
 from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import NOISE, circle_time, contact_distance
 from billiards_env.physics.laws.balls import normal_impulse
 from billiards_env.physics.laws.cloth import spin_after
 from billiards_env.physics.motion import Path, arrival, motion_after, travel_time

@@ -33,7 +33,7 @@ NOT_COMPILED = (
     "engine.cell_grid",
     "engine.overlaps",
     "engine.pit",
-    "physics.complementarity",
+    "physics.clusters.complementarity",
     "physics.laws.cushion_mathavan2010",
     "physics.laws.cushion_stronge",
     "physics.laws.mathavan",
@@ -64,7 +64,7 @@ def test_a_plain_step_compiles_no_part(plain):
     """Every scene once compiled the law of Mathavan, Jackson and Parkin (2010)."""
     assert "billiards_env.engine.pic.run" in plain["functions"]
     assert of(plain["functions"], NOT_COMPILED) == []
-    assert of(plain["functions"], ("physics.ball_friction",)) == ["billiards_env.physics.ball_friction.tilt_of"]
+    assert of(plain["functions"], ("physics.clusters.friction",)) == ["billiards_env.physics.clusters.friction.tilt_of"]
     assert "billiards_env.physics.laws.balls.friction_impulse" not in plain["functions"]
     assert of(plain["functions"], ("physics.elementary",)) == ["billiards_env.physics.elementary.norm"]
 

@@ -69,9 +69,9 @@ def spin_after(wz, t, numbers):
 
 
 @inlined
-def fly(ball, phase, t, numbers):
-    """Returns the `BallState` t seconds after another one, within a phase."""
-    ax, ay, _ = drive(ball, phase, numbers)
+def coast(ball, acceleration, phase, t, numbers):
+    """Returns the `BallState` t seconds after another one, within a phase with an acceleration (x, y), m/s^2."""
+    ax, ay = acceleration
     turns = SLIP_RATE if phase == SLIDING else 0.0
     if phase == SPINNING:  # until its end, up to rounding
         wz = ball.wz - (numbers.spin_decay if ball.wz >= 0.0 else -numbers.spin_decay) * t
@@ -86,6 +86,13 @@ def fly(ball, phase, t, numbers):
         ball.uy + turns * t * ay,
         wz,
     )
+
+
+@inlined
+def fly(ball, phase, t, numbers):
+    """Returns the `BallState` t seconds after another one, within a phase that begins there."""
+    ax, ay, _ = drive(ball, phase, numbers)
+    return coast(ball, (ax, ay), phase, t, numbers)
 
 
 @inlined

@@ -17,7 +17,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.jit import allocating, inlined, kernel
-from billiards_env.physics.complementarity import MOST, ComplementarityProblem, empty_problem, solve_complementarity
+from billiards_env.physics.clusters.complementarity import (
+    MOST,
+    ComplementarityProblem,
+    empty_problem,
+    solve_complementarity,
+)
 from billiards_env.physics.double_double import HI, LO, add, multiply, two_product, two_sum
 from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, X, Y
 
@@ -73,7 +78,7 @@ class Rubbing(NamedTuple):
         target: (min(most, MOST), 4) float64, scratch of `solve_smallest`.
         limit: (most,) float64, the largest friction, kg m/s.
         weight: (most,) float64, upper bounds of the change of slip per impulse, 1/kg.
-        slip: (most, 2) float64, slip across and up (see `physics.ball_friction`) before the friction, m/s.
+        slip: (most, 2) float64, slip across and up (see `physics.clusters.friction`) before the friction, m/s.
         point: (most, 2) float64, impulses of friction in these directions, kg m/s.
         last: (most, 2) float64, the same after a step.
         sums: (n, 6) float64, sums of impulses on each ball.

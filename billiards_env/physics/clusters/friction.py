@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.clusters import quantum
-from billiards_env.physics.complementarity import solve_smallest
+from billiards_env.physics.clusters.complementarity import solve_smallest
+from billiards_env.physics.clusters.impulses import quantum
 from billiards_env.physics.double_double import HI
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.laws.balls import Pair, along_normal, contact_slip, friction_coefficient, tilt_between
