@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from billiards_env.physics import roots
+from billiards_env.physics.geometry import roots
 from billiards_env.physics.geometry.roots import bracketed_root
 from tests.helpers.polynomials import expand
 
