@@ -367,7 +367,7 @@ def pair_lane(lane, one, two, are_spheres, ball_friction, numbers):
     d_bodies = (lane[D_RADIUS], lane[D_RADIUS + 1], lane[D_INV_MASS], lane[D_INV_MASS + 1])
     dx, dy = b.x - a.x, b.y - a.y
     closing = dx * (b.vx - a.vx) + dy * (b.vy - a.vy)
-    late = d_distance_of(are_spheres, *bodies[:2], *d_bodies[:2])[1] * norm(dx, dy)
+    late = d_distance_of(are_spheres, *bodies[:2], *d_bodies[:2])[1] * math.sqrt(dx * dx + dy * dy)
     late -= dx * (d_b.x - d_a.x) + dy * (d_b.y - d_a.y)
     dt = late * (1.0 / closing) if closing != 0.0 else 0.0
     d_a, d_b = _shifted(d_a, one.before, dt), _shifted(d_b, two.before, dt)

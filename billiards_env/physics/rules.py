@@ -23,7 +23,7 @@ SMOOTH = {mathavan2010: is_smooth}
 @rule(norm)
 @inlined
 def _d_norm(x, y, d_x, d_y):
-    size = norm(x, y)
+    size = math.sqrt(x * x + y * y)  # unlike `norm`, the compiler can compute it once for all directions
     return size, (x / size) * d_x + (y / size) * d_y if size > 0.0 else 0.0
 
 
