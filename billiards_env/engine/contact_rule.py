@@ -42,7 +42,7 @@ from billiards_env.physics.ball_ball import change_velocity, exchange, exchange_
 from billiards_env.physics.cushion import reflect, reflect_both
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.walls import wall_pressing
-from billiards_env.physics.motion import largest_friction, launch
+from billiards_env.physics.laws.cloth import largest_friction, launch
 from billiards_env.physics.state import AX, AY, IDEAL, UX, UY, VX, VY, X, Y
 
 CONTACT_TIME = 2e-4

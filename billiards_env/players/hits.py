@@ -18,8 +18,8 @@ from billiards_env.physics.ball_ball import push_pair
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import NOISE, circle_time, contact_distance
 from billiards_env.physics.laws.balls import normal_impulse
-from billiards_env.physics.laws.cloth import spin_after
-from billiards_env.physics.motion import Path, arrival, motion_after, travel_time
+from billiards_env.physics.laws.cloth import arrival, spin_after, travel_time
+from billiards_env.physics.motion import Path, motion_after
 from billiards_env.physics.state import AX, AY, REST, SLIDING_AND_ROLLING, T0, UX, UY, VX, VY, WZ, SceneArrays, X, Y
 from billiards_env.players.paths import FAR, LEGS, begin_leg, distance_to_segment, end_leg, pocket_gap
 
@@ -35,7 +35,7 @@ class TableArrays(NamedTuple):
         positions: (n, 2) m.
         off_table: (n,) bool, the balls that are not on the table.
         max_speed: Speed of the fastest shot, m/s.
-        slip_ratio: Initial slip of the cue ball divided by its initial speed, see `physics.motion.launch`.
+        slip_ratio: Initial slip of the cue ball divided by its initial speed, see `physics.laws.cloth.launch`.
         spin_ratio: Its initial spin about the vertical axis, times its radius, divided by its initial speed.
     """
 

@@ -83,7 +83,8 @@ def along_normal(tilt, p):
     """Returns the impulse along the normal of a contact whose horizontal part is p."""
     if tilt is None:
         return p
-    return p / tilt[0]
+    cosine, _ = tilt
+    return p / cosine
 
 
 @inlined
@@ -91,7 +92,8 @@ def _up_after(tilt, up, change):
     """Returns the upward slip after the speed of separation has risen by `change`, m/s."""
     if tilt is None:
         return up
-    return up + tilt[1] * change
+    _, sine = tilt
+    return up + sine * change
 
 
 @inlined

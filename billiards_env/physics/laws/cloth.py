@@ -15,13 +15,14 @@ from __future__ import annotations
 
 import math
 
-from billiards_env.jit import inlined
+from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.state import (
     FREE,
     IDEAL,
     REST,
     ROLLING,
+    ROLLING_ONLY,
     SLIDING,
     SLIDING_AND_ROLLING,
     SPINNING,
@@ -105,3 +106,78 @@ def slip_of(vx, vy, wx, wy, radius):
 def spin_of(vx, vy, ux, uy, radius):
     """Returns the horizontal spin (wx, wy) of a ball with a slip, rad/s; see `slip_of`."""
     return (uy - vy) / radius, (vx - ux) / radius
+
+
+def largest_friction(motion: int, slide: float, roll: float) -> float:
+    """Returns the largest acceleration of a ball by friction, m/s^2; the arguments are fields of `Numbers`."""
+    return {IDEAL: 0.0, SLIDING_AND_ROLLING: slide}.get(motion, roll)
+
+
+@inlined
+def _sliding(slide, slip_ratio):
+    """Returns the deceleration of a ball that slides, m/s^2, and the share of its speed with which it begins to roll.
+
+    A ball that spins faster than it rolls (slip_ratio < 0) gains speed.
+    """
+    return math.copysign(slide, slip_ratio), 1.0 - slip_ratio * (1.0 / SLIP_RATE)
+
+
+@kernel
+def launch(numbers, distance, speed, slip_ratio):
+    """Returns the initial speed of a ball whose speed is `speed` after `distance`, m/s.
+
+    Args:
+        numbers: The `Numbers`.
+        distance: m.
+        speed: m/s.
+        slip_ratio: Initial slip of the ball divided by its initial speed, < 7/2. It is 1 without spin, 0 if the ball
+            rolls, and negative if it spins faster than it rolls. Motions other than sliding ignore it.
+    """
+    roll = numbers.roll
+    if numbers.motion == IDEAL:
+        return speed
+    if numbers.motion == ROLLING_ONLY:
+        return math.sqrt(speed * speed + 2.0 * roll * distance)
+    # The ball slides over (1 - share^2) v^2 / (2 slide), and then rolls.
+    slide, share = _sliding(numbers.slide, slip_ratio)
+    square = speed * speed + 2.0 * slide * distance
+    if square > 0.0 and math.copysign(1.0, slip_ratio) * (speed * speed - share * share * square) >= 0.0:
+        return math.sqrt(square)
+    return math.sqrt((speed * speed + 2.0 * roll * distance) / (share * share + (1.0 - share * share) * roll / slide))
+
+
+@kernel
+def arrival(numbers, distance, speed, slip_ratio):
+    """Returns the speed and the slip of a ball after `distance`, m/s.
+
+    The ball starts at `speed`, m/s. For the other arguments see `launch`.
+    """
+    roll = numbers.roll
+    if numbers.motion == IDEAL:
+        return speed, 0.0
+    if numbers.motion == ROLLING_ONLY:
+        return math.sqrt(max(speed * speed - 2.0 * roll * distance, 0.0)), 0.0
+    slide, share = _sliding(numbers.slide, slip_ratio)
+    square, rolling = speed * speed - 2.0 * slide * distance, (share * speed) * (share * speed)
+    if math.copysign(1.0, slip_ratio) * (square - rolling) > 0.0:
+        left = math.sqrt(square)
+        return left, slip_ratio * speed - SLIP_RATE * (speed - left)
+    rolled = distance - (speed * speed - rolling) / (2.0 * slide)
+    return math.sqrt(max(rolling - 2.0 * roll * rolled, 0.0)), 0.0
+
+
+@kernel
+def travel_time(numbers, distance, speed, slip_ratio):
+    """Returns the time in which a ball that starts at `speed` covers `distance`, s. For the arguments see `launch`.
+
+    The ball must not come to rest before.
+    """
+    left, slip = arrival(numbers, distance, speed, slip_ratio)
+    if numbers.motion == IDEAL:
+        return distance / speed
+    if numbers.motion == ROLLING_ONLY:
+        return (speed - left) / numbers.roll
+    slide, share = _sliding(numbers.slide, slip_ratio)
+    if slip != 0.0:
+        return (speed - left) / slide
+    return (speed - share * speed) / slide + (share * speed - left) / numbers.roll
