@@ -360,6 +360,11 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """(n,) balls that the cue ball may touch first in a run-out, a copy; (0,) in other tasks."""
         return self._episodes.arrays.legal_balls[0].copy()
 
+    @property
+    def game_states(self) -> NDArray[Any]:
+        """The state of the game, (1,) `games.STATE`, in the tasks that are games; (0,) in the others."""
+        return self._episodes.arrays.states.copy()
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.games import RULES, Call, Setup, Stroke, billiards_v0, custom_opening, opening, play
+from billiards_env.games import GAMES, Call, Setup, Stroke, billiards_v0, custom_opening, opening, play
 from tests.helpers.errors import refusals
 from tests.helpers.games import in_a_row, setup
 
@@ -53,7 +53,7 @@ RNG, PLACES = np.random.default_rng, in_a_row(10)
     ],
 )
 def test_wrong_settings(rules, settings, message, kind):
-    usual = setup(rules if rules in RULES else "nine_ball").scene
+    usual = setup(rules if rules in GAMES else "nine_ball").scene
     with pytest.raises(kind, match=message):
         Setup(rules, **{"scene": usual, **settings})
 
@@ -140,7 +140,7 @@ def begun(options: Any = None, **kwargs: Any) -> Any:
         (lambda: custom_opening(setup("nine_ball"), PLACES[:9]), r"positions has shape \(9, 2\)"),
         (lambda: custom_opening(setup("nine_ball"), PLACES[[0, 1, 1, *range(3, 10)]]), "balls 1 and 2"),
         (
-            lambda: RULES["nine_ball"].callable(opening(setup("nine_ball"), RNG(0)).state, 0),
+            lambda: setup("nine_ball").callable(opening(setup("nine_ball"), RNG(0)).state),
             "game = 'nine_ball': expected",
         ),
         (lambda: begun(rules="ten_ball"), "rules = 'ten_ball'"),

@@ -13,13 +13,15 @@ eight ball, 4 continuous pool, 6 fouls, 8 definitions). The rules are simplified
 * Three consecutive fouls are penalised without a warning after the second one (6.14). In nine ball this needs two
   players, in straight pool a target.
 
-The kernels have the arguments of `rules.games.Game`: `legal` is the set of balls that may be touched first.
+The kernels have the arguments of `entry.Game`.
 """
 
 from __future__ import annotations
 
-from billiards_env.jit import inlined
-from billiards_env.rules.arrays import (
+import functools
+
+from billiards_env.games.entry import Game
+from billiards_env.games.state import (
     ANYWHERE,
     BEHIND,
     BREAKING_FOUL,
@@ -28,19 +30,17 @@ from billiards_env.rules.arrays import (
     NO_CUSHION,
     NO_FOUL,
     NO_HIT,
-    NO_RERACK,
-    NOT_IN_HAND,
     PUSH_OUT,
     RERACK_ALL,
     RERACK_REST,
     SCRATCH,
     SHOT,
     WRONG_BALL,
-    game_over,
-    next_shot,
+    end,
     size,
     verdict,
 )
+from billiards_env.jit import inlined
 
 BREAK_PENALTY, FOULS_PENALTY = 2, 15
 """Points for a breaking foul and for the third consecutive foul in straight pool (WPA 4.10, 4.11)."""
@@ -70,17 +70,16 @@ def group_or_eight(state, player):
     """
     if state.break_shot:
         return state.object_balls
-    group = SOLIDS | STRIPES
-    if state.solids >= 0:
-        group = SOLIDS if player == state.solids else STRIPES
-    return group_left(state.object_balls, group)
+    left = state.object_balls & group_of(state, player)
+    return left if left != 0 else EIGHT
 
 
 @inlined
-def group_left(object_balls, group):
-    """Returns the balls of a group that are on the table, or the eight ball if none is left (WPA 3)."""
-    left = object_balls & group
-    return left if left != 0 else EIGHT
+def group_of(state, player):
+    """Returns the group of a player of eight ball; both groups while the table is open."""
+    if state.solids < 0:
+        return SOLIDS | STRIPES
+    return SOLIDS if player == state.solids else STRIPES
 
 
 @inlined
@@ -100,20 +99,19 @@ def standard_foul(facts, legal):
 
 
 @inlined
-def counted_balls(state, legal, facts, call):
-    """Returns the potted balls for which the shooter continues: the legal ones.
+def called_balls(state, balls, call):
+    """Returns the potted balls of `balls` for which the shooter continues.
 
     In a state with `call_shot` this is only the called ball, if it is in the called pocket and no safety was called
     (WPA 1.6).
     """
-    balls = facts.potted & legal
     if not state.call_shot:
         return balls
     return balls & (1 << call.ball) if call.kind == SHOT and call.made else 0
 
 
 @inlined
-def straight(state, legal, facts, call):
+def straight(state, facts, call):
     """Judges a shot of straight pool (WPA 4), a game to the target score.
 
     Each ball potted on a shot that pots the called ball scores a point, and the shooter continues (WPA 4.4, 4.7). Other
@@ -126,27 +124,29 @@ def straight(state, legal, facts, call):
     Without a target (0), the game has a single rack: it is over when no object ball is left, and the highest score
     wins; a tie has no winner. There is then no penalty for three consecutive fouls.
     """
-    balls, points = facts.potted, size(facts.potted)
-    counted, foul = counted_balls(state, legal, facts, call), standard_foul(facts, legal)
-    following = next_shot(BEHIND if foul == SCRATCH else NOT_IN_HAND)
+    balls, points, player = facts.potted, size(facts.potted), state.player
+    counted, foul = called_balls(state, balls, call), standard_foul(facts, state.object_balls)
+    if foul == SCRATCH:
+        state.in_hand = BEHIND
     if state.break_shot and counted == 0:
         needed = min(2, size(state.object_balls))
         if size(facts.driven) < needed or not facts.cue_driven:
-            return verdict(BREAKING_FOUL, -BREAK_PENALTY, spotted=balls, next_shot=following)
+            return verdict(BREAKING_FOUL, -BREAK_PENALTY, spotted=balls)
     if foul != NO_FOUL:
-        if state.target > 0 and state.fouls == 2:
-            following = next_shot(BEHIND, rack=RERACK_ALL)
-            return verdict(foul, -1 - FOULS_PENALTY, continues=True, next_shot=following)
-        return verdict(foul, -1, spotted=balls, next_shot=following)
+        if state.target > 0 and state.fouls[player] == 2:
+            state.in_hand = BEHIND
+            return verdict(foul, -1 - FOULS_PENALTY, continues=True, rack=RERACK_ALL)
+        return verdict(foul, -1, spotted=balls)
     if counted == 0:
         return verdict(spotted=balls)
-    scored = verdict(points=points, continues=True)
     if state.target == 0:
-        return game_over(scored, leader(state, points)) if balls == state.object_balls else scored
-    if state.scores[state.player] + points >= state.target:
-        return game_over(scored, state.player)
-    rack = RERACK_REST if size(state.object_balls) - points <= 1 else NO_RERACK
-    return verdict(points=points, continues=True, next_shot=next_shot(rack=rack))
+        if balls == state.object_balls:
+            end(state, leader(state, points))
+    elif state.scores[player] + points >= state.target:
+        end(state, player)
+    elif size(state.object_balls) - points <= 1:
+        return verdict(points=points, continues=True, rack=RERACK_REST)
+    return verdict(points=points, continues=True)
 
 
 @inlined
@@ -163,32 +163,54 @@ def leader(state, points):
 
 
 @inlined
-def nine_ball(state, legal, facts, call):
-    """Judges a shot of nine ball (WPA 2).
+def nine_ball(state, facts, call):
+    """Judges a shot of nine ball (WPA 2), see `rotation`.
 
-    The lowest ball must be touched first, and the player who legally pots the nine ball wins. The shooter continues
-    after potting any ball on a legal shot (WPA 2.5). After a foul the next player has the cue ball in hand anywhere. A
-    nine ball potted with a foul or a push out is spotted; other balls remain potted (WPA 2.6, 2.7). A break that pots
-    no ball and drives fewer than four balls to a cushion is a foul (WPA 2.3). After a legal break the next shot may be
-    a push out: it need not touch a ball or a cushion, the turn passes, and the next player may make the same player
-    shoot again (WPA 2.4). With two players, the third consecutive foul loses (WPA 2.8, 6.14).
+    The player who legally pots the nine ball wins, also on the break. The shooter continues after potting any ball on a
+    legal shot (WPA 2.5). A nine ball potted with a foul or a push out is spotted; other balls remain potted (WPA 2.6,
+    2.7).
     """
-    nine, foul = facts.potted & NINE, standard_foul(facts, legal)
-    if call.kind == PUSH_OUT and foul != SCRATCH:
-        return verdict(spotted=nine, next_shot=next_shot(choices=1 << HAND_BACK))
-    if foul == NO_FOUL and state.break_shot and facts.potted == 0 and size(facts.driven) < 4:
-        foul = ILLEGAL_BREAK
-    if foul != NO_FOUL:
-        fouled = verdict(foul, spotted=nine, next_shot=next_shot(ANYWHERE))
-        return game_over(fouled, 1 - state.player) if state.fouls == 2 and state.n_players == 2 else fouled
-    if nine != 0:
-        return game_over(verdict(continues=True), state.player)
-    choices = 1 << PUSH_OUT if state.break_shot else 0
-    return verdict(continues=facts.potted != 0, next_shot=next_shot(choices=choices))
+    return rotation(state, facts, call, NINE, facts.potted, facts.potted & NINE != 0)
 
 
 @inlined
-def eight_ball(state, legal, facts, call):
+def rotation(state, facts, call, last, counted, wins):
+    """Judges a shot of a game in which the lowest ball must be touched first and the ball `last` wins.
+
+    After a foul the next player has the cue ball in hand anywhere. A break that pots no ball and drives fewer than four
+    balls to a cushion is a foul (WPA 2.3). After a legal break the next shot may be a push out: it need not touch
+    a ball or a cushion, the turn passes, and the next player may make the same player shoot again (WPA 2.4). With
+    two players, the third consecutive foul loses (WPA 2.8, 6.14).
+
+    Args:
+        state: As in `entry.Game.judge`, like the next two.
+        facts: See there.
+        call: See there.
+        last: The ball that wins, as a set. It is spotted if it does not win.
+        counted: The potted balls for which the shooter continues.
+        wins: Whether the shot wins if it is legal.
+    """
+    spotted, foul = facts.potted & last, standard_foul(facts, lowest_ball(state, state.player))
+    if call.kind == PUSH_OUT and foul != SCRATCH:
+        state.choices = 1 << HAND_BACK
+        return verdict(spotted=spotted)
+    if foul == NO_FOUL and state.break_shot and facts.potted == 0 and size(facts.driven) < 4:
+        foul = ILLEGAL_BREAK
+    if foul != NO_FOUL:
+        state.in_hand = ANYWHERE
+        if state.fouls[state.player] == 2 and state.n_players == 2:
+            end(state, 1 - state.player)
+        return verdict(foul, spotted=spotted)
+    if wins:
+        end(state, state.player)
+        return verdict(continues=True)
+    if state.break_shot:
+        state.choices = 1 << PUSH_OUT
+    return verdict(continues=counted != 0, spotted=spotted)
+
+
+@inlined
+def eight_ball(state, facts, call):
     """Judges a shot of eight ball (WPA 3), a game for two players.
 
     A player pots one group of balls, 1 to 7 or 9 to 15, and then the eight ball. The table is open until a shot after
@@ -202,22 +224,25 @@ def eight_ball(state, legal, facts, call):
     eight ball potted on the break is spotted. After a scratch, or a break that touches no ball, the next player has the
     cue ball in hand behind the head string (WPA 3.3).
     """
-    player, other, solids = state.player, 1 - state.player, state.solids
+    player, legal = state.player, group_or_eight(state, state.player)
     eight, foul = facts.potted & EIGHT, standard_foul(facts, legal)
     if state.break_shot:
         if foul in (SCRATCH, NO_HIT):
-            return verdict(foul, spotted=eight, next_shot=next_shot(BEHIND))
+            state.in_hand = BEHIND
+            return verdict(foul, spotted=eight)
         # A break that drives too few balls to a cushion is not a foul; the balls are not racked again.
         return verdict(continues=facts.potted != 0, spotted=eight)
-    counted = counted_balls(state, legal, facts, call)
-    following = next_shot(NOT_IN_HAND if foul == NO_FOUL else ANYWHERE, solids=solids)
-    if eight != 0:
-        return game_over(verdict(foul, next_shot=following), player if foul == NO_FOUL and counted & EIGHT else other)
+    counted = called_balls(state, facts.potted & legal, call)
     if foul != NO_FOUL:
-        return verdict(foul, next_shot=following)
-    if solids < 0 and counted != 0:
-        solids = player if chosen_group(facts, counted) == SOLIDS else other
-    return verdict(continues=counted != 0, next_shot=next_shot(solids=solids))
+        state.in_hand = ANYWHERE
+    if eight != 0:
+        end(state, player if foul == NO_FOUL and counted & EIGHT else 1 - player)
+        return verdict(foul)
+    if foul != NO_FOUL:
+        return verdict(foul)
+    if state.solids < 0 and counted != 0:
+        state.solids = player if chosen_group(facts, counted) == SOLIDS else 1 - player
+    return verdict(continues=counted != 0)
 
 
 @inlined
@@ -230,3 +255,68 @@ def chosen_group(facts, counted):
         return SOLIDS if counted & SOLIDS != 0 else STRIPES
     decisive = facts.first_potted if facts.first_potted != 0 else facts.first
     return SOLIDS if decisive & SOLIDS != 0 else STRIPES
+
+
+_FOUL = ("foul", "cue ball potted, no ball or a wrong ball hit first, no cushion hit afterwards")
+_TURN = ("turn", "a player continues after a legal pot")
+_AFTER = ("after a foul", "cue ball anywhere; with two players, three fouls in a row lose")
+_BREAK = ("break", "pot a ball, or drive four balls to a cushion")
+_POOL = functools.partial(Game, scene="pool", layouts=("rack", "tight_rack", "random"))
+_ROTATION = functools.partial(
+    _POOL, legal=lowest_ball, choices=("push_out", "hand_back"), counts_fouls=True, pots_any=True
+)
+GAMES = (
+    _POOL(
+        "straight",
+        straight,
+        any_ball,
+        n_object_balls=(1, 15),
+        won_by="`target` points, or without a target most points in one rack",
+        target=0,
+        callable=any_ball,
+        counts_fouls=True,
+        sure_pot=4.0,
+        page=(
+            ("to win", "score the target with a point for each ball; without one, most points in a rack"),
+            ("break", "pot a ball, or drive the cue ball and two others to a cushion; else 2 points are lost"),
+            _TURN,
+            _FOUL,
+            ("after a foul", "1 point is lost; after a potted cue ball it is in hand behind the line"),
+            ("with a target", "14 balls are racked again; three fouls in a row lose 15 points more"),
+        ),
+    ),
+    _POOL(
+        "eight_ball",
+        eight_ball,
+        group_or_eight,
+        n_object_balls=(15, 15),
+        won_by="potting one group of balls, then the eight ball",
+        n_players=(2, 2),
+        callable=group_or_eight,
+        deciding_ball=8,
+        groups=True,
+        page=(
+            ("to win", "pot all balls of your group, then the 8"),
+            ("groups", "solids 1 to 7, stripes 9 to 15, or reds and yellows; the first pot after the break decides"),
+            _TURN,
+            _FOUL,
+            ("after a foul", "cue ball anywhere; after a foul on the break behind the line"),
+            ("to lose", "pot the 8 too early or on a foul; on the break it is spotted"),
+        ),
+    ),
+    _ROTATION(
+        "nine_ball",
+        nine_ball,
+        n_object_balls=(9, 9),
+        won_by="potting the nine ball",
+        deciding_ball=9,
+        page=(
+            ("to win", "pot the 9 on a legal shot; any ball may be potted"),
+            ("on", "the lowest ball must be touched first"),
+            _BREAK,
+            _TURN,
+            _FOUL,
+            _AFTER,
+        ),
+    ),
+)
