@@ -64,8 +64,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
     ## Games
 
-    `rules` is one of "straight", "eight_ball", "nine_ball", "snooker", "carom" and "three_cushion", the keys of
-    `games.GAMES`, which the table in the documentation describes.
+    `rules` is one of `games.GAMES`. The table in `docs/games.md` describes them.
 
     The rules follow the World Pool-Billiard Association, the World Professional Billiards and Snooker Association and
     the Union Mondiale de Billard, with the simplifications listed in the docstrings of `games.pool`, `games.snooker`
