@@ -69,8 +69,8 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     add(
         "--layout",
         default="random",
-        help="starting positions: random, rack, tight_rack, nine_ball, eight_ball, carom_opening, line, snookered or "
-        "snooker (default: %(default)s)",
+        help="starting positions: random, rack, tight_rack, nine_ball, ten_ball, eight_ball, carom_opening, line, "
+        "snookered or snooker (default: %(default)s)",
     )
     add("--seed", type=int, default=0, help="seed of the layout (default: %(default)s)")
     add("--positions", type=number, nargs="+", metavar="X", help="x and y of each ball, cue ball first; no --layout")

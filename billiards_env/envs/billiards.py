@@ -130,6 +130,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `"tight_rack"`: as `"rack"`, but the object balls touch each other.
     - `"nine_ball"`: as `"rack"` with 9 object balls: the 1 at the front, the 9 in the middle, the others in a random
       order.
+    - `"ten_ball"`: as `"rack"` with 10 object balls: the 1 at the front, the 10 in the middle of the row of three.
     - `"eight_ball"`: as `"rack"` with 15 object balls: the 8 in the middle, a ball of each group at the rear corners,
       the others in a random order.
     - `"carom_opening"`: the opening position of carom billiards, with one or two object balls.

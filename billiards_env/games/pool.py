@@ -1,17 +1,17 @@
 """The rules of the pool games.
 
 "WPA" is the World Pool-Billiard Association's The Rules of Play, effective 15 March 2016 (1 general, 2 nine ball, 3
-eight ball, 4 continuous pool, 6 fouls, 8 definitions). The rules are simplified:
+eight ball, 4 continuous pool, 6 fouls, 8 definitions, 9 ten ball). The rules are simplified:
 
-* In eight ball and straight pool, shots are called (WPA 1.6) only in a state with `call_shot`. Otherwise any ball
-  potted on a legal shot counts, in any pocket.
+* In eight ball, ten ball and straight pool, shots are called (WPA 1.6) only in a state with `call_shot`. Otherwise any
+  ball potted on a legal shot counts, in any pocket.
 * There is no stalemate (1.12). A player who shoots from behind the head string may first touch a ball behind it (6.11).
 * Players have no choice after a break (3.3, 4.3): the next player accepts the balls as they lie. An eight ball potted
   on the break is spotted.
 * A ball frozen to a cushion counts as driven to it when it is hit into it. WPA 8.4 requires that it first leaves the
   cushion.
-* Three consecutive fouls are penalised without a warning after the second one (6.14). In nine ball this needs two
-  players, in straight pool a target.
+* Three consecutive fouls are penalised without a warning after the second one (6.14). In nine ball and ten ball this
+  needs two players, in straight pool a target.
 
 The kernels have the arguments of `entry.Game`.
 """
@@ -46,7 +46,7 @@ BREAK_PENALTY, FOULS_PENALTY = 2, 15
 """Points for a breaking foul and for the third consecutive foul in straight pool (WPA 4.10, 4.11)."""
 
 SOLIDS, EIGHT, STRIPES = sum(1 << i for i in range(1, 8)), 1 << 8, sum(1 << i for i in range(9, 16))
-NINE = 1 << 9
+NINE, TEN = 1 << 9, 1 << 10
 
 
 @inlined
@@ -174,13 +174,30 @@ def nine_ball(state, facts, call):
 
 
 @inlined
+def ten_ball(state, facts, call):
+    """Judges a shot of ten ball (WPA 9), see `rotation`.
+
+    The player who legally pots the ten ball as the last ball wins. The shooter continues after potting the called ball,
+    or on the break any ball; other balls potted with it remain potted (WPA 9.5, 9.8). If other balls are potted without
+    it, also on a safety, the next player may make the same player shoot again (WPA 9.6, 9.7). A ten ball that does not
+    win is spotted, also on the break (WPA 9.9).
+    """
+    called = state.call_shot and not state.break_shot
+    counted = called_balls(state, facts.potted, call) if called else facts.potted
+    judged = rotation(state, facts, call, TEN, counted, counted & TEN != 0 and state.object_balls == TEN)
+    if judged.foul == NO_FOUL and counted == 0 and facts.potted != 0:
+        state.choices |= 1 << HAND_BACK
+    return judged
+
+
+@inlined
 def rotation(state, facts, call, last, counted, wins):
     """Judges a shot of a game in which the lowest ball must be touched first and the ball `last` wins.
 
     After a foul the next player has the cue ball in hand anywhere. A break that pots no ball and drives fewer than four
-    balls to a cushion is a foul (WPA 2.3). After a legal break the next shot may be a push out: it need not touch
-    a ball or a cushion, the turn passes, and the next player may make the same player shoot again (WPA 2.4). With
-    two players, the third consecutive foul loses (WPA 2.8, 6.14).
+    balls to a cushion is a foul (WPA 2.3, 9.3). After a legal break the next shot may be a push out: it need not touch
+    a ball or a cushion, the turn passes, and the next player may make the same player shoot again (WPA 2.4, 9.4).
+    With two players, the third consecutive foul loses (WPA 2.8, 6.14, 9.11).
 
     Args:
         state: As in `entry.Game.judge`, like the next two.
@@ -313,6 +330,22 @@ GAMES = (
         page=(
             ("to win", "pot the 9 on a legal shot; any ball may be potted"),
             ("on", "the lowest ball must be touched first"),
+            _BREAK,
+            _TURN,
+            _FOUL,
+            _AFTER,
+        ),
+    ),
+    _ROTATION(
+        "ten_ball",
+        ten_ball,
+        n_object_balls=(10, 10),
+        won_by="potting the ten ball as the last ball",
+        callable=any_ball,
+        deciding_ball=10,
+        page=(
+            ("to win", "pot the 10 as the last ball; before that, and on the break, it is spotted"),
+            ("on", "the lowest ball must be touched first; any ball may be potted"),
             _BREAK,
             _TURN,
             _FOUL,

@@ -29,7 +29,7 @@ RNG, PLACES = np.random.default_rng, in_a_row(10)
 @refusals(
     "rules, settings",
     [
-        ("ten_ball", {}, "rules = 'ten_ball'"),
+        ("one_pocket", {}, "rules = 'one_pocket'"),
         (3, {}, "rules = 3"),
         ("nine_ball", {"scene": Scene.named("pool", 8)}, "8 object balls: expected 9"),
         ("straight", {"scene": Scene.named("ideal", 16)}, "expected 1 to 15"),
@@ -143,7 +143,7 @@ def begun(options: Any = None, **kwargs: Any) -> Any:
             lambda: setup("nine_ball").callable(opening(setup("nine_ball"), RNG(0)).state),
             "game = 'nine_ball': expected",
         ),
-        (lambda: begun(rules="ten_ball"), "rules = 'ten_ball'"),
+        (lambda: begun(rules="one_pocket"), "rules = 'one_pocket'"),
         (lambda: begun(rules="eight_ball", n_object_balls=9), "9 object balls: expected 15"),
         (lambda: begun(layout="line"), "layout = 'line'"),
         (lambda: begun(max_shots=0), "max_shots = 0"),

@@ -211,6 +211,26 @@ EIGHT_BALL = [
     (CALLED, BOTH_GROUPS, ruling(), SAFETY),
 ]
 
+SPOTTED_TEN: dict[str, Any] = {"spotted": (10,)}
+LAST_TEN = {"call_shot": True, "on_table": (10,)}
+POT_1 = "hit 0 1, pocket 1 5"
+TEN_BALL = [
+    ({}, "hit 0 1, hit 1 6, pocket 6", ruling(continues=True)),  # without called shots
+    (BREAK | CALLED, f"{THREE}, pocket 5", ruling(continues=True, choices=("push_out",))),  # 9.5: nothing is called
+    (BREAK | CALLED, f"{THREE}, pocket 10", ruling(continues=True, choices=("push_out",), **SPOTTED_TEN)),  # 9.9
+    (BREAK | CALLED, THREE, ruling("illegal_break", **ANYWHERE)),  # 9.3
+    (CALLED | PUSH, "hit 0 10, pocket 10", ruling(**HAND_BACK, **SPOTTED_TEN), PUSH_OUT),  # 9.4
+    (CALLED, POT_1, ruling(continues=True), Call(1, 5)),
+    (CALLED, f"{POT_1}, pocket 10 0", ruling(continues=True, **SPOTTED_TEN), Call(1, 5)),  # 9.8
+    (CALLED, "hit 0 1, pocket 10 0", ruling(continues=True, **SPOTTED_TEN), Call(10, 0)),  # 9.8: before the last ball
+    (CALLED, POT_1, ruling(**HAND_BACK), Call(1, 4)),  # 9.7
+    (CALLED, POT_1, ruling(**HAND_BACK), Call(1, 5, "safety")),  # 9.6
+    (CALLED, "hit 0 2, pocket 10 5", ruling("wrong_ball", **ANYWHERE, **SPOTTED_TEN), Call(10, 5)),
+    (LAST_TEN, "hit 0 10, pocket 10 5", ruling(continues=True, over=True, winner=0), Call(10, 5)),
+    (LAST_TEN, "hit 0 10, pocket 10 5", ruling(**HAND_BACK, **SPOTTED_TEN), Call(10, 4)),  # 9.9
+    ({"fouls": (2, 0)}, "", ruling("no_hit", **ANYWHERE, over=True, winner=1)),  # 9.11
+]
+
 TWO = "hit 0 3, pocket 4 1, pocket 3 5"
 CALLED_BREAK = {"call_shot": True, "break_shot": True}
 LAST_TWO = {"call_shot": True, "target": 50, "on_table": (3, 8)}
@@ -271,6 +291,7 @@ THREE_CUSHION = [
 ]
 CASES = {
     "nine_ball": NINE_BALL,
+    "ten_ball": TEN_BALL,
     "eight_ball": EIGHT_BALL,
     "straight": STRAIGHT,
     "carom": CAROM,
