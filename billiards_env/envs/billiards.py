@@ -181,22 +181,27 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     `reset` and `step` return the same keys. The numbers are NumPy scalars:
 
-    | Key           | Type       | Description                                              | After `reset` |
-    |---------------|------------|----------------------------------------------------------|---------------|
-    | `shot_time`   | float64    | duration of the shot, s                                  | 0             |
-    | `n_events`    | int64      | number of events in the shot                             | 0             |
-    | `status_code` | int64      | reason for the end of the shot, usually 0, see below     | 0             |
-    | `first_hit`   | int64      | the first ball that the cue ball touched, -1 if none     | -1            |
-    | `cushions`    | (n,) int32 | number of cushion contacts of each ball in the shot      | 0             |
-    | `potted`      | (n,) bool  | balls off the table after the shot                       | False         |
-    | `scratch`     | bool       | whether the cue ball was potted                          | False         |
-    | `points`      | int64      | points of the shot                                       | 0             |
-    | `score`       | int64      | points of the episode up to now                          | 0             |
-    | `shots_left`  | int64      | number of shots left in the episode                      | `max_shots`   |
-    | `is_success`  | bool       | whether the task was achieved in the episode             | False         |
-    | `miscue`      | bool       | whether the tip slipped; only with `action="strike"`     | False         |
+    | Key            | Type       | Description                                              | After `reset` |
+    |----------------|------------|----------------------------------------------------------|---------------|
+    | `episode_seed` | (8,) int64 | what repeats the episode alone, see below                | drawn         |
+    | `shot_time`    | float64    | duration of the shot, s                                  | 0             |
+    | `n_events`     | int64      | number of events in the shot                             | 0             |
+    | `status_code`  | int64      | reason for the end of the shot, usually 0, see below     | 0             |
+    | `first_hit`    | int64      | the first ball that the cue ball touched, -1 if none     | -1            |
+    | `cushions`     | (n,) int32 | number of cushion contacts of each ball in the shot      | 0             |
+    | `potted`       | (n,) bool  | balls off the table after the shot                       | False         |
+    | `scratch`      | bool       | whether the cue ball was potted                          | False         |
+    | `points`       | int64      | points of the shot                                       | 0             |
+    | `score`        | int64      | points of the episode up to now                          | 0             |
+    | `shots_left`   | int64      | number of shots left in the episode                      | `max_shots`   |
+    | `is_success`   | bool       | whether the task was achieved in the episode             | False         |
+    | `miscue`       | bool       | whether the tip slipped; only with `action="strike"`     | False         |
 
     With `randomize` the info also has the numbers of the episode by name (float64).
+
+    `reset(options={"episode_seed": info["episode_seed"]})` begins the same episode in any environment with the same
+    arguments, single or vector: the same positions, goal, physics and execution noise. So one of the episodes of a
+    vector environment can be played again alone.
 
     Stable-Baselines3 logs `is_success`. The task `"pot"` is achieved if all object balls are potted and the cue ball is
     not. A run-out is achieved if the nine ball or the eight ball is potted without a foul when it may be potted. The
@@ -442,7 +447,6 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             state.noise_stream[0] = noise_stream(self.np_random_seed, self.noise_seed)
         if given.episode_seed is not None:
             state.stream[0], state.noise_stream[0] = given.episode_seed[:4], given.episode_seed[4:]
-        episode_seed = np.concatenate((state.stream[0], state.noise_stream[0])).view(np.int64)
         episodes.draw(0, 1, _ONE, balls=given.positions is None, goals=given.goals is None)
         streams.write(rng, state.stream[0])
         if given.positions is not None:
@@ -456,7 +460,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         episodes.begin(0, 1, _ONE, observations)
         if self._renderer is not None:
             self._renderer.begin([drawn_layout(episodes, 0)])
-        return observations[0], {**single_info(episodes.starts), "episode_seed": episode_seed}
+        return observations[0], single_info(episodes.starts)
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Plays one shot.

@@ -17,8 +17,8 @@ from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.envs.actions import add_noise, shorten, strike_balls
 from billiards_env.envs.arguments import Model, cue_ball_alone
 from billiards_env.envs.arrays import BallArrays, EpisodeArrays, TaskNumbers
-from billiards_env.envs.info import info_arrays, starts_of
-from billiards_env.envs.state import State, StateArrays, arrays_of, scene_hash, state_type
+from billiards_env.envs.info import InfoArrays, info_arrays, starts_of
+from billiards_env.envs.state import State, StateArrays, arrays_of, parts, scene_hash, state_type
 from billiards_env.envs.tasks import TASKS, judge_pot, write_legal_balls
 from billiards_env.jit import entry_point, inlined, specialised, streams
 from billiards_env.physics.state import CUE_BALL, X, Y
@@ -49,6 +49,7 @@ class Episodes:
             no goal.
         miscues: (m,) bool: whether the tip slipped in the last shot; False for the action "velocity".
         physics: The numbers of `BilliardsEnv.randomize` by name, (m,) each: columns of the state.
+        of_episode: The arrays of `info` that do not change in an episode.
         info: The arrays of `info` after the last shots.
         starts: Those at the starts of episodes.
         recorded: The last shot of the first `n_recorded` episodes with its trajectory, by episode.
@@ -84,7 +85,7 @@ class Episodes:
             state.in_play[:] = state.fresh[:] = state.over[:] = True
             for j, (low, _) in enumerate(model.randomize.values()):
                 state.physics[:, j] = low
-        self.starts = starts_of(self.info, self.physics, model.max_shots)
+        self.starts = starts_of(self.info, self.of_episode, model.max_shots)
         self._scene = varied_fields(scene, model.engine, self.physics, count)
 
     def _allocate(self, memory: NDArray[np.uint8]) -> None:
@@ -116,32 +117,36 @@ class Episodes:
         # The entry points take plain tuples, see `envs.arrays`.
         self._arrays, self._shots, self._balls = tuple(self.arrays), tuple(shots), tuple(self.balls)
         self.physics = {name: state.physics[:, j] for j, name in enumerate(self.model.randomize)}
-        self.info = info_arrays(shots, self.arrays, None if self._cue is None else self.miscues, self.physics)
+        self.of_episode = InfoArrays(self.physics, {"episode_seed": state.episode_seed.view(np.int64)})
+        self.info = info_arrays(shots, self.arrays, None if self._cue is None else self.miscues, self.of_episode)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Episodes:
         twin = object.__new__(Episodes)
         twin.__dict__.update(self.__dict__)
         twin.recorded = dict(self.recorded)
         twin._allocate(self.memory.copy())
+        twin.starts = InfoArrays(*[kept | of for kept, of in zip(self.starts, twin.of_episode, strict=True)])
         if self.physics:
-            twin.starts = self.starts._replace(numbers=self.starts.numbers | twin.physics)
             twin._scene = (self._scene[0].copy(), *self._scene[1:])
         return twin
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Episodes, (len(self.state.over), self.model, self.n_recorded, self.memory)
 
-    def put(self, rows: Any, given: State) -> None:
-        """Replaces the state of some episodes."""
-        for name, array in zip(StateArrays._fields, self.state, strict=True):
-            array[rows] = given[name]
-        self.set_physics(rows, {})
+    def put(self, rows: NDArray[np.int64] | None, given: State) -> None:
+        """Replaces the state of some episodes, None for all, by the rows of `given`, one for each or one for all."""
+        for part in parts(len(self.state.over) if rows is None else len(rows)):
+            chosen, values = part if rows is None else rows[part], given[part] if len(given) > 1 else given
+            for name, array in zip(StateArrays._fields, self.state, strict=True):
+                array[chosen] = values[name]
+        self.set_physics(slice(None) if rows is None else rows, {})
 
-    def take(self, rows: Any) -> State:
-        """Returns a copy of the state of some episodes, one row for each."""
-        taken = np.empty(len(self.state.over[rows]), self.kind)
-        for name, array in zip(StateArrays._fields, self.state, strict=True):
-            taken[name] = array[rows]
+    def take(self, rows: NDArray[np.int64] | None) -> State:
+        """Returns a copy of the state of some episodes, None for all: one row for each."""
+        taken = np.empty(len(self.state.over) if rows is None else len(rows), self.kind)
+        for part in parts(len(taken)):
+            for name, array in zip(StateArrays._fields, self.state, strict=True):
+                taken[name][part] = array[part if rows is None else rows[part]]
         return taken
 
     def undo(self, memory: NDArray[np.uint8]) -> None:
@@ -163,6 +168,7 @@ class Episodes:
             ValueError: If there is no free position for a ball.
         """
         state = self.state
+        keep_seeds(begin, end, mask, state.stream, state.noise_stream, state.episode_seed)
         if balls:
             layouts.draw_tables(self.plan, begin, end, mask, state.stream, state.positions)
         if goals and self.goal_plan is not None:
@@ -304,6 +310,15 @@ def draw_units(begin, end, mask, episode_streams, units):
         if mask[k]:
             for j in range(units.shape[1]):
                 units[k - begin, j] = streams.next_double(episode_streams[k])
+
+
+@entry_point
+def keep_seeds(begin, end, mask, episode_streams, noise_streams, seeds):
+    """Copies the random streams of the episodes in the mask, (m, 4) each, to `seeds`, (m, 8)."""
+    for k in range(begin, end):
+        if mask[k]:
+            for i in range(4):
+                seeds[k, i], seeds[k, 4 + i] = episode_streams[k, i], noise_streams[k, i]
 
 
 @entry_point

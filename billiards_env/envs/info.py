@@ -27,7 +27,7 @@ class InfoArrays(NamedTuple):
 
 
 def info_arrays(
-    shots: Shots, arrays: EpisodeArrays, miscues: NDArray[np.bool_] | None, physics: dict[str, NDArray[np.float64]]
+    shots: Shots, arrays: EpisodeArrays, miscues: NDArray[np.bool_] | None, episode: InfoArrays
 ) -> InfoArrays:
     """Returns the arrays of the keys of `info` after the last shots. The arrays change with the episodes.
 
@@ -35,7 +35,7 @@ def info_arrays(
         shots: The shots.
         arrays: The episodes.
         miscues: Whether the tip slipped; None without a cue.
-        physics: The numbers of `randomize` by name.
+        episode: What does not change in an episode: its physics and its seed.
     """
     numbers = {
         "shot_time": shots.time,
@@ -46,17 +46,18 @@ def info_arrays(
     }
     if miscues is not None:
         numbers["miscue"] = miscues
-    return InfoArrays(numbers | physics, {"cushions": shots.cushions, "potted": arrays.potted})
+    rows = {"cushions": shots.cushions, "potted": arrays.potted}
+    return InfoArrays(numbers | episode.numbers, rows | episode.rows)
 
 
-def starts_of(info: InfoArrays, physics: dict[str, NDArray[np.float64]], max_shots: int) -> InfoArrays:
-    """Returns the arrays of the keys of `info` at the starts of episodes. Only the physics changes."""
+def starts_of(info: InfoArrays, episode: InfoArrays, max_shots: int) -> InfoArrays:
+    """Returns the arrays of the keys of `info` at the starts of episodes. Only those of `episode` change."""
     first = {"first_hit": -1, "shots_left": max_shots}  # the others are 0 or False
 
     def starts(found: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         return {key: np.full_like(values, first.get(key, 0)) for key, values in found.items()}
 
-    return InfoArrays(starts(info.numbers) | physics, starts(info.rows))
+    return InfoArrays(starts(info.numbers) | episode.numbers, starts(info.rows) | episode.rows)
 
 
 def single_info(arrays: InfoArrays) -> dict[str, Any]:

@@ -24,7 +24,7 @@ import io
 import json
 import os
 import zipfile
-from collections.abc import Set
+from collections.abc import Iterator, Set
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -48,6 +48,7 @@ class StateArrays(NamedTuple):
         scene: (m,) uint64: a hash of the scene and of the names in `randomize`.
         stream: (m, 4) uint64: the random stream of the layouts, see `jit.streams`; 0 before it is seeded.
         noise_stream: (m, 4) uint64: the random stream of the execution noise; 0 in an environment without noise.
+        episode_seed: (m, 8) uint64: both streams before the draws of the episode, so at its start.
         positions: (m, n, 2) float64, m.
         goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks with a goal, none in the others.
         physics: (m, p) float64: the numbers of `randomize`, in its order.
@@ -65,6 +66,7 @@ class StateArrays(NamedTuple):
     scene: NDArray[np.uint64]
     stream: NDArray[np.uint64]
     noise_stream: NDArray[np.uint64]
+    episode_seed: NDArray[np.uint64]
     positions: NDArray[np.float64]
     goals: NDArray[np.float64]
     physics: NDArray[np.float64]
@@ -83,7 +85,7 @@ def state_type(model: Model) -> np.dtype[np.void]:
     """Returns the type of a row. The fields of 8 bytes come first, so that all arrays of a block are aligned."""
     n, task = model.scene.n_balls, TASKS[model.task]
     kinds = (
-        *("u8", ("u8", 4), ("u8", 4), ("f8", (n, 2)), ("f8", (1 if task.goal_radius else 0, 2))),
+        *("u8", ("u8", 4), ("u8", 4), ("u8", 8), ("f8", (n, 2)), ("f8", (1 if task.goal_radius else 0, 2))),
         *(("f8", (len(model.randomize),)), "i8", "i8", ("?", (n,)), ("?", (n if task.opening else 0,))),
         *("?", "?", "?", "?", "S24"),
     )
@@ -122,6 +124,17 @@ def checked_state(state: Any, kind: np.dtype[np.void], model: Model, count: int)
     rows = np.asarray(state).reshape(-1)
     if len(rows) not in (1, count):
         raise ValueError(f"state has {len(rows)} rows: expected {count}" + " or 1" * (count > 1))
+    for part in parts(len(rows)):
+        _check_rows(rows[part], kind, model)
+    return rows
+
+
+def parts(count: int) -> Iterator[slice]:
+    """Returns the parts of an array of `count` rows, each of which fits in the cache of a core."""
+    return (slice(at, at + 2048) for at in range(0, count, 2048))
+
+
+def _check_rows(rows: State, kind: np.dtype[np.void], model: Model) -> None:
     own = {"task": model.task.encode(), "scene": scene_hash(model.scene, tuple(model.randomize))}
     for name, value in own.items():
         if np.count_nonzero(bad := rows[name] != value):
@@ -137,7 +150,6 @@ def checked_state(state: Any, kind: np.dtype[np.void], model: Model, count: int)
         raise ValueError(f"state['shots_left'] = {short(left)}: expected 1 to max_shots = {model.max_shots}")
     if model.noise is not None and not (rows["noise_stream"][:, 3] % 2).all():
         raise ValueError("state['noise_stream'] is not seeded: expected a state of an environment with noise")
-    return rows
 
 
 def copied(env: Any, shared: Set[str], memo: dict[int, Any]) -> Any:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -27,6 +30,17 @@ Bools = NDArray[np.bool_]
 
 _OF_EACH = {"positions", "potted", "goals", "legal_balls", "np_random", "np_random_seed"}
 """The attributes of `BilliardsVectorEnv` with one entry per environment."""
+
+
+@functools.cache
+def warn_of_wrong_returns() -> None:
+    """Warns once if the installed Gymnasium records wrong returns with the mode "SameStep"."""
+    if tuple(map(int, gym.__version__.split(".")[:2])) < (1, 4):
+        warnings.warn(
+            f"Gymnasium {gym.__version__}: RecordEpisodeStatistics and NormalizeReward return wrong numbers with the "
+            'autoreset mode "SameStep". Install Gymnasium 1.4 or later, or use autoreset_mode="NextStep" with them.',
+            stacklevel=3,
+        )
 
 
 class _NamesItsAdapter(type):
@@ -56,6 +70,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     | `positions`  | `(num_envs, n, 2)` | positions of the balls, in metres from the centre of the table          |
     | `goal`       | `(num_envs, 2)`    | goals of tasks with a goal, in metres from the centre of the table      |
     | `physics`    | `(num_envs,)` each | numbers of `randomize` by name                                          |
+    | `episode_seed` | `(num_envs, 8)`  | seeds of earlier episodes, as in `infos`, which begin again             |
     | `reset_mask` | `(num_envs,)` bool | the environments to reset; the others continue their episodes           |
 
     ## Autoreset
@@ -68,9 +83,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     - `"Disabled"`: the environment has to be reset with `reset_mask` before the next `step`.
 
     The default of Gymnasium's own vector environments is `"NextStep"`. In this mode every second step of an environment
-    with `max_shots=1` is a reset, which plays no shot, and a training loop has to leave these steps out. Gymnasium's
-    wrappers of observations, such as `NormalizeObservation`, do not accept `"SameStep"`, and before Gymnasium 1.4
-    `RecordEpisodeStatistics` and `NormalizeReward` return wrong numbers with it.
+    with `max_shots=1` is a reset, which plays no shot, and a training loop has to leave these steps out. Not all of
+    Gymnasium's wrappers work with `"SameStep"`; the documentation has a table (Gotchas, Autoreset).
 
     ## Arguments
 
@@ -123,6 +137,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if not isinstance(autoreset_mode, AutoresetMode):
             one_of("autoreset_mode", autoreset_mode, tuple(mode.value for mode in AutoresetMode))
         self.autoreset_mode = AutoresetMode(autoreset_mode)
+        if self.autoreset_mode is AutoresetMode.SAME_STEP:
+            warn_of_wrong_returns()
         if "max_episode_steps" in arguments:
             steps = short(arguments["max_episode_steps"])
             raise ValueError(f"max_episode_steps = {steps}: expected max_shots, one step is one shot")
@@ -139,7 +155,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
         self._n_shown = 0 if self._renderer is None else self._renderer.n_shown
         self._episodes = Episodes(self.num_envs, env.model, self._n_shown)
-        self._seeds = [-1] * self.num_envs  # -1: not known
+        self._seeds = np.full(self.num_envs, -1, object)  # -1: not known
         self._shared = {*vars(self), "_shared", "_spec"} - {"single_env", "_episodes", "_renderer", "_seeds"}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> BilliardsVectorEnv:
@@ -173,18 +189,17 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             ValueError: If it is of another scene or task, has another number of rows, or holds impossible numbers.
         """
         chosen, episodes = self._rows(rows), self._episodes
-        count = self.num_envs if isinstance(chosen, slice) else len(chosen)
+        count = self.num_envs if chosen is None else len(chosen)
         episodes.put(chosen, checked_state(state, episodes.kind, episodes.model, count))
-        for i in np.arange(self.num_envs)[chosen].tolist():
-            self._seeds[i] = -1
+        self._seeds[... if chosen is None else chosen] = -1
         self._draw_layouts()
 
-    def _rows(self, rows: Any) -> Any:
-        """Returns the numbers of the environments, or a slice of all."""
+    def _rows(self, rows: Any) -> NDArray[np.int64] | None:
+        """Returns the numbers of environments after a check, None for all."""
         if rows is None:
-            return slice(None)
+            return None
         try:
-            return np.atleast_1d(np.arange(self.num_envs)[rows])
+            return np.arange(self.num_envs)[rows].reshape(-1)
         except IndexError as error:
             raise ValueError(f"rows = {short(rows)}: expected numbers of environments ({error})") from None
 
@@ -197,7 +212,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     def np_random_seed(self) -> tuple[int, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """The seed of each environment. An environment that was not seeded gets a random seed."""
         self._seed_unseeded()
-        return tuple(self._seeds)
+        return tuple(self._seeds.tolist())
 
     @property
     def np_random(self) -> tuple[np.random.Generator, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -310,7 +325,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             state.positions[mask] = given.positions[mask]
         if given.goals is not None:
             state.goals[mask] = given.goals[mask]
-        observations, seeds = self._new_observations(), self._episode_seeds(state.stream, mask)
+        observations = self._new_observations()
 
         def work(begin: int, end: int) -> None:
             episodes.draw(begin, end, mask, balls=given.positions is None, goals=given.goals is None)
@@ -323,7 +338,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         parallel_for(work, self.num_envs, self.threads)
         state.begun[mask] = True
         self._draw_layouts()
-        return observations, masked_info(copied_info(episodes.starts), mask) | seeds
+        return observations, masked_info(copied_info(episodes.starts), mask)
 
     def step(self, actions: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float64], Bools, Bools, dict[str, Any]]:
         """Plays one shot in every environment, except in those that this step resets.
@@ -386,19 +401,13 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
                 episodes.warn_cut_off(k, checked[k], memory)
         info = copied_info(episodes.info)  # of the shots
         info |= {name: before.physics[:, j].copy() for j, name in enumerate(episodes.physics)}
+        info["episode_seed"] = before.episode_seed.view(np.int64).copy()
         begun = over if same_step else skip  # the episodes that this step has begun
         infos = masked_info(with_starts(info, begun, episodes.starts), np.ones(m, np.bool_))
-        if np.count_nonzero(begun):
-            infos |= self._episode_seeds(before.stream, begun)
         if same_step and over.any():
             infos["final_obs"], infos["final_info"] = _masked_rows(last, over), masked_info(info, over)
             infos["_final_obs"], infos["_final_info"] = over.copy(), over.copy()
         return observations, rewards, over, np.zeros(m, np.bool_), infos
-
-    def _episode_seeds(self, stream: NDArray[np.uint64], begun: Bools) -> dict[str, NDArray[Any]]:
-        """Returns the infos with the random streams of the episodes that begin: `stream`, and those of the noise."""
-        seeds = np.hstack((stream, self._episodes.state.noise_stream)).view(np.int64)
-        return masked_info({"episode_seed": seeds}, begun)
 
     def render(self) -> tuple[Any, ...] | None:
         """Renders the shots of all environments, see the class.

@@ -107,7 +107,7 @@ def rewards(env: BilliardsEnv, actions: Floats) -> Floats:
     """
     m = len(actions)
     episodes, found = Episodes(m, env.model._replace(noise=None)), np.empty(m)
-    episodes.put(slice(None), env.get_state())
+    episodes.put(None, env.get_state()[None])
     episodes.state.over[:] = False
     observations = np.empty((m, len(env.observation_space.low)), np.float32)  # pyright: ignore
 
