@@ -240,6 +240,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `scratch_penalty`    | float         | `0.1`        | reward subtracted for a scratch                        |
     | `randomize`          | dict or None  | `None`       | ranges of physics that each episode draws              |
     | `observe_physics`    | bool          | `False`      | whether the observation has the drawn physics          |
+    | `noise`              | dict or None  | `None`       | standard deviations of the execution noise, see below  |
+    | `noise_seed`         | int or None   | `None`       | a second seed of the noise                             |
     | `render_mode`        | str or None   | `None`       | `"human"`, `"rgb_array"` or `"rgb_array_list"`         |
 
     - `scene` is a name, a `Scene`, or a mapping for `Scene.from_dict`, such as `{"base": "real_pool", "n_object_balls":
@@ -249,6 +251,10 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
       `"real_pool"`, a pool table with throw and the jaws of the pockets.
     - The tasks `"pot"`, `"position"`, `"clear"` and the run-outs need a table with pockets. `"nine_ball"` needs 9
       object balls and `"eight_ball"` 15. `"sum_to_three"` needs a table without pockets and exactly one object ball.
+    - `noise` maps "angle_std" (of the direction, degrees), "speed_std" (m/s), "offset_std" (of both offsets of the tip,
+      m) and "elevation_std" (degrees) to numbers. Missing ones are 0.125, 0.075, 0.0005 and 0.1, those of the pool
+      tournaments at the Computer Olympiad (Smith 2007, PickPocket: A computer billiards shark). The speed stays
+      between 0 and `max_speed`. A shot of speed 0 stays at speed 0. An action is clipped before the noise is added.
     - The values of `fix` are `"push_apart"` (the same as None), `"move_back"`, `"none"` and `"time_of_impact"`.
     - An `EnvSpec` can be converted to JSON and back. The spec stores a `Scene` as a dict. All other arguments are JSON
       values. `billiards_env.checks.RANGES` contains the range of each number.
