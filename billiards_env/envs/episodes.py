@@ -19,7 +19,7 @@ from billiards_env.envs.arguments import Model, cue_ball_alone
 from billiards_env.envs.arrays import BallArrays, EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays, info_arrays, starts_of
 from billiards_env.envs.state import State, StateArrays, arrays_of, parts, scene_hash, state_type
-from billiards_env.envs.tasks import TASKS, judge_pot, write_legal_balls
+from billiards_env.envs.tasks import TASKS, judge_pot, opening_of, write_legal_balls
 from billiards_env.jit import entry_point, inlined, specialised, streams
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
@@ -61,11 +61,13 @@ class Episodes:
         self.recorded: dict[int, ShotResult] = {}
         self.plan = layouts.layout_plan(model.layout, scene)
         self.goal_plan = layouts.layout_plan("random", cue_ball_alone(scene)) if task.goal_radius else None
+        opening, legal = opening_of(model.task, scene, model.layout)
         self._numbers = tuple(
             TaskNumbers(
                 targets=model.targets,
                 bits=np.left_shift(1, np.arange(scene.n_balls)),
-                opening=task.break_opening if model.layout in task.breaks else task.opening,
+                opening=opening,
+                legal=legal,
                 goal_radius=task.goal_radius,
                 max_shots=model.max_shots,
                 scratch_penalty=model.scratch_penalty,
@@ -82,6 +84,7 @@ class Episodes:
         if memory is None:
             state = self.state
             state.scene[:], state.task[:] = scene_hash(scene, tuple(model.randomize)), model.task
+            self.arrays.states[:] = opening
             state.in_play[:] = state.fresh[:] = state.over[:] = True
             for j, (low, _) in enumerate(model.randomize.values()):
                 state.physics[:, j] = low
@@ -104,6 +107,7 @@ class Episodes:
             first_hit=shots.first_hit,
             potted=np.zeros((count, n), np.bool_),
             goals=state.goals,
+            states=state.game.reshape(-1),
             legal_balls=state.legal_balls,
             points=np.zeros(count, np.int64),
             score=state.score,
@@ -330,7 +334,9 @@ def begin_episodes(begin, end, mask, numbers, arrays, observations):
             for i in range(arrays.in_play.shape[1]):
                 arrays.in_play[k, i] = True
             arrays.fresh[k], arrays.over[k] = True, False
-            write_legal_balls(k, numbers.opening, arrays)
+            if len(numbers.opening):
+                arrays.states[k] = numbers.opening[0]
+                write_legal_balls(k, numbers.legal, arrays)
         observe(k, numbers, arrays, observations)
 
 

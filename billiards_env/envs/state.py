@@ -36,6 +36,7 @@ from billiards_env.engine.compile import cached_by_scene
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.tasks import TASKS
 from billiards_env.files import check_path, write_whole
+from billiards_env.games.state import STATE
 from billiards_env.scene import Scene
 
 State = NDArray[np.void]
@@ -52,10 +53,11 @@ class StateArrays(NamedTuple):
         positions: (m, n, 2) float64, m.
         goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks with a goal, none in the others.
         physics: (m, p) float64: the numbers of `randomize`, in its order.
+        game: (m,) `games.STATE` in the tasks that are games, (m, 0) in the others.
         score: (m,) int64: points of the episode; undefined if `fresh`.
         shots_left: (m,) int64: number of shots left; undefined if `fresh`.
         in_play: (m, n) bool: whether a ball is on the table.
-        legal_balls: (m, n) bool in the run-outs, (m, 0) in the others: the balls that the cue ball may touch first.
+        legal_balls: (m, n) bool in the tasks that are games, (m, 0) in the others, see `EpisodeArrays`.
         is_success: (m,) bool: whether the task is achieved; undefined if `fresh`.
         fresh: (m,) bool: whether the episode has had no shot.
         over: (m,) bool: whether the episode has ended; True before the first episode.
@@ -70,6 +72,7 @@ class StateArrays(NamedTuple):
     positions: NDArray[np.float64]
     goals: NDArray[np.float64]
     physics: NDArray[np.float64]
+    game: NDArray[np.void]
     score: NDArray[np.int64]
     shots_left: NDArray[np.int64]
     in_play: NDArray[np.bool_]
@@ -86,7 +89,8 @@ def state_type(model: Model) -> np.dtype[np.void]:
     n, task = model.scene.n_balls, TASKS[model.task]
     kinds = (
         *("u8", ("u8", 4), ("u8", 4), ("u8", 8), ("f8", (n, 2)), ("f8", (1 if task.goal_radius else 0, 2))),
-        *(("f8", (len(model.randomize),)), "i8", "i8", ("?", (n,)), ("?", (n if task.opening else 0,))),
+        *(("f8", (len(model.randomize),)), STATE if task.is_game else (STATE, (0,)), "i8", "i8"),
+        *(("?", (n,)), ("?", (n if task.is_game else 0,))),
         *("?", "?", "?", "?", "S24"),
     )
     return np.dtype(list(zip(StateArrays._fields, kinds, strict=True)))
