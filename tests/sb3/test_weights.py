@@ -62,6 +62,29 @@ def test_a_wrong_configuration_is_refused(case, folder):
         load_policy(folder)
 
 
+@pytest.mark.parametrize(
+    ("env", "message"),
+    [
+        ({"task": "place"}, "a policy for the task 'pot': expected the same, not 'place'"),
+        ({"action": "strike"}, "a policy for the action 'velocity': expected the same, not 'strike'"),
+        ({"max_speed": 5.0}, "a policy for the max_speed 4.0: expected the same, not 5.0"),
+        ({"scene": "real_pool"}, "a policy for the table Table.*: expected the same, not Table"),
+        ({"scene": "uk_pool"}, "a policy for the table Table.*: expected the same, not Table"),
+    ],
+)
+def test_a_policy_is_not_loaded_for_another_world(env, message, folder):
+    (folder / "config.yaml").write_text(settings())
+    with pytest.raises(ValueError, match=message):
+        load_policy(folder, env)
+
+
+def test_a_policy_for_a_frozen_task_plays_it_whatever_the_rewards_of_the_training(folder):
+    (folder / "config.yaml").write_text(f"task: Pot1-v0\n{settings({'task': 'clear'})}")
+    assert load_policy(folder, {"task": "pot"})[0]["task"] == "pot"
+    with pytest.raises(ValueError, match="a policy for the task 'clear': expected the same, not 'position'"):
+        load_policy(folder, {"task": "position"})
+
+
 def test_a_right_one_is_loaded_and_an_argument_of_the_caller_keeps_its_error(folder):
     (folder / "config.yaml").write_text(settings())
     assert load_policy(folder)[0] == ENV
