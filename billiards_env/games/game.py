@@ -90,9 +90,8 @@ class Setup:
         low, high = rules.n_object_balls
         if not low <= self.scene.n_balls - 1 <= high:
             expected = str(low) if low == high else f"{low} to {high}"
-            raise ValueError(
-                f"rules = {self.rules!r} with a scene of {self.scene.n_balls - 1} object balls: expected {expected}"
-            )
+            balls = f"{self.scene.n_balls - 1} object ball{'s' * (self.scene.n_balls != 2)}"
+            raise ValueError(f"rules = {self.rules!r} with a scene of {balls}: expected {expected}")
         if rules.pockets != bool(self.scene.table.pockets):
             expected = "a table with pockets" if rules.pockets else "a table without pockets"
             raise ValueError(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 import signal
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -18,7 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.drawing.canvas import pygame  # raises with a hint if pygame is missing
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.drawing.window import FASTER_KEYS, SLOWER_KEYS, Screen
+from billiards_env.files import free_path
 from billiards_env.games import GameState, History, Stroke, opening, records
+from billiards_env.play import labels
 from billiards_env.play import model as actions
 from billiards_env.play.controls import STEEPEST
 from billiards_env.play.hint import pot_at, velocity_for
@@ -26,7 +29,7 @@ from billiards_env.play.model import Model, begin, shoot, tick
 from billiards_env.play.pages import UNSAVED
 from billiards_env.play.view import FPS, View
 from billiards_env.players.game_player import Player
-from billiards_env.players.levels import LevelPlayer, with_noise
+from billiards_env.players.levels import EXPECTED, LevelPlayer, with_noise
 from billiards_env.players.planner import Plan, plan
 
 T = TypeVar("T")
@@ -70,6 +73,9 @@ DOUBLE_CLICK = 0.35
 
 HINT_TIME, INTENT = 0.5, 0.6
 """s. Time of the planner to find a shot for a person, and time for which it shows its own shot before the stroke."""
+
+_OTHER_FOLDERS = (Path.home(), Path(tempfile.gettempdir()))
+"""The folders for a game whose file cannot be written."""
 
 GRIP = 14
 """pixels. A drag starts within this distance of the cue ball's edge or of the arrow's tip."""
@@ -148,6 +154,7 @@ class GameWindow:
         self._mouse = (0, 0)  # pixels
         self._thought: _Thought | None = None
         self._hint: _Hint | None = None
+        self._waiting: _Work[None] | None = None
         self._shown: object = None
         self._frame = self._view.draw(model)
 
@@ -194,10 +201,15 @@ class GameWindow:
             The frame, valid until the next call.
         """
         for event in pygame.event.get():
-            self._take(event)
+            if self._waiting is None or event.type in (pygame.QUIT, pygame.VIDEOEXPOSE):
+                self._take(event)
         if self._hint is not None and self._hint.shot.done():
             self._take_hint(self._hint)
-        if self.model.phase == "thinking":
+        if self._waiting is not None:
+            if self._waiting.done():
+                self._waiting.result()
+                self._waiting, self.message = None, ""
+        elif self.model.phase == "thinking":
             self._think()
         elif not self.asking:
             self.model = tick(self.model, self._seconds)
@@ -212,12 +224,21 @@ class GameWindow:
         return self._frame
 
     def save(self) -> None:
-        """Saves the game."""
-        try:
-            records.save(self._save, records.record_game(self.model.history))
-            self.message, self._saved = f"saved to {self._save}", self.model.strokes
-        except OSError as error:
-            self.message = f"not saved: {error}"
+        """Saves the game; to another folder, under a new name, if its file cannot be written."""
+        failed = ""
+        for folder in (None, *_OTHER_FOLDERS):
+            path = self._save if folder is None else free_path(folder / self._save.name)
+            try:
+                records.save(path, records.record_game(self.model.history))
+                self.message, self._saved = f"{failed}saved to {path}", self.model.strokes
+                return
+            except OSError as error:
+                failed = failed or f"not saved: {error}; "
+        self.message = failed.removesuffix("; ")
+
+    def wait_for(self, work: Callable[[], None], message: str) -> None:
+        """Shows the window with a message until `work`, which runs in a thread, has ended. Keys have no effect."""
+        self.message, self._waiting = message, _Work(work)
 
     def _think(self) -> None:
         """Plays the stroke of the program whose turn it is, when its thread has found it."""
@@ -267,7 +288,7 @@ class GameWindow:
         """Starts a thread that finds the best shot for a person."""
         model, (rng,) = self.model, self._rng.spawn(1)
         if model.phase in ("placing", "aiming"):
-            found = _Work(lambda: plan(model.setup, model.game, model.max_speed, rng, HINT_TIME))
+            found = _Work(lambda: plan(model.setup, model.game, model.max_speed, rng, HINT_TIME, noise=EXPECTED))
             self.message, self._hint = "thinking", _Hint(model.game, found)
 
     def _take_hint(self, hint: _Hint) -> None:
@@ -279,7 +300,7 @@ class GameWindow:
             self.message = ""
         elif isinstance(shot, Plan):
             self._do(actions.aim_like, shot.stroke)
-            self.message = f"keeps the turn with probability {shot.probability:.2f}"
+            self.message = labels.advice(self.model, shot)
         else:
             self._do(actions.aim_along, shot)
 

@@ -2,6 +2,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import gymnasium as gym
@@ -40,6 +41,7 @@ def frames(monkeypatch):
             return super().frame()
 
     monkeypatch.setattr(windows, "GameWindow", Closing)
+    monkeypatch.setattr("billiards_env.play.__main__.compile_engines", lambda scene, dt: None)
     return opened
 
 
@@ -102,11 +104,33 @@ def test_a_signal_saves_the_game_to_a_new_file(monkeypatch, tmp_path):
     monkeypatch.setattr(windows.GameWindow, "frame", frame)
     monkeypatch.chdir(tmp_path)
     Path("game.json").write_text("another game")
-    main(["--rules", "carom"])
+    with pytest.raises(SystemExit, match="130"):
+        main(["--rules", "carom"])
     saved = records.load(Path("game-2.json"))
     assert isinstance(saved, records.GameRecord)
     assert len(saved.strokes) == 1
     assert Path("game.json").read_text() == "another game"
+
+
+def test_the_window_waits_for_the_engine(monkeypatch, frames):
+    """It is open at once, says what it waits for, and does not think or play before."""
+    release = threading.Event()
+    monkeypatch.setattr("billiards_env.play.__main__.compile_engines", lambda scene, dt: release.wait(60))
+    seen = []
+
+    class Waiting(windows.GameWindow):
+        def frame(self):
+            super().frame()
+            seen.append((self.message, self._thought))
+            if len(seen) == 3:
+                release.set()
+            self.open = self._waiting is not None
+            return self._frame
+
+    monkeypatch.setattr(windows, "GameWindow", Waiting)
+    main(["--rules", "carom", "--players", "random,random"])
+    assert seen[:3] == 3 * [("the engine is compiled, up to a minute", None)]
+    assert seen[-1] == ("", None)
 
 
 def test_without_a_display_there_is_no_window(monkeypatch, frames):
@@ -170,6 +194,7 @@ def test_the_engines_are_compiled_before_the_window_opens(monkeypatch, dt):
         (["--load", "SHOT"], "holds a shot: expected a game"),
         (["--scene", "pool", "--width", "3"], "width = 3"),
         (["--seed", "-3"], "--seed = -3: expected a whole number >= 0"),
+        (["--save", "no/game.json"], "path = 'no/game.json': expected an existing folder"),
     ],
 )
 def test_errors_are_one_line(arguments, message, frames, saved, tmp_path):

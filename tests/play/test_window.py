@@ -1,6 +1,7 @@
 """The window, driven by mouse and keyboard events on a dummy display."""
 
 import math
+import re
 import signal
 import threading
 from typing import Any
@@ -209,7 +210,7 @@ def test_shift_and_the_key_aim_for_the_best_shot(shown, monkeypatch):
     while shown._hint is not None:
         shown.frame()
     assert shown.model.phase == "aiming"
-    assert shown.message.startswith("keeps the turn with probability ")
+    assert re.fullmatch(r"ball \S+ into the \w+ \w+ pocket, \d+% with the errors of a good player", shown.message)
     assert shot_of(shown.model).potted.any()
 
 
@@ -370,6 +371,16 @@ def test_the_pace_changes_without_drawing_the_shot_again(make_model, window, mon
     assert lit(frame, view, model.last_shot.shot.at(0.51)[0], WHITE)
 
 
+def test_a_game_whose_file_cannot_be_written_is_saved_elsewhere(shown, tmp_path, monkeypatch):
+    monkeypatch.setattr("billiards_env.play.window._OTHER_FOLDERS", (tmp_path / "none", tmp_path))
+    monkeypatch.setattr(shown, "_save", tmp_path / "gone" / "game.json")
+    (tmp_path / "game.json").write_text("another game")
+    shown.save()
+    assert shown.message.endswith(f"'{tmp_path / 'gone'}' does not exist; saved to {tmp_path / 'game-2.json'}")
+    assert isinstance(records.load(tmp_path / "game-2.json"), records.GameRecord)
+    assert shown.saved
+
+
 def test_a_saved_game_contains_the_strokes_played(shown, tmp_path):
     press(shown, pygame.K_SPACE, pygame.K_SPACE, pygame.K_LEFT, pygame.K_SPACE, pygame.K_s)
     assert shown.message == f"saved to {tmp_path / 'game.json'}"
@@ -380,7 +391,8 @@ def test_a_saved_game_contains_the_strokes_played(shown, tmp_path):
     assert (records.replay(record).positions == shown.model.game.positions).all()
 
 
-def test_a_game_that_cannot_be_saved_continues(shown, tmp_path):
+def test_a_game_that_cannot_be_saved_continues(shown, tmp_path, monkeypatch):
+    monkeypatch.setattr("billiards_env.play.window._OTHER_FOLDERS", ())
     (tmp_path / "game.json").mkdir()
     press(shown, pygame.K_s)
     assert (shown.open, shown.message.startswith("not saved: ")) == (True, True)
