@@ -301,11 +301,18 @@ def test_quitting_asks_if_the_game_is_not_saved(shown, tmp_path):
     asked = press(shown, pygame.K_ESCAPE)
     assert (shown.open, shown.asking) == (True, True)
     assert (asked != plain).any()
+    left, top, *_ = map(round, shown._view.controls.shoot)
+    assert (asked[top + 3 :, left:] == asked[-1, -1]).all()  # without the button
     press(shown, pygame.K_LEFT)  # any other key continues and has no other effect
     assert (shown.asking, shown.model.phase) == (False, "aiming")
     press(shown, pygame.K_q, pygame.K_s)
     assert not shown.open
     assert (tmp_path / "game.json").exists()
+
+
+def test_the_keys_are_not_larger_than_the_status_in_a_low_window(shown):
+    shown._view.resize(shown.model.setup.scene, (1600, 500))
+    assert 0.66 * shown._view._strip <= 0.55 * shown._view.canvas.size[0] / 24
 
 
 QUIT = {"kind": pygame.QUIT}
