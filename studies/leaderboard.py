@@ -78,13 +78,12 @@ def aggregate(scores: Mapping[str, Any]) -> float | None:
 
 
 def _ordered(found: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Returns the entries by their aggregate, in which a missing task counts 0, and then by their mean success."""
+    """Returns the entries by their aggregate; without one by the mean score, in which a missing task counts 0."""
 
-    def key(entry: Mapping[str, Any]) -> tuple[float, float]:
-        scores = entry["scores"]
-        normalised = [scores.get(task, {}).get("normalised") or 0.0 for task in BENCH_TASKS]
-        success = float(np.mean([score["success"] for score in scores.values()]))
-        return interquartile_mean(np.array(normalised)), success
+    def key(entry: Mapping[str, Any]) -> float:
+        total = aggregate(entry["scores"])
+        known = sum(score["normalised"] or 0.0 for score in entry["scores"].values())
+        return known / len(BENCH_TASKS) if total is None else total
 
     return sorted(found.values(), key=key, reverse=True)
 

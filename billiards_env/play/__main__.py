@@ -15,7 +15,7 @@ from billiards_env.drawing.style import PALETTES
 from billiards_env.engine.compile import MODES
 from billiards_env.files import check_path, free_path
 from billiards_env.games import RULES, History, Setup, opening, records
-from billiards_env.play.model import HUMAN, PACES, begin
+from billiards_env.play.model import HUMAN, PACES, Model, begin
 from billiards_env.players.game_player import find_player
 from billiards_env.players.levels import LEVELS
 from billiards_env.scene import SCENES, Scene, layouts
@@ -112,7 +112,7 @@ def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
 
 
 def compile_engines(scene: Scene, ghost_dt: float) -> None:
-    """Runs a shot with each engine to compile it."""
+    """Runs a shot with each engine to compile it. A window with a game would not respond during this time."""
     positions = layouts.draw("random", scene, np.random.default_rng(0))
     for mode, dt in (("pic", None), ("pit", ghost_dt)):
         simulate(scene, positions, [0.1, 0.0], mode=mode, dt=dt, record=True)
@@ -130,17 +130,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if args.players:
             names = tuple(name.strip() for name in args.players.split(","))
         players = [None if name == HUMAN else find_player(name, history.setup, MAKERS, (HUMAN,)) for name in names]
-        from billiards_env.drawing.window import open_display
-        from billiards_env.play.window import GameWindow
+        from billiards_env.play.window import GameWindow, wait_for
 
-        model = begin(history, names, args.max_speed, args.dt, real("speed", args.speed, PACES), args.choices)
-        save = args.save or args.load or free_path(Path("game.json"))
         one_of("palette", args.palette, tuple(PALETTES))
-        open_display()
-        window = GameWindow(model, players, rng, save, args.width, args.palette)
-        window.wait_for(
-            lambda: compile_engines(model.setup.scene, model.ghost_dt), "the engine is compiled, up to a minute"
-        )
+        pace = real("speed", args.speed, PACES)
+
+        def prepare() -> Model:
+            model = begin(history, names, args.max_speed, args.dt, pace, args.choices)
+            compile_engines(model.setup.scene, model.ghost_dt)
+            return model
+
+        width = integer("width", args.width, "frame_width")
+        model = wait_for(prepare, "compiling the engine, up to a minute", width)
+        save = args.save or args.load or free_path(Path("game.json"))
+        window = GameWindow(model, players, rng, save, width, args.palette)
     print("H shows the keys in the window, F1 the rules.", flush=True)
     window.ask = args.save is None
     window.run()

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.drawing.canvas import pygame  # raises with a hint if pygame is missing
 from billiards_env.drawing.style import ARROW, ARROW_START
+from billiards_env.drawing.text import text_image
 from billiards_env.drawing.window import FASTER_KEYS, SLOWER_KEYS, Screen
 from billiards_env.files import free_path
 from billiards_env.games import GameState, History, Stroke, opening, records
@@ -27,6 +28,7 @@ from billiards_env.play.controls import STEEPEST
 from billiards_env.play.hint import pot_at, velocity_for
 from billiards_env.play.model import Model, begin, shoot, tick
 from billiards_env.play.pages import UNSAVED
+from billiards_env.play.panel import INK, PAPER
 from billiards_env.play.view import FPS, View
 from billiards_env.players.game_player import Player
 from billiards_env.players.levels import EXPECTED, LevelPlayer, with_noise
@@ -101,6 +103,30 @@ class _Work(Future[T]):
         ctypes.pythonapi.PyThreadState_SetAsyncExc(number, ctypes.py_object(SystemExit))
 
 
+def wait_for(work: Callable[[], T], text: str, width: int) -> T:
+    """Returns the result of `work`, which runs in a thread, and shows a text in a window of `width` pixels meanwhile.
+
+    Raises:
+        SystemExit: If the user closes the window.
+    """
+    screen = Screen((width, 2 * width // 3), "Billiards")
+    frame = pygame.Surface(screen.size)
+    frame.fill(PAPER)
+    image = text_image(text, width // 30, INK, width)
+    frame.blit(image, image.get_rect(center=frame.get_rect().center))
+    found = _Work(work)
+    try:
+        while not found.done():
+            if pygame.event.get(pygame.QUIT):
+                raise SystemExit
+            screen.show(frame)
+            screen.wait(FPS)
+        return found.result()
+    except BaseException:
+        screen.close()
+        raise
+
+
 class _Thought(NamedTuple):
     """The stroke that a program computes in a state of the game. `start` is a time of `time.monotonic`."""
 
@@ -154,7 +180,6 @@ class GameWindow:
         self._mouse = (0, 0)  # pixels
         self._thought: _Thought | None = None
         self._hint: _Hint | None = None
-        self._waiting: _Work[None] | None = None
         self._shown: object = None
         self._frame = self._view.draw(model)
 
@@ -201,15 +226,10 @@ class GameWindow:
             The frame, valid until the next call.
         """
         for event in pygame.event.get():
-            if self._waiting is None or event.type in (pygame.QUIT, pygame.VIDEOEXPOSE):
-                self._take(event)
+            self._take(event)
         if self._hint is not None and self._hint.shot.done():
             self._take_hint(self._hint)
-        if self._waiting is not None:
-            if self._waiting.done():
-                self._waiting.result()
-                self._waiting, self.message = None, ""
-        elif self.model.phase == "thinking":
+        if self.model.phase == "thinking":
             self._think()
         elif not self.asking:
             self.model = tick(self.model, self._seconds)
@@ -235,10 +255,6 @@ class GameWindow:
             except OSError as error:
                 failed = failed or f"not saved: {error}; "
         self.message = failed.removesuffix("; ")
-
-    def wait_for(self, work: Callable[[], None], message: str) -> None:
-        """Shows the window with a message until `work`, which runs in a thread, has ended. Keys have no effect."""
-        self.message, self._waiting = message, _Work(work)
 
     def _think(self) -> None:
         """Plays the stroke of the program whose turn it is, when its thread has found it."""

@@ -3,6 +3,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import gymnasium as gym
@@ -112,25 +113,24 @@ def test_a_signal_saves_the_game_to_a_new_file(monkeypatch, tmp_path):
     assert Path("game.json").read_text() == "another game"
 
 
-def test_the_window_waits_for_the_engine(monkeypatch, frames):
-    """It is open at once, says what it waits for, and does not think or play before."""
-    release = threading.Event()
+def test_a_window_with_a_text_is_open_while_the_engine_is_compiled(monkeypatch, frames):
+    release, shown = threading.Event(), []
+
+    def show(self, frame):
+        shown.append(frame.get_size())
+        if len(shown) == 3:
+            release.set()
+
     monkeypatch.setattr("billiards_env.play.__main__.compile_engines", lambda scene, dt: release.wait(60))
-    seen = []
-
-    class Waiting(windows.GameWindow):
-        def frame(self):
-            super().frame()
-            seen.append((self.message, self._thought))
-            if len(seen) == 3:
-                release.set()
-            self.open = self._waiting is not None
-            return self._frame
-
-    monkeypatch.setattr(windows, "GameWindow", Waiting)
-    main(["--rules", "carom", "--players", "random,random"])
-    assert seen[:3] == 3 * [("the engine is compiled, up to a minute", None)]
-    assert seen[-1] == ("", None)
+    monkeypatch.setattr("billiards_env.drawing.window.Screen.show", show)
+    main(["--rules", "carom", "--width", "600"])
+    assert shown[:3] == 3 * [(600, 400)]
+    assert len(frames) == 1
+    monkeypatch.setattr("billiards_env.play.__main__.compile_engines", lambda scene, dt: time.sleep(60))
+    monkeypatch.setattr("pygame.event.get", lambda kind: [kind])
+    with pytest.raises(SystemExit):
+        main(["--rules", "carom"])
+    assert len(frames) == 1
 
 
 def test_without_a_display_there_is_no_window(monkeypatch, frames):
