@@ -151,9 +151,8 @@ def _check_world(folder: Path, trained: BilliardsEnv, played: BilliardsEnv, froz
         ("radius of the balls", trained.scene.balls.radius[:2], played.scene.balls.radius[:2]),
     ):
         if there != here:
-            raise ValueError(
-                f"{folder} holds a policy for the {name} {short(there)}: expected the same, not {short(here)}"
-            )
+            expected = "the same table" if name == "table" else f"{short(there)}, not {short(here)}"
+            raise ValueError(f"{folder} holds a policy that was trained for another {name}: expected {expected}")
 
 
 def save_policy(policy: BasePolicy, path: Path) -> None:

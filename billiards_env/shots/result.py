@@ -284,7 +284,7 @@ class ShotResult(Differentiable):
 
         Args:
             path: The file. Its name must end in ".html" and its folder must exist.
-            title: The page's heading; None for the engine, the number of events and the duration.
+            title: The page's heading; None for the engine, the number of contacts and the duration.
             compare: Another run of the shot, drawn as rings, or a sequence of runs, from which a slider on the page
                 chooses one.
 
