@@ -61,9 +61,10 @@ def _find_game(env: str) -> BilliardsEnv:
 
 
 def arguments_of(env: BilliardsEnv) -> dict[str, Any]:
-    """Returns arguments of `gym.make("Billiards-v0", ...)` that make an environment like `env`, as plain data."""
+    """Returns arguments of `gym.make("Billiards-v0", ...)` that make an environment like `env`, without its noise."""
     found = {name: getattr(env, name) for name in inspect.signature(BilliardsEnv).parameters if hasattr(env, name)}
-    del found["render_mode"]
+    for name in ("render_mode", "noise", "noise_seed"):
+        del found[name]
     return found | env.engine._asdict() | {"scene": env.scene.to_dict(), "n_object_balls": None}
 
 
