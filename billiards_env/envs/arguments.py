@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from billiards_env.checks import one_of, real, sequence, shaped, short
+from billiards_env.checks import one_of, real, shaped, short
 from billiards_env.engine import Engine, checked_engine
 from billiards_env.envs.actions import ACTIONS, ELEVATION, SIDE, SPEED, TOP, TURN
 from billiards_env.envs.tasks import TASKS
@@ -125,7 +125,9 @@ def check_randomize(
             raise ValueError("randomize['dt'] with mode='pic': expected mode='pit', PIC has no timestep")
         one_of("key of randomize", key, (*PARAMETERS, "dt"))
         name = f"randomize[{key!r}]"
-        pair = tuple(real(name, end) for end in sequence(name, given))
+        if not isinstance(given, (list, tuple)):
+            raise TypeError(f"{name} = {short(given)}: expected (low, high) with low < high")
+        pair = tuple(real(name, end) for end in given)
         if len(pair) != 2 or pair[0] >= pair[1]:
             raise ValueError(f"{name} = {short(given)}: expected (low, high) with low < high")
         ranges[key] = pair

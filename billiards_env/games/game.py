@@ -120,7 +120,7 @@ class Setup:
         rules, table, balls = self.game_rules, self.scene.table, self.scene.n_balls - 1
         name, (low, high), pockets = f"rules = {self.rules!r} with", rules.n_object_balls, len(table.pockets)
         numbers = str(low) if low == high else f"{low} to {high}"
-        _expect(low <= balls <= high, f"{name} a scene of {balls} object balls", numbers)
+        _expect(low <= balls <= high, f"{name} a scene of {balls} object ball{'s' * (balls != 1)}", numbers)
         expected = "a table with pockets" if rules.pockets else "a table without pockets"
         _expect(rules.pockets == (pockets > 0), f"{name} a table of {pockets} pockets", expected)
         what = f"{name} a table whose cushions reach into its rectangle"
