@@ -38,7 +38,19 @@ from billiards_env.physics.state import (
     BallState,
     law_changes,
 )
-from billiards_env.physics.strike import ELEVATION, HEADING, SIDE, SPEED, TOP, CueNumbers, strike_by
+from billiards_env.physics.strike import (
+    ELEVATION,
+    HEADING,
+    SIDE,
+    SPEED,
+    TOP,
+    CueNumbers,
+    impulse_gain,
+    speed_gain,
+    squirt,
+    strike_by,
+    struck,
+)
 from billiards_env.physics.tangent import rule, tangent_of
 
 # Columns of a lane: the state of the first ball, and that of the second.
@@ -377,6 +389,8 @@ def pair_lane(lane, one, two, are_spheres, ball_friction, numbers):
     put_ball(lane, BALL_WIDTH, _shifted(d_b, two.after, -dt))
 
 
+for _kernel in (impulse_gain, speed_gain, squirt, struck):
+    tangent_of(_kernel, constant=("cue",))
 _d_strike_by = tangent_of(strike_by, constant=("cue",))
 
 
@@ -395,7 +409,13 @@ def strike_jacobians(cue, parameters, jacobians, states):
         p = parameters[k]
         at = (p[SPEED], p[HEADING], p[SIDE], p[TOP], p[ELEVATION])
         for j in range(5):
-            unit = (float(j == 0), float(j == 1), float(j == 2), float(j == 3), float(j == 4))
+            unit = (
+                1.0 if j == SPEED else 0.0,
+                1.0 if j == HEADING else 0.0,
+                1.0 if j == SIDE else 0.0,
+                1.0 if j == TOP else 0.0,
+                1.0 if j == ELEVATION else 0.0,
+            )
             (vx, vy, wx, wy, wz, _), (d_vx, d_vy, d_wx, d_wy, d_wz, _) = _d_strike_by(cue, *at, *unit)
             states[k, 0], states[k, 1], states[k, 2], states[k, 3], states[k, 4] = vx, vy, wx, wy, wz
             jacobians[k, 0, j], jacobians[k, 1, j] = d_vx, d_vy
