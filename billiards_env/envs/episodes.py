@@ -279,9 +279,12 @@ class Episodes:
 
 
 def noise_stream(seed: int, noise_seed: int | None) -> NDArray[np.uint64]:
-    """Returns the random stream of the noise, which is independent of that of the layouts with the same seed."""
+    """Returns the random stream of the noise, which is independent of that of the layouts with the same seed.
+
+    A seed of -1, which Gymnasium uses for a generator of unknown seed, gives a random stream.
+    """
     key = (0,) if noise_seed is None else (0, noise_seed)
-    return streams.seeded(np.random.SeedSequence(seed, spawn_key=key))
+    return streams.seeded(np.random.SeedSequence(None if seed < 0 else seed, spawn_key=key))
 
 
 @inlined
