@@ -17,8 +17,9 @@ from billiards_env.engine.compile import varied_fields, varied_shot, vary
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.envs.actions import shorten, strike_balls
 from billiards_env.envs.arrays import BallArrays, EpisodeArrays, TaskNumbers
+from billiards_env.envs.observations import Observer, Source
 from billiards_env.envs.tasks import TASKS, judge_pot, write_legal_balls
-from billiards_env.jit import entry_point, inlined, specialised, streams
+from billiards_env.jit import entry_point, specialised, streams
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
 from billiards_env.scene import Balls, Scene, layouts
@@ -46,6 +47,7 @@ class Episodes:
         plan: The layout at the start of an episode.
         goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has
             no goal.
+        observer: The features of the observations.
         miscues: (m,) bool: whether the tip slipped in the last shot; False for the action "velocity".
         physics: The numbers of `BilliardsEnv.randomize` by name, (m,) each.
         recorded: The last shot of the first `n_recorded` episodes with its trajectory, by episode.
@@ -90,14 +92,13 @@ class Episodes:
             goal_radius=task.goal_radius,
             max_shots=env.max_shots,
             scratch_penalty=env.scratch_penalty,
-            half_length=scene.half_extents[0],
-            half_width=scene.half_extents[1],
-            observe_shots_left=env.observe_shots_left,
         )
         # The arguments of the entry points. These tuples hold the arrays above, also after a deep copy.
         self._numbers, self._arrays = tuple(numbers), tuple(self.arrays)
         self._shots, self._balls = tuple(shots), tuple(self.balls)
         self.physics = {name: np.full(count, low) for name, (low, _) in env.randomize.items()}
+        source = Source(scene, self.arrays, env.max_shots, self.physics, env.randomize)
+        self.observer = Observer(env.observe, source)
         self._run_shots = run_shots_of(env.engine, n)
         self._scene = varied_fields(scene, env.engine, self.physics, count)
         self._limit = scene.physics.max_time or math.inf
@@ -152,14 +153,8 @@ class Episodes:
 
     def begin(self, begin: int, end: int, mask: Bools, observations: NDArray[np.float32]) -> None:
         """Begins the episodes in the mask (m,) with the balls where they are, and writes all observations (m, size)."""
-        begin_episodes(begin, end, mask, self._numbers, self._arrays, observations)
-        if self.env.observe_physics:
-            self._observe_physics(begin, end, observations)
-
-    def _observe_physics(self, begin: int, end: int, observations: NDArray[np.float32]) -> None:
-        first = observations.shape[1] - len(self.physics)
-        for j, (name, (low, high)) in enumerate(self.env.randomize.items()):
-            observations[begin:end, first + j] = 2.0 * (self.physics[name][begin:end] - low) / (high - low) - 1.0
+        begin_episodes(begin, end, mask, self._numbers, self._arrays)
+        self.observer.write(begin, end, observations)
 
     def shoot(self, begin: int, end: int, actions: Floats, rewards: Floats, observations: NDArray[np.float32]) -> None:
         """Plays a shot in each episode that is not over. The others have the reward 0, and their tally does not change.
@@ -189,9 +184,8 @@ class Episodes:
             balls.positions[begin:end] = balls.positions_before[begin:end]
             balls.in_play[begin:end] = ~balls.potted_before[begin:end]
             raise
-        scoring(self.env.task)(begin, end, self._numbers, self._arrays, rewards, observations)
-        if self.env.observe_physics:
-            self._observe_physics(begin, end, observations)
+        scoring(self.env.task)(begin, end, self._numbers, self._arrays, rewards)
+        self.observer.write(begin, end, observations)
 
     def _record(self, k: int) -> ShotResult:
         """Runs the shot of episode k as the engine does, and returns it with its trajectory."""
@@ -222,29 +216,6 @@ def cue_ball_alone(scene: Scene) -> Scene:
     return dataclasses.replace(scene, balls=Balls(scene.balls.radius[:1], scene.balls.mass[:1]))
 
 
-@inlined
-def observe(k, numbers, arrays, observations):
-    """Writes the observation of episode k.
-
-    It holds the positions of the balls and goals, divided by `Scene.half_extents`, and in a run-out whether each object
-    ball is legal, then the fraction of the shots that are left, if it is observed.
-    """
-    positions, goals, legal = arrays.positions, arrays.goals, arrays.legal_balls
-    n, n_goals = positions.shape[1], goals.shape[1]
-    for i in range(n):
-        observations[k, 2 * i] = min(max(positions[k, i, X] / numbers.half_length, -1.0), 1.0)
-        observations[k, 2 * i + 1] = min(max(positions[k, i, Y] / numbers.half_width, -1.0), 1.0)
-    for i in range(n_goals):
-        observations[k, 2 * (n + i)] = goals[k, i, X] / numbers.half_length
-        observations[k, 2 * (n + i) + 1] = goals[k, i, Y] / numbers.half_width
-    last = 2 * (n + n_goals)
-    for i in range(1, legal.shape[1]):
-        observations[k, last] = 1.0 if legal[k, i] else 0.0
-        last += 1
-    if numbers.observe_shots_left:
-        observations[k, last] = 1.0 if arrays.fresh[k] else arrays.shots_left[k] / numbers.max_shots
-
-
 @entry_point
 def draw_units(begin, end, mask, episode_streams, units):
     """Draws numbers (end - begin, p) from [0, 1) for the episodes in the mask, each from its own stream."""
@@ -255,7 +226,7 @@ def draw_units(begin, end, mask, episode_streams, units):
 
 
 @entry_point
-def begin_episodes(begin, end, mask, numbers, arrays, observations):
+def begin_episodes(begin, end, mask, numbers, arrays):
     """Begins episodes, see `Episodes.begin`."""
     numbers, arrays = TaskNumbers(*numbers), EpisodeArrays(*arrays)
     for k in range(begin, end):
@@ -264,7 +235,6 @@ def begin_episodes(begin, end, mask, numbers, arrays, observations):
                 arrays.in_play[k, i] = True
             arrays.fresh[k], arrays.over[k] = True, False
             write_legal_balls(k, numbers.opening, arrays)
-        observe(k, numbers, arrays, observations)
 
 
 @entry_point
@@ -293,8 +263,8 @@ def scoring(task: str) -> Callable[..., None]:
     return specialised(score_shots, judge=TASKS[task].judge)
 
 
-def score_shots(begin, end, numbers, arrays, rewards, observations):
-    """Computes the rewards of the shots and the observations after them, see `Episodes.shoot`."""
+def score_shots(begin, end, numbers, arrays, rewards):
+    """Computes the rewards of the shots, see `Episodes.shoot`."""
     numbers, arrays = TaskNumbers(*numbers), EpisodeArrays(*arrays)
     for k in range(begin, end):
         for i in range(arrays.in_play.shape[1]):
@@ -312,4 +282,3 @@ def score_shots(begin, end, numbers, arrays, rewards, observations):
             arrays.is_success[k] = arrays.is_success[k] or success
             arrays.over[k] = decided or arrays.shots_left[k] == 0
             rewards[k] = points - numbers.scratch_penalty if scratch else float(points)
-        observe(k, numbers, arrays, observations)

@@ -48,7 +48,21 @@ NO_TIMESTEP = {"mode": "pit", "dt": 1 / 60, "randomize": {"dt": [0, 1]}}
         ({"layout": "racked"}, "layout = 'racked': expected one of .*did you mean 'rack'"),
         ({"layout": "line", "n_object_balls": 2}, "layout = 'line' with 2 object balls: expected 1"),
         ({"layout": None, "scene": "carom", "task": "carom", "n_object_balls": 3}, "'carom_opening' with 3"),
-        ({"observe_shots_left": 1}, "observe_shots_left = 1: expected True or False"),
+        (
+            {"observe_shots_left": True},
+            "observe_shots_left = True: expected observe with 'shots_left' instead",
+            TypeError,
+        ),
+        ({"observe_shot": True}, "unexpected keyword argument 'observe_shot'", TypeError),
+        ({"observe": "positions"}, "observe = 'positions': expected a list", TypeError),
+        ({"observe": ["positon"]}, r"observe = 'positon': expected one of .* \(did you mean 'positions'\?\)"),
+        ({"observe": [3]}, "observe = 3: expected one of 'positions'"),
+        ({"observe": []}, r"observe = \[\]: expected at least one feature"),
+        ({"observe": ["potted", "potted"]}, r"observe = \['potted', 'potted'\]: .* each of them once"),
+        ({"observe": ["goal"]}, "observe = 'goal': expected a task with a goal"),
+        ({"observe": ["legal_balls"]}, "observe = 'legal_balls': expected a run-out"),
+        ({"observe": ["physics"]}, "observe = 'physics': expected numbers in randomize"),
+        ({"observe": ["free_to_pockets"], "scene": "carom", "task": "carom"}, "expected an object ball, a table with pockets in the env"),
         ({"render_mode": "ansi"}, "render_mode = 'ansi': expected one of 'human'"),
         ({"action": "spin"}, "action = 'spin': expected one of 'velocity', 'strike'"),
         (
@@ -65,8 +79,6 @@ NO_TIMESTEP = {"mode": "pit", "dt": 1 / 60, "randomize": {"dt": [0, 1]}}
         ({"randomize": {"mu_roll": [-1, 1]}}, "randomize: physics.mu_roll = -1.0: expected a number from 1e-12 to 100"),
         ({"randomize": FLOOR}, "randomize: physics.e_cushion_floor = 0.6: expected at most e_cushion = 0.5"),
         (NO_TIMESTEP, "randomize: dt = 0.0 with mode='pit': expected the timestep"),
-        ({"observe_physics": True}, "observe_physics = True without randomize"),
-        ({"observe_physics": 1, "randomize": RANGES}, "observe_physics = 1: expected True or False"),
     ],
 )
 def test_wrong_arguments(arguments, message, kind):

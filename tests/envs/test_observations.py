@@ -1,0 +1,147 @@
+"""The features of observations, against plain formulas in NumPy."""
+
+import numpy as np
+import pytest
+
+from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
+from billiards_env.envs.observations import FEATURES, Feature, decode
+
+WAYS = ("cue_to_balls", "balls_to_pockets", "free_to_balls", "free_to_pockets")
+
+
+@pytest.fixture(scope="module")
+def shots():
+    """Tables after a fast shot, with potted balls and a smaller cue ball, and the features of their observations."""
+    envs = BilliardsVectorEnv(400, "Disabled", scene="uk_pool", n_object_balls=5, max_speed=8.0, observe=WAYS[::-1])
+    envs.reset(seed=0)
+    turns = np.random.default_rng(0).uniform(0, 2 * np.pi, 400)
+    observations, *_ = envs.step(np.stack((np.cos(turns), np.sin(turns)), 1))
+    assert envs.potted[:, 0].sum() > 5
+    assert envs.potted[:, 1:].sum() > 50
+    assert envs.single_observation_space.contains(observations[0])
+    assert all(observation in envs.single_observation_space for observation in observations)
+    return envs, envs.decode(observations)
+
+
+def pockets_of(envs):
+    return np.array([(pocket.x, pocket.y) for pocket in envs.single_env.scene.table.pockets])
+
+
+def ways_of(vectors, there, envs):
+    """Returns distances, over the largest one on the table, and directions (..., 3); zeros where `there` is False."""
+    half = np.array(envs.single_env.scene.half_extents)
+    reach = np.linalg.norm(half + np.maximum(half, np.abs(pockets_of(envs)).max(axis=0)))
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    found = np.concatenate((length / reach, vectors / np.maximum(length, 1e-9)), -1)
+    return np.where(there[..., None], found, 0.0)
+
+
+def test_distances_and_directions(shots):
+    envs, seen = shots
+    positions, lying = envs.positions, ~envs.potted
+    to_balls = positions[:, 1:] - positions[:, :1]
+    expected = ways_of(to_balls, lying[:, :1] & lying[:, 1:], envs)
+    np.testing.assert_allclose(seen["cue_to_balls"], expected, atol=1e-6)
+    to_pockets = pockets_of(envs)[None, None] - positions[:, 1:, None]
+    expected = ways_of(to_pockets, np.broadcast_to(lying[:, 1:, None], to_pockets.shape[:3]), envs)
+    np.testing.assert_allclose(seen["balls_to_pockets"], expected, atol=1e-6)
+
+
+def least_gap(start, end, i, target, table, radius):
+    """Returns the least gap between ball i, which moves from one point to another, and the balls other than `target`."""
+    points = start + np.linspace(0.0, 1.0, 4001)[:, None] * (end - start)
+    gaps = [
+        np.linalg.norm(points - place, axis=1).min() - 2.0 * np.sqrt(radius[i] * radius[j])
+        for j, place in table.items()
+        if j not in (i, target)
+    ]
+    return min(gaps, default=1.0)
+
+
+def test_straight_lines_without_an_obstacle(shots):
+    envs, seen = shots
+    radius, pockets = envs.single_env.scene.balls.radius, pockets_of(envs)
+    counts = np.zeros(2)
+    for k in range(60):
+        table = {i: envs.positions[k, i] for i in np.flatnonzero(~envs.potted[k])}
+        for i in range(1, envs.single_env.scene.n_balls):
+            lines = [(seen["free_to_pockets"][k, i - 1, p], i, pocket) for p, pocket in enumerate(pockets)]
+            if 0 in table and i in table:
+                way = table[i] - table[0]
+                reach = 2.0 * np.sqrt(radius[0] * radius[i])
+                lines.append((seen["free_to_balls"][k, i - 1], 0, table[i] - reach * way / np.linalg.norm(way)))
+            else:
+                assert seen["free_to_balls"][k, i - 1] == 0
+            for is_free, ball, end in lines:
+                if ball not in table:
+                    assert is_free == 0
+                    continue
+                gap = least_gap(table[ball], end, ball, i, table, radius)
+                if abs(gap) > 1e-5:  # the steps along the line
+                    assert is_free == (gap > 0)
+                    counts[int(is_free)] += 1
+    assert counts.min() > 100
+
+
+def test_a_ball_next_to_the_line_is_an_obstacle_if_the_balls_overlap_there():
+    env = BilliardsEnv(n_object_balls=2, observe=("free_to_balls", "free_to_pockets"))
+    radius = env.scene.balls.radius[0]
+    for offset, is_free in ((1.999, 0), (2.0, 1), (2.001, 1)):
+        balls = [[-0.5, 0.0], [0.0, offset * radius], [0.5, 0.0]]
+        seen = env.decode(env.reset(options={"positions": balls})[0])
+        assert seen["free_to_balls"].tolist() == [1, is_free]
+    seen = env.decode(env.reset(options={"positions": [[0.0, 0.5], [0.0, -0.5], [0.0, 0.0]]})[0])
+    side = int(np.flatnonzero([pocket.x == 0.0 and pocket.y > 0.0 for pocket in env.scene.table.pockets])[0])
+    assert seen["free_to_pockets"][:, side].tolist() == [0, 0]  # the cue ball is an obstacle, too
+
+
+def test_mirrored_tables_have_mirrored_features_bit_for_bit():
+    env = BilliardsEnv(n_object_balls=3, observe=("cue_to_balls", "free_to_balls"))
+    for seed in range(20):
+        env.reset(seed=seed)
+        positions = env.positions
+        one, other = (
+            env.decode(env.reset(options={"positions": positions * signs})[0].copy()) for signs in ([1, 1], [-1, 1])
+        )
+        assert (one["cue_to_balls"] * np.float32([1, -1, 1]) == other["cue_to_balls"]).all()
+        assert (one["free_to_balls"] == other["free_to_balls"]).all()
+
+
+def test_the_argument_chooses_and_orders_the_features():
+    names = ("shots_left", "goal", "potted", "positions")
+    env, usual = (BilliardsEnv(task="place", max_shots=2, observe=observe) for observe in (names, None))
+    observation, seen = env.reset(seed=1)[0], usual.decode(usual.reset(seed=1)[0])
+    assert tuple(env.features) == names
+    assert env.features == {"shots_left": (), "goal": (1, 2), "potted": (2,), "positions": (2, 2)}
+    assert observation.tolist() == [1.0, *seen["goal"][0], 0.0, 0.0, *seen["positions"].flat]
+    assert (env.observation_space.low == [0, -1, -1, 0, 0, -1, -1, -1, -1]).all()
+    assert env.decode(env.step([0.1, 0.0])[0])["shots_left"] == 0.5
+
+
+def test_decode_returns_views_of_arrays_and_tensors():
+    envs = BilliardsVectorEnv(3, observe=("positions", "shots_left"))
+    observations, _ = envs.reset(seed=0)
+    seen = envs.decode(observations)
+    assert {name: values.shape for name, values in seen.items()} == {"positions": (3, 2, 2), "shots_left": (3,)}
+    assert all(np.shares_memory(values, observations) for values in seen.values())
+    many = envs.decode(np.zeros((4, 3, 5)))
+    assert many["positions"].shape == (4, 3, 2, 2)
+    with pytest.raises(ValueError, match="observation has 4 numbers: expected 5, of positions, shots_left"):
+        envs.decode(observations[:, :4])
+    torch = pytest.importorskip("torch")
+    tensor = torch.zeros(3, 5)
+    decode(tensor, envs.single_env.features)["positions"][1, 1] = 1.0
+    assert tensor.sum(0).tolist() == [0.0, 0.0, 1.0, 1.0, 0.0]
+
+
+def test_a_new_feature_is_one_entry(monkeypatch):
+    def write(begin, end, observations, first, score):
+        observations[begin:end, first] = score[begin:end] / 100.0
+
+    entry = Feature("the score", (), 0.0, write, lambda source: (source.arrays.score,))
+    monkeypatch.setitem(FEATURES, "score", entry)
+    env, envs = BilliardsEnv(observe=("score",)), BilliardsVectorEnv(2, "Disabled", observe=["positions", "score"])
+    env.reset(options={"positions": [[0.97, 0.335], [1.07, 0.435]]})
+    assert env.step([0.25, 0.25])[0].tolist() == [np.float32(0.01)]
+    envs.reset(seed=0)
+    assert envs.decode(envs.step(np.zeros((2, 2)))[0])["score"].tolist() == [0.0, 0.0]
