@@ -22,10 +22,11 @@ from tqdm import tqdm
 from benchmarks import save, table, use_own_font
 from billiards_env import bench
 from billiards_env.envs.observations import FEATURES
-from billiards_env.evaluation import evaluation_seeds, find_player
+from billiards_env.evaluation import evaluation_seeds
 from billiards_env.files import write_json
 from billiards_env.frozen import FROZEN, NAMESPACE, NOISE, Frozen
 from billiards_env.players.env_player import RULES_OF_TASKS
+from billiards_env.players.named import find_player
 from studies import RESULTS, parser_of, report
 
 OUTPUT = Path(bench.__file__).parent / "results" / "tasks.json"

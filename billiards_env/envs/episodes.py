@@ -99,7 +99,7 @@ class Episodes:
         self.physics = {name: np.full(count, low) for name, (low, _) in env.randomize.items()}
         source = Source(scene, self.arrays, env.max_shots, self.physics, env.randomize)
         self.observer = Observer(env.observe, source)
-        self._run_shots = run_shots_of(env.engine, n)
+        self._run_shots, self._score = run_shots_of(env.engine, n), scoring(env.task)
         self._scene = varied_fields(scene, env.engine, self.physics, count)
         self._limit = scene.physics.max_time or math.inf
         self._cue = tuple(cue_numbers(scene)) if env.action == "strike" else None
@@ -184,7 +184,7 @@ class Episodes:
             balls.positions[begin:end] = balls.positions_before[begin:end]
             balls.in_play[begin:end] = ~balls.potted_before[begin:end]
             raise
-        scoring(self.env.task)(begin, end, self._numbers, self._arrays, rewards)
+        self._score(begin, end, self._numbers, self._arrays, rewards)
         self.observer.write(begin, end, observations)
 
     def _record(self, k: int) -> ShotResult:

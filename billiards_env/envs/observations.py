@@ -326,15 +326,15 @@ class Observer:
         if not names or len(set(names)) < len(names):
             raise ValueError(f"observe = {short(observe)}: expected at least one feature, and each of them once")
         self.features = {name: shapes[name] for name in names}
-        self.size, self._writers = 0, []
+        self.size, self._writers = 0, []  # a writer and its arguments after `observations`
         for name, shape in self.features.items():
-            self._writers.append((FEATURES[name].write, self.size, FEATURES[name].reads(source)))
+            self._writers.append((FEATURES[name].write, (self.size, *FEATURES[name].reads(source))))
             self.size += math.prod(shape)
 
     def write(self, begin: int, end: int, observations: NDArray[np.float32]) -> None:
         """Writes the observations (m, size) of the episodes from `begin` to `end - 1`."""
-        for write, first, reads in self._writers:
-            write(begin, end, observations, first, *reads)
+        for write, arguments in self._writers:
+            write(begin, end, observations, *arguments)
 
     def space(self) -> gym.spaces.Box:
         """Returns the space of an observation."""

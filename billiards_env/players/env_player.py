@@ -6,7 +6,7 @@ Example:
     >>> from billiards_env.players.strategies import geometric
     >>> env = BilliardsEnv()
     >>> _ = env.reset(seed=1)
-    >>> env.step(geometric(situation(env), np.random.default_rng(0)))[1]
+    >>> env.step(geometric(task_situation(env), np.random.default_rng(0)))[1]
     1.0
 """
 
@@ -31,7 +31,7 @@ from billiards_env.shots.strikes import level_strike, strike
 Floats = NDArray[np.float64]
 
 
-def situation(env: BilliardsEnv) -> Situation:
+def task_situation(env: BilliardsEnv) -> Situation:
     """Returns the situation in an environment. The rating of an action is its reward."""
     targets = env.legal_balls if env.legal_balls.size else env.targets
     return Situation(

@@ -10,6 +10,7 @@ In a carom game a policy must be trained with two object balls.
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +76,22 @@ def policy(setup: Setup, argument: str) -> Player:
         return with_call(setup, game, make_stroke(velocity, max_speed, place))
 
     return stroke
+
+
+def task_policy(env: gym.Env[Any, Any], argument: str) -> Callable[[NDArray[np.float32]], NDArray[np.float32]]:
+    """Returns the player `act(observation) -> action` of a trained policy in an environment.
+
+    Args:
+        env: The environment. Its arguments replace those of the training.
+        argument: As in `policy`.
+
+    Raises:
+        OSError, TypeError, ValueError: As in `load_policy`.
+    """
+    given: Any = env.spec and env.spec.kwargs
+    arguments = {key: given[key] for key in given if key not in ("render_mode", "noise_seed")}
+    model = load_policy(argument, arguments)[1]
+    return lambda observation: model.predict(observation, deterministic=True)[0]
 
 
 def playable(run_dir: Path) -> str | None:

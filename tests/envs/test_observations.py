@@ -48,7 +48,7 @@ def test_distances_and_directions(shots):
 
 
 def least_gap(start, end, i, target, table, radius):
-    """Returns the least gap between ball i, which moves from one point to another, and the balls other than `target`."""
+    """Returns the least gap between ball i on its way from one point to another and the balls except `target`."""
     points = start + np.linspace(0.0, 1.0, 4001)[:, None] * (end - start)
     gaps = [
         np.linalg.norm(points - place, axis=1).min() - 2.0 * np.sqrt(radius[i] * radius[j])

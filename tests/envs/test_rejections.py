@@ -62,7 +62,10 @@ NO_TIMESTEP = {"mode": "pit", "dt": 1 / 60, "randomize": {"dt": [0, 1]}}
         ({"observe": ["goal"]}, "observe = 'goal': expected a task with a goal"),
         ({"observe": ["legal_balls"]}, "observe = 'legal_balls': expected a run-out"),
         ({"observe": ["physics"]}, "observe = 'physics': expected numbers in randomize"),
-        ({"observe": ["free_to_pockets"], "scene": "carom", "task": "carom"}, "expected an object ball, a table with pockets in the env"),
+        (
+            {"observe": ["free_to_pockets"], "scene": "carom", "task": "carom"},
+            "a table with pockets in the environment",
+        ),
         ({"render_mode": "ansi"}, "render_mode = 'ansi': expected one of 'human'"),
         ({"action": "spin"}, "action = 'spin': expected one of 'velocity', 'strike'"),
         (

@@ -41,14 +41,15 @@ VARIANTS: list[dict[str, Any]] = [
     {"scene": "sum_to_three", "task": "sum_to_three", "layout": "line", **LONG},
     {"task": "place", "n_object_balls": 0, "max_shots": 3},
     {"scene": "pooltool_real_carom", "task": "place", "layout": "random"},
-    {"scene": "real_pool", "task": "position", **LONG, "observe": ["positions", "goal"]},  # one object ball: the engine for two balls
+    # One object ball: the engine for two balls.
+    {"scene": "real_pool", "task": "position", **LONG, "observe": ["positions", "goal"]},
     {"scene": "uk_pool", "task": "clear", "max_shots": 2},
     STRIKE,
     *({"task": task, "n_object_balls": n, "layout": task, "max_shots": 3} for task, n in RUN_OUTS.items()),
     {"task": "nine_ball", "n_object_balls": 9, "layout": "random", **LONG, "observe": ["shots_left", "legal_balls"]},
     {"scene": {"base": "pool", "balls": {"radius": [0.02, 0.03], "mass": [0.1, 0.2]}}},
     {"scene": {"base": "ideal", "balls": {"radius": [0.02, 0.1], "mass": [0.1, "inf"]}}, "task": "carom"},
-    {"randomize": {"mu_roll": [0.005, 0.02], "e_ball": [0.85, 0.95]}, "observe": ["shots_left", "positions", "physics"]},
+    {"randomize": {"mu_roll": [0.005, 0.02], "e_ball": [0.85, 0.95]}, "observe": ["physics", "positions"]},
     {"scene": "real_pool", "task": "position", "randomize": {"g": [8.0, 11.0]}, "observe": ["positions", "physics"]},
     {"mode": "pit", "dt": 0.01, "randomize": {"dt": [0.005, 0.05], "mu_slide": [0.1, 0.3]}, "max_shots": 2},
     {"mode": "pit", "dt": 1 / 15, "n_object_balls": 9, "layout": "rack", "max_shots": 5, "max_speed": 8.0},
