@@ -8,7 +8,7 @@
 * Straight pool, snooker, three-cushion: the points of one turn from random positions; straight pool over several racks.
 * One ball: `Billiards-v0` with its default arguments, one shot at one ball from a random layout, without english.
 * Levels: the levels of the planner, such as "planner:club", each at one ball and in matches against the level below it.
-  The noise is that of the levels.
+  The noise is the noise of the levels.
 
 Each player gets the size of the noise as an argument. The results are in `studies/results/planner.json`, written after
 each rack. The command continues after an interruption. A larger number of `--racks` adds racks. Players with a time
@@ -55,14 +55,14 @@ OLYMPIAD = (0.125, 0.075)
 """The noise of the Computer Olympiad (Smith 2007, PickPocket: A computer billiards shark): degrees and m/s."""
 
 FIXED_BREAK = Stroke((4.825, 1.654), (-0.831, -0.532))
-"""A break from near a long cushion, chosen from 1,600 random breaks. On 60 racks that are not those of the study it was
+"""A break from near a long cushion, chosen from 1,600 random breaks. On 60 racks that the study does not use it was
 among the breaks that kept the turn most often."""
 
 PLANNER = "planner:100ms"
 """The player of the matches."""
 
 EQUAL_TIME = "search:24000"
-"""The search whose decisions in eight ball take the same processor time as those of `PLANNER`, see `times`."""
+"""The search whose decisions in eight ball take the same processor time as the decisions of `PLANNER`, see `times`."""
 
 LEAST = "planner:0.001ms"
 """A planner whose decisions take the least time."""
@@ -102,7 +102,7 @@ CELLS: tuple[Cell, ...] = (
     *(Cell("one ball", (0.0, 0.0), f"planner:{level}", 0.05) for level in LEVELS),
     *(Cell("levels", (0.0, 0.0), f"planner:{level}", 0.1) for level in list(LEVELS)[1:]),
 )
-"""The cells of the tables, those of most interest first."""
+"""The cells of the tables, the most interesting first."""
 
 
 def shoot(setup: Setup, game: GameState, player: Player, noise: tuple[float, float], rngs: Sequence[Any]) -> PlayedShot:

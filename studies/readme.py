@@ -54,7 +54,7 @@ _BEGIN, _END = re.compile(r"<!-- (\w+): (.+) -->"), "<!-- end -->"
 
 
 def results(source: str, root: Path = ROOT) -> Path:
-    """Returns the file of the results of a source, in the package of its command; `bench` reads that of "tasks"."""
+    """Returns the file of the results of a source, in the package of its command; `bench` reads the file of "tasks"."""
     package = "billiards_env" if source == "tasks" else SOURCES[source].partition(".")[0]
     return root / package / "results" / f"{source}.json"
 

@@ -186,7 +186,8 @@ def fit(inputs: NDArray[np.float32], won: NDArray[np.bool_]) -> run_outs.Weights
 def losses(positions: Positions) -> list[dict[str, Any]]:
     """Returns for each cell the numbers of positions and of run-outs, and two mean logarithmic losses.
 
-    `network` is the loss in the cross-validation, and `share` that of a constant, the share of run-outs in the cell.
+    `network` is the loss in the cross-validation, and `share` the loss of a constant, the share of run-outs in the
+    cell.
     """
     found, fold = np.empty(len(positions.won)), positions.rack % FOLDS
     for k in range(FOLDS):

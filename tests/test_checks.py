@@ -221,7 +221,7 @@ def new_game() -> tuple[Setup, GameState]:
 
 
 def shot(*start: Any, **arguments: Any) -> Any:
-    """Returns a function that simulates a shot; what is left out of the start is that of a usual shot."""
+    """Returns a function that simulates a shot; what is left out of the start is as in a usual shot."""
     return lambda: simulate(*start, *(POOL, PLACES, [1, 0])[len(start) :], **arguments)
 
 

@@ -303,7 +303,7 @@ class Observer:
     """Writes observations, in which the features follow each other.
 
     Args:
-        observe: The names of the features; None for those of `USUAL` that the environment has.
+        observe: The names of the features; None for the features of `USUAL` that the environment has.
         source: What they read.
 
     Attributes:

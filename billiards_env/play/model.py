@@ -59,7 +59,7 @@ class StrokeInput(NamedTuple):
 
     Attributes:
         angle: Direction, radians from the x axis.
-        speed: m/s: that of the ball after a level stroke at its centre.
+        speed: The speed of the ball after a level stroke at its centre, m/s.
         tip: Offset of the cue's tip from the centre of the ball to the left and up, in ball radii.
         elevation: Elevation of the cue, degrees.
         place: Position of the cue ball in hand, m; None if it is not in hand.
@@ -75,7 +75,7 @@ class StrokeInput(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """A played stroke with its aim: that of the person, or of a level hit with the same velocity."""
+    """A played stroke with its aim: the person's aim, or a level hit with the same velocity."""
 
     stroke: Stroke
     played: PlayedShot

@@ -57,7 +57,7 @@ class Plan(NamedTuple):
     Attributes:
         stroke: The stroke.
         value: The mean value of its noisy outcomes, from -1 for a lost game to 1 for a won game. In a game that is won
-            by points it is the expected lead. With a budget too small for noisy outcomes it is that of the shot
+            by points it is the expected lead. With a budget too small for noisy outcomes it is the value of the shot
             without noise.
         probability: The share of its noisy outcomes that win the game or continue the turn, or whether the shot without
             noise does.

@@ -31,9 +31,9 @@ class Mixture(NamedTuple):
     """m mixtures of k Gaussians over actions.
 
     An action begins with a velocity, divided by the largest speed. Each Gaussian has one standard deviation along its
-    direction and one across it. A rotation does not change areas, so the density is that of the velocity. A strike has
-    three more numbers, which are independent. Its side turns the direction of the ball, so the direction of the cue is
-    the direction of the Gaussian turned back by an angle with the tangent `turn * side`.
+    direction and one across it. A rotation does not change areas, so the density is also the density of the velocity. A
+    strike has three more numbers, which are independent. Its side turns the direction of the ball, so the direction of
+    the cue is the direction of the Gaussian turned back by an angle with the tangent `turn * side`.
 
     Attributes:
         log_weight: (m, k) logarithms of the weights.
@@ -164,7 +164,7 @@ class AimNetwork(nn.Module):
         Args:
             positions: (m, 1 + n, 2), the feature "positions".
             legal: (m, n) bool, the balls at which a component may aim; None for the feature "legal_balls", or for all.
-            others: The other features by name, those of the construction.
+            others: The other features by name, as in the construction.
         """
         m, n = len(positions), positions.shape[1] - 1
         places = torch.cat((positions, others["goal"]), 1) if self.goal else positions
@@ -192,7 +192,7 @@ class AimNetwork(nn.Module):
         allowed = on_table if legal is None else on_table & legal.flatten()
         logit = logit.masked_fill(~allowed[:, None], _NEVER)
         speed = self.slowest + self.faster * faster.sigmoid()
-        # The std of the direction is that of the point over its distance. The limit is for points near the cue ball.
+        # The std of the direction is the std of the point over its distance. The limit is for points near the cue ball.
         across = speed * self.std[1] * inverse.clamp(max=10.0)
         if tip:
             side, top, elevation = tip  # a reflection at one axis changes the sign of the side
