@@ -209,7 +209,7 @@ def _numbers(value: Any) -> Any:
 def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
     """Returns all arguments of the environment. Missing ones have their defaults, or the defaults of the task."""
     parameters = dict(inspect.signature(BilliardsEnv).parameters)
-    del parameters["render_mode"], parameters["old"]  # training does not render
+    del parameters["render_mode"]  # training does not render
     for key in given:
         one_of("key of env", key, tuple(parameters))
     found = {name: given.get(name, parameter.default) for name, parameter in parameters.items()}

@@ -18,7 +18,7 @@ from billiards_env.envs.actions import ACTIONS, check_action
 from billiards_env.envs.arguments import check_options, check_randomize, json_spec, make_scene
 from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.info import info_arrays, single_info
-from billiards_env.envs.observations import decode, reject_old
+from billiards_env.envs.observations import decode, without_old
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.tasks import TASKS, task_targets
 from billiards_env.scene import Scene, layouts
@@ -269,6 +269,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     _spec = None
     spec = json_spec
 
+    @without_old
     def __init__(
         self,
         scene: str | Scene | Mapping[str, Any] | None = None,
@@ -285,9 +286,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         scratch_penalty: float = 0.1,
         randomize: Mapping[str, Sequence[float]] | None = None,
         render_mode: str | None = None,
-        **old: Any,
     ) -> None:
-        reject_old(old)
         one_of("task", task, tuple(TASKS))
         entry = TASKS[task]
         least, most = entry.n_object_balls

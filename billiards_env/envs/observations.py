@@ -14,9 +14,10 @@ Example:
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar, cast
 
 import gymnasium as gym
 import numpy as np
@@ -29,6 +30,8 @@ from billiards_env.physics.contact import distance_to_segment
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
+
+Init = TypeVar("Init", bound=Callable[..., None])
 
 _LEEWAY = 1e-9  # m; a path may overlap a ball by this: the positions of balls that touch are rounded
 
@@ -75,7 +78,7 @@ class Source(NamedTuple):
         return 2.0 * np.sqrt(np.outer(radius, radius)) if spheres else np.add.outer(radius, radius)
 
     @property
-    def sizes(self) -> dict[Any, int]:
+    def sizes(self) -> dict[str, int]:
         """The sizes in `Feature.shape` by name."""
         n = self.scene.n_balls
         return {
@@ -99,11 +102,11 @@ def write_places(begin, end, observations, first, places, half_extents):
 
 
 @entry_point
-def write_legal_balls(begin, end, observations, first, legal):
-    """Writes 1 for each object ball that may be touched first, else 0."""
+def write_flags(begin, end, observations, first, flags, ball, value):
+    """Writes 1 for each ball from `ball` on if its flag has the value, else 0."""
     for k in range(begin, end):
-        for i in range(1, legal.shape[1]):
-            observations[k, first + i - 1] = 1.0 if legal[k, i] else 0.0
+        for i in range(ball, flags.shape[1]):
+            observations[k, first + i - ball] = 1.0 if flags[k, i] == value else 0.0
 
 
 @entry_point
@@ -120,14 +123,6 @@ def write_physics(begin, end, observations, first, physics, ranges):
         for j in range(len(physics)):
             low, high = ranges[j]
             observations[k, first + j] = 2.0 * (physics[j][k] - low) / (high - low) - 1.0
-
-
-@entry_point
-def write_potted(begin, end, observations, first, in_play):
-    """Writes 1 for each ball off the table, else 0."""
-    for k in range(begin, end):
-        for i in range(in_play.shape[1]):
-            observations[k, first + i] = 0.0 if in_play[k, i] else 1.0
 
 
 @entry_point
@@ -235,8 +230,8 @@ FEATURES = {
         "1 for each object ball that may be touched first, else 0",
         ("legal balls",),
         0.0,
-        write_legal_balls,
-        lambda source: (source.arrays.legal_balls,),
+        write_flags,
+        lambda source: (source.arrays.legal_balls, 1, True),
         "a run-out",
     ),
     "shots_left": Feature(
@@ -258,8 +253,8 @@ FEATURES = {
         "1 for each ball off the table, else 0",
         ("balls",),
         0.0,
-        write_potted,
-        lambda source: (source.arrays.in_play,),
+        write_flags,
+        lambda source: (source.arrays.in_play, 0, False),
     ),
     "cue_to_balls": Feature(
         "distance and direction (x, y) from the cue ball to each object ball; zeros if one of them is potted",
@@ -316,8 +311,9 @@ class Observer:
     """
 
     def __init__(self, observe: Sequence[str] | None, source: Source) -> None:
-        sizes: dict[Any, int] = source.sizes
-        shapes = {name: tuple(sizes.get(size, size) for size in entry.shape) for name, entry in FEATURES.items()}
+        sizes, shapes = source.sizes, dict[str, tuple[int, ...]]()
+        for name, entry in FEATURES.items():
+            shapes[name] = tuple(size if isinstance(size, int) else sizes[size] for size in entry.shape)
         names = [name for name in USUAL if 0 not in shapes[name]] if observe is None else sequence("observe", observe)
         for name in names:
             one_of("observe", name, tuple(FEATURES))
@@ -336,7 +332,7 @@ class Observer:
         for write, arguments in self._writers:
             write(begin, end, observations, *arguments)
 
-    def space(self) -> gym.spaces.Box:
+    def space(self) -> Any:
         """Returns the space of an observation."""
         lows = [np.broadcast_to(FEATURES[name].low, shape).ravel() for name, shape in self.features.items()]
         low = np.concatenate(lows).astype(np.float32)
@@ -372,9 +368,14 @@ def decode(observation: Any, features: Mapping[str, tuple[int, ...]]) -> dict[st
     return found
 
 
-def reject_old(arguments: Mapping[str, Any]) -> None:
-    """Raises a TypeError for arguments that an environment does not have; it names the feature that replaces one."""
-    for name, value in arguments.items():
-        if name not in OLD:
-            raise TypeError(f"BilliardsEnv got an unexpected keyword argument {name!r}")
-        raise TypeError(f"{name} = {short(value)}: expected observe with {OLD[name]!r} instead, see envs.observations")
+def without_old(init: Init) -> Init:
+    """Returns a constructor that raises a TypeError for an argument of `OLD`; it names the new spelling."""
+
+    @functools.wraps(init)
+    def checked(self: Any, *args: Any, **arguments: Any) -> None:
+        for name in OLD.keys() & arguments:
+            expected = f"expected observe with {OLD[name]!r} instead, see envs.observations"
+            raise TypeError(f"{name} = {short(arguments[name])}: {expected}")
+        init(self, *args, **arguments)
+
+    return cast(Init, checked)

@@ -21,7 +21,7 @@ import importlib
 import importlib.metadata
 import inspect
 from collections.abc import Callable, Sequence
-from typing import Any, cast, overload
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -39,19 +39,7 @@ GROUP = "billiards_env.players"
 """The group of entry points under which other packages offer makers of players."""
 
 KNOWN = (*STRATEGIES, "planner", "policy")
-"""The names of players without those of entry points."""
-
-
-@overload
-def find_player(
-    text: str, where: Setup, noise: tuple[float, float] = ..., seed: None = None, also: Sequence[str] = ()
-) -> Player: ...
-
-
-@overload
-def find_player(
-    text: str, where: gym.Env[Any, Any], noise: tuple[float, float] = ..., seed: int | None = None
-) -> Act: ...
+"""The names of players, without the names of entry points."""
 
 
 def find_player(
@@ -60,7 +48,7 @@ def find_player(
     noise: tuple[float, float] = (0.0, 0.0),
     seed: int | None = None,
     also: Sequence[str] = (),
-) -> Player | Act:
+) -> Any:
     """Returns the player of a name.
 
     Args:
@@ -78,28 +66,28 @@ def find_player(
         TypeError: If a function does not take the arguments above.
     """
     name, _, argument = text.partition(":")
-    in_game, rng, env = isinstance(where, Setup), np.random.default_rng(seed), cast(Any, where)
+    in_game, rng, host = isinstance(where, Setup), np.random.default_rng(seed), cast(Any, where)
     if name in STRATEGIES:
         if in_game:
-            return strategic(where, text, noise)
+            return strategic(host, text, noise)
         strategy = find_strategy(text, noise)
-        return lambda observation: strategy(task_situation(env.unwrapped), rng)
+        return lambda observation: strategy(task_situation(host.unwrapped), rng)
     if name == "planner":
         if in_game:
-            return planning(where, argument, noise)
-        return lambda observation: planned(env.unwrapped, argument, noise, rng)
+            return planning(host, argument, noise)
+        return lambda observation: planned(host.unwrapped, argument, noise, rng)
     if name == "policy":
         policies = importlib.import_module("billiards_env.sb3.policy_player")
-        return policies.policy(where, argument) if in_game else policies.task_policy(where, argument)
+        return (policies.policy if in_game else policies.task_policy)(host, argument)
     if not in_game:
         act = _imported(text, name, argument, KNOWN)
         _check_call(text, act, (None,), "act(observation) that returns an action")
         return act
     offered = importlib.metadata.entry_points(group=GROUP)
     if name in offered.names:
-        return _made(text, offered[name].load(), where, argument)
+        return _made(text, offered[name].load(), host, argument)
     function, _, argument = argument.partition(":")
-    return _made(text, _imported(text, name, function, sorted({*KNOWN, *offered.names, *also})), where, argument)
+    return _made(text, _imported(text, name, function, sorted({*KNOWN, *offered.names, *also})), host, argument)
 
 
 def _made(text: str, maker: Any, setup: Setup, argument: str) -> Player:
