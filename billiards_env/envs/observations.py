@@ -181,12 +181,13 @@ def write_free_to_pockets(begin, end, observations, first, positions, in_play, p
 @inlined
 def _is_free(k, i, target, end, positions, in_play, touching):
     """Returns whether ball i is on the table and touches no ball but `target` on the straight line to a point."""
-    x, y, is_free = positions[k, i, X], positions[k, i, Y], in_play[k, i]
+    x, y = positions[k, i, X], positions[k, i, Y]
     for j in range(positions.shape[1]):
         if j != i and j != target and in_play[k, j]:
             distance = distance_to_segment(x, y, end[X], end[Y], positions[k, j, X], positions[k, j, Y])
-            is_free = is_free and distance >= touching[i, j] - _LEEWAY
-    return is_free
+            if distance < touching[i, j] - _LEEWAY:
+                return False
+    return in_play[k, i]
 
 
 class Feature(NamedTuple):

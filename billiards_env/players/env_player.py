@@ -110,7 +110,7 @@ def rewards(env: BilliardsEnv, actions: Floats) -> Floats:
     episodes.shots.in_play[:] = ~env.potted
     arrays = episodes.arrays
     arrays.goals[:], arrays.legal_balls[:], arrays.over[:] = env.goals, env.legal_balls, False
-    observations = np.empty((m, len(env.observation_space.low)), np.float32)  # pyright: ignore
+    observations = np.empty((m, episodes.observer.size), np.float32)
 
     def work(begin: int, end: int) -> None:
         episodes.shoot(begin, end, actions, found, observations)
