@@ -19,7 +19,7 @@ from agents.train import learning_curve
 from billiards_env.checks import Range, integer, missing
 from billiards_env.evaluation import evaluation_seeds, measure, play_together
 from billiards_env.files import check_path, write_json
-from billiards_env.games import RULES
+from billiards_env.games import GAMES
 from billiards_env.sb3.policy_player import playable
 
 LAYOUTS = 1000
@@ -154,7 +154,7 @@ def print_commands(run_dir: Path) -> None:
     print(f"\nfilm:  python -m agents.evaluate {run_dir} --film {run_dir.resolve().name}.mp4")
     print(f"watch: python -m agents.evaluate {run_dir} --show")
     if (rules := playable(run_dir)) is not None:
-        game = f"--rules {rules} --scene {RULES[rules].scene}"
+        game = f"--rules {rules} --scene {GAMES[rules].scene}"
         print(f"play:  python -m billiards_env.play {game} --players human,policy:{run_dir}")
     print(f"log:   tensorboard --logdir {run_dir}")
 

@@ -32,7 +32,7 @@ from tqdm import tqdm
 from benchmarks import machine_line, table, use_own_font
 from billiards_env.evaluation import measure as play_alone
 from billiards_env.files import write_json
-from billiards_env.games import RULES, GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
+from billiards_env.games import GAMES, GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
 from billiards_env.intervals import mean_interval, success_rate, wilson_interval
 from billiards_env.players.game_player import Player
 from billiards_env.players.levels import LEVELS, with_noise
@@ -125,7 +125,7 @@ def run_out(
         `success`, `strokes`, `break` ("nine", "kept" or "lost"; a nine ball on the break wins), and `chances`: the
         probability of each shot after the break, as the planner expects it.
     """
-    setup = Setup(rules, Scene.named(scene, RULES[rules].n_object_balls[1]))
+    setup = Setup(rules, Scene.named(scene, GAMES[rules].n_object_balls[1]))
     game, rngs, strokes, after_break = opening(setup, rng), rng.spawn(2), 0, ""
     chances: list[float] = []
     chosen = find_player(player, setup, noise=noise)
@@ -137,10 +137,10 @@ def run_out(
         else:
             game = shoot(setup, game, chosen, noise, rngs).game
         strokes += 1
-        after_break = after_break or ("nine" if game.state.over else ("lost", "kept")[game.state.player == 0])
+        after_break = after_break or ("nine" if game.state.over else "kept" if game.state.player == 0 else "lost")
     broken = 0 if fixed_break else 1
     return {
-        "success": game.state.winner == 0,
+        "success": bool(game.state.winner == 0),
         "strokes": strokes,
         "break": after_break,
         "chances": [round(chance, 3) for chance in chances[broken:]],
@@ -174,7 +174,7 @@ def turn(
     chosen = _for_one_turn(player, noise, [])
     while not game.state.over and game.state.player == 0 and strokes < MAX_POINTS:
         game, strokes = shoot(setup, game, chosen, noise, rngs).game, strokes + 1
-    return {"points": game.state.scores[0], "strokes": strokes}
+    return {"points": int(game.state.scores[0]), "strokes": strokes}
 
 
 def match(opponent: str, noise: tuple[float, float], rng: np.random.Generator, player: str = PLANNER) -> dict[str, Any]:
@@ -186,7 +186,7 @@ def match(opponent: str, noise: tuple[float, float], rng: np.random.Generator, p
     game, rngs, strokes = opening(setup, rng), rng.spawn(2), 0
     while not game.state.over and strokes < MAX_SHOTS:
         game, strokes = shoot(setup, game, players[game.state.player], noise, rngs).game, strokes + 1
-    return {"success": game.state.over and (first + game.state.winner) % 2 == 0, "strokes": strokes}
+    return {"success": bool(game.state.over and (first + game.state.winner) % 2 == 0), "strokes": strokes}
 
 
 def level_match(player: str, noise: tuple[float, float], rng: np.random.Generator) -> dict[str, Any]:

@@ -14,6 +14,7 @@ Example:
 
 from __future__ import annotations
 
+import copy
 import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -47,6 +48,7 @@ class Source(NamedTuple):
 
     Attributes:
         scene: The scene.
+        half_extents: `Scene.half_extents`, m.
         arrays: The episodes.
         max_shots: Number of shots after which an episode ends.
         physics: The numbers of `randomize` by name, (m,) each.
@@ -54,6 +56,7 @@ class Source(NamedTuple):
     """
 
     scene: Scene
+    half_extents: tuple[float, float]
     arrays: EpisodeArrays
     max_shots: int
     physics: Mapping[str, NDArray[np.float64]]
@@ -67,7 +70,7 @@ class Source(NamedTuple):
     @property
     def reach(self) -> float:
         """The largest distance of a ball's centre from another one or from a pocket's, m."""
-        half = np.array(self.scene.half_extents)
+        half = np.array(self.half_extents)
         return math.hypot(*(half + np.abs(np.vstack((self.pockets, half))).max(axis=0)))
 
     @property
@@ -217,14 +220,14 @@ FEATURES = {
         ("balls", 2),
         -1.0,
         write_places,
-        lambda source: (source.arrays.positions, source.scene.half_extents),
+        lambda source: (source.arrays.positions, source.half_extents),
     ),
     "goal": Feature(
         "x and y of the goal, in the same units",
         ("goals", 2),
         -1.0,
         write_places,
-        lambda source: (source.arrays.goals, source.scene.half_extents),
+        lambda source: (source.arrays.goals, source.half_extents),
         "a task with a goal",
     ),
     "legal_balls": Feature(
@@ -323,10 +326,21 @@ class Observer:
         if not names or len(set(names)) < len(names):
             raise ValueError(f"observe = {short(observe)}: expected at least one feature, and each of them once")
         self.features = {name: shapes[name] for name in names}
-        self.size, self._writers = 0, []  # a writer and its arguments after `observations`
+        self.size, self._source = sum(map(math.prod, self.features.values())), source
+        self._bind()
+
+    def _bind(self) -> None:
+        first, self._writers = 0, []  # a writer and its arguments after `observations`
         for name, shape in self.features.items():
-            self._writers.append((FEATURES[name].write, (self.size, *FEATURES[name].reads(source))))
-            self.size += math.prod(shape)
+            self._writers.append((FEATURES[name].write, (first, *FEATURES[name].reads(self._source))))
+            first += math.prod(shape)
+
+    def bound(self, arrays: EpisodeArrays, physics: Mapping[str, NDArray[np.float64]]) -> Observer:
+        """Returns an observer of other episodes of the same environment."""
+        twin = copy.copy(self)
+        twin._source = self._source._replace(arrays=arrays, physics=physics)
+        twin._bind()
+        return twin
 
     def write(self, begin: int, end: int, observations: NDArray[np.float32]) -> None:
         """Writes the observations (m, size) of the episodes from `begin` to `end - 1`."""
