@@ -240,6 +240,10 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         """(num_envs, n) balls that the cue ball may touch first in a run-out, a copy; (num_envs, 0) in other tasks."""
         return self._episodes.state.legal_balls.copy()
 
+    def decode(self, observations: Any) -> dict[str, Any]:
+        """Returns the features of observations (..., size) by name, see `observations.decode`."""
+        return self.single_env.decode(observations)
+
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """Returns an attribute of each environment, as `SyncVectorEnv.get_attr` does.
 
@@ -430,7 +434,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             self._renderer.close()
 
     def _new_observations(self) -> NDArray[np.float32]:
-        return np.empty((self.num_envs, len(self.single_observation_space.low)), np.float32)  # pyright: ignore
+        return np.empty((self.num_envs, self._episodes.observer.size), np.float32)
 
     def _seed(self, i: int, seed: int) -> None:
         state, model = self._episodes.state, self._episodes.model
