@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from billiards_env.checks import one_of, sequence, short
 from billiards_env.envs.arrays import EpisodeArrays
 from billiards_env.jit import entry_point, inlined
+from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import distance_to_segment
-from billiards_env.physics.motion import norm
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
 
