@@ -19,7 +19,6 @@ import importlib.metadata
 import io
 import platform
 import shutil
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -39,6 +38,7 @@ import billiards_env
 from agents.config import Config, load
 from agents.ppo import deterministic, make_model, make_policy, make_vec_env, make_vector, restart, training_seed
 from billiards_env.checks import number
+from billiards_env.commands import ending
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json, write_whole
 from billiards_env.sb3.weights import load_weights, save_policy, whole_archive
@@ -293,15 +293,10 @@ def main(arguments: list[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     run_dir = args.run_dir or Path("runs") / Path(args.config).stem
     changes = {name: getattr(args, name) for name in ("seed", "timesteps", "start_from")}
-    try:
+    with ending("the same command resumes from the newest checkpoint"):
         config = load(args.config, **{name: value for name, value in changes.items() if value is not None})
         open_run(config, run_dir, args.fresh)
         train(config, run_dir)
-    except (OSError, TypeError, ValueError) as error:
-        sys.exit(f"error: {error}")
-    except KeyboardInterrupt:
-        print("\ninterrupted; the same command resumes from the newest checkpoint", file=sys.stderr)
-        sys.exit(130)
     print(f"Next: python -m agents.evaluate {run_dir}")
 
 

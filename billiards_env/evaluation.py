@@ -143,9 +143,7 @@ def find_player(
     if name == "policy":
         from billiards_env import sb3  # needs the extra `train`
 
-        given = cast(Any, env.spec).kwargs
-        arguments = {key: given[key] for key in given if key not in ("render_mode", "noise", "noise_seed")}
-        policy = sb3.load_policy(argument, arguments)[1]
+        policy = sb3.load_policy(argument, sb3.arguments_of(cast(Any, env.unwrapped)))[1]
         return lambda observation: policy.predict(observation, deterministic=True)[0]
     act = imported(text, name, argument, (*STRATEGIES, "planner", "policy"))
     check_call(text, act, (None,), "act(observation) that returns an action")

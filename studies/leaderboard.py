@@ -15,10 +15,11 @@ from matplotlib.figure import Figure
 
 from benchmarks import save, table, use_own_font
 from billiards_env import bench
+from billiards_env.commands import ending
 from billiards_env.files import write_json
 from billiards_env.frozen import BENCH_TASKS
 from billiards_env.intervals import interquartile_mean
-from studies import RESULTS, errors_in_one_line, parser_of
+from studies import RESULTS, parser_of
 
 OUTPUT = RESULTS / "leaderboard.json"
 ROOT = Path(__file__).resolve().parent.parent
@@ -77,12 +78,12 @@ def aggregate(scores: Mapping[str, Any]) -> float | None:
 
 
 def _ordered(found: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Returns the entries: those with all tasks first, then by their mean success."""
+    """Returns the entries by their aggregate; without one by the mean score, in which a missing task counts 0."""
 
-    def key(entry: Mapping[str, Any]) -> tuple[float, float]:
+    def key(entry: Mapping[str, Any]) -> float:
         total = aggregate(entry["scores"])
-        success = float(np.mean([score["success"] for score in entry["scores"].values()]))
-        return (-np.inf if total is None else total), success
+        known = sum(score["normalised"] or 0.0 for score in entry["scores"].values())
+        return known / len(BENCH_TASKS) if total is None else total
 
     return sorted(found.values(), key=key, reverse=True)
 
@@ -147,7 +148,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         check=(False, "verify the files and write nothing"),
     )
     args = parser.parse_args(arguments)
-    with errors_in_one_line():
+    with ending("the same command continues"):
         found = entries(args.folder)
         if not args.check:
             write_json(args.output, found)

@@ -31,7 +31,7 @@ from tqdm import tqdm
 
 from benchmarks import machine_line, table, use_own_font
 from billiards_env.evaluation import measure as play_alone
-from billiards_env.files import write_json
+from billiards_env.files import replacing, write_json
 from billiards_env.games import GAMES, GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
 from billiards_env.intervals import mean_interval, success_rate, wilson_interval
 from billiards_env.players.game_player import Player, find_player
@@ -395,7 +395,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     def work() -> dict[str, Any]:
         found = measure(args.output, args.racks)
         if args.picture:
-            draw(found).savefig(args.picture)
+            with replacing(args.picture) as temporary:
+                draw(found).savefig(temporary)
         return found
 
     report(work, blocks, args.output)

@@ -15,8 +15,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from billiards_env.commands import ending
 from billiards_env.files import write_whole
-from studies import errors_in_one_line, parser_of
+from studies import parser_of
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", ROOT / "paper" / "paper.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -115,7 +116,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.readme --help`."""
     check = (False, "write nothing; exit 1 if a page is not up to date")
     args = parser_of("readme", "Write the measured tables into README.md and docs.", check=check).parse_args(arguments)
-    with errors_in_one_line():
+    with ending("the same command continues"):
         pages = {path: fill(path.read_text(encoding="utf-8")) for path in PAGES}
     old = [path for path, text in pages.items() if path.read_text(encoding="utf-8") != text]
     if args.check:

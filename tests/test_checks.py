@@ -236,7 +236,7 @@ def stroke(*arguments: Any) -> Any:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (shot("pool"), "scene = 'pool': expected a Scene, such as Scene.named"),
+        (shot("poool"), "scene = 'poool': expected one of 'pool', "),
         (lambda: simulate_batch(cast("Any", None), [PLACES], [[1, 0]]), "scene = None: expected a Scene"),
         (shot(POOL, "rack"), "positions = 'rack': expected finite numbers in an array"),
         (shot(POOL, [[0, 0], [1]]), "positions = [[0, 0], [1]]: expected finite numbers"),

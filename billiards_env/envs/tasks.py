@@ -162,7 +162,7 @@ def judge_eight_ball(k, numbers, arrays):
     """
     state, facts = arrays.states[k], shot_facts(k, numbers, arrays)
     verdict = judged(eight_ball, state, facts, NO_CALL)
-    write_legal_balls(k, group_or_eight(state, 0) & ~facts.potted, arrays)
+    write_legal_balls(k, group_or_eight(state, 0), arrays)
     if verdict.foul != NO_FOUL:
         return 0, True, False
     won = state.winner == 0
@@ -283,11 +283,11 @@ def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
     if count == 0 < least:
         raise ValueError(f"task = {task!r} with a scene of the cue ball alone: expected at least one object ball")
     if not least <= count <= (count if most is None else most) or entry.pockets not in (None, pockets > 0):
-        balls = f"{least} object balls" if least == most else "object balls"
+        balls = f"{least} object ball{'s' * (least > 1)}" if least == most else "object balls"
         table = {None: "", True: " and a table with pockets", False: " and a table without pockets"}[entry.pockets]
         raise ValueError(
-            f"task = {task!r} with {count} object balls and {pockets} pockets: expected {balls}{table}, such as scene "
-            f"{entry.scene!r}"
+            f"task = {task!r} with {count} object ball{'s' * (count != 1)} and {pockets} pockets: expected "
+            f"{balls}{table}, such as scene {entry.scene!r}"
         )
     targets = np.arange(scene.n_balls) > 0
     if entry.pockets:

@@ -9,6 +9,7 @@ from billiards_env.games import FOULS, choices
 from billiards_env.games.state import BEHIND
 from billiards_env.play.model import HUMAN, Model
 from billiards_env.players.levels import LEVELS
+from billiards_env.players.planner import Plan
 from billiards_env.scene import Scene
 
 BUTTONS = {"placing": "Place", "aiming": "Shoot", "rolling": "Skip", "replaying": "Continue", "over": "New game"}
@@ -136,6 +137,20 @@ def cushions(model: Model, time: float = np.inf) -> str:
             break
         count += kind == "cushion"
     return f"{count} cushion{'s' * (count != 1)}"
+
+
+def advice(model: Model, plan: Plan) -> str:
+    """Returns what a planned shot does, and how often it keeps the turn with the noise of a player."""
+    if plan.ball < 0 and plan.probability < 0.1 and model.setup.game_rules.pockets:
+        return "a safety: no shot is likely to pot a ball"
+    what = "keeps the turn"
+    if plan.ball >= 0:
+        table = model.setup.scene.table
+        pocket = table.pockets[plan.pocket]
+        side = "middle" if abs(pocket.x) < table.length / 4 else "left" if pocket.x < 0 else "right"
+        ball = ball_name(model.setup.scene, plan.ball)
+        what = f"ball {ball} into the {'upper' if pocket.y > 0 else 'lower'} {side} pocket"
+    return f"{what}, {plan.probability:.0%} with the errors of a good player"
 
 
 def aim(model: Model) -> str:

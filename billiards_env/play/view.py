@@ -67,7 +67,7 @@ class View:
 
     def resize(self, scene: Scene, size: tuple[int, int]) -> None:
         """Prepares the drawing in frames of `size` (width, height), pixels, with the largest table that fits."""
-        self.size, self._strip, rows = size, _strip(size[0]), controls.height_of(size)
+        self.size, self._strip, rows = size, _strip(min(size[0], 3 * size[1] // 2)), controls.height_of(size)
         height, width = size[1] - self._strip - rows, max(160, size[0])
         while (canvas := Canvas(scene, width, PAPER, INK, self._palette)).size[1] > height and width > 160:
             width = max(160, min(width - 2, width * height // canvas.size[1]))
@@ -109,7 +109,8 @@ class View:
             potted = np.flatnonzero(~is_in(on_table(model.game.state), len(model.game.positions))).tolist()
             self._draw_bar(labels.status(model), labels.result(model), potted)
         self._frame.blit(self._table, self._corner)
-        self._panel.draw(self._frame, model)
+        if not question:
+            self._panel.draw(self._frame, model)
         x, y = self._corner[0] + self.canvas.size[0] // 40, self.size[1] - self._strip
         text, colour = message or ("" if question else labels.key_hint(model)), INK if message else SOFT
         line = text_image(text, round(0.66 * self._strip), colour, self.canvas.size[0] * 38 // 40)

@@ -2,6 +2,8 @@ import re
 import signal
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import gymnasium as gym
@@ -40,6 +42,7 @@ def frames(monkeypatch):
             return super().frame()
 
     monkeypatch.setattr(windows, "GameWindow", Closing)
+    monkeypatch.setattr("billiards_env.play.__main__.compile_engines", lambda scene, dt: None)
     return opened
 
 
@@ -102,11 +105,32 @@ def test_a_signal_saves_the_game_to_a_new_file(monkeypatch, tmp_path):
     monkeypatch.setattr(windows.GameWindow, "frame", frame)
     monkeypatch.chdir(tmp_path)
     Path("game.json").write_text("another game")
-    main(["--rules", "carom"])
+    with pytest.raises(SystemExit, match="130"):
+        main(["--rules", "carom"])
     saved = records.load(Path("game-2.json"))
     assert isinstance(saved, records.GameRecord)
     assert len(saved.strokes) == 1
     assert Path("game.json").read_text() == "another game"
+
+
+def test_a_window_with_a_text_is_open_while_the_engine_is_compiled(monkeypatch, frames):
+    release, shown = threading.Event(), []
+
+    def show(self, frame):
+        shown.append(frame.get_size())
+        if len(shown) == 3:
+            release.set()
+
+    monkeypatch.setattr("billiards_env.play.__main__.compile_engines", lambda scene, dt: release.wait(60))
+    monkeypatch.setattr("billiards_env.drawing.window.Screen.show", show)
+    main(["--rules", "carom", "--width", "600"])
+    assert shown[:3] == 3 * [(600, 400)]
+    assert len(frames) == 1
+    monkeypatch.setattr("billiards_env.play.__main__.compile_engines", lambda scene, dt: time.sleep(60))
+    monkeypatch.setattr("pygame.event.get", lambda kind: [kind])
+    with pytest.raises(SystemExit):
+        main(["--rules", "carom"])
+    assert len(frames) == 1
 
 
 def test_without_a_display_there_is_no_window(monkeypatch, frames):
@@ -170,6 +194,7 @@ def test_the_engines_are_compiled_before_the_window_opens(monkeypatch, dt):
         (["--load", "SHOT"], "holds a shot: expected a game"),
         (["--scene", "pool", "--width", "3"], "width = 3"),
         (["--seed", "-3"], "--seed = -3: expected a whole number >= 0"),
+        (["--save", "no/game.json"], "path = 'no/game.json': expected an existing folder"),
     ],
 )
 def test_errors_are_one_line(arguments, message, frames, saved, tmp_path):
