@@ -66,6 +66,9 @@ class Options(NamedTuple):
     episode_seed: NDArray[np.uint64] | None = None
 
 
+_NO_OPTIONS = Options()
+
+
 def cue_ball_alone(scene: Scene) -> Scene:
     """Returns the scene without its object balls."""
     return dataclasses.replace(scene, balls=Balls(scene.balls.radius[:1], scene.balls.mass[:1]))
@@ -192,7 +195,7 @@ def check_options(model: Model, options: Mapping[str, Any] | None, mask: NDArray
         TypeError: If the options or their physics are not a mapping.
     """
     if options is None:
-        return Options()
+        return _NO_OPTIONS
     if not isinstance(options, Mapping):
         raise TypeError(f"options = {short(options)}: expected a dict")
     scene, goal_radius = model.scene, TASKS[model.task].goal_radius

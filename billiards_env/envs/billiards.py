@@ -361,9 +361,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     @property
     def np_random(self) -> np.random.Generator:
         """The generator of the layouts."""
-        stream = self._episodes.state.stream[0]
-        if self._np_random is None and stream[3]:  # after a copy or `set_state`
-            self._np_random = streams.generator(stream)
+        if self._np_random is None and self._episodes.state.stream[0, 3]:  # the state has the stream
+            self._np_random = streams.generator(self._episodes.state.stream[0])
         return super().np_random
 
     @np_random.setter
@@ -449,17 +448,21 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             ValueError: If an option is unknown, or a position or the goal is impossible.
             TypeError: If the options are not a mapping.
         """
-        given = check_options(self.model, options)
+        episodes, state = self._episodes, self._episodes.state
+        given = check_options(episodes.model, options)
         super().reset(seed=int(seed) if isinstance(seed, np.integer) else seed)
-        episodes, rng = self._episodes, self.np_random
-        state = episodes.state
-        state.stream[0] = streams.read(rng)
+        if self._np_random is not None or not state.stream[0, 3]:
+            state.stream[0] = streams.read(self.np_random)
+        if seed is None:
+            self._np_random = None  # `np_random` makes it again from the stream
         if self.noise is not None and (seed is not None or not state.noise_stream[0, 3]):
             state.noise_stream[0] = noise_stream(self.np_random_seed, self.noise_seed)
         if given.episode_seed is not None:
             state.stream[0], state.noise_stream[0] = given.episode_seed[:4], given.episode_seed[4:]
+        state.episode_seed[0, :4], state.episode_seed[0, 4:] = state.stream[0], state.noise_stream[0]
         episodes.draw(0, 1, _ONE, balls=given.positions is None, goals=given.goals is None)
-        streams.write(rng, state.stream[0])
+        if self._np_random is not None:
+            streams.write(self._np_random, state.stream[0])
         if given.positions is not None:
             state.positions[0] = given.positions
         if given.goals is not None:

@@ -17,9 +17,9 @@ from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.envs.actions import add_noise, shorten, strike_balls
 from billiards_env.envs.arguments import Model, cue_ball_alone
 from billiards_env.envs.arrays import BallArrays, EpisodeArrays, TaskNumbers
-from billiards_env.envs.info import InfoArrays, info_arrays, starts_of
+from billiards_env.envs.info import InfoArrays, info_arrays, joined, starts_of
 from billiards_env.envs.observations import Observer, Source
-from billiards_env.envs.state import State, StateArrays, arrays_of, parts, scene_hash, state_type
+from billiards_env.envs.state import State, StateArrays, array_of, arrays_of, parts, scene_hash, state_type
 from billiards_env.envs.tasks import TASKS, judge_pot, opening_of, write_legal_balls
 from billiards_env.jit import entry_point, specialised, streams
 from billiards_env.physics.state import CUE_BALL, X, Y
@@ -51,8 +51,9 @@ class Episodes:
         observer: The features of the observations.
         miscues: (m,) bool: whether the tip slipped in the last shot; False for the action "velocity".
         physics: The numbers of `BilliardsEnv.randomize` by name, (m,) each: columns of the state.
-        of_episode: The arrays of `info` that do not change in an episode.
-        info: The arrays of `info` after the last shots.
+        of_shots: The arrays of `info` that change with each shot.
+        of_episode: Those that do not change in an episode.
+        info: Both.
         starts: Those at the starts of episodes.
         recorded: The last shot of the first `n_recorded` episodes with its trajectory, by episode.
     """
@@ -87,7 +88,7 @@ class Episodes:
             state.in_play[:] = state.fresh[:] = state.over[:] = True
             for j, (low, _) in enumerate(model.randomize.values()):
                 state.physics[:, j] = low
-        self.starts = starts_of(self.info, self.of_episode, model.max_shots)
+        self.starts = joined(starts_of(self.of_shots, model.max_shots), self.of_episode)
         self._scene = varied_fields(scene, model.engine, self.physics, count)
 
     def _allocate(self, memory: NDArray[np.uint8]) -> None:
@@ -129,14 +130,15 @@ class Episodes:
         else:  # a copy
             self.observer = self.observer.bound(self.arrays, self.physics)
         self.of_episode = InfoArrays(self.physics, {"episode_seed": state.episode_seed.view(np.int64)})
-        self.info = info_arrays(shots, self.arrays, None if self._cue is None else self.miscues, self.of_episode)
+        self.of_shots = info_arrays(shots, self.arrays, None if self._cue is None else self.miscues)
+        self.info = joined(self.of_shots, self.of_episode)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Episodes:
         twin = object.__new__(Episodes)
         twin.__dict__.update(self.__dict__)
         twin.recorded = dict(self.recorded)
         twin._allocate(self.memory.copy())
-        twin.starts = InfoArrays(*[kept | of for kept, of in zip(self.starts, twin.of_episode, strict=True)])
+        twin.starts = joined(self.starts, twin.of_episode)
         if self.physics:
             twin._scene = (self._scene[0].copy(), *self._scene[1:])
         return twin
@@ -165,6 +167,10 @@ class Episodes:
         self.memory[:] = memory
         self.set_physics(slice(None), {})
 
+    def keep_seeds(self, begin: int, end: int, mask: Bools) -> None:
+        """Keeps the random streams of the episodes in the mask (m,) as their seeds. `draw` follows."""
+        keep_seeds(begin, end, mask, self.state.stream, self.state.noise_stream, self.state.episode_seed)
+
     def draw(self, begin: int, end: int, mask: Bools, balls: bool = True, goals: bool = True) -> None:
         """Draws positions of the balls, then goals if the task has any, then the physics of the episodes if it varies.
 
@@ -179,7 +185,6 @@ class Episodes:
             ValueError: If there is no free position for a ball.
         """
         state = self.state
-        keep_seeds(begin, end, mask, state.stream, state.noise_stream, state.episode_seed)
         if balls:
             layouts.draw_tables(self.plan, begin, end, mask, state.stream, state.positions)
         if goals and self.goal_plan is not None:
@@ -269,7 +274,7 @@ class Episodes:
         `before` is the memory before the step.
         """
         n_events, seconds = self.shots.n_events[k], self.shots.time[k]
-        start = arrays_of(self.kind, before).positions[k].tolist()
+        start = array_of(self.kind, before, "positions")[k].tolist()
         warnings.warn(
             f"the engine ended a shot at its limit, after {n_events} events and {seconds} s; "
             f"scene {self.scene_and_engine(k)[0].to_dict()}, positions {start}, action {action.tolist()}",
