@@ -272,7 +272,8 @@ def sequence(name: str, values: Any) -> tuple[Any, ...]:
 def fields_of(kind: type, name: str, data: Any, complete: bool = False) -> dict[str, Any]:
     """Returns `data` as keyword arguments of the dataclass `kind`.
 
-    Raises an error if a key is unknown or missing; with `complete` a key with a default may not be missing either.
+    Raises an error if a key is unknown or missing; with `complete` a key with a default other than 0 may not be missing
+    either. A new number has the default 0 and no effect then, so data of earlier versions stay valid.
     """
     if not isinstance(data, Mapping):
         raise TypeError(f"{name} = {short(data)}: expected a mapping")
@@ -282,7 +283,7 @@ def fields_of(kind: type, name: str, data: Any, complete: bool = False) -> dict[
     for key, field in fields.items():
         if key not in data and field.default is field.default_factory:  # both are missing
             raise ValueError(f"{name}.{key} is missing: expected a value, it has no default")
-        if key not in data and complete:
+        if key not in data and complete and field.default != 0.0:
             raise ValueError(
                 f"{name}.{key} is missing: expected all values in a whole scene; changes of a named scene need the key "
                 '"base", such as {"base": "pool", "physics": {"mu_roll": 0.012}}'

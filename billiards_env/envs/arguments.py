@@ -15,7 +15,7 @@ from billiards_env.engine import Engine, checked_engine
 from billiards_env.envs.actions import ACTIONS, ELEVATION, SIDE, SPEED, TOP, TURN
 from billiards_env.envs.tasks import TASKS
 from billiards_env.frozen import NOISE
-from billiards_env.scene import PHYSICS_RANGES, Balls, Scene, check_positions, check_ranges
+from billiards_env.scene import PARAMETERS, Balls, Scene, check_positions, check_ranges
 
 
 class Model(NamedTuple):
@@ -123,7 +123,7 @@ def check_randomize(
     for key, given in (randomize or {}).items():
         if key == "dt" and engine.mode == "pic":
             raise ValueError("randomize['dt'] with mode='pic': expected mode='pit', PIC has no timestep")
-        one_of("key of randomize", key, (*PHYSICS_RANGES, "dt"))
+        one_of("key of randomize", key, (*PARAMETERS, "dt"))
         name = f"randomize[{key!r}]"
         if not isinstance(given, (list, tuple)):
             raise TypeError(f"{name} = {short(given)}: expected (low, high) with low < high")

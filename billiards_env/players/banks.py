@@ -6,10 +6,10 @@ import math
 from typing import NamedTuple
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.elementary import sine_cosine
-from billiards_env.physics.motion import motion_after, norm
+from billiards_env.physics.elementary import norm, sine_cosine
+from billiards_env.physics.geometry.walls import is_side
+from billiards_env.physics.motion import motion_after
 from billiards_env.physics.state import POCKET_X, POCKET_Y, REST, T0, X, Y
-from billiards_env.physics.walls import is_side
 from billiards_env.players.direct import NO_POT, THINNEST, PotGeometry, distance_to_rim, open_mouth
 from billiards_env.players.hits import (
     approach_gap,

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from billiards_env.checks import RANGES, Range, finite, missing, one_of, real
 from billiards_env.files import check_path, replacing, write_json
 from billiards_env.intervals import t_quantile
-from billiards_env.scene import PHYSICS_RANGES, Scene, check_scene
+from billiards_env.scene import PARAMETERS, Scene, check_scene
 from billiards_env.shots import track_fit as fit
 from billiards_env.shots.gradients import physics_inputs
 from billiards_env.shots.result import ShotResult
@@ -131,7 +131,7 @@ class Calibration:
         rows = [("number", "start", "fitted", "95% interval", "unit")]
         for name, value in self.values.items():
             low, high = self.intervals[name]
-            unit = RANGES[PHYSICS_RANGES[name]].unit
+            unit = RANGES[PARAMETERS[name].within].unit
             rows.append((name, f"{self.start[name]:.5g}", f"{value:.5g}", f"{low:.5g} to {high:.5g}", unit))
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         lines = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows]
@@ -241,7 +241,7 @@ def calibrate(
     if spins is not None:
         rows.known[:, 2 * n + 2 :] = finite("spins", spins, (len(tracks), 3))
     begun = dict(zip(names, _numbers(scene, names).tolist(), strict=True))
-    fits = _Fits(names, np.array([RANGES[PHYSICS_RANGES[name]][:2] for name in names], np.float64).T, noise, solve)
+    fits = _Fits(names, np.array([RANGES[PARAMETERS[name].within][:2] for name in names], np.float64).T, noise, solve)
     scene, starts, rows, far = _choose_rows(fits, scene, rows, progress)
     return _result(begun, _last_fits(fits, scene, starts, rows), tracks, rows, far)
 

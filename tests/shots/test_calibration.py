@@ -13,7 +13,7 @@ import pytest
 
 from billiards_env import Scene, simulate, simulate_batch
 from billiards_env.__main__ import main
-from billiards_env.scene import PHYSICS_RANGES, Physics, check_positions, layouts
+from billiards_env.scene import PARAMETERS, Physics, check_positions, layouts
 from billiards_env.shots import gradients
 from billiards_env.shots import track_fit as fit
 from billiards_env.shots.tracks import Track, observed, write_tracks
@@ -336,4 +336,4 @@ def test_derivatives_of_many_shots_are_those_of_single_shots(monkeypatch):
 
 
 def test_every_number_of_the_derivatives_has_a_range():
-    assert set(PHYSICS_RANGES) == set(gradients.physics_inputs(Physics(mu_ball=0.05)))
+    assert set(PARAMETERS) == set(gradients.physics_inputs(Physics(mu_ball=0.05)))
