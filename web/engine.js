@@ -11,12 +11,9 @@
 const PHASES = { rest: 0, spinning: 1, rolling: 2, sliding: 3, free: 4, potted: 5 };
 const TYPES = { f8: Float64Array, i8: BigInt64Array, i4: Int32Array, b1: Uint8Array };
 
-// Columns of the rows of the log, see `engine/log.py` and `physics/state.py`.
-const EVENT = ["time", "timeLow", "kind", "ball", "other", "x", "y", "speed", "rule"];
-const SEGMENT = ["ball", "phase", "x", "y", "vx", "vy", "ax", "ay", "ux", "uy", "wz", "t0", "t0Low", "lasts"];
+const EVENT_WIDTH = 9, PIECE_WIDTH = 14;  // columns of the log, see `engine/log.py`
 
-const rows = (flat, width) => Array.from({ length: flat.length / width }, (_, k) => flat.slice(k * width, (k + 1) * width));
-const record = (names, values) => Object.fromEntries(names.map((name, k) => [name, values[k]]));
+const rows = (flat, width) => Array.from({ length: flat.length / width }, (_, k) => [...flat.subarray(k * width, (k + 1) * width)]);
 const isNumber = value => typeof value === "number" && Number.isFinite(value);
 
 /** An array as an argument of a compiled function. `content` is a typed array or a list of numbers. */
@@ -72,23 +69,23 @@ function call(exports, name, values) {
   exports.reset();
   const result = new Argument("i4", [4], [0, 0, 0, 0]);
   result.place(exports);
-  const flat = value => {
-    if (value === null) return [0];
-    if (Array.isArray(value)) return value.flatMap(flat);
-    if (!(value instanceof Argument)) return [value];
-    value.place(exports);
-    return value.fields();
+  const flat = [result.pointer, result.pointer + 8];
+  const add = value => {
+    if (Array.isArray(value)) value.forEach(add);
+    else if (value instanceof Argument) { value.place(exports); flat.push(...value.fields()); }
+    else flat.push(value ?? 0);
   };
-  const status = exports[name](result.pointer, result.pointer + 8, ...values.flatMap(flat));
+  values.forEach(add);
+  const status = exports[name](...flat);
   if (status !== 0) throw new Error(`${name}: the compiled function failed`);
   return result;
 }
 
-/** The content of the section "billiards" as arguments, with `count` balls. */
-function arrays(value, count, changes) {
-  if (Array.isArray(value)) return value.map(item => arrays(item, count, changes));
-  if (value === null || value === true) return value === null ? null : 1;
-  if (value.type === "record") return new Numbers({ ...value.content, ...changes }, value.integers);
+/** The fields of a scene as arguments. */
+function asArguments(value) {
+  if (value === null) return null;
+  if (value === true) return 1;
+  if (Array.isArray(value)) return value.map(asArguments);
   return new Argument(value.type, value.shape, value.content.map(value.type === "i8" ? BigInt : Number));
 }
 
@@ -111,10 +108,34 @@ function ofBalls(name, values, count, width) {
 
 /** The result of a shot: the balls at its end, its events and the motion between them. */
 class Shot {
-  constructor(fields) {
+  #log;
+  #pieces;
+  #kinds;
+  #events;
+  #paths;
+
+  constructor(fields, log, pieces, kinds) {
     Object.assign(this, fields);
-    this.paths = this.positions.map(() => []);
-    for (const segment of this.segments) this.paths[segment.ball].push(segment);
+    this.#log = log;
+    this.#pieces = pieces;
+    this.#kinds = kinds;
+  }
+
+  /** The events, in their order: time, kind, ball, other, x, y, speed and rule. */
+  get events() {
+    return this.#events ??= rows(this.#log, EVENT_WIDTH).map(([time, , kind, ball, other, x, y, speed, rule]) => (
+      { time, kind: this.#kinds[kind], ball, other, x, y, speed, rule: rule === 1 }));
+  }
+
+  /** The pieces of the path of each ball, in the order in which they begin; see `State.rows` of `physics/state.py`. */
+  get paths() {
+    if (!this.#paths) {
+      this.#paths = this.positions.map(() => []);
+      for (const [ball, phase, x, y, vx, vy, ax, ay, ux, uy, wz, t0, t0Low, lasts] of rows(this.#pieces, PIECE_WIDTH)) {
+        this.#paths[ball].push({ phase, x, y, vx, vy, ax, ay, ux, uy, wz, t0, t0Low, lasts });
+      }
+    }
+    return this.#paths;
   }
 
   /** The piece of a ball's path at a time, s. */
@@ -128,17 +149,17 @@ class Shot {
     return pieces[low];
   }
 
-  /** The motion of a ball at a time, s: its position, velocity, spin about three axes, and whether it is potted. */
+  /** The motion of a ball at a time, s: position, velocity, angular velocity, and whether it is potted. */
   motion(ball, time, radius = 1) {
-    const piece = this.piece(ball, Math.min(time, this.time)), { phase } = piece;
-    const since = (Math.min(time, this.time) - piece.t0) - piece.t0Low;
-    const moves = phase >= PHASES.rolling && phase < PHASES.potted;
-    const t = moves ? Math.min(Math.max(since, 0), piece.lasts) : 0;
+    const until = Math.min(time, this.time), piece = this.piece(ball, until), { phase } = piece;
+    const since = (until - piece.t0) - piece.t0Low, within = Math.min(Math.max(since, 0), piece.lasts);
+    const moves = phase >= PHASES.rolling && phase < PHASES.potted, t = moves ? within : 0;
     const x = piece.x + t * (piece.vx + 0.5 * t * piece.ax), y = piece.y + t * (piece.vy + 0.5 * t * piece.ay);
     const going = moves && since < piece.lasts, vx = going ? piece.vx + t * piece.ax : 0, vy = going ? piece.vy + t * piece.ay : 0;
-    // A sliding ball is slowed along its slip, which falls 7/2 times as fast as the velocity changes.
-    const slides = phase === PHASES.sliding && going, ux = slides ? piece.ux + 3.5 * t * piece.ax : 0, uy = slides ? piece.uy + 3.5 * t * piece.ay : 0;
-    return { x, y, vx, vy, spin: [(uy - vy) / radius, (vx - ux) / radius, piece.wz], potted: phase === PHASES.potted };
+    // The slip changes 7/2 times as fast as the velocity, until the ball rolls.
+    const slides = going && phase === PHASES.sliding, ux = slides ? piece.ux + 3.5 * t * piece.ax : 0, uy = slides ? piece.uy + 3.5 * t * piece.ay : 0;
+    const turns = Math.sign(piece.wz) * Math.max(0, Math.abs(piece.wz) - this.spinDecay * within);
+    return { x, y, vx, vy, spin: [(uy - vy) / radius, (vx - ux) / radius, turns], potted: phase === PHASES.potted };
   }
 
   /** The positions of all balls at a time, s. A potted ball is at the centre of its pocket. */
@@ -153,6 +174,7 @@ class Engine {
   constructor(exports, data) {
     this.exports = exports;
     this.data = data;
+    this.kept = {};
   }
 
   /** The names of the scenes. */
@@ -166,9 +188,12 @@ class Engine {
     return scene;
   }
 
+  /** The arguments of a scene with a number of balls. `changes` replace its numbers. */
   fields(scene, count, changes = {}) {
-    const [numbers, radius, inverse, pockets, outline, spheres, ...laws] = this.scene(scene).fields;
-    return arrays([numbers, cut(radius, count), cut(inverse, count), pockets, outline, cut(spheres, count), ...laws], count, changes);
+    const [{ content, integers }, radius, inverse, pockets, outline, spheres, ...laws] = this.scene(scene).fields;
+    const key = `${scene} ${count}`, numbers = new Numbers({ ...content, ...changes }, integers);
+    const kept = this.kept[key] ??= asArguments([cut(radius, count), cut(inverse, count), pockets, outline, cut(spheres, count), ...laws]);
+    return [numbers, ...kept];
   }
 
   starts(positions, velocities, { spins, inPlay }) {
@@ -222,30 +247,27 @@ class Engine {
       const out = (type, ...shape) => new Argument(type, shape);
       const starts = this.starts(positions, velocities, options), used = new Argument("i8", [3], [0n, 0n, 0n]);
       const results = [out("f8", 1), out("i4", 1, n), out("i4", 1, n), out("i8", 1), out("i8", 1), out("i8", 1), out("i8", 1)];
-      const log = [out("f8", room, EVENT.length), out("f8", 4 * room, SEGMENT.length), used, out("i8", 0, 2)];
+      const log = [out("f8", room, EVENT_WIDTH), out("f8", 4 * room, PIECE_WIDTH), used, out("i8", 0, 2)];
       const limit = options.maxTime ?? max_time ?? Infinity;
       call(this.exports, `${mode}_${kind}`, [0n, 1n, this.fields(scene, n, changes), limit, BigInt(maxEvents), starts, results, log]);
       const [nEvents, nSegments] = [...used.read()].map(Number);
       if (nEvents > room || nSegments > 4 * room) continue;  // the log was too small: the shot runs again
-      const [balls, speeds, turns, playing] = starts.map(array => [...array.read()]);
-      const [time, cushions, before, events, ended, first, rule] = results.map(array => [...array.read()].map(Number));
-      const logged = rows([...log[0].read().subarray(0, nEvents * EVENT.length)], EVENT.length).map(row => record(EVENT, row));
-      const pieces = rows([...log[1].read().subarray(0, nSegments * SEGMENT.length)], SEGMENT.length).map(row => record(SEGMENT, row));
+      const [balls, speeds, turns, playing] = starts.map(array => array.read());
+      const [time, cushions, before, events, ended, first, rule] = results.map(array => array.read());
       return new Shot({
         positions: rows(balls, 2),
         velocities: rows(speeds, 2),
         spins: rows(turns, 3),
-        potted: playing.map(value => value === 0),
+        potted: Array.from(playing, value => value === 0),
         time: time[0],
-        cushions,
-        cushionsBeforeHit: before,
-        nEvents: events[0],
+        cushions: [...cushions],
+        cushionsBeforeHit: [...before],
+        nEvents: Number(events[0]),
         status: status[ended[0]],
-        firstHit: first[0],
-        nContactRule: rule[0],
-        events: logged.map(({ timeLow, ...event }) => ({ ...event, kind: kinds[event.kind], rule: event.rule === 1 })),
-        segments: pieces,
-      });
+        firstHit: Number(first[0]),
+        nContactRule: Number(rule[0]),
+        spinDecay: this.scene(scene).fields[0].content.spin_decay,
+      }, log[0].read().slice(0, nEvents * EVENT_WIDTH), log[1].read().slice(0, nSegments * PIECE_WIDTH), kinds);
     }
   }
 }
