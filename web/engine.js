@@ -64,7 +64,7 @@ class Numbers extends Argument {
   }
 }
 
-/** Calls a compiled function. A tuple is a list, None is null. Returns the pointer to the result. */
+/** Calls a compiled function. A tuple is a list, None is null. Returns the array with its result. */
 function call(exports, name, values) {
   exports.reset();
   const result = new Argument("i4", [4], [0, 0, 0, 0]);
@@ -191,6 +191,8 @@ class Engine {
   /** The arguments of a scene with a number of balls. `changes` replace its numbers. */
   fields(scene, count, changes = {}) {
     const [{ content, integers }, radius, inverse, pockets, outline, spheres, ...laws] = this.scene(scene).fields;
+    const unknown = Object.keys(changes).find(name => !(name in content));
+    if (unknown) throw new RangeError(`number ${unknown}: expected one of ${Object.keys(content).join(", ")}`);
     const key = `${scene} ${count}`, numbers = new Numbers({ ...content, ...changes }, integers);
     const kept = this.kept[key] ??= asArguments([cut(radius, count), cut(inverse, count), pockets, outline, cut(spheres, count), ...laws]);
     return [numbers, ...kept];
@@ -198,6 +200,7 @@ class Engine {
 
   starts(positions, velocities, { spins, inPlay }) {
     const n = positions.length, playing = inPlay ?? Array(n).fill(true);
+    if (playing.length !== n) throw new TypeError(`inPlay = ${JSON.stringify(inPlay)}: expected true or false for each of ${n} balls`);
     return [
       new Argument("f8", [1, n, 2], ofBalls("positions", positions, n, 2)),
       new Argument("f8", [1, n, 2], ofBalls("velocities", velocities, n, 2)),

@@ -1,5 +1,6 @@
 """The engines in wasmtime and in a browser compute the bits of Python. The tests need `make web` or its extra."""
 
+import contextlib
 import importlib.util
 import json
 import re
@@ -72,6 +73,8 @@ def test_a_strike_has_the_bits_of_python(engine, tab):
         ("'pool', [[0, 0]], [1, 0], {mode: 'pit'}", 'dt = null: expected a timestep in s for "pit"'),
         ("'pool', [[0, 0]], [1, 0], {dt: 0.1}", "dt = 0.1: expected a timestep in s for"),
         ("'pool', [[0, 0]], [1, 0], {mode: 'pit', dt: 0.1, fix: 'x'}", "fix = x: expected one of push_apart"),
+        ("'pool', [[0, 0]], [1, 0], {numbers: {mass: 1}}", "number mass: expected one of motion, slide, "),
+        ("'pool', [[0, 0]], [1, 0], {inPlay: []}", r"inPlay = \[\]: expected true or false for each of 1 balls"),
         ("'pool', Array.from({length: 17}, () => [0, 0]), [1, 0]", "positions has 17 balls: expected at most 16"),
     ],
 )
@@ -99,8 +102,8 @@ def test_the_page_plays_a_shot_and_its_address_holds_it(engine, tab, tmp_path):
     errors, requests = [], []
 
     def opened(place):
-        page = tab.context.new_page()
-        page.on("pageerror", errors.append)
+        page = tab.context.browser.new_page()
+        page.on("pageerror", lambda error: errors.append(error))
         page.on("request", lambda request: requests.append(request.url))
         page.goto(place)
         page.wait_for_function("() => window.billiards !== undefined")
@@ -139,9 +142,10 @@ def test_another_version_of_numba_is_refused(monkeypatch):
 
 
 @needs_extra
-def test_the_commands_write_and_check_the_files(tmp_path, capsys):
+def test_the_commands_write_and_check_the_files(tab, tmp_path, monkeypatch, capsys):
     build.main(["--output", str(tmp_path)])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["engine.js", "engine.wasm", "play.html"]
-    if any(map(shutil.which, check.BROWSERS)):
-        check.main(["--shots", "0", "--engine", str(tmp_path / "engine.wasm")])
-        assert "real_pool" in capsys.readouterr().out
+    monkeypatch.setattr(check, "browser_page", lambda: contextlib.nullcontext(tab))
+    monkeypatch.setattr(check, "SCENES", ("pool",))
+    check.main(["--shots", "10", "--engine", str(tmp_path / "engine.wasm")])
+    assert "pool          random         10       10       10" in capsys.readouterr().out
