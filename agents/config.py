@@ -49,8 +49,8 @@ class Config:
     Attributes:
         timesteps: The number of environment steps (shots), rounded up to whole updates; 0 for no training.
         task: A frozen task, such as "Pot1-v0", which sets `env` and `noise`; None for none.
-        env: Arguments of `gym.make("Billiards-v0", ...)`. They replace those of `task`. After the construction it has
-            all of them.
+        env: Arguments of `gym.make("Billiards-v0", ...)`. They replace the arguments of `task`. After the construction
+            it has all of them.
         noise: Arguments of `billiards_env.envs.wrappers.ExecutionNoise`; None for no noise.
         start_from: The folder of a finished run. The training starts with its weights. None for new weights.
         n_envs: The number of environments that are stepped together.
@@ -60,8 +60,8 @@ class Config:
             `agents.evaluate`.
         policy: `head`: "aim" for `billiards_env.sb3.AimPolicy`, with its arguments in `arguments`, or "gaussian" for
             the usual policy of Stable-Baselines3, with `hidden` and `activation`.
-        ppo: Arguments of `stable_baselines3.PPO`. A pair of learning rates is that of the start and of the end. For
-            "aim" they replace those in `billiards_env.sb3.PPO_SETTINGS`.
+        ppo: Arguments of `stable_baselines3.PPO`. A pair of learning rates has the rate of the start and of the end.
+            For "aim" they replace those in `billiards_env.sb3.PPO_SETTINGS`.
 
     Raises:
         ValueError: If a key is unknown or a value is impossible.
@@ -207,7 +207,7 @@ def _numbers(value: Any) -> Any:
 
 
 def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns all arguments of the environment. Missing ones have their defaults, or those of the task."""
+    """Returns all arguments of the environment. Missing ones have their defaults, or the defaults of the task."""
     parameters = dict(inspect.signature(BilliardsEnv).parameters)
     del parameters["render_mode"]  # training does not render
     for key in given:

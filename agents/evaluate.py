@@ -19,7 +19,7 @@ from agents.train import learning_curve
 from billiards_env.checks import Range, integer, missing
 from billiards_env.evaluation import evaluation_seeds, measure, play_together
 from billiards_env.files import check_path, write_json
-from billiards_env.games import RULES
+from billiards_env.games import GAMES
 from billiards_env.sb3.policy_player import playable
 
 LAYOUTS = 1000
@@ -31,8 +31,8 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
 
     Args:
         run_dir: The folder of a finished run.
-        episodes: The number of episodes; None for that of the configuration.
-        seed: The seed of the layouts; None for that of the configuration. Training uses none of these layouts.
+        episodes: The number of episodes; None for the number in the configuration.
+        seed: The seed of the layouts; None for the seed in the configuration. Training uses none of these layouts.
 
     Returns:
         `seed`, and the results of `play` under `policy` and `random`. They are also in `run_dir/evaluation.json`.
@@ -108,9 +108,9 @@ def main(arguments: list[str] | None = None) -> None:
     )
     parser.add_argument("--curve", type=Path, metavar="FILE.png", help="draw the learning curves of the runs")
     parser.add_argument(
-        "--episodes", type=int, help=f"number (default: that of the config; {EPISODES} with --film or --show)"
+        "--episodes", type=int, help=f"number (default: as in the config; {EPISODES} with --film or --show)"
     )
-    parser.add_argument("--seed", type=int, help="seed of the layouts (default: that of the config)")
+    parser.add_argument("--seed", type=int, help="seed of the layouts (default: as in the config)")
     instead = parser.add_mutually_exclusive_group()
     instead.add_argument("--film", type=Path, metavar="FILE.mp4", help="write a film of the policy instead")
     instead.add_argument("--show", action="store_true", help="show the policy in a window instead")
@@ -154,7 +154,7 @@ def print_commands(run_dir: Path) -> None:
     print(f"\nfilm:  python -m agents.evaluate {run_dir} --film {run_dir.resolve().name}.mp4")
     print(f"watch: python -m agents.evaluate {run_dir} --show")
     if (rules := playable(run_dir)) is not None:
-        game = f"--rules {rules} --scene {RULES[rules].scene}"
+        game = f"--rules {rules} --scene {GAMES[rules].scene}"
         print(f"play:  python -m billiards_env.play {game} --players human,policy:{run_dir}")
     print(f"log:   tensorboard --logdir {run_dir}")
 

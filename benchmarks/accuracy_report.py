@@ -52,7 +52,7 @@ def coarsest_from(rows: list[dict[str, Any]], good: list[bool]) -> dict[str, Any
 
 
 def levels(scenes: dict[str, Any]) -> str:
-    """Returns the table of the run time, over that of PIC, of the fastest PIT with a median error below each level."""
+    """Returns the table of the run times, over PIC's, of the fastest PIT with a median error below each level."""
     lines = []
     for name, scene in scenes.items():
         line, pic = [f"{name}, {_when(scene)}"], _pic(scene)
@@ -73,7 +73,7 @@ def enough(scenes: dict[str, Any]) -> str:
     """Returns the table of the largest timesteps with 99% right outcomes, and their run times."""
     lines = []
     for name, scene in scenes.items():
-        for fix in PIT_STYLES:
+        for fix in ("push_apart", "move_back"):
             rows = _pit(scene, fix)
             if "wrong_scores" not in rows[0]:
                 continue
@@ -91,21 +91,18 @@ def enough(scenes: dict[str, Any]) -> str:
     return table(head, lines, left=2)
 
 
-def shots_table(result: dict[str, Any]) -> str:
-    """Returns the table of the numbers of shots."""
-    rows = [
-        [
-            name,
-            f"{result['shots']}",
-            f"{scene['compared']} {_when(scene)}",
-            f"{scene['followed_to_the_end']}",
-            f"{scene['pic_outcome_as_oracle']}" if scene["outcome_shots"] else "",
-            f"{scene['outcome_shots']:,}" if scene["outcome_shots"] else "",
-        ]
-        for name, scene in result["scenes"].items()
+def shots_line(result: dict[str, Any]) -> str:
+    """Returns a sentence with the numbers of shots."""
+    scenes, count = result["scenes"].items(), result["shots"]
+    partly = [
+        f"{name} ({s['compared']} shots, {s['followed_to_the_end']} to the end)"
+        for name, s in scenes
+        if s["compared"] < count
     ]
-    return table(
-        ["scene", "shots with reference", "compared", "to the end", "same outcome", "shots for outcomes"], rows
+    outcomes = ", ".join(f"{name} {s['outcome_shots']:,}" for name, s in scenes if s["outcome_shots"])
+    return (
+        f"{count} shots of each scene have a reference. Compared only in part: {', '.join(partly) or 'none'}. The "
+        f"outcomes below come from more shots: {outcomes}."
     )
 
 
@@ -114,7 +111,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     scenes = unpacked(result)["scenes"]
     return {
         "machine": machine_line(result["machine"]),
-        "shots": shots_table(result),
+        "shots": shots_line(result),
         "levels": levels(scenes),
         "enough": enough(scenes),
     }

@@ -69,8 +69,8 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     add(
         "--layout",
         default="random",
-        help="starting positions: random, rack, tight_rack, nine_ball, eight_ball, carom_opening, line, snookered or "
-        "snooker (default: %(default)s)",
+        help="starting positions: random, rack, tight_rack, nine_ball, ten_ball, eight_ball, carom_opening, line, "
+        "snookered or snooker (default: %(default)s)",
     )
     add("--seed", type=int, default=0, help="seed of the layout (default: %(default)s)")
     add("--positions", type=number, nargs="+", metavar="X", help="x and y of each ball, cue ball first; no --layout")
@@ -352,7 +352,7 @@ def calibrate(args: argparse.Namespace) -> None:
 
 def replay(args: argparse.Namespace) -> None:
     """Runs the command `replay`."""
-    from billiards_env.games import records
+    from billiards_env.games import records, to_dict
     from billiards_env.games.game import replay as shots_of
 
     _check_out(args.out, without=".json")
@@ -362,8 +362,9 @@ def replay(args: argparse.Namespace) -> None:
     else:
         setup, state = record.setup, records.replay(record).state
         shots = [played.shot for played in shots_of(record.history)]
+        scores = to_dict(state)["scores"]
         result = f"won by player {state.winner}" if state.winner >= 0 else "over" if state.over else "not over"
-        print(f"{setup.rules}, {setup.n_players} players, {len(shots)} shots, scores {list(state.scores)}, {result}")
+        print(f"{setup.rules}, {setup.n_players} players, {len(shots)} shots, scores {list(scores)}, {result}")
     if args.shot is not None and not 1 <= args.shot <= len(shots):
         raise ValueError(f"--shot = {args.shot}: expected a number from 1 to {len(shots)}")
     if args.shot is not None:

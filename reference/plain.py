@@ -181,7 +181,7 @@ _run_all = for_all_shots(event_loop(sys.modules[__name__]))
 
 @allocating_entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
-    """Runs shots `begin` to `end` - 1 of a batch in place; the arguments are those of `engine.pic.run_shots`."""
+    """Runs shots `begin` to `end` - 1 of a batch in place; the arguments are as in `engine.pic.run_shots`."""
     arrays = SceneArrays(scene[0][0], *scene[1:])
     most = most_contacts(arrays)
     scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction)

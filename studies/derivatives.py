@@ -8,7 +8,7 @@ timestep. A central difference so small that no contact moves to another timeste
 * Goals: a pool table without pockets has a cue ball, an object ball and a goal at random places, and the object ball
   must stop at the goal. A small network returns where to hit it and with which speed, and learns by the gradient of the
   squared distance from the goal. A *world* is an engine in which the shots are played. The gradient is twice the vector
-  from the goal to the ball in this world, times a derivative: that of this world, that of another world, or a
+  from the goal to the ball in this world, times the derivative of this world, the derivative of another world, or a
   difference over 2 mm/s.
 * Pots: a network learns to pot a ball in `Billiards-v0` from the positions. For each pocket it returns a point next to
   the object ball, at which the cue ball aims, and for each of several speeds the chance of success. The margin of the
@@ -140,8 +140,8 @@ def choose(kind: str) -> dict[str, Any]:
     """Chooses the drawn shots of a kind that are smooth and have the same contacts with each timestep.
 
     Returns:
-        `numbers`: those of the chosen shots. `smooth`: the number of smooth shots of this kind. `other`: the share of
-        them with contacts that differ from those of the exact engine, by fix and timestep.
+        `numbers`: the numbers of the chosen shots. `smooth`: the number of smooth shots of this kind. `other`: the
+        share of them with contacts that the exact engine does not have, by fix and timestep.
     """
     shots = draw_shots(kind)
     exact = shots.run(record=True)
@@ -201,7 +201,7 @@ GOAL_RUNS = [
     ("exact", "push_apart 1/60 s"),
     *((world, OVER_JUMPS) for world in PUSHED[1:]),
 ]
-"""The world of a training, and the derivative: that of a world, or the difference over 2 mm/s in this world."""
+"""The world of a training, and the world whose derivative it uses, or the difference over 2 mm/s."""
 
 GOAL_SEEDS = (20, 21, 22, 23, 24)
 UPDATES, BATCH, LAYOUTS = 300, 256, 2000
@@ -527,20 +527,17 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     fixes, steps, chosen = found["settings"]["fixes"], found["settings"]["steps"], found["chosen"]
     dts = [f"1/{n} s" for n in steps]
     ends, some = (dts[0], dts[-1]), (dts[0], dts[len(dts) // 2], dts[-1])
-    rows = []
-    for kind, results in found["errors"].items():
-        for fix in fixes:
-            at = {dt: results[f"{fix} {dt}"] for dt in dts}
-            positions = (f"{at[dt]['position']:.1e} m" for dt in ends)
-            small, large = (percent(at[dt]["small"]) for dt in some), (percent(at[dt]["large"]) for dt in ends)
-            rows.append((kind, f"`{fix}`", *positions, *small, *large))
-        exact = results["exact"]
-        rows.append((kind, "exact engine", "", "", percent(exact["small"]), "", "", percent(exact["large"]), ""))
+    rows, results, compared = [], found["errors"]["whole shots"], chosen["whole shots"]
+    for fix in fixes:
+        at = {dt: results[f"{fix} {dt}"] for dt in dts}
+        positions = (f"{at[dt]['position']:.1e} m" for dt in ends)
+        small, large = (percent(at[dt]["small"]) for dt in some), (percent(at[dt]["large"]) for dt in ends)
+        rows.append((f"`{fix}`", *positions, *small, *large))
+    exact = results["exact"]
+    rows.append(("exact engine", "", "", percent(exact["small"]), "", "", percent(exact["large"]), ""))
     columns = (("position", ends), ("derivative", some), ("over 2 mm/s", ends))
-    head = ("shots", "fix", *(f"{name}, {dt}" for name, at in columns for dt in at))
-    other = chosen["whole shots"]["other"]
-    contacts = [(f"`{fix}`", *(percent(other[f"{fix} {dt}"]) for dt in dts)) for fix in fixes]
-    numbers = ", ".join(f"{len(c['numbers'])} of {c['smooth']:,} ({kind})" for kind, c in chosen.items())
+    head = ("fix", *(f"{name}, {dt}" for name, at in columns for dt in at))
+    other = (f"{percent(compared['other'][f'time_of_impact {dt}'])} (timestep {dt})" for dt in dts)
     learned = []
     for world, derivatives in found["goals"].items():
         for derivative, runs in derivatives.items():
@@ -564,9 +561,10 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
         pots.append((f"{int(shots):,}", ", ".join(f"{rate:.1%}" for rate in rates), as_percent(over_seeds(rates))))
     return {
         "machine": machine_line(found["machine"]),
-        "errors": table(head, rows, left=2),
-        "contacts": table(("whole shots with other contacts", *dts), contacts),
-        "shots": f"Smooth shots with the same contacts for each fix and timestep: {numbers}.",
+        "errors": table(head, rows),
+        "contacts": f"Shots in which `time_of_impact` makes other contacts: {', '.join(other)}.",
+        "shots": f"{len(compared['numbers'])} of {compared['smooth']:,} smooth shots are compared: those with the same "
+        "contacts for each fix and timestep.",
         "goals": table(in_worlds, learned, left=2),
         "size": f"{len(GOAL_SEEDS)} seeds for each row, {goals['updates'] * goals['batch']:,} shots of training, "
         f"{goals['layouts']:,} new layouts for each seed.",

@@ -1,7 +1,7 @@
 """Verifies the files in `leaderboard` and makes the table and the picture of the page: `python -m studies.leaderboard`.
 
-An entry is a file of `billiards bench` with the public layouts and those of a second seed, `SEEDS`. The results are in
-`studies/results/leaderboard.json`. `--check` verifies files and writes nothing.
+An entry is a file of `billiards bench` with the public layouts and the layouts of a second seed, `SEEDS`. The results
+are in `studies/results/leaderboard.json`. `--check` verifies files and writes nothing.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ FOLDER = ROOT / "leaderboard"
 FIGURE = ROOT / "docs" / "images" / "leaderboard.png"
 
 SEEDS = (bench.SEED, 1)
-"""The seeds of an entry: that of the public layouts, and another one, because a player may be fitted to those."""
+"""The seeds of an entry: the seed of the public layouts and one more, because a player may be fitted to those."""
 
 RUN = (
     "aim",
@@ -51,7 +51,7 @@ def entries(folder: Path, read: Callable[[Path], bench.Bench] = bench.verify) ->
         read: `bench.verify`, or `bench.load` for files that are already verified.
 
     Raises:
-        ValueError: If a file is refused, has other tasks than those of the leaderboard, or lacks a seed.
+        ValueError: If a file is refused, has other tasks than the leaderboard, or lacks a seed.
     """
     found = {}
     for path in sorted(folder.glob("*.json")):

@@ -387,7 +387,7 @@ def measure(where: Places, jobs: int, address: str | None, layouts: int) -> dict
 
 
 def is_result(found: Mapping[str, Any], run: Run) -> bool:
-    """Returns whether the results have those of a run with these settings."""
+    """Returns whether the results have a run with these settings."""
     result = found["runs"].get(run.name)
     return result is not None and all(result[key] == value for key, value in run._asdict().items())
 

@@ -1,6 +1,6 @@
 """Summarizes the timestep study: statistics over the seeds, tables and pictures.
 
-The statistics are those of Agarwal et al. (2021), Deep Reinforcement Learning at the Edge of the Statistical Precipice:
+The statistics follow Agarwal et al. (2021), Deep Reinforcement Learning at the Edge of the Statistical Precipice:
 interquartile means with 95% bootstrap intervals over the seeds, and probabilities of improvement.
 The layouts are the same for all policies.
 """
@@ -152,24 +152,20 @@ def _aim(main: Mapping[str, list[dict[str, Any]]]) -> str:
 
 
 def _new_seeds(main: Mapping[str, list[dict[str, Any]]]) -> str:
-    """Returns a table that compares the measured and predicted errors of the aim, for each half of the seeds."""
-    worlds = [world for world in main if world != EXACT]
+    """Returns the root mean square of measured less predicted errors of the aim, for each half of the seeds."""
     seeds = sorted(run["seed"] for run in main[EXACT])
-    rows = []
-    for some in (seeds[: len(seeds) // 2], seeds[len(seeds) // 2 :]):
-        chosen = {world: [run for run in runs if run["seed"] in some] for world, runs in main.items()}
+    halves = []
+    for half in (seeds[: len(seeds) // 2], seeds[len(seeds) // 2 :]):
+        chosen = {world: [run for run in runs if run["seed"] in half] for world, runs in main.items()}
         base = mean_errors(chosen[EXACT], "cut angle")[:, 0]
         cells = []
-        for world in worlds:
+        for world in (world for world in main if world != EXACT):
             measured, predicted = mean_errors(chosen[world], "cut angle").T
             weights = np.sum([[row[0] for row in run["aim"]["cut angle"]] for run in chosen[world]], axis=0)
-            rms = [
-                np.sqrt((weights * values**2).sum() / max(weights.sum(), 1))
-                for values in (measured - base - predicted, predicted)
-            ]
-            cells.append(f"{rms[0]:.2f} of {rms[1]:.2f}")
-        rows.append((f"{some[0]} to {some[-1]}", *cells))
-    return table(("seeds", *map(_name, worlds)), rows)
+            square = (weights * (measured - base - predicted) ** 2).sum() / max(weights.sum(), 1)
+            cells.append(f"{np.sqrt(square):.2f} mm ({_name(world)})")
+        halves.append(f"seeds {half[0]} to {half[-1]}: {', '.join(cells)}")
+    return "; ".join(halves) + "."
 
 
 def _controls(result: Result, controls: Mapping[str, list[dict[str, Any]]], exact: Floats) -> str:
@@ -232,13 +228,11 @@ def _seeds(result: Result, parts: Mapping[str, Sequence[Mapping[str, Any]]]) -> 
 
 
 def draw(result: Result, folder: Path) -> None:
-    """Draws the pictures of the study: `timestep_success.png`, `timestep_aim.png` and `timestep_fine_tuning.png`."""
+    """Draws the pictures of the study: `timestep_success.png` and `timestep_aim.png`."""
     use_own_font()
     main = of_part(result, "main")
     save(_draw_success(result, main), folder / "timestep_success.png")
     save(_draw_aim(result, main), folder / "timestep_aim.png")
-    if tuned := of_part(result, "fine_tuning"):
-        save(_draw_fine_tuning(result, main, tuned), folder / "timestep_fine_tuning.png")
 
 
 def _draw_success(result: Result, main: Mapping[str, list[dict[str, Any]]]) -> Figure:
@@ -278,31 +272,12 @@ def _draw_aim(result: Result, main: Mapping[str, list[dict[str, Any]]]) -> Figur
     return _finished(figure)
 
 
-def _draw_fine_tuning(
-    result: Result, main: Mapping[str, list[dict[str, Any]]], tuned: Mapping[str, list[dict[str, Any]]]
-) -> Figure:
-    figure = Figure(figsize=(7.2, 3.9), dpi=120, layout="constrained")
-    axes = figure.add_subplot()
-    for (world, runs), colour in zip(tuned.items(), ("#56b4e9", ORANGE, "#cc79a7"), strict=False):
-        seeds = [run["seed"] for run in runs]
-        before = rates(result, [run for run in main[world] if run["seed"] in seeds], EXACT).mean()
-        shots = [0, *(point["shots"] for point in runs[0]["curve"])]
-        after = np.mean([[point["success"] for point in run["curve"]] for run in runs], axis=0)
-        axes.plot(np.array(shots) / 1e3, 100 * np.array([before, *after]), "o-", color=colour, label=f"{world} s")
-    shots = np.array([point["shots"] for point in main[EXACT][0]["curve"]])
-    curve = 100 * np.mean([[point["success"] for point in run["curve"]] for run in main[EXACT]], axis=0)
-    axes.plot(shots / 1e3, curve, "s--", color=GREY, label="a new policy")
-    axes.axhline(curve[-1], color=GREY, linewidth=0.8)
-    axes.set(xlabel="shots in the exact world (thousands)", ylabel="success in the exact world (%)", ylim=(0, 100))
-    return _finished(figure, "trained before in")
-
-
-def _finished(figure: Figure, title: str | None = None) -> Figure:
+def _finished(figure: Figure) -> Figure:
     """Adds the grid and the legend."""
     (axes,) = figure.axes
     axes.grid(alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(title=title, fontsize=9, frameon=False)
+    axes.legend(fontsize=9, frameon=False)
     return figure
 
 

@@ -17,7 +17,7 @@ from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.envs.actions import aimed_strikes, perturb
 from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
 from billiards_env.games import GameState, Setup, Stroke, opening, play, records
-from billiards_env.games.batch import judge_batch
+from billiards_env.games.batch import play_batch
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.table import Pocket, Table
 from billiards_env.shots.simulation import simulate, simulate_batch
@@ -221,7 +221,7 @@ def new_game() -> tuple[Setup, GameState]:
 
 
 def shot(*start: Any, **arguments: Any) -> Any:
-    """Returns a function that simulates a shot; what is left out of the start is that of a usual shot."""
+    """Returns a function that simulates a shot; what is left out of the start is as in a usual shot."""
     return lambda: simulate(*start, *(POOL, PLACES, [1, 0])[len(start) :], **arguments)
 
 
@@ -269,7 +269,7 @@ def stroke(*arguments: Any) -> Any:
         (lambda: strike(POOL, np.float64(2e3), 0.0), "speed = 2000.0: expected numbers from "),
         (lambda: aimed_strikes(POOL, [COMPLEX], [[0, 0]]), "actions = [array("),
         (lambda: perturb([0, 0], COMPLEX), "noise = array("),
-        (lambda: judge_batch(*new_game(), [COMPLEX]), "velocities = [array("),
+        (lambda: play_batch(*new_game(), [COMPLEX]), "velocities = [array("),
         (stroke((ONE, 0.0), (-0.8, 0.0)), "stroke.velocity[0] = (1+0j): expected a number"),
         (stroke((0.0, 1e200), (-0.8, 0.0)), "stroke.velocity[1] = 1e+200: expected a number from -1000 to 1000 m/s"),
         (stroke((1.0, 0.0), (math.nan, 0.0)), "stroke.place[0] = nan: expected a number from -1e+06 to 1e+06 m"),

@@ -1,6 +1,6 @@
 """The command `python -m agents.rllib`; see `agents.rllib`.
 
-The folder of a run is that of `agents.train`, but its checkpoints are those of RLlib. The same command resumes an
+The folder of a run is as in `agents.train`, but RLlib writes the checkpoints. The same command resumes an
 interrupted run from its newest checkpoint. It ends with the same weights as an uninterrupted one, because the seed and
 the number of steps determine all random numbers after a checkpoint. Only the failure of a runner changes the weights.
 """
@@ -84,8 +84,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--address", help='address of a Ray cluster, e.g. "auto" (default: this machine only)')
     parser.add_argument("--run-dir", type=Path, help="folder of the run (default: runs/rllib/NAME)")
     parser.add_argument("--runners", type=int, default=2, help="number of processes that play (default: %(default)s)")
-    parser.add_argument("--seed", type=number, help="default: that of the config")
-    parser.add_argument("--timesteps", type=number, help="number of shots (default: that of the config)")
+    parser.add_argument("--seed", type=number, help="default: the seed in the config")
+    parser.add_argument("--timesteps", type=number, help="number of shots (default: as in the config)")
     parser.add_argument("--fresh", action="store_true", help="delete the run in the folder and start again")
     args = parser.parse_args(arguments)
     run_dir = args.run_dir or Path("runs") / "rllib" / Path(args.config).stem

@@ -48,7 +48,8 @@ def write_gif(
         return frames(recording, 100 / hundredths, width, compare)[1]
 
     *_, last = draw()  # the last frame has the most colours
-    # An octree keeps the colours of the balls, which have few pixels. The default method prefers those of the cloth.
+    # An octree keeps the colours of the balls, which have few pixels. The default method prefers the colours of the
+    # cloth.
     palette = Image.fromarray(last).quantize(255, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     indexed = (Image.fromarray(image).quantize(palette=palette, dither=Image.Dither.NONE) for image in draw())
     with replacing(target) as temporary:

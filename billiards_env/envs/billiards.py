@@ -130,6 +130,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `"tight_rack"`: as `"rack"`, but the object balls touch each other.
     - `"nine_ball"`: as `"rack"` with 9 object balls: the 1 at the front, the 9 in the middle, the others in a random
       order.
+    - `"ten_ball"`: as `"rack"` with 10 object balls: the 1 at the front, the 10 in the middle of the row of three.
     - `"eight_ball"`: as `"rack"` with 15 object balls: the 8 in the middle, a ball of each group at the rear corners,
       the others in a random order.
     - `"carom_opening"`: the opening position of carom billiards, with one or two object balls.
@@ -359,6 +360,11 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     def legal_balls(self) -> NDArray[np.bool_]:
         """(n,) balls that the cue ball may touch first in a run-out, a copy; (0,) in other tasks."""
         return self._episodes.arrays.legal_balls[0].copy()
+
+    @property
+    def game_states(self) -> NDArray[Any]:
+        """The state of the game, (1,) `games.STATE`, in the tasks that are games; (0,) in the others."""
+        return self._episodes.arrays.states.copy()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

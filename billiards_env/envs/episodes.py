@@ -17,7 +17,7 @@ from billiards_env.engine.compile import varied_fields, varied_shot, vary
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.envs.actions import shorten, strike_balls
 from billiards_env.envs.arrays import BallArrays, EpisodeArrays, TaskNumbers
-from billiards_env.envs.tasks import TASKS, judge_pot, write_legal_balls
+from billiards_env.envs.tasks import TASKS, judge_pot, opening_of, write_legal_balls
 from billiards_env.jit import entry_point, inlined, specialised, streams
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
@@ -64,6 +64,7 @@ class Episodes:
         self.balls = BallArrays(
             *shots[:4], positions_before=np.zeros((count, n, 2)), potted_before=np.zeros((count, n), np.bool_)
         )
+        opening, legal = opening_of(env.task, scene, env.layout)
         self.arrays = EpisodeArrays(
             positions=shots.positions,
             in_play=shots.in_play,
@@ -73,7 +74,8 @@ class Episodes:
             first_hit=shots.first_hit,
             potted=np.zeros((count, n), np.bool_),
             goals=np.zeros((count, 0 if self.goal_plan is None else 1, 2)),
-            legal_balls=np.zeros((count, n if task.opening else 0), np.bool_),
+            states=opening.repeat(count),
+            legal_balls=np.zeros((count, n if task.is_game else 0), np.bool_),
             points=np.zeros(count, np.int64),
             score=np.zeros(count, np.int64),
             shots_left=np.zeros(count, np.int64),
@@ -86,7 +88,8 @@ class Episodes:
         numbers = TaskNumbers(
             targets=env.targets,
             bits=np.left_shift(1, np.arange(n)),
-            opening=task.break_opening if env.layout in task.breaks else task.opening,
+            opening=opening,
+            legal=legal,
             goal_radius=task.goal_radius,
             max_shots=env.max_shots,
             scratch_penalty=env.scratch_penalty,
@@ -263,7 +266,9 @@ def begin_episodes(begin, end, mask, numbers, arrays, observations):
             for i in range(arrays.in_play.shape[1]):
                 arrays.in_play[k, i] = True
             arrays.fresh[k], arrays.over[k] = True, False
-            write_legal_balls(k, numbers.opening, arrays)
+            if len(numbers.opening):
+                arrays.states[k] = numbers.opening[0]
+                write_legal_balls(k, numbers.legal, arrays)
         observe(k, numbers, arrays, observations)
 
 

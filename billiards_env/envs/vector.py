@@ -320,7 +320,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
                 episodes.draw(begin, end, over, self._streams)
                 episodes.begin(begin, end, over, observations)
 
-        changed = [arrays.positions, arrays.in_play, arrays.legal_balls, arrays.fresh, *self._tally]
+        changed = [arrays.positions, arrays.in_play, arrays.states, arrays.legal_balls, arrays.fresh, *self._tally]
         if resets or same_step:
             changed += [self._streams, arrays.goals, *episodes.physics_arrays()]
         before = [array.copy() for array in changed]

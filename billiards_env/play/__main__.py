@@ -13,7 +13,7 @@ import numpy as np
 from billiards_env.checks import Range, integer, number, one_of, real
 from billiards_env.drawing.style import PALETTES
 from billiards_env.engine.compile import MODES
-from billiards_env.games import RULES, History, Setup, opening, records
+from billiards_env.games import GAMES, History, Setup, opening, records
 from billiards_env.play.model import HUMAN, PACES, begin
 from billiards_env.players.game_player import find_player
 from billiards_env.players.levels import LEVELS
@@ -37,8 +37,8 @@ def make_parser() -> argparse.ArgumentParser:
         description="Play billiards in a window with mouse and keyboard; H shows the keys.",
     )
     add = parser.add_argument
-    layouts_of_games = dict.fromkeys(name for rules in RULES.values() for name in rules.layouts)
-    add("--rules", help=f"the game: {', '.join(RULES)} (default: eight_ball)")
+    layouts_of_games = dict.fromkeys(name for rules in GAMES.values() for name in rules.layouts)
+    add("--rules", help=f"the game: {', '.join(GAMES)} (default: eight_ball)")
     add(
         "--players",
         metavar="A,B",
@@ -95,8 +95,8 @@ def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
     if args.miss and not args.choices:
         raise ValueError("--miss without --choices: expected both, the miss rule gives a choice")
     rules = args.rules or "eight_ball"
-    one_of("rules", rules, tuple(RULES))
-    game_rules, mode = RULES[rules], args.mode or "pic"
+    one_of("rules", rules, tuple(GAMES))
+    game_rules, mode = GAMES[rules], args.mode or "pic"
     balls = game_rules.n_object_balls[1] if args.balls is None else args.balls
     scene = Scene.named(args.scene or REAL_SCENES.get(game_rules.scene, game_rules.scene), balls)
     n_players = max(2, len(args.players.split(","))) if args.players else 2

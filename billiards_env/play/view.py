@@ -14,6 +14,7 @@ from billiards_env.drawing.canvas import PATH_ZOOM, RESULT_SHOWN, Canvas, Motion
 from billiards_env.drawing.recording import Floats
 from billiards_env.drawing.style import CHALK
 from billiards_env.drawing.text import text_image
+from billiards_env.games.state import BEHIND, is_in, members, on_table
 from billiards_env.play import controls, labels
 from billiards_env.play.model import NO_SHOT, Model
 from billiards_env.play.pages import KEYS, rules_page
@@ -105,7 +106,7 @@ class View:
             if model.preview is not None and model.aim.call.kind not in NO_SHOT:
                 self._draw_cue(model)
                 self._inset = self._draw_inset(model) if model.zoom and model.preview.ball >= 0 else None
-            potted = sorted(set(range(len(model.game.positions))) - model.game.state.on_table)
+            potted = np.flatnonzero(~is_in(on_table(model.game.state), len(model.game.positions))).tolist()
             self._draw_bar(labels.status(model), labels.result(model), potted)
         self._frame.blit(self._table, self._corner)
         self._panel.draw(self._frame, model)
@@ -128,7 +129,7 @@ class View:
         radius = model.setup.scene.balls.radius
         if model.aim.call.kind in NO_SHOT:
             preview = None
-        if model.phase == "placing" and game.state.in_hand == "behind":
+        if model.phase == "placing" and game.state.in_hand == BEHIND:
             x, y = table.head_x, table.width / 2
             line = np.array([[x, -y], [x, y]])
             if table.d_radius:
@@ -147,8 +148,8 @@ class View:
             if pocket >= 0:
                 hole = table.pockets[pocket]
                 _draw_line(canvas, frame, _circle((hole.x, hole.y), hole.radius), LEVEL)
-        shown = {ball: game.positions[ball] for ball in sorted(game.state.on_table - {cue})}
-        if cue in game.state.on_table and not (game.state.in_hand != "no" and model.aim.place is None):
+        shown = {ball: game.positions[ball] for ball in members(game.state.object_balls)}
+        if not game.state.in_hand or model.aim.place is not None:
             shown[cue] = np.array(model.cue_position)
         canvas.draw_balls(frame, list(shown), [canvas.pixels_of(place) for place in shown.values()], model.faces)
         if preview is not None and canvas is self.canvas:
@@ -224,7 +225,7 @@ class View:
         self._shots = shot, ghost = model.shown_shots
         recording, rings = shot.recording(), None if ghost is None else ghost.recording()
         self._motion = Motion(self.canvas, recording, rings, STEP, model.first_faces)
-        cue = model.games[-2].state.cue_balls[0]
+        cue = int(model.games[-2].state.cue_balls[0])
         velocity = np.array(model.strokes[-1].velocity)
         self.canvas.draw_arrow(self._motion.base, cue, recording.path(cue, [0.0])[0], velocity)
 

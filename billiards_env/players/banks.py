@@ -58,8 +58,8 @@ NO_BANK = Bank(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 def bank_pot(table, i, p, wall, speed, state):
     """Returns the `PotGeometry` at which ball i goes off a cushion, 0 to 3 for -x, +x, -y, +y, into pocket p.
 
-    The first guess of the object ball's direction is that of a mirror. The secant method corrects it until the ball
-    meets the middle of the pocket's mouth. The arguments are as in `hits`.
+    The first guess of the object ball's direction is the direction off a mirror. The secant method corrects it until
+    the ball meets the middle of the pocket's mouth. The arguments are as in `hits`.
     """
     scene, x, y = table.scene, table.positions[i, X], table.positions[i, Y]
     image_x, image_y, apart = _mirrored(scene, i, p, wall)

@@ -1,4 +1,4 @@
-"""An adapter from Gymnasium's vector environments to those of Stable-Baselines3."""
+"""An adapter from vector environments of Gymnasium to the interface of Stable-Baselines3."""
 
 from __future__ import annotations
 

@@ -134,7 +134,7 @@ def load_policy(
 
 
 def save_policy(policy: BasePolicy, path: Path) -> None:
-    """Writes the weights of a policy without those of the value function."""
+    """Writes the weights of a policy without its value function."""
     weights = {name: tensor for name, tensor in policy.state_dict().items() if not _is_value(name)}
     buffer = io.BytesIO()
     torch.save(weights, buffer)
@@ -142,11 +142,11 @@ def save_policy(policy: BasePolicy, path: Path) -> None:
 
 
 def load_weights(policy: BasePolicy, path: Path) -> None:
-    """Sets the weights of a policy, without those of the value function, from a file of `save_policy`.
+    """Sets the weights of a policy, without its value function, from a file of `save_policy`.
 
     Raises:
         OSError: If the file cannot be read.
-        ValueError: If the weights in the file are not those of this policy.
+        ValueError: If the weights in the file do not fit this policy.
     """
     with whole_archive(path, "a policy's weights"):
         weights = torch.load(path, map_location="cpu", weights_only=True)

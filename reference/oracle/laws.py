@@ -27,7 +27,7 @@ class TooManyRoundsError(RuntimeError):
 
 @dataclasses.dataclass(frozen=True)
 class World:
-    """The constants of a scene, converted exactly. Attributes that are not listed are those of `Scene`.
+    """The constants of a scene, converted exactly. Attributes that are not listed are as in `Scene`.
 
     Attributes:
         radius: (n,) m.

@@ -77,7 +77,7 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
     n = env.scene.n_balls
     last = env.observe_shots_left
     places = 2 * (n + (TASKS[env.task].goal_radius > 0))
-    flags = n - 1 if TASKS[env.task].opening else 0
+    flags = n - 1 if TASKS[env.task].is_game else 0
     drawn, seen = env.randomize, env.observe_physics * len(env.randomize)
     assert env.observation_space.shape == (places + flags + last + seen,)
     assert env.observation_space.dtype == np.float32

@@ -13,7 +13,7 @@ pytest.importorskip("pygame")
 from billiards_env import Scene, simulate
 from billiards_env.drawing.style import PALETTES, looks
 from billiards_env.engine.compile import MODES
-from billiards_env.games import RULES, Stroke, records
+from billiards_env.games import GAMES, Stroke, records
 from billiards_env.play import window as windows
 from billiards_env.play.__main__ import MAKERS, compile_engines, main, make_history, make_parser
 from billiards_env.play.model import HUMAN, go, shoot
@@ -69,7 +69,7 @@ def test_arguments_describe_the_game():
     assert (given.setup.scene.n_balls, given.setup.target, given.setup.n_players) == (4, 2, 3)
     pit = history("--rules", "carom", "--mode", "pit", "--dt", "1/240").setup
     assert (pit.mode, pit.dt, pit.scene) == ("pit", 1 / 240, Scene.named("carom"))
-    assert history("--layout", "random").opening.state.in_hand == "no"
+    assert history("--layout", "random").opening.state.in_hand == 0
 
 
 def test_the_seed_determines_the_rack():
@@ -195,8 +195,8 @@ def test_help_lists_the_values_of_each_option(capsys):
     with pytest.raises(SystemExit):
         main(["--help"])
     shown = set(re.findall(r"\w+", capsys.readouterr().out))
-    layouts = {name for rules in RULES.values() for name in rules.layouts}
-    assert {*RULES, *layouts, *MODES, *STRATEGIES, *MAKERS, *SCENES, *PALETTES, HUMAN} <= shown
+    layouts = {name for rules in GAMES.values() for name in rules.layouts}
+    assert {*GAMES, *layouts, *MODES, *STRATEGIES, *MAKERS, *SCENES, *PALETTES, HUMAN} <= shown
 
 
 def test_without_pygame_the_error_names_the_package_to_install():

@@ -78,7 +78,7 @@ def test_runs_with_results_are_not_trained_again(study, monkeypatch, capsys):
         timestep.main(["--folder", str(folder)])
     printed = capsys.readouterr().out
     assert all(block in printed for block in timestep_report.blocks(found).values())
-    assert (folder / "timestep_fine_tuning.png").read_bytes().startswith(b"\x89PNG")
+    assert (folder / "timestep_aim.png").read_bytes().startswith(b"\x89PNG")
 
     trained = []
 
