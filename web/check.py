@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine.compile import Engine, scene_fields
+from billiards_env.engine.compile import MODES, Engine, scene_fields
 from billiards_env.engine.log import KINDS, empty_log
 from billiards_env.engine.shots import STATUS, empty_shots
 from billiards_env.scene import Scene, layouts
@@ -157,14 +157,12 @@ class Wasmtime:
 
 
 def wasmtime_bits(module: Wasmtime, shot: dict[str, Any]) -> Floats:
-    """Runs a shot in wasmtime. Returns its end, its time and its events as numbers."""
+    """Runs a shot in wasmtime. Returns its `Shots` and its log as numbers."""
     return _run(shot, lambda kind, mode, *arguments: module.call(f"{mode}_{kind}", *arguments))
 
 
 def engine_bits(shot: dict[str, Any]) -> Floats:
     """Returns the numbers of `wasmtime_bits`, computed in Python."""
-    from billiards_env.engine.compile import MODES
-
     return _run(shot, lambda kind, mode, *arguments: MODES[mode](*arguments))
 
 
