@@ -57,7 +57,7 @@ class Result(NamedTuple):
         success: (m,) bool.
         returns: (m,) the sum of the rewards.
         digest: A hash of all observations, rewards and durations of shots.
-        noise_seed: The `noise_seed` of `ExecutionNoise`; None without noise, or if `seed` fixes the noise.
+        noise_seed: The argument `noise_seed` of the environment; None without noise, or if `seed` fixes the noise.
     """
 
     task: str

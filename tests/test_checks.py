@@ -15,7 +15,7 @@ from billiards_env.checks import RANGES, Range, fits, integer, numbers, one_of, 
 from billiards_env.engine.pit import MAX_STEPS
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.envs.actions import aimed_strikes, perturb
-from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
+from billiards_env.envs.wrappers import ActionFrame, VectorActionFrame
 from billiards_env.games import GameState, Setup, Stroke, opening, play, records
 from billiards_env.games.batch import play_batch
 from billiards_env.scene import Balls, Physics, Scene
@@ -255,8 +255,6 @@ def stroke(*arguments: Any) -> Any:
         (lambda: begun("Billiards-v0", vector=True).step([COMPLEX] * 2), "actions = [array([0.5+1.j, 0. +0.j]), array"),
         (lambda: ActionFrame(begun("Billiards-v0"), "cut").step(COMPLEX), "action = array("),
         (lambda: VectorActionFrame(begun("Billiards-v0", vector=True), "cut").step([COMPLEX] * 2), "actions = [array("),
-        (lambda: ExecutionNoise(begun("Billiards-v0")).step(COMPLEX), "action = array("),
-        (lambda: VectorExecutionNoise(begun("Billiards-v0", vector=True)).step([COMPLEX] * 2), "action = [array("),
         (lambda: begun("Billiards-v0", action="strike").step(np.zeros(5, complex)), "action = array("),
         (shot(POOL, PLACES, COMPLEX), "velocities = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
         (shot(POOL, np.add(PLACES, 0j)), "positions = array("),

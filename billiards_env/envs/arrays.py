@@ -47,7 +47,6 @@ class BallArrays(NamedTuple):
         velocities: (m, n, 2) float64, m/s.
         spins: (m, n, 3) float64, rad/s.
         in_play: (m, n) bool.
-        positions_before: (m, n, 2) float64, m: positions before the last shot.
         potted_before: (m, n) bool: balls off the table before the last shot.
     """
 
@@ -55,7 +54,6 @@ class BallArrays(NamedTuple):
     velocities: Any
     spins: Any
     in_play: Any
-    positions_before: Any
     potted_before: Any
 
 

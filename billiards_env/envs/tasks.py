@@ -162,7 +162,7 @@ def judge_eight_ball(k, numbers, arrays):
     """
     state, facts = arrays.states[k], shot_facts(k, numbers, arrays)
     verdict = judged(eight_ball, state, facts, NO_CALL)
-    write_legal_balls(k, group_or_eight(state, 0) & ~facts.potted, arrays)
+    write_legal_balls(k, group_or_eight(state, 0), arrays)
     if verdict.foul != NO_FOUL:
         return 0, True, False
     won = state.winner == 0

@@ -117,44 +117,29 @@ class Setup:
     def __post_init__(self) -> None:
         one_of("rules", self.rules, tuple(GAMES))
         check_scene(self.scene)
-        rules = self.game_rules
-        low, high = rules.n_object_balls
-        if not low <= self.scene.n_balls - 1 <= high:
-            expected = str(low) if low == high else f"{low} to {high}"
-            raise ValueError(
-                f"rules = {self.rules!r} with a scene of {self.scene.n_balls - 1} object balls: expected {expected}"
-            )
-        if rules.pockets != bool(self.scene.table.pockets):
-            expected = "a table with pockets" if rules.pockets else "a table without pockets"
-            raise ValueError(
-                f"rules = {self.rules!r} with a table of {len(self.scene.table.pockets)} pockets: expected {expected}"
-            )
-        if not self.scene.table.is_rectangular:
-            raise ValueError(
-                f"rules = {self.rules!r} with a table whose cushions reach into its rectangle: expected a playing "
-                "surface that is a rectangle"
-            )
+        rules, table, balls = self.game_rules, self.scene.table, self.scene.n_balls - 1
+        name, (low, high), pockets = f"rules = {self.rules!r} with", rules.n_object_balls, len(table.pockets)
+        numbers = str(low) if low == high else f"{low} to {high}"
+        _expect(low <= balls <= high, f"{name} a scene of {balls} object balls", numbers)
+        expected = "a table with pockets" if rules.pockets else "a table without pockets"
+        _expect(rules.pockets == (pockets > 0), f"{name} a table of {pockets} pockets", expected)
+        what = f"{name} a table whose cushions reach into its rectangle"
+        _expect(table.is_rectangular, what, "a playing surface that is a rectangle")
         for i, mass in enumerate(self.scene.balls.mass):
-            if math.isinf(mass):
-                raise ValueError(f"rules = {self.rules!r} with ball {i} of infinite mass: expected finite masses")
-        object.__setattr__(
-            self,
-            "n_players",
-            integer("n_players", self.n_players, Range(*rules.n_players, f"for rules {self.rules!r}")),
-        )
+            _expect(math.isfinite(mass), f"{name} ball {i} of infinite mass", "finite masses")
+        players = integer("n_players", self.n_players, Range(*rules.n_players, f"for rules {self.rules!r}"))
+        object.__setattr__(self, "n_players", players)
         if rules.target is None:
-            if self.target is not None:
-                raise ValueError(
-                    f"target = {short(self.target)} with rules {self.rules!r}: expected None, the game has no points"
-                )
+            what = f"target = {short(self.target)} with rules {self.rules!r}"
+            _expect(self.target is None, what, "None, the game has no points")
         else:
             target = rules.target if self.target is None else self.target
             object.__setattr__(self, "target", integer("target", target, Range(0, MAX_SCORE)))
         if rules.has_spots:
             layouts.layout_plan(rules.layouts[0], self.scene)  # raises if the scene has no spots
         for name, possible in (("call_shot", rules.callable is not None), ("miss", "replace" in rules.choices)):
-            if flag(name, getattr(self, name)) and not possible:
-                raise ValueError(f"{name} = True with rules {self.rules!r}: expected False, the game has no such rule")
+            what = f"{name} = True with rules {self.rules!r}"
+            _expect(possible or not flag(name, getattr(self, name)), what, "False, the game has no such rule")
         checked_engine(self.mode, self.dt, self.fix)
         if self.dt is not None:
             object.__setattr__(self, "dt", float(self.dt))
@@ -176,6 +161,12 @@ class Setup:
     def callable(self, state: Any, player: int | None = None) -> tuple[int, ...]:
         """Returns the balls that a player, by default the one to shoot, may call."""
         return members(callable_balls(self.rules, *_asked(state, player))[0])
+
+
+def _expect(condition: Any, value: str, expected: str) -> None:
+    """Raises unless a condition holds; `value` is the text "name = value"."""
+    if not condition:
+        raise ValueError(f"{value}: expected {expected}")
 
 
 def _asked(state: Any, player: int | None) -> tuple[NDArray[Any], NDArray[np.int64]]:
@@ -284,10 +275,8 @@ def opening(setup: Setup, rng: np.random.Generator, layout: str | None = None) -
     """
     names = setup.game_rules.layouts
     layout = names[0] if layout is None else layout
-    if layout not in names:
-        raise ValueError(
-            f"layout = {short(layout)} with rules {setup.rules!r}: expected one of {', '.join(map(repr, names))}"
-        )
+    what = f"layout = {short(layout)} with rules {setup.rules!r}"
+    _expect(layout in names, what, f"one of {', '.join(map(repr, names))}")
     positions, state = layouts.draw(layout, setup.scene, rng, setup.rules), opening_state(setup)
     return GameState(positions, changed(state, break_shot=False, in_hand=NOT_IN_HAND) if layout == "random" else state)
 
@@ -309,54 +298,54 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     """
     default = to_dict(opening_state(setup)) | {"break_shot": False, "in_hand": "no"}
     changes = {} if state is None else state
-    if not isinstance(changes, Mapping):
-        raise ValueError(f"state = {short(state)}: expected a mapping")
+    _expect(isinstance(changes, Mapping), f"state = {short(state)}", "a mapping")
     for key in changes:
         one_of("key of state", key, tuple(sorted(STATE_FIELDS)))
     values: dict[str, Any] = {name: changes.get(name, default[name]) for name in STATE_FIELDS}
+    shown = {name: f"state.{name} = {short(value)}" for name, value in values.items()}
     rules, n, players = setup.game_rules, setup.scene.n_balls, setup.n_players
     integer("state.player", values["player"], Range(0, players - 1))
     integer("state.solids", values["solids"], Range(-1, players - 1 if rules.groups else -1))
     ball = Range(0, n - 1)
     limits = {"scores": Range(-MAX_SCORE, MAX_SCORE), "on_table": ball, "cue_balls": ball, "fouls": Range(0, MAX_SCORE)}
     for name, limit in limits.items():
-        if not isinstance(values[name], (list, tuple, *((set, frozenset) if name == "on_table" else ()))):
-            raise ValueError(f"state.{name} = {short(values[name])}: expected a list of whole numbers")
+        kinds = (list, tuple, *((set, frozenset) if name == "on_table" else ()))
+        _expect(isinstance(values[name], kinds), shown[name], "a list of whole numbers")
         for i, value in enumerate(values[name]):
             integer(f"state.{name}[{i}]", value, limit)
     for name in ("scores", "fouls"):
-        if len(values[name]) != players:
-            raise ValueError(f"state.{name} = {short(values[name])}: expected {players} {name}, one per player")
-    if setup.target and max(values["scores"]) >= setup.target:
-        raise ValueError(f"state.scores = {short(values['scores'])}: expected scores below the target, {setup.target}")
-    lying = set(values["on_table"])
-    if len(lying) != len(values["on_table"]):
-        raise ValueError(f"state.on_table = {short(values['on_table'])}: expected each ball once")
-    if sorted(values["cue_balls"]) != sorted(rules.cue_balls):
-        raise ValueError(f"state.cue_balls = {short(values['cue_balls'])}: expected {rules.cue_balls} in some order")
+        _expect(len(values[name]) == players, shown[name], f"{players} {name}, one per player")
+    below = not setup.target or max(values["scores"]) < setup.target
+    _expect(below, shown["scores"], f"scores below the target, {setup.target}")
+    lying, cues = set(values["on_table"]), values["cue_balls"]
+    _expect(len(lying) == len(values["on_table"]), shown["on_table"], "each ball once")
+    _expect(sorted(cues) == sorted(rules.cue_balls), shown["cue_balls"], f"{rules.cue_balls} in some order")
     # Cue balls and the ball that decides the game never leave the table before the end.
     required = set(range(n))
     if rules.pockets:
         deciding = rules.deciding_ball
         required = {*rules.cue_balls, *(() if deciding is None else (deciding % n,))}
-    if not required <= lying or len(lying) < 2:
-        raise ValueError(
-            f"state.on_table = {sorted(lying)}: expected the balls {sorted(required)} and at least one object ball"
-        )
+    enough = required <= lying and len(lying) > 1
+    _expect(enough, shown["on_table"], f"the balls {sorted(required)} and at least one object ball")
     for name in ("break_shot", "colour", "free_ball"):
-        flag(f"state.{name}", values[name])
-    for name in ("colour", "free_ball"):
-        if values[name] and not rules.has_spots:
-            raise ValueError(f"state.{name} = True with rules {setup.rules!r}: expected False")
+        possible = name == "break_shot" or rules.has_spots
+        _expect(
+            not flag(f"state.{name}", values[name]) or possible, f"{shown[name]} with rules {setup.rules!r}", "False"
+        )
     if rules.has_spots:
-        _check_colours(default["reds"], lying, values["colour"])
-    if not isinstance(values["choices"], (list, tuple)):
-        raise ValueError(f"state.choices = {short(values['choices'])}: expected a list of names")
+        # The colours on the table are all of them or, without reds, the highest ones.
+        reds = default["reds"]
+        colours = sorted(ball for ball in lying if ball > reds)
+        count = 6 if values["colour"] or len(lying) > 1 + len(colours) else len(colours)
+        highest = colours == list(range(reds + 7 - count, reds + 7))
+        _expect(highest, shown["on_table"], "all colours, or without reds the highest ones")
+    _expect(isinstance(values["choices"], (list, tuple)), shown["choices"], "a list of names")
     for i, choice in enumerate(values["choices"]):  # "replace" needs the state before the shot
         one_of(f"state.choices[{i}]", choice, tuple(name for name in rules.choices if name != "replace"))
     one_of("state.in_hand", values["in_hand"], IN_HAND if rules.pockets else IN_HAND[:1])
 
-    cues, spare = values["cue_balls"], (0,) * (MOST_PLAYERS - players)
+    del values["on_table"]
+    spare = (0,) * (MOST_PLAYERS - players)
     values |= {
         "object_balls": set_of(lying - {cues[0]}),
         "cue_balls": (cues[0], cues[-1]),
@@ -364,18 +353,9 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
         "choices": set_of(map(CALLS.index, values["choices"])),
         **{name: (*values[name], *spare) for name in ("scores", "fouls")},
     }
-    del values["on_table"]
     rule_state = changed(opening_state(setup), **values)
     array = shaped("positions", positions, (n, 2))
     return GameState(check_positions(setup.scene, array, in_play=is_in(in_play(rule_state), n)), rule_state)
-
-
-def _check_colours(reds: int, on_table: set[int], colour: bool) -> None:
-    """Raises unless the colours on the table are all of them or, without reds, the highest ones."""
-    lying = sorted(ball for ball in on_table if ball > reds)
-    count = 6 if colour or len(on_table) > 1 + len(lying) else len(lying)
-    if lying != list(range(reds + 7 - count, reds + 7)):
-        raise ValueError(f"state.on_table = {sorted(on_table)}: expected all colours, or without reds the highest ones")
 
 
 def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
@@ -461,22 +441,20 @@ def _check_stroke(setup: Setup, state: Any, stroke: Stroke) -> None:
     integer("stroke.call.ball", call.ball, Range(-1, n - 1))
     integer("stroke.call.pocket", call.pocket, Range(-1, len(setup.scene.table.pockets) - 1))
     if call.kind in ("hand_back", "replace"):
-        if any(stroke.velocity) or any(stroke.spin) or stroke.place is not None:
-            raise ValueError(f"stroke = {short(stroke)}: expected no motion and no place, the call is {call.kind!r}")
+        still = not any(stroke.velocity) and not any(stroke.spin) and stroke.place is None
+        _expect(still, f"stroke = {short(stroke)}", f"no motion and no place, the call is {call.kind!r}")
         return
-    if (stroke.place is not None) != (state.in_hand > 0):
-        expected = "a point, the cue ball is in hand" if state.in_hand else "None, the cue ball is not in hand"
-        raise ValueError(f"stroke.place = {short(stroke.place)}: expected {expected}")
+    expected = "a point, the cue ball is in hand" if state.in_hand else "None, the cue ball is not in hand"
+    _expect((stroke.place is not None) == (state.in_hand > 0), f"stroke.place = {short(stroke.place)}", expected)
     for name, count, within in (("velocity", 2, "speed"), ("place", 2, "coordinate"), ("spin", 3, "spin")):
         values = getattr(stroke, name)
-        if values is not None and len(values) != count:
-            raise ValueError(f"stroke.{name} = {short(values)}: expected {('two', 'three')[count - 2]} numbers")
+        right = values is None or len(values) == count
+        _expect(right, f"stroke.{name} = {short(values)}", f"{('two', 'three')[count - 2]} numbers")
         for i, value in enumerate(() if values is None else values):
             real(f"stroke.{name}[{i}]", value, within)
-    if any(stroke.spin) and setup.scene.physics.motion != "sliding":
-        raise ValueError(
-            f"stroke.spin = {short(stroke.spin)} with physics.motion = {setup.scene.physics.motion!r}: expected no spin"
-        )
+    motion = setup.scene.physics.motion
+    spinless = motion == "sliding" or not any(stroke.spin)
+    _expect(spinless, f"stroke.spin = {short(stroke.spin)} with physics.motion = {motion!r}", "no spin")
 
 
 def replay(history: History) -> Iterator[PlayedShot]:

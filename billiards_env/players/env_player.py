@@ -19,6 +19,7 @@ from billiards_env.checks import one_of
 from billiards_env.engine.threads import parallel_for
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.actions import ACTIONS
+from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.tasks import TASKS
 from billiards_env.games import GameState, Setup
 from billiards_env.games.game import opening_state
@@ -100,18 +101,16 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
 def rewards(env: BilliardsEnv, actions: Floats) -> Floats:
     """Returns the reward (m,) of each action (m, 2) or (m, 5), if it were the next step of the environment.
 
-    The environment does not change.
+    The environment does not change. Its execution noise is left out.
     """
     m = len(actions)
-    episodes, found = env.episodes(m), np.empty(m)
-    episodes.shots.positions[:] = env.positions
-    episodes.shots.in_play[:] = ~env.potted
-    arrays = episodes.arrays
-    arrays.goals[:], arrays.states[:], arrays.over[:] = env.goals, env.game_states, False
+    episodes, found = Episodes(m, env.model._replace(noise=None)), np.empty(m)
+    episodes.put(None, env.get_state()[None])
+    episodes.state.over[:] = False
     observations = np.empty((m, len(env.observation_space.low)), np.float32)  # pyright: ignore
 
     def work(begin: int, end: int) -> None:
-        episodes.shoot(begin, end, actions, found, observations)
+        episodes.shoot(begin, end, actions, env.max_speed, found, observations)
 
     parallel_for(work, m)
     return found

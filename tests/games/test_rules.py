@@ -7,7 +7,7 @@ import pytest
 from billiards_env import Scene, simulate
 from billiards_env.games import Call
 from billiards_env.games.facts import facts_of, pots_of
-from tests.helpers.games import judge, judge_together, log_of, ruling, setup, shot, state, words
+from tests.helpers.games import judge, log_of, ruling, setup, state, words
 
 SOLIDS, STRIPES = set(range(1, 8)), set(range(9, 16))
 ANYWHERE: dict[str, Any] = {"in_hand": "anywhere"}
@@ -303,12 +303,6 @@ CASES = {
 def test_verdicts(rules, case):
     fields, log, verdict, *call = case
     assert judged(rules, fields, log, *call) == verdict
-
-
-@pytest.mark.parametrize("rules", CASES)
-def test_many_shots_are_judged_as_one_is(rules):
-    shots = [shot(state(rules, **fields), log, *call) for fields, log, _, *call in CASES[rules]]
-    assert judge_together(rules, shots)[1] == [case[2] for case in CASES[rules]]
 
 
 LAST_SOLID, LAST_STRIPE = {"solids": 0, "on_table": (1, 8, 9)}, {"solids": 1, "on_table": (2, 8)}

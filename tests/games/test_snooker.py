@@ -11,7 +11,7 @@ from billiards_env.games.placement import SPOT_GAP, cue_ball_point, placement_ar
 from billiards_env.games.snooker import is_snookered, points_left
 from billiards_env.games.state import changed, set_of
 from billiards_env.scene.layouts import layout_plan
-from tests.helpers.games import judge, judge_together, log_of, ruling, shot, state, words
+from tests.helpers.games import judge, log_of, ruling, state, words
 
 YELLOW, GREEN, BROWN, BLUE, PINK, BLACK = range(16, 22)
 COLOURS = tuple(range(16, 22))
@@ -101,11 +101,6 @@ WITHOUT_FOUL = [
 def test_shots_without_a_foul(case):
     fields, log, verdict, *call = case
     assert snooker(frame(**fields), log, *call) == verdict
-
-
-def test_many_shots_are_judged_as_one_is():
-    shots = [shot(frame(**fields), log, *call) for fields, log, _, *call in WITHOUT_FOUL]
-    assert judge_together("snooker", shots)[1] == [case[2] for case in WITHOUT_FOUL]
 
 
 def test_the_colour_after_the_last_red_is_spotted_and_the_yellow_follows():  # 3.3 e, f

@@ -58,26 +58,14 @@ def state(rules, *, on_table=None, players=2, **fields):
     return changed(first, object_balls=set_of(set(balls) - {cues[0]}), **fields)
 
 
-def shot(before, log, call=NO_CALL):
-    """Returns the state before a shot, its facts and its call, from its events, see `log_of`."""
-    log = log_of(log) if isinstance(log, str) else log
-    made = (call.ball, call.pocket) in pots_of(log)
-    return before, facts_of(log, int(before.cue_balls[0])), row(Called(call.ball, CALLS.index(call.kind), made))
-
-
-def judge_together(rules, shots):
-    """Returns the states (m,) before the next shots, and the rulings on m shots in words."""
-    columns = zip(*shots, strict=True)
-    arrays = (np.array(list(rows), kind) for rows, kind in zip(columns, (STATE, FACTS, CALL), strict=True))
-    states, verdicts = referee.play(rules, *arrays)
-    after = [{name: to_dict(one)[name] for name in FOLLOWING} for one in states]
-    return states, [SimpleNamespace(**to_dict(one), **set_) for one, set_ in zip(verdicts, after, strict=True)]
-
-
 def judge(rules, before, log, call=NO_CALL):
-    """Returns the state before the next shot and the ruling on a shot."""
-    (after,), (found,) = judge_together(rules, [shot(before, log, call)])
-    return after, found
+    """Returns the state before the next shot and the ruling on a shot, in words, from its events, see `log_of`."""
+    log = log_of(log) if isinstance(log, str) else log
+    called = row(Called(call.ball, CALLS.index(call.kind), (call.ball, call.pocket) in pots_of(log)))
+    rows = (before, STATE), (facts_of(log, int(before.cue_balls[0])), FACTS), (called, CALL)
+    (after,), (verdict,) = referee.play(rules, *(np.array([one], kind) for one, kind in rows))
+    set_by_rules = {name: to_dict(after)[name] for name in FOLLOWING}
+    return after, SimpleNamespace(**to_dict(verdict), **set_by_rules)
 
 
 FOLLOWING = ("in_hand", "choices", "solids", "colour", "over", "winner")
