@@ -56,6 +56,7 @@ def calibrate(
     noise: float | None = None,
     contacts: int = 4,
     laws: Sequence[str] = (),
+    hold_back: bool = True,
     velocities: ArrayLike | None = None,
     spins: ArrayLike | None = None,
     state: str | os.PathLike[str] | None = None,
@@ -76,6 +77,7 @@ def calibrate(
         noise: Standard deviation of a coordinate of a row, m; None for an estimate.
         contacts: The contact of the cue ball until which rows are fitted, 2 to 9.
         laws: Laws of cushions that are fitted to the same rows, to compare them.
+        hold_back: Whether every fifth of ten or more shots is held back at first.
         velocities: (m, 2) m/s, the cue ball's velocities at the first rows, if they are known.
         spins: (m, 3) rad/s, its spins, if they are known.
         state: A JSON file that keeps each finished stage. If it exists, a fit of the same tracks goes on from it.
@@ -95,7 +97,8 @@ def calibrate(
         one_of("laws", law, FRICTION_CUSHIONS)
     tracks = check_tracks(scene, shots, 4 if velocities is None else 1)
     tracks, clipped = drop_clipped(tracks)
-    scene, tracks = _framed(scene, tracks, frame)
+    scene, known = _framed(scene, tracks, frame)
+    tracks = [known.apply(track) for track in tracks]
     error = noise_of(tracks) if noise is None else real("noise", noise, _NOISE)
     prepared = [prepare(scene, track, error) for track in tracks]
     if frame is None:
@@ -107,7 +110,7 @@ def calibrate(
             width = where.stop - where.start
             rows.known[:, where] = finite(name, given, (len(tracks), width))
     fits = _Fits(scene, names, contacts, error, prepared, rows, _State(state, scene, names, tracks), progress)
-    held = (np.arange(len(tracks)) % _EACH == _EACH - 1) & (len(tracks) >= _FEWEST)
+    held = (np.arange(len(tracks)) % _EACH == _EACH - 1) & (len(tracks) >= _FEWEST) & hold_back
     some, rest = np.flatnonzero(~held), np.flatnonzero(held)
     fitted, share = fits.run(some)
     warnings = [f"{clipped} rows at the border of the picture are left out"] if clipped else []
@@ -123,7 +126,7 @@ def calibrate(
         warnings.append(f"fewer than {MANY} shots: the intervals hold only if the laws are right")
     if fitted.names:
         losses = {law: _loss_of(fitted, shots_of, contacts, law) for law in laws}
-    return _result(fits, fitted, shots_of, predicted, losses, warnings)
+    return _result(fits, fitted, known, shots_of, predicted, losses, warnings)
 
 
 def _check_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
@@ -140,17 +143,16 @@ def _check_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
     return names
 
 
-def _framed(scene: Scene, tracks: list[Track], frame: Frame | str | None) -> tuple[Scene, list[Track]]:
-    """Returns the scene and the tracks in its frame."""
-    if frame is None:
-        return scene, tracks
-    if isinstance(frame, str):
-        one_of("frame", frame, ("fit",))
-        frame, give = fit_frame(scene, tracks)
+def _framed(scene: Scene, tracks: list[Track], frame: Frame | str | None) -> tuple[Scene, Frame]:
+    """Returns the scene, whose table may be larger, and the frame of the tracks."""
+    if not isinstance(frame, str):
+        return scene, Frame() if frame is None else frame
+    one_of("frame", frame, ("fit",))
+    found, give = fit_frame(scene, tracks)
+    if not scene.table.outline and not scene.table.pockets:
         size = {"length": scene.table.length + 2.0 * give, "width": scene.table.width + 2.0 * give}
-        if not scene.table.outline and not scene.table.pockets:
-            scene = dataclasses.replace(scene, table=dataclasses.replace(scene.table, **size))
-    return scene, [frame.apply(track) for track in tracks]
+        scene = dataclasses.replace(scene, table=dataclasses.replace(scene.table, **size))
+    return scene, found
 
 
 class _State:
@@ -251,6 +253,7 @@ def _loss_of(fitted: Fitted, shots: Sequence[Shot], contacts: int, law: str) -> 
 def _result(
     fits: _Fits,
     fitted: Fitted,
+    frame: Frame,
     shots: list[Shot],
     predicted: Any,
     losses: dict[str, float],
@@ -277,6 +280,7 @@ def _result(
         kept=fitted.kept,
         covariance=fitted.covariance,
         noise=fits.noise,
+        frame=frame,
         tracks=tracks,
         residuals=[row[: len(keep)][keep] for row, keep in zip(off, kept, strict=True)],
         fitted=[row[: len(keep)][keep] for row, keep in zip(used, kept, strict=True)],

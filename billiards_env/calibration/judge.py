@@ -26,6 +26,16 @@ _GAP = 0.1  # s, the longest gap of a track within which the cue ball's place is
 _ONE = 0.05  # s, two contacts with one body within this time are one
 
 
+def together(parts: Sequence[Judged]) -> Judged:
+    """Returns the errors of shots that were judged in parts."""
+    return Judged(
+        {k: [row for part in parts for row in part.errors[k]] for k in CONTACTS},
+        {ahead: np.concatenate([part.predicted[ahead] for part in parts]) for ahead in AHEAD},
+        np.concatenate([part.sequence for part in parts]),
+        np.concatenate([part.counted for part in parts]),
+    )
+
+
 class Judged(NamedTuple):
     """Errors of m shots. Those of rows are of all balls that move, before a contact of the cue ball.
 

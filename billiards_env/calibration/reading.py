@@ -160,7 +160,8 @@ def _track(path: str, shot: str, rows: list[Row], scale: float) -> Track:
     again = np.concatenate(([False], (np.diff(balls[order]) == 0) & (np.diff(times[order]) < _SAME)))
     apart = np.hypot(*np.diff(places[order], axis=0, prepend=0.0).T)
     keep = np.ones(len(rows), np.bool_)
-    keep[order[again & (apart < _MOVES)]] = False  # the ball was found twice in a frame
+    keep[order[again]] = False  # the ball was found twice in a frame
+    keep[order[:-1][(again & (apart > _MOVES))[1:]]] = False  # at two places
     return Track(shot, times[keep], balls[keep], places[keep])
 
 

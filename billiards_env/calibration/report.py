@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from billiards_env.calibration.judge import CONTACTS, Judged
+from billiards_env.calibration.frame import Frame
+from billiards_env.calibration.judge import CONTACTS, Judged, judge
+from billiards_env.calibration.prepare import drop_clipped, prepare, rows_of
 from billiards_env.calibration.problems import Problem
 from billiards_env.calibration.rows import Bools, Floats, Layout
 from billiards_env.calibration.shared import bounds_of, half_widths
@@ -43,6 +45,7 @@ class Calibration:
         kept: Why the other numbers keep their start, by name.
         covariance: (s, s) float64, of the numbers in the order of `values`, see `shared.covariance`.
         noise: Standard deviation of a coordinate of a row, m.
+        frame: The frame of the given tracks.
         tracks: The m tracks in the frame of the scene, with their rows in the order of time.
         residuals: m arrays (k, 2) float64: the model less the rows, m.
         fitted: m arrays (k,) bool: whether a row is fitted.
@@ -61,6 +64,7 @@ class Calibration:
     kept: dict[str, str]
     covariance: Floats
     noise: float
+    frame: Frame
     tracks: list[Track]
     residuals: list[Floats]
     fitted: list[Bools]
@@ -114,6 +118,11 @@ class Calibration:
             max_time=float(track.times.max() - self.strikes[k]),
             record=True,
         )
+
+    def judge(self, tracks: Sequence[Track]) -> Judged:
+        """Returns the errors of other shots, in the frame of the given tracks, with the fitted numbers."""
+        shots = [prepare(self.scene, self.frame.apply(track), self.noise) for track in drop_clipped(tracks)[0]]
+        return judge(self.scene, shots, rows_of(self.scene, shots, self.noise))
 
     def strike_errors(self, intended: ArrayLike) -> dict[str, tuple[float, float]]:
         """Returns the errors of the strikes: the fitted velocities of the cue ball against the intended ones.

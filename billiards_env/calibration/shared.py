@@ -19,7 +19,7 @@ from billiards_env.intervals import t_quantile
 from billiards_env.scene import PHYSICS_RANGES, Scene
 
 _STEPS, _FOLLOW = 25, 4  # most steps of a fit, and steps of the starts in each
-_CONVERGED = 1e-6
+_CONVERGED, _JUMP = 1e-6, 5.0  # relative change of the loss, and the most that one shot counts
 _RANK = 1e-12  # smallest eigenvalue of the scaled normal equations of a start that counts
 _UNDETERMINED = 1e-9  # the same of the shared numbers
 _USUAL = 0.5, 0.05  # the standard deviation of a number over its start, and at least: that of other tables
@@ -107,8 +107,9 @@ def fit_shared(
             damping *= 10.0
             continue
         moved, then = settle(changed, moved, rows, _FOLLOW)
+        # A shot in which a contact appears or disappears jumps to another minimum; it does not decide alone.
         away = (np.square((numbers - begun) / usual) - np.square((tried - begun) / usual)).sum()
-        gain = cost.sum() - then.sum() + away
+        gain = np.clip(cost - then, -_JUMP, _JUMP).sum() + away
         if gain > 0.0:
             scene, numbers, starts, cost = changed, tried, moved, then
             normal, damping = normal_equations(scene, names, starts, rows), max(damping / 10.0, 1e-9)

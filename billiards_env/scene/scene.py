@@ -523,6 +523,21 @@ def _real_carom(n_balls: int) -> Scene:
     return dataclasses.replace(_carom(n_balls), physics=_REAL)
 
 
+def _match_carom(n_balls: int) -> Scene:
+    """Returns the scene fitted to tracks of a match table, see docs/validation.md."""
+    physics = Physics(
+        ball_ball="frictional",
+        mu_slide=0.195,
+        mu_roll=0.0052,
+        spin_decay=3.0,
+        e_ball=0.95,
+        e_cushion=0.87,
+        mu_cushion=0.25,
+        mu_ball_factor=4.0,
+    )
+    return dataclasses.replace(_carom(n_balls), physics=physics)
+
+
 def _snooker(n_balls: int) -> Scene:
     balls = Balls.uniform(n_balls, _SNOOKER_RADIUS, _SNOOKER_MASS)
     physics = Physics(
@@ -574,6 +589,7 @@ _NAMED: dict[str, tuple[Callable[[int], Scene], int, int]] = {
     "sum_to_three": (_sum_to_three, 1, 15),
     "real_pool": (_real_pool, 1, 15),
     "real_carom": (_real_carom, 2, 15),
+    "match_carom": (_match_carom, 2, 15),
     "snooker": (_snooker, 21, 21),
     "uk_pool": (_uk_pool, 15, 15),
     "pooltool_pool": (_pooltool_pool, 1, 15),
