@@ -26,7 +26,15 @@ from billiards_env.calibration.problems import Problem, find_problems
 from billiards_env.calibration.report import Calibration
 from billiards_env.calibration.rows import Floats, Layout, Rows
 from billiards_env.calibration.shared import MANY, fit_shared, numbers_of, with_numbers
-from billiards_env.calibration.stages import Fitted, determined, distances, first_guess, fit_stage, judged_rows
+from billiards_env.calibration.stages import (
+    Fitted,
+    determined,
+    distances,
+    first_guess,
+    fit_stage,
+    judged_rows,
+    typical_errors,
+)
 from billiards_env.calibration.starts import errors, evaluate, run
 from billiards_env.calibration.tracks import Track, check_tracks
 from billiards_env.checks import Range, finite, integer, one_of, real
@@ -260,7 +268,9 @@ def _result(
     warnings: list[str],
 ) -> Calibration:
     rows, starts, ends = fitted.rows, fitted.starts, ends_at(shots, fits.contacts)
-    off, far = errors(fitted.scene, starts, rows), distances(rows, off_of(fitted.scene, starts, rows), ends)
+    off, apart = errors(fitted.scene, starts, rows), off_of(fitted.scene, starts, rows)
+    before = rows._replace(used=rows.used & (rows.time < ends[:, None]))
+    far = distances(rows, apart, typical_errors(before, apart, fits.noise), ends)
     begins = np.column_stack(([shot.begin for shot in shots], starts[:, Layout(fits.scene.n_balls).instant]))
     kept, used = [~shot.added for shot in shots], rows.used & (rows.time < ends[:, None])
     tracks = [shot.track.rows(keep) for shot, keep in zip(shots, kept, strict=True)]

@@ -22,6 +22,7 @@ _FAR, _LEAST = 8.0, 0.02  # a row is far from its path: over the typical error, 
 _EXACT = 1e-7  # m, the least scale
 _WIDE = 0.5  # half of an interval over the number, above which the rows do not determine it
 _EDGE = 1e-6  # of the range of a number, where it is at its bound
+_SHARED = 8.0  # rows that those between two contacts count as, if the laws have errors
 _ROUNDS = 2  # fits in each stage, each with the rows that are near the paths of the one before
 
 
@@ -45,7 +46,7 @@ class Fitted(NamedTuple):
     covariance: Floats
 
 
-def scales(rows: Rows, off: Floats, noise: float) -> Floats:
+def typical_errors(rows: Rows, off: Floats, noise: float) -> Floats:
     """Returns the typical errors of the coordinates of rows, (m, r) m: of those after as many contacts of the cue ball.
 
     Args:
@@ -59,6 +60,20 @@ def scales(rows: Rows, off: Floats, noise: float) -> Floats:
         some = off[mine & rows.used & rows.judged]
         found[mine] = max(noise, _EXACT, float(np.median(some)) / 1.1774)  # of Gaussian noise in two coordinates
     return found
+
+
+def _scales(rows: Rows, typical: Floats, noise: float) -> Floats:
+    """Returns the scales of the loss of rows with typical errors, (m, r) m.
+
+    What is more than noise is an error of the laws, which the rows of a shot between two contacts share. Together they
+    count as `_SHARED` rows.
+    """
+    counts = np.ones(rows.scale.shape)
+    for after in np.unique(rows.after[rows.used]):
+        mine = rows.after == after
+        several = np.count_nonzero(mine & rows.used & rows.judged, axis=1)[:, None] / _SHARED
+        counts = np.where(mine, np.maximum(1.0, several), counts)
+    return CAUCHY * np.sqrt(np.square(typical) + (np.square(typical) - min(noise, typical.min()) ** 2) * (counts - 1.0))
 
 
 def first_guess(scene: Scene, shots: Sequence[Shot], rows: Rows) -> Floats:
@@ -102,16 +117,17 @@ def judged_rows(scene: Scene, starts: Floats, whole: Rows, ends: Floats, noise: 
     """Returns all rows, with those that are used and their scales, from the errors of a fit until some times."""
     before = whole.seen & (whole.time < ends[:, None])
     off = off_of(scene, starts, whole)
-    typical = scales(whole._replace(used=whole.used & before), off, noise)
-    far = distances(whole._replace(scale=CAUCHY * typical), off, ends) > 0.0
+    typical = typical_errors(whole._replace(used=whole.used & before), off, noise)
+    far = distances(whole, off, typical, ends) > 0.0
     later = whole.after > np.max(whole.after, where=before, initial=0, axis=1)[:, None]
-    scale = CAUCHY * np.where(later, np.maximum(FIRST / CAUCHY, typical), typical)
-    return whole._replace(used=whole.seen & ~far & (whole.time < leaves_at(whole, far)[0][:, None]), scale=scale)
+    whole = whole._replace(used=whole.seen & ~far & (whole.time < leaves_at(whole, far)[0][:, None]))
+    scale = _scales(whole._replace(used=whole.used & before), typical, noise)
+    return whole._replace(scale=np.where(later, np.maximum(FIRST, scale), scale))
 
 
-def distances(rows: Rows, off: Floats, ends: Floats) -> Floats:
+def distances(rows: Rows, off: Floats, typical: Floats, ends: Floats) -> Floats:
     """Returns the distance above which a row is far, for rows before some times that are far from their paths, or 0."""
-    most = np.maximum(_LEAST, _FAR / CAUCHY * rows.scale)
+    most = np.maximum(_LEAST, _FAR * typical)
     return np.where(rows.seen & (rows.time < ends[:, None]) & (off > most), most, 0.0)
 
 
