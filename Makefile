@@ -117,6 +117,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
 	    { echo "PYTHON = $(PYTHON): expected Python 3.10 or later, such as: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
 	@echo "Installing the packages of constraints.txt for Python $(VERSION) in .venv"
+	@if [ -L .venv ]; then rm .venv; fi  # the target of a link stays as it is
 	@$(PYTHON) -m venv --clear .venv
 	@set -o pipefail; $(BIN)/pip install -c constraints.txt -e '.[train,render,plot,multi,calibrate,dev,docs]' | $(PROGRESS)
 	@touch $@

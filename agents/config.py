@@ -17,7 +17,6 @@ import yaml
 from billiards_env.checks import Range, fields_of, integer, number, one_of, real, short
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.tasks import TASKS
-from billiards_env.envs.wrappers import ExecutionNoise
 from billiards_env.frozen import FROZEN, NOISE
 from billiards_env.sb3 import PPO_SETTINGS
 from billiards_env.settings import plain_yaml
@@ -33,7 +32,6 @@ _PPO = (
     *("learning_rate", "n_steps", "batch_size", "n_epochs", "gamma", "gae_lambda", "clip_range", "clip_range_vf"),
     *("normalize_advantage", "ent_coef", "vf_coef", "max_grad_norm", "target_kl"),
 )
-_NOISE = tuple(inspect.signature(ExecutionNoise).parameters)[1:-1]
 _POLICY = {"aim": ("head", "arguments"), "gaussian": ("head", "hidden", "activation")}
 _COUNTS = ("n_steps", "batch_size", "n_epochs")
 _SHARES = ("gamma", "gae_lambda")
@@ -49,9 +47,9 @@ class Config:
     Attributes:
         timesteps: The number of environment steps (shots), rounded up to whole updates; 0 for no training.
         task: A frozen task, such as "Pot1-v0", which sets `env` and `noise`; None for none.
-        env: Arguments of `gym.make("Billiards-v0", ...)`. They replace those of `task`. After the construction it has
-            all of them.
-        noise: Arguments of `billiards_env.envs.wrappers.ExecutionNoise`; None for no noise.
+        env: Arguments of `gym.make("Billiards-v0", ...)`. They replace the arguments of `task`. After the construction
+            it has all of them.
+        noise: The argument `noise` of `Billiards-v0`; None for no noise.
         start_from: The folder of a finished run. The training starts with its weights. None for new weights.
         n_envs: The number of environments that are stepped together.
         seed: The seed of all random numbers; equal seeds give equal runs.
@@ -60,8 +58,8 @@ class Config:
             `agents.evaluate`.
         policy: `head`: "aim" for `billiards_env.sb3.AimPolicy`, with its arguments in `arguments`, or "gaussian" for
             the usual policy of Stable-Baselines3, with `hidden` and `activation`.
-        ppo: Arguments of `stable_baselines3.PPO`. A pair of learning rates is that of the start and of the end. For
-            "aim" they replace those in `billiards_env.sb3.PPO_SETTINGS`.
+        ppo: Arguments of `stable_baselines3.PPO`. A pair of learning rates has the rate of the start and of the end.
+            For "aim" they replace those in `billiards_env.sb3.PPO_SETTINGS`.
 
     Raises:
         ValueError: If a key is unknown or a value is impossible.
@@ -95,7 +93,7 @@ class Config:
         self._set("env", _resolved(_numbers(given)))
         if noise is not None:
             for name in noise:
-                one_of("key of noise", name, _NOISE)
+                one_of("key of noise", name, tuple(NOISE))
             self._set("noise", _numbers(noise))
         head = self.policy.get("head", "aim")
         one_of("policy.head", head, tuple(_POLICY))
@@ -207,9 +205,10 @@ def _numbers(value: Any) -> Any:
 
 
 def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns all arguments of the environment. Missing ones have their defaults, or those of the task."""
+    """Returns all arguments of the environment. Missing ones have their defaults, or the defaults of the task."""
     parameters = dict(inspect.signature(BilliardsEnv).parameters)
-    del parameters["render_mode"]  # training does not render
+    for name in ("noise", "noise_seed", "render_mode"):  # `noise` has its own section; training does not render
+        del parameters[name]
     for key in given:
         one_of("key of env", key, tuple(parameters))
     found = {name: given.get(name, parameter.default) for name, parameter in parameters.items()}

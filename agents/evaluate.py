@@ -8,18 +8,20 @@ window (`agents.film`).
 from __future__ import annotations
 
 import argparse
-import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+
+import torch
 
 from agents.film import EPISODES, film
 from agents.ppo import deterministic, load_policy, make_vector
 from agents.train import learning_curve
 from billiards_env.checks import Range, integer, missing
+from billiards_env.commands import ending
 from billiards_env.evaluation import evaluation_seeds, measure, play_together
-from billiards_env.files import check_path, write_json
-from billiards_env.games import RULES
+from billiards_env.files import check_path, replacing, write_json
+from billiards_env.games import GAMES
 from billiards_env.sb3.policy_player import playable
 
 LAYOUTS = 1000
@@ -31,8 +33,8 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
 
     Args:
         run_dir: The folder of a finished run.
-        episodes: The number of episodes; None for that of the configuration.
-        seed: The seed of the layouts; None for that of the configuration. Training uses none of these layouts.
+        episodes: The number of episodes; None for the number in the configuration.
+        seed: The seed of the layouts; None for the seed in the configuration. Training uses none of these layouts.
 
     Returns:
         `seed`, and the results of `play` under `policy` and `random`. They are also in `run_dir/evaluation.json`.
@@ -57,10 +59,8 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
     return result
 
 
-def evaluate_players(
-    run_dir: Path, players: Sequence[str], episodes: int | None = None, seed: int | None = None
-) -> dict[str, dict[str, Any]]:
-    """Returns the results of players without training on the first layouts of `evaluate`, by name; see `play`.
+def evaluate_player(run_dir: Path, player: str, episodes: int | None = None, seed: int | None = None) -> dict[str, Any]:
+    """Returns the result of a player without training on the first layouts of `evaluate`; see `play`.
 
     Raises:
         ValueError: If there is no such player.
@@ -70,7 +70,7 @@ def evaluate_players(
     deviations = noise.get("angle_std", 0.0), noise.get("speed_std", 0.0)
     episodes = min(episodes or config.evaluation_episodes, LAYOUTS)
     seed = config.seed if seed is None else seed
-    return {name: measure(name, config.env, deviations, episodes, seed) for name in players}
+    return measure(player, config.env, deviations, episodes, seed)
 
 
 def draw_curves(runs: Sequence[Path], path: Path) -> None:
@@ -93,7 +93,8 @@ def draw_curves(runs: Sequence[Path], path: Path) -> None:
     axes.set(xlabel="million shots", ylabel="success on new layouts (%)", ylim=(0, 102))
     axes.grid(alpha=0.3)
     axes.legend(frameon=False)
-    figure.savefig(target)
+    with replacing(target) as temporary:
+        figure.savefig(temporary)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -108,15 +109,15 @@ def main(arguments: list[str] | None = None) -> None:
     )
     parser.add_argument("--curve", type=Path, metavar="FILE.png", help="draw the learning curves of the runs")
     parser.add_argument(
-        "--episodes", type=int, help=f"number (default: that of the config; {EPISODES} with --film or --show)"
+        "--episodes", type=int, help=f"number (default: as in the config; {EPISODES} with --film or --show)"
     )
-    parser.add_argument("--seed", type=int, help="seed of the layouts (default: that of the config)")
+    parser.add_argument("--seed", type=int, help="seed of the layouts (default: as in the config)")
     instead = parser.add_mutually_exclusive_group()
     instead.add_argument("--film", type=Path, metavar="FILE.mp4", help="write a film of the policy instead")
     instead.add_argument("--show", action="store_true", help="show the policy in a window instead")
     args = parser.parse_args(arguments)
     run_dir: Path = args.runs[0]
-    try:
+    with ending():
         if args.film is not None or args.show:
             infos = film(run_dir, args.film, EPISODES if args.episodes is None else args.episodes, args.seed)
             for k, info in enumerate(infos, 1):
@@ -124,29 +125,33 @@ def main(arguments: list[str] | None = None) -> None:
         else:
             if args.curve is not None:
                 draw_curves(args.runs, args.curve)
-            results = {run: evaluate(run, args.episodes, args.seed) for run in args.runs}
+            torch.set_num_threads(1)  # small networks are faster on one thread
             names = [run.resolve().name for run in args.runs]
             if len(set(names)) < len(names):
                 names = [str(run) for run in args.runs]
             names = ["policy"] if len(names) == 1 else names
-            shown = {name: result["policy"] for name, result in zip(names, results.values(), strict=True)}
-            shown["random"] = results[run_dir]["random"]
-            print_results({**shown, **evaluate_players(run_dir, args.players, args.episodes, args.seed)})
+            show = row_printer([*names, "random", *args.players])
+            results = []
+            for name, run in zip(names, args.runs, strict=True):
+                results.append(evaluate(run, args.episodes, args.seed))
+                show(name, results[-1]["policy"])
+            show("random", results[0]["random"])
+            for name in args.players:
+                show(name, evaluate_player(run_dir, name, args.episodes, args.seed))
             print_commands(run_dir)
-    except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:  # RuntimeError: no display
-        sys.exit(f"error: {error}")
-    except KeyboardInterrupt:
-        sys.exit(130)
 
 
-def print_results(results: dict[str, dict[str, Any]]) -> None:
-    """Prints results of `play` side by side, by the name of the player."""
-    width = max(map(len, (*results, "player")))
-    print(f"{'player':{width}} {'layouts':>8} {'success':>8} {'95% interval':>17} {'score':>7}")
-    for name, r in results.items():
+def row_printer(names: Sequence[str]) -> Callable[[str, dict[str, Any]], None]:
+    """Prints the head of a table, and returns a function that prints the row of a player: its result of `play`."""
+    width = max(map(len, (*names, "player")))
+    print(f"{'player':{width}} {'layouts':>8} {'success':>8} {'95% interval':>17} {'score':>7}", flush=True)
+
+    def show(name: str, r: dict[str, Any]) -> None:
         low, high = r["confidence_interval_95"]
         rates = f"{r['success_rate']:8.1%} {f'{low:.1%} to {high:.1%}':>17}"
-        print(f"{name:{width}} {r['episodes']:>8,} {rates} {r['mean_score']:7.3f}")
+        print(f"{name:{width}} {r['episodes']:>8,} {rates} {r['mean_score']:7.3f}", flush=True)
+
+    return show
 
 
 def print_commands(run_dir: Path) -> None:
@@ -154,7 +159,7 @@ def print_commands(run_dir: Path) -> None:
     print(f"\nfilm:  python -m agents.evaluate {run_dir} --film {run_dir.resolve().name}.mp4")
     print(f"watch: python -m agents.evaluate {run_dir} --show")
     if (rules := playable(run_dir)) is not None:
-        game = f"--rules {rules} --scene {RULES[rules].scene}"
+        game = f"--rules {rules} --scene {GAMES[rules].scene}"
         print(f"play:  python -m billiards_env.play {game} --players human,policy:{run_dir}")
     print(f"log:   tensorboard --logdir {run_dir}")
 

@@ -29,7 +29,7 @@ def film(run_dir: Path, path: Path | None, episodes: int = EPISODES, seed: int |
         run_dir: The folder of a finished run.
         path: The film, an MP4 file; None to play in a window, in real time.
         episodes: The number of episodes.
-        seed: The seed of the layouts; None for that of the configuration.
+        seed: The seed of the layouts; None for the seed of the configuration.
 
     Returns:
         The last `info` of each episode.

@@ -18,7 +18,6 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from agents.config import ENV_ID, Config, load
 from billiards_env import sb3
-from billiards_env.envs.wrappers import ExecutionNoise, VectorExecutionNoise
 from billiards_env.evaluation import FIRST_EVALUATION_SEED
 from billiards_env.sb3.vec_env import SameStepVecEnv
 from billiards_env.sb3.weights import POLICIES, build_policy, check_finished, policy_arguments
@@ -40,8 +39,7 @@ def make_env(config: Config, render_mode: str | None = None) -> gym.Env[NDArray[
         ValueError: If an argument of the environment or its noise is impossible.
         TypeError: If an argument has the wrong type.
     """
-    env: gym.Env[Any, Any] = gym.make(ENV_ID, render_mode=render_mode, **config.env)
-    return env if config.noise is None else ExecutionNoise(env, **config.noise)
+    return gym.make(ENV_ID, render_mode=render_mode, noise=config.noise, **config.env)
 
 
 def make_vector(
@@ -55,8 +53,8 @@ def make_vector(
         threads: The number of threads that play; None for one per core.
         autoreset_mode: See `BilliardsVectorEnv`.
     """
-    envs = gym.make_vec(ENV_ID, num_envs=num_envs, autoreset_mode=autoreset_mode, threads=threads, **config.env)
-    return envs if config.noise is None else VectorExecutionNoise(envs, **config.noise)
+    options = {"autoreset_mode": autoreset_mode, "threads": threads, "noise": config.noise}
+    return gym.make_vec(ENV_ID, num_envs=num_envs, **options, **config.env)
 
 
 def make_vec_env(config: Config, threads: int | None = None) -> VecEnv:

@@ -19,7 +19,6 @@ import importlib.metadata
 import io
 import platform
 import shutil
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -39,6 +38,7 @@ import billiards_env
 from agents.config import Config, load
 from agents.ppo import deterministic, make_model, make_policy, make_vec_env, make_vector, restart, training_seed
 from billiards_env.checks import number
+from billiards_env.commands import ending
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json, write_whole
 from billiards_env.sb3.weights import load_weights, save_policy, whole_archive
@@ -69,7 +69,7 @@ def open_run(config: Config, run_dir: Path, fresh: bool = False) -> None:
     if config.start_from is not None and (fresh or not saved.exists()):
         start_from(policy, config.start_from)
     if not saved.exists() and run_dir.exists() and any(path.name != _LOCK for path in run_dir.iterdir()):
-        raise ValueError(f"run_dir = {str(run_dir)!r}: expected a new folder or that of a run; it holds other files")
+        raise ValueError(f"run_dir = {str(run_dir)!r}: expected a new folder or a run; it holds other files")
     run_dir.mkdir(parents=True, exist_ok=True)
     with locked(run_dir):
         if saved.exists() and not fresh:
@@ -141,7 +141,7 @@ def one_fast_thread() -> Iterator[None]:
 
 
 def _resume(model: PPO, checkpoint: Path) -> None:
-    """Sets the weights and the number of steps to those of a checkpoint. Nothing else is read, so no code runs."""
+    """Reads the weights and the number of steps of a checkpoint. Nothing else is read, so no code runs."""
     try:
         with whole_archive(checkpoint, "a checkpoint of these settings"):
             model.set_parameters(str(checkpoint), device="cpu")
@@ -151,11 +151,11 @@ def _resume(model: PPO, checkpoint: Path) -> None:
 
 
 def start_from(policy: BasePolicy, run_dir: str) -> None:
-    """Sets the weights of a policy to those of a finished run.
+    """Sets the weights of a policy to the weights of a finished run.
 
     Raises:
         FileNotFoundError: If the folder holds no finished run.
-        ValueError: If the weights are those of another policy.
+        ValueError: If the weights belong to another policy.
     """
     path = Path(run_dir) / "policy.pt"
     if not path.is_file():
@@ -286,22 +286,17 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m agents.train", description="Train a policy on Billiards-v0.")
     parser.add_argument("config", help="row of configs/learning.yaml, such as pot, or a YAML file")
     parser.add_argument("--run-dir", type=Path, help="folder of the run (default: runs/NAME)")
-    parser.add_argument("--seed", type=number, help="default: that of the config")
-    parser.add_argument("--timesteps", type=number, help="number of shots (default: that of the config)")
+    parser.add_argument("--seed", type=number, help="default: the seed in the config")
+    parser.add_argument("--timesteps", type=number, help="number of shots (default: as in the config)")
     parser.add_argument("--start-from", metavar="RUN_DIR", help="folder of a finished run whose weights to start with")
     parser.add_argument("--fresh", action="store_true", help="delete the run in the folder and start again")
     args = parser.parse_args(arguments)
     run_dir = args.run_dir or Path("runs") / Path(args.config).stem
     changes = {name: getattr(args, name) for name in ("seed", "timesteps", "start_from")}
-    try:
+    with ending("the same command resumes from the newest checkpoint"):
         config = load(args.config, **{name: value for name, value in changes.items() if value is not None})
         open_run(config, run_dir, args.fresh)
         train(config, run_dir)
-    except (OSError, TypeError, ValueError) as error:
-        sys.exit(f"error: {error}")
-    except KeyboardInterrupt:
-        print("\ninterrupted; the same command resumes from the newest checkpoint", file=sys.stderr)
-        sys.exit(130)
     print(f"Next: python -m agents.evaluate {run_dir}")
 
 

@@ -54,13 +54,12 @@ def play():
     return Row(name, without, code)
 
 
-def _steps(name: str, without: str, wrapper: str = "{}", **arguments: Any) -> Row:
-    """Returns the row of a step of the vector environment; `wrapper` is the code around the environment."""
-    made = wrapper.format(f'gymnasium.make_vec("Billiards-v0", num_envs={SHOTS}, threads=1, **{arguments!r})')
+def _steps(name: str, without: str, **arguments: Any) -> Row:
+    """Returns the row of a step of the vector environment."""
     code = f"""
 import numpy as np
 import billiards_env
-envs = {made}
+envs = gymnasium.make_vec("Billiards-v0", num_envs={SHOTS}, threads=1, **{arguments!r})
 envs.reset(seed=0)
 actions = np.random.default_rng(0).uniform(-1, 1, envs.action_space.shape).astype(np.float32)
 def play():
@@ -69,7 +68,6 @@ def play():
     return Row(name, without, code)
 
 
-_NOISE = "__import__('billiards_env.envs.wrappers').envs.wrappers.VectorExecutionNoise({})"
 _RULES = {"n_object_balls": 9, "layout": "nine_ball", "max_shots": 1}
 
 ROWS = (
@@ -82,7 +80,7 @@ ROWS = (
     _batch("derivatives", "recording", "batch.vjp({'positions': np.ones((len(batch), 2, 2))}, 'velocities')", True),
     _steps("a step that uses nothing", ""),
     _steps("strikes", "a step that uses nothing", action="strike"),
-    _steps("noise", "a step that uses nothing", _NOISE),
+    _steps("noise", "a step that uses nothing", noise={}),
     _steps("randomised physics", "a step that uses nothing", randomize={"mu_roll": (0.008, 0.015)}),
     _steps("a rack of nine balls", "", task="clear", **_RULES),
     _steps("rules of nine ball", "a rack of nine balls", task="nine_ball", **_RULES),

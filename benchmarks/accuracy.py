@@ -2,7 +2,8 @@
 
 PIC and PIT run the same random shots; PIT uses timesteps of 1/15 to 1/15360 s and each of its fixes. Errors are
 measured against the 50-digit oracle. Outcomes (the balls potted, the ball hit first) of more shots are compared with
-those of PIC, which are compared with the oracle first. Run times are measured on one core; all methods take turns.
+the results of PIC, which are compared with the oracle first. Run times are measured on one core; all methods take
+turns.
 
     python -m benchmarks.accuracy               # within ten minutes on two cores
     python -m benchmarks.accuracy --shots 8 --outcomes 200 --passes 1
@@ -205,8 +206,8 @@ def rows_of(
 def measure(shots: int, outcome_shots: int, passes: int, workers: int) -> dict[str, Any]:
     """Returns the results of all measurements.
 
-    `shots` of each problem are compared with the oracle, and the outcomes of `outcome_shots` with those of PIC. The run
-    times are measured in `passes` on one core, and all others by `workers`.
+    `shots` of each problem are compared with the oracle, and the outcomes of `outcome_shots` with the outcomes of PIC.
+    The run times are measured in `passes` on one core, and all others by `workers`.
     """
     on = machine()
     seconds = seconds_per_shot(shots, passes)

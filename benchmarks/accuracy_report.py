@@ -52,7 +52,7 @@ def coarsest_from(rows: list[dict[str, Any]], good: list[bool]) -> dict[str, Any
 
 
 def levels(scenes: dict[str, Any]) -> str:
-    """Returns the table of the run time, over that of PIC, of the fastest PIT with a median error below each level."""
+    """Returns the table of the run times, over PIC's, of the fastest PIT with a median error below each level."""
     lines = []
     for name, scene in scenes.items():
         line, pic = [f"{name}, {_when(scene)}"], _pic(scene)
@@ -102,7 +102,7 @@ def shots_line(result: dict[str, Any]) -> str:
     outcomes = ", ".join(f"{name} {s['outcome_shots']:,}" for name, s in scenes if s["outcome_shots"])
     return (
         f"{count} shots of each scene have a reference. Compared only in part: {', '.join(partly) or 'none'}. The "
-        f"outcomes below are those of more shots: {outcomes}."
+        f"outcomes below come from more shots: {outcomes}."
     )
 
 

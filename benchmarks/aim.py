@@ -1,7 +1,7 @@
 """How often `aim` reaches a goal, and how fast: `python -m benchmarks.aim`.
 
 For each random layout with one object ball the goal is to pot this ball into a pocket and to leave the cue ball within
-1 cm of a point. Both are those of a random shot that pots the ball, so every goal can be reached. Many of these shots
+1 cm of a point. Both come from a random shot that pots the ball, so every goal can be reached. Many of these shots
 use cushions before the pot. A search with random shots has the same goal. Times are processor times of one core.
 
 A second table compares the players in tasks of the environment.

@@ -2,7 +2,7 @@
 
 No law of motion is common to all three, so there are several comparisons. pooltool and billiards-env run shots with
 friction and spin on two tables, with the same balls, tables and laws. On a carom table the balls have no friction with
-each other and the cushions are those of Han (2005). On pooltool's own table, with the jaws of pockets, the balls throw
+each other and the cushions follow Han (2005). On pooltool's own table, with the jaws of pockets, the balls throw
 each other and the cushions are compliant. The two simulators have different contacts with the rounded tips of cushions,
 so a shot with such a contact has no error. pymunk and billiards-env run elastic disks without friction for 10 s. A shot
 has one object ball, or is a break of 15 balls. The simulators take turns on one core. The errors are measured against
@@ -370,7 +370,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.comparison --help`."""
     shots, passes = Count(100, "shots of each kind"), Count(5, "repetitions of the run time measurement")
     parser = parser_of("comparison", "Compare billiards-env with pooltool and pymunk.", shots=shots, passes=passes)
-    parser.add_argument("--pooltool-python", type=Path, help="Python with pooltool (that of .venv-pooltool, if any)")
+    parser.add_argument("--pooltool-python", type=Path, help="Python with pooltool (default: .venv-pooltool, if any)")
     args = parser.parse_args(arguments)
     python = args.pooltool_python or POOLTOOL_PYTHON
     if not python.exists():

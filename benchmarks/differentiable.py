@@ -1,6 +1,6 @@
 """Published tasks for differentiable simulators, with the exact derivatives: `python -m benchmarks.differentiable`.
 
-The tasks are those of DiffTaichi (Hu et al. 2020), DiffMJX (2026) and of two reports about Nimble and MJX.
+The tasks come from DiffTaichi (Hu et al. 2020), DiffMJX (2026) and two reports about Nimble and MJX.
 """
 
 from __future__ import annotations

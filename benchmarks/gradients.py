@@ -75,7 +75,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     return {
         "machine": machine_line(result["machine"]),
         "how": f"One core; medians of {result['repeats']} interleaved passes. The other columns are times "
-        "divided by that of the plain batch.",
+        "divided by the time of the plain batch.",
         "cost": table(("shots", "us/shot", *PARTS), rows),
     }
 

@@ -40,7 +40,7 @@ def run(shot: dict[str, Any]) -> dict[str, Any]:
             pockets, with the laws `SMOOTH`; `table`, the arguments of `PocketTableSpecs` or `BilliardTableSpecs`;
             `ball`, the arguments of `BallParams`; `positions`, (n, 2) m; `velocity` of the cue ball, (2,) m/s; `time`
             of the returned positions, s, or None for the end; `gap`, the distance to which pooltool moves balls at a
-            contact, m; and `max_events`, after which the shot stops. The frame is that of pooltool: the origin is a
+            contact, m; and `max_events`, after which the shot stops. The frame is pooltool's: the origin is a
             corner, and y is along the length.
 
     Returns:

@@ -16,7 +16,6 @@ import numpy as np
 
 from benchmarks import machine, machine_line, parser_of, report, table
 from billiards_env.calibration import Calibration, Track, calibrate, read_tracks
-from billiards_env.calibration.calibrate import FREE
 from billiards_env.calibration.judge import CONTACTS, Judged, together
 from billiards_env.scene import Scene
 
@@ -38,7 +37,7 @@ TARGETS = {
 
 def fit(scene: Scene, tracks: list[Track], laws: tuple[str, ...] = ()) -> Calibration:
     """Fits the numbers and the frame to all tracks."""
-    return calibrate(scene, tracks, FREE, frame="fit", laws=laws, hold_back=False, progress=_say)
+    return calibrate(scene, tracks, frame="fit", laws=laws, hold_back=False, progress=_say)
 
 
 def _say(text: str) -> None:

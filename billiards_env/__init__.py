@@ -40,6 +40,8 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> Any:
+    if name in ("drawing", "envs", "games", "players", "shots"):
+        return importlib.import_module(f"billiards_env.{name}")
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(f"billiards_env.{_MODULES[name]}"), name)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import importlib.metadata
 import itertools
-import json
 import platform
 import secrets
 import shutil
+import signal
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,9 +18,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from billiards_env import Scene, __version__
-from billiards_env.checks import Range, integer, number
-from billiards_env.export import WRITERS
-from billiards_env.files import check_path, read_text
+from billiards_env.checks import Range, finite, integer, number, one_of, real
+from billiards_env.commands import ending
+from billiards_env.export import WRITERS, table
+from billiards_env.files import check_path
 from billiards_env.frozen import BENCH_TASKS, FROZEN
 from billiards_env.scene import SCENES
 
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
     from billiards_env.shots.result import ShotResult
 
     Floats = NDArray[np.float64]
+
+_ANGLES = {"heading": Range(-360.0, 360.0, "degrees"), "elevation": Range(0.0, 90.0, "degrees")}
 
 PACKAGES = ("numpy", "numba", "gymnasium", "pettingzoo", "pygame", "matplotlib", "scipy", "stable-baselines3", "torch")
 """The distributions that `version` lists."""
@@ -53,7 +57,11 @@ def make_parser() -> argparse.ArgumentParser:
         (_add_replay, replay, "run a saved shot or game again, and show it"),
         (_add_calibrate, calibrate, "fit friction and other numbers to tracks of shots"),
         (_add_version, version, "print the versions of billiards-env and of the packages that it uses"),
-        (_add_cache, cache, "print the folder of the compiled code and its size, or delete it"),
+        (
+            _add_cache,
+            cache,
+            "compile code in advance, print the folder of the compiled code and its size, or delete it",
+        ),
     ):
         command = commands.add_parser(run.__name__, help=text)
         command.set_defaults(run=run)
@@ -64,23 +72,23 @@ def make_parser() -> argparse.ArgumentParser:
 def _add_simulate(parser: argparse.ArgumentParser) -> None:
     parser.description = "Run one shot. Lengths are in metres from the centre of the table, x along its length."
     add = parser.add_argument
-    add("--scene", default="pool", help=f"the scene: {', '.join(SCENES)} (default: %(default)s)")
+    add("--scene", default="pool", help=f"the scene: {', '.join(SCENES)}, or a JSON file (default: %(default)s)")
     add("--balls", type=int, metavar="N", help="number of object balls (default: the scene's)")
     add(
         "--layout",
         default="random",
-        help="starting positions: random, rack, tight_rack, nine_ball, eight_ball, carom_opening, line, snookered or "
-        "snooker (default: %(default)s)",
+        help="starting positions: random, rack, tight_rack, nine_ball, ten_ball, eight_ball, carom_opening, line, "
+        "snookered or snooker (default: %(default)s)",
     )
     add("--seed", type=int, default=0, help="seed of the layout (default: %(default)s)")
     add("--positions", type=number, nargs="+", metavar="X", help="x and y of each ball, cue ball first; no --layout")
     add("--velocity", type=number, nargs=2, metavar=("VX", "VY"), help="of the cue ball, m/s (default: 2, to ball 1)")
     add("--spin", type=number, nargs=3, metavar=("WX", "WY", "WZ"), help="of the cue ball, rad/s (default: no spin)")
     add("--speed", type=number, help="strike with a cue of this speed, m/s, in place of --velocity and --spin")
-    add("--heading", type=_radians, help="direction of the cue in degrees from the x axis (default: towards ball 1)")
+    add("--heading", type=number, help="direction of the cue in degrees from the x axis (default: towards ball 1)")
     add("--side", type=number, help="offset of the tip to the left, in ball radii (default: 0)")
     add("--top", type=number, help="offset of the tip above the centre, in ball radii (default: 0)")
-    add("--elevation", type=_radians, help="angle of the cue above the horizontal in degrees (default: 0)")
+    add("--elevation", type=number, help="angle of the cue above the horizontal in degrees (default: 0)")
     add("--mode", default="pic", help="the engine: pic or pit (default: %(default)s)")
     add("--dt", type=number, help="timestep of pit, s, such as 1/60")
     add("--fix", help="how pit treats overlaps: push_apart, move_back, none or time_of_impact")
@@ -107,7 +115,7 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
         help="players to compare with (default: random geometric search:200)",
     )
     add("--task", help="the task, such as pot, carom or nine_ball (default: pot)")
-    add("--scene", help=f"the scene: {', '.join(SCENES)} (default: the task's)")
+    add("--scene", help=f"the scene: {', '.join(SCENES)}, or a JSON file (default: the task's)")
     add("--balls", type=int, metavar="N", dest="n_object_balls", help="number of object balls (default: the task's)")
     add("--layout", help="starting positions (default: the task's)")
     add("--action", help="velocity or strike (default: velocity)")
@@ -147,13 +155,9 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
     text = "seed of the noise (default: the seed of the layouts; for verify a random one)"
     add("--noise-seed", type=int, metavar="N", help=text)
     add("--name", help="the name of the player in the file (default: the player)")
-    add("--out", type=Path, metavar="FILE", help="write the file, .json")
-
-
-def _radians(text: str) -> Any:
-    """Converts a text with a number of degrees to radians, and returns any other text unchanged."""
-    value = number(text)
-    return value if isinstance(value, str) else np.deg2rad(value)
+    text = "write the file, .json; FILE.part holds the finished tasks, and the same command resumes"
+    add("--out", type=Path, metavar="FILE", help=text)
+    add("--force", action="store_true", help="replace an existing file, and do not resume")
 
 
 def _add_dataset(parser: argparse.ArgumentParser) -> None:
@@ -199,7 +203,9 @@ def _add_version(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_cache(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Print the folder of the compiled code and its size."
+    parser.description = "Compile code in advance, and print the folder of the compiled code and its size."
+    text = f"what to compile: a scene ({', '.join(SCENES)}), planner, derivatives, or all"
+    parser.add_argument("part", nargs="*", help=text)
     parser.add_argument("--clear", action="store_true", help="delete the compiled code; the next run compiles again")
 
 
@@ -212,9 +218,12 @@ def simulate(args: argparse.Namespace) -> None:
     """Runs the command `simulate`."""
     from billiards_env.scene import layouts
     from billiards_env.shots import simulation
+    from billiards_env.shots.records import scene_of
 
     _check_out(args.out)
-    scene = Scene.named(args.scene, args.balls)
+    if args.timesteps and all(path.suffix != ".html" for path in args.out):
+        raise ValueError("--timesteps without a page: expected also --out with a name that ends in .html")
+    scene = scene_of(args.scene, args.balls)
     if args.positions is None:
         positions = layouts.draw(
             args.layout, scene, np.random.default_rng(integer("--seed", args.seed, Range(0, None)))
@@ -225,14 +234,14 @@ def simulate(args: argparse.Namespace) -> None:
             "balls"
         )
     else:
-        positions = np.reshape(args.positions, (-1, 2))
+        positions = finite("--positions", args.positions, (2 * scene.n_balls,)).reshape(-1, 2)
     velocity, spin = _cue_ball(args, scene, positions)
     options = {"mode": args.mode, "dt": args.dt, "fix": args.fix, "max_time": args.max_time}
     start = {"scene": scene, "positions": positions, "velocities": velocity, "spins": spin, "record": True}
     shot = simulation.simulate(**start, **options)
     others = [{**options, "mode": "pit", "dt": dt} for dt in args.timesteps]
     compare = [simulation.simulate(**start, **other) for other in others]
-    print(shot)
+    print(shot, table(shot), sep="\n")
     _write(shot, args.out, compare)
 
 
@@ -243,6 +252,8 @@ def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tupl
     aim = positions[min(1, scene.n_balls - 1)] - positions[0]
     stroke = {name: getattr(args, name) for name in ("heading", "side", "top", "elevation")}
     given = {name: value for name, value in stroke.items() if value is not None}
+    for name in _ANGLES.keys() & given.keys():
+        given[name] = np.deg2rad(real(f"--{name}", given[name], _ANGLES[name]))
     if args.speed is None:
         if given:
             raise ValueError(f"--{next(iter(given))} without --speed: expected the speed of the cue")
@@ -258,12 +269,20 @@ def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tupl
 
 def evaluate(args: argparse.Namespace) -> None:
     """Runs the command `evaluate`."""
-    from billiards_env.evaluation import measure
+    import gymnasium as gym
+
+    from billiards_env.evaluation import find_player, measure
+    from billiards_env.shots.records import scene_of
 
     names = ("task", "scene", "n_object_balls", "layout", "action", "max_shots", "mode", "dt")
     arguments = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
+    if args.scene is not None and args.scene.endswith(".json"):
+        arguments["scene"] = scene_of(args.scene)
     episodes, seed = integer("--episodes", args.episodes, Range(1, None)), integer("--seed", args.seed, Range(0, None))
     players = [*args.player, *(player for player in args.beside if player not in args.player)]
+    env = gym.make("billiards_env:Billiards-v0", **arguments)
+    for player in players:  # a wrong name is an error before the first player plays
+        find_player(player, env)
     width = max(map(len, players))
     head = f"{'player':{width}}  success  95% interval  score  reward  shots  ms per shot"
     for player in players:
@@ -306,17 +325,25 @@ def bench(args: argparse.Namespace) -> None:
         return
     if args.file:
         raise ValueError(f"file = {str(args.file[0])!r} after a player: expected the word verify before files")
+    part = None
     if args.out is not None:
-        check_path(args.out, ".json")
+        part = check_path(args.out, ".json").with_suffix(".json.part")
+        if args.force:
+            part.unlink(missing_ok=True)
+        elif args.out.exists():
+            raise ValueError(f"--out = {str(args.out)!r}: expected a new file, --force replaces this one")
+        elif part.exists():
+            print(f"resuming with the results in {part}", file=sys.stderr)
 
     def progress(task: str, episodes: int) -> None:
         if sys.stderr.isatty() and episodes % 10 == 0:
             print(f"{task}: {episodes:,} of {bench.EPISODES:,} episodes", end="\r", file=sys.stderr)
 
-    found = bench.play(args.player, args.tasks.split(","), args.seed, args.name, progress, args.noise_seed)
-    print(bench.report(found))
-    if args.out is not None:
+    found = bench.play(args.player, args.tasks.split(","), args.seed, args.name, progress, args.noise_seed, part)
+    print(bench.report(found), flush=True)
+    if args.out is not None and part is not None:
         bench.save(args.out, found)
+        part.unlink()
         print(f"wrote {args.out}")
 
 
@@ -334,16 +361,13 @@ def calibrate(args: argparse.Namespace) -> None:
     from billiards_env.calibration import calibrate, read_tracks
     from billiards_env.calibration.calibrate import FRICTION_CUSHIONS
     from billiards_env.calibration.report import check_out
-    from billiards_env.shots.records import MAX_BYTES
+    from billiards_env.shots.records import scene_of
 
     for path in args.out:
         check_out(path)
     tracks = read_tracks(args.tracks, args.unit)
-    if args.scene.endswith(".json"):
-        scene = Scene.from_dict(json.loads(read_text(args.scene, MAX_BYTES, "a scene")))
-    else:
-        most = max((int(track.balls.max()) for track in tracks), default=0)
-        scene = Scene.named(args.scene, most if args.balls is None else args.balls)
+    most = max((int(track.balls.max()) for track in tracks), default=0)
+    scene = scene_of(args.scene, most if args.balls is None and not args.scene.endswith(".json") else args.balls)
     laws = args.laws
     if laws is None:
         laws = FRICTION_CUSHIONS if scene.physics.cushion in FRICTION_CUSHIONS else ()
@@ -366,7 +390,7 @@ def calibrate(args: argparse.Namespace) -> None:
 
 def replay(args: argparse.Namespace) -> None:
     """Runs the command `replay`."""
-    from billiards_env.games import records
+    from billiards_env.games import records, to_dict
     from billiards_env.games.game import replay as shots_of
 
     _check_out(args.out, without=".json")
@@ -376,14 +400,15 @@ def replay(args: argparse.Namespace) -> None:
     else:
         setup, state = record.setup, records.replay(record).state
         shots = [played.shot for played in shots_of(record.history)]
+        scores = to_dict(state)["scores"]
         result = f"won by player {state.winner}" if state.winner >= 0 else "over" if state.over else "not over"
-        print(f"{setup.rules}, {setup.n_players} players, {len(shots)} shots, scores {list(state.scores)}, {result}")
+        print(f"{setup.rules}, {setup.n_players} players, {len(shots)} shots, scores {list(scores)}, {result}")
     if args.shot is not None and not 1 <= args.shot <= len(shots):
         raise ValueError(f"--shot = {args.shot}: expected a number from 1 to {len(shots)}")
     if args.shot is not None:
         shots = [shots[args.shot - 1]]
     for shot in shots[-1:]:
-        print(shot)
+        print(shot, table(shot), sep="\n")
         _write(shot, args.out)
     if args.window:
         _show(record.scene if isinstance(record, records.ShotRecord) else record.setup.scene, shots)
@@ -434,6 +459,16 @@ def cache(args: argparse.Namespace) -> None:
     """Runs the command `cache`."""
     from billiards_env.jit.folders import cache_folder
 
+    if args.part:
+        from billiards_env.compiling import PARTS
+
+        for part in args.part:
+            one_of("part", part, (*PARTS, "all"))
+        for part in PARTS if "all" in args.part else args.part:
+            print(f"{part}: ", end="", flush=True)
+            begin = time.perf_counter()
+            PARTS[part]()
+            print(f"{time.perf_counter() - begin:.1f} s", flush=True)
     current = cache_folder()
     if current is None:
         return  # `cache_folder` warns
@@ -460,10 +495,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error(f"unrecognized arguments: {' '.join(rest)}")
     if args.command is None:
         return parser.print_help()
+    before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that no temporary file stays
     try:
-        args.run(args)
-    except (ImportError, OSError, RecursionError, TypeError, ValueError) as error:
-        sys.exit(f"error: {error}")
+        with ending("with --out the same command resumes" if args.command == "bench" else ""):
+            args.run(args)
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 if __name__ == "__main__":

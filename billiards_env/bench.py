@@ -57,7 +57,7 @@ class Result(NamedTuple):
         success: (m,) bool.
         returns: (m,) the sum of the rewards.
         digest: A hash of all observations, rewards and durations of shots.
-        noise_seed: The `noise_seed` of `ExecutionNoise`; None without noise, or if `seed` fixes the noise.
+        noise_seed: The argument `noise_seed` of the environment; None without noise, or if `seed` fixes the noise.
     """
 
     task: str
@@ -85,6 +85,7 @@ def play(
     name: str | None = None,
     progress: Callable[[str, int], object] = lambda task, episode: None,
     noise_seed: int | None = None,
+    part: Path | None = None,
 ) -> Bench:
     """Plays `EPISODES` episodes of each task for each seed.
 
@@ -95,13 +96,15 @@ def play(
         name: The name of the player in the file; None for `player`.
         progress: A function that is called with the task and the number of finished episodes.
         noise_seed: The seed of the noise in the tasks with noise; None for the seed of the layouts.
+        part: A file that holds each finished result until all are finished. If it exists, its results are verified and
+            not played again. None for none.
 
     Raises:
         ValueError: If a task or a player is unknown, a name has characters other than letters, digits and ".:/+ -_",
-            or an action has the wrong shape or is not finite.
-        OSError, TypeError: As `find_player` does.
+            an action has the wrong shape or is not finite, or `part` holds other results.
+        OSError, TypeError: As `find_player` does, or if `part` cannot be written.
     """
-    names, seeds = [task.removeprefix(NAMESPACE) for task in tasks], list(seeds)
+    names, seeds = [task.strip().removeprefix(NAMESPACE) for task in tasks], list(seeds)
     for task in names:
         one_of("task", task, tuple(FROZEN))
     for seed in seeds:
@@ -109,12 +112,29 @@ def play(
     if noise_seed is not None:
         integer("noise_seed", noise_seed, _SEEDS)
     title = _name(player if name is None else name)
-    pairs = list(dict.fromkeys((task, seed) for task in names for seed in seeds))
-    return Bench(title, tuple(_play(player, task, seed, progress, noise_seed) for task, seed in pairs))
+    keys = [(task, seed, noise_seed if FROZEN[task].noise else None) for task in names for seed in seeds]
+    found = {} if part is None or not part.exists() else _kept(part, title, keys)
+    for key in keys:
+        if key not in found:
+            found[key] = _play(player, *key, progress)
+            if part is not None:
+                save(part, Bench(title, tuple(found.values())))
+    return Bench(title, tuple(found[key] for key in dict.fromkeys(keys)))
 
 
-def _play(player: str, task: str, seed: int, progress: Callable[[str, int], object], noise_seed: int | None) -> Result:
-    noise_seed = noise_seed if FROZEN[task].noise else None
+_Key = tuple[str, int, int | None]
+
+
+def _kept(part: Path, player: str, keys: Sequence[_Key]) -> dict[_Key, Result]:
+    """Returns the results in a file by task, seed and seed of the noise; raises a ValueError for other results."""
+    bench = verify(part)
+    found = {(result.task, result.seed, result.noise_seed): result for result in bench.results}
+    if bench.player != player or not found.keys() <= set(keys):
+        raise ValueError(f"{part} holds results of another command: expected none, move it or delete it")
+    return found
+
+
+def _play(player: str, task: str, seed: int, noise_seed: int | None, progress: Callable[[str, int], object]) -> Result:
     env = gym.make(NAMESPACE + task, **_noise(noise_seed))
     act, actions, shots = find_player(player, env, FROZEN[task].execution_noise, seed), [], []
     shape = cast(Any, env.action_space.shape)

@@ -76,6 +76,7 @@ RANGES: dict[str, Range] = {
     "angle_std": Range(0.0, 360.0, "degrees", "up to a full turn"),
     "speed_std": Range(0.0, MAX_SPEED, "m/s", "as speed"),
     "offset_std": Range(0.0, 1.0, "m", "far more than a ball"),
+    "elevation_std": Range(0.0, 360.0, "degrees", "as angle_std"),
     # A picture
     "frame_width": Range(160, 7680, "pixels", "from the smallest readable picture to 8K"),
     "fps": Range(1e-3, 1e3, "frames per second", "more than any screen shows"),
@@ -271,7 +272,8 @@ def sequence(name: str, values: Any) -> tuple[Any, ...]:
 def fields_of(kind: type, name: str, data: Any, complete: bool = False) -> dict[str, Any]:
     """Returns `data` as keyword arguments of the dataclass `kind`.
 
-    Raises an error if a key is unknown or missing; with `complete` a key with a default may not be missing either.
+    Raises an error if a key is unknown or missing; with `complete` a key with a default other than 0 may not be missing
+    either. A new number has the default 0 and no effect then, so data of earlier versions stay valid.
     """
     if not isinstance(data, Mapping):
         raise TypeError(f"{name} = {short(data)}: expected a mapping")
@@ -281,7 +283,7 @@ def fields_of(kind: type, name: str, data: Any, complete: bool = False) -> dict[
     for key, field in fields.items():
         if key not in data and field.default is field.default_factory:  # both are missing
             raise ValueError(f"{name}.{key} is missing: expected a value, it has no default")
-        if key not in data and complete:
+        if key not in data and complete and field.default != 0.0:
             raise ValueError(
                 f"{name}.{key} is missing: expected all values in a whole scene; changes of a named scene need the key "
                 '"base", such as {"base": "pool", "physics": {"mu_roll": 0.012}}'

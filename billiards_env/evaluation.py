@@ -14,7 +14,6 @@ import numpy as np
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
-from billiards_env.envs.wrappers import ExecutionNoise
 from billiards_env.intervals import mean_interval, wilson_interval
 from billiards_env.players.env_player import planned, situation
 from billiards_env.players.named import check_call, imported
@@ -144,9 +143,7 @@ def find_player(
     if name == "policy":
         from billiards_env import sb3  # needs the extra `train`
 
-        given = cast(Any, env.spec).kwargs
-        arguments = {key: given[key] for key in given if key not in ("render_mode", "noise_seed")}
-        policy = sb3.load_policy(argument, arguments)[1]
+        policy = sb3.load_policy(argument, sb3.arguments_of(cast(Any, env.unwrapped)))[1]
         return lambda observation: policy.predict(observation, deterministic=True)[0]
     act = imported(text, name, argument, (*STRATEGIES, "planner", "policy"))
     check_call(text, act, (None,), "act(observation) that returns an action")
@@ -180,9 +177,8 @@ def measure(
         ValueError: If a name or an argument is unknown or impossible.
         TypeError: If an argument has the wrong type.
     """
-    env = gym.make("billiards_env:Billiards-v0", **arguments)
-    if any(noise):
-        env = ExecutionNoise(env, *noise)
+    deviations = {"angle_std": noise[0], "speed_std": noise[1]} if any(noise) else None
+    env = gym.make("billiards_env:Billiards-v0", noise=deviations, **arguments)
     choose, times = find_player(player, env, noise, seed), []
 
     def act(observation: NDArray[np.float32]) -> NDArray[np.floating[Any]]:

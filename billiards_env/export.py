@@ -1,4 +1,4 @@
-"""The files of a recorded shot by suffix: a page, pictures, films and a record."""
+"""A recorded shot as text, and its files by suffix: a page, pictures, films, a table and a record."""
 
 from __future__ import annotations
 
@@ -6,14 +6,48 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from billiards_env.files import replacing, write_whole
+
 if TYPE_CHECKING:
     from billiards_env.shots.result import ShotResult
 
 
 def _picture(shot: ShotResult, path: Path, _: Sequence[ShotResult]) -> None:
     figure: Any = shot.plot().figure
-    figure.savefig(path, dpi=150)
+    with replacing(path) as temporary:
+        figure.savefig(temporary, dpi=150)
 
+
+def table(shot: ShotResult) -> str:
+    """Returns the final positions and the first `SHOWN` events of a recorded shot as text."""
+    from billiards_env.drawing.style import KINDS, cushion_names
+
+    recording = shot.recording()
+    events, cushions = recording.events, cushion_names(recording.scene.table)
+    places = (f"({x:.4f}, {y:.4f})" for x, y in shot.positions.tolist())
+    ends = ("potted" if gone else place for gone, place in zip(shot.potted, places, strict=True))
+    lines = ["final positions, m", *(f"  ball {ball}  {end}" for ball, end in enumerate(ends)), "events"]
+    for time, kind, ball, other, *_ in events[:SHOWN].tolist():
+        what = f"hits {cushions[other]}" if kind == "cushion" else KINDS[kind] + f" {other}" * (kind == "ball_ball")
+        lines.append(f"  {time:9.6f} s  ball {ball} {what}")
+    return "\n".join([*lines, *[f"  and {len(events) - SHOWN} more: shot.events has all"] * (len(events) > SHOWN)])
+
+
+def _rows(shot: ShotResult, path: Path, _: Sequence[ShotResult]) -> None:
+    """Writes positions, velocities and spins at each event and every 10 ms."""
+    events: Any = shot.events
+    times = np.unique(np.concatenate((np.arange(0.0, shot.time, 0.01), events["time"], [shot.time])))
+    values = np.concatenate((shot.at(times), *shot.motion_at(times)), -1).tolist()
+    lines = ["time,ball,x,y,vx,vy,wx,wy,wz"]
+    for time, balls in zip(times.tolist(), values, strict=True):
+        lines += [",".join(map(repr, (time, ball, *row))) for ball, row in enumerate(balls)]
+    write_whole(path, ("\n".join(lines) + "\n").encode())
+
+
+SHOWN = 40
+"""The largest number of events in `table`."""
 
 WRITERS: dict[str, Callable[[ShotResult, Path, Sequence[ShotResult]], object]] = {
     ".html": lambda shot, path, others: shot.to_html(path, compare=others),
@@ -22,6 +56,7 @@ WRITERS: dict[str, Callable[[ShotResult, Path, Sequence[ShotResult]], object]] =
     ".pdf": _picture,
     ".gif": lambda shot, path, _: shot.to_gif(path),
     ".mp4": lambda shot, path, _: shot.to_mp4(path),
+    ".csv": _rows,
     ".json": lambda shot, path, _: shot.save(path),
 }
 """Functions that write a shot to a file. A page also has other runs of the shot, and its slider chooses one."""

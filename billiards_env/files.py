@@ -3,68 +3,98 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import secrets
+import shutil
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 
-def check_path(path: str | os.PathLike[str], suffix: str) -> Path:
-    """Checks the path of a file to be written.
+def check_path(path: str | os.PathLike[str], *suffixes: str) -> Path:
+    """Checks the path of a file to be written, before the work whose result it will hold.
 
     Args:
         path: The path.
-        suffix: The required suffix, such as ".gif".
+        suffixes: The allowed suffixes, such as ".gif"; none for any.
 
     Returns:
         The path as a `Path`.
 
     Raises:
+        TypeError: If it is not a path.
         ValueError: If the path has another suffix.
-        FileNotFoundError: If its folder does not exist.
-        IsADirectoryError: If it is a folder.
+        OSError: If the file cannot be written, see `_end_of`.
     """
     if not isinstance(path, (str, os.PathLike)):
         raise TypeError(f"path = {path!r}: expected a path, not {type(path).__name__}")
     target = Path(path)
-    if target.suffix.lower() != suffix:
-        raise ValueError(f"path = {str(target)!r}: expected a name that ends in {suffix!r}")
-    _check_target(target)
+    if suffixes and target.suffix.lower() not in suffixes:
+        raise ValueError(f"path = {str(target)!r}: expected a name that ends in {' or '.join(map(repr, suffixes))}")
+    _end_of(target)
     return target
 
 
-def _check_target(target: Path) -> None:
-    if target.is_dir():
-        raise IsADirectoryError(f"path = {str(target)!r}: expected a file, this is a folder")
-    if not target.parent.is_dir():
-        raise FileNotFoundError(
-            f"path = {str(target)!r}: expected an existing folder, the folder {str(target.parent)!r} does not exist"
-        )
+def _end_of(target: Path) -> Path:
+    """Returns the file that a path names: the end of its links. It may not exist yet.
+
+    Raises:
+        FileNotFoundError: If its folder does not exist.
+        IsADirectoryError: If it is a folder.
+        PermissionError: If the file or its folder is read-only.
+        OSError: If it exists and is no regular file, such as a device, or the path is impossible.
+    """
+    end, expected = Path(os.path.realpath(target)), f"path = {str(target)!r}: expected"
+    with contextlib.suppress(FileNotFoundError):
+        mode = target.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise IsADirectoryError(f"{expected} a file, this is a folder")
+        if not stat.S_ISREG(mode):
+            raise OSError(f"{expected} a regular file, this is a device, a pipe or a socket")
+        if not os.access(end, os.W_OK):
+            raise PermissionError(f"{expected} a file that can be written, it is read-only")
+    if not end.parent.is_dir():
+        raise FileNotFoundError(f"{expected} an existing folder, the folder {str(target.parent)!r} does not exist")
+    if not os.access(end.parent, os.W_OK):
+        raise PermissionError(f"{expected} a folder that can be written, {str(target.parent)!r} is read-only")
+    return end
+
+
+def free_path(path: Path) -> Path:
+    """Returns a path, with a number if there is such a file, so that no other file is overwritten."""
+    numbered = (path.with_stem(f"{path.stem}-{k}") for k in itertools.count(2))
+    return next(one for one in itertools.chain((path,), numbered) if not one.exists())
 
 
 @contextlib.contextmanager
 def replacing(target: Path) -> Iterator[Path]:
-    """Creates a temporary file next to `target` that replaces it if the block succeeds and is deleted otherwise.
+    """Creates a temporary file that replaces the file `target` if the block succeeds and is deleted otherwise.
 
-    The temporary file has the suffix of `target`, because some writers choose the format by the suffix. It is flushed
-    to disk before it replaces `target`, so a crash does not leave a partial file. It is a new file with a random name,
-    so another writer or a prepared link cannot interfere. Its permissions follow the umask. An OSError names `target`.
+    Everything that the package writes is written in this way. A link is followed: the file at its end is replaced.
+    What exists and is no regular file is refused. The temporary file is in the same folder and has the suffix of
+    `target`, because some writers choose the format by the suffix. It is flushed to disk before it replaces the file,
+    so a crash does not leave a partial file. It is a new file with a random name, so another writer or a prepared link
+    cannot interfere. Its permissions are those of the file that it replaces, or follow the umask. An OSError names
+    `target`.
     """
-    _check_target(target)
-    temporary = target.with_name(f".{secrets.token_hex(16)}{target.suffix}")
+    end = _end_of(target)
+    temporary = end.with_name(f".{secrets.token_hex(16)}{target.suffix}")
     try:
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         try:
             yield temporary
             with temporary.open("r+b") as file:
                 os.fsync(file.fileno())
-            os.replace(temporary, target)
+            if end.exists():
+                shutil.copymode(end, temporary)
+            os.replace(temporary, end)
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
-        if str(error.filename) != str(temporary):
+        if error.errno is None or str(error.filename) not in ("None", str(temporary)):
             raise
         raise type(error)(error.errno, error.strerror, str(target)) from error
 

@@ -17,7 +17,7 @@ NAMESPACE = "Billiards/"
 """The beginning of the ids in Gymnasium."""
 
 NOISE = {"angle_std": 0.125, "speed_std": 0.075, "offset_std": 0.0005, "elevation_std": 0.1}
-"""The execution noise of the ids with `Noise`: arguments of `envs.wrappers.ExecutionNoise`, with their source there."""
+"""The execution noise of the ids with `Noise`: the argument `noise` of `BilliardsEnv` has their source."""
 
 
 class Frozen(NamedTuple):
@@ -156,14 +156,11 @@ BENCH_TASKS = ("Pot1-v0", "Clear5-v0", "ThreeCushion-v0", "Position-v0", "NineBa
 def register(register_one: Callable[..., None]) -> None:
     """Registers all ids with `gymnasium.register`."""
     for name, task in FROZEN.items():
-        module, single, vector = "billiards_env.envs", "BilliardsEnv", "BilliardsVectorEnv"
-        if task.noise:
-            module, single, vector = "billiards_env.envs.wrappers", "noisy_env", "noisy_vector_env"
         register_one(
             id=NAMESPACE + name,
-            entry_point=f"{module}:{single}",
-            vector_entry_point=f"{module}:{vector}",
+            entry_point="billiards_env.envs:BilliardsEnv",
+            vector_entry_point="billiards_env.envs:BilliardsVectorEnv",
             reward_threshold=task.threshold,
             nondeterministic=False,
-            kwargs=dict(task.arguments),
+            kwargs={**task.arguments, "noise": dict(NOISE) if task.noise else None},
         )

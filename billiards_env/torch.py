@@ -51,8 +51,8 @@ def simulate(
 ) -> Any:
     """Runs m shots with `billiards_env.simulate_batch`, as a differentiable function of tensors.
 
-    Gradients (`backward`, `torch.autograd.grad`) are those of `BatchResult.vjp`, and derivatives in forward mode
-    (`torch.func.jvp`, `torch.func.jacfwd`) those of `BatchResult.jvp`. `torch.func.vmap` runs all shots in one batch;
+    Gradients (`backward`, `torch.autograd.grad`) come from `BatchResult.vjp`, and derivatives in forward mode
+    (`torch.func.jvp`, `torch.func.jacfwd`) from `BatchResult.jvp`. `torch.func.vmap` runs all shots in one batch;
     the constants of the scene must be the same for all of them. Second derivatives do not exist.
 
     Args:
@@ -143,7 +143,7 @@ def pot_margins(
         raise ValueError(f"env.mode = {single.engine.mode!r}: expected 'pic', shots by PIT have no derivatives")
     shots = len(positions) if base is single else 1
     varied = {name: values.repeat(shots) for name, values in base._episodes.physics.items()}
-    exact, of = actions.double(), ("ball_margins", "pocket_margins")  # the velocities have the bits of those of `step`
+    exact, of = actions.double(), ("ball_margins", "pocket_margins")  # the velocities have the same bits as in `step`
     velocities = exact * (single.max_speed / exact.norm(dim=-1, keepdim=True).clamp(min=1.0))
     found = simulate(single.scene, positions, velocities, of=of, varied=varied, in_play=in_play, threads=threads)
     gaps = -found["ball_margins"].clamp(max=0.0)
@@ -190,7 +190,7 @@ class _Shots:
         return self.batch or self.run(tensors, True)
 
     def folded(self, size: int, dims: Sequence[int | None], tensors: Sequence[Tensor]) -> tuple[Any, ...]:
-        """Returns the shots and tensors of `size` batches as those of one. `dims` has their axes, None for none."""
+        """Returns the shots and tensors of `size` batches as one batch. `dims` has their axes, None for none."""
         out = []
         for k, (dim, tensor) in enumerate(zip(dims, tensors, strict=True)):
             if k >= len(self.inputs) or self.inputs[k] in _STARTS:

@@ -14,17 +14,14 @@ from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
 from mkdocs.structure.files import File
 
+from billiards_env.drawing.page import notebook_output
 from billiards_env.frozen import FROZEN, NAMESPACE
 from studies.tasks import page as task_page
 
 _EM = 8.5  # points; smaller than the font size of 10, as the letters of Computer Modern are small
 # The output of pymdownx.arithmatex in its generic mode: <span> for $...$, <div> for $$...$$.
 _FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
-
-
-def svg(axes: Any) -> str:
-    """Returns the figure of matplotlib axes as an SVG element."""
-    return _svg(axes.figure, bbox_inches="tight")
+_SHOWN = re.compile(r'^(```python exec="true"[^\n]*) show="([^"]+)"\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 
 
 def formula(tex: str) -> str:
@@ -46,8 +43,22 @@ def on_files(files: Any, config: Any) -> None:
         files.append(File.generated(config, f"tasks/{name}.md", content=task_page(name)))
 
 
+def show(value: Any) -> str:
+    """Returns the picture of matplotlib axes, or the page of a shot and of other runs of it in a list."""
+    if not isinstance(value, list):
+        return _svg(value.figure, bbox_inches="tight")
+    shot, *runs = (run.recording() for run in value)
+    return notebook_output(shot, runs)
+
+
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Links the ids in the table of frozen tasks to their pages; MkDocs calls this for each page."""
+    """Adds what a page needs only in the site; MkDocs calls this for each page.
+
+    A block of code with the option `show="..."` is followed by the picture of this expression. The ids in the table of
+    frozen tasks link to their pages.
+    """
+    hidden = r"\1\n\3from docs.build import show  # markdown-exec: hide\nprint(show(\2))  # markdown-exec: hide\n```"
+    markdown = _SHOWN.sub(hidden, markdown)
     if page.file.src_uri != "tasks.md":
         return markdown
     row = re.compile(rf"^\| (`{NAMESPACE}(\S+)`)", re.MULTILINE)

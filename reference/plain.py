@@ -27,8 +27,9 @@ from billiards_env.engine.predictions import (
 )
 from billiards_env.engine.runner import for_all_shots
 from billiards_env.jit import allocating, allocating_entry_point, kernel
-from billiards_env.physics.clusters import empty_scratch
-from billiards_env.physics.contact import circle_time, line_time
+from billiards_env.physics.clusters.impulses import empty_scratch
+from billiards_env.physics.geometry.contact import circle_time, line_time
+from billiards_env.physics.geometry.walls import any_wall_time
 from billiards_env.physics.motion import path_of, relative_to
 from billiards_env.physics.state import (
     LASTS,
@@ -46,7 +47,6 @@ from billiards_env.physics.state import (
     own_time,
     same,
 )
-from billiards_env.physics.walls import any_wall_time
 
 
 class Queue(NamedTuple):
@@ -181,7 +181,7 @@ _run_all = for_all_shots(event_loop(sys.modules[__name__]))
 
 @allocating_entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
-    """Runs shots `begin` to `end` - 1 of a batch in place; the arguments are those of `engine.pic.run_shots`."""
+    """Runs shots `begin` to `end` - 1 of a batch in place; the arguments are as in `engine.pic.run_shots`."""
     arrays = SceneArrays(scene[0][0], *scene[1:])
     most = most_contacts(arrays)
     scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction)

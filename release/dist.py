@@ -1,8 +1,8 @@
 """Builds the source archive and the wheel, and tries the wheel in an empty environment: `python -m release.dist`.
 
 The wheel has the machine code of the environments in `release.shots`, for any CPU of this architecture and for this
-version of Python. Its tags are those of the installed numba, whose versions the code needs. The package uses the code
-only with the same versions (`billiards_env.jit.folders`).
+version of Python. It has the tags of the installed numba, because the code needs the same versions. The package uses
+the code only with the same versions (`billiards_env.jit.folders`).
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ def try_wheel(wheel: Path, folder: Path, repeats: int) -> dict[str, tuple[float,
     if list((folder / "none").rglob("*.nb[ci]")):
         raise RuntimeError(f"{wheel.name}: expected the machine code of all common environments")
     if run(*shots, cwd=folder, **compiled) != results:
-        raise RuntimeError(f"{wheel.name}: expected the same results as those of newly compiled code")
+        raise RuntimeError(f"{wheel.name}: expected the same results as newly compiled code")
     return times
 
 

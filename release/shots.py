@@ -1,6 +1,7 @@
 """Plays the common environments and prints a hash of all results: `python release/shots.py`.
 
-It imports the installed `billiards_env`, not that of the repository. It compiles the kernels that have no machine code.
+It imports the installed `billiards_env`, not the package in the repository. It compiles the kernels that have no
+machine code.
 """
 
 from __future__ import annotations

@@ -19,7 +19,6 @@ import argparse
 import contextlib
 import json
 import multiprocessing
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor
 from pathlib import Path
@@ -30,6 +29,7 @@ import numpy as np
 from agents import require
 from agents.cluster import RayExecutor
 from benchmarks import machine
+from billiards_env.commands import ending
 from billiards_env.files import replacing
 
 require("plot", ("matplotlib",))
@@ -61,18 +61,6 @@ def parser_of_runs(name: str, description: str) -> argparse.ArgumentParser:
     parser.add_argument("--address", help='address of a Ray cluster that trains, e.g. "auto" (default: this machine)')
     parser.add_argument("--folder", type=Path, help=f"folder of all files (default: see `studies.{name}`)")
     return parser
-
-
-@contextlib.contextmanager
-def errors_in_one_line() -> Iterator[None]:
-    """Ends the command with one line if its work raises an error or is interrupted."""
-    try:
-        yield
-    except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:
-        sys.exit(f"error: {error}")
-    except KeyboardInterrupt:
-        print("\ninterrupted; the same command continues", file=sys.stderr)
-        sys.exit(130)
 
 
 @contextlib.contextmanager
@@ -119,7 +107,7 @@ def load_weights(path: Path) -> dict[str, Any]:
 
 def report(measure: Callable[[], Any], blocks: Callable[[Any], Mapping[str, str]], *outputs: Path) -> None:
     """Runs the work of a command, and prints its blocks and its files. After an error it prints one line."""
-    with errors_in_one_line():
+    with ending("the same command continues"):
         found = measure()
     print("\n\n".join(blocks(found).values()))
     print("\nin", " and ".join(map(str, outputs)))

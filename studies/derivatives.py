@@ -8,7 +8,7 @@ timestep. A central difference so small that no contact moves to another timeste
 * Goals: a pool table without pockets has a cue ball, an object ball and a goal at random places, and the object ball
   must stop at the goal. A small network returns where to hit it and with which speed, and learns by the gradient of the
   squared distance from the goal. A *world* is an engine in which the shots are played. The gradient is twice the vector
-  from the goal to the ball in this world, times a derivative: that of this world, that of another world, or a
+  from the goal to the ball in this world, times the derivative of this world, the derivative of another world, or a
   difference over 2 mm/s.
 * Pots: a network learns to pot a ball in `Billiards-v0` from the positions. For each pocket it returns a point next to
   the object ball, at which the cue ball aims, and for each of several speeds the chance of success. The margin of the
@@ -140,8 +140,8 @@ def choose(kind: str) -> dict[str, Any]:
     """Chooses the drawn shots of a kind that are smooth and have the same contacts with each timestep.
 
     Returns:
-        `numbers`: those of the chosen shots. `smooth`: the number of smooth shots of this kind. `other`: the share of
-        them with contacts that differ from those of the exact engine, by fix and timestep.
+        `numbers`: the numbers of the chosen shots. `smooth`: the number of smooth shots of this kind. `other`: the
+        share of them with contacts that the exact engine does not have, by fix and timestep.
     """
     shots = draw_shots(kind)
     exact = shots.run(record=True)
@@ -201,7 +201,7 @@ GOAL_RUNS = [
     ("exact", "push_apart 1/60 s"),
     *((world, OVER_JUMPS) for world in PUSHED[1:]),
 ]
-"""The world of a training, and the derivative: that of a world, or the difference over 2 mm/s in this world."""
+"""The world of a training, and the world whose derivative it uses, or the difference over 2 mm/s."""
 
 GOAL_SEEDS = (20, 21, 22, 23, 24)
 UPDATES, BATCH, LAYOUTS = 300, 256, 2000

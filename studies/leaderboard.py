@@ -1,7 +1,7 @@
 """Verifies the files in `leaderboard` and makes the table and the picture of the page: `python -m studies.leaderboard`.
 
-An entry is a file of `billiards bench` with the public layouts and those of a second seed, `SEEDS`. The results are in
-`studies/results/leaderboard.json`. `--check` verifies files and writes nothing.
+An entry is a file of `billiards bench` with the public layouts and the layouts of a second seed, `SEEDS`. The results
+are in `studies/results/leaderboard.json`. `--check` verifies files and writes nothing.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ from matplotlib.figure import Figure
 
 from benchmarks import save, table, use_own_font
 from billiards_env import bench
+from billiards_env.commands import ending
 from billiards_env.files import write_json
 from billiards_env.frozen import BENCH_TASKS
 from billiards_env.intervals import interquartile_mean
-from studies import RESULTS, errors_in_one_line, parser_of
+from studies import RESULTS, parser_of
 
 OUTPUT = RESULTS / "leaderboard.json"
 ROOT = Path(__file__).resolve().parent.parent
@@ -26,7 +27,7 @@ FOLDER = ROOT / "leaderboard"
 FIGURE = ROOT / "docs" / "images" / "leaderboard.png"
 
 SEEDS = (bench.SEED, 1)
-"""The seeds of an entry: that of the public layouts, and another one, because a player may be fitted to those."""
+"""The seeds of an entry: the seed of the public layouts and one more, because a player may be fitted to those."""
 
 RUN = (
     "aim",
@@ -51,7 +52,7 @@ def entries(folder: Path, read: Callable[[Path], bench.Bench] = bench.verify) ->
         read: `bench.verify`, or `bench.load` for files that are already verified.
 
     Raises:
-        ValueError: If a file is refused, has other tasks than those of the leaderboard, or lacks a seed.
+        ValueError: If a file is refused, has other tasks than the leaderboard, or lacks a seed.
     """
     found = {}
     for path in sorted(folder.glob("*.json")):
@@ -77,12 +78,12 @@ def aggregate(scores: Mapping[str, Any]) -> float | None:
 
 
 def _ordered(found: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Returns the entries: those with all tasks first, then by their mean success."""
+    """Returns the entries by their aggregate; without one by the mean score, in which a missing task counts 0."""
 
-    def key(entry: Mapping[str, Any]) -> tuple[float, float]:
+    def key(entry: Mapping[str, Any]) -> float:
         total = aggregate(entry["scores"])
-        success = float(np.mean([score["success"] for score in entry["scores"].values()]))
-        return (-np.inf if total is None else total), success
+        known = sum(score["normalised"] or 0.0 for score in entry["scores"].values())
+        return known / len(BENCH_TASKS) if total is None else total
 
     return sorted(found.values(), key=key, reverse=True)
 
@@ -147,7 +148,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         check=(False, "verify the files and write nothing"),
     )
     args = parser.parse_args(arguments)
-    with errors_in_one_line():
+    with ending("the same command continues"):
         found = entries(args.folder)
         if not args.check:
             write_json(args.output, found)

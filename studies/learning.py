@@ -48,8 +48,8 @@ def run_row(name: str, seed: int, folder: Path, episodes: int) -> tuple[dict[str
     """Trains a row with a seed, unless the folder holds the finished run, and plays its tasks.
 
     Returns:
-        `curve`, the learning curve (a list of `agents.train.Point`), and `tasks`: the results of `play` by task. Then
-        the files of the policy, because another machine may train it.
+        `curve`, the learning curve (a list of `agents.train.Point`), `tasks`: the results of `play_together` by task,
+        `machine` and `versions`. Then the files of the policy, because another machine may train it.
     """
     config, found = load(name, seed=seed), {}
     open_run(config, folder)
@@ -60,7 +60,8 @@ def run_row(name: str, seed: int, folder: Path, episodes: int) -> tuple[dict[str
         found[task] = play_together(envs, deterministic(policy), evaluation_seeds(seed, episodes).tolist())
         envs.close()
     files = {file: (folder / file).read_bytes() for file in ("config.yaml", "policy.pt")}
-    return {"curve": [list(point) for point in learning_curve(folder)], "tasks": found}, files
+    curve = [list(point) for point in learning_curve(folder)]
+    return {"curve": curve, "tasks": found, "machine": machine(), "versions": versions()}, files
 
 
 class Places(NamedTuple):
@@ -81,23 +82,19 @@ def measure(where: Places, folder: Path, jobs: int, address: str | None) -> dict
         address: The address of a Ray cluster that trains; None for this machine.
 
     Returns:
-        The content of the file: `machine`, `versions`, and `rows`: for each row its `config` and its `runs` by seed,
-        see `run_row`.
+        The content of the file: for each row its `settings` and its `runs` by seed, see `run_row`.
 
     Raises:
         OSError: If a file cannot be read or written.
         ValueError: If a row is impossible.
     """
-    old = json.loads(where.results.read_text(encoding="utf-8")) if where.results.exists() else {"rows": {}}
-    found: dict[str, Any] = {"machine": machine(), "versions": versions(), **old, "rows": {}}
-    seeds = read(LEARNING)["seeds"]
-    for name in rows():
-        config = json.loads(json.dumps({**load(name).to_dict(), "seed": None}))
-        known = old["rows"].get(name, {})
-        done = known["runs"] if known.get("config") == config else {}
-        found["rows"][name] = {"config": config, "runs": done}
+    old = json.loads(where.results.read_text(encoding="utf-8")) if where.results.exists() else {}
+    seeds, found = read(LEARNING)["seeds"], {}
+    for name, settings in rows().items():
+        known = old.get(name, {})
+        found[name] = {"settings": settings, "runs": known["runs"] if known.get("settings") == settings else {}}
     order = [(seed, name) for seed in seeds for name in rows()]
-    waiting = [(seed, name) for seed, name in order if str(seed) not in found["rows"][name]["runs"]]
+    waiting = [(seed, name) for seed, name in order if str(seed) not in found[name]["runs"]]
     with workers(jobs, address) as pool, tqdm(total=len(order), initial=len(order) - len(waiting), unit="run") as bar:
         waits = {
             pool.submit(run_row, name, seed, folder / name / f"seed{seed}", EPISODES): (seed, name)
@@ -106,7 +103,7 @@ def measure(where: Places, folder: Path, jobs: int, address: str | None) -> dict
         for done in as_completed(waits):
             seed, name = waits[done]
             result, files = done.result()
-            found["rows"][name]["runs"] = dict(sorted({**found["rows"][name]["runs"], str(seed): result}.items()))
+            found[name]["runs"] = dict(sorted({**found[name]["runs"], str(seed): result}.items()))
             write_json(where.results, found)
             for file, content in files.items() if seed == seeds[0] else ():
                 write_whole(where.policies / name / file, content)
@@ -142,8 +139,7 @@ def players() -> dict[str, dict[str, float]]:
 
 def policies(found: Result) -> list[tuple[str, str, Result]]:
     """Returns the name, the task and the result of each row with results and each of its tasks."""
-    rows = ((name, result) for name, result in found["rows"].items() if result["runs"])
-    return [(name, task, result) for name, result in rows for task in runs(result)[0]["tasks"]]
+    return [(name, task, one) for name, one in found.items() if one["runs"] for task in runs(one)[0]["tasks"]]
 
 
 def blocks(found: Result) -> dict[str, str]:
@@ -156,10 +152,10 @@ def blocks(found: Result) -> dict[str, str]:
         cells = (f"{others[task][player]:.1%}" if player in others[task] else "" for player in PLAYERS)
         lines.append((f"`{name}`", f"`{task.removesuffix('-v0')}`", *numbers, *cells))
     head = ("row", "task", "million shots", "processor time", "seeds", "success", *(f"`{name}`" for name in PLAYERS))
-    pot, usual = (found["rows"][name] for name in ("pot", "pot_mlp"))
+    pot, usual = found["pot"], found["pot_mlp"]
     first = np.mean([run["curve"][0][3] for run in runs(pot)])
     return {
-        "machine": machine_line(found["machine"]),
+        "machine": machine_line(runs(pot)[0]["machine"]),
         "table": table(head, lines, left=2),
         "solved": _solved(found, others),
         "summary": f"`make train` trains for {max(run['curve'][-1][1] for run in runs(pot)):.0f} s on one core. The "
@@ -177,10 +173,10 @@ def _solved(found: Result, others: Mapping[str, Mapping[str, float]]) -> str:
     best: dict[str, tuple[float, str]] = {}
     for _, task, result in policies(found):
         mean = float(np.mean(mean_rates(result, task)))
-        if result["config"]["policy"]["head"] == "gaussian":
+        if result["settings"].get("policy", {}).get("head") == "gaussian":
             usual[task] = f"{mean:.1%}"
         else:
-            text = f"{mean:.1%} ({result['config']['timesteps'] / 1e6:g} M)"
+            text = f"{mean:.1%} ({result['settings']['timesteps'] / 1e6:g} M)"
             best[task] = max(best.get(task, (0.0, "")), (mean, text))
     lines = []
     for task, known in others.items():
@@ -205,7 +201,7 @@ def draw(found: Result, path: Path) -> None:
     use_own_font()
     figure = Figure(figsize=(9, 4.6), dpi=110, layout="constrained")
     axes = figure.add_subplot()
-    for k, (name, result) in enumerate((name, row) for name, row in found["rows"].items() if row["runs"]):
+    for k, (name, result) in enumerate((name, row) for name, row in found.items() if row["runs"]):
         curves = np.array([[point[3] for point in run["curve"]] for run in runs(result)])
         steps = np.array([point[0] for point in runs(result)[0]["curve"]]) / 1e6
         style: dict[str, Any] = {"color": f"C{k % 10}", "linestyle": "-" if k < 10 else "--"}

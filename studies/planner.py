@@ -8,7 +8,7 @@
 * Straight pool, snooker, three-cushion: the points of one turn from random positions; straight pool over several racks.
 * One ball: `Billiards-v0` with its default arguments, one shot at one ball from a random layout, without english.
 * Levels: the levels of the planner, such as "planner:club", each at one ball and in matches against the level below it.
-  The noise is that of the levels.
+  The noise is the noise of the levels.
 
 Each player gets the size of the noise as an argument. The results are in `studies/results/planner.json`, written after
 each rack. The command continues after an interruption. A larger number of `--racks` adds racks. Players with a time
@@ -31,8 +31,8 @@ from tqdm import tqdm
 
 from benchmarks import machine_line, table, use_own_font
 from billiards_env.evaluation import measure as play_alone
-from billiards_env.files import write_json
-from billiards_env.games import RULES, GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
+from billiards_env.files import replacing, write_json
+from billiards_env.games import GAMES, GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
 from billiards_env.intervals import mean_interval, success_rate, wilson_interval
 from billiards_env.players.game_player import Player, find_player
 from billiards_env.players.levels import LEVELS, with_noise
@@ -54,14 +54,14 @@ OLYMPIAD = (0.125, 0.075)
 """The noise of the Computer Olympiad (Smith 2007, PickPocket: A computer billiards shark): degrees and m/s."""
 
 FIXED_BREAK = Stroke((4.825, 1.654), (-0.831, -0.532))
-"""A break from near a long cushion, chosen from 1,600 random breaks. On 60 racks that are not those of the study it was
+"""A break from near a long cushion, chosen from 1,600 random breaks. On 60 racks that the study does not use it was
 among the breaks that kept the turn most often."""
 
 PLANNER = "planner:100ms"
 """The player of the matches."""
 
 EQUAL_TIME = "search:24000"
-"""The search whose decisions in eight ball take the same processor time as those of `PLANNER`, see `times`."""
+"""The search whose decisions in eight ball take the same processor time as the decisions of `PLANNER`, see `times`."""
 
 LEAST = "planner:0.001ms"
 """A planner whose decisions take the least time."""
@@ -101,7 +101,7 @@ CELLS: tuple[Cell, ...] = (
     *(Cell("one ball", (0.0, 0.0), f"planner:{level}", 0.05) for level in LEVELS),
     *(Cell("levels", (0.0, 0.0), f"planner:{level}", 0.1) for level in list(LEVELS)[1:]),
 )
-"""The cells of the tables, those of most interest first."""
+"""The cells of the tables, the most interesting first."""
 
 
 def shoot(setup: Setup, game: GameState, player: Player, noise: tuple[float, float], rngs: Sequence[Any]) -> PlayedShot:
@@ -124,7 +124,7 @@ def run_out(
         `success`, `strokes`, `break` ("nine", "kept" or "lost"; a nine ball on the break wins), and `chances`: the
         probability of each shot after the break, as the planner expects it.
     """
-    setup = Setup(rules, Scene.named(scene, RULES[rules].n_object_balls[1]))
+    setup = Setup(rules, Scene.named(scene, GAMES[rules].n_object_balls[1]))
     game, rngs, strokes, after_break = opening(setup, rng), rng.spawn(2), 0, ""
     chances: list[float] = []
     chosen = find_player(player, setup, noise=noise)
@@ -136,10 +136,10 @@ def run_out(
         else:
             game = shoot(setup, game, chosen, noise, rngs).game
         strokes += 1
-        after_break = after_break or ("nine" if game.state.over else ("lost", "kept")[game.state.player == 0])
+        after_break = after_break or ("nine" if game.state.over else "kept" if game.state.player == 0 else "lost")
     broken = 0 if fixed_break else 1
     return {
-        "success": game.state.winner == 0,
+        "success": bool(game.state.winner == 0),
         "strokes": strokes,
         "break": after_break,
         "chances": [round(chance, 3) for chance in chances[broken:]],
@@ -173,7 +173,7 @@ def turn(
     chosen = _for_one_turn(player, noise, [])
     while not game.state.over and game.state.player == 0 and strokes < MAX_POINTS:
         game, strokes = shoot(setup, game, chosen, noise, rngs).game, strokes + 1
-    return {"points": game.state.scores[0], "strokes": strokes}
+    return {"points": int(game.state.scores[0]), "strokes": strokes}
 
 
 def match(opponent: str, noise: tuple[float, float], rng: np.random.Generator, player: str = PLANNER) -> dict[str, Any]:
@@ -185,7 +185,7 @@ def match(opponent: str, noise: tuple[float, float], rng: np.random.Generator, p
     game, rngs, strokes = opening(setup, rng), rng.spawn(2), 0
     while not game.state.over and strokes < MAX_SHOTS:
         game, strokes = shoot(setup, game, players[game.state.player], noise, rngs).game, strokes + 1
-    return {"success": game.state.over and (first + game.state.winner) % 2 == 0, "strokes": strokes}
+    return {"success": bool(game.state.over and (first + game.state.winner) % 2 == 0), "strokes": strokes}
 
 
 def level_match(player: str, noise: tuple[float, float], rng: np.random.Generator) -> dict[str, Any]:
@@ -395,7 +395,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     def work() -> dict[str, Any]:
         found = measure(args.output, args.racks)
         if args.picture:
-            draw(found).savefig(args.picture)
+            with replacing(args.picture) as temporary:
+                draw(found).savefig(temporary)
         return found
 
     report(work, blocks, args.output)

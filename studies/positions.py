@@ -26,7 +26,7 @@ from tqdm import tqdm
 
 from benchmarks import machine, machine_line, table
 from billiards_env.files import write_json
-from billiards_env.games import RULES, Call, GameState, Setup, Stroke, custom_opening, opening
+from billiards_env.games import GAMES, Call, GameState, Setup, Stroke, custom_opening, opening, to_dict
 from billiards_env.games.batch import play_batch
 from billiards_env.games.game import STATE_FIELDS
 from billiards_env.games.placement import cue_ball_point
@@ -51,7 +51,7 @@ SAMPLES, SEED = 1000, 40
 
 def setup_of(rules: str) -> Setup:
     """Returns the setup of the positions of a game."""
-    return Setup(rules, Scene.named("real_pool", RULES[rules].n_object_balls[1]))
+    return Setup(rules, Scene.named("real_pool", GAMES[rules].n_object_balls[1]))
 
 
 def make(path: Path) -> None:
@@ -77,8 +77,7 @@ def _positions(setup: Setup, seed: int) -> list[dict[str, Any]]:
         if game.state.over:
             break
         if not game.state.break_shot and rngs[2].random() < KEPT:
-            state = {name: getattr(game.state, name) for name in STATE_FIELDS}
-            state["on_table"] = sorted(state["on_table"])
+            state = {name: value for name, value in to_dict(game.state).items() if name in STATE_FIELDS}
             entry = {"rules": setup.rules, "seed": seed, "stroke": number}
             entry |= {"balls": game.positions.round(6).tolist(), "state": state}
             with contextlib.suppress(ValueError):  # rounded balls that touched may overlap
@@ -110,12 +109,12 @@ def success(setup: Setup, game: GameState, stroke: Stroke, samples: int, rng: np
     given: NDArray[np.float64] = np.repeat([[*stroke.velocity, *stroke.spin]], samples, axis=0)
     velocities, spins = add_noise(given[:, :2], given[:, 2:], drawn, MAX_SPEED)
     places = None
-    if game.state.in_hand != "no":
+    if game.state.in_hand:
         assert stroke.place is not None
         place = cue_ball_point(setup.scene, game.positions, game.state, stroke.place)
         places = np.repeat([place], samples, axis=0)
-    verdicts = play_batch(setup, game, velocities, spins, places).verdicts
-    return float((verdicts["continues"] | (verdicts["winner"] == game.state.player)).mean())
+    played = play_batch(setup, game, velocities, spins, places)
+    return float((played.verdicts["continues"] | (played.states["winner"] == game.state.player)).mean())
 
 
 def evaluate(entries: Sequence[Mapping[str, Any]], player: str, samples: int) -> dict[str, Any]:

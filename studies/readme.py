@@ -15,8 +15,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from billiards_env.commands import ending
 from billiards_env.files import write_whole
-from studies import errors_in_one_line, parser_of
+from studies import parser_of
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", ROOT / "paper" / "paper.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -50,18 +51,21 @@ SOURCES = {
 }
 """The commands whose results the pages show, by the name of the results."""
 
+GENERATED = {"games": "studies.games"}
+"""The modules of tables that need no measurement, by the name of the source."""
+
 _BEGIN, _END = re.compile(r"<!-- (\w+): (.+) -->"), "<!-- end -->"
 
 
 def results(source: str, root: Path = ROOT) -> Path:
-    """Returns the file of the results of a source, in the package of its command; `bench` reads that of "tasks"."""
+    """Returns the file of the results of a source, in the package of its command; `bench` reads the file of "tasks"."""
     package = "billiards_env" if source == "tasks" else SOURCES[source].partition(".")[0]
     return root / package / "results" / f"{source}.json"
 
 
 def blocks_of(source: str) -> Callable[[dict[str, Any]], dict[str, str]]:
     """Returns the function that makes the blocks of a source."""
-    return importlib.import_module(SOURCES[source].partition(" ")[0]).blocks
+    return importlib.import_module((SOURCES | GENERATED)[source].partition(" ")[0]).blocks
 
 
 def block(source: str, name: str, root: Path = ROOT) -> str:
@@ -70,12 +74,15 @@ def block(source: str, name: str, root: Path = ROOT) -> str:
     Raises:
         ValueError: If there is no such source or block.
     """
-    if source not in SOURCES:
-        raise ValueError(f"<!-- {source}: {name} -->: expected one of {', '.join(SOURCES)}")
-    path = results(source, root)
-    if not path.exists():
-        return f"*Not measured yet: `python -m {SOURCES[source]}`.*"
-    found = blocks_of(source)(json.loads(path.read_text(encoding="utf-8")))
+    if source not in SOURCES | GENERATED:
+        raise ValueError(f"<!-- {source}: {name} -->: expected one of {', '.join(SOURCES | GENERATED)}")
+    measured: dict[str, Any] = {}
+    if source in SOURCES:
+        path = results(source, root)
+        if not path.exists():
+            return f"*Not measured yet: `python -m {SOURCES[source]}`.*"
+        measured = json.loads(path.read_text(encoding="utf-8"))
+    found = blocks_of(source)(measured)
     if name not in found:
         raise ValueError(f"<!-- {source}: {name} -->: expected one of {', '.join(found)}")
     return found[name]
@@ -109,7 +116,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.readme --help`."""
     check = (False, "write nothing; exit 1 if a page is not up to date")
     args = parser_of("readme", "Write the measured tables into README.md and docs.", check=check).parse_args(arguments)
-    with errors_in_one_line():
+    with ending("the same command continues"):
         pages = {path: fill(path.read_text(encoding="utf-8")) for path in PAGES}
     old = [path for path, text in pages.items() if path.read_text(encoding="utf-8") != text]
     if args.check:

@@ -27,15 +27,15 @@ from tqdm import tqdm
 
 from benchmarks import machine, machine_line, table
 from billiards_env.files import write_json
-from billiards_env.games import RULES, GameState, Setup, custom_opening, opening, play
+from billiards_env.games import GAMES, GameState, Setup, custom_opening, opening, play
 from billiards_env.games.batch import PlayedBatch
-from billiards_env.games.judging import state_array
 from billiards_env.games.placement import cue_ball_area, cue_ball_point
+from billiards_env.games.referee import legal_balls
+from billiards_env.games.state import STATE, VERDICT, members, on_table
 from billiards_env.players import run_outs
 from billiards_env.players.levels import with_noise
 from billiards_env.players.planner import Options, plan
 from billiards_env.players.values import Values
-from billiards_env.rules import VERDICT, legal_balls
 from billiards_env.scene import Scene
 from studies import RESULTS, RUNS, load_weights, parser_of, report, save_weights
 from studies.planner import FIXED_BREAK, MAX_SPEED, OLYMPIAD
@@ -87,7 +87,7 @@ def play_rack(
     Returns:
         The inputs (k,) of the network for each position after the break, and whether its turn won the rack.
     """
-    setup = Setup(cell.rules, Scene.named(cell.scene, RULES[cell.rules].n_object_balls[1]))
+    setup = Setup(cell.rules, Scene.named(cell.scene, GAMES[cell.rules].n_object_balls[1]))
     deviations, english = (math.radians(cell.noise[0]), cell.noise[1]), cell.scene != "pool"
     game = play(setup, opening(setup, rng), with_noise(FIXED_BREAK, cell.noise, MAX_SPEED, rng)).game
     inputs, won = [], []
@@ -97,7 +97,7 @@ def play_rack(
         game, before = next_turn(setup, game, rng), len(inputs)
         while not game.state.over and game.state.player == 0 and len(inputs) - before < LONGEST:
             values = Values(setup, game, MAX_SPEED, deviations, True, english, weights)
-            here = PlayedBatch(game.positions[None], state_array([game.state]), np.zeros(1, VERDICT))
+            here = PlayedBatch(game.positions[None], np.array([game.state], STATE), np.zeros(1, VERDICT))
             inputs.append(
                 values.inputs(here, legal_balls(setup.rules, here.states, np.zeros(1, int)), np.ones(1, bool))[0]
             )
@@ -114,12 +114,12 @@ def next_turn(setup: Setup, game: GameState, rng: np.random.Generator) -> GameSt
     A cue ball in hand lies in a random place. If the groups are assigned, player 0 gets one at random.
     """
     state, positions = game.state, game.positions.copy()
-    if state.in_hand != "no":
+    if state.in_hand:
         x_low, x_high, y_low, y_high = cue_ball_area(setup.scene, state)
         x, y = rng.uniform((x_low, y_low), (x_high, y_high)).tolist()
         positions[0] = cue_ball_point(setup.scene, positions, state, (x, y))
-    solids = state.solids if state.solids < 0 else int(rng.integers(2))
-    return custom_opening(setup, positions, {"on_table": sorted(state.on_table), "solids": solids})
+    solids = int(state.solids) if state.solids < 0 else int(rng.integers(2))
+    return custom_opening(setup, positions, {"on_table": members(on_table(state)), "solids": solids})
 
 
 def play_part(cell: int, part: int, weights: run_outs.Weights | None, path: Path) -> None:
@@ -186,7 +186,8 @@ def fit(inputs: NDArray[np.float32], won: NDArray[np.bool_]) -> run_outs.Weights
 def losses(positions: Positions) -> list[dict[str, Any]]:
     """Returns for each cell the numbers of positions and of run-outs, and two mean logarithmic losses.
 
-    `network` is the loss in the cross-validation, and `share` that of a constant, the share of run-outs in the cell.
+    `network` is the loss in the cross-validation, and `share` the loss of a constant, the share of run-outs in the
+    cell.
     """
     found, fold = np.empty(len(positions.won)), positions.rack % FOLDS
     for k in range(FOLDS):

@@ -104,7 +104,7 @@ def learned(name: str) -> Learned | None:
         for entry in entries
         if entry["player"] not in PLAYERS and name in entry["scores"]
     ]
-    for row, result in json.loads((RESULTS / "learning.json").read_text(encoding="utf-8"))["rows"].items():
+    for row, result in json.loads((RESULTS / "learning.json").read_text(encoding="utf-8")).items():
         rates = [run["tasks"][name]["success_rate"] for run in result["runs"].values() if name in run["tasks"]]
         if rates:
             found.append(Learned(row, float(np.mean(rates)), "training.md"))

@@ -27,6 +27,7 @@ from tqdm import tqdm
 
 from agents.train import versions
 from benchmarks import IMAGES, machine
+from billiards_env.commands import ending
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json
@@ -34,7 +35,7 @@ from billiards_env.sb3.aim_network import AimNetwork
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
 from examples import ppo
-from studies import RESULTS, errors_in_one_line, load_weights, parser_of_runs, save_weights, timestep_report, workers
+from studies import RESULTS, load_weights, parser_of_runs, save_weights, timestep_report, workers
 from studies.timestep_report import GROUPS, blocks
 
 Floats = NDArray[np.float64]
@@ -387,7 +388,7 @@ def measure(where: Places, jobs: int, address: str | None, layouts: int) -> dict
 
 
 def is_result(found: Mapping[str, Any], run: Run) -> bool:
-    """Returns whether the results have those of a run with these settings."""
+    """Returns whether the results have a run with these settings."""
     result = found["runs"].get(run.name)
     return result is not None and all(result[key] == value for key, value in run._asdict().items())
 
@@ -398,7 +399,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = parser_of_runs("timestep", description)
     args = parser.parse_args(arguments)
     where = places(args.folder)
-    with errors_in_one_line():
+    with ending("the same command continues"):
         result = measure(where, args.jobs, args.address, LAYOUTS)
         timestep_report.draw(result, where.images)
     print("\n\n".join(blocks(result).values()))

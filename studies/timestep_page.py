@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.commands import ending
 from billiards_env.drawing import style
 from billiards_env.envs.actions import cue_strike
 from billiards_env.evaluation import evaluation_seeds
@@ -21,7 +22,7 @@ from billiards_env.files import check_path, write_whole
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate
 from examples import ppo
-from studies import errors_in_one_line, load_weights, parser_of
+from studies import load_weights, parser_of
 from studies.timestep import (
     LAYOUT_SEED,
     SEEDS,
@@ -102,7 +103,7 @@ def main(arguments: list[str] | None = None) -> None:
     page = (PAGE, "HTML file")
     parser = parser_of("timestep_page", "Write the page with the shots of the policies.", output=page)
     args = parser.parse_args(arguments)
-    with errors_in_one_line():
+    with ending("the same command continues"):
         write_whole(check_path(args.output, ".html"), make_page(places(None).policies).encode())
     print(f"in {args.output}")
 

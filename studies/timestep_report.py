@@ -1,6 +1,6 @@
 """Summarizes the timestep study: statistics over the seeds, tables and pictures.
 
-The statistics are those of Agarwal et al. (2021), Deep Reinforcement Learning at the Edge of the Statistical Precipice:
+The statistics follow Agarwal et al. (2021), Deep Reinforcement Learning at the Edge of the Statistical Precipice:
 interquartile means with 95% bootstrap intervals over the seeds, and probabilities of improvement.
 The layouts are the same for all policies.
 """

@@ -229,6 +229,36 @@ def test_the_command_plays_writes_and_verifies(tmp_path, capsys, monkeypatch):
     assert printed.count(f"{path}: accepted, me: 2") == 2
 
 
+def test_an_interrupted_command_resumes(tmp_path, capsys, monkeypatch):
+    """Each finished result is kept, whatever ends the command; the same command plays the others."""
+    path, part = tmp_path / "entry.json", tmp_path / "entry.json.part"
+    command = ["bench", "geometric", "--tasks", "Pot1Noise-v0, Pot3-v0", "--seed", "0", "5", "--out", str(path)]
+    find, played = bench.find_player, []
+
+    def interrupted(*given):
+        played.append(given)
+        if len(played) == 3:
+            raise KeyboardInterrupt
+        return find(*given)
+
+    monkeypatch.setattr(bench, "find_player", interrupted)
+    with pytest.raises(SystemExit, match="130"):
+        main(command)
+    assert len(bench.verify(part).results) == 2
+    with pytest.raises(SystemExit, match=r"entry\.json\.part holds results of another command"):
+        main([*command, "--noise-seed", "3"])
+    main(command)
+    assert len(played) == 5
+    assert path.read_text() == text()
+    assert os.listdir(tmp_path) == ["entry.json"]
+    with pytest.raises(SystemExit, match=r"--out = '.*entry\.json': expected a new file, --force replaces this one"):
+        main(command)
+    assert path.read_text() == text()
+    main(["bench", "random", "--tasks", "Pot1-v0", "--out", str(path), "--force"])
+    assert bench.load(path).player == "random"
+    assert "interrupted; with --out the same command resumes" in capsys.readouterr().err
+
+
 def test_a_pipe_is_refused_and_not_read(tmp_path):
     os.mkfifo(tmp_path / "pipe.json")  # a reader would wait for a writer
     with pytest.raises(SystemExit, match=r"pipe\.json': expected a file of a benchmark, but it is not a regular file"):

@@ -15,9 +15,9 @@ from billiards_env.checks import RANGES, Range, fits, integer, numbers, one_of, 
 from billiards_env.engine.pit import MAX_STEPS
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.envs.actions import aimed_strikes, perturb
-from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
+from billiards_env.envs.wrappers import ActionFrame, VectorActionFrame
 from billiards_env.games import GameState, Setup, Stroke, opening, play, records
-from billiards_env.games.batch import judge_batch
+from billiards_env.games.batch import play_batch
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.table import Pocket, Table
 from billiards_env.shots.simulation import simulate, simulate_batch
@@ -221,7 +221,7 @@ def new_game() -> tuple[Setup, GameState]:
 
 
 def shot(*start: Any, **arguments: Any) -> Any:
-    """Returns a function that simulates a shot; what is left out of the start is that of a usual shot."""
+    """Returns a function that simulates a shot; what is left out of the start is as in a usual shot."""
     return lambda: simulate(*start, *(POOL, PLACES, [1, 0])[len(start) :], **arguments)
 
 
@@ -236,7 +236,7 @@ def stroke(*arguments: Any) -> Any:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (shot("pool"), "scene = 'pool': expected a Scene, such as Scene.named"),
+        (shot("poool"), "scene = 'poool': expected one of 'pool', "),
         (lambda: simulate_batch(cast("Any", None), [PLACES], [[1, 0]]), "scene = None: expected a Scene"),
         (shot(POOL, "rack"), "positions = 'rack': expected finite numbers in an array"),
         (shot(POOL, [[0, 0], [1]]), "positions = [[0, 0], [1]]: expected finite numbers"),
@@ -255,8 +255,6 @@ def stroke(*arguments: Any) -> Any:
         (lambda: begun("Billiards-v0", vector=True).step([COMPLEX] * 2), "actions = [array([0.5+1.j, 0. +0.j]), array"),
         (lambda: ActionFrame(begun("Billiards-v0"), "cut").step(COMPLEX), "action = array("),
         (lambda: VectorActionFrame(begun("Billiards-v0", vector=True), "cut").step([COMPLEX] * 2), "actions = [array("),
-        (lambda: ExecutionNoise(begun("Billiards-v0")).step(COMPLEX), "action = array("),
-        (lambda: VectorExecutionNoise(begun("Billiards-v0", vector=True)).step([COMPLEX] * 2), "action = [array("),
         (lambda: begun("Billiards-v0", action="strike").step(np.zeros(5, complex)), "action = array("),
         (shot(POOL, PLACES, COMPLEX), "velocities = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
         (shot(POOL, np.add(PLACES, 0j)), "positions = array("),
@@ -269,7 +267,7 @@ def stroke(*arguments: Any) -> Any:
         (lambda: strike(POOL, np.float64(2e3), 0.0), "speed = 2000.0: expected numbers from "),
         (lambda: aimed_strikes(POOL, [COMPLEX], [[0, 0]]), "actions = [array("),
         (lambda: perturb([0, 0], COMPLEX), "noise = array("),
-        (lambda: judge_batch(*new_game(), [COMPLEX]), "velocities = [array("),
+        (lambda: play_batch(*new_game(), [COMPLEX]), "velocities = [array("),
         (stroke((ONE, 0.0), (-0.8, 0.0)), "stroke.velocity[0] = (1+0j): expected a number"),
         (stroke((0.0, 1e200), (-0.8, 0.0)), "stroke.velocity[1] = 1e+200: expected a number from -1000 to 1000 m/s"),
         (stroke((1.0, 0.0), (math.nan, 0.0)), "stroke.place[0] = nan: expected a number from -1e+06 to 1e+06 m"),

@@ -1,3 +1,4 @@
+import errno
 import os
 import stat
 import sys
@@ -5,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from billiards_env.files import read_text, replacing, write_json, write_whole
+from billiards_env.files import check_path, read_text, replacing, write_json, write_whole
 
 
 def test_a_file_is_replaced_completely_or_not_at_all(tmp_path):
@@ -108,3 +109,46 @@ def test_file_permissions_follow_the_umask(tmp_path, mask):
     finally:
         os.umask(before)
     assert stat.S_IMODE((tmp_path / "file").stat().st_mode) == 0o666 & ~mask
+
+
+def test_a_link_is_followed_and_stays(tmp_path):
+    """It was once replaced by a file, and the file at its end kept the old content."""
+    (tmp_path / "folder").mkdir()
+    end, link, new = tmp_path / "folder" / "end.json", tmp_path / "link.json", tmp_path / "new.json"
+    end.write_text("old")
+    end.chmod(0o600)
+    link.symlink_to(end)
+    new.symlink_to(tmp_path / "folder" / "other.json")
+    for path in (link, new):
+        write_json(path, 1)
+        assert path.is_symlink()
+        assert path.resolve().read_text() == "1\n"
+    assert stat.S_IMODE(end.stat().st_mode) == 0o600
+    assert sorted(os.listdir(tmp_path / "folder")) == ["end.json", "other.json"]
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to(path)], ids=["pipe", "loop"])
+def test_what_is_no_regular_file_is_refused_and_stays(make, tmp_path):
+    """As root, writing to /dev/full once replaced the device by a file."""
+    path = tmp_path / "there.json"
+    make(path)
+    before = path.lstat()
+    for write in (check_path, lambda path: write_json(path, 1)):
+        with pytest.raises(OSError, match=rf"(expected a regular file, this is a device|symbolic links: '{path}')"):
+            write(path)
+    assert path.lstat() == before
+
+
+def test_a_read_only_place_is_refused_before_the_work(tmp_path, monkeypatch):
+    path = tmp_path / "file.json"
+    path.write_text("old")
+    for closed, message in ((path, "a file that can be written, it is read-only"), (tmp_path, "is read-only")):
+        monkeypatch.setattr(os, "access", lambda place, mode, closed=closed: place != closed)
+        with pytest.raises(PermissionError, match=message):
+            check_path(path, ".json")
+
+
+def test_an_error_of_a_full_disk_names_the_file(tmp_path):
+    with pytest.raises(OSError, match=rf"No space left on device: '{tmp_path}/file'"), replacing(tmp_path / "file"):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    assert os.listdir(tmp_path) == []

@@ -116,6 +116,19 @@ def test_an_incomplete_environment_or_another_python_rebuilds_it(make, tmp_path,
 
 
 @needs_make
+def test_a_link_to_another_environment_is_replaced_and_its_target_kept(make, tmp_path):
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "kept").touch()
+    (tmp_path / ".venv").symlink_to(other)
+    (tmp_path / "python3").write_text(f'#!/bin/sh\n[ $1 = -c ] && exec {sys.executable} "$@"\ntouch .venv\n')
+    (tmp_path / "python3").chmod(0o755)
+    make("format")
+    assert not (tmp_path / ".venv").is_symlink()
+    assert [path.name for path in other.iterdir()] == ["kept"]
+
+
+@needs_make
 def test_clean_removes_what_make_builds_and_keeps_trained_runs(make, tmp_path):
     built, kept = (".venv", "build", "site", "tests/__pycache__"), ("runs/pot", "tests")
     for name in (*built, *kept):

@@ -1,6 +1,7 @@
 import importlib.util
 import json
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -8,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from billiards_env import Scene
+from billiards_env import Scene, simulate
 from billiards_env.__main__ import main
 from billiards_env.engine.compile import MODES
 from billiards_env.engine.overlaps import FIXES
@@ -157,6 +158,67 @@ def test_cache_shows_and_clears_the_compiled_code(capsys, monkeypatch, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["kernels-of-others"]
 
 
+def test_simulate_prints_the_positions_and_the_events_and_writes_the_motion(capsys, tmp_path):
+    path = tmp_path / "shot.csv"
+    printed = lines(capsys, *SHOT, "--out", str(path))
+    assert printed[printed.index("final positions, m") + 1].startswith("  ball 0  (")
+    assert printed[printed.index("final positions, m") + 2] == "  ball 1  potted"
+    assert re.fullmatch(r"   0\.802\d{3} s  ball 0 hits ball 1", next(line for line in printed if "hits ball" in line))
+    shot = simulate("pool", [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45], record=True)
+    rows = np.loadtxt(path, delimiter=",", skiprows=1)
+    assert path.read_text().splitlines()[0] == "time,ball,x,y,vx,vy,wx,wy,wz"
+    assert (rows[0] == [0, 0, -0.635, 0.0, 2.0, 0.45, 0, 0, 0]).all()
+    assert (rows[-2] == [shot.time, 0, *shot.positions[0], 0, 0, 0, 0, 0]).all()
+
+
+def test_a_scene_can_be_a_file(capsys, tmp_path):
+    """Also the report of a calibration and a saved shot, which hold a scene."""
+    scene, report = tmp_path / "scene.json", tmp_path / "report.json"
+    data = {"base": "pool", "physics": {"mu_roll": 0.02}}
+    scene.write_text(json.dumps(data))
+    report.write_text(json.dumps({"values": {}, "scene": Scene.from_dict(data).to_dict()}))
+    first, *_ = lines(capsys, *SHOT)
+    assert lines(capsys, *SHOT, "--scene", str(scene)) == lines(capsys, *SHOT, "--scene", str(report))
+    assert lines(capsys, *SHOT, "--scene", str(scene))[0] != first
+    lines(capsys, "evaluate", "random", "--beside", "--episodes", "2", "--scene", str(scene))
+    with pytest.raises(SystemExit, match="expected no number, the file lists the balls"):
+        main(["simulate", "--scene", str(scene), "--balls", "3"])
+
+
+def test_a_wrong_player_is_an_error_before_the_first_one_plays(capsys):
+    with pytest.raises(SystemExit, match="player = 'serch:9': expected one of"):
+        main(["evaluate", "random", "--beside", "serch:9", "--episodes", "1"])
+    assert capsys.readouterr().out == ""
+
+
+def test_ctrl_c_is_one_line(capsys, monkeypatch):
+    def interrupt():
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("platform.platform", interrupt)
+    with pytest.raises(SystemExit, match="130"):
+        main(["version"])
+    assert capsys.readouterr().err == "\ninterrupted\n"
+
+
+def test_a_closed_pipe_is_silent():
+    command = [sys.executable, "-m", "billiards_env", "version"]
+    done = subprocess.run(
+        f"{shlex.join(command)} | true; exit ${{PIPESTATUS[0]}}",
+        shell=True,
+        executable="/bin/bash",
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_cache_compiles_what_is_named(capsys):
+    pool, derivatives, *_ = lines(capsys, "cache", "pool", "derivatives")
+    assert re.fullmatch(r"pool: \d+\.\d s", pool)
+    assert re.fullmatch(r"derivatives: \d+\.\d s", derivatives)
+
+
 PIT = "simulate --mode pit"
 
 
@@ -171,7 +233,14 @@ PIT = "simulate --mode pit"
         ("simulate --velocity 2 fast", "velocities = [2.0, 'fast']: expected finite numbers in an array"),
         ("simulate --side 0.3", "--side without --speed: expected the speed of the cue"),
         ("simulate --speed 2 --spin 0 0 9", "--speed with --velocity or --spin: expected the motion"),
-        ("simulate --speed 2 --heading east", "heading = 'east': expected finite numbers in an array"),
+        ("simulate --speed 2 --heading east", "--heading = 'east': expected a number, not str"),
+        ("simulate --speed 2 --heading 900", "--heading = 900.0: expected a number from -360 to 360 degrees"),
+        ("simulate --speed 2 --elevation 100", "--elevation = 100.0: expected a number from 0 to 90 degrees"),
+        ("simulate --positions nan 0 0 0", "--positions = ['nan', 0.0, 0.0, 0.0]: expected finite numbers in an array"),
+        ("simulate --timesteps 1/60", "--timesteps without a page: expected also --out with a name that ends in .html"),
+        ("cache pol", "part = 'pol': expected one of 'pool', "),
+        ("simulate --scene no.json", "path = 'no.json': expected a file of a scene, but it does not exist"),
+        ("evaluate __main__ --beside", "player = '__main__': expected one of"),
         ("simulate --scene pol", "scene = 'pol': expected one of 'pool', "),
         ("simulate --layout rak", "layout = 'rak': expected one of 'random', "),
         ("simulate --seed -3", "--seed = -3: expected a whole number >= 0"),

@@ -1,6 +1,6 @@
 """The command `python -m agents.rllib`; see `agents.rllib`.
 
-The folder of a run is that of `agents.train`, but its checkpoints are those of RLlib. The same command resumes an
+The folder of a run is as in `agents.train`, but RLlib writes the checkpoints. The same command resumes an
 interrupted run from its newest checkpoint. It ends with the same weights as an uninterrupted one, because the seed and
 the number of steps determine all random numbers after a checkpoint. Only the failure of a runner changes the weights.
 """
@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import os
 import shutil
-import sys
 import time
 from collections import deque
 from contextlib import closing
@@ -24,6 +23,7 @@ from agents.ppo import make_policy
 from agents.rllib.rollouts import as_tensors
 from agents.train import LearningCurve, locked, newest_checkpoint, one_fast_thread, open_run
 from billiards_env.checks import number
+from billiards_env.commands import ending
 from billiards_env.sb3.weights import save_policy
 
 
@@ -84,12 +84,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--address", help='address of a Ray cluster, e.g. "auto" (default: this machine only)')
     parser.add_argument("--run-dir", type=Path, help="folder of the run (default: runs/rllib/NAME)")
     parser.add_argument("--runners", type=int, default=2, help="number of processes that play (default: %(default)s)")
-    parser.add_argument("--seed", type=number, help="default: that of the config")
-    parser.add_argument("--timesteps", type=number, help="number of shots (default: that of the config)")
+    parser.add_argument("--seed", type=number, help="default: the seed in the config")
+    parser.add_argument("--timesteps", type=number, help="number of shots (default: as in the config)")
     parser.add_argument("--fresh", action="store_true", help="delete the run in the folder and start again")
     args = parser.parse_args(arguments)
     run_dir = args.run_dir or Path("runs") / "rllib" / Path(args.config).stem
-    try:
+    with ending("the same command resumes from the newest checkpoint"):
         from agents.rllib.algorithm import algorithm_config as check  # imports Ray
 
         changes = {name: value for name in ("seed", "timesteps") if (value := getattr(args, name)) is not None}
@@ -98,11 +98,6 @@ def main(arguments: list[str] | None = None) -> None:
         check(config, args.runners)
         open_run(config, run_dir, args.fresh)
         train(config, run_dir, args.runners)
-    except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:
-        sys.exit(f"error: {error}")
-    except KeyboardInterrupt:
-        print("\ninterrupted; the same command resumes from the newest checkpoint", file=sys.stderr)
-        sys.exit(130)
     print(f"Next: python -m agents.evaluate {run_dir}")
 
 

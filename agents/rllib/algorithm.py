@@ -31,7 +31,7 @@ _STEPS = (ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME)
 
 
 class AimModule(TorchRLModule, ValueFunctionAPI):
-    """`AimPolicy` as an RLModule. Its weights are those of the policy, with the prefix "policy."."""
+    """`AimPolicy` as an RLModule. Its weights are the weights of the policy, with the prefix "policy."."""
 
     policy: AimPolicy
 
@@ -90,7 +90,7 @@ class ArrayRunner(EnvRunner, Checkpointable):
             self.make_env()
 
     def make_module(self) -> None:
-        """Does nothing: the policy is that of `Rollouts`."""
+        """Does nothing: `Rollouts` has the policy."""
 
     def make_env(self) -> None:
         """Makes the environments of this runner."""

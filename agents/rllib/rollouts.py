@@ -62,5 +62,5 @@ class Rollouts:
 
 
 def as_tensors(weights: dict[str, NDArray[Any]]) -> dict[str, Tensor]:
-    """Returns the weights of the policy in those of its RLModule."""
+    """Returns the weights of the policy from the weights of its RLModule."""
     return {name.removeprefix("policy."): torch.tensor(array) for name, array in weights.items()}

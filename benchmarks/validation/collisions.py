@@ -26,7 +26,7 @@ INSTANT = 1e-9  # s; the least duration of a shot, far too short for the cloth t
 SPEEDS = {"slow": 0.447, "medium": 1.341, "fast": 3.129}
 """m/s: 1, 3 and 7 miles per hour, the speeds of TP A.14."""
 
-# No ball reaches a cushion. With this table and these cushions the scenes need no engine but those of "real_pool".
+# No ball reaches a cushion. With this table and these cushions the scenes need only the engines of "real_pool".
 TABLE = Table.named("pool_9ft")
 FRICTIONAL = Physics(ball_ball="frictional", cushion="stronge")
 ELASTIC = dataclasses.replace(FRICTIONAL, e_ball=1.0)
@@ -75,7 +75,7 @@ SNOOKER_RADIUS = _SNOOKER.balls.radius[0]
 SNOOKER_PHYSICS = dataclasses.replace(
     FRICTIONAL, **{name: getattr(_SNOOKER.physics, name) for name in ("mu_ball", "e_ball", "mu_slide")}
 )
-"""The balls of the scene "snooker", whose constants are those of Mathavan, Jackson and Parkin."""
+"""The balls of the scene "snooker", with the constants of Mathavan, Jackson and Parkin."""
 
 DOMENECH_SPEED, DOMENECH_FRICTION = 0.80, 0.125
 DOMENECH_THROW = (
@@ -148,7 +148,7 @@ class Frozen(NamedTuple):
 
     Attributes:
         directions: Directions of the cue ball from the line of centres, one for each of `FROZEN`.
-        ratio: Speed of the cue ball over that of the object ball, if the stroke is along the line of centres.
+        ratio: Speed of the cue ball over the speed of the object ball, if the stroke is along the line of centres.
     """
 
     directions: list[float]

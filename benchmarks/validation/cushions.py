@@ -59,7 +59,8 @@ BANK_LAWS = {
 
 # Impacts
 
-# Two more balls are out of play, so the engines are those of "carom", "real_carom", "real_pool" and "snooker".
+# Two more balls are out of play, so these scenes need only the engines of "carom", "real_carom", "real_pool" and
+# "snooker".
 IN_PLAY = (True, False, False)
 
 
@@ -90,7 +91,7 @@ def long_table(physics: Physics) -> Table:
 def bank(physics: Physics, start: ArrayLike, aim: ArrayLike, speed: float) -> Floats:
     """Returns the diamonds at which banked balls return to the first cushion.
 
-    The paths are those of the centres of balls without spin at the far cushion. A ball whose centre comes from the
+    The paths are the paths of the centres of balls without spin at the far cushion. A ball whose centre comes from the
     diamond `start` (m,) on the line of contacts meets the far cushion at the diamond `aim` (m,), at `speed`, m/s.
     """
     start, aim = np.ravel(start), np.ravel(aim)

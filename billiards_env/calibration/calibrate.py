@@ -42,8 +42,11 @@ from billiards_env.files import read_text, write_json
 from billiards_env.scene import CUSHIONS, Scene, check_scene
 from billiards_env.shots.gradients import physics_inputs
 
-FREE = ("mu_slide", "mu_roll", "spin_decay", "e_ball", "e_cushion", "mu_cushion", "mu_ball_factor")
-"""The numbers that `calibrate` fits by default, if they enter the laws of the scene."""
+FREE = (
+    *("mu_slide", "mu_roll", "spin_decay", "e_ball", "e_cushion", "mu_cushion", "mu_ball_factor"),
+    *("e_cushion_loss", "mu_cushion_angle", "e_cushion_topspin"),
+)
+"""The numbers that `calibrate` fits by default, if they are not 0 and enter the laws of the scene."""
 
 FRICTION_CUSHIONS = tuple(name for name in CUSHIONS if name != "restitution")
 """The laws of cushions that `laws` of `calibrate` may name."""
@@ -140,9 +143,10 @@ def calibrate(
 def _check_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
     known = tuple(physics_inputs(scene.physics))
     if free is None:
-        rolls, rubs = scene.physics.motion == "rolling", scene.physics.ball_ball == "frictional"
-        matter = {"mu_roll", "e_ball", "e_cushion"} if rolls else set(FREE) - (set() if rubs else {"mu_ball_factor"})
-        return tuple(name for name in FREE if name in matter)
+        physics = scene.physics
+        matter = set(FREE) if physics.motion == "sliding" else {"mu_roll", "e_ball", "e_cushion"}
+        matter -= {"mu_ball_factor"} if physics.ball_ball == "frictionless" else set()
+        return tuple(name for name in FREE if name in matter and getattr(physics, name) > 0.0)
     names = (free,) if isinstance(free, str) else tuple(free)
     if not names or len(set(names)) < len(names):
         raise ValueError(f"free = {list(names)}: expected names of numbers, each once")

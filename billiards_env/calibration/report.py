@@ -20,7 +20,7 @@ from billiards_env.calibration.shared import bounds_of, half_widths
 from billiards_env.calibration.tracks import Track
 from billiards_env.checks import RANGES, finite, one_of
 from billiards_env.files import check_path, replacing, write_json
-from billiards_env.scene import PHYSICS_RANGES, Scene
+from billiards_env.scene import PARAMETERS, Scene
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import simulate
 
@@ -162,7 +162,7 @@ class Calibration:
         """Returns the report."""
         rows = [("number", "start", "fitted", "95% interval", "unit")]
         for name, start in self.start.items():
-            unit, fitted, interval = RANGES[PHYSICS_RANGES[name]].unit, "-", self.kept.get(name, "-")
+            unit, fitted, interval = RANGES[PARAMETERS[name].within].unit, "-", self.kept.get(name, "-")
             if name in self.values:
                 fitted, (low, high) = f"{self.values[name]:.5g}", self.intervals[name]
                 interval = f"{low:.5g} to {high:.5g}"

@@ -16,7 +16,7 @@ from billiards_env.calibration.rows import Floats, Rows
 from billiards_env.calibration.starts import Residuals, allowed, column_sizes, errors, evaluate, settle
 from billiards_env.checks import RANGES
 from billiards_env.intervals import t_quantile
-from billiards_env.scene import PHYSICS_RANGES, Scene
+from billiards_env.scene import PARAMETERS, Scene
 
 _STEPS, _FOLLOW = 25, 4  # most steps of a fit, and steps of the starts in each
 _CONVERGED, _JUMP = 1e-6, 5.0  # relative change of the loss, and the most that one shot counts
@@ -79,7 +79,7 @@ def with_numbers(scene: Scene, names: Sequence[str], values: Floats) -> Scene:
 
 def bounds_of(names: Sequence[str]) -> Floats:
     """Returns the least and the largest values of numbers, (2, s)."""
-    return np.array([RANGES[PHYSICS_RANGES[name]][:2] for name in names], np.float64).T
+    return np.array([RANGES[PARAMETERS[name].within][:2] for name in names], np.float64).T
 
 
 def fit_shared(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -48,7 +49,8 @@ def write_gif(
         return frames(recording, 100 / hundredths, width, compare)[1]
 
     *_, last = draw()  # the last frame has the most colours
-    # An octree keeps the colours of the balls, which have few pixels. The default method prefers those of the cloth.
+    # An octree keeps the colours of the balls, which have few pixels. The default method prefers the colours of the
+    # cloth.
     palette = Image.fromarray(last).quantize(255, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     indexed = (Image.fromarray(image).quantize(palette=palette, dither=Image.Dither.NONE) for image in draw())
     with replacing(target) as temporary:
@@ -87,7 +89,22 @@ def mp4_writer(target: Path, size: tuple[int, int], fps: float) -> Iterator[Call
         options["output_params"] = ["-movflags", "+faststart"]
         writer = imageio_ffmpeg.write_frames(str(temporary), size, **options)
         writer.send(None)
+        failure = OSError(errno.EIO, "the encoder of the film failed, the disk may be full", str(target))
+        written = 0
+
+        def write(frame: Frame) -> None:
+            nonlocal written
+            try:
+                writer.send(np.ascontiguousarray(frame))
+            except OSError:
+                raise failure from None
+            written += 1
+
         try:
-            yield lambda frame: writer.send(np.ascontiguousarray(frame))
+            yield write
         finally:
-            writer.close()
+            writer.close()  # reports no error of the encoder
+        with contextlib.suppress(RuntimeError):  # the file is no film
+            if imageio_ffmpeg.count_frames_and_secs(str(temporary))[0] == written:
+                return
+        raise failure

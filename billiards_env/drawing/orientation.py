@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.drawing.recording import Recording
-from billiards_env.physics.motion import SLIP_RATE
+from billiards_env.physics.laws.cloth import SLIP_RATE
 from billiards_env.physics.state import AX, AY, LASTS, POTTED, SLIDING, UX, UY, VX, VY, WZ
 
 Floats = NDArray[np.float64]

@@ -59,7 +59,7 @@ def make_page(recording: Recording, compare: Sequence[Recording] = (), title: st
 
     The browser computes the positions and the orientations at any time from the pieces of the trajectories and the
     steps of the turning. A run of `compare` is drawn as rings; a slider chooses it from several. The title is by
-    default the engine with the number of events and the duration. All inserted text is escaped.
+    default the engine with the number of contacts and the duration. All inserted text is escaped.
 
     Raises:
         ValueError: If one of `compare` has other balls or another table.
@@ -68,7 +68,9 @@ def make_page(recording: Recording, compare: Sequence[Recording] = (), title: st
     for run in compare:
         check_pair(recording, run)
     if title is None:
-        title = f"{_name(recording)}: {len(recording.events)} events, shot lasts {recording.time:.2f} s"
+        listed = ("ball_ball", "cushion", "pocket")  # the events that the list begins with
+        contacts = int(np.isin(recording.events["kind"], listed).sum())
+        title = f"{_name(recording)}: {contacts} contact{'s' * (contacts != 1)} in {recording.time:.2f} s"
         title = title[0].upper() + title[1:]
     scene, view = recording.scene, _view(recording.scene.table)
     tray, looks = style.tray(scene.n_balls, *view[::2]), style.looks(scene)

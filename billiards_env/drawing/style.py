@@ -264,7 +264,7 @@ def _fall(table: Table, pocket: Pocket, line: NDArray[np.float64] | None) -> NDA
 
 
 def _inset(points: NDArray[np.float64], distance: float) -> NDArray[np.float64]:
-    """Returns a clockwise polygon (m, 2) with its sides moved inwards; those of other polygons move outwards."""
+    """Returns a clockwise polygon (m, 2) with its sides moved inwards; the sides of other polygons move outwards."""
     ways = np.roll(points, -1, axis=0) - points
     after = np.column_stack((ways[:, 1], -ways[:, 0])) / np.hypot(*ways.T)[:, None]
     before = np.roll(after, 1, axis=0)

@@ -78,15 +78,15 @@ def empty_queue(scene, paths):
     """
     n = len(scene.radius)
     queue = Queue(
-        empty_singles(n),
-        np.empty((n, n)),
-        np.empty((n, n)),
-        np.empty(n),
-        np.empty(n),
-        np.empty(n, np.int64),
-        paths,
-        np.empty(_lanes(n), np.bool_),
-        np.empty(n, np.bool_),
+        singles=empty_singles(n),
+        hi=np.empty((n, n)),
+        lo=np.empty((n, n)),
+        nearest_hi=np.empty(n),
+        nearest_lo=np.empty(n),
+        nearest=np.empty(n, np.int64),
+        paths=paths,
+        apart=np.empty(_lanes(n), np.bool_),
+        changed=np.empty(n, np.bool_),
     )
     for i in range(n):  # `np.zeros` would be another function to compile
         queue.changed[i] = False

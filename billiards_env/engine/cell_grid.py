@@ -35,7 +35,7 @@ from billiards_env.engine.predictions import (
 from billiards_env.engine.runner import LOOK_AFTER
 from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.jit.interrupt import interrupted
-from billiards_env.physics.contact import line_time
+from billiards_env.physics.geometry.contact import line_time
 from billiards_env.physics.motion import motion_after
 from billiards_env.physics.state import AX, AY, LASTS, Time, X, Y, before, moves, own_time, same, since
 
@@ -130,27 +130,27 @@ def empty_queue(scene):
     """Returns the `Queue` for the balls of a scene."""
     n, (head, after) = len(scene.radius), empty_cells(scene)
     return Queue(
-        empty_singles(n),
-        np.empty(n),
-        _ints(n),
-        np.empty(n),
-        np.empty(n),
-        _ints(n),
-        _ints(n),
-        _ints(n),
-        np.empty(n),
-        np.empty(n),
-        _ints(n),
-        _ints(n),
-        _ints(n),
-        _ints(n),
-        _ints(n),
-        head,
-        after,
-        _ints(n),
-        _ints(n),
-        np.empty(most_contacts(scene)),
-        np.empty(most_contacts(scene)),
+        singles=empty_singles(n),
+        crossing=np.empty(n),
+        direction=_ints(n),
+        meeting_hi=np.empty(n),
+        meeting_lo=np.empty(n),
+        partner=_ints(n),
+        partner_version=_ints(n),
+        version=_ints(n),
+        hi=np.empty(n),
+        lo=np.empty(n),
+        rank=_ints(n),
+        heap=_ints(n),
+        slot=_ints(n),
+        column=_ints(n),
+        row=_ints(n),
+        head=head,
+        next=after,
+        previous=_ints(n),
+        found=_ints(n),
+        pair_hi=np.empty(most_contacts(scene)),
+        pair_lo=np.empty(most_contacts(scene)),
     )
 
 

@@ -16,9 +16,9 @@ from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.physics.cushion import CUSHIONS, LAWS
+from billiards_env.physics.geometry.walls import outline_arrays
 from billiards_env.physics.state import IDEAL, NUMBERS, ROLLING_ONLY, SLIDING_AND_ROLLING, Numbers, SceneArrays
-from billiards_env.physics.walls import outline_arrays
-from billiards_env.scene import Physics, Scene, ball_friction
+from billiards_env.scene import Physics, Scene, law_numbers
 
 MODES = {"pic": pic.run_shots, "pit": pit.run_shots}
 """The function that runs shots for each mode. For at most two and for many balls `run_shots_of` returns other functions
@@ -196,28 +196,21 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
     return (np.array([numbers], NUMBERS), *arrays[1:])
 
 
-def _numbers(scene: Scene, engine: Engine, varied: Varied) -> Numbers:
+def _numbers(scene: Scene, engine: Engine, varied: Varied) -> Any:
     """Returns the `Numbers` of a scene and an engine. Those that depend on what varies are arrays (m,)."""
     p = physics_of_shots(scene.physics, varied)
     motion, table = MOTIONS[p.motion], scene.table
-    mu_limit, mu_drop, mu_rate = ball_friction(p)
-    slide, roll = p.mu_slide * p.g, p.mu_roll * p.g
-    same = {name: getattr(p, name) for name in Numbers._fields if hasattr(p, name)}
+    known = law_numbers(p, table.cushion_height)
     return Numbers(
-        **same | {"motion": motion, "dt": varied.get("dt", engine.dt or 0.0)},
-        slide=slide,
-        roll=roll,
-        mu_limit=mu_limit,
-        mu_drop=mu_drop,
-        mu_rate=mu_rate,
+        **known,
+        motion=motion,
         cushion_rubs=CUSHIONS[p.cushion].rubs,
         cushion_work=CUSHIONS[p.cushion].work,
-        mu_cloth=p.mu_slide,
         half_length=table.length / 2,
         half_width=table.width / 2,
-        cushion_height=table.cushion_height,
         tau=CONTACT_TIME,
-        weak_speed=weak_speed(motion, slide, roll),
+        weak_speed=weak_speed(motion, known["slide"], known["roll"]),
         longest_run=longest_run(scene.balls.mass),
+        dt=varied.get("dt", engine.dt or 0.0),
         fix=FIXES.index(engine.fix or FIXES[0]),
     )

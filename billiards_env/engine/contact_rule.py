@@ -40,9 +40,10 @@ import numpy as np
 from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.ball_ball import change_velocity, exchange, exchange_pair
 from billiards_env.physics.cushion import reflect, reflect_both
-from billiards_env.physics.motion import largest_friction, launch, norm
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.walls import wall_pressing
+from billiards_env.physics.laws.cloth import largest_friction, launch
 from billiards_env.physics.state import AX, AY, IDEAL, UX, UY, VX, VY, X, Y
-from billiards_env.physics.walls import wall_pressing
 
 CONTACT_TIME = 2e-4
 """s. tau; it is 200 to 300 microseconds for billiard balls (Marlow 1995)."""

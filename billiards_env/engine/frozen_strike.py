@@ -4,7 +4,7 @@ The tip pushes for about a millisecond, longer than an impact of two balls lasts
 2014). So the balls accelerate together while it pushes, as high-speed video shows (Shepard 2003, note on frozen balls):
 
 * The impact is plastic, with the friction of the scene. Chains and racks of touching balls are one problem, see
-  `physics.clusters`. Measured directions: Alciatore, TP A.15.
+  `physics.clusters.impulses`. Measured directions: Alciatore, TP A.15.
 * The tip pushes a larger mass. An impulse of the tip that gives the free ball the energy m V^2 (1 + k) / 2 gives these
   balls the energy m V^2 (push + k) / 2. `strike.impulse_gain` computes the impulse from this energy. Friction and
   the direction of the balls are those at the speed of the free ball. The cue counts as level.
@@ -21,9 +21,9 @@ from billiards_env.engine.shots import Starts, load_balls, store
 from billiards_env.jit import allocating_entry_point, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange
-from billiards_env.physics.clusters import empty_contacts, empty_scratch
-from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.motion import norm
+from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.state import CUE_BALL, UX, UY, VX, VY, WZ, SceneArrays, X, Y, empty_state
 from billiards_env.physics.strike import CueNumbers, cue_numbers, impulse_gain
 from billiards_env.scene import CONTACT_GAP, Scene

@@ -6,7 +6,7 @@ the end by the transposes in reverse order (vectors times the Jacobian). Both us
 changes themselves forwards, and unit vectors backwards. Memory is linear in the number of events.
 
 The inputs of a shot are a row of numbers: (x, y, vx, vy, wx, wy, wz, radius, inverse mass) of each ball, then the
-numbers of the scene in the order of the columns of `physics.lanes`. The outputs are (x, y, vx, vy, wx, wy, wz) of
+numbers of the scene in the order of `physics.state.LAW_NUMBERS`. The outputs are (x, y, vx, vy, wx, wy, wz) of
 each ball at a time, and (time, x, y) of each event.
 """
 
@@ -23,38 +23,15 @@ from billiards_env.engine.log import (
     BALL_POCKET,
     KIND,
     OTHER,
-    ROLLING_REST,
     SEGMENT_PHASE,
     SEGMENT_ROW,
-    SLIDING_ROLLING,
     TIME,
     TIME_LO,
 )
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
-from billiards_env.physics.cushion import CushionMotion, hit
+from billiards_env.physics.cushion import bounce
 from billiards_env.physics.derivatives import (
-    Jump,
-    apply_push,
-    end_lane,
-    flight_lane,
-    flight_of,
-    fly,
-    impact_of,
-    pair_lane,
-    pocket_lane,
-    push_of,
-    rates_of,
-    rates_on,
-    roll_end_lane,
-    settle_lane,
-    slide_end_lane,
-    spin_end_lane,
-    start_lane,
-    wall_at,
-    wall_lane,
-)
-from billiards_env.physics.lanes import (
     BALL_WIDTH,
     CUSHION_NUMBERS,
     D_INV_MASS,
@@ -62,18 +39,34 @@ from billiards_env.physics.lanes import (
     D_RADIUS,
     D_TIME,
     DUX,
-    DUY,
     DVX,
     DVY,
     DWZ,
-    DX,
-    DY,
     END_NUMBERS,
     FLIGHT_NUMBERS,
     LANE_WIDTH,
     PAIR_NUMBERS,
+    Flight,
+    Jump,
+    ball_at,
+    cushion_solution,
+    end_lane,
+    flight_lane,
+    pair_lane,
+    phase_end_lane,
+    pocket_lane,
+    put_ball,
+    rates_of,
+    settle_lane,
+    start_lane,
+    wall_at,
+    wall_lane,
 )
+from billiards_env.physics.laws.balls import meet
+from billiards_env.physics.laws.cloth import coast, drive, phase_of
 from billiards_env.physics.state import (
+    AX,
+    AY,
     IDEAL,
     REST,
     ROLLING,
@@ -82,15 +75,12 @@ from billiards_env.physics.state import (
     SPINNING,
     T0,
     T0_LO,
-    UX,
-    UY,
     VX,
     VY,
-    WZ,
     SceneArrays,
     Time,
-    X,
-    Y,
+    ball_of,
+    law_numbers_of,
     since,
 )
 
@@ -151,7 +141,6 @@ class Tape(NamedTuple):
         lanes: (lanes, LANE_WIDTH) float64.
         column: (MOST_LANES,) int64, the column of each unit vector.
         pulled: (MOST_LANES,) float64, the products of the adjoint with the lanes.
-        state: (BALL_WIDTH,) float64.
     """
 
     previous: Any
@@ -163,7 +152,6 @@ class Tape(NamedTuple):
     lanes: Any
     column: Any
     pulled: Any
-    state: Any
 
 
 @allocating
@@ -174,44 +162,51 @@ def empty_tape(begin, end, shots, lanes):
         events = max(events, bounds[k + 1, 0] - bounds[k, 0])
         pieces = max(pieces, bounds[k + 1, 1] - bounds[k, 1])
     return Tape(
-        np.empty(pieces, np.int64),
-        np.empty((pieces, BALL_WIDTH)),
-        np.empty((pieces, BALL_WIDTH)),
-        np.empty(events, np.int64),
-        np.empty(n, np.int64),
-        np.empty(n, np.bool_),
-        np.empty((lanes, LANE_WIDTH)),
-        np.empty(MOST_LANES, np.int64),
-        np.empty(MOST_LANES),
-        np.empty(BALL_WIDTH),
+        previous=np.empty(pieces, np.int64),
+        before=np.empty((pieces, BALL_WIDTH)),
+        after=np.empty((pieces, BALL_WIDTH)),
+        first=np.empty(events, np.int64),
+        current=np.empty(n, np.int64),
+        joint=np.empty(n, np.bool_),
+        lanes=np.empty((lanes, LANE_WIDTH)),
+        column=np.empty(MOST_LANES, np.int64),
+        pulled=np.empty(MOST_LANES),
     )
 
 
 @inlined
-def flight_until(segments, piece, until, scene):
-    """Returns the `Flight` on a piece until a `Time`."""
+def flight_until(segments, piece, until, numbers):
+    """Returns the `Flight` on a piece until a `Time`; `numbers` are the `LawNumbers`."""
     segment = segments[piece]
     row = segment[SEGMENT_ROW:]
-    dt = since(until, Time(row[T0], row[T0_LO]))
-    return flight_of(row, int(segment[SEGMENT_PHASE]), dt, scene.numbers)
+    return Flight(ball_of(row), int(segment[SEGMENT_PHASE]), since(until, Time(row[T0], row[T0_LO])), numbers)
 
 
 @inlined
-def _rates(segments, piece, state, scene, tape):
-    """Returns the `Rates` of a state on a piece."""
-    row, begun = segments[piece, SEGMENT_ROW:], tape.after[piece]
+def _flown(segments, piece, flight):
+    """Returns the `BallState` after a `Flight` on a piece."""
+    row = segments[piece, SEGMENT_ROW:]
+    return coast(flight.ball, (row[AX], row[AY]), flight.phase, flight.dt, flight.numbers)
+
+
+@inlined
+def _rates(segments, piece, ball, numbers, tape):
+    """Returns the time derivative of a `BallState` on a piece."""
+    row, begun, phase = segments[piece, SEGMENT_ROW:], tape.after[piece], int(segments[piece, SEGMENT_PHASE])
+    ax, ay = row[AX], row[AY]
     if begun[DVX] != row[VX] or begun[DVY] != row[VY]:  # between impacts at one instant
-        return rates_of(state, scene.numbers)
-    return rates_on(row, int(segments[piece, SEGMENT_PHASE]), state, scene.numbers)
+        phase = phase_of(ball, numbers)
+        ax, ay, _ = drive(ball, phase, numbers)
+    return rates_of(ball, phase, (ax, ay), numbers)
 
 
 @inlined
-def _jump(i, piece, segments, scene, tape):
+def _jump(i, piece, segments, scene, numbers, tape):
     """Returns the `Jump` of ball i at the beginning of a piece."""
-    before, after = tape.before[piece], tape.after[piece]
-    before_rates = _rates(segments, tape.previous[piece], before, scene, tape)
-    after_rates = _rates(segments, piece, after, scene, tape)
-    return Jump(before, after, before_rates, after_rates, scene.radius[i], scene.inv_mass[i])
+    ball = ball_at(tape.before[piece], 0)
+    before = _rates(segments, tape.previous[piece], ball, numbers, tape)
+    after = _rates(segments, piece, ball_at(tape.after[piece], 0), numbers, tape)
+    return Jump(ball, before, after, scene.radius[i], scene.inv_mass[i])
 
 
 @inlined
@@ -234,28 +229,16 @@ def _is_corner(e, piece, events, segments):
     return one[T0] == two[T0] and one[VX] == two[VX] and one[VY] == two[VY]  # two successive ones change the velocity
 
 
-@inlined
-def _after_cushion(wall, state, radius, scene, after):
-    """Writes the state after an impact on one cushion."""
-    _copy(state, after)
-    motion = (state[DVX], state[DVY], state[DUX], state[DUY], radius * state[DWZ])
-    speed = wall.nx * state[DVX] + wall.ny * state[DVY]
-    (after[DVX], after[DVY], after[DUX], after[DUY], rwz), _ = hit(
-        motion, (wall.nx, wall.ny), max(0.0, speed), 0.0, radius, scene
-    )
-    after[DWZ] = rwz / radius
-
-
 @kernel
 def trace(events, segments, scene, is_sphere, tape):
     """Fills the tape of a shot.
 
     Several impacts with one solution count as successive, in the order of the log.
     """
-    n, numbers = len(scene.radius), scene.numbers
+    n, numbers = len(scene.radius), law_numbers_of(scene.numbers)
     for i in range(n):
         tape.current[i], tape.joint[i], tape.previous[i] = i, False, -1
-        _copy_state(segments[i, SEGMENT_ROW:], tape.after[i])
+        put_ball(tape.after[i], 0, ball_of(segments[i, SEGMENT_ROW:]))
     piece = n
     for e in range(len(events)):
         now = Time(events[e, TIME], events[e, TIME_LO])
@@ -265,119 +248,94 @@ def trace(events, segments, scene, is_sphere, tape):
             i = int(events[e, BALL + s])
             p, here = tape.current[i], piece + s
             tape.previous[here] = p
-            flight = flight_until(segments, p, now, scene)
+            flight = flight_until(segments, p, now, numbers)
             if tape.joint[i] and flight.dt == 0.0:
-                _copy(tape.after[p], tape.before[here])
+                put_ball(tape.before[here], 0, ball_at(tape.after[p], 0))
             else:
-                fly(segments[p, SEGMENT_ROW:], flight, numbers, tape.before[here])
-            _copy_state(segments[here, SEGMENT_ROW:], tape.after[here])
+                put_ball(tape.before[here], 0, _flown(segments, p, flight))
+            put_ball(tape.after[here], 0, ball_of(segments[here, SEGMENT_ROW:]))
             tape.current[i] = here
             tape.joint[i] = False
+        i, other, ball = int(events[e, BALL]), int(events[e, OTHER]), ball_at(tape.before[piece], 0)
         if _is_joint(events, e):
-            i, j = int(events[e, BALL]), int(events[e, OTHER])
-            first, last = tape.after[piece], tape.after[piece + 1]
-            _copy(tape.before[piece], first)
-            _copy(tape.before[piece + 1], last)
-            impact = impact_of(first, last, i, j, is_sphere, scene)
-            push = push_of(scene.ball_friction, impact)
-            tape.joint[i] = tape.joint[j] = True
-            if impact.wn < 0.0:
-                apply_push(first, 1.0, push, impact, scene.inv_mass[i], scene.radius[i], numbers)
-                apply_push(last, -1.0, push, impact, scene.inv_mass[j], scene.radius[j], numbers)
+            second = ball_at(tape.before[piece + 1], 0)
+            tape.joint[i] = tape.joint[other] = True
+            if _approach(ball, second):
+                bodies = (scene.radius[i], scene.radius[other], scene.inv_mass[i], scene.inv_mass[other])
+                ball, second = meet(scene.ball_friction, is_sphere, ball, second, bodies, numbers)
+            put_ball(tape.after[piece], 0, ball)
+            put_ball(tape.after[piece + 1], 0, second)
         elif events[e, KIND] == BALL_CUSHION and _is_corner(e, piece, events, segments):
-            i = int(events[e, BALL])
-            wall = wall_at(tape.before[piece], int(events[e, OTHER]), scene.radius[i], scene.outline)
+            wall = wall_at(ball.x, ball.y, other, scene.radius[i], scene.outline)
             tape.joint[i] = True
-            _after_cushion(wall, tape.before[piece], scene.radius[i], scene, tape.after[piece])
+            ball = bounce(ball, (wall.nx, wall.ny), scene.radius[i], scene.cushion, numbers, None)
+            put_ball(tape.after[piece], 0, ball)
         piece += balls
 
 
 @inlined
-def _copy(state, into):
-    """Copies a state (7,)."""
-    for j in range(BALL_WIDTH):
-        into[j] = state[j]
-
-
-@inlined
-def _copy_state(row, state):
-    """Copies a row of `State.rows` to a state (7,)."""
-    state[DX], state[DY], state[DVX], state[DVY] = row[X], row[Y], row[VX], row[VY]
-    state[DUX], state[DUY], state[DWZ] = row[UX], row[UY], row[WZ]
+def _approach(a, b):
+    """Returns whether two balls with these `BallState`s approach."""
+    return (b.x - a.x) * (b.vx - a.vx) + (b.y - a.y) * (b.vy - a.vy) < 0.0
 
 
 @inlined
 def apply_event(e, count, events, segments, scene, is_sphere, tape):
     """Changes the first `count` lanes by event e and the flights of its balls before it."""
-    numbers, lanes, piece = scene.numbers, tape.lanes, tape.first[e]
+    numbers, lanes, piece = law_numbers_of(scene.numbers), tape.lanes, tape.first[e]
     kind, now = int(events[e, KIND]), Time(events[e, TIME], events[e, TIME_LO])
     i, other = int(events[e, BALL]), int(events[e, OTHER])
-    before, phase = tape.before[piece], int(segments[piece, SEGMENT_PHASE])
-    flight = flight_until(segments, tape.previous[piece], now, scene)
+    phase = int(segments[piece, SEGMENT_PHASE])
+    flight = flight_until(segments, tape.previous[piece], now, numbers)
+    one = _jump(i, piece, segments, scene, numbers, tape)
+    ball = one.ball
     if kind == BALL_BALL:
-        second = flight_until(segments, tape.previous[piece + 1], now, scene)
-        impact = impact_of(before, tape.before[piece + 1], i, other, is_sphere, scene)
-        push = push_of(scene.ball_friction, impact)
-        one = _jump(i, piece, segments, scene, tape)
-        two = _jump(other, piece + 1, segments, scene, tape)
+        second = flight_until(segments, tape.previous[piece + 1], now, numbers)
+        two = _jump(other, piece + 1, segments, scene, numbers, tape)
         other_phase = int(segments[piece + 1, SEGMENT_PHASE])
-        meets = impact.wn < 0.0
+        meets = _approach(ball, two.ball)
         for c in range(count):
             lane = lanes[c]
             flight_lane(lane, 0, flight)
             flight_lane(lane, BALL_WIDTH, second)
             if meets:
-                pair_lane(lane, impact, push, one, two, scene)
+                pair_lane(lane, one, two, is_sphere, scene.ball_friction, numbers)
             else:
                 lane[D_TIME] = lane[D_TIME + 1] = lane[D_TIME + 2] = 0.0
             settle_lane(lane, 0, phase, numbers)
             settle_lane(lane, BALL_WIDTH, other_phase, numbers)
     elif kind == BALL_CUSHION:
-        radius = scene.radius[i]
-        wall = wall_at(before, other, radius, scene.outline)
-        nx, ny = wall.nx, wall.ny
-        speed = nx * before[DVX] + ny * before[DVY]
-        motion = CushionMotion(
-            max(0.0, speed),
-            nx * before[DVY] - ny * before[DVX],
-            nx * before[DUX] + ny * before[DUY],
-            nx * before[DUY] - ny * before[DUX],
-            radius * before[DWZ],
-        )
-        jump = _jump(i, piece, segments, scene, tape)
+        wall = wall_at(ball.x, ball.y, other, one.radius, scene.outline)
+        meets = wall.nx * ball.vx + wall.ny * ball.vy >= 0.0
+        solution = cushion_solution(ball, wall, one.radius, scene)
         for c in range(count):
             lane = lanes[c]
             flight_lane(lane, 0, flight)
-            if speed >= 0.0:
-                wall_lane(lane, wall, jump, motion, scene)
+            if meets:
+                wall_lane(lane, wall, one, scene.cushion, numbers, solution)
             else:  # the second of two cushions, if friction at the first one takes the ball away from it
                 lane[D_TIME] = lane[D_TIME + 1] = lane[D_TIME + 2] = 0.0
             settle_lane(lane, 0, phase, numbers)
     else:
-        after_rates = _rates(segments, piece, tape.after[piece], scene, tape)
         for c in range(count):
             lane = lanes[c]
-            flight_lane(lane, 0, flight)
             if kind == BALL_POCKET:
-                pocket_lane(lane, before, scene.pockets[other])
-            elif kind == SLIDING_ROLLING:
-                slide_end_lane(lane, flight, after_rates, numbers)
-            elif kind == ROLLING_REST:
-                roll_end_lane(lane, flight, after_rates, numbers)
+                flight_lane(lane, 0, flight)
+                pocket_lane(lane, ball, scene.pockets[other])
             else:
-                spin_end_lane(lane, flight, numbers)
+                phase_end_lane(lane, flight, one.before, one.after)
             settle_lane(lane, 0, phase, numbers)
 
 
 @inlined
 def _apply_end(i, count, until, segments, scene, tape):
     """Changes the first `count` lanes, with ball i, by its last flight until a time (s)."""
-    piece, numbers, state = tape.current[i], scene.numbers, tape.state
-    flight = flight_until(segments, piece, Time(until, 0.0), scene)
-    fly(segments[piece, SEGMENT_ROW:], flight, numbers, state)
+    numbers = law_numbers_of(scene.numbers)
+    flight = flight_until(segments, tape.current[i], Time(until, 0.0), numbers)
+    ball = _flown(segments, tape.current[i], flight)
     for c in range(count):
         flight_lane(tape.lanes[c], 0, flight)
-        end_lane(tape.lanes[c], state, scene.radius[i], numbers)
+        end_lane(tape.lanes[c], ball, scene.radius[i], numbers)
 
 
 @inlined
@@ -408,9 +366,9 @@ def _phase_until(piece, until, segments):
 @inlined
 def _start(i, count, until, segments, scene, lanes):
     """Changes the first `count` lanes, with the inputs of ball i, to its state at the start of a shot until a time."""
-    phase = _phase_until(i, until, segments)
+    phase, numbers = _phase_until(i, until, segments), law_numbers_of(scene.numbers)
     for c in range(count):
-        start_lane(lanes[c], segments[i, SEGMENT_ROW:], phase, scene.radius[i], scene.numbers)
+        start_lane(lanes[c], ball_of(segments[i, SEGMENT_ROW:]), phase, scene.radius[i], numbers)
 
 
 @inlined
@@ -442,7 +400,7 @@ def push_lanes(begin, end, shots, times, inputs, results):
         end: One past the last.
         shots: The `RecordedShots`, as a plain tuple.
         times: (m, q) float64, ascending, s; not later than the end of the shot.
-        inputs: (m, k, 9 n + 14) float64, the changes of the inputs.
+        inputs: (m, k, 9 n + NUMBER_INPUTS) float64, the changes of the inputs.
         results: Two output arrays: (m, q, k, n, 7) float64, the changes of the outputs at these times;
             (m, k, l, 3) float64, the changes of time and place of the first l events, zero for events after the last of
             these times.
@@ -552,7 +510,7 @@ def _pull(count, i, other, begin, event, tape, adjoint, sums):
         event: The `EventAdjoint` of the event.
         tape: The `Tape`.
         adjoint: (k, n, 7) float64, changed in place.
-        sums: (k, 9 n + 14) float64; the parts of the constants are added.
+        sums: (k, 9 n + NUMBER_INPUTS) float64; the parts of the constants are added.
     """
     lanes, column, pulled, n = tape.lanes, tape.column, tape.pulled, adjoint.shape[1]
     for k in range(len(adjoint)):
@@ -615,7 +573,7 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, constants, inputs):
         outputs: (m, k, n, 7) float64, the adjoints of the outputs. This function changes them.
         at_events: (m, k, l, 3) float64, the adjoints of time and place of the first l events.
         constants: Whether to compute the products for radii, masses and numbers. Otherwise they are zero.
-        inputs: (m, k, 9 n + 14) float64 out, the products.
+        inputs: (m, k, 9 n + NUMBER_INPUTS) float64 out, the products.
     """
     shots = RecordedShots(*shots)
     is_sphere = shots.is_sphere

@@ -42,11 +42,37 @@ from billiards_env.engine.log import (
 )
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
-from billiards_env.physics.contact import contact_distance, misses_circle, sweep
-from billiards_env.physics.derivatives import flight_lane, wall_at
-from billiards_env.physics.lanes import BALL_WIDTH, D_RADIUS, D_TIME, DVX, DVY, DX, DY
-from billiards_env.physics.motion import Path, norm, place_after, relative_to
-from billiards_env.physics.roots import bracketed_root, quartic
+from billiards_env.physics.derivatives import (
+    BALL_WIDTH,
+    D_RADIUS,
+    D_TIME,
+    DVX,
+    DVY,
+    DX,
+    DY,
+    d_distance_of,
+    flight_lane,
+    wall_at,
+)
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import contact_distance, misses_circle, sweep
+from billiards_env.physics.geometry.roots import bracketed_root, quartic
+from billiards_env.physics.geometry.walls import (
+    HALF_LINE,
+    JOINT,
+    LINE_X,
+    LINE_Y,
+    NX,
+    NY,
+    TIP_RADIUS,
+    TIP_X,
+    TIP_Y,
+    TX,
+    TY,
+    faces,
+    wall_time,
+)
+from billiards_env.physics.motion import Path, place_after, relative_to
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -64,22 +90,8 @@ from billiards_env.physics.state import (
     Y,
     before,
     later,
+    law_numbers_of,
     since,
-)
-from billiards_env.physics.walls import (
-    HALF_LINE,
-    JOINT,
-    LINE_X,
-    LINE_Y,
-    NX,
-    NY,
-    TIP_RADIUS,
-    TIP_X,
-    TIP_Y,
-    TX,
-    TY,
-    faces,
-    wall_time,
 )
 
 _TOUCHING = 1e-9  # m; a gap that is less than minus this is not on the ball's side of a cushion
@@ -123,7 +135,7 @@ class Shot(NamedTuple):
     Attributes:
         segments: The pieces of its paths.
         selected: (n, q) bool, the margins to compute.
-        inputs: (k, 9 n + 14) the changes of its inputs.
+        inputs: (k, 9 n + NUMBER_INPUTS) the changes of its inputs.
         tangent: (n, k, 7) the changes of the states at the beginning of the current pieces.
         scene: The `SceneArrays`.
         is_sphere: Whether the balls are spheres.
@@ -219,25 +231,21 @@ def _set(pair, margin, normal, rate, now, shot):
     out.margin[i, q], out.time[i, q], out.rate[i, q] = margin, now.hi, rate
     if count == 0:
         return
-    flight = flight_until(shot.segments, tape.current[i], now, scene)
+    numbers = law_numbers_of(scene.numbers)
+    flight = flight_until(shot.segments, tape.current[i], now, numbers)
     load(i, 0, count, shot.inputs, shot.tangent, lanes)
     for c in range(count):
         lane = lanes[c]
         flight_lane(lane, 0, flight)
         out.slope[c, i, q] = nx * lane[DX] + ny * lane[DY]
     if j >= 0:
-        reach_i = reach_j = 1.0
-        if shot.is_sphere:
-            reach_i, reach_j = (
-                math.sqrt(scene.radius[j] / scene.radius[i]),
-                math.sqrt(scene.radius[i] / scene.radius[j]),
-            )
-        flight = flight_until(shot.segments, tape.current[j], now, scene)
+        flight = flight_until(shot.segments, tape.current[j], now, numbers)
         load(j, 1, count, shot.inputs, shot.tangent, lanes)
+        radii = (scene.radius[i], scene.radius[j])
         for c in range(count):
             lane = lanes[c]
             flight_lane(lane, BALL_WIDTH, flight)
-            out.slope[c, i, q] += reach_i * lane[D_RADIUS] + reach_j * lane[D_RADIUS + 1]
+            out.slope[c, i, q] += d_distance_of(shot.is_sphere, *radii, lane[D_RADIUS], lane[D_RADIUS + 1])[1]
             out.slope[c, i, q] -= nx * lane[BALL_WIDTH + DX] + ny * lane[BALL_WIDTH + DY]
     elif q >= n + len(scene.pockets):
         for c in range(count):
@@ -418,8 +426,8 @@ def _enter_pocket(i, p, path, now, shot):
         t, cut = limit, True
     _approach(Pair(i, -1, q), from_pocket, t, cut, now, pocket[POCKET_RADIUS], shot)
     if cut:
-        tape.state[DX], tape.state[DY] = place_after(path, t)
-        nx, ny, _ = wall_at(tape.state, wall, scene.radius[i], scene.outline)
+        x, y = place_after(path, t)
+        nx, ny, _ = wall_at(x, y, wall, scene.radius[i], scene.outline)
         speed = nx * (path.vx + t * path.ax) + ny * (path.vy + t * path.ay)
         for c in range(len(out.slope)):
             lane = tape.lanes[c]
@@ -434,7 +442,8 @@ def _hit_cushion(outline, i, wall, piece, path, now, shot):
     if outline is not None and wall >= len(outline.lines):
         _hit_tip(outline.tips[wall - len(outline.lines)], i, q, path, now, shot)
         return
-    nx, ny, _ = wall_at(shot.tape.before[piece], wall, shot.scene.radius[i], outline)
+    state = shot.tape.before[piece]
+    nx, ny, _ = wall_at(state[DX], state[DY], wall, shot.scene.radius[i], outline)
     v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
     if a >= 0.0:
         out = shot.out
@@ -504,7 +513,7 @@ def push_margins(begin, end, shots, times, inputs, selected, results):
         end: One past the last.
         shots: The `gradients.RecordedShots`, as a plain tuple.
         times: (m,) float64, s: only the shot until then counts.
-        inputs: (m, k, 9 n + 14) float64, the changes of the inputs.
+        inputs: (m, k, 9 n + NUMBER_INPUTS) float64, the changes of the inputs.
         selected: (n, q) bool, the margins to compute; of two balls, those of the lower number to the higher.
         results: Three float64 output arrays, see `MarginsOut`: the margins (m, n, q), minus infinity where not
             selected; the times (m, n, q); the slopes (m, k, n, q).
@@ -520,7 +529,16 @@ def push_margins(begin, end, shots, times, inputs, selected, results):
         log, paths = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]]
         trace(log, paths, arrays, is_sphere, tape)
         out = MarginsOut(margins[k], nearest[k], rates, slopes[k])
-        shot = Shot(paths, selected, inputs[k], tangent, arrays, is_sphere, tape, out)
+        shot = Shot(
+            segments=paths,
+            selected=selected,
+            inputs=inputs[k],
+            tangent=tangent,
+            scene=arrays,
+            is_sphere=is_sphere,
+            tape=tape,
+            out=out,
+        )
         out.margin[:] = -math.inf
         out.time[:] = 0.0
         out.slope[:] = 0.0

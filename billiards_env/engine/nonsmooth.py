@@ -28,12 +28,28 @@ from billiards_env.engine.log import (
 from billiards_env.engine.margins import between, nearest_time, path_from, touches_line, turn_time
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
-from billiards_env.physics.contact import contact_distance, misses_circle, sweep
-from billiards_env.physics.cushion import CushionMotion
-from billiards_env.physics.cushion_derivatives import cushion_is_smooth
-from billiards_env.physics.derivatives import wall_at
-from billiards_env.physics.lanes import DUX, DUY, DVX, DVY, DWZ, DX, DY
-from billiards_env.physics.motion import Path, norm, place_after, relative_to
+from billiards_env.physics.derivatives import DVX, DVY, DX, DY, ball_at, cushion_is_smooth, wall_at
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import contact_distance, misses_circle, sweep
+from billiards_env.physics.geometry.walls import (
+    BEGIN_TX,
+    BEGIN_TY,
+    END_TX,
+    END_TY,
+    HALF_LINE,
+    JOINT,
+    LINE_X,
+    LINE_Y,
+    NX,
+    NY,
+    TIP_RADIUS,
+    TIP_X,
+    TIP_Y,
+    TX,
+    TY,
+    faces,
+)
+from billiards_env.physics.motion import Path, place_after, relative_to
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -57,24 +73,6 @@ from billiards_env.physics.state import (
     before,
     later,
     since,
-)
-from billiards_env.physics.walls import (
-    BEGIN_TX,
-    BEGIN_TY,
-    END_TX,
-    END_TY,
-    HALF_LINE,
-    JOINT,
-    LINE_X,
-    LINE_Y,
-    NX,
-    NY,
-    TIP_RADIUS,
-    TIP_X,
-    TIP_Y,
-    TX,
-    TY,
-    faces,
 )
 from billiards_env.scene import CONTACT_GAP
 
@@ -300,16 +298,8 @@ def _is_smooth_cushion(i, wall, state, scene):
     """Returns whether the impact of ball i with a state (7,) on a cushion has a derivative."""
     if not scene.numbers.cushion_rubs:
         return True
-    radius = scene.radius[i]
-    nx, ny, _ = wall_at(state, wall, radius, scene.outline)
-    motion = CushionMotion(
-        nx * state[DVX] + ny * state[DVY],
-        nx * state[DVY] - ny * state[DVX],
-        nx * state[DUX] + ny * state[DUY],
-        nx * state[DUY] - ny * state[DUX],
-        radius * state[DWZ],
-    )
-    return cushion_is_smooth(motion, radius, scene)
+    touched = wall_at(state[DX], state[DY], wall, scene.radius[i], scene.outline)
+    return cushion_is_smooth(ball_at(state, 0), touched, scene.radius[i], scene)
 
 
 @inlined
@@ -339,7 +329,7 @@ def _grazes(kind, i, other, piece, speed, over):
     if kind == BALL_POCKET:
         pocket = scene.pockets[other]
         return _grazes_circle(relative_to(path, pocket[POCKET_X], pocket[POCKET_Y]), pocket[POCKET_RADIUS], speed)
-    nx, ny, curvature = wall_at(over.tape.before[piece], other, scene.radius[i], scene.outline)
+    nx, ny, curvature = wall_at(path.x, path.y, other, scene.radius[i], scene.outline)
     if curvature > 0.0:
         reach = 1.0 / curvature
         return _grazes_circle(relative_to(path, path.x + reach * nx, path.y + reach * ny), reach, speed)
@@ -439,7 +429,9 @@ def find_nonsmooth(begin, end, shots, times, results):
         at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
         log, paths, until = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]], Time(times[k], 0.0)
         trace(log, paths, scene, shots.is_sphere, tape)
-        over = Pass(log, paths, scene, tape, last, until, first, results[k])
+        over = Pass(
+            events=log, segments=paths, scene=scene, tape=tape, last=last, until=until, time=first, found=results[k]
+        )
         first[0], results[k, 0], results[k, 1] = math.inf, -1, -1
         last[:] = -1
         for i in range(n):

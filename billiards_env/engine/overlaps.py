@@ -19,11 +19,12 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.clusters import sum_impulses
-from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.motion import Path, begin_phase, move, norm
+from billiards_env.physics.clusters.impulses import sum_impulses
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import contact_distance
+from billiards_env.physics.geometry.walls import back_to_wall, overlap_time, wall_normal, wall_overlap
+from billiards_env.physics.motion import Path, begin_phase, move
 from billiards_env.physics.state import LASTS, VX, VY, X, Y
-from billiards_env.physics.walls import back_to_wall, overlap_time, wall_normal, wall_overlap
 from billiards_env.scene import CONTACT_GAP
 
 

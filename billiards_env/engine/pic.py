@@ -28,7 +28,7 @@ from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME
 from billiards_env.jit import allocating, allocating_entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
-from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, empty_scratch
+from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts, empty_scratch
 from billiards_env.physics.motion import advance, begin_phase
 from billiards_env.physics.state import POTTED, REST, SceneArrays, State, Time, empty_state
 
@@ -63,7 +63,15 @@ def make_workspace(scene, queue, most, scratch):
     """Returns the `PicWorkspace` for the balls of a scene, with up to `most` contacts at one instant."""
     n = len(scene.radius)
     due, changed = np.empty(n, np.int64), np.empty(2 * (most + n), np.int64)
-    return PicWorkspace(empty_state(n), queue, empty_contacts(most), scratch, empty_memory(n), due, changed)
+    return PicWorkspace(
+        state=empty_state(n),
+        queue=queue,
+        contacts=empty_contacts(most),
+        scratch=scratch,
+        memory=empty_memory(n),
+        due=due,
+        changed=changed,
+    )
 
 
 @inlined

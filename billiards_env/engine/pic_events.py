@@ -6,10 +6,11 @@ from billiards_env.engine.contact_rule import CushionContact, collide, hit_corne
 from billiards_env.engine.log import BALL_BALL, BALL_CUSHION, BALL_POCKET, log_event
 from billiards_env.engine.shots import count_hit
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.motion import advance, capture, end_phase, motion_after, norm
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import contact_distance
+from billiards_env.physics.geometry.walls import wall_normal, walls_met
+from billiards_env.physics.motion import advance, capture, end_phase, motion_after
 from billiards_env.physics.state import POCKET_X, POCKET_Y, VX, VY, own_time, same, since
-from billiards_env.physics.walls import wall_normal, walls_met
 from billiards_env.scene import CONTACT_GAP
 
 

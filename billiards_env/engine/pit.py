@@ -41,10 +41,20 @@ from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMI
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange
-from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, empty_scratch
-from billiards_env.physics.contact import contact_distance
+from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts, empty_scratch
 from billiards_env.physics.cushion import reflect, reflect_both
-from billiards_env.physics.motion import Path, advance, begin_phase, capture, end_phase, motion_after, norm
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import contact_distance
+from billiards_env.physics.geometry.walls import (
+    half_sizes,
+    next_overlap,
+    overlap_time,
+    wall_normal,
+    wall_overlap,
+    wall_turns,
+    walls_met,
+)
+from billiards_env.physics.motion import Path, advance, begin_phase, capture, end_phase, motion_after
 from billiards_env.physics.state import (
     IDEAL,
     LASTS,
@@ -66,15 +76,6 @@ from billiards_env.physics.state import (
     moves,
     own_time,
     since,
-)
-from billiards_env.physics.walls import (
-    half_sizes,
-    next_overlap,
-    overlap_time,
-    wall_normal,
-    wall_overlap,
-    wall_turns,
-    walls_met,
 )
 
 MAX_STEPS = 100_000_000
@@ -118,16 +119,16 @@ def make_workspace(scene):
     n = len(scene.radius)
     most = max(1, n * (n - 1) // 2)
     return PitWorkspace(
-        empty_state(n),
-        empty_contacts(most),
-        empty_scratch(n, most, scene.ball_friction),
-        np.empty((n, 4)),
-        np.empty(n),
-        np.empty(n),
-        np.empty(n),
-        np.empty(n, np.int64),
-        np.empty(n, np.bool_),
-        np.empty(n, np.bool_),
+        state=empty_state(n),
+        contacts=empty_contacts(most),
+        scratch=empty_scratch(n, most, scene.ball_friction),
+        here=np.empty((n, 4)),
+        back=np.empty(n),
+        phase_end_hi=np.empty(n),
+        phase_end_lo=np.empty(n),
+        moving=np.empty(n, np.int64),
+        moved=np.empty(n, np.bool_),
+        changed=np.empty(n, np.bool_),
     )
 
 

@@ -13,8 +13,18 @@ import numpy as np
 
 from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, phase_end
 from billiards_env.jit import allocating, inlined
-from billiards_env.physics.contact import MARGIN, NOISE, TINY, circle_time, contact_distance, misses_circle, sweep
-from billiards_env.physics.motion import Path, motion_after, norm, path_of, relative_to
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import (
+    MARGIN,
+    NOISE,
+    TINY,
+    circle_time,
+    contact_distance,
+    misses_circle,
+    sweep,
+)
+from billiards_env.physics.geometry.walls import wall_time
+from billiards_env.physics.motion import Path, motion_after, path_of, relative_to
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -31,7 +41,6 @@ from billiards_env.physics.state import (
     own_time,
     since,
 )
-from billiards_env.physics.walls import wall_time
 
 CROSSING_RANK, POCKET_RANK, PAIR_RANK, CUSHION_RANK, PHASE_RANK = -1, 0, 1, 2, 3
 """The order of events at one instant. CROSSING_RANK is that of a ball that enters another cell of `cell_grid`."""

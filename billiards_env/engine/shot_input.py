@@ -18,10 +18,10 @@ from billiards_env.engine.shots import Shots
 from billiards_env.engine.threads import parallel_for
 from billiards_env.jit import allocating_entry_point, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
-from billiards_env.physics.contact import contact_distance
+from billiards_env.physics.geometry.contact import contact_distance
+from billiards_env.physics.geometry.walls import half_sizes
 from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, SPIN_X, SPIN_Y, SPIN_Z, SceneArrays, X, Y
-from billiards_env.physics.walls import half_sizes
-from billiards_env.scene import CONTACT_GAP, PHYSICS_RANGES, Physics, Scene, check_positions, check_ranges
+from billiards_env.scene import CONTACT_GAP, PARAMETERS, Physics, Scene, check_positions, check_ranges
 
 Floats = NDArray[np.float64]
 
@@ -242,7 +242,7 @@ def _checked_physics(physics: Physics, given: Any, m: int) -> dict[str, Floats]:
         raise TypeError(f"physics = {short(given)}: expected a mapping from names of numbers of Physics to arrays")
     arrays = {}
     for name, values in given.items():
-        one_of("key of physics", name, tuple(PHYSICS_RANGES))
+        one_of("key of physics", name, tuple(PARAMETERS))
         arrays[name] = shaped(f"physics[{name!r}]", values, (m,))
     try:
         check_ranges(physics, {name: (array.min(), array.max()) for name, array in arrays.items() if m})

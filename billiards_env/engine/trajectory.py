@@ -79,9 +79,23 @@ class Trajectory(NamedTuple):
             (m, 2) m.
         """
         at = numbers("times", times)
+        return self.at_pieces(self._pieces(ball, at, before), at)
+
+    def velocities(self, ball: int, times: Floats) -> Floats:
+        """Returns the velocities of a ball at some times (m,), s, (m, 2) m/s; at an event that after the event."""
+        pieces = self._pieces(ball, times)
+        since, rows = self._since(pieces, times), self.rows[pieces]
+        moves = self.moving[pieces] & (since < rows[:, LASTS])
+        return np.where(moves[:, None], rows[:, [VX, VY]] + since[:, None] * rows[:, [AX, AY]], 0.0)
+
+    def _pieces(self, ball: int, times: Floats, before: bool = False) -> NDArray[np.intp]:
         mine = np.flatnonzero(self.ball == ball)
-        last = np.searchsorted(self.start[mine], at, side="left" if before else "right") - 1
-        return self.at_pieces(mine[np.maximum(last, 0)], at)
+        last = np.searchsorted(self.start[mine], times, side="left" if before else "right") - 1
+        return mine[np.maximum(last, 0)]
+
+    def _since(self, pieces: NDArray[np.intp], times: Floats) -> Floats:
+        """Returns the times since the beginning of some pieces, s."""
+        return (times - self.rows[pieces, T0]) - self.rows[pieces, T0_LO]
 
     def at(self, t: float) -> Floats:
         """Returns the positions of all balls at time t (s), (n, 2) m."""
@@ -93,7 +107,6 @@ class Trajectory(NamedTuple):
 
     def at_pieces(self, pieces: NDArray[np.intp], times: Floats) -> Floats:
         """Returns the positions on some pieces (m,) at some times (m,), s, (m, 2) m."""
-        rows = self.rows[pieces]
-        since = (times - rows[:, T0]) - rows[:, T0_LO]
+        rows, since = self.rows[pieces], self._since(pieces, times)
         t = np.where(self.moving[pieces], np.clip(since, 0.0, rows[:, LASTS]), 0.0)[:, None]
         return rows[:, [X, Y]] + t * (rows[:, [VX, VY]] + 0.5 * t * rows[:, [AX, AY]])

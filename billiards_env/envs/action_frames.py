@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import Range, finite, integer, one_of, real, short
 from billiards_env.envs.actions import cos_sin
 from billiards_env.jit import entry_point, kernel
-from billiards_env.physics.motion import norm
+from billiards_env.physics.elementary import norm
 from billiards_env.physics.state import X, Y
 from billiards_env.scene import Scene
 

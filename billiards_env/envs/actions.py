@@ -21,9 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import finite, numbers, one_of, shaped
-from billiards_env.jit import entry_point, kernel
-from billiards_env.physics.elementary import sine_cosine
-from billiards_env.physics.motion import norm
+from billiards_env.jit import entry_point, inlined, kernel, streams
+from billiards_env.physics.elementary import norm, sine_cosine
 from billiards_env.physics.state import CUE_BALL, SPIN_X, SPIN_Y, SPIN_Z, X, Y
 from billiards_env.physics.strike import CueNumbers, cue_numbers, speed_gain, squirt, struck
 from billiards_env.scene import Scene
@@ -211,6 +210,18 @@ def _aimed(cue, actions, offsets, out):
         out[k, X], out[k, Y], out[k, SIDE], out[k, TOP] = x, y, offsets[k, 0], offsets[k, 1]
 
 
+@inlined
+def turned(x, y, turn, speed):
+    """Returns an action (x, y) turned by `turn` half turns, with `speed` added to its length."""
+    x, y = shorten(x, y, 1.0)
+    share = norm(x, y)
+    if share == 0.0:
+        return 0.0, 0.0
+    scale = min(max(min(share, 1.0) + speed, 0.0), 1.0) / share
+    c, s = cos_sin(turn)
+    return scale * (c * x - s * y), scale * (s * x + c * y)
+
+
 @entry_point
 def _perturbed(actions, noise, out):
     for k in range(len(actions)):
@@ -222,11 +233,27 @@ def _perturbed(actions, noise, out):
             continue
         for column in range(SIDE, actions.shape[1]):
             out[k, column] = clipped(actions, k, column) + noise[k, column]
-        x, y = shorten(actions[k, X], actions[k, Y], 1.0)
-        share = norm(x, y)
-        if share == 0.0:
-            out[k, X] = out[k, Y] = 0.0
+        out[k, X], out[k, Y] = turned(actions[k, X], actions[k, Y], noise[k, TURN], noise[k, SPEED])
+
+
+@entry_point
+def add_noise(begin, end, skip, actions, deviations, noise_streams):
+    """Adds noise to the actions `begin` to `end` - 1 as `perturb` does, each from its own stream.
+
+    Args:
+        begin: First action.
+        end: Last action plus 1.
+        skip: (m,) bool, actions that are left out.
+        actions: (m, 2) or (m, 5) float64, finite, which change.
+        deviations: (2,) or (5,), the standard deviations of the noise of `perturb`.
+        noise_streams: (m, 4), see `jit.streams`, which advance.
+    """
+    for k in range(begin, end):
+        if skip[k]:
             continue
-        scale = min(max(min(share, 1.0) + noise[k, SPEED], 0.0), 1.0) / share
-        c, s = cos_sin(noise[k, TURN])
-        out[k, X], out[k, Y] = scale * (c * x - s * y), scale * (s * x + c * y)
+        turn = streams.next_normal(noise_streams[k]) * deviations[TURN]
+        speed = streams.next_normal(noise_streams[k]) * deviations[SPEED]
+        actions[k, X], actions[k, Y] = turned(actions[k, X], actions[k, Y], turn, speed)
+        for column in range(SIDE, actions.shape[1]):
+            added = streams.next_normal(noise_streams[k]) * deviations[column]
+            actions[k, column] = clipped(actions, k, column) + added

@@ -2,21 +2,75 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from billiards_env.checks import one_of, real, sequence, shaped, short
+from billiards_env.checks import one_of, real, shaped, short
 from billiards_env.engine import Engine, checked_engine
-from billiards_env.envs.episodes import cue_ball_alone
+from billiards_env.envs.actions import ACTIONS, ELEVATION, SIDE, SPEED, TOP, TURN
 from billiards_env.envs.tasks import TASKS
-from billiards_env.scene import PHYSICS_RANGES, Scene, check_positions, check_ranges
+from billiards_env.frozen import NOISE
+from billiards_env.scene import PARAMETERS, Balls, Scene, check_positions, check_ranges
 
-if TYPE_CHECKING:
-    from billiards_env.envs.billiards import BilliardsEnv
+
+class Model(NamedTuple):
+    """The arguments of an environment after their checks: what its episodes read and do not change.
+
+    Attributes:
+        scene: The scene.
+        task: One of `TASKS`.
+        targets: (n,) bool, see `tasks.task_targets`.
+        engine: The engine.
+        action: One of `ACTIONS`.
+        max_shots: Number of shots after which an episode ends.
+        layout: The layout at the start of an episode.
+        observe_shots_left: As in `BilliardsEnv`.
+        scratch_penalty: Reward subtracted for a scratch.
+        randomize: The ranges (low, high) of the numbers that each episode draws, by name.
+        observe_physics: As in `BilliardsEnv`.
+        noise: The standard deviations of the noise of `actions.perturb`, one per number of an action; None for none.
+        noise_seed: A second seed of the noise, or None.
+    """
+
+    scene: Scene
+    task: str
+    targets: NDArray[np.bool_]
+    engine: Engine
+    action: str
+    max_shots: int
+    layout: str
+    observe_shots_left: bool
+    scratch_penalty: float
+    randomize: dict[str, tuple[float, float]]
+    observe_physics: bool
+    noise: NDArray[np.float64] | None
+    noise_seed: int | None
+
+
+class Options(NamedTuple):
+    """The options of a reset, for one environment or, with a leading axis, for m.
+
+    Attributes:
+        positions: (n, 2) positions of the balls, m; None to draw them.
+        goals: (1, 2) goals, m; None to draw them.
+        physics: Numbers of `randomize` by name; the others are drawn.
+        episode_seed: (8,) uint64, the random streams of the layouts and of the noise; None to continue those of now.
+    """
+
+    positions: NDArray[np.float64] | None = None
+    goals: NDArray[np.float64] | None = None
+    physics: Mapping[str, NDArray[np.float64]] = {}
+    episode_seed: NDArray[np.uint64] | None = None
+
+
+def cue_ball_alone(scene: Scene) -> Scene:
+    """Returns the scene without its object balls."""
+    return dataclasses.replace(scene, balls=Balls(scene.balls.radius[:1], scene.balls.mass[:1]))
 
 
 def make_scene(
@@ -69,9 +123,11 @@ def check_randomize(
     for key, given in (randomize or {}).items():
         if key == "dt" and engine.mode == "pic":
             raise ValueError("randomize['dt'] with mode='pic': expected mode='pit', PIC has no timestep")
-        one_of("key of randomize", key, (*PHYSICS_RANGES, "dt"))
+        one_of("key of randomize", key, (*PARAMETERS, "dt"))
         name = f"randomize[{key!r}]"
-        pair = tuple(real(name, end) for end in sequence(name, given))
+        if not isinstance(given, (list, tuple)):
+            raise TypeError(f"{name} = {short(given)}: expected (low, high) with low < high")
+        pair = tuple(real(name, end) for end in given)
         if len(pair) != 2 or pair[0] >= pair[1]:
             raise ValueError(f"{name} = {short(given)}: expected (low, high) with low < high")
         ranges[key] = pair
@@ -84,6 +140,35 @@ def check_randomize(
     return ranges
 
 
+def check_noise(
+    noise: Mapping[str, Any] | None, scene: Scene, action: str, max_speed: float
+) -> NDArray[np.float64] | None:
+    """Returns the standard deviations of the noise of `actions.perturb`, or None without noise, after a check.
+
+    Args:
+        noise: The argument of the environment.
+        scene: The scene.
+        action: The kind of action.
+        max_speed: m/s.
+
+    Raises:
+        ValueError: If a name is unknown, or a standard deviation is negative or not finite.
+        TypeError: If `noise` is not a mapping to numbers.
+    """
+    if noise is None:
+        return None
+    if not isinstance(noise, Mapping):
+        raise TypeError(f"noise = {short(noise)}: expected a mapping from {', '.join(NOISE)} to numbers")
+    for key in noise:
+        one_of("key of noise", key, tuple(NOISE))
+    given = {name: real(name, value, name) for name, value in {**NOISE, **noise}.items()}
+    scales = np.empty(5)
+    scales[TURN], scales[SPEED] = given["angle_std"] / 180.0, given["speed_std"] / max_speed
+    scales[[SIDE, TOP]] = given["offset_std"] / (scene.cue.miscue_offset * scene.balls.radius[0])
+    scales[ELEVATION] = given["elevation_std"] / 90.0
+    return scales[: ACTIONS[action]]
+
+
 def _set_spec(env: Any, spec: EnvSpec | None) -> None:
     if spec is not None and isinstance(spec.kwargs.get("scene"), Scene):
         spec.kwargs = {**spec.kwargs, "scene": spec.kwargs["scene"].to_dict()}
@@ -94,20 +179,14 @@ json_spec: Any = property(lambda env: env._spec, _set_spec)
 """The attribute `spec` of an environment. A `Scene` in its arguments becomes a dict, which JSON can hold."""
 
 
-def check_options(
-    env: BilliardsEnv, options: Mapping[str, Any] | None, mask: NDArray[np.bool_] | None = None
-) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None, dict[str, NDArray[np.float64]]]:
-    """Returns the positions, the goals and the physics in the options of a reset, after a check.
+def check_options(model: Model, options: Mapping[str, Any] | None, mask: NDArray[np.bool_] | None = None) -> Options:
+    """Returns the options of a reset, after a check.
 
     Args:
-        env: The environment, or one with the arguments of all.
+        model: The arguments of the environment.
         options: The options.
         mask: None for one environment. For m environments (m,) bool: those to reset. The values of the others are not
             used, and only their positions and goals have to be finite.
-
-    Returns:
-        (n, 2) or (m, n, 2) positions of the balls, m, or None if they are not in the options; (1, 2) or (m, 1, 2)
-        goals, m, or None; and numbers of `randomize` by name, () or (m,).
 
     Raises:
         ValueError: If an option is unknown, a position of a ball or a goal is impossible, or a number is not in its
@@ -115,14 +194,15 @@ def check_options(
         TypeError: If the options or their physics are not a mapping.
     """
     if options is None:
-        return None, None, {}
+        return Options()
     if not isinstance(options, Mapping):
         raise TypeError(f"options = {short(options)}: expected a dict")
-    scene, goal_radius = env.scene, TASKS[env.task].goal_radius
+    scene, goal_radius = model.scene, TASKS[model.task].goal_radius
+    known = "positions", *["goal"] * bool(goal_radius), *["physics"] * bool(model.randomize), "episode_seed"
     for key in options:
-        one_of("key of options", key, ("positions", *["goal"] * bool(goal_radius), *["physics"] * bool(env.randomize)))
+        one_of("key of options", key, known)
     many = () if mask is None else (len(mask),)
-    positions = goals = None
+    positions = goals = seeds = None
     if "positions" in options:
         name, shape = "options['positions']", (*many, scene.n_balls, 2)
         in_play = None if mask is None else np.broadcast_to(mask[:, None], shape[:2])
@@ -131,7 +211,15 @@ def check_options(
         goals = shaped("options['goal']", options["goal"], (*many, 2)).reshape(*many, 1, 2)
         in_play = None if mask is None else mask[:, None]
         goals = check_positions(cue_ball_alone(scene), goals, "options['goal'] as a position of the cue ball", in_play)
-    return positions, goals, _checked_physics(env.randomize, options.get("physics", {}), mask)
+    if "episode_seed" in options:
+        name, given = "options['episode_seed']", np.asarray(options["episode_seed"])
+        if given.dtype != np.int64 or given.shape != (*many, 8):
+            raise ValueError(f"{name} = {short(given)}: expected int64 of shape {(*many, 8)}, as in info")
+        odd = given[... if mask is None else mask].reshape(-1, 8)[:, 3 :: 4 if model.noise is not None else 8] % 2
+        if not odd.all():
+            raise ValueError(f"{name} = {short(given)}: expected the seed of an episode of such an environment")
+        seeds = given.view(np.uint64)
+    return Options(positions, goals, _checked_physics(model.randomize, options.get("physics", {}), mask), seeds)
 
 
 def _checked_physics(

@@ -17,7 +17,8 @@ class TaskNumbers(NamedTuple):
     Attributes:
         targets: (n,) bool, the balls of the task.
         bits: (n,) int64, each ball as a set of balls.
-        opening: The legal balls of the first shot of a run-out, as a set of balls; 0 in other tasks.
+        opening: (1,) `games.STATE` before the first shot of a task that is a game, (0,) in other tasks.
+        legal: The legal balls of the first shot of a game, as a set of balls; 0 in other tasks.
         goal_radius: m, see `Task`.
         max_shots: Number of shots after which an episode ends.
         scratch_penalty: Reward subtracted for a scratch.
@@ -28,7 +29,8 @@ class TaskNumbers(NamedTuple):
 
     targets: Any
     bits: Any
-    opening: int
+    opening: Any
+    legal: int
     goal_radius: float
     max_shots: int
     scratch_penalty: float
@@ -45,7 +47,6 @@ class BallArrays(NamedTuple):
         velocities: (m, n, 2) float64, m/s.
         spins: (m, n, 3) float64, rad/s.
         in_play: (m, n) bool.
-        positions_before: (m, n, 2) float64, m: positions before the last shot.
         potted_before: (m, n) bool: balls off the table before the last shot.
     """
 
@@ -53,7 +54,6 @@ class BallArrays(NamedTuple):
     velocities: Any
     spins: Any
     in_play: Any
-    positions_before: Any
     potted_before: Any
 
 
@@ -69,8 +69,9 @@ class EpisodeArrays(NamedTuple):
         cushions_before_hit: As in `engine.Shots`.
         first_hit: As in `engine.Shots`.
         goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks with a goal, none in the others.
-        legal_balls: (m, n) bool in the run-outs, (m, 0) in the others: the balls that the cue ball may touch first in
-            the next shot.
+        states: (m,) `games.STATE` before the next shots in the tasks that are games, (0,) in the others.
+        legal_balls: (m, n) bool in the tasks that are games, (m, 0) in the others: the balls that the cue ball may
+            touch first in the next shot.
         points: (m,) int64: points of the last shot.
         score: (m,) int64: points of its episode up to the last shot.
         shots_left: (m,) int64: number of shots left after it.
@@ -88,6 +89,7 @@ class EpisodeArrays(NamedTuple):
     cushions_before_hit: Any
     first_hit: Any
     goals: Any
+    states: Any
     legal_balls: Any
     points: Any
     score: Any

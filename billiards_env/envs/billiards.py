@@ -15,11 +15,20 @@ from billiards_env.checks import finite, flag, integer, one_of, real
 from billiards_env.engine import checked_engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS, check_action
-from billiards_env.envs.arguments import check_options, check_randomize, json_spec, make_scene
-from billiards_env.envs.episodes import Episodes
-from billiards_env.envs.info import info_arrays, single_info
+from billiards_env.envs.arguments import (
+    Model,
+    check_noise,
+    check_options,
+    check_randomize,
+    json_spec,
+    make_scene,
+)
+from billiards_env.envs.episodes import Episodes, noise_stream
+from billiards_env.envs.info import single_info
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
+from billiards_env.envs.state import State, checked_state, copied
 from billiards_env.envs.tasks import TASKS, task_targets
+from billiards_env.jit import streams
 from billiards_env.scene import Scene, layouts
 
 _ONE, _FIRST = np.ones(1, np.bool_), np.zeros(1, np.int64)
@@ -130,6 +139,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `"tight_rack"`: as `"rack"`, but the object balls touch each other.
     - `"nine_ball"`: as `"rack"` with 9 object balls: the 1 at the front, the 9 in the middle, the others in a random
       order.
+    - `"ten_ball"`: as `"rack"` with 10 object balls: the 1 at the front, the 10 in the middle of the row of three.
     - `"eight_ball"`: as `"rack"` with 15 object balls: the 8 in the middle, a ball of each group at the rear corners,
       the others in a random order.
     - `"carom_opening"`: the opening position of carom billiards, with one or two object balls.
@@ -172,22 +182,27 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     `reset` and `step` return the same keys. The numbers are NumPy scalars:
 
-    | Key           | Type       | Description                                              | After `reset` |
-    |---------------|------------|----------------------------------------------------------|---------------|
-    | `shot_time`   | float64    | duration of the shot, s                                  | 0             |
-    | `n_events`    | int64      | number of events in the shot                             | 0             |
-    | `status_code` | int64      | reason for the end of the shot, usually 0, see below     | 0             |
-    | `first_hit`   | int64      | the first ball that the cue ball touched, -1 if none     | -1            |
-    | `cushions`    | (n,) int32 | number of cushion contacts of each ball in the shot      | 0             |
-    | `potted`      | (n,) bool  | balls off the table after the shot                       | False         |
-    | `scratch`     | bool       | whether the cue ball was potted                          | False         |
-    | `points`      | int64      | points of the shot                                       | 0             |
-    | `score`       | int64      | points of the episode up to now                          | 0             |
-    | `shots_left`  | int64      | number of shots left in the episode                      | `max_shots`   |
-    | `is_success`  | bool       | whether the task was achieved in the episode             | False         |
-    | `miscue`      | bool       | whether the tip slipped; only with `action="strike"`     | False         |
+    | Key            | Type       | Description                                              | After `reset` |
+    |----------------|------------|----------------------------------------------------------|---------------|
+    | `episode_seed` | (8,) int64 | what repeats the episode alone, see below                | drawn         |
+    | `shot_time`    | float64    | duration of the shot, s                                  | 0             |
+    | `n_events`     | int64      | number of events in the shot                             | 0             |
+    | `status_code`  | int64      | reason for the end of the shot, usually 0, see below     | 0             |
+    | `first_hit`    | int64      | the first ball that the cue ball touched, -1 if none     | -1            |
+    | `cushions`     | (n,) int32 | number of cushion contacts of each ball in the shot      | 0             |
+    | `potted`       | (n,) bool  | balls off the table after the shot                       | False         |
+    | `scratch`      | bool       | whether the cue ball was potted                          | False         |
+    | `points`       | int64      | points of the shot                                       | 0             |
+    | `score`        | int64      | points of the episode up to now                          | 0             |
+    | `shots_left`   | int64      | number of shots left in the episode                      | `max_shots`   |
+    | `is_success`   | bool       | whether the task was achieved in the episode             | False         |
+    | `miscue`       | bool       | whether the tip slipped; only with `action="strike"`     | False         |
 
     With `randomize` the info also has the numbers of the episode by name (float64).
+
+    `reset(options={"episode_seed": info["episode_seed"]})` begins the same episode in any environment with the same
+    arguments, single or vector: the same positions, goal, physics and execution noise. So one of the episodes of a
+    vector environment can be played again alone.
 
     Stable-Baselines3 logs `is_success`. The task `"pot"` is achieved if all object balls are potted and the cue ball is
     not. A run-out is achieved if the nine ball or the eight ball is potted without a foul when it may be potted. The
@@ -226,6 +241,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `scratch_penalty`    | float         | `0.1`        | reward subtracted for a scratch                        |
     | `randomize`          | dict or None  | `None`       | ranges of physics that each episode draws              |
     | `observe_physics`    | bool          | `False`      | whether the observation has the drawn physics          |
+    | `noise`              | dict or None  | `None`       | standard deviations of the execution noise, see below  |
+    | `noise_seed`         | int or None   | `None`       | a second seed of the noise                             |
     | `render_mode`        | str or None   | `None`       | `"human"`, `"rgb_array"` or `"rgb_array_list"`         |
 
     - `scene` is a name, a `Scene`, or a mapping for `Scene.from_dict`, such as `{"base": "real_pool", "n_object_balls":
@@ -235,6 +252,10 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
       `"real_pool"`, a pool table with throw and the jaws of the pockets.
     - The tasks `"pot"`, `"position"`, `"clear"` and the run-outs need a table with pockets. `"nine_ball"` needs 9
       object balls and `"eight_ball"` 15. `"sum_to_three"` needs a table without pockets and exactly one object ball.
+    - `noise` maps "angle_std" (of the direction, degrees), "speed_std" (m/s), "offset_std" (of both offsets of the tip,
+      m) and "elevation_std" (degrees) to numbers. Missing ones are 0.125, 0.075, 0.0005 and 0.1, those of the pool
+      tournaments at the Computer Olympiad (Smith 2007, PickPocket: A computer billiards shark). The speed stays
+      between 0 and `max_speed`. A shot of speed 0 stays at speed 0. An action is clipped before the noise is added.
     - The values of `fix` are `"push_apart"` (the same as None), `"move_back"`, `"none"` and `"time_of_impact"`.
     - An `EnvSpec` can be converted to JSON and back. The spec stores a `Scene` as a dict. All other arguments are JSON
       values. `billiards_env.checks.RANGES` contains the range of each number.
@@ -284,6 +305,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         scratch_penalty: float = 0.1,
         randomize: Mapping[str, Sequence[float]] | None = None,
         observe_physics: bool = False,
+        noise: Mapping[str, float] | None = None,
+        noise_seed: int | None = None,
         render_mode: str | None = None,
     ) -> None:
         one_of("task", task, tuple(TASKS))
@@ -305,6 +328,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.observe_physics = flag("observe_physics", observe_physics)
         if observe_physics and not self.randomize:
             raise ValueError("observe_physics = True without randomize: expected the ranges of the numbers it observes")
+        self.noise = check_noise(noise, self.scene, action, self.max_speed)
+        self.noise_seed = None if noise_seed is None else integer("noise_seed", noise_seed, "seed")
         if render_mode is not None:
             one_of("render_mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
@@ -312,8 +337,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             self.metadata = {**self.metadata, "render_fps": FPS_OF_SHOTS}
         self._renderer = None if render_mode is None else Renderer(self.scene, render_mode)
 
-        self._episodes = Episodes(1, self, 0 if self._renderer is None else 1)
-        self._info, self._start = info_arrays(self._episodes)
+        model = Model(*[getattr(self, name) for name in Model._fields])
+        self._episodes = Episodes(1, model, 0 if self._renderer is None else 1)
         arrays = self._episodes.arrays
         coordinates = 2 * (self.scene.n_balls + arrays.goals.shape[1])
         flags = max(arrays.legal_balls.shape[1] - 1, 0) + self.observe_shots_left
@@ -324,16 +349,57 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._rewards = np.empty(1)
         self._numbers = ACTIONS[action]
         self._size = len(low)
+        self._shared = {*vars(self), "_np_random", "_shared", "_spec"} - {"_episodes", "_renderer", "_rewards"}
 
-    def episodes(self, count: int, n_recorded: int = 0) -> Episodes:
-        """Returns `count` new episodes with the arguments of this environment and the physics of its present episode.
+    @property
+    def model(self) -> Model:
+        """The arguments of the environment after their checks."""
+        return self._episodes.model
 
-        `n_recorded` is that of `Episodes`.
+    def __deepcopy__(self, memo: dict[int, Any]) -> BilliardsEnv:
+        """Returns a copy that continues with the same bits. It shares what does not change, such as the scene."""
+        self._write_stream()
+        twin = copied(self, self._shared, memo)
+        twin._np_random = None
+        return twin
+
+    @property
+    def np_random(self) -> np.random.Generator:
+        """The generator of the layouts."""
+        stream = self._episodes.state.stream[0]
+        if self._np_random is None and stream[3]:  # after a copy or `set_state`
+            self._np_random = streams.generator(stream)
+        return super().np_random
+
+    @np_random.setter
+    def np_random(self, value: np.random.Generator) -> None:
+        self._np_random, self._np_random_seed = value, -1
+
+    def _write_stream(self) -> None:
+        """Writes the state of the generator to that of the episode."""
+        if self._np_random is not None:
+            self._episodes.state.stream[0] = streams.read(self._np_random)
+
+    def get_state(self) -> State:
+        """Returns the state: all that a step may read or change, a structured array of shape (), see `envs.state`."""
+        self._write_stream()
+        return np.ndarray((), self._episodes.kind, self._episodes.memory.copy())
+
+    def set_state(self, state: State) -> None:
+        """Continues from a state of this environment, or of another one with the same scene and task, bit for bit.
+
+        Args:
+            state: One row, as from `get_state` of this environment or of a vector environment.
+
+        Raises:
+            TypeError: If it is not an array that `get_state` returned.
+            ValueError: If it is the state of another scene or task, or holds impossible numbers.
         """
-        episodes = Episodes(count, self, n_recorded)
-        if self.randomize:
-            episodes.set_physics(np.arange(count), self._episodes.physics)
-        return episodes
+        episodes = self._episodes
+        episodes.undo(checked_state(state, episodes.kind, self.model, 1).view(np.uint8))
+        self._np_random, self._np_random_seed = None, -1
+        if self._renderer is not None:
+            self._renderer.begin([drawn_layout(episodes, 0)])
 
     @property
     def episode_scene(self) -> Scene:
@@ -360,6 +426,11 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """(n,) balls that the cue ball may touch first in a run-out, a copy; (0,) in other tasks."""
         return self._episodes.arrays.legal_balls[0].copy()
 
+    @property
+    def game_states(self) -> NDArray[Any]:
+        """The state of the game, (1,) `games.STATE`, in the tasks that are games; (0,) in the others."""
+        return self._episodes.arrays.states.copy()
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
@@ -369,7 +440,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             seed: Seed of the generator that draws the starting states. The same seed gives the same episodes bit for
                 bit.
             options: None, or a dict with any of "positions": (n, 2) positions of the balls, m, "goal": (2,) m in a task
-                with a goal, and "physics": numbers of `randomize` by name. The rest of the starting state is drawn.
+                with a goal, "physics": numbers of `randomize` by name, and "episode_seed": (8,) that of the `info` of
+                an earlier reset, which this one repeats. The rest of the starting state is drawn.
 
         Returns:
             The observation and the info, see the class.
@@ -378,22 +450,29 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             ValueError: If an option is unknown, or a position or the goal is impossible.
             TypeError: If the options are not a mapping.
         """
-        positions, goal, physics = check_options(self, options)
+        given = check_options(self.model, options)
         super().reset(seed=int(seed) if isinstance(seed, np.integer) else seed)
-        episodes = self._episodes
-        episodes.shots.positions[0] = (
-            layouts.draw_one(episodes.plan, self.np_random) if positions is None else positions
-        )
-        if episodes.goal_plan is not None:
-            episodes.arrays.goals[0] = layouts.draw_one(episodes.goal_plan, self.np_random) if goal is None else goal
-        if self.randomize:
-            drawn = episodes.scaled(self.np_random.random((1, len(self.randomize))))
-            episodes.set_physics(_FIRST, drawn | physics)
+        episodes, rng = self._episodes, self.np_random
+        state = episodes.state
+        state.stream[0] = streams.read(rng)
+        if self.noise is not None and (seed is not None or not state.noise_stream[0, 3]):
+            state.noise_stream[0] = noise_stream(self.np_random_seed, self.noise_seed)
+        if given.episode_seed is not None:
+            state.stream[0], state.noise_stream[0] = given.episode_seed[:4], given.episode_seed[4:]
+        episodes.draw(0, 1, _ONE, balls=given.positions is None, goals=given.goals is None)
+        streams.write(rng, state.stream[0])
+        if given.positions is not None:
+            state.positions[0] = given.positions
+        if given.goals is not None:
+            state.goals[0] = given.goals
+        if given.physics:
+            episodes.set_physics(_FIRST, given.physics)
+        state.begun[0] = True
         observations = np.empty((1, self._size), np.float32)
         episodes.begin(0, 1, _ONE, observations)
         if self._renderer is not None:
             self._renderer.begin([drawn_layout(episodes, 0)])
-        return observations[0], single_info(self._start)
+        return observations[0], single_info(episodes.starts)
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Plays one shot.
@@ -411,17 +490,23 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             ValueError: If the action does not have the shape of the action space, or a number is not finite.
         """
         episodes, reward = self._episodes, self._rewards
-        over = episodes.arrays.over
+        over = episodes.state.over
         if over[0]:
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
         action = finite("action", action, (self._numbers,))
-        observations = np.empty((1, self._size), np.float32)
-        episodes.shoot(0, 1, action[None], reward, observations)
+        observations, before = np.empty((1, self._size), np.float32), episodes.memory.copy()
+        try:
+            episodes.shoot(0, 1, action[None], self.max_speed, reward, observations)
+        except BaseException:
+            episodes.undo(before)
+            raise
         if episodes.shots.status.item() >= AT_EVENT_LIMIT:
-            episodes.warn_cut_off(0, action)
+            episodes.warn_cut_off(0, action, before)
         if self._renderer is not None:
-            self._renderer.step([drawn_shot(episodes, 0, action, reward.item(), episodes.arrays.goals[0])])
-        return observations[0], reward.item(), over.item(), False, single_info(self._info)
+            self._renderer.step(
+                [drawn_shot(episodes, 0, action, self.max_speed, reward.item(), episodes.state.goals[0])]
+            )
+        return observations[0], reward.item(), over.item(), False, single_info(episodes.info)
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
         """Renders the shots, see the class.

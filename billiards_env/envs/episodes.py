@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import math
 import warnings
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, ShotInput, empty_shots, run_shots_of
+from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, empty_shots, run_shots_of
 from billiards_env.engine.compile import varied_fields, varied_shot, vary
 from billiards_env.engine.frozen_strike import strike_frozen
-from billiards_env.envs.actions import shorten, strike_balls
+from billiards_env.envs.actions import add_noise, shorten, strike_balls
+from billiards_env.envs.arguments import Model, cue_ball_alone
 from billiards_env.envs.arrays import BallArrays, EpisodeArrays, TaskNumbers
-from billiards_env.envs.tasks import TASKS, judge_pot, write_legal_balls
+from billiards_env.envs.info import InfoArrays, info_arrays, starts_of
+from billiards_env.envs.state import State, StateArrays, arrays_of, parts, scene_hash, state_type
+from billiards_env.envs.tasks import TASKS, judge_pot, opening_of, write_legal_balls
 from billiards_env.jit import entry_point, inlined, specialised, streams
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
-from billiards_env.scene import Balls, Scene, layouts
+from billiards_env.scene import Scene, layouts
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
-
-if TYPE_CHECKING:
-    from billiards_env.engine import Engine
-    from billiards_env.envs.billiards import BilliardsEnv
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -39,158 +37,217 @@ class Episodes:
     The methods process the episodes from `begin` to `end - 1`. Several threads may call them for different episodes.
 
     Attributes:
-        env: The environment with the arguments of the episodes.
+        model: The arguments of the environment.
+        kind: The type of a row of the state, see `envs.state`.
+        memory: The state of the episodes, one block.
+        state: The arrays in `memory`.
         shots: The balls and, after `shoot`, the outcomes of the shots (see `engine.Shots`).
         balls: The balls before and after the last shots. They are part of `shots`.
-        arrays: The state of the episodes. Its balls are those of `balls`.
+        arrays: The episodes after their last shots. Its arrays are those of `state` and `shots`, and the results.
         plan: The layout at the start of an episode.
         goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has
             no goal.
         miscues: (m,) bool: whether the tip slipped in the last shot; False for the action "velocity".
-        physics: The numbers of `BilliardsEnv.randomize` by name, (m,) each.
+        physics: The numbers of `BilliardsEnv.randomize` by name, (m,) each: columns of the state.
+        of_episode: The arrays of `info` that do not change in an episode.
+        info: The arrays of `info` after the last shots.
+        starts: Those at the starts of episodes.
         recorded: The last shot of the first `n_recorded` episodes with its trajectory, by episode.
     """
 
-    def __init__(self, count: int, env: BilliardsEnv, n_recorded: int = 0) -> None:
-        scene, n, task = env.scene, env.scene.n_balls, TASKS[env.task]
-        self.env, self.n_recorded = env, n_recorded
+    def __init__(self, count: int, model: Model, n_recorded: int = 0, memory: NDArray[np.uint8] | None = None) -> None:
+        scene, task = model.scene, TASKS[model.task]
+        self.model, self.n_recorded = model, n_recorded
         self.recorded: dict[int, ShotResult] = {}
-        self.plan = layouts.layout_plan(env.layout, scene)
+        self.plan = layouts.layout_plan(model.layout, scene)
         self.goal_plan = layouts.layout_plan("random", cue_ball_alone(scene)) if task.goal_radius else None
-        self.shots = shots = empty_shots(count, n)
-        for array in shots:
-            array[...] = 0
-        shots.in_play[...] = True
-        self.balls = BallArrays(
-            *shots[:4], positions_before=np.zeros((count, n, 2)), potted_before=np.zeros((count, n), np.bool_)
+        opening, legal = opening_of(model.task, scene, model.layout)
+        self._numbers = tuple(
+            TaskNumbers(
+                targets=model.targets,
+                bits=np.left_shift(1, np.arange(scene.n_balls)),
+                opening=opening,
+                legal=legal,
+                goal_radius=task.goal_radius,
+                max_shots=model.max_shots,
+                scratch_penalty=model.scratch_penalty,
+                half_length=scene.half_extents[0],
+                half_width=scene.half_extents[1],
+                observe_shots_left=model.observe_shots_left,
+            )
         )
+        self._run_shots = run_shots_of(model.engine, scene.n_balls)
+        self._limit = scene.physics.max_time or math.inf
+        self._cue = tuple(cue_numbers(scene)) if model.action == "strike" else None
+        self.kind = state_type(model)
+        self._allocate(np.zeros(count * self.kind.itemsize, np.uint8) if memory is None else memory)
+        if memory is None:
+            state = self.state
+            state.scene[:], state.task[:] = scene_hash(scene, tuple(model.randomize)), model.task
+            self.arrays.states[:] = opening
+            state.in_play[:] = state.fresh[:] = state.over[:] = True
+            for j, (low, _) in enumerate(model.randomize.values()):
+                state.physics[:, j] = low
+        self.starts = starts_of(self.info, self.of_episode, model.max_shots)
+        self._scene = varied_fields(scene, model.engine, self.physics, count)
+
+    def _allocate(self, memory: NDArray[np.uint8]) -> None:
+        """Sets the arrays of the episodes, with the state in `memory`."""
+        self.memory, self.state = memory, (state := arrays_of(self.kind, memory))
+        count, n = state.in_play.shape
+        shots = empty_shots(count, n)._replace(positions=state.positions, in_play=state.in_play)
+        potted_before = np.zeros((count, n), np.bool_)
+        self.shots, self.balls = shots, BallArrays(*shots[:4], potted_before=potted_before)
         self.arrays = EpisodeArrays(
-            positions=shots.positions,
-            in_play=shots.in_play,
-            potted_before=self.balls.potted_before,
+            positions=state.positions,
+            in_play=state.in_play,
+            potted_before=potted_before,
             cushions=shots.cushions,
             cushions_before_hit=shots.cushions_before_hit,
             first_hit=shots.first_hit,
             potted=np.zeros((count, n), np.bool_),
-            goals=np.zeros((count, 0 if self.goal_plan is None else 1, 2)),
-            legal_balls=np.zeros((count, n if task.opening else 0), np.bool_),
+            goals=state.goals,
+            states=state.game.reshape(-1),
+            legal_balls=state.legal_balls,
             points=np.zeros(count, np.int64),
-            score=np.zeros(count, np.int64),
-            shots_left=np.zeros(count, np.int64),
+            score=state.score,
+            shots_left=state.shots_left,
             scratch=np.zeros(count, np.bool_),
-            is_success=np.zeros(count, np.bool_),
-            fresh=np.ones(count, np.bool_),
-            over=np.ones(count, np.bool_),
+            is_success=state.is_success,
+            fresh=state.fresh,
+            over=state.over,
         )
         self.miscues = np.zeros(count, np.bool_)
-        numbers = TaskNumbers(
-            targets=env.targets,
-            bits=np.left_shift(1, np.arange(n)),
-            opening=task.break_opening if env.layout in task.breaks else task.opening,
-            goal_radius=task.goal_radius,
-            max_shots=env.max_shots,
-            scratch_penalty=env.scratch_penalty,
-            half_length=scene.half_extents[0],
-            half_width=scene.half_extents[1],
-            observe_shots_left=env.observe_shots_left,
-        )
-        # The arguments of the entry points. These tuples hold the arrays above, also after a deep copy.
-        self._numbers, self._arrays = tuple(numbers), tuple(self.arrays)
-        self._shots, self._balls = tuple(shots), tuple(self.balls)
-        self.physics = {name: np.full(count, low) for name, (low, _) in env.randomize.items()}
-        self._run_shots = run_shots_of(env.engine, n)
-        self._scene = varied_fields(scene, env.engine, self.physics, count)
-        self._limit = scene.physics.max_time or math.inf
-        self._cue = tuple(cue_numbers(scene)) if env.action == "strike" else None
+        # The entry points take plain tuples, see `envs.arrays`.
+        self._arrays, self._shots, self._balls = tuple(self.arrays), tuple(shots), tuple(self.balls)
+        self.physics = {name: state.physics[:, j] for j, name in enumerate(self.model.randomize)}
+        self.of_episode = InfoArrays(self.physics, {"episode_seed": state.episode_seed.view(np.int64)})
+        self.info = info_arrays(shots, self.arrays, None if self._cue is None else self.miscues, self.of_episode)
 
-    def draw(
-        self, begin: int, end: int, mask: Bools, streams: NDArray[np.uint64], balls: bool = True, goals: bool = True
-    ) -> None:
+    def __deepcopy__(self, memo: dict[int, Any]) -> Episodes:
+        twin = object.__new__(Episodes)
+        twin.__dict__.update(self.__dict__)
+        twin.recorded = dict(self.recorded)
+        twin._allocate(self.memory.copy())
+        twin.starts = InfoArrays(*[kept | of for kept, of in zip(self.starts, twin.of_episode, strict=True)])
+        if self.physics:
+            twin._scene = (self._scene[0].copy(), *self._scene[1:])
+        return twin
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Episodes, (len(self.state.over), self.model, self.n_recorded, self.memory)
+
+    def put(self, rows: NDArray[np.int64] | None, given: State) -> None:
+        """Replaces the state of some episodes, None for all, by the rows of `given`, one for each or one for all."""
+        for part in parts(len(self.state.over) if rows is None else len(rows)):
+            chosen, values = part if rows is None else rows[part], given[part] if len(given) > 1 else given
+            for name, array in zip(StateArrays._fields, self.state, strict=True):
+                array[chosen] = values[name]
+        self.set_physics(slice(None) if rows is None else rows, {})
+
+    def take(self, rows: NDArray[np.int64] | None) -> State:
+        """Returns a copy of the state of some episodes, None for all: one row for each."""
+        taken = np.empty(len(self.state.over) if rows is None else len(rows), self.kind)
+        for part in parts(len(taken)):
+            for name, array in zip(StateArrays._fields, self.state, strict=True):
+                taken[name][part] = array[part if rows is None else rows[part]]
+        return taken
+
+    def undo(self, memory: NDArray[np.uint8]) -> None:
+        """Replaces the state of all episodes by a copy of `memory`."""
+        self.memory[:] = memory
+        self.set_physics(slice(None), {})
+
+    def draw(self, begin: int, end: int, mask: Bools, balls: bool = True, goals: bool = True) -> None:
         """Draws positions of the balls, then goals if the task has any, then the physics of the episodes if it varies.
 
         Args:
             begin: See the class.
             end: See the class.
             mask: (m,) bool, the episodes to draw for.
-            streams: (m, 4) random streams of the episodes, which are advanced (see `billiards_env.jit.streams`).
             balls: Whether to draw positions of the balls.
             goals: Whether to draw goals.
 
         Raises:
             ValueError: If there is no free position for a ball.
         """
+        state = self.state
+        keep_seeds(begin, end, mask, state.stream, state.noise_stream, state.episode_seed)
         if balls:
-            layouts.draw_tables(self.plan, begin, end, mask, streams, self.shots.positions)
+            layouts.draw_tables(self.plan, begin, end, mask, state.stream, state.positions)
         if goals and self.goal_plan is not None:
-            layouts.draw_tables(self.goal_plan, begin, end, mask, streams, self.arrays.goals)
+            layouts.draw_tables(self.goal_plan, begin, end, mask, state.stream, state.goals)
         if self.physics:
             units, rows = np.empty((end - begin, len(self.physics))), np.flatnonzero(mask[begin:end])
-            draw_units(begin, end, mask, streams, units)
+            draw_units(begin, end, mask, state.stream, units)
             self.set_physics(begin + rows, self.scaled(units[rows]))
 
     def scaled(self, units: Floats) -> dict[str, Floats]:
         """Returns numbers in the ranges of the physics that varies, by name, for draws (m, p) from [0, 1)."""
-        ranges = self.env.randomize.items()
+        ranges = self.model.randomize.items()
         return {
             name: np.minimum(low + (high - low) * units[:, j], high) for j, (name, (low, high)) in enumerate(ranges)
         }
 
-    def set_physics(self, rows: NDArray[np.int64], numbers: Mapping[str, Floats]) -> None:
+    def set_physics(self, rows: Any, numbers: Mapping[str, Floats]) -> None:
         """Sets numbers of the physics of episodes, for which it varies. `rows` are the numbers of the episodes."""
         for name, values in numbers.items():
             self.physics[name][rows] = values
-        varied = {name: values[rows] for name, values in self.physics.items()}
-        vary(self._scene[0], rows, self.env.scene, self.env.engine, varied)
-
-    def physics_arrays(self) -> list[NDArray[Any]]:
-        """Returns the arrays that `set_physics` changes, none without physics that varies."""
-        return [*self.physics.values(), self._scene[0]] if self.physics else []
+        if self.physics:
+            varied = {name: values[rows] for name, values in self.physics.items()}
+            vary(self._scene[0], rows, self.model.scene, self.model.engine, varied)
 
     def scene_and_engine(self, k: int) -> tuple[Scene, Engine]:
         """Returns the scene and the engine of episode k."""
-        return varied_shot(self.env.scene, self.env.engine, self.physics, k)
+        return varied_shot(self.model.scene, self.model.engine, self.physics, k)
 
     def begin(self, begin: int, end: int, mask: Bools, observations: NDArray[np.float32]) -> None:
         """Begins the episodes in the mask (m,) with the balls where they are, and writes all observations (m, size)."""
         begin_episodes(begin, end, mask, self._numbers, self._arrays, observations)
-        if self.env.observe_physics:
+        if self.model.observe_physics:
             self._observe_physics(begin, end, observations)
 
     def _observe_physics(self, begin: int, end: int, observations: NDArray[np.float32]) -> None:
         first = observations.shape[1] - len(self.physics)
-        for j, (name, (low, high)) in enumerate(self.env.randomize.items()):
+        for j, (name, (low, high)) in enumerate(self.model.randomize.items()):
             observations[begin:end, first + j] = 2.0 * (self.physics[name][begin:end] - low) / (high - low) - 1.0
 
-    def shoot(self, begin: int, end: int, actions: Floats, rewards: Floats, observations: NDArray[np.float32]) -> None:
+    def shoot(
+        self,
+        begin: int,
+        end: int,
+        actions: Floats,
+        max_speed: float,
+        rewards: Floats,
+        observations: NDArray[np.float32],
+    ) -> None:
         """Plays a shot in each episode that is not over. The others have the reward 0, and their tally does not change.
 
-        If the call is interrupted, the balls keep the positions that they had before it.
+        If the call is interrupted, the state is undefined: see `undo`.
 
         Args:
             begin: See the class.
             end: See the class.
-            actions: (m, 2) or (m, 5), see `envs.actions`, finite.
+            actions: (m, 2) or (m, 5), see `envs.actions`, finite. With noise it changes to the actions with noise.
+            max_speed: m/s.
             rewards: (m,) float64 out.
             observations: (m, size) float32 out.
         """
-        balls, over = self.balls, self.arrays.over
-        start_shots(begin, end, over, actions, self.env.max_speed, self._balls)
+        model, balls, over = self.model, self.balls, self.state.over
+        if model.noise is not None:
+            add_noise(begin, end, over, actions, model.noise, self.state.noise_stream)
+        start_shots(begin, end, over, actions, max_speed, self._balls)
         if self._cue is not None:
             strike_balls(begin, end, over, actions, self._cue, (balls.velocities, balls.spins, self.miscues))
-            strike_frozen(self.env.scene, self._scene, self._shots[:4], begin=begin, end=end)
+            strike_frozen(model.scene, self._scene, self._shots[:4], begin=begin, end=end)
         first = begin
-        try:
-            while first < end and first < self.n_recorded:
-                self.recorded[first] = self._record(first)
-                first += 1
-            if first < end:
-                self._run_shots(first, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
-        except BaseException:
-            balls.positions[begin:end] = balls.positions_before[begin:end]
-            balls.in_play[begin:end] = ~balls.potted_before[begin:end]
-            raise
-        scoring(self.env.task)(begin, end, self._numbers, self._arrays, rewards, observations)
-        if self.env.observe_physics:
+        while first < end and first < self.n_recorded:
+            self.recorded[first] = self._record(first)
+            first += 1
+        if first < end:
+            self._run_shots(first, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
+        scoring(model.task)(begin, end, self._numbers, self._arrays, rewards, observations)
+        if model.observe_physics:
             self._observe_physics(begin, end, observations)
 
     def _record(self, k: int) -> ShotResult:
@@ -206,9 +263,13 @@ class Episodes:
                 array[k] = STATUS.index(shot.status) if name == "status" else getattr(shot, name)
         return shot
 
-    def warn_cut_off(self, k: int, action: Floats) -> None:
-        """Warns the caller of `step` that the engine ended the shot of episode k at its limit."""
-        n_events, seconds, start = self.shots.n_events[k], self.shots.time[k], self.balls.positions_before[k].tolist()
+    def warn_cut_off(self, k: int, action: Floats, before: NDArray[np.uint8]) -> None:
+        """Warns the caller of `step` that the engine ended the shot of episode k at its limit.
+
+        `before` is the memory before the step.
+        """
+        n_events, seconds = self.shots.n_events[k], self.shots.time[k]
+        start = arrays_of(self.kind, before).positions[k].tolist()
         warnings.warn(
             f"the engine ended a shot at its limit, after {n_events} events and {seconds} s; "
             f"scene {self.scene_and_engine(k)[0].to_dict()}, positions {start}, action {action.tolist()}",
@@ -217,9 +278,10 @@ class Episodes:
         )
 
 
-def cue_ball_alone(scene: Scene) -> Scene:
-    """Returns the scene without its object balls."""
-    return dataclasses.replace(scene, balls=Balls(scene.balls.radius[:1], scene.balls.mass[:1]))
+def noise_stream(seed: int, noise_seed: int | None) -> NDArray[np.uint64]:
+    """Returns the random stream of the noise, which is independent of that of the layouts with the same seed."""
+    key = (0,) if noise_seed is None else (0, noise_seed)
+    return streams.seeded(np.random.SeedSequence(seed, spawn_key=key))
 
 
 @inlined
@@ -255,6 +317,15 @@ def draw_units(begin, end, mask, episode_streams, units):
 
 
 @entry_point
+def keep_seeds(begin, end, mask, episode_streams, noise_streams, seeds):
+    """Copies the random streams of the episodes in the mask, (m, 4) each, to `seeds`, (m, 8)."""
+    for k in range(begin, end):
+        if mask[k]:
+            for i in range(4):
+                seeds[k, i], seeds[k, 4 + i] = episode_streams[k, i], noise_streams[k, i]
+
+
+@entry_point
 def begin_episodes(begin, end, mask, numbers, arrays, observations):
     """Begins episodes, see `Episodes.begin`."""
     numbers, arrays = TaskNumbers(*numbers), EpisodeArrays(*arrays)
@@ -263,7 +334,9 @@ def begin_episodes(begin, end, mask, numbers, arrays, observations):
             for i in range(arrays.in_play.shape[1]):
                 arrays.in_play[k, i] = True
             arrays.fresh[k], arrays.over[k] = True, False
-            write_legal_balls(k, numbers.opening, arrays)
+            if len(numbers.opening):
+                arrays.states[k] = numbers.opening[0]
+                write_legal_balls(k, numbers.legal, arrays)
         observe(k, numbers, arrays, observations)
 
 
@@ -275,7 +348,6 @@ def start_shots(begin, end, over, actions, max_speed, balls):
         for i in range(balls.in_play.shape[1]):
             balls.potted_before[k, i] = not balls.in_play[k, i]
             for c in range(2):
-                balls.positions_before[k, i, c] = balls.positions[k, i, c]
                 balls.velocities[k, i, c] = 0.0
             for c in range(3):
                 balls.spins[k, i, c] = 0.0

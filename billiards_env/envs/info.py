@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.envs.arrays import TALLY
-from billiards_env.envs.episodes import Episodes
+from billiards_env.engine import Shots
+from billiards_env.envs.arrays import TALLY, EpisodeArrays
 
 
 class InfoArrays(NamedTuple):
@@ -26,12 +26,17 @@ class InfoArrays(NamedTuple):
     rows: dict[str, NDArray[Any]]
 
 
-def info_arrays(episodes: Episodes) -> tuple[InfoArrays, InfoArrays]:
-    """Returns the arrays of the keys of `info` after the last shots and at the starts of episodes.
+def info_arrays(
+    shots: Shots, arrays: EpisodeArrays, miscues: NDArray[np.bool_] | None, episode: InfoArrays
+) -> InfoArrays:
+    """Returns the arrays of the keys of `info` after the last shots. The arrays change with the episodes.
 
-    The arrays change with the episodes. Of those of the starts, only the physics of the episodes changes.
+    Args:
+        shots: The shots.
+        arrays: The episodes.
+        miscues: Whether the tip slipped; None without a cue.
+        episode: What does not change in an episode: its physics and its seed.
     """
-    shots, arrays = episodes.shots, episodes.arrays
     numbers = {
         "shot_time": shots.time,
         "n_events": shots.n_events,
@@ -39,16 +44,20 @@ def info_arrays(episodes: Episodes) -> tuple[InfoArrays, InfoArrays]:
         "first_hit": shots.first_hit,
         **{name: getattr(arrays, name) for name in TALLY},
     }
-    if episodes.env.action == "strike":
-        numbers["miscue"] = episodes.miscues
+    if miscues is not None:
+        numbers["miscue"] = miscues
     rows = {"cushions": shots.cushions, "potted": arrays.potted}
-    first = {"first_hit": -1, "shots_left": episodes.env.max_shots}  # the others are 0 or False
+    return InfoArrays(numbers | episode.numbers, rows | episode.rows)
+
+
+def starts_of(info: InfoArrays, episode: InfoArrays, max_shots: int) -> InfoArrays:
+    """Returns the arrays of the keys of `info` at the starts of episodes. Only those of `episode` change."""
+    first = {"first_hit": -1, "shots_left": max_shots}  # the others are 0 or False
 
     def starts(found: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         return {key: np.full_like(values, first.get(key, 0)) for key, values in found.items()}
 
-    physics = episodes.physics
-    return InfoArrays(numbers | physics, rows), InfoArrays(starts(numbers) | physics, starts(rows))
+    return InfoArrays(starts(info.numbers) | episode.numbers, starts(info.rows) | episode.rows)
 
 
 def single_info(arrays: InfoArrays) -> dict[str, Any]:

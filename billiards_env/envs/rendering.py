@@ -74,20 +74,20 @@ def balls_at_rest(
 
 def drawn_layout(episodes: Episodes, k: int) -> DrawnShot:
     """Returns the balls and goals of episode k for drawing."""
-    env, shots = episodes.env, episodes.shots
-    circles = _goal_circles(env.task, episodes.arrays.goals[k])
-    return balls_at_rest(env.scene, shots.positions[k], shots.in_play[k], env.task, circles)
+    model, state = episodes.model, episodes.state
+    circles = _goal_circles(model.task, state.goals[k])
+    return balls_at_rest(model.scene, state.positions[k], state.in_play[k], model.task, circles)
 
 
 def drawn_shot(
-    episodes: Episodes, k: int, action: NDArray[np.float64], reward: float, goals: NDArray[np.float64]
+    episodes: Episodes, k: int, action: NDArray[np.float64], max_speed: float, reward: float, goals: NDArray[np.float64]
 ) -> DrawnShot:
     """Returns the last shot of episode k for drawing. `goals` are those of the shot: a new episode may have begun."""
-    shot, env, arrays = episodes.recorded[k], episodes.env, episodes.arrays
-    number = env.max_shots - arrays.shots_left[k]
-    speed = math.hypot(*cue_strike(action, env.scene, env.max_speed).velocity)
-    left = f"{env.task}   shot {number} of {env.max_shots}   {speed:.2f} m/s"
-    return DrawnShot(shot, left, f"reward {reward:g}   score {arrays.score[k]}", _goal_circles(env.task, goals))
+    shot, model, state = episodes.recorded[k], episodes.model, episodes.state
+    number = model.max_shots - state.shots_left[k]
+    speed = math.hypot(*cue_strike(action, model.scene, max_speed).velocity)
+    left = f"{model.task}   shot {number} of {model.max_shots}   {speed:.2f} m/s"
+    return DrawnShot(shot, left, f"reward {reward:g}   score {state.score[k]}", _goal_circles(model.task, goals))
 
 
 def _goal_circles(task: str, goals: NDArray[np.float64]) -> Circles:

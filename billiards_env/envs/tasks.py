@@ -7,8 +7,8 @@ Each kernel has the arguments
     arrays: `EpisodeArrays` of the m episodes after their shots. Views of one episode would take longer than the kernel.
 
 and returns the points of the shot, whether the episode is decided, and whether the task is achieved. The kernels of the
-run-outs also write the `legal_balls` of the next shot. The limit on shots and the penalty for a scratch are not part of
-a task. The rules of games are in `billiards_env.rules`. See `envs.arrays` for the types.
+games also change the state of the game and write the `legal_balls` of the next shot. The limit on shots and the penalty
+for a scratch are not part of a task. The rules of games are in `billiards_env.games`. See `envs.arrays` for the types.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.games.carom import CUSHIONS, is_carom
+from billiards_env.games.facts import Counts, facts_of_shot
+from billiards_env.games.pool import EIGHT, eight_ball, group_of, group_or_eight, lowest_ball, nine_ball
+from billiards_env.games.referee import first_state, judged, legal_balls
+from billiards_env.games.state import NO_FOUL, NOT_IN_HAND, SHOT, STATE, Called, size
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
-from billiards_env.rules.arrays import NO_FOUL, SHOT, CallNumbers, StateNumbers, size
-from billiards_env.rules.carom import CUSHIONS, is_carom
-from billiards_env.rules.facts import Counts, facts_of_shot
-from billiards_env.rules.pool import EIGHT, SOLIDS, STRIPES, chosen_group, eight_ball, group_left, nine_ball
 from billiards_env.scene import Scene
 
 
@@ -141,17 +142,13 @@ def judge_nine_ball(k, numbers, arrays):
     decided by a foul, by a shot that pots no ball, or when the nine ball is potted. The task is achieved if the nine
     ball is potted without a foul.
     """
-    state, facts = run_out_state(k, False, -1, numbers, arrays), shot_facts(k, numbers, arrays)
-    verdict = nine_ball(state, legal_set(k, numbers, arrays), facts, NO_CALL)
-    left = state.object_balls & ~facts.potted
-    write_legal_balls(k, left & -left, arrays)
+    state, facts = arrays.states[k], shot_facts(k, numbers, arrays)
+    lying = state.object_balls
+    verdict = judged(nine_ball, state, facts, NO_CALL)
+    write_legal_balls(k, lowest_ball(state, 0) & ~facts.potted, arrays)
     if verdict.foul != NO_FOUL:
         return 0, True, False
-    return (
-        size(state.object_balls if verdict.over else facts.potted),
-        not verdict.continues or verdict.over,
-        verdict.over,
-    )
+    return size(lying if state.over else facts.potted), not verdict.continues or state.over, state.over
 
 
 @kernel
@@ -163,54 +160,29 @@ def judge_eight_ball(k, numbers, arrays):
     The episode is decided by a foul, by a shot that pots no ball of the group, or when the eight ball is potted. The
     task is achieved if the eight ball is potted without a foul when it is legal, and not in the break.
     """
-    legal, facts = legal_set(k, numbers, arrays), shot_facts(k, numbers, arrays)
-    group = (SOLIDS if legal & SOLIDS != 0 else 0) | (STRIPES if legal & STRIPES != 0 else 0)
-    is_open, is_break = group == SOLIDS | STRIPES, group != 0 and legal & EIGHT != 0
-    state = run_out_state(k, is_break, -1 if is_open else 0, numbers, arrays)
-    verdict = eight_ball(state, legal, facts, NO_CALL)
-    if is_open and not is_break and facts.potted & group != 0:
-        group = chosen_group(facts, facts.potted & group)
-    write_legal_balls(k, group_left(state.object_balls & ~facts.potted, group), arrays)
+    state, facts = arrays.states[k], shot_facts(k, numbers, arrays)
+    verdict = judged(eight_ball, state, facts, NO_CALL)
+    write_legal_balls(k, group_or_eight(state, 0), arrays)
     if verdict.foul != NO_FOUL:
         return 0, True, False
-    won = verdict.winner == 0
-    points = size(facts.potted & group) + (1 if won else 0)
+    won = state.winner == 0
+    points = size(facts.potted & group_of(state, 0)) + (1 if won else 0)
     return points, points == 0 or facts.potted & EIGHT != 0, won
 
 
-NO_CALL = CallNumbers(-1, SHOT, False)
-
-
-@inlined
-def run_out_state(k, is_break, solids, numbers, arrays):
-    """Returns the state of the rules before shot k, as `rules.StateNumbers`: a game with one player and no calls."""
-    lying = 0
-    for i in range(1, len(numbers.bits)):
-        if not arrays.potted_before[k, i]:
-            lying |= numbers.bits[i]
-    return StateNumbers(0, 1, (0, 0, 0, 0), lying, is_break, solids, 0, False, 0, 0, False, False)
-
-
-@inlined
-def legal_set(k, numbers, arrays):
-    """Returns the set of the legal balls of shot k."""
-    legal = 0
-    for i in range(1, len(numbers.bits)):
-        if arrays.legal_balls[k, i]:
-            legal |= numbers.bits[i]
-    return legal
+NO_CALL = Called(-1, SHOT, False)
 
 
 @inlined
 def write_legal_balls(k, balls, arrays):
-    """Writes the legal balls of the next shot of episode k, a set of balls; nothing if the task is no run-out."""
+    """Writes the legal balls of the next shot of episode k, a set of balls; nothing if the task is no game."""
     for i in range(1, arrays.legal_balls.shape[1]):
         arrays.legal_balls[k, i] = balls >> i & 1
 
 
 @inlined
 def shot_facts(k, numbers, arrays):
-    """Returns the facts of shot k, as `rules.FactNumbers`."""
+    """Returns the `Facts` of shot k."""
     hits = arrays.cushions, arrays.cushions_before_hit, arrays.first_hit
     return facts_of_shot(k, Counts(arrays.potted_before, arrays.potted, *hits, numbers.bits))
 
@@ -228,12 +200,11 @@ class Task:
         max_shots: The default of the number of shots after which an episode ends.
         goal_radius: m. Largest distance from the goal at which the cue ball may come to rest; 0 for a task without a
             goal.
-        opening: For a run-out, in which the cue ball may touch only some balls first: the legal balls of the first
-            shot, as a set of balls. 0 for other tasks.
-        breaks: The layouts whose first shot is a break with the legal balls `break_opening`.
-        break_opening: See `breaks`.
         cushions: For a carom: the cushion contacts that the cue ball needs before the last ball; None for other tasks.
         rules: The game whose rules the player "planner" follows; empty if it cannot play the task.
+        is_game: Whether each episode is a game with these `rules`: it has a state, and the cue ball may touch only the
+            legal balls first.
+        breaks: The layouts whose first shot is the break of the game.
     """
 
     judge: Callable[..., Any]
@@ -243,11 +214,10 @@ class Task:
     pockets: bool | None = None
     max_shots: int = 1
     goal_radius: float = 0.0
-    opening: int = 0
-    breaks: tuple[str, ...] = ()
-    break_opening: int = 0
     cushions: int | None = None
     rules: str = ""
+    is_game: bool = False
+    breaks: tuple[str, ...] = ()
 
 
 TASKS = {
@@ -266,8 +236,8 @@ TASKS = {
         n_object_balls=(9, 9),
         pockets=True,
         max_shots=30,
-        opening=1 << 1,
         rules="nine_ball",
+        is_game=True,
     ),
     "eight_ball": Task(
         judge=judge_eight_ball,
@@ -275,12 +245,24 @@ TASKS = {
         n_object_balls=(15, 15),
         pockets=True,
         max_shots=30,
-        opening=SOLIDS | STRIPES,
-        breaks=("eight_ball", "rack", "tight_rack"),
-        break_opening=SOLIDS | EIGHT | STRIPES,
         rules="eight_ball",
+        is_game=True,
+        breaks=("eight_ball", "rack", "tight_rack"),
     ),
 }
+
+
+def opening_of(task: str, scene: Scene, layout: str) -> tuple[NDArray[Any], int]:
+    """Returns the state before the first shot of a task that is a game, (1,) `STATE`, and its legal balls.
+
+    There are none in other tasks: (0,), 0.
+    """
+    entry = TASKS[task]
+    if not entry.is_game:
+        return np.zeros(0, STATE), 0
+    state = first_state(entry.rules, scene.n_balls, break_shot=layout in entry.breaks, in_hand=NOT_IN_HAND)
+    states = np.array([state], STATE)
+    return states, int(legal_balls(entry.rules, states, np.zeros(1, np.int64))[0])
 
 
 def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
@@ -301,11 +283,11 @@ def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
     if count == 0 < least:
         raise ValueError(f"task = {task!r} with a scene of the cue ball alone: expected at least one object ball")
     if not least <= count <= (count if most is None else most) or entry.pockets not in (None, pockets > 0):
-        balls = f"{least} object balls" if least == most else "object balls"
+        balls = f"{least} object ball{'s' * (least > 1)}" if least == most else "object balls"
         table = {None: "", True: " and a table with pockets", False: " and a table without pockets"}[entry.pockets]
         raise ValueError(
-            f"task = {task!r} with {count} object balls and {pockets} pockets: expected {balls}{table}, such as scene "
-            f"{entry.scene!r}"
+            f"task = {task!r} with {count} object ball{'s' * (count != 1)} and {pockets} pockets: expected "
+            f"{balls}{table}, such as scene {entry.scene!r}"
         )
     targets = np.arange(scene.n_balls) > 0
     if entry.pockets:

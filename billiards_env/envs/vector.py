@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -16,16 +19,28 @@ from billiards_env.engine import parallel_for
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.arguments import check_options, json_spec
-from billiards_env.envs.arrays import TALLY
 from billiards_env.envs.billiards import BilliardsEnv
-from billiards_env.envs.info import copied_info, info_arrays, masked_info, with_starts
+from billiards_env.envs.episodes import Episodes, noise_stream
+from billiards_env.envs.info import copied_info, masked_info, with_starts
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
+from billiards_env.envs.state import State, arrays_of, checked_state, copied
 from billiards_env.jit import streams
 
 Bools = NDArray[np.bool_]
 
 _OF_EACH = {"positions", "potted", "goals", "legal_balls", "np_random", "np_random_seed"}
 """The attributes of `BilliardsVectorEnv` with one entry per environment."""
+
+
+@functools.cache
+def warn_of_wrong_returns() -> None:
+    """Warns once if the installed Gymnasium records wrong returns with the mode "SameStep"."""
+    if tuple(map(int, gym.__version__.split(".")[:2])) < (1, 4):
+        warnings.warn(
+            f"Gymnasium {gym.__version__}: RecordEpisodeStatistics and NormalizeReward return wrong numbers with the "
+            'autoreset mode "SameStep". Install Gymnasium 1.4 or later, or use autoreset_mode="NextStep" with them.',
+            stacklevel=3,
+        )
 
 
 class _NamesItsAdapter(type):
@@ -55,6 +70,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     | `positions`  | `(num_envs, n, 2)` | positions of the balls, in metres from the centre of the table          |
     | `goal`       | `(num_envs, 2)`    | goals of tasks with a goal, in metres from the centre of the table      |
     | `physics`    | `(num_envs,)` each | numbers of `randomize` by name                                          |
+    | `episode_seed` | `(num_envs, 8)`  | seeds of earlier episodes, as in `infos`, which begin again             |
     | `reset_mask` | `(num_envs,)` bool | the environments to reset; the others continue their episodes           |
 
     ## Autoreset
@@ -67,9 +83,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     - `"Disabled"`: the environment has to be reset with `reset_mask` before the next `step`.
 
     The default of Gymnasium's own vector environments is `"NextStep"`. In this mode every second step of an environment
-    with `max_shots=1` is a reset, which plays no shot, and a training loop has to leave these steps out. Gymnasium's
-    wrappers of observations, such as `NormalizeObservation`, do not accept `"SameStep"`, and before Gymnasium 1.4
-    `RecordEpisodeStatistics` and `NormalizeReward` return wrong numbers with it.
+    with `max_shots=1` is a reset, which plays no shot, and a training loop has to leave these steps out. Not all of
+    Gymnasium's wrappers work with `"SameStep"`; the documentation has a table (Gotchas, Autoreset).
 
     ## Arguments
 
@@ -122,6 +137,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if not isinstance(autoreset_mode, AutoresetMode):
             one_of("autoreset_mode", autoreset_mode, tuple(mode.value for mode in AutoresetMode))
         self.autoreset_mode = AutoresetMode(autoreset_mode)
+        if self.autoreset_mode is AutoresetMode.SAME_STEP:
+            warn_of_wrong_returns()
         if "max_episode_steps" in arguments:
             steps = short(arguments["max_episode_steps"])
             raise ValueError(f"max_episode_steps = {steps}: expected max_shots, one step is one shot")
@@ -137,47 +154,91 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self._actions_shape = self.num_envs, ACTIONS[env.action]
 
         self._n_shown = 0 if self._renderer is None else self._renderer.n_shown
-        self._episodes = env.episodes(self.num_envs, self._n_shown)
-        self._info, self._starts = info_arrays(self._episodes)
-        self._tally = [getattr(self._episodes.arrays, name) for name in TALLY]
-        self._streams = np.zeros((self.num_envs, 4), np.uint64)
-        self._seeds = [-1] * self.num_envs  # -1: not seeded yet
-        self._begun = np.zeros(self.num_envs, np.bool_)
+        self._episodes = Episodes(self.num_envs, env.model, self._n_shown)
+        self._seeds = np.full(self.num_envs, -1, object)  # -1: not known
+        self._shared = {*vars(self), "_shared", "_spec"} - {"single_env", "_episodes", "_renderer", "_seeds"}
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> BilliardsVectorEnv:
+        """Returns a copy that continues with the same bits. It shares what does not change, such as the scene."""
+        return copied(self, self._shared, memo)
+
+    def get_state(self, rows: Any = None) -> State:
+        """Returns the states of environments: all that a step may read or change.
+
+        Args:
+            rows: The environments, an index for an array (num_envs,), such as a list of numbers; None for all.
+
+        Returns:
+            A structured array with one row for each environment, see `envs.state`.
+
+        Raises:
+            ValueError: If there is no such environment.
+        """
+        return self._episodes.take(self._rows(rows))
+
+    def set_state(self, state: State, rows: Any = None) -> None:
+        """Continues environments from states, bit for bit.
+
+        Args:
+            state: One row for each of the environments, or one row for all, such as from `get_state` of this or of a
+                single environment with the same scene and task.
+            rows: The environments, see `get_state`.
+
+        Raises:
+            TypeError: If `state` is not an array that `get_state` returned.
+            ValueError: If it is of another scene or task, has another number of rows, or holds impossible numbers.
+        """
+        chosen, episodes = self._rows(rows), self._episodes
+        count = self.num_envs if chosen is None else len(chosen)
+        episodes.put(chosen, checked_state(state, episodes.kind, episodes.model, count))
+        self._seeds[... if chosen is None else chosen] = -1
+        self._draw_layouts()
+
+    def _rows(self, rows: Any) -> NDArray[np.int64] | None:
+        """Returns the numbers of environments after a check, None for all."""
+        if rows is None:
+            return None
+        try:
+            return np.arange(self.num_envs)[rows].reshape(-1)
+        except IndexError as error:
+            raise ValueError(f"rows = {short(rows)}: expected numbers of environments ({error})") from None
+
+    def _draw_layouts(self) -> None:
+        """Draws the balls of the environments that are shown, without their shots."""
+        if self._renderer is not None:
+            self._renderer.begin([drawn_layout(self._episodes, k) for k in range(self._n_shown)])
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """The seed of each environment. An environment that was not seeded gets a random seed."""
         self._seed_unseeded()
-        return tuple(self._seeds)
+        return tuple(self._seeds.tolist())
 
     @property
     def np_random(self) -> tuple[np.random.Generator, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """A copy of each environment's random generator in its present state."""
-        generators = []
-        for seed, row in zip(self.np_random_seed, self._streams, strict=True):
-            generators.append(np.random.Generator(np.random.PCG64(seed)))
-            streams.write(generators[-1], row)
-        return tuple(generators)
+        self._seed_unseeded()
+        return tuple(map(streams.generator, self._episodes.state.stream))
 
     @property
     def positions(self) -> NDArray[np.float64]:
         """(num_envs, n, 2) positions of the balls, m, a copy. A potted ball is at the centre of its pocket."""
-        return self._episodes.shots.positions.copy()
+        return self._episodes.state.positions.copy()
 
     @property
     def potted(self) -> Bools:
         """(num_envs, n) balls off the table, a copy."""
-        return ~self._episodes.shots.in_play
+        return ~self._episodes.state.in_play
 
     @property
     def goals(self) -> NDArray[np.float64]:
         """(num_envs, g, 2) goals, m, a copy: one per environment in a task with a goal, none in the others."""
-        return self._episodes.arrays.goals.copy()
+        return self._episodes.state.goals.copy()
 
     @property
     def legal_balls(self) -> Bools:
         """(num_envs, n) balls that the cue ball may touch first in a run-out, a copy; (num_envs, 0) in other tasks."""
-        return self._episodes.arrays.legal_balls.copy()
+        return self._episodes.state.legal_balls.copy()
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """Returns an attribute of each environment, as `SyncVectorEnv.get_attr` does.
@@ -246,8 +307,9 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if isinstance(options, dict) and "reset_mask" in options:
             mask = _checked_mask(options["reset_mask"], self.num_envs)
             options = {key: value for key, value in options.items() if key != "reset_mask"}
-        positions, goals, physics = check_options(self.single_env, options, mask)
-        if not (self._begun | mask).all():
+        episodes, state = self._episodes, self._episodes.state
+        given = check_options(episodes.model, options, mask)
+        if not (state.begun | mask).all():
             raise ResetNeeded(
                 "reset_mask leaves out environments that have never been reset: reset all environments first"
             )
@@ -255,28 +317,28 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             for i in np.flatnonzero(mask).tolist():
                 if seeds[i] is not None:
                     self._seed(i, seeds[i])
-        if not self._begun.all():
+        if not state.begun.all():
             self._seed_unseeded()
-        episodes = self._episodes
-        if positions is not None:
-            episodes.shots.positions[mask] = positions[mask]
-        if goals is not None:
-            episodes.arrays.goals[mask] = goals[mask]
+        if given.episode_seed is not None:
+            state.stream[mask], state.noise_stream[mask] = np.split(given.episode_seed[mask], 2, axis=1)
+        if given.positions is not None:
+            state.positions[mask] = given.positions[mask]
+        if given.goals is not None:
+            state.goals[mask] = given.goals[mask]
         observations = self._new_observations()
 
         def work(begin: int, end: int) -> None:
-            episodes.draw(begin, end, mask, self._streams, balls=positions is None, goals=goals is None)
-            if physics:
+            episodes.draw(begin, end, mask, balls=given.positions is None, goals=given.goals is None)
+            if given.physics:
                 rows = begin + np.flatnonzero(mask[begin:end])
-                episodes.set_physics(rows, {name: values[rows] for name, values in physics.items()})
+                episodes.set_physics(rows, {name: values[rows] for name, values in given.physics.items()})
             episodes.begin(begin, end, mask, observations)
 
-        self._begun &= ~mask  # an interrupted reset has to be repeated
+        state.begun[mask] = False  # an interrupted reset has to be repeated
         parallel_for(work, self.num_envs, self.threads)
-        self._begun |= mask
-        if self._renderer is not None:
-            self._renderer.begin([drawn_layout(episodes, k) for k in range(self._n_shown)])
-        return observations, masked_info(copied_info(self._starts), mask)
+        state.begun[mask] = True
+        self._draw_layouts()
+        return observations, masked_info(copied_info(episodes.starts), mask)
 
     def step(self, actions: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float64], Bools, Bools, dict[str, Any]]:
         """Plays one shot in every environment, except in those that this step resets.
@@ -296,54 +358,52 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             ResetNeeded: If an episode has not begun or, in the mode "Disabled", is over.
             ValueError: If the actions do not have the shape of the action space, or a number is not finite.
         """
-        episodes, m, status = self._episodes, self.num_envs, self._episodes.shots.status
-        arrays = episodes.arrays
-        if np.count_nonzero(self._begun) < m:
+        episodes, m, state = self._episodes, self.num_envs, self._episodes.state
+        if np.count_nonzero(state.begun) < m:
             raise ResetNeeded("The episodes have not begun: call reset() before step()")
-        skip = arrays.over.copy()
-        resets, same_step = np.count_nonzero(skip) > 0, self.autoreset_mode is AutoresetMode.SAME_STEP
+        memory = episodes.memory.copy()
+        before = arrays_of(episodes.kind, memory)
+        skip, same_step = before.over, self.autoreset_mode is AutoresetMode.SAME_STEP
+        resets = np.count_nonzero(skip) > 0
         if resets and self.autoreset_mode is not AutoresetMode.NEXT_STEP:
             raise ResetNeeded(f"The episode of environment {np.argmax(skip)} is over: call reset() with a reset_mask")
         checked = self._checked_actions(actions, skip)
         rewards, over, last = np.empty(m), np.empty(m, np.bool_), self._new_observations()
-        observations = self._new_observations() if same_step else last
-        goals = arrays.goals if self._renderer is None else arrays.goals.copy()
-        physics = {name: values.copy() for name, values in episodes.physics.items()}
+        observations, max_speed = self._new_observations() if same_step else last, self.single_env.max_speed
 
         def work(begin: int, end: int) -> None:
-            episodes.shoot(begin, end, checked, rewards, last)
+            episodes.shoot(begin, end, checked, max_speed, rewards, last)
             if resets:
-                episodes.draw(begin, end, skip, self._streams)
+                episodes.draw(begin, end, skip)
                 episodes.begin(begin, end, skip, last)
-            over[begin:end] = arrays.over[begin:end]
+            over[begin:end] = state.over[begin:end]
             if same_step:
-                episodes.draw(begin, end, over, self._streams)
+                episodes.draw(begin, end, over)
                 episodes.begin(begin, end, over, observations)
 
-        changed = [arrays.positions, arrays.in_play, arrays.legal_balls, arrays.fresh, *self._tally]
-        if resets or same_step:
-            changed += [self._streams, arrays.goals, *episodes.physics_arrays()]
-        before = [array.copy() for array in changed]
         try:
             parallel_for(work, m, self.threads)
         except BaseException:
-            arrays.over[...] = skip
-            for array, values in zip(changed, before, strict=True):
-                array[...] = values
+            episodes.undo(memory)
             raise
         if self._renderer is not None:
             self._renderer.step(
                 [
-                    drawn_layout(episodes, k) if skip[k] else drawn_shot(episodes, k, checked[k], rewards[k], goals[k])
+                    drawn_layout(episodes, k)
+                    if skip[k]
+                    else drawn_shot(episodes, k, checked[k], max_speed, rewards[k], before.goals[k])
                     for k in range(self._n_shown)
                 ]
             )
+        status = episodes.shots.status
         if status.max() >= AT_EVENT_LIMIT:
             for k in np.flatnonzero((status >= AT_EVENT_LIMIT) & ~skip)[:1]:
-                episodes.warn_cut_off(k, checked[k])
-        info = copied_info(self._info) | physics  # of the shots
+                episodes.warn_cut_off(k, checked[k], memory)
+        info = copied_info(episodes.info)  # of the shots
+        info |= {name: before.physics[:, j].copy() for j, name in enumerate(episodes.physics)}
+        info["episode_seed"] = before.episode_seed.view(np.int64).copy()
         begun = over if same_step else skip  # the episodes that this step has begun
-        infos = masked_info(with_starts(info, begun, self._starts), np.ones(m, np.bool_))
+        infos = masked_info(with_starts(info, begun, episodes.starts), np.ones(m, np.bool_))
         if same_step and over.any():
             infos["final_obs"], infos["final_info"] = _masked_rows(last, over), masked_info(info, over)
             infos["_final_obs"], infos["_final_info"] = over.copy(), over.copy()
@@ -373,12 +433,14 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         return np.empty((self.num_envs, len(self.single_observation_space.low)), np.float32)  # pyright: ignore
 
     def _seed(self, i: int, seed: int) -> None:
-        self._streams[i] = streams.seeded(seed)
-        self._seeds[i] = seed
+        state, model = self._episodes.state, self._episodes.model
+        state.stream[i], self._seeds[i] = streams.seeded(seed), seed
+        if model.noise is not None:
+            state.noise_stream[i] = noise_stream(seed, model.noise_seed)
 
     def _seed_unseeded(self) -> None:
         """Draws a seed for each environment that has none."""
-        unseeded = [i for i, seed in enumerate(self._seeds) if seed < 0]
+        unseeded = np.flatnonzero(self._episodes.state.stream[:, 3] == 0).tolist()
         for i, seed in zip(unseeded, np.random.SeedSequence().generate_state(len(unseeded), np.uint64), strict=True):
             self._seed(i, int(seed))
 

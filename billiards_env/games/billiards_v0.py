@@ -30,19 +30,21 @@ from billiards_env.envs.actions import ACTIONS, check_action, cue_strike
 from billiards_env.envs.arguments import make_scene
 from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
 from billiards_env.games.game import (
+    NO_CALL,
+    Call,
     GameState,
     History,
     PlayedShot,
     Setup,
     Stroke,
+    choices,
     custom_opening,
     opening,
-    opening_state,
     play,
 )
-from billiards_env.games.judging import NO_CALL, RULES, Call
 from billiards_env.games.placement import Point, cue_ball_area
-from billiards_env.games.snooker_fouls import frame_points_left
+from billiards_env.games.referee import GAMES
+from billiards_env.games.state import ANYWHERE, BEHIND, FOULS, in_play, is_in, on_table, to_dict
 from billiards_env.scene import Scene
 
 try:
@@ -62,18 +64,11 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
     ## Games
 
-    | `rules` | Players | Object balls | Won by |
-    |---|---|---|---|
-    | `"straight"` | 2 to 4 | 1 to 15 | `target` points, or without a target most points in one rack |
-    | `"eight_ball"` | 2 | 15 | potting one group of balls, then the eight ball |
-    | `"nine_ball"` | 2 to 4 | 9 | potting the nine ball |
-    | `"snooker"` | 2 | 6 to 21 | having the most points when the black ball, the last one, is potted |
-    | `"carom"` | 2 to 4 | 2 | `target` points |
-    | `"three_cushion"` | 2 to 4 | 2 | `target` points |
+    `rules` is one of `games.GAMES`. The table in `docs/games.md` describes them.
 
     The rules follow the World Pool-Billiard Association, the World Professional Billiards and Snooker Association and
-    the Union Mondiale de Billard, with the simplifications listed in the docstrings of `rules.pool`, `rules.snooker`
-    and `rules.carom`. The agents are `"player_0"`, `"player_1"` and so on; `player_0` opens. A player whose turn
+    the Union Mondiale de Billard, with the simplifications listed in the docstrings of `games.pool`, `games.snooker`
+    and `games.carom`. The agents are `"player_0"`, `"player_1"` and so on; `player_0` opens. A player whose turn
     continues is selected again.
 
     ## Action Space
@@ -103,7 +98,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     | 6 | up to 0 an ordinary shot; above 0, in equal parts, the player's other choices |
 
     The other choices are a safety in the games with called shots, and then `choices` of the info: "push_out" and
-    "hand_back" in nine ball, "hand_back" and "replace" in snooker, see `rules.arrays.CALLS`. If a player has no other
+    "hand_back" in nine ball, "hand_back" and "replace" in snooker, see `games.state.CALLS`. If a player has no other
     choice, every shot is an ordinary one. After "hand_back" and "replace" no ball moves, and the previous player plays.
 
     ## Observation Space
@@ -204,12 +199,12 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
             raise ValueError(
                 "miss = True with can_call = False: expected can_call = True, the miss rule gives a choice"
             )
-        one_of("rules", rules, tuple(RULES))
-        board = make_scene(scene, n_object_balls, RULES[rules].scene, RULES[rules].n_object_balls[1])
-        game_rules = RULES[rules]
+        one_of("rules", rules, tuple(GAMES))
+        board = make_scene(scene, n_object_balls, GAMES[rules].scene, GAMES[rules].n_object_balls[1])
+        game_rules = GAMES[rules]
         if flag("can_call", can_call) and not game_rules.pockets:
             raise ValueError(f"can_call = True with rules = {rules!r}: expected False, the game has no calls")
-        call_shot = can_call and game_rules.call_kernel is not None
+        call_shot = can_call and game_rules.callable is not None
         self.setup = Setup(rules, board, n_players, target, mode, dt, fix, call_shot, miss)
         self.action = check_action(action, board)
         self.can_call = can_call
@@ -226,11 +221,9 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.possible_agents = [f"player_{i}" for i in range(players)]
         self.agents = []
         self._half = np.array(self.setup.scene.half_extents)
-        most = frame_points_left(opening_state(self.setup)) if rules == "snooker" else n - 1
-        self._score_scale = float(self.setup.target or most)
-        self._observes_fouls = game_rules.counts_fouls and (
-            bool(self.setup.target) if rules == "straight" else players == 2
-        )
+        self._score_scale = float(self.setup.target or game_rules.most_points(n - 1))
+        target = self.setup.target
+        self._observes_fouls = game_rules.counts_fouls and (players == 2 if target is None else target > 0)
         scores = players if self.setup.target is not None else 0
         low = np.zeros(_VALUES * n + 4 + 3 * can_call + players * self._observes_fouls + scores, np.float32)
         low[0 : _VALUES * n : _VALUES] = low[1 : _VALUES * n : _VALUES] = low[len(low) - scores :] = -1.0
@@ -287,8 +280,9 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self._skip_agent_selection = None
         self.agent_selection = self.agents[self.game.state.player]
         if self._renderer is not None:
-            in_play = np.isin(np.arange(len(self.game.positions)), sorted(self.game.state.on_table))
-            self._renderer.begin([balls_at_rest(self.setup.scene, self.game.positions, in_play, self.setup.rules)])
+            positions, state, _ = self.game
+            lying = is_in(on_table(state), len(positions))
+            self._renderer.begin([balls_at_rest(self.setup.scene, positions, lying, self.setup.rules)])
 
     def step(self, action: NDArray[np.float32] | None) -> None:
         """Plays the selected agent's shot.
@@ -306,7 +300,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self._cumulative_rewards[agent] = 0.0
         stroke, miscue = self._stroke(action)
         played = play(self.setup, self.game, stroke)
-        shot, verdict = played.shot, played.verdict
+        shot, verdict = played.shot, to_dict(played.verdict)
         if shot.status in ("event_limit", "step_limit"):
             warnings.warn(
                 f"a shot reached the engine's limit after {shot.n_events} events and {shot.time} s; "
@@ -316,35 +310,35 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
             )
         self._strokes.append(stroke)
         self.game = played.game
-        state = self.game.state
+        state, winner = to_dict(self.game.state), int(self.game.state.winner)
         shooter = self.possible_agents.index(agent)
         if self.setup.target is None:
-            worth = 0.0 if state.winner < 0 else 1.0 if state.winner == shooter else -1.0
+            worth = 0.0 if winner < 0 else 1.0 if winner == shooter else -1.0
         else:
-            worth = float(verdict.points - verdict.penalty)
+            worth = float(verdict["points"] - verdict["penalty"])
         for other in self.agents:
             self.rewards[other] = worth if other == agent else -worth / (len(self.agents) - 1)
         self._accumulate_rewards()
         for other in self.agents:
-            self.terminations[other] = state.over
-            self.truncations[other] = not state.over and len(self._strokes) >= self.max_shots
+            self.terminations[other] = state["over"]
+            self.truncations[other] = not state["over"] and len(self._strokes) >= self.max_shots
             self.infos[other] = {
                 "shooter": agent,
-                "foul": verdict.foul,
-                "points": verdict.points,
-                "potted": list(played.facts.potted),
-                "spotted": list(verdict.spotted),
-                "first_hit": list(played.facts.first),
-                "choices": list(state.choices),
-                "scores": list(state.scores),
-                "winner": None if state.winner < 0 else self.possible_agents[state.winner],
+                "foul": verdict["foul"],
+                "points": verdict["points"],
+                "potted": [ball for ball, _ in played.pots],
+                "spotted": list(verdict["spotted"]),
+                "first_hit": list(to_dict(played.facts)["first"]),
+                "choices": list(state["choices"]),
+                "scores": list(state["scores"]),
+                "winner": None if winner < 0 else self.possible_agents[winner],
                 "shot_time": shot.time,
                 "n_events": shot.n_events,
                 "status": shot.status,
             }
             if self.action == "strike":
                 self.infos[other]["miscue"] = miscue
-        self.agent_selection = self.possible_agents[state.player]
+        self.agent_selection = self.possible_agents[state["player"]]
         if self._renderer is not None:
             left = f"{self.setup.rules}   {agent}   shot {len(self._strokes)} of {self.max_shots}"
             self._renderer.step([DrawnShot(played.shot, left, self._result_text(played))])
@@ -352,22 +346,21 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     def observe(self, agent: str) -> NDArray[np.float32]:
         """Returns the observation of `agent`, see the class's docstring."""
         positions, state, _ = self.game
-        n, viewer = len(positions), self.possible_agents.index(agent)
-        cue = state.cue_balls[0]
+        n, players, viewer = len(positions), self.setup.n_players, self.possible_agents.index(agent)
+        cue = int(state.cue_balls[0])
         order = [cue, *(ball for ball in range(n) if ball != cue)]
-        on_table = state.on_table if state.in_hand == "no" else state.object_balls
-        legal = self.setup.game_rules.legal(state, viewer)
         balls = np.empty((n, _VALUES), np.float32)
         balls[:, :2] = np.minimum(np.maximum(positions[order] / self._half, -1.0), 1.0)
-        balls[:, 2] = [ball in on_table for ball in order]
-        balls[:, 3] = [ball in legal for ball in order]
-        values = [viewer == state.player, state.break_shot, state.in_hand == "behind", state.in_hand == "anywhere"]
+        balls[:, 2] = is_in(in_play(state), n)[order]
+        balls[:, 3] = np.isin(order, self.setup.legal(state, viewer))
+        values = [viewer == state.player, state.break_shot, state.in_hand == BEHIND, state.in_hand == ANYWHERE]
         if self.can_call:
-            values += [choice in state.choices for choice in ("push_out", "hand_back", "replace")]
+            values += [choice in choices(state) for choice in ("push_out", "hand_back", "replace")]
         if self._observes_fouls:
-            values += [min(fouls / 3, 1.0) for fouls in _from(viewer, state.fouls)]
+            values += np.minimum(np.roll(state.fouls[:players], -viewer) / 3, 1.0).tolist()
         if self.setup.target is not None:
-            values += [min(max(score / self._score_scale, -1.0), 1.0) for score in _from(viewer, state.scores)]
+            scores = np.roll(state.scores[:players], -viewer)
+            values += np.clip(scores / self._score_scale, -1.0, 1.0).tolist()
         return np.concatenate((balls.ravel(), np.array(values, np.float32)))
 
     def history(self) -> History:
@@ -401,9 +394,9 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     def _result_text(self, played: PlayedShot) -> str:
         """Returns the text that a rendered shot shows at its end."""
         state, verdict = played.game.state, played.verdict
-        parts = [verdict.foul.replace("_", " ")] if verdict.foul else []
+        parts = [FOULS[verdict.foul].replace("_", " ")] if verdict.foul else []
         if self.setup.target is not None:
-            parts.append(" : ".join(map(str, state.scores)))
+            parts.append(" : ".join(map(str, state.scores[: self.setup.n_players])))
         if state.over:
             parts.append("nobody wins" if state.winner < 0 else f"{self.possible_agents[state.winner]} wins")
         return "   ".join(parts)
@@ -418,7 +411,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         struck = cue_strike(array[:size], scene, self.max_speed)
         (vx, vy), (wx, wy, wz) = struck.velocity.tolist(), struck.spin.tolist()
         place: Point | None = None
-        if state.in_hand != "no":
+        if state.in_hand:
             x_low, x_high, y_low, y_high = cue_ball_area(scene, state)
             x, y = np.minimum(np.maximum(array[size : size + 2], -1.0), 1.0).tolist()
             place = (x_low + x_high) / 2 + (x_high - x_low) / 2 * x, (y_low + y_high) / 2 + (y_high - y_low) / 2 * y
@@ -429,19 +422,14 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         state, scene = self.game.state, self.setup.scene
         ball, pocket, choice = values.tolist()
         safety = ("safety",) if state.call_shot else ()
-        choices = (*safety, *state.choices)
-        kind = choices[_part(2 * choice - 1, len(choices))] if choice > 0 and choices else "shot"
+        kinds = (*safety, *choices(state))
+        kind = kinds[_part(2 * choice - 1, len(kinds))] if choice > 0 and kinds else "shot"
         return Call(1 + _part(ball, scene.n_balls - 1), _part(pocket, len(scene.table.pockets)), kind)
 
 
 def _part(value: float, count: int) -> int:
     """Returns in which of `count` equal parts of -1 to 1 a value lies."""
     return min(max(int((value + 1) / 2 * count), 0), count - 1)
-
-
-def _from(viewer: int, values: tuple[int, ...]) -> tuple[int, ...]:
-    """Returns the values of all players, beginning with those of one player."""
-    return values[viewer:] + values[:viewer]
 
 
 def env(**kwargs: Any) -> OrderEnforcingWrapper[str, NDArray[np.float32], NDArray[np.float32]]:

@@ -17,21 +17,34 @@ from billiards_env.checks import Range, flag, integer, one_of, real, shaped, sho
 from billiards_env.engine.compile import Engine, checked_engine, scene_fields
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shot_input import ShotInput
-from billiards_env.games.judging import (
-    NO_CALL,
-    RULES,
-    Call,
-    Facts,
-    Rules,
-    RuleState,
-    Verdict,
-    facts_of,
-    handed_back,
-    next_state,
-)
+from billiards_env.games.entry import Game
+from billiards_env.games.facts import facts_of, pots_of
 from billiards_env.games.placement import Point, cue_ball_point, rack_again, spot_at_foot, spot_colours
-from billiards_env.games.snooker_fouls import is_miss, is_snookered
-from billiards_env.rules import IN_HAND
+from billiards_env.games.referee import GAMES, callable_balls, first_state, legal_balls
+from billiards_env.games.referee import play as judge_shots
+from billiards_env.games.state import (
+    CALL,
+    CALLS,
+    FACTS,
+    IN_HAND,
+    MOST_PLAYERS,
+    NO_FOUL,
+    NOT_IN_HAND,
+    REPLACE,
+    RERACK_REST,
+    STATE,
+    Called,
+    Facts,
+    Verdict,
+    changed,
+    in_play,
+    is_in,
+    members,
+    on_table,
+    row,
+    set_of,
+    to_dict,
+)
 from billiards_env.scene import Scene, check_positions, check_scene, layouts
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
@@ -52,7 +65,25 @@ STATE_FIELDS = (
     "colour",
     "free_ball",
 )
-"""The fields of `RuleState` that a custom opening may set. The setup of the game sets the others."""
+"""The fields of a state in words (`state.to_dict`) that a custom opening may set. The setup of the game sets the
+others."""
+
+
+class Call(NamedTuple):
+    """The announcement of a player before a shot (WPA 1.6).
+
+    Attributes:
+        ball: The called ball; in snooker the nominated colour or free ball. -1 for none.
+        pocket: The called pocket; -1 for none.
+        kind: One of `CALLS`.
+    """
+
+    ball: int = -1
+    pocket: int = -1
+    kind: str = "shot"
+
+
+NO_CALL = Call()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -60,7 +91,7 @@ class Setup:
     """The settings of a game, which stay the same from shot to shot.
 
     Attributes:
-        rules: One of `RULES`.
+        rules: One of `GAMES`.
         scene: Table, balls and physics.
         n_players: Number of players.
         target: The score that wins, or 0 if no score does. None selects the default of the game; it remains None in a
@@ -84,46 +115,31 @@ class Setup:
     miss: bool = False
 
     def __post_init__(self) -> None:
-        one_of("rules", self.rules, tuple(RULES))
+        one_of("rules", self.rules, tuple(GAMES))
         check_scene(self.scene)
-        rules = self.game_rules
-        low, high = rules.n_object_balls
-        if not low <= self.scene.n_balls - 1 <= high:
-            expected = str(low) if low == high else f"{low} to {high}"
-            raise ValueError(
-                f"rules = {self.rules!r} with a scene of {self.scene.n_balls - 1} object balls: expected {expected}"
-            )
-        if rules.pockets != bool(self.scene.table.pockets):
-            expected = "a table with pockets" if rules.pockets else "a table without pockets"
-            raise ValueError(
-                f"rules = {self.rules!r} with a table of {len(self.scene.table.pockets)} pockets: expected {expected}"
-            )
-        if not self.scene.table.is_rectangular:
-            raise ValueError(
-                f"rules = {self.rules!r} with a table whose cushions reach into its rectangle: expected a playing "
-                "surface that is a rectangle"
-            )
+        rules, table, balls = self.game_rules, self.scene.table, self.scene.n_balls - 1
+        name, (low, high), pockets = f"rules = {self.rules!r} with", rules.n_object_balls, len(table.pockets)
+        numbers = str(low) if low == high else f"{low} to {high}"
+        _expect(low <= balls <= high, f"{name} a scene of {balls} object ball{'s' * (balls != 1)}", numbers)
+        expected = "a table with pockets" if rules.pockets else "a table without pockets"
+        _expect(rules.pockets == (pockets > 0), f"{name} a table of {pockets} pockets", expected)
+        what = f"{name} a table whose cushions reach into its rectangle"
+        _expect(table.is_rectangular, what, "a playing surface that is a rectangle")
         for i, mass in enumerate(self.scene.balls.mass):
-            if math.isinf(mass):
-                raise ValueError(f"rules = {self.rules!r} with ball {i} of infinite mass: expected finite masses")
-        object.__setattr__(
-            self,
-            "n_players",
-            integer("n_players", self.n_players, Range(*rules.n_players, f"for rules {self.rules!r}")),
-        )
+            _expect(math.isfinite(mass), f"{name} ball {i} of infinite mass", "finite masses")
+        players = integer("n_players", self.n_players, Range(*rules.n_players, f"for rules {self.rules!r}"))
+        object.__setattr__(self, "n_players", players)
         if rules.target is None:
-            if self.target is not None:
-                raise ValueError(
-                    f"target = {short(self.target)} with rules {self.rules!r}: expected None, the game has no points"
-                )
+            what = f"target = {short(self.target)} with rules {self.rules!r}"
+            _expect(self.target is None, what, "None, the game has no points")
         else:
             target = rules.target if self.target is None else self.target
             object.__setattr__(self, "target", integer("target", target, Range(0, MAX_SCORE)))
-        if self.rules == "snooker":
-            layouts.layout_plan("snooker", self.scene)  # raises if the scene does not suit snooker
-        for name, possible in (("call_shot", rules.call_kernel is not None), ("miss", "replace" in rules.choices)):
-            if flag(name, getattr(self, name)) and not possible:
-                raise ValueError(f"{name} = True with rules {self.rules!r}: expected False, the game has no such rule")
+        if rules.has_spots:
+            layouts.layout_plan(rules.layouts[0], self.scene)  # raises if the scene has no spots
+        for name, possible in (("call_shot", rules.callable is not None), ("miss", "replace" in rules.choices)):
+            what = f"{name} = True with rules {self.rules!r}"
+            _expect(possible or not flag(name, getattr(self, name)), what, "False, the game has no such rule")
         checked_engine(self.mode, self.dt, self.fix)
         if self.dt is not None:
             object.__setattr__(self, "dt", float(self.dt))
@@ -134,9 +150,32 @@ class Setup:
         return Engine(self.mode, self.dt, self.fix)
 
     @property
-    def game_rules(self) -> Rules:
-        """The rules of the game, an entry of `RULES`."""
-        return RULES[self.rules]
+    def game_rules(self) -> Game:
+        """The entry of the game."""
+        return GAMES[self.rules]
+
+    def legal(self, state: Any, player: int | None = None) -> tuple[int, ...]:
+        """Returns the balls that a player, by default the one to shoot, may touch first."""
+        return members(legal_balls(self.rules, *_asked(state, player))[0])
+
+    def callable(self, state: Any, player: int | None = None) -> tuple[int, ...]:
+        """Returns the balls that a player, by default the one to shoot, may call."""
+        return members(callable_balls(self.rules, *_asked(state, player))[0])
+
+
+def _expect(condition: Any, value: str, expected: str) -> None:
+    """Raises unless a condition holds; `value` is the text "name = value"."""
+    if not condition:
+        raise ValueError(f"{value}: expected {expected}")
+
+
+def _asked(state: Any, player: int | None) -> tuple[NDArray[Any], NDArray[np.int64]]:
+    return np.array([state], STATE), np.array([state.player if player is None else player])
+
+
+def choices(state: Any) -> tuple[str, ...]:
+    """Returns the choices of the player besides a shot, of `CALLS`."""
+    return tuple(CALLS[i] for i in members(state.choices))
 
 
 class GameState(NamedTuple):
@@ -145,13 +184,13 @@ class GameState(NamedTuple):
     Attributes:
         positions: (n, 2) float64, m. A potted ball is at the centre of its pocket. A cue ball in hand is at its last
             position.
-        state: The state of the rules.
+        state: The state of the rules, a row of `STATE`.
         before: The state before the last shot, if the player may make the opponent play that shot again (the call
             "replace").
     """
 
     positions: NDArray[np.float64]
-    state: RuleState
+    state: Any
     before: GameState | None = None
 
 
@@ -181,15 +220,17 @@ class PlayedShot(NamedTuple):
         game: The state after the shot.
         shot_input: The arguments of the engine.
         shot: The recorded shot.
-        facts: The facts that the rules use.
-        verdict: The verdict on the shot.
+        facts: The facts that the rules use, a row of `FACTS`.
+        verdict: The verdict on the shot, a row of `VERDICT`.
+        pots: The potted balls with their pockets, in order.
     """
 
     game: GameState
     shot_input: ShotInput
     shot: ShotResult
-    facts: Facts
-    verdict: Verdict
+    facts: Any
+    verdict: Any
+    pots: tuple[tuple[int, int], ...] = ()
 
 
 class History(NamedTuple):
@@ -206,19 +247,10 @@ class History(NamedTuple):
     strokes: tuple[Stroke, ...]
 
 
-def opening_state(setup: Setup) -> RuleState:
+def opening_state(setup: Setup) -> Any:
     """Returns the state of the rules at the opening: player 0 breaks; in games with pockets the cue ball is in hand."""
-    return RuleState(
-        player=0,
-        scores=(0,) * setup.n_players,
-        on_table=frozenset(range(setup.scene.n_balls)),
-        in_hand="behind" if setup.game_rules.pockets else "no",
-        cue_balls=setup.game_rules.cue_balls,
-        target=setup.target or 0,
-        call_shot=setup.call_shot,
-        reds=setup.scene.n_balls - 7 if setup.rules == "snooker" else 0,
-        fouls=(0,) * setup.n_players,
-    )
+    same = {name: getattr(setup, name) for name in ("n_players", "call_shot", "miss")}
+    return first_state(setup.rules, setup.scene.n_balls, target=setup.target or 0, **same)
 
 
 def opening(setup: Setup, rng: np.random.Generator, layout: str | None = None) -> GameState:
@@ -227,7 +259,7 @@ def opening(setup: Setup, rng: np.random.Generator, layout: str | None = None) -
     Args:
         setup: The settings of the game.
         rng: The generator to draw from.
-        layout: One of `Rules.layouts`; None for the first of them. With "random" the first shot is not a break and the
+        layout: One of `Game.layouts`; None for the first of them. With "random" the first shot is not a break and the
             cue ball is not in hand.
 
     Returns:
@@ -238,17 +270,15 @@ def opening(setup: Setup, rng: np.random.Generator, layout: str | None = None) -
 
     Example:
         >>> game = opening(Setup("nine_ball", Scene.named("pool", 9)), np.random.default_rng(0))
-        >>> float(game.positions[9, 1].round(2)), game.state.in_hand
+        >>> float(game.positions[9, 1].round(2)), IN_HAND[game.state.in_hand]
         (0.0, 'behind')
     """
     names = setup.game_rules.layouts
     layout = names[0] if layout is None else layout
-    if layout not in names:
-        raise ValueError(
-            f"layout = {short(layout)} with rules {setup.rules!r}: expected one of {', '.join(map(repr, names))}"
-        )
+    what = f"layout = {short(layout)} with rules {setup.rules!r}"
+    _expect(layout in names, what, f"one of {', '.join(map(repr, names))}")
     positions, state = layouts.draw(layout, setup.scene, rng, setup.rules), opening_state(setup)
-    return GameState(positions, state._replace(break_shot=False, in_hand="no") if layout == "random" else state)
+    return GameState(positions, changed(state, break_shot=False, in_hand=NOT_IN_HAND) if layout == "random" else state)
 
 
 def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] | None = None) -> GameState:
@@ -257,8 +287,8 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     Args:
         setup: The settings of the game.
         positions: (n, 2) m.
-        state: Fields of `RuleState` to set, of `STATE_FIELDS`. By default player 0 is to shoot, all balls are on the
-            table, the shot is not a break and the cue ball is not in hand.
+        state: Fields of the state in words to set, of `STATE_FIELDS`, see `state.to_dict`. By default player 0 is to
+            shoot, all balls are on the table, the shot is not a break and the cue ball is not in hand.
 
     Returns:
         The state.
@@ -266,72 +296,66 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     Raises:
         ValueError: If a field is unknown or impossible, or the positions are invalid.
     """
-    default = opening_state(setup)._replace(break_shot=False, in_hand="no")
+    default = to_dict(opening_state(setup)) | {"break_shot": False, "in_hand": "no"}
     changes = {} if state is None else state
-    if not isinstance(changes, Mapping):
-        raise ValueError(f"state = {short(state)}: expected a mapping")
+    _expect(isinstance(changes, Mapping), f"state = {short(state)}", "a mapping")
     for key in changes:
         one_of("key of state", key, tuple(sorted(STATE_FIELDS)))
-    values: dict[str, Any] = {name: changes.get(name, getattr(default, name)) for name in STATE_FIELDS}
-    n, players = setup.scene.n_balls, setup.n_players
+    values: dict[str, Any] = {name: changes.get(name, default[name]) for name in STATE_FIELDS}
+    shown = {name: f"state.{name} = {short(value)}" for name, value in values.items()}
+    rules, n, players = setup.game_rules, setup.scene.n_balls, setup.n_players
     integer("state.player", values["player"], Range(0, players - 1))
-    integer("state.solids", values["solids"], Range(-1, players - 1 if setup.rules == "eight_ball" else -1))
+    integer("state.solids", values["solids"], Range(-1, players - 1 if rules.groups else -1))
     ball = Range(0, n - 1)
     limits = {"scores": Range(-MAX_SCORE, MAX_SCORE), "on_table": ball, "cue_balls": ball, "fouls": Range(0, MAX_SCORE)}
     for name, limit in limits.items():
-        if not isinstance(values[name], (list, tuple, *((set, frozenset) if name == "on_table" else ()))):
-            raise ValueError(f"state.{name} = {short(values[name])}: expected a list of whole numbers")
+        kinds = (list, tuple, *((set, frozenset) if name == "on_table" else ()))
+        _expect(isinstance(values[name], kinds), shown[name], "a list of whole numbers")
         for i, value in enumerate(values[name]):
             integer(f"state.{name}[{i}]", value, limit)
     for name in ("scores", "fouls"):
-        if len(values[name]) != players:
-            raise ValueError(f"state.{name} = {short(values[name])}: expected {players} {name}, one per player")
-    if setup.target and max(values["scores"]) >= setup.target:
-        raise ValueError(f"state.scores = {short(values['scores'])}: expected scores below the target, {setup.target}")
-    on_table = frozenset(values["on_table"])
-    if len(on_table) != len(values["on_table"]):
-        raise ValueError(f"state.on_table = {short(values['on_table'])}: expected each ball once")
-    if sorted(values["cue_balls"]) != sorted(setup.game_rules.cue_balls):
-        raise ValueError(
-            f"state.cue_balls = {short(values['cue_balls'])}: expected {setup.game_rules.cue_balls} in some order"
-        )
+        _expect(len(values[name]) == players, shown[name], f"{players} {name}, one per player")
+    below = not setup.target or max(values["scores"]) < setup.target
+    _expect(below, shown["scores"], f"scores below the target, {setup.target}")
+    lying, cues = set(values["on_table"]), values["cue_balls"]
+    _expect(len(lying) == len(values["on_table"]), shown["on_table"], "each ball once")
+    _expect(sorted(cues) == sorted(rules.cue_balls), shown["cue_balls"], f"{rules.cue_balls} in some order")
     # Cue balls and the ball that decides the game never leave the table before the end.
     required = set(range(n))
-    if setup.game_rules.pockets:
-        deciding = setup.game_rules.deciding_ball
-        required = {*setup.game_rules.cue_balls, *(() if deciding is None else (deciding % n,))}
-    if not required <= on_table or len(on_table) < 2:
-        raise ValueError(
-            f"state.on_table = {sorted(on_table)}: expected the balls {sorted(required)} and at least one object ball"
-        )
+    if rules.pockets:
+        deciding = rules.deciding_ball
+        required = {*rules.cue_balls, *(() if deciding is None else (deciding % n,))}
+    enough = required <= lying and len(lying) > 1
+    _expect(enough, shown["on_table"], f"the balls {sorted(required)} and at least one object ball")
     for name in ("break_shot", "colour", "free_ball"):
-        flag(f"state.{name}", values[name])
-    for name in ("colour", "free_ball"):
-        if values[name] and setup.rules != "snooker":
-            raise ValueError(f"state.{name} = True with rules {setup.rules!r}: expected False")
-    if setup.rules == "snooker":
-        _check_colours(default.reds, on_table, values["colour"])
-    if not isinstance(values["choices"], (list, tuple)):
-        raise ValueError(f"state.choices = {short(values['choices'])}: expected a list of names")
+        possible = name == "break_shot" or rules.has_spots
+        _expect(
+            not flag(f"state.{name}", values[name]) or possible, f"{shown[name]} with rules {setup.rules!r}", "False"
+        )
+    if rules.has_spots:
+        # The colours on the table are all of them or, without reds, the highest ones.
+        reds = default["reds"]
+        colours = sorted(ball for ball in lying if ball > reds)
+        count = 6 if values["colour"] or len(lying) > 1 + len(colours) else len(colours)
+        highest = colours == list(range(reds + 7 - count, reds + 7))
+        _expect(highest, shown["on_table"], "all colours, or without reds the highest ones")
+    _expect(isinstance(values["choices"], (list, tuple)), shown["choices"], "a list of names")
     for i, choice in enumerate(values["choices"]):  # "replace" needs the state before the shot
-        one_of(f"state.choices[{i}]", choice, tuple(name for name in setup.game_rules.choices if name != "replace"))
+        one_of(f"state.choices[{i}]", choice, tuple(name for name in rules.choices if name != "replace"))
+    one_of("state.in_hand", values["in_hand"], IN_HAND if rules.pockets else IN_HAND[:1])
 
-    one_of("state.in_hand", values["in_hand"], IN_HAND if setup.game_rules.pockets else IN_HAND[:1])
-    values.update(
-        {name: tuple(values[name]) for name in ("scores", "cue_balls", "choices", "fouls")}, on_table=on_table
-    )
-    rule_state = default._replace(**values)
+    del values["on_table"]
+    spare = (0,) * (MOST_PLAYERS - players)
+    values |= {
+        "object_balls": set_of(lying - {cues[0]}),
+        "cue_balls": (cues[0], cues[-1]),
+        "in_hand": IN_HAND.index(values["in_hand"]),
+        "choices": set_of(map(CALLS.index, values["choices"])),
+        **{name: (*values[name], *spare) for name in ("scores", "fouls")},
+    }
+    rule_state = changed(opening_state(setup), **values)
     array = shaped("positions", positions, (n, 2))
-    in_play = np.isin(np.arange(n), sorted(on_table if rule_state.in_hand == "no" else rule_state.object_balls))
-    return GameState(check_positions(setup.scene, array, in_play=in_play), rule_state)
-
-
-def _check_colours(reds: int, on_table: frozenset[int], colour: bool) -> None:
-    """Raises unless the colours on the table are all of them or, without reds, the highest ones."""
-    lying = sorted(ball for ball in on_table if ball > reds)
-    count = 6 if colour or len(on_table) > 1 + len(lying) else len(lying)
-    if lying != list(range(reds + 7 - count, reds + 7)):
-        raise ValueError(f"state.on_table = {sorted(on_table)}: expected all colours, or without reds the highest ones")
+    return GameState(check_positions(setup.scene, array, in_play=is_in(in_play(rule_state), n)), rule_state)
 
 
 def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
@@ -355,87 +379,82 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
     if state.over:
         raise ValueError("the game is over: expected no further shot")
     _check_stroke(setup, state, stroke)
-    scene, cue, n = setup.scene, state.cue_balls[0], setup.scene.n_balls
+    scene, cue, n = setup.scene, int(state.cue_balls[0]), setup.scene.n_balls
     positions = game.positions.copy()
     if stroke.place is not None:
         positions[cue] = cue_ball_point(scene, positions, state, stroke.place)
     velocities, spins = np.zeros((n, 2)), np.zeros((n, 3))
     velocities[cue], spins[cue] = stroke.velocity, stroke.spin
     no_shot = stroke.call.kind in ("hand_back", "replace")
-    lying = state.object_balls if no_shot and state.in_hand != "no" else state.on_table
-    in_play = np.isin(np.arange(n), sorted(lying))
-    starts = tuple(array[None] for array in (positions, velocities, spins, in_play))
+    lying = is_in(in_play(state) if no_shot else on_table(state), n)
+    starts = tuple(array[None] for array in (positions, velocities, spins, lying))
     strike_frozen(scene, scene_fields(scene), starts, cue)
-    shot_input = ShotInput(positions, velocities, spins, in_play, scene.physics.max_time or math.inf)
+    shot_input = ShotInput(positions, velocities, spins, lying, scene.physics.max_time or math.inf)
     shot = run_shot(scene, shot_input, setup.engine, record=True)
     if no_shot:
-        return PlayedShot(_without_shot(game, stroke.call), shot_input, shot, Facts(), Verdict())
+        return PlayedShot(_without_shot(game, stroke.call), shot_input, shot, row(Facts()), row(Verdict()))
     assert shot.events is not None
-    facts = facts_of(shot.events, cue)
-    verdict = setup.game_rules.judge(state, facts, stroke.call)
-    return PlayedShot(_after_shot(setup, game, shot, facts, stroke.call, verdict), shot_input, shot, facts, verdict)
+    facts, pots, call = facts_of(shot.events, cue), pots_of(shot.events), stroke.call
+    called = row(Called(call.ball, CALLS.index(call.kind), (call.ball, call.pocket) in pots))
+    shots = (np.array([one], kind) for one, kind in ((state, STATE), (facts, FACTS), (called, CALL)))
+    (following,), (verdict,) = judge_shots(setup.rules, *shots)
+    return PlayedShot(_after_shot(setup, game, shot, following, facts, verdict), shot_input, shot, facts, verdict, pots)
 
 
-def _after_shot(
-    setup: Setup, game: GameState, shot: ShotResult, facts: Facts, call: Call, verdict: Verdict
-) -> GameState:
-    """Returns the state after a shot, with the balls spotted or racked."""
-    scene, cue = setup.scene, game.state.cue_balls[0]
-    state, positions = next_state(game.state, facts, verdict), shot.positions.copy()
-    obstacles = state.on_table - set(verdict.spotted)
-    if state.in_hand != "no":  # a cue ball in hand does not block a spot
-        obstacles -= {cue}
-    if setup.game_rules.has_spots:
-        spot_colours(scene, positions, obstacles, verdict.spotted)
+def _after_shot(setup: Setup, game: GameState, shot: ShotResult, state: Any, facts: Any, verdict: Any) -> GameState:
+    """Returns the game before the next shot, with the balls spotted or racked in the positions after a shot."""
+    scene, rules, cue, positions = setup.scene, setup.game_rules, int(game.state.cue_balls[0]), shot.positions.copy()
+    spotted = members(verdict.spotted)
+    lying = set(members(game.state.object_balls & ~facts.potted))
+    obstacles = lying if state.in_hand else {*lying, cue}  # a cue ball in hand does not block a spot
+    if rules.has_spots:
+        spot_colours(scene, positions, obstacles, spotted)
     else:
-        spot_at_foot(scene, positions, obstacles, verdict.spotted, cue)
+        spot_at_foot(scene, positions, obstacles, spotted, cue)
     if verdict.rack:
-        lying = state.on_table if verdict.rack == "rest" else frozenset({cue})
-        in_hand = rack_again(scene, positions, lying, cue)
-        state = state._replace(
-            on_table=frozenset(range(scene.n_balls)), in_hand=in_hand if verdict.rack == "rest" else "behind"
-        )
-    if setup.rules != "snooker" or not verdict.foul or state.over:
-        return GameState(positions, state)
-    state = state._replace(free_ball=is_snookered(scene, positions, state))
-    if setup.miss and is_miss(game.state, state, facts, call):
-        return GameState(positions, state._replace(choices=(*state.choices, "replace")), game._replace(before=None))
-    return GameState(positions, state)
+        rest = verdict.rack == RERACK_REST
+        in_hand = rack_again(scene, positions, {*lying, cue} if rest else {cue}, cue)
+        state.in_hand = in_hand if rest else state.in_hand
+    if rules.free_ball and verdict.foul != NO_FOUL and not state.over:
+        on = legal_balls(setup.rules, *_asked(state, None))[0]
+        state.free_ball = rules.free_ball(scene, positions, state, on)
+    replaceable = state.choices >> REPLACE & 1
+    return GameState(positions, state, game._replace(before=None) if replaceable else None)
 
 
 def _without_shot(game: GameState, call: Call) -> GameState:
     """Returns the state after a player has played no shot, by the call "hand_back" or "replace"."""
+    state = game.state
     if call.kind == "hand_back":
-        return GameState(game.positions, handed_back(game.state))
+        previous = (state.player - 1) % state.n_players
+        return GameState(game.positions, changed(state, player=previous, choices=0, free_ball=False))
     assert game.before is not None
-    positions, state, _ = game.before
-    return GameState(positions, state._replace(scores=game.state.scores, fouls=game.state.fouls, choices=()))
+    positions, before, _ = game.before
+    return GameState(positions, changed(before, scores=state.scores, fouls=state.fouls, choices=0))
 
 
-def _check_stroke(setup: Setup, state: RuleState, stroke: Stroke) -> None:
+def _check_stroke(setup: Setup, state: Any, stroke: Stroke) -> None:
     """Raises a ValueError if a stroke is not possible, see `play`."""
     call, n = stroke.call, setup.scene.n_balls
     safety = ("safety",) if state.call_shot else ()
-    one_of("stroke.call.kind", call.kind, ("shot", *safety, *state.choices))
+    one_of("stroke.call.kind", call.kind, ("shot", *safety, *choices(state)))
     integer("stroke.call.ball", call.ball, Range(-1, n - 1))
     integer("stroke.call.pocket", call.pocket, Range(-1, len(setup.scene.table.pockets) - 1))
     if call.kind in ("hand_back", "replace"):
-        if any(stroke.velocity) or any(stroke.spin) or stroke.place is not None:
-            raise ValueError(f"stroke = {short(stroke)}: expected no motion and no place, the call is {call.kind!r}")
+        still = not any(stroke.velocity) and not any(stroke.spin) and stroke.place is None
+        _expect(still, f"stroke = {short(stroke)}", f"no motion and no place, the call is {call.kind!r}")
         return
-    if (stroke.place is None) != (state.in_hand == "no"):
-        expected = "None, the cue ball is not in hand" if state.in_hand == "no" else "a point, the cue ball is in hand"
-        raise ValueError(f"stroke.place = {short(stroke.place)}: expected {expected}")
+    expected = "a point, the cue ball is in hand" if state.in_hand else "None, the cue ball is not in hand"
+    _expect((stroke.place is not None) == (state.in_hand > 0), f"stroke.place = {short(stroke.place)}", expected)
     for name, count, within in (("velocity", 2, "speed"), ("place", 2, "coordinate"), ("spin", 3, "spin")):
         values = getattr(stroke, name)
-        if values is not None and len(values) != count:
-            raise ValueError(f"stroke.{name} = {short(values)}: expected {('two', 'three')[count - 2]} numbers")
+        right = values is None or len(values) == count
+        _expect(right, f"stroke.{name} = {short(values)}", f"{('two', 'three')[count - 2]} numbers")
         for i, value in enumerate(() if values is None else values):
             real(f"stroke.{name}[{i}]", value, within)
-    if any(stroke.spin) and setup.scene.physics.motion != "sliding":
-        raise ValueError(
-            f"stroke.spin = {short(stroke.spin)} with physics.motion = {setup.scene.physics.motion!r}: expected no spin"
-        )
+    motion = setup.scene.physics.motion
+    spinless = motion == "sliding" or not any(stroke.spin)
+    _expect(spinless, f"stroke.spin = {short(stroke.spin)} with physics.motion = {motion!r}", "no spin")
 
 
 def replay(history: History) -> Iterator[PlayedShot]:

@@ -16,7 +16,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from billiards_env.games.judging import RuleState
+from billiards_env.games.state import BEHIND, NOT_IN_HAND, members
 from billiards_env.scene import CONTACT_GAP, Scene, layouts
 from billiards_env.scene.layouts import MARGIN
 from billiards_env.scene.outline import Circle, Point, circle_intersections
@@ -209,8 +209,8 @@ def spot_colours(scene: Scene, positions: NDArray[Any], on_table: Iterable[int],
         others.add(ball)
 
 
-def rack_again(scene: Scene, positions: NDArray[Any], on_table: Iterable[int], cue: int) -> str:
-    """Racks the object balls of straight pool again (WPA 4.4, 4.8). Changes `positions`, and returns one of `IN_HAND`.
+def rack_again(scene: Scene, positions: NDArray[Any], on_table: Iterable[int], cue: int) -> int:
+    """Racks the object balls of straight pool again (WPA 4.4, 4.8). Changes `positions`; returns `State.in_hand`.
 
     The potted balls are placed in a tight rack, in the order of their numbers. The apex is left out if one object ball
     is on the table. A ball is in the rack if it overlaps one of the places of the rack. If the last ball is in the
@@ -227,28 +227,28 @@ def rack_again(scene: Scene, positions: NDArray[Any], on_table: Iterable[int], c
 
     last = [ball for ball in on_table if ball != cue]
     cue_in_rack = overlaps(cue, places)
-    in_hand = "behind" if cue_in_rack else "no"
+    in_hand = BEHIND if cue_in_rack else NOT_IN_HAND
     if not last or (cue_in_rack and overlaps(last[0], places)):
         last = []
     elif overlaps(last[0], places):
         positions[last[0]] = centre if overlaps(cue, [head]) else head
     elif cue_in_rack and overlaps(last[0], [head]):
-        positions[cue], in_hand = centre, "no"
+        positions[cue], in_hand = centre, NOT_IN_HAND
     elif cue_in_rack and positions[last[0], 0] < scene.table.head_x:
-        positions[cue], in_hand = head, "no"
+        positions[cue], in_hand = head, NOT_IN_HAND
     rest = [ball for ball in range(scene.n_balls) if ball != cue and ball not in last]
     positions[rest] = places[len(last) :]
     return in_hand
 
 
-def cue_ball_area(scene: Scene, state: RuleState) -> tuple[float, float, float, float]:
+def cue_ball_area(scene: Scene, state: Any) -> tuple[float, float, float, float]:
     """Returns the rectangle in which the centre of a cue ball in hand may be placed, see `placement_area`."""
-    return placement_area(scene, state.cue_balls[0], state.in_hand == "behind")
+    return placement_area(scene, int(state.cue_balls[0]), state.in_hand == BEHIND)
 
 
-def cue_ball_point(scene: Scene, positions: NDArray[Any], state: RuleState, point: Point) -> Point:
+def cue_ball_point(scene: Scene, positions: NDArray[Any], state: Any, point: Point) -> Point:
     """Returns the free point nearest to a requested one, m, at which a cue ball in hand is placed."""
-    table, behind = scene.table, state.in_hand == "behind"
-    d = (table.head_x, 0.0, table.d_radius) if behind and table.d_radius else None
-    circles = obstacles(scene, positions, state.cue_balls[0], state.object_balls)
+    table = scene.table
+    d = (table.head_x, 0.0, table.d_radius) if state.in_hand == BEHIND and table.d_radius else None
+    circles = obstacles(scene, positions, int(state.cue_balls[0]), members(state.object_balls))
     return nearest_free_point(point, cue_ball_area(scene, state), circles, d)

@@ -12,9 +12,8 @@ from typing import Any, overload
 import numpy as np
 
 from billiards_env.checks import Range, flag, integer, one_of, real, short
-from billiards_env.games.game import STATE_FIELDS, GameState, History, Setup, Stroke, custom_opening, play
-from billiards_env.games.judging import Call, RuleState
-from billiards_env.rules import CALLS
+from billiards_env.games.game import STATE_FIELDS, Call, GameState, History, Setup, Stroke, custom_opening, play
+from billiards_env.games.state import CALLS, to_dict
 from billiards_env.shots import records as shots
 from billiards_env.shots.records import Rows, ShotRecord, compare, fields, head, items, pair, rows, rows_of
 from billiards_env.shots.result import ShotResult
@@ -50,14 +49,14 @@ class GameRecord:
     Attributes:
         setup: The settings of the game.
         positions: x and y of each ball before the first stroke, m.
-        state: The state of the rules before the first stroke.
+        state: The state of the rules before the first stroke, a row of `STATE`.
         strokes: The strokes, in order.
         end: The result.
     """
 
     setup: Setup
     positions: Rows
-    state: RuleState
+    state: Any
     strokes: tuple[Stroke, ...]
     end: GameEnd
 
@@ -144,11 +143,11 @@ def to_json(record: Record) -> str:
         return shots.to_json(record)
     if not isinstance(record, GameRecord):
         raise TypeError(f"record = {short(record)}: expected the result of record_shot or record_game")
-    setup, state = record.setup, record.state._asdict()
+    setup, state = record.setup, to_dict(record.state)
     data: dict[str, Any] = {field.name: getattr(setup, field.name) for field in dataclasses.fields(setup)}
     data["scene"] = setup.scene.to_dict()
     data["positions"] = record.positions
-    data["state"] = {name: state[name] for name in STATE_FIELDS} | {"on_table": sorted(state["on_table"])}
+    data["state"] = {name: state[name] for name in STATE_FIELDS}
     data["strokes"] = [stroke._asdict() | {"call": stroke.call._asdict()} for stroke in record.strokes]
     data["end"] = dataclasses.asdict(record.end)
     return shots.json_text(GAME, data)
@@ -223,10 +222,9 @@ def _play_again(history: History) -> GameState:
 
 
 def _end_of_game(game: GameState) -> GameEnd:
-    state = game.state
-    return GameEnd(
-        rows(game.positions), tuple(sorted(state.on_table)), state.scores, state.player, state.over, state.winner
-    )
+    state = to_dict(game.state)
+    names = ("on_table", "scores", "player", "over", "winner")
+    return GameEnd(rows(game.positions), *(state[name] for name in names))
 
 
 def _plain(stroke: Stroke) -> Stroke:

@@ -32,7 +32,7 @@ def kernel_sources() -> list[Path]:
 def source_hash() -> str:
     """Returns a hash of the source of all kernels and of the constants that they import.
 
-    Numba's cache checks only the file of the function that it stores, not those of the functions that it calls.
+    Numba's cache checks only the file of the function that it stores, not the files of the functions that it calls.
     """
     return hashlib.sha256(b"".join(path.read_bytes() for path in kernel_sources())).hexdigest()[:16]
 

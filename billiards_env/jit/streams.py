@@ -6,9 +6,11 @@ from a `numpy.random.Generator` continues with the numbers that `Generator.rando
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
+from numba.np.random import _constants as ziggurat  # the tables of numpy, which does not export them
 from numpy.typing import NDArray
 
 from billiards_env.jit import kernel
@@ -19,13 +21,21 @@ _MASK = (1 << 64) - 1
 # The multiplier of a 128-bit linear congruential generator (O'Neill 2014, PCG, HMC-CS-2014-0905), in halves.
 _MULTIPLIER_HI, _MULTIPLIER_LO = np.uint64(0x2360ED051FC65DA4), np.uint64(0x4385DF649FCCF645)
 _LOW_HALF = np.uint64(0xFFFFFFFF)
-_1, _11, _32, _58, _63 = (np.uint64(bits) for bits in (1, 11, 32, 58, 63))
+_1, _8, _9, _11, _32, _58, _63 = (np.uint64(bits) for bits in (1, 8, 9, 11, 32, 58, 63))
+_LAYERS, _PLACES = np.uint64(0xFF), np.uint64(0x000FFFFFFFFFFFFF)
 _TO_UNIT = 2.0**-53
 
 
-def seeded(seed: int) -> Stream:
+def seeded(seed: int | np.random.SeedSequence) -> Stream:
     """Returns the (4,) uint64 stream of `numpy.random.default_rng(seed)`."""
     return _halves(np.random.PCG64(seed))
+
+
+def generator(stream: Stream) -> np.random.Generator:
+    """Returns a generator that continues with the numbers of a stream."""
+    rng = np.random.Generator(np.random.PCG64(0))
+    write(rng, stream)
+    return rng
 
 
 def read(rng: np.random.Generator) -> Stream:
@@ -46,8 +56,8 @@ def write(rng: np.random.Generator, stream: Stream) -> None:
     bits = rng.bit_generator
     if isinstance(bits, np.random.PCG64):  # `read` has already advanced any other generator
         state = bits.state
-        hi, lo = stream[:2].tolist()
-        state["state"]["state"] = hi << 64 | lo
+        hi, lo, increment_hi, increment_lo = stream.tolist()
+        state["state"] = {"state": hi << 64 | lo, "inc": increment_hi << 64 | increment_lo}
         bits.state = state
 
 
@@ -67,8 +77,8 @@ def high_product(a, b):
 
 
 @kernel
-def next_double(stream):
-    """Returns the next number of a stream from [0, 1), the same as `Generator.random()`."""
+def next_uint64(stream):
+    """Returns the next number of a stream, the same as `PCG64.random_raw()`."""
     hi, lo = stream[0], stream[1]
     hi = hi * _MULTIPLIER_LO + lo * _MULTIPLIER_HI + high_product(lo, _MULTIPLIER_LO)
     lo = lo * _MULTIPLIER_LO
@@ -78,5 +88,34 @@ def next_double(stream):
         hi += _1
     stream[0], stream[1] = hi, low
     mixed, rotation = hi ^ low, hi >> _58
-    mixed = (mixed >> rotation) | (mixed << (-rotation & _63))
-    return (mixed >> _11) * _TO_UNIT
+    return (mixed >> rotation) | (mixed << (-rotation & _63))
+
+
+@kernel
+def next_double(stream):
+    """Returns the next number of a stream from [0, 1), the same as `Generator.random()`."""
+    return (next_uint64(stream) >> _11) * _TO_UNIT
+
+
+@kernel
+def next_normal(stream):
+    """Returns the next normal number of a stream, the same as `Generator.standard_normal()`.
+
+    Source: Marsaglia and Tsang 2000, The ziggurat method for generating random variables, with 256 layers.
+    """
+    while True:
+        bits = next_uint64(stream)
+        layer, negative, place = bits & _LAYERS, bits >> _8 & _1, bits >> _9 & _PLACES
+        x = place * ziggurat.wi_double[layer]
+        if place < ziggurat.ki_double[layer]:
+            return -x if negative else x
+        if layer == 0:  # the tail
+            while True:
+                beyond = -ziggurat.ziggurat_nor_inv_r * math.log1p(-next_double(stream))
+                height = -math.log1p(-next_double(stream))
+                if height + height > beyond * beyond:
+                    x = ziggurat.ziggurat_nor_r + beyond
+                    return -x if place >> _8 & _1 else x
+        low, high = ziggurat.fi_double[layer], ziggurat.fi_double[layer - _1]
+        if (high - low) * next_double(stream) + low < math.exp(-0.5 * x * x):
+            return -x if negative else x

@@ -3,30 +3,17 @@
 from __future__ import annotations
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.ball_friction import add_normal_impulses, forget_normal_impulses, rub_all, rub_pair
-from billiards_env.physics.clusters import apply_changes, separation_speed, solve_plastic
+from billiards_env.physics.clusters.friction import add_normal_impulses, forget_normal_impulses, rub_all, tilt_of
+from billiards_env.physics.clusters.impulses import apply_changes, separation_speed, solve_plastic
 from billiards_env.physics.double_double import HI, LO, add
-from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY
-
-
-@kernel
-def pair_impulse(closing, inv_mass_i, inv_mass_j, e):
-    """Returns the impulse along the line of centres of two smooth balls that approach at speed `closing`, kg m/s.
-
-    The relative normal velocity is reversed and multiplied by e; e = 1 and equal masses exchange the normal velocities.
-    """
-    return (1.0 + e) * closing / (inv_mass_i + inv_mass_j)
+from billiards_env.physics.laws.balls import Pair, normal_impulse, push_apart, push_ball
+from billiards_env.physics.state import ball_of, set_motion
 
 
 @kernel
 def change_velocity(state, i, dvx, dvy, numbers):
     """Changes ball i's velocity and slip by (dvx, dvy), m/s, so that its spin does not change."""
-    s = state.rows[i]
-    s[VX] += dvx
-    s[VY] += dvy
-    if numbers.motion == SLIDING_AND_ROLLING:
-        s[UX] += dvx
-        s[UY] += dvy
+    set_motion(state.rows[i], push_ball(ball_of(state.rows[i]), dvx, dvy, numbers.motion))
 
 
 @kernel
@@ -61,19 +48,26 @@ def _exchange_many(count, contacts, state, scene, scratch):
 
 
 @inlined
+def push_pair(i, j, n, p, state, scene):
+    """Changes the motion of balls i and j by the impulse p along the unit vector n from i to j, and by its friction."""
+    pair = Pair(n[0], n[1], scene.radius[i], scene.radius[j], scene.inv_mass[i], scene.inv_mass[j])
+    one, two, tilt = state.rows[i], state.rows[j], tilt_of(scene.spheres, i, j)
+    a, b = push_apart(scene.ball_friction, tilt, ball_of(one), ball_of(two), pair, p, scene.numbers)
+    set_motion(one, a)
+    set_motion(two, b)
+
+
+@inlined
 def exchange_pair(contacts, state, scene):
     """Implements `exchange` for one contact. Returns whether `rebound` has raised the speed of separation."""
-    numbers, inv_mass = scene.numbers, scene.inv_mass
+    e, inv_mass = scene.numbers.e_ball, scene.inv_mass
     i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
-    raised = numbers.e_ball * closing < rebound
+    raised = e * closing < rebound
     if raised:
         p = (closing + rebound) / (inv_mass[i] + inv_mass[j])
     else:
-        p = pair_impulse(closing, inv_mass[i], inv_mass[j], numbers.e_ball)
-    nx, ny = contacts.nx[0], contacts.ny[0]
-    rub_pair(scene.ball_friction, i, j, nx, ny, p, state, scene)
-    change_velocity(state, i, -p * inv_mass[i] * nx, -p * inv_mass[i] * ny, numbers)
-    change_velocity(state, j, p * inv_mass[j] * nx, p * inv_mass[j] * ny, numbers)
+        p = normal_impulse(closing, inv_mass[i], inv_mass[j], e)
+    push_pair(i, j, (contacts.nx[0], contacts.ny[0]), p, state, scene)
     return raised
 
 

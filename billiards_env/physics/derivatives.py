@@ -1,12 +1,12 @@
-"""The derivatives of the laws: how a small change of the balls passes through a flight or an event.
+"""How a small change of the balls passes through a flight or an event.
 
 A lane is a row of numbers: one direction of change of one or two balls, and of the constants of the scene. Each
-function `*_lane` below is the derivative of a law. It is a linear map that changes a lane in place. Its coefficients
-belong to the motion without the change; they are computed once for an event and used for all lanes.
+function `*_lane` below changes a lane in place. `physics.tangent` makes the derivatives of the laws from their
+sources. What is written here by hand is the change of the time of an event, which is an implicit function.
 
-The state of a ball in a lane is (x, y, vx, vy, ux, uy, wz) at a fixed time. An event changes it by the saltation matrix
-(Aizerman and Gantmakher 1958; Leine and Nijmeijer 2004, section 7.5): the change is propagated to the time of the
-changed event, through the derivative of the jump there, and back to the fixed time.
+The state of a ball in a lane is a `BallState` at a fixed time. An event changes it by the saltation matrix (Aizerman
+and Gantmakher 1958; Leine and Nijmeijer 2004, section 7.5): the change is propagated to the time of the changed event,
+through the derivative of the jump there, and back to the fixed time.
 """
 
 from __future__ import annotations
@@ -14,39 +14,19 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from billiards_env.jit import inlined, kernel
-from billiards_env.physics.cushion import CushionMotion
-from billiards_env.physics.cushion_derivatives import cushion_change
-from billiards_env.physics.elementary import exponential
-from billiards_env.physics.lanes import (
-    BALL_WIDTH,
-    D_E_BALL,
-    D_INV_MASS,
-    D_MU_DROP,
-    D_MU_LIMIT,
-    D_MU_RATE,
-    D_PLACE_X,
-    D_PLACE_Y,
-    D_RADIUS,
-    D_ROLL,
-    D_SLIDE,
-    D_SPIN_DECAY,
-    D_TIME,
-    DUX,
-    DUY,
-    DVX,
-    DVY,
-    DWZ,
-    DX,
-    DY,
-)
-from billiards_env.physics.motion import SLIP_RATE, norm
+from billiards_env.jit import entry_point, inlined, kernel
+from billiards_env.physics.cushion import CUSHIONS, LAWS, bounce, by_law, cushion_impact
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.walls import NX, NY, TIP_RADIUS, TIP_X, TIP_Y
+from billiards_env.physics.laws.balls import distance_of, meet, push_ball
+from billiards_env.physics.laws.cloth import SLIP_RATE, drive, fly, slip_of, spin_of
+from billiards_env.physics.laws.cushion import CushionMotion
+from billiards_env.physics.rules import SMOOTH
 from billiards_env.physics.state import (
-    AX,
-    AY,
-    FREE,
+    BALL_NUMBERS,
+    CLOTH_NUMBERS,
     IDEAL,
-    LASTS,
+    LAW_NUMBERS,
     POCKET_X,
     POCKET_Y,
     POTTED,
@@ -55,149 +35,131 @@ from billiards_env.physics.state import (
     SLIDING,
     SLIDING_AND_ROLLING,
     SPINNING,
-    UX,
-    UY,
-    VX,
-    VY,
-    WZ,
-    X,
-    Y,
+    BallState,
+    law_changes,
 )
-from billiards_env.physics.walls import NX, NY, TIP_RADIUS, TIP_X, TIP_Y
+from billiards_env.physics.strike import ELEVATION, HEADING, SIDE, SPEED, TOP, CueNumbers, strike_by
+from billiards_env.physics.tangent import rule, tangent_of
+
+# Columns of a lane: the state of the first ball, and that of the second.
+DX, DY, DVX, DVY, DUX, DUY, DWZ = range(7)
+BALL_WIDTH = 7
+D_RADIUS = 14  # of both balls
+D_INV_MASS = 16
+D_NUMBERS = 18  # `LAW_NUMBERS`
+END_NUMBERS = D_NUMBERS + len(LAW_NUMBERS)
+D_TIME, D_PLACE_X, D_PLACE_Y, LANE_WIDTH = range(END_NUMBERS, END_NUMBERS + 4)  # results: time, s, and place, m
+
+FLIGHT_NUMBERS = (D_NUMBERS, D_NUMBERS + len(CLOTH_NUMBERS))
+"""The columns of the numbers of a flight: the first and one past the last."""
+PAIR_NUMBERS = (FLIGHT_NUMBERS[1], FLIGHT_NUMBERS[1] + len(BALL_NUMBERS))
+"""The same for an impact of two balls."""
+CUSHION_NUMBERS = (PAIR_NUMBERS[1], END_NUMBERS)
+"""The same for a cushion."""
+
+_d_law = by_law(*(tangent_of(law, constant=("rebound", "solution")) for law in LAWS))
+
+
+@rule(cushion_impact, constant=("cushion", "rebound", "solution"))
+@inlined
+def d_cushion_impact(cushion, before, radius, rebound, numbers, solution, d_before, d_radius, d_numbers):
+    """Returns the result of `cushion_impact` and its change."""
+    return _d_law(cushion, (before, radius, rebound, numbers, solution, d_before, d_radius, d_numbers))
+
+
+tangent_of(push_ball, constant=("motion",))
+_d_drive, _d_fly = tangent_of(drive, constant=("phase",)), tangent_of(fly, constant=("phase", "t"))
+_d_slip_of, _d_spin_of = tangent_of(slip_of), tangent_of(spin_of)
+d_distance_of = tangent_of(distance_of, constant=("are_spheres",))
+_d_meet = tangent_of(meet, constant=("ball_friction", "are_spheres"))
+_d_bounce = tangent_of(bounce, constant=("cushion", "solution"))
+
+
+@inlined
+def _no_solution(before, radius, numbers):
+    return 0.0
+
+
+@inlined
+def _always_smooth(before, radius, numbers):
+    return True
+
+
+_SOLUTIONS = {cushion.law: cushion.solution or _no_solution for cushion in CUSHIONS.values()}
+_solution = by_law(*(_SOLUTIONS[law] for law in LAWS))
+_is_smooth = by_law(*(SMOOTH.get(law, _always_smooth) for law in LAWS))
+
+
+@inlined
+def ball_at(values, at):
+    """Returns the `BallState` that begins at column `at` of a row of numbers."""
+    return BallState(
+        values[at + DX],
+        values[at + DY],
+        values[at + DVX],
+        values[at + DVY],
+        values[at + DUX],
+        values[at + DUY],
+        values[at + DWZ],
+    )
+
+
+@inlined
+def put_ball(values, at, ball):
+    """Writes a `BallState` to a row of numbers; see `ball_at`."""
+    values[at + DX], values[at + DY], values[at + DVX], values[at + DVY] = ball.x, ball.y, ball.vx, ball.vy
+    values[at + DUX], values[at + DUY], values[at + DWZ] = ball.ux, ball.uy, ball.wz
+
+
+@inlined
+def _changes(lane):
+    """Returns the change of the `LawNumbers` of a lane."""
+    return law_changes(lane[D_NUMBERS:END_NUMBERS])
 
 
 class Flight(NamedTuple):
     """The motion of a ball on a piece of its path, until a time.
 
     Attributes:
-        phase: The phase, FREE for every ball of ideal motion.
+        ball: The `BallState` at the start.
+        phase: The phase.
         dt: Duration, s.
-        ex: Unit vector along x of the slip of a sliding ball or of the velocity of a rolling one, at the start.
-        ey: The same along y.
-        turn: Share of this slip or velocity that friction has not left over at the end.
-        spin: Sign of the spin about the vertical axis.
-        spins: Whether this spin lasts until the end.
+        numbers: The `LawNumbers`.
     """
 
+    ball: Any
     phase: Any
     dt: Any
-    ex: Any
-    ey: Any
-    turn: Any
-    spin: Any
-    spins: Any
-
-
-@inlined
-def flight_of(row, phase, dt, numbers):
-    """Returns the `Flight` of a ball with a row of `State.rows` for `dt` seconds."""
-    ex, ey, turn = 0.0, 0.0, 0.0
-    if phase == SLIDING:
-        ex, ey, turn = -row[AX] / numbers.slide, -row[AY] / numbers.slide, dt / (SLIP_RATE * row[LASTS])
-    elif phase == ROLLING:
-        ex, ey, turn = -row[AX] / numbers.roll, -row[AY] / numbers.roll, dt / row[LASTS]
-    if numbers.motion == IDEAL and phase != POTTED:
-        phase = FREE
-    lost = numbers.spin_decay * dt
-    spins = phase == SPINNING or lost == 0.0 or abs(row[WZ]) > lost
-    return Flight(phase, dt, ex, ey, turn, math.copysign(1.0, row[WZ]) if row[WZ] != 0.0 else 0.0, spins)
-
-
-@inlined
-def fly(row, flight, numbers, state):
-    """Writes the state (7,) after a `Flight` that starts with a row of `State.rows`."""
-    phase, dt = flight.phase, flight.dt
-    state[DX], state[DY], state[DVX], state[DVY] = row[X], row[Y], row[VX], row[VY]
-    state[DUX], state[DUY], state[DWZ] = row[UX], row[UY], row[WZ]
-    if ROLLING <= phase < POTTED:
-        state[DX] += dt * (row[VX] + 0.5 * dt * row[AX])
-        state[DY] += dt * (row[VY] + 0.5 * dt * row[AY])
-        state[DVX] += dt * row[AX]
-        state[DVY] += dt * row[AY]
-    if phase == SLIDING:
-        state[DUX] += SLIP_RATE * dt * row[AX]
-        state[DUY] += SLIP_RATE * dt * row[AY]
-    state[DWZ] = flight.spin * max(0.0, abs(row[WZ]) - numbers.spin_decay * dt)
+    numbers: Any
 
 
 @inlined
 def flight_lane(lane, at, flight):
     """Changes the state at column `at` of a lane by a `Flight`."""
-    dt, ex, ey = flight.dt, flight.ex, flight.ey
-    bx, by = 0.0, 0.0  # change of the acceleration, times dt
-    if flight.phase == SLIDING:
-        ux, uy = lane[at + DUX], lane[at + DUY]
-        along, more = flight.turn * (ex * ux + ey * uy), dt * lane[D_SLIDE]
-        bx, by = (along - more) * ex - flight.turn * ux, (along - more) * ey - flight.turn * uy
-        lane[at + DUX] = ux + SLIP_RATE * bx
-        lane[at + DUY] = uy + SLIP_RATE * by
-    elif flight.phase == ROLLING:
-        vx, vy = lane[at + DVX], lane[at + DVY]
-        along, more = flight.turn * (ex * vx + ey * vy), dt * lane[D_ROLL]
-        bx, by = (along - more) * ex - flight.turn * vx, (along - more) * ey - flight.turn * vy
-    lane[at + DX] += dt * (lane[at + DVX] + 0.5 * bx)
-    lane[at + DY] += dt * (lane[at + DVY] + 0.5 * by)
-    lane[at + DVX] += bx
-    lane[at + DVY] += by
-    lane[at + DWZ] = lane[at + DWZ] - flight.spin * dt * lane[D_SPIN_DECAY] if flight.spins else 0.0
-
-
-class Rates(NamedTuple):
-    """The time derivative of a state.
-
-    Attributes:
-        vx: Of the position along x, m/s.
-        vy: The same along y.
-        ax: Of the velocity along x, m/s^2.
-        ay: The same along y.
-        bx: Of the slip along x, m/s^2.
-        by: The same along y.
-        spin: Of the spin about the vertical axis, rad/s^2.
-    """
-
-    vx: Any
-    vy: Any
-    ax: Any
-    ay: Any
-    bx: Any
-    by: Any
-    spin: Any
+    ball, phase, dt, numbers = flight
+    put_ball(lane, at, _d_fly(ball, phase, dt, numbers, ball_at(lane, at), _changes(lane))[1])
 
 
 @inlined
-def rates_on(row, phase, state, numbers):
-    """Returns the `Rates` of a state (7,) on a piece of a path, with its row of `State.rows` and its phase."""
-    ax, ay = row[AX], row[AY]
-    turns = SLIP_RATE if phase == SLIDING else 0.0
-    spin = -math.copysign(numbers.spin_decay, state[DWZ]) if state[DWZ] != 0.0 else 0.0
-    return Rates(state[DVX], state[DVY], ax, ay, turns * ax, turns * ay, spin)
-
-
-@kernel
-def rates_of(state, numbers):
-    """Returns the `Rates` of a state (7,) from the law of motion."""
-    vx, vy = state[DVX], state[DVY]
-    ax, ay, bx, by = 0.0, 0.0, 0.0, 0.0
-    v, u = norm(vx, vy), norm(state[DUX], state[DUY])
-    if numbers.motion == SLIDING_AND_ROLLING and u > 0.0:
-        ax, ay = -numbers.slide * (state[DUX] / u), -numbers.slide * (state[DUY] / u)
-        bx, by = SLIP_RATE * ax, SLIP_RATE * ay
-    elif numbers.motion != IDEAL and v > 0.0:
-        ax, ay = -numbers.roll * (vx / v), -numbers.roll * (vy / v)
-    spin = -math.copysign(numbers.spin_decay, state[DWZ]) if state[DWZ] != 0.0 else 0.0
-    return Rates(vx, vy, ax, ay, bx, by, spin)
+def rates_of(ball, phase, acceleration, numbers):
+    """Returns the time derivative of a `BallState` in a phase with an acceleration (x, y), m/s^2."""
+    turns, (ax, ay) = SLIP_RATE if phase == SLIDING else 0.0, acceleration
+    spin = -math.copysign(numbers.spin_decay, ball.wz) if ball.wz != 0.0 else 0.0
+    return BallState(ball.vx, ball.vy, ax, ay, turns * ax, turns * ay, spin)
 
 
 @inlined
-def _shift(lane, at, rates, dt):
-    """Changes the time of the state at column `at` of a lane by a small time."""
-    lane[at + DX] += rates.vx * dt
-    lane[at + DY] += rates.vy * dt
-    lane[at + DVX] += rates.ax * dt
-    lane[at + DVY] += rates.ay * dt
-    lane[at + DUX] += rates.bx * dt
-    lane[at + DUY] += rates.by * dt
-    lane[at + DWZ] += rates.spin * dt
+def _shifted(change, rates, dt):
+    """Returns the change of a `BallState` at a time that is a small time dt later."""
+    return BallState(
+        change.x + rates.x * dt,
+        change.y + rates.y * dt,
+        change.vx + rates.vx * dt,
+        change.vy + rates.vy * dt,
+        change.ux + rates.ux * dt,
+        change.uy + rates.uy * dt,
+        change.wz + rates.wz * dt,
+    )
 
 
 @inlined
@@ -213,8 +175,8 @@ def settle_lane(lane, at, phase, numbers):
     if numbers.motion == IDEAL:
         return
     if phase == ROLLING:
-        lane[at + DVX] -= lane[at + DUX] / SLIP_RATE
-        lane[at + DVY] -= lane[at + DUY] / SLIP_RATE
+        lane[at + DVX] -= lane[at + DUX] * (1.0 / SLIP_RATE)
+        lane[at + DVY] -= lane[at + DUY] * (1.0 / SLIP_RATE)
     if phase <= SPINNING:
         lane[at + DVX] = lane[at + DVY] = 0.0
     if phase <= ROLLING:
@@ -224,71 +186,64 @@ def settle_lane(lane, at, phase, numbers):
 
 
 @inlined
-def start_lane(lane, row, phase, radius, numbers):
+def start_lane(lane, ball, phase, radius, numbers):
     """Replaces the horizontal spin of the first ball of a lane by its slip, and settles it.
 
     Args:
         lane: The lane, with the spins along x and y in the columns of the slip.
-        row: The ball's row of `State.rows`.
+        ball: The ball's `BallState`.
         phase: Its phase.
         radius: m.
-        numbers: The `Numbers`.
+        numbers: The `LawNumbers`.
     """
-    wx, wy = lane[DUX], lane[DUY]
+    change = ball_at(lane, 0)
     lane[DUX] = lane[DUY] = 0.0
-    if numbers.motion == SLIDING_AND_ROLLING:  # u = v + R (-wy, wx)
-        lane[DUX] = lane[DVX] - radius * wy + (row[UX] - row[VX]) / radius * lane[D_RADIUS]
-        lane[DUY] = lane[DVY] + radius * wx + (row[UY] - row[VY]) / radius * lane[D_RADIUS]
+    if numbers.motion == SLIDING_AND_ROLLING:
+        wx, wy = spin_of(ball.vx, ball.vy, ball.ux, ball.uy, radius)
+        at, d_at = (ball.vx, ball.vy, wx, wy), (change.vx, change.vy, change.ux, change.uy)
+        lane[DUX], lane[DUY] = _d_slip_of(*at, radius, *d_at, lane[D_RADIUS])[1]
     settle_lane(lane, 0, phase, numbers)
 
 
 @inlined
-def end_lane(lane, state, radius, numbers):
-    """Replaces the slip of the first ball of a lane by its horizontal spin; see `start_lane`."""
-    x, y = lane[DUX] - lane[DVX], lane[DUY] - lane[DVY]
+def end_lane(lane, ball, radius, numbers):
+    """Replaces the slip of the first ball of a lane, in a `BallState`, by its horizontal spin; see `start_lane`."""
+    change = ball_at(lane, 0)
     lane[DUX] = lane[DUY] = 0.0
     if numbers.motion == SLIDING_AND_ROLLING:
-        lane[DUX] = (y - (state[DUY] - state[DVY]) / radius * lane[D_RADIUS]) / radius
-        lane[DUY] = -(x - (state[DUX] - state[DVX]) / radius * lane[D_RADIUS]) / radius
+        at, d_at = (ball.vx, ball.vy, ball.ux, ball.uy), (change.vx, change.vy, change.ux, change.uy)
+        lane[DUX], lane[DUY] = _d_spin_of(*at, radius, *d_at, lane[D_RADIUS])[1]
 
 
 @inlined
-def slide_end_lane(lane, flight, after, numbers):
-    """Changes a lane by the event of a ball that stops sliding, in the state `after` with the `Rates` after."""
-    dt = (flight.ex * lane[DUX] + flight.ey * lane[DUY]) / (SLIP_RATE * numbers.slide)
-    ax, ay = -numbers.slide * flight.ex, -numbers.slide * flight.ey
-    _end_phase(lane, dt, Rates(after.vx, after.vy, ax, ay, SLIP_RATE * ax, SLIP_RATE * ay, after.spin))
-    lane[DUX] = lane[DUY] = 0.0
-    _shift(lane, 0, after, -dt)
+def _note(lane, dt, change):
+    """Stores the results of an event: the change of its time and of the place of its ball then."""
+    lane[D_TIME], lane[D_PLACE_X], lane[D_PLACE_Y] = dt, change.x, change.y
 
 
 @inlined
-def roll_end_lane(lane, flight, after, numbers):
-    """Like `slide_end_lane`, for a ball that stops rolling."""
-    dt = (flight.ex * lane[DVX] + flight.ey * lane[DVY]) / numbers.roll
-    _end_phase(lane, dt, after)
-    _shift(lane, 0, after, -dt)
+def phase_end_lane(lane, flight, before, after):
+    """Changes a lane by a `Flight` and the event at the end of its phase.
+
+    Args:
+        lane: The lane.
+        flight: The `Flight`.
+        before: The time derivative of the state before the event.
+        after: The same after it.
+    """
+    ball, phase, _, numbers = flight
+    dt = _d_drive(ball, phase, numbers, ball_at(lane, 0), _changes(lane))[1][2]
+    flight_lane(lane, 0, flight)
+    change = _shifted(ball_at(lane, 0), before, dt)
+    _note(lane, dt, change)
+    put_ball(lane, 0, _shifted(change, after, -dt))
 
 
 @inlined
-def spin_end_lane(lane, flight, numbers):
-    """Like `slide_end_lane`, for a ball that stops spinning; the ball is at rest afterwards."""
-    lane[D_TIME] = flight.spin * lane[DWZ] / numbers.spin_decay
-    lane[D_PLACE_X], lane[D_PLACE_Y] = lane[DX], lane[DY]
-
-
-@inlined
-def _end_phase(lane, dt, rates):
-    """Shifts a lane to the time of an event and stores the results of the event."""
-    _shift(lane, 0, rates, dt)
-    lane[D_TIME], lane[D_PLACE_X], lane[D_PLACE_Y] = dt, lane[DX], lane[DY]
-
-
-@inlined
-def pocket_lane(lane, state, pocket):
+def pocket_lane(lane, ball, pocket):
     """Changes a lane by a pocket. The ball ends at the pocket's centre, wherever it enters."""
-    dx, dy = state[DX] - pocket[POCKET_X], state[DY] - pocket[POCKET_Y]
-    speed = dx * state[DVX] + dy * state[DVY]
+    dx, dy = ball.x - pocket[POCKET_X], ball.y - pocket[POCKET_Y]
+    speed = dx * ball.vx + dy * ball.vy
     lane[D_TIME] = -(dx * lane[DX] + dy * lane[DY]) / speed if speed != 0.0 else 0.0
     lane[D_PLACE_X] = lane[D_PLACE_Y] = 0.0
 
@@ -297,18 +252,16 @@ class Jump(NamedTuple):
     """A ball in an impact.
 
     Attributes:
-        before: (7,) its state before the impact.
-        after: (7,) its state after it.
-        before_rates: The `Rates` before.
-        after_rates: The `Rates` after.
+        ball: Its `BallState` before the impact.
+        before: The time derivative of its state before.
+        after: The same after.
         radius: m.
         inv_mass: 1/kg.
     """
 
+    ball: Any
     before: Any
     after: Any
-    before_rates: Any
-    after_rates: Any
     radius: Any
     inv_mass: Any
 
@@ -328,328 +281,122 @@ class Wall(NamedTuple):
 
 
 @inlined
-def wall_at(state, wall, radius, outline):
-    """Returns the `Wall` with a number at the position of a state."""
+def wall_at(x, y, wall, radius, outline):
+    """Returns the `Wall` with a number where a ball at (x, y) touches it."""
     if outline is None:
         sign = 1.0 if wall % 2 else -1.0
         return Wall(sign, 0.0, 0.0) if wall < 2 else Wall(0.0, sign, 0.0)
-    return _outline_wall(state, wall, radius, outline)
+    return _outline_wall(x, y, wall, radius, outline)
 
 
 @kernel
-def _outline_wall(state, wall, radius, outline):
+def _outline_wall(x, y, wall, radius, outline):
     """Implements `wall_at` for an outline."""
     lines, tips = outline.lines, outline.tips
     if wall < len(lines):
         return Wall(lines[wall, NX], lines[wall, NY], 0.0)
     tip = tips[wall - len(lines)]
-    dx, dy = tip[TIP_X] - state[DX], tip[TIP_Y] - state[DY]
+    dx, dy = tip[TIP_X] - x, tip[TIP_Y] - y
     distance = norm(dx, dy)
     return Wall(dx / distance, dy / distance, 1.0 / (radius + tip[TIP_RADIUS]))
 
 
 @inlined
-def wall_lane(lane, wall, jump, before, scene):
+def _motion_at(ball, wall, radius):
+    """Returns the `CushionMotion` of a `BallState` at a `Wall`."""
+    nx, ny = wall.nx, wall.ny
+    return CushionMotion(
+        max(nx * ball.vx + ny * ball.vy, 0.0),
+        nx * ball.vy - ny * ball.vx,
+        nx * ball.ux + ny * ball.uy,
+        nx * ball.uy - ny * ball.ux,
+        radius * ball.wz,
+    )
+
+
+@inlined
+def cushion_is_smooth(ball, wall, radius, scene):
+    """Returns whether the impact of a `BallState` on a `Wall` has a derivative."""
+    return _is_smooth(scene.cushion, (_motion_at(ball, wall, radius), radius, scene.numbers))
+
+
+@inlined
+def cushion_solution(ball, wall, radius, scene):
+    """Returns the solution of the equation of the cushions' law, see `cushion_han2005.han2005`."""
+    return _solution(scene.cushion, (_motion_at(ball, wall, radius), radius, scene.numbers))
+
+
+@inlined
+def wall_lane(lane, wall, jump, cushion, numbers, solution):
     """Changes a lane by an impact on a cushion.
 
     Args:
         lane: The lane.
         wall: The `Wall`.
         jump: The `Jump`.
-        before: The `CushionMotion` before the impact.
-        scene: The `SceneArrays`.
+        cushion: `SceneArrays.cushion`.
+        numbers: The `LawNumbers`.
+        solution: The result of `cushion_solution`.
     """
-    nx, ny, state, after = wall.nx, wall.ny, jump.before, jump.after
-    speed, vt, un, ut, _ = before
-    more = lane[D_RADIUS]
-    dt = -(nx * lane[DX] + ny * lane[DY] + more) / speed if speed != 0.0 else 0.0
-    _end_phase(lane, dt, jump.before_rates)
-    turn = -wall.curvature * (nx * lane[DY] - ny * lane[DX])  # at a tip the normal turns with the point of contact
-    d_before = CushionMotion(
-        nx * lane[DVX] + ny * lane[DVY] + vt * turn,
-        nx * lane[DVY] - ny * lane[DVX] - speed * turn,
-        nx * lane[DUX] + ny * lane[DUY] + ut * turn,
-        nx * lane[DUY] - ny * lane[DUX] - un * turn,
-        jump.radius * lane[DWZ] + state[DWZ] * more,
-    )
-    dvn, dvt, dun, dut, drwz = cushion_change(before, d_before, jump.radius, more, lane, scene)
-    dvn -= (nx * after[DVY] - ny * after[DVX]) * turn
-    dvt += (nx * after[DVX] + ny * after[DVY]) * turn
-    lane[DVX], lane[DVY] = nx * dvn - ny * dvt, ny * dvn + nx * dvt
-    if scene.numbers.motion == SLIDING_AND_ROLLING:
-        dun -= (nx * after[DUY] - ny * after[DUX]) * turn
-        dut += (nx * after[DUX] + ny * after[DUY]) * turn
-        lane[DUX], lane[DUY] = nx * dun - ny * dut, ny * dun + nx * dut
-        lane[DWZ] = (drwz - after[DWZ] * more) / jump.radius
-    _shift(lane, 0, jump.after_rates, -dt)
-
-
-class Impact(NamedTuple):
-    """An impact of two balls: the contact before it, and the impulses.
-
-    h is the horizontal unit vector from the first to the second ball, and t = z x h.
-
-    Attributes:
-        hx: h along x.
-        hy: h along y.
-        distance: Of the centres, m.
-        reach_i: Derivative of this distance at contact with respect to the first radius.
-        reach_j: The same for the second.
-        wn: Relative velocity along h, m/s; negative.
-        wt: Relative velocity along t, m/s.
-        turn: Sum of the radii times the spins about the vertical axis, m/s.
-        roll_n: Sum of the slips less the velocities along h, m/s.
-        roll_t: The same along t.
-        cosine: Of the inclination of the normal.
-        sine: Of the inclination.
-        tilts: Whether the radii change the inclination.
-        total: Sum of the radii, m.
-        e: Restitution.
-        inverse: Sum of the inverse masses, 1/kg.
-        p: Impulse along h, kg m/s.
-        across: Slip across after the normal impulse, m/s.
-        up: The same up.
-        speed: Size of this slip.
-        slides: Whether friction does not stop this slip.
-        mu: Coefficient of friction.
-        fading: The part of it that falls with the speed, over `Numbers.mu_drop`.
-        mu_slope: Its derivative with respect to the speed, s/m.
-        ratio: The impulse of friction over the slip, kg.
-        drop: `Numbers.mu_drop`.
-    """
-
-    hx: Any
-    hy: Any
-    distance: Any
-    reach_i: Any
-    reach_j: Any
-    wn: Any
-    wt: Any
-    turn: Any
-    roll_n: Any
-    roll_t: Any
-    cosine: Any
-    sine: Any
-    tilts: Any
-    total: Any
-    e: Any
-    inverse: Any
-    p: Any
-    across: Any
-    up: Any
-    speed: Any
-    slides: Any
-    mu: Any
-    fading: Any
-    mu_slope: Any
-    ratio: Any
-    drop: Any
-
-
-@kernel
-def impact_of(a, b, i, j, is_sphere, scene):
-    """Returns the `Impact` of balls i and j with the states a and b, (7,) each.
-
-    `is_sphere` is whether centres of different height are possible.
-    """
-    numbers, ri, rj = scene.numbers, scene.radius[i], scene.radius[j]
-    dx, dy = b[DX] - a[DX], b[DY] - a[DY]
-    distance = norm(dx, dy)
-    hx, hy = dx / distance, dy / distance
-    wx, wy = b[DVX] - a[DVX], b[DVY] - a[DVY]
-    wn, wt = hx * wx + hy * wy, hx * wy - hy * wx
-    turn = ri * a[DWZ] + rj * b[DWZ]
-    rx, ry = (a[DUX] - a[DVX]) + (b[DUX] - b[DVX]), (a[DUY] - a[DVY]) + (b[DUY] - b[DVY])
-    roll_n, roll_t = hx * rx + hy * ry, hx * ry - hy * rx
-    total, cosine, sine, reach_i, reach_j = ri + rj, 1.0, 0.0, 1.0, 1.0
-    if is_sphere:
-        cosine, sine = 2.0 * math.sqrt(ri * rj) / total, (rj - ri) / total
-        reach_i, reach_j = math.sqrt(rj / ri), math.sqrt(ri / rj)
-    inverse = scene.inv_mass[i] + scene.inv_mass[j]
-    e = numbers.e_ball
-    p = -(1.0 + e) * wn / inverse
-    across, up = -wt + (cosine * turn - sine * roll_t), roll_n - sine * e * wn
-    speed = norm(across, up)
-    fading = exponential(-numbers.mu_rate * speed)
-    mu = numbers.mu_limit + numbers.mu_drop * fading
-    stop, limit = 1.0 / (3.5 * inverse), mu * p / cosine
-    slides = limit < stop * speed or limit == 0.0
-    return Impact(
-        hx,
-        hy,
-        distance,
-        reach_i,
-        reach_j,
-        wn,
-        wt,
-        turn,
-        roll_n,
-        roll_t,
-        cosine,
-        sine,
-        is_sphere,
-        total,
-        e,
-        inverse,
-        p,
-        across,
-        up,
-        speed,
-        slides,
-        mu,
-        fading,
-        -numbers.mu_rate * numbers.mu_drop * fading,
-        (limit / speed if limit > 0.0 else 0.0) if slides else stop,
-        numbers.mu_drop,
-    )
-
-
-class Push(NamedTuple):
-    """The impulses of an impact on the first ball, or their change.
-
-    Attributes:
-        fn: Force impulse along h, kg m/s.
-        ft: The same along t.
-        gn: Impulse that changes the slip of both balls without their velocity, along h.
-        gt: The same along t.
-        spin: Impulse that turns both balls about the vertical axis.
-    """
-
-    fn: Any
-    ft: Any
-    gn: Any
-    gt: Any
-    spin: Any
+    nx, ny, ball, d_radius = wall.nx, wall.ny, jump.ball, lane[D_RADIUS]
+    speed = nx * ball.vx + ny * ball.vy
+    dt = -(nx * lane[DX] + ny * lane[DY] + d_radius) * (1.0 / speed) if speed != 0.0 else 0.0
+    change = _shifted(ball_at(lane, 0), jump.before, dt)
+    _note(lane, dt, change)
+    turn = -wall.curvature * (nx * change.y - ny * change.x)  # at a tip the normal turns with the point of contact
+    d_n = (-ny * turn, nx * turn)
+    at, d_at = (ball, (nx, ny), jump.radius), (change, d_n, d_radius)
+    change = _d_bounce(*at, cushion, numbers, solution, *d_at, _changes(lane))[1]
+    put_ball(lane, 0, _shifted(change, jump.after, -dt))
 
 
 @inlined
-def push_of(ball_friction, impact):
-    """Returns the `Push` of an `Impact`; `ball_friction` is `SceneArrays.ball_friction`."""
-    if ball_friction is None:
-        return Push(-impact.p, 0.0, 0.0, 0.0, 0.0)
-    across, up = -impact.ratio * impact.across, -impact.ratio * impact.up
-    return Push(-impact.p - impact.sine * up, across, up, -impact.sine * across, impact.cosine * across)
-
-
-class PairChange(NamedTuple):
-    """A change of what an `Impact` depends on, in the order of its attributes; `lane` has the numbers of the scene."""
-
-    wn: Any
-    wt: Any
-    turn: Any
-    roll_n: Any
-    roll_t: Any
-    radius_i: Any
-    radius_j: Any
-    inverse: Any
-    lane: Any
-
-
-@inlined
-def _push_change(ball_friction, impact, change):
-    """Returns the change of the `Push` of an `Impact` for a `PairChange`."""
-    e, wn, inverse = impact.e, impact.wn, impact.inverse
-    d_p = -(change.lane[D_E_BALL] * wn + (1.0 + e) * change.wn) / inverse - impact.p * change.inverse / inverse
-    if ball_friction is None:
-        return Push(-d_p, 0.0, 0.0, 0.0, 0.0)
-    cosine, sine = impact.cosine, impact.sine
-    d_cosine, d_sine = 0.0, 0.0
-    if impact.tilts:
-        both = change.radius_i + change.radius_j
-        d_sine = (change.radius_j - change.radius_i - sine * both) / impact.total
-        d_cosine = -sine / cosine * d_sine
-    d_across = (
-        -change.wt + (d_cosine * impact.turn + cosine * change.turn) - (d_sine * impact.roll_t + sine * change.roll_t)
-    )
-    d_up = change.roll_n - d_sine * e * wn - sine * (change.lane[D_E_BALL] * wn + e * change.wn)
-    ratio = impact.ratio
-    push_across, push_up = -ratio * impact.across, -ratio * impact.up
-    if impact.slides:
-        x, y = (impact.across / impact.speed, impact.up / impact.speed) if impact.speed > 0.0 else (0.0, 0.0)
-        d_speed = x * d_across + y * d_up
-        d_mu = impact.mu_slope * d_speed + change.lane[D_MU_LIMIT]
-        d_mu += impact.fading * (change.lane[D_MU_DROP] - impact.drop * impact.speed * change.lane[D_MU_RATE])
-        d_limit = (d_mu * impact.p + impact.mu * d_p - impact.mu * impact.p * d_cosine / cosine) / cosine
-        more = d_limit - ratio * d_speed
-        d_push_across, d_push_up = -x * more - ratio * d_across, -y * more - ratio * d_up
-    else:
-        more = ratio * change.inverse / inverse
-        d_push_across, d_push_up = more * impact.across - ratio * d_across, more * impact.up - ratio * d_up
-    return Push(
-        -d_p - d_sine * push_up - sine * d_push_up,
-        d_push_across,
-        d_push_up,
-        -d_sine * push_across - sine * d_push_across,
-        d_cosine * push_across + cosine * d_push_across,
-    )
-
-
-@inlined
-def apply_push(state, sign, push, impact, inverse, radius, numbers):
-    """Changes the state (7,) of a ball by a `Push`; `sign` is 1.0 for the first ball and -1.0 for the second."""
-    hx, hy = impact.hx, impact.hy
-    fx, fy = sign * (hx * push.fn - hy * push.ft), sign * (hy * push.fn + hx * push.ft)
-    state[DVX] += inverse * fx
-    state[DVY] += inverse * fy
-    if numbers.motion == SLIDING_AND_ROLLING:
-        state[DUX] += inverse * (fx + 2.5 * (hx * push.gn - hy * push.gt))
-        state[DUY] += inverse * (fy + 2.5 * (hy * push.gn + hx * push.gt))
-        state[DWZ] += 2.5 * inverse * push.spin / radius
-
-
-@inlined
-def pair_lane(lane, impact, push, one, two, scene):
+def pair_lane(lane, one, two, are_spheres, ball_friction, numbers):
     """Changes a lane by the impact of its two balls.
 
     Args:
         lane: The lane.
-        impact: The `Impact`.
-        push: Its `Push`.
         one: The `Jump` of the first ball.
         two: That of the second.
-        scene: The `SceneArrays`.
+        are_spheres: Whether the balls are spheres.
+        ball_friction: `SceneArrays.ball_friction`.
+        numbers: The `LawNumbers`.
     """
-    hx, hy, second = impact.hx, impact.hy, BALL_WIDTH
-    more_i, more_j = lane[D_RADIUS], lane[D_RADIUS + 1]
-    light_i, light_j = lane[D_INV_MASS], lane[D_INV_MASS + 1]
-    apart = hx * (lane[second + DX] - lane[DX]) + hy * (lane[second + DY] - lane[DY])
-    late = impact.reach_i * more_i + impact.reach_j * more_j - apart
-    dt = late / impact.wn if impact.wn != 0.0 else 0.0
-    _end_phase(lane, dt, one.before_rates)
-    _shift(lane, second, two.before_rates, dt)
-    dx, dy = lane[second + DX] - lane[DX], lane[second + DY] - lane[DY]
-    turn = (hx * dy - hy * dx) / impact.distance  # of h and t
-    wx, wy = lane[second + DVX] - lane[DVX], lane[second + DVY] - lane[DVY]
-    rx = lane[DUX] - lane[DVX] + lane[second + DUX] - lane[second + DVX]
-    ry = lane[DUY] - lane[DVY] + lane[second + DUY] - lane[second + DVY]
-    ri, rj = one.radius, two.radius
-    change = PairChange(
-        hx * wx + hy * wy + impact.wt * turn,
-        hx * wy - hy * wx - impact.wn * turn,
-        ri * lane[DWZ] + rj * lane[second + DWZ] + one.before[DWZ] * more_i + two.before[DWZ] * more_j,
-        hx * rx + hy * ry + impact.roll_t * turn,
-        hx * ry - hy * rx - impact.roll_n * turn,
-        more_i,
-        more_j,
-        light_i + light_j,
-        lane,
-    )
-    d_push = _push_change(scene.ball_friction, impact, change)
-    turned = Push(
-        d_push.fn - push.ft * turn,
-        d_push.ft + push.fn * turn,
-        d_push.gn - push.gt * turn,
-        d_push.gt + push.gn * turn,
-        d_push.spin,
-    )
-    first, last = lane[:second], lane[second:]
-    mi, mj, numbers = one.inv_mass, two.inv_mass, scene.numbers
-    apply_push(first, 1.0, turned, impact, mi, ri, numbers)
-    apply_push(last, -1.0, turned, impact, mj, rj, numbers)
-    apply_push(first, 1.0, push, impact, light_i, ri, numbers)
-    apply_push(last, -1.0, push, impact, light_j, rj, numbers)
-    if numbers.motion == SLIDING_AND_ROLLING:
-        first[DWZ] -= 2.5 * mi * push.spin / (ri * ri) * more_i
-        last[DWZ] -= 2.5 * mj * push.spin / (rj * rj) * more_j
-    _shift(lane, 0, one.after_rates, -dt)
-    _shift(lane, second, two.after_rates, -dt)
+    a, b, d_a, d_b = one.ball, two.ball, ball_at(lane, 0), ball_at(lane, BALL_WIDTH)
+    bodies = (one.radius, two.radius, one.inv_mass, two.inv_mass)
+    d_bodies = (lane[D_RADIUS], lane[D_RADIUS + 1], lane[D_INV_MASS], lane[D_INV_MASS + 1])
+    dx, dy = b.x - a.x, b.y - a.y
+    closing = dx * (b.vx - a.vx) + dy * (b.vy - a.vy)
+    late = d_distance_of(are_spheres, *bodies[:2], *d_bodies[:2])[1] * math.sqrt(dx * dx + dy * dy)
+    late -= dx * (d_b.x - d_a.x) + dy * (d_b.y - d_a.y)
+    dt = late * (1.0 / closing) if closing != 0.0 else 0.0
+    d_a, d_b = _shifted(d_a, one.before, dt), _shifted(d_b, two.before, dt)
+    _note(lane, dt, d_a)
+    d_a, d_b = _d_meet(ball_friction, are_spheres, a, b, bodies, numbers, d_a, d_b, d_bodies, _changes(lane))[1]
+    put_ball(lane, 0, _shifted(d_a, one.after, -dt))
+    put_ball(lane, BALL_WIDTH, _shifted(d_b, two.after, -dt))
+
+
+_d_strike_by = tangent_of(strike_by, constant=("cue",))
+
+
+@entry_point
+def strike_jacobians(cue, parameters, jacobians, states):
+    """Computes the derivatives of many strikes by their parameters.
+
+    Args:
+        cue: `CueNumbers`, as a plain tuple.
+        parameters: (m, 5) float64, see `strike.many_strikes`.
+        jacobians: (m, 5, 5) float64 out: of component i of (vx, vy, wx, wy, wz) by parameter j.
+        states: (m, 5) float64 out: (vx, vy, wx, wy, wz), m/s and rad/s.
+    """
+    cue = CueNumbers(*cue)
+    for k in range(len(parameters)):
+        p = parameters[k]
+        at = (p[SPEED], p[HEADING], p[SIDE], p[TOP], p[ELEVATION])
+        for j in range(5):
+            unit = (float(j == 0), float(j == 1), float(j == 2), float(j == 3), float(j == 4))
+            (vx, vy, wx, wy, wz, _), (d_vx, d_vy, d_wx, d_wy, d_wz, _) = _d_strike_by(cue, *at, *unit)
+            states[k, 0], states[k, 1], states[k, 2], states[k, 3], states[k, 4] = vx, vy, wx, wy, wz
+            jacobians[k, 0, j], jacobians[k, 1, j] = d_vx, d_vy
+            jacobians[k, 2, j], jacobians[k, 3, j], jacobians[k, 4, j] = d_wx, d_wy, d_wz

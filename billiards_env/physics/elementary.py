@@ -17,6 +17,17 @@ _SPLITTER = 134217729.0  # 2^27 + 1
 
 
 @kernel
+def norm(x: float, y: float) -> float:
+    """Returns the length of (x, y). It is correct even if the squares underflow."""
+    big = max(abs(x), abs(y))
+    if big > 1e-140:
+        return math.sqrt(x * x + y * y)
+    if big == 0.0:
+        return 0.0
+    return big * math.sqrt((x / big) * (x / big) + (y / big) * (y / big))
+
+
+@kernel
 def exponential(x: float) -> float:
     """Returns e^x for x <= 0; zero below -700."""
     if x < -700.0:

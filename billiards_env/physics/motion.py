@@ -1,36 +1,18 @@
-"""The law of motion: how a ball moves between two events.
-
-In every phase the position is quadratic in time, r(t) = r0 + v0 t + a t^2 / 2:
-
-* sliding: the point that touches the cloth moves at u = v + R z x omega. Friction a = -mu_s g u/|u| keeps its
-  direction, and du/dt = 7/2 a, so the phase lasts 2 |u| / (7 mu_s g) (Marlow 1995, The Physics of Pocket Billiards).
-* rolling: u = 0 and a = -mu_r g v/|v|, so the phase lasts |v| / (mu_r g).
-* free: a = 0, and the phase has no end.
-* spinning and at rest: v = 0.
-
-The spin about the vertical axis decays linearly to zero in every phase, independently of the rest.
-
-The engines call this module. The derivatives (`physics.derivatives`) and the 50-digit reference repeat the law.
-"""
+"""The motion of balls as the engines use it: rows of numbers that follow the laws of `physics.laws.cloth`."""
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
+from billiards_env.physics.laws.cloth import SLIP_RATE, drive, phase_of, spin_after
 from billiards_env.physics.state import (
     AX,
     AY,
-    FREE,
-    IDEAL,
     LASTS,
     POTTED,
-    REST,
     ROLLING,
-    ROLLING_ONLY,
     SLIDING,
-    SLIDING_AND_ROLLING,
     SPINNING,
     T0,
     T0_LO,
@@ -41,13 +23,11 @@ from billiards_env.physics.state import (
     WZ,
     X,
     Y,
+    ball_of,
     moves,
     own_time,
     since,
 )
-
-SLIP_RATE = 3.5
-"""While a ball slides, its slip changes at this multiple of its acceleration."""
 
 
 class Path(NamedTuple):
@@ -89,17 +69,6 @@ def place_after(path, t):
     return path.x + t * (path.vx + 0.5 * t * path.ax), path.y + t * (path.vy + 0.5 * t * path.ay)
 
 
-@kernel
-def norm(x: float, y: float) -> float:
-    """Returns the length of (x, y). It is correct even if the squares underflow."""
-    big = max(abs(x), abs(y))
-    if big > 1e-140:
-        return math.sqrt(x * x + y * y)
-    if big == 0.0:
-        return 0.0
-    return big * math.sqrt((x / big) * (x / big) + (y / big) * (y / big))
-
-
 @inlined
 def begin_phase(state, i, numbers):
     """Sets ball i's phase, AX, AY and LASTS from its velocity, slip and spin.
@@ -113,30 +82,9 @@ def begin_phase(state, i, numbers):
     if phase[i] == POTTED:
         return
     s = state.rows[i]
-    v = norm(s[VX], s[VY])
-    s[AX] = s[AY] = 0.0
-    s[LASTS] = math.inf
-    if numbers.motion == IDEAL:
-        phase[i] = FREE if v > 0.0 else REST
-        return
-    if numbers.motion == SLIDING_AND_ROLLING:
-        u = norm(s[UX], s[UY])
-        if u > 0.0:
-            phase[i] = SLIDING
-            s[AX] = -numbers.slide * (s[UX] / u)
-            s[AY] = -numbers.slide * (s[UY] / u)
-            s[LASTS] = u / (SLIP_RATE * numbers.slide)
-            return
-    if v > 0.0:
-        phase[i] = ROLLING
-        s[AX] = -numbers.roll * (s[VX] / v)
-        s[AY] = -numbers.roll * (s[VY] / v)
-        s[LASTS] = v / numbers.roll
-    elif s[WZ] != 0.0:
-        phase[i] = SPINNING
-        s[LASTS] = abs(s[WZ]) / numbers.spin_decay
-    else:
-        phase[i] = REST
+    ball = ball_of(s)
+    phase[i] = phase_of(ball, numbers)
+    s[AX], s[AY], s[LASTS] = drive(ball, phase[i], numbers)
 
 
 @kernel
@@ -160,13 +108,6 @@ def slip_after(state, i, t):
     if state.phase[i] == SLIDING:
         return s[UX] + SLIP_RATE * t * s[AX], s[UY] + SLIP_RATE * t * s[AY]
     return s[UX], s[UY]
-
-
-@kernel
-def spin_after(wz, t, numbers):
-    """Returns the spin about the vertical axis after t seconds, rad/s."""
-    left = abs(wz) - numbers.spin_decay * t
-    return math.copysign(left, wz) if left > 0.0 else 0.0
 
 
 @inlined
@@ -215,78 +156,3 @@ def capture(state, i, x, y):
         s[c] = 0.0
     s[X], s[Y] = x, y
     state.phase[i] = POTTED
-
-
-def largest_friction(motion: int, slide: float, roll: float) -> float:
-    """Returns the largest acceleration of a ball by friction, m/s^2; the arguments are fields of `Numbers`."""
-    return {IDEAL: 0.0, SLIDING_AND_ROLLING: slide}.get(motion, roll)
-
-
-@inlined
-def _sliding(slide, slip_ratio):
-    """Returns the deceleration of a ball that slides, m/s^2, and the share of its speed with which it begins to roll.
-
-    A ball that spins faster than it rolls (slip_ratio < 0) gains speed.
-    """
-    return math.copysign(slide, slip_ratio), 1.0 - slip_ratio * (1.0 / SLIP_RATE)
-
-
-@kernel
-def launch(numbers, distance, speed, slip_ratio):
-    """Returns the initial speed of a ball whose speed is `speed` after `distance`, m/s.
-
-    Args:
-        numbers: The `Numbers`.
-        distance: m.
-        speed: m/s.
-        slip_ratio: Initial slip of the ball divided by its initial speed, < 7/2. It is 1 without spin, 0 if the ball
-            rolls, and negative if it spins faster than it rolls. Motions other than sliding ignore it.
-    """
-    roll = numbers.roll
-    if numbers.motion == IDEAL:
-        return speed
-    if numbers.motion == ROLLING_ONLY:
-        return math.sqrt(speed * speed + 2.0 * roll * distance)
-    # The ball slides over (1 - share^2) v^2 / (2 slide), and then rolls.
-    slide, share = _sliding(numbers.slide, slip_ratio)
-    square = speed * speed + 2.0 * slide * distance
-    if square > 0.0 and math.copysign(1.0, slip_ratio) * (speed * speed - share * share * square) >= 0.0:
-        return math.sqrt(square)
-    return math.sqrt((speed * speed + 2.0 * roll * distance) / (share * share + (1.0 - share * share) * roll / slide))
-
-
-@kernel
-def arrival(numbers, distance, speed, slip_ratio):
-    """Returns the speed and the slip of a ball after `distance`, m/s.
-
-    The ball starts at `speed`, m/s. For the other arguments see `launch`.
-    """
-    roll = numbers.roll
-    if numbers.motion == IDEAL:
-        return speed, 0.0
-    if numbers.motion == ROLLING_ONLY:
-        return math.sqrt(max(speed * speed - 2.0 * roll * distance, 0.0)), 0.0
-    slide, share = _sliding(numbers.slide, slip_ratio)
-    square, rolling = speed * speed - 2.0 * slide * distance, (share * speed) * (share * speed)
-    if math.copysign(1.0, slip_ratio) * (square - rolling) > 0.0:
-        left = math.sqrt(square)
-        return left, slip_ratio * speed - SLIP_RATE * (speed - left)
-    rolled = distance - (speed * speed - rolling) / (2.0 * slide)
-    return math.sqrt(max(rolling - 2.0 * roll * rolled, 0.0)), 0.0
-
-
-@kernel
-def travel_time(numbers, distance, speed, slip_ratio):
-    """Returns the time in which a ball that starts at `speed` covers `distance`, s. For the arguments see `launch`.
-
-    The ball must not come to rest before.
-    """
-    left, slip = arrival(numbers, distance, speed, slip_ratio)
-    if numbers.motion == IDEAL:
-        return distance / speed
-    if numbers.motion == ROLLING_ONLY:
-        return (speed - left) / numbers.roll
-    slide, share = _sliding(numbers.slide, slip_ratio)
-    if slip != 0.0:
-        return (speed - left) / slide
-    return (speed - share * speed) / slide + (share * speed - left) / numbers.roll

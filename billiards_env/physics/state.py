@@ -7,6 +7,7 @@ So rounding errors do not accumulate between changes, and a ball at rest costs n
 
 from __future__ import annotations
 
+from collections import namedtuple
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.double_double import two_sum
+from billiards_env.scene.scene import law_names
 
 CUE_BALL = 0
 """The number of the cue ball."""
@@ -65,30 +67,47 @@ class State(NamedTuple):
     phase: Any
 
 
-class Numbers(NamedTuple):
-    """The numbers of a scene and an engine.
+class BallState(NamedTuple):
+    """The state of a ball at a time. Its time derivative and its change have the same form.
+
+    Attributes:
+        x: Position, m.
+        y: The same along y.
+        vx: Velocity, m/s.
+        vy: The same along y.
+        ux: Slip, m/s.
+        uy: The same along y.
+        wz: Spin about the vertical axis, rad/s.
+    """
+
+    x: Any
+    y: Any
+    vx: Any
+    vy: Any
+    ux: Any
+    uy: Any
+    wz: Any
+
+
+CLOTH_NUMBERS = law_names("cloth", "slide", "roll")
+"""The numbers of the laws of the cloth: the decelerations of a sliding and of a rolling ball, m/s^2, and others."""
+BALL_NUMBERS = law_names("balls", "mu_limit", "mu_drop", "mu_rate")
+"""Those of an impact of balls, whose friction is mu_limit + mu_drop exp(-mu_rate speed), and others."""
+CUSHION_NUMBERS = law_names("cushion", "mu_cloth", "cushion_height")
+"""Those of cushions: the friction of the cloth with "mathavan2010" cushions, the height of the noses, m, and others."""
+
+LAW_NUMBERS = CLOTH_NUMBERS + BALL_NUMBERS + CUSHION_NUMBERS
+
+
+class EngineNumbers(NamedTuple):
+    """The numbers of a scene and an engine that have no derivative.
 
     Attributes:
         motion: The law of motion, see above.
-        slide: Deceleration of a sliding ball, m/s^2.
-        roll: Deceleration of a rolling ball, m/s^2.
-        spin_decay: rad/s^2.
-        e_ball: Restitution of two balls.
-        mu_limit: The friction of two balls is mu_limit + mu_drop exp(-mu_rate speed).
-        mu_drop: See `mu_limit`.
-        mu_rate: See `mu_limit`, s/m.
         cushion_rubs: 1 if cushions have friction, otherwise 0.
-        e_cushion: Restitution of a cushion at low speeds.
-        e_cushion_loss: Loss of this restitution with the speed, s/m.
-        e_cushion_onset: Speed above which the restitution falls, m/s.
-        e_cushion_floor: Least restitution.
-        mu_cushion: Friction of a cushion.
-        cushion_frequency_ratio: Frequency ratio of "stronge" cushions.
         cushion_work: Work of an impact on a cushion, in the unit of `runner.LOOK_AFTER`.
-        mu_cloth: Friction of the cloth with "mathavan2010" cushions.
         half_length: Half the length of the table, m.
         half_width: m.
-        cushion_height: m.
         tau: Contact time of the contact-time rule, s.
         weak_speed: Largest speed of approach of an impact on which this rule acts, m/s.
         longest_run: Number of impacts at one place and instant after which a ball comes to rest.
@@ -97,25 +116,10 @@ class Numbers(NamedTuple):
     """
 
     motion: int
-    slide: float
-    roll: float
-    spin_decay: float
-    e_ball: float
-    mu_limit: float
-    mu_drop: float
-    mu_rate: float
     cushion_rubs: int
-    e_cushion: float
-    e_cushion_loss: float
-    e_cushion_onset: float
-    e_cushion_floor: float
-    mu_cushion: float
-    cushion_frequency_ratio: float
     cushion_work: int
-    mu_cloth: float
     half_length: float
     half_width: float
-    cushion_height: float
     tau: float
     weak_speed: float
     longest_run: float
@@ -123,8 +127,14 @@ class Numbers(NamedTuple):
     fix: int
 
 
-NUMBERS = np.dtype((np.record, list(get_type_hints(Numbers).items())))
+NUMBERS = np.dtype((np.record, [(name, float) for name in LAW_NUMBERS] + list(get_type_hints(EngineNumbers).items())))
 """The type of `Numbers` as a record, which compiled functions pass as one pointer."""
+
+Numbers: Any = namedtuple("Numbers", (*LAW_NUMBERS, *EngineNumbers._fields))
+"""The numbers of a scene and an engine: `LAW_NUMBERS`, which `scene.law_numbers` computes, and `EngineNumbers`."""
+
+LawNumbers: Any = namedtuple("LawNumbers", (*LAW_NUMBERS, "motion", "cushion_rubs"))
+"""What the laws read of `Numbers`; also a change of it."""
 
 
 class SceneArrays(NamedTuple):
@@ -147,7 +157,7 @@ class SceneArrays(NamedTuple):
     first field is an array of records of `NUMBERS`, one for all shots or one for each shot.
     """
 
-    numbers: Numbers
+    numbers: Any
     radius: Floats
     inv_mass: Floats
     pockets: Floats
@@ -191,6 +201,18 @@ def same(a: Time, b: Time) -> bool:
 
 
 @inlined
+def ball_of(row):
+    """Returns the `BallState` of a row of `State.rows` at the ball's own time."""
+    return BallState(row[X], row[Y], row[VX], row[VY], row[UX], row[UY], row[WZ])
+
+
+@inlined
+def set_motion(row, ball):
+    """Writes velocity, slip and spin of a `BallState` to a row of `State.rows`."""
+    row[VX], row[VY], row[UX], row[UY], row[WZ] = ball.vx, ball.vy, ball.ux, ball.uy, ball.wz
+
+
+@inlined
 def own_time(state, i):
     """Returns the `Time` of ball i's row."""
     return Time(state.rows[i, T0], state.rows[i, T0_LO])
@@ -200,3 +222,15 @@ def own_time(state, i):
 def moves(state, i):
     """Returns whether ball i's centre moves."""
     return state.phase[i] >= ROLLING and state.phase[i] != POTTED
+
+
+def _reader(sources: str) -> Any:
+    """Returns a kernel that makes `LawNumbers` of the expressions for their fields; numba has no `getattr`."""
+    return inlined(eval(f"lambda numbers: LawNumbers({sources})"))
+
+
+law_numbers_of = _reader(", ".join(f"numbers.{name}" for name in LawNumbers._fields))
+"""Returns the `LawNumbers` of `Numbers` or of their record."""
+
+law_changes = _reader(", ".join(f"numbers[{k}]" for k in range(len(LAW_NUMBERS))) + ", 0.0, 0.0")
+"""Returns the change of `LawNumbers` that an array with the changes of `LAW_NUMBERS` contains."""

@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from billiards_env.jit import entry_point, kernel
-from billiards_env.physics.elementary import sine_cosine
-from billiards_env.physics.motion import norm
+from billiards_env.jit import entry_point, inlined, kernel
+from billiards_env.physics.elementary import norm, sine_cosine
 from billiards_env.physics.state import CUE_BALL, SPIN_X, SPIN_Y, SPIN_Z, X, Y
 from billiards_env.scene import Scene
 
@@ -119,6 +118,15 @@ def struck(cue, ux, uy, side, top, sin_elevation, cos_elevation):
     return gain * (ahead * ux + right * uy), gain * (ahead * uy - right * ux), wx, wy, wz, miscue
 
 
+@inlined
+def strike_by(cue, speed, heading, side, top, elevation):
+    """Returns the velocity and the spin of the ball after a strike; see `struck` and `many_strikes`."""
+    full = speed_gain(cue, 0.0)
+    s, c = sine_cosine(heading)
+    sin_elevation, cos_elevation = sine_cosine(elevation)
+    return struck(cue, full * speed * c, full * speed * s, side, top, sin_elevation, cos_elevation)
+
+
 @entry_point
 def many_strikes(cue, parameters, velocities, spins, miscues):
     """Computes the velocities and spins of many strikes.
@@ -132,14 +140,9 @@ def many_strikes(cue, parameters, velocities, spins, miscues):
         miscues: (m,) bool out.
     """
     cue = CueNumbers(*cue)
-    full = speed_gain(cue, 0.0)
     for k in range(len(parameters)):
-        speed = full * parameters[k, SPEED]
-        s, c = sine_cosine(parameters[k, HEADING])
-        sin_elevation, cos_elevation = sine_cosine(parameters[k, ELEVATION])
-        vx, vy, wx, wy, wz, miscue = struck(
-            cue, speed * c, speed * s, parameters[k, SIDE], parameters[k, TOP], sin_elevation, cos_elevation
-        )
+        p = parameters[k]
+        vx, vy, wx, wy, wz, miscue = strike_by(cue, p[SPEED], p[HEADING], p[SIDE], p[TOP], p[ELEVATION])
         velocities[k, X], velocities[k, Y] = vx, vy
         spins[k, SPIN_X], spins[k, SPIN_Y], spins[k, SPIN_Z] = wx, wy, wz
         miscues[k] = miscue

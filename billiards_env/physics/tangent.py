@@ -288,7 +288,8 @@ class _Writer:
             case ast.Mult():
                 return "(" + " + ".join([f"{da} * {b}"] * bool(da) + [f"{a} * {db}"] * bool(db)) + ")"
             case ast.Div():
-                return f"(({da or 0.0} - {a} / {b} * {db}) / {b})" if db else f"({da} / {b})"
+                top = f"({da or 0.0} - {a} / {b} * {db})" if db else da
+                return f"({top} * (1.0 / {b}))"  # the compiler computes the factor once for all directions
         self.refuse(node)
 
     def call(self, node: ast.Call) -> str:
@@ -296,7 +297,7 @@ class _Writer:
         values = [f"({ast.unparse(part)})" for part in node.args]
         match function, values, parts:
             case "math.sqrt", [v], [dv]:
-                return f"(0.5 * {dv} / math.sqrt({v}) if {v} > 0.0 else 0.0)"
+                return f"({dv} * (0.5 / math.sqrt({v})) if {v} > 0.0 else 0.0)"
             case "abs", [v], [dv]:
                 return f"({dv} if {v} >= 0.0 else -{dv})"
             case "max" | "min", [a, b], [da, db]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import itertools
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,13 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from billiards_env.checks import Range, integer, number, one_of, real
+from billiards_env.commands import ending
 from billiards_env.drawing.style import PALETTES
 from billiards_env.engine.compile import MODES
-from billiards_env.games import RULES, History, Setup, opening, records
-from billiards_env.play.model import HUMAN, PACES, begin
+from billiards_env.files import check_path, free_path
+from billiards_env.games import GAMES, History, Setup, opening, records
+from billiards_env.play.model import HUMAN, PACES, Model, begin
 from billiards_env.players.game_player import find_player
 from billiards_env.players.levels import LEVELS
 from billiards_env.scene import SCENES, Scene, layouts
+from billiards_env.shots.records import scene_of
 from billiards_env.shots.simulation import simulate
 
 DT = 1 / 60
@@ -37,8 +39,8 @@ def make_parser() -> argparse.ArgumentParser:
         description="Play billiards in a window with mouse and keyboard; H shows the keys.",
     )
     add = parser.add_argument
-    layouts_of_games = dict.fromkeys(name for rules in RULES.values() for name in rules.layouts)
-    add("--rules", help=f"the game: {', '.join(RULES)} (default: eight_ball)")
+    layouts_of_games = dict.fromkeys(name for rules in GAMES.values() for name in rules.layouts)
+    add("--rules", help=f"the game: {', '.join(GAMES)} (default: eight_ball)")
     add(
         "--players",
         metavar="A,B",
@@ -46,7 +48,10 @@ def make_parser() -> argparse.ArgumentParser:
         f"{', '.join(f'planner:{level}' for level in LEVELS)} (levels, the weakest first), "
         "policy:RUN_FOLDER or module:function[:ARGUMENT] (default: all human)",
     )
-    add("--scene", help=f"table, balls and physics: {', '.join(SCENES)} (default: real_pool, snooker or carom)")
+    add(
+        "--scene",
+        help=f"table, balls and physics: {', '.join(SCENES)}, or a JSON file (default: real_pool, snooker or carom)",
+    )
     add("--balls", type=int, help="number of object balls, for straight (default: 15)")
     add("--layout", help=f"starting positions: {', '.join(layouts_of_games)} (default: the game's)")
     add("--target", type=int, help="the score that wins, for straight and the carom games")
@@ -95,24 +100,19 @@ def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
     if args.miss and not args.choices:
         raise ValueError("--miss without --choices: expected both, the miss rule gives a choice")
     rules = args.rules or "eight_ball"
-    one_of("rules", rules, tuple(RULES))
-    game_rules, mode = RULES[rules], args.mode or "pic"
+    one_of("rules", rules, tuple(GAMES))
+    game_rules, mode = GAMES[rules], args.mode or "pic"
     balls = game_rules.n_object_balls[1] if args.balls is None else args.balls
-    scene = Scene.named(args.scene or REAL_SCENES.get(game_rules.scene, game_rules.scene), balls)
+    named = args.scene or REAL_SCENES.get(game_rules.scene, game_rules.scene)
+    scene = scene_of(named, args.balls if named.endswith(".json") else balls)
     n_players = max(2, len(args.players.split(","))) if args.players else 2
     dt = args.dt if mode == "pit" else None
     setup = Setup(rules, scene, n_players, args.target, mode, dt, call_shot=args.call_shot, miss=args.miss)
     return History(setup, opening(setup, rng, args.layout), ())
 
 
-def free_path(path: Path) -> Path:
-    """Returns a path, with a number if there is such a file, so that no other game is overwritten."""
-    numbered = (path.with_stem(f"{path.stem}-{k}") for k in itertools.count(2))
-    return next(one for one in itertools.chain((path,), numbered) if not one.exists())
-
-
 def compile_engines(scene: Scene, ghost_dt: float) -> None:
-    """Runs a shot with each engine to compile it. A window that is already open would not respond during this time."""
+    """Runs a shot with each engine to compile it. A window with a game would not respond during this time."""
     positions = layouts.draw("random", scene, np.random.default_rng(0))
     for mode, dt in (("pic", None), ("pit", ghost_dt)):
         simulate(scene, positions, [0.1, 0.0], mode=mode, dt=dt, record=True)
@@ -121,32 +121,37 @@ def compile_engines(scene: Scene, ghost_dt: float) -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m billiards_env.play --help`."""
     args = make_parser().parse_args(arguments)
-    try:
+    with ending():
+        if args.save is not None:
+            check_path(args.save)
         rng = np.random.default_rng(None if args.seed is None else integer("--seed", args.seed, Range(0, None)))
         history = make_history(args, rng)
         names = (HUMAN,) * history.setup.n_players
         if args.players:
             names = tuple(name.strip() for name in args.players.split(","))
         players = [None if name == HUMAN else find_player(name, history.setup, MAKERS, (HUMAN,)) for name in names]
-        from billiards_env.drawing.window import open_display
-        from billiards_env.play.window import GameWindow, pygame
-    except (ModuleNotFoundError, OSError, TypeError, ValueError) as error:
-        sys.exit(f"error: {error}")
-    try:
-        model = begin(history, names, args.max_speed, args.dt, real("speed", args.speed, PACES), args.choices)
-        save = args.save or args.load or free_path(Path("game.json"))
+        from billiards_env.play.window import GameWindow, wait_for
+
         one_of("palette", args.palette, tuple(PALETTES))
-        open_display()
-        compile_engines(model.setup.scene, model.ghost_dt)
-        window = GameWindow(model, players, rng, save, args.width, args.palette)
-    except (pygame.error, OSError, TypeError, ValueError) as error:
-        sys.exit(f"error: {error}")
+        pace = real("speed", args.speed, PACES)
+
+        def prepare() -> Model:
+            model = begin(history, names, args.max_speed, args.dt, pace, args.choices)
+            compile_engines(model.setup.scene, model.ghost_dt)
+            return model
+
+        width = integer("width", args.width, "frame_width")
+        model = wait_for(prepare, "compiling the engine, up to a minute", width)
+        save = args.save or args.load or free_path(Path("game.json"))
+        window = GameWindow(model, players, rng, save, width, args.palette)
     print("H shows the keys in the window, F1 the rules.", flush=True)
     window.ask = args.save is None
     window.run()
     if args.save is not None or (window.interrupted and not window.saved):
         window.save()
         print(window.message)
+    if window.interrupted:
+        sys.exit(130)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.games.placement import Point
+from billiards_env.games.state import is_in, members, on_table
 from billiards_env.play.model import Model
 from billiards_env.players.aim import FirstTouch, Pot, aim
 
@@ -23,7 +24,7 @@ def pot_at(model: Model, point: Point) -> Pot | None:
         if np.hypot(pocket.x - point[0], pocket.y - point[1]) <= REACH * pocket.radius:
             ball = -1 if model.preview is None else model.preview.ball
             return Pot(ball, number) if ball >= 0 else None
-    for ball in sorted(model.game.state.on_table - {model.cue}):
+    for ball in members(model.game.state.object_balls):
         if np.hypot(*(positions[ball] - point)) <= REACH * scene.balls.radius[ball]:
             return Pot(ball) if scene.table.pockets else None
     return None
@@ -33,7 +34,7 @@ def velocity_for(model: Model, pot: Pot) -> NDArray[np.float64] | None:
     """Returns the velocity (2,) of the cue ball for a pot with a level cue, m/s; None if there is none."""
     scene, positions = model.setup.scene, model.game.positions.copy()
     positions[model.cue] = model.cue_position
-    in_play = np.isin(np.arange(scene.n_balls), sorted(model.game.state.on_table | {model.cue}))
+    in_play = is_in(on_table(model.game.state), scene.n_balls)
     goals, strike = (FirstTouch(pot.ball), pot), scene.physics.motion == "sliding"
     found = aim(scene, positions, goals, max_speed=model.max_speed, in_play=in_play, strike=strike, shots=SHOTS)
     return found.velocity if found.solved else None

@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from billiards_env.drawing.style import colour_names
+from billiards_env.games import FOULS, choices
+from billiards_env.games.state import BEHIND
 from billiards_env.play.model import HUMAN, Model
 from billiards_env.players.levels import LEVELS
+from billiards_env.players.planner import Plan
 from billiards_env.scene import Scene
 
 BUTTONS = {"placing": "Place", "aiming": "Shoot", "rolling": "Skip", "replaying": "Continue", "over": "New game"}
@@ -72,7 +75,7 @@ def ball_name(scene: Scene, ball: int) -> str:
 
 def status(model: Model) -> str:
     """Returns the player whose turn it is and the present action."""
-    state, scene = model.game.state, model.setup.scene
+    state, setup, scene = model.game.state, model.setup, model.setup.scene
     if model.phase in ("rolling", "replaying"):
         shooter = player_name(model, model.games[-2].state.player)
         parts = [shooter, cushions(model, model.clock), "" if model.pace == 1 else f"{model.pace:g} x"]
@@ -84,11 +87,11 @@ def status(model: Model) -> str:
         return f"{player} thinks" + (f"   {model.clock:.0f} s" if model.clock >= 1 else "")
     if model.phase == "placing":
         behind = "in the D" if scene.table.d_radius else "behind the line"
-        return f"{player}: cue ball {behind if state.in_hand == 'behind' else 'anywhere'}"
+        return f"{player}: cue ball {behind if state.in_hand == BEHIND else 'anywhere'}"
     kinds = {
         "safety": f"safety, {on(model)}",
         "push_out": "push out, any ball or none",
-        "hand_back": f"{player_name(model, (state.player - 1) % len(state.scores))} plays again",
+        "hand_back": f"{player_name(model, (state.player - 1) % setup.n_players)} plays again",
         "replace": "replace the balls",
     }
     return f"{player}: {kinds.get(model.aim.call.kind) or on(model)}"
@@ -97,7 +100,7 @@ def status(model: Model) -> str:
 def on(model: Model) -> str:
     """Returns which balls the player may touch first."""
     setup, state = model.setup, model.game.state
-    scene, legal = setup.scene, sorted(setup.game_rules.legal(state, state.player))
+    scene, legal = setup.scene, setup.legal(state)
     first = ball_name(scene, legal[0])
     if not setup.game_rules.pockets:
         needed = setup.game_rules.cushions
@@ -136,6 +139,20 @@ def cushions(model: Model, time: float = np.inf) -> str:
     return f"{count} cushion{'s' * (count != 1)}"
 
 
+def advice(model: Model, plan: Plan) -> str:
+    """Returns what a planned shot does, and how often it keeps the turn with the noise of a player."""
+    if plan.ball < 0 and plan.probability < 0.1 and model.setup.game_rules.pockets:
+        return "a safety: no shot is likely to pot a ball"
+    what = "keeps the turn"
+    if plan.ball >= 0:
+        table = model.setup.scene.table
+        pocket = table.pockets[plan.pocket]
+        side = "middle" if abs(pocket.x) < table.length / 4 else "left" if pocket.x < 0 else "right"
+        ball = ball_name(model.setup.scene, plan.ball)
+        what = f"ball {ball} into the {'upper' if pocket.y > 0 else 'lower'} {side} pocket"
+    return f"{what}, {plan.probability:.0%} with the errors of a good player"
+
+
 def aim(model: Model) -> str:
     """Returns the speed and the direction of the aim, and the offset of the cue's tip."""
     (side, top), degrees = model.aim.tip, round(np.degrees(model.aim.angle), 2) + 0.0  # converts -0 to 0
@@ -147,7 +164,8 @@ def aim(model: Model) -> str:
 
 def score(model: Model) -> str:
     """Returns the scores of a game with points."""
-    return " : ".join(map(str, model.game.state.scores)) if model.setup.target is not None else ""
+    setup = model.setup
+    return " : ".join(map(str, model.game.state.scores[: setup.n_players])) if setup.target is not None else ""
 
 
 def result(model: Model) -> str:
@@ -155,12 +173,12 @@ def result(model: Model) -> str:
     parts = []
     if model.last_shot is not None:
         verdict, scene = model.last_shot.verdict, model.setup.scene
-        potted = [ball for ball in model.last_shot.facts.potted if ball != model.cue]
+        potted = [ball for ball, _ in model.last_shot.pots if ball != model.cue]
         kind = model.turns[-1].stroke.call.kind
         if verdict.foul:
-            miss = " and a miss" * ("replace" in model.game.state.choices)
-            points = f", {verdict.penalty} points" * (verdict.penalty > 0)
-            parts.append(f"foul{miss}: {verdict.foul.replace('_', ' ')}{points}")
+            miss = " and a miss" * ("replace" in choices(model.game.state))
+            points = f", {verdict.penalty} points" * bool(verdict.penalty)
+            parts.append(f"foul{miss}: {FOULS[verdict.foul].replace('_', ' ')}{points}")
         elif potted:
             parts.append(f"potted {', '.join(ball_name(scene, ball) for ball in potted)}")
         elif kind != "shot":

@@ -30,7 +30,7 @@ from billiards_env.drawing.orientation import VISIBLE, turning
 from billiards_env.drawing.pace import faster, slower
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.engine import PIC, Engine
-from billiards_env.games import NO_CALL, Call, GameState, History, PlayedShot, Setup, Stroke, play
+from billiards_env.games import NO_CALL, Call, GameState, History, PlayedShot, Setup, Stroke, choices, play
 from billiards_env.games.placement import Point, cue_ball_point
 from billiards_env.play.controls import STEEPEST, on_face
 from billiards_env.play.preview import Preview, make_preview
@@ -59,7 +59,7 @@ class StrokeInput(NamedTuple):
 
     Attributes:
         angle: Direction, radians from the x axis.
-        speed: m/s: that of the ball after a level stroke at its centre.
+        speed: The speed of the ball after a level stroke at its centre, m/s.
         tip: Offset of the cue's tip from the centre of the ball to the left and up, in ball radii.
         elevation: Elevation of the cue, degrees.
         place: Position of the cue ball in hand, m; None if it is not in hand.
@@ -75,7 +75,7 @@ class StrokeInput(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """A played stroke with its aim: that of the person, or of a level hit with the same velocity."""
+    """A played stroke with its aim: the person's aim, or a level hit with the same velocity."""
 
     stroke: Stroke
     played: PlayedShot
@@ -92,7 +92,7 @@ class Model:
         max_speed: Speed of the fastest shot, m/s.
         ghost_dt: The timestep of PIT for the ghost, s. If the game itself uses PIT, the ghost uses PIC.
         opening: The state before the first stroke.
-        choices: Whether people are offered choices other than a shot, such as to pass, `RuleState.choices`.
+        choices: Whether people are offered choices other than a shot, such as to pass, `State.choices`.
         turns: The strokes up to now.
         undone: The strokes that were undone, the next one first.
         phase: One of the phases in the module's docstring.
@@ -151,7 +151,7 @@ class Model:
     @property
     def cue(self) -> int:
         """The number of the ball to be struck next."""
-        return self.game.state.cue_balls[0]
+        return int(self.game.state.cue_balls[0])
 
     @property
     def cue_position(self) -> Point:
@@ -163,7 +163,7 @@ class Model:
     def kinds(self) -> tuple[str, ...]:
         """The kinds of calls that the player has, "shot" first."""
         state = self.game.state
-        return ("shot", *(("safety",) if state.call_shot else ()), *(state.choices if self.choices else ()))
+        return ("shot", *(("safety",) if state.call_shot else ()), *(choices(state) if self.choices else ()))
 
     @property
     def call(self) -> Call:
@@ -277,7 +277,7 @@ def _next_turn(model: Model) -> Model:
         return dataclasses.replace(model, phase="over")
     if model.players[state.player] != HUMAN:
         return dataclasses.replace(model, phase="thinking")
-    if state.in_hand != "no":
+    if state.in_hand:
         head_spot = model.setup.scene.table.head_x, 0.0
         return move_to(dataclasses.replace(model, phase="placing"), head_spot)
     return _aimed(model, angle=_first_angle(model))
@@ -292,7 +292,7 @@ def _first_speed(model: Model) -> float:
 
 def _first_angle(model: Model) -> float:
     state = model.game.state
-    balls = sorted(model.setup.game_rules.legal(state, state.player) or state.object_balls)
+    balls = list(model.setup.legal(state))
     offsets = model.game.positions[balls] - model.cue_position
     x, y = offsets[np.argmin(np.hypot(offsets[:, 0], offsets[:, 1]))].tolist()
     return math.atan2(y, x)
@@ -430,13 +430,13 @@ def next_kind(model: Model) -> Model:
 @_only("aiming")
 def next_called(model: Model, name: str) -> Model:
     """Calls the next "ball" that may be called or nominated, or the next "pocket", if the game has such a call."""
-    state, call, rules = model.game.state, model.aim.call, model.setup.game_rules
-    balls = frozenset()
+    state, call, setup = model.game.state, model.aim.call, model.setup
+    balls = ()
     if state.call_shot:
-        balls = rules.callable(state, state.player)
+        balls = setup.callable(state)
     elif state.colour or state.free_ball:
-        balls = rules.legal(state, state.player)
-    pockets = range(len(model.setup.scene.table.pockets)) if state.call_shot else ()
+        balls = setup.legal(state)
+    pockets = range(len(setup.scene.table.pockets)) if state.call_shot else ()
     possible = sorted({"ball": balls, "pocket": pockets}[name])
     if call.kind != "shot" or not possible:
         return model

@@ -6,8 +6,7 @@ A page is rows of two texts.
 from __future__ import annotations
 
 from billiards_env.games import Setup
-
-Page = tuple[tuple[str, str], ...]
+from billiards_env.games.entry import Page
 
 KEYS: Page = (
     ("drag from the cue ball", "aim; the arrow's length is the speed"),
@@ -43,50 +42,6 @@ UNSAVED: Page = (
 )
 """The question before the window closes."""
 
-_FOUL = ("foul", "cue ball potted, no ball or a wrong ball hit first, no cushion hit afterwards")
-_TURN = ("turn", "a player continues after a legal pot")
-_POINT = ("point", "the cue ball of the player, white or yellow, touches both other balls; the player continues")
-_RULES: dict[str, Page] = {
-    "eight_ball": (
-        ("to win", "pot all balls of your group, then the 8"),
-        ("groups", "solids 1 to 7, stripes 9 to 15, or reds and yellows; the first pot after the break decides"),
-        _TURN,
-        _FOUL,
-        ("after a foul", "cue ball anywhere; after a foul on the break behind the line"),
-        ("to lose", "pot the 8 too early or on a foul; on the break it is spotted"),
-    ),
-    "nine_ball": (
-        ("to win", "pot the 9 on a legal shot; any ball may be potted"),
-        ("on", "the lowest ball must be touched first"),
-        ("break", "pot a ball, or drive four balls to a cushion"),
-        _TURN,
-        _FOUL,
-        ("after a foul", "cue ball anywhere; with two players, three fouls in a row lose"),
-    ),
-    "straight": (
-        ("to win", "score the target with a point for each ball; without one, most points in a rack"),
-        ("break", "pot a ball, or drive the cue ball and two others to a cushion; else 2 points are lost"),
-        _TURN,
-        _FOUL,
-        ("after a foul", "1 point is lost; after a potted cue ball it is in hand behind the line"),
-        ("with a target", "14 balls are racked again; three fouls in a row lose 15 points more"),
-    ),
-    "snooker": (
-        ("to win", "have most points when the black is potted last"),
-        ("order", "a red, then a colour, in turns; at the end the colours by value"),
-        ("values", "red 1, yellow 2, green 3, brown 4, blue 5, pink 6, black 7"),
-        _TURN,
-        ("foul", "cue ball potted, no ball or a wrong ball hit first, wrong ball potted"),
-        ("after a foul", "the other player scores 4 to 7 points; a potted cue ball is in hand in the D"),
-        ("free ball", "who is snookered after a foul may play any ball as the ball on"),
-    ),
-    "carom": (("to win", "score the target"), _POINT),
-    "three_cushion": (
-        ("to win", "score the target"),
-        _POINT,
-        ("cushions", "the cue ball hits three or more before it touches the second ball"),
-    ),
-}
 _CALLS = ("calls", "only the called ball in the called pocket counts; a safety ends the turn")
 _CHOICES = {
     "push_out": ("push out", "after the break: hit any ball or none; the next player may hand it back"),
@@ -98,7 +53,7 @@ _MISS = ("miss", "if the ball on was not hit first, the balls may be replaced")
 def rules_page(setup: Setup, choices: bool) -> Page:
     """Returns the rules of a game, with or without its choices other than a shot."""
     title = (setup.rules.replace("_", " ").capitalize(), f"to {setup.target} points" if setup.target else "")
-    rows = (title, *_RULES.get(setup.rules, ()), *((_CALLS,) if setup.call_shot else ()))
+    rows = (title, *setup.game_rules.page, *((_CALLS,) if setup.call_shot else ()))
     if choices:
         rows += tuple(_CHOICES[choice] for choice in setup.game_rules.choices if choice in _CHOICES)
     return rows + ((_MISS,) if setup.miss else ())

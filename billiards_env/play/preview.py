@@ -39,7 +39,7 @@ class Preview(NamedTuple):
 
 def make_preview(setup: Setup, game: GameState, stroke: Stroke) -> Preview:
     """Simulates a shot and returns its start, up to the second contact of the cue ball and of the struck ball."""
-    cue = game.state.cue_balls[0]
+    cue = int(game.state.cue_balls[0])
     recording = play(setup, game, stroke).shot.recording()
     hits = _contacts(recording, cue, ("ball_ball",))
     if len(hits) == 0:

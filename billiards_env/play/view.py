@@ -14,6 +14,7 @@ from billiards_env.drawing.canvas import PATH_ZOOM, RESULT_SHOWN, Canvas, Motion
 from billiards_env.drawing.recording import Floats
 from billiards_env.drawing.style import CHALK
 from billiards_env.drawing.text import text_image
+from billiards_env.games.state import BEHIND, is_in, members, on_table
 from billiards_env.play import controls, labels
 from billiards_env.play.model import NO_SHOT, Model
 from billiards_env.play.pages import KEYS, rules_page
@@ -66,7 +67,7 @@ class View:
 
     def resize(self, scene: Scene, size: tuple[int, int]) -> None:
         """Prepares the drawing in frames of `size` (width, height), pixels, with the largest table that fits."""
-        self.size, self._strip, rows = size, _strip(size[0]), controls.height_of(size)
+        self.size, self._strip, rows = size, _strip(min(size[0], 3 * size[1] // 2)), controls.height_of(size)
         height, width = size[1] - self._strip - rows, max(160, size[0])
         while (canvas := Canvas(scene, width, PAPER, INK, self._palette)).size[1] > height and width > 160:
             width = max(160, min(width - 2, width * height // canvas.size[1]))
@@ -105,10 +106,11 @@ class View:
             if model.preview is not None and model.aim.call.kind not in NO_SHOT:
                 self._draw_cue(model)
                 self._inset = self._draw_inset(model) if model.zoom and model.preview.ball >= 0 else None
-            potted = sorted(set(range(len(model.game.positions))) - model.game.state.on_table)
+            potted = np.flatnonzero(~is_in(on_table(model.game.state), len(model.game.positions))).tolist()
             self._draw_bar(labels.status(model), labels.result(model), potted)
         self._frame.blit(self._table, self._corner)
-        self._panel.draw(self._frame, model)
+        if not question:
+            self._panel.draw(self._frame, model)
         x, y = self._corner[0] + self.canvas.size[0] // 40, self.size[1] - self._strip
         text, colour = message or ("" if question else labels.key_hint(model)), INK if message else SOFT
         line = text_image(text, round(0.66 * self._strip), colour, self.canvas.size[0] * 38 // 40)
@@ -128,7 +130,7 @@ class View:
         radius = model.setup.scene.balls.radius
         if model.aim.call.kind in NO_SHOT:
             preview = None
-        if model.phase == "placing" and game.state.in_hand == "behind":
+        if model.phase == "placing" and game.state.in_hand == BEHIND:
             x, y = table.head_x, table.width / 2
             line = np.array([[x, -y], [x, y]])
             if table.d_radius:
@@ -147,8 +149,8 @@ class View:
             if pocket >= 0:
                 hole = table.pockets[pocket]
                 _draw_line(canvas, frame, _circle((hole.x, hole.y), hole.radius), LEVEL)
-        shown = {ball: game.positions[ball] for ball in sorted(game.state.on_table - {cue})}
-        if cue in game.state.on_table and not (game.state.in_hand != "no" and model.aim.place is None):
+        shown = {ball: game.positions[ball] for ball in members(game.state.object_balls)}
+        if not game.state.in_hand or model.aim.place is not None:
             shown[cue] = np.array(model.cue_position)
         canvas.draw_balls(frame, list(shown), [canvas.pixels_of(place) for place in shown.values()], model.faces)
         if preview is not None and canvas is self.canvas:
@@ -224,7 +226,7 @@ class View:
         self._shots = shot, ghost = model.shown_shots
         recording, rings = shot.recording(), None if ghost is None else ghost.recording()
         self._motion = Motion(self.canvas, recording, rings, STEP, model.first_faces)
-        cue = model.games[-2].state.cue_balls[0]
+        cue = int(model.games[-2].state.cue_balls[0])
         velocity = np.array(model.strokes[-1].velocity)
         self.canvas.draw_arrow(self._motion.base, cue, recording.path(cue, [0.0])[0], velocity)
 

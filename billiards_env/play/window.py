@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 import signal
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -17,16 +18,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.drawing.canvas import pygame  # raises with a hint if pygame is missing
 from billiards_env.drawing.style import ARROW, ARROW_START
+from billiards_env.drawing.text import text_image
 from billiards_env.drawing.window import FASTER_KEYS, SLOWER_KEYS, Screen
+from billiards_env.files import free_path
 from billiards_env.games import GameState, History, Stroke, opening, records
+from billiards_env.play import labels
 from billiards_env.play import model as actions
 from billiards_env.play.controls import STEEPEST
 from billiards_env.play.hint import pot_at, velocity_for
 from billiards_env.play.model import Model, begin, shoot, tick
 from billiards_env.play.pages import UNSAVED
+from billiards_env.play.panel import INK, PAPER
 from billiards_env.play.view import FPS, View
 from billiards_env.players.game_player import Player
-from billiards_env.players.levels import LevelPlayer, with_noise
+from billiards_env.players.levels import EXPECTED, LevelPlayer, with_noise
 from billiards_env.players.planner import Plan, plan
 
 T = TypeVar("T")
@@ -71,6 +76,9 @@ DOUBLE_CLICK = 0.35
 HINT_TIME, INTENT = 0.5, 0.6
 """s. Time of the planner to find a shot for a person, and time for which it shows its own shot before the stroke."""
 
+_OTHER_FOLDERS = (Path.home(), Path(tempfile.gettempdir()))
+"""The folders for a game whose file cannot be written."""
+
 GRIP = 14
 """pixels. A drag starts within this distance of the cue ball's edge or of the arrow's tip."""
 
@@ -93,6 +101,30 @@ class _Work(Future[T]):
         """Raises SystemExit in the thread. A call of compiled code that is running ends first."""
         number = ctypes.c_ulong(self._thread.ident or 0)
         ctypes.pythonapi.PyThreadState_SetAsyncExc(number, ctypes.py_object(SystemExit))
+
+
+def wait_for(work: Callable[[], T], text: str, width: int) -> T:
+    """Returns the result of `work`, which runs in a thread, and shows a text in a window of `width` pixels meanwhile.
+
+    Raises:
+        SystemExit: If the user closes the window.
+    """
+    screen = Screen((width, 2 * width // 3), "Billiards")
+    frame = pygame.Surface(screen.size)
+    frame.fill(PAPER)
+    image = text_image(text, width // 30, INK, width)
+    frame.blit(image, image.get_rect(center=frame.get_rect().center))
+    found = _Work(work)
+    try:
+        while not found.done():
+            if pygame.event.get(pygame.QUIT):
+                raise SystemExit
+            screen.show(frame)
+            screen.wait(FPS)
+        return found.result()
+    except BaseException:
+        screen.close()
+        raise
 
 
 class _Thought(NamedTuple):
@@ -212,12 +244,17 @@ class GameWindow:
         return self._frame
 
     def save(self) -> None:
-        """Saves the game."""
-        try:
-            records.save(self._save, records.record_game(self.model.history))
-            self.message, self._saved = f"saved to {self._save}", self.model.strokes
-        except OSError as error:
-            self.message = f"not saved: {error}"
+        """Saves the game; to another folder, under a new name, if its file cannot be written."""
+        failed = ""
+        for folder in (None, *_OTHER_FOLDERS):
+            path = self._save if folder is None else free_path(folder / self._save.name)
+            try:
+                records.save(path, records.record_game(self.model.history))
+                self.message, self._saved = f"{failed}saved to {path}", self.model.strokes
+                return
+            except OSError as error:
+                failed = failed or f"not saved: {error}; "
+        self.message = failed.removesuffix("; ")
 
     def _think(self) -> None:
         """Plays the stroke of the program whose turn it is, when its thread has found it."""
@@ -267,7 +304,7 @@ class GameWindow:
         """Starts a thread that finds the best shot for a person."""
         model, (rng,) = self.model, self._rng.spawn(1)
         if model.phase in ("placing", "aiming"):
-            found = _Work(lambda: plan(model.setup, model.game, model.max_speed, rng, HINT_TIME))
+            found = _Work(lambda: plan(model.setup, model.game, model.max_speed, rng, HINT_TIME, noise=EXPECTED))
             self.message, self._hint = "thinking", _Hint(model.game, found)
 
     def _take_hint(self, hint: _Hint) -> None:
@@ -279,7 +316,7 @@ class GameWindow:
             self.message = ""
         elif isinstance(shot, Plan):
             self._do(actions.aim_like, shot.stroke)
-            self.message = f"keeps the turn with probability {shot.probability:.2f}"
+            self.message = labels.advice(self.model, shot)
         else:
             self._do(actions.aim_along, shot)
 

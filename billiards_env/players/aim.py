@@ -305,7 +305,7 @@ def _starts(problem: _Problem, shots: int, rng: np.random.Generator) -> Iterator
 
 
 def _pots(problem: _Problem, goal: Pot) -> Floats:
-    """Returns velocities (k, 2) near those of the pots of a goal, at many speeds and with small turns."""
+    """Returns velocities (k, 2) near the pots of a goal, at many speeds and with small turns."""
     targets = np.arange(problem.scene.n_balls) == goal.ball
     tables = Tables(problem.scene, targets, problem.positions[None], ~problem.in_play[None], problem.max_speed)
     pots = find_pots(tables, banks=True)

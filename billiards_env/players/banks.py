@@ -6,10 +6,10 @@ import math
 from typing import NamedTuple
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.elementary import sine_cosine
-from billiards_env.physics.motion import motion_after, norm
+from billiards_env.physics.elementary import norm, sine_cosine
+from billiards_env.physics.geometry.walls import is_side
+from billiards_env.physics.motion import motion_after
 from billiards_env.physics.state import POCKET_X, POCKET_Y, REST, T0, X, Y
-from billiards_env.physics.walls import is_side
 from billiards_env.players.direct import NO_POT, THINNEST, PotGeometry, distance_to_rim, open_mouth
 from billiards_env.players.hits import (
     approach_gap,
@@ -58,8 +58,8 @@ NO_BANK = Bank(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 def bank_pot(table, i, p, wall, speed, state):
     """Returns the `PotGeometry` at which ball i goes off a cushion, 0 to 3 for -x, +x, -y, +y, into pocket p.
 
-    The first guess of the object ball's direction is that of a mirror. The secant method corrects it until the ball
-    meets the middle of the pocket's mouth. The arguments are as in `hits`.
+    The first guess of the object ball's direction is the direction off a mirror. The secant method corrects it until
+    the ball meets the middle of the pocket's mouth. The arguments are as in `hits`.
     """
     scene, x, y = table.scene, table.positions[i, X], table.positions[i, Y]
     image_x, image_y, apart = _mirrored(scene, i, p, wall)

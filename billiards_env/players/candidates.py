@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from billiards_env.games import GameState, Setup
 from billiards_env.games.placement import cue_ball_area, cue_ball_point
+from billiards_env.games.state import PUSH_OUT, is_in, members, on_table
 from billiards_env.players.budget import Budget
 from billiards_env.players.indirect import find_indirect
 from billiards_env.players.pots import DY, SPEED, TOLERANCE, Tables, find_pots
@@ -34,7 +35,7 @@ _MOST_CANDIDATES = 4000
 _GEOMETRY = 0.7  # share of the candidates that are pots by geometry, if there are any
 _POT_TIME = 0.25  # share of the time for pots by geometry; then `indirect.TIME` for indirect pots
 _PUSH_OUTS = 0.3  # share of the other candidates that are push outs, if the rules offer one
-_LEAST_SHARE = 0.02  # share of a pot with tolerance 0, over that of a sure pot
+_LEAST_SHARE = 0.02  # share of a pot with tolerance 0 over the share of a sure pot
 _PER_TIP, _PER_WAY = 3, 4  # candidates for each tip and legal ball, and for each indirect pot and ball on the table
 _MANY = 8  # with more legal balls there are no banks
 _SURE = 0.9  # with a pot of at least this share there are no indirect pots
@@ -94,9 +95,9 @@ def candidates(
     the place of direct pots.
     """
     count = int(np.clip(most, LEAST_CANDIDATES, _MOST_CANDIDATES))
-    places, legal = _places(setup, game, rng), len(setup.game_rules.legal(game.state, game.state.player))
+    places, legal = _places(setup, game, rng), len(setup.legal(game.state))
     tips = tips[: max(1, count // (_PER_TIP * legal))]
-    ways = count // (_PER_WAY * len(game.state.on_table)) if most >= count else 0
+    ways = count // (_PER_WAY * len(members(on_table(game.state)))) if most >= count else 0
     pots = None if game.state.break_shot else _pots(setup, game, places, max_speed, noise, tips, ways, budget)
     near = int(_GEOMETRY * count) if pots is not None else 0
     shots = _anywhere(setup, game, places, count - near, max_speed, rng, tips)
@@ -107,7 +108,7 @@ def candidates(
 
 def _places(setup: Setup, game: GameState, rng: np.random.Generator) -> Floats:
     """Returns (p, 2) places of the cue ball, m: random ones, if it is in hand."""
-    if game.state.in_hand == "no":
+    if not game.state.in_hand:
         return game.positions[None, game.state.cue_balls[0]]
     x_low, x_high, y_low, y_high = cue_ball_area(setup.scene, game.state)
     drawn = rng.uniform((x_low, y_low), (x_high, y_high), (PLACES, 2)).tolist()
@@ -146,13 +147,13 @@ def _pots(
 ) -> _Pots | None:
     """Returns the pots of the legal balls, at most `most` of them indirect; None if there are none."""
     state, n = game.state, len(game.positions)
-    targets = np.isin(np.arange(n), sorted(setup.game_rules.legal(state, state.player)))
-    potted = np.broadcast_to(~np.isin(np.arange(n), sorted(state.on_table)), (len(places), n))
+    targets = np.isin(np.arange(n), setup.legal(state))
+    potted = np.broadcast_to(~is_in(on_table(state), n), (len(places), n))
     positions = np.repeat(game.positions[None], len(places), axis=0)
     positions[:, state.cue_balls[0]] = places
     if not setup.game_rules.pockets:
         return None
-    tables = Tables(setup.scene, targets, positions, potted, max_speed, state.cue_balls[0])
+    tables = Tables(setup.scene, targets, positions, potted, max_speed, int(state.cue_balls[0]))
     parts, many = [], targets.sum() > _MANY  # the banks of many balls take too long
     for tip, offset in enumerate(tips):
         for some in budget.pieces(len(places), _POT_TIME, first=tip == 0):
@@ -165,7 +166,7 @@ def _pots(
             shots = pots.shots[place, k]
             parts.append((some.start + place, np.full(len(k), tip), target, shots, tolerance, share))
     easiest = max((part[-1].max(initial=0.0) for part in parts), default=0.0)
-    if state.in_hand == "no" and setup.mode == "pic" and easiest < _SURE and most:
+    if not state.in_hand and setup.mode == "pic" and easiest < _SURE and most:
         potted = np.arange(n) if setup.game_rules.pots_any else np.flatnonzero(targets)
         ways = find_indirect(setup, game, potted, max_speed, most, budget)
         pots = ways.target[:, 0] >= 0
@@ -206,7 +207,7 @@ def _anywhere(
 ) -> Candidates:
     """Returns random shots: half of them towards a legal ball, in a break all of them, towards the nearest one."""
     state, radius = game.state, setup.scene.balls.radius
-    balls = np.array(sorted(setup.game_rules.legal(state, state.player) & state.on_table))
+    balls = np.array(setup.legal(state))
     from_places = places[rng.integers(len(places), size=count)]
     to_balls = game.positions[balls] - from_places[:, None]
     far = np.hypot(to_balls[..., 0], to_balls[..., 1])
@@ -220,7 +221,7 @@ def _anywhere(
     share = rng.uniform(*_BREAKS, count) / max_speed if breaks else 0.03 + 0.97 * rng.random(count) ** 2
     velocities = max_speed * np.minimum(share, 1.0)[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
     velocities, spins = _with_spin(setup.scene, velocities, rng.integers(len(tips), size=count), max_speed)
-    push_out = (rng.random(count) < _PUSH_OUTS) & ("push_out" in state.choices)
+    push_out = (rng.random(count) < _PUSH_OUTS) & (state.choices >> PUSH_OUT & 1 > 0)
     return Candidates(velocities, spins, from_places, np.full((count, 2), -1), push_out)
 
 

@@ -19,9 +19,12 @@ from billiards_env.checks import one_of
 from billiards_env.engine.threads import parallel_for
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.actions import ACTIONS
+from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.tasks import TASKS
 from billiards_env.games import GameState, Setup
 from billiards_env.games.game import opening_state
+from billiards_env.games.state import NOT_IN_HAND, changed, set_of
+from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
 from billiards_env.players.levels import expected, level_of, with_noise
 from billiards_env.players.planner import NOISE, Options, parse_budget, plan
@@ -77,14 +80,10 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
     one_of("task of the player 'planner'", env.task, tuple(RULES_OF_TASKS))
     level = level_of(argument)
     seconds, shots = parse_budget(level.budget)
-    setup, legal = Setup(RULES_OF_TASKS[env.task], env.episode_scene), set(np.flatnonzero(env.legal_balls).tolist())
-    state = opening_state(setup)._replace(in_hand="no", on_table=frozenset(np.flatnonzero(~env.potted).tolist()))
-    state = state._replace(break_shot=setup.game_rules.groups and {1, 8, 9} <= legal)
-    if setup.game_rules.groups and not state.break_shot and not (min(legal) < 8 < max(legal)):
-        first = min(state.object_balls & legal)
-        on_stripes = first > 8 or (first == 8 and any(ball < 8 for ball in state.object_balls))
-        state = state._replace(solids=int(on_stripes))
-    game, run_out = GameState(env.positions, state), env.task != "clear"
+    setup = Setup(RULES_OF_TASKS[env.task], env.episode_scene)
+    lying = set_of(np.flatnonzero(~env.potted).tolist()) & ~set_of([CUE_BALL])
+    plain = changed(opening_state(setup), break_shot=False, in_hand=NOT_IN_HAND, object_balls=lying)
+    game, run_out = GameState(env.positions, next(iter(env.game_states), plain)), env.task != "clear"
     both = expected(noise, level)
     english = env.action == "strike"
     deviations, options = both if any(both) else NOISE, Options(run_out, english, leaves=False)
@@ -102,18 +101,16 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
 def rewards(env: BilliardsEnv, actions: Floats) -> Floats:
     """Returns the reward (m,) of each action (m, 2) or (m, 5), if it were the next step of the environment.
 
-    The environment does not change.
+    The environment does not change. Its execution noise is left out.
     """
     m = len(actions)
-    episodes, found = env.episodes(m), np.empty(m)
-    episodes.shots.positions[:] = env.positions
-    episodes.shots.in_play[:] = ~env.potted
-    arrays = episodes.arrays
-    arrays.goals[:], arrays.legal_balls[:], arrays.over[:] = env.goals, env.legal_balls, False
+    episodes, found = Episodes(m, env.model._replace(noise=None)), np.empty(m)
+    episodes.put(None, env.get_state()[None])
+    episodes.state.over[:] = False
     observations = np.empty((m, len(env.observation_space.low)), np.float32)  # pyright: ignore
 
     def work(begin: int, end: int) -> None:
-        episodes.shoot(begin, end, actions, found, observations)
+        episodes.shoot(begin, end, actions, env.max_speed, found, observations)
 
     parallel_for(work, m)
     return found

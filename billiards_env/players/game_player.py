@@ -30,8 +30,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.games import GameState, Setup, Stroke, play
-from billiards_env.games.batch import best_call, judge_batch
+from billiards_env.games.batch import PlayedBatch, best_call, play_batch
 from billiards_env.games.placement import Point, cue_ball_area, cue_ball_point
+from billiards_env.games.state import is_in, on_table
 from billiards_env.players.aim import FirstTouch, Pot, carom_goals
 from billiards_env.players.levels import LevelPlayer, expected, level_of
 from billiards_env.players.named import check_call, imported
@@ -126,16 +127,16 @@ def situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
 
     def rate(actions: Floats) -> Floats:
         lengths = np.maximum(np.hypot(actions[:, 0], actions[:, 1]), 1.0)
-        return _ratings(state.player, judge_batch(setup, game, max_speed * actions / lengths[:, None]))
+        return _ratings(state.player, play_batch(setup, game, max_speed * actions / lengths[:, None]))
 
     found = Situation(
         setup.scene,
         game.positions,
-        ~np.isin(balls, sorted(state.on_table)),
-        np.isin(balls, sorted(setup.game_rules.legal(state, state.player))),
+        ~is_in(on_table(state), len(balls)),
+        np.isin(balls, setup.legal(state)),
         max_speed,
         rate,
-        state.cue_balls[0],
+        int(state.cue_balls[0]),
     )
     targets = np.flatnonzero(found.targets & ~found.off_table).tolist()
     goals = carom_goals(targets, cushions=setup.game_rules.cushions)
@@ -155,13 +156,13 @@ def with_call(setup: Setup, game: GameState, stroke: Stroke) -> Stroke:
     """Returns a stroke that calls the first callable ball that it pots, if the game has called shots."""
     if not game.state.call_shot:
         return stroke
-    return stroke._replace(call=best_call(setup.game_rules, game.state, play(setup, game, stroke).facts))
+    return stroke._replace(call=best_call(setup, game.state, play(setup, game, stroke).pots))
 
 
 def draw_place(setup: Setup, game: GameState, rng: np.random.Generator) -> Point | None:
     """Returns a random place for a cue ball in hand, m; None if it is not in hand."""
     state = game.state
-    if state.in_hand == "no":
+    if not state.in_hand:
         return None
     x_low, x_high, y_low, y_high = cue_ball_area(setup.scene, state)
     return x_low + (x_high - x_low) * rng.random(), y_low + (y_high - y_low) * rng.random()
@@ -191,11 +192,9 @@ def _ease(pots: PotShots) -> tuple[bool, float]:
     return (not pots.scratch[0], pots.tolerance[0]) if len(pots.speed) else (False, 0.0)
 
 
-def _ratings(player: int, verdicts: NDArray[Any]) -> Floats:
-    """Returns the values (m,) of shots for their player, from the win, the points, another turn and a foul.
-
-    `verdicts` is (m,) `rules.VERDICT`.
-    """
-    won = np.where(verdicts["winner"] < 0, 0.0, np.where(verdicts["winner"] == player, 100.0, -100.0))
+def _ratings(player: int, played: PlayedBatch) -> Floats:
+    """Returns the values (m,) of shots for their player, from the win, the points, another turn and a foul."""
+    verdicts, winner = played.verdicts, played.states["winner"]
+    won = np.where(winner < 0, 0.0, np.where(winner == player, 100.0, -100.0))
     points = 2.0 * (verdicts["points"] - verdicts["penalty"])
     return won + points + verdicts["continues"] - 5.0 * (verdicts["foul"] > 0)

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from billiards_env.engine.predictions import cannot_meet
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.ball_ball import change_velocity, pair_impulse
-from billiards_env.physics.ball_friction import rub_pair
-from billiards_env.physics.contact import NOISE, circle_time, contact_distance
-from billiards_env.physics.motion import Path, arrival, motion_after, norm, spin_after, travel_time
+from billiards_env.physics.ball_ball import push_pair
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import NOISE, circle_time, contact_distance
+from billiards_env.physics.laws.balls import normal_impulse
+from billiards_env.physics.laws.cloth import arrival, spin_after, travel_time
+from billiards_env.physics.motion import Path, motion_after
 from billiards_env.physics.state import AX, AY, REST, SLIDING_AND_ROLLING, T0, UX, UY, VX, VY, WZ, SceneArrays, X, Y
 from billiards_env.players.paths import FAR, LEGS, begin_leg, distance_to_segment, end_leg, pocket_gap
 
@@ -33,7 +35,7 @@ class TableArrays(NamedTuple):
         positions: (n, 2) m.
         off_table: (n,) bool, the balls that are not on the table.
         max_speed: Speed of the fastest shot, m/s.
-        slip_ratio: Initial slip of the cue ball divided by its initial speed, see `physics.motion.launch`.
+        slip_ratio: Initial slip of the cue ball divided by its initial speed, see `physics.laws.cloth.launch`.
         spin_ratio: Its initial spin about the vertical axis, times its radius, divided by its initial speed.
     """
 
@@ -110,7 +112,7 @@ def play_hit(table, i, hit, speed, state):
     scene, numbers, cue = table.scene, table.scene.numbers, table.cue
     left, slip = arrival(numbers, hit.approach, speed, table.slip_ratio)
     closing = left * cut_cosine(hit)
-    impulse = pair_impulse(closing, scene.inv_mass[cue], scene.inv_mass[i], numbers.e_ball)
+    impulse = normal_impulse(closing, scene.inv_mass[cue], scene.inv_mass[i], numbers.e_ball)
     state.rows[cue] = 0.0
     state.rows[i] = 0.0
     row = state.rows[cue]
@@ -121,9 +123,7 @@ def play_hit(table, i, hit, speed, state):
             time = travel_time(numbers, hit.approach, speed, table.slip_ratio)
             row[WZ] = spin_after(table.spin_ratio * speed / scene.radius[cue], time, numbers)
     state.rows[i, X], state.rows[i, Y] = table.positions[i, X], table.positions[i, Y]
-    rub_pair(scene.ball_friction, cue, i, hit.line_x, hit.line_y, impulse, state, scene)
-    for ball, push in ((cue, -impulse * scene.inv_mass[cue]), (i, impulse * scene.inv_mass[i])):
-        change_velocity(state, ball, push * hit.line_x, push * hit.line_y, numbers)
+    push_pair(cue, i, (hit.line_x, hit.line_y), impulse, state, scene)
     return closing > 0.0
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.games import GameState, Setup
+from billiards_env.games.state import is_in, members, on_table
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.budget import Budget
 from billiards_env.players.pots import DX, DY, SHOT_WIDTH, SPEED, SPEEDS
@@ -92,16 +93,16 @@ def find_indirect(
         budget: Corrections end when a share `TIME` of its time is used.
     """
     state, positions = game.state, game.positions
-    on_table = np.array(sorted(state.object_balls))
-    legal = np.intersect1d(on_table, sorted(setup.game_rules.legal(state, state.player)))
+    lying = np.array(members(state.object_balls))
+    legal = np.array(setup.legal(state))
     pockets = np.array([(p.x, p.y, p.radius) for p in setup.scene.table.pockets])
     reach = 2.0 * max(setup.scene.balls.radius)
     room = np.array([setup.scene.table.length, setup.scene.table.width]) / 2.0 - reach / 2.0
-    cue, others = positions[CUE_BALL], np.intersect1d(on_table, targets)
+    cue, others = positions[CUE_BALL], np.intersect1d(lying, targets)
     over_balls = _over_balls(cue, positions, legal, others, pockets, reach)
     kicks = _kicks(cue, positions, legal, others, pockets, reach, room)
     chains = _best(_joined([over_balls, kicks]), _CHECKED)
-    far = _gaps(chains, positions[on_table], on_table) > reach
+    far = _gaps(chains, positions[lying], lying) > reach
     within = (np.abs(chains.ends.reshape(-1, 6, 2)[:, :5]) <= room + 1e-6).all(axis=(1, 2))
     return _corrected(setup, game, _best(_some(chains, far & within), min(most, MOST)), max_speed, budget)
 
@@ -228,7 +229,7 @@ def _corrected(setup: Setup, game: GameState, chains: _Chains, max_speed: float,
     shots = np.zeros((k, len(SPEEDS), SHOT_WIDTH))
     if k == 0:
         return Ways(chains.target, shots, chains.tolerance)
-    in_play = np.isin(np.arange(n), sorted(game.state.on_table))
+    in_play = is_in(on_table(game.state), n)
     to = chains.aim - game.positions[CUE_BALL]
     angles = np.arctan2(to[:, 1], to[:, 0])[:, None].repeat(len(speeds), axis=1).ravel()
     speed, chain = np.tile(speeds, k), np.arange(k).repeat(len(speeds))

@@ -18,9 +18,16 @@ def imported(text: str, module: str, function: str, known: Iterable[str]) -> Any
     """
     try:
         return getattr(importlib.import_module(module), function)
+    except SyntaxError as error:
+        where = f"{error.filename}, line {error.lineno}: {error.msg}"
+        raise ValueError(f"player = {text!r}: expected a module of Python ({where})") from error
     except (AttributeError, ImportError, ValueError) as error:
         name, names = text.partition(":")[0], tuple(known)
-        why = ("" if name in names else suggestion(name, names)) or f" ({error})"
+        ours = module.removesuffix(".py")
+        if ours != module or (not function and isinstance(error, AttributeError)):
+            why = f" (did you mean '{ours}:{function or 'FUNCTION'}'?)"
+        else:
+            why = ("" if name in names else suggestion(name, names)) or f" ({error})"
         expected = f"one of {', '.join(map(repr, names))}, or module:function"
         raise ValueError(f"player = {text!r}: expected {expected}{why}") from error
 

@@ -7,7 +7,9 @@ from typing import NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.cushion import reflect, reflect_both
-from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after, norm, path_of
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.walls import wall_normal, wall_time, walls_met
+from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after, path_of
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -25,7 +27,6 @@ from billiards_env.physics.state import (
     moves,
     own_time,
 )
-from billiards_env.physics.walls import wall_normal, wall_time, walls_met
 
 FAR = 0.2
 """m. Gaps are at most this: larger ones are not measured."""

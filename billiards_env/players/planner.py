@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.checks import real
-from billiards_env.games import NO_CALL, Call, GameState, Setup, Stroke
+from billiards_env.games import NO_CALL, Call, GameState, Setup, Stroke, choices
 from billiards_env.games.batch import PlayedBatch, play_batch
 from billiards_env.players import run_outs
 from billiards_env.players.budget import Budget
@@ -57,7 +57,7 @@ class Plan(NamedTuple):
     Attributes:
         stroke: The stroke.
         value: The mean value of its noisy outcomes, from -1 for a lost game to 1 for a won game. In a game that is won
-            by points it is the expected lead. With a budget too small for noisy outcomes it is that of the shot
+            by points it is the expected lead. With a budget too small for noisy outcomes it is the value of the shot
             without noise.
         probability: The share of its noisy outcomes that win the game or continue the turn, or whether the shot without
             noise does.
@@ -199,12 +199,12 @@ def plan(
         call = Call(ball, pocket) if game.state.call_shot and not game.state.break_shot and ball >= 0 else NO_CALL
         call = Call(kind="push_out") if finalists.push_out[k] else call
         x, y = finalists.velocities[k].tolist()
-        place = None if game.state.in_hand == "no" else tuple(finalists.places[k].tolist())
+        place = tuple(finalists.places[k].tolist()) if game.state.in_hand else None
         stroke = Stroke((x, y), place, tuple(finalists.spins[k].tolist()), call)
         value, probability = (float(sums[k] / totals.samples[k]) for sums in totals[:2])
         plans.append(Plan(stroke, value, probability, ball, pocket, leave, int(totals.samples[k])))
     best = plans[0]
-    if "hand_back" in game.state.choices and best.value < 0.0 and not options.run_out:
+    if "hand_back" in choices(game.state) and best.value < 0.0 and not options.run_out:
         none = Stroke((0.0, 0.0), call=Call(kind="hand_back"))
         return Plan(none, -best.value, 0.0, -1, -1, game.positions, best.samples, tuple(plans[:-1]))
     return best._replace(alternatives=tuple(plans[1:]))
@@ -293,8 +293,7 @@ def _halved(search: _Search, survivors: Candidates) -> tuple[Candidates, Sums]:
 
 def _kept(search: _Search, played: PlayedBatch, push_out: NDArray[np.bool_]) -> Floats:
     """Returns 1 for the shots that win the game or continue the turn, and 0 for the others, (m,)."""
-    verdicts = played.verdicts
-    return 1.0 * ((verdicts["continues"] | (verdicts["winner"] == search.game.state.player)) & ~push_out)
+    return 1.0 * ((played.verdicts["continues"] | (played.states["winner"] == search.game.state.player)) & ~push_out)
 
 
 def _without_noise(search: _Search, first: Candidates) -> Sums:
@@ -343,7 +342,7 @@ def _set_targets(setup: Setup, game: GameState, targets: Ints, played: PlayedBat
     if not game.state.call_shot or game.state.break_shot:
         return
     pockets = np.array([(p.x, p.y) for p in setup.scene.table.pockets])
-    for ball in sorted(setup.game_rules.callable(game.state, game.state.player) & game.state.on_table):
+    for ball in setup.callable(game.state):
         hits = (played.positions[:, ball, None] == pockets).all(axis=2)
         new = hits.any(axis=1) & (targets[:, 0] < 0)
         targets[new] = np.column_stack((np.full(new.sum(), ball), hits[new].argmax(axis=1)))

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import scene_fields
 from billiards_env.jit import allocating_entry_point, inlined, kernel
-from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.motion import launch
+from billiards_env.physics.geometry.contact import contact_distance
+from billiards_env.physics.laws.cloth import launch
 from billiards_env.physics.state import SceneArrays, X, Y, empty_state
 from billiards_env.players.banks import bank_pot
 from billiards_env.players.direct import direct_pot

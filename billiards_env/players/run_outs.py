@@ -28,7 +28,7 @@ POTS = 2
 """The number of pots among the inputs."""
 
 FLOOR = math.radians(0.03)
-"""Noise of the direction of the next pot in addition to that of the stroke, rad."""
+"""Noise of the direction of the next pot in addition to the noise of the stroke, rad."""
 
 _LEAST = 1e-4  # rad; smaller tolerances count as this one
 

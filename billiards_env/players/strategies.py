@@ -134,7 +134,7 @@ def search(
 
 
 def aim(situation: Situation, rng: np.random.Generator, noise: tuple[float, float] = (0.0, 0.0)) -> Floats:
-    """Returns an action that reaches the goals of one way to score, or that of `search`, if none scores.
+    """Returns an action that reaches the goals of one way to score, or the action of `search`, if none scores.
 
     Of the shots with the highest rating the first one has the largest margins.
     """

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from billiards_env.games import GameState, Setup
 from billiards_env.games.batch import PlayedBatch
+from billiards_env.games.pool import EIGHT
+from billiards_env.games.referee import legal_balls
+from billiards_env.games.state import ANYWHERE, SCRATCH
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players import run_outs
 from billiards_env.players.pots import APPROACH, CUT_COS, RUN, TOLERANCE, WIDTH, Tables, find_pots
 from billiards_env.players.run_outs import FLOOR
-from billiards_env.rules import FOULS, IN_HAND, legal_balls
-from billiards_env.rules.pool import EIGHT
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -74,20 +75,20 @@ class Values:
         verdicts, states = played.verdicts, played.states
         push_out = np.zeros(len(states), bool) if push_out is None else push_out
         if push_out.any():
-            verdicts = verdicts.copy()
-            allowed = push_out & (verdicts["foul"] != FOULS.index("scratch"))
-            verdicts["in_hand"][allowed] = verdicts["over"][allowed] = 0
-            played = played._replace(verdicts=verdicts)
+            states = states.copy()
+            allowed = push_out & (verdicts["foul"] != SCRATCH)
+            states["in_hand"][allowed] = states["over"][allowed] = 0
+            played = played._replace(states=states)
         mine = states["player"] == self._me
         sign = np.where(mine, 1.0, -1.0)
         legal = legal_balls(self._setup.rules, states, states["player"])
-        won = np.where(verdicts["winner"] == self._me, 1.0, np.where(verdicts["winner"] >= 0, -1.0, 0.0))
-        goes_on = mine & ~push_out & ~verdicts["over"]
-        needed = goes_on if self._run_out else ~verdicts["over"]
+        won = np.where(states["winner"] == self._me, 1.0, np.where(states["winner"] >= 0, -1.0, 0.0))
+        goes_on = mine & ~push_out & ~states["over"]
+        needed = goes_on if self._run_out else ~states["over"]
         if self._setup.target is not None:
             following = self._setup.game_rules.sure_pot * self.next_pot_chance(played, legal, needed)
             points = verdicts["points"] - (0 if self._run_out else verdicts["penalty"])
-            return points + np.where(verdicts["over"], 10.0 * won, following * (mine if self._run_out else sign))
+            return points + np.where(states["over"], 10.0 * won, following * (mine if self._run_out else sign))
         if self._weights is None:
             runs_out = self.next_pot_chance(played, legal, needed) * self._usual ** (self._left(states, legal) - 1.0)
         else:
@@ -95,7 +96,7 @@ class Values:
         if self._run_out:
             return np.where(goes_on, runs_out, won == 1.0)
         chance = runs_out + (1.0 - runs_out) * _WITHOUT
-        value = np.where(verdicts["over"], won, sign * (2.0 * chance - 1.0))
+        value = np.where(states["over"], won, sign * (2.0 * chance - 1.0))
         return np.where(push_out, -np.abs(2.0 * chance - 1.0), value)
 
     def _left(self, states: NDArray[Any], legal: Ints) -> Floats:
@@ -112,7 +113,7 @@ class Values:
 
         With the cue ball in hand, two fixed easy pots replace the pots of the position.
         """
-        hand = played.verdicts["in_hand"] > 0
+        hand = played.states["in_hand"] > 0
         rows = self._pots(played, legal, needed & ~hand)
         cue, left = played.positions[:, CUE_BALL] / self._setup.scene.half_extents, self._left(played.states, legal)
         rows[hand], cue[hand] = _IN_HAND, 0.5
@@ -127,9 +128,9 @@ class Values:
         chance = np.full(len(states), _UNKNOWN)
         if not self._setup.game_rules.pockets:
             return chance
-        hand = verdicts["in_hand"] == IN_HAND.index("anywhere")
+        hand = states["in_hand"] == ANYWHERE
         chance[hand] = success(np.array(_IN_HAND[TOLERANCE]), self._noise[0])
-        known = needed & ~(verdicts["over"] | states["break_shot"]) & (verdicts["in_hand"] == 0)
+        known = needed & ~states["over"] & (verdicts["rack"] == 0) & (states["in_hand"] == 0)
         easiest, second = success(self._pots(played, legal, known)[..., TOLERANCE], self._noise[0]).T
         return np.where(known, np.minimum(1.0, (1.0 - _SECOND) * easiest + _SECOND * second), chance)
 

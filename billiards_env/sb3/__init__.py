@@ -17,8 +17,8 @@ try:
 except ModuleNotFoundError as error:
     raise missing(error.name or "stable_baselines3", "train") from error
 
-from billiards_env.sb3.aim_policy import PPO_SETTINGS, AimPolicy
+from billiards_env.sb3.aim_policy import PPO_SETTINGS, AimPolicy, arguments_of
 from billiards_env.sb3.vec_env import SameStepVecEnv
 from billiards_env.sb3.weights import load_policy
 
-__all__ = ["PPO_SETTINGS", "AimPolicy", "SameStepVecEnv", "load_policy"]
+__all__ = ["PPO_SETTINGS", "AimPolicy", "SameStepVecEnv", "arguments_of", "load_policy"]

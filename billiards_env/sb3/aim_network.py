@@ -26,9 +26,9 @@ class Mixture(NamedTuple):
     """m mixtures of k Gaussians over actions.
 
     An action begins with a velocity, divided by the largest speed. Each Gaussian has one standard deviation along its
-    direction and one across it. A rotation does not change areas, so the density is that of the velocity. A strike has
-    three more numbers, which are independent. Its side turns the direction of the ball, so the direction of the cue is
-    the direction of the Gaussian turned back by an angle with the tangent `turn * side`.
+    direction and one across it. A rotation does not change areas, so the density is also the density of the velocity. A
+    strike has three more numbers, which are independent. Its side turns the direction of the ball, so the direction of
+    the cue is the direction of the Gaussian turned back by an angle with the tangent `turn * side`.
 
     Attributes:
         log_weight: (m, k) logarithms of the weights.
@@ -161,7 +161,8 @@ class AimNetwork(nn.Module):
     def forward(self, observations: Tensor, legal: Tensor | None = None) -> tuple[Mixture, Tensor]:
         """Returns the mixtures and the values (m,) for observations (m, ...) of n object balls, for any n.
 
-        `legal` (m, n) are the balls at which a component may aim; None for those of the observation, or for all.
+        `legal` (m, n) are the balls at which a component may aim; None for the legal balls of the observation, or for
+        all.
         """
         m, last = len(observations), self.ignored + self.rest
         n = (observations.shape[1] - 2 - 2 * self.goals - last) // (2 + self.legal)
@@ -190,7 +191,7 @@ class AimNetwork(nn.Module):
         allowed = on_table if legal is None else on_table & legal.flatten()
         logit = logit.masked_fill(~allowed[:, None], _NEVER)
         speed = self.slowest + self.faster * faster.sigmoid()
-        # The std of the direction is that of the point over its distance. The limit is for points near the cue ball.
+        # The std of the direction is the std of the point over its distance. The limit is for points near the cue ball.
         across = speed * self.std[1] * inverse.clamp(max=10.0)
         if tip:
             side, top, elevation = tip  # a reflection at one axis changes the sign of the side

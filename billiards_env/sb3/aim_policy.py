@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import inspect
 import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
@@ -36,6 +37,7 @@ PPO_SETTINGS: dict[str, Any] = {
 }
 """Arguments of `stable_baselines3.PPO` for 4096 environments."""
 
+_WORLD = ("scene", "task", "action", "max_speed", "observe_shots_left", "observe_physics")
 _UNITS, _MOST_SPEEDS = Range(2, 4096), 100
 _WORTH = 0.1  # the smallest value that divides an advantage
 
@@ -56,6 +58,14 @@ def find_game(env: Mapping[str, Any]) -> BilliardsEnv:
 @functools.lru_cache(maxsize=8)
 def _find_game(env: str) -> BilliardsEnv:
     return cast(BilliardsEnv, gym.make("Billiards-v0", **json.loads(env)).unwrapped)
+
+
+def arguments_of(env: BilliardsEnv) -> dict[str, Any]:
+    """Returns arguments of `gym.make("Billiards-v0", ...)` that make an environment like `env`, without its noise."""
+    found = {name: getattr(env, name) for name in inspect.signature(BilliardsEnv).parameters if hasattr(env, name)}
+    for name in ("render_mode", "noise", "noise_seed"):
+        del found[name]
+    return found | env.engine._asdict() | {"scene": env.scene.to_dict(), "n_object_balls": None}
 
 
 def by_value(log_prob: Tensor, values: Tensor) -> Tensor:
@@ -81,7 +91,8 @@ class AimPolicy(ActorCriticPolicy):
 
     Args:
         observation_space, action_space, lr_schedule: As in `ActorCriticPolicy`.
-        env: Arguments of `gym.make("Billiards-v0", ...)`. The weights fit any number of balls.
+        env: Arguments of `gym.make("Billiards-v0", ...)`. The weights fit any number of balls. None for those of the
+            environment, which the observation space of `SameStepVecEnv` carries.
         observe_shots_left: Whether the networks observe the shots left, if the environment shows them.
         points, speeds, hidden: As in `AimNetwork`.
         aim: As in `AimNetwork`; None for "ball" in the tasks that need pockets and "layout" in the others.
@@ -92,8 +103,9 @@ class AimPolicy(ActorCriticPolicy):
         entropy: First and last factor of the entropy, and so of PPO's `ent_coef`.
 
     Raises:
-        ValueError: If an argument is wrong, or the environment has no object ball or another observation than
-            `observation_space`.
+        ValueError: If an argument is wrong, the environment has no object ball, `env` is not the environment of the
+            training, or a wrapper changes its observations or actions. A wrapper such as `VecNormalize`, which keeps
+            the observation space, is an error when the first observations come.
 
     Example:
         >>> from stable_baselines3 import PPO
@@ -135,20 +147,32 @@ class AimPolicy(ActorCriticPolicy):
         for name, ends in self.schedules.items():
             if min(finite(name, ends, (2,))) <= 0.0:
                 raise ValueError(f"{name} = {short(ends)}: expected two positive numbers")
-        self.game = find_game(env or {})
+        carried = getattr(observation_space, "arguments", None)
+        env = carried if env is None else dict(env)
+        if env is None:
+            raise ValueError(
+                "env = None: expected the arguments of the environment, which only the observation space of "
+                "SameStepVecEnv carries, if no wrapper changes the observations"
+            )
+        self.game, self.env = find_game(env), env
+        there = self.game if carried is None else find_game(carried)
+        for name in _WORLD:
+            if getattr(self.game, name) != (value := getattr(there, name)):
+                raise ValueError(f"env: expected the arguments of the environment, whose {name} is {short(value)}")
         if observation_space.shape != self.game.observation_space.shape:
             raise ValueError(
-                f"env = {dict(env or {})}: expected the arguments of the environment, whose observation has the shape "
+                f"env = {short(env)}: expected the arguments of the environment, whose observation has the shape "
                 f"{observation_space.shape}, not {self.game.observation_space.shape}"
             )
+        if action_space != self.game.action_space:
+            raise ValueError(f"action_space = {action_space}: expected {self.game.action_space}, without a wrapper")
         if self.game.scene.n_balls < 2:
-            raise ValueError(f"env = {dict(env or {})}: expected an object ball, at which the policy aims")
+            raise ValueError(f"env = {short(env)}: expected an object ball, at which the policy aims")
         aim = aim or ("ball" if TASKS[self.game.task].pockets else "layout")
         one_of("aim", aim, ("ball", "layout"))
         self.network = {"points": points, "speeds": tuple(speeds), "hidden": hidden, "aim": aim}
         self.observe_shots_left = flag("observe_shots_left", observe_shots_left)
         self.exploration = exploration
-        self.env = dict(env or {})
         super().__init__(observation_space, action_space, lr_schedule, **kwargs)
 
     def _build(self, lr_schedule: Callable[[float], float]) -> None:
@@ -184,6 +208,7 @@ class AimPolicy(ActorCriticPolicy):
 
     def forward(self, obs: Tensor, deterministic: bool = False) -> tuple[Tensor, Tensor, Tensor]:
         """Returns actions (m, 2) or (m, 5), values (m, 1) and logarithms (m,) of densities, and counts the shots."""
+        self._check_scale(obs)
         mixture, values = self.net(obs)
         actions = mixture.mode() if deterministic else mixture.sample()
         self.shots += len(obs)
@@ -204,8 +229,17 @@ class AimPolicy(ActorCriticPolicy):
         return self.net(obs)[0]
 
     def _predict(self, observation: PyTorchObs, deterministic: bool = False) -> Tensor:
+        self._check_scale(cast(Tensor, observation))
         mixture = self.get_distribution(observation)
         return mixture.mode() if deterministic else mixture.sample()
+
+    def _check_scale(self, obs: Tensor) -> None:
+        """Raises a ValueError if observations are outside their space, with a margin for overlaps in PIT."""
+        if bool((obs.abs() > 1.1).any()):
+            raise ValueError(
+                f"observations up to {obs.abs().max().item():.3g}: expected those of the environment, from -1 to 1; a "
+                "wrapper such as VecNormalize rescales them"
+            )
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
         own = {"env": self.env, "observe_shots_left": self.observe_shots_left, **self.network}

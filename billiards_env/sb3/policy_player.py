@@ -18,7 +18,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from billiards_env.games import RULES, GameState, Setup, Stroke
+from billiards_env.games import GAMES, GameState, Setup, Stroke, members
 from billiards_env.players.game_player import Player, make_stroke, place_cue_ball, with_call
 from billiards_env.sb3.aim_policy import AimPolicy
 from billiards_env.sb3.weights import load_policy
@@ -67,8 +67,8 @@ def policy(setup: Setup, argument: str) -> Player:
         if isinstance(model, AimPolicy):
             action = _aimed(model, setup, game)
         else:
-            cue = game.state.cue_balls[0]
-            balls = [_nearest(setup, game)] if setup.game_rules.pockets else sorted(game.state.object_balls)
+            cue = int(game.state.cue_balls[0])
+            balls = [_nearest(setup, game)] if setup.game_rules.pockets else list(members(game.state.object_balls))
             observation, _ = env.reset(options={"positions": game.positions[[cue, *balls]]})
             action, _ = model.predict(observation, deterministic=True)
         velocity = base.max_speed * np.asarray(action, np.float64)
@@ -80,7 +80,7 @@ def policy(setup: Setup, argument: str) -> Player:
 def playable(run_dir: Path) -> str | None:
     """Returns the rules of a game that the policy of a run can play; None if it can play no game."""
     for rules in ("straight", "carom"):
-        name, (_, balls) = RULES[rules].scene, RULES[rules].n_object_balls
+        name, (_, balls) = GAMES[rules].scene, GAMES[rules].n_object_balls
         with contextlib.suppress(ValueError):
             policy(Setup(rules, Scene.named(name, balls)), str(run_dir))
             return rules
@@ -90,8 +90,8 @@ def playable(run_dir: Path) -> str | None:
 def _aimed(model: AimPolicy, setup: Setup, game: GameState) -> NDArray[np.float32]:
     """Returns the action of a policy for the balls on the table."""
     state, net = game.state, model.net
-    cue, balls = state.cue_balls[0], sorted(state.object_balls)
-    legal = sorted(setup.game_rules.legal(state, state.player)) if setup.game_rules.pockets else balls
+    cue, balls = int(state.cue_balls[0]), members(state.object_balls)
+    legal = setup.legal(state) if setup.game_rules.pockets else balls
     tables = torch.tensor([[cue, ball] for ball in legal] if model.game.scene.n_balls == 2 else [[cue, *balls]])
     flags = torch.tensor([[ball in legal for ball in table[1:]] for table in tables.tolist()])
     places = torch.tensor(game.positions / np.array(model.game.scene.half_extents), dtype=torch.float32)
@@ -105,5 +105,4 @@ def _aimed(model: AimPolicy, setup: Setup, game: GameState) -> NDArray[np.float3
 def _nearest(setup: Setup, game: GameState) -> int:
     """Returns the legal ball that is nearest to the cue ball."""
     cue = game.positions[game.state.cue_balls[0]]
-    balls = sorted(setup.game_rules.legal(game.state, game.state.player))
-    return min(balls, key=lambda ball: float(np.hypot(*(game.positions[ball] - cue))))
+    return min(setup.legal(game.state), key=lambda ball: float(np.hypot(*(game.positions[ball] - cue))))

@@ -1,7 +1,8 @@
-"""An adapter from Gymnasium's vector environments to those of Stable-Baselines3."""
+"""An adapter from vector environments of Gymnasium to the interface of Stable-Baselines3."""
 
 from __future__ import annotations
 
+import copy
 import time
 import warnings
 from collections.abc import Mapping, Sequence
@@ -16,6 +17,8 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
 from billiards_env.checks import short
+from billiards_env.envs import BilliardsEnv
+from billiards_env.sb3.aim_policy import arguments_of
 
 
 class SameStepVecEnv(VecEnv):
@@ -28,6 +31,9 @@ class SameStepVecEnv(VecEnv):
     used.) All infos of the last step are in `infos`, in Gymnasium's format.
 
     The environments are one object: an attribute is set in all of them, and a method is called for all of them.
+
+    The `observation_space` of `Billiards-v0` has the attribute `arguments`, from which `AimPolicy` gets the table, the
+    balls and the task. A wrapper that changes the observations also changes the space, which then has no arguments.
 
     Attributes:
         envs: The vector environment.
@@ -45,6 +51,10 @@ class SameStepVecEnv(VecEnv):
         self._begun = time.perf_counter()
         super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
         self.metadata = {**envs.metadata, **self.metadata}
+        game = getattr(envs.unwrapped, "single_env", None)
+        if isinstance(game, BilliardsEnv) and game.observation_space is self.observation_space:
+            self.observation_space = copy.copy(self.observation_space)
+            vars(self.observation_space)["arguments"] = arguments_of(game)
 
     def reset(self) -> np.ndarray:
         """Resets all environments with the seeds and options that were set since the last reset.

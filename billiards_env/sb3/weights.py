@@ -16,8 +16,10 @@ import yaml
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from torch import Tensor
 
-from billiards_env.checks import Range, integer, one_of, sequence
+from billiards_env.checks import Range, integer, one_of, sequence, short
+from billiards_env.envs import BilliardsEnv
 from billiards_env.files import read_text, write_whole
+from billiards_env.frozen import FROZEN
 from billiards_env.sb3.aim_policy import AimPolicy, find_game
 from billiards_env.settings import plain_yaml
 
@@ -105,8 +107,9 @@ def load_policy(
     Raises:
         FileNotFoundError: If the folder holds no finished run.
         OSError: If a file cannot be read.
-        ValueError: If `config.yaml` does not describe a policy, an argument of the environment is impossible, or
-            `policy.pt` does not hold the weights of the policy.
+        ValueError: If `config.yaml` does not describe a policy, an argument of the environment is impossible, the
+            policy was trained for another task, action, table, radius of the balls or largest speed, or `policy.pt`
+            does not hold the weights of the policy.
         TypeError: If an argument in `env` has the wrong type.
     """
     folder = Path(run_dir)
@@ -118,12 +121,12 @@ def load_policy(
         if description["head"] == "aim":  # the networks observe what they observed in the training
             shots_left = {"observe_shots_left": config["env"].get("observe_shots_left", False)}
             description["arguments"] = {**shots_left, **description["arguments"]}
-        if env is None:
-            find_game(arguments)
+        trained, task = find_game(config["env"]), str(config.get("task"))
         hidden = policy_arguments(arguments, description).get("net_arch", ())
     except (AttributeError, KeyError, RecursionError, TypeError, yaml.YAMLError) as error:
         why = " ".join(str(error).split())
         raise ValueError(f"{settings}: expected the sections env and policy of a run ({why})") from None
+    _check_world(folder, trained, find_game(arguments), task)
     size = weights.stat().st_size
     if size and 4 * sum(a * b for a, b in zip((1, *hidden), hidden, strict=False)) > size:
         raise ValueError(f"{weights} does not hold the policy of its configuration: expected more weights for {hidden}")
@@ -133,8 +136,27 @@ def load_policy(
     return arguments, policy
 
 
+def _check_world(folder: Path, trained: BilliardsEnv, played: BilliardsEnv, frozen: str) -> None:
+    """Raises a ValueError if a policy was not made for an environment.
+
+    The number of the balls, their friction and the engine may differ. The task may also be the frozen task that the run
+    was made for, whose rewards may differ from those of the training.
+    """
+    tasks = {trained.task, FROZEN[frozen].arguments["task"]} if frozen in FROZEN else {trained.task}
+    for name, there, here in (
+        ("task", trained.task, trained.task if played.task in tasks else played.task),
+        ("action", trained.action, played.action),
+        ("max_speed", trained.max_speed, played.max_speed),
+        ("table", trained.scene.table, played.scene.table),
+        ("radius of the balls", trained.scene.balls.radius[:2], played.scene.balls.radius[:2]),
+    ):
+        if there != here:
+            expected = "the same table" if name == "table" else f"{short(there)}, not {short(here)}"
+            raise ValueError(f"{folder} holds a policy that was trained for another {name}: expected {expected}")
+
+
 def save_policy(policy: BasePolicy, path: Path) -> None:
-    """Writes the weights of a policy without those of the value function."""
+    """Writes the weights of a policy without its value function."""
     weights = {name: tensor for name, tensor in policy.state_dict().items() if not _is_value(name)}
     buffer = io.BytesIO()
     torch.save(weights, buffer)
@@ -142,11 +164,11 @@ def save_policy(policy: BasePolicy, path: Path) -> None:
 
 
 def load_weights(policy: BasePolicy, path: Path) -> None:
-    """Sets the weights of a policy, without those of the value function, from a file of `save_policy`.
+    """Sets the weights of a policy, without its value function, from a file of `save_policy`.
 
     Raises:
         OSError: If the file cannot be read.
-        ValueError: If the weights in the file are not those of this policy.
+        ValueError: If the weights in the file do not fit this policy.
     """
     with whole_archive(path, "a policy's weights"):
         weights = torch.load(path, map_location="cpu", weights_only=True)

@@ -4,7 +4,7 @@ from billiards_env.scene.scene import (
     CONTACT_GAP,
     CUSHIONS,
     MOTIONS,
-    PHYSICS_RANGES,
+    PARAMETERS,
     SCENES,
     Balls,
     Cue,
@@ -14,6 +14,7 @@ from billiards_env.scene.scene import (
     check_positions,
     check_ranges,
     check_scene,
+    law_numbers,
 )
 from billiards_env.scene.table import TABLES, Pocket, Table
 
@@ -21,7 +22,7 @@ __all__ = [
     "CONTACT_GAP",
     "CUSHIONS",
     "MOTIONS",
-    "PHYSICS_RANGES",
+    "PARAMETERS",
     "SCENES",
     "TABLES",
     "Balls",
@@ -34,4 +35,5 @@ __all__ = [
     "check_positions",
     "check_ranges",
     "check_scene",
+    "law_numbers",
 ]

@@ -18,6 +18,9 @@ head string, which is called baulk line in snooker. All balls lie inside the rec
 "nine_ball"
     As "rack" with 9 object balls: the 1 at the foot spot, the 9 in the middle and the others in a random order (WPA
     2016, rule 2.2).
+"ten_ball"
+    As "rack" with 10 object balls: the 1 at the foot spot, the 10 in the middle of the row of three and the others in a
+    random order (WPA 2016, rule 9.2).
 "eight_ball"
     As "rack" with 15 object balls: the 8 in the middle of the third row, a ball of each group (1 to 7 and 9 to 15) at
     the rear corners, and the others in a random order (WPA 2016, rule 3.2).
@@ -95,6 +98,7 @@ class Rack(NamedTuple):
 
 RACKS = {
     "nine_ball": Rack((1, 2, 3, 4, 9, 6, 7, 8, 5), fixed=(1, 9)),
+    "ten_ball": Rack((1, 2, 3, 4, 10, 6, 7, 8, 9, 5), fixed=(1, 10)),
     "eight_ball": Rack(
         (11, 2, 3, 4, 8, 6, 7, 5, 9, 10, 1, 12, 13, 14, 15),
         fixed=(8,),
@@ -521,7 +525,8 @@ def _snookered_plan(name: str, scene: Scene) -> LayoutPlan:
 def _expect_object_balls(scene: Scene, layout: str, low: int, high: int) -> None:
     if not low <= scene.n_balls - 1 <= high:
         wanted = str(low) if low == high else f"{low} to {high}"
-        raise ValueError(f"layout = {layout!r} with {scene.n_balls - 1} object balls: expected {wanted}")
+        balls = f"{scene.n_balls - 1} object ball{'s' * (scene.n_balls != 2)}"
+        raise ValueError(f"layout = {layout!r} with {balls}: expected {wanted}")
 
 
 def _no_room(layout: str, ball: int, radius: float) -> ValueError:

@@ -3,23 +3,14 @@
 All quantities are in SI units. The origin is the table's centre, x runs along the table's length and y along its width.
 Scenes are immutable and are validated on construction. `checks.RANGES` holds the range of each number.
 
-The default values and their sources (`billiards_env.scene.table` has those of the tables):
+The default values and their sources (`billiards_env.scene.table` has those of the tables; `Physics` those of its
+numbers):
 
 =====================  ==============  ===========================================================================
 field                  default         source
 =====================  ==============  ===========================================================================
 balls.radius           0.028575 m      WPA: diameter 2.25 in
 balls.mass             0.170097 kg     WPA: 5.5 to 6 oz; 6 oz
-physics.g              9.81 m/s^2      standard gravity, rounded
-physics.mu_slide       0.2             Marlow (1995), The Physics of Pocket Billiards; Alciatore (2004): 0.15 to 0.4
-physics.mu_roll        0.01            Marlow (1995); Alciatore (2004): 0.005 to 0.015
-physics.spin_decay     10 rad/s^2      Alciatore (2004), The Illustrated Principles of Pool and Billiards: 5 to 15
-physics.e_ball         0.95            Marlow (1995); Alciatore (2004): 0.92 to 0.98
-physics.e_cushion      0.85            Han (2005); Alciatore (2004): 0.6 to 0.9
-physics.mu_cushion     0.2             Han (2005): 0.14 to 0.2
-physics.mu_ball        None            Alciatore (2019), TP A.14: a fit of Marlow (1995), Table 10
-physics.cushion_       1.8             the default of the simulator pooltool 0.6
-  frequency_ratio
 carom ball             0.03075 m,      UMB: 61 to 61.5 mm across, 205 to 220 g
                        0.21 kg
 snooker ball           0.02625 m,      WPBSA: 52.5 mm across, sets of equal mass; 140 g is usual
@@ -50,7 +41,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -60,7 +51,7 @@ from billiards_env.scene.outline import extents
 from billiards_env.scene.table import INCH, POOL_RADIUS, Table, six_pockets
 
 MOTIONS = ("ideal", "rolling", "sliding")
-CUSHIONS = ("restitution", "han2005", "stronge", "mathavan2010")
+CUSHIONS = ("restitution", "han2005", "stronge", "mathavan2010", "han2005_variable")
 BALL_BALL = ("frictionless", "frictional")
 COLOURS = ("pool", "snooker", "uk")
 SHAPES = ("disk", "sphere")
@@ -68,23 +59,6 @@ SHAPES = ("disk", "sphere")
 MARLOW = 9.951e-3, 0.108, 1.088
 """The friction between balls a + b exp(-c v) at the sliding speed v in m/s: Alciatore (2019), TP A.14, a fit of Marlow
 (1995), Table 10."""
-
-PHYSICS_RANGES = {
-    "g": "g",
-    "mu_slide": "friction",
-    "mu_roll": "friction",
-    "spin_decay": "spin_decay",
-    "e_ball": "restitution",
-    "e_cushion": "restitution",
-    "mu_cushion": "mu_cushion",
-    "mu_ball": "mu_ball",
-    "mu_ball_factor": "mu_ball",
-    "cushion_frequency_ratio": "frequency_ratio",
-    "e_cushion_loss": "speed_loss",
-    "e_cushion_onset": "onset",
-    "e_cushion_floor": "restitution",
-}
-"""The range of each number of `Physics` but `max_time`, by its key in `checks.RANGES`."""
 
 CONTACT_GAP = 1e-12
 """m. Two surfaces touch if their distance is at most this. Placed balls may overlap each other, cushions and pockets by
@@ -162,6 +136,26 @@ class Balls:
         return radius[i] + radius[j] if self.shape == "disk" else 2.0 * np.sqrt(radius[i] * radius[j])
 
 
+class Parameter(NamedTuple):
+    """What is known about a number of `Physics` besides its default value.
+
+    Attributes:
+        within: Its range, a key of `checks.RANGES`, which has the unit too.
+        law: The law that reads it under its own name: "cloth", "balls" or "cushion"; "" if the laws read only what
+            `law_numbers` makes of it.
+        source: Where the default comes from; "" for 0 and 1.
+    """
+
+    within: str
+    law: str
+    source: str = ""
+
+
+def _number(default: float | None, within: str, law: str, source: str = "") -> Any:
+    """Returns the field of a number of `Physics`. All that reads these numbers is made from `PARAMETERS`."""
+    return dataclasses.field(default=default, metadata={"parameter": Parameter(within, law, source)})
+
+
 @dataclasses.dataclass(frozen=True, slots=True)
 class Physics:
     """The laws of motion and collision, with their constants.
@@ -170,9 +164,10 @@ class Physics:
         motion: "sliding" (a ball slides until it rolls, then rolls to rest), "rolling" (rolling resistance only) or
             "ideal" (constant velocity).
         cushion: "restitution" (the normal velocity is reversed and multiplied by the restitution), "han2005" (Han 2005,
-            with friction and spin), "stronge" (Stronge 2000, with friction, spin and a compliant cushion) or
-            "mathavan2010" (Mathavan, Jackson and Parkin 2010, with friction at the cushion and at the cloth). All but
-            "restitution" need `motion="sliding"`.
+            with friction and spin), "stronge" (Stronge 2000, with friction, spin and a compliant cushion),
+            "mathavan2010" (Mathavan, Jackson and Parkin 2010, with friction at the cushion and at the cloth) or
+            "han2005_variable" ("han2005" with a friction that depends on the angle, and a restitution on the topspin).
+            All but "restitution" need `motion="sliding"`.
         ball_ball: "frictionless" or "frictional" (impacts of balls with friction, which throws balls and transfers
             spin; needs `motion="sliding"`).
         g: Gravity, m/s^2.
@@ -189,34 +184,44 @@ class Physics:
             normal speed v is max(e_cushion_floor, e_cushion - e_cushion_loss * max(0, v - e_cushion_onset)).
         e_cushion_onset: Normal speed above which the cushions' restitution falls, m/s.
         e_cushion_floor: Least restitution of the cushions.
+        mu_cushion_angle: Gain of the friction of "han2005_variable" cushions from a ball that moves along the normal to
+            one that moves along the cushion.
+        e_cushion_topspin: Gain of their restitution from a ball without topspin to one that rolls.
         max_time: Time limit of a shot, s; None for no limit. "ideal" motion needs a limit.
     """
 
     motion: str = "sliding"
     cushion: str = "han2005"
     ball_ball: str = "frictionless"
-    g: float = 9.81
-    mu_slide: float = 0.2
-    mu_roll: float = 0.01
-    spin_decay: float = 10.0
-    e_ball: float = 0.95
-    e_cushion: float = 0.85
-    mu_cushion: float = 0.2
-    mu_ball: float | None = None
-    mu_ball_factor: float = 1.0
-    cushion_frequency_ratio: float = 1.8
-    e_cushion_loss: float = 0.0
-    e_cushion_onset: float = 0.0
-    e_cushion_floor: float = 0.0
+    g: float = _number(9.81, "g", "", "standard gravity, rounded")
+    mu_slide: float = _number(
+        0.2, "friction", "", "Marlow (1995), The Physics of Pocket Billiards; Alciatore (2004): 0.15 to 0.4"
+    )
+    mu_roll: float = _number(0.01, "friction", "", "Marlow (1995); Alciatore (2004): 0.005 to 0.015")
+    spin_decay: float = _number(
+        10.0, "spin_decay", "cloth", "Alciatore (2004), The Illustrated Principles of Pool and Billiards: 5 to 15"
+    )
+    e_ball: float = _number(0.95, "restitution", "balls", "Marlow (1995); Alciatore (2004): 0.92 to 0.98")
+    e_cushion: float = _number(0.85, "restitution", "cushion", "Han (2005); Alciatore (2004): 0.6 to 0.9")
+    mu_cushion: float = _number(0.2, "mu_cushion", "cushion", "Han (2005): 0.14 to 0.2")
+    mu_ball: float | None = _number(None, "mu_ball", "", "Alciatore (2019), TP A.14: a fit of Marlow (1995), Table 10")
+    mu_ball_factor: float = _number(1.0, "mu_ball", "")
+    cushion_frequency_ratio: float = _number(
+        1.8, "frequency_ratio", "cushion", "the default of the simulator pooltool 0.6"
+    )
+    e_cushion_loss: float = _number(0.0, "speed_loss", "cushion")
+    e_cushion_onset: float = _number(0.0, "onset", "cushion")
+    e_cushion_floor: float = _number(0.0, "restitution", "cushion")
+    mu_cushion_angle: float = _number(0.0, "mu_cushion", "cushion")
+    e_cushion_topspin: float = _number(0.0, "restitution", "cushion")
     max_time: float | None = None
 
     def __post_init__(self) -> None:
         one_of("physics.motion", self.motion, MOTIONS)
         one_of("physics.cushion", self.cushion, CUSHIONS)
         one_of("physics.ball_ball", self.ball_ball, BALL_BALL)
-        check_fields(self, "physics", **{name: within for name, within in PHYSICS_RANGES.items() if name != "mu_ball"})
-        if self.mu_ball is not None:
-            check_fields(self, "physics", mu_ball=PHYSICS_RANGES["mu_ball"])
+        given = (name for name in PARAMETERS if getattr(self, name) is not None or name != "mu_ball")
+        check_fields(self, "physics", **{name: PARAMETERS[name].within for name in given})
         if self.max_time is not None:
             check_fields(self, "physics", max_time="max_time")
         if self.motion == "ideal" and self.max_time is None:
@@ -241,6 +246,36 @@ class Physics:
                     f"{least:.4g} for cushion_frequency_ratio {self.cushion_frequency_ratio!r}, so that friction adds "
                     "no energy"
                 )
+
+
+PARAMETERS: dict[str, Parameter] = {
+    field.name: field.metadata["parameter"] for field in dataclasses.fields(Physics) if field.metadata
+}
+"""The numbers of `Physics` except `max_time`. The numbers that kernels read, the inputs of the derivatives, what may
+vary from shot to shot and what may be fitted come from this table."""
+
+
+def law_numbers(physics: Any, cushion_height: float) -> dict[str, Any]:
+    """Returns the numbers that the laws read, by name, from the fields of a `Physics` and the height of the noses, m.
+
+    It uses only sums and products, so the derivatives evaluate it with complex numbers.
+    """
+    mu_limit, mu_drop, mu_rate = ball_friction(physics)
+    same = {name: getattr(physics, name) for name, parameter in PARAMETERS.items() if parameter.law}
+    return same | {
+        "slide": physics.mu_slide * physics.g,
+        "roll": physics.mu_roll * physics.g,
+        "mu_limit": mu_limit,
+        "mu_drop": mu_drop,
+        "mu_rate": mu_rate,
+        "mu_cloth": physics.mu_slide,
+        "cushion_height": cushion_height,
+    }
+
+
+def law_names(law: str, *derived: str) -> tuple[str, ...]:
+    """Returns the names of the numbers that a law reads; `derived` are those that only `law_numbers` has."""
+    return (*derived, *(name for name, parameter in PARAMETERS.items() if parameter.law == law))
 
 
 def check_ranges(physics: Physics, ranges: Mapping[str, tuple[float, float]]) -> None:

@@ -4,7 +4,7 @@ Inputs (the names of `by` and of tangents) for a shot of n balls:
 
 * "positions" (n, 2), "velocities" (n, 2) and "spins" (n, 3) at the start,
 * "radius" (n,) and "mass" (n,),
-* each number of `Physics` that enters the motion, (),
+* each number of `Physics` that enters the motion, and "cushion_height" of the `Table`, (),
 * "strike" (5,): speed, heading, side, top and elevation of the strike of the cue ball.
 
 Outputs (the names of `of` and of cotangents) are "positions", "velocities" and "spins" at a time, and "event_times"
@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from types import MappingProxyType
+from types import MappingProxyType, SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,9 +35,9 @@ from billiards_env.engine.log import SEGMENT_ROW, TIME
 from billiards_env.engine.margins import push_margins
 from billiards_env.engine.nonsmooth import OVERFLOWS, REASONS, find_nonsmooth
 from billiards_env.engine.threads import parallel_for
-from billiards_env.physics import lanes as columns
-from billiards_env.physics.state import UX, UY, VX, VY, WZ, X, Y
-from billiards_env.scene import PHYSICS_RANGES, Physics, Scene, ball_friction
+from billiards_env.physics.derivatives import BALL_WIDTH
+from billiards_env.physics.state import LAW_NUMBERS, UX, UY, VX, VY, WZ, X, Y
+from billiards_env.scene import PARAMETERS, Physics, Scene, law_numbers
 from billiards_env.shots.strikes import strike_derivatives
 
 Floats = NDArray[np.float64]
@@ -151,27 +151,18 @@ class Sensitivity(NamedTuple):
 def physics_inputs(physics: Physics, varied: Varied = MappingProxyType({})) -> dict[str, Floats]:
     """Returns the derivative of the numbers of the engine with respect to each number of a `Physics`, by its name.
 
-    Those that depend on `varied`, numbers (m,) that differ from shot to shot, are (m, 14). The others are (14,).
+    Those that depend on `varied`, numbers (m,) that differ from shot to shot, are (m, NUMBER_INPUTS). The others are
+    (NUMBER_INPUTS,).
     """
-    rates_by_name: dict[str, Floats] = {}
-    p = physics_of_shots(physics, varied)
-
-    def add(name: str, **rates: Any) -> None:
-        rates_by_name[name] = np.zeros((*np.broadcast_shapes(*map(np.shape, rates.values())), NUMBER_INPUTS))
-        for column, rate in rates.items():
-            rates_by_name[name][..., getattr(columns, f"D_{column.upper()}") - columns.D_NUMBERS] = rate
-
-    add("g", slide=p.mu_slide, roll=p.mu_roll)
-    add("mu_slide", slide=p.g, mu_cloth=1.0)
-    add("mu_roll", roll=p.g)
-    limit, drop, _ = ball_friction(physics_of_shots(physics, {**varied, "mu_ball_factor": np.array(1.0)}))
-    add("mu_ball_factor", mu_limit=limit, mu_drop=drop)
-    if p.mu_ball is not None:
-        add("mu_ball", mu_limit=p.mu_ball_factor)
-    for name in PHYSICS_RANGES:
-        if hasattr(columns, f"D_{name.upper()}"):
-            add(name, **{name: 1.0})
-    return rates_by_name
+    p, step = physics_of_shots(physics, varied), 1e-30j  # the derivatives of products by complex steps are exact
+    found = {}
+    for name in PARAMETERS:
+        if getattr(p, name) is not None:
+            moved = SimpleNamespace(**{**vars(p), name: getattr(p, name) + step})
+            made = law_numbers(moved, 0.0)
+            rates = [np.imag(made[number]) / step.imag for number in LAW_NUMBERS]
+            found[name] = np.stack(np.broadcast_arrays(*rates), axis=-1)
+    return found
 
 
 class _Inputs(NamedTuple):
@@ -179,7 +170,7 @@ class _Inputs(NamedTuple):
 
     Attributes:
         scene: The scene.
-        numbers: The result of `physics_inputs`.
+        numbers: The result of `physics_inputs`, and the same for "cushion_height".
         strike: (m, 5, 5) derivative of the cue ball's velocity and spin by the strike, or None.
     """
 
@@ -207,7 +198,7 @@ class _Inputs(NamedTuple):
         return (self.scene.n_balls, *width)
 
     def push(self, name: str, change: Floats, inputs: Floats) -> None:
-        """Adds to changes of the inputs of the engine, (m, k, 9 n + 14), those by changes of an input, (m, k, ...)."""
+        """Adds to changes of the inputs of the engine, (m, k, 9 n + NUMBER_INPUTS), those by an input, (m, k, ...)."""
         n = self.scene.n_balls
         balls = inputs[..., : BALL_INPUTS * n].reshape(*inputs.shape[:2], n, BALL_INPUTS)  # a view
         if name == "strike":
@@ -219,7 +210,7 @@ class _Inputs(NamedTuple):
             balls[..., _BALL_INPUTS[name]] += change * self.by_mass() if name == "mass" else change
 
     def pull(self, name: str, adjoint: Floats) -> Floats:
-        """Returns the adjoint of an input, (m, k, ...), for those of the inputs of the engine, (m, k, 9 n + 14)."""
+        """Returns the adjoint of an input, (m, k, ...), for those of the engine, (m, k, 9 n + NUMBER_INPUTS)."""
         n = self.scene.n_balls
         balls = adjoint[..., : BALL_INPUTS * n].reshape(*adjoint.shape[:2], n, BALL_INPUTS)
         if name == "strike":
@@ -251,7 +242,9 @@ def _inputs(record: Record, strike: ArrayLike | None) -> _Inputs:
                 f"strike = {short(parameters.tolist())}: expected the strike of the shot, whose velocity and spin are "
                 f"{begun[off][0].tolist()}, not {struck[off][0].tolist()}"
             )
-    return _Inputs(scene, physics_inputs(scene.physics, record.varied), derivative)
+    height = np.array([float(name == "cushion_height") for name in LAW_NUMBERS])
+    known = physics_inputs(scene.physics, record.varied) | {"cushion_height": height}
+    return _Inputs(scene, known, derivative)
 
 
 def start_states(record: Record) -> Floats:
@@ -315,7 +308,7 @@ def _for_all(record: Record, run: Callable[..., Any], threads: int | None, *arra
 def _push(record: Record, times: Floats, inputs: Floats, most: int, threads: int | None) -> tuple[Floats, Floats]:
     """Calls `push_lanes`; `times` is (m, q). Returns its outputs."""
     m, k = inputs.shape[:2]
-    outputs = np.empty((m, times.shape[1], k, record.scene.n_balls, columns.BALL_WIDTH))
+    outputs = np.empty((m, times.shape[1], k, record.scene.n_balls, BALL_WIDTH))
     results = outputs, np.empty((m, k, most, 3))
     _for_all(record, push_lanes, threads, times, inputs, results)
     return results
@@ -393,7 +386,7 @@ def margins(record: Record, t: ArrayLike | None, threads: int | None) -> Margins
 
 
 def _cue_ball_inputs(record: Record) -> Floats:
-    """Returns unit changes (m, 2, 9 n + 14) of the velocity of the cue ball."""
+    """Returns unit changes (m, 2, 9 n + NUMBER_INPUTS) of the velocity of the cue ball."""
     inputs = np.zeros((len(record.time), 2, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
     inputs[:, [0, 1], [2, 3]] = 1.0
     return inputs
@@ -507,7 +500,7 @@ def _pull_of(
 ) -> Floats:
     """Returns the adjoints of the inputs for k adjoints (m, k, ...) of outputs by name."""
     m, n = len(record.time), record.scene.n_balls
-    outputs = np.zeros((m, k, n, columns.BALL_WIDTH))
+    outputs = np.zeros((m, k, n, BALL_WIDTH))
     at_events = np.zeros((m, k, _most_events(record, tuple(given)), 3))
     for name, value in given.items():
         _chosen(name, outputs, at_events)[...] = value
@@ -621,7 +614,7 @@ def start_jacobians(record: Record, times: Floats, names: Sequence[str], threads
     for lane, name in zip(lanes[len(start) :], names, strict=True):
         lane[BALL_INPUTS * n :] = known[name]
     found = np.empty((m, q, len(lanes), n, 2))
-    step = max(1, _BLOCK // (q * len(lanes) * n * columns.BALL_WIDTH))
+    step = max(1, _BLOCK // (q * len(lanes) * n * BALL_WIDTH))
     for begin in range(0, m, step):
         some = slice(begin, begin + step)
         part = _shots(record, begin, min(begin + step, m))

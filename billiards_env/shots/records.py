@@ -210,6 +210,28 @@ def read(path: str | os.PathLike[str], build: Callable[[str], T], what: str = "a
         raise ValueError(f"{os.fspath(path)}: {error}") from error
 
 
+def scene_of(name: str, n_object_balls: int | None = None) -> Scene:
+    """Returns the scene of an argument such as `--scene`: of a name, or of a file whose name ends in ".json".
+
+    Args:
+        name: A name of `Scene.named`, or a file with the data of `Scene.from_dict`, or with this data as "scene": a
+            report of `calibrate`, or a shot or a game.
+        n_object_balls: Number of object balls of a named scene; None for the usual number.
+
+    Raises:
+        OSError: If the file cannot be read.
+        TypeError, ValueError: If there is no such scene, or a file and a number of balls are given.
+    """
+    if not name.endswith(".json"):
+        return Scene.named(name, n_object_balls)
+    if n_object_balls is not None:
+        raise ValueError(
+            f"scene = {name!r} with a number of object balls: expected no number, the file lists the balls"
+        )
+    data = read(name, json.loads, "a scene")
+    return Scene.from_dict(data["scene"] if isinstance(data, dict) and "scene" in data else data)
+
+
 def json_text(kind: str, data: Mapping[str, Any]) -> str:
     """Returns the JSON text of a file of a kind, with one line per field."""
     from billiards_env import __version__

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -135,14 +135,38 @@ class ShotResult(Differentiable):
         Raises:
             ValueError: If the shot was not recorded, or a time is negative or not finite.
         """
-        if self.trajectory is None:
-            raise ValueError("shot.at: the shot was not recorded, expected simulate(..., record=True)")
+        return self._of_balls(t, self.recording("at").trajectory.path)
+
+    def motion_at(self, t: ArrayLike) -> tuple[Floats, Floats]:
+        """Returns the velocities and the spins of the balls at time t, after the events of this instant.
+
+        Args:
+            t: As in `at`.
+
+        Returns:
+            (..., n, 2) float64, m/s, and (..., n, 3) float64, rad/s, zero unless the motion is "sliding". From the end
+            of the shot on they are `velocities` and `spins`.
+
+        Raises:
+            ValueError: As in `at`.
+        """
+        from billiards_env.drawing.orientation import turning
+
+        recording = self.recording("motion_at")
+        velocities = self._of_balls(t, recording.trajectory.velocities)
+        spins = self._of_balls(t, turning(recording).spins) * (recording.scene.physics.motion == "sliding")
+        ended = np.asarray(t) >= self.time
+        velocities[ended], spins[ended] = self.velocities, self.spins
+        return velocities, spins
+
+    def _of_balls(self, t: ArrayLike, value: Callable[[int, Floats], Floats]) -> Floats:
+        """Returns the values (m, ...) of each ball at some times, with the shape of `t` in front."""
         times = numbers("t", t)
         if not (np.isfinite(times) & (times >= 0)).all():
             raise ValueError(f"t = {short(t)}: expected a finite number of seconds >= 0")
-        balls = range(len(self.potted))
-        paths = [self.trajectory.path(ball, np.minimum(times, self.time).ravel()) for ball in balls]
-        return np.stack(paths, axis=1).reshape(*times.shape, len(balls), 2)
+        until = np.minimum(times, self.time).ravel()
+        found = np.stack([value(ball, until) for ball in range(len(self.potted))], axis=1)
+        return found.reshape(*times.shape, *found.shape[1:])
 
     def sensitivity(self, t: float | None = None) -> Sensitivity:
         """Returns the derivative of the positions at time t with respect to the initial state of the balls.
@@ -260,7 +284,7 @@ class ShotResult(Differentiable):
 
         Args:
             path: The file. Its name must end in ".html" and its folder must exist.
-            title: The page's heading; None for the engine, the number of events and the duration.
+            title: The page's heading; None for the engine, the number of contacts and the duration.
             compare: Another run of the shot, drawn as rings, or a sequence of runs, from which a slider on the page
                 chooses one.
 

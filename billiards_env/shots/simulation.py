@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import operator
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    scene: Scene,
+    scene: Scene | str,
     positions: ArrayLike,
     velocities: ArrayLike | Strike,
     *,
@@ -53,7 +52,7 @@ def simulate(
     """Runs one shot until every ball rests.
 
     Args:
-        scene: Table, balls and physics.
+        scene: Table, balls and physics, or a name of `Scene.named` with as many balls as `positions`.
         positions: (n, 2) centres of the balls, m; ball 0 is the cue ball.
         velocities: (n, 2) m/s, or (2,) for the cue ball alone, or a `Strike`. Only a `Strike` has a cue, which drives
             balls that touch the cue ball together with it, see `engine.frozen_strike`.
@@ -85,17 +84,25 @@ def simulate(
         >>> shot.status, shot.first_hit, shot.velocities.tolist()
         ('max_time', 1, [[0.0, 0.0], [1.0, 0.0]])
     """
-    check_scene(scene)
+    positions = numbers("positions", positions)
+    scene = _scene(scene, positions)
     engine = checked_engine(mode, dt, fix)
     integer("max_events", max_events, "max_events")
     flag("record", record)
-    positions = numbers("positions", positions)
     if positions.ndim != 2:
         raise ValueError(f"positions has shape {positions.shape}: expected ({scene.n_balls}, 2), one row per ball")
     checked = check_shot(scene, positions, *_motion(velocities, spins), in_play, max_time)
     if isinstance(velocities, Strike):
         strike_frozen(scene, scene_fields(scene), tuple(array[None] for array in checked[:4]))
     return run_shot(scene, checked, engine, record, max_events)
+
+
+def _scene(scene: Scene | str, positions: NDArray[np.float64]) -> Scene:
+    """Returns a scene. A name stands for a named scene with the balls of positions (..., n, 2)."""
+    if isinstance(scene, str):
+        scene = Scene.named(scene, positions.shape[-2] - 1 if positions.ndim > 1 else None)
+    check_scene(scene)
+    return scene
 
 
 def _motion(velocities: ArrayLike | Strike, spins: ArrayLike | None) -> tuple[ArrayLike, ArrayLike | None]:
@@ -194,7 +201,9 @@ class BatchResult(Differentiable):
         return (self[k] for k in range(len(self)))
 
     def __getitem__(self, i: int) -> ShotResult:
-        k = operator.index(i)
+        if not isinstance(i, (int, np.integer)):
+            raise TypeError(f"batch[{short(i)}]: expected one index; its arrays, such as batch.positions, have slices")
+        k = int(i)
         if not -len(self) <= k < len(self):
             raise IndexError(f"batch[{k}]: expected an index from {-len(self)} to {len(self) - 1}")
         scene, start, settings = self._arguments
@@ -232,7 +241,7 @@ def _spread_of(values: NDArray[Any]) -> str:
 
 
 def simulate_batch(
-    scene: Scene,
+    scene: Scene | str,
     positions: ArrayLike,
     velocities: ArrayLike | Strike,
     *,
@@ -250,7 +259,7 @@ def simulate_batch(
     """Runs m shots in one scene, each until every ball rests, with the same bits as `simulate`.
 
     Args:
-        scene: Table, balls and physics.
+        scene: As in `simulate`.
         positions: (m, n, 2) centres of the balls, m; ball 0 is the cue ball.
         velocities: (m, n, 2) m/s, or (m, 2) for the cue balls alone, or a `Strike` of m strikes.
         mode: The engine, as in `simulate`.
@@ -280,11 +289,11 @@ def simulate_batch(
         >>> batch.first_hit.tolist()
         [1, 1, -1]
     """
-    check_scene(scene)
+    positions = numbers("positions", positions)
+    scene = _scene(scene, positions)
     integer("max_events", max_events, "max_events")
     if flag("record", record) and mode != "pic":
         raise ValueError(f"record = True with mode = {mode!r}: expected mode='pic', the derivatives of a batch need it")
-    positions = numbers("positions", positions)
     if positions.ndim != 3:
         raise ValueError(f"positions has shape {positions.shape}: expected (m, {scene.n_balls}, 2)")
     if threads is not None:

@@ -148,7 +148,7 @@ def strike_derivatives(scene: Scene, parameters: Floats) -> tuple[Floats, Floats
         ValueError: As in `strike_derivative`.
     """
     cue, checked = _checked(scene, *parameters.T)
-    v, heading, a, b, elevation = checked.T
+    v, _, a, b, _ = checked.T
     if (v < 0.0).any():
         raise ValueError(f"speed = {short(float(v[v < 0.0][0]))}: expected a number >= 0 for a derivative")
     offset = np.hypot(a, b)
@@ -157,29 +157,11 @@ def strike_derivatives(scene: Scene, parameters: Floats) -> tuple[Floats, Floats
         raise ValueError(
             f"offset of the tip = {short(float(offset[slips][0]))}: expected at most {cue.miscue} ball radii, no miscue"
         )
-    s, c = np.sin(heading), np.cos(heading)
-    sin_e, cos_e = np.sin(elevation), np.cos(elevation)
-    zero = np.zeros_like(v)
-    ahead, left, up = np.stack((c, s, zero)), np.stack((-s, c, zero)), np.stack((zero, zero, zero + 1.0))
-    gain, slope = _gain_and_slope(cue, offset)
-    angle, d_angle = _squirt_and_slope(cue, a)
-    direction = np.cos(angle) * ahead - np.sin(angle) * left
-    turned = np.cos(angle) * left + np.sin(angle) * ahead
-    # (vx, vy) is v gain cos_e direction; R times (wx, wy, wz) is 5/2 v gain spin.
-    spin = -a * sin_e * ahead + b * left - a * cos_e * up
-    columns = (
-        (gain * cos_e * direction, gain * spin),
-        (v * gain * cos_e * turned, v * gain * (-a * sin_e * left - b * ahead)),
-        (
-            v * cos_e * (slope * a * direction - gain * d_angle * turned),
-            v * (slope * a * spin - gain * (sin_e * ahead + cos_e * up)),
-        ),
-        (v * cos_e * slope * b * direction, v * (slope * b * spin + gain * left)),
-        (-v * gain * sin_e * direction, v * gain * (-a * cos_e * ahead + a * sin_e * up)),
-    )
-    rows = np.stack([np.concatenate((d_v[:2], 2.5 / cue.radius * d_w)) for d_v, d_w in columns], axis=1)
-    struck = np.concatenate(((v * gain * cos_e * direction)[:2], 2.5 / cue.radius * v * gain * spin))
-    return np.ascontiguousarray(np.moveaxis(rows, 2, 0)), struck.T
+    from billiards_env.physics.derivatives import strike_jacobians
+
+    jacobians, states = np.empty((*checked.shape, 5)), np.empty_like(checked)
+    strike_jacobians(tuple(cue), checked, jacobians, states)
+    return jacobians, states
 
 
 def _checked(scene: Scene, *parameters: ArrayLike) -> tuple[CueNumbers, Floats]:
@@ -208,21 +190,3 @@ def _checked(scene: Scene, *parameters: ArrayLike) -> tuple[CueNumbers, Floats]:
             f"(side, top) = {short(stacked[outside][0, 2:4].tolist())}: expected an offset of at most 1 ball radius"
         )
     return cue_numbers(scene), stacked
-
-
-def _gain_and_slope(cue: CueNumbers, offset: Floats) -> tuple[Floats, Floats]:
-    """Returns `speed_gain` and its slope: the derivative with respect to the offset, divided by the offset."""
-    k, e = 2.5 * offset * offset, cue.restitution
-    total, mass = 1.0 + cue.mass_ratio + k, 1.0 + cue.mass_ratio
-    root = np.sqrt(np.maximum((e * e * total - k) / mass, 0.0))
-    slope = ((e * e - 1.0) / (2.0 * root * mass) if e < 1.0 else 0.0) / total - (1.0 + root) / total**2
-    return (1.0 + root) / total, 5.0 * slope
-
-
-def _squirt_and_slope(cue: CueNumbers, side: Floats) -> tuple[Floats, Floats]:
-    """Returns the angle of `physics.strike.squirt`, rad, and its derivative with respect to the offset."""
-    cosine = np.sqrt(1.0 - side * side)
-    total = 1.0 + cue.end_ratio + 2.5 * cosine * cosine
-    tangent = 2.5 * side * cosine / total
-    slope = 2.5 * (cosine - side * side / cosine) / total + 5.0 * side * tangent / total
-    return np.arctan(tangent), slope / (1.0 + tangent * tangent)

@@ -81,7 +81,7 @@ def next_contact(gap: Sequence[Real], rounding: Sequence[Real], touch: Real, hig
 
 
 def _circle_rounding(reach: Real, speed: Real, noise: Real, push: Real, push_noise: Real) -> Vector:
-    """Returns the rounding of the coefficients of `pair_gap`, with that of the velocity and of the acceleration."""
+    """Returns the rounding of the coefficients of `pair_gap`, of the velocity and of the acceleration."""
     linear, quadratic = 2 * reach * noise, 2 * speed * noise + reach * push_noise
     return mpmath.mpf(0), linear, quadratic, speed * push_noise + push * noise, push * push_noise
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import mpmath
 
-from billiards_env.scene import PHYSICS_RANGES, Scene, ball_friction
+from billiards_env.scene import PARAMETERS, Scene, ball_friction
 from reference.oracle.outline import Arc, Line, walls_of
 from reference.oracle.roots import Real
 
@@ -27,7 +27,7 @@ class TooManyRoundsError(RuntimeError):
 
 @dataclasses.dataclass(frozen=True)
 class World:
-    """The constants of a scene, converted exactly. Attributes that are not listed are those of `Scene`.
+    """The constants of a scene, converted exactly. Attributes that are not listed are as in `Scene`.
 
     Attributes:
         radius: (n,) m.
@@ -51,6 +51,8 @@ class World:
     e_cushion_loss: Real
     e_cushion_onset: Real
     e_cushion_floor: Real
+    mu_cushion_angle: Real
+    e_cushion_topspin: Real
     mu_cushion: Real
     cushion_frequency_ratio: Real
     ball_friction: Vector | None
@@ -73,7 +75,7 @@ class World:
         if scene.physics.cushion == "mathavan2010":
             raise ValueError("physics.cushion = 'mathavan2010': expected cushions with a closed form")
         mpf, table, balls, physics = mpmath.mpf, scene.table, scene.balls, scene.physics
-        names = (name for name in PHYSICS_RANGES if name in cls.__dataclass_fields__)
+        names = (name for name in PARAMETERS if name in cls.__dataclass_fields__)
         friction = map(mpf, ball_friction(physics)) if physics.ball_ball == "frictional" else None
         corners = [(c.x, c.y) for c in table.outline] or [(table.length / 2, table.width / 2)]
         extent = tuple(max(abs(mpf(place[axis])) for place in corners) for axis in (0, 1))
@@ -241,7 +243,7 @@ def bounce(world: World, ball: int, n: Vector, velocity: Vector, spin: Vector) -
     if world.cushion == "restitution":
         vn = -_restitution(world, vn) * vn
     else:
-        law = {"han2005": _han, "stronge": _stronge}[world.cushion]
+        law = {"han2005": _han, "han2005_variable": _han_variable, "stronge": _stronge}[world.cushion]
         vn, vt, wn, wt, wz = law(world, ball, vn, vt, wn, wt, wz)
     return (n[0] * vn + t[0] * vt, n[1] * vn + t[1] * vt), (n[0] * wn + t[0] * wt, n[1] * wn + t[1] * wt, wz)
 
@@ -325,6 +327,23 @@ def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Re
         wx - turn * py * sin,
         wy + turn * (px * sin - pz * cos),
         wz + turn * py * cos,
+    )
+
+
+def _han_variable(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real) -> Vector:
+    """Returns the state after a cushion as `_han`, whose friction and restitution depend on the motion before."""
+    zero, one = mpmath.mpf(0), mpmath.mpf(1)
+    friction = world.mu_cushion + world.mu_cushion_angle * (1 - vx**2 / (vx**2 + vy**2))
+    gain = world.e_cushion_topspin * sorted((zero, world.radius[ball] * wy / vx, one))[1]
+    e = min(one, _restitution(world, vx) + gain)
+    return _han(
+        dataclasses.replace(world, mu_cushion=friction, e_cushion=e, e_cushion_loss=zero, e_cushion_floor=zero),
+        ball,
+        vx,
+        vy,
+        wx,
+        wy,
+        wz,
     )
 
 

@@ -1,9 +1,9 @@
 """Real roots of polynomials on an interval, in mpmath arithmetic.
 
-A polynomial is a sequence of coefficients, the constant first. Its real roots are isolated by those of its derivative:
-between two neighbouring roots of the derivative it is monotone, so it has one root there if its sign changes and no
-root otherwise. The recursion over derivatives ends at a straight line. There is no division by a leading coefficient,
-so a zero one is no special case. A multiple root is a root of the derivative at which the value vanishes.
+A polynomial is a sequence of coefficients, the constant first. Its real roots are isolated by the roots of its
+derivative: between two neighbouring roots of the derivative it is monotone, so it has one root there if its sign
+changes and no root otherwise. The recursion over derivatives ends at a straight line. There is no division by a leading
+coefficient, so a zero one is no special case. A multiple root is a root of the derivative at which the value vanishes.
 """
 
 from __future__ import annotations

@@ -156,7 +156,7 @@ def run(
 
 
 def _rows(name: str, values: Rows, n: int, width: int) -> list[Vector]:
-    """Returns (n, width) mpf; a single row is that of the cue ball, and the others are zero."""
+    """Returns (n, width) mpf; a single row is the row of the cue ball, and the others are zero."""
     rows = list(values)
     if len(rows) == width and not hasattr(rows[0], "__len__"):
         rows = [rows]
@@ -339,7 +339,7 @@ class _Table:
         return first
 
     def place(self, p: _Prediction) -> tuple[int, ...]:
-        """Returns the place of a prediction among those of the same instant."""
+        """Returns the place of a prediction among the predictions of the same instant."""
         return (p.kind, p.ball, p.other)
 
     def solve(self, p: _Prediction, base: Real) -> None:

@@ -29,8 +29,11 @@ from billiards_env.engine.pic import run_shots
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import Shots, empty_shots
 from billiards_env.jit import allocating, allocating_entry_point, kernel
-from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.motion import motion_after, norm, slip_after, spin_after
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import contact_distance
+from billiards_env.physics.geometry.walls import BEGIN_TX, BEGIN_TY, END_TX, END_TY, TIP_RADIUS, TIP_X, TIP_Y
+from billiards_env.physics.laws.cloth import spin_after
+from billiards_env.physics.motion import motion_after, slip_after
 from billiards_env.physics.state import (
     POCKET_RADIUS,
     POCKET_X,
@@ -50,7 +53,6 @@ from billiards_env.physics.state import (
     own_time,
     since,
 )
-from billiards_env.physics.walls import BEGIN_TX, BEGIN_TY, END_TX, END_TY, TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.scene import Scene
 
 OVERLAP, OUTSIDE, RISE, RISE_SUM, MOMENTUM, BROKEN, FULL, IMPACTS, DRIFT_X, DRIFT_Y = range(10)

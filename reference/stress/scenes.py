@@ -47,7 +47,7 @@ def run(scene: Scene, places: Any, velocities: Any, spins: Any = None, **options
 
 
 def kinds(shot: ShotResult, *wanted: str) -> list[tuple[str, int, int]]:
-    """Returns (kind, ball, other) of the events, or only of those of the given kinds."""
+    """Returns (kind, ball, other) of the events, or only of the events of the given kinds."""
     assert shot.events is not None
     names = [(str(e["kind"]), int(e["ball"]), int(e["other"])) for e in shot.events]
     return [name for name in names if not wanted or name[0] in wanted]

@@ -17,10 +17,9 @@ UNUSED = (
     "engine.margins",
     "envs.wrappers",
     "games",
-    "physics.cushion_derivatives",
     "physics.derivatives",
-    "physics.lanes",
-    "physics.mathavan_derivatives",
+    "physics.laws.mathavan_tangent",
+    "physics.rules",
     "physics.tangent",
     "play",
     "players",
@@ -34,10 +33,10 @@ NOT_COMPILED = (
     "engine.cell_grid",
     "engine.overlaps",
     "engine.pit",
-    "physics.complementarity",
-    "physics.compliance",
-    "physics.elementary",
-    "physics.mathavan",
+    "physics.clusters.complementarity",
+    "physics.laws.cushion_mathavan2010",
+    "physics.laws.cushion_stronge",
+    "physics.laws.mathavan",
     "physics.strike",
     "rules",
 )
@@ -65,8 +64,9 @@ def test_a_plain_step_compiles_no_part(plain):
     """Every scene once compiled the law of Mathavan, Jackson and Parkin (2010)."""
     assert "billiards_env.engine.pic.run" in plain["functions"]
     assert of(plain["functions"], NOT_COMPILED) == []
-    friction = of(plain["functions"], ("physics.ball_friction",))
-    assert friction == ["billiards_env.physics.ball_friction.rub_pair"]  # which returns at once
+    assert of(plain["functions"], ("physics.clusters.friction",)) == ["billiards_env.physics.clusters.friction.tilt_of"]
+    assert "billiards_env.physics.laws.balls.friction_impulse" not in plain["functions"]
+    assert of(plain["functions"], ("physics.elementary",)) == ["billiards_env.physics.elementary.norm"]
 
 
 def test_the_table_compares_rows(plain, tmp_path, monkeypatch, capsys):

@@ -16,7 +16,7 @@ from billiards_env.calibration.prepare import prepare, rows_of
 from billiards_env.calibration.rows import Layout
 from billiards_env.calibration.shared import normal_equations, with_numbers
 from billiards_env.calibration.starts import allowed, settle
-from billiards_env.scene import PHYSICS_RANGES, Physics, check_positions, layouts
+from billiards_env.scene import PARAMETERS, Physics, check_positions, layouts
 from billiards_env.shots import gradients
 
 SCENE = Scene.named("carom", 1)
@@ -329,4 +329,4 @@ def test_derivatives_of_many_shots_are_those_of_single_shots(monkeypatch):
 
 
 def test_every_number_of_the_derivatives_has_a_range():
-    assert set(PHYSICS_RANGES) == set(gradients.physics_inputs(Physics(mu_ball=0.05)))
+    assert set(PARAMETERS) == set(gradients.physics_inputs(Physics(mu_ball=0.05)))

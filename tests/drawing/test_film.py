@@ -112,3 +112,17 @@ def test_an_interrupted_film_keeps_the_old_file(shot, tmp_path, monkeypatch):
         shot.to_mp4(target)
     assert target.read_text() == "old"
     assert os.listdir(tmp_path) == ["a.mp4"]
+
+
+@pytest.mark.parametrize("size", [1000, 40_000])
+def test_a_film_that_does_not_fit_on_the_disk_is_an_error_and_leaves_no_file(size, shot, tmp_path):
+    """A limit on the size of files acts on the encoder as a full disk does."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        with pytest.raises(OSError, match=r"the encoder of the film failed, the disk may be full: '.*/a\.mp4'"):
+            shot.to_mp4(tmp_path / "a.mp4", fps=30, width=400)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert os.listdir(tmp_path) == []

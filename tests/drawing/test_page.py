@@ -245,7 +245,8 @@ def test_notebooks_show_the_page_in_an_iframe(tab, shot, tmp_path):
     tab.goto((tmp_path / "notebook.html").as_uri())
     assert tab.evaluate("document.querySelector('iframe').getBoundingClientRect().width") > 600
     inner = tab.frames[1]
-    assert text(inner, "h1") == "Exact engine (PIC): 14 events, shot lasts 5.27 s"
+    assert text(inner, "h1") == "Exact engine (PIC): 7 contacts in 5.27 s"
+    assert inner.evaluate("document.querySelectorAll('#events li').length") == 7
     inner.evaluate("billiards.seek(1.0)")
     assert np.abs(at(inner, 0, 1.0) - shot.at(1.0)).max() < 1e-9
     assert pixel(inner, *shot.at(1.0)[0]) == [255, 255, 255]

@@ -21,7 +21,10 @@ from billiards_env.envs.action_frames import (
     cut,
     sum_to_three,
 )
-from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
+from billiards_env.envs.actions import add_noise
+from billiards_env.envs.arguments import check_noise
+from billiards_env.envs.episodes import noise_stream
+from billiards_env.envs.wrappers import ActionFrame, VectorActionFrame
 from billiards_env.scene import Scene, layouts
 
 POOL = Scene.named("pool")
@@ -143,8 +146,7 @@ def test_leading_axes_and_clipping_of_actions(frame):
 
 def wrapped():
     yield from (ActionFrame(make(), frame, ball) for frame, ball in zip(FRAMES, ("first", 2), strict=True))
-    yield ExecutionNoise(make())
-    yield ActionFrame(ExecutionNoise(make()), "cut")
+    yield ActionFrame(make(noise=NOISE), "cut")
 
 
 def test_environment_checkers_pass():
@@ -167,8 +169,8 @@ def test_environment_checkers_pass():
     ],
 )
 def test_vector_wrappers_play_the_same_as_single_ones(frame, action, mode, build):
-    envs: Any = VectorActionFrame(VectorExecutionNoise(build(mode, action=action), **NOISE), frame)
-    wrapped = [lambda: ActionFrame(ExecutionNoise(make(action=action), **NOISE), frame)] * envs.num_envs
+    envs: Any = VectorActionFrame(build(mode, action=action, noise=NOISE), frame)
+    wrapped = [lambda: ActionFrame(make(action=action, noise=NOISE), frame)] * envs.num_envs
     singles = SyncVectorEnv(wrapped, autoreset_mode=mode)
     observations, _ = envs.reset(seed=11)
     assert len({tuple(row) for row in observations.tolist()}) == envs.num_envs
@@ -215,21 +217,19 @@ def test_positions_and_potted_are_copies(vector):
 # --- noise ------------------------------------------------------------------------------------------------------------
 
 
-def noisy_shots(env, count, seed: int | None = 0, action=(0.0, 0.5)):
+def noisy_shots(count, seed=0, action=(0.0, 0.5)):
     """Returns the actions after noise of `count` shots, by default at half the largest speed along y."""
-    shots = []
-    env.unwrapped.step = lambda noisy: (shots.append(noisy), 0.0, False, False, {})
-    env.reset(seed=seed)
-    for _ in range(count):
-        env.step(np.array(action, np.float32))
-    return np.array(shots)
+    kind = "strike" if len(action) > 2 else "velocity"
+    stream, shots = noise_stream(seed, None)[None], np.array([[action]] * count, np.float64)
+    for shot in shots:
+        add_noise(0, 1, np.zeros(1, bool), shot, check_noise({}, POOL, kind, 4.0), stream)
+    return shots[:, 0]
 
 
 @pytest.mark.parametrize("action", ["velocity", "strike"])
-def test_noise_has_the_given_standard_deviations_and_is_repeatable(action):
-    noisy = [ExecutionNoise(make(n_object_balls=1, max_speed=4.0, action=action).unwrapped) for _ in range(2)]
+def test_noise_has_the_given_standard_deviations(action):
     aimed = [0.0, 0.5, 0.1, -0.1, 0.2][: 5 if action == "strike" else 2]
-    shots = noisy_shots(noisy[0], 4000, action=aimed)
+    shots = noisy_shots(4000, action=aimed)
     angles, speeds = np.rad2deg(np.arctan2(-shots[:, 0], shots[:, 1])), 4 * np.hypot(*shots[:, :2].T)
     offset = 0.0005 / (0.5 * POOL.balls.radius[0])
     tip = zip(shots[:, 2:].T, aimed[2:], (offset, offset, 0.1 / 90), strict=False)
@@ -238,26 +238,29 @@ def test_noise_has_the_given_standard_deviations_and_is_repeatable(action):
         assert values.std() == pytest.approx(std, rel=4 / np.sqrt(2 * 4000))
     correlations = np.corrcoef([angles, speeds, *shots[:, 2:].T]) - np.eye(len(aimed))
     assert np.abs(correlations).max() < 4.5 / np.sqrt(4000)
-    assert noisy_shots(noisy[1], 10, action=aimed).tobytes() == shots[:10].tobytes()
-    assert noisy_shots(noisy[1], 10, seed=1, action=aimed).tobytes() != shots[:10].tobytes()
+    assert noisy_shots(10, seed=1, action=aimed).tobytes() != shots[:10].tobytes()
 
 
 def test_noise_does_not_change_the_layouts():
-    plain, noisy = make(max_shots=1), ExecutionNoise(make(max_shots=1))
+    plain, noisy = make(max_shots=1), make(max_shots=1, noise={})
     for seed in (4, None, None):
         assert plain.reset(seed=seed)[0].tobytes() == noisy.reset(seed=seed)[0].tobytes()
-        plain.step(np.array([0.5, 0.1]))
-        noisy.step(np.array([0.5, 0.1]))
+        assert plain.step([0.5, 0.1])[4]["shot_time"] != noisy.step([0.5, 0.1])[4]["shot_time"]
 
 
-def test_unseeded_noise_differs():
-    actions = [noisy_shots(ExecutionNoise(make().unwrapped), 3, seed=None) for _ in range(2)]
-    assert actions[0].tobytes() != actions[1].tobytes()
+def test_the_noise_follows_the_seeds_and_the_noise_seed():
+    def shot(seed, **arguments):
+        env: Any = make(noise=NOISE, **arguments).unwrapped
+        env.reset(seed=seed, options={"positions": [[-0.5, 0.0], [0.5, 0.1], [-0.2, 0.4]]})
+        return env.step([0.3, 0.0])[0].tobytes()
+
+    assert shot(1) == shot(1)
+    assert len({shot(1), shot(2), shot(1, noise_seed=1), shot(1, noise_seed=2), shot(None), shot(None)}) == 6
 
 
 @pytest.mark.parametrize("build", [native, sync])
 def test_lists_of_seeds_and_masked_seeds_seed_the_noise(build):
-    envs, twin = (VectorExecutionNoise(build(AutoresetMode.DISABLED, 3), **NOISE) for _ in range(2))
+    envs, twin = (build(AutoresetMode.DISABLED, 3, noise=NOISE) for _ in range(2))
     action = np.array([[0.1, 0.2]] * 3, np.float32)
 
     def play(envs, seed=None, mask=None):
@@ -290,15 +293,17 @@ def test_lists_of_seeds_and_masked_seeds_seed_the_noise(build):
 )
 def test_equal_shots_have_equal_noise(action, clipped, vector, frame):
     def shots(chosen):
-        """Returns the actions after noise of three equal shots."""
-        if vector:
-            env: Any = VectorExecutionNoise(gym.make_vec("Billiards-v0", 2, action="strike"))
-            env, chosen = VectorActionFrame(env, frame) if frame else env, [chosen] * 2
-        else:
-            env = ExecutionNoise(gym.make("Billiards-v0", action="strike").unwrapped)
-            env = ActionFrame(env, frame) if frame else env
-        return noisy_shots(env, 3, action=chosen)
+        """Returns the observations after three equal shots."""
+        options: dict[str, Any] = {"action": "strike", "noise": {}, "max_shots": 1}
+        env: Any = gym.make_vec("Billiards-v0", 2, **options) if vector else make(**options)
+        if frame:
+            env = (VectorActionFrame if vector else ActionFrame)(env, frame)
+        found = []
+        for seed in (0, None, None):
+            env.reset(seed=seed)
+            found.append(env.step([chosen] * 2 if vector else chosen)[4])
+        return [info["final_info"]["shot_time"].tolist() if vector else info["shot_time"] for info in found]
 
     found = shots(action)
-    assert found.tobytes() == shots(clipped).tobytes()
-    assert (found[0] != found[1]).all()
+    assert found == shots(clipped)
+    assert found[0] != found[1]

@@ -27,8 +27,8 @@ def kinds_of(info, n):
     kinds = {}
     for key, value in info.items():
         assert isinstance(value, (np.generic, np.ndarray)), key
-        assert value.shape in ((), (n,)), key
-        kinds[key] = "(n,) " * value.ndim + value.dtype.name
+        assert value.shape == ((8,) if key == "episode_seed" else (n,) * value.ndim), key
+        kinds[key] = ("(8,) " if key == "episode_seed" else "(n,) ") * value.ndim + value.dtype.name
     return kinds
 
 
@@ -77,7 +77,7 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
     n = env.scene.n_balls
     last = env.observe_shots_left
     places = 2 * (n + (TASKS[env.task].goal_radius > 0))
-    flags = n - 1 if TASKS[env.task].opening else 0
+    flags = n - 1 if TASKS[env.task].is_game else 0
     drawn, seen = env.randomize, env.observe_physics * len(env.randomize)
     assert env.observation_space.shape == (places + flags + last + seen,)
     assert env.observation_space.dtype == np.float32
@@ -91,6 +91,7 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
         observation, info = env.reset(seed=episode)
         assert kinds_of(info, n) == documented
         assert all(low <= info.pop(name) <= high for name, (low, high) in drawn.items())
+        del info["episode_seed"]
         assert all((value == starts[DOCUMENTED_INFO[key][1]]).all() for key, value in info.items())
         assert observation in env.observation_space
         assert np.abs(observation[:places]).max() < 1

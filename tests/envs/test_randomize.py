@@ -8,7 +8,7 @@ import pytest
 from billiards_env import simulate
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
 from billiards_env.envs.actions import cue_strike
-from billiards_env.players.env_player import situation
+from billiards_env.players.env_player import rewards, situation
 from billiards_env.shots import records
 
 RANGES = {"mu_roll": [0.004, 0.02], "e_ball": [0.8, 1.0]}
@@ -105,9 +105,10 @@ def test_players_and_records_have_the_physics_of_the_episode(tmp_path):
     _, info = env.reset(seed=0)
     plain.reset(seed=0)
     assert situation(env).scene.physics.mu_roll == info["mu_roll"]
-    episodes = env.episodes(3)
-    assert all(episodes.physics[name].tolist() == [info[name]] * 3 for name in RANGES)
-    assert env.step([0.5, 0.1])[4]["shot_time"] == plain.step([0.5, 0.1])[4]["shot_time"]
+    rated = rewards(env, np.array([[0.5, 0.1]] * 3)).tolist()
+    _, reward, _, _, after = env.step([0.5, 0.1])
+    assert rated == [reward] * 3
+    assert after["shot_time"] == plain.step([0.5, 0.1])[4]["shot_time"]
     env._episodes.recorded[0].save(tmp_path / "shot.json")
     record = records.load(tmp_path / "shot.json")
     assert record.scene.physics.e_ball == info["e_ball"]

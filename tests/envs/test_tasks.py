@@ -5,7 +5,9 @@ import pytest
 
 from billiards_env.envs import BilliardsEnv, tasks
 from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
+from billiards_env.games import STATE
 from tests.helpers.environments import RUN_OUTS
+from tests.helpers.games import state
 
 GOAL = (0.3, -0.2)
 PLACE, POSITION = tasks.TASKS["place"].goal_radius, tasks.TASKS["position"].goal_radius
@@ -21,7 +23,7 @@ SAMPLE: dict[str, Any] = {
 
 def judged(kernel, targets, goal_radius=0.0, **arrays: Any):
     """Returns the result of the last shot in the arrays."""
-    numbers = TaskNumbers(targets, 1 << np.arange(len(targets)), 0, goal_radius, 1, 0.0, 1.0, 1.0, False)
+    numbers = TaskNumbers(targets, 1 << np.arange(len(targets)), None, 0, goal_radius, 1, 0.0, 1.0, 1.0, False)
     unused = EpisodeArrays(*[None] * len(EpisodeArrays._fields))
     return kernel(len(arrays["potted"]) - 1, numbers, unused._replace(**arrays))
 
@@ -156,14 +158,14 @@ def test_the_points_of_a_shot(judge, shot, result):
 # --- run-outs ---------------------------------------------------------------------------------------------------------
 
 
-def run_out(task, before=(), potted=(), first=1, on=(), cushion=5):
+def run_out(task, before=(), potted=(), first=1, cushion=5, **fields):
     """Returns the result of a shot of a run-out, and the legal balls after it.
 
-    `cushion` is the ball that touches a cushion after the hit, or -1.
+    `cushion` is the ball that touches a cushion after the hit, or -1. `fields` are fields of the state before the shot.
     """
     n = RUN_OUTS[task] + 1
     was, off, legal = (np.zeros((1, n), np.bool_) for _ in range(3))
-    was[0, list(before)] = off[0, list(before)] = off[0, list(potted)] = legal[0, list(on)] = True
+    was[0, list(before)] = off[0, list(before)] = off[0, list(potted)] = True
     cushions = np.zeros((1, n), np.int32)
     if cushion >= 0:
         cushions[0, cushion] = 1
@@ -178,6 +180,7 @@ def run_out(task, before=(), potted=(), first=1, on=(), cushion=5):
         cushions=cushions,
         cushions_before_hit=before_hit,
         first_hit=np.array([first]),
+        states=np.array([state(task, on_table=set(range(n)) - {*before}, **fields)], STATE),
         legal_balls=legal,
     )
     return result, set(np.flatnonzero(legal[0]).tolist())
@@ -198,11 +201,11 @@ def run_out(task, before=(), potted=(), first=1, on=(), cushion=5):
         ({"potted": [9]}, (9, True, True), {1}),  # a combination
         ({"potted": [9], "first": 5}, (0, True, False), {1}),
         ({"potted": [9, 0]}, (0, True, False), {1}),
-        ({"before": range(1, 9), "potted": [9], "first": 9, "on": [9]}, (1, True, True), set()),
+        ({"before": range(1, 9), "potted": [9], "first": 9}, (1, True, True), set()),
     ],
 )
 def test_nine_ball(shot, result, on):
-    assert run_out("nine_ball", **{"on": [1], **shot}) == (result, on)
+    assert run_out("nine_ball", **shot) == (result, on)
 
 
 ALL, SOLIDS, STRIPES = set(range(1, 16)), set(range(1, 8)), set(range(9, 16))
@@ -212,33 +215,33 @@ ALL, SOLIDS, STRIPES = set(range(1, 16)), set(range(1, 8)), set(range(9, 16))
     ("shot", "result", "on"),
     [
         # The break
-        ({"on": ALL, "potted": [3, 11]}, (2, False, False), ALL - {3, 8, 11}),
-        ({"on": ALL}, (0, True, False), ALL - {8}),
-        ({"on": ALL, "potted": [3, 0]}, (0, True, False), ALL - {3, 8}),
-        ({"on": ALL, "potted": [8]}, (0, True, False), ALL - {8}),
+        ({"break_shot": True, "potted": [3, 11]}, (2, False, False), ALL - {3, 8, 11}),
+        ({"break_shot": True}, (0, True, False), ALL - {8}),
+        ({"break_shot": True, "potted": [3, 0]}, (0, True, False), ALL - {3, 8}),
+        ({"break_shot": True, "potted": [8]}, (0, True, False), ALL - {8}),
         # An open table
         ({"potted": [2], "first": 2}, (1, False, False), SOLIDS - {2}),
         ({"potted": [11], "first": 2}, (1, False, False), STRIPES - {11}),
         ({"potted": [2, 3, 11], "first": 11}, (1, False, False), STRIPES - {11}),
         ({"potted": [2, 3, 11], "first": 1}, (2, False, False), SOLIDS - {2, 3}),
-        ({"potted": [2], "first": 8}, (0, True, False), SOLIDS - {2}),
+        ({"potted": [2], "first": 8}, (0, True, False), ALL - {2, 8}),  # a foul decides no group
         ({}, (0, True, False), ALL - {8}),
         # A group
-        ({"on": SOLIDS, "potted": [2]}, (1, False, False), SOLIDS - {2}),
-        ({"on": SOLIDS, "potted": [2, 11]}, (1, False, False), SOLIDS - {2}),
-        ({"on": SOLIDS, "potted": [11]}, (0, True, False), SOLIDS),
-        ({"on": SOLIDS, "potted": [2], "first": 11}, (0, True, False), SOLIDS - {2}),
-        ({"on": SOLIDS, "potted": [2, 8]}, (1, True, False), SOLIDS - {2}),
-        ({"on": {3}, "before": SOLIDS - {3}, "potted": [3], "first": 3}, (1, False, False), {8}),
+        ({"solids": 0, "potted": [2]}, (1, False, False), SOLIDS - {2}),
+        ({"solids": 0, "potted": [2, 11]}, (1, False, False), SOLIDS - {2}),
+        ({"solids": 0, "potted": [11]}, (0, True, False), SOLIDS),
+        ({"solids": 0, "potted": [2], "first": 11}, (0, True, False), SOLIDS - {2}),
+        ({"solids": 0, "potted": [2, 8]}, (1, True, False), SOLIDS - {2}),
+        ({"solids": 0, "before": SOLIDS - {3}, "potted": [3], "first": 3}, (1, False, False), {8}),
         # The eight ball
-        ({"on": {8}, "before": SOLIDS, "potted": [8], "first": 8}, (1, True, True), {8}),
-        ({"on": {8}, "before": SOLIDS, "potted": [8, 0], "first": 8}, (0, True, False), {8}),
-        ({"on": {8}, "before": SOLIDS, "first": 8}, (0, True, False), {8}),
-        ({"on": {8}, "before": SOLIDS, "potted": [8], "first": 9}, (0, True, False), {8}),
+        ({"solids": 0, "before": SOLIDS, "potted": [8], "first": 8}, (1, True, True), {8}),
+        ({"solids": 0, "before": SOLIDS, "potted": [8, 0], "first": 8}, (0, True, False), {8}),
+        ({"solids": 0, "before": SOLIDS, "first": 8}, (0, True, False), {8}),
+        ({"solids": 0, "before": SOLIDS, "potted": [8], "first": 9}, (0, True, False), {8}),
     ],
 )
 def test_eight_ball(shot, result, on):
-    assert run_out("eight_ball", **{"on": ALL - {8}, **shot}) == (result, on)
+    assert run_out("eight_ball", **shot) == (result, on)
 
 
 @pytest.mark.parametrize(
@@ -256,3 +259,4 @@ def test_the_legal_balls_of_the_first_shot(task, layout, legal):
     env = BilliardsEnv(task=task, layout=layout)
     env.reset(seed=0)
     assert set(np.flatnonzero(env.legal_balls).tolist()) == legal
+    assert env.game_states["break_shot"].tolist() == [legal == ALL] * (task != "pot")

@@ -42,6 +42,10 @@ def test_stable_baselines3_trains_and_writes_curves(tmp_path):
     assert list(tmp_path.rglob("events*"))
 
 
+def test_tree_search_plays_an_episode():
+    assert 0.0 <= load("tree_search")["main"](["--episodes", "1", "--simulations", "10"]) <= 9.0
+
+
 @pytest.mark.tools
 def test_optuna_returns_the_best_of_its_trials():
     study = load("optuna_sweep")["run"](2048, episodes=50)

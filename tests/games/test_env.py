@@ -8,7 +8,8 @@ import pytest
 
 from billiards_env import simulate
 from billiards_env.envs.actions import cue_strike
-from billiards_env.games import RULES, Call, Stroke, billiards_v0, replay
+from billiards_env.games import GAMES, Call, Stroke, billiards_v0, replay, to_dict
+from billiards_env.games.state import ANYWHERE
 from billiards_env.scene.layouts import MARGIN
 from tests.helpers.environments import printed
 from tests.helpers.games import in_a_row
@@ -19,7 +20,7 @@ with warnings.catch_warnings():
     from pettingzoo.test import api_test, render_test
 
 VARIANTS = [
-    *({"rules": rules} for rules in RULES),
+    *({"rules": rules} for rules in GAMES),
     {"rules": "nine_ball", "n_players": 3},
     {"rules": "straight", "n_players": 4, "n_object_balls": 5, "target": 4},
     {"rules": "carom", "n_players": 3, "target": 2, "layout": "random"},
@@ -69,13 +70,13 @@ def test_random_games_end_for_all_players_and_depend_on_the_seed_alone(kwargs):
         log, total = play_game(env, seed)
         *_, (_, _, _, terminated, truncated, _) = log
         shots, game = len(env.unwrapped.history().strokes), env.unwrapped
-        winner, scores = game.game.state.winner, game.game.state.scores
+        winner, scores = game.game.state.winner, to_dict(game.game.state)["scores"]
         assert len(log) == shots + len(total)  # a last turn for each player
         assert {row[3:5] for row in log[shots:]} == {(terminated, truncated)}
         assert terminated != truncated
         if truncated:
             assert (shots, winner) == (game.max_shots, -1)
-        elif RULES[kwargs["rules"]].target is None:
+        elif GAMES[kwargs["rules"]].target is None:
             lost = -1 / (len(total) - 1)
             assert list(total.values()) == [1.0 if k == winner else lost for k in range(len(total))]
         else:
@@ -221,7 +222,7 @@ def test_actions_cover_the_whole_placement_area():
         env.reset(seed=0)
         env.step(np.array([0, 0, *action], np.float32))
         assert env.history().strokes[0].place == pytest.approx(place)
-    assert env.game.state.in_hand == "anywhere"
+    assert env.game.state.in_hand == ANYWHERE
     env.step(np.array([0, 0, 0.25, 0.5], np.float32))
     assert env.history().strokes[1].place == pytest.approx((0.25 * x_end, 0.5 * y_end))
 
@@ -238,7 +239,7 @@ def test_a_history_can_be_replayed():
     play_game(env, 1)
     *_, last = replay(env.unwrapped.history())
     assert last.game.positions.tobytes() == env.unwrapped.game.positions.tobytes()
-    assert last.game.state == env.unwrapped.game.state
+    assert to_dict(last.game.state) == to_dict(env.unwrapped.game.state)
 
 
 def test_frames():

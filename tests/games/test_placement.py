@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from billiards_env.games import placement
-from billiards_env.games.judging import RuleState
+from billiards_env.games.state import IN_HAND, State, row, set_of
 from billiards_env.scene import Balls, Scene, check_positions
 from billiards_env.scene.layouts import MARGIN, layout_plan
 from billiards_env.scene.table import Table
@@ -18,7 +18,7 @@ AWAY = np.array([[-1.2 + 0.1 * i, 0.55] for i in range(16)])
 
 def place(point, on_table=(), in_hand="anywhere", positions=AWAY):
     """Returns the place of a cue ball in hand."""
-    state = RuleState(0, (0, 0), frozenset({0, *on_table}), in_hand=in_hand)
+    state = row(State(object_balls=set_of(on_table), in_hand=IN_HAND.index(in_hand)))
     return placement.cue_ball_point(SCENE, positions, state, point)
 
 
@@ -45,6 +45,12 @@ def test_a_ball_is_spotted_on_the_long_string(balls, x):
     positions[15] = placement.spotted_point(SCENE, positions, lying, 15, 0)
     assert positions[15] == pytest.approx((x, 0.0), abs=1e-15)
     check_positions(SCENE, positions)
+
+
+def test_balls_are_spotted_one_behind_the_other():
+    positions = AWAY.copy()
+    placement.spot_at_foot(SCENE, positions, [0, 4], [1, 2, 3], 0)
+    assert positions[1:4, 0] == pytest.approx(FOOT + 2 * R * np.arange(3), abs=1e-15)
 
 
 def test_a_spotted_ball_does_not_touch_the_cue_ball():
@@ -149,7 +155,7 @@ def test_straight_pool_special_racking_situations(case):  # 4.8
     positions = np.zeros((16, 2))
     positions[15], positions[0] = last or (0.0, 0.0), cue
     on_table = {0, 15} if last else {0}
-    assert placement.rack_again(SCENE, positions, on_table, 0) == in_hand
+    assert IN_HAND[placement.rack_again(SCENE, positions, on_table, 0)] == in_hand
     assert positions[15] == pytest.approx(last_after)
     assert cue_after is None or positions[0] == pytest.approx(cue_after)
     full = "potted" in case or "both" in case

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.games import RULES, Call, Setup, Stroke, billiards_v0, custom_opening, opening, play
+from billiards_env.games import GAMES, Call, Setup, Stroke, billiards_v0, custom_opening, opening, play
 from tests.helpers.errors import refusals
 from tests.helpers.games import in_a_row, setup
 
@@ -29,7 +29,7 @@ RNG, PLACES = np.random.default_rng, in_a_row(10)
 @refusals(
     "rules, settings",
     [
-        ("ten_ball", {}, "rules = 'ten_ball'"),
+        ("one_pocket", {}, "rules = 'one_pocket'"),
         (3, {}, "rules = 3"),
         ("nine_ball", {"scene": Scene.named("pool", 8)}, "8 object balls: expected 9"),
         ("straight", {"scene": Scene.named("ideal", 16)}, "expected 1 to 15"),
@@ -53,7 +53,7 @@ RNG, PLACES = np.random.default_rng, in_a_row(10)
     ],
 )
 def test_wrong_settings(rules, settings, message, kind):
-    usual = setup(rules if rules in RULES else "nine_ball").scene
+    usual = setup(rules if rules in GAMES else "nine_ball").scene
     with pytest.raises(kind, match=message):
         Setup(rules, **{"scene": usual, **settings})
 
@@ -140,10 +140,10 @@ def begun(options: Any = None, **kwargs: Any) -> Any:
         (lambda: custom_opening(setup("nine_ball"), PLACES[:9]), r"positions has shape \(9, 2\)"),
         (lambda: custom_opening(setup("nine_ball"), PLACES[[0, 1, 1, *range(3, 10)]]), "balls 1 and 2"),
         (
-            lambda: RULES["nine_ball"].callable(opening(setup("nine_ball"), RNG(0)).state, 0),
+            lambda: setup("nine_ball").callable(opening(setup("nine_ball"), RNG(0)).state),
             "game = 'nine_ball': expected",
         ),
-        (lambda: begun(rules="ten_ball"), "rules = 'ten_ball'"),
+        (lambda: begun(rules="one_pocket"), "rules = 'one_pocket'"),
         (lambda: begun(rules="eight_ball", n_object_balls=9), "9 object balls: expected 15"),
         (lambda: begun(layout="line"), "layout = 'line'"),
         (lambda: begun(max_shots=0), "max_shots = 0"),

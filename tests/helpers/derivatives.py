@@ -24,6 +24,7 @@ SCENES = {
     "sliding": Scene(Balls.uniform(3), Table(2.0, 1.0), Physics(cushion="restitution")),
     "han2005": dataclasses.replace(Scene.named("carom", 2), physics=Physics(**FALLING)),
     "stronge": real("carom", 2, **FALLING),
+    "variable": real("carom", 2, cushion="han2005_variable", mu_cushion_angle=0.07, e_cushion_topspin=0.04),
     "grip": real("carom", 2, mu_ball=0.05, mu_cushion=0.5),
     "floor": real("carom", 2, **{**FALLING, "e_cushion_floor": 0.9, "mu_cushion": 0.05}),
     "jaws": Scene.named("real_pool", 2),

@@ -10,7 +10,7 @@ import numpy as np
 
 from billiards_env.envs.tasks import TASKS
 
-RUN_OUTS = {name: task.n_object_balls[0] for name, task in TASKS.items() if task.opening}
+RUN_OUTS = {name: task.n_object_balls[0] for name, task in TASKS.items() if task.is_game}
 """The run-outs and their numbers of object balls."""
 
 LONG = {"max_shots": 3, "observe_shots_left": True}

@@ -1,19 +1,20 @@
 """States and facts of games, made by hand."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 
 from billiards_env import Scene
-from billiards_env.games import NO_CALL, RULES, RuleState, Setup
-from billiards_env.games.judging import balls_of, call_array, fact_array, facts_of, state_array, verdict_of
-from billiards_env.rules import judge_shots, legal_balls
+from billiards_env.games import CALLS, GAMES, IN_HAND, NO_CALL, Setup, referee, to_dict
+from billiards_env.games.facts import facts_of, pots_of
+from billiards_env.games.state import CALL, FACTS, STATE, Called, changed, row, set_of
 from billiards_env.shots.result import EVENT_DTYPE
 
 
 def setup(rules, balls=None, **kwargs):
     """Returns the settings of a game on its usual table, with the most or a given number of object balls."""
-    game = RULES[rules]
+    game = GAMES[rules]
     scene = Scene.named(game.scene, balls or game.n_object_balls[1])
     if rules == "snooker":  # it runs the code that is compiled for the pool games
         scene = dataclasses.replace(scene, physics=Scene.named("real_pool").physics)
@@ -30,28 +31,51 @@ def events(*rows, times=None):
     return log
 
 
-def facts(text="", cue=0, times=None):
-    """Returns the facts of a shot with events such as "hit 0 1, cushion 1, pocket 1 5", see `events`."""
+def log_of(text, times=None):
+    """Returns the events of a text such as "hit 0 1, cushion 1, pocket 1 5", see `events`."""
     rows = [event.split() for event in text.split(",") if event]
-    return facts_of(events(*((kind, *map(int, balls)) for kind, *balls in rows), times=times), cue)
+    return events(*((kind, *map(int, balls)) for kind, *balls in rows), times=times)
+
+
+def words(row):
+    """Returns a row of a structured array in words, with attributes."""
+    return SimpleNamespace(**to_dict(row))
 
 
 def state(rules, *, on_table=None, players=2, **fields):
-    """Returns a state in the middle of a game, with all balls or the cue ball and the object balls of `on_table`."""
-    n = 1 + RULES[rules].n_object_balls[1]
-    start = RuleState(0, (0,) * players, frozenset(range(n)), False, "no", RULES[rules].cue_balls)
-    start = start._replace(reds=15 if rules == "snooker" else 0)
-    return start._replace(**fields, on_table=start.on_table if on_table is None else frozenset({0, *on_table}))
+    """Returns a state in the middle of a game, with all balls or the cue ball and the object balls of `on_table`.
+
+    The other fields are those of `State` in words.
+    """
+    n, cues = 1 + GAMES[rules].n_object_balls[1], fields.pop("cue_balls", GAMES[rules].cue_balls)
+    balls = range(n) if on_table is None else on_table
+    fields["in_hand"] = IN_HAND.index(fields.get("in_hand", "no"))
+    fields["choices"] = set_of(map(CALLS.index, fields.get("choices", ())))
+    for name in {"scores", "fouls"} & set(fields):
+        fields[name] = (*fields[name], 0, 0, 0, 0)[:4]
+    fields = {"break_shot": False, "cue_balls": (cues[0], cues[-1]), **fields}
+    first = referee.first_state(rules, n, n_players=players)
+    return changed(first, object_balls=set_of(set(balls) - {cues[0]}), **fields)
 
 
-def check_together(rules, cases):
-    """Checks that arrays of shots have the verdicts and the legal balls of cases: (fields, log, verdict[, call])."""
-    shots = [(state(rules, **case[0]), facts(case[1]), case[2], *(case[3:] or [NO_CALL])) for case in cases]
-    states, made, verdicts, calls = zip(*shots, strict=True)
-    judged = judge_shots(rules, state_array(states), fact_array(made), call_array(calls, made))
-    assert [verdict_of(row, highest_first=rules == "snooker") for row in judged] == list(verdicts)
-    legal = legal_balls(rules, state_array(states), np.ones(len(states), int))
-    assert [set(balls_of(int(balls))) for balls in legal] == [RULES[rules].legal(one, 1) for one in states]
+def judge(rules, before, log, call=NO_CALL):
+    """Returns the state before the next shot and the ruling on a shot, in words, from its events, see `log_of`."""
+    log = log_of(log) if isinstance(log, str) else log
+    called = row(Called(call.ball, CALLS.index(call.kind), (call.ball, call.pocket) in pots_of(log)))
+    rows = (before, STATE), (facts_of(log, int(before.cue_balls[0])), FACTS), (called, CALL)
+    (after,), (verdict,) = referee.play(rules, *(np.array([one], kind) for one, kind in rows))
+    set_by_rules = {name: to_dict(after)[name] for name in FOLLOWING}
+    return after, SimpleNamespace(**to_dict(verdict), **set_by_rules)
+
+
+FOLLOWING = ("in_hand", "choices", "solids", "colour", "over", "winner")
+
+
+def ruling(foul="", points=0, **fields):
+    """Returns an expected verdict in words, with the fields of the next state that the rules of a game set."""
+    usual = {"penalty": 0, "continues": False, "spotted": (), "rack": ""}
+    after = {"in_hand": "no", "choices": (), "solids": -1, "colour": False, "over": False, "winner": -1}
+    return SimpleNamespace(foul=foul, points=points, **{**usual, **after, **fields})
 
 
 def in_a_row(n, places=None):

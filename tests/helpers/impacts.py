@@ -7,7 +7,7 @@ import numpy as np
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.jit import allocating_entry_point
 from billiards_env.physics.ball_ball import exchange
-from billiards_env.physics.clusters import empty_contacts, empty_scratch
+from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch
 from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, State
 
 

@@ -50,7 +50,7 @@ def world(n, physics, table=SQUARE, mass=None, **changes):
 def real(name, n, **physics):
     """Returns a named scene with friction between the balls, compliant cushions and other constants.
 
-    Its table is an outline, so the compiled engines are those of "real_pool".
+    Its table is an outline, so it needs only the compiled engines of "real_pool".
     """
     scene, physics = Scene.named(name, n), {"ball_ball": "frictional", "cushion": "stronge", **physics}
     return dataclasses.replace(scene, table=with_corners(scene.table), physics=Physics(**physics))
@@ -149,7 +149,7 @@ def instants(shot):
 
 
 def kinetic_energy(motion, scene):
-    """Returns the kinetic energy, J, with that of the spin about z, which a cushion can change into velocity."""
+    """Returns the kinetic energy, J, with the energy of the spin about z, which a cushion can change into velocity."""
     mass = np.where(np.isinf(scene.balls.mass), 0.0, scene.balls.mass)
     total = 0.5 * (motion.velocities**2).sum(axis=1)
     if scene.physics.motion == "sliding":

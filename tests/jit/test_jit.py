@@ -16,7 +16,7 @@ from numba.core.errors import TypingError
 
 from billiards_env.jit import compiler, folders
 from billiards_env.jit import decorators as jit
-from billiards_env.physics import motion
+from billiards_env.physics import elementary
 
 ROOT = Path(jit.__file__).parents[2]
 KERNELS = [jit.kernel, jit.inlined, jit.allocating]
@@ -364,7 +364,7 @@ def test_kernels_are_plain_functions_if_numba_is_disabled_and_a_process_warns_on
     (tmp_path / "file").touch()
     code = (
         "import warnings; warnings.simplefilter('always'); from billiards_env import engine, envs\n"
-        "from billiards_env.physics import motion; assert motion.norm(3, 4) == 5; assert motion.norm.__code__"
+        "from billiards_env.physics import elementary as e; assert e.norm(3, 4) == 5; assert e.norm.__code__"
     )
     _, errors = run("-c", code, NUMBA_DISABLE_JIT="1", NUMBA_CACHE_DIR=str(tmp_path / "file"))
     assert errors.count("RuntimeWarning") == errors.count("NUMBA_CACHE_DIR = ") == 1
@@ -399,11 +399,11 @@ def test_an_entry_point_keeps_the_reference_counts_of_its_arrays():
 
 def test_kernels_and_environments_are_copied_to_another_process(tmp_path):
     """An environment refers to entry points, which the other process compiles again, with the same compiler."""
-    assert pickle.loads(pickle.dumps(motion.norm))(3.0, 4.0) == 5.0
+    assert pickle.loads(pickle.dumps(elementary.norm))(3.0, 4.0) == 5.0
     made: Any = gym.make("Billiards-v0")
     made.reset(seed=0)
     path = tmp_path / "both.pickle"
-    path.write_bytes(pickle.dumps((motion.norm, made)))
+    path.write_bytes(pickle.dumps((elementary.norm, made)))
     code = (
         f"import pickle; norm, env = pickle.load(open({str(path)!r}, 'rb')); env.step(env.action_space.sample())\n"
         "assert norm(3.0, 4.0) == 5.0"

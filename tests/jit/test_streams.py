@@ -17,12 +17,28 @@ def draw(stream, out):
         out[k] = streams.next_double(stream)
 
 
+@kernel
+def draw_normal(stream, out):
+    for k in range(len(out)):
+        out[k] = streams.next_normal(stream)
+
+
 @given(st.integers(0, 2**130), st.integers(0, 200))
 def test_a_seeded_stream_returns_the_numbers_of_numpy(seed, count):
     rng, out, stream = np.random.default_rng(seed), np.empty(count), streams.seeded(seed)
     draw(stream, out)
     assert out.tobytes() == rng.random(count).tobytes()
     assert stream.tobytes() == streams.read(rng).tobytes()
+    draw_normal(stream, out)
+    assert out.tobytes() == rng.standard_normal(count).tobytes()
+    assert stream.tobytes() == streams.read(streams.generator(stream)).tobytes() == streams.read(rng).tobytes()
+
+
+def test_a_million_normal_numbers_are_those_of_numpy():
+    out = np.empty(1_000_000)
+    draw_normal(streams.seeded(0), out)
+    assert np.abs(out).max() > 3.7  # beyond the layers, in the tail
+    assert out.tobytes() == np.random.default_rng(0).standard_normal(len(out)).tobytes()
 
 
 @given(WORDS, WORDS, WORDS, WORDS)

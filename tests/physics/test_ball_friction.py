@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env.engine.compile import scene_arrays
-from billiards_env.physics.ball_friction import friction_coefficient
+from billiards_env.physics.laws.balls import friction_coefficient
 from billiards_env.physics.state import UX, UY, VX, VY, WZ
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.scene import SHAPES

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.jit import allocating, allocating_entry_point
-from billiards_env.physics.clusters import empty_contacts, empty_scratch, solve_plastic, sum_impulses
-from billiards_env.physics.complementarity import MOST
+from billiards_env.physics.clusters.complementarity import MOST
+from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch, solve_plastic, sum_impulses
 from billiards_env.physics.state import VX, VY, WIDTH
 from billiards_env.scene import Balls, Physics, Scene
 from tests.helpers.clusters import cluster, triangle

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from billiards_env.physics import contact
-from billiards_env.physics.contact import line_time, misses_circle, sweep
+from billiards_env.physics.geometry import contact
+from billiards_env.physics.geometry.contact import line_time, misses_circle, sweep
 from billiards_env.physics.motion import Path
 
 INF = math.inf

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from billiards_env.engine.compile import scene_arrays
-from billiards_env.physics.cushion import CushionMotion, cushion_impact, cushion_restitution
-from billiards_env.physics.cushion_derivatives import cushion_change
-from billiards_env.physics.lanes import D_E_CUSHION, LANE_WIDTH
+from billiards_env.physics.cushion import cushion_impact
+from billiards_env.physics.derivatives import Wall, cushion_solution, d_cushion_impact
+from billiards_env.physics.laws.cushion import CushionMotion, cushion_restitution
+from billiards_env.physics.state import BallState, LawNumbers, law_numbers_of
 from billiards_env.scene import Scene
 from tests.helpers.cushion_impacts import law_jacobians
 
@@ -20,6 +21,7 @@ CONSTANTS = (
     "e_cushion_floor",
     "mu_cushion",
     "cushion_frequency_ratio",
+    "cushion_height",
     "mu_cloth",
 )
 
@@ -32,11 +34,12 @@ def scene_with(cushion, **physics):
 
 def impact(motion, radius, scene):
     """Returns the motion (5,) after an impact."""
-    return np.array(cushion_impact(CushionMotion(*motion), radius, 0.0, scene_arrays(scene))[0])
+    arrays = scene_arrays(scene)
+    return np.array(cushion_impact(arrays.cushion, CushionMotion(*motion), radius, 0.0, arrays.numbers, None)[0])
 
 
 def differences(motion, scene, step):
-    """Returns the central differences of `impact` by the motion, the radius and the first constants, (5, 12)."""
+    """Returns the central differences of `impact` by the motion, the radius and the first constants, (5, 13)."""
 
     def moved(c, by):
         if c < 5:
@@ -44,22 +47,27 @@ def differences(motion, scene, step):
         if c == 5:
             return impact(motion, RADIUS * (1.0 + by), scene)
         name = CONSTANTS[c - 6]
+        if name == "cushion_height":
+            table = dataclasses.replace(scene.table, cushion_height=scene.table.cushion_height + 0.1 * by)
+            return impact(motion, RADIUS, dataclasses.replace(scene, table=table))
         physics = dataclasses.replace(scene.physics, **{name: getattr(scene.physics, name) + by})
         return impact(motion, RADIUS, dataclasses.replace(scene, physics=physics))
 
-    columns = [(moved(c, step) - moved(c, -step)) / (2.0 * step) for c in range(12)]
-    columns[5:6] = [column / RADIUS for column in columns[5:6]]
+    columns = [(moved(c, step) - moved(c, -step)) / (2.0 * step) for c in range(13)]
+    columns[5], columns[12] = columns[5] / RADIUS, columns[12] / 0.1
     return np.stack(columns, axis=1)
 
 
 def derivative(motion, scene):
-    """Returns the same by `cushion_change`."""
-    arrays, columns = scene_arrays(scene), []
+    """Returns the same by the tangent of the law, and the derivative by the last constant."""
+    arrays, columns, (vn, vt, un, ut, rwz) = scene_arrays(scene), [], motion
+    before, ball = CushionMotion(*motion), BallState(0.0, 0.0, vn, vt, un, ut, rwz / RADIUS)
+    solution = cushion_solution(ball, Wall(1.0, 0.0, 0.0), RADIUS, arrays)
+    numbers, zeros = law_numbers_of(arrays.numbers), LawNumbers(*np.zeros(len(LawNumbers._fields)))
     for unit in np.eye(6 + len(CONSTANTS)):
-        lane = np.zeros(LANE_WIDTH)
-        lane[D_E_CUSHION : D_E_CUSHION + len(CONSTANTS)] = unit[6:]
-        change = CushionMotion(*unit[:5])
-        columns.append(cushion_change(CushionMotion(*motion), change, RADIUS, unit[5], lane, arrays))
+        change = zeros._replace(**dict(zip(CONSTANTS, unit[6:], strict=True)))
+        at = (arrays.cushion, before, RADIUS, 0.0, numbers, solution, CushionMotion(*unit[:5]), unit[5], change)
+        columns.append(d_cushion_impact(*at)[1][0])
     return np.array(columns).T
 
 
@@ -78,7 +86,7 @@ def test_the_derivative_of_an_impact_is_that_of_small_changes(cushion, weakest):
         scene = scene_with(cushion, mu_cushion=(0.15, 0.4, 1.0, 2.0)[k % 4], **constants)
         motion = rng.normal(size=5) * (1.0, 1.0, (1.0, 8.0)[k % 2], 1.0, 2.0)
         motion[0] = rng.uniform(0.2, 4.0)
-        found, expected = derivative(motion, scene)[:, :12], differences(motion, scene, 1e-6)
+        found, expected = derivative(motion, scene)[:, :13], differences(motion, scene, 1e-6)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7 * np.abs(expected).max(), err_msg=f"impact {k}")
         e, stops = cushion_restitution(motion[0], scene_arrays(scene).numbers), impact(motion, RADIUS, scene)[0] == 0.0
         by_mu, by_ratio = (found[:, 6 + CONSTANTS.index(name)] for name in ("mu_cushion", "cushion_frequency_ratio"))

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from billiards_env.engine.compile import scene_arrays
-from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after, norm, spin_after
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.laws.cloth import spin_after
+from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after
 from billiards_env.physics.state import (
     AX,
     AY,

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from billiards_env.physics import roots
-from billiards_env.physics.roots import bracketed_root
+from billiards_env.physics.geometry import roots
+from billiards_env.physics.geometry.roots import bracketed_root
 from tests.helpers.polynomials import expand
 
 first_descent: Any = roots.first_descent

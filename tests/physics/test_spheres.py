@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env.engine.compile import scene_arrays
-from billiards_env.physics.ball_friction import tilt_of
-from billiards_env.physics.contact import contact_distance
+from billiards_env.physics.clusters.friction import tilt_of
+from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.scene import Balls, Physics, Scene
 from tests.helpers.impacts import energy, impact, normal_between, three_dimensional
 

@@ -8,10 +8,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from billiards_env.engine.compile import scene_arrays
-from billiards_env.physics import walls
+from billiards_env.physics.geometry import walls
+from billiards_env.physics.geometry.walls import BOX_X, HALF_LINE, outline_arrays
 from billiards_env.physics.motion import Path
 from billiards_env.physics.state import VX, VY, WIDTH, State, X, Y
-from billiards_env.physics.walls import BOX_X, HALF_LINE, outline_arrays
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.outline import Corner, clearance, pieces
 from billiards_env.scene.table import Table

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.games import RULES, History, Setup, custom_opening, opening
+from billiards_env.games import GAMES, History, Setup, custom_opening, opening
 from billiards_env.play.model import HUMAN, begin
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
@@ -15,8 +15,8 @@ def make_model():
     """A function that returns the model of a game for two players, from the opening or from given positions."""
 
     def make(rules="straight", positions=None, state=None, players=(HUMAN, HUMAN), choices=False, **kwargs):
-        balls = RULES[rules].n_object_balls[1] if positions is None else len(positions) - 1
-        setup = Setup(rules, Scene.named(RULES[rules].scene, balls), len(players), **kwargs)
+        balls = GAMES[rules].n_object_balls[1] if positions is None else len(positions) - 1
+        setup = Setup(rules, Scene.named(GAMES[rules].scene, balls), len(players), **kwargs)
         table = (
             opening(setup, np.random.default_rng(0)) if positions is None else custom_opening(setup, positions, state)
         )

@@ -2,7 +2,7 @@ from typing import Any
 
 import pytest
 
-from billiards_env.games import RULES
+from billiards_env.games import GAMES
 from billiards_env.play import labels
 from billiards_env.play import model as actions
 from billiards_env.play.pages import rules_page
@@ -61,10 +61,10 @@ def test_cushions_are_counted(make_model):
     counts = set()
     for degrees in range(0, 360, 5):
         model: Any = actions.go(actions.turn_aim(start, degrees))
-        touched = model.last_shot.facts.touched
-        if len(touched) == 2:
-            counts.add(touched[1][1])
-            assert labels.cushions(model).split()[0] == str(touched[1][1])
+        facts = model.last_shot.facts
+        if facts.touched == 2:
+            counts.add(int(facts.cushions_before_last))
+            assert labels.cushions(model).split()[0] == str(facts.cushions_before_last)
     assert len(counts) > 1
     model = actions.go(actions.look_at(make_model("three_cushion", [[0.0, 0.3], *CAROM[1:]]), (0.0, 0.5)))
     assert labels.status(actions.tick(model, 0.3)) == "Player 1   1 cushion"
@@ -84,7 +84,7 @@ def test_the_result_of_a_shot(make_model):
 
 
 def test_each_game_has_a_page_of_rules(make_model):
-    assert all(len(rules_page(make_model(rules).setup, choices=False)) > 2 for rules in RULES)
+    assert all(len(rules_page(make_model(rules).setup, choices=False)) > 2 for rules in GAMES)
     snooker = rules_page(make_model("snooker", miss=True).setup, choices=True)
     assert {"choice", "miss"} <= {row[0] for row in snooker}
     assert "calls" in dict(rules_page(make_model("straight", call_shot=True).setup, choices=False))

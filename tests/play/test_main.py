@@ -2,6 +2,8 @@ import re
 import signal
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import gymnasium as gym
@@ -13,7 +15,7 @@ pytest.importorskip("pygame")
 from billiards_env import Scene, simulate
 from billiards_env.drawing.style import PALETTES, looks
 from billiards_env.engine.compile import MODES
-from billiards_env.games import RULES, Stroke, records
+from billiards_env.games import GAMES, Stroke, records
 from billiards_env.play import window as windows
 from billiards_env.play.__main__ import MAKERS, compile_engines, main, make_history, make_parser
 from billiards_env.play.model import HUMAN, go, shoot
@@ -40,6 +42,7 @@ def frames(monkeypatch):
             return super().frame()
 
     monkeypatch.setattr(windows, "GameWindow", Closing)
+    monkeypatch.setattr("billiards_env.play.__main__.compile_engines", lambda scene, dt: None)
     return opened
 
 
@@ -69,7 +72,7 @@ def test_arguments_describe_the_game():
     assert (given.setup.scene.n_balls, given.setup.target, given.setup.n_players) == (4, 2, 3)
     pit = history("--rules", "carom", "--mode", "pit", "--dt", "1/240").setup
     assert (pit.mode, pit.dt, pit.scene) == ("pit", 1 / 240, Scene.named("carom"))
-    assert history("--layout", "random").opening.state.in_hand == "no"
+    assert history("--layout", "random").opening.state.in_hand == 0
 
 
 def test_the_seed_determines_the_rack():
@@ -102,11 +105,32 @@ def test_a_signal_saves_the_game_to_a_new_file(monkeypatch, tmp_path):
     monkeypatch.setattr(windows.GameWindow, "frame", frame)
     monkeypatch.chdir(tmp_path)
     Path("game.json").write_text("another game")
-    main(["--rules", "carom"])
+    with pytest.raises(SystemExit, match="130"):
+        main(["--rules", "carom"])
     saved = records.load(Path("game-2.json"))
     assert isinstance(saved, records.GameRecord)
     assert len(saved.strokes) == 1
     assert Path("game.json").read_text() == "another game"
+
+
+def test_a_window_with_a_text_is_open_while_the_engine_is_compiled(monkeypatch, frames):
+    release, shown = threading.Event(), []
+
+    def show(self, frame):
+        shown.append(frame.get_size())
+        if len(shown) == 3:
+            release.set()
+
+    monkeypatch.setattr("billiards_env.play.__main__.compile_engines", lambda scene, dt: release.wait(60))
+    monkeypatch.setattr("billiards_env.drawing.window.Screen.show", show)
+    main(["--rules", "carom", "--width", "600"])
+    assert shown[:3] == 3 * [(600, 400)]
+    assert len(frames) == 1
+    monkeypatch.setattr("billiards_env.play.__main__.compile_engines", lambda scene, dt: time.sleep(60))
+    monkeypatch.setattr("pygame.event.get", lambda kind: [kind])
+    with pytest.raises(SystemExit):
+        main(["--rules", "carom"])
+    assert len(frames) == 1
 
 
 def test_without_a_display_there_is_no_window(monkeypatch, frames):
@@ -170,6 +194,7 @@ def test_the_engines_are_compiled_before_the_window_opens(monkeypatch, dt):
         (["--load", "SHOT"], "holds a shot: expected a game"),
         (["--scene", "pool", "--width", "3"], "width = 3"),
         (["--seed", "-3"], "--seed = -3: expected a whole number >= 0"),
+        (["--save", "no/game.json"], "path = 'no/game.json': expected an existing folder"),
     ],
 )
 def test_errors_are_one_line(arguments, message, frames, saved, tmp_path):
@@ -195,8 +220,8 @@ def test_help_lists_the_values_of_each_option(capsys):
     with pytest.raises(SystemExit):
         main(["--help"])
     shown = set(re.findall(r"\w+", capsys.readouterr().out))
-    layouts = {name for rules in RULES.values() for name in rules.layouts}
-    assert {*RULES, *layouts, *MODES, *STRATEGIES, *MAKERS, *SCENES, *PALETTES, HUMAN} <= shown
+    layouts = {name for rules in GAMES.values() for name in rules.layouts}
+    assert {*GAMES, *layouts, *MODES, *STRATEGIES, *MAKERS, *SCENES, *PALETTES, HUMAN} <= shown
 
 
 def test_without_pygame_the_error_names_the_package_to_install():

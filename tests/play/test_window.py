@@ -1,6 +1,7 @@
 """The window, driven by mouse and keyboard events on a dummy display."""
 
 import math
+import re
 import signal
 import threading
 from typing import Any
@@ -209,7 +210,7 @@ def test_shift_and_the_key_aim_for_the_best_shot(shown, monkeypatch):
     while shown._hint is not None:
         shown.frame()
     assert shown.model.phase == "aiming"
-    assert shown.message.startswith("keeps the turn with probability ")
+    assert re.fullmatch(r"ball \S+ into the \w+ \w+ pocket, \d+% with the errors of a good player", shown.message)
     assert shot_of(shown.model).potted.any()
 
 
@@ -300,11 +301,18 @@ def test_quitting_asks_if_the_game_is_not_saved(shown, tmp_path):
     asked = press(shown, pygame.K_ESCAPE)
     assert (shown.open, shown.asking) == (True, True)
     assert (asked != plain).any()
+    left, top, *_ = map(round, shown._view.controls.shoot)
+    assert (asked[top + 3 :, left:] == asked[-1, -1]).all()  # without the button
     press(shown, pygame.K_LEFT)  # any other key continues and has no other effect
     assert (shown.asking, shown.model.phase) == (False, "aiming")
     press(shown, pygame.K_q, pygame.K_s)
     assert not shown.open
     assert (tmp_path / "game.json").exists()
+
+
+def test_the_keys_are_not_larger_than_the_status_in_a_low_window(shown):
+    shown._view.resize(shown.model.setup.scene, (1600, 500))
+    assert 0.66 * shown._view._strip <= 0.55 * shown._view.canvas.size[0] / 24
 
 
 QUIT = {"kind": pygame.QUIT}
@@ -370,6 +378,16 @@ def test_the_pace_changes_without_drawing_the_shot_again(make_model, window, mon
     assert lit(frame, view, model.last_shot.shot.at(0.51)[0], WHITE)
 
 
+def test_a_game_whose_file_cannot_be_written_is_saved_elsewhere(shown, tmp_path, monkeypatch):
+    monkeypatch.setattr("billiards_env.play.window._OTHER_FOLDERS", (tmp_path / "none", tmp_path))
+    monkeypatch.setattr(shown, "_save", tmp_path / "gone" / "game.json")
+    (tmp_path / "game.json").write_text("another game")
+    shown.save()
+    assert shown.message.endswith(f"'{tmp_path / 'gone'}' does not exist; saved to {tmp_path / 'game-2.json'}")
+    assert isinstance(records.load(tmp_path / "game-2.json"), records.GameRecord)
+    assert shown.saved
+
+
 def test_a_saved_game_contains_the_strokes_played(shown, tmp_path):
     press(shown, pygame.K_SPACE, pygame.K_SPACE, pygame.K_LEFT, pygame.K_SPACE, pygame.K_s)
     assert shown.message == f"saved to {tmp_path / 'game.json'}"
@@ -380,7 +398,8 @@ def test_a_saved_game_contains_the_strokes_played(shown, tmp_path):
     assert (records.replay(record).positions == shown.model.game.positions).all()
 
 
-def test_a_game_that_cannot_be_saved_continues(shown, tmp_path):
+def test_a_game_that_cannot_be_saved_continues(shown, tmp_path, monkeypatch):
+    monkeypatch.setattr("billiards_env.play.window._OTHER_FOLDERS", ())
     (tmp_path / "game.json").mkdir()
     press(shown, pygame.K_s)
     assert (shown.open, shown.message.startswith("not saved: ")) == (True, True)

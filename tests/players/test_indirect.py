@@ -5,6 +5,7 @@ import pytest
 
 from billiards_env import simulate
 from billiards_env.games import custom_opening
+from billiards_env.games.state import is_in, on_table
 from billiards_env.players.indirect import find_indirect
 from billiards_env.players.pots import DX, DY, SPEED
 from billiards_env.shots.strikes import strike_with
@@ -57,7 +58,7 @@ def test_a_cue_drives_a_ball_that_it_touches():
 def _check_all(game, state, ways):
     """Asserts that every shot pots its ball, or touches the legal ball."""
     pockets = np.array([(pocket.x, pocket.y) for pocket in game.scene.table.pockets])
-    in_play = np.isin(np.arange(game.scene.n_balls), sorted(state.state.on_table))
+    in_play = is_in(on_table(state.state), game.scene.n_balls)
     assert (ways.shots[..., SPEED] > 0).any(axis=1).all()
     for (ball, pocket), shots in zip(ways.target.tolist(), ways.shots, strict=True):
         velocities = shots[:, SPEED, None] * shots[:, [DX, DY]]

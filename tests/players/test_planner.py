@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.games import RULES, GameState, Setup, custom_opening, opening, play
+from billiards_env.games import GAMES, GameState, Setup, choices, custom_opening, opening, play
 from billiards_env.games.batch import play_batch
+from billiards_env.games.state import BEHIND, changed
 from billiards_env.players import candidates, indirect, planner
 from billiards_env.players.candidates import TIPS, _with_spin
 from billiards_env.players.game_player import find_player
@@ -20,7 +21,7 @@ RNG = np.random.default_rng
 NOISE = (0.125, 0.075)
 
 
-@pytest.mark.parametrize("rules", list(RULES))
+@pytest.mark.parametrize("rules", list(GAMES))
 def test_whole_games_are_played_and_a_seed_repeats_them(rules):
     game = setup(rules, call_shot=rules == "eight_ball")
     player, strokes = find_player("planner:60" if rules == "snooker" else "planner:400", game, noise=NOISE), []
@@ -58,7 +59,7 @@ def test_slow_shots_keep_the_time_of_a_decision(rules, monkeypatch):
     timed(candidates, "find_pots", 0.003, lambda tables: len(tables.positions))
     game = setup(rules)
     table = opening(game, RNG(1), "random")
-    in_hand = GameState(table.positions, table.state._replace(in_hand="behind"))
+    in_hand = GameState(table.positions, changed(table.state, in_hand=BEHIND))
     for seconds in (0.02, 0.2, 1.0):
         for start in (table, in_hand):
             now = 0.0
@@ -98,7 +99,7 @@ def test_it_plays_a_push_out_where_the_rules_offer_it_and_every_shot_is_bad():
     found = plan(game, table, 6.0, RNG(0), np.inf, 1500, NOISE)
     assert found.stroke.call.kind == "push_out"
     assert found.probability == 0.0
-    assert play(game, table, found.stroke).game.state.choices == ("hand_back",)
+    assert choices(play(game, table, found.stroke).game.state) == ("hand_back",)
     assert "push_out" in str(found)
 
 
@@ -152,10 +153,10 @@ def test_the_probability_is_that_of_played_shots_with_errors():
         stroke = np.array([found.stroke.velocity]).repeat(200, 0), np.array([found.stroke.spin]).repeat(200, 0)
         velocities, spins = (array.tolist() for array in add_noise(*stroke, errors, 6.0))
         kept = [
-            play(game, table, found.stroke._replace(velocity=tuple(v), spin=tuple(w))).verdict
+            play(game, table, found.stroke._replace(velocity=tuple(v), spin=tuple(w)))
             for v, w in zip(velocities, spins, strict=True)
         ]
-        share = np.mean([verdict.continues or verdict.winner == 0 for verdict in kept])
+        share = np.mean([played.verdict.continues or played.game.state.winner == 0 for played in kept])
         assert abs(share - found.probability) < 0.15
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from billiards_env import Scene, simulate
 from billiards_env.engine.compile import scene_arrays
-from billiards_env.physics.motion import arrival, launch, travel_time
+from billiards_env.physics.laws.cloth import arrival, launch, travel_time
 from billiards_env.players.pots import Tables, pot_shots
 from billiards_env.scene import Balls, Physics
 from billiards_env.scene.table import Table

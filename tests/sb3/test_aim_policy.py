@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 import torch
 from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecNormalize
 
+from billiards_env import Scene
 from billiards_env.sb3 import PPO_SETTINGS, AimPolicy, SameStepVecEnv
 
 GAMES: dict[str, dict[str, Any]] = {
@@ -102,11 +104,50 @@ def test_the_densities_of_an_update_are_those_of_its_rollout():
     torch.testing.assert_close(weighted, entropy)  # its factor begins at 1
 
 
+def vector(**arguments: Any) -> SameStepVecEnv:
+    return SameStepVecEnv(gym.make_vec("billiards_env:Billiards-v0", num_envs=16, **arguments))
+
+
+SETTINGS = {**PPO_SETTINGS, "batch_size": 16}
+
+
+def test_the_policy_gets_the_table_and_the_task_from_the_environment(tmp_path):
+    """Without `policy_kwargs` it once took every table for that of "pool"."""
+    model = PPO(AimPolicy, vector(scene="real_carom", task="carom"), **SETTINGS)
+    found: Any = model.policy
+    assert (found.game.scene, found.game.task) == (Scene.named("real_carom"), "carom")
+    model.save(tmp_path / "model")
+    loaded: Any = PPO.load(tmp_path / "model", device="cpu").policy
+    assert loaded.game.scene == Scene.named("real_carom")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (dict, "env: expected the arguments of the environment, whose scene is Scene"),
+        (lambda: {"scene": "real_pool", "max_speed": 3.0}, "env: expected .* whose max_speed is 4.0"),
+    ],
+)
+def test_a_policy_for_another_world_is_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        PPO(AimPolicy, vector(scene="real_pool"), **SETTINGS, policy_kwargs={"env": change()})
+
+
+def test_wrappers_that_change_observations_or_actions_are_refused():
+    with pytest.raises(ValueError, match=r"observations up to .*: expected .* from -1 to 1; a wrapper such as VecNorm"):
+        PPO(AimPolicy, VecNormalize(vector()), **SETTINGS).learn(32)
+    with pytest.raises(ValueError, match=r"action_space = Box\(-2.0, 2.0.*: expected Box\(-1.0, 1.0"):
+        AimPolicy(vector().observation_space, gym.spaces.Box(-2.0, 2.0, (2,)), lambda _: 1e-3)
+    single = gym.make("billiards_env:Billiards-v0")
+    with pytest.raises(ValueError, match="env = None: expected the arguments of the environment"):
+        AimPolicy(single.observation_space, single.action_space, lambda _: 1e-3)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ({"env": {"n_object_balls": 2}}, r"expected the arguments of the environment, whose observation .* not \(6,\)"),
-        ({"aim": "pocket"}, "aim = 'pocket': expected one of 'ball', 'layout'"),
+        ({"env": {}, "aim": "pocket"}, "aim = 'pocket': expected one of 'ball', 'layout'"),
     ],
 )
 def test_wrong_arguments_are_refused(arguments, message):

@@ -62,6 +62,29 @@ def test_a_wrong_configuration_is_refused(case, folder):
         load_policy(folder)
 
 
+@pytest.mark.parametrize(
+    ("env", "message"),
+    [
+        ({"task": "place"}, "another task: expected 'pot', not 'place'"),
+        ({"action": "strike"}, "another action: expected 'velocity', not 'strike'"),
+        ({"max_speed": 5.0}, "another max_speed: expected 4.0, not 5.0"),
+        ({"scene": "real_pool"}, "another table: expected the same table"),
+        ({"scene": "uk_pool"}, "another table: expected the same table"),
+    ],
+)
+def test_a_policy_is_not_loaded_for_another_world(env, message, folder):
+    (folder / "config.yaml").write_text(settings())
+    with pytest.raises(ValueError, match=message):
+        load_policy(folder, env)
+
+
+def test_a_policy_for_a_frozen_task_plays_it_whatever_the_rewards_of_the_training(folder):
+    (folder / "config.yaml").write_text(f"task: Pot1-v0\n{settings({'task': 'clear'})}")
+    assert load_policy(folder, {"task": "pot"})[0]["task"] == "pot"
+    with pytest.raises(ValueError, match="another task: expected 'clear', not 'position'"):
+        load_policy(folder, {"task": "position"})
+
+
 def test_a_right_one_is_loaded_and_an_argument_of_the_caller_keeps_its_error(folder):
     (folder / "config.yaml").write_text(settings())
     assert load_policy(folder)[0] == ENV

@@ -124,6 +124,14 @@ def test_fields_with_a_default_are_optional():
     assert given == Scene(Balls((0.03,), (1.0,)), Table(width=1.0), Physics(g=5.0))
 
 
+def test_a_whole_scene_may_leave_out_numbers_with_the_default_0():
+    """Files of earlier versions do not have the numbers of newer laws."""
+    scene = Scene.named("real_pool")
+    data = scene.to_dict()
+    del data["physics"]["mu_cushion_angle"], data["physics"]["e_cushion_topspin"]
+    assert Scene.from_dict(data) == scene
+
+
 def test_from_dict_does_not_change_its_argument():
     data = Scene.named("pool").to_dict()
     before = json.dumps(data)

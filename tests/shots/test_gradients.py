@@ -25,9 +25,11 @@ def inputs_of(scene):
     if p.motion == "sliding":
         names += ["spins", "mu_slide", "spin_decay"]
     if p.cushion != "restitution":
-        names += ["mu_cushion"]
+        names += ["mu_cushion", "cushion_height"]
     if p.cushion == "stronge":
         names += ["cushion_frequency_ratio"]
+    if p.cushion == "han2005_variable":
+        names += ["mu_cushion_angle", "e_cushion_topspin"]
     if p.e_cushion_loss:
         names += ["e_cushion_loss", "e_cushion_onset", "e_cushion_floor"]
     if p.ball_ball == "frictional":

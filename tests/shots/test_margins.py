@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate, simulate_batch
 from billiards_env.engine.compile import scene_fields
-from billiards_env.physics.walls import TIP_RADIUS, faces
+from billiards_env.physics.geometry.walls import TIP_RADIUS, faces
 from billiards_env.shots.gradients import MARGINS
 from tests.helpers.derivatives import SCENES, aimed, recorded, start_of, tangent_of
 

@@ -31,6 +31,19 @@ def test_a_record_starts_and_ends_at_the_positions_of_the_shot(recorded):
     assert np.array_equal(recorded.at(recorded.time + 1e9), recorded.positions)
 
 
+def test_the_motion_at_a_time_is_that_of_a_shot_that_ends_there(recorded):
+    times = np.append(np.random.default_rng(0).uniform(0.0, recorded.time, 6), [0.0, recorded.time + 1.0])
+    velocities, spins = recorded.motion_at(times)
+    assert (velocities.shape, spins.shape) == ((8, 16, 2), (8, 16, 3))
+    for k, time in enumerate(times.tolist()):
+        cut = simulate(recorded.scene, SCATTERED, velocities[6], max_time=max(time, 1e-9))
+        np.testing.assert_allclose(velocities[k], cut.velocities, atol=1e-9)
+        np.testing.assert_allclose(spins[k], cut.spins, atol=1e-6)
+    assert abs(spins[:6, :, 2]).max() > 1.0
+    ideal = simulate(Scene.named("ideal"), PLACES, [1.0, 0.0], record=True)
+    assert [array.tolist() for array in ideal.motion_at(0.5)] == [[[1.0, 0.0], [0.0, 0.0]], [[0.0] * 3] * 2]
+
+
 def test_positions_are_continuous_at_every_event(recorded):
     gone = {e["ball"] for e in recorded.events if e["kind"] == "pocket"}
     stay = [i for i in range(16) if i not in gone]

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate, simulate_batch
 from billiards_env.engine.compile import PIC, scene_fields, varied_fields
-from billiards_env.scene import PHYSICS_RANGES
+from billiards_env.scene import PARAMETERS
 from billiards_env.shots import records
 from billiards_env.shots.gradients import physics_inputs
 from tests.helpers.shots import draw_starts, run_both, with_physics
@@ -34,11 +34,13 @@ RANGES = {
     "e_cushion_loss": (0.0, 0.2),
     "e_cushion_onset": (0.0, 2.0),
     "e_cushion_floor": (0.7, 0.85),
+    "mu_cushion_angle": (0.0, 0.1),
+    "e_cushion_topspin": (0.0, 0.1),
 }
 
 
 def test_the_ranges_of_these_tests_have_every_number():
-    assert set(RANGES) == set(PHYSICS_RANGES)
+    assert set(RANGES) == set(PARAMETERS)
 
 
 def varied(names, m, seed=0) -> dict[str, Any]:
@@ -57,7 +59,7 @@ def same_record(shot, other):
 @settings(max_examples=25, deadline=None)
 @given(
     st.sampled_from(sorted(SCENES)),
-    st.sets(st.sampled_from([*PHYSICS_RANGES]), min_size=1),
+    st.sets(st.sampled_from([*PARAMETERS]), min_size=1),
     st.integers(0, 9),
     st.data(),
 )

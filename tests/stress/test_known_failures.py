@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from billiards_env.physics.contact import circle_time
+from billiards_env.physics.geometry.contact import circle_time
 from billiards_env.physics.motion import Path
 from reference import oracle
 from reference.stress import families

@@ -11,6 +11,7 @@ pytest.importorskip("pygame")
 
 from PIL.GifImagePlugin import GifImageFile
 
+from billiards_env.games import members
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate
 from studies import figures
@@ -57,7 +58,7 @@ def test_the_window_shows_an_aimed_shot_after_one_stroke():
     assert model.phase == "aiming"
     assert len(model.strokes) == 1
     assert model.preview is not None
-    assert model.preview.ball == min(model.game.state.object_balls)  # the ball on of nine ball
+    assert model.preview.ball == members(model.game.state.object_balls)[0]  # the ball on of nine ball
 
 
 def test_the_views_of_the_failures_contain_all_balls_and_contacts():

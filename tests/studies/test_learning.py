@@ -49,8 +49,8 @@ def test_the_command_trains_what_has_no_results(command, tmp_path, capsys):
     found = command()
     printed = capsys.readouterr().out
     assert all(text in printed for text in blocks(found).values())
-    assert [list(row["runs"]) for row in found["rows"].values()] == [["3", "4"]] * 2
-    run = found["rows"]["pot_mlp"]["runs"]["4"]
+    assert [list(row["runs"]) for row in found.values()] == [["3", "4"]] * 2
+    run = found["pot_mlp"]["runs"]["4"]
     assert [point[0] for point in run["curve"]] == [0, 128]
     env = gym.make("Billiards/Pot1-v0")
     player = find_player(f"policy:{tmp_path / 'runs' / 'pot_mlp' / 'seed4'}", env)
@@ -60,12 +60,15 @@ def test_the_command_trains_what_has_no_results(command, tmp_path, capsys):
     assert (tmp_path / "runs" / "pot" / "policy.pt").exists()
 
     path = tmp_path / "runs" / "learning.json"
-    found["rows"]["pot"]["runs"]["3"]["tasks"]["Pot1-v0"]["success_rate"] = 0.75
-    del found["rows"]["pot_mlp"]["runs"]["3"]
+    found["pot"]["runs"]["3"]["tasks"]["Pot1-v0"]["success_rate"] = 0.75
+    del found["pot_mlp"]["runs"]["3"]
     path.write_text(json.dumps(found))
     again = command()
-    assert again["rows"]["pot"]["runs"]["3"]["tasks"]["Pot1-v0"]["success_rate"] == 0.75
-    assert again["rows"]["pot_mlp"]["runs"].keys() == {"3", "4"}
+    assert again["pot"]["runs"]["3"]["tasks"]["Pot1-v0"]["success_rate"] == 0.75
+    assert again["pot_mlp"]["runs"].keys() == {"3", "4"}
+    more = {**ROWS["rows"]["pot"], "plays": ["Pot1-v0", "Pot1Noise-v0"]}
+    again = command({**ROWS, "rows": {**ROWS["rows"], "pot": more}})
+    assert all(run["tasks"].keys() == {"Pot1-v0", "Pot1Noise-v0"} for run in again["pot"]["runs"].values())
     changed = {**ROWS, "rows": {**ROWS["rows"], "pot": {**ROWS["rows"]["pot"], "timesteps": 64}}}
     with pytest.raises(SystemExit, match="expected a run of the same settings, but timesteps is 128, not 64"):
         command(changed)

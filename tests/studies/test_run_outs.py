@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("torch")
 
 from billiards_env.games import Setup, opening
+from billiards_env.games.state import ANYWHERE, changed
 from billiards_env.scene import Scene
 from studies import load_weights, run_outs
 
@@ -46,7 +47,7 @@ def test_the_command_plays_what_is_missing_and_the_network_learns(tmp_path, monk
 def test_a_ball_in_hand_lies_in_a_free_place_and_the_groups_are_drawn():
     setup = Setup("eight_ball", Scene.named("pool", 15))
     game, rng = opening(setup, np.random.default_rng(0), "random"), np.random.default_rng(1)
-    game = game._replace(state=game.state._replace(in_hand="anywhere", solids=0, player=1, break_shot=False))
+    game = game._replace(state=changed(game.state, in_hand=ANYWHERE, solids=0, player=1))
     turns = [run_outs.next_turn(setup, game, rng) for _ in range(12)]
     assert {turn.state.solids for turn in turns} == {0, 1}
     assert {turn.state.player for turn in turns} == {0}

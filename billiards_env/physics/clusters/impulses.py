@@ -17,7 +17,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.jit import allocating, inlined, kernel
-from billiards_env.physics.complementarity import MOST, ComplementarityProblem, empty_problem, solve_complementarity
+from billiards_env.physics.clusters.complementarity import (
+    MOST,
+    ComplementarityProblem,
+    empty_problem,
+    solve_complementarity,
+)
 from billiards_env.physics.double_double import HI, LO, add, multiply, two_product, two_sum
 from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, X, Y
 
@@ -73,7 +78,7 @@ class Rubbing(NamedTuple):
         target: (min(most, MOST), 4) float64, scratch of `solve_smallest`.
         limit: (most,) float64, the largest friction, kg m/s.
         weight: (most,) float64, upper bounds of the change of slip per impulse, 1/kg.
-        slip: (most, 2) float64, slip across and up (see `physics.ball_friction`) before the friction, m/s.
+        slip: (most, 2) float64, slip across and up (see `physics.clusters.friction`) before the friction, m/s.
         point: (most, 2) float64, impulses of friction in these directions, kg m/s.
         last: (most, 2) float64, the same after a step.
         sums: (n, 6) float64, sums of impulses on each ball.
@@ -120,15 +125,15 @@ def _empty_rubbing(ball_friction, n, most):
     if ball_friction is None:
         return None
     return Rubbing(
-        np.empty(most),
-        np.empty((min(most, MOST), 4)),
-        np.empty(most),
-        np.empty(most),
-        np.empty((most, 2)),
-        np.empty((most, 2)),
-        np.empty((most, 2)),
-        np.empty((n, 6)),
-        np.empty(n, np.int64),
+        normal=np.empty(most),
+        target=np.empty((min(most, MOST), 4)),
+        limit=np.empty(most),
+        weight=np.empty(most),
+        slip=np.empty((most, 2)),
+        point=np.empty((most, 2)),
+        last=np.empty((most, 2)),
+        sums=np.empty((n, 6)),
+        degree=np.empty(n, np.int64),
     )
 
 
@@ -136,14 +141,14 @@ def _empty_rubbing(ball_friction, n, most):
 def empty_scratch(n, most, ball_friction):
     """Returns the `Scratch` for n balls and `most` contacts; `ball_friction` is `SceneArrays.ball_friction`."""
     return Scratch(
-        np.empty((most, 2)),
-        np.empty((most, 2)),
-        np.empty((n, 4)),
-        empty_problem(min(most, MOST)),
-        np.empty((4, most)),
-        np.empty((n, 2)),
-        np.zeros(n, np.bool_),
-        _empty_rubbing(ball_friction, n, most),
+        wanted=np.empty((most, 2)),
+        impulse=np.empty((most, 2)),
+        change=np.empty((n, 4)),
+        problem=empty_problem(min(most, MOST)),
+        descent=np.empty((4, most)),
+        dv=np.empty((n, 2)),
+        done=np.zeros(n, np.bool_),
+        rubbing=_empty_rubbing(ball_friction, n, most),
     )
 
 

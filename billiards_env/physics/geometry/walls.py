@@ -22,8 +22,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.contact import MARGIN, NOISE, circle_time, line_time, misses_circle, sweep
-from billiards_env.physics.motion import norm, path_of, place_after, relative_to
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import MARGIN, NOISE, circle_time, line_time, misses_circle, sweep
+from billiards_env.physics.motion import path_of, place_after, relative_to
 from billiards_env.physics.state import AX, AY, VX, VY, X, Y
 from billiards_env.scene import CONTACT_GAP
 from billiards_env.scene.outline import Corner, Line, Tip, pieces

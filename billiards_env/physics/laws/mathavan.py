@@ -240,21 +240,19 @@ def _sticks(y, nose, tiny):
 
 
 @kernel
-def integrate_impact(vx, vy, rwx, rwy, rwz, nose, e):
+def integrate_impact(before, nose, e):
     """Returns (vx, vy, rwx, rwy, rwz) after an impact, m/s.
 
     Args:
-        vx: Velocity along the cushion, m/s.
-        vy: Velocity into the cushion, >= 0, m/s.
-        rwx: Spin about x times the radius, m/s.
-        rwy: Spin about y times the radius, m/s.
-        rwz: Spin about z times the radius, m/s.
+        before: The same before it: the velocity along the cushion and into it, vy >= 0, and the spins about x, y and z
+            times the radius.
         nose: The `CushionNose`.
         e: Restitution.
     """
+    vx, vy, rwx, rwy, rwz = before
     y = (vx, vy, rwx, rwy, rwz, 0.0)
     if vy <= 0.0:
-        return vx, vy, rwx, rwy, rwz
+        return before
     most = TOLERANCE * vy + 1e-15 * (abs(vx) + abs(rwx) + abs(rwy) + abs(rwz))  # local error
     tiny = 100.0 * most
     compresses, work, last_work = True, 0.0, 0.0

@@ -1,4 +1,8 @@
-"""The facts of a shot that the rules use, from what the engine counts in m shots."""
+"""The facts of a shot that the rules use: from what the engine counts in m shots, or from recorded events.
+
+The events of a shot also give the order of the pots, and the balls that are touched at the same instant. What the
+engine counts does not: one ball counts as touched first, and `Facts.first_potted` is 0.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.games.state import FACTS, Facts, row, set_of
 from billiards_env.jit import entry_point, inlined
 from billiards_env.physics.state import CUE_BALL
-from billiards_env.rules.arrays import FACTS, FactNumbers
 
 
 class Counts(NamedTuple):
@@ -35,10 +39,7 @@ class Counts(NamedTuple):
 
 @inlined
 def facts_of_shot(k, counts):
-    """Returns the facts of shot k; `counts` has the fields of `Counts`.
-
-    The order of pots is not known, and of several balls touched at the same instant one counts as touched first.
-    """
+    """Returns the `Facts` of shot k; `counts` has the fields of `Counts`."""
     first, scratch = counts.first_hit[k], counts.off_table[k, CUE_BALL]
     touched, before_last, potted, driven = 0, 0, 0, 0
     for i in range(1, len(counts.bits)):
@@ -53,7 +54,7 @@ def facts_of_shot(k, counts):
     hits = counts.cushions[k, CUE_BALL]
     met = first >= 0 and (scratch or driven != 0 or hits > counts.cushions_before_hit[k, first])
     first_balls = counts.bits[first] if first >= 0 else 0
-    return FactNumbers(first_balls, touched, before_last, potted, 0, scratch, met, driven, hits > 0 or scratch)
+    return Facts(first_balls, touched, before_last, potted, 0, scratch, met, driven, hits > 0 or scratch)
 
 
 @entry_point
@@ -67,16 +68,50 @@ def write_facts(counts, facts):
 
 
 def facts_of_shots(counts: Counts) -> NDArray[Any]:
-    """Returns the facts of m shots.
-
-    The order of pots is not known, and of several balls touched at the same instant one counts as touched first.
-
-    Args:
-        counts: What the engine counts in the shots.
-
-    Returns:
-        (m,) `FACTS`.
-    """
+    """Returns the facts of m shots, (m,) `FACTS`."""
     facts = np.empty(len(counts.first_hit), FACTS)
     write_facts(counts, facts)
     return facts
+
+
+def facts_of(events: NDArray[Any], cue: int = CUE_BALL) -> Any:
+    """Returns the facts of a recorded shot of the ball `cue`, a row of `FACTS`, from its `ShotResult.events`."""
+    first_time = None
+    first: set[int] = set()
+    driven: set[int] = set()
+    touched: dict[int, int] = {}
+    cushions, cushion_after = 0, False
+    columns = (events[name].tolist() for name in ("time", "kind", "ball", "other"))
+    for time, kind, ball, other in zip(*columns, strict=True):
+        if kind == "ball_ball" and cue in (ball, other):
+            hit = other if ball == cue else ball
+            touched.setdefault(hit, cushions)
+            first_time = time if first_time is None else first_time
+            if time == first_time:
+                first.add(hit)
+        elif kind in ("cushion", "pocket"):
+            cushion_after = cushion_after or first_time is not None
+            if ball != cue:
+                driven.add(ball)
+            elif kind == "cushion":
+                cushions += 1
+    potted = [ball for ball, _ in pots_of(events)]
+    balls = [ball for ball in potted if ball != cue]
+    return row(
+        Facts(
+            first=set_of(first),
+            touched=len(touched),
+            cushions_before_last=list(touched.values())[-1] if touched else 0,
+            potted=set_of(balls),
+            first_potted=set_of(balls[:1]),
+            scratch=cue in potted,
+            cushion_after=cushion_after,
+            driven=set_of(driven),
+            cue_driven=cushions > 0 or cue in potted,
+        )
+    )
+
+
+def pots_of(events: NDArray[Any]) -> tuple[tuple[int, int], ...]:
+    """Returns the potted balls of a recorded shot with their pockets, in order."""
+    return tuple(events[events["kind"] == "pocket"][["ball", "other"]].tolist())

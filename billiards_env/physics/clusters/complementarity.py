@@ -57,14 +57,14 @@ class ComplementarityProblem(NamedTuple):
 def empty_problem(m):
     """Returns a `ComplementarityProblem` of up to m unknowns, with undefined content."""
     return ComplementarityProblem(
-        np.empty((m, m, 2)),
-        np.empty((m, 2)),
-        np.empty((m, 2)),
-        np.empty((m, m, 2)),
-        np.empty((m, 2)),
-        np.empty((m, 2)),
-        np.empty(m, np.bool_),
-        np.empty(m, np.int64),
+        a=np.empty((m, m, 2)),
+        b=np.empty((m, 2)),
+        x=np.empty((m, 2)),
+        factor=np.empty((m, m, 2)),
+        pivot=np.empty((m, 2)),
+        row=np.empty((m, 2)),
+        active=np.empty(m, np.bool_),
+        index=np.empty(m, np.int64),
     )
 
 

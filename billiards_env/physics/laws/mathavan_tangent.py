@@ -1,4 +1,4 @@
-"""The derivative of the impact of `physics.mathavan` along one direction of change, and where it does not exist.
+"""The derivative of the impact of `physics.laws.mathavan` along one direction of change, and where it does not exist.
 
 The change of the motion follows the linearised equation, in steps of its own that limit its error too. Where a slip
 stops, the rates jump: the change then gets the saltation term of `physics.derivatives`. The change also shifts the
@@ -15,7 +15,9 @@ from __future__ import annotations
 import math
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.mathavan import (
+from billiards_env.physics.laws.cushion_mathavan2010 import arguments_of
+from billiards_env.physics.laws.mathavan import (
+    CushionNose,
     begin_slip,
     combine,
     friction,
@@ -233,7 +235,14 @@ def impact_change(before, d_before, nose, d_nose, e, d_e):
 
 @rule(integrate_impact)
 @inlined
-def _d_integrate_impact(vx, vy, rwx, rwy, rwz, nose, e, d_vx, d_vy, d_rwx, d_rwy, d_rwz, d_nose, d_e):
-    before, d_before = (vx, vy, rwx, rwy, rwz), (d_vx, d_vy, d_rwx, d_rwy, d_rwz)
+def _d_integrate_impact(before, nose, e, d_before, d_nose, d_e):
     after, d_after, _ = impact_change(before, d_before, nose, d_nose, e, d_e)
     return after, d_after
+
+
+@kernel
+def is_smooth(before, radius, numbers):
+    """Returns whether the law `mathavan2010` has a derivative."""
+    motion, nose, e = arguments_of(before, radius, numbers)
+    unmoved = (0.0, 0.0, 0.0, 0.0, 0.0)
+    return impact_change(motion, unmoved, nose, CushionNose(0.0, 0.0, 0.0, 0.0), e, 0.0)[2]

@@ -1,52 +1,30 @@
-"""The friction of two balls in an impact, which throws the balls and transfers spin.
+"""The friction of several impacts of balls at one instant.
 
-Friction acts against the slip of the two surfaces. The slip has a part "across", along t = z x h with the horizontal
-unit vector h from ball 1 to ball 2, and a part "up", along b = n x t. For disks and balls of equal radius the normal n
-is h, and b is z. Normal and tangential impulses are independent, so the slip keeps its direction, and Coulomb's law has
-a closed form (Alciatore 2019, TP A.14): the impulse is mu times the normal impulse or, if that is less, the impulse
-that stops the slip. The vertical velocity is set to zero afterwards.
-
-Several impacts at one instant first get the normal impulses of `clusters`. Then the impulses of friction are those that
-minimise the kinetic energy after the impact, each at most mu times the normal impulse of its contact. This is the
-principle of maximum dissipation (Moreau 1973) with fixed normal impulses, as in the staggered projections of Kaufman,
-Sueda, James and Pai (2008). Zero friction is one of the choices, so the energy never rises. The problem is convex, and
-its velocities are unique. For one contact the result is the closed form. Balls that approach after it meet again at the
-same instant.
-
-Spheres of radii R1 and R2 on a table have the normal n = c h + s z with c = 2 sqrt(R1 R2) / (R1 + R2) and
-s = (R2 - R1) / (R1 + R2). The table holds both balls, so the impact changes their velocities along h as for disks. The
-impulse p along h is that of a normal impulse p / c, which limits the friction. With W = R1 w1 + R2 w2, the slip is
-t.(v1 - v2) + c W.z - s W.h across and -W.t - s h.(v1 - v2) up. The velocity along h changes in the impact; the friction
-belongs to the slip after the normal impulse, so it never raises the energy.
+The impacts first get the normal impulses of `clusters`. Then the impulses of friction are those that minimise the
+kinetic energy after the impact, each at most mu times the normal impulse of its contact. This is the principle of
+maximum dissipation (Moreau 1973) with fixed normal impulses, as in the staggered projections of Kaufman, Sueda, James
+and Pai (2008). Zero friction is one of the choices, so the energy never rises. The problem is convex, and its
+velocities are unique. For one contact the result is that of `physics.laws.balls`, whose docstring defines the slip.
+Balls that approach after it meet again at the same instant.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.clusters import quantum
-from billiards_env.physics.complementarity import solve_smallest
+from billiards_env.physics.clusters.complementarity import solve_smallest
+from billiards_env.physics.clusters.impulses import quantum
 from billiards_env.physics.double_double import HI
-from billiards_env.physics.elementary import exponential
-from billiards_env.physics.motion import norm
-from billiards_env.physics.state import UX, UY, VX, VY, WZ
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.laws.balls import Pair, along_normal, contact_slip, friction_coefficient, tilt_between
+from billiards_env.physics.state import UX, UY, VX, VY, WZ, ball_of
 
 # Columns of `Rubbing.sums`: the impulse, and the impulses that turn a ball about z and about horizontal axes.
 _PX, _PY, _PZ, _TURN, _ROLL_X, _ROLL_Y = 0, 1, 2, 3, 4, 5
 _ACROSS, _UP = 0, 1  # columns of slips and of impulses of friction
 
 _SWEEPS = 2000  # largest number of steps of `rub_all`
-
-
-@inlined
-def friction_coefficient(numbers, speed):
-    """Returns the coefficient of friction of two balls whose surfaces slide at `speed`, m/s."""
-    mu = numbers.mu_limit
-    if numbers.mu_drop > 0.0:
-        mu += numbers.mu_drop * exponential(-numbers.mu_rate * speed)
-    return mu
 
 
 @inlined
@@ -57,132 +35,7 @@ def tilt_of(spheres, i, j):
     """
     if spheres is None:
         return None
-    total = spheres[i] + spheres[j]
-    return 2.0 * math.sqrt(spheres[i] * spheres[j]) / total, (spheres[j] - spheres[i]) / total
-
-
-@inlined
-def _along_normal(tilt, p):
-    """Returns the impulse along the normal of a contact whose horizontal part is p."""
-    if tilt is None:
-        return p
-    cosine, _ = tilt
-    return p / cosine
-
-
-@inlined
-def _up_after(tilt, up, change):
-    """Returns the upward slip after the speed of separation has risen by `change`, m/s."""
-    if tilt is None:
-        return up
-    _, sine = tilt
-    return up + sine * change
-
-
-@inlined
-def contact_slip(tilt, i, j, nx, ny, state, radius):
-    """Returns the slip of ball i's surface on ball j's across and up, m/s.
-
-    Args:
-        tilt: The result of `tilt_of`.
-        i: The first ball.
-        j: The second ball.
-        nx: Horizontal unit vector h from i to j along x.
-        ny: The same along y.
-        state: The `State`.
-        radius: `SceneArrays.radius`.
-    """
-    a, b = state.rows[i], state.rows[j]
-    side = nx * (a[VY] - b[VY]) - ny * (a[VX] - b[VX])
-    turn = radius[i] * a[WZ] + radius[j] * b[WZ]
-    up_i = nx * (a[UX] - a[VX]) + ny * (a[UY] - a[VY])
-    up_j = nx * (b[UX] - b[VX]) + ny * (b[UY] - b[VY])
-    if tilt is None:
-        return side + turn, up_i + up_j
-    cosine, sine = tilt
-    along = nx * (a[VX] - b[VX]) + ny * (a[VY] - b[VY])
-    lean_i = nx * (a[UY] - a[VY]) - ny * (a[UX] - a[VX])
-    lean_j = nx * (b[UY] - b[VY]) - ny * (b[UX] - b[VX])
-    return side + (cosine * turn - sine * (lean_i + lean_j)), (up_i + up_j) - sine * along
-
-
-class FrictionImpulse(NamedTuple):
-    """The impulse of friction on the first ball of a contact.
-
-    Attributes:
-        nx: x component of the horizontal unit vector h from the first to the second ball.
-        ny: Its y component.
-        across: Impulse across, kg m/s.
-        up: Impulse up, kg m/s.
-    """
-
-    nx: Any
-    ny: Any
-    across: Any
-    up: Any
-
-
-@kernel
-def rub_ball(i, sign, push, tilt, state, scene):
-    """Changes velocity, slip and spin of a ball by the friction of an impact.
-
-    Args:
-        i: The ball.
-        sign: 1.0 if i is the first ball of the contact, -1.0 if it is the second.
-        push: The `FrictionImpulse` on the first ball.
-        tilt: The result of `tilt_of`.
-        state: The `State`.
-        scene: The `SceneArrays`.
-    """
-    s, inverse = state.rows[i], scene.inv_mass[i]
-    nx, ny, across, up = push
-    if tilt is not None:
-        cosine, sine = tilt
-        dv_across, dv_along = sign * across * inverse, -(sign * up * inverse) * sine
-        du_across, du_along = -2.5 * across * inverse * sine, 2.5 * up * inverse
-        dvx, dvy = dv_along * nx - dv_across * ny, dv_along * ny + dv_across * nx
-        s[VX] += dvx
-        s[VY] += dvy
-        s[UX] += dvx + (du_along * nx - du_across * ny)
-        s[UY] += dvy + (du_along * ny + du_across * nx)
-        s[WZ] += 2.5 * across * inverse * cosine / scene.radius[i]
-        return
-    dv, du = sign * across * inverse, 2.5 * up * inverse  # the impulse turns both balls in the same direction
-    s[VX] -= dv * ny
-    s[VY] += dv * nx
-    s[UX] += du * nx - dv * ny
-    s[UY] += du * ny + dv * nx
-    s[WZ] += 2.5 * across * inverse / scene.radius[i]
-
-
-@inlined
-def rub_pair(ball_friction, i, j, nx, ny, p, state, scene):
-    """Changes velocities, slip and spin of two balls by the friction of an impact.
-
-    Args:
-        ball_friction: `SceneArrays.ball_friction`.
-        i: The first ball.
-        j: The second ball.
-        nx: Horizontal unit vector from i to j along x.
-        ny: The same along y.
-        p: Horizontal impulse along it, kg m/s, which the velocities do not include yet.
-        state: The `State`.
-        scene: The `SceneArrays`.
-    """
-    if ball_friction is None:
-        return
-    inverse = scene.inv_mass[i] + scene.inv_mass[j]
-    tilt = tilt_of(scene.spheres, i, j)
-    across, up = contact_slip(tilt, i, j, nx, ny, state, scene.radius)
-    up = _up_after(tilt, up, p * inverse)
-    slip = norm(across, up)
-    if slip > 0.0:
-        stop = 1.0 / (3.5 * inverse)  # impulse per slip that stops it
-        limit = friction_coefficient(scene.numbers, slip) * _along_normal(tilt, p)
-        ratio = -(limit / slip if limit < stop * slip else stop)
-        push = FrictionImpulse(nx, ny, ratio * across, ratio * up)
-        rub_ball(i, 1.0, push, tilt, state, scene)
-        rub_ball(j, -1.0, push, tilt, state, scene)
+    return tilt_between(True, spheres[i], spheres[j])
 
 
 @inlined
@@ -347,9 +200,10 @@ def _rub_together(count, contacts, state, scene, rubbing):
     for c in range(count):
         i, j, nx, ny = contacts.first[c], contacts.second[c], contacts.nx[c], contacts.ny[c]
         tilt = tilt_of(scene.spheres, i, j)
-        slip[c, _ACROSS], slip[c, _UP] = contact_slip(tilt, i, j, nx, ny, state, radius)
+        pair = Pair(nx, ny, radius[i], radius[j], inv_mass[i], inv_mass[j])
+        slip[c, _ACROSS], slip[c, _UP] = contact_slip(tilt, ball_of(state.rows[i]), ball_of(state.rows[j]), pair)
         speed = norm(slip[c, _ACROSS], slip[c, _UP])
-        rubbing.limit[c] = friction_coefficient(scene.numbers, speed) * _along_normal(tilt, rubbing.normal[c])
+        rubbing.limit[c] = friction_coefficient(scene.numbers, speed) * along_normal(tilt, rubbing.normal[c])
     _minimise_energy(count, contacts, inv_mass, scene.spheres, rubbing)
     _sum_friction(count, contacts, rubbing.last, scene.spheres, rubbing)
     for c in range(count):

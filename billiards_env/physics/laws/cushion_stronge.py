@@ -1,4 +1,4 @@
-"""Friction at a compliant contact, by Stronge (2000), Impact Mechanics, chapter 5.
+"""The impact on a compliant cushion, by Stronge (2000), Impact Mechanics, chapter 5.
 
 The contact has a linear spring along the normal and one along the tangent. Frequencies and masses enter only through
 the ratio Omega of the tangential to the normal frequency, from 1 to 2. The normal spring has a half period pi, so
@@ -21,6 +21,7 @@ import math
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import arccosine, sine_cosine
+from billiards_env.physics.laws.cushion import Cushion, cushion_restitution, leave, nose_of
 
 _HALF_PI = 0.5 * math.pi
 _BETA = 3.5  # ratio of the tangential to the normal inverse mass of a sphere
@@ -88,8 +89,22 @@ def end_stick(start, stretch, velocity, e, omega):
     return t
 
 
-@kernel
-def friction_impulse(slip, grip, e, omega):
+@inlined
+def known_end(end, start, stretch, velocity, e, omega):
+    """Returns `end`, or the result of `end_stick` if it is None."""
+    if end is None:
+        return end_stick(start, stretch, velocity, e, omega)
+    return end
+
+
+@inlined
+def _gross_slip(grip, e, omega):
+    """Returns the slip from which on friction does not stop it; the arguments are those of `friction_impulse`."""
+    return grip * ((1.0 + e) * _BETA - _BETA / (omega * omega * e))
+
+
+@inlined
+def friction_impulse(slip, grip, e, omega, end):
     """Returns the impulse of friction against the slip, per mass, m/s.
 
     Args:
@@ -97,12 +112,61 @@ def friction_impulse(slip, grip, e, omega):
         grip: Normal speed times the coefficient of friction, m/s, >= 0.
         e: Restitution with e (1 + e) omega^2 >= 2, so that friction adds no energy.
         omega: Frequency ratio.
+        end: The time at which the stick ends; None to compute it.
     """
-    if slip >= grip * ((1.0 + e) * _BETA - _BETA / (omega * omega * e)):
+    gross = _gross_slip(grip, e, omega)
+    if slip >= gross:
         return (1.0 + e) * grip
     x = slip / grip
     start, stretch, velocity = begin_stick(x, e, omega)
-    t = end_stick(start, stretch, velocity, e, omega)
+    t = known_end(end, start, stretch, velocity, e, omega)
     sin, cos = sine_cosine(omega * (t - start))
     left = _BETA * e * (1.0 + sine_cosine(release_phase(t, e))[1])  # friction after the stick
     return (x + (omega * stretch * sin + velocity * cos - left)) * grip / _BETA
+
+
+@inlined
+def _arguments(before, radius, numbers):
+    """Returns the `Nose`, the size of the slip and the restitution for a `CushionMotion`."""
+    nose = nose_of(before, radius, numbers)
+    return nose, math.sqrt(nose.sx * nose.sx + nose.sy * nose.sy), cushion_restitution(before.vn, numbers)
+
+
+@inlined
+def stronge(before, radius, rebound, numbers, solution):
+    """Returns a ball's motion after an impact on a compliant cushion, as `cushion_han2005.han2005` does.
+
+    The normal impulse is that of `han2005`; the friction is that of `friction_impulse`. If the ball would leave more
+    slowly than `rebound`, a horizontal impulse through its centre, without friction, makes up for it.
+    """
+    vn = before.vn
+    nose, slip, e = _arguments(before, radius, numbers)
+    pze = (1.0 + e) * vn * nose.cos
+    pxe = pye = 0.0
+    if slip > 0.0:
+        grip = numbers.mu_cushion * vn * nose.cos
+        friction = friction_impulse(slip, grip, e, numbers.cushion_frequency_ratio, solution)
+        pxe, pye = friction * (nose.sx / slip), friction * (nose.sy / slip)
+    px = -pxe * nose.sin - pze * nose.cos
+    raised = vn + px > -rebound
+    return leave(before, nose, -rebound if raised else vn + px, px, pxe, pye, pze), raised
+
+
+@kernel
+def end_of_stick(before, radius, numbers):
+    """Returns the time at which the stick ends, 0 without a stick.
+
+    It is constant for the derivatives, because the motion after the impact does not depend on it in first order. The
+    derivatives need more digits of it than the motion, so it has one more step of Newton's method.
+    """
+    nose, slip, e = _arguments(before, radius, numbers)
+    grip, omega = numbers.mu_cushion * before.vn * nose.cos, numbers.cushion_frequency_ratio
+    if slip >= _gross_slip(grip, e, omega):
+        return 0.0
+    start, stretch, velocity = begin_stick(slip / grip, e, omega)
+    t = end_stick(start, stretch, velocity, e, omega)
+    excess, slope = stick_force(t, start, stretch, velocity, e, omega)
+    return t - excess / slope
+
+
+CUSHION = Cushion(stronge, solution=end_of_stick)

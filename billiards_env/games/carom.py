@@ -6,8 +6,11 @@ When the turn changes, the two cue balls are swapped, so with two players each p
 
 from __future__ import annotations
 
+import functools
+
+from billiards_env.games.entry import Game
+from billiards_env.games.state import end, verdict
 from billiards_env.jit import inlined
-from billiards_env.rules.arrays import game_over, verdict
 
 RED = 1 << 1
 CUSHIONS = 3
@@ -30,24 +33,52 @@ def is_carom(facts, n_object_balls, cushions):
 
 
 @inlined
-def carom(state, legal, facts, call):
+def carom(state, facts, call):
     """Judges a shot of carom (UMB, art. 24 and 61).
 
     The shooter scores a point and continues if the cue ball touches both other balls. The opening shot must first touch
     the red ball, number 1. The game is over when a player reaches the target score.
     """
-    return _carom(state, legal, facts, 0)
+    return _carom(state, facts, 0)
 
 
 @inlined
-def three_cushion(state, legal, facts, call):
+def three_cushion(state, facts, call):
     """Judges a shot of three-cushion carom: three cushion contacts come before the second ball (UMB, art. 83)."""
-    return _carom(state, legal, facts, CUSHIONS)
+    return _carom(state, facts, CUSHIONS)
 
 
 @inlined
-def _carom(state, legal, facts, cushions):
-    if not is_carom(facts, 2, cushions) or facts.first & legal == 0:
+def _carom(state, facts, cushions):
+    if not is_carom(facts, 2, cushions) or facts.first & red_to_open(state, state.player) == 0:
         return verdict()
-    scored = verdict(points=1, continues=True)
-    return game_over(scored, state.player) if 0 < state.target <= state.scores[state.player] + 1 else scored
+    if 0 < state.target <= state.scores[state.player] + 1:
+        end(state, state.player)
+    return verdict(points=1, continues=True)
+
+
+_POINT = ("point", "the cue ball of the player, white or yellow, touches both other balls; the player continues")
+_CAROM = functools.partial(
+    Game,
+    legal=red_to_open,
+    scene="carom",
+    layouts=("carom_opening", "random"),
+    n_object_balls=(2, 2),
+    won_by="`target` points",
+    cue_balls=(0, 2),
+    target=10,
+    pockets=False,
+)
+GAMES = (
+    _CAROM("carom", carom, page=(("to win", "score the target"), _POINT)),
+    _CAROM(
+        "three_cushion",
+        three_cushion,
+        cushions=CUSHIONS,
+        page=(
+            ("to win", "score the target"),
+            _POINT,
+            ("cushions", "the cue ball hits three or more before it touches the second ball"),
+        ),
+    ),
+)

@@ -1,19 +1,23 @@
-"""Arrays of states and of facts. Tests of `games` judge them."""
+"""Arrays of states and of facts, and rows in words."""
 
 import numpy as np
 import pytest
 
-from billiards_env.games import RuleState
-from billiards_env.games.judging import ball_set, balls_of, state_array
-from billiards_env.rules import CALL, FACTS, FOULS, STATE, Counts, facts_of_shots, judge_shots
+from billiards_env.games import CALL, FACTS, FOULS, STATE, to_dict
+from billiards_env.games.facts import Counts, facts_of_shots
+from billiards_env.games.referee import play
+from billiards_env.games.state import State, changed, members, row, set_of
+from tests.helpers.games import state
 
 
-def test_the_fields_of_arrays_are_those_of_one_shot():
-    state = RuleState(1, (3, 5, 8), frozenset({0, 2, 4}), fouls=(0, 2, 1))
-    row = state_array([state])[0]
-    assert (row.player, row.n_players, row.scores.tolist()) == (1, 3, [3, 5, 8, 0])
-    assert (row.object_balls, row.fouls, row.break_shot) == (0b10100, 2, True)
-    assert balls_of(ball_set([3, 1, 3])) == (1, 3)
+def test_a_row_in_words():
+    made = state("carom", on_table=(0, 2), players=3, scores=(3, 5, 8), cue_balls=(2, 0), in_hand="anywhere")
+    found = to_dict(changed(made, choices=0b1000))
+    assert (found["player"], found["scores"], found["fouls"], found["cue_balls"]) == (0, (3, 5, 8), (0, 0, 0), (2, 0))
+    assert (found["object_balls"], found["on_table"], found["in_hand"]) == ((0,), (0, 2), "anywhere")
+    assert (found["choices"], found["break_shot"], made.choices) == (("hand_back",), False, 0)
+    assert to_dict(row(State()))["cue_balls"] == (0,)
+    assert members(set_of([3, 1, 3])) == (1, 3)
 
 
 def test_the_facts_of_counted_shots():
@@ -38,18 +42,20 @@ def test_the_facts_of_counted_shots():
 
 
 def test_a_shot_without_a_known_order_of_pots_chooses_the_group_that_was_touched_first():
-    states, calls = state_array([RuleState(0, (0, 0), frozenset(range(16)), False)] * 2), np.zeros(2, CALL)
+    states, calls = np.array([state("eight_ball")] * 2, STATE), np.zeros(2, CALL)
     facts = np.zeros(2, FACTS)
     facts["potted"], facts["cushion_after"], facts["first"] = 1 << 2 | 1 << 11, True, [1 << 3, 1 << 12]
-    assert judge_shots("eight_ball", states, facts, calls)["solids"].tolist() == [0, 1]
+    assert play("eight_ball", states, facts, calls)[0]["solids"].tolist() == [0, 1]
     facts["first_potted"] = [1 << 11, 1 << 2]
-    assert judge_shots("eight_ball", states, facts, calls)["solids"].tolist() == [1, 0]
+    assert play("eight_ball", states, facts, calls)[0]["solids"].tolist() == [1, 0]
 
 
 def test_wrong_arrays_are_refused():
     states, facts, calls = np.zeros(2, STATE), np.zeros(2, FACTS), np.zeros(3, CALL)
     with pytest.raises(ValueError, match=r"lengths \(2, 2, 3\): expected one length"):
-        judge_shots("carom", states, facts, calls)
+        play("carom", states, facts, calls)
     with pytest.raises(ValueError, match="game = 'croquet': expected one of"):
-        judge_shots("croquet", states, facts, calls[:2])
-    assert [FOULS[k] for k in judge_shots("nine_ball", states, facts, calls[:2])["foul"]] == ["no_hit"] * 2
+        play("croquet", states, facts, calls[:2])
+    states["n_players"] = 2
+    assert [FOULS[k] for k in play("nine_ball", states, facts, calls[:2])[1]["foul"]] == ["no_hit"] * 2
+    assert not states["player"].any()  # the states before the shots do not change

@@ -11,8 +11,8 @@ import math
 from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.motion import norm
-from billiards_env.physics.roots import first_descent
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.roots import first_descent
 
 MARGIN = 1e-6
 """Relative margin of the tests that exclude bodies which a path does not reach."""

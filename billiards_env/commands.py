@@ -1,0 +1,34 @@
+"""How a command ends: an error and Ctrl-C are one line each, and a closed pipe is silent."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+
+ERRORS = (ImportError, OSError, RuntimeError, TypeError, ValueError)
+"""The errors of wrong input and of the system, such as a full disk. A RuntimeError is one of pygame or of Ray."""
+
+
+@contextlib.contextmanager
+def ending(resumes: str = "") -> Iterator[None]:
+    """Ends the command that runs in the block with one line if it fails or is interrupted.
+
+    The exit status is 1 after one of `ERRORS`, 130 after Ctrl-C, and 141 if the reader of the output has closed its
+    pipe, as `head` does.
+
+    Args:
+        resumes: The end of the line after Ctrl-C, such as "the same command resumes".
+    """
+    try:
+        yield
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        print(f"\ninterrupted{'; ' if resumes else ''}{resumes}", file=sys.stderr)
+        sys.exit(130)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it at its end
+        sys.exit(141)
+    except ERRORS as error:
+        sys.exit(f"error: {error}")

@@ -1,0 +1,199 @@
+"""The state of episodes: everything that a step may read or change, as a structured array with a row for each episode.
+
+`get_state` of an environment returns such an array. NumPy indexes, stacks, repeats and compares it like any other:
+
+    >>> import numpy as np
+    >>> from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
+    >>> env, envs = BilliardsEnv(max_shots=3), BilliardsVectorEnv(4, max_shots=3)
+    >>> _ = env.reset(seed=1)
+    >>> _ = envs.reset()
+    >>> envs.set_state(env.get_state().repeat(4))  # four branches of one position
+    >>> bool((envs.positions == env.positions).all()), bool((envs.get_state() == env.get_state()).all())
+    (True, True)
+
+The live state of m episodes is one block of memory with one array after the other (`StateArrays`). A copy of the block
+is a copy of the state. For one episode the block is at the same time its row.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+import hashlib
+import io
+import json
+import os
+import zipfile
+from collections.abc import Iterator, Set
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.checks import short
+from billiards_env.engine.compile import cached_by_scene
+from billiards_env.envs.arguments import Model
+from billiards_env.envs.tasks import TASKS
+from billiards_env.files import check_path, write_whole
+from billiards_env.games.state import STATE
+from billiards_env.scene import Scene
+
+State = NDArray[np.void]
+
+
+class StateArrays(NamedTuple):
+    """The fields of a state, in order, as arrays of m episodes.
+
+    Attributes:
+        scene: (m,) uint64: a hash of the scene and of the names in `randomize`.
+        stream: (m, 4) uint64: the random stream of the layouts, see `jit.streams`; 0 before it is seeded.
+        noise_stream: (m, 4) uint64: the random stream of the execution noise; 0 in an environment without noise.
+        episode_seed: (m, 8) uint64: both streams before the draws of the episode, so at its start.
+        positions: (m, n, 2) float64, m.
+        goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks with a goal, none in the others.
+        physics: (m, p) float64: the numbers of `randomize`, in its order.
+        game: (m,) `games.STATE` in the tasks that are games, (m, 0) in the others.
+        score: (m,) int64: points of the episode; undefined if `fresh`.
+        shots_left: (m,) int64: number of shots left; undefined if `fresh`.
+        in_play: (m, n) bool: whether a ball is on the table.
+        legal_balls: (m, n) bool in the tasks that are games, (m, 0) in the others, see `EpisodeArrays`.
+        is_success: (m,) bool: whether the task is achieved; undefined if `fresh`.
+        fresh: (m,) bool: whether the episode has had no shot.
+        over: (m,) bool: whether the episode has ended; True before the first episode.
+        begun: (m,) bool: whether there was a first episode.
+        task: (m,) S24: the name of the task.
+    """
+
+    scene: NDArray[np.uint64]
+    stream: NDArray[np.uint64]
+    noise_stream: NDArray[np.uint64]
+    episode_seed: NDArray[np.uint64]
+    positions: NDArray[np.float64]
+    goals: NDArray[np.float64]
+    physics: NDArray[np.float64]
+    game: NDArray[np.void]
+    score: NDArray[np.int64]
+    shots_left: NDArray[np.int64]
+    in_play: NDArray[np.bool_]
+    legal_balls: NDArray[np.bool_]
+    is_success: NDArray[np.bool_]
+    fresh: NDArray[np.bool_]
+    over: NDArray[np.bool_]
+    begun: NDArray[np.bool_]
+    task: NDArray[np.bytes_]
+
+
+def state_type(model: Model) -> np.dtype[np.void]:
+    """Returns the type of a row. The fields of 8 bytes come first, so that all arrays of a block are aligned."""
+    n, task = model.scene.n_balls, TASKS[model.task]
+    kinds = (
+        *("u8", ("u8", 4), ("u8", 4), ("u8", 8), ("f8", (n, 2)), ("f8", (1 if task.goal_radius else 0, 2))),
+        *(("f8", (len(model.randomize),)), STATE if task.is_game else (STATE, (0,)), "i8", "i8"),
+        *(("?", (n,)), ("?", (n if task.is_game else 0,))),
+        *("?", "?", "?", "?", "S24"),
+    )
+    return np.dtype(list(zip(StateArrays._fields, kinds, strict=True)))
+
+
+@functools.lru_cache(maxsize=64)
+def _places(kind: np.dtype[np.void]) -> list[tuple[tuple[int, ...], np.dtype[Any], int]]:
+    """Returns the shape, the type and the offset of each field in a row."""
+    fields: Any = kind.fields
+    return [(of.shape, of.base, at) for of, at, *_ in map(fields.__getitem__, StateArrays._fields)]
+
+
+def arrays_of(kind: np.dtype[np.void], memory: NDArray[np.uint8]) -> StateArrays:
+    """Returns the arrays of the state in a block of memory."""
+    m = len(memory) // kind.itemsize
+    return StateArrays(*[np.ndarray((m, *shape), base, memory, m * at) for shape, base, at in _places(kind)])
+
+
+@cached_by_scene
+def scene_hash(scene: Scene, names: tuple[str, ...]) -> int:
+    """Returns a hash of a scene and of the names of the numbers that vary, the same in every process."""
+    text = json.dumps([scene.to_dict(), names])
+    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "big")
+
+
+def checked_state(state: Any, kind: np.dtype[np.void], model: Model, count: int) -> State:
+    """Returns the rows of a state, (1,) or (count,), after a check.
+
+    Raises:
+        TypeError: If `state` is not an array that `get_state` returned.
+        ValueError: If it is a state of another scene or task, has another number of rows, or holds impossible numbers.
+    """
+    if not isinstance(state, (np.ndarray, np.void)) or state.dtype.names != kind.names:
+        raise TypeError(f"state = {short(state)}: expected an array that get_state returned")
+    rows = np.asarray(state).reshape(-1)
+    if len(rows) not in (1, count):
+        raise ValueError(f"state has {len(rows)} rows: expected {count}" + " or 1" * (count > 1))
+    for part in parts(len(rows)):
+        _check_rows(rows[part], kind, model)
+    return rows
+
+
+def parts(count: int) -> Iterator[slice]:
+    """Returns the parts of an array of `count` rows, each of which fits in the cache of a core."""
+    return (slice(at, at + 2048) for at in range(0, count, 2048))
+
+
+def _check_rows(rows: State, kind: np.dtype[np.void], model: Model) -> None:
+    own = {"task": model.task.encode(), "scene": scene_hash(model.scene, tuple(model.randomize))}
+    for name, value in own.items():
+        if np.count_nonzero(bad := rows[name] != value):
+            other = rows[name][bad].flat[0].item()
+            raise ValueError(f"state[{name!r}] = {other}: expected {value}, the {name} of the environment")
+    if rows.dtype != kind:
+        raise ValueError(f"state has the type {rows.dtype}: expected {kind}")
+    for name in ("positions", "goals", "physics"):
+        if np.count_nonzero(np.isfinite(rows[name])) < rows[name].size:
+            raise ValueError(f"state[{name!r}] has numbers that are not finite: expected finite numbers")
+    left = rows["shots_left"]
+    if not (rows["fresh"] | rows["over"] | ((left > 0) & (left <= model.max_shots))).all():
+        raise ValueError(f"state['shots_left'] = {short(left)}: expected 1 to max_shots = {model.max_shots}")
+    if model.noise is not None and not (rows["noise_stream"][:, 3] % 2).all():
+        raise ValueError("state['noise_stream'] is not seeded: expected a state of an environment with noise")
+
+
+def copied(env: Any, shared: Set[str], memo: dict[int, Any]) -> Any:
+    """Returns a deep copy of an environment that shares some attributes.
+
+    The spaces have their own random numbers. Their arrays are shared.
+    """
+    twin = memo[id(env)] = object.__new__(type(env))
+    for name, value in vars(env).items():
+        if isinstance(value, gym.Space):
+            space = object.__new__(type(value))
+            space.__dict__.update(value.__dict__, _np_random=copy.deepcopy(value._np_random))
+            value = space
+        elif name not in shared:
+            value = copy.deepcopy(value, memo)
+        twin.__dict__[name] = value
+    return twin
+
+
+def save_state(path: str | os.PathLike[str], state: State) -> None:
+    """Writes a state to a file `.npz`, completely or not at all.
+
+    Raises:
+        OSError: If the file cannot be written.
+        ValueError: If the path has another suffix.
+    """
+    content = io.BytesIO()
+    np.savez_compressed(content, state=state)
+    write_whole(check_path(path, ".npz"), content.getvalue())
+
+
+def load_state(path: str | os.PathLike[str]) -> State:
+    """Reads a state that `save_state` wrote. The file cannot run code. `set_state` checks its content.
+
+    Raises:
+        OSError: If the file cannot be read.
+        ValueError: If it is not a file of a state.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            return data["state"]
+    except (KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
+        raise ValueError(f"path = {os.fspath(path)!r}: expected a file of save_state ({error})") from None

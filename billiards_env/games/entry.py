@@ -1,0 +1,70 @@
+"""The entry of a game: its rules as kernels, its settings and its texts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from billiards_env.games.state import MOST_PLAYERS
+from billiards_env.physics.state import CUE_BALL
+
+Kernel = Callable[..., Any]
+Page = tuple[tuple[str, str], ...]
+
+
+class Game(NamedTuple):
+    """A game.
+
+    Attributes:
+        name: The name of the game.
+        judge: Kernel `(state, facts, call)`, see `referee.judged`. Returns the `Verdict` of a shot, and writes to the
+            state what it changes for the next shot beside the turn, the scores and the balls on the table.
+        legal: Kernel `(state, player)`. Returns the balls that the player may touch first.
+        scene: The name of the usual scene.
+        layouts: The opening layouts; the first is the default. "random" has no break.
+        n_object_balls: The smallest and the largest number of object balls; the largest is the default.
+        won_by: How the game is won, for the table in the documentation.
+        page: The rules for players: rows of two texts.
+        n_players: The smallest and the largest number of players.
+        cue_balls: The balls used as cue ball.
+        target: The default score that wins, or 0 if no score does; None for a game that is not won by points.
+        callable: Kernel `(state, player)`. Returns the balls that the player may call; None for a game without called
+            shots and safeties.
+        choices: The choices that a player may have besides a shot, of `CALLS`.
+        counts_fouls: Whether consecutive fouls are penalised.
+        deciding_ball: The ball that stays on the table until the end of the game, -1 for the last; None for none.
+        has_spots: Whether each colour returns to its own spot, as in snooker: its place in the first layout. Otherwise
+            balls return to the foot spot.
+        pockets: Whether the table has pockets.
+        groups: Whether each player has a group of seven balls and then the eight ball.
+        pots_any: Whether a legal shot may pot any ball, and not only those that may be touched first.
+        cushions: The cushion contacts that the cue ball needs before the last ball of a carom.
+        sure_pot: For players: the expected points of a turn with a sure pot, in a game that is won by points.
+        most_points: Function of the number of object balls. Returns the most points of a rack.
+        free_ball: Function `(scene, positions, state, on)`. Returns whether a foul gives the next player a free ball,
+            where `on` are the balls on; None for a game without free balls.
+    """
+
+    name: str
+    judge: Kernel
+    legal: Kernel
+    scene: str
+    layouts: tuple[str, ...]
+    n_object_balls: tuple[int, int]
+    won_by: str
+    page: Page
+    n_players: tuple[int, int] = (2, MOST_PLAYERS)
+    cue_balls: tuple[int, ...] = (CUE_BALL,)
+    target: int | None = None
+    callable: Kernel | None = None
+    choices: tuple[str, ...] = ()
+    counts_fouls: bool = False
+    deciding_ball: int | None = None
+    has_spots: bool = False
+    pockets: bool = True
+    groups: bool = False
+    pots_any: bool = False
+    cushions: int = 0
+    sure_pot: float = 1.0
+    most_points: Callable[[int], int] = int
+    free_ball: Callable[..., bool] | None = None

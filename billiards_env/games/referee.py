@@ -1,0 +1,179 @@
+"""The referee: judges arrays of shots of any game, and returns the states before the next shots.
+
+`play` is the only next state: the tasks, the PettingZoo environment, the players and the window use it or its kernel
+`judged`. What needs the positions of the balls is not part of it: where balls return to the table (`games.placement`),
+and a free ball of snooker (`Game.free_ball`).
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.checks import one_of
+from billiards_env.games import carom, pool, snooker
+from billiards_env.games.entry import Game
+from billiards_env.games.state import (
+    BEHIND,
+    BREAKING_FOUL,
+    NO_FOUL,
+    NO_RERACK,
+    NOT_IN_HAND,
+    RERACK_ALL,
+    VERDICT,
+    State,
+    row,
+    set_of,
+)
+from billiards_env.jit import inlined, specialised
+
+GAMES: dict[str, Game] = {game.name: game for family in (pool, snooker, carom) for game in family.GAMES}
+"""The games by name."""
+
+
+@inlined
+def judged(judge, state, facts, call):
+    """Judges a shot and changes the state to that before the next shot. A potted cue ball returns to the table.
+
+    Args:
+        judge: The kernel `Game.judge` of the game.
+        state: Row of `STATE`, which changes.
+        facts: `Facts`, or a row of `FACTS`.
+        call: `Called`, or a row of `CALL`.
+
+    Returns:
+        The `Verdict`.
+    """
+    state.in_hand, state.choices = NOT_IN_HAND, 0
+    verdict = judge(state, facts, call)
+    player, following = state.player, (state.player + 1) % state.n_players
+    state.scores[player] += verdict.points
+    state.scores[following] += verdict.penalty
+    # A breaking foul is not one of three consecutive fouls (WPA 4.11); the third one clears the count.
+    fouled = verdict.foul != NO_FOUL and verdict.foul != BREAKING_FOUL and verdict.rack != RERACK_ALL
+    state.fouls[player] = state.fouls[player] + 1 if fouled else 0
+    state.object_balls = (state.object_balls & ~facts.potted) | verdict.spotted
+    if verdict.rack != NO_RERACK:
+        state.object_balls = state.balls
+    state.break_shot, state.free_ball = verdict.rack == RERACK_ALL, False
+    if not verdict.continues:
+        state.player = following
+        struck, other = state.cue_balls[0], state.cue_balls[1]
+        state.cue_balls[0], state.cue_balls[1] = other, struck
+        state.object_balls = (state.object_balls | 1 << struck) & ~(1 << other)
+    return verdict
+
+
+def play(
+    game: str, states: NDArray[Any], facts: NDArray[Any], calls: NDArray[Any]
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Judges m shots of one game: candidates from one position, or shots from different states.
+
+    Args:
+        game: One of `GAMES`.
+        states: (m,) `STATE`, the state before each shot.
+        facts: (m,) `FACTS`, the facts of each shot.
+        calls: (m,) `CALL`, the call of each shot.
+
+    Returns:
+        (m,) `STATE` before the next shots, and (m,) `VERDICT`.
+
+    Raises:
+        ValueError: If the game is unknown or the arrays have different lengths.
+
+    Example:
+        >>> from billiards_env.games import CALL, FACTS, FOULS, STATE
+        >>> states, facts, calls = (np.zeros(3, kind) for kind in (STATE, FACTS, CALL))
+        >>> states["n_players"], states["object_balls"], facts["first"] = 2, 1 << 4 | 1 << 9, [0, 1 << 4, 1 << 9]
+        >>> states, verdicts = play("nine_ball", states, facts, calls)
+        >>> [FOULS[foul] for foul in verdicts["foul"]], states["player"].tolist()
+        (['no_hit', 'no_cushion', 'wrong_ball'], [1, 1, 1])
+    """
+    one_of("game", game, tuple(GAMES))
+    lengths = len(states), len(facts), len(calls)
+    if len(set(lengths)) > 1:
+        raise ValueError(f"states, facts and calls of lengths {lengths}: expected one length")
+    following, verdicts = states.copy(), np.empty(len(states), VERDICT)
+    _judging(GAMES[game].judge)(following, facts, calls, verdicts)
+    return following, verdicts
+
+
+def first_state(game: str, n_balls: int, **fields: Any) -> Any:
+    """Returns the state at the opening of a game, a row of `STATE`: player 0 breaks.
+
+    In games with pockets the cue ball is in hand. `fields` are other fields of `State`.
+    """
+    entry = GAMES[game]
+    first, second = entry.cue_balls[0], entry.cue_balls[-1]
+    usual = State(
+        balls=set_of(range(1, n_balls)),
+        object_balls=set_of(ball for ball in range(n_balls) if ball != first),
+        cue_balls=(first, second),
+        break_shot=True,
+        in_hand=BEHIND if entry.pockets else NOT_IN_HAND,
+        reds=n_balls - 7 if entry.has_spots else 0,
+    )
+    return row(usual._replace(**fields))
+
+
+def legal_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Returns the balls that players may touch first.
+
+    Args:
+        game: One of `GAMES`.
+        states: (m,) `STATE`.
+        players: (m,) the players.
+
+    Returns:
+        (m,) sets of balls.
+
+    Raises:
+        ValueError: If the game is unknown.
+    """
+    one_of("game", game, tuple(GAMES))
+    return _balls(GAMES[game].legal, states, players)
+
+
+def callable_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Returns the balls that players may call; the arguments are as in `legal_balls`.
+
+    Raises:
+        ValueError: If the game is unknown or has no called shots.
+    """
+    one_of("game", game, tuple(name for name in GAMES if GAMES[name].callable))
+    return _balls(GAMES[game].callable, states, players)
+
+
+judge, legal = pool.straight, pool.any_ball  # `specialised` puts the kernels of each game in their place
+
+
+def _judge_shots(states, facts, calls, verdicts):
+    for k in range(len(states)):
+        found, row = judged(judge, states[k], facts[k], calls[k]), verdicts[k]
+        row.foul, row.points, row.penalty, row.continues = found.foul, found.points, found.penalty, found.continues
+        row.spotted, row.rack = found.spotted, found.rack
+
+
+def _write_legal_balls(states, players, balls):
+    for k in range(len(states)):
+        balls[k] = legal(states[k], players[k])
+
+
+def _balls(kernel: Callable[..., Any] | None, states: NDArray[Any], players: NDArray[np.int64]) -> NDArray[np.int64]:
+    balls = np.empty(len(states), np.int64)
+    _finding(kernel)(states, players, balls)
+    return balls
+
+
+@functools.cache
+def _judging(kernel: Callable[..., Any]) -> Callable[..., Any]:
+    return specialised(_judge_shots, judge=kernel)
+
+
+@functools.cache
+def _finding(kernel: Callable[..., Any]) -> Callable[..., Any]:
+    return specialised(_write_legal_balls, legal=kernel)

@@ -1,0 +1,277 @@
+"""The rules of snooker, a frame for two players.
+
+"WPBSA" is section 3 of the Official Rules of the Games of Snooker and English Billiards of the World Professional
+Billiards and Snooker Association. The balls 1 to `reds` are red; yellow, green, brown, blue, pink and black follow. The
+rules are simplified:
+
+* A player who nominates no ball nominates the colour, or with a free ball the ball, that the cue ball touches first
+  (3.3, 3.12).
+* A snooker behind a free ball is not a foul (3.12 b). A push stroke and a touching ball are ignored (3.8, 3.10).
+* After a tie, the next player plays first at the re-spotted black; no lots are drawn (3.4).
+* With the miss rule, every shot that does not touch a ball on first is a miss, unless a player needs penalty points
+  (3.14). Three misses do not lose the frame.
+
+The kernels have the arguments of `entry.Game`; sets of balls are bit masks.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.games.entry import Game
+from billiards_env.games.placement import is_free, obstacles, placement_area
+from billiards_env.games.state import (
+    BEHIND,
+    HAND_BACK,
+    NO_FOUL,
+    NO_HIT,
+    REPLACE,
+    SCRATCH,
+    WRONG_BALL,
+    WRONG_POT,
+    end,
+    members,
+    size,
+    verdict,
+)
+from billiards_env.jit import inlined
+from billiards_env.physics.state import CUE_BALL
+from billiards_env.scene import CONTACT_GAP, Scene
+
+LEAST_PENALTY, MOST_PENALTY = 4, 7
+"""Points for a foul (WPBSA 3.10)."""
+
+_STEPS = 9  # places in the D along each axis at which a cue ball in hand is tested for a snooker
+
+
+@inlined
+def ball_value(state, ball):
+    """Returns the value of a ball: 1 for red, 2 to 7 for yellow, green, brown, blue, pink and black (WPBSA 3.1)."""
+    return max(ball - state.reds + 1, 1)
+
+
+@inlined
+def least_value(state, balls):
+    """Returns the smallest value of some balls. It is 7 for none: a foul before a nomination (WPBSA 3.10 d)."""
+    ball = 1
+    while balls >> ball != 0:
+        if balls >> ball & 1:
+            return ball_value(state, ball)
+        ball += 1
+    return MOST_PENALTY
+
+
+@inlined
+def greatest_value(state, balls):
+    """Returns the largest value of some balls, 0 for none."""
+    value, ball = 0, 1
+    while balls >> ball != 0:
+        value = ball_value(state, ball)
+        ball += 1
+    return value
+
+
+@inlined
+def reds(state):
+    """Returns the red balls on the table."""
+    return state.object_balls & ((2 << state.reds) - 2)
+
+
+@inlined
+def ball_on(state, colour):
+    """Returns the balls on without a free ball: a colour after a red, else the reds, else the lowest colour (3.3)."""
+    if colour:
+        return state.object_balls & ~reds(state)
+    return reds(state) if reds(state) != 0 else state.object_balls & -state.object_balls
+
+
+@inlined
+def balls_on(state, player):
+    """Returns the balls that a player may touch first. With a free ball these are all balls (WPBSA 3.12).
+
+    For the other player these are the balls that are on if the turn passes.
+    """
+    if player != state.player:
+        return ball_on(state, False)
+    return state.object_balls if state.free_ball else ball_on(state, state.colour)
+
+
+@inlined
+def nominated(state, facts, call):
+    """Returns the balls that are on in a shot, and the free ball. A ball that is touched first counts as nominated."""
+    on = ball_on(state, state.colour)
+    chosen = facts.first if size(facts.first) == 1 else 0
+    if call.ball >= 0:
+        chosen = 1 << call.ball
+    if state.colour:
+        return on & chosen, 0
+    return on, chosen & ~on if state.free_ball else 0
+
+
+@inlined
+def touches_ball_on(facts, on, free):
+    """Returns whether the cue ball first touches a ball on or the free ball.
+
+    It may touch two balls at the same instant if they are two reds, or the free ball and a ball on (WPBSA 3.6).
+    """
+    needed = free if free != 0 else on
+    return facts.first & needed != 0 and facts.first & ~(on | free) == 0
+
+
+@inlined
+def foul_of(facts, on, free):
+    """Returns the foul of a shot (WPBSA 3.10), the first in the order of `FOULS` if there are several."""
+    if facts.scratch:
+        return SCRATCH
+    if facts.first == 0:
+        return NO_HIT
+    if not touches_ball_on(facts, on, free):
+        return WRONG_BALL
+    return WRONG_POT if facts.potted & ~(on | free) != 0 else NO_FOUL
+
+
+@inlined
+def points_left(balls, reds, colour):
+    """Returns the most points that a player can still score with balls: a black after each red, then the colours."""
+    points, ball = MOST_PENALTY if colour else 0, 1
+    while balls >> ball != 0:
+        if balls >> ball & 1:
+            points += ball - reds + 1 if ball > reds else 1 + MOST_PENALTY
+        ball += 1
+    return points
+
+
+@inlined
+def snooker(state, facts, call):
+    """Judges a shot of snooker (WPBSA 3).
+
+    Reds and colours alternate: each red potted scores 1, then the player nominates a colour, which scores its value and
+    is spotted (3.3). After the last red and the colour that follows it, the colours are potted in the order of their
+    values. A foul ends the turn, and the other player scores the largest of 4, the value of the ball on, and the values
+    of wrong balls that were touched first or potted (3.10). Colours potted on a foul are spotted, reds are not. The
+    next player may make the offender shoot again. With the miss rule, that player may also have the balls replaced, if
+    the cue ball touched no ball on first and no player needs penalty points before or after the shot (3.14). The first
+    pot or foul on the last black ends the frame; after a tie
+    the black is spotted, and the cue ball is in hand (3.4).
+    """
+    on, free = nominated(state, facts, call)
+    value, foul = least_value(state, on), foul_of(facts, on, free)
+    colours = state.object_balls & ~reds(state)
+    points, penalty = 0, 0
+    if foul != NO_FOUL:
+        wrong = (facts.first | facts.potted) & ~(on | free)
+        penalty = max(LEAST_PENALTY, max(value, greatest_value(state, wrong)))
+        spotted = facts.potted & colours
+        state.choices = 1 << HAND_BACK
+    else:
+        # A free ball has the value of the ball on. It scores with the reds, but not in addition to a colour (3.12 e).
+        pots = size(facts.potted)
+        points = value * (pots if value == 1 else min(pots, 1))
+        spotted = facts.potted & (colours if state.colour else free)
+    if foul == SCRATCH:
+        state.in_hand = BEHIND
+    left = points_left(state.object_balls, state.reds, state.colour)
+    state.colour = points > 0 and value == 1 and not state.colour
+
+    mine = state.scores[state.player] + points
+    others = state.scores[1 - state.player] + penalty
+    black = 1 << (state.reds + 6)
+    if 0 < state.target <= max(mine, others) or (state.object_balls == black and points + penalty > 0):
+        if mine == others:
+            state.choices, state.in_hand = 0, BEHIND
+            return verdict(foul, points, penalty, False, black)
+        end(state, state.player if mine > others else 1 - state.player)
+        state.choices = 0
+    elif state.miss and not touches_ball_on(facts, on, free):
+        lead = abs(state.scores[0] - state.scores[1])
+        lying = (state.object_balls & ~facts.potted) | spotted
+        if lead <= left and abs(mine - others) <= points_left(lying, state.reds, False):
+            state.choices |= 1 << REPLACE
+    return verdict(foul, points, penalty, points > 0, spotted)
+
+
+def is_snookered(scene: Scene, positions: NDArray[np.float64], state: Any, on: int) -> bool:
+    """Returns whether the cue ball is snookered on all balls on, which after a foul gives a free ball (WPBSA 3.12).
+
+    A ball on is snookered if another ball, which is not on, obstructs a straight path of the cue ball to one of its two
+    edges (section 2, 17): on the path the two balls would overlap by more than `CONTACT_GAP`. A ball that touches the
+    cue ball therefore obstructs no path that leads away from this ball or past it. A ball on that the cue ball touches
+    is not snookered. A cue ball in hand is snookered if it is snookered at all free places of a grid in the D.
+
+    Args:
+        scene: The scene.
+        positions: (n, 2) m.
+        state: The state of the rules.
+        on: The balls on.
+    """
+    circles = [(*place, radius) for place, radius in zip(positions.tolist(), scene.balls.radius, strict=True)]
+    others = [circles[i] for i in members(state.object_balls & ~on)]
+    targets = [circles[i] for i in members(on)]
+    x, y, cue = circles[CUE_BALL]
+    places = _places(scene, positions, state) if state.in_hand else [(x, y)]
+    return not any(_sees(place, cue, target, others) for place in places for target in targets)
+
+
+def _places(scene: Scene, positions: NDArray[np.float64], state: Any) -> list[tuple[float, float]]:
+    """Returns the free places of a grid in the D."""
+    x_low, x_high, y_low, y_high = placement_area(scene, CUE_BALL, behind=True)
+    circles = obstacles(scene, positions, CUE_BALL, members(state.object_balls))
+    steps = [k / (_STEPS - 1) for k in range(_STEPS)]
+    grid = [(x_low + (x_high - x_low) * a, y_low + (y_high - y_low) * b) for a in steps for b in steps]
+    limit = (x_high - x_low) * (x_high - x_low)
+    return [p for p in grid if (p[0] - x_high) ** 2 + p[1] * p[1] <= limit and is_free(p, circles)]
+
+
+def _sees(
+    place: tuple[float, float], radius: float, target: tuple[float, ...], others: list[tuple[float, ...]]
+) -> bool:
+    """Returns whether a ball at a place can reach both edges of a target on a straight path."""
+    x, y = place
+    dx, dy, reach = target[0] - x, target[1] - y, target[2] + radius
+    square = dx * dx + dy * dy
+    if square <= (reach + CONTACT_GAP) ** 2:
+        return True
+    along = math.sqrt(square - reach * reach)
+    for side in (-reach, reach):  # the path to the point at which the two balls only touch
+        ex, ey = (along * dx - side * dy) * along / square, (along * dy + side * dx) * along / square
+        for other_x, other_y, other_radius in others:
+            ox, oy, clear = other_x - x, other_y - y, other_radius + radius - CONTACT_GAP
+            share = min((ox * ex + oy * ey) / (along * along), 1.0)
+            gap_x, gap_y = ox - share * ex, oy - share * ey
+            if share > 0.0 and gap_x * gap_x + gap_y * gap_y < clear * clear:
+                return False
+    return True
+
+
+GAMES = (
+    Game(
+        "snooker",
+        snooker,
+        balls_on,
+        scene="snooker",
+        layouts=("snooker", "random"),
+        n_object_balls=(6, 21),
+        won_by="having the most points when the black ball, the last one, is potted",
+        n_players=(2, 2),
+        target=0,
+        choices=("hand_back", "replace"),
+        deciding_ball=-1,
+        has_spots=True,
+        sure_pot=8.0,
+        most_points=lambda balls: 8 * balls - 21,
+        free_ball=is_snookered,
+        page=(
+            ("to win", "have most points when the black is potted last"),
+            ("order", "a red, then a colour, in turns; at the end the colours by value"),
+            ("values", "red 1, yellow 2, green 3, brown 4, blue 5, pink 6, black 7"),
+            ("turn", "a player continues after a legal pot"),
+            ("foul", "cue ball potted, no ball or a wrong ball hit first, wrong ball potted"),
+            ("after a foul", "the other player scores 4 to 7 points; a potted cue ball is in hand in the D"),
+            ("free ball", "who is snookered after a foul may play any ball as the ball on"),
+        ),
+    ),
+)

@@ -1,0 +1,1 @@
+"""Impacts of several balls at one instant."""

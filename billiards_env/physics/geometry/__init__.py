@@ -1,0 +1,1 @@
+"""Where two bodies touch: times of contacts of balls, cushions and pockets."""

@@ -1,0 +1,102 @@
+"""What the laws of cushions share: the motion of a ball at a cushion, its contact with the nose, and restitution."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from billiards_env.jit import inlined
+
+
+class Cushion(NamedTuple):
+    """A cushion of scenes.
+
+    Attributes:
+        law: The law of its impacts, see `cushion_han2005.han2005`.
+        rubs: Whether it has friction. Without friction `physics.cushion` needs only the restitution.
+        work: `Numbers.cushion_work`; with extreme numbers an impact may take twenty times as long.
+        solution: The kernel of (before, radius, numbers) that solves the equation of the law; None if it has none.
+    """
+
+    law: Callable[..., Any]
+    rubs: bool = True
+    work: int = 1
+    solution: Callable[..., Any] | None = None
+
+
+class CushionMotion(NamedTuple):
+    """The motion of a ball at a cushion with the normal n into the cushion and the tangent t = z x n.
+
+    Attributes:
+        vn: Velocity along n, m/s.
+        vt: Velocity along t, m/s.
+        un: Slip on the cloth along n, m/s.
+        ut: Slip on the cloth along t, m/s.
+        rwz: Spin about the vertical axis times the radius, m/s.
+    """
+
+    vn: Any
+    vt: Any
+    un: Any
+    ut: Any
+    rwz: Any
+
+
+class Nose(NamedTuple):
+    """The contact of a ball with the nose of a cushion.
+
+    The nose touches the ball at the height h. The contact is at the angle theta above the ball's centre. The slip is
+    the velocity of the cushion relative to the ball, and friction on the ball acts along it.
+
+    Attributes:
+        sin: sin(theta) = h / R - 1.
+        cos: cos(theta).
+        sx: Slip along the tangent that points up, m/s.
+        sy: Slip along t, m/s.
+        rwn: Spin about n times the radius, m/s.
+        rwt: Spin about t times the radius, m/s.
+    """
+
+    sin: Any
+    cos: Any
+    sx: Any
+    sy: Any
+    rwn: Any
+    rwt: Any
+
+
+@inlined
+def cushion_restitution(speed, numbers):
+    """Returns the restitution at a normal speed, m/s."""
+    e = numbers.e_cushion
+    if speed > numbers.e_cushion_onset:
+        e -= numbers.e_cushion_loss * (speed - numbers.e_cushion_onset)
+        if numbers.e_cushion_loss > 0.0:
+            e = max(numbers.e_cushion_floor, e)
+    return e
+
+
+@inlined
+def nose_of(before, radius, numbers):
+    """Returns the `Nose` of a cushion for a ball with the `CushionMotion` `before`."""
+    vn, vt, un, ut, rwz = before
+    sin = numbers.cushion_height / radius - 1.0
+    cos = math.sqrt(1.0 - sin * sin)
+    # Spin in terms of slip: R omega_t = vn - un, R omega_n = ut - vt.
+    rwt, rwn = vn - un, ut - vt
+    return Nose(sin, cos, vn * sin + rwt, -vt - rwz * cos + rwn * sin, rwn, rwt)
+
+
+@inlined
+def leave(before, nose, vn, px, pxe, pye, pze):
+    """Returns the `CushionMotion` with the normal velocity vn after impulses, all in m/s.
+
+    The impulses per mass are px (horizontal, into the cushion), the friction pxe (up) and pye (along t), pze (normal).
+    """
+    sin, cos = nose.sin, nose.cos
+    pz = pxe * cos - pze * sin
+    vt = before.vt + pye
+    rwn = nose.rwn - 2.5 * pye * sin
+    rwt = nose.rwt + 2.5 * (px * sin - pz * cos)
+    return CushionMotion(vn, vt, vn - rwt, vt + rwn, before.rwz + 2.5 * pye * cos)

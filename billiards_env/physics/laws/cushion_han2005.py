@@ -1,0 +1,70 @@
+"""The impact on a cushion by Han (2005), with friction and spin."""
+
+from __future__ import annotations
+
+import math
+
+from billiards_env.jit import inlined
+from billiards_env.physics.laws.cushion import Cushion, cushion_restitution, leave, nose_of
+
+
+@inlined
+def _squeeze(needed, nose, mu):
+    """Returns the friction and the normal impulse (pxe, pye, pze), per mass, with the horizontal sum `needed`, m/s."""
+    sin, cos, sx, sy = nose.sin, nose.cos, nose.sx, nose.sy
+    slip = math.sqrt(sx * sx + sy * sy)
+    resistance = cos + (mu * sin * (sx / slip) if slip > 0.0 else 0.0)
+    pze = needed / resistance if resistance > 0.0 else math.inf
+    if slip * (2.0 / 7.0) <= mu * pze and mu > 0.0:  # friction sticks
+        return sx * (2.0 / 7.0), sy * (2.0 / 7.0), max(0.0, (needed - sx * (2.0 / 7.0) * sin) / cos)
+    if slip > 0.0:
+        return mu * pze * (sx / slip), mu * pze * (sy / slip), pze
+    return 0.0, 0.0, pze
+
+
+@inlined
+def impact(before, nose, rebound, mu, e):
+    """Returns the result of `han2005` for a `Nose` with the friction mu and the restitution e."""
+    vn = before.vn
+    sin, cos, sx, sy = nose.sin, nose.cos, nose.sx, nose.sy
+    slip = math.sqrt(sx * sx + sy * sy)
+    pze = (1.0 + e) * vn * cos  # impulses per mass
+    pxe = pye = 0.0
+    if slip * (2.0 / 7.0) <= mu * pze and mu > 0.0:
+        pxe, pye = sx * (2.0 / 7.0), sy * (2.0 / 7.0)
+    elif slip > 0.0:
+        pxe, pye = mu * pze * (sx / slip), mu * pze * (sy / slip)
+    px = -pxe * sin - pze * cos
+    raised = vn + px > -rebound
+    if raised:
+        px = -(vn + rebound)
+        pxe, pye, pze = _squeeze(vn + rebound, nose, mu)
+    return leave(before, nose, -rebound if raised else vn + px, px, pxe, pye, pze), raised
+
+
+@inlined
+def han2005(before, radius, rebound, numbers, solution):
+    """Returns a ball's motion after an impact on a cushion with friction and spin.
+
+    The law is that of Han (2005), Dynamics in Carom and Three Cushion Billiards. At the point of contact friction
+    either stops the slip or acts against it throughout (his equations 14 to 23). The vertical velocity is set to zero,
+    as in his carom model. If the ball would leave more slowly than `rebound`, the normal impulse and its friction are
+    raised until the ball leaves at `rebound`.
+
+    Args:
+        before: The `CushionMotion` before the impact, vn >= 0.
+        radius: m.
+        rebound: Least speed away from the cushion after the impact, m/s, >= 0.
+        numbers: The `Numbers`.
+        solution: The result of `Cushion.solution` for this impact; None to solve the equation of the law. The
+            derivatives solve it once for all directions. This law has none.
+
+    Returns:
+        after: The `CushionMotion` after the impact, with vn <= -rebound.
+        raised: Whether `rebound` raised the impulse.
+    """
+    e = cushion_restitution(before.vn, numbers)
+    return impact(before, nose_of(before, radius, numbers), rebound, numbers.mu_cushion, e)
+
+
+CUSHION = Cushion(han2005)

@@ -1,0 +1,7 @@
+"""The impact on a cushion without friction: the normal velocity is reversed and multiplied by the restitution."""
+
+from billiards_env.physics.laws.cushion import Cushion
+from billiards_env.physics.laws.cushion_han2005 import han2005
+
+CUSHION = Cushion(han2005, rubs=False)
+"""`physics.cushion` calls only `cushion_restitution`; the law stands in its place for cushions with friction."""

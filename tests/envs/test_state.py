@@ -1,0 +1,198 @@
+"""The state of environments: held, copied, stacked, saved and put back, with the same bits after it."""
+
+import copy
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv, load_state, save_state
+from tests.helpers.environments import SOFT, STRIKE, VARIED, name_of, same
+
+NINE: dict[str, Any] = {"task": "nine_ball", "max_shots": 3, "max_speed": 8.0, "noise": {}}
+KINDS: list[dict[str, Any]] = [
+    {**VARIED, "noise": {"angle_std": 2.0}},
+    NINE,
+    {"task": "place", "max_shots": 3},
+    {**STRIKE, "noise": {}},
+    {**SOFT, "mode": "pit", "dt": 1 / 15, "randomize": {"dt": [0.01, 0.1]}},
+]
+kinds = pytest.mark.parametrize("kwargs", KINDS, ids=name_of)
+
+
+def played(env, actions):
+    """Returns the results of steps. A single environment begins a new episode after the end of one."""
+    log = []
+    for action in actions:
+        log.append(env.step(action))
+        if isinstance(env, BilliardsEnv) and log[-1][2]:
+            log.append(env.reset())
+    return log
+
+
+def random_actions(env, count, seed):
+    return np.random.default_rng(seed).uniform(-1, 1, (count, *env.action_space.shape))
+
+
+@kinds
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 2**40), before=st.integers(0, 4))
+def test_a_restored_environment_continues_with_the_same_bits(kwargs, seed, before):
+    env, other = BilliardsEnv(**kwargs), BilliardsEnv(**kwargs)
+    env.reset(seed=seed)
+    actions = random_actions(env, 8, seed)
+    played(env, actions[:before])
+    state = env.get_state()
+    kept, expected = state.copy(), played(env, actions[before:])
+    for one in (env, other):
+        one.set_state(state)
+        twin = copy.deepcopy(one)
+        same(played(one, actions[before:]), expected)
+        same(played(twin, actions[before:]), expected)
+        assert (one.get_state() == env.get_state()).all()
+    assert state.tobytes() == kept.tobytes()
+
+
+@kinds
+@pytest.mark.parametrize("mode", ["SameStep", "NextStep"])
+def test_rows_of_a_vector_environment_continue_in_any_place(kwargs, mode):
+    envs, others = BilliardsVectorEnv(6, mode, **kwargs), BilliardsVectorEnv(3, mode, **kwargs)
+    envs.reset(seed=4)
+    actions = random_actions(envs, 6, 0)
+    played(envs, actions[:2])
+    state, rows = envs.get_state(), np.array([4, 1, 5])
+    assert (envs.get_state(rows) == state[rows]).all()
+    expected = played(envs, actions[2:])
+    others.set_state(state[rows])
+    for found, whole in zip(played(others, actions[2:, rows]), expected, strict=True):
+        assert all(map(np.array_equal, found[:3], [array[rows] for array in whole[:3]]))
+    envs.set_state(state)
+    same(played(envs, actions[2:]), expected)
+    single = BilliardsEnv(**kwargs)
+    single.set_state(state[2])
+    if not state["over"][2]:
+        assert single.step(actions[2, 2])[1] == expected[0][1][2]
+    envs.set_state(state[:3], [3, 4, 5])
+    assert (envs.get_state([3, 4, 5]) == state[:3]).all()
+
+
+def test_branches_of_one_position_differ_by_their_actions_and_their_noise():
+    env, envs = BilliardsEnv(**NINE), BilliardsVectorEnv(50, "NextStep", **NINE)
+    env.reset(seed=0)
+    state = env.get_state()
+    envs.set_state(state.repeat(50))
+    actions = random_actions(envs, 1, 1)[0]
+    _, rewards, *_ = envs.step(actions)
+    for action, reward in zip(actions[:5], rewards[:5], strict=True):
+        env.set_state(state)
+        assert env.step(action)[1] == reward
+    envs.set_state(state)  # one row for all
+    assert len(set(envs.step(np.full((50, 2), 0.5))[4]["shot_time"].tolist())) == 1
+    states = state.repeat(50)
+    states["noise_stream"] = np.random.default_rng(0).integers(0, 2**64, (50, 4), np.uint64) | np.uint64(1)
+    envs.set_state(states)
+    assert len(set(envs.step(np.full((50, 2), 0.5))[4]["shot_time"].tolist())) > 10
+
+
+@kinds
+def test_the_info_repeats_an_automatic_episode_alone(kwargs):
+    envs, env = BilliardsVectorEnv(4, **kwargs), BilliardsEnv(**kwargs)
+    observations, infos = envs.reset(seed=9)
+    actions = random_actions(envs, 8, 3)
+    begun = {k: (infos["episode_seed"][k], observations[k], []) for k in range(4)}
+    repeated = 0
+    for action in actions:
+        observations, rewards, over, _, infos = envs.step(action)
+        for k in range(4):
+            begun[k][2].append((action[k], rewards[k]))
+            if over[k]:
+                seed, first, shots = begun[k]
+                assert env.reset(options={"episode_seed": seed})[0].tobytes() == first.tobytes()
+                assert all(env.step(shot)[1] == reward for shot, reward in shots)
+                begun[k] = infos["episode_seed"][k], observations[k], []
+                repeated += 1
+    assert repeated > 6
+    again = envs.reset(options={"episode_seed": np.array([begun[k][0] for k in range(4)])})[0]
+    assert again.tobytes() == np.array([begun[k][1] for k in range(4)]).tobytes()
+
+
+def test_a_state_survives_a_file(tmp_path):
+    envs = BilliardsVectorEnv(3, **NINE)
+    envs.reset(seed=0)
+    save_state(tmp_path / "state.npz", envs.get_state())
+    loaded = load_state(tmp_path / "state.npz")
+    assert loaded.dtype == envs.get_state().dtype
+    assert (loaded == envs.get_state()).all()
+    assert np.array_equal(np.stack([loaded[0], loaded[1]]), loaded[:2])
+    np.savez(tmp_path / "code.npz", state=np.array([print], object))
+    (tmp_path / "text.npz").write_text("state")
+    np.savez(tmp_path / "other.npz", other=np.zeros(1))
+    for name in ("code", "text", "other"):
+        with pytest.raises(ValueError, match="expected a file of save_state"):
+            load_state(tmp_path / f"{name}.npz")
+
+
+def changed(**values: Any) -> np.ndarray:
+    """Returns two states of `BilliardsVectorEnv(2)`, of which the second one has other values."""
+    envs = BilliardsVectorEnv(2)
+    envs.reset(seed=0)
+    state = envs.get_state()
+    for name, value in values.items():
+        state[name][1] = value
+    return state
+
+
+@pytest.mark.parametrize(
+    ("state", "message", "kind"),
+    [
+        (lambda: [1, 2], r"state = \[1, 2\]: expected an array that get_state returned", TypeError),
+        (lambda: np.zeros(2), "expected an array that get_state returned", TypeError),
+        (lambda: changed()[[0, 1, 0]], "state has 3 rows: expected 2 or 1", ValueError),
+        (lambda: changed(task="carom"), r"state\['task'\] = b'carom': expected b'pot', the task of", ValueError),
+        (lambda: BilliardsVectorEnv(2, scene="ideal", task="place").get_state(), r"state\['task'\]", ValueError),
+        (lambda: BilliardsVectorEnv(2, scene="uk_pool").get_state(), r"state\['scene'\] = .* the scene of", ValueError),
+        (lambda: BilliardsVectorEnv(2, n_object_balls=2).get_state(), r"state\['scene'\]", ValueError),
+        (lambda: BilliardsVectorEnv(2, randomize={"g": (9, 10)}).get_state(), r"state\['scene'\]", ValueError),
+        (lambda: changed(positions=np.nan), r"state\['positions'\] has numbers that are not finite", ValueError),
+        (
+            lambda: changed(fresh=False, shots_left=2),
+            r"state\['shots_left'\] = .*expected 1 to max_shots = 1",
+            ValueError,
+        ),
+    ],
+)
+def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(state, message, kind):
+    envs = BilliardsVectorEnv(2)
+    envs.reset(seed=0)
+    before = envs.get_state()
+    with pytest.raises(kind, match=message):
+        envs.set_state(state())
+    with pytest.raises(ValueError, match=r"rows = \[2\]: expected numbers of environments"):
+        envs.get_state([2])
+    assert (envs.get_state() == before).all()
+
+
+def test_a_noisy_environment_refuses_a_state_without_noise_but_not_the_other_way_round():
+    plain, noisy = BilliardsEnv(), BilliardsEnv(noise={})
+    for env in (plain, noisy):
+        env.reset(seed=0)
+    with pytest.raises(ValueError, match=r"state\['noise_stream'\] is not seeded: expected a state of"):
+        noisy.set_state(plain.get_state())
+    plain.set_state(noisy.get_state())
+
+
+def test_the_generator_and_the_spaces_of_a_copy_are_its_own():
+    env: Any = gym.make("Billiards-v0", render_mode=None).unwrapped
+    env.reset(seed=3)
+    env.action_space.seed(3)
+    twin = copy.deepcopy(env)
+    assert twin.np_random.random() == env.np_random.random()
+    assert (twin.action_space.sample() == env.action_space.sample()).all()
+    state = env.get_state()
+    drawn = env.np_random.random()
+    env.set_state(state)
+    assert env.np_random.random() == drawn
+    assert env.np_random_seed == -1  # not known
