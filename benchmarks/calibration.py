@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks import Count, machine, machine_line, parser_of, report, run_kinds, table, workers
+from billiards_env.calibration.calibrate import calibrate
+from billiards_env.calibration.tracks import Track, observed
 from billiards_env.intervals import success_rate
 from billiards_env.scene import Scene, layouts
-from billiards_env.shots.calibration import calibrate
 from billiards_env.shots.simulation import simulate
-from billiards_env.shots.tracks import Track, observed
 
 SCENE, NOISE, SHOTS, FRAMES = "real_carom", 0.002, 6, 1 / 30 * np.arange(75)
 NUMBERS = ("mu_slide", "mu_roll", "e_ball", "e_cushion", "mu_ball_factor")

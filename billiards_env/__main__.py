@@ -181,14 +181,19 @@ def _add_replay(parser: argparse.ArgumentParser) -> None:
 def _add_calibrate(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Fit numbers of physics to tracks of shots: a CSV file with the columns shot, time (s), ball, x and y (m from "
-        "the centre of the table, x along its length). The cue ball is ball 0."
+        "the centre of the table, x along its length), or a JSON file. The ball that moves first is the cue ball."
     )
     add = parser.add_argument
-    add("tracks", type=Path, help="the CSV file")
+    add("tracks", type=Path, help="the file")
     add("--scene", default="pool", help=f"{', '.join(SCENES)}, or a JSON file of a scene (default: %(default)s)")
     add("--balls", type=int, metavar="N", help="number of object balls (default: those in the file)")
-    add("--free", nargs="+", metavar="NUMBER", help="the numbers (default: mu_slide, mu_roll, e_ball and e_cushion)")
-    add("--noise", type=number, default=0.002, help="standard deviation of a coordinate, m (default: %(default)s)")
+    add("--free", nargs="+", metavar="NUMBER", help="the numbers (default: friction and restitution)")
+    add("--unit", default="m", help="unit of x and y: m, cm, mm, in or px (default: %(default)s)")
+    add("--frame", choices=["fit"], help="fit the frame of the file to rebounds, in any unit")
+    add("--noise", type=number, help="standard deviation of a coordinate, m (default: an estimate)")
+    add("--contacts", type=int, default=4, help="fit rows until this contact of the cue ball (default: %(default)s)")
+    add("--laws", nargs="*", metavar="LAW", help="laws of cushions to compare (default: those with friction)")
+    add("--state", type=Path, metavar="FILE", help="keep finished stages in this JSON file, and go on from them")
     text = "write the report: .json, or a picture .png, .svg or .pdf"
     add("--out", type=Path, action="append", default=[], metavar="FILE", help=text)
 
@@ -353,21 +358,30 @@ def dataset(args: argparse.Namespace) -> None:
 
 def calibrate(args: argparse.Namespace) -> None:
     """Runs the command `calibrate`."""
-    from billiards_env.shots import calibration
+    from billiards_env.calibration import calibrate, read_tracks
+    from billiards_env.calibration.calibrate import FRICTION_CUSHIONS
+    from billiards_env.calibration.report import check_out
     from billiards_env.shots.records import scene_of
-    from billiards_env.shots.tracks import read_tracks
 
     for path in args.out:
-        calibration.check_out(path)
-    tracks = read_tracks(args.tracks)
+        check_out(path)
+    tracks = read_tracks(args.tracks, args.unit)
     most = max((int(track.balls.max()) for track in tracks), default=0)
     scene = scene_of(args.scene, most if args.balls is None and not args.scene.endswith(".json") else args.balls)
-
-    def progress(text: str) -> None:
-        print(text, file=sys.stderr, flush=True)
-
-    free = calibration.FREE if args.free is None else args.free
-    result = calibration.calibrate(scene, tracks, free, noise=args.noise, progress=progress)
+    laws = args.laws
+    if laws is None:
+        laws = FRICTION_CUSHIONS if scene.physics.cushion in FRICTION_CUSHIONS else ()
+    result = calibrate(
+        scene,
+        tracks,
+        args.free,
+        frame=args.frame,
+        noise=args.noise,
+        contacts=args.contacts,
+        laws=laws,
+        state=args.state,
+        progress=lambda text: print(text, file=sys.stderr, flush=True),
+    )
     print(result)
     for path in args.out:
         result.save(path)

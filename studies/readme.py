@@ -34,6 +34,7 @@ SOURCES = {
         "benchmarks.differentiable",
         "benchmarks.error_limit",
         "benchmarks.gradients",
+        "benchmarks.real_tracks",
         "benchmarks.speed",
         "benchmarks.stress",
         "benchmarks.validation",

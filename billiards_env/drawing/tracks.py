@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -24,22 +24,15 @@ LEFT_OUT = "#ff9f1c"
 """The colour of rows that are not fitted."""
 
 
-def draw_fit(
-    shots: Mapping[str, tuple[Any, NDArray[np.bool_], Recording]],
-    tracks: Sequence[Any],
-    residuals: Sequence[Floats],
-    fitted: Sequence[NDArray[np.bool_]],
-) -> Figure:
-    """Draws the fit of tracks, see `shots.tracks.Track`.
+def draw_fit(shots: Mapping[str, tuple[Any, NDArray[np.bool_], Recording]], errors: Mapping[int, Floats]) -> Figure:
+    """Draws the fit of tracks, see `calibration.tracks.Track`.
 
     Args:
         shots: The track, the rows that are fitted and the fitted shot of each shot that is drawn, by its name.
-        tracks: All tracks.
-        residuals: Their residuals (k, 2), m.
-        fitted: Whether their rows (k,) are fitted.
+        errors: The errors of the rows until each contact of the cue ball, m.
 
     Returns:
-        The figure: tables with rows over paths, and under them the lengths of all residuals against time.
+        The figure: tables with rows over paths, and under them the distribution of the errors until each contact.
     """
     across = min(3, len(shots))
     down = math.ceil(len(shots) / across)
@@ -53,18 +46,17 @@ def draw_fit(
     for ax in panels[len(shots) :]:
         ax.axis("off")
     ax = below.subplots()
-    ax.set_xlabel("time since the first row, s")
-    ax.set_ylabel("residual, mm")
-    ax.set_yscale("log")
-    for inside, colour, marker, text in ((True, "#0072b2", ".", "fitted rows"), (False, LEFT_OUT, "x", "other rows")):
-        some = [used == inside for used in fitted]
-        times = [track.times[row] - track.times[0] for track, row in zip(tracks, some, strict=True)]
-        sizes = [1e3 * np.hypot(*off[row].T) for off, row in zip(residuals, some, strict=True)]
-        if any(map(len, times)):
-            at, size = np.concatenate(times), np.concatenate(sizes)
-            ax.plot(at, size, marker, color=colour, markersize=3.5, markeredgewidth=0.8, alpha=0.6, label=text)
+    ax.set_xlabel("error of a row, mm")
+    ax.set_ylabel("share of the rows")
+    ax.set_xscale("log")
+    for (contact, off), colour in zip(errors.items(), ("#0072b2", "#009e73", "#e69f00", "#d55e00"), strict=True):
+        if len(off):
+            sizes = np.sort(np.maximum(1e3 * off, 0.01))
+            label = f"until contact {contact}"
+            ax.plot(sizes, np.arange(1, len(sizes) + 1) / len(sizes), color=colour, linewidth=1.5, label=label)
+    ax.set_ylim(0.0, 1.0)
     ax.grid(alpha=0.3)
-    ax.legend(loc="upper right", fontsize=8, markerscale=2.0)
+    ax.legend(loc="lower right", fontsize=8)
     return figure
 
 

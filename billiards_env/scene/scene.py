@@ -402,9 +402,10 @@ class Scene:
                 "carom" (no pockets), "ideal" (no friction, no loss of energy and no pockets; a shot ends after 10 s),
                 "pooltool_carom" (carom with elastic balls, as in the reference shots made with pooltool),
                 "sum_to_three" (the small table of pooltool's game of that name), "real_pool" (9-foot table with the
-                jaws of the pockets), "real_carom" (carom), "snooker" (15 red balls, then yellow, green, brown, blue,
-                pink and black), "uk_pool" (small table, smaller cue ball), "pooltool_pool" or "pooltool_real_carom"
-                (7-foot pool table and carom table of reference shots made with pooltool).
+                jaws of the pockets), "real_carom" (carom), "match_carom" (carom with numbers fitted to tracks of a
+                match table), "snooker" (15 red balls, then yellow, green, brown, blue, pink and black), "uk_pool"
+                (small table, smaller cue ball), "pooltool_pool" or "pooltool_real_carom" (7-foot pool table and carom
+                table of reference shots made with pooltool).
             n_object_balls: Number of object balls; None for the default: 21 in "snooker", 15 in "uk_pool", 2 in the
                 carom scenes and in "blocked_pool", 1 in the others.
 
@@ -558,6 +559,27 @@ def _real_carom(n_balls: int) -> Scene:
     return dataclasses.replace(_carom(n_balls), physics=_REAL)
 
 
+def _match_carom(n_balls: int) -> Scene:
+    """Returns the scene fitted to 60 shots of three-cushion billiards on a match table, see docs/validation.md.
+
+    The tracks are those of the simulator tailuge/billiards, at 50 Hz. With their 95% intervals, the numbers are:
+    mu_slide 0.175 to 0.187, mu_roll 0.0047 to 0.0056, spin_decay 1.6 to 3.4 rad/s^2, e_ball 0.946 to 0.966, e_cushion
+    0.846 to 0.856, mu_cushion 0.243 to 0.268 and mu_ball_factor 5.0 to 5.9. The command is `python -m
+    benchmarks.real_tracks`. The cushions have the law of Han (2005).
+    """
+    physics = Physics(
+        ball_ball="frictional",
+        mu_slide=0.181,
+        mu_roll=0.0052,
+        spin_decay=2.5,
+        e_ball=0.956,
+        e_cushion=0.851,
+        mu_cushion=0.2555,
+        mu_ball_factor=5.5,
+    )
+    return dataclasses.replace(_carom(n_balls), physics=physics)
+
+
 def _snooker(n_balls: int) -> Scene:
     balls = Balls.uniform(n_balls, _SNOOKER_RADIUS, _SNOOKER_MASS)
     physics = Physics(
@@ -609,6 +631,7 @@ _NAMED: dict[str, tuple[Callable[[int], Scene], int, int]] = {
     "sum_to_three": (_sum_to_three, 1, 15),
     "real_pool": (_real_pool, 1, 15),
     "real_carom": (_real_carom, 2, 15),
+    "match_carom": (_match_carom, 2, 15),
     "snooker": (_snooker, 21, 21),
     "uk_pool": (_uk_pool, 15, 15),
     "pooltool_pool": (_pooltool_pool, 1, 15),

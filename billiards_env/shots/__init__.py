@@ -7,8 +7,4 @@ Modules:
     derivatives: The methods of results that return derivatives.
     records: Shots as files.
     strikes: The motion of the cue ball after a strike.
-    tracks: Where the balls of real shots were seen.
-    calibration: Numbers of `Physics` from tracks.
-    track_fit: The fit of shots to tracks.
-    track_problems: What does not fit in tracks.
 """

@@ -77,7 +77,6 @@ def test_aim_writes_and_prints_what_it_solves(tmp_path, capsys):
 
 
 def test_calibration_counts_the_intervals_with_the_truth(tmp_path, monkeypatch):
-    pytest.importorskip("scipy")
     monkeypatch.setattr(benchmarks, "ProcessPoolExecutor", ThreadPoolExecutor)
     monkeypatch.setattr(calibration, "SCENE", "real_pool")  # its derivatives are compiled for other tests
     monkeypatch.setattr(calibration, "SHOTS", 4)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate, simulate_batch, strike
+from billiards_env.calibration.tracks import Track, check_tracks
 from billiards_env.scene import Balls, Cue, Physics
 from billiards_env.shots.strikes import strike_derivative
-from billiards_env.shots.tracks import Track, check_tracks
 
 POOL = Scene.named("pool")
 PLACES = [[-0.5, 0.0], [0.5, 0.0]]

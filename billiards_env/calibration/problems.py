@@ -8,25 +8,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.calibration.rows import Bools, Floats, Rows
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import BatchResult
-from billiards_env.shots.track_fit import Bools, Floats, Rows
 
-KINDS = ("outliers", "swapped balls", "missed contact", "extra contact", "other path", "several minima")
+KINDS = ("outliers", "swapped balls", "missed contact", "extra contact", "other path")
 """Rows far from the path; rows of a ball on the path of another; from a time on the track leaves the path of the model,
-because only the model has a contact ("missed contact"), only the track ("extra contact"), or for another reason; the
-rows do not decide between two starts ("several minima")."""
+because only the model has a contact ("missed contact"), only the track ("extra contact"), or for another reason."""
 
 CONTACTS = ("ball_ball", "cushion", "pocket")
 
-_SHARE, _LEAST = 0.7, 4  # the share and the number of the rows far from the path from which on the track leaves it
+_RUN, _OF = 3, 4  # far rows of so many consecutive ones, from which on the track has left its path
 _BEFORE, _AFTER = 0.3, 0.05  # s, where the contact is looked for, around the first row far from the path
 _CORNER = 4  # rows before and after a corner of a track
 _CLEAR = 4.0  # the change of a velocity that is a corner, over its standard deviation
 
 
 class Problem(NamedTuple):
-    """Rows of a track that are reported, and not fitted, or a start that the rows do not determine.
+    """Rows of a track that are reported, and not fitted.
 
     Attributes:
         shot: Name of the shot.
@@ -48,6 +47,8 @@ class Problem(NamedTuple):
 def leaves_at(rows: Rows, far: Bools) -> tuple[Floats, NDArray[np.intp]]:
     """Returns the time from which on the track of a ball leaves its path, (m,) s, inf if none does, and the ball (m,).
 
+    It is the first run of far rows: `_RUN` of `_OF` consecutive rows of a ball. Later rows do not matter.
+
     Args:
         rows: The rows.
         far: (m, r) bool, whether a row is far from the path.
@@ -56,74 +57,75 @@ def leaves_at(rows: Rows, far: Bools) -> tuple[Floats, NDArray[np.intp]]:
     for k in np.flatnonzero(far.any(axis=1)):
         for ball in np.unique(rows.ball[k, far[k]]):
             mine = np.flatnonzero(rows.seen[k] & (rows.ball[k] == ball))
-            left = np.arange(len(mine), 0, -1)
-            share = np.cumsum(far[k, mine][::-1])[::-1] / left
-            first = np.flatnonzero(far[k, mine] & (share >= _SHARE) & (left >= _LEAST))
+            ahead = np.convolve(far[k, mine], np.ones(_OF))[_OF - 1 :]
+            first = np.flatnonzero(far[k, mine] & (ahead >= _RUN))
             if first.size and rows.time[k, mine[first[0]]] < times[k]:
                 times[k], balls[k] = rows.time[k, mine[first[0]]], ball
     return times, balls
 
 
-def find_problems(names: Sequence[str], zero: Floats, rows: Rows, batch: BatchResult, far: Floats) -> list[Problem]:
+def find_problems(names: Sequence[str], rows: Rows, begins: Floats, batch: BatchResult, far: Floats) -> list[Problem]:
     """Returns the problems of m tracks.
 
     Args:
         names: The names of the shots.
-        zero: (m,) s, the times of their first rows.
         rows: The rows.
+        begins: (m, 2) s, the begins of the rows as in the tracks, and the instants of the strikes after it.
         batch: The fitted shots.
         far: (m, r) m, the distances from the path above which a row is not fitted, or 0 for a row that is near.
     """
     found: list[Problem] = []
     leaves, balls = leaves_at(rows, far > 0.0)
     for k in map(int, np.flatnonzero((far > 0.0).any(axis=1))):
-        shot, name, start, ball = batch[k], names[k], zero[k], int(balls[k])
-        early = np.flatnonzero((far[k] > 0.0) & (rows.time[k] < leaves[k]))
-        other = _on_other_path(shot, rows, k, early, far[k, early])
-        for i, j in sorted({(int(rows.ball[k, row]), int(b)) for row, b in zip(early, other, strict=True)}):
-            times = start + rows.time[k, early[(rows.ball[k, early] == i) & (other == j)]]
-            count = f"{len(times)} row{'s' if len(times) > 1 else ''} of ball {i}"
-            when = f"{times[0]:.3f} s" if len(times) == 1 else f"{times[0]:.3f} to {times[-1]:.3f} s"
+        shot, name, zero, ball = batch[k], names[k], float(begins[k, 0]), int(balls[k])
+        some = np.flatnonzero(far[k] > 0.0)
+        times = rows.time[k, some]
+        other = _on_other_path(shot, np.maximum(times - begins[k, 1], 0.0), rows, k, some, far[k, some])
+        early = times < leaves[k]
+        for i, j in sorted(
+            {(int(rows.ball[k, row]), int(b)) for row, b in zip(some[early], other[early], strict=True)}
+        ):
+            at = zero + times[early & (rows.ball[k, some] == i) & (other == j)]
+            count = f"{len(at)} row{'s' if len(at) > 1 else ''} of ball {i}"
+            when = f"{at[0]:.3f} s" if len(at) == 1 else f"{at[0]:.3f} to {at[-1]:.3f} s"
             kind, where = ("outliers", "far from its path") if j < 0 else ("swapped balls", f"on the path of ball {j}")
-            found.append(Problem(name, kind, i, times[0], times[-1], f"{count} {where}, {when}"))
+            found.append(Problem(name, kind, i, at[0], at[-1], f"{count} {where}, {when}"))
         if np.isfinite(leaves[k]):
-            kind, at, why = _contact(shot, rows, k, ball, leaves[k])
-            last = start + float(rows.time[k, rows.seen[k]].max())
-            text = (
-                f"the track of ball {ball} leaves the model at {start + leaves[k]:.3f} s: {why} at {start + at:.3f} s"
-            )
-            found.append(Problem(name, kind, ball, start + leaves[k], last, text if why else text.partition(":")[0]))
+            kind, at, why = _contact(shot, rows, k, ball, leaves[k], float(begins[k, 1]))
+            last, leave = zero + float(rows.time[k, rows.seen[k]].max()), zero + float(leaves[k])
+            text = f"the track of ball {ball} leaves the model at {leave:.3f} s"
+            found.append(Problem(name, kind, ball, leave, last, f"{text}: {why} at {zero + at:.3f} s" if why else text))
     return found
 
 
-def _on_other_path(shot: ShotResult, rows: Rows, k: int, some: NDArray[np.intp], most: Floats) -> NDArray[np.intp]:
-    """Returns the ball on whose path rows of shot k lie, -1 for none."""
-    if not some.size:
-        return np.zeros(0, np.intp)
-    off = shot.at(rows.time[k, some]) - rows.positions[k, some, None]
+def _on_other_path(
+    shot: ShotResult, times: Floats, rows: Rows, k: int, some: NDArray[np.intp], most: Floats
+) -> NDArray[np.intp]:
+    """Returns the other ball on whose path rows of shot k lie, -1 for none."""
+    off = shot.at(times) - rows.places[k, some, None]
     distance = np.where(shot.potted & (rows.in_play[k] == 0), np.inf, np.hypot(off[..., 0], off[..., 1]))
-    nearest = distance.argmin(axis=1)
-    return np.where(distance.min(axis=1) < most, nearest, -1)
+    distance[np.arange(len(some)), rows.ball[k, some]] = np.inf
+    return np.where(distance.min(axis=1) < most, distance.argmin(axis=1), -1)
 
 
-def _contact(shot: ShotResult, rows: Rows, k: int, ball: int, leaves: float) -> tuple[str, float, str]:
+def _contact(shot: ShotResult, rows: Rows, k: int, ball: int, leaves: float, instant: float) -> tuple[str, float, str]:
     """Returns the kind of the problem of a track that leaves the model, a time, s, and what is there."""
     assert shot.events is not None
     mine = rows.seen[k] & (rows.ball[k] == ball)
     assert shot.scene is not None
     slows = shot.scene.physics.mu_slide * shot.scene.physics.g
-    corner = _corner(rows.time[k, mine], rows.positions[k, mine], leaves, slows)
+    corner = _corner(rows.time[k, mine], rows.places[k, mine], leaves, slows)
     events = [
         event
         for event in shot.events
         if event["kind"] in CONTACTS
         and (event["ball"] == ball or (event["kind"] == "ball_ball" and event["other"] == ball))
-        and leaves - _BEFORE <= event["time"] <= leaves + _AFTER
+        and leaves - _BEFORE <= event["time"] + instant <= leaves + _AFTER
     ]
     if not events:
         return ("other path", 0.0, "") if corner is None else ("extra contact", corner, "only the track has a contact")
-    event = min(events, key=lambda e: abs(e["time"] - (leaves if corner is None else corner)))
-    kind, time = str(event["kind"]), float(event["time"])
+    event = min(events, key=lambda e: abs(e["time"] + instant - (leaves if corner is None else corner)))
+    kind, time = str(event["kind"]), float(event["time"]) + instant
     partner = int(event["ball"] if event["other"] == ball else event["other"])
     what = {"ball_ball": f"ball {partner}", "cushion": "a cushion", "pocket": "a pocket"}[kind]
     if corner is None:

@@ -1,11 +1,15 @@
 """Files of tracks."""
 
+import gzip
+import json
+
 import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate
-from billiards_env.shots import tracks
-from billiards_env.shots.tracks import Track, check_tracks, observed, read_tracks, write_tracks
+from billiards_env.calibration import reading
+from billiards_env.calibration.reading import read_tracks
+from billiards_env.calibration.tracks import Track, check_tracks, observed, write_tracks
 
 HEAD = "shot,time,ball,x,y\n"
 
@@ -46,7 +50,7 @@ def test_a_ball_may_be_written_as_a_decimal_number(tmp_path):
 def test_a_device_without_end_and_a_large_file_are_refused(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="path = '/dev/zero': expected a file of tracks, but it is not a regular file"):
         read_tracks("/dev/zero")
-    monkeypatch.setattr(tracks, "MAX_BYTES", 100)
+    monkeypatch.setattr(reading, "MAX_BYTES", 100)
     path = tmp_path / "tracks.csv"
     path.write_bytes(bytes(101))
     with pytest.raises(ValueError, match=r"tracks.csv: a file of more than 100 bytes"):
@@ -66,14 +70,13 @@ def test_columns_may_have_any_order_and_cells_may_be_empty(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", r"tracks.csv, line 1: head = '': expected one column 'shot'"),
+        ("", r"tracks.csv, line 1: head = '': expected one column 'time'"),
         ("shot,time,ball,x\n", "line 1: head = 'shot,time,ball,x': expected one column 'y'"),
         ("shot,time,ball,x,y,x\n", "line 1: head = .*: expected one column 'x'"),
         (HEAD + "a,0,0,1,2\na,0,0,1\n", "line 3: 4 cells: expected 5"),
-        (HEAD + "a,0,0.5,1,2\n", "line 2: ball = '0.5': expected a whole number from 0 to 100000"),
-        (HEAD + "a,0,-1,1,2\n", "line 2: ball = -1: expected a whole number"),
-        (HEAD + "a,0,1e30,1,2\n", "line 2: ball = 10.*: expected a whole number from 0 to 100000"),
-        (HEAD + "a,0,0,1,\n", "line 2: y = '': expected a finite number"),
+        (HEAD + "a,0,-1,1,2\n", "shot a: ball = -1: expected a whole number from 0 to 100000"),
+        (HEAD + "a,0,0,1,2\na,0,1e30,1,2\n", "shot a: ball = 1e30: expected a whole number from 0 to 100000"),
+        (HEAD + "a,0,0,1,here\n", "line 2: y = 'here': expected a finite number"),
         (HEAD + "a,soon,0,1,2\n", "line 2: time = 'soon': expected a finite number"),
         (HEAD + "a,0,0,inf,2\n", "line 2: x = 'inf': expected a finite number"),
     ],
@@ -90,3 +93,37 @@ def test_rows_are_sorted_by_time():
     (track,) = check_tracks(Scene.named("pool"), [given], 4)
     assert track.times.tolist() == [0, 1, 2, 3, 4]
     assert track.balls.tolist() == [0, 0, 1, 0, 0]
+
+
+def test_separators_decimal_commas_comments_units_and_headings(tmp_path):
+    path = tmp_path / "tracks.csv"
+    for text in (
+        "# a film\nShot;Time (ms);BALL;X [mm];y [cm]\na;20;0;100,5;20\n# more\na;40;0;;20\na;60;0.0;110;21\n",
+        "shot\tt\tball\tx (mm)\ty (mm)\na\t0,02\t0\t100,5\t200\na\t0,06\t0\t110\t210\n",
+    ):
+        path.write_text(text)
+        (track,) = read_tracks(path)
+        assert track.times == pytest.approx([0.02, 0.06])
+        assert track.positions == pytest.approx(np.array([[0.1005, 0.2], [0.11, 0.21]]))
+    path.write_text("time,ball,x,y\n0,0,10,20\n")
+    (track,) = read_tracks(path, "in")
+    assert track.positions == pytest.approx(np.array([[0.254, 0.508]]))
+    with pytest.raises(ValueError, match=r"unit = 'feet': expected one of"):
+        read_tracks(path, "feet")
+
+
+def test_the_cue_ball_is_the_first_that_moves(tmp_path):
+    path = tmp_path / "tracks.csv"
+    rows = ["a,0,red,0,0", "a,1,red,0,0", "a,2,red,0.5,0", "a,0,white,1,0", "a,1,white,1.2,0", "a,0,amber,0,0.5"]
+    path.write_text(HEAD + "\n".join(rows))
+    (track,) = read_tracks(path)
+    assert track.balls.tolist() == [2, 2, 2, 0, 0, 1]
+    lists = {"1": {"t": [0, 1], "x": [0, 0], "y": [0, 0]}, "2": {"t": [0, 1, 1], "x": [1, 2, 2], "y": [0, 0, 0]}}
+    with gzip.open(tmp_path / "tracks.json.gz", "wt") as file:
+        json.dump([{"id": 7, "balls": lists}], file)
+    (track,) = read_tracks(tmp_path / "tracks.json.gz")
+    assert track.name == "7"
+    assert track.balls.tolist() == [1, 1, 0, 0]  # the ball that was found twice in a frame has one row
+    (tmp_path / "bad.json").write_text('[{"id": 1}]')
+    with pytest.raises(ValueError, match=r"bad\.json: expected a list of shots with 'id' and 'balls'"):
+        read_tracks(tmp_path / "bad.json")

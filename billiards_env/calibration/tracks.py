@@ -1,26 +1,24 @@
 """Tracks: where the balls of a shot were seen, as software that follows balls in a film writes them.
 
-A file of tracks is a CSV file with the columns shot, time, ball, x and y, in any order; other columns are ignored. A
-shot is any text. Times are in seconds, places in metres in the frame of the scene (the origin is the centre of the
-table, x runs along its length). Balls are numbered as in the scene, the cue ball is ball 0. A ball without rows in a
-shot is not on the table. A frame in which a ball was not found has no row, or empty cells for x and y.
+Times are in seconds, places in metres in the frame of the scene (the origin is the centre of the table, x runs along
+its length). Balls are numbered as in the scene, the cue ball is ball 0. A ball without rows in a shot is not on the
+table. A ball that rests needs no rows but one: it rests where it was.
 """
 
 from __future__ import annotations
 
 import csv
 import io
-import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import RANGES, Range, finite, integer, number, numbers, real, short
-from billiards_env.files import read_text, write_whole
+from billiards_env.checks import RANGES, finite, numbers, real, short
+from billiards_env.files import write_whole
 from billiards_env.scene import Scene
 from billiards_env.shots.result import ShotResult
 
@@ -28,10 +26,6 @@ Floats = NDArray[np.float64]
 
 COLUMNS = ("shot", "time", "ball", "x", "y")
 
-MAX_BYTES = 64 * 2**20
-"""The largest file that is read: more than a million rows."""
-
-_BALLS = Range(0, RANGES["balls"].most)
 _APART = 1e-6  # s, least time between two rows of a ball; no camera takes frames that fast
 
 
@@ -49,6 +43,10 @@ class Track(NamedTuple):
     times: Floats
     balls: NDArray[np.int64]
     positions: Floats
+
+    def rows(self, some: Any) -> Track:
+        """Returns the track with some of its rows, in the order of `some`: indices or bools."""
+        return Track(self.name, self.times[some], self.balls[some], self.positions[some])
 
 
 def observed(name: str, shot: ShotResult, times: ArrayLike, noise: float = 0.0, seed: int = 0) -> Track:
@@ -71,59 +69,6 @@ def observed(name: str, shot: ShotResult, times: ArrayLike, noise: float = 0.0, 
     frame, ball = np.nonzero(seen)
     error = real("noise", noise) * np.random.default_rng(seed).standard_normal((len(frame), 2))
     return Track(name, at[frame], ball, positions[frame, ball] + error)
-
-
-def read_tracks(path: str | os.PathLike[str]) -> list[Track]:
-    """Reads a file of tracks.
-
-    Returns:
-        The shots in the order in which they begin in the file.
-
-    Raises:
-        OSError: If the file is no regular file or cannot be read.
-        ValueError: If the file is larger than `MAX_BYTES`, a column is missing, or a line is invalid; the message names
-            the line.
-    """
-    rows: dict[str, list[tuple[float, int, float, float]]] = {}
-    lines = csv.reader(io.StringIO(read_text(path, MAX_BYTES, "tracks"), newline=""))
-    line = 1
-    try:
-        head = [cell.strip() for cell in next(lines, [])]
-        for column in COLUMNS:
-            if head.count(column) != 1:
-                raise ValueError(f"head = {short(','.join(head))}: expected one column {column!r}")
-        at = [head.index(column) for column in COLUMNS]
-        for cells in lines:
-            line = lines.line_num
-            if not any(cell.strip() for cell in cells):
-                continue
-            if len(cells) != len(head):
-                raise ValueError(f"{len(cells)} cells: expected {len(head)}")
-            row = _row([cells[k].strip() for k in at])
-            if row is not None:
-                rows.setdefault(cells[at[0]].strip(), []).append(row)
-    except (ValueError, csv.Error) as error:
-        raise ValueError(f"{os.fspath(path)}, line {line}: {error}") from error
-    return [
-        Track(name, numbers("time", [r[0] for r in shot]), np.array([r[1] for r in shot]), np.array(shot)[:, 2:])
-        for name, shot in rows.items()
-    ]
-
-
-def _row(cells: Sequence[str]) -> tuple[float, int, float, float] | None:
-    """Returns time, ball, x and y of a row of a file; None if the ball was not found."""
-    _, time, ball, *place = cells
-    value = number(ball)  # pandas writes 0.0 for ball 0 if the column has empty cells
-    index = integer("ball", int(value) if isinstance(value, float) and value.is_integer() else ball, _BALLS)
-    if all(cell == "" or cell.lower() == "nan" for cell in place):
-        return None
-    values = []
-    for name, cell in zip(("time", "x", "y"), (time, *place), strict=True):
-        value = number(cell)
-        if not isinstance(value, float) or not math.isfinite(value):
-            raise ValueError(f"{name} = {short(cell)}: expected a finite number")
-        values.append(value)
-    return values[0], index, values[1], values[2]
 
 
 def write_tracks(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
@@ -179,3 +124,45 @@ def check_tracks(scene: Scene, tracks: Sequence[Track], least: int) -> list[Trac
         order = np.argsort(times, kind="stable")
         found.append(Track(str(track.name), times[order], balls[order].astype(np.int64), positions[order]))
     return found
+
+
+_GAP, _STEP = 5.0, 5.0  # frames without a row of a ball, after which it may have rested, and between added rows
+_PLACE = 0.004  # m, two places of a ball at rest
+_SLOW = 0.6  # the speed over a gap, over that after it, of a ball that rested first
+
+
+def with_rest(track: Track) -> tuple[Track, NDArray[np.bool_]]:
+    """Adds rows of balls at rest: many programs write a row only after a ball has moved.
+
+    Returns:
+        The track with its rows in the order of time, and whether a row was added.
+    """
+    frame = frame_time(track)
+    step = _STEP * frame
+    times, balls, places = [track.times], [track.balls], [track.positions]
+    end = float(track.times.max())
+    for ball in np.unique(track.balls):
+        mine = track.balls == ball
+        t, p = track.times[mine], track.positions[mine]
+        for k in np.flatnonzero(np.diff(t, append=end) > _GAP * frame).tolist():
+            until = end
+            if k + 1 < len(t):
+                way, gap = float(np.hypot(*(p[k + 1] - p[k]))), t[k + 1] - t[k]
+                after = float(np.hypot(*(p[k + 2] - p[k + 1])) / (t[k + 2] - t[k + 1])) if k + 2 < len(t) else 0.0
+                if way > _PLACE and way > _SLOW * after * gap:
+                    continue  # it moved all the time
+                until = t[k + 1] - (way / after if way > _PLACE else 0.0) - 0.5 * frame
+            more = np.arange(float(t[k]) + step, float(until), step)
+            times.append(more)
+            balls.append(np.full(len(more), ball))
+            places.append(np.repeat(p[k][None], len(more), axis=0))
+    found = Track(track.name, np.concatenate(times), np.concatenate(balls), np.concatenate(places))
+    order = np.argsort(found.times, kind="stable")
+    added = (np.arange(len(order)) >= len(track.times))[order]
+    return found.rows(order), added
+
+
+def frame_time(track: Track) -> float:
+    """Returns the time between two frames, s."""
+    steps = np.diff(np.unique(track.times))
+    return float(np.median(steps[steps > _APART])) if (steps > _APART).any() else 1.0

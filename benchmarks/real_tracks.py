@@ -1,0 +1,121 @@
+"""The physics against tracks of a real table: `python -m benchmarks.real_tracks FIT [--judge JUDGE]`.
+
+The numbers of a scene are fitted to one file of tracks and, with these numbers, the shots of another are judged.
+Without a second file each fifth of the shots is judged with the numbers of the other four fifths.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import machine, machine_line, parser_of, report, table
+from billiards_env.calibration import Calibration, Track, calibrate, read_tracks
+from billiards_env.calibration.judge import CONTACTS, Judged, together
+from billiards_env.scene import Scene
+
+PARTS = 5
+
+TARGETS = {
+    "rows_5mm_contact2": ("rows within 5 mm until contact 2", 0.95),
+    "rows_5mm_contact3": ("rows within 5 mm until contact 3", 0.78),
+    "rows_10mm_contact3": ("rows within 10 mm until contact 3", 0.90),
+    "median_mm_contact3": ("median error until contact 3, mm", 2.0),
+    "median_mm_contact4": ("median error until contact 4, mm", 4.0),
+    "predicted_mm_0.5s": ("cue ball 0.5 s after contact 3, mm", 16.0),
+    "predicted_mm_1s": ("cue ball 1 s after contact 3, mm", 32.0),
+    "predicted_mm_2s": ("cue ball 2 s after contact 3, mm", 65.0),
+    "sequence": ("shots with the same contacts until the third cushion", 0.94),
+}
+"""The figures of a judgement and their targets."""
+
+
+def fit(scene: Scene, tracks: list[Track], laws: tuple[str, ...] = ()) -> Calibration:
+    """Fits the numbers and the frame to all tracks."""
+    return calibrate(scene, tracks, frame="fit", laws=laws, hold_back=False, progress=_say)
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def measure(scene: Scene, tracks: list[Track], others: list[Track] | None, laws: tuple[str, ...]) -> dict[str, Any]:
+    """Fits and judges, and returns the figures."""
+    begun = time.process_time()
+    result = fit(scene, tracks, laws)
+    seconds, judged = time.process_time() - begun, None
+    if others is not None:
+        judged = result.judge(others)
+    else:
+        parts = np.arange(len(tracks)) % PARTS
+        each: list[Judged] = []
+        for part in range(PARTS):
+            some = fit(scene, [tracks[k] for k in np.flatnonzero(parts != part)])
+            each.append(some.judge([tracks[k] for k in np.flatnonzero(parts == part)]))
+        judged = together(each)
+    return {
+        "machine": machine(),
+        "cushion": scene.physics.cushion,
+        "shots": len(tracks),
+        "judged_shots": len(judged.counted),
+        "seconds": seconds,
+        "frame": result.frame._asdict(),
+        "table": [result.scene.table.length, result.scene.table.width],
+        "values": result.values,
+        "kept": result.kept,
+        "intervals_95": {name: list(ends) for name, ends in result.intervals.items()},
+        "laws": result.laws,
+        "fitted": result.judged.to_dict(),
+        "judged": judged.to_dict(),
+        "medians_mm": [1e3 * judged.median(k) for k in CONTACTS],
+    }
+
+
+def blocks(result: dict[str, Any]) -> dict[str, str]:
+    """Returns the results as Markdown, by name."""
+    rows = []
+    for name, (text, target) in TARGETS.items():
+        percent = target < 1.0
+        cells = (result["judged"][name], result["fitted"][name], target)
+        rows.append((text, *("-" if c is None else f"{c:.1%}" if percent else f"{c:.3g}" for c in cells)))
+    numbers = [
+        (f"`{name}`", f"{value:.4g}", "{:.4g} to {:.4g}".format(*result["intervals_95"][name]))
+        for name, value in result["values"].items()
+    ]
+    numbers += [(f"`{name}`", "-", why) for name, why in result["kept"].items()]
+    least = min(result["laws"].values(), default=1.0)
+    laws = [(f"`{law}`", f"{loss / least:.3f}") for law, loss in sorted(result["laws"].items(), key=lambda one: one[1])]
+    return {
+        "machine": machine_line(result["machine"]),
+        "how": f"{result['shots']} shots were fitted with `{result['cushion']}` cushions, in {result['seconds']:.0f} s "
+        f"of processor time; {result['judged_shots']} shots were judged.",
+        "judged": table(("", "judged shots", "fitted shots", "target"), rows),
+        "numbers": table(("number", "fitted", "95% interval"), numbers),
+        **({"laws": table(("law of cushions", "loss over the least"), laws)} if laws else {}),
+    }
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs the command line; see `python -m benchmarks.real_tracks --help`."""
+    parser = parser_of("real_tracks", "Fit the physics to tracks of a real table, and judge it on others.")
+    parser.add_argument("fit", type=Path, help="a file of tracks, in any frame")
+    parser.add_argument("--judge", type=Path, help="other shots on the same table (default: cross-validation)")
+    parser.add_argument("--scene", default="match_carom", help="the scene (default: %(default)s)")
+    parser.add_argument("--cushion", help="the law of the cushions (default: that of the scene)")
+    parser.add_argument("--laws", nargs="*", default=[], metavar="LAW", help="laws of cushions to compare")
+    args = parser.parse_args(arguments)
+    tracks = read_tracks(args.fit)
+    scene = Scene.named(args.scene, max(int(track.balls.max()) for track in tracks))
+    if args.cushion is not None:
+        scene = dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, cushion=args.cushion))
+    others = None if args.judge is None else read_tracks(args.judge)
+    report(measure(scene, tracks, others, tuple(args.laws)), blocks, args.output)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,16 @@
+"""Calibration of scenes with tracks of real tables.
+
+Modules:
+    calibrate: Fits numbers of `Physics` to tracks. report: The result.
+    tracks, reading: Tracks and their files. frame: From coordinates of a file to the table.
+    contacts, prepare: What tracks show without a model, and checks against the table.
+    rows, starts, shared, stages: The fit. judge: How good it is. problems: What does not fit.
+"""
+
+from billiards_env.calibration.calibrate import FREE, calibrate
+from billiards_env.calibration.frame import Frame
+from billiards_env.calibration.reading import read_tracks
+from billiards_env.calibration.report import Calibration
+from billiards_env.calibration.tracks import Track, observed, write_tracks
+
+__all__ = ["FREE", "Calibration", "Frame", "Track", "calibrate", "observed", "read_tracks", "write_tracks"]

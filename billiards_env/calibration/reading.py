@@ -1,0 +1,173 @@
+"""Reads files of tracks: CSV files as tables of many programs are, and JSON files with lists for each ball."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import json
+import math
+import os
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from billiards_env.calibration.tracks import Track
+from billiards_env.checks import RANGES, number, one_of, short
+from billiards_env.files import read_text
+
+MAX_BYTES = 64 * 2**20
+"""The largest file that is read: more than a million rows."""
+
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "inch": 0.0254, "px": 1.0}
+"""Metres in each unit of length; pixels need a frame."""
+
+_SECONDS = {"s": 1.0, "ms": 1e-3}
+_NAMES = {
+    "shot": ("shot", "id", "trial"),
+    "time": ("time", "t", "seconds"),
+    "ball": ("ball", "name", "colour", "color"),
+    "x": ("x",),
+    "y": ("y",),
+}
+_MOVES = 0.008  # m, after which a ball has moved
+_SAME = 1e-6  # s, rows of a ball at one time
+
+Row = tuple[float, str, float, float]
+
+
+def read_tracks(path: str | os.PathLike[str], unit: str = "m") -> list[Track]:
+    """Reads a file of tracks, packed with gzip if its name ends in ".gz".
+
+    A CSV file has columns with headings as in `_NAMES`, in any order and any case, such as "X [mm]" or "t (s)"; other
+    columns are ignored. Commas, semicolons or tabs separate them; with the last two, numbers may have decimal commas.
+    Lines that begin with "#" are ignored, and rows without x or y. A JSON file is a list of shots {"id": ..., "balls":
+    {name: {"t": [...], "x": [...], "y": [...]}}}.
+
+    Balls that are whole numbers with a 0 are numbered as in the scene. Otherwise the ball of a shot that moves first is
+    the cue ball, and the others follow in the order of their names.
+
+    Args:
+        path: The file.
+        unit: The unit of x and y without a unit in their heading, one of `UNITS`.
+
+    Returns:
+        The shots in the order in which they begin in the file.
+
+    Raises:
+        OSError: If the file is no regular file or cannot be read.
+        ValueError: If the file is larger than `MAX_BYTES`, a column is missing, or a line is invalid; the message names
+            the line.
+    """
+    one_of("unit", unit, tuple(UNITS))
+    name = os.fspath(path)
+    if name.endswith(".gz"):
+        with gzip.open(path) as file:
+            content = file.read(MAX_BYTES + 1)
+        if len(content) > MAX_BYTES:
+            raise ValueError(f"{name}: a file of more than {MAX_BYTES} bytes: expected at most {MAX_BYTES}")
+        text = content.decode("utf-8-sig")
+    else:
+        text = read_text(path, MAX_BYTES, "tracks")
+    shots = _from_json(name, text) if text.lstrip()[:1] in ("[", "{") else _from_csv(name, text, unit)
+    scale = UNITS[unit] if text.lstrip()[:1] in ("[", "{") else 1.0
+    return [_track(name, shot, rows, scale) for shot, rows in shots.items()]
+
+
+def _from_json(path: str, text: str) -> dict[str, list[Row]]:
+    found: dict[str, list[Row]] = {}
+    try:
+        for shot in json.loads(text):
+            rows = found.setdefault(str(shot["id"]), [])
+            for ball, lists in shot["balls"].items():
+                for t, x, y in zip(lists["t"], lists["x"], lists["y"], strict=True):
+                    rows.append((_finite("t", t), str(ball), _finite("x", x), _finite("y", y)))
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(
+            f"{path}: expected a list of shots with 'id' and 'balls' of 't', 'x', 'y': {error!r}"
+        ) from error
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    return found
+
+
+def _from_csv(path: str, text: str, unit: str) -> dict[str, list[Row]]:
+    found: dict[str, list[Row]] = {}
+    lines = [one for one in enumerate(text.splitlines(), 1) if one[1].strip(" \t;,") and one[1][0] != "#"]
+    line, first = lines[0] if lines else (1, "")
+    mark = next((mark for mark in ("\t", ";") if mark in first), ",")
+    try:
+        table = ([cell.strip() for cell in cells] for cells in csv.reader((text for _, text in lines), delimiter=mark))
+        head = next(table, [])
+        at, (time, x, y) = _columns(head, unit)
+        for (line, _), cells in zip(lines[1:], table, strict=True):  # noqa: B007
+            if len(cells) != len(head):
+                raise ValueError(f"{len(cells)} cells: expected {len(head)}")
+            shot, t, ball, *place = (cells[k] if k >= 0 else "" for k in at)
+            if any(cell == "" or cell.lower() == "nan" for cell in place):
+                continue
+            if mark != ",":
+                t, *place = (cell.replace(",", ".") for cell in (t, *place))
+            row = _finite("time", t) * time, ball, _finite("x", place[0]) * x, _finite("y", place[1]) * y
+            found.setdefault(shot, []).append(row)
+    except (ValueError, csv.Error) as error:
+        raise ValueError(f"{path}, line {line}: {error}") from error
+    return found
+
+
+def _columns(head: Sequence[str], unit: str) -> tuple[list[int], tuple[float, float, float]]:
+    """Returns the columns of shot (or -1), time, ball, x and y, and the units of time, x and y."""
+    split = [re.match(r"\s*(.*?)\s*(?:[\[(]\s*(\w*)\s*[\])])?\s*$", cell.lower()) for cell in head]
+    names, units = zip(*((m[1], m[2] or "") for m in split if m), strict=True)
+    at: list[int] = []
+    for column, others in _NAMES.items():
+        places = [k for k, name in enumerate(names) if name in others]
+        if len(places) != 1 and not (column == "shot" and not places):
+            raise ValueError(f"head = {short(','.join(head))}: expected one column {column!r}")
+        at.append(places[0] if places else -1)
+    _, time, _, x, y = (units[k] if k >= 0 else "" for k in at)
+    one_of("unit of time", time or "s", tuple(_SECONDS))
+    for one in (x, y):
+        one_of("unit", one or unit, tuple(UNITS))
+    return at, (_SECONDS[time or "s"], UNITS[x or unit], UNITS[y or unit])
+
+
+def _finite(name: str, cell: Any) -> float:
+    value = number(cell) if isinstance(cell, str) else cell
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise ValueError(f"{name} = {short(cell)}: expected a finite number")
+    return float(value)
+
+
+def _track(path: str, shot: str, rows: list[Row], scale: float) -> Track:
+    """Returns the track of a shot, in which the cue ball is ball 0."""
+    times, places = np.array([row[0] for row in rows]), scale * np.array([row[2:] for row in rows])
+    names = [row[1] for row in rows]
+    values = {name: number(name) for name in dict.fromkeys(names)}
+    whole = {k: int(v) for k, v in values.items() if isinstance(v, (int, float)) and float(v).is_integer()}
+    if len(whole) == len(values) and min(whole.values()) <= 0:
+        index, most = whole, int(RANGES["balls"].most or 0)
+        for name, ball in index.items():
+            if not 0 <= ball < most:
+                raise ValueError(f"{path}: shot {shot}: ball = {name}: expected a whole number from 0 to {most}")
+    else:
+        begins = {name: _moves_at(times, places, np.array(names) == name) for name in values}
+        first = min(begins, key=lambda name: (begins[name], name))
+        index = {name: k for k, name in enumerate([first, *sorted(begins.keys() - {first})])}
+    balls = np.array([index[name] for name in names])
+    order = np.lexsort((times, balls))
+    again = np.concatenate(([False], (np.diff(balls[order]) == 0) & (np.diff(times[order]) < _SAME)))
+    apart = np.hypot(*np.diff(places[order], axis=0, prepend=0.0).T)
+    keep = np.ones(len(rows), np.bool_)
+    keep[order[again]] = False  # the ball was found twice in a frame
+    keep[order[:-1][(again & (apart > _MOVES))[1:]]] = False  # at two places
+    return Track(shot, times[keep], balls[keep], places[keep])
+
+
+def _moves_at(times: Any, places: Any, mine: Any) -> float:
+    order = np.argsort(times[mine], kind="stable")
+    path = places[mine][order]
+    far = np.hypot(*(path - path[0]).T)
+    moved = far > max(_MOVES, 1e-3 * float(np.abs(places).max()))
+    return float(times[mine][order][moved.argmax()]) if moved.any() else math.inf

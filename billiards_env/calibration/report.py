@@ -1,0 +1,254 @@
+"""The result of a calibration: its report, its files, and what trains a policy on the calibrated table."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from billiards_env.calibration.frame import Frame
+from billiards_env.calibration.judge import CONTACTS, Judged, judge
+from billiards_env.calibration.prepare import drop_clipped, prepare, rows_of
+from billiards_env.calibration.problems import Problem
+from billiards_env.calibration.rows import Bools, Floats, Layout
+from billiards_env.calibration.shared import bounds_of, half_widths
+from billiards_env.calibration.tracks import Track
+from billiards_env.checks import RANGES, finite, one_of
+from billiards_env.files import check_path, replacing, write_json
+from billiards_env.scene import PARAMETERS, Scene
+from billiards_env.shots.result import ShotResult
+from billiards_env.shots.simulation import simulate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SUFFIXES = (".json", ".png", ".svg", ".pdf")
+"""Suffixes of the files that `Calibration.save` writes."""
+
+_CLOSE = (0.005, 0.01)  # m, the distances of the report
+_DRAWN = 6  # shots in the picture: the worse half are the worst, the others are typical
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """Fitted numbers.
+
+    Attributes:
+        scene: The scene with the fitted numbers.
+        start: The numbers before the fit, by name.
+        values: The fitted numbers, by name.
+        kept: Why the other numbers keep their start, by name.
+        covariance: (s, s) float64, of the numbers in the order of `values`, see `shared.covariance`.
+        noise: Standard deviation of a coordinate of a row, m.
+        frame: The frame of the given tracks.
+        tracks: The m tracks in the frame of the scene, with their rows in the order of time.
+        residuals: m arrays (k, 2) float64: the model less the rows, m.
+        fitted: m arrays (k,) bool: whether a row is fitted.
+        starts: (m, 2 n + 6) float64: the starts, see `Layout`.
+        strikes: (m,) s, the times of the starts, as in the tracks.
+        problems: What is reported, and not fitted.
+        judged: The errors of the fitted shots.
+        predicted: The errors of the shots that were held back before they were fitted too; None for few shots.
+        laws: The loss with each law of cushions, by name.
+        warnings: Sentences.
+    """
+
+    scene: Scene
+    start: dict[str, float]
+    values: dict[str, float]
+    kept: dict[str, str]
+    covariance: Floats
+    noise: float
+    frame: Frame
+    tracks: list[Track]
+    residuals: list[Floats]
+    fitted: list[Bools]
+    starts: Floats
+    strikes: Floats
+    problems: list[Problem]
+    judged: Judged
+    predicted: Judged | None
+    laws: dict[str, float]
+    warnings: list[str]
+
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """The 95% intervals, by name."""
+        half = half_widths(self.covariance, len(self.tracks))
+        return {
+            name: (value - float(h), value + float(h))
+            for (name, value), h in zip(self.values.items(), half, strict=True)
+        }
+
+    @property
+    def positions(self) -> Floats:
+        """(m, n, 2) m, the balls at the starts."""
+        return self.starts[:, Layout(self.scene.n_balls).places].reshape(len(self.starts), -1, 2)
+
+    @property
+    def velocities(self) -> Floats:
+        """(m, 2) m/s, of the cue ball at the starts."""
+        return self.starts[:, Layout(self.scene.n_balls).velocity]
+
+    @property
+    def spins(self) -> Floats:
+        """(m, 3) rad/s, of the cue ball at the starts."""
+        return self.starts[:, Layout(self.scene.n_balls).spin]
+
+    @property
+    def rms(self) -> Floats:
+        """(m,) m, the root mean square of the fitted residuals of each shot; NaN for a shot without fitted rows."""
+        squares = [np.square(off[used]) for off, used in zip(self.residuals, self.fitted, strict=True)]
+        return np.array([np.sqrt(square.mean()) if square.size else np.nan for square in squares])
+
+    def shot(self, k: int) -> ShotResult:
+        """Returns the fitted shot of track k, recorded to its last row. It starts at `strikes[k]`."""
+        track = self.tracks[k]
+        return simulate(
+            self.scene,
+            self.positions[k],
+            self.velocities[k],
+            spins=self.spins[k] if self.scene.physics.motion == "sliding" else None,
+            in_play=np.isin(np.arange(self.scene.n_balls), track.balls),
+            max_time=float(track.times.max() - self.strikes[k]),
+            record=True,
+        )
+
+    def judge(self, tracks: Sequence[Track]) -> Judged:
+        """Returns the errors of other shots, in the frame of the given tracks, with the fitted numbers."""
+        shots = [prepare(self.scene, self.frame.apply(track), self.noise) for track in drop_clipped(tracks)[0]]
+        return judge(self.scene, shots, rows_of(self.scene, shots, self.noise))
+
+    def strike_errors(self, intended: ArrayLike) -> dict[str, tuple[float, float]]:
+        """Returns the errors of the strikes: the fitted velocities of the cue ball against the intended ones.
+
+        Args:
+            intended: (m, 2) m/s, the intended velocities at the starts.
+
+        Returns:
+            The mean and the standard deviation of the errors of "direction", degrees, and of "speed", m/s.
+
+        Raises:
+            ValueError: If the array has another shape or a number is not finite.
+        """
+        aim = finite("intended", intended, self.velocities.shape)
+        x, y = self.velocities.T
+        turn = np.degrees(np.arctan2(aim[:, 0] * y - aim[:, 1] * x, aim[:, 0] * x + aim[:, 1] * y))
+        off = {"direction": turn, "speed": np.hypot(x, y) - np.hypot(*aim.T)}
+        return {name: (float(e.mean()), float(e.std(ddof=1)) if len(e) > 1 else np.nan) for name, e in off.items()}
+
+    def noise_of_strikes(self, intended: ArrayLike) -> dict[str, float]:
+        """Returns the arguments of `envs.wrappers.ExecutionNoise`, from the intended velocities (m, 2), m/s."""
+        errors = self.strike_errors(intended)
+        return {"angle_std": errors["direction"][1], "speed_std": errors["speed"][1]}
+
+    def randomize(self) -> dict[str, tuple[float, float]]:
+        """Returns the argument `randomize` of `Billiards-v0`: the intervals within the ranges of the numbers.
+
+        The intervals come from the spread over the shots, so they hold what the shots leave open about the table.
+        """
+        low_high = bounds_of(tuple(self.values)).T
+        return {
+            name: (max(low, float(least)), min(high, float(most)))
+            for (name, (low, high)), (least, most) in zip(self.intervals.items(), low_high, strict=True)
+        }
+
+    def __str__(self) -> str:
+        """Returns the report."""
+        rows = [("number", "start", "fitted", "95% interval", "unit")]
+        for name, start in self.start.items():
+            unit, fitted, interval = RANGES[PARAMETERS[name].within].unit, "-", self.kept.get(name, "-")
+            if name in self.values:
+                fitted, (low, high) = f"{self.values[name]:.5g}", self.intervals[name]
+                interval = f"{low:.5g} to {high:.5g}"
+            rows.append((name, f"{start:.5g}", fitted, interval, unit))
+        lines = [*_aligned(rows), ""]
+        for text, judged in (("shots", self.judged), ("shots that were not fitted", self.predicted)):
+            if judged is None:
+                continue
+            table = [(f"{len(judged.counted)} {text}: rows until contact", "within 5 mm", "within 10 mm", "median, mm")]
+            for k in CONTACTS:
+                close, near = (f"{judged.within(k, most):.1%}" for most in _CLOSE)
+                table.append((str(k), close, near, f"{1e3 * judged.median(k):.2f}"))
+            lines += [*_aligned(table), ""]
+        if self.laws:
+            best = min(self.laws.values())
+            each = [f"{law} {loss / best:.3f}" for law, loss in sorted(self.laws.items(), key=lambda one: one[1])]
+            lines += [f"loss with each law of cushions over the least: {', '.join(each)}", ""]
+        count = sum(int(used.sum()) for used in self.fitted), sum(map(len, self.fitted))
+        lines += [f"{count[0]} of {count[1]} rows fitted, noise of {1e3 * self.noise:.3g} mm"]
+        lines += [f"warning: {text}" for text in self.warnings]
+        lines += ["", "rms of the residuals of each shot, mm"]
+        each = [f"{track.name}: {1e3 * rms:.2f}" for track, rms in zip(self.tracks, self.rms, strict=True)]
+        lines += [", ".join(each[k : k + 8]) for k in range(0, len(each), 8)]
+        lines += ["", f"{len(self.problems) or 'no'} problem{'s' if len(self.problems) != 1 else ''}"]
+        lines += [f"shot {p.shot}: {p.kind}: {p.text}" for p in self.problems]
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Returns the result as plain data for JSON; the residuals only as their rms, m (None without fitted rows)."""
+        return {
+            "start": self.start,
+            "values": self.values,
+            "kept": self.kept,
+            "intervals_95": {name: list(ends) for name, ends in self.intervals.items()},
+            "covariance": self.covariance.tolist(),
+            "noise": self.noise,
+            "judged": self.judged.to_dict(),
+            "predicted": None if self.predicted is None else self.predicted.to_dict(),
+            "laws": self.laws,
+            "warnings": self.warnings,
+            "rms": {t.name: None if np.isnan(r) else float(r) for t, r in zip(self.tracks, self.rms, strict=True)},
+            "velocities": self.velocities.tolist(),
+            "spins": self.spins.tolist(),
+            "problems": [problem._asdict() for problem in self.problems],
+            "scene": self.scene.to_dict(),
+        }
+
+    def plot(self) -> Figure:
+        """Draws tracks and paths of the worst and of typical shots, and the errors until each contact (extra `plot`).
+
+        Raises:
+            ModuleNotFoundError: If matplotlib is not installed.
+        """
+        from billiards_env.drawing.tracks import draw_fit
+
+        order = sorted(range(len(self.tracks)), key=lambda k: -np.nan_to_num(self.rms[k]))
+        half = len(order) // 2
+        some = order if len(order) <= _DRAWN else order[: _DRAWN // 2] + order[half : half + _DRAWN // 2]
+        shots = {self.tracks[k].name: (self.tracks[k], self.fitted[k], self.shot(k).recording()) for k in some}
+        return draw_fit(shots, {k: np.concatenate(self.judged.errors[k]) for k in CONTACTS})
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the report as JSON, or the picture, completely or not at all.
+
+        Args:
+            path: The file. Its name must end in one of `SUFFIXES`.
+
+        Raises:
+            ValueError: If the name ends otherwise.
+            OSError: If the file cannot be written.
+            ModuleNotFoundError: If matplotlib is not installed.
+        """
+        target = check_out(path)
+        if target.suffix == ".json":
+            write_json(target, self.to_dict())
+            return
+        with replacing(target) as temporary:
+            self.plot().savefig(temporary, dpi=150)
+
+
+def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def check_out(path: str | os.PathLike[str]) -> Path:
+    """Returns the path of a file that `Calibration.save` can write; see there for the errors."""
+    one_of("suffix", Path(path).suffix, SUFFIXES)
+    return check_path(path, Path(path).suffix)

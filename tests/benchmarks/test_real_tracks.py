@@ -1,0 +1,33 @@
+"""The benchmark of real tracks fits one file and judges another, or each fifth of the first."""
+
+import json
+
+import numpy as np
+
+from benchmarks import real_tracks
+from billiards_env.calibration import calibrate, write_tracks
+from tests.helpers.tracks import SCENE, raw_tracks
+
+
+def test_figures_are_printed_and_written(tmp_path, monkeypatch, capsys):
+    given, path = tmp_path / "tracks.csv", tmp_path / "real_tracks.json"
+    write_tracks(given, raw_tracks())
+    free = ("mu_slide", "e_cushion")
+    result = calibrate(SCENE, raw_tracks(), free, frame="fit", contacts=2, hold_back=False)
+    fitted = []
+
+    def fit(scene, tracks, laws=()):
+        fitted.append(len(tracks))
+        return result
+
+    monkeypatch.setattr(real_tracks, "fit", fit)
+    monkeypatch.setattr(real_tracks, "PARTS", 3)
+    for judge in ([], ["--judge", str(given)]):
+        real_tracks.main([str(given), *judge, "--scene", "carom", "--output", str(path)])
+        written = json.loads(path.read_text())
+        assert list(written["judged"]) == list(real_tracks.TARGETS)
+        assert written["judged"]["rows_5mm_contact2"] > 0.9
+        assert written["judged_shots"] == written["shots"] == len(raw_tracks())
+        assert np.isfinite(written["values"]["mu_slide"])
+        assert "rows within 5 mm until contact 2" in capsys.readouterr().out
+    assert fitted == [12, 8, 8, 8, 12]

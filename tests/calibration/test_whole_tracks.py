@@ -1,0 +1,178 @@
+"""Whole tracks, as tracking programs write them: what a calibration cuts, finds, refuses and says."""
+
+import dataclasses
+import functools
+
+import numpy as np
+import pytest
+
+from billiards_env.calibration import Frame, Track, calibrate, stages
+from billiards_env.calibration.contacts import CUSHION, find_contacts
+from billiards_env.calibration.frame import fit_frame
+from billiards_env.calibration.prepare import drop_clipped, noise_of, prepare, rows_of
+from billiards_env.calibration.problems import leaves_at
+from billiards_env.calibration.tracks import with_rest
+from billiards_env.checks import RANGES, Range
+from tests.helpers.tracks import FRAME, LATE, SCENE, raw_tracks, whole_tracks
+
+TRUTH = {name: getattr(SCENE.physics, name) for name in ("mu_slide", "mu_roll", "e_ball", "e_cushion", "mu_cushion")}
+
+
+def changed(**numbers):
+    return dataclasses.replace(SCENE, physics=dataclasses.replace(SCENE.physics, **numbers))
+
+
+OFF = changed(mu_slide=0.22, mu_roll=0.011, e_ball=0.93, e_cushion=0.82, mu_cushion=0.22)
+
+
+@functools.cache
+def found():
+    return calibrate(OFF, whole_tracks(), tuple(TRUTH), contacts=3)
+
+
+def test_whole_shots_give_the_numbers_and_the_instants_of_the_strikes():
+    for name, (low, high) in found().intervals.items():
+        assert abs(found().values[name] - TRUTH[name]) < high - low < 0.2 * TRUTH[name]
+    assert np.median(np.abs(found().strikes - LATE)) < 0.001
+    assert found().judged.within(2, 0.005) > 0.95
+    predicted = found().predicted
+    assert predicted is not None
+    assert len(predicted.counted) == 2
+    assert predicted.within(2, 0.005) > 0.9
+
+
+def test_the_report_has_the_errors_until_each_contact():
+    text = str(found())
+    assert "12 shots: rows until contact  within 5 mm" in text
+    assert "2 shots that were not fitted: rows until contact" in text
+    assert set(found().judged.to_dict()) == {
+        *("rows_5mm_contact2", "rows_5mm_contact3", "rows_10mm_contact3", "median_mm_contact3", "median_mm_contact4"),
+        *("predicted_mm_0.5s", "predicted_mm_1s", "predicted_mm_2s", "sequence"),
+    }
+
+
+def test_ranges_and_noise_for_training():
+    ranges = found().randomize()
+    assert ranges["mu_roll"] == pytest.approx(found().intervals["mu_roll"])
+    noise = found().noise_of_strikes(found().velocities * 1.02)
+    assert noise["angle_std"] == pytest.approx(0.0, abs=1e-9)
+    assert 0.0 < noise["speed_std"] < 0.1
+
+
+def test_contacts_are_found_without_a_model():
+    seen = [find_contacts(SCENE, with_rest(track)[0]) for track in whole_tracks()]
+    assert sum(len(contacts) for contacts in seen) > 60
+    assert sum(any(one.other == 1 for one in contacts if one.ball == 0) for contacts in seen) >= 11  # a thin hit
+    rebounds = [one for contacts in seen for one in contacts if one.other == CUSHION]
+    reach = np.array([1.42, 0.71]) - SCENE.balls.radius[0]
+    off = [abs(abs(one.place[one.axis]) - reach[one.axis]) for one in rebounds]
+    assert np.median(off) < 0.002
+
+
+def test_the_frame_is_fitted_from_rebounds_and_clipped_rows_are_left_out():
+    tracks, clipped = drop_clipped(raw_tracks())
+    assert clipped >= 8
+    frame, give = fit_frame(SCENE, tracks)
+    assert frame.offset == pytest.approx(FRAME.offset, abs=0.002)
+    assert frame.scale == pytest.approx(FRAME.scale, rel=0.002)
+    assert abs(frame.angle) < 0.001
+    assert abs(give) < 0.002
+    with pytest.raises(
+        ValueError, match=r"frame = 'fit': rebounds: \d+ at \+x, .*: expected 5 or more at each cushion"
+    ):
+        fit_frame(SCENE, tracks[:1])
+
+
+def test_the_noise_is_estimated():
+    assert noise_of(whole_tracks()) == pytest.approx(0.0005, rel=0.3)
+
+
+def test_a_ball_without_rows_rests_where_it_was():
+    track = Track("", np.array([0.0, 0.02, 0.04, 0.0, 0.52, 0.54]), np.array([0, 0, 0, 1, 1, 1]), np.zeros((6, 2)))
+    track.positions[3:, 0] = 0.5, 0.52, 0.56
+    whole, added = with_rest(track)
+    rest = whole.rows(added & (whole.balls == 1))
+    assert len(rest.times) > 2
+    assert rest.times.max() < 0.51
+    assert (rest.positions == [0.5, 0.0]).all()
+
+
+def test_one_far_row_never_ends_a_track():
+    shots = [prepare(SCENE, track, 0.0005) for track in whole_tracks()[:2]]
+    rows = rows_of(SCENE, shots, 0.0005)
+    far = np.zeros(rows.seen.shape, np.bool_)
+    mine = np.flatnonzero(rows.seen[0] & (rows.ball[0] == 0))
+    far[0, mine[[3, 8, 9, 20]]] = True
+    assert (leaves_at(rows, far)[0] == np.inf).all()
+    far[0, mine[30:33]] = True
+    assert leaves_at(rows, far)[0].tolist() == [rows.time[0, mine[30]], np.inf]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda t, p: (t, 1.1 * p),
+            r"shot s\d+, ball \d: \d+ rows up to 0.\d+ m beyond the cushion: is the file in metres",
+        ),
+        (lambda t, p: (t, 1.015 * p), r"beyond the cushion|balls turn 0.0\d+ m behind the cushion"),
+        (lambda t, p: (t, 0.985 * p), r"balls turn 0.0\d+ m before the cushion at [+-][xy]: expected metres"),
+        (lambda t, p: (t, 500.0 * p), "beyond the cushion: are the coordinates pixels or millimetres"),
+        (lambda t, p: (t, np.array([1.42, 0.71]) + p), "beyond the cushion: is the origin a corner of the table"),
+        (lambda t, p: (t, p[:, ::-1]), "beyond the cushion: are x and y exchanged"),
+        (
+            lambda t, p: (50.0 * t, p),
+            r"a ball does not roll as far, are the times in seconds \(not the numbers of frames\)",
+        ),
+        (lambda t, p: (t / 50.0, p), r"m/s: expected at most 20, are the times in seconds"),
+    ],
+)
+def test_a_file_that_does_not_lie_on_the_table_is_refused(change, message):
+    given = []
+    for track in whole_tracks():
+        times, positions = change(track.times, track.positions)
+        given.append(Track(track.name, times, track.balls, positions))
+    with pytest.raises(ValueError, match=message):
+        calibrate(OFF, given, tuple(TRUTH))
+
+
+def test_a_frame_may_be_given():
+    raw = [track._replace(positions=track.positions * 1000.0) for track in whole_tracks()[:2]]
+    result = calibrate(SCENE, raw, ("mu_slide",), frame=Frame((0.0, 0.0), (1e-3, 1e-3)), contacts=2)
+    assert result.values["mu_slide"] == pytest.approx(0.2, abs=0.01)
+
+
+def test_a_fit_goes_on_after_an_interrupt(tmp_path):
+    state, texts = tmp_path / "state.json", []
+    some = whole_tracks()[:3]
+
+    def stop(text):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        calibrate(OFF, some, ("mu_slide", "e_cushion"), contacts=3, state=state, progress=stop)
+    again = calibrate(OFF, some, ("mu_slide", "e_cushion"), contacts=3, state=state, progress=texts.append)
+    assert [text[:15] for text in texts] == ["until contact 3"]
+    whole = calibrate(OFF, some, ("mu_slide", "e_cushion"), contacts=3)
+    assert again.values == pytest.approx(whole.values, rel=1e-3)
+    with pytest.raises(ValueError, match="expected the state of the same tracks, scene and numbers"):
+        calibrate(OFF, some, ("mu_slide",), state=state)
+
+
+def test_numbers_that_are_not_determined_or_end_at_a_bound_are_kept(monkeypatch):
+    result = calibrate(OFF, whole_tracks()[:3], ("mu_slide", "mu_ball_factor"), contacts=2)
+    assert result.kept == {"mu_ball_factor": "the rows do not determine it"}
+    assert "mu_ball_factor  1" in str(result)
+    monkeypatch.setitem(RANGES, "restitution", Range(0.0, 0.9))  # e_ball is 0.95
+    result = calibrate(changed(e_ball=0.85), whole_tracks()[:3], ("mu_slide", "e_ball"), contacts=2)
+    assert result.kept == {"e_ball": "it ends at the bound of its range"}
+    assert result.scene.physics.e_ball == 0.85
+
+
+def test_there_are_no_numbers_if_few_rows_fit(monkeypatch):
+    monkeypatch.setattr(stages, "_FAR", 0.01)
+    monkeypatch.setattr(stages, "_LEAST", 0.0)
+    result = calibrate(OFF, whole_tracks()[:3], ("mu_slide",), contacts=2)
+    assert result.values == {}
+    assert result.scene == OFF
+    assert "warning: only " in str(result)
