@@ -16,7 +16,7 @@ SPREAD := $(if $(ADDRESS),--address $(ADDRESS))
 WORK := $(if $(ADDRESS),.venv-rllib/bin,$(BIN))
 WORKS := $(if $(ADDRESS),$(RLLIB),$(INSTALLED))
 
-.PHONY: help train play test pythons tools docs dist ci smoke stress lint bench results study rllib figures format clean
+.PHONY: help train play test pythons tools web docs dist ci smoke stress lint bench results study rllib figures format clean
 
 help:  ## show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -43,13 +43,18 @@ pythons:  ## test the core (shots, batches, the environment, commands) on each i
 tools: $(TOOLS)  ## test the integrations with TorchRL, Minari and Optuna, which are installed in .venv-tools
 	.venv-tools/bin/pytest -q -m tools tests/tools tests/test_dataset.py tests/examples
 
+web: $(INSTALLED)  ## build the engines for browsers and the page play.html in site/, and compare their bits with Python's
+	$(BIN)/pip install --quiet -c constraints.txt -e '.[web]'
+	$(BIN)/python -m web.build
+	$(BIN)/python -m web.check --shots 100
+
 docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
 dist: $(INSTALLED)  ## build the source archive and the wheel in dist/, and try the wheel in an empty environment
 	$(BIN)/python -m release.dist --results build/dist.json
 
-ci: test pythons tools docs smoke dist  ## run the steps of .github/workflows/ci.yml locally
+ci: test pythons tools web docs smoke dist  ## run the steps of .github/workflows/ci.yml locally
 
 smoke: $(INSTALLED)  ## run short benchmarks, to check that they work
 	$(BIN)/python -m benchmarks.speed --repeats 1 --output build/speed.json

@@ -27,9 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.checks import Range, finite, integer, one_of, real, short
-from billiards_env.evaluation import evaluation_seeds, find_player, steps
+from billiards_env.evaluation import evaluation_seeds, steps
 from billiards_env.frozen import FROZEN, NAMESPACE
 from billiards_env.intervals import interquartile_mean, mean_interval, wilson_interval
+from billiards_env.players.named import find_player
 from billiards_env.shots import records
 
 EPISODES = 1000
@@ -90,7 +91,7 @@ def play(
     """Plays `EPISODES` episodes of each task for each seed.
 
     Args:
-        player: See `evaluation.find_player`.
+        player: See `players.named`.
         tasks: Keys of `FROZEN`, with or without the prefix "Billiards/".
         seeds: The seeds of the layouts, of the noise and of the player.
         name: The name of the player in the file; None for `player`.

@@ -15,8 +15,9 @@ import gymnasium as gym
 import numpy as np
 
 from billiards_env.checks import Range, integer, missing, one_of, short
-from billiards_env.evaluation import find_player, steps
+from billiards_env.evaluation import steps
 from billiards_env.frozen import FROZEN, NAMESPACE
+from billiards_env.players.named import find_player
 
 _ID = r"(\w[\w-]+/)*\w[\w-]*-v(0|[1-9][0-9]*)"  # no dots, which could leave the folder of Minari
 _COLUMNS = ("action", "reward", "terminated", "truncated")  # of `evaluation.Step`, for `EpisodeBuffer`
@@ -37,7 +38,7 @@ def write(
 
     Args:
         task: The name of a frozen task, such as "Pot1-v0".
-        player: See `evaluation.find_player`.
+        player: See `players.named`.
         episodes: The number of episodes.
         seed: The seed of the player and of the first episode; the next ones have the next seeds. No evaluation uses
             seeds below 2**31.

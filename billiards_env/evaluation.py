@@ -1,13 +1,13 @@
 """Measures players in `Billiards-v0`: `billiards evaluate PLAYER --task pot`.
 
-A player is a function `act(observation) -> action`, or one of the names of `find_player`.
+A player is a function `act(observation) -> action`, or one of the names in `billiards_env.players.named`.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, SupportsFloat, cast
+from typing import Any, NamedTuple, SupportsFloat
 
 import gymnasium as gym
 import numpy as np
@@ -15,11 +15,7 @@ from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
 from billiards_env.intervals import mean_interval, wilson_interval
-from billiards_env.players.env_player import planned, situation
-from billiards_env.players.named import check_call, imported
-from billiards_env.players.strategies import STRATEGIES, find_strategy
-
-Act = Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]
+from billiards_env.players.named import Act, find_player
 
 FIRST_EVALUATION_SEED = 2**31
 """Environment seeds are below this number in training, and not below it in evaluation."""
@@ -114,42 +110,6 @@ def summary(successes: Sequence[bool], scores: Sequence[float], rewards: Sequenc
     }
 
 
-def find_player(
-    text: str, env: gym.Env[Any, Any], noise: tuple[float, float] = (0.0, 0.0), seed: int | None = None
-) -> Act:
-    """Returns the player of a name.
-
-    Args:
-        text: "random", "geometric", "search:K" or "aim" (see `players.strategies`), "planner:TIME" or
-            "planner:LEVEL" (see `players.planner` and `players.levels`), "policy:FOLDER" for the policy of a run, or
-            "module:function" for your own function `act(observation) -> action`.
-        env: The environment that it plays in.
-        noise: The execution noise in the simulations of "search" and "planner", see `players.strategies.search`.
-        seed: The seed of the random numbers of "random" and "search".
-
-    Raises:
-        OSError: If the folder of a policy holds no finished run.
-        ModuleNotFoundError: If the extra `train` is not installed and a policy needs it.
-        TypeError: If the function does not take an observation.
-        ValueError: If there is no such player.
-    """
-    name, _, argument = text.partition(":")
-    if name in STRATEGIES:
-        strategy, rng, base = find_strategy(text, noise), np.random.default_rng(seed), cast(Any, env.unwrapped)
-        return lambda observation: strategy(situation(base), rng)
-    if name == "planner":
-        rng, base = np.random.default_rng(seed), cast(Any, env.unwrapped)
-        return lambda observation: planned(base, argument, noise, rng)
-    if name == "policy":
-        from billiards_env import sb3  # needs the extra `train`
-
-        policy = sb3.load_policy(argument, sb3.arguments_of(cast(Any, env.unwrapped)))[1]
-        return lambda observation: policy.predict(observation, deterministic=True)[0]
-    act = imported(text, name, argument, (*STRATEGIES, "planner", "policy"))
-    check_call(text, act, (None,), "act(observation) that returns an action")
-    return act
-
-
 def measure(
     player: str,
     arguments: Mapping[str, Any],
@@ -161,7 +121,7 @@ def measure(
     """Plays episodes with a player.
 
     Args:
-        player: See `find_player`.
+        player: See `players.named`.
         arguments: Arguments of `gym.make("Billiards-v0", ...)`.
         noise: Standard deviations of the execution noise: of the direction, degrees, and of the speed, m/s.
         episodes: The number of episodes.

@@ -49,11 +49,12 @@ _COMMON = {
     "layout": "random",
     "max_shots": 1,
     "max_speed": 4.0,
-    "observe_shots_left": False,
+    "observe": ["positions"],
     "scratch_penalty": 0.1,
     "randomize": None,
-    "observe_physics": False,
 }
+
+_SHOTS_LEFT = ["positions", "shots_left"]
 
 # By name: the arguments that differ from _COMMON, the summary, and the thresholds without and with noise. Tasks with
 # strikes have two more thresholds, for strikes without and with noise.
@@ -64,12 +65,12 @@ _TASKS: dict[str, tuple[dict[str, Any], str, tuple[float, ...]]] = {
         (0.95, 0.75, 0.95, 0.75),
     ),
     "Pot3": (
-        {"task": "pot", "scene": "pool", "n_object_balls": 3, "max_shots": 5, "observe_shots_left": True},
+        {"task": "pot", "scene": "pool", "n_object_balls": 3, "max_shots": 5, "observe": _SHOTS_LEFT},
         "Pot three object balls with at most five shots.",
         (2.8, 2.5, 2.8, 2.5),
     ),
     "Clear5": (
-        {"task": "clear", "scene": "pool", "n_object_balls": 5, "max_shots": 10, "observe_shots_left": True},
+        {"task": "clear", "scene": "pool", "n_object_balls": 5, "max_shots": 10, "observe": _SHOTS_LEFT},
         "Clear the table of five object balls with at most ten shots. Only the last ball scores.",
         (0.95, 0.8, 0.95, 0.8),
     ),
@@ -90,18 +91,18 @@ _TASKS: dict[str, tuple[dict[str, Any], str, tuple[float, ...]]] = {
             "n_object_balls": 1,
             "max_shots": 5,
             "max_speed": 4.2,
-            "observe_shots_left": True,
+            "observe": _SHOTS_LEFT,
         },
         "Touch the object ball in shots with exactly three cushion contacts in total. An episode has five shots.",
         (4.5, 3.5),
     ),
     "Place": (
-        {"task": "place", "scene": "pool", "n_object_balls": 1},
+        {"task": "place", "scene": "pool", "n_object_balls": 1, "observe": ["positions", "goal"]},
         "Touch the object ball and bring the cue ball to rest at most 0.15 m from the goal.",
         (0.9, 0.6),
     ),
     "Position": (
-        {"task": "position", "scene": "pool", "n_object_balls": 1},
+        {"task": "position", "scene": "pool", "n_object_balls": 1, "observe": ["positions", "goal"]},
         "Pot the object ball and bring the cue ball to rest at most 0.3 m from the goal.",
         (0.6, 0.4, 0.6, 0.4),
     ),
@@ -113,6 +114,7 @@ _TASKS: dict[str, tuple[dict[str, Any], str, tuple[float, ...]]] = {
             "layout": "nine_ball",
             "max_shots": 30,
             "max_speed": 8.0,
+            "observe": ["positions", "legal_balls"],
         },
         "Run out a rack of nine ball from the break, with at most 30 shots.",
         (4.0, 1.5, 4.0, 1.5),
@@ -125,6 +127,7 @@ _TASKS: dict[str, tuple[dict[str, Any], str, tuple[float, ...]]] = {
             "layout": "eight_ball",
             "max_shots": 30,
             "max_speed": 8.0,
+            "observe": ["positions", "legal_balls"],
         },
         "Run out a rack of eight ball from the break, with at most 30 shots.",
         (7.0, 2.5, 6.0, 1.5),

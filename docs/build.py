@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+import importlib.util
 import io
 import re
 from typing import Any
@@ -38,9 +39,20 @@ def formula(tex: str) -> str:
 
 
 def on_files(files: Any, config: Any) -> None:
-    """Adds a page for each frozen task; MkDocs calls this once."""
+    """Adds a page for each frozen task and the files of `web.build`; MkDocs calls this once."""
     for name in FROZEN:
         files.append(File.generated(config, f"tasks/{name}.md", content=task_page(name)))
+    for name, content in web_files().items():
+        files.append(File.generated(config, name, content=content))
+
+
+def web_files() -> dict[str, bytes]:
+    """Returns the engines for browsers and the page that plays; without the extra `web` a page that says so."""
+    if importlib.util.find_spec("ziglang") is None:
+        return {"play.html": b"<!doctype html><title>Not built</title>Run <code>make web</code> to build this page."}
+    from web import build
+
+    return build.files()
 
 
 def show(value: Any) -> str:

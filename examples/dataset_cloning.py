@@ -12,7 +12,8 @@ import torch
 from stable_baselines3 import PPO
 
 from billiards_env import dataset
-from billiards_env.evaluation import evaluation_seeds, find_player, play, play_together
+from billiards_env.evaluation import evaluation_seeds, play, play_together
+from billiards_env.players.named import find_player
 from billiards_env.sb3 import AimPolicy, SameStepVecEnv
 
 

@@ -69,11 +69,11 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
 def update(
     policy: AimNetwork, optimizer: Adam, batch: Sequence[Tensor], entropy: float, args: argparse.Namespace
 ) -> None:
-    """Improves the policy with the shots of `batch`: observations, velocities, log-densities, values and points."""
+    """Improves the policy with the shots of `batch`: positions, velocities, log-densities, values and points."""
     for _ in range(args.epochs):
         for rows in torch.randperm(len(batch[0])).split(args.minibatch):
-            observations, velocities, log_densities, values, rewards = (part[rows] for part in batch)
-            mixture, value = policy(observations)
+            positions, velocities, log_densities, values, rewards = (part[rows] for part in batch)
+            mixture, value = policy(positions)
             advantages = (rewards - values) / values.clamp(0.1, 1.0)  # the gradient of the logarithm of the success
             advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
             ratio = (mixture.log_prob(velocities) - log_densities).exp()
@@ -85,12 +85,17 @@ def update(
             optimizer.step()
 
 
+def positions_of(envs: Any, observations: np.ndarray) -> Tensor:
+    """Returns the positions of the balls (m, n, 2) in observations."""
+    return torch.from_numpy(envs.decode(observations)["positions"])
+
+
 def success(policy: AimNetwork, envs: VectorEnv, seed: int) -> float:
     """Returns the share of new layouts on which the mode of the policy achieves the task."""
 
     def act(observations: np.ndarray) -> np.ndarray:
         with torch.no_grad():
-            return policy(torch.from_numpy(observations))[0].mode().clamp(-1, 1).numpy()
+            return policy(positions_of(envs, observations))[0].mode().clamp(-1, 1).numpy()
 
     return play_together(envs, act, evaluation_seeds(seed, envs.num_envs).tolist())["success_rate"]
 
@@ -105,7 +110,7 @@ def train(args: argparse.Namespace, policy: AimNetwork | None = None) -> tuple[A
     scene = tests.single_env.scene  # pyright: ignore
     policy = policy or AimNetwork(scene.half_extents, args.points, args.speeds, args.hidden, args.aim)
     optimizer = Adam(policy.parameters(), eps=1e-5, fused=True)
-    layouts = [torch.from_numpy(envs.reset(seed=args.seed * args.envs)[0]) for envs in worlds]
+    layouts = [positions_of(envs, envs.reset(seed=args.seed * args.envs)[0]) for envs in worlds]
     done, curve, seconds = 0, [], 0.0
     while done < args.shots:
         begin = time.perf_counter()
@@ -116,15 +121,15 @@ def train(args: argparse.Namespace, policy: AimNetwork | None = None) -> tuple[A
         policy.std[:2] = torch.tensor(std)
         optimizer.param_groups[0]["lr"] = args.rate * (1 - 0.99 * share)
         world = int(torch.randint(len(worlds), ()))
-        observations = layouts[world]
+        positions = layouts[world]
         with torch.no_grad():
-            mixture, values = policy(observations)
+            mixture, values = policy(positions)
             velocities = mixture.sample()
             log_densities = mixture.log_prob(velocities)
         following, rewards, *_ = worlds[world].step(velocities.clamp(-1, 1).numpy())
         rewards = torch.from_numpy(rewards).clamp(min=0).floor().float()
-        update(policy, optimizer, (observations, velocities, log_densities, values, rewards), entropy, args)
-        layouts[world] = torch.from_numpy(following)
+        update(policy, optimizer, (positions, velocities, log_densities, values, rewards), entropy, args)
+        layouts[world] = positions_of(worlds[world], following)
         done += args.envs
         seconds += time.perf_counter() - begin
         if done >= args.shots or done // args.evaluate_every > len(curve):

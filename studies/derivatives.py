@@ -339,7 +339,7 @@ class Pots(NamedTuple):
     """Shots of a batch.
 
     Attributes:
-        observations: (m, 4).
+        positions: (m, 2, 2) the feature "positions" of the observations.
         pockets: (m,) the pockets aimed at.
         speeds: (m,) indices of `SPEEDS`.
         actions: (m, 2).
@@ -348,7 +348,7 @@ class Pots(NamedTuple):
         scratches: (m,) whether the cue ball dropped.
     """
 
-    observations: Tensor
+    positions: Tensor
     pockets: Tensor
     speeds: Tensor
     actions: Tensor
@@ -376,11 +376,11 @@ class Network(nn.Module):
         self.register_buffer("half_extents", torch.tensor(scene.half_extents))
         self.register_buffer("ball_radius", torch.tensor(scene.balls.radius[0]))
 
-    def forward(self, observations: Tensor, pockets: Tensor) -> tuple[Tensor, Tensor]:
-        """Returns the directions (m, 2) and the logits (m, speeds) for observations (m, 4) and pockets (m,)."""
+    def forward(self, positions: Tensor, pockets: Tensor) -> tuple[Tensor, Tensor]:
+        """Returns the directions (m, 2) and the logits (m, speeds) for positions (m, 2, 2) and pockets (m,)."""
         signs = self.signs[pockets]
-        signs = torch.where(signs == 0, observations[:, 2:].sign(), signs)  # a side: mirrored by the ball
-        cue_ball, ball = (observations * signs.repeat(1, 2)).chunk(2, 1)
+        signs = torch.where(signs == 0, positions[:, 1].sign(), signs)  # a side: mirrored by the ball
+        cue_ball, ball = (positions * signs[:, None]).unbind(1)
         to_ball = (ball - cue_ball) * self.half_extents
         distance = to_ball.norm(dim=1, keepdim=True)
         row, side = torch.arange(len(pockets)), self.is_side[pockets]
@@ -391,15 +391,15 @@ class Network(nn.Module):
         logits = self.chances(features).reshape(len(pockets), 2, -1)[row, side]
         return signs * aims, logits
 
-    def act(self, observations: Tensor, explored: float = 0.0) -> tuple[Tensor, Tensor, Tensor]:
+    def act(self, positions: Tensor, explored: float = 0.0) -> tuple[Tensor, Tensor, Tensor]:
         """Returns pockets (m,), speeds (m,) and actions (m, 2).
 
         If `explored` is 0, the pocket and the speed have the best chance. Otherwise they are drawn: this share of them
         uniformly, the others by the softmax of their logits.
         """
-        m, count = len(observations), len(self.signs)
+        m, count = len(positions), len(self.signs)
         with torch.no_grad():
-            directions, logits = self(observations.repeat_interleave(count, 0), torch.arange(count).repeat(m))
+            directions, logits = self(positions.repeat_interleave(count, 0), torch.arange(count).repeat(m))
         logits = logits.reshape(m, -1)
         if explored:
             shares = (1.0 - explored) * logits.softmax(1) + explored / logits.shape[1]
@@ -418,7 +418,7 @@ def _layers(inputs: int, hidden: int, outputs: int) -> nn.Sequential:
 
 def loss_of(network: Network, played: Pots) -> Tensor:
     """Returns the loss of shots. Its gradient by an action has at most length 1, and is 0 far from the shot."""
-    directions, logits = network(played.observations, played.pockets)
+    directions, logits = network(played.positions, played.pockets)
     actions = torch.tensor(SPEEDS)[played.speeds, None] * directions
     change = (actions - played.actions).detach()
     margins = played.margins + (played.slopes * change).sum(1)
@@ -433,15 +433,15 @@ def loss_of(network: Network, played: Pots) -> Tensor:
 
 def play_pots(network: Network, envs: BilliardsVectorEnv) -> Pots:
     """Plays a shot in a new layout of each environment."""
-    observations = torch.as_tensor(envs.reset()[0])
+    seen = torch.as_tensor(envs.decode(envs.reset()[0])["positions"])
     positions = torch.as_tensor(envs.positions)
-    pockets, speeds, actions = network.act(observations, EXPLORED)
+    pockets, speeds, actions = network.act(seen, EXPLORED)
     actions.requires_grad_()
     margins = pot_margins(envs, positions, actions, threads=1)[torch.arange(len(actions)), 0, pockets]
     (slopes,) = torch.autograd.grad(margins.sum(), actions)
     actions, margins = actions.detach(), margins.detach()
     succeeded = torch.as_tensor(envs.step(actions.numpy())[-1]["final_info"]["is_success"])
-    return Pots(observations, pockets, speeds, actions, margins, slopes, (margins > 0) & ~succeeded)
+    return Pots(seen, pockets, speeds, actions, margins, slopes, (margins > 0) & ~succeeded)
 
 
 def learn_pots(seed: int, shots: int, episodes: int) -> float:
@@ -468,7 +468,7 @@ def learn_pots(seed: int, shots: int, episodes: int) -> float:
             optimiser.step()
 
     def actions(observations: Any) -> Any:
-        return network.act(torch.as_tensor(observations))[2].numpy()
+        return network.act(torch.as_tensor(envs.decode(observations)["positions"]))[2].numpy()
 
     seeds = evaluation_seeds(seed, episodes).tolist()
     return play_together(BilliardsVectorEnv(episodes), actions, seeds)["success_rate"]

@@ -33,8 +33,8 @@ from billiards_env.games import History, Setup, opening
 from billiards_env.play.model import HUMAN, Model, aim_like, begin, set_tip, shoot, tick
 from billiards_env.play.view import View
 from billiards_env.play.window import GameWindow
-from billiards_env.players.game_player import find_player
 from billiards_env.players.levels import with_noise
+from billiards_env.players.named import find_player
 from billiards_env.players.planner import Options, plan
 from billiards_env.scene import Balls, Cue, Scene, layouts
 from billiards_env.scene.table import TABLES, Table

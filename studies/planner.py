@@ -34,8 +34,9 @@ from billiards_env.evaluation import measure as play_alone
 from billiards_env.files import replacing, write_json
 from billiards_env.games import GAMES, GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
 from billiards_env.intervals import mean_interval, success_rate, wilson_interval
-from billiards_env.players.game_player import Player, find_player
+from billiards_env.players.game_player import Player
 from billiards_env.players.levels import LEVELS, with_noise
+from billiards_env.players.named import find_player
 from billiards_env.players.planner import Options, parse_budget, plan
 from billiards_env.scene import Scene
 from studies import RESULTS, parser_of, report, resumed

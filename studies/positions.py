@@ -31,7 +31,7 @@ from billiards_env.games.batch import play_batch
 from billiards_env.games.game import STATE_FIELDS
 from billiards_env.games.placement import cue_ball_point
 from billiards_env.intervals import as_percent, mean_interval
-from billiards_env.players.game_player import find_player
+from billiards_env.players.named import find_player
 from billiards_env.players.planner import add_noise, plan
 from billiards_env.scene import Scene
 from studies import RESULTS, parser_of, report
@@ -122,7 +122,7 @@ def evaluate(entries: Sequence[Mapping[str, Any]], player: str, samples: int) ->
 
     Args:
         entries: The positions.
-        player: See `game_player.find_player`; "answers" for the strokes in the set.
+        player: See `players.named`; "answers" for the strokes in the set.
         samples: The number of noisy outcomes.
     """
     found, seconds = [], 0.0

@@ -8,6 +8,7 @@ an interruption. If the layouts of a task change, it measures the task again.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,10 +21,12 @@ from tqdm import tqdm
 
 from benchmarks import save, table, use_own_font
 from billiards_env import bench
-from billiards_env.evaluation import evaluation_seeds, find_player
+from billiards_env.envs.observations import FEATURES
+from billiards_env.evaluation import evaluation_seeds
 from billiards_env.files import write_json
 from billiards_env.frozen import FROZEN, NAMESPACE, NOISE, Frozen
 from billiards_env.players.env_player import RULES_OF_TASKS
+from billiards_env.players.named import find_player
 from studies import RESULTS, parser_of, report
 
 OUTPUT = Path(bench.__file__).parent / "results" / "tasks.json"
@@ -65,7 +68,7 @@ def measure(output: Path) -> dict[str, Any]:
 
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
-    """Returns a table of all tasks, one of the player "random" in those without noise, and the one of the README."""
+    """Returns a table of all tasks, one of the player "random" in those without noise, and one of the features."""
     rows, chance = [], []
     for name, task in FROZEN.items():
         known, policy = found.get(name, {}).get("players", {}), learned(name)
@@ -77,7 +80,16 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     return {
         "table": table(("id", "solved from", *PLAYERS, "best learned"), rows),
         "random": table(("id", "success", "mean return"), chance),
+        "features": table(("Feature", "Shape", "Values", "Meaning", "Needs"), [_feature(name) for name in FEATURES], 5),
     }
+
+
+def _feature(name: str) -> tuple[str, ...]:
+    """Returns the row of a feature."""
+    entry = FEATURES[name]
+    least, *others = np.atleast_1d(entry.low)
+    values = f"{least:g} to 1" + (f", {others[0]:g} to 1" if others else "")
+    return f"`{name}`", f"({', '.join(map(str, entry.shape))})", values, entry.summary, entry.needs
 
 
 def _percent(share: float | None) -> str:
@@ -154,15 +166,13 @@ def _spaces(task: Frozen) -> list[str]:
     """Returns lines about the observation, the action, the reward and the length of an episode."""
     env: Any = gym.make("billiards_env:Billiards-v0", **task.arguments)
     observation, base = env.observation_space.shape[0], env.unwrapped
-    parts = [f"x and y of {base.scene.n_balls} balls"]
-    parts += ["x and y of the goal"] * len(base.goals) + ["the legal balls"] * bool(base.legal_balls.size)
-    parts += ["the shots left"] * base.observe_shots_left
+    parts = [f"`{name}` ({math.prod(shape)})" for name, shape in base.features.items()]
     velocity = f"the velocity of the cue ball divided by {base.max_speed:g} m/s, 2 numbers from -1 to 1."
     strike = "a [strike](../environment.md#strikes-as-actions), 5 numbers from -1 to 1."
     shots = "one shot" if base.max_shots == 1 else f"{base.max_shots} shots"
     limit = "at most " * (base.max_shots > 1 and base.task != "sum_to_three")
     return [
-        f"- Observation: {observation} numbers: {', '.join(parts)}.",
+        f"- [Observation](../environment.md#observations): {observation} numbers: {', '.join(parts)}.",
         f"- Action: {strike if env.action_space.shape == (5,) else velocity}",
         f"- Reward: the points of the shot, minus {base.scratch_penalty:g} for a scratch. "
         f'[The environment](../environment.md#tasks) describes the points of `"{base.task}"`.',

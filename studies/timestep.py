@@ -12,6 +12,7 @@ so it continues after an interruption. At the end it prints the tables and draws
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import json
 from collections.abc import Mapping
@@ -280,7 +281,7 @@ def compare(policy: AimNetwork, own_world: dict[str, Any], layouts: int) -> dict
     """
     envs = make_worlds(layouts, {**WORLDS, "own": own_world})
     observations, _ = envs["exact"].reset(seed=evaluation_seeds(LAYOUT_SEED, layouts).tolist())
-    potted = play(shots_of(policy, observations), envs["exact"].positions, envs)
+    potted = play(shots_of(policy, envs["exact"], observations), envs["exact"].positions, envs)
     own, exact = potted.pop("own"), potted["exact"]
     return {
         "success": {world: int(shots.sum()) for world, shots in potted.items()},
@@ -300,7 +301,7 @@ def compare_in_game(policy: AimNetwork, run: Run, layouts: int) -> dict[str, Any
     success = {}
     for world in WORLDS_OF_GAMES:
         envs = BilliardsVectorEnv(layouts, threads=1, **game, **WORLDS[world])
-        success[world] = play_together(envs, lambda observations: shots_of(policy, observations), seeds)["successes"]
+        success[world] = play_together(envs, functools.partial(shots_of, policy, envs), seeds)["successes"]
     return {"success": success, "own": success[run.world]}
 
 
@@ -308,16 +309,17 @@ def aim_of(policy: AimNetwork, own_world: dict[str, Any], layouts: int) -> dict[
     """Returns `aims_by_group` of the direct pots of a policy in its own world, on the layouts of `compare`."""
     envs = make_worlds(layouts, {"exact": {}})["exact"]
     observations, _ = envs.reset(seed=evaluation_seeds(LAYOUT_SEED, layouts).tolist())
-    actions, scene, max_speed = shots_of(policy, observations), envs.single_env.scene, envs.single_env.max_speed
+    scene, max_speed = envs.single_env.scene, envs.single_env.max_speed
+    actions = shots_of(policy, envs, observations)
     direct, pockets = direct_pots(actions, envs.positions, scene, max_speed, own_world)
     shots = actions[direct], envs.positions[direct], pockets[direct]
     return aims_by_group(aims(*shots, scene, max_speed, own_world.get("dt", 0.0)))
 
 
-def shots_of(policy: AimNetwork, observations: NDArray[np.float32]) -> Floats:
+def shots_of(policy: AimNetwork, envs: BilliardsVectorEnv, observations: NDArray[np.float32]) -> Floats:
     """Returns the actions (m, 2) of a policy without exploration noise."""
     with torch.no_grad():
-        return policy(torch.from_numpy(observations))[0].mode().clamp(-1, 1).numpy().astype(np.float64)
+        return policy(ppo.positions_of(envs, observations))[0].mode().clamp(-1, 1).numpy().astype(np.float64)
 
 
 def make_worlds(layouts: int, worlds: Mapping[str, dict[str, Any]]) -> dict[str, Any]:

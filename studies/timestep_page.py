@@ -60,7 +60,7 @@ def make_page(policies: Path) -> str:
     actions, potted = {}, {}
     for world, arguments in WORLDS.items():
         weights = load_weights(policies / f"{Run('main', world, SEEDS[0], [arguments]).name}.npz")
-        actions[world] = shots_of(policy_of(weights, ppo.arguments([])), observations)
+        actions[world] = shots_of(policy_of(weights, ppo.arguments([])), envs[world], observations)
         potted[world] = play(actions[world], positions, {"own": envs[world], "exact": envs["exact"]})
     telling = potted["exact"]["exact"] & potted[COARSE]["own"] & ~potted[COARSE]["exact"]
     telling &= direct_pots(actions[COARSE], positions, env.scene, env.max_speed, WORLDS[COARSE])[0]

@@ -14,8 +14,9 @@ import pytest
 from billiards_env import bench
 from billiards_env.__main__ import main
 from billiards_env.envs.actions import perturb
-from billiards_env.evaluation import evaluation_seeds, find_player
+from billiards_env.evaluation import evaluation_seeds
 from billiards_env.frozen import BENCH_TASKS, FROZEN, NAMESPACE, NOISE
+from billiards_env.players.named import find_player
 from billiards_env.shots import records
 
 TASKS = ["Pot1Noise-v0", "Pot3-v0"]

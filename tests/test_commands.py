@@ -21,7 +21,7 @@ from studies import readme
 from tests.helpers.imports import imported
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ("agents", "benchmarks", "billiards_env", "reference", "release", "studies")
+PACKAGES = ("agents", "benchmarks", "billiards_env", "reference", "release", "studies", "web")
 COMMANDS = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__")
     for package in PACKAGES

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from billiards_env.__main__ import main
-from billiards_env.evaluation import find_player, measure
+from billiards_env.evaluation import measure
+from billiards_env.players.named import find_player
 
 
 def test_success_rates():

@@ -17,6 +17,7 @@ from billiards_env.drawing import style
 from billiards_env.drawing.orientation import VISIBLE, turning
 from billiards_env.drawing.recording import Recording, check_pair
 from billiards_env.files import check_path, replacing
+from billiards_env.scene import Scene
 from billiards_env.scene.table import Table
 
 SIDE, CONTROLS, COMPARED, LIST, NARROW, LARGEST = 344, 172, 66, 225, 760, 640
@@ -72,25 +73,37 @@ def make_page(recording: Recording, compare: Sequence[Recording] = (), title: st
         contacts = int(np.isin(recording.events["kind"], listed).sum())
         title = f"{_name(recording)}: {contacts} contact{'s' * (contacts != 1)} in {recording.time:.2f} s"
         title = title[0].upper() + title[1:]
-    scene, view = recording.scene, _view(recording.scene.table)
-    tray, looks = style.tray(scene.n_balls, *view[::2]), style.looks(scene)
-    data = {
-        "view": view,
-        "shapes": [[colour, corners.round(4).ravel().tolist()] for corners, colour in style.draw_table(scene.table)],
-        "tray": {**tray._asdict(), "label": style.POTTED, "colour": style.RAIL},
-        "balls": [{"radius": r, **look._asdict()} for r, look in zip(scene.balls.radius, looks, strict=True)],
-        "colours": {"cloth": style.CLOTH, "rail": style.RAIL, "edge": style.CUSHION_EDGE, "rubber": style.CUSHION},
-        "face": FACE,
+    scene = recording.scene
+    data = table_data(scene) | {
         "kinds": style.KINDS,
         "cushions": style.cushion_names(scene.table),
         "runs": [_run(run) for run in runs],
     }
     data["runs"][0]["turns"] = _turns(recording)
     text = json.dumps(data, allow_nan=False, separators=(",", ":"))
-    template = resources.files(__package__ or "").joinpath("page.html").read_text(encoding="utf-8")
+    template = page_file("page.html").replace("{{drawing}}", page_file("table.js"))
     # "<" could end the script. It occurs only in JSON strings, where \u003c is equivalent.
     before, after = template.split("{{data}}")
     return before.replace("{{title}}", html.escape(title)) + text.replace("<", "\\u003c") + after
+
+
+def page_file(name: str) -> str:
+    """Returns the text of a file of this package."""
+    return resources.files(__package__ or "").joinpath(name).read_text(encoding="utf-8")
+
+
+def table_data(scene: Scene) -> dict[str, Any]:
+    """Returns what `table.js` draws: the table, the looks of the balls and the tray of potted balls."""
+    view = _view(scene.table)
+    tray, looks = style.tray(scene.n_balls, *view[::2]), style.looks(scene)
+    return {
+        "view": view,
+        "shapes": [[colour, corners.round(4).ravel().tolist()] for corners, colour in style.draw_table(scene.table)],
+        "tray": {**tray._asdict(), "label": style.POTTED, "colour": style.RAIL},
+        "balls": [{"radius": r, **look._asdict()} for r, look in zip(scene.balls.radius, looks, strict=True)],
+        "colours": {"cloth": style.CLOTH, "rail": style.RAIL, "edge": style.CUSHION_EDGE, "rubber": style.CUSHION},
+        "face": FACE,
+    }
 
 
 def notebook_output(recording: Recording, compare: Sequence[Recording] = ()) -> str:

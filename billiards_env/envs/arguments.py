@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,10 +29,9 @@ class Model(NamedTuple):
         action: One of `ACTIONS`.
         max_shots: Number of shots after which an episode ends.
         layout: The layout at the start of an episode.
-        observe_shots_left: As in `BilliardsEnv`.
+        observe: As in `BilliardsEnv`.
         scratch_penalty: Reward subtracted for a scratch.
         randomize: The ranges (low, high) of the numbers that each episode draws, by name.
-        observe_physics: As in `BilliardsEnv`.
         noise: The standard deviations of the noise of `actions.perturb`, one per number of an action; None for none.
         noise_seed: A second seed of the noise, or None.
     """
@@ -44,10 +43,9 @@ class Model(NamedTuple):
     action: str
     max_shots: int
     layout: str
-    observe_shots_left: bool
+    observe: Sequence[str] | None
     scratch_penalty: float
     randomize: dict[str, tuple[float, float]]
-    observe_physics: bool
     noise: NDArray[np.float64] | None
     noise_seed: int | None
 
@@ -66,6 +64,9 @@ class Options(NamedTuple):
     goals: NDArray[np.float64] | None = None
     physics: Mapping[str, NDArray[np.float64]] = {}
     episode_seed: NDArray[np.uint64] | None = None
+
+
+_NO_OPTIONS = Options()
 
 
 def cue_ball_alone(scene: Scene) -> Scene:
@@ -194,7 +195,7 @@ def check_options(model: Model, options: Mapping[str, Any] | None, mask: NDArray
         TypeError: If the options or their physics are not a mapping.
     """
     if options is None:
-        return Options()
+        return _NO_OPTIONS
     if not isinstance(options, Mapping):
         raise TypeError(f"options = {short(options)}: expected a dict")
     scene, goal_radius = model.scene, TASKS[model.task].goal_radius

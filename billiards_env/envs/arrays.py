@@ -22,9 +22,6 @@ class TaskNumbers(NamedTuple):
         goal_radius: m, see `Task`.
         max_shots: Number of shots after which an episode ends.
         scratch_penalty: Reward subtracted for a scratch.
-        half_length: Scale of x in observations, m, see `Scene.half_extents`.
-        half_width: Scale of y in observations, m.
-        observe_shots_left: Whether observations have the fraction of shots left.
     """
 
     targets: Any
@@ -34,9 +31,6 @@ class TaskNumbers(NamedTuple):
     goal_radius: float
     max_shots: int
     scratch_penalty: float
-    half_length: float
-    half_width: float
-    observe_shots_left: bool
 
 
 class BallArrays(NamedTuple):

@@ -11,7 +11,7 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import finite, flag, integer, one_of, real
+from billiards_env.checks import finite, integer, one_of, real
 from billiards_env.engine import checked_engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS, check_action
@@ -25,6 +25,7 @@ from billiards_env.envs.arguments import (
 )
 from billiards_env.envs.episodes import Episodes, noise_stream
 from billiards_env.envs.info import single_info
+from billiards_env.envs.observations import decode, without_old
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.state import State, checked_state, copied
 from billiards_env.envs.tasks import TASKS, task_targets
@@ -78,20 +79,21 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Observation Space
 
-    The observation is a `ndarray` with shape `(2 * n_balls,)` and dtype `float32`. It has two more numbers in the tasks
-    with a goal (`"place"` and `"position"`), one more number for each object ball in the run-outs (`"nine_ball"` and
-    `"eight_ball"`), one more number with `observe_shots_left=True`, and one more for each number of `randomize` with
-    `observe_physics=True`:
+    The observation is a `ndarray` with dtype `float32`. It consists of features, which `observe` chooses and orders.
+    `billiards_env.envs.observations.FEATURES` is the table of all features. By default an observation has the positions
+    of the balls, in a task with a goal (`"place"` and `"position"`) also the goal, and in a run-out (`"nine_ball"` and
+    `"eight_ball"`) also the balls that may be touched first:
 
-    | Num         | Observation                                                     | Min | Max |
-    |-------------|-----------------------------------------------------------------|-----|-----|
-    | `2 * i`     | x of ball i / half the table's length                           | -1  | 1   |
-    | `2 * i + 1` | y of ball i / half the table's width                            | -1  | 1   |
-    | next        | x of the goal / half the table's length (tasks with a goal)     | -1  | 1   |
-    | next        | y of the goal / half the table's width (tasks with a goal)      | -1  | 1   |
-    | next        | 1 if ball 1 may be touched first, else 0; then ball 2 (run-outs) | 0   | 1   |
-    | next        | shots left / `max_shots` (`observe_shots_left=True`)            | 0   | 1   |
-    | last        | the numbers of `randomize`, scaled (`observe_physics=True`)     | -1  | 1   |
+    | Feature         | Shape            | Observation                                                  | Min | Max |
+    |-----------------|------------------|--------------------------------------------------------------|-----|-----|
+    | `"positions"`   | `(n_balls, 2)`   | x of a ball / half the table's length, y / half its width    | -1  | 1   |
+    | `"goal"`        | `(1, 2)`         | x and y of the goal in the same units (tasks with a goal)    | -1  | 1   |
+    | `"legal_balls"` | `(n_balls - 1,)` | 1 if the object ball may be touched first, else 0 (run-outs) | 0   | 1   |
+
+    `env.unwrapped.decode(observation)` returns the features by name. `env.unwrapped.features` has their shapes. With
+    `observe=("positions", "shots_left")` the observation has the positions and then the number of shots left, divided
+    by `max_shots`. `"physics"` shows the numbers of `randomize`. Other features are distances and directions of the
+    balls and pockets, and whether the straight lines between them are free.
 
     The origin is the centre of the table. Both numbers of a ball on the table are strictly between -1 and 1. A potted
     ball has the position of the pocket's centre, clipped to [-1, 1]. On a table with an outline of cushions, a ball can
@@ -154,7 +156,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     With `randomize` each episode then draws its physics. `randomize` maps names of numbers of `Physics` to ranges (low,
     high), such as `{"mu_roll": (0.008, 0.015)}`, and with `mode="pit"` also "dt". A number is drawn uniformly from its
-    range and replaces the scene's number (or `dt`) during the episode. With `observe_physics=True` the observation has
+    range and replaces the scene's number (or `dt`) during the episode. The feature `"physics"` of the observation has
     these numbers, scaled from their ranges to [-1, 1].
 
     `reset(options={"positions": [[x, y], ...]})` sets the positions of all balls, in metres from the centre of the
@@ -225,25 +227,24 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ```
 
-    | Argument             | Type          | Default      | Description                                            |
-    |----------------------|---------------|--------------|--------------------------------------------------------|
-    | `scene`              | see below     | `None`       | scene; None for the task's                             |
-    | `task`               | str           | `"pot"`      | the task, see Rewards                                  |
-    | `n_object_balls`     | int or None   | `None`       | number of object balls; None for the usual one         |
-    | `mode`               | str           | `"pic"`      | engine: `"pic"` (exact) or `"pit"` (fixed timestep)    |
-    | `dt`                 | float or None | `None`       | timestep of `"pit"`, s                                 |
-    | `fix`                | str or None   | `None`       | how `"pit"` treats overlaps                            |
-    | `action`             | str           | `"velocity"` | `"velocity"` or `"strike"`, see Action Space           |
-    | `max_shots`          | int or None   | `None`       | maximum number of shots; None for the task's           |
-    | `max_speed`          | float         | `4.0`        | speed of the fastest shot, m/s                         |
-    | `layout`             | str or None   | `None`       | starting positions; None for the task's                |
-    | `observe_shots_left` | bool          | `False`      | whether the observation has the fraction of shots left |
-    | `scratch_penalty`    | float         | `0.1`        | reward subtracted for a scratch                        |
-    | `randomize`          | dict or None  | `None`       | ranges of physics that each episode draws              |
-    | `observe_physics`    | bool          | `False`      | whether the observation has the drawn physics          |
-    | `noise`              | dict or None  | `None`       | standard deviations of the execution noise, see below  |
-    | `noise_seed`         | int or None   | `None`       | a second seed of the noise                             |
-    | `render_mode`        | str or None   | `None`       | `"human"`, `"rgb_array"` or `"rgb_array_list"`         |
+    | Argument          | Type          | Default      | Description                                           |
+    |-------------------|---------------|--------------|-------------------------------------------------------|
+    | `scene`           | see below     | `None`       | scene; None for the task's                            |
+    | `task`            | str           | `"pot"`      | the task, see Rewards                                 |
+    | `n_object_balls`  | int or None   | `None`       | number of object balls; None for the usual one        |
+    | `mode`            | str           | `"pic"`      | engine: `"pic"` (exact) or `"pit"` (fixed timestep)   |
+    | `dt`              | float or None | `None`       | timestep of `"pit"`, s                                |
+    | `fix`             | str or None   | `None`       | how `"pit"` treats overlaps                           |
+    | `action`          | str           | `"velocity"` | `"velocity"` or `"strike"`, see Action Space          |
+    | `max_shots`       | int or None   | `None`       | maximum number of shots; None for the task's          |
+    | `max_speed`       | float         | `4.0`        | speed of the fastest shot, m/s                        |
+    | `layout`          | str or None   | `None`       | starting positions; None for the task's               |
+    | `observe`         | list or None  | `None`       | features of the observation; None for the usual ones  |
+    | `scratch_penalty` | float         | `0.1`        | reward subtracted for a scratch                       |
+    | `randomize`       | dict or None  | `None`       | ranges of physics that each episode draws             |
+    | `noise`           | dict or None  | `None`       | standard deviations of the execution noise, see below |
+    | `noise_seed`      | int or None   | `None`       | a second seed of the noise                            |
+    | `render_mode`     | str or None   | `None`       | `"human"`, `"rgb_array"` or `"rgb_array_list"`        |
 
     - `scene` is a name, a `Scene`, or a mapping for `Scene.from_dict`, such as `{"base": "real_pool", "n_object_balls":
       9, "physics": {"mu_roll": 0.012}}`. By default it is `"carom"` in `"carom"` and `"three_cushion"`,
@@ -289,6 +290,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     _spec = None
     spec = json_spec
 
+    @without_old
     def __init__(
         self,
         scene: str | Scene | Mapping[str, Any] | None = None,
@@ -301,10 +303,9 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         max_shots: int | None = None,
         max_speed: float = 4.0,
         layout: str | None = None,
-        observe_shots_left: bool = False,
+        observe: Sequence[str] | None = None,
         scratch_penalty: float = 0.1,
         randomize: Mapping[str, Sequence[float]] | None = None,
-        observe_physics: bool = False,
         noise: Mapping[str, float] | None = None,
         noise_seed: int | None = None,
         render_mode: str | None = None,
@@ -322,12 +323,9 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.layout = entry.layout if layout is None else layout
         # A layout that is impossible in the scene raises an error here and not in `reset`.
         layouts.draw(self.layout, self.scene, np.random.default_rng(0))
-        self.observe_shots_left = flag("observe_shots_left", observe_shots_left)
+        self.observe = observe
         self.scratch_penalty = real("scratch_penalty", scratch_penalty, "scratch_penalty")
         self.randomize = check_randomize(randomize, self.scene, self.engine)
-        self.observe_physics = flag("observe_physics", observe_physics)
-        if observe_physics and not self.randomize:
-            raise ValueError("observe_physics = True without randomize: expected the ranges of the numbers it observes")
         self.noise = check_noise(noise, self.scene, action, self.max_speed)
         self.noise_seed = None if noise_seed is None else integer("noise_seed", noise_seed, "seed")
         if render_mode is not None:
@@ -339,16 +337,13 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         model = Model(*[getattr(self, name) for name in Model._fields])
         self._episodes = Episodes(1, model, 0 if self._renderer is None else 1)
-        arrays = self._episodes.arrays
-        coordinates = 2 * (self.scene.n_balls + arrays.goals.shape[1])
-        flags = max(arrays.legal_balls.shape[1] - 1, 0) + self.observe_shots_left
+        self.features = self._episodes.observer.features
+        self.observe = tuple(self.features)
         self.action_space = gym.spaces.Box(-1.0, 1.0, (ACTIONS[action],), np.float32)
-        low = np.full(coordinates + flags + self.observe_physics * len(self.randomize), -1.0, np.float32)
-        low[coordinates : coordinates + flags] = 0.0
-        self.observation_space = gym.spaces.Box(low, np.ones_like(low), dtype=np.float32)
+        self.observation_space = self._episodes.observer.space()
         self._rewards = np.empty(1)
         self._numbers = ACTIONS[action]
-        self._size = len(low)
+        self._size = self._episodes.observer.size
         self._shared = {*vars(self), "_np_random", "_shared", "_spec"} - {"_episodes", "_renderer", "_rewards"}
 
     @property
@@ -366,9 +361,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     @property
     def np_random(self) -> np.random.Generator:
         """The generator of the layouts."""
-        stream = self._episodes.state.stream[0]
-        if self._np_random is None and stream[3]:  # after a copy or `set_state`
-            self._np_random = streams.generator(stream)
+        if self._np_random is None and self._episodes.state.stream[0, 3]:  # the state has the stream
+            self._np_random = streams.generator(self._episodes.state.stream[0])
         return super().np_random
 
     @np_random.setter
@@ -426,6 +420,10 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """(n,) balls that the cue ball may touch first in a run-out, a copy; (0,) in other tasks."""
         return self._episodes.arrays.legal_balls[0].copy()
 
+    def decode(self, observation: Any) -> dict[str, Any]:
+        """Returns the features of an observation (size,), or of several (..., size), by name; see `decode`."""
+        return decode(observation, self.features)
+
     @property
     def game_states(self) -> NDArray[Any]:
         """The state of the game, (1,) `games.STATE`, in the tasks that are games; (0,) in the others."""
@@ -450,17 +448,21 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             ValueError: If an option is unknown, or a position or the goal is impossible.
             TypeError: If the options are not a mapping.
         """
-        given = check_options(self.model, options)
+        episodes, state = self._episodes, self._episodes.state
+        given = check_options(episodes.model, options)
         super().reset(seed=int(seed) if isinstance(seed, np.integer) else seed)
-        episodes, rng = self._episodes, self.np_random
-        state = episodes.state
-        state.stream[0] = streams.read(rng)
+        if self._np_random is not None or not state.stream[0, 3]:
+            state.stream[0] = streams.read(self.np_random)
+        if seed is None:
+            self._np_random = None  # `np_random` makes it again from the stream
         if self.noise is not None and (seed is not None or not state.noise_stream[0, 3]):
             state.noise_stream[0] = noise_stream(self.np_random_seed, self.noise_seed)
         if given.episode_seed is not None:
             state.stream[0], state.noise_stream[0] = given.episode_seed[:4], given.episode_seed[4:]
+        state.episode_seed[0, :4], state.episode_seed[0, 4:] = state.stream[0], state.noise_stream[0]
         episodes.draw(0, 1, _ONE, balls=given.positions is None, goals=given.goals is None)
-        streams.write(rng, state.stream[0])
+        if self._np_random is not None:
+            streams.write(self._np_random, state.stream[0])
         if given.positions is not None:
             state.positions[0] = given.positions
         if given.goals is not None:

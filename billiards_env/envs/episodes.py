@@ -17,10 +17,11 @@ from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.envs.actions import add_noise, shorten, strike_balls
 from billiards_env.envs.arguments import Model, cue_ball_alone
 from billiards_env.envs.arrays import BallArrays, EpisodeArrays, TaskNumbers
-from billiards_env.envs.info import InfoArrays, info_arrays, starts_of
-from billiards_env.envs.state import State, StateArrays, arrays_of, parts, scene_hash, state_type
+from billiards_env.envs.info import InfoArrays, info_arrays, joined, starts_of
+from billiards_env.envs.observations import Observer, Source
+from billiards_env.envs.state import State, StateArrays, array_of, arrays_of, parts, scene_hash, state_type
 from billiards_env.envs.tasks import TASKS, judge_pot, opening_of, write_legal_balls
-from billiards_env.jit import entry_point, inlined, specialised, streams
+from billiards_env.jit import entry_point, specialised, streams
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
 from billiards_env.scene import Scene, layouts
@@ -47,10 +48,12 @@ class Episodes:
         plan: The layout at the start of an episode.
         goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has
             no goal.
+        observer: The features of the observations.
         miscues: (m,) bool: whether the tip slipped in the last shot; False for the action "velocity".
         physics: The numbers of `BilliardsEnv.randomize` by name, (m,) each: columns of the state.
-        of_episode: The arrays of `info` that do not change in an episode.
-        info: The arrays of `info` after the last shots.
+        of_shots: The arrays of `info` that change with each shot.
+        of_episode: Those that do not change in an episode.
+        info: Both.
         starts: Those at the starts of episodes.
         recorded: The last shot of the first `n_recorded` episodes with its trajectory, by episode.
     """
@@ -71,15 +74,12 @@ class Episodes:
                 goal_radius=task.goal_radius,
                 max_shots=model.max_shots,
                 scratch_penalty=model.scratch_penalty,
-                half_length=scene.half_extents[0],
-                half_width=scene.half_extents[1],
-                observe_shots_left=model.observe_shots_left,
             )
         )
-        self._run_shots = run_shots_of(model.engine, scene.n_balls)
+        self._run_shots, self._score = run_shots_of(model.engine, scene.n_balls), scoring(model.task)
         self._limit = scene.physics.max_time or math.inf
         self._cue = tuple(cue_numbers(scene)) if model.action == "strike" else None
-        self.kind = state_type(model)
+        self.kind, self.observer = state_type(model), None
         self._allocate(np.zeros(count * self.kind.itemsize, np.uint8) if memory is None else memory)
         if memory is None:
             state = self.state
@@ -88,7 +88,7 @@ class Episodes:
             state.in_play[:] = state.fresh[:] = state.over[:] = True
             for j, (low, _) in enumerate(model.randomize.values()):
                 state.physics[:, j] = low
-        self.starts = starts_of(self.info, self.of_episode, model.max_shots)
+        self.starts = joined(starts_of(self.of_shots, model.max_shots), self.of_episode)
         self._scene = varied_fields(scene, model.engine, self.physics, count)
 
     def _allocate(self, memory: NDArray[np.uint8]) -> None:
@@ -121,15 +121,24 @@ class Episodes:
         # The entry points take plain tuples, see `envs.arrays`.
         self._arrays, self._shots, self._balls = tuple(self.arrays), tuple(shots), tuple(self.balls)
         self.physics = {name: state.physics[:, j] for j, name in enumerate(self.model.randomize)}
+        if self.observer is None:
+            model = self.model
+            source = Source(
+                model.scene, model.scene.half_extents, self.arrays, model.max_shots, self.physics, model.randomize
+            )
+            self.observer = Observer(model.observe, source)
+        else:  # a copy
+            self.observer = self.observer.bound(self.arrays, self.physics)
         self.of_episode = InfoArrays(self.physics, {"episode_seed": state.episode_seed.view(np.int64)})
-        self.info = info_arrays(shots, self.arrays, None if self._cue is None else self.miscues, self.of_episode)
+        self.of_shots = info_arrays(shots, self.arrays, None if self._cue is None else self.miscues)
+        self.info = joined(self.of_shots, self.of_episode)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Episodes:
         twin = object.__new__(Episodes)
         twin.__dict__.update(self.__dict__)
         twin.recorded = dict(self.recorded)
         twin._allocate(self.memory.copy())
-        twin.starts = InfoArrays(*[kept | of for kept, of in zip(self.starts, twin.of_episode, strict=True)])
+        twin.starts = joined(self.starts, twin.of_episode)
         if self.physics:
             twin._scene = (self._scene[0].copy(), *self._scene[1:])
         return twin
@@ -158,6 +167,10 @@ class Episodes:
         self.memory[:] = memory
         self.set_physics(slice(None), {})
 
+    def keep_seeds(self, begin: int, end: int, mask: Bools) -> None:
+        """Keeps the random streams of the episodes in the mask (m,) as their seeds. `draw` follows."""
+        keep_seeds(begin, end, mask, self.state.stream, self.state.noise_stream, self.state.episode_seed)
+
     def draw(self, begin: int, end: int, mask: Bools, balls: bool = True, goals: bool = True) -> None:
         """Draws positions of the balls, then goals if the task has any, then the physics of the episodes if it varies.
 
@@ -172,7 +185,6 @@ class Episodes:
             ValueError: If there is no free position for a ball.
         """
         state = self.state
-        keep_seeds(begin, end, mask, state.stream, state.noise_stream, state.episode_seed)
         if balls:
             layouts.draw_tables(self.plan, begin, end, mask, state.stream, state.positions)
         if goals and self.goal_plan is not None:
@@ -203,14 +215,8 @@ class Episodes:
 
     def begin(self, begin: int, end: int, mask: Bools, observations: NDArray[np.float32]) -> None:
         """Begins the episodes in the mask (m,) with the balls where they are, and writes all observations (m, size)."""
-        begin_episodes(begin, end, mask, self._numbers, self._arrays, observations)
-        if self.model.observe_physics:
-            self._observe_physics(begin, end, observations)
-
-    def _observe_physics(self, begin: int, end: int, observations: NDArray[np.float32]) -> None:
-        first = observations.shape[1] - len(self.physics)
-        for j, (name, (low, high)) in enumerate(self.model.randomize.items()):
-            observations[begin:end, first + j] = 2.0 * (self.physics[name][begin:end] - low) / (high - low) - 1.0
+        begin_episodes(begin, end, mask, self._numbers, self._arrays)
+        self.observer.write(begin, end, observations)
 
     def shoot(
         self,
@@ -246,9 +252,8 @@ class Episodes:
             first += 1
         if first < end:
             self._run_shots(first, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
-        scoring(model.task)(begin, end, self._numbers, self._arrays, rewards, observations)
-        if model.observe_physics:
-            self._observe_physics(begin, end, observations)
+        self._score(begin, end, self._numbers, self._arrays, rewards)
+        self.observer.write(begin, end, observations)
 
     def _record(self, k: int) -> ShotResult:
         """Runs the shot of episode k as the engine does, and returns it with its trajectory."""
@@ -269,7 +274,7 @@ class Episodes:
         `before` is the memory before the step.
         """
         n_events, seconds = self.shots.n_events[k], self.shots.time[k]
-        start = arrays_of(self.kind, before).positions[k].tolist()
+        start = array_of(self.kind, before, "positions")[k].tolist()
         warnings.warn(
             f"the engine ended a shot at its limit, after {n_events} events and {seconds} s; "
             f"scene {self.scene_and_engine(k)[0].to_dict()}, positions {start}, action {action.tolist()}",
@@ -279,32 +284,12 @@ class Episodes:
 
 
 def noise_stream(seed: int, noise_seed: int | None) -> NDArray[np.uint64]:
-    """Returns the random stream of the noise, which is independent of that of the layouts with the same seed."""
-    key = (0,) if noise_seed is None else (0, noise_seed)
-    return streams.seeded(np.random.SeedSequence(seed, spawn_key=key))
+    """Returns the random stream of the noise, which is independent of that of the layouts with the same seed.
 
-
-@inlined
-def observe(k, numbers, arrays, observations):
-    """Writes the observation of episode k.
-
-    It holds the positions of the balls and goals, divided by `Scene.half_extents`, and in a run-out whether each object
-    ball is legal, then the fraction of the shots that are left, if it is observed.
+    A seed of -1, which Gymnasium uses for a generator of unknown seed, gives a random stream.
     """
-    positions, goals, legal = arrays.positions, arrays.goals, arrays.legal_balls
-    n, n_goals = positions.shape[1], goals.shape[1]
-    for i in range(n):
-        observations[k, 2 * i] = min(max(positions[k, i, X] / numbers.half_length, -1.0), 1.0)
-        observations[k, 2 * i + 1] = min(max(positions[k, i, Y] / numbers.half_width, -1.0), 1.0)
-    for i in range(n_goals):
-        observations[k, 2 * (n + i)] = goals[k, i, X] / numbers.half_length
-        observations[k, 2 * (n + i) + 1] = goals[k, i, Y] / numbers.half_width
-    last = 2 * (n + n_goals)
-    for i in range(1, legal.shape[1]):
-        observations[k, last] = 1.0 if legal[k, i] else 0.0
-        last += 1
-    if numbers.observe_shots_left:
-        observations[k, last] = 1.0 if arrays.fresh[k] else arrays.shots_left[k] / numbers.max_shots
+    key = (0,) if noise_seed is None else (0, noise_seed)
+    return streams.seeded(np.random.SeedSequence(None if seed < 0 else seed, spawn_key=key))
 
 
 @entry_point
@@ -326,7 +311,7 @@ def keep_seeds(begin, end, mask, episode_streams, noise_streams, seeds):
 
 
 @entry_point
-def begin_episodes(begin, end, mask, numbers, arrays, observations):
+def begin_episodes(begin, end, mask, numbers, arrays):
     """Begins episodes, see `Episodes.begin`."""
     numbers, arrays = TaskNumbers(*numbers), EpisodeArrays(*arrays)
     for k in range(begin, end):
@@ -337,7 +322,6 @@ def begin_episodes(begin, end, mask, numbers, arrays, observations):
             if len(numbers.opening):
                 arrays.states[k] = numbers.opening[0]
                 write_legal_balls(k, numbers.legal, arrays)
-        observe(k, numbers, arrays, observations)
 
 
 @entry_point
@@ -365,8 +349,8 @@ def scoring(task: str) -> Callable[..., None]:
     return specialised(score_shots, judge=TASKS[task].judge)
 
 
-def score_shots(begin, end, numbers, arrays, rewards, observations):
-    """Computes the rewards of the shots and the observations after them, see `Episodes.shoot`."""
+def score_shots(begin, end, numbers, arrays, rewards):
+    """Computes the rewards of the shots, see `Episodes.shoot`."""
     numbers, arrays = TaskNumbers(*numbers), EpisodeArrays(*arrays)
     for k in range(begin, end):
         for i in range(arrays.in_play.shape[1]):
@@ -384,4 +368,3 @@ def score_shots(begin, end, numbers, arrays, rewards, observations):
             arrays.is_success[k] = arrays.is_success[k] or success
             arrays.over[k] = decided or arrays.shots_left[k] == 0
             rewards[k] = points - numbers.scratch_penalty if scratch else float(points)
-        observe(k, numbers, arrays, observations)

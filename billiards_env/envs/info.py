@@ -26,16 +26,13 @@ class InfoArrays(NamedTuple):
     rows: dict[str, NDArray[Any]]
 
 
-def info_arrays(
-    shots: Shots, arrays: EpisodeArrays, miscues: NDArray[np.bool_] | None, episode: InfoArrays
-) -> InfoArrays:
+def info_arrays(shots: Shots, arrays: EpisodeArrays, miscues: NDArray[np.bool_] | None) -> InfoArrays:
     """Returns the arrays of the keys of `info` after the last shots. The arrays change with the episodes.
 
     Args:
         shots: The shots.
         arrays: The episodes.
         miscues: Whether the tip slipped; None without a cue.
-        episode: What does not change in an episode: its physics and its seed.
     """
     numbers = {
         "shot_time": shots.time,
@@ -46,18 +43,22 @@ def info_arrays(
     }
     if miscues is not None:
         numbers["miscue"] = miscues
-    rows = {"cushions": shots.cushions, "potted": arrays.potted}
-    return InfoArrays(numbers | episode.numbers, rows | episode.rows)
+    return InfoArrays(numbers, {"cushions": shots.cushions, "potted": arrays.potted})
 
 
-def starts_of(info: InfoArrays, episode: InfoArrays, max_shots: int) -> InfoArrays:
-    """Returns the arrays of the keys of `info` at the starts of episodes. Only those of `episode` change."""
+def starts_of(info: InfoArrays, max_shots: int) -> InfoArrays:
+    """Returns the constant arrays of the keys of `info_arrays` at the starts of episodes."""
     first = {"first_hit": -1, "shots_left": max_shots}  # the others are 0 or False
 
     def starts(found: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         return {key: np.full_like(values, first.get(key, 0)) for key, values in found.items()}
 
-    return InfoArrays(starts(info.numbers) | episode.numbers, starts(info.rows) | episode.rows)
+    return InfoArrays(starts(info.numbers), starts(info.rows))
+
+
+def joined(one: InfoArrays, other: InfoArrays) -> InfoArrays:
+    """Returns the arrays of both; those of `other` replace others of the same key."""
+    return InfoArrays(one.numbers | other.numbers, one.rows | other.rows)
 
 
 def single_info(arrays: InfoArrays) -> dict[str, Any]:

@@ -109,6 +109,12 @@ def arrays_of(kind: np.dtype[np.void], memory: NDArray[np.uint8]) -> StateArrays
     return StateArrays(*[np.ndarray((m, *shape), base, memory, m * at) for shape, base, at in _places(kind)])
 
 
+def array_of(kind: np.dtype[np.void], memory: NDArray[np.uint8], name: str) -> NDArray[Any]:
+    """Returns one of the arrays of the state in a block of memory, in a fraction of the time of `arrays_of`."""
+    (of, at, *_), m = (kind.fields or {})[name], len(memory) // kind.itemsize
+    return np.ndarray((m, *of.shape), of.base, memory, m * at)
+
+
 @cached_by_scene
 def scene_hash(scene: Scene, names: tuple[str, ...]) -> int:
     """Returns a hash of a scene and of the names of the numbers that vary, the same in every process."""

@@ -23,7 +23,7 @@ from billiards_env.envs.billiards import BilliardsEnv
 from billiards_env.envs.episodes import Episodes, noise_stream
 from billiards_env.envs.info import copied_info, masked_info, with_starts
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
-from billiards_env.envs.state import State, arrays_of, checked_state, copied
+from billiards_env.envs.state import State, array_of, checked_state, copied
 from billiards_env.jit import streams
 
 Bools = NDArray[np.bool_]
@@ -240,6 +240,10 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         """(num_envs, n) balls that the cue ball may touch first in a run-out, a copy; (num_envs, 0) in other tasks."""
         return self._episodes.state.legal_balls.copy()
 
+    def decode(self, observations: Any) -> dict[str, Any]:
+        """Returns the features of observations (..., size) by name, see `observations.decode`."""
+        return self.single_env.decode(observations)
+
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """Returns an attribute of each environment, as `SyncVectorEnv.get_attr` does.
 
@@ -328,6 +332,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         observations = self._new_observations()
 
         def work(begin: int, end: int) -> None:
+            episodes.keep_seeds(begin, end, mask)
             episodes.draw(begin, end, mask, balls=given.positions is None, goals=given.goals is None)
             if given.physics:
                 rows = begin + np.flatnonzero(mask[begin:end])
@@ -362,8 +367,10 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if np.count_nonzero(state.begun) < m:
             raise ResetNeeded("The episodes have not begun: call reset() before step()")
         memory = episodes.memory.copy()
-        before = arrays_of(episodes.kind, memory)
-        skip, same_step = before.over, self.autoreset_mode is AutoresetMode.SAME_STEP
+        skip, goals, physics, seeds = (
+            array_of(episodes.kind, memory, name) for name in ("over", "goals", "physics", "episode_seed")
+        )  # before the step
+        same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
         resets = np.count_nonzero(skip) > 0
         if resets and self.autoreset_mode is not AutoresetMode.NEXT_STEP:
             raise ResetNeeded(f"The episode of environment {np.argmax(skip)} is over: call reset() with a reset_mask")
@@ -374,10 +381,12 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         def work(begin: int, end: int) -> None:
             episodes.shoot(begin, end, checked, max_speed, rewards, last)
             if resets:
+                episodes.keep_seeds(begin, end, skip)
                 episodes.draw(begin, end, skip)
                 episodes.begin(begin, end, skip, last)
             over[begin:end] = state.over[begin:end]
             if same_step:
+                episodes.keep_seeds(begin, end, over)
                 episodes.draw(begin, end, over)
                 episodes.begin(begin, end, over, observations)
 
@@ -391,7 +400,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
                 [
                     drawn_layout(episodes, k)
                     if skip[k]
-                    else drawn_shot(episodes, k, checked[k], max_speed, rewards[k], before.goals[k])
+                    else drawn_shot(episodes, k, checked[k], max_speed, rewards[k], goals[k])
                     for k in range(self._n_shown)
                 ]
             )
@@ -399,9 +408,9 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if status.max() >= AT_EVENT_LIMIT:
             for k in np.flatnonzero((status >= AT_EVENT_LIMIT) & ~skip)[:1]:
                 episodes.warn_cut_off(k, checked[k], memory)
-        info = copied_info(episodes.info)  # of the shots
-        info |= {name: before.physics[:, j].copy() for j, name in enumerate(episodes.physics)}
-        info["episode_seed"] = before.episode_seed.view(np.int64).copy()
+        info = copied_info(episodes.of_shots)
+        info |= {name: physics[:, j].copy() for j, name in enumerate(episodes.physics)}
+        info["episode_seed"] = seeds.view(np.int64)
         begun = over if same_step else skip  # the episodes that this step has begun
         infos = masked_info(with_starts(info, begun, episodes.starts), np.ones(m, np.bool_))
         if same_step and over.any():
@@ -430,7 +439,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             self._renderer.close()
 
     def _new_observations(self) -> NDArray[np.float32]:
-        return np.empty((self.num_envs, len(self.single_observation_space.low)), np.float32)  # pyright: ignore
+        return np.empty((self.num_envs, self._episodes.observer.size), np.float32)
 
     def _seed(self, i: int, seed: int) -> None:
         state, model = self._episodes.state, self._episodes.model

@@ -16,8 +16,8 @@ from billiards_env.engine.compile import MODES
 from billiards_env.files import check_path, free_path
 from billiards_env.games import GAMES, History, Setup, opening, records
 from billiards_env.play.model import HUMAN, PACES, Model, begin
-from billiards_env.players.game_player import find_player
 from billiards_env.players.levels import LEVELS
+from billiards_env.players.named import find_player
 from billiards_env.scene import SCENES, Scene, layouts
 from billiards_env.shots.records import scene_of
 from billiards_env.shots.simulation import simulate
@@ -27,9 +27,6 @@ DT = 1 / 60
 
 REAL_SCENES = {"pool": "real_pool"}
 """The scenes of the window in place of the usual scenes of the games: they have jaws and throw."""
-
-MAKERS = {"policy": "billiards_env.sb3.policy_player:policy"}
-"""Makers of players that need the extra `train`, by name."""
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -129,7 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         names = (HUMAN,) * history.setup.n_players
         if args.players:
             names = tuple(name.strip() for name in args.players.split(","))
-        players = [None if name == HUMAN else find_player(name, history.setup, MAKERS, (HUMAN,)) for name in names]
+        players = [None if name == HUMAN else find_player(name, history.setup, also=(HUMAN,)) for name in names]
         from billiards_env.play.window import GameWindow, wait_for
 
         one_of("palette", args.palette, tuple(PALETTES))

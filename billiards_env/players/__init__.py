@@ -15,6 +15,6 @@ Modules:
     run_outs: The probability of a run-out from a position, by a small network.
     budget: The time or the number of shots of a decision.
     levels: Levels of strength of the planner, by noise and budget.
-    named: Functions of other modules as players.
-    game_player: The strategies and other players in games, found by name.
+    game_player: The strategies and the planner in games.
+    named: Players of tasks and games, found by name.
 """

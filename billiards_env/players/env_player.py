@@ -6,7 +6,7 @@ Example:
     >>> from billiards_env.players.strategies import geometric
     >>> env = BilliardsEnv()
     >>> _ = env.reset(seed=1)
-    >>> env.step(geometric(situation(env), np.random.default_rng(0)))[1]
+    >>> env.step(geometric(task_situation(env), np.random.default_rng(0)))[1]
     1.0
 """
 
@@ -34,7 +34,7 @@ from billiards_env.shots.strikes import level_strike, strike
 Floats = NDArray[np.float64]
 
 
-def situation(env: BilliardsEnv) -> Situation:
+def task_situation(env: BilliardsEnv) -> Situation:
     """Returns the situation in an environment. The rating of an action is its reward."""
     targets = env.legal_balls if env.legal_balls.size else env.targets
     return Situation(
@@ -107,7 +107,7 @@ def rewards(env: BilliardsEnv, actions: Floats) -> Floats:
     episodes, found = Episodes(m, env.model._replace(noise=None)), np.empty(m)
     episodes.put(None, env.get_state()[None])
     episodes.state.over[:] = False
-    observations = np.empty((m, len(env.observation_space.low)), np.float32)  # pyright: ignore
+    observations = np.empty((m, episodes.observer.size), np.float32)
 
     def work(begin: int, end: int) -> None:
         episodes.shoot(begin, end, actions, env.max_speed, found, observations)

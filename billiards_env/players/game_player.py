@@ -1,17 +1,4 @@
-"""Players of games, found by name.
-
-A player is a function `(setup, game, max_speed, rng) -> Stroke`. Its arguments are the game's setup and state, the
-speed of the fastest shot in m/s and a random generator. A maker of players is a function `(setup, argument) -> player`.
-`find_player` accepts
-
-* "random", "geometric", "search" and "aim", the strategies of `billiards_env.players.strategies`;
-* "planner", which plans under execution noise (`billiards_env.players.planner`): "planner:100ms", "planner:1s";
-* a level of the planner, whose strokes are noisy (`billiards_env.players.levels`): "planner:club";
-* a name among the makers that the caller passes, such as "policy" in the window;
-* the name of an entry point in the group `billiards_env.players` of an installed package; it loads a maker;
-* "module:function", any other maker.
-
-A colon and an argument may follow each of them: "search:500", "policy:runs/pot", "mine:player:fast".
+"""The strategies and the planner as players of games, see `players.named`.
 
 In a game with called shots, a strategy simulates its shot and calls the first ball that the shot pots and that may be
 called. No strategy plays a safety or a push out, or hands a shot back.
@@ -21,10 +8,7 @@ With the cue ball in hand, a geometric or search player draws some places and ch
 
 from __future__ import annotations
 
-import importlib.metadata
-from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,72 +19,24 @@ from billiards_env.games.placement import Point, cue_ball_area, cue_ball_point
 from billiards_env.games.state import is_in, on_table
 from billiards_env.players.aim import FirstTouch, Pot, carom_goals
 from billiards_env.players.levels import LevelPlayer, expected, level_of
-from billiards_env.players.named import check_call, imported
 from billiards_env.players.planner import NOISE, planner
 from billiards_env.players.pots import PotShots
-from billiards_env.players.strategies import STRATEGIES, Situation, find_strategy, full_hit
+from billiards_env.players.strategies import Situation, find_strategy, full_hit
 
 Floats = NDArray[np.float64]
 Player = Callable[[Setup, GameState, float, np.random.Generator], Stroke]
 
-GROUP = "billiards_env.players"
-"""The group of entry points under which other packages offer makers of players."""
-
 _PLACES = 30  # random places for a cue ball in hand
 
 
-def find_player(
-    text: str,
-    setup: Setup,
-    makers: Mapping[str, str] = MappingProxyType({}),
-    also: Sequence[str] = (),
-    noise: tuple[float, float] = (0.0, 0.0),
-) -> Player:
-    """Returns the player of a name.
-
-    Args:
-        text: See the module's docstring.
-        setup: The game to be played.
-        makers: Other makers as "module:function", by name.
-        also: Names of other players, for the message of an error.
-        noise: The execution noise that "search", "aim" and "planner" expect, see `strategies.search`. Without noise
-            "planner" expects `planner.NOISE`.
-
-    Raises:
-        ValueError: If there is no such player, or it cannot play this game.
-        TypeError: If a maker or its player does not take the arguments above.
-    """
-    name, _, argument = text.partition(":")
-    if name in STRATEGIES:
-        return _strategic(text, setup, noise)
-    if name == "planner":
-        return _planner(setup, argument, noise)
-    offered = importlib.metadata.entry_points(group=GROUP)
-    if name in offered.names:
-        maker: Any = offered[name].load()
-    else:
-        if name in makers:
-            module, _, function = makers[name].partition(":")
-        else:
-            module = name
-            function, _, argument = argument.partition(":")
-        maker = imported(text, module, function, sorted({*STRATEGIES, "planner", *makers, *offered.names, *also}))
-    see = "see billiards_env.players.game_player"
-    check_call(text, maker, (setup, argument), f"(setup, argument) that returns a player, {see}")
-    player = maker(setup, argument)
-    what = "that returns a player (setup, game, max_speed, rng)"
-    check_call(text, player, (setup, None, 1.0, None), f"{what}, {see}")
-    return player
-
-
-def _planner(setup: Setup, argument: str, noise: tuple[float, float]) -> Player:
+def planning(setup: Setup, argument: str, noise: tuple[float, float]) -> Player:
     """Returns the planner for a budget or a level."""
     level = level_of(argument)
     found = expected(noise, level)
     return LevelPlayer(planner(setup, level.budget, found if any(found) else NOISE), level.noise)
 
 
-def _strategic(text: str, setup: Setup, noise: tuple[float, float]) -> Player:
+def strategic(setup: Setup, text: str, noise: tuple[float, float]) -> Player:
     """Returns a player with a strategy.
 
     Raises:
@@ -112,16 +48,16 @@ def _strategic(text: str, setup: Setup, noise: tuple[float, float]) -> Player:
 
     def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
         if text == "random":
-            action, place = strategy(situation(setup, game, max_speed), rng), draw_place(setup, game, rng)
+            action, place = strategy(game_situation(setup, game, max_speed), rng), draw_place(setup, game, rng)
         else:
             game, place = place_cue_ball(setup, game, max_speed, rng)
-            action = strategy(situation(setup, game, max_speed), rng)
+            action = strategy(game_situation(setup, game, max_speed), rng)
         return with_call(setup, game, make_stroke(max_speed * action, max_speed, place))
 
     return stroke
 
 
-def situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
+def game_situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
     """Returns the situation of the player to shoot, rated by the rules. In `game` a cue ball in hand is placed."""
     balls, state = np.arange(len(game.positions)), game.state
 
@@ -184,7 +120,7 @@ def place_cue_ball(
         positions, place = game.positions.copy(), cue_ball_point(setup.scene, game.positions, game.state, drawn)
         positions[game.state.cue_balls[0]] = place
         games.append((GameState(positions, game.state), place))
-    return max(games, key=lambda entry: _ease(situation(setup, entry[0], max_speed).pots()))
+    return max(games, key=lambda entry: _ease(game_situation(setup, entry[0], max_speed).pots()))
 
 
 def _ease(pots: PotShots) -> tuple[bool, float]:

@@ -16,12 +16,12 @@ from billiards_env.engine.predictions import cannot_meet
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.ball_ball import push_pair
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.contact import NOISE, circle_time, contact_distance
+from billiards_env.physics.geometry.contact import NOISE, circle_time, contact_distance, distance_to_segment
 from billiards_env.physics.laws.balls import normal_impulse
 from billiards_env.physics.laws.cloth import arrival, spin_after, travel_time
 from billiards_env.physics.motion import Path, motion_after
 from billiards_env.physics.state import AX, AY, REST, SLIDING_AND_ROLLING, T0, UX, UY, VX, VY, WZ, SceneArrays, X, Y
-from billiards_env.players.paths import FAR, LEGS, begin_leg, distance_to_segment, end_leg, pocket_gap
+from billiards_env.players.paths import FAR, LEGS, begin_leg, end_leg, pocket_gap
 
 _THROW_STEPS = 4  # each reduces the error of the direction by a factor of about 10
 

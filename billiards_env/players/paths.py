@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.cushion import reflect, reflect_both
-from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import distance_to_segment
 from billiards_env.physics.geometry.walls import wall_normal, wall_time, walls_met
 from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after, path_of
 from billiards_env.physics.state import (
@@ -159,11 +159,3 @@ def pocket_gap(pockets, goal, ax, ay, bx, by):
             distance = distance_to_segment(ax, ay, bx, by, pockets[p, POCKET_X], pockets[p, POCKET_Y])
             gap = min(gap, distance - pockets[p, POCKET_RADIUS])
     return gap
-
-
-@inlined
-def distance_to_segment(ax, ay, bx, by, x, y):
-    """Returns the distance of the point (x, y) from the segment from (ax, ay) to (bx, by), m."""
-    sx, sy, to_x, to_y = bx - ax, by - ay, x - ax, y - ay
-    along = min(max((to_x * sx + to_y * sy) / max(sx * sx + sy * sy, 1e-300), 0.0), 1.0)
-    return norm(to_x - along * sx, to_y - along * sy)

@@ -115,7 +115,7 @@ _USUAL = Options()
 
 
 def planner(setup: Setup, argument: str = "", noise: Noise = NOISE) -> Callable[..., Stroke]:
-    """Returns a player for `players.game_player.find_player`.
+    """Returns a player for games.
 
     Args:
         setup: The game.

@@ -7,7 +7,8 @@ object ball. `examples/ppo.py` and the timestep study train it without Stable-Ba
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import torch
@@ -20,6 +21,10 @@ _MOST = 0.7  # largest mean side and top over the miscue offset, so that the mea
 _LEVEL = -0.5  # the mean elevation before the training: below 0 the cue is level
 _FAR = 60.0  # densities of exp(-60) have no effect, and much smaller ones are denormal numbers, which are slow
 _NEVER = -1e4  # the logit of a component whose ball is not on the table, or not legal
+
+
+OBSERVED = ("positions", "goal", "legal_balls", "shots_left", "physics")
+"""The features of observations that the networks can take. The others follow from the positions."""
 
 
 class Mixture(NamedTuple):
@@ -106,11 +111,8 @@ class AimNetwork(nn.Module):
         speeds: Borders of the ranges of mean speeds, over the largest speed. Each point has a component in each range.
         hidden: Units of each hidden layer of the choice; the other networks have half as many.
         aim: Whether the points depend on the position of their "ball", or on the whole "layout".
-        goals: The number of goals in an observation, after the balls.
-        legal: Whether an observation then has a flag for each object ball. Only the components of legal balls
-            then have weight.
-        rest: The number of remaining values at the end of an observation.
-        ignored: The number of values before them that have no effect.
+        features: The shapes of the features that the networks observe, by name, some of `OBSERVED`. With "legal_balls"
+            only the components of legal balls have weight.
         strikes: Whether the actions are strikes.
 
     Attributes:
@@ -133,16 +135,14 @@ class AimNetwork(nn.Module):
         hidden: int,
         aim: str = "ball",
         *,
-        goals: int = 0,
-        legal: bool = False,
-        rest: int = 0,
-        ignored: int = 0,
+        features: Mapping[str, tuple[int, ...]] = MappingProxyType({}),
         strikes: bool = False,
     ) -> None:
         super().__init__()
         self.aim, self.ranges, self.numbers = aim, len(speeds) - 1, TIP * strikes
-        self.goals, self.legal, self.rest, self.ignored = goals, legal, rest, ignored
-        inputs, half = 8 + 2 * goals + rest, hidden // 2
+        self.goal, self.legal = "goal" in features, "legal_balls" in features
+        self.rest = [name for name in ("shots_left", "physics") if name in features]
+        inputs, half = 8 + 2 * self.goal + sum(math.prod(features[name]) for name in self.rest), hidden // 2
         borders, angles = torch.tensor(speeds), 2 * math.pi / points * torch.arange(points)
         self.register_buffer("half_extents", torch.tensor(half_extents))
         self.register_buffer("slowest", borders[:-1].repeat_interleave(points))
@@ -154,21 +154,22 @@ class AimNetwork(nn.Module):
         self.critic = _Layers(inputs, half, 1)
         self.turn = nn.Parameter(torch.zeros(()))
         self.widths = hidden, half, half if aim == "layout" else 0
-        self.other_ball = nn.Sequential(nn.Linear(5 + legal, half), nn.ReLU(), nn.Linear(half, half), nn.ReLU())
+        self.other_ball = nn.Sequential(nn.Linear(5 + self.legal, half), nn.ReLU(), nn.Linear(half, half), nn.ReLU())
         self.other_balls = nn.Linear(half, sum(self.widths), bias=False)
         nn.init.zeros_(self.other_balls.weight)
 
-    def forward(self, observations: Tensor, legal: Tensor | None = None) -> tuple[Mixture, Tensor]:
-        """Returns the mixtures and the values (m,) for observations (m, ...) of n object balls, for any n.
+    def forward(self, positions: Tensor, legal: Tensor | None = None, **others: Tensor) -> tuple[Mixture, Tensor]:
+        """Returns the mixtures and the values (m,) for m layouts of n object balls, for any n.
 
-        `legal` (m, n) are the balls at which a component may aim; None for the legal balls of the observation, or for
-        all.
+        Args:
+            positions: (m, 1 + n, 2), the feature "positions".
+            legal: (m, n) bool, the balls at which a component may aim; None for the feature "legal_balls", or for all.
+            others: The other features by name, as in the construction.
         """
-        m, last = len(observations), self.ignored + self.rest
-        n = (observations.shape[1] - 2 - 2 * self.goals - last) // (2 + self.legal)
-        sizes = 2 + 2 * (n + self.goals), n * self.legal, self.ignored, self.rest
-        places, flags, _, rest = observations.split(sizes, 1)
-        places = places.unflatten(1, (-1, 2))
+        m, n = len(positions), positions.shape[1] - 1
+        places = torch.cat((positions, others["goal"]), 1) if self.goal else positions
+        flags = others["legal_balls"] if self.legal else positions.new_empty(m, 0)
+        rest = torch.cat([positions.new_empty(m, 0), *(others[name].reshape(m, -1) for name in self.rest)], 1)
         signs = torch.where(places[:, 1 : 1 + n] < 0, -1.0, 1.0)
         tables = places[:, None] * signs[:, :, None]  # (m, n, 1 + n + goals, 2), one for each object ball
         signs = signs.flatten(0, 1)

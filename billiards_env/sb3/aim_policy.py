@@ -18,10 +18,10 @@ from stable_baselines3.common.utils import LinearSchedule
 from torch import Tensor
 
 import billiards_env  # noqa: F401  (registers the environment)
-from billiards_env.checks import Range, finite, flag, integer, numbers, one_of, short
+from billiards_env.checks import Range, finite, integer, numbers, one_of, sequence, short
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.tasks import TASKS
-from billiards_env.sb3.aim_network import AimNetwork, Mixture
+from billiards_env.sb3.aim_network import OBSERVED, AimNetwork, Mixture
 from billiards_env.scene import Scene
 
 PPO_SETTINGS: dict[str, Any] = {
@@ -37,7 +37,7 @@ PPO_SETTINGS: dict[str, Any] = {
 }
 """Arguments of `stable_baselines3.PPO` for 4096 environments."""
 
-_WORLD = ("scene", "task", "action", "max_speed", "observe_shots_left", "observe_physics")
+_WORLD = ("scene", "task", "action", "max_speed", "observe")
 _UNITS, _MOST_SPEEDS = Range(2, 4096), 100
 _WORTH = 0.1  # the smallest value that divides an advantage
 
@@ -93,7 +93,8 @@ class AimPolicy(ActorCriticPolicy):
         observation_space, action_space, lr_schedule: As in `ActorCriticPolicy`.
         env: Arguments of `gym.make("Billiards-v0", ...)`. The weights fit any number of balls. None for those of the
             environment, which the observation space of `SameStepVecEnv` carries.
-        observe_shots_left: Whether the networks observe the shots left, if the environment shows them.
+        observe: The features of the environment that the networks observe, with "positions": some of
+            `aim_network.OBSERVED`. None for all of them that the environment has.
         points, speeds, hidden: As in `AimNetwork`.
         aim: As in `AimNetwork`; None for "ball" in the tasks that need pockets and "layout" in the others.
         exploration: The number of shots after which the next four arguments have their last values.
@@ -104,8 +105,9 @@ class AimPolicy(ActorCriticPolicy):
 
     Raises:
         ValueError: If an argument is wrong, the environment has no object ball, `env` is not the environment of the
-            training, or a wrapper changes its observations or actions. A wrapper such as `VecNormalize`, which keeps
-            the observation space, is an error when the first observations come.
+            training, the observation lacks a feature that the networks need, or a wrapper changes observations or
+            actions. A wrapper such as `VecNormalize`, which keeps the observation space, is an error when the first
+            observations come.
 
     Example:
         >>> from stable_baselines3 import PPO
@@ -125,7 +127,7 @@ class AimPolicy(ActorCriticPolicy):
         lr_schedule: Callable[[float], float],
         *,
         env: Mapping[str, Any] | None = None,
-        observe_shots_left: bool = True,
+        observe: Sequence[str] | None = None,
         points: int = 16,
         speeds: Sequence[float] = (0.2, 0.4, 0.8),
         hidden: int = 192,
@@ -171,24 +173,19 @@ class AimPolicy(ActorCriticPolicy):
         aim = aim or ("ball" if TASKS[self.game.task].pockets else "layout")
         one_of("aim", aim, ("ball", "layout"))
         self.network = {"points": points, "speeds": tuple(speeds), "hidden": hidden, "aim": aim}
-        self.observe_shots_left = flag("observe_shots_left", observe_shots_left)
+        seen = [name for name in OBSERVED if name in self.game.features]
+        self.observe = seen if observe is None else list(sequence("observe", observe))
+        for name in self.observe:
+            one_of("observe of the policy", name, tuple(seen))
+        if "positions" not in self.observe:
+            raise ValueError(f"observe = {self.observe}: expected 'positions', at which the policy aims")
         self.exploration = exploration
         super().__init__(observation_space, action_space, lr_schedule, **kwargs)
 
     def _build(self, lr_schedule: Callable[[float], float]) -> None:
-        game = self.game
-        n, goals, legal = game.scene.n_balls, len(game.goals), len(game.legal_balls) > 0
-        ignored = int(game.observe_shots_left and not self.observe_shots_left)
-        rest = gym.spaces.flatdim(game.observation_space) - 2 * (n + goals) - (n - 1) * legal - ignored
-        self.net = AimNetwork(
-            game.scene.half_extents,
-            **self.network,
-            goals=goals,
-            legal=legal,
-            rest=rest,
-            ignored=ignored,
-            strikes=game.action == "strike",
-        )
+        features = {name: self.game.features[name] for name in self.observe}
+        strikes = self.game.action == "strike"
+        self.net = AimNetwork(self.game.scene.half_extents, **self.network, features=features, strikes=strikes)
         self.register_buffer("shots", torch.zeros((), dtype=torch.int64))
         self.set_shots(0)
         self.optimizer = torch.optim.Adam(self.parameters(), lr=lr_schedule(1), eps=1e-5, fused=True)
@@ -206,27 +203,32 @@ class AimPolicy(ActorCriticPolicy):
             self.set_shots(int(self.shots))
         super().set_training_mode(mode)
 
+    def _mixture(self, obs: PyTorchObs) -> tuple[Mixture, Tensor]:
+        """Returns the mixtures and the values (m,) for observations."""
+        seen = self.game.decode(obs)
+        return self.net(**{name: seen[name] for name in self.observe})
+
     def forward(self, obs: Tensor, deterministic: bool = False) -> tuple[Tensor, Tensor, Tensor]:
         """Returns actions (m, 2) or (m, 5), values (m, 1) and logarithms (m,) of densities, and counts the shots."""
         self._check_scale(obs)
-        mixture, values = self.net(obs)
+        mixture, values = self._mixture(obs)
         actions = mixture.mode() if deterministic else mixture.sample()
         self.shots += len(obs)
         return actions, values[:, None], mixture.log_prob(actions)
 
     def evaluate_actions(self, obs: PyTorchObs, actions: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Returns values (m, 1), logarithms (m,) of densities and entropies (m,); see the class for their gradients."""
-        mixture, values = self.net(obs)
+        mixture, values = self._mixture(obs)
         log_prob = by_value(mixture.log_prob(actions), values)
         return values[:, None], log_prob, self.entropy_factor * mixture.entropy()
 
     def predict_values(self, obs: PyTorchObs) -> Tensor:
         """Returns the values (m, 1)."""
-        return self.net(obs)[1][:, None]
+        return self._mixture(obs)[1][:, None]
 
     def get_distribution(self, obs: PyTorchObs) -> Mixture:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Returns the mixtures."""
-        return self.net(obs)[0]
+        return self._mixture(obs)[0]
 
     def _predict(self, observation: PyTorchObs, deterministic: bool = False) -> Tensor:
         self._check_scale(cast(Tensor, observation))
@@ -242,6 +244,6 @@ class AimPolicy(ActorCriticPolicy):
             )
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
-        own = {"env": self.env, "observe_shots_left": self.observe_shots_left, **self.network}
+        own = {"env": self.env, "observe": self.observe, **self.network}
         own |= {"exploration": self.exploration, **self.schedules}
         return super()._get_constructor_parameters() | own

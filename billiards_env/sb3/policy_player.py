@@ -10,6 +10,7 @@ In a carom game a policy must be trained with two object balls.
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ def policy(setup: Setup, argument: str) -> Player:
     Raises:
         OSError: If the folder holds no finished run.
         ValueError: If the policy was trained on another table, with another number of balls, for strikes, with a goal
-            or with `observe_physics`.
+            or with an observation of the physics.
     """
     folder = Path(argument)
     if not argument or not (folder / "policy.pt").is_file():
@@ -57,9 +58,9 @@ def policy(setup: Setup, argument: str) -> Player:
             f"{error} the table and the balls of its training; --scene of billiards play, for example --scene pool, "
             "chooses them"
         )
-    if base.observe_physics or base.action == "strike" or len(base.goals):
+    if "physics" in base.features or base.action == "strike" or len(base.goals):
         raise ValueError(
-            f"player = 'policy:{argument}': expected a policy trained without observe_physics, strikes or a goal"
+            f"player = 'policy:{argument}': expected a policy trained without observed physics, strikes or a goal"
         )
 
     def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
@@ -77,6 +78,22 @@ def policy(setup: Setup, argument: str) -> Player:
     return stroke
 
 
+def task_policy(env: gym.Env[Any, Any], argument: str) -> Callable[[NDArray[np.float32]], NDArray[np.float32]]:
+    """Returns the player `act(observation) -> action` of a trained policy in an environment.
+
+    Args:
+        env: The environment. Its arguments replace those of the training.
+        argument: As in `policy`.
+
+    Raises:
+        OSError, TypeError, ValueError: As in `load_policy`.
+    """
+    given: Any = env.spec and env.spec.kwargs
+    arguments = {key: given[key] for key in given if key not in ("render_mode", "noise", "noise_seed")}
+    model = load_policy(argument, arguments)[1]
+    return lambda observation: model.predict(observation, deterministic=True)[0]
+
+
 def playable(run_dir: Path) -> str | None:
     """Returns the rules of a game that the policy of a run can play; None if it can play no game."""
     for rules in ("straight", "carom"):
@@ -89,16 +106,16 @@ def playable(run_dir: Path) -> str | None:
 
 def _aimed(model: AimPolicy, setup: Setup, game: GameState) -> NDArray[np.float32]:
     """Returns the action of a policy for the balls on the table."""
-    state, net = game.state, model.net
+    state = game.state
     cue, balls = int(state.cue_balls[0]), members(state.object_balls)
     legal = setup.legal(state) if setup.game_rules.pockets else balls
     tables = torch.tensor([[cue, ball] for ball in legal] if model.game.scene.n_balls == 2 else [[cue, *balls]])
     flags = torch.tensor([[ball in legal for ball in table[1:]] for table in tables.tolist()])
     places = torch.tensor(game.positions / np.array(model.game.scene.half_extents), dtype=torch.float32)
-    shots_left = torch.ones(len(tables), net.ignored + net.rest)
-    observed = torch.cat((places[tables].flatten(1), *([flags.float()] if net.legal else []), shots_left), 1)
     with torch.no_grad():
-        mixtures, values = net(observed, flags)
+        mixtures, values = model.net(
+            places[tables], flags, legal_balls=flags.float(), shots_left=torch.ones(len(tables))
+        )
         return mixtures.mode()[values.argmax()].clamp(-1, 1).numpy()
 
 

@@ -20,6 +20,7 @@ from billiards_env.checks import Range, integer, one_of, sequence, short
 from billiards_env.envs import BilliardsEnv
 from billiards_env.files import read_text, write_whole
 from billiards_env.frozen import FROZEN
+from billiards_env.sb3.aim_network import OBSERVED
 from billiards_env.sb3.aim_policy import AimPolicy, find_game
 from billiards_env.settings import plain_yaml
 
@@ -119,8 +120,9 @@ def load_policy(
         config = plain_yaml(read_text(settings, _MOST_BYTES, "the settings of a run"))
         arguments, description = {**config["env"], **(env or {})}, dict(config["policy"])
         if description["head"] == "aim":  # the networks observe what they observed in the training
-            shots_left = {"observe_shots_left": config["env"].get("observe_shots_left", False)}
-            description["arguments"] = {**shots_left, **description["arguments"]}
+            seen = find_game(config["env"]).features
+            observe = [name for name in OBSERVED if name in seen]
+            description["arguments"] = {"observe": observe, **description["arguments"]}
         trained, task = find_game(config["env"]), str(config.get("task"))
         hidden = policy_arguments(arguments, description).get("net_arch", ())
     except (AttributeError, KeyError, RecursionError, TypeError, yaml.YAMLError) as error:

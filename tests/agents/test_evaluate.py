@@ -118,13 +118,13 @@ def test_a_policy_is_loaded_for_other_balls_and_for_an_observation_with_the_shot
     save_policy(policy, tmp_path / "policy.pt")
     three = {"n_object_balls": 3, "max_shots": 4}
     actions = []
-    for shots_left in (False, True):
-        env = {**three, "observe_shots_left": shots_left}
+    for shots_left in ([], ["shots_left"]):
+        env = {**three, "observe": ["positions", *shots_left]}
         changed, loaded = load_policy(tmp_path, env=env)
         assert changed.env == {**config.env, **env}
         assert all(torch.equal(weights, policy.state_dict()[name]) for name, weights in loaded.state_dict().items())
         observations, _ = make_vector(changed, 50).reset(seed=0)
-        assert observations.shape[1] == 8 + shots_left
+        assert observations.shape[1] == 8 + len(shots_left)
         actions.append(deterministic(loaded)(observations))
     assert np.array_equal(*actions)
     with pytest.raises(TypeError, match="balls"):

@@ -254,6 +254,9 @@ def test_the_noise_follows_the_seeds_and_the_noise_seed():
         env.reset(seed=seed, options={"positions": [[-0.5, 0.0], [0.5, 0.1], [-0.2, 0.4]]})
         return env.step([0.3, 0.0])[0].tobytes()
 
+    env = make(noise={})
+    env.unwrapped.np_random = np.random.default_rng(0)  # its seed is not known
+    env.reset()
     assert shot(1) == shot(1)
     assert len({shot(1), shot(2), shot(1, noise_seed=1), shot(1, noise_seed=2), shot(None), shot(None)}) == 6
 

@@ -9,6 +9,7 @@ from gymnasium.utils.env_checker import check_env
 
 from billiards_env import simulate
 from billiards_env.envs import STATUS, BilliardsEnv
+from billiards_env.envs.observations import FEATURES
 from billiards_env.envs.tasks import TASKS
 from billiards_env.envs.wrappers import ActionFrame, VectorActionFrame
 from billiards_env.scene import SCENES, Scene, check_positions, layouts
@@ -66,20 +67,22 @@ def test_environment_checkers_pass(kwargs):
         sb3.check_env(make(**kwargs), warn=True)
 
 
-def test_every_task_scene_and_layout_is_in_a_variant():
+def test_every_task_scene_layout_and_feature_is_in_a_variant():
     for name, values in (("task", TASKS), ("scene", SCENES), ("layout", layouts.LAYOUTS)):
         assert {str(variant.get(name, "pool")) for variant in VARIANTS} >= {*values} - {"pot"}
+    assert {name for variant in VARIANTS for name in variant.get("observe", ())} == {*FEATURES}
 
 
 @variants
 def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
     env = BilliardsEnv(**kwargs)
     n = env.scene.n_balls
-    last = env.observe_shots_left
-    places = 2 * (n + (TASKS[env.task].goal_radius > 0))
-    flags = n - 1 if TASKS[env.task].is_game else 0
-    drawn, seen = env.randomize, env.observe_physics * len(env.randomize)
-    assert env.observation_space.shape == (places + flags + last + seen,)
+    drawn, usual = env.randomize, kwargs.get("observe") is None
+    if usual:
+        task = TASKS[env.task]
+        assert list(env.features) == ["positions"] + ["goal"] * bool(task.goal_radius) + ["legal_balls"] * bool(
+            task.is_game
+        )
     assert env.observation_space.dtype == np.float32
     size, others = (5, set()) if env.action == "strike" else (2, {"miscue"})
     assert env.action_space == gym.spaces.Box(-1, 1, (size,), np.float32)
@@ -94,25 +97,29 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
         del info["episode_seed"]
         assert all((value == starts[DOCUMENTED_INFO[key][1]]).all() for key, value in info.items())
         assert observation in env.observation_space
-        assert np.abs(observation[:places]).max() < 1
-        goal = observation[2 * n : places]
+        first = {name: values.copy() for name, values in env.decode(observation).items()}
+        assert all(np.abs(first[name]).max() < 1 for name in ("positions", "goal") if name in first)
         shots, terminated, total = 0, False, 0.0
         while not terminated:
             observation, reward, terminated, truncated, info = env.step(rng.uniform(-1, 1, size))
             shots += 1
             total += reward + (env.scratch_penalty if info["scratch"] else 0)
             assert observation in env.observation_space
-            assert np.array_equal(observation[2 * n : places], goal)
             assert type(reward) is float
             assert type(terminated) is bool
             assert truncated is False
             assert kinds_of(info, n) == documented
             assert info["shots_left"] == env.max_shots - shots
-            on_table = np.abs(observation[: 2 * n]).reshape(n, 2).max(axis=1) < 1
-            assert np.array_equal(on_table, ~info["potted"])
-            assert np.array_equal(observation[places : places + flags], env.legal_balls[1 : 1 + flags])
-            if last:
-                assert observation[places + flags] == np.float32(info["shots_left"] / env.max_shots)
+            expected = {
+                "goal": first.get("goal"),
+                "legal_balls": env.legal_balls[1:],
+                "shots_left": np.float32(info["shots_left"] / env.max_shots),
+                "potted": info["potted"],
+            }
+            seen = env.decode(observation)
+            assert all(np.array_equal(seen[name], expected[name]) for name in seen.keys() & expected.keys())
+            if "positions" in seen:
+                assert np.array_equal(np.abs(seen["positions"]).max(axis=1) < 1, ~info["potted"])
         assert total == info["score"]
         assert shots <= env.max_shots
         if not info["potted"].any() and env.engine.mode == "pic":
@@ -120,7 +127,7 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
 
 
 def test_positions_are_observed_relative_to_half_the_table():
-    env = BilliardsEnv(n_object_balls=2, max_shots=4, observe_shots_left=True)
+    env = BilliardsEnv(n_object_balls=2, max_shots=4, observe=("positions", "shots_left"))
     positions = [[0.635, -0.3175], [-0.127, 0.508], [0.0, 0.0]]
     shares = [0.5, -0.5, -0.1, 0.8, 0, 0]
     observation, _ = env.reset(options={"positions": positions})

@@ -109,7 +109,7 @@ def test_every_argument_with_an_effect_is_frozen():
     env = BilliardsEnv()
     free = {"dt", "fix", "noise", "noise_seed", "render_mode"}  # the ids set `noise`
     given = {"scene", "task", "n_object_balls", "mode", "action", "max_shots", "max_speed", "layout"}
-    given |= {"observe_shots_left", "scratch_penalty", "randomize", "observe_physics"}
+    given |= {"observe", "scratch_penalty", "randomize"}
     assert all(set(task.arguments) == given for task in FROZEN.values())
     assert {name for name in BilliardsEnv.__init__.__annotations__ if name != "return"} == given | free
     assert json.loads(json.dumps(FROZEN["Clear5-v0"].arguments)) == FROZEN["Clear5-v0"].arguments

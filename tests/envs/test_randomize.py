@@ -8,7 +8,7 @@ import pytest
 from billiards_env import simulate
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
 from billiards_env.envs.actions import cue_strike
-from billiards_env.players.env_player import rewards, situation
+from billiards_env.players.env_player import rewards, task_situation
 from billiards_env.shots import records
 
 RANGES = {"mu_roll": [0.004, 0.02], "e_ball": [0.8, 1.0]}
@@ -34,10 +34,9 @@ def test_a_shot_is_that_of_the_scene_with_the_drawn_numbers(kwargs):
 
 
 def test_the_numbers_are_uniform_in_their_ranges_and_observed_between_minus_one_and_one():
-    envs = BilliardsVectorEnv(4000, randomize=RANGES, observe_physics=True, observe_shots_left=True)
+    envs = BilliardsVectorEnv(4000, randomize=RANGES, observe=("shots_left", "physics"))
     observations, infos = envs.reset(seed=0)
-    assert (observations[:, 4] == 1.0).all()  # the shots left
-    for seen, (name, (low, high)) in zip(observations[:, 5:].T, RANGES.items(), strict=True):
+    for seen, (name, (low, high)) in zip(envs.decode(observations)["physics"].T, RANGES.items(), strict=True):
         assert infos[f"_{name}"].all()
         assert ((infos[name] >= low) & (infos[name] <= high)).all()
         np.testing.assert_allclose(seen, 2 * (infos[name] - low) / (high - low) - 1, atol=1e-6)
@@ -56,7 +55,7 @@ def test_the_layouts_of_the_first_episodes_are_those_without_randomize():
 
 
 def test_options_of_a_reset_set_numbers():
-    arguments: dict[str, Any] = {"randomize": RANGES, "observe_physics": True}
+    arguments: dict[str, Any] = {"randomize": RANGES, "observe": ["positions", "physics"]}
     envs, single = BilliardsVectorEnv(3, **arguments), BilliardsEnv(**arguments)
     mu_roll = np.array([0.004, 0.008, 0.02])
     observations, infos = envs.reset(seed=5, options={"physics": {"mu_roll": mu_roll}})
@@ -80,7 +79,7 @@ def test_options_of_a_reset_set_numbers():
 
 
 def test_an_interrupted_step_keeps_the_physics(monkeypatch):
-    envs, twin = (BilliardsVectorEnv(3, randomize=RANGES, observe_physics=True) for _ in range(2))
+    envs, twin = (BilliardsVectorEnv(3, randomize=RANGES, observe=["physics"]) for _ in range(2))
     actions = np.full((2, 3, 2), [[[0.7, 0.1]], [[-0.3, 0.4]]])
     for one in (envs, twin):
         one.reset(seed=0)
@@ -104,7 +103,7 @@ def test_players_and_records_have_the_physics_of_the_episode(tmp_path):
     env, plain = (BilliardsEnv(randomize=RANGES, render_mode=mode) for mode in ("rgb_array", None))
     _, info = env.reset(seed=0)
     plain.reset(seed=0)
-    assert situation(env).scene.physics.mu_roll == info["mu_roll"]
+    assert task_situation(env).scene.physics.mu_roll == info["mu_roll"]
     rated = rewards(env, np.array([[0.5, 0.1]] * 3)).tolist()
     _, reward, _, _, after = env.step([0.5, 0.1])
     assert rated == [reward] * 3
@@ -124,10 +123,10 @@ def test_ranges_in_a_configuration():
 
 
 @pytest.mark.parametrize("head", ["gaussian", "aim"])
-@pytest.mark.parametrize("observe_physics", [False, True])
-def test_policies_play_with_varying_physics(head, observe_physics):
+@pytest.mark.parametrize("physics", [[], ["physics"]])
+def test_policies_play_with_varying_physics(head, physics):
     weights = pytest.importorskip("billiards_env.sb3.weights")
-    arguments = {"randomize": RANGES, "observe_physics": observe_physics, "observe_shots_left": True}
+    arguments = {"randomize": RANGES, "observe": ["positions", "shots_left", *physics]}
     description = {"head": head, "hidden": [8], "activation": "tanh", "arguments": {"hidden": 8}}
     policy = weights.build_policy(arguments, description)
     envs = BilliardsVectorEnv(3, **arguments)

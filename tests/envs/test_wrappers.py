@@ -1,7 +1,7 @@
 """The table of Gymnasium's vector wrappers in docs/gotchas.md, on the Gymnasium that is installed.
 
-The column of a mode has "yes", "no" (an error), or a version from which on the wrapper works with the mode; before it
-the wrapper returns wrong numbers.
+The column of a mode has "yes", "no" (an error), or a version from which on the wrapper works with the mode. Older
+versions can return wrong numbers: of `NormalizeReward` with "NextStep" 1.1 does and 1.3 does not.
 """
 
 import re
@@ -98,8 +98,8 @@ def outcome(name: str, mode: str) -> str:
 def test_the_table_of_wrappers(name, mode):
     cell, installed = TABLE[name][mode], tuple(map(int, gym.__version__.split(".")[:2]))
     if version := re.fullmatch(r"from (\d+)\.(\d+) on", cell):
-        cell = "yes" if installed >= tuple(map(int, version.groups())) else "wrong"
-    assert outcome(name, mode) == cell
+        cell = "yes" if installed >= tuple(map(int, version.groups())) else "yes or wrong"
+    assert outcome(name, mode) in cell
 
 
 @pytest.mark.parametrize(

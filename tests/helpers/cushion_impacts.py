@@ -1,7 +1,7 @@
-"""Impacts on "mathavan2010" cushions, integrated by extrapolation: a second implementation of `physics.mathavan`.
+"""Impacts on "mathavan2010" cushions, integrated by extrapolation: a second implementation of `physics.laws.mathavan`.
 
 Gragg's method with extrapolation to order 14 (Hairer, Norsett and Wanner 1993, section II.9), for arrays of impacts, is
-accurate to about 1e-13. The motion is that of `mathavan_derivatives`. A slip at the cushion may stop, and one on the
+accurate to about 1e-13. The motion is that of `laws.mathavan_tangent`. A slip at the cushion may stop, and one on the
 cloth may begin. Impacts in which a slip on the cloth stops, or one at the cushion begins, are refused.
 """
 

@@ -13,14 +13,22 @@ from billiards_env.envs.tasks import TASKS
 RUN_OUTS = {name: task.n_object_balls[0] for name, task in TASKS.items() if task.is_game}
 """The run-outs and their numbers of object balls."""
 
-LONG = {"max_shots": 3, "observe_shots_left": True}
+LONG = {"max_shots": 3, "observe": ["positions", "shots_left"]}
 SOFT = {"n_object_balls": 2, "max_shots": 3, "max_speed": 2.0}
 """Some episodes end with a scratch, some at the limit."""
-VARIED = {**SOFT, "randomize": {"mu_roll": [0.004, 0.02], "g": [5.0, 15.0]}, "observe_physics": True}
+VARIED = {
+    **SOFT,
+    "randomize": {"mu_roll": [0.004, 0.02], "g": [5.0, 15.0]},
+    "observe": ["positions", "physics"],
+}
 STRIKE = {"n_object_balls": 2, "action": "strike", "max_shots": 3, "scratch_penalty": 0.3}
-# Each task, scene, layout, engine and fix is in at least one variant.
+# Each task, scene, layout, engine, fix and feature is in at least one variant.
 VARIANTS: list[dict[str, Any]] = [
-    {"n_object_balls": 2, **LONG},
+    {
+        "n_object_balls": 2,
+        "max_shots": 3,
+        "observe": ["free_to_balls", "cue_to_balls", "balls_to_pockets", "free_to_pockets", "potted", "positions"],
+    },
     {"layout": None},
     {"n_object_balls": 9, "layout": "rack", "max_shots": 2},
     {"layout": "tight_rack", "scene": "pooltool_pool"},
@@ -33,15 +41,16 @@ VARIANTS: list[dict[str, Any]] = [
     {"scene": "sum_to_three", "task": "sum_to_three", "layout": "line", **LONG},
     {"task": "place", "n_object_balls": 0, "max_shots": 3},
     {"scene": "pooltool_real_carom", "task": "place", "layout": "random"},
-    {"scene": "real_pool", "task": "position", **LONG},  # one object ball: the engine for two balls
+    # One object ball: the engine for two balls.
+    {"scene": "real_pool", "task": "position", **LONG, "observe": ["positions", "goal"]},
     {"scene": "uk_pool", "task": "clear", "max_shots": 2},
     STRIKE,
     *({"task": task, "n_object_balls": n, "layout": task, "max_shots": 3} for task, n in RUN_OUTS.items()),
-    {"task": "nine_ball", "n_object_balls": 9, "layout": "random", **LONG},
+    {"task": "nine_ball", "n_object_balls": 9, "layout": "random", **LONG, "observe": ["shots_left", "legal_balls"]},
     {"scene": {"base": "pool", "balls": {"radius": [0.02, 0.03], "mass": [0.1, 0.2]}}},
     {"scene": {"base": "ideal", "balls": {"radius": [0.02, 0.1], "mass": [0.1, "inf"]}}, "task": "carom"},
-    {"randomize": {"mu_roll": [0.005, 0.02], "e_ball": [0.85, 0.95]}, "observe_physics": True, **LONG},
-    {"scene": "real_pool", "task": "position", "randomize": {"g": [8.0, 11.0]}, "observe_physics": True},
+    {"randomize": {"mu_roll": [0.005, 0.02], "e_ball": [0.85, 0.95]}, "observe": ["physics", "positions"]},
+    {"scene": "real_pool", "task": "position", "randomize": {"g": [8.0, 11.0]}, "observe": ["positions", "physics"]},
     {"mode": "pit", "dt": 0.01, "randomize": {"dt": [0.005, 0.05], "mu_slide": [0.1, 0.3]}, "max_shots": 2},
     {"mode": "pit", "dt": 1 / 15, "n_object_balls": 9, "layout": "rack", "max_shots": 5, "max_speed": 8.0},
     {"mode": "pit", "dt": 1 / 60, "fix": "move_back", "scene": "carom", "task": "carom", "max_shots": 5},

@@ -19,8 +19,8 @@ from billiards_env.games import Stroke, records
 from billiards_env.play.model import go, replay, slow_down, tick, toggle_ghost, turn_aim
 from billiards_env.play.view import View
 from billiards_env.play.window import GameWindow
-from billiards_env.players.game_player import find_player
 from billiards_env.players.levels import LevelPlayer
+from billiards_env.players.named import find_player
 
 BALLS = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
 SHIFT = pygame.KMOD_LSHIFT

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from billiards_env.games import GAMES, Call, Stroke, custom_opening, opening, play
-from billiards_env.players.game_player import GROUP, find_player
+from billiards_env.players.named import GROUP, find_player
 from tests.helpers.errors import refusals
 from tests.helpers.games import setup
 
@@ -106,17 +106,15 @@ THEIRS = importlib.metadata.EntryPoint("theirs", "mine:own", GROUP)
 
 
 @pytest.mark.usefixtures("module")
-@pytest.mark.parametrize(
-    ("text", "speed"), [("mine:own", 1.0), ("mine:own:2.5", 2.5), ("ours:2", 2.0), ("theirs:3", 3.0)]
-)
+@pytest.mark.parametrize(("text", "speed"), [("mine:own", 1.0), ("mine:own:2.5", 2.5), ("theirs:3", 3.0)])
 def test_a_player_is_found_in_a_module_and_in_an_installed_package(text, speed, monkeypatch):
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: importlib.metadata.EntryPoints([THEIRS]))
     game = setup("straight", 2)
-    player = find_player(text, game, {"ours": "mine:own"})
+    player = find_player(text, game)
     assert player(game, custom_opening(game, EASY), 8.0, RNG(0)) == Stroke((speed, 0.0))
 
 
-ONE_OF = "expected one of 'aim', 'geometric', 'ours', 'planner', 'random', 'search', 'theirs', or module:function"
+ONE_OF = "expected one of 'aim', 'geometric', 'human', 'planner', 'policy', 'random', 'search', 'theirs', or module:"
 
 
 @pytest.mark.usefixtures("module")
@@ -146,7 +144,7 @@ ONE_OF = "expected one of 'aim', 'geometric', 'ours', 'planner', 'random', 'sear
 def test_unknown_players_are_refused(text, rules, message, kind, monkeypatch):
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: importlib.metadata.EntryPoints([THEIRS]))
     with pytest.raises(kind, match=message):
-        find_player(text, setup(rules), {"ours": "mine:own"})
+        find_player(text, setup(rules), also=("human",))
 
 
 def test_a_trained_policy_needs_the_extra():
@@ -156,7 +154,6 @@ def test_a_trained_policy_needs_the_extra():
         "main(['--players', 'human,policy:x'])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert "player = 'policy:x': expected one of" in done.stderr
     assert "stable_baselines3 is not installed: expected the extra 'train'" in done.stderr
     assert "Traceback" not in done.stderr
 

@@ -6,11 +6,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from billiards_env.evaluation import find_player as find_env_player
 from billiards_env.evaluation import measure
 from billiards_env.games import Stroke, custom_opening
-from billiards_env.players.game_player import find_player
 from billiards_env.players.levels import EXPECTED, LEVELS, expected, level_of, with_noise
+from billiards_env.players.named import find_player
 from tests.helpers.games import setup
 
 RNG = np.random.default_rng
@@ -41,7 +40,7 @@ def test_a_game_and_an_environment_accept_a_level():
     assert player(game, table, 4.0, RNG(0)) != player.intend(game, table, 4.0, RNG(0))
     env = gym.make("Billiards/Pot1-v0")
     observation, _ = env.reset(seed=0)
-    assert find_env_player("planner:pro", env, seed=0)(observation).shape == (2,)
+    assert find_player("planner:pro", env, seed=0)(observation).shape == (2,)
 
 
 def test_a_planner_expects_the_errors_of_its_level_and_of_the_game():

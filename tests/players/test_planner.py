@@ -11,7 +11,7 @@ from billiards_env.games.batch import play_batch
 from billiards_env.games.state import BEHIND, changed
 from billiards_env.players import candidates, indirect, planner
 from billiards_env.players.candidates import TIPS, _with_spin
-from billiards_env.players.game_player import find_player
+from billiards_env.players.named import find_player
 from billiards_env.players.planner import Options, _draw_noise, add_noise, parse_budget, plan
 from billiards_env.players.values import Values, success
 from billiards_env.shots.strikes import strike

@@ -5,7 +5,7 @@ import pytest
 
 from billiards_env import simulate
 from billiards_env.envs import BilliardsEnv
-from billiards_env.players.env_player import rewards, situation
+from billiards_env.players.env_player import rewards, task_situation
 from billiards_env.players.strategies import FINALISTS, REPEATS, find_strategy, geometric, search
 from tests.helpers.layouts import NAMED_POTS, at
 
@@ -16,12 +16,12 @@ named = pytest.mark.parametrize(("positions", "pocket"), NAMED_POTS.values(), id
 @named
 def test_the_geometric_player_pots_the_ball(positions, pocket):
     env = at(positions)
-    pots = situation(env).pots()
+    pots = task_situation(env).pots()
     assert pocket in pots.pocket
     for direction, speed, goal in zip(pots.direction, pots.speed, pots.pocket, strict=True):
         there = env.scene.table.pockets[goal]
         assert simulate(env.scene, positions, speed * direction).positions[1].tolist() == [there.x, there.y]
-    *_, info = env.step(geometric(situation(env), RNG(0)))
+    *_, info = env.step(geometric(task_situation(env), RNG(0)))
     assert info["is_success"]
     assert info["cushions"][1] == 0
 
@@ -29,15 +29,15 @@ def test_the_geometric_player_pots_the_ball(positions, pocket):
 def test_without_a_direct_pot_the_geometric_player_plays_a_bank():
     # Straight across the table, ball 1 by the far cushion: every direct pot has a cut of nearly 90 degrees.
     env = at([[-0.325, -0.476], [-0.334, 0.599]])
-    *_, info = env.step(geometric(situation(env), RNG(0)))
+    *_, info = env.step(geometric(task_situation(env), RNG(0)))
     assert info["is_success"]
     assert info["cushions"][1] == 1
 
 
 def test_without_a_pot_the_geometric_player_hits_the_nearest_ball_hard():
     env = at([[0.0, 0.0], [-0.1, 0.0], [0.5, 0.0]], scene="carom", n_object_balls=None, task="carom")
-    assert len(situation(env).pots().speed) == 0
-    action = geometric(situation(env), RNG(0))
+    assert len(task_situation(env).pots().speed) == 0
+    action = geometric(task_situation(env), RNG(0))
     assert np.hypot(*action) == pytest.approx(1.0)
     *_, info = env.step(action)
     assert info["first_hit"] == 1
@@ -52,7 +52,7 @@ def test_ratings_are_the_rewards_of_steps(kwargs):
         over = False
         while not over:
             before = env.positions
-            actions = np.concatenate((rng.uniform(-1, 1, (50, 2)), search(situation(env), rng, 200)[None]))
+            actions = np.concatenate((rng.uniform(-1, 1, (50, 2)), search(task_situation(env), rng, 200)[None]))
             rated = rewards(env, actions)
             assert env.positions.tobytes() == before.tobytes()
             k = int(np.argmax(rated))
@@ -67,13 +67,13 @@ def test_the_search_player_is_at_least_as_good_as_the_geometric_one_and_repeatab
         strategy = find_strategy(name)
         for seed in range(60):
             env.reset(seed=seed)
-            earned[name].append(float(env.step(strategy(situation(env), rng))[1]))
+            earned[name].append(float(env.step(strategy(task_situation(env), rng))[1]))
     gain = np.array(earned["search:50"]) - np.array(earned["geometric"])
     assert (gain >= 0).all()
     assert (gain > 0).any()
     assert sum(earned["search:1"]) > 0.8 * sum(earned["geometric"])  # the same shot, where there is a pot
     env.reset(seed=5)
-    assert search(situation(env), RNG(1), 100).tobytes() == search(situation(env), RNG(1), 100).tobytes()
+    assert search(task_situation(env), RNG(1), 100).tobytes() == search(task_situation(env), RNG(1), 100).tobytes()
 
 
 @pytest.mark.parametrize("name", ["serch", "search:", "search:0", "search:x", "search:1.5", "geometric:5", ""])
@@ -90,7 +90,7 @@ def test_with_noise_the_search_plays_the_most_robust_of_the_best_shots():
         rated.append(actions)
         return np.ones(len(actions)) if len(rated) == 1 else -np.hypot(*actions.T)
 
-    action = search(situation(env)._replace(rate=rate), RNG(0), 40, noise=(0.1, 0.05))
+    action = search(task_situation(env)._replace(rate=rate), RNG(0), 40, noise=(0.1, 0.05))
     first, perturbed = rated
     finalists = first[:FINALISTS]
     assert perturbed.shape == (REPEATS * FINALISTS, 2)
@@ -111,7 +111,7 @@ def test_the_search_tries_strikes_with_spin():
         tried.append(actions)
         return rewards(env, actions)
 
-    action = search(situation(env)._replace(rate=rate), RNG(0), 400)
+    action = search(task_situation(env)._replace(rate=rate), RNG(0), 400)
     assert action.shape == (5,)
     (actions,) = tried
     assert actions.shape == (400, 5)
@@ -119,7 +119,7 @@ def test_the_search_tries_strikes_with_spin():
     assert 150 < spun.sum() <= 200
     assert np.hypot(*actions[:, 2:4].T).max() < 1.0
     assert not actions[:, 4].any()
-    assert geometric(situation(env), RNG(0))[2:].tolist() == [0.0, 0.0, 0.0]
+    assert geometric(task_situation(env), RNG(0))[2:].tolist() == [0.0, 0.0, 0.0]
     (expected,) = rewards(env, action[None])
     assert env.step(action)[1] == expected
 
@@ -130,12 +130,13 @@ def test_the_aim_player_solves_more_than_the_search(task):
     for name in solved:
         for seed in range(12):
             env.reset(seed=seed)
-            solved[name] += env.step(find_strategy(name)(situation(env), RNG(0)))[1] > 0
+            solved[name] += env.step(find_strategy(name)(task_situation(env), RNG(0)))[1] > 0
     assert solved["aim"] >= max(11 if task != "position" else 9, solved["search:200"])
 
 
 def test_without_a_goal_the_aim_player_searches():
     env = BilliardsEnv(task="sum_to_three")
     env.reset(seed=1)
-    assert situation(env).goals == ()
-    np.testing.assert_array_equal(find_strategy("aim")(situation(env), RNG(3)), search(situation(env), RNG(3)))
+    assert task_situation(env).goals == ()
+    found = task_situation(env)
+    np.testing.assert_array_equal(find_strategy("aim")(found, RNG(3)), search(found, RNG(3)))

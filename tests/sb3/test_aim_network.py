@@ -11,8 +11,8 @@ HALF = (1.27, 0.635)
 FORMS = {
     "one ball": (1, {}),
     "three balls": (3, {"aim": "layout"}),
-    "goal": (2, {"goals": 1, "rest": 1}),
-    "run-out": (4, {"legal": True}),
+    "goal": (2, {"features": {"goal": (1, 2), "shots_left": (), "physics": (2,)}}),
+    "run-out": (4, {"features": {"legal_balls": (4,)}}),
     "strikes": (2, {"aim": "layout", "strikes": True}),
 }
 
@@ -30,20 +30,25 @@ def form(request):
     return balls, net
 
 
-def observations(net, balls, count=6):
-    places = 2 * torch.rand(count, 2 * (1 + balls + net.goals)) - 1
-    return torch.cat((places, torch.ones(count, balls * net.legal), torch.rand(count, net.rest)), 1)
+def layouts_of(balls, count=6):
+    """Returns features of random layouts; a network takes those of its form."""
+    places = 2 * torch.rand(count, balls + 2, 2) - 1
+    numbers = {
+        "legal_balls": torch.ones(count, balls),
+        "shots_left": torch.rand(count),
+        "physics": torch.rand(count, 2),
+    }
+    return {"positions": places[:, 1:], "goal": places[:, :1], **numbers}
 
 
 def test_a_reflected_layout_has_the_reflected_shot_and_the_same_value(form):
     balls, net = form
-    layouts = observations(net, balls)
-    places = 2 * (1 + balls + net.goals)
+    layouts = layouts_of(balls)
     with torch.no_grad():
-        mixture, values = net(layouts)
+        mixture, values = net(**layouts)
         for x, y in ((-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)):
-            signs = torch.cat((torch.tensor([x, y]).repeat(places // 2), torch.ones(layouts.shape[1] - places)))
-            reflected, same = net(layouts * signs)
+            places = {name: layouts[name] * torch.tensor([x, y]) for name in ("positions", "goal")}
+            reflected, same = net(**{**layouts, **places})
             expected = mixture.mode() * torch.tensor([x, y, x * y, 1.0, 1.0])[: 2 + net.numbers]
             torch.testing.assert_close(reflected.mode(), expected)
             torch.testing.assert_close(same, values)
@@ -51,19 +56,19 @@ def test_a_reflected_layout_has_the_reflected_shot_and_the_same_value(form):
 
 def test_the_order_of_the_object_balls_does_not_matter(form):
     balls, net = form
-    layouts = observations(net, balls)
-    order = torch.arange(layouts.shape[1])
-    order[2 : 2 + 2 * balls] = order[2 : 2 + 2 * balls].reshape(balls, 2).flip(0).flatten()
+    layouts = layouts_of(balls)
+    positions = torch.cat((layouts["positions"][:, :1], layouts["positions"][:, 1:].flip(1)), 1)
     with torch.no_grad():
-        (one, value), (other, same) = net(layouts), net(layouts[:, order])
+        (one, value), (other, same) = net(**layouts), net(**{**layouts, "positions": positions})
     torch.testing.assert_close(one.mode(), other.mode())
     torch.testing.assert_close(value, same)
 
 
 def test_no_shot_aims_at_a_ball_that_is_potted_or_not_legal():
     torch.manual_seed(0)
-    net = AimNetwork(HALF, 3, (0.1, 0.3, 0.6), 16, legal=True)
-    mixture, _ = net(torch.tensor([[0.2, -0.3, 0.0, -1.0, 0.7, -0.1, 0.1, 0.1, 1.0, 1.0, 0.0]]))
+    net = AimNetwork(HALF, 3, (0.1, 0.3, 0.6), 16, features={"legal_balls": (3,)})
+    positions = torch.tensor([[[0.2, -0.3], [0.0, -1.0], [0.7, -0.1], [0.1, 0.1]]])
+    mixture, _ = net(positions, legal_balls=torch.tensor([[1.0, 1.0, 0.0]]))
     assert mixture.log_weight.exp().reshape(3, -1).sum(1).tolist() == pytest.approx([0.0, 1.0, 0.0])
 
 
@@ -71,14 +76,14 @@ def test_other_balls_matter_unless_they_are_potted(form):
     balls, net = form
     if balls == 1:
         return
-    layouts = observations(net, balls)
-    moved, potted = layouts.clone(), layouts.clone()
-    moved[:, 2 * balls] += 0.1
-    potted[:, 2 * balls + 1] = 1.0
+    layouts = layouts_of(balls)
+    moved, potted = layouts["positions"].clone(), layouts["positions"].clone()
+    moved[:, -1, 0] += 0.1
+    potted[:, -1, 1] = 1.0
     also = potted.clone()
-    also[:, 2 * balls] += 0.1
+    also[:, -1, 0] += 0.1
     with torch.no_grad():
-        values = [net(each)[1] for each in (layouts, moved, potted, also)]
+        values = [net(**{**layouts, "positions": each})[1] for each in (layouts["positions"], moved, potted, also)]
     assert not torch.allclose(values[0], values[1])
     torch.testing.assert_close(values[2], values[3])
 
@@ -88,7 +93,7 @@ def test_the_density_of_the_mixture_integrates_to_one():
     net = AimNetwork(HALF, 3, (0.1, 0.3, 0.6), 16)
     net.std[:2] = 0.1
     with torch.no_grad():
-        mixture, _ = net(torch.tensor([[0.2, -0.3, -0.4, 0.5]]))
+        mixture, _ = net(torch.tensor([[[0.2, -0.3], [-0.4, 0.5]]]))
         edges = torch.linspace(-1.5, 1.5, 1201)
         logs = torch.cat([mixture.log_prob(part) for part in torch.cartesian_prod(edges, edges).split(100_000)])
     assert logs.exp().sum() * (edges[1] - edges[0]) ** 2 == pytest.approx(1.0, abs=1e-3)
@@ -100,7 +105,7 @@ def test_the_density_of_strikes_is_that_of_their_samples():
     net.std[:] = torch.tensor([0.1, 0.02, 0.2])
     with torch.no_grad():
         net.turn.fill_(0.3)
-        mixture, _ = net(torch.tensor([[0.2, -0.3, -0.4, 0.5]]).expand(50_000, -1))
+        mixture, _ = net(torch.tensor([[[0.2, -0.3], [-0.4, 0.5]]]).expand(50_000, -1, -1))
         strikes = mixture.sample()
         assert strikes.shape == (50_000, 5)
         # The mean log-density of one Gaussian is minus its entropy.

@@ -14,7 +14,7 @@ from billiards_env.sb3 import PPO_SETTINGS, AimPolicy, SameStepVecEnv
 
 GAMES: dict[str, dict[str, Any]] = {
     "pot": {},
-    "three balls": {"n_object_balls": 3, "max_shots": 2, "observe_shots_left": True},
+    "three balls": {"n_object_balls": 3, "max_shots": 2, "observe": ("shots_left", "free_to_balls", "positions")},
     "position": {"task": "position", "action": "strike"},
     "carom": {"task": "carom", "layout": "random"},
     "run-out": {"task": "nine_ball"},

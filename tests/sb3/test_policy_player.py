@@ -67,8 +67,10 @@ def test_playable_returns_a_game_that_the_policy_can_play(trained, tmp_path):
 
 
 def test_a_policy_that_observes_physics_is_refused(tmp_path):
-    folder, *_ = untrained(tmp_path, "gaussian", randomize={"mu_roll": [0.005, 0.015]}, observe_physics=True)
-    with pytest.raises(ValueError, match="expected a policy trained without observe_physics, strikes or a goal"):
+    folder, *_ = untrained(
+        tmp_path, "gaussian", randomize={"mu_roll": [0.005, 0.015]}, observe=["positions", "physics"]
+    )
+    with pytest.raises(ValueError, match="expected a policy trained without observed physics, strikes or a goal"):
         policy(setup("straight"), str(folder))
 
 
@@ -99,7 +101,7 @@ def test_a_policy_of_one_ball_plays_the_legal_ball_with_the_largest_value(tmp_pa
 
 @pytest.mark.parametrize("balls", [1, 2])
 def test_a_policy_that_aims_plays_a_game_with_any_number_of_balls_and_only_at_legal_ones(tmp_path, balls):
-    folder, *_ = untrained(tmp_path, n_object_balls=balls, max_shots=balls, observe_shots_left=True)
+    folder, *_ = untrained(tmp_path, n_object_balls=balls, max_shots=balls, observe=["positions", "shots_left"])
     game = setup("nine_ball")
     table = custom_opening(game, in_a_row(10, {1: (0.9, 0.5)}))
     stroke = policy(game, str(folder))(game, table, 6.0, RNG(0))

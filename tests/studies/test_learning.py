@@ -8,7 +8,8 @@ import pytest
 import yaml
 
 from agents import config as settings
-from billiards_env.evaluation import evaluation_seeds, find_player, play
+from billiards_env.evaluation import evaluation_seeds, play
+from billiards_env.players.named import find_player
 from studies import learning
 from studies.learning import blocks, main
 from tests.helpers.processes import InThisProcess

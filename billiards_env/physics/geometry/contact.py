@@ -41,6 +41,14 @@ def contact_distance(spheres, radius, i, j):
     return 2.0 * math.sqrt(spheres[i] * spheres[j])
 
 
+@inlined
+def distance_to_segment(ax, ay, bx, by, x, y):
+    """Returns the distance of the point (x, y) from the segment from (ax, ay) to (bx, by), m."""
+    sx, sy, to_x, to_y = bx - ax, by - ay, x - ax, y - ay
+    along = min(max((to_x * sx + to_y * sy) / max(sx * sx + sy * sy, 1e-300), 0.0), 1.0)
+    return norm(to_x - along * sx, to_y - along * sy)
+
+
 @kernel
 def circle_time(path, reach, end, noise):
     """Returns the time at which the distance of two centres next falls to `reach`.

@@ -1,0 +1,396 @@
+"""The features of observations: one entry of `FEATURES` for each.
+
+`gym.make("Billiards-v0", observe=("positions", "shots_left"))` chooses and orders them. An environment compiles and
+runs only the writers of its own features.
+
+Example:
+    >>> import gymnasium as gym
+    >>> env = gym.make("billiards_env:Billiards-v0", observe=("shots_left", "cue_to_balls")).unwrapped
+    >>> observation, _ = env.reset(seed=0)
+    >>> seen = env.decode(observation)
+    >>> observation.shape, seen["shots_left"].item(), seen["cue_to_balls"].shape
+    ((4,), 1.0, (1, 3))
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, TypeVar, cast
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.checks import one_of, sequence, short
+from billiards_env.envs.arrays import EpisodeArrays
+from billiards_env.jit import entry_point, inlined
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import distance_to_segment
+from billiards_env.physics.state import CUE_BALL, X, Y
+from billiards_env.scene import Scene
+
+Init = TypeVar("Init", bound=Callable[..., None])
+
+_LEEWAY = 1e-9  # m; a path may overlap a ball by this: the positions of balls that touch are rounded
+
+USUAL = ("positions", "goal", "legal_balls")
+"""The features of an environment without the argument `observe`, as far as its task has them."""
+
+OLD = {"observe_shots_left": "shots_left", "observe_physics": "physics"}
+"""Arguments of earlier versions, and the features that replace them."""
+
+
+class Source(NamedTuple):
+    """What features read.
+
+    Attributes:
+        scene: The scene.
+        half_extents: `Scene.half_extents`, m.
+        arrays: The episodes.
+        max_shots: Number of shots after which an episode ends.
+        physics: The numbers of `randomize` by name, (m,) each.
+        ranges: Their ranges (low, high) by name.
+    """
+
+    scene: Scene
+    half_extents: tuple[float, float]
+    arrays: EpisodeArrays
+    max_shots: int
+    physics: Mapping[str, NDArray[np.float64]]
+    ranges: Mapping[str, tuple[float, float]]
+
+    @property
+    def pockets(self) -> NDArray[np.float64]:
+        """(p, 2) the centres of the pockets, m."""
+        return np.array([(pocket.x, pocket.y) for pocket in self.scene.table.pockets]).reshape(-1, 2)
+
+    @property
+    def reach(self) -> float:
+        """The largest distance of a ball's centre from another one or from a pocket's, m."""
+        half = np.array(self.half_extents)
+        return math.hypot(*(half + np.abs(np.vstack((self.pockets, half))).max(axis=0)))
+
+    @property
+    def touching(self) -> NDArray[np.float64]:
+        """(n, n) the horizontal distances of the centres of balls that touch, m."""
+        radius = np.array(self.scene.balls.radius)
+        spheres = self.scene.balls.shape == "sphere"
+        return 2.0 * np.sqrt(np.outer(radius, radius)) if spheres else np.add.outer(radius, radius)
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """The sizes in `Feature.shape` by name."""
+        n = self.scene.n_balls
+        return {
+            "balls": n,
+            "object balls": n - 1,
+            "legal balls": max(self.arrays.legal_balls.shape[1] - 1, 0),
+            "pockets": len(self.pockets),
+            "goals": self.arrays.goals.shape[1],
+            "numbers": len(self.ranges),
+        }
+
+
+@entry_point
+def write_places(begin, end, observations, first, places, half_extents):
+    """Writes x and y of places (m, n, 2), divided by `Scene.half_extents`."""
+    for k in range(begin, end):
+        for i in range(places.shape[1]):
+            for c in range(2):
+                place = places[k, i, c] / half_extents[c]
+                observations[k, first + 2 * i + c] = min(max(place, -1.0), 1.0)
+
+
+@entry_point
+def write_flags(begin, end, observations, first, flags, ball, value):
+    """Writes 1 for each ball from `ball` on if its flag has the value, else 0."""
+    for k in range(begin, end):
+        for i in range(ball, flags.shape[1]):
+            observations[k, first + i - ball] = 1.0 if flags[k, i] == value else 0.0
+
+
+@entry_point
+def write_shots_left(begin, end, observations, first, fresh, shots_left, max_shots):
+    """Writes the fraction of the shots that are left."""
+    for k in range(begin, end):
+        observations[k, first] = 1.0 if fresh[k] else shots_left[k] / max_shots
+
+
+@entry_point
+def write_physics(begin, end, observations, first, physics, ranges):
+    """Writes the numbers of `randomize`, scaled from their ranges to [-1, 1]."""
+    for k in range(begin, end):
+        for j in range(len(physics)):
+            low, high = ranges[j]
+            observations[k, first + j] = 2.0 * (physics[j][k] - low) / (high - low) - 1.0
+
+
+@entry_point
+def write_cue_to_balls(begin, end, observations, first, positions, in_play, reach):
+    """Writes the distances and directions from the cue ball to the object balls."""
+    for k in range(begin, end):
+        x, y = positions[k, CUE_BALL, X], positions[k, CUE_BALL, Y]
+        for i in range(1, positions.shape[1]):
+            both = in_play[k, CUE_BALL] and in_play[k, i]
+            way = positions[k, i, X] - x, positions[k, i, Y] - y
+            _write_way(observations, k, first + 3 * (i - 1), both, way, reach)
+
+
+@entry_point
+def write_balls_to_pockets(begin, end, observations, first, positions, in_play, pockets, reach):
+    """Writes the distances and directions from the object balls to the pockets."""
+    for k in range(begin, end):
+        for i in range(1, positions.shape[1]):
+            for p in range(len(pockets)):
+                way = pockets[p, X] - positions[k, i, X], pockets[p, Y] - positions[k, i, Y]
+                column = first + 3 * ((i - 1) * len(pockets) + p)
+                _write_way(observations, k, column, in_play[k, i], way, reach)
+
+
+@inlined
+def _write_way(observations, k, column, is_there, way, reach):
+    """Writes the length of a way, over `reach`, and its direction (x, y); zeros if it is not there."""
+    length = norm(way[X], way[Y]) if is_there else 0.0
+    observations[k, column] = min(length / reach, 1.0)
+    for c in range(2):
+        observations[k, column + 1 + c] = way[c] / length if length > 0.0 else 0.0
+
+
+@entry_point
+def write_free_to_balls(begin, end, observations, first, positions, in_play, touching):
+    """Writes 1 for each object ball that the cue ball can hit full, without a touch of another ball, else 0."""
+    for k in range(begin, end):
+        x, y = positions[k, CUE_BALL, X], positions[k, CUE_BALL, Y]
+        for i in range(1, positions.shape[1]):
+            to_x, to_y = positions[k, i, X] - x, positions[k, i, Y] - y
+            share = max(1.0 - touching[CUE_BALL, i] / max(norm(to_x, to_y), 1e-300), 0.0)  # of the way to the hit
+            is_free = _is_free(k, CUE_BALL, i, (x + share * to_x, y + share * to_y), positions, in_play, touching)
+            observations[k, first + i - 1] = 1.0 if is_free and in_play[k, i] else 0.0
+
+
+@entry_point
+def write_free_to_pockets(begin, end, observations, first, positions, in_play, pockets, touching):
+    """Writes 1 for each object ball and pocket if no ball is on the straight line between them, else 0."""
+    for k in range(begin, end):
+        for i in range(1, positions.shape[1]):
+            for p in range(len(pockets)):
+                is_free = _is_free(k, i, i, (pockets[p, X], pockets[p, Y]), positions, in_play, touching)
+                observations[k, first + (i - 1) * len(pockets) + p] = 1.0 if is_free else 0.0
+
+
+@inlined
+def _is_free(k, i, target, end, positions, in_play, touching):
+    """Returns whether ball i is on the table and touches no ball but `target` on the straight line to a point."""
+    x, y = positions[k, i, X], positions[k, i, Y]
+    for j in range(positions.shape[1]):
+        if j != i and j != target and in_play[k, j]:
+            distance = distance_to_segment(x, y, end[X], end[Y], positions[k, j, X], positions[k, j, Y])
+            if distance < touching[i, j] - _LEEWAY:
+                return False
+    return in_play[k, i]
+
+
+class Feature(NamedTuple):
+    """A part of observations.
+
+    Attributes:
+        summary: What the numbers are, for the documentation.
+        shape: The shape of the numbers of one episode; sizes by their names in `Source.sizes`.
+        low: The least value, or one for each number of the last axis. The largest value is 1.
+        write: The entry point `(begin, end, observations, first, *reads)`, which writes the numbers of the episodes
+            from `begin` to `end - 1` to their rows of `observations`, from the column `first`.
+        reads: Returns the other arguments of `write`.
+        needs: What the environment must have, so that no size is 0; empty for nothing.
+    """
+
+    summary: str
+    shape: tuple[int | str, ...]
+    low: float | tuple[float, ...]
+    write: Callable[..., None]
+    reads: Callable[[Source], tuple[Any, ...]]
+    needs: str = ""
+
+
+FEATURES = {
+    "positions": Feature(
+        "x and y of each ball, divided by half the length and half the width of the table",
+        ("balls", 2),
+        -1.0,
+        write_places,
+        lambda source: (source.arrays.positions, source.half_extents),
+    ),
+    "goal": Feature(
+        "x and y of the goal, in the same units",
+        ("goals", 2),
+        -1.0,
+        write_places,
+        lambda source: (source.arrays.goals, source.half_extents),
+        "a task with a goal",
+    ),
+    "legal_balls": Feature(
+        "1 for each object ball that may be touched first, else 0",
+        ("legal balls",),
+        0.0,
+        write_flags,
+        lambda source: (source.arrays.legal_balls, 1, True),
+        "a run-out",
+    ),
+    "shots_left": Feature(
+        "the number of shots left, divided by `max_shots`",
+        (),
+        0.0,
+        write_shots_left,
+        lambda source: (source.arrays.fresh, source.arrays.shots_left, source.max_shots),
+    ),
+    "physics": Feature(
+        "the numbers of `randomize`, scaled from their ranges to [-1, 1]",
+        ("numbers",),
+        -1.0,
+        write_physics,
+        lambda source: (tuple(source.physics.values()), tuple(source.ranges.values())),
+        "numbers in randomize",
+    ),
+    "potted": Feature(
+        "1 for each ball off the table, else 0",
+        ("balls",),
+        0.0,
+        write_flags,
+        lambda source: (source.arrays.in_play, 0, False),
+    ),
+    "cue_to_balls": Feature(
+        "distance and direction (x, y) from the cue ball to each object ball; zeros if one of them is potted",
+        ("object balls", 3),
+        (0.0, -1.0, -1.0),
+        write_cue_to_balls,
+        lambda source: (source.arrays.positions, source.arrays.in_play, source.reach),
+        "an object ball",
+    ),
+    "balls_to_pockets": Feature(
+        "distance and direction (x, y) from each object ball to the centre of each pocket; zeros if the ball is potted",
+        ("object balls", "pockets", 3),
+        (0.0, -1.0, -1.0),
+        write_balls_to_pockets,
+        lambda source: (source.arrays.positions, source.arrays.in_play, source.pockets, source.reach),
+        "an object ball, a table with pockets",
+    ),
+    "free_to_balls": Feature(
+        "1 for each object ball that the cue ball hits full on a straight line without touching another ball, else 0; "
+        "0 if one of the two is potted",
+        ("object balls",),
+        0.0,
+        write_free_to_balls,
+        lambda source: (source.arrays.positions, source.arrays.in_play, source.touching),
+        "an object ball",
+    ),
+    "free_to_pockets": Feature(
+        "1 for each object ball and pocket if the ball touches no other ball on the straight line to the centre of the "
+        "pocket, else 0; 0 if the ball is potted",
+        ("object balls", "pockets"),
+        0.0,
+        write_free_to_pockets,
+        lambda source: (source.arrays.positions, source.arrays.in_play, source.pockets, source.touching),
+        "an object ball, a table with pockets",
+    ),
+}
+"""The features by name."""
+
+
+class Observer:
+    """Writes observations, in which the features follow each other.
+
+    Args:
+        observe: The names of the features; None for the features of `USUAL` that the environment has.
+        source: What they read.
+
+    Attributes:
+        features: The shape of each feature by name, in the order of the observation.
+        size: Number of numbers in an observation.
+
+    Raises:
+        TypeError: If the names are not a list.
+        ValueError: If there is no such feature, the environment does not have it, or a name is repeated.
+    """
+
+    def __init__(self, observe: Sequence[str] | None, source: Source) -> None:
+        sizes, shapes = source.sizes, dict[str, tuple[int, ...]]()
+        for name, entry in FEATURES.items():
+            shapes[name] = tuple(size if isinstance(size, int) else sizes[size] for size in entry.shape)
+        names = [name for name in USUAL if 0 not in shapes[name]] if observe is None else sequence("observe", observe)
+        for name in names:
+            one_of("observe", name, tuple(FEATURES))
+            if 0 in shapes[name]:
+                raise ValueError(f"observe = {name!r}: expected {FEATURES[name].needs} in the environment")
+        if not names or len(set(names)) < len(names):
+            raise ValueError(f"observe = {short(observe)}: expected at least one feature, and each of them once")
+        self.features = {name: shapes[name] for name in names}
+        self.size, self._source = sum(map(math.prod, self.features.values())), source
+        self._bind()
+
+    def _bind(self) -> None:
+        first, self._writers = 0, []  # a writer and its arguments after `observations`
+        for name, shape in self.features.items():
+            self._writers.append((FEATURES[name].write, (first, *FEATURES[name].reads(self._source))))
+            first += math.prod(shape)
+
+    def bound(self, arrays: EpisodeArrays, physics: Mapping[str, NDArray[np.float64]]) -> Observer:
+        """Returns an observer of other episodes of the same environment."""
+        twin = copy.copy(self)
+        twin._source = self._source._replace(arrays=arrays, physics=physics)
+        twin._bind()
+        return twin
+
+    def write(self, begin: int, end: int, observations: NDArray[np.float32]) -> None:
+        """Writes the observations (m, size) of the episodes from `begin` to `end - 1`."""
+        for write, arguments in self._writers:
+            write(begin, end, observations, *arguments)
+
+    def space(self) -> Any:
+        """Returns the space of an observation."""
+        lows = [np.broadcast_to(FEATURES[name].low, shape).ravel() for name, shape in self.features.items()]
+        low = np.concatenate(lows).astype(np.float32)
+        return gym.spaces.Box(low, np.ones_like(low), dtype=np.float32)
+
+
+def decode(observation: Any, features: Mapping[str, tuple[int, ...]]) -> dict[str, Any]:
+    """Returns the features of an observation by name, as views: arrays that share the memory of the observation.
+
+    Args:
+        observation: An array or a tensor (..., size), such as the observations (m, size) of a vector environment.
+        features: The shape of each feature by name: `BilliardsEnv.features`.
+
+    Returns:
+        Arrays or tensors (..., *shape).
+
+    Raises:
+        ValueError: If the size of the observation is not that of the features.
+
+    Example:
+        >>> decode(np.arange(5.0), {"positions": (2, 2), "shots_left": ()})
+        {'positions': array([[0., 1.],
+               [2., 3.]]), 'shots_left': array(4.)}
+    """
+    *many, size = observation.shape
+    if size != (expected := sum(map(math.prod, features.values()))):
+        raise ValueError(f"observation has {size} numbers: expected {expected}, of {', '.join(features)}")
+    found, first = {}, 0
+    for name, shape in features.items():
+        last = first + math.prod(shape)
+        found[name] = observation[..., first:last].reshape((*many, *shape))
+        first = last
+    return found
+
+
+def without_old(init: Init) -> Init:
+    """Returns a constructor that raises a TypeError for an argument of `OLD`; it names the new spelling."""
+
+    @functools.wraps(init)
+    def checked(self: Any, *args: Any, **arguments: Any) -> None:
+        for name in OLD.keys() & arguments:
+            expected = f"expected observe with {OLD[name]!r} instead, see envs.observations"
+            raise TypeError(f"{name} = {short(arguments[name])}: {expected}")
+        init(self, *args, **arguments)
+
+    return cast(Init, checked)

@@ -1,0 +1,151 @@
+"""The engines in wasmtime and in a browser compute the bits of Python. The tests need `make web` or its extra."""
+
+import contextlib
+import importlib.util
+import json
+import re
+import shutil
+
+import numba
+import numpy as np
+import pytest
+
+from billiards_env import Scene, simulate
+from billiards_env.shots.strikes import strike
+from web import build, check
+
+needs_extra = pytest.mark.skipif(
+    any(importlib.util.find_spec(name) is None for name in ("wasmtime", "ziglang")),
+    reason="the extra web is not installed",
+)
+CASES = [("pool", "random"), ("pool", "break"), ("pool", "timestep"), ("ideal", "random"), ("real_pool", "random")]
+
+
+@pytest.fixture(scope="module")
+def engine():
+    return build.engine_file()
+
+
+@pytest.fixture(scope="module")
+def tab():
+    if not any(map(shutil.which, check.BROWSERS)):
+        pytest.skip("no chromium or google-chrome on the PATH")
+    with check.browser_page() as page:
+        yield page
+
+
+@pytest.fixture(scope="module")
+def shots():
+    rng = np.random.default_rng(1)
+    return [shot for name, case in CASES for shot in check.random_shots(name, case, 3, rng)]
+
+
+@needs_extra
+def test_wasmtime_computes_the_bits_of_python(engine, shots):
+    module = check.Wasmtime(engine)
+    for shot in shots:
+        assert check.same(check.wasmtime_bits(module, shot), check.engine_bits(shot)), shot
+
+
+@needs_extra
+def test_a_browser_computes_the_bits_of_python(engine, tab, shots):
+    _, rows = check.browser_bits(tab, engine, shots)
+    for shot, row in zip(shots, rows, strict=True):
+        assert check.same(row, check.python_bits(shot)), shot
+
+
+@needs_extra
+def test_a_strike_has_the_bits_of_python(engine, tab):
+    check.browser_bits(tab, engine, [])
+    parameters = {"speed": 2.5, "heading": 0.7, "side": 0.3, "top": -0.2, "elevation": 0.2}
+    found = tab.evaluate("parameters => engine.strike('real_pool', parameters)", parameters)
+    expected = strike(Scene.named("real_pool"), **parameters)
+    assert found == {"velocity": expected.velocity.tolist(), "spin": expected.spin.tolist(), "miscue": False}
+
+
+@needs_extra
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        ("'pol', [[0, 0]], [1, 0]", "scene = pol: expected one of pool, "),
+        ("'pool', [[0, 0], [0.01, 0]], [1, 0]", "positions: expected balls that lie on the table"),
+        ("'pool', [[0, 0], [0.5, NaN]], [1, 0]", "positions = .*: expected 2 finite numbers for each of 2 balls"),
+        ("'pool', [[0, 0]], [1, 0], {mode: 'pit'}", 'dt = null: expected a timestep in s for "pit"'),
+        ("'pool', [[0, 0]], [1, 0], {dt: 0.1}", "dt = 0.1: expected a timestep in s for"),
+        ("'pool', [[0, 0]], [1, 0], {mode: 'pit', dt: 0.1, fix: 'x'}", "fix = x: expected one of push_apart"),
+        ("'pool', [[0, 0]], [1, 0], {numbers: {mass: 1}}", "number mass: expected one of motion, slide, "),
+        ("'pool', [[0, 0]], [1, 0], {inPlay: []}", r"inPlay = \[\]: expected true or false for each of 1 balls"),
+        ("'pool', Array.from({length: 17}, () => [0, 0]), [1, 0]", "positions has 17 balls: expected at most 16"),
+    ],
+)
+def test_the_module_rejects_wrong_input(engine, tab, call, message):
+    check.browser_bits(tab, engine, [])
+    found = tab.evaluate(f"() => {{ try {{ engine.simulate({call}); }} catch (error) {{ return error.message; }} }}")
+    assert re.match(message, found)
+
+
+@needs_extra
+def test_the_files_are_small_and_the_module_reads_a_long_log(engine, tab):
+    assert len(engine) <= 600_000
+    assert len((build.HERE / "engine.js").read_text(encoding="utf-8").splitlines()) <= 400
+    positions = [[-0.5, 0.0], [0.5, 0.0]]
+    check.browser_bits(tab, engine, [])
+    call = f"engine.simulate('ideal', {positions}, [7, 3], {{maxTime: 3000}})"
+    found = tab.evaluate(f"() => {call}.events.length")
+    assert found == simulate(Scene.named("ideal"), positions, [7.0, 3.0], max_time=3000.0).n_events > 10_000
+
+
+@needs_extra
+def test_the_page_plays_a_shot_and_its_address_holds_it(engine, tab, tmp_path):
+    (tmp_path / "play.html").write_text(build.play_page(engine), encoding="utf-8")
+    address = (tmp_path / "play.html").as_uri()
+    errors, requests = [], []
+
+    def opened(place):
+        page = tab.context.browser.new_page()
+        page.on("pageerror", lambda error: errors.append(error))
+        page.on("request", lambda request: requests.append(request.url))
+        page.goto(place)
+        page.wait_for_function("() => window.billiards !== undefined")
+        return page
+
+    page = opened(address)
+    box = page.locator("#exact").bounding_box()
+    page.mouse.move(box["x"] + 60, box["y"] + 60)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 20, box["y"] + 63, steps=3)
+    page.mouse.up()
+    ends = "JSON.stringify(billiards.shots.map(shot => shot.positions))"
+    dragged = page.evaluate(ends)
+    assert opened(page.url).evaluate(ends) == dragged
+    page.locator("#exact").focus()
+    page.keyboard.press("]")
+    assert page.inner_text("#dt-name") == "1/40 s"
+    exact, stepped = page.evaluate("billiards.shots.map(shot => shot.positions)")
+    assert page.evaluate("billiards.time") < 1.0
+    assert exact == json.loads(dragged)[0]
+    assert stepped != json.loads(dragged)[1]
+    for name in build.FAILURES:
+        page.click(f"[data-failure={name}]")
+        exact, stepped = page.evaluate("billiards.shots.map(shot => shot.positions)")
+        assert np.abs(np.subtract(exact, stepped)).max() > 0.05
+    page.set_viewport_size({"width": 380, "height": 800})
+    assert page.evaluate("document.documentElement.scrollWidth") <= 380
+    assert errors == []
+    assert all(url.startswith("file:") for url in requests)
+
+
+def test_another_version_of_numba_is_refused(monkeypatch):
+    monkeypatch.setattr(numba, "__version__", "0.99.0")
+    with pytest.raises(RuntimeError, match=r"numba = 0\.99\.0: expected numba 0\.68"):
+        build.engine_file()
+
+
+@needs_extra
+def test_the_commands_write_and_check_the_files(tab, tmp_path, monkeypatch, capsys):
+    build.main(["--output", str(tmp_path)])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["engine.js", "engine.wasm", "play.html"]
+    monkeypatch.setattr(check, "browser_page", lambda: contextlib.nullcontext(tab))
+    monkeypatch.setattr(check, "SCENES", ("pool",))
+    check.main(["--shots", "10", "--engine", str(tmp_path / "engine.wasm")])
+    assert "pool          random         10       10       10" in capsys.readouterr().out

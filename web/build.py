@@ -1,0 +1,260 @@
+"""Compiles the engines to WebAssembly: `python -m web.build`, or `make web`.
+
+Writes three files: `engine.wasm`, the JavaScript module `engine.js`, and `play.html`, a page that contains both. Needs
+the packages of the extra `web`.
+
+Numba compiles the same functions that Python calls, with the same types of arguments. Its own optimisation is left out,
+because it uses the size of a pointer on this machine. LLVM then optimises the code for wasm32, and the linker of the
+package `ziglang` links it with `runtime.c`. The kernels use only `+ - * /` and `sqrt`, so WebAssembly computes the same
+bits. The section "billiards" of `engine.wasm` contains the scenes as arrays.
+"""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import functools
+import hashlib
+import importlib.util
+import json
+import math
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import llvmlite
+import llvmlite.binding as llvm
+import numba
+import numpy as np
+from numba.core.codegen import CPUCodeLibrary
+from numba.core.compiler_lock import global_compiler_lock
+
+from billiards_env.drawing import page
+from billiards_env.engine import pic, pit
+from billiards_env.engine.compile import scene_fields
+from billiards_env.engine.log import KINDS, empty_log
+from billiards_env.engine.overlaps import FIXES
+from billiards_env.engine.shot_input import is_valid_fast
+from billiards_env.engine.shots import STATUS, empty_shots
+from billiards_env.files import replacing
+from billiards_env.jit.compiler import Kernel
+from billiards_env.jit.folders import source_hash
+from billiards_env.physics.strike import cue_numbers, many_strikes
+from billiards_env.scene import Scene, layouts
+from studies.failures import FAILURES
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+NUMBA = "0.68"
+"""The version of numba of which the build knows the calling convention."""
+
+SECTION = "billiards"
+TRIPLE, FEATURES = "wasm32-unknown-unknown", "+bulk-memory,+mutable-globals,+nontrapping-fptoint,+sign-ext"
+STACK = 1 << 20  # bytes
+
+SCENES = ("pool", "carom", "ideal", "blocked_pool", "sum_to_three", "real_pool", "pooltool_pool")
+BALLS = 15
+"""Largest number of object balls."""
+
+
+def scenes() -> dict[str, Scene]:
+    """Returns the scenes of the module by name: `SCENES` and those of the four failures of a timestep."""
+    return {name: Scene.named(name, BALLS) for name in SCENES} | {name: case.scene for name, case in FAILURES.items()}
+
+
+def entry_points() -> Iterator[tuple[str, Any, tuple[Any, ...]]]:
+    """Yields the name in the module, the compiled function and arguments of each function that JavaScript calls."""
+    for kind in dict.fromkeys(map(kind_of, scenes().values())):
+        scene = Scene.named(kind, 1)
+        shots, log = tuple(empty_shots(1, scene.n_balls)), tuple(empty_log(1, 1))
+        run = 0, 1, scene_fields(scene), math.inf, 1, shots, log
+        yield f"pic_{kind}", pic.run_shots, run
+        yield f"pit_{kind}", pit.run_shots, run
+        yield f"valid_{kind}", is_valid_fast, (*run[:3], *shots[:4])
+    strike = np.empty((1, 5)), np.empty((1, 2)), np.empty((1, 3)), np.empty(1, np.bool_)
+    yield "strike", many_strikes, (tuple(cue_numbers(Scene.named("pool"))), *strike)
+
+
+@functools.cache
+def kind_of(scene: Scene) -> str:
+    """Returns the first of `SCENES` that has the types of a scene, and so the same compiled code."""
+    types = numba.typeof(scene_fields(scene))
+    return next(name for name in SCENES if numba.typeof(scene_fields(Scene.named(name))) == types)
+
+
+def plain(value: Any) -> Any:
+    """Returns an argument of an entry point as JSON: arrays as their type, shape and content."""
+    if isinstance(value, tuple):
+        return [plain(item) for item in value]
+    if not isinstance(value, np.ndarray):
+        return value
+    if value.dtype.names:
+        content = {name: plain_number(value[name][0].item()) for name in value.dtype.names}
+        integers = [name for name in value.dtype.names if value.dtype[name].kind == "i"]
+        return {"type": "record", "shape": [1], "content": content, "integers": integers}
+    content = [plain_number(number) for number in value.ravel().tolist()]
+    return {"type": value.dtype.str[1:], "shape": list(value.shape), "content": content}
+
+
+def plain_number(number: float) -> float | str:
+    """Returns a number as JSON, which has no infinity."""
+    return number if math.isfinite(number) else "Infinity" if number > 0 else "-Infinity"
+
+
+def data() -> dict[str, Any]:
+    """Returns what the JavaScript module reads from the section `SECTION`."""
+    return {
+        "kinds": KINDS,
+        "status": STATUS,
+        "fixes": FIXES,
+        "scenes": {
+            name: {
+                "kind": kind_of(scene),
+                "fields": plain(scene_fields(scene)),
+                "cue": list(cue_numbers(scene)) if scene.physics.motion == "sliding" else None,
+                "max_time": scene.physics.max_time,
+            }
+            for name, scene in scenes().items()
+        },
+    }
+
+
+def check_versions() -> None:
+    """Raises a RuntimeError if the extra `web` is not installed or numba is not the version that the build supports."""
+    if not numba.__version__.startswith(NUMBA + "."):
+        raise RuntimeError(
+            f"numba = {numba.__version__}: expected numba {NUMBA}, the calling convention of others differs"
+        )
+    if importlib.util.find_spec("ziglang") is None:
+        raise RuntimeError("ziglang is not installed: expected the extra `web`, as `make web` installs it")
+
+
+def compile_entry(name: str, function: Any, arguments: tuple[Any, ...]) -> bytes:
+    """Returns the object file of a compiled function, with the given name."""
+    signature = tuple(numba.typeof(argument) for argument in arguments)
+    kernel = Kernel(function.py_func, None, function.targetoptions)
+    with global_compiler_lock:
+        kernel.compile(signature)
+        compiled = kernel.overloads[signature]
+        compiled.library.finalize()  # links the kernels that it calls
+    text = re.sub(r"^target .*$", "", compiled.library.get_llvm_str(), flags=re.MULTILINE)
+    # wasm has no common symbols, and has instructions for these functions of the C library
+    text = text.replace("= common global", "= internal global")
+    text = text.replace("@sqrt(", "@llvm.sqrt.f64(").replace("@ceil(", "@llvm.ceil.f64(")
+    module = llvm.parse_assembly(text)
+    machine = llvm.Target.from_triple(TRIPLE).create_target_machine(features=FEATURES, opt=3)
+    module.triple, module.data_layout = TRIPLE, str(machine.target_data)
+    module.get_function(compiled.fndesc.llvm_func_name).name = name
+    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
+    builder.getModulePassManager().run(module, builder)
+    return machine.emit_object(module)
+
+
+def compile_engines(path: Path) -> None:
+    """Writes the file `engine.wasm`, in a process that has not compiled any kernel."""
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    zig = sys.executable, "-m", "ziglang"
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as patches:
+        for name in ("_optimize_functions", "_optimize_final_module"):
+            patches.enter_context(patch.object(CPUCodeLibrary, name, lambda *_: None))
+        objects, exports = [f"{folder}/runtime.o"], ["allocate", "reset"]
+        target = "-target", "wasm32-freestanding", "-mcpu=generic+bulk_memory", "-O2", "-c"
+        subprocess.run([*zig, "cc", *target, str(HERE / "runtime.c"), "-o", objects[0]], check=True)
+        for name, function, arguments in entry_points():
+            print(f"compiles {name}", flush=True)
+            objects.append(f"{folder}/{name}.o")
+            exports.append(name)
+            Path(objects[-1]).write_bytes(compile_entry(name, function, arguments))
+        linked = Path(folder, "engine.wasm")
+        options = "--no-entry", "--gc-sections", "--strip-all", "--stack-first", "-z", f"stack-size={STACK}"
+        exported = [f"--export={name}" for name in exports]
+        subprocess.run([*zig, "wasm-ld", *options, *exported, *objects, "-o", str(linked)], check=True)
+        content = linked.read_bytes() + section(SECTION, json.dumps(data(), separators=(",", ":")))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def section(name: str, text: str) -> bytes:
+    """Returns a custom section of a WebAssembly file."""
+    content = length(len(name)) + name.encode() + text.encode()
+    return b"\0" + length(len(content)) + content
+
+
+def length(number: int) -> bytes:
+    """Returns a non-negative integer as LEB128."""
+    low, rest = number & 127, number >> 7
+    return bytes([low | 128]) + length(rest) if rest else bytes([low])
+
+
+def play_page(engine: bytes) -> str:
+    """Returns `play.html`, which contains the engines, the module and the drawings of the tables."""
+    named = {name: Scene.named(name, 9) for name in ("pool", "real_pool")}
+    shown = named | {name: case.scene for name, case in FAILURES.items()}
+    racks = {
+        name: {"nine": rack_of("nine_ball", scene), "free": rack_of("random", Scene.named(name, 3))}
+        for name, scene in named.items()
+    }
+    drawn = {
+        "tables": {name: page.table_data(scene) | {"length": scene.table.length} for name, scene in shown.items()},
+        "racks": racks,
+        "failures": {
+            name: {"title": case.title, "positions": case.positions, "velocities": case.velocities, "dt": case.dt}
+            for name, case in FAILURES.items()
+        },
+    }
+    text = (HERE / "play.html").read_text(encoding="utf-8")
+    for name, content in (
+        ("drawing", page.page_file("table.js")),
+        ("module", (HERE / "engine.js").read_text(encoding="utf-8").replace("export ", "")),
+        ("data", json.dumps(drawn, separators=(",", ":")).replace("<", "\\u003c")),
+        ("engine", base64.b64encode(engine).decode()),
+    ):
+        text = text.replace(f"{{{{{name}}}}}", content)
+    return text
+
+
+def rack_of(layout: str, scene: Scene) -> list[list[float]]:
+    """Returns the positions of a layout, the same each time."""
+    return layouts.draw(layout, scene, np.random.default_rng(3)).tolist()
+
+
+def engine_file() -> bytes:
+    """Returns `engine.wasm` from `build/web`, and compiles it there if the kernels or this file have changed."""
+    check_versions()
+    sources = *(path.read_bytes() for path in (Path(__file__), HERE / "runtime.c")), source_hash().encode()
+    versions = f"{numba.__version__} {llvmlite.__version__}".encode()
+    kept = ROOT / "build" / "web" / f"{hashlib.sha256(b''.join((*sources, versions))).hexdigest()[:16]}.wasm"
+    if not kept.exists():  # in a new process, because kernels that are already compiled are optimised for this machine
+        program = "import pathlib, sys; from web import build; build.compile_engines(pathlib.Path(sys.argv[1]))"
+        subprocess.run([sys.executable, "-c", program, str(kept)], check=True, cwd=ROOT)
+    return kept.read_bytes()
+
+
+def files() -> dict[str, bytes]:
+    """Returns the files that the site has, by name."""
+    engine = engine_file()
+    module = (HERE / "engine.js").read_bytes()
+    return {"engine.wasm": engine, "engine.js": module, "play.html": play_page(engine).encode()}
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs the command line; see `python -m web.build --help`."""
+    parser = argparse.ArgumentParser(prog="python -m web.build", description="Compile the engines to WebAssembly.")
+    parser.add_argument("--output", type=Path, default=ROOT / "site", help="the folder of the files")
+    folder = parser.parse_args(arguments).output
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in files().items():
+        (folder / name).write_bytes(content)
+        print(f"{folder / name}: {len(content) / 1000:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()

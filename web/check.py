@@ -1,0 +1,230 @@
+"""Compares shots in a browser and in wasmtime with those of Python, bit for bit: `python -m web.check`.
+
+For each scene it runs random shots, breaks and shots with a timestep. It prints how many have the same bits (positions,
+velocities, spins, times, events and positions between the events), and the time of a shot. It needs `engine.wasm` of
+`make web`, the extra `web`, and Chromium or Chrome for the browser.
+"""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import contextlib
+import math
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.engine.compile import MODES, Engine, scene_fields
+from billiards_env.engine.log import KINDS, empty_log
+from billiards_env.engine.shots import STATUS, empty_shots
+from billiards_env.scene import Scene, layouts
+from billiards_env.shots.simulation import simulate
+from web import build
+
+SCENES = "pool", "carom", "ideal", "blocked_pool", "real_pool"
+CASES = {"random": 3, "break": 9, "timestep": 3}
+"""The number of object balls of each kind of shot."""
+BATCH, REPEATS = 50, 20
+"""The time of a shot is that of the fastest of some repeats of a batch of shots."""
+BROWSERS = "chromium", "chromium-browser", "google-chrome"
+TIMES = 0.1, 0.7, 1.9  # s; positions between the events are compared there
+
+Floats = NDArray[np.float64]
+
+SCRIPT = """
+window.bitsOf = async (bytes, shots, times) => {
+  const engine = window.engine ??= await load(Uint8Array.from(atob(bytes), letter => letter.charCodeAt(0)));
+  const { kinds, status } = engine.data, begun = performance.now();
+  const results = shots.map(({ scene, positions, velocities, ...options }) =>
+    engine.simulate(scene, positions, velocities, options));
+  const spent = performance.now() - begun;
+  const all = results.map(shot => [
+    shot.time, shot.nEvents, status.indexOf(shot.status), shot.firstHit, ...shot.cushions, ...shot.potted.map(Number),
+    ...shot.positions.flat(), ...shot.velocities.flat(), ...shot.spins.flat(),
+    ...shot.events.flatMap(e => [e.time, kinds.indexOf(e.kind), e.ball, e.other, e.x, e.y, e.speed, Number(e.rule)]),
+    ...times.flatMap(time => shot.at(time).flat()),
+  ]);
+  const letters = row => Array.from(new Uint8Array(Float64Array.from(row).buffer), byte => String.fromCharCode(byte));
+  return [spent / 1000, all.map(row => btoa(letters(row).join("")))];
+};
+"""
+
+
+def random_shots(name: str, case: str, count: int, rng: np.random.Generator) -> list[dict[str, Any]]:
+    """Returns `count` shots of a scene as arguments of `simulate` of JavaScript."""
+    scene, shots = Scene.named(name, CASES[case]), []
+    for _ in range(count):
+        positions = layouts.draw("rack" if case == "break" else "random", scene, rng)
+        velocity = (
+            np.array([rng.uniform(6.0, 9.0), rng.uniform(-1.0, 1.0)]) if case == "break" else rng.uniform(-3, 3, 2)
+        )
+        shot = {"scene": name, "positions": positions.tolist(), "velocities": velocity.tolist()}
+        if scene.physics.motion == "sliding":
+            shot["spins"] = rng.uniform(-60, 60, 3).tolist()
+        if case == "timestep":
+            shot |= {"mode": "pit", "dt": 1 / float(rng.choice([15, 30, 60, 240, 960]))}
+        shots.append(shot)
+    return shots
+
+
+def python_bits(shot: dict[str, Any]) -> Floats:
+    """Runs a shot in Python and returns its result as numbers, in the order of `SCRIPT`."""
+    name, positions, velocities, options = _parts(shot)
+    result = simulate(Scene.named(name, len(positions) - 1), positions, velocities, record=True, **options)
+    assert result.events is not None
+    events = [
+        number
+        for e in result.events
+        for number in (e["time"], KINDS.index(e["kind"]), *(e[k] for k in ("ball", "other", "x", "y", "speed", "rule")))
+    ]
+    counts = result.time, result.n_events, STATUS.index(result.status), result.first_hit
+    ends = result.positions, result.velocities, result.spins
+    parts = counts, result.cushions, result.potted, *ends, events, result.at(TIMES)
+    return np.concatenate([np.ravel(part) for part in parts]).astype(np.float64)
+
+
+def _parts(shot: dict[str, Any]) -> tuple[str, list[Any], list[float], dict[str, Any]]:
+    options = {key: shot[key] for key in ("mode", "dt", "spins") if key in shot}
+    return shot["scene"], shot["positions"], shot["velocities"], options
+
+
+@contextlib.contextmanager
+def browser_page() -> Iterator[Any]:
+    """Opens a page with the module in Chromium."""
+    from playwright.sync_api import sync_playwright
+
+    path = next(filter(None, map(shutil.which, BROWSERS)), None)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox", "--disable-gpu"])
+        page = browser.new_page()
+        module = (build.HERE / "engine.js").read_text(encoding="utf-8")
+        page.set_content(f'<script type="module">{module}{SCRIPT}</script>')
+        page.wait_for_function("() => window.bitsOf !== undefined")
+        yield page
+        browser.close()
+
+
+def browser_bits(page: Any, engine: bytes, shots: list[dict[str, Any]]) -> tuple[float, list[Floats]]:
+    """Runs shots in a page of `browser_page`. Returns the time in s and the numbers of each shot."""
+    text = base64.b64encode(engine).decode()
+    spent, rows = page.evaluate("([bytes, shots, times]) => bitsOf(bytes, shots, times)", [text, shots, TIMES])
+    return spent, [np.frombuffer(base64.b64decode(row)) for row in rows]
+
+
+class Wasmtime:
+    """The functions of `engine.wasm` in wasmtime, with arrays of NumPy as arguments."""
+
+    def __init__(self, engine: bytes) -> None:
+        import wasmtime  # pyright: ignore[reportMissingImports]
+
+        self.store = wasmtime.Store()
+        module = wasmtime.Module(self.store.engine, engine)
+        self.exports: Any = wasmtime.Instance(self.store, module, []).exports(self.store)
+
+    def call(self, name: str, *arguments: Any) -> None:
+        """Calls a function, which may change the arrays in place.
+
+        Raises:
+            RuntimeError: If the function fails.
+        """
+        self.exports["reset"](self.store)
+        memory, placed = self.exports["memory"], []
+
+        def flat(value: Any) -> list[Any]:
+            if isinstance(value, tuple):
+                return [number for item in value for number in flat(item)]
+            if not isinstance(value, np.ndarray):
+                return [0 if value is None else value]
+            pointer = self.exports["allocate"](self.store, value.nbytes)
+            memory.write(self.store, value.tobytes(), pointer)
+            placed.append((value, pointer))
+            return [0, 0, value.size, value.itemsize, pointer, *value.shape, *value.strides]
+
+        numbers = [number for argument in arguments for number in flat(argument)]
+        result = self.exports["allocate"](self.store, 16)
+        if self.exports[name](self.store, result, result + 8, *numbers) != 0:
+            raise RuntimeError(f"{name}: the compiled function failed")
+        for array, pointer in placed:
+            content = memory.read(self.store, pointer, pointer + array.nbytes)
+            if array.flags.writeable:
+                array[...] = np.frombuffer(bytes(content), array.dtype).reshape(array.shape)
+
+
+def wasmtime_bits(module: Wasmtime, shot: dict[str, Any]) -> Floats:
+    """Runs a shot in wasmtime. Returns its `Shots` and its log as numbers."""
+    return _run(shot, lambda kind, mode, *arguments: module.call(f"{mode}_{kind}", *arguments))
+
+
+def engine_bits(shot: dict[str, Any]) -> Floats:
+    """Returns the numbers of `wasmtime_bits`, computed in Python."""
+    return _run(shot, lambda kind, mode, *arguments: MODES[mode](*arguments))
+
+
+def _run(shot: dict[str, Any], call: Any) -> Floats:
+    """Runs a shot with a function that takes the kind of the scene, the mode and the arguments of `pic.run_shots`."""
+    name, positions, velocities, options = _parts(shot)
+    scene, mode = Scene.named(name, len(positions) - 1), options.get("mode", "pic")
+    engine = Engine(mode, options.get("dt"))
+    shots, log = empty_shots(1, scene.n_balls), empty_log(2048, 8192)
+    shots.positions[0], shots.velocities[0], shots.spins[0], shots.in_play[0] = positions, 0.0, 0.0, True
+    shots.velocities[0, 0], shots.spins[0, 0] = velocities, options.get("spins", 0.0)
+    limit = math.inf if scene.physics.max_time is None else scene.physics.max_time
+    fields = scene_fields(scene, engine)
+    call(build.kind_of(scene), mode, 0, 1, fields, limit, 1_000_000, tuple(shots), tuple(log))
+    parts = *shots, log.used, log.events[: log.used[0]], log.segments[: log.used[1]]
+    return np.concatenate([np.ravel(part) for part in parts]).astype(np.float64)
+
+
+def python_time(shots: list[dict[str, Any]]) -> float:
+    """Returns the time of recorded shots in Python, s."""
+    scenes = [Scene.named(shot["scene"], len(shot["positions"]) - 1) for shot in shots]
+    parts = [_parts(shot) for shot in shots]
+    begun = perf_counter()
+    for scene, (_, positions, velocities, options) in zip(scenes, parts, strict=True):
+        simulate(scene, positions, velocities, record=True, **options)
+    return perf_counter() - begun
+
+
+def same(one: Floats, two: Floats) -> bool:
+    """Returns whether two arrays have the same bits."""
+    return one.tobytes() == two.tobytes()
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs the command line; see `python -m web.check --help`."""
+    parser = argparse.ArgumentParser(
+        prog="python -m web.check", description="Compare shots in a browser with those of Python."
+    )
+    parser.add_argument("--shots", type=int, default=1000, help="shots of each kind and scene; a tenth of it breaks")
+    parser.add_argument("--engine", type=Path, default=build.ROOT / "site" / "engine.wasm", help="the file to check")
+    chosen = parser.parse_args(arguments)
+    engine, rng = chosen.engine.read_bytes(), np.random.default_rng(0)
+    module, failed = Wasmtime(engine), 0
+    print(
+        f"{'scene':14s}{'shots':10s}{'number':>7s}{'browser':>9s}{'wasmtime':>9s}{'Python':>11s}{'browser':>11s}  ratio"
+    )
+    with browser_page() as page:
+        for name in SCENES:
+            for case in CASES:
+                shots = random_shots(name, case, chosen.shots // (10 if case == "break" else 1), rng)
+                _, rows = browser_bits(page, engine, shots)
+                equal = sum(same(row, python_bits(shot)) for row, shot in zip(rows, shots, strict=True))
+                also = sum(same(wasmtime_bits(module, shot), engine_bits(shot)) for shot in shots)
+                failed += 2 * len(shots) - equal - also
+                few = shots[:BATCH]
+                python = min(python_time(few) for _ in range(REPEATS)) / max(1, len(few))
+                browser = min(browser_bits(page, engine, few)[0] for _ in range(REPEATS)) / max(1, len(few))
+                times = f"{1e6 * python:8.0f} us{1e6 * browser:8.0f} us{browser / max(python, 1e-9):7.2f}"
+                print(f"{name:14s}{case:10s}{len(shots):7d}{equal:9d}{also:9d}{times}", flush=True)
+    if failed:
+        raise SystemExit(f"{failed} shots have other bits")
+
+
+if __name__ == "__main__":
+    main()
