@@ -45,8 +45,8 @@ def read_tracks(path: str | os.PathLike[str], unit: str = "m") -> list[Track]:
     Lines that begin with "#" are ignored, and rows without x or y. A JSON file is a list of shots {"id": ..., "balls":
     {name: {"t": [...], "x": [...], "y": [...]}}}.
 
-    Balls that are whole numbers with a 0 are numbered as in the scene. Otherwise the ball of a shot that moves first is
-    the cue ball, and the others follow in the order of their names.
+    Balls that are whole numbers, one of them 0, are numbered as in the scene. Otherwise the ball of a shot that moves
+    first is the cue ball, and the others follow in the order of their names.
 
     Args:
         path: The file.
@@ -72,7 +72,14 @@ def read_tracks(path: str | os.PathLike[str], unit: str = "m") -> list[Track]:
         text = read_text(path, MAX_BYTES, "tracks")
     shots = _from_json(name, text) if text.lstrip()[:1] in ("[", "{") else _from_csv(name, text, unit)
     scale = UNITS[unit] if text.lstrip()[:1] in ("[", "{") else 1.0
-    return [_track(name, shot, rows, scale) for shot, rows in shots.items()]
+    numbers = {row[1]: number(row[1]) for rows in shots.values() for row in rows}
+    whole = {k: int(v) for k, v in numbers.items() if isinstance(v, (int, float)) and float(v).is_integer()}
+    index = whole if len(whole) == len(numbers) and min(whole.values(), default=1) <= 0 else None
+    most = int(RANGES["balls"].most or 0)
+    for ball, k in (index or {}).items():
+        if not 0 <= k < most:
+            raise ValueError(f"{name}: ball = {ball}: expected a whole number from 0 to {most}")
+    return [_track(shot, rows, scale, index) for shot, rows in shots.items()]
 
 
 def _from_json(path: str, text: str) -> dict[str, list[Row]]:
@@ -99,7 +106,7 @@ def _from_csv(path: str, text: str, unit: str) -> dict[str, list[Row]]:
     mark = next((mark for mark in ("\t", ";") if mark in first), ",")
     try:
         table = ([cell.strip() for cell in cells] for cells in csv.reader((text for _, text in lines), delimiter=mark))
-        head = next(table, [])
+        head = next(table, [""])
         at, (time, x, y) = _columns(head, unit)
         for (line, _), cells in zip(lines[1:], table, strict=True):  # noqa: B007
             if len(cells) != len(head):
@@ -140,19 +147,12 @@ def _finite(name: str, cell: Any) -> float:
     return float(value)
 
 
-def _track(path: str, shot: str, rows: list[Row], scale: float) -> Track:
-    """Returns the track of a shot, in which the cue ball is ball 0."""
+def _track(shot: str, rows: list[Row], scale: float, index: dict[str, int] | None) -> Track:
+    """Returns the track of a shot, in which the cue ball is ball 0. Balls without numbers have the index None."""
     times, places = np.array([row[0] for row in rows]), scale * np.array([row[2:] for row in rows])
     names = [row[1] for row in rows]
-    values = {name: number(name) for name in dict.fromkeys(names)}
-    whole = {k: int(v) for k, v in values.items() if isinstance(v, (int, float)) and float(v).is_integer()}
-    if len(whole) == len(values) and min(whole.values()) <= 0:
-        index, most = whole, int(RANGES["balls"].most or 0)
-        for name, ball in index.items():
-            if not 0 <= ball < most:
-                raise ValueError(f"{path}: shot {shot}: ball = {name}: expected a whole number from 0 to {most}")
-    else:
-        begins = {name: _moves_at(times, places, np.array(names) == name) for name in values}
+    if index is None:
+        begins = {name: _moves_at(times, places, np.array(names) == name) for name in dict.fromkeys(names)}
         first = min(begins, key=lambda name: (begins[name], name))
         index = {name: k for k, name in enumerate([first, *sorted(begins.keys() - {first})])}
     balls = np.array([index[name] for name in names])
