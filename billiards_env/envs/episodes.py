@@ -79,8 +79,10 @@ class Episodes:
         self._run_shots, self._score = run_shots_of(model.engine, scene.n_balls), scoring(model.task)
         self._limit = scene.physics.max_time or math.inf
         self._cue = tuple(cue_numbers(scene)) if model.action == "strike" else None
-        self.kind, self.observer = state_type(model), None
+        self.kind = state_type(model)
         self._allocate(np.zeros(count * self.kind.itemsize, np.uint8) if memory is None else memory)
+        source = Source(scene, scene.half_extents, self.arrays, model.max_shots, self.physics, model.randomize)
+        self.observer = Observer(model.observe, source)
         if memory is None:
             state = self.state
             state.scene[:], state.task[:] = scene_hash(scene, tuple(model.randomize)), model.task
@@ -121,14 +123,6 @@ class Episodes:
         # The entry points take plain tuples, see `envs.arrays`.
         self._arrays, self._shots, self._balls = tuple(self.arrays), tuple(shots), tuple(self.balls)
         self.physics = {name: state.physics[:, j] for j, name in enumerate(self.model.randomize)}
-        if self.observer is None:
-            model = self.model
-            source = Source(
-                model.scene, model.scene.half_extents, self.arrays, model.max_shots, self.physics, model.randomize
-            )
-            self.observer = Observer(model.observe, source)
-        else:  # a copy
-            self.observer = self.observer.bound(self.arrays, self.physics)
         self.of_episode = InfoArrays(self.physics, {"episode_seed": state.episode_seed.view(np.int64)})
         self.of_shots = info_arrays(shots, self.arrays, None if self._cue is None else self.miscues)
         self.info = joined(self.of_shots, self.of_episode)
@@ -138,6 +132,7 @@ class Episodes:
         twin.__dict__.update(self.__dict__)
         twin.recorded = dict(self.recorded)
         twin._allocate(self.memory.copy())
+        twin.observer = self.observer.bound(twin.arrays, twin.physics)
         twin.starts = joined(self.starts, twin.of_episode)
         if self.physics:
             twin._scene = (self._scene[0].copy(), *self._scene[1:])

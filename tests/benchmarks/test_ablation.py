@@ -16,7 +16,10 @@ UNUSED = (
     "engine.gradients",
     "engine.margins",
     "envs.wrappers",
-    "games",
+    "games.batch",
+    "games.billiards_v0",
+    "games.game",
+    "games.records",
     "physics.derivatives",
     "physics.laws.mathavan_tangent",
     "physics.rules",
@@ -33,12 +36,12 @@ NOT_COMPILED = (
     "engine.cell_grid",
     "engine.overlaps",
     "engine.pit",
+    "games",
     "physics.clusters.complementarity",
     "physics.laws.cushion_mathavan2010",
     "physics.laws.cushion_stronge",
     "physics.laws.mathavan",
     "physics.strike",
-    "rules",
 )
 
 

@@ -92,7 +92,7 @@ def test_mirrored_tables_have_mirrored_features_bit_for_bit():
         one, other = (
             env.decode(env.reset(options={"positions": positions * signs})[0].copy()) for signs in ([1, 1], [-1, 1])
         )
-        assert (one["cue_to_balls"] * np.float32([1, -1, 1]) == other["cue_to_balls"]).all()
+        assert (one["cue_to_balls"] * np.array([1, -1, 1], np.float32) == other["cue_to_balls"]).all()
         assert (one["free_to_balls"] == other["free_to_balls"]).all()
 
 

@@ -23,7 +23,7 @@ SAMPLE: dict[str, Any] = {
 
 def judged(kernel, targets, goal_radius=0.0, **arrays: Any):
     """Returns the result of the last shot in the arrays."""
-    numbers = TaskNumbers(targets, 1 << np.arange(len(targets)), None, 0, goal_radius, 1, 0.0, 1.0, 1.0, False)
+    numbers = TaskNumbers(targets, 1 << np.arange(len(targets)), None, 0, goal_radius, 1, 0.0)
     unused = EpisodeArrays(*[None] * len(EpisodeArrays._fields))
     return kernel(len(arrays["potted"]) - 1, numbers, unused._replace(**arrays))
 

@@ -145,17 +145,17 @@ def test_a_step_along_the_gradient_brings_pots_nearer_and_a_scratch_lowers_the_c
     optimiser = torch.optim.SGD(network.parameters(), lr=3e-4)
     study.loss_of(network, played).backward()
     optimiser.step()
-    change = speeds * network(played.observations, played.pockets)[0] - played.actions
+    change = speeds * network(played.positions, played.pockets)[0] - played.actions
     after = (network.radius[played.pockets] - played.margins - (played.slopes * change).sum(-1)).abs()
     assert 0 < change.norm(dim=-1).max() < study.LINEAR
     assert after.mean() < before.mean()
     two = study.Pots(*(part[:2] for part in played))
     two = two._replace(margins=torch.tensor([0.01, 0.01]), scratches=torch.tensor([False, True]))
-    old = network(two.observations, two.pockets)[1].detach()
+    old = network(two.positions, two.pockets)[1].detach()
     network.zero_grad()
     study.loss_of(network, two).backward()
     torch.optim.SGD(network.chances.parameters(), lr=0.1).step()
-    clean, scratched = (network(two.observations, two.pockets)[1] - old)[torch.arange(2), two.speeds].tolist()
+    clean, scratched = (network(two.positions, two.pockets)[1] - old)[torch.arange(2), two.speeds].tolist()
     assert clean > scratched
 
 
