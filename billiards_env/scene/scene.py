@@ -563,19 +563,19 @@ def _match_carom(n_balls: int) -> Scene:
     """Returns the scene fitted to 60 shots of three-cushion billiards on a match table, see docs/validation.md.
 
     The tracks are those of the simulator tailuge/billiards, at 50 Hz. With their 95% intervals, the numbers are:
-    mu_slide 0.175 to 0.187, mu_roll 0.0047 to 0.0056, spin_decay 1.6 to 3.4 rad/s^2, e_ball 0.946 to 0.966, e_cushion
-    0.846 to 0.856, mu_cushion 0.243 to 0.268 and mu_ball_factor 5.0 to 5.9. The command is `python -m
+    mu_slide 0.182 to 0.197, mu_roll 0.0038 to 0.0054, spin_decay at most 2.1 rad/s^2, e_ball 0.897 to 0.930, e_cushion
+    0.840 to 0.854, mu_cushion 0.242 to 0.262 and mu_ball_factor 3.3 to 4.3. The command is `python -m
     benchmarks.real_tracks`. The cushions have the law of Han (2005).
     """
     physics = Physics(
         ball_ball="frictional",
-        mu_slide=0.181,
-        mu_roll=0.0052,
-        spin_decay=2.5,
-        e_ball=0.956,
-        e_cushion=0.851,
-        mu_cushion=0.2555,
-        mu_ball_factor=5.5,
+        mu_slide=0.189,
+        mu_roll=0.0046,
+        spin_decay=1.0,
+        e_ball=0.914,
+        e_cushion=0.847,
+        mu_cushion=0.252,
+        mu_ball_factor=3.8,
     )
     return dataclasses.replace(_carom(n_balls), physics=physics)
 
