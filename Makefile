@@ -124,7 +124,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@echo "Installing the packages of constraints.txt for Python $(VERSION) in .venv"
 	@if [ -L .venv ]; then rm .venv; fi  # the target of a link stays as it is
 	@$(PYTHON) -m venv --clear .venv
-	@set -o pipefail; $(BIN)/pip install -c constraints.txt -e '.[train,render,plot,multi,calibrate,dev,docs]' | $(PROGRESS)
+	@set -o pipefail; $(BIN)/pip install -c constraints.txt -e '.[train,render,plot,multi,dev,docs]' | $(PROGRESS)
 	@touch $@
 
 # Prints the name of each package that pip collects, and the size of a large download.
@@ -136,14 +136,14 @@ PROGRESS := while read -r verb name rest; do case "$$verb $$rest" in \
 
 .venv-3.%/.installed: pyproject.toml constraints.txt
 	python3.$* -m venv --clear .venv-3.$*
-	.venv-3.$*/bin/pip install --quiet -c constraints.txt -e '.[render,plot,multi,calibrate,dev]'
+	.venv-3.$*/bin/pip install --quiet -c constraints.txt -e '.[render,plot,multi,dev]'
 	touch $@
 
 # RLlib needs another version of gymnasium than constraints.txt has.
 $(RLLIB): pyproject.toml constraints.txt constraints-rllib.txt
 	$(PYTHON) -m venv --clear .venv-rllib
 	grep -v '^gymnasium==' constraints.txt | cat - constraints-rllib.txt > .venv-rllib/constraints.txt
-	.venv-rllib/bin/pip install --quiet -c .venv-rllib/constraints.txt -e '.[train,render,plot,multi,calibrate,dev,rllib]'
+	.venv-rllib/bin/pip install --quiet -c .venv-rllib/constraints.txt -e '.[train,render,plot,multi,dev,rllib]'
 	touch $@
 
 $(TOOLS): pyproject.toml constraints.txt

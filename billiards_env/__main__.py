@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 _ANGLES = {"heading": Range(-360.0, 360.0, "degrees"), "elevation": Range(0.0, 90.0, "degrees")}
 
-PACKAGES = ("numpy", "numba", "gymnasium", "pettingzoo", "pygame", "matplotlib", "scipy", "stable-baselines3", "torch")
+PACKAGES = ("numpy", "numba", "gymnasium", "pettingzoo", "pygame", "matplotlib", "stable-baselines3", "torch")
 """The distributions that `version` lists."""
 
 

@@ -143,7 +143,7 @@ class Calibration:
         return {name: (float(e.mean()), float(e.std(ddof=1)) if len(e) > 1 else np.nan) for name, e in off.items()}
 
     def noise_of_strikes(self, intended: ArrayLike) -> dict[str, float]:
-        """Returns the arguments of `envs.wrappers.ExecutionNoise`, from the intended velocities (m, 2), m/s."""
+        """Returns the argument `noise` of `Billiards-v0`, from the intended velocities (m, 2), m/s."""
         errors = self.strike_errors(intended)
         return {"angle_std": errors["direction"][1], "speed_std": errors["speed"][1]}
 

@@ -1,7 +1,7 @@
 """Games for two or more players: states, rules, the referee, and a PettingZoo environment in `games.billiards_v0`.
 
-Only `games.billiards_v0` imports PettingZoo. The names of `games.game` are imported on first use, because the tasks need
-only the rules.
+Only `games.billiards_v0` imports PettingZoo. The names of `games.game` are imported on first use: tasks need only the
+rules.
 """
 
 import importlib
