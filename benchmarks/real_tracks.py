@@ -1,7 +1,7 @@
 """The physics against tracks of a real table: `python -m benchmarks.real_tracks FIT [--judge JUDGE]`.
 
-The numbers of a scene are fitted to one file of tracks and, with these numbers, the shots of another are judged.
-Without a second file each fifth of the shots is judged with the numbers of the other four fifths.
+It fits the numbers of a scene to one file of tracks. With these numbers it measures the errors of the shots in another
+file. Without a second file it judges each fifth of the shots with the numbers of the other four fifths.
 """
 
 from __future__ import annotations
@@ -95,8 +95,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "how": f"{result['shots']} shots were fitted with `{result['cushion']}` cushions, in {result['seconds']:.0f} s "
         f"of processor time; {result['judged_shots']} shots were judged.",
         "summary": f"With numbers fitted to {result['shots']} recorded shots, "
-        f"{result['judged']['rows_5mm_contact2']:.1%} of the recorded positions of {result['judged_shots']} others are "
-        "within 5 mm of the computed path until the second contact of the cue ball.",
+        f"{result['judged']['rows_5mm_contact2']:.1%} of the recorded positions in {result['judged_shots']} other "
+        "shots, with fitted starts, are within 5 mm of the computed path until the second contact of the cue ball.",
         "judged": table(("", "judged shots", "fitted shots", "target"), rows),
         "numbers": table(("number", "fitted", "95% interval"), numbers),
         **({"laws": table(("law of cushions", "loss over the least"), laws)} if laws else {}),

@@ -193,7 +193,7 @@ def _add_calibrate(parser: argparse.ArgumentParser) -> None:
     add("--noise", type=number, help="standard deviation of a coordinate, m (default: an estimate)")
     add("--contacts", type=int, default=4, help="fit rows until this contact of the cue ball (default: %(default)s)")
     add("--laws", nargs="*", metavar="LAW", help="laws of cushions to compare (default: those with friction)")
-    add("--state", type=Path, metavar="FILE", help="keep finished stages in this JSON file, and go on from them")
+    add("--state", type=Path, metavar="FILE", help="save finished stages in this JSON file, and resume from them")
     text = "write the report: .json, or a picture .png, .svg or .pdf"
     add("--out", type=Path, action="append", default=[], metavar="FILE", help=text)
 
@@ -331,7 +331,7 @@ def bench(args: argparse.Namespace) -> None:
         if args.force:
             part.unlink(missing_ok=True)
         elif args.out.exists():
-            raise ValueError(f"--out = {str(args.out)!r}: expected a new file, --force replaces this one")
+            raise ValueError(f"--out = {str(args.out)!r}: expected a new file (--force replaces this one)")
         elif part.exists():
             print(f"resuming with the results in {part}", file=sys.stderr)
 

@@ -1,4 +1,4 @@
-"""How a command ends: an error and Ctrl-C are one line each, and a closed pipe is silent."""
+"""How a command ends: an error or Ctrl-C prints one line, and a closed pipe prints nothing."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 
 ERRORS = (ImportError, OSError, RuntimeError, TypeError, ValueError)
-"""The errors of wrong input and of the system, such as a full disk. A RuntimeError is one of pygame or of Ray."""
+"""The errors of wrong input and of the system, such as a full disk. A RuntimeError comes from pygame or Ray."""
 
 
 @contextlib.contextmanager

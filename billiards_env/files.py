@@ -1,4 +1,4 @@
-"""Files: one is written completely or not at all, and read up to a largest size."""
+"""Writes files completely or not at all, and reads files up to a largest size."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _end_of(target: Path) -> Path:
     with contextlib.suppress(FileNotFoundError):
         mode = target.stat().st_mode
         if stat.S_ISDIR(mode):
-            raise IsADirectoryError(f"{expected} a file, this is a folder")
+            raise IsADirectoryError(f"{expected} a file, not a folder")
         if not stat.S_ISREG(mode):
             raise OSError(f"{expected} a regular file, this is a device, a pipe or a socket")
         if not os.access(end, os.W_OK):
@@ -64,7 +64,7 @@ def _end_of(target: Path) -> Path:
 
 
 def free_path(path: Path) -> Path:
-    """Returns a path, with a number if there is such a file, so that no other file is overwritten."""
+    """Returns a path at which there is no file: the given one, or one with a number."""
     numbered = (path.with_stem(f"{path.stem}-{k}") for k in itertools.count(2))
     return next(one for one in itertools.chain((path,), numbered) if not one.exists())
 
@@ -73,12 +73,12 @@ def free_path(path: Path) -> Path:
 def replacing(target: Path) -> Iterator[Path]:
     """Creates a temporary file that replaces the file `target` if the block succeeds and is deleted otherwise.
 
-    Everything that the package writes is written in this way. A link is followed: the file at its end is replaced.
-    What exists and is no regular file is refused. The temporary file is in the same folder and has the suffix of
-    `target`, because some writers choose the format by the suffix. It is flushed to disk before it replaces the file,
-    so a crash does not leave a partial file. It is a new file with a random name, so another writer or a prepared link
-    cannot interfere. Its permissions are those of the file that it replaces, or follow the umask. An OSError names
-    `target`.
+    Everything that the package writes is written in this way. A link is followed: the file at its end is replaced. A
+    target that exists and is not a regular file is an error. The temporary file is in the same folder and has the
+    suffix of `target`, because some writers choose the format by the suffix. It is flushed to disk before it replaces
+    the file, so a crash does not leave a partial file. It is a new file with a random name, so another writer or a
+    prepared link cannot interfere. Its permissions are those of the file that it replaces, or follow the umask. An
+    OSError names `target`.
     """
     end = _end_of(target)
     temporary = end.with_name(f".{secrets.token_hex(16)}{target.suffix}")

@@ -252,7 +252,7 @@ def test_an_interrupted_command_resumes(tmp_path, capsys, monkeypatch):
     assert len(played) == 5
     assert path.read_text() == text()
     assert os.listdir(tmp_path) == ["entry.json"]
-    with pytest.raises(SystemExit, match=r"--out = '.*entry\.json': expected a new file, --force replaces this one"):
+    with pytest.raises(SystemExit, match=r"--out = '.*entry\.json': expected a new file \(--force replaces this one\)"):
         main(command)
     assert path.read_text() == text()
     main(["bench", "random", "--tasks", "Pot1-v0", "--out", str(path), "--force"])

@@ -43,7 +43,7 @@ def test_a_failed_write_keeps_the_old_file_and_leaves_no_other(tmp_path, monkeyp
 
 
 def test_an_error_names_the_file_and_not_the_temporary_one(tmp_path, monkeypatch):
-    with pytest.raises(IsADirectoryError, match=f"path = '{tmp_path}': expected a file, this is a folder"):
+    with pytest.raises(IsADirectoryError, match=f"path = '{tmp_path}': expected a file, not a folder"):
         write_whole(tmp_path, b"new")
     long = tmp_path / ("a" * 300)
     with pytest.raises(OSError, match=r"name too long: '.*/a{300}'$"):

@@ -52,7 +52,7 @@ from studies.failures import FAILURES
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 NUMBA = "0.68"
-"""The version of numba of which the build knows the calling convention."""
+"""The version of numba whose calling convention the build uses."""
 
 SECTION = "billiards"
 TRIPLE, FEATURES = "wasm32-unknown-unknown", "+bulk-memory,+mutable-globals,+nontrapping-fptoint,+sign-ext"
@@ -129,7 +129,7 @@ def check_versions() -> None:
     """Raises a RuntimeError if the extra `web` is not installed or numba is not the version that the build supports."""
     if not numba.__version__.startswith(NUMBA + "."):
         raise RuntimeError(
-            f"numba = {numba.__version__}: expected numba {NUMBA}, the calling convention of others differs"
+            f"numba = {numba.__version__}: expected numba {NUMBA}; other versions have other calling conventions"
         )
     if importlib.util.find_spec("ziglang") is None:
         raise RuntimeError("ziglang is not installed: expected the extra `web`, as `make web` installs it")

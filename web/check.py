@@ -31,7 +31,7 @@ SCENES = "pool", "carom", "ideal", "blocked_pool", "real_pool"
 CASES = {"random": 3, "break": 9, "timestep": 3}
 """The number of object balls of each kind of shot."""
 BATCH, REPEATS = 50, 20
-"""The time of a shot is that of the fastest of some repeats of a batch of shots."""
+"""The shots in a batch, and its repeats. The time of a shot comes from the fastest repeat."""
 BROWSERS = "chromium", "chromium-browser", "google-chrome"
 TIMES = 0.1, 0.7, 1.9  # s; positions between the events are compared there
 

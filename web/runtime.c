@@ -18,7 +18,7 @@ void *allocate(unsigned size) {
   return at;
 }
 
-// What numba's run time keeps about an array: compiled code reads `data`.
+// The record of an array in numba's run time. Compiled code reads `data`.
 typedef struct {
   int64 references;
   void *destructor, *argument, *data;

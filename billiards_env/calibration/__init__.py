@@ -3,8 +3,8 @@
 Modules:
     calibrate: Fits numbers of `Physics` to tracks. report: The result.
     tracks, reading: Tracks and their files. frame: From coordinates of a file to the table.
-    contacts, prepare: What tracks show without a model, and checks against the table.
-    rows, starts, shared, stages: The fit. judge: How good it is. problems: What does not fit.
+    contacts, prepare: Contacts in the tracks, without a model, and checks of the tracks against the table.
+    rows, starts, shared, stages: The fit. judge: Its errors. problems: The rows that do not fit.
 """
 
 from billiards_env.calibration.calibrate import FREE, calibrate

@@ -1,9 +1,9 @@
 """Calibration: fits numbers of `Physics` to tracks of shots.
 
-Where the balls are at the start of a shot, the cue ball's velocity and spin and the instant of the strike are fitted
-with the numbers that all shots share. The rows until the second contact of the cue ball are fitted first, then those
-until the third, and so on: see `stages`. The intervals of the numbers come from their spread over the shots, so they
-hold for errors of the laws too: see `shared.covariance`.
+The fit finds the numbers that all shots share. It also finds, for each shot, the places of the balls at the start, the
+velocity and spin of the cue ball, and the instant of the strike. It begins with the rows until the second contact of
+the cue ball, then adds those until the third, and so on: see `stages`. The intervals of the numbers come from their
+spread over the shots, so they include errors of the laws: see `shared.covariance`.
 """
 
 from __future__ import annotations
@@ -75,27 +75,28 @@ def calibrate(
 ) -> Calibration:
     """Fits numbers of the physics of a scene to tracks of shots.
 
-    Rows of whole shots may be given. A shot is fitted until a contact of the cue ball, and where its track leaves the
-    path it ends. The loss is that of Cauchy, with scales from the errors after as many contacts. Of ten or more shots,
-    every fifth is held back, to measure how well the numbers predict; in the end all are fitted.
+    The tracks may contain whole shots. The rows of a shot are fitted until a contact of the cue ball, or until the
+    track leaves the path of the model. The loss is Cauchy's. Its scales come from the errors of the rows after the same
+    number of contacts. With ten or more shots, every fifth shot is held back to measure the errors of predictions. Then
+    all shots are fitted.
 
     Args:
         scene: The scene; its numbers are the start of the fit.
         shots: The tracks.
-        free: The names of the numbers, those of `Physics` but `max_time`; None for those of `FREE` that matter.
-        frame: The frame of the tracks. None for metres from the centre of the table, which is checked. "fit" finds it
-            from rebounds, in any unit; the table of the result is then larger by how far its cushions give way.
+        free: The names of the numbers to fit, of `Physics` except `max_time`; None for those of `FREE` with an effect.
+        frame: The frame of the tracks. None for metres from the centre of the table, which is checked. "fit" finds the
+            frame from rebounds, in any unit. The table of the result is then larger by as much as its cushions yield.
         noise: Standard deviation of a coordinate of a row, m; None for an estimate.
         contacts: The contact of the cue ball until which rows are fitted, 2 to 9.
         laws: Laws of cushions that are fitted to the same rows, to compare them.
         hold_back: Whether every fifth of ten or more shots is held back at first.
         velocities: (m, 2) m/s, the cue ball's velocities at the first rows, if they are known.
         spins: (m, 3) rad/s, its spins, if they are known.
-        state: A JSON file that keeps each finished stage. If it exists, a fit of the same tracks goes on from it.
-        progress: A function that gets a line of text after each stage.
+        state: A JSON file for each finished stage. If it exists, a fit of the same tracks resumes from it.
+        progress: A function that is called with a line of text after each stage.
 
     Returns:
-        The numbers with their covariance, the residuals, how good they are and the problems of the tracks.
+        The numbers with their covariance, the residuals, the errors of the shots and the problems of the tracks.
 
     Raises:
         ValueError: If a number is unknown, a track is invalid or does not lie on the table, or the rows do not
@@ -194,7 +195,7 @@ class _State:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class _Fits:
-    """What the fits of a calibration have in common."""
+    """The settings that all fits of a calibration share."""
 
     scene: Scene
     names: tuple[str, ...]
@@ -210,7 +211,7 @@ class _Fits:
             self.progress(text)
 
     def run(self, some: np.ndarray) -> tuple[Fitted, float]:
-        """Returns the fit of some shots, and the share of their rows until the second contact that are near."""
+        """Returns the fit of some shots, and the share of rows near their paths until the second contact."""
         shots, rows = [self.shots[k] for k in some], self.rows.of(some)
         done, share = int(self.state.data.get("contact", 1)), float(self.state.data.get("share", 1.0))
         if done > 1:
@@ -235,7 +236,7 @@ class _Fits:
         return determined(fitted, self.scene, shots, self.contacts), share
 
     def again(self, fitted: Fitted, some: np.ndarray, rest: np.ndarray) -> Fitted:
-        """Returns the fit of all shots, from that of some."""
+        """Returns the fit of all shots, which begins from a fit of some of them."""
         shots = [self.shots[k] for k in rest]
         rows, starts = self.rows.of(rest), first_guess(fitted.scene, shots, self.rows.of(rest))
         other = Fitted(fitted.scene, (), {}, starts, rows, np.zeros((0, 0)))

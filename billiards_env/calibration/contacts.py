@@ -47,7 +47,8 @@ class Contact(NamedTuple):
 def find_contacts(scene: Scene, track: Track) -> list[Contact]:
     """Returns the contacts of a track whose resting balls have rows, in the order of time.
 
-    The table counts as a rectangle. A few contacts are missed or invented, such as very thin hits.
+    The table counts as a rectangle. The search misses a few contacts, such as very thin hits, and finds a few that do
+    not exist.
     """
     half = np.array([scene.table.length, scene.table.width]) / 2.0
     paths = {

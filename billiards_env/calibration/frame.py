@@ -24,7 +24,7 @@ class Frame(NamedTuple):
     Attributes:
         offset: The coordinates of the centre of the table.
         scale: Metres in a unit of x and of y; negative for an axis in the other direction.
-        angle: rad, by which the file is turned against the table, counterclockwise.
+        angle: rad, the counterclockwise rotation of the file relative to the table.
     """
 
     offset: tuple[float, float] = (0.0, 0.0)
@@ -64,7 +64,7 @@ def reach_of(scene: Scene) -> Floats:
 
 
 def find_lines(contacts: Sequence[Contact]) -> Lines:
-    """Returns the `Lines` of rebounds: one least squares with the weights of Cauchy for all four cushions."""
+    """Returns the `Lines` of rebounds: one least-squares fit with Cauchy weights for all four cushions."""
     some = [one for one in contacts if one.other == CUSHION]
     side = np.array([2 * one.axis + (one.place[one.axis] < 0.0) for one in some], np.intp)
     place = np.array([one.place for one in some]).reshape(-1, 2)
@@ -93,8 +93,8 @@ def find_lines(contacts: Sequence[Contact]) -> Lines:
 def fit_frame(scene: Scene, tracks: Sequence[Track]) -> tuple[Frame, float]:
     """Fits the frame of a file in any unit, with any origin.
 
-    The first frame is that of the extreme rows. The rebounds then give the lines that the centres of balls reach at a
-    speed of 0. A cushion gives way for a fast ball, as a contact takes some milliseconds.
+    The first guess of the frame comes from the extreme rows. The rebounds then give the lines that the centres of balls
+    reach at a speed of 0. A contact takes some milliseconds, so a cushion yields to a fast ball.
 
     Returns:
         The frame, and how far the cushions give way at the median normal speed, m.

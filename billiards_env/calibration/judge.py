@@ -37,7 +37,7 @@ def together(parts: Sequence[Judged]) -> Judged:
 
 
 class Judged(NamedTuple):
-    """Errors of m shots. Those of rows are of all balls that move, before a contact of the cue ball.
+    """Errors of m shots. The errors of rows are those of moving balls before a contact of the cue ball.
 
     Attributes:
         errors: For each of `CONTACTS`, the distances of the rows from the paths, m, of each shot.
@@ -79,7 +79,7 @@ class Judged(NamedTuple):
 
 
 def ends_at(shots: Sequence[Shot], contact: int) -> Floats:
-    """Returns the times of a contact of the cue ball, (m,) s after the begin of shots; their end without it."""
+    """Returns the times of a contact of the cue ball, (m,) s after the beginning; the end of the shot without it."""
     found = []
     for shot in shots:
         times = [one.time for one in shot.cue_contacts()]
@@ -115,13 +115,13 @@ def judge(scene: Scene, shots: Sequence[Shot], rows: Rows) -> Judged:
 
 
 def _after(shot: Shot, contact: int) -> float:
-    """Returns the time just before the contact after a contact of the cue ball, at most 0.1 s after it, s."""
+    """Returns a time after a contact of the cue ball, s: 0.1 s later, or just before its next contact."""
     times = [one.time - shot.begin for one in shot.cue_contacts()]
     return min(times[contact - 1] + 0.1, times[contact] - _BEFORE if len(times) > contact else np.inf)
 
 
 def best_starts(scene: Scene, rows: Rows, starts: Floats | None = None) -> Floats:
-    """Returns the starts that fit best, found from others or from guesses."""
+    """Returns the starts that fit best; the search begins from other starts or from guesses."""
     if starts is None:
         return search(scene, rows)
     return search(scene, with_spin_prior(scene, starts, rows), starts)

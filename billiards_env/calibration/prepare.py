@@ -185,8 +185,8 @@ def check_against_table(scene: Scene, tracks: Sequence[Track], contacts: Sequenc
     """Checks that tracks lie on the table, in metres and seconds.
 
     Raises:
-        ValueError: If rows lie beyond the cushions, balls turn before or behind them, or a ball is faster than any, or
-            rolls farther than any.
+        ValueError: If rows lie beyond the cushions, balls turn before or behind them, or a ball moves faster or rolls
+            farther than is possible.
     """
     reach, rolls = reach_of(scene), _ROLL * scene.physics.mu_roll * scene.physics.g
     for track in tracks:
@@ -207,14 +207,14 @@ def check_against_table(scene: Scene, tracks: Sequence[Track], contacts: Sequenc
             usual = float(np.median(speeds[steps > 4.0 * noise + 1e-3])) if (steps > 4.0 * noise + 1e-3).any() else 0.0
             if usual > _FASTEST:
                 raise ValueError(
-                    f"shot {track.name}, ball {ball}: {usual:.3g} m/s: expected at most {_FASTEST:g}, are the times in "
+                    f"shot {track.name}, ball {ball}: {usual:.3g} m/s: expected at most {_FASTEST:g}; are the times in "
                     "seconds?"
                 )
             fast, way = float(np.sort(speeds)[-3]), float(np.hypot(*(p[-1] - p[0])))
             if way > 0.1 and fast * fast < 2.0 * rolls * way:
                 raise ValueError(
-                    f"shot {track.name}, ball {ball}: {way:.2g} m at {fast:.2g} m/s or less: a ball does not roll as "
-                    "far, are the times in seconds (not the numbers of frames)?"
+                    f"shot {track.name}, ball {ball}: {way:.2g} m at {fast:.2g} m/s or less: a ball does not roll that "
+                    "far; are the times in seconds (not the numbers of frames)?"
                 )
     lines = find_lines(contacts)
     for name, at, error, expected in zip(

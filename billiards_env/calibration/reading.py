@@ -1,4 +1,4 @@
-"""Reads files of tracks: CSV files as tables of many programs are, and JSON files with lists for each ball."""
+"""Reads files of tracks: CSV files in the forms of many programs, and JSON files with lists for each ball."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ Row = tuple[float, str, float, float]
 
 
 def read_tracks(path: str | os.PathLike[str], unit: str = "m") -> list[Track]:
-    """Reads a file of tracks, packed with gzip if its name ends in ".gz".
+    """Reads a file of tracks, compressed by gzip if its name ends in ".gz".
 
     A CSV file has columns with headings as in `_NAMES`, in any order and any case, such as "X [mm]" or "t (s)"; other
     columns are ignored. Commas, semicolons or tabs separate them; with the last two, numbers may have decimal commas.
-    Lines that begin with "#" are ignored, and rows without x or y. A JSON file is a list of shots {"id": ..., "balls":
+    Lines that begin with "#" and rows without x or y are ignored. A JSON file is a list of shots {"id": ..., "balls":
     {name: {"t": [...], "x": [...], "y": [...]}}}.
 
     Balls that are whole numbers, one of them 0, are numbered as in the scene. Otherwise the ball of a shot that moves

@@ -1,4 +1,4 @@
-"""The result of a calibration: its report, its files, and what trains a policy on the calibrated table."""
+"""The result of a calibration: its report, its files, and arguments of `gym.make` for the calibrated table."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Calibration:
         fitted: m arrays (k,) bool: whether a row is fitted.
         starts: (m, 2 n + 6) float64: the starts, see `Layout`.
         strikes: (m,) s, the times of the starts, as in the tracks.
-        problems: What is reported, and not fitted.
+        problems: The rows that are reported, and not fitted.
         judged: The errors of the fitted shots.
         predicted: The errors of the shots that were held back before they were fitted too; None for few shots.
         laws: The loss with each law of cushions, by name.
@@ -150,7 +150,8 @@ class Calibration:
     def randomize(self) -> dict[str, tuple[float, float]]:
         """Returns the argument `randomize` of `Billiards-v0`: the intervals within the ranges of the numbers.
 
-        The intervals come from the spread over the shots, so they hold what the shots leave open about the table.
+        The intervals come from the spread over the shots, so they contain the tables that are consistent with the
+        shots.
         """
         low_high = bounds_of(tuple(self.values)).T
         return {

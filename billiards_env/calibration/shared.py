@@ -87,7 +87,7 @@ def fit_shared(
 ) -> tuple[Scene, Floats]:
     """Fits shared numbers and the starts (m, width) of all shots, and returns the scene and the starts.
 
-    The numbers count as one measurement near `start` (s,), which holds numbers that the rows do not determine.
+    `start` (s,) counts as one measurement of the numbers. A number that the rows do not determine stays near it.
     """
     low_high, damping, begun = bounds_of(names), 1e-3, numbers_of(scene, names) if start is None else start
     usual = np.maximum(_USUAL[0] * np.abs(begun), _USUAL[1])
@@ -124,9 +124,9 @@ def covariance(scene: Scene, names: Sequence[str], starts: Floats, rows: Rows) -
     """Returns the covariance (s, s) of the shared numbers; inf for a number that the rows do not determine.
 
     From `MANY` shots on it is that of the jackknife: the numbers without one shot, in the linear approximation (Bell
-    and McCaffrey 2002). It holds for errors of the laws, which rows of a shot share. Fewer shots do not show their
-    spread; the errors of their rows count as independent. The derivative of the loss is not that of its weights,
-    which the factor `bend` accounts for (Huber 1964).
+    and McCaffrey 2002). It includes errors of the laws, which the rows of a shot share. The spread over fewer shots is
+    too uncertain, so the errors of their rows count as independent. The weights change with the residuals; the factor
+    `bend` accounts for this (Huber 1964).
     """
     normal, m = normal_equations(scene, names, starts, rows), len(starts)
     square = np.square(errors(scene, starts, rows) / rows.scale[..., None])[rows.used]

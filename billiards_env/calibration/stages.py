@@ -47,7 +47,7 @@ class Fitted(NamedTuple):
 
 
 def typical_errors(rows: Rows, off: Floats, noise: float) -> Floats:
-    """Returns the typical errors of the coordinates of rows, (m, r) m: of those after as many contacts of the cue ball.
+    """Returns the typical errors of the coordinates of rows after as many contacts of the cue ball, (m, r) m.
 
     Args:
         rows: The rows.
@@ -65,8 +65,8 @@ def typical_errors(rows: Rows, off: Floats, noise: float) -> Floats:
 def _scales(rows: Rows, typical: Floats, noise: float) -> Floats:
     """Returns the scales of the loss of rows with typical errors, (m, r) m.
 
-    What is more than noise is an error of the laws, which the rows of a shot between two contacts share. Together they
-    count as `_SHARED` rows.
+    The part above the noise is an error of the laws, which the rows of a shot between two contacts share. Together
+    these rows count as `_SHARED` rows.
     """
     counts = np.ones(rows.scale.shape)
     for after in np.unique(rows.after[rows.used]):
@@ -108,7 +108,7 @@ def fit_stage(
 
 
 def search_again(scene: Scene, starts: Floats, whole: Rows, ends: Floats) -> Floats:
-    """Returns starts that fit all rows until some times better, if there are such."""
+    """Returns starts that fit all rows until some times better, if the search finds any."""
     part = whole._replace(used=whole.seen, scale=np.maximum(whole.scale, FIRST)).until(ends)
     return best_starts(scene, part, starts)
 

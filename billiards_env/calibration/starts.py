@@ -40,8 +40,8 @@ _CONVERGED, _EXACT = 1e-6, 1e-14  # relative and absolute change of the loss
 class Residuals(NamedTuple):
     """The residuals of m shots over their scales, and their derivatives.
 
-    Those of rows that are not used are zero. The last ones belong to what is known of the starts; they are linear, the
-    loss of the others is that of Cauchy, log(1 + r^2).
+    The residuals of unused rows are zero. The last p residuals belong to the prior; their loss is quadratic. The others
+    have Cauchy's loss, log(1 + r^2).
 
     Attributes:
         values: (m, 2 r + p).
@@ -282,7 +282,7 @@ def _other_spins(scene: Scene, starts: Floats) -> list[Floats]:
 
 
 def search(scene: Scene, rows: Rows, starts: Floats | None = None) -> Floats:
-    """Returns the best starts of shots (m, width): fits from guesses, or from given starts and such with other spins.
+    """Returns the best starts of shots (m, width): fits from guesses, or from given starts and other spins of these.
 
     The loss has several minima over the spin: the ball may slip or stick at each of its contacts. The worse half of the
     fits ends after a few steps (successive halving).

@@ -1,8 +1,8 @@
-"""Tracks: where the balls of a shot were seen, as software that follows balls in a film writes them.
+"""Tracks: the places of the balls of a shot in the frames of a film.
 
 Times are in seconds, places in metres in the frame of the scene (the origin is the centre of the table, x runs along
 its length). Balls are numbered as in the scene, the cue ball is ball 0. A ball without rows in a shot is not on the
-table. A ball that rests needs no rows but one: it rests where it was.
+table. A ball at rest needs only one row.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _APART = 1e-6  # s, least time between two rows of a ball; no camera takes frame
 
 
 class Track(NamedTuple):
-    """Where the balls of one shot were seen.
+    """The places of the balls of one shot in the frames of a film.
 
     Attributes:
         name: Name of the shot.
@@ -50,7 +50,7 @@ class Track(NamedTuple):
 
 
 def observed(name: str, shot: ShotResult, times: ArrayLike, noise: float = 0.0, seed: int = 0) -> Track:
-    """Returns the track that a camera records of a simulated shot.
+    """Returns the track of a simulated shot, as a camera would record it.
 
     Args:
         name: Name of the shot.

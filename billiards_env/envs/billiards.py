@@ -92,7 +92,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     `env.unwrapped.decode(observation)` returns the features by name. `env.unwrapped.features` has their shapes. With
     `observe=("positions", "shots_left")` the observation has the positions and then the number of shots left, divided
-    by `max_shots`. `"physics"` shows the numbers of `randomize`. Other features are distances and directions of the
+    by `max_shots`. `"physics"` contains the numbers of `randomize`. Other features are distances and directions of the
     balls and pockets, and whether the straight lines between them are free.
 
     The origin is the centre of the table. Both numbers of a ball on the table are strictly between -1 and 1. A potted
@@ -186,7 +186,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     | Key            | Type       | Description                                              | After `reset` |
     |----------------|------------|----------------------------------------------------------|---------------|
-    | `episode_seed` | (8,) int64 | what repeats the episode alone, see below                | drawn         |
+    | `episode_seed` | (8,) int64 | seed that repeats this episode, see below                | drawn         |
     | `shot_time`    | float64    | duration of the shot, s                                  | 0             |
     | `n_events`     | int64      | number of events in the shot                             | 0             |
     | `status_code`  | int64      | reason for the end of the shot, usually 0, see below     | 0             |

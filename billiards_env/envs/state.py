@@ -12,7 +12,7 @@
     (True, True)
 
 The live state of m episodes is one block of memory with one array after the other (`StateArrays`). A copy of the block
-is a copy of the state. For one episode the block is at the same time its row.
+is a copy of the state. The block of one episode is also its row.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def checked_state(state: Any, kind: np.dtype[np.void], model: Model, count: int)
 
 
 def parts(count: int) -> Iterator[slice]:
-    """Returns the parts of an array of `count` rows, each of which fits in the cache of a core."""
+    """Returns slices of an array of `count` rows. Each slice fits in the cache of a core."""
     return (slice(at, at + 2048) for at in range(0, count, 2048))
 
 

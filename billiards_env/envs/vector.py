@@ -177,7 +177,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         return self._episodes.take(self._rows(rows))
 
     def set_state(self, state: State, rows: Any = None) -> None:
-        """Continues environments from states, bit for bit.
+        """Sets the states of environments, which continue from them bit for bit.
 
         Args:
             state: One row for each of the environments, or one row for all, such as from `get_state` of this or of a
@@ -295,8 +295,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         Args:
             seed: Seed of the first environment, from which environment i gets `seed + i`, or a sequence with one seed
                 per environment. None leaves the random streams as they are.
-            options: None or a dict with any of "positions", "goal", "physics" and "reset_mask", see the class.
-                Environments outside the mask are neither reset nor seeded.
+            options: None or a dict with any of "positions", "goal", "physics", "episode_seed" and "reset_mask", see the
+                class. Environments outside the mask are neither reset nor seeded.
 
         Returns:
             (num_envs, size) observations of all environments, and an info with the numbers of `randomize` alone.

@@ -21,7 +21,7 @@ from billiards_env.shots.strikes import strike_with
 
 
 class PlayedBatch(NamedTuple):
-    """m shots and what follows from them.
+    """The results of m shots.
 
     Attributes:
         positions: (m, n, 2) m, of the balls after the shots. A ball that returns to the table lies on its spot, even if
@@ -46,9 +46,10 @@ def play_batch(
 ) -> PlayedBatch:
     """Plays m shots of the cue ball from one position, each with its own place of the cue ball and its own call.
 
-    The states and verdicts are those of `game.play`, except where they depend on what the engine does not count: if
-    balls of both groups are potted on an open table of eight ball, the group is that of the ball that was touched
-    first; and if the cue ball touches several balls at the same instant, one of them counts as touched first.
+    The states and verdicts are those of `game.play`, with two exceptions, because the counts of the engine have no
+    order of events. If balls of both groups are potted on an open table of eight ball, the group is that of the ball
+    that was touched first. If the cue ball touches several balls at the same instant, one of them counts as touched
+    first.
 
     Args:
         setup: The settings of the game.
@@ -56,8 +57,8 @@ def play_batch(
         velocities: (m, 2) velocities of the cue ball, m/s.
         spins: (m, 3) its angular velocities, rad/s; None for zero.
         places: (m, 2) free places of the cue ball, m; None for its place in `game`.
-        calls: (m, 2) the called balls and pockets, -1 for none. None calls the lowest ball that the shot pots and that
-            may be called. They have no effect in a game without called shots.
+        calls: (m, 2) the called balls and pockets, -1 for none. With None each shot calls the lowest ball that it pots
+            and that may be called. Calls have no effect in a game without called shots.
         threads: As in `simulate_batch`.
 
     Example:
@@ -109,7 +110,7 @@ def play_batch(
 
 
 def best_call(setup: Setup, state: Any, pots: tuple[tuple[int, int], ...]) -> Call:
-    """Returns the call of the first of some pots, balls and pockets, that may be called; `NO_CALL` if there is none."""
+    """Returns the call of the first pot (ball, pocket) whose ball may be called; `NO_CALL` if there is none."""
     if state.call_shot and not state.break_shot:
         candidates = setup.callable(state)
         for ball, pocket in pots:

@@ -65,8 +65,7 @@ STATE_FIELDS = (
     "colour",
     "free_ball",
 )
-"""The fields of a state in words (`state.to_dict`) that a custom opening may set. The setup of the game sets the
-others."""
+"""The fields of `state.to_dict` that a custom opening may set. The setup of the game sets the others."""
 
 
 class Call(NamedTuple):
@@ -99,8 +98,8 @@ class Setup:
         mode: The engine, as in `simulate`.
         dt: As in `simulate`.
         fix: As in `simulate`.
-        call_shot: Whether shots are called in eight ball or straight pool, as the WPA's rules require (1.6). By default
-            any ball potted on a legal shot counts, and a player need not call.
+        call_shot: Whether shots are called in eight ball, ten ball or straight pool, as the WPA's rules require (1.6).
+            By default any ball potted on a legal shot counts, and a player need not call.
         miss: Whether snooker is played with the miss rule.
     """
 
@@ -287,8 +286,8 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     Args:
         setup: The settings of the game.
         positions: (n, 2) m.
-        state: Fields of the state in words to set, of `STATE_FIELDS`, see `state.to_dict`. By default player 0 is to
-            shoot, all balls are on the table, the shot is not a break and the cue ball is not in hand.
+        state: The fields of `STATE_FIELDS` to set, in the form of `state.to_dict`. By default player 0 is to shoot,
+            all balls are on the table, the shot is not a break and the cue ball is not in hand.
 
     Returns:
         The state.

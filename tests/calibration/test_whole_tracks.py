@@ -122,9 +122,9 @@ def test_one_far_row_never_ends_a_track():
         (lambda t, p: (t, p[:, ::-1]), "beyond the cushion: are x and y exchanged"),
         (
             lambda t, p: (50.0 * t, p),
-            r"a ball does not roll as far, are the times in seconds \(not the numbers of frames\)",
+            r"a ball does not roll that far; are the times in seconds \(not the numbers of frames\)",
         ),
-        (lambda t, p: (t / 50.0, p), r"m/s: expected at most 20, are the times in seconds"),
+        (lambda t, p: (t / 50.0, p), r"m/s: expected at most 20; are the times in seconds"),
     ],
 )
 def test_a_file_that_does_not_lie_on_the_table_is_refused(change, message):

@@ -78,7 +78,7 @@ def test_bad_arguments_are_rejected_and_leave_no_file(suffix, shot, elsewhere, t
     for name, error, message in (
         ("a.png", ValueError, f"expected a name that ends in '.{suffix}'"),
         (f"none/a.{suffix}", FileNotFoundError, "the folder .*none' does not exist"),
-        (f"folder.{suffix}", IsADirectoryError, "expected a file, this is a folder"),
+        (f"folder.{suffix}", IsADirectoryError, "expected a file, not a folder"),
     ):
         with pytest.raises(error, match=message):
             write(tmp_path / name)
