@@ -2,7 +2,7 @@
 
     python -m examples.tree_search --episodes 5 --simulations 400
 
-`get_state` and `set_state` hold and restore a position in microseconds. Each simulation goes down the tree to a new
+`get_state` and `set_state` copy and restore a position in microseconds. Each simulation goes down the tree to a new
 position (selection by UCB1, Kocsis and Szepesvari 2006), plays one shot there (expansion), and adds the points to the
 nodes on its path. Execution noise makes a shot random, so each visit of an action plays it again with new noise.
 """
@@ -32,7 +32,7 @@ class Node:
     children: list[Node] = dataclasses.field(default_factory=list)
 
     def best(self) -> Node:
-        """Returns the next shot to try: a new one first, then that with the largest upper bound."""
+        """Returns the next shot to try: a new one first, then the one with the largest upper bound."""
         return max(self.children, key=lambda child: _bound(child, self.visits))
 
 

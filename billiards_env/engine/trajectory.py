@@ -82,7 +82,7 @@ class Trajectory(NamedTuple):
         return self.at_pieces(self._pieces(ball, at, before), at)
 
     def velocities(self, ball: int, times: Floats) -> Floats:
-        """Returns the velocities of a ball at some times (m,), s, (m, 2) m/s; at an event that after the event."""
+        """Returns the velocities of a ball, (m, 2) m/s, at times (m,), s; at an event the velocity after it."""
         pieces = self._pieces(ball, times)
         since, rows = self._since(pieces, times), self.rows[pieces]
         moves = self.moving[pieces] & (since < rows[:, LASTS])

@@ -1,4 +1,4 @@
-"""The features of observations: one entry of `FEATURES` for each.
+"""The features of observations. `FEATURES` has one entry for each.
 
 `gym.make("Billiards-v0", observe=("positions", "shots_left"))` chooses and orders them. An environment compiles and
 runs only the writers of its own features.
@@ -34,7 +34,7 @@ from billiards_env.scene import Scene
 
 Init = TypeVar("Init", bound=Callable[..., None])
 
-_LEEWAY = 1e-9  # m; a path may overlap a ball by this: the positions of balls that touch are rounded
+_LEEWAY = 1e-9  # m, by which a path may overlap a ball, because the positions of balls that touch are rounded
 
 USUAL = ("positions", "goal", "legal_balls")
 """The features of an environment without the argument `observe`, as far as its task has them."""
@@ -44,7 +44,7 @@ OLD = {"observe_shots_left": "shots_left", "observe_physics": "physics"}
 
 
 class Source(NamedTuple):
-    """What features read.
+    """The data from which features are computed.
 
     Attributes:
         scene: The scene.
@@ -152,7 +152,7 @@ def write_balls_to_pockets(begin, end, observations, first, positions, in_play, 
 
 @inlined
 def _write_way(observations, k, column, is_there, way, reach):
-    """Writes the length of a way, over `reach`, and its direction (x, y); zeros if it is not there."""
+    """Writes the length of a vector over `reach`, and its direction (x, y); zeros without `is_there`."""
     length = norm(way[X], way[Y]) if is_there else 0.0
     observations[k, column] = min(length / reach, 1.0)
     for c in range(2):
@@ -161,7 +161,7 @@ def _write_way(observations, k, column, is_there, way, reach):
 
 @entry_point
 def write_free_to_balls(begin, end, observations, first, positions, in_play, touching):
-    """Writes 1 for each object ball that the cue ball can hit full, without a touch of another ball, else 0."""
+    """Writes 1 for each object ball that the cue ball can hit full without touching another ball, else 0."""
     for k in range(begin, end):
         x, y = positions[k, CUE_BALL, X], positions[k, CUE_BALL, Y]
         for i in range(1, positions.shape[1]):
@@ -299,11 +299,11 @@ FEATURES = {
 
 
 class Observer:
-    """Writes observations, in which the features follow each other.
+    """Writes observations: the features one after the other.
 
     Args:
         observe: The names of the features; None for the features of `USUAL` that the environment has.
-        source: What they read.
+        source: The data of the features.
 
     Attributes:
         features: The shape of each feature by name, in the order of the observation.
@@ -384,7 +384,7 @@ def decode(observation: Any, features: Mapping[str, tuple[int, ...]]) -> dict[st
 
 
 def without_old(init: Init) -> Init:
-    """Returns a constructor that raises a TypeError for an argument of `OLD`; it names the new spelling."""
+    """Returns a constructor that raises a TypeError for an argument of `OLD`. The message has the new spelling."""
 
     @functools.wraps(init)
     def checked(self: Any, *args: Any, **arguments: Any) -> None:

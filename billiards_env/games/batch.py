@@ -46,10 +46,10 @@ def play_batch(
 ) -> PlayedBatch:
     """Plays m shots of the cue ball from one position, each with its own place of the cue ball and its own call.
 
-    The states and verdicts are those of `game.play`, with two exceptions, because the counts of the engine have no
-    order of events. If balls of both groups are potted on an open table of eight ball, the group is that of the ball
-    that was touched first. If the cue ball touches several balls at the same instant, one of them counts as touched
-    first.
+    The states and verdicts are those of `game.play`, with two exceptions, because the counts of the engine contain
+    neither the order of the pots nor simultaneous contacts. If balls of both groups are potted on an open table of
+    eight ball, the group is that of the ball that was touched first. If the cue ball touches several balls at the same
+    instant, one of them counts as touched first.
 
     Args:
         setup: The settings of the game.

@@ -17,8 +17,8 @@ class Game(NamedTuple):
 
     Attributes:
         name: The name of the game.
-        judge: Kernel `(state, facts, call)`, see `referee.judged`. Returns the `Verdict` of a shot, and writes to the
-            state what it changes for the next shot beside the turn, the scores and the balls on the table.
+        judge: Kernel `(state, facts, call)`, see `referee.judged`. Returns the `Verdict` of a shot, and updates the
+            state for the next shot, except the turn, the scores and the balls on the table.
         legal: Kernel `(state, player)`. Returns the balls that the player may touch first.
         scene: The name of the usual scene.
         layouts: The opening layouts; the first is the default. "random" has no break.

@@ -1,7 +1,7 @@
-"""The facts of a shot that the rules use: from what the engine counts in m shots, or from recorded events.
+"""The facts of a shot that the rules use: from the counts of the engine for m shots, or from recorded events.
 
-The events of a shot also give the order of the pots, and the balls that are touched at the same instant. What the
-engine counts does not: one ball counts as touched first, and `Facts.first_potted` is 0.
+The events of a shot also give the order of the pots, and the balls that are touched at the same instant. The counts of
+the engine do not: one ball counts as touched first, and `Facts.first_potted` is 0.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from billiards_env.physics.state import CUE_BALL
 
 
 class Counts(NamedTuple):
-    """What the engine counts in m shots of n balls, of which it strikes the first, see `engine.Shots`.
+    """The counts of the engine for m shots of n balls, the first of which is struck; see `engine.Shots`.
 
     Attributes:
         off_table_before: (m, n) bool, the balls that are potted or not in play before the shot.
@@ -59,7 +59,7 @@ def facts_of_shot(k, counts):
 
 @entry_point
 def write_facts(counts, facts):
-    """Writes the facts of m shots; `facts` is (m,) `FACTS` out."""
+    """Writes the facts of m shots to `facts`, (m,) `FACTS`."""
     for k in range(len(facts)):
         shot, row = facts_of_shot(k, counts), facts[k]
         row.first, row.touched, row.cushions_before_last = shot.first, shot.touched, shot.cushions_before_last

@@ -1,8 +1,8 @@
 """The referee: judges arrays of shots of any game, and returns the states before the next shots.
 
-`play` is the only next state: the tasks, the PettingZoo environment, the players and the window use it or its kernel
-`judged`. What needs the positions of the balls is not part of it: where balls return to the table (`games.placement`),
-and a free ball of snooker (`Game.free_ball`).
+No other code computes the next state: the tasks, the PettingZoo environment, the players and the window use `play` or
+its kernel `judged`. The referee does not use the positions of the balls. `games.placement` computes the places at which
+balls return to the table, and `Game.free_ball` whether there is a free ball in snooker.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ GAMES: dict[str, Game] = {game.name: game for family in (pool, snooker, carom) f
 
 @inlined
 def judged(judge, state, facts, call):
-    """Judges a shot and changes the state to that before the next shot. A potted cue ball returns to the table.
+    """Judges a shot and changes the state to the one before the next shot. A potted cue ball returns to the table.
 
     Args:
         judge: The kernel `Game.judge` of the game.

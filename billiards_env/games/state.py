@@ -1,8 +1,9 @@
 """The state of a game, the facts of a shot, the call and the verdict: one structured type each.
 
 `STATE`, `FACTS`, `CALL` and `VERDICT` are the types of arrays of m games or shots; a single game is a row. The classes
-`State`, `Facts`, `Called` and `Verdict` describe their fields, and make rows: `row(State(player=1))`. Compiled code
-reads and changes rows. Sets of balls are bit masks: bit i is ball i. `to_dict` returns a row in words.
+`State`, `Facts`, `Called` and `Verdict` describe their fields, and `row(State(player=1))` makes a row. Compiled code
+reads and changes rows. Sets of balls are bit masks: bit i is ball i. `to_dict` converts a row to a dict of names and
+tuples.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ class State(NamedTuple):
     Attributes:
         player: The player to shoot, 0 to n_players - 1.
         n_players: Number of players.
-        scores: The score of each player, 0 after the last of `n_players`.
+        scores: The score of each player; zeros beyond `n_players`.
         fouls: Number of consecutive fouls of each player.
         balls: All object balls of the game.
         object_balls: The balls on the table, except the one that is struck next.
@@ -116,9 +117,9 @@ class Facts(NamedTuple):
     Attributes:
         first: The balls that the cue ball touched first; several if it touched them at the same instant.
         touched: Number of balls that the cue ball touched.
-        cushions_before_last: Number of cushion contacts of the cue ball before it touched the last one of these.
+        cushions_before_last: Number of cushion contacts of the cue ball before it touched the last of these balls.
         potted: The potted object balls.
-        first_potted: The one that was potted first; 0 if there is none or the order is not known.
+        first_potted: The object ball that was potted first, as a set; 0 if there is none or the order is not available.
         scratch: Whether the cue ball was potted.
         cushion_after: Whether any ball hit a cushion or was potted after the cue ball's first contact with a ball.
         driven: The object balls that hit a cushion or were potted (WPA 8.4).
@@ -137,7 +138,7 @@ class Facts(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """The judgement of a shot. What follows for the next shot is in the next `State`.
+    """The judgement of a shot. The next `State` has the consequences for the next shot.
 
     Attributes:
         foul: Index in `FOULS`.
@@ -184,7 +185,7 @@ def changed(state: Any, **fields: Any) -> Any:
 
 
 def to_dict(row: Any) -> dict[str, Any]:
-    """Returns a row by field in words: sets as tuples of balls in order, indices as names.
+    """Returns a row as a dict. Sets are tuples of balls in order, and indices are names.
 
     A state has the scores and fouls of its players, each cue ball once, and also `on_table`: the balls on the table
     including the cue balls; a cue ball in hand counts.
@@ -226,7 +227,7 @@ def on_table(states: Any) -> Any:
 
 
 def in_play(state: Any) -> Any:
-    """Returns the balls that lie on the table: all on it, without a cue ball in hand."""
+    """Returns the balls that lie on the table: those of `on_table` except a cue ball in hand."""
     return state["object_balls"] if state["in_hand"] else on_table(state)
 
 

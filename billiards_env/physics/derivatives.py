@@ -2,7 +2,7 @@
 
 A lane is a row of numbers: one direction of change of one or two balls, and of the constants of the scene. Each
 function `*_lane` below changes a lane in place. `physics.tangent` makes the derivatives of the laws from their
-sources. What is written here by hand is the change of the time of an event, which is an implicit function.
+sources. The change of the time of an event, which is an implicit function, is written here by hand.
 
 The state of a ball in a lane is a `BallState` at a fixed time. An event changes it by the saltation matrix (Aizerman
 and Gantmakher 1958; Leine and Nijmeijer 2004, section 7.5): the change is propagated to the time of the changed event,

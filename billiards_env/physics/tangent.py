@@ -14,8 +14,8 @@ A kernel may consist of:
 * `abs`, `math.sqrt`, `max` and `min` of two numbers, NamedTuples, and calls of other kernels with positional arguments,
   but no call of a kernel within `a if condition else b` or a condition.
 
-Everything else is refused, with its line. The tangents of called kernels are made in the same way. `rule` gives a
-kernel a tangent of another form: for an iteration, differentiate the equation that it solves.
+Everything else is an error, whose message has the line. The tangents of called kernels are made in the same way. `rule`
+gives a kernel a tangent of another form: for an iteration, differentiate the equation that it solves.
 
 The derivative at a branch is that of the branch that is taken. So the derivative of `max(a, b)` and `min(a, b)` at
 a = b is that of a, that of `abs(x)` at 0 is 1, and that of `math.sqrt(x)` at 0 is 0.

@@ -198,7 +198,7 @@ class _Inputs(NamedTuple):
         return (self.scene.n_balls, *width)
 
     def push(self, name: str, change: Floats, inputs: Floats) -> None:
-        """Adds to changes of the inputs of the engine, (m, k, 9 n + NUMBER_INPUTS), those by an input, (m, k, ...)."""
+        """Adds the changes by an input, (m, k, ...), to those of the engine's inputs, (m, k, 9 n + NUMBER_INPUTS)."""
         n = self.scene.n_balls
         balls = inputs[..., : BALL_INPUTS * n].reshape(*inputs.shape[:2], n, BALL_INPUTS)  # a view
         if name == "strike":
@@ -210,7 +210,7 @@ class _Inputs(NamedTuple):
             balls[..., _BALL_INPUTS[name]] += change * self.by_mass() if name == "mass" else change
 
     def pull(self, name: str, adjoint: Floats) -> Floats:
-        """Returns the adjoint of an input, (m, k, ...), for those of the engine, (m, k, 9 n + NUMBER_INPUTS)."""
+        """Returns the adjoint of an input, (m, k, ...), from that of the engine's, (m, k, 9 n + NUMBER_INPUTS)."""
         n = self.scene.n_balls
         balls = adjoint[..., : BALL_INPUTS * n].reshape(*adjoint.shape[:2], n, BALL_INPUTS)
         if name == "strike":

@@ -6,8 +6,8 @@ functions of the normal impulse P. They follow an ordinary differential equation
 turn while friction acts. Compression ends when the normal velocity is zero, and restitution ends when the cushion has
 returned e^2 of the work of compression.
 
-A contact without slip sticks if friction suffices, and begins to slip against the friction that would be necessary
-otherwise. The equation is integrated by the method of Dormand and Prince (1980), of order 5(4), with a local error of
+A contact without slip sticks if friction suffices. Otherwise it begins to slip, against the friction that would be
+necessary. The equation is integrated by the method of Dormand and Prince (1980), of order 5(4), with a local error of
 `TOLERANCE` times the normal velocity. While a slip falls, no step changes it by more than half of its size. A slip of
 less than 100 times the local error is zero. The result is within 1e-6 of the normal velocity.
 
