@@ -137,10 +137,10 @@ class Balls:
 
 
 class Parameter(NamedTuple):
-    """What is known about a number of `Physics` besides its default value.
+    """The properties of a number of `Physics` besides its default value.
 
     Attributes:
-        within: Its range, a key of `checks.RANGES`, which has the unit too.
+        within: Its range, a key of `checks.RANGES`, which also has the unit.
         law: The law that reads it under its own name: "cloth", "balls" or "cushion"; "" if the laws read only what
             `law_numbers` makes of it.
         source: Where the default comes from; "" for 0 and 1.
@@ -152,7 +152,7 @@ class Parameter(NamedTuple):
 
 
 def _number(default: float | None, within: str, law: str, source: str = "") -> Any:
-    """Returns the field of a number of `Physics`. All that reads these numbers is made from `PARAMETERS`."""
+    """Returns the field of a number of `Physics`. All code takes these numbers from `PARAMETERS`."""
     return dataclasses.field(default=default, metadata={"parameter": Parameter(within, law, source)})
 
 
