@@ -94,9 +94,10 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "machine": machine_line(result["machine"]),
         "how": f"{result['shots']} shots were fitted with `{result['cushion']}` cushions, in {result['seconds']:.0f} s "
         f"of processor time; {result['judged_shots']} shots were judged.",
-        "summary": f"The numbers of the model are fitted to {result['shots']} recorded shots. In {result['judged_shots']} "
-        f"other shots, of which only the starts are fitted, {result['judged']['rows_5mm_contact2']:.1%} of the recorded "
-        "positions are within 5 mm of the computed path until the second contact of the cue ball.",
+        "summary": f"The numbers of the model are fitted to {result['shots']} recorded shots. In "
+        f"{result['judged_shots']} other shots, of which only the starts are fitted, "
+        f"{result['judged']['rows_5mm_contact2']:.1%} of the recorded positions are within 5 mm of the computed path "
+        "until the second contact of the cue ball.",
         "judged": table(("", "judged shots", "fitted shots", "target"), rows),
         "numbers": table(("number", "fitted", "95% interval"), numbers),
         **({"laws": table(("law of cushions", "loss over the least"), laws)} if laws else {}),

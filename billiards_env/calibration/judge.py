@@ -115,7 +115,7 @@ def judge(scene: Scene, shots: Sequence[Shot], rows: Rows) -> Judged:
 
 
 def _after(shot: Shot, contact: int) -> float:
-    """Returns a time after a contact of the cue ball, s: 0.1 s later, or just before its next contact."""
+    """Returns a time after a contact of the cue ball, s: 0.1 s later, or just before an earlier next contact."""
     times = [one.time - shot.begin for one in shot.cue_contacts()]
     return min(times[contact - 1] + 0.1, times[contact] - _BEFORE if len(times) > contact else np.inf)
 
