@@ -206,7 +206,7 @@ def test_links_exist(page):
     folder = (ROOT / page).parent
     for link in re.findall(r"\]\(([^)]+)\)", PAGES[page]):
         path, _, anchor = link.partition("#")
-        if link.startswith("https://"):
+        if link.startswith("https://") or path.endswith("play.html"):  # `make docs` builds this page
             continue
         path = path or Path(page).name  # a heading of the same page
         assert (folder / path).exists(), link

@@ -34,11 +34,11 @@ NO_TIMESTEP = {"mode": "pit", "dt": 1 / 60, "randomize": {"dt": [0, 1]}}
         ({"task": "carom", "n_object_balls": 0}, "task = 'carom' with a scene of the cue ball alone"),
         (
             {"task": "sum_to_three", "scene": "pool"},
-            "'sum_to_three' with 1 object balls and 6 pockets: expected 1 object",
+            "'sum_to_three' with 1 object ball and 6 pockets: expected 1 object",
         ),
         (
             {"task": "sum_to_three", "scene": "carom", "n_object_balls": 2},
-            "'sum_to_three' with 2 object balls and 0 pockets: expected 1 object balls and a table without",
+            "'sum_to_three' with 2 object balls and 0 pockets: expected 1 object ball and a table without",
         ),
         ({"task": "pott"}, "task = 'pott': expected one of 'pot', 'carom', .*did you mean 'pot'"),
         ({"scene": "carom"}, "'pot' with 2 object balls and 0 pockets: expected object balls and a table with"),
@@ -75,7 +75,7 @@ NO_TIMESTEP = {"mode": "pit", "dt": 1 / 60, "randomize": {"dt": [0, 1]}}
         ({"randomize": 3}, "randomize = 3: expected a mapping", TypeError),
         ({"randomize": {"mu_rol": [1, 2]}}, "key of randomize = 'mu_rol': expected one of .*did you mean 'mu_roll'"),
         ({"randomize": {"dt": [0.01, 0.02]}}, r"randomize\['dt'\] with mode='pic': expected mode='pit'"),
-        ({"randomize": {"mu_roll": 0.01}}, r"randomize\['mu_roll'\] = 0.01: expected a list", TypeError),
+        ({"randomize": {"mu_roll": 0.01}}, r"randomize\['mu_roll'\] = 0.01: expected \(low, high\)", TypeError),
         ({"randomize": {"mu_roll": [0.01]}}, r"randomize\['mu_roll'\] = \[0.01\]: expected \(low, high\)"),
         ({"randomize": {"mu_roll": [0.02, 0.01]}}, r"randomize\['mu_roll'\] = \[0.02, 0.01\]: .* with low < high"),
         ({"randomize": {"mu_roll": ["a", 1]}}, r"randomize\['mu_roll'\] = 'a': expected a number, not str", TypeError),

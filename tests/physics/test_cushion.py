@@ -121,7 +121,15 @@ def test_running_english_increases_and_reverse_english_decreases_the_tangential_
 
 
 def test_a_ball_does_not_continue_into_a_han2005_cushion():
-    assert run_han(1.0, 0.0, np.array([0.0, -200.0, 0.0]), cushion(1.9 * R, e_cushion=0.0, mu_cushion=2.0))[0] == 0.0
+    assert (
+        run_han(
+            1.0,
+            0.0,
+            np.array([0.0, -200.0, 0.0]),
+            cushion(1.9 * R, e_cushion=0.0, mu_cushion=2.0, mu_cushion_angle=0.5, e_cushion_topspin=0.1),
+        )[0]
+        == 0.0
+    )
 
 
 # Pool balls and cushions of different laws. The axes are x along the cushion, y into it and z up.
@@ -433,7 +441,11 @@ def test_each_cushion_of_a_scene_has_its_own_law():
         # With this friction and table other tests compile the same engines.
         rubs = name in ("stronge", "mathavan2010")
         friction, table = ("frictional", with_corners(Table())) if rubs else ("frictionless", Table())
-        scene = Scene(Balls.uniform(3), table, Physics(cushion=name, ball_ball=friction, mu_cushion=2.0))
+        scene = Scene(
+            Balls.uniform(3),
+            table,
+            Physics(cushion=name, ball_ball=friction, mu_cushion=2.0, mu_cushion_angle=0.5, e_cushion_topspin=0.1),
+        )
         shot = simulate(scene, [[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0]], [0.3, 1.5])
         assert shot.cushions[0] > 0
         ends[name] = shot.positions.tobytes()

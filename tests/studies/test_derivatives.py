@@ -120,14 +120,14 @@ def test_the_exact_derivative_teaches_what_the_one_through_a_timestep_does_not(m
 def test_a_mirrored_layout_has_mirrored_actions():
     torch.manual_seed(0)
     network = study.Network(Scene.named("pool"))
-    seen = torch.tensor([[0.1, -0.3, 0.4, 0.2]])
+    seen = torch.tensor([[[0.1, -0.3], [0.4, 0.2]]])
     places: list[list[float]] = network.signs.tolist()
     for x, y in ((1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)):
         signs = torch.tensor([x, y])
         for pocket, place in enumerate(places):
             other = places.index([place[0] * x, place[1] * y])
             action, chance = network(seen, torch.tensor([pocket]))
-            mirrored, same = network(seen * signs.repeat(2), torch.tensor([other]))
+            mirrored, same = network(seen * signs, torch.tensor([other]))
             torch.testing.assert_close(mirrored, action * signs)
             torch.testing.assert_close(same, chance)
 

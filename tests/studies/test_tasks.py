@@ -44,7 +44,7 @@ def test_each_id_has_a_page(name):
     assert picture
     assert (tasks.IMAGES.parent / picture[1]).exists()
     assert f'gym.make("Billiards/{name}")' in page
-    assert all(f"\n- {part}: " in page for part in ("Observation", "Action", "Reward", "Episode"))
+    assert all(re.search(rf"\n- \[?{part}\b.*: ", page) for part in ("Observation", "Action", "Reward", "Episode"))
     assert f"a mean return of {task.threshold:g}," in page
     assert all(f"\n| `{player}` " in page for player in ("random", "geometric", "search:200"))
     assert all(f"- {line}" in page for line in task.history)
@@ -53,7 +53,7 @@ def test_each_id_has_a_page(name):
 
 
 def test_the_text_about_a_task_fits_it():
-    assert "29 numbers: x and y of 10 balls, the legal balls" in tasks.page("NineBall-v0")
+    assert "29 numbers: `positions` (20), `legal_balls` (9)." in tasks.page("NineBall-v0")
     assert "- Episode: one shot." in tasks.page("Carom-v0")
     assert "- Episode: at most 10 shots." in tasks.page("Clear5-v0")
     assert "- Episode: 5 shots." in tasks.page("SumToThree-v0")
