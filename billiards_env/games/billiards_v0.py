@@ -89,7 +89,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     the nearest free point, so every action is valid. When the cue ball is not in hand, actions 2 and 3 have no effect.
 
     By default any ball potted on a legal shot counts, and a player makes no choices, so an action needs no call. With
-    `can_call=True` eight ball and straight pool have called shots, and three numbers follow:
+    `can_call=True` eight ball, ten ball and straight pool have called shots, and three numbers follow:
 
     | Num | Action |
     |---|---|
@@ -98,14 +98,15 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     | 6 | up to 0 an ordinary shot; above 0, in equal parts, the player's other choices |
 
     The other choices are a safety in the games with called shots, and then `choices` of the info: "push_out" and
-    "hand_back" in nine ball, "hand_back" and "replace" in snooker, see `games.state.CALLS`. If a player has no other
-    choice, every shot is an ordinary one. After "hand_back" and "replace" no ball moves, and the previous player plays.
+    "hand_back" in nine ball and ten ball, "hand_back" and "replace" in snooker, see `games.state.CALLS`. If a player
+    has no other choice, every shot is an ordinary one. After "hand_back" and "replace" no ball moves, and the previous
+    player plays.
 
     ## Observation Space
 
     `Box(float32)` of `4 * n_balls + 4` values. With `can_call=True` three values follow; then one per player in the
-    games that penalise three consecutive fouls (nine ball with two players, straight pool with a target); then one
-    score per player in the games won by points.
+    games that penalise three consecutive fouls (nine ball and ten ball with two players, straight pool with a target);
+    then one score per player in the games won by points.
 
     | Num | Observation | Min | Max |
     |---|---|---|---|
@@ -125,9 +126,9 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
     ## Rewards
 
-    The reward of the shooter is subtracted from the other players in equal parts. In `"eight_ball"` and `"nine_ball"`
-    it is 1 for winning the game and -1 for losing it. In the other games it is the number of points of the shot, in
-    snooker minus the penalty points for the other player. With two players the return is therefore the lead.
+    The reward of the shooter is subtracted from the other players in equal parts. In `"eight_ball"`, `"nine_ball"` and
+    `"ten_ball"` it is 1 for winning the game and -1 for losing it. In the other games it is the number of points of the
+    shot, in snooker minus the penalty points for the other player. With two players the return is therefore the lead.
 
     ## Episode End
 
@@ -135,7 +136,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
     ## Starting State
 
-    `layout` is one of `RULES[rules].layouts`, by default the first: `"rack"`, `"tight_rack"` or `"random"` in the pool
+    `layout` is one of `GAMES[rules].layouts`, by default the first: `"rack"`, `"tight_rack"` or `"random"` in the pool
     games, `"snooker"` or `"random"` in snooker, `"carom_opening"` or `"random"` in carom games. "random" has no break.
     `reset(options={"positions": [[x, y], ...], "state": {...}})` sets the state, see `games.game.custom_opening`.
 

@@ -99,8 +99,8 @@ class Setup:
         mode: The engine, as in `simulate`.
         dt: As in `simulate`.
         fix: As in `simulate`.
-        call_shot: Whether shots are called in eight ball or straight pool, as the WPA's rules require (1.6). By default
-            any ball potted on a legal shot counts, and a player need not call.
+        call_shot: Whether shots are called in eight ball, ten ball or straight pool, as the WPA's rules require (1.6).
+            By default any ball potted on a legal shot counts, and a player need not call.
         miss: Whether snooker is played with the miss rule.
     """
 
