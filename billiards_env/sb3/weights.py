@@ -128,7 +128,12 @@ def load_policy(
     except (AttributeError, KeyError, RecursionError, TypeError, yaml.YAMLError) as error:
         why = " ".join(str(error).split())
         raise ValueError(f"{settings}: expected the sections env and policy of a run ({why})") from None
-    _check_world(folder, trained, find_game(arguments), task)
+    played = find_game(arguments)
+    _check_world(folder, trained, played, task)
+    if description["head"] == "gaussian" and trained.observe != played.observe:
+        raise ValueError(
+            f"{folder} holds a policy that observes {trained.observe}: expected this, not {played.observe}"
+        )
     size = weights.stat().st_size
     if size and 4 * sum(a * b for a, b in zip((1, *hidden), hidden, strict=False)) > size:
         raise ValueError(f"{weights} does not hold the policy of its configuration: expected more weights for {hidden}")
