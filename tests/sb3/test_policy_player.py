@@ -62,7 +62,7 @@ def test_a_policy_is_a_player_of_an_environment_made_without_gymnasium_but_of_no
     observation, _ = env.reset(seed=0)
     act = find_player(f"policy:{folder}", BilliardsEnv(max_speed=5.0))
     assert act(observation).tobytes() == model.predict(observation, deterministic=True)[0].tobytes()
-    with pytest.raises(ValueError, match="another max_speed: expected 5.0, not 4.0"):
+    with pytest.raises(ValueError, match=r"another max_speed: expected 5\.0, not 4\.0"):
         find_player(f"policy:{folder}", gym.make("Billiards-v0"))
 
 
