@@ -119,11 +119,10 @@ def load_policy(
     try:
         config = plain_yaml(read_text(settings, _MOST_BYTES, "the settings of a run"))
         arguments, description = {**config["env"], **(env or {})}, dict(config["policy"])
-        if description["head"] == "aim":  # the networks observe what they observed in the training
-            seen = find_game(config["env"]).features
-            observe = [name for name in OBSERVED if name in seen]
-            description["arguments"] = {"observe": observe, **description["arguments"]}
         trained, task = find_game(config["env"]), str(config.get("task"))
+        if description["head"] == "aim":  # the networks observe what they observed in the training
+            observe = [name for name in OBSERVED if name in trained.features]
+            description["arguments"] = {"observe": observe, **description["arguments"]}
         hidden = policy_arguments(arguments, description).get("net_arch", ())
     except (AttributeError, KeyError, RecursionError, TypeError, yaml.YAMLError) as error:
         why = " ".join(str(error).split())
