@@ -178,8 +178,8 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(state, message
 @pytest.mark.parametrize(
     ("kwargs", "values", "message"),
     [
-        (NINE, {"player": 10**9}, r"state\['game'\] has the player .*1000000000.*: expected one of its players"),
-        (NINE, {"n_players": 0}, "expected one of its players"),
+        (NINE, {"player": 10**9}, "player = .*1000000000.* of .*2.* players: expected 0 to the number less 1"),
+        (NINE, {"n_players": 0}, "expected 0 to the number less 1"),
         (VARIED, {"physics": -1.0}, r"state\['physics'\], mu_roll = .*: expected numbers from 0.004 to 0.02, as in"),
     ],
     ids=["player", "players", "physics"],
