@@ -49,7 +49,7 @@ class Config:
         task: A frozen task, such as "Pot1-v0", which sets `env` and `noise`; None for none.
         env: Arguments of `gym.make("Billiards-v0", ...)`. They replace the arguments of `task`. After the construction
             it has all of them.
-        noise: The argument `noise` of `Billiards-v0`; None for no noise.
+        noise: The argument `noise` of `Billiards-v0`; None for no noise. After the construction it has all numbers.
         start_from: The folder of a finished run. The training starts with its weights. None for new weights.
         n_envs: The number of environments that are stepped together.
         seed: The seed of all random numbers; equal seeds give equal runs.
@@ -94,7 +94,7 @@ class Config:
         if noise is not None:
             for name in noise:
                 one_of("key of noise", name, tuple(NOISE))
-            self._set("noise", _numbers(noise))
+            self._set("noise", NOISE | _numbers(noise))
         head = self.policy.get("head", "aim")
         one_of("policy.head", head, tuple(_POLICY))
         for name in self.policy:

@@ -66,11 +66,10 @@ def evaluate_player(run_dir: Path, player: str, episodes: int | None = None, see
         ValueError: If there is no such player.
     """
     config, _ = load_policy(run_dir)
-    noise = config.noise or {}
-    deviations = noise.get("angle_std", 0.0), noise.get("speed_std", 0.0)
+    noise = (0.0, 0.0) if config.noise is None else (config.noise["angle_std"], config.noise["speed_std"])
     episodes = min(episodes or config.evaluation_episodes, LAYOUTS)
     seed = config.seed if seed is None else seed
-    return measure(player, config.env, deviations, episodes, seed)
+    return measure(player, {"noise": config.noise, **config.env}, noise, episodes, seed)
 
 
 def draw_curves(runs: Sequence[Path], path: Path) -> None:

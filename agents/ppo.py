@@ -42,19 +42,15 @@ def make_env(config: Config, render_mode: str | None = None) -> gym.Env[NDArray[
     return gym.make(ENV_ID, render_mode=render_mode, noise=config.noise, **config.env)
 
 
-def make_vector(
-    config: Config, num_envs: int, threads: int | None = None, autoreset_mode: str = "SameStep"
-) -> VectorEnv[Any, Any, Any]:
+def make_vector(config: Config, num_envs: int, threads: int | None = None) -> VectorEnv[Any, Any, Any]:
     """Returns a vector of `num_envs` environments as in `make_env`.
 
     Args:
         config: The configuration.
         num_envs: The number of environments.
         threads: The number of threads that play; None for one per core.
-        autoreset_mode: See `BilliardsVectorEnv`.
     """
-    options = {"autoreset_mode": autoreset_mode, "threads": threads, "noise": config.noise}
-    return gym.make_vec(ENV_ID, num_envs=num_envs, **options, **config.env)
+    return gym.make_vec(ENV_ID, num_envs=num_envs, threads=threads, noise=config.noise, **config.env)
 
 
 def make_vec_env(config: Config, threads: int | None = None) -> VecEnv:

@@ -218,10 +218,10 @@ def fresh(bench: Bench, noise_seed: int) -> Bench:
     return bench._replace(results=tuple(replay(one.task, one.seed, one.shots, one.actions, noise_seed) for one in some))
 
 
-def layouts_hash(task: str, seed: int = SEED) -> str:
-    """Returns the SHA-256 hash of the first observations of `EPISODES` environments, the layouts of a task."""
+def layouts_hash(task: str) -> str:
+    """Returns the SHA-256 hash of the first observations of the public layouts of a task."""
     envs: Any = gym.make_vec(NAMESPACE + task, EPISODES)
-    return hashlib.sha256(envs.reset(seed=evaluation_seeds(seed, EPISODES).tolist())[0].tobytes()).hexdigest()
+    return hashlib.sha256(envs.reset(seed=evaluation_seeds(SEED, EPISODES).tolist())[0].tobytes()).hexdigest()
 
 
 def save(path: str | os.PathLike[str], bench: Bench) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import importlib.util
 import re
 import warnings
-from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
@@ -30,7 +29,6 @@ def write(
     *,
     seed: int = 0,
     dataset_id: str | None = None,
-    progress: Callable[..., object] = lambda: None,
 ) -> Any:
     """Plays episodes of a frozen task and writes them as a dataset into the folder of Minari.
 
@@ -44,7 +42,6 @@ def write(
             seeds below 2**31.
         dataset_id: The id of the dataset, letters, digits, "-" and "_" with a version at the end, such as
             "mine/clear-v0"; None for one such as "billiards/pot1/geometric-v0".
-        progress: A function that is called after each episode.
 
     Returns:
         The `minari.MinariDataset`.
@@ -76,7 +73,6 @@ def write(
         observations = [played[0].observation, *(step.following for step in played)]
         columns = ([getattr(step, name) for step in played] for name in _COLUMNS)
         buffers.append(minari.data_collector.EpisodeBuffer(k, seed + k, None, observations, *columns, {}))
-        progress()
     about = {"algorithm_name": player, "description": FROZEN[task].summary}
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "`.*` is set to None", UserWarning)  # author and link are not known

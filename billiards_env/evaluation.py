@@ -122,8 +122,9 @@ def measure(
 
     Args:
         player: See `players.named`.
-        arguments: Arguments of `gym.make("Billiards-v0", ...)`.
-        noise: Standard deviations of the execution noise: of the direction, degrees, and of the speed, m/s.
+        arguments: Arguments of `gym.make("Billiards-v0", ...)`. By default the environment has the noise `noise`.
+        noise: Standard deviations of the execution noise that players expect: of the direction, degrees, and of the
+            speed, m/s.
         episodes: The number of episodes.
         seed: The seed of the layouts, the noise and the player. Training uses none of these layouts.
         progress: A function that is called before each shot.
@@ -138,7 +139,7 @@ def measure(
         TypeError: If an argument has the wrong type.
     """
     deviations = {"angle_std": noise[0], "speed_std": noise[1]} if any(noise) else None
-    env = gym.make("billiards_env:Billiards-v0", noise=deviations, **arguments)
+    env = gym.make("billiards_env:Billiards-v0", **{"noise": deviations, **arguments})
     choose, times = find_player(player, env, noise, seed), []
 
     def act(observation: NDArray[np.float32]) -> NDArray[np.floating[Any]]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import gzip
 import itertools
 import json
 import os
 import secrets
 import shutil
 import stat
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -100,16 +102,16 @@ def replacing(target: Path) -> Iterator[Path]:
 
 
 def read_text(path: str | os.PathLike[str], most: int, what: str) -> str:
-    """Returns the text of a file in UTF-8, without a byte-order mark.
+    """Returns the text of a file in UTF-8, without a byte-order mark. A file ".gz" is unpacked.
 
     Args:
         path: The file.
-        most: The largest number of bytes.
+        most: The largest number of bytes, unpacked.
         what: What the file should hold, for the messages.
 
     Raises:
         OSError: If the file does not exist, is no regular file or cannot be read.
-        ValueError: If the file is larger, or is not in UTF-8.
+        ValueError: If the file is larger, is not in UTF-8, or is damaged.
     """
     place = Path(path)
     if not place.is_file():  # reading a pipe could block forever, a device may have no end
@@ -119,13 +121,13 @@ def read_text(path: str | os.PathLike[str], most: int, what: str) -> str:
         elif not place.exists():
             kind, why = FileNotFoundError, "does not exist"
         raise kind(f"path = {os.fspath(path)!r}: expected a file of {what}, but it {why}")
-    with place.open("rb") as file:
-        content = file.read(most + 1)
     try:
+        with gzip.open(place) if place.suffix == ".gz" else place.open("rb") as file:
+            content = file.read(most + 1)
         if len(content) > most:
             raise ValueError(f"a file of more than {most} bytes: expected at most {most}")
         return content.decode("utf-8-sig")
-    except ValueError as error:
+    except (ValueError, EOFError, gzip.BadGzipFile, zlib.error) as error:
         raise ValueError(f"{os.fspath(path)}: {error}") from error
 
 

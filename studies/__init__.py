@@ -3,6 +3,7 @@
 Modules:
     learning: Trains the rows of `configs/learning.yaml` with several seeds: `make results`.
     timestep: Trains policies with several timesteps and compares them: `make study`.
+    timestep_report: Makes its tables and pictures.
     timestep_page: Writes the page with the shots of these policies.
     derivatives: Compares derivatives through timesteps with exact ones, and trains networks by derivatives.
     failures: The four failures of a timestep, as small scenes.
@@ -12,6 +13,7 @@ Modules:
     leaderboard: Verifies the files of the leaderboard and makes its tables.
     figures: Draws the pictures that show no measurement, and a film of a run-out of the planner.
     run_outs: Trains the network that computes the probability of a run-out from a position.
+    games: Makes the table of the games.
     readme: Writes the measured tables into the pages.
 """
 

@@ -232,7 +232,7 @@ def draw(result: Result, folder: Path) -> None:
     use_own_font()
     main = of_part(result, "main")
     save(_draw_success(result, main), folder / "timestep_success.png")
-    save(_draw_aim(result, main), folder / "timestep_aim.png")
+    save(_draw_aim(main), folder / "timestep_aim.png")
 
 
 def _draw_success(result: Result, main: Mapping[str, list[dict[str, Any]]]) -> Figure:
@@ -254,7 +254,7 @@ def _draw_success(result: Result, main: Mapping[str, list[dict[str, Any]]]) -> F
     return _finished(figure)
 
 
-def _draw_aim(result: Result, main: Mapping[str, list[dict[str, Any]]]) -> Figure:
+def _draw_aim(main: Mapping[str, list[dict[str, Any]]]) -> Figure:
     figure = Figure(figsize=(7.2, 3.9), dpi=120, layout="constrained")
     axes = figure.add_subplot()
     limits = np.array(GROUPS["cut angle"][1])[:-1]  # few shots have a cut of more than 60 degrees

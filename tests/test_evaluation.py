@@ -16,6 +16,7 @@ def test_success_rates():
     assert rates["geometric"] > 0.85
     assert rates["search:300"] > 0.97
     noisy = measure("geometric", {}, (0.125, 0.075), 150, 1)["success_rate"]
+    assert measure("geometric", {"noise": {"angle_std": 20.0}}, (0.0, 0.0), 40, 1)["success_rate"] < 0.3
     assert noisy < rates["geometric"] - 0.1
     assert measure("geometric", {"n_object_balls": 3, "max_shots": 5}, (0.0, 0.0), 40, 1)["success_rate"] > 0.75
     assert measure("search:300", {"task": "carom", "layout": "random"}, (0.0, 0.0), 40, 1)["success_rate"] > 0.5

@@ -42,7 +42,7 @@ from billiards_env.engine.log import KINDS, empty_log
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.shot_input import is_valid_fast
 from billiards_env.engine.shots import STATUS, empty_shots
-from billiards_env.files import replacing
+from billiards_env.files import write_whole
 from billiards_env.jit.compiler import Kernel
 from billiards_env.jit.folders import source_hash
 from billiards_env.physics.strike import cue_numbers, many_strikes
@@ -177,9 +177,7 @@ def compile_engines(path: Path) -> None:
         exported = [f"--export={name}" for name in exports]
         subprocess.run([*zig, "wasm-ld", *options, *exported, *objects, "-o", str(linked)], check=True)
         content = linked.read_bytes() + section(SECTION, json.dumps(data(), separators=(",", ":")))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as temporary:
-        temporary.write_bytes(content)
+    write_whole(path, content)
 
 
 def section(name: str, text: str) -> bytes:
@@ -250,9 +248,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m web.build", description="Compile the engines to WebAssembly.")
     parser.add_argument("--output", type=Path, default=ROOT / "site", help="the folder of the files")
     folder = parser.parse_args(arguments).output
-    folder.mkdir(parents=True, exist_ok=True)
     for name, content in files().items():
-        (folder / name).write_bytes(content)
+        write_whole(folder / name, content)
         print(f"{folder / name}: {len(content) / 1000:.0f} kB")
 
 

@@ -92,7 +92,8 @@ def calibrate(
         hold_back: Whether every fifth of ten or more shots is held back at first.
         velocities: (m, 2) m/s, the cue ball's velocities at the first rows, if they are known.
         spins: (m, 3) rad/s, its spins, if they are known.
-        state: A JSON file for each finished stage. If it exists, a fit of the same tracks resumes from it.
+        state: A JSON file for each finished stage. If it exists, a fit of the same tracks with the same options resumes
+            from it; only `contacts` may be larger.
         progress: A function that is called with a line of text after each stage.
 
     Returns:
@@ -121,8 +122,13 @@ def calibrate(
         if given is not None:
             width = where.stop - where.start
             rows.known[:, where] = finite(name, given, (len(tracks), width))
-    fits = _Fits(scene, names, contacts, error, prepared, rows, _State(state, scene, names, tracks), progress)
     held = (np.arange(len(tracks)) % _EACH == _EACH - 1) & (len(tracks) >= _FEWEST) & hold_back
+    kept = _State(
+        state, [scene.to_dict(), names, error, held.tolist()], [rows.known, *(a for t in tracks for a in t[1:])]
+    )
+    if kept.contact > contacts:
+        raise ValueError(f"contacts = {contacts}: expected {kept.contact} or more, as in the file of the state")
+    fits = _Fits(scene, names, contacts, error, prepared, rows, kept, progress)
     some, rest = np.flatnonzero(~held), np.flatnonzero(held)
     fitted, share = fits.run(some)
     warnings = [f"{clipped} rows at the border of the picture are left out"] if clipped else []
@@ -169,22 +175,25 @@ def _framed(scene: Scene, tracks: list[Track], frame: Frame | str | None) -> tup
 
 
 class _State:
-    """A file with the last finished stage of a fit, for tracks, a scene and names."""
+    """A file with the last finished stage of a fit, for settings, which are plain data, and arrays."""
 
-    def __init__(
-        self, path: str | os.PathLike[str] | None, scene: Scene, names: Sequence[str], tracks: Sequence[Track]
-    ):
-        digest = hashlib.sha256(json.dumps([scene.to_dict(), names], sort_keys=True).encode())
-        for track in tracks:
-            digest.update(b"".join(np.ascontiguousarray(array).tobytes() for array in track[1:]))
+    def __init__(self, path: str | os.PathLike[str] | None, settings: Sequence[Any], arrays: Sequence[np.ndarray]):
+        digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode())
+        for array in arrays:
+            digest.update(np.ascontiguousarray(array).tobytes())
         self.path, self.key = None if path is None else Path(path), digest.hexdigest()
         self.data: dict[str, Any] = {}
         if self.path is not None and self.path.exists():
             self.data = json.loads(read_text(self.path, _MOST_STATE, "the state of a calibration"))
             if not isinstance(self.data, dict) or self.data.get("key") != self.key:
                 raise ValueError(
-                    f"state = {str(self.path)!r}: expected the state of the same tracks, scene and numbers"
+                    f"state = {str(self.path)!r}: expected the state of the same tracks, scene, numbers and options"
                 )
+
+    @property
+    def contact(self) -> int:
+        """The last contact of the cue ball until which rows are fitted; 1 without a finished stage."""
+        return int(self.data.get("contact", 1))
 
     def keep(self, contact: int, share: float, numbers: Floats, starts: Floats) -> None:
         """Writes a finished stage."""
@@ -213,7 +222,7 @@ class _Fits:
     def run(self, some: np.ndarray) -> tuple[Fitted, float]:
         """Returns the fit of some shots, and the share of rows near their paths until the second contact."""
         shots, rows = [self.shots[k] for k in some], self.rows.of(some)
-        done, share = int(self.state.data.get("contact", 1)), float(self.state.data.get("share", 1.0))
+        done, share = self.state.contact, float(self.state.data.get("share", 1.0))
         if done > 1:
             starts, scene = np.array(self.state.data["starts"]), self.scene
             scene = with_numbers(scene, self.names, np.array(self.state.data["numbers"]))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import gzip
 import json
 import math
 import os
@@ -61,17 +60,11 @@ def read_tracks(path: str | os.PathLike[str], unit: str = "m") -> list[Track]:
             the line.
     """
     one_of("unit", unit, tuple(UNITS))
-    name = os.fspath(path)
-    if name.endswith(".gz"):
-        with gzip.open(path) as file:
-            content = file.read(MAX_BYTES + 1)
-        if len(content) > MAX_BYTES:
-            raise ValueError(f"{name}: a file of more than {MAX_BYTES} bytes: expected at most {MAX_BYTES}")
-        text = content.decode("utf-8-sig")
+    name, text = os.fspath(path), read_text(path, MAX_BYTES, "tracks")
+    if text.lstrip()[:1] in ("[", "{"):
+        shots, scale = _from_json(name, text), UNITS[unit]
     else:
-        text = read_text(path, MAX_BYTES, "tracks")
-    shots = _from_json(name, text) if text.lstrip()[:1] in ("[", "{") else _from_csv(name, text, unit)
-    scale = UNITS[unit] if text.lstrip()[:1] in ("[", "{") else 1.0
+        shots, scale = _from_csv(name, text, unit), 1.0
     numbers = {row[1]: number(row[1]) for rows in shots.values() for row in rows}
     whole = {k: int(v) for k, v in numbers.items() if isinstance(v, (int, float)) and float(v).is_integer()}
     index = whole if len(whole) == len(numbers) and min(whole.values(), default=1) <= 0 else None

@@ -1,4 +1,4 @@
-"""Pictures of tracks with matplotlib: their rows over the fitted paths, and the residuals against time."""
+"""Pictures of tracks with matplotlib: their rows over the fitted paths, and the distribution of their errors."""
 
 from __future__ import annotations
 

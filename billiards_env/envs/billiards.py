@@ -424,11 +424,6 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Returns the features of an observation (size,), or of several (..., size), by name; see `decode`."""
         return decode(observation, self.features)
 
-    @property
-    def game_states(self) -> NDArray[Any]:
-        """The state of the game, (1,) `games.STATE`, in the tasks that are games; (0,) in the others."""
-        return self._episodes.arrays.states.copy()
-
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:

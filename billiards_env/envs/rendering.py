@@ -116,6 +116,10 @@ class Renderer:
         self._canvas: Canvas | None = None
         self._window: Window | None = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Returns the attributes without pygame's objects, which a copy makes again when it draws."""
+        return {**vars(self), "_canvas": None, "_window": None}
+
     def begin(self, layouts: Sequence[DrawnShot]) -> None:
         """Discards all steps and adds the balls at the start of episodes, one item per environment that is drawn."""
         self._steps = []

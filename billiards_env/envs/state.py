@@ -36,7 +36,7 @@ from billiards_env.engine.compile import cached_by_scene
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.tasks import TASKS
 from billiards_env.files import check_path, write_whole
-from billiards_env.games.state import STATE
+from billiards_env.games.state import STATE, check_players
 from billiards_env.scene import Scene
 
 State = NDArray[np.void]
@@ -155,6 +155,12 @@ def _check_rows(rows: State, kind: np.dtype[np.void], model: Model) -> None:
     for name in ("positions", "goals", "physics"):
         if np.count_nonzero(np.isfinite(rows[name])) < rows[name].size:
             raise ValueError(f"state[{name!r}] has numbers that are not finite: expected finite numbers")
+    for j, (name, (low, high)) in enumerate(model.randomize.items()):
+        numbers = rows["physics"][:, j]
+        if not ((low <= numbers) & (numbers <= high)).all():
+            expected = f"expected numbers from {low:g} to {high:g}, as in randomize"
+            raise ValueError(f"state['physics'], {name} = {short(numbers)}: {expected}")
+    check_players(rows["game"])
     left = rows["shots_left"]
     if not (rows["fresh"] | rows["over"] | ((left > 0) & (left <= model.max_shots))).all():
         raise ValueError(f"state['shots_left'] = {short(left)}: expected 1 to max_shots = {model.max_shots}")

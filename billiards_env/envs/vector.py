@@ -65,13 +65,13 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
     `reset` has these options:
 
-    | Option       | Shape              | Description                                                             |
-    |--------------|--------------------|-------------------------------------------------------------------------|
-    | `positions`  | `(num_envs, n, 2)` | positions of the balls, in metres from the centre of the table          |
-    | `goal`       | `(num_envs, 2)`    | goals of tasks with a goal, in metres from the centre of the table      |
-    | `physics`    | `(num_envs,)` each | numbers of `randomize` by name                                          |
-    | `episode_seed` | `(num_envs, 8)`  | seeds of earlier episodes, as in `infos`, which begin again             |
-    | `reset_mask` | `(num_envs,)` bool | the environments to reset; the others continue their episodes           |
+    | Option         | Shape              | Description                                                           |
+    |----------------|--------------------|-----------------------------------------------------------------------|
+    | `positions`    | `(num_envs, n, 2)` | positions of the balls, in metres from the centre of the table        |
+    | `goal`         | `(num_envs, 2)`    | goals of tasks with a goal, in metres from the centre of the table    |
+    | `physics`      | `(num_envs,)` each | numbers of `randomize` by name                                        |
+    | `episode_seed` | `(num_envs, 8)`    | seeds of earlier episodes, as in `infos`, which begin again           |
+    | `reset_mask`   | `(num_envs,)` bool | the environments to reset; the others continue their episodes         |
 
     ## Autoreset
 
@@ -277,8 +277,10 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         Raises:
             ValueError: If the method changes an environment.
         """
-        if name in ("reset", "step", "close", "set_wrapper_attr"):
+        if name in ("reset", "step", "close", "set_state", "set_wrapper_attr"):
             raise ValueError(f"call({name!r}): expected the method of the vector environment, or set_attr")
+        if name == "get_state":
+            return tuple(np.asarray(row) for row in self.get_state())
         if name == "render":
             return self.render() or (None,) * self.num_envs
         if name == "get_wrapper_attr":
@@ -295,11 +297,11 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         Args:
             seed: Seed of the first environment, from which environment i gets `seed + i`, or a sequence with one seed
                 per environment. None leaves the random streams as they are.
-            options: None or a dict with any of "positions", "goal", "physics", "episode_seed" and "reset_mask", see the
-                class. Environments outside the mask are neither reset nor seeded.
+            options: None or a dict with any of the options of the class. Environments outside the mask are neither
+                reset nor seeded.
 
         Returns:
-            (num_envs, size) observations of all environments, and an info with the numbers of `randomize` alone.
+            (num_envs, size) observations of all environments, and the infos of those that are reset.
 
         Raises:
             ValueError: If a seed or an option is wrong, or a position or a goal is impossible.

@@ -26,6 +26,7 @@ from billiards_env.games.state import (
     RERACK_ALL,
     VERDICT,
     State,
+    check_players,
     row,
     set_of,
 )
@@ -83,7 +84,7 @@ def play(
         (m,) `STATE` before the next shots, and (m,) `VERDICT`.
 
     Raises:
-        ValueError: If the game is unknown or the arrays have different lengths.
+        ValueError: If the game is unknown, the arrays have different lengths, or a player does not exist.
 
     Example:
         >>> from billiards_env.games import CALL, FACTS, FOULS, STATE
@@ -97,6 +98,7 @@ def play(
     lengths = len(states), len(facts), len(calls)
     if len(set(lengths)) > 1:
         raise ValueError(f"states, facts and calls of lengths {lengths}: expected one length")
+    check_players(states)
     following, verdicts = states.copy(), np.empty(len(states), VERDICT)
     _judging(GAMES[game].judge)(following, facts, calls, verdicts)
     return following, verdicts

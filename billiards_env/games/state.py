@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.checks import short
 from billiards_env.jit import inlined
 from billiards_env.physics.state import CUE_BALL
 
@@ -219,6 +220,13 @@ def members(mask: Any) -> tuple[int, ...]:
 def is_in(mask: Any, n: int) -> NDArray[np.bool_]:
     """Returns which of the balls 0 to n - 1 are in a set, (n,)."""
     return mask >> np.arange(n) & 1 > 0
+
+
+def check_players(states: Any) -> None:
+    """Raises a ValueError unless the player of each of m states exists: compiled code uses it as an index."""
+    player, players = states["player"], states["n_players"]
+    if not ((player >= 0) & (player < players) & (players <= MOST_PLAYERS)).all():
+        raise ValueError(f"player = {short(player)} of {short(players)} players: expected 0 to the number less 1")
 
 
 def on_table(states: Any) -> Any:

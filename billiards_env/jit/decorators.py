@@ -91,10 +91,6 @@ class EntryPoint(CPUDispatcher):
         if _FOLDER or _SHIPPED:
             self._cache = _Cache(py_func)
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> EntryPoint:
-        """Returns the function itself, as for a function of Python. Numba would pickle it, which takes 10 ms."""
-        return self
-
 
 def _compiled(dispatcher: type[CPUDispatcher], function: F, **options: Any) -> F:
     # Without fastmath the compiler does not fuse or reorder operations, so results are the same on every machine. With

@@ -55,7 +55,7 @@ def make_parser() -> argparse.ArgumentParser:
     add(
         "--call-shot",
         action="store_true",
-        help="eight ball and straight pool: a potted ball counts only if it was called",
+        help="eight ball, ten ball and straight pool: a potted ball counts only if it was called",
     )
     add("--choices", action="store_true", help="players have choices other than a shot: push out, hand back, replace")
     add("--miss", action="store_true", help="snooker with the miss rule; needs --choices")

@@ -83,7 +83,8 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
     setup = Setup(RULES_OF_TASKS[env.task], env.episode_scene)
     lying = set_of(np.flatnonzero(~env.potted).tolist()) & ~set_of([CUE_BALL])
     plain = changed(opening_state(setup), break_shot=False, in_hand=NOT_IN_HAND, object_balls=lying)
-    game, run_out = GameState(env.positions, next(iter(env.game_states), plain)), env.task != "clear"
+    of_task = np.atleast_1d(env.get_state()["game"])  # (0,) if the task is no game
+    game, run_out = GameState(env.positions, next(iter(of_task), plain)), env.task != "clear"
     both = expected(noise, level)
     english = env.action == "strike"
     deviations, options = both if any(both) else NOISE, Options(run_out, english, leaves=False)

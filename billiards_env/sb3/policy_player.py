@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from billiards_env.games import GAMES, GameState, Setup, Stroke, members
 from billiards_env.players.game_player import Player, make_stroke, place_cue_ball, with_call
-from billiards_env.sb3.aim_policy import AimPolicy
+from billiards_env.sb3.aim_policy import AimPolicy, arguments_of
 from billiards_env.sb3.weights import load_policy
 from billiards_env.scene import Scene
 
@@ -88,9 +88,8 @@ def task_policy(env: gym.Env[Any, Any], argument: str) -> Callable[[NDArray[np.f
     Raises:
         OSError, TypeError, ValueError: As in `load_policy`.
     """
-    given: Any = env.spec and env.spec.kwargs
-    arguments = {key: given[key] for key in given if key not in ("render_mode", "noise", "noise_seed")}
-    model = load_policy(argument, arguments)[1]
+    base: Any = env.unwrapped
+    model = load_policy(argument, arguments_of(base))[1]
     return lambda observation: model.predict(observation, deterministic=True)[0]
 
 

@@ -119,16 +119,20 @@ def load_policy(
     try:
         config = plain_yaml(read_text(settings, _MOST_BYTES, "the settings of a run"))
         arguments, description = {**config["env"], **(env or {})}, dict(config["policy"])
-        if description["head"] == "aim":  # the networks observe what they observed in the training
-            seen = find_game(config["env"]).features
-            observe = [name for name in OBSERVED if name in seen]
-            description["arguments"] = {"observe": observe, **description["arguments"]}
         trained, task = find_game(config["env"]), str(config.get("task"))
+        if description["head"] == "aim":  # the networks observe what they observed in the training
+            observe = [name for name in OBSERVED if name in trained.features]
+            description["arguments"] = {"observe": observe, **description["arguments"]}
         hidden = policy_arguments(arguments, description).get("net_arch", ())
     except (AttributeError, KeyError, RecursionError, TypeError, yaml.YAMLError) as error:
         why = " ".join(str(error).split())
         raise ValueError(f"{settings}: expected the sections env and policy of a run ({why})") from None
-    _check_world(folder, trained, find_game(arguments), task)
+    played = find_game(arguments)
+    _check_world(folder, trained, played, task)
+    if description["head"] == "gaussian" and trained.observe != played.observe:
+        raise ValueError(
+            f"{folder} holds a policy that observes {trained.observe}: expected this, not {played.observe}"
+        )
     size = weights.stat().st_size
     if size and 4 * sum(a * b for a, b in zip((1, *hidden), hidden, strict=False)) > size:
         raise ValueError(f"{weights} does not hold the policy of its configuration: expected more weights for {hidden}")

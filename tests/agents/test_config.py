@@ -90,4 +90,4 @@ def test_a_file_without_settings_is_refused(tmp_path, content, message):
 def test_the_noise_is_that_of_the_configuration():
     noise = {"angle_std": 1.0, "offset_std": 0.002}
     spec: Any = make_env(Config(timesteps=0, noise=noise)).spec
-    assert spec.kwargs["noise"] == noise
+    assert spec.kwargs["noise"] == NOISE | noise

@@ -51,10 +51,17 @@ def test_a_device_without_end_and_a_large_file_are_refused(tmp_path, monkeypatch
     with pytest.raises(OSError, match="path = '/dev/zero': expected a file of tracks, but it is not a regular file"):
         read_tracks("/dev/zero")
     monkeypatch.setattr(reading, "MAX_BYTES", 100)
-    path = tmp_path / "tracks.csv"
-    path.write_bytes(bytes(101))
-    with pytest.raises(ValueError, match=r"tracks.csv: a file of more than 100 bytes"):
-        read_tracks(path)
+    whole = gzip.compress(bytes(101))
+    for name, content, message in (
+        ("tracks.csv", bytes(101), "a file of more than 100 bytes"),
+        ("large.csv.gz", whole, "a file of more than 100 bytes"),
+        ("half.csv.gz", whole[:-12], "ended before"),
+        ("changed.csv.gz", whole[:12] + b"\xff" + whole[13:], ""),
+        ("other.csv.gz", b"shot,time,ball,x,y", "Not a gzipped file"),
+    ):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(ValueError, match=f"{name}: .*{message}"):
+            read_tracks(tmp_path / name)
 
 
 def test_columns_may_have_any_order_and_cells_may_be_empty(tmp_path):

@@ -155,8 +155,11 @@ def test_a_fit_goes_on_after_an_interrupt(tmp_path):
     assert [text[:15] for text in texts] == ["until contact 3"]
     whole = calibrate(OFF, some, ("mu_slide", "e_cushion"), contacts=3)
     assert again.values == pytest.approx(whole.values, rel=1e-3)
-    with pytest.raises(ValueError, match="expected the state of the same tracks, scene and numbers"):
-        calibrate(OFF, some, ("mu_slide",), state=state)
+    for names, noise in ((("mu_slide",), None), (("mu_slide", "e_cushion"), 0.01)):
+        with pytest.raises(ValueError, match="expected the state of the same tracks, scene, numbers and options"):
+            calibrate(OFF, some, names, noise=noise, state=state)
+    with pytest.raises(ValueError, match="contacts = 2: expected 3 or more, as in the file of the state"):
+        calibrate(OFF, some, ("mu_slide", "e_cushion"), contacts=2, state=state)
 
 
 def test_numbers_that_are_not_determined_or_end_at_a_bound_are_kept(monkeypatch):

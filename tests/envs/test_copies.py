@@ -60,10 +60,11 @@ def test_a_copy_continues_like_its_original(kind, copy_of):
 
 def test_a_deep_copy_has_its_own_renderer():
     pytest.importorskip("pygame")
-    env = BilliardsEnv(render_mode="rgb_array")
+    env: Any = BilliardsEnv(render_mode="rgb_array")
     env.reset(seed=0)
-    twin: Any = copy.deepcopy(env)
-    assert (twin.render() == env.render()).all()  # pyright: ignore[reportAttributeAccessIssue]
+    for _ in range(2):  # before the first picture, and after it
+        for twin in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
+            assert (twin.render() == env.render()).all()
 
 
 SCENE = Scene.from_dict({"base": "real_pool", "n_object_balls": 2, "physics": {"mu_roll": 0.012}})

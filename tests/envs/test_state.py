@@ -175,6 +175,25 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(state, message
     assert (envs.get_state() == before).all()
 
 
+@pytest.mark.parametrize(
+    ("kwargs", "values", "message"),
+    [
+        (NINE, {"player": 10**9}, "player = .*1000000000.* of .*2.* players: expected 0 to the number less 1"),
+        (NINE, {"n_players": 0}, "expected 0 to the number less 1"),
+        (VARIED, {"physics": -1.0}, r"state\['physics'\], mu_roll = .*: expected numbers from 0.004 to 0.02, as in"),
+    ],
+    ids=["player", "players", "physics"],
+)
+def test_numbers_that_no_episode_has_are_refused(kwargs, values, message):
+    env = BilliardsEnv(**kwargs)
+    env.reset(seed=0)
+    state = env.get_state()
+    for name, value in values.items():
+        (state if name in state.dtype.names else state["game"])[name] = value
+    with pytest.raises(ValueError, match=message):
+        env.set_state(state)
+
+
 def test_a_noisy_environment_refuses_a_state_without_noise_but_not_the_other_way_round():
     plain, noisy = BilliardsEnv(), BilliardsEnv(noise={})
     for env in (plain, noisy):

@@ -259,4 +259,4 @@ def test_the_legal_balls_of_the_first_shot(task, layout, legal):
     env = BilliardsEnv(task=task, layout=layout)
     env.reset(seed=0)
     assert set(np.flatnonzero(env.legal_balls).tolist()) == legal
-    assert env.game_states["break_shot"].tolist() == [legal == ALL] * (task != "pot")
+    assert np.atleast_1d(env.get_state()["game"]["break_shot"]).tolist() == [legal == ALL] * (task != "pot")

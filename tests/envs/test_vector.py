@@ -243,6 +243,7 @@ def test_attributes_of_each_environment(kwargs):
     for name in names.split():
         same(native.get_attr(name), tuple(sync.get_attr(name)))
         same(native.call("get_wrapper_attr", name), native.get_attr(name))
+    assert (np.stack(native.call("get_state")) == np.stack(sync.call("get_state"))).all()
     assert native.get_attr("np_random")[2].random() == sync.get_attr("np_random")[2].random()
     with pytest.raises(AttributeError, match="tusk"):
         native.get_attr("tusk")
@@ -250,5 +251,6 @@ def test_attributes_of_each_environment(kwargs):
     assert native.get_attr("max_speed") == (1.0, 1.0, 1.0)
     with pytest.raises(ValueError, match=r"max_speed = \[1.0, 2.0, 3.0\]: expected one value for all 3"):
         native.set_attr("max_speed", [1.0, 2.0, 3.0])
-    with pytest.raises(ValueError, match=r"call\('reset'\): expected the method of the vector environment"):
-        native.call("reset")
+    for name in ("reset", "set_state"):
+        with pytest.raises(ValueError, match=rf"call\('{name}'\): expected the method of the vector environment"):
+            native.call(name)

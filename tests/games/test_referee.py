@@ -59,3 +59,6 @@ def test_wrong_arrays_are_refused():
     states["n_players"] = 2
     assert [FOULS[k] for k in play("nine_ball", states, facts, calls[:2])[1]["foul"]] == ["no_hit"] * 2
     assert not states["player"].any()  # the states before the shots do not change
+    states["player"] = [1, 2]
+    with pytest.raises(ValueError, match=r"player = .*2.* of .* players: expected 0 to the number less 1"):
+        play("nine_ball", states, facts, calls[:2])

@@ -2,14 +2,17 @@
 
 from typing import Any, cast
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import torch
 
 from agents.config import Config
 from agents.ppo import make_env, make_policy
+from billiards_env.envs import BilliardsEnv
 from billiards_env.games import custom_opening, opening
 from billiards_env.play.__main__ import make_history, make_parser
+from billiards_env.players.named import find_player
 from billiards_env.sb3.policy_player import playable, policy
 from billiards_env.sb3.weights import save_policy
 from tests.helpers.games import in_a_row, setup
@@ -52,6 +55,15 @@ def test_the_stroke_is_the_shot_of_the_policy_in_the_plain_environment(tmp_path,
         action, _ = model.predict(observation, deterministic=True)
         stroke = player(game, table, 6.0, RNG(0))
         np.testing.assert_allclose(stroke.velocity, 5.0 * action.astype(float), rtol=1e-6)
+
+
+def test_a_policy_is_a_player_of_an_environment_made_without_gymnasium_but_of_no_other_speed(tmp_path):
+    folder, model, env = untrained(tmp_path, max_speed=5.0)
+    observation, _ = env.reset(seed=0)
+    act = find_player(f"policy:{folder}", BilliardsEnv(max_speed=5.0))
+    assert act(observation).tobytes() == model.predict(observation, deterministic=True)[0].tobytes()
+    with pytest.raises(ValueError, match=r"another max_speed: expected 5\.0, not 4\.0"):
+        find_player(f"policy:{folder}", gym.make("Billiards-v0"))
 
 
 @pytest.mark.parametrize("text", ["", "nowhere"])

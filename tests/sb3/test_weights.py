@@ -70,6 +70,7 @@ def test_a_wrong_configuration_is_refused(case, folder):
         ({"max_speed": 5.0}, "another max_speed: expected 4.0, not 5.0"),
         ({"scene": "real_pool"}, "another table: expected the same table"),
         ({"scene": "uk_pool"}, "another table: expected the same table"),
+        ({"observe": ["cue_to_balls", "shots_left"]}, r"observes \('positions',\): expected this, not \('cue_to_balls"),
     ],
 )
 def test_a_policy_is_not_loaded_for_another_world(env, message, folder):
