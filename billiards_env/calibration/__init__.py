@@ -1,10 +1,14 @@
 """Calibration of scenes with tracks of real tables.
 
 Modules:
-    calibrate: Fits numbers of `Physics` to tracks. report: The result.
-    tracks, reading: Tracks and their files. frame: From coordinates of a file to the table.
+    calibrate: Fits numbers of `Physics` to tracks.
+    report: The result.
+    tracks, reading: Tracks and their files.
+    frame: From coordinates of a file to the table.
     contacts, prepare: Contacts in the tracks, without a model, and checks of the tracks against the table.
-    rows, starts, shared, stages: The fit. judge: Its errors. problems: The rows that do not fit.
+    rows, starts, shared, stages: The fit.
+    judge: The errors of the result.
+    problems: The rows that do not fit.
 """
 
 from billiards_env.calibration.calibrate import FREE, calibrate

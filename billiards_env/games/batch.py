@@ -69,7 +69,7 @@ def play_batch(
         >>> played.verdicts["points"].tolist(), played.states["player"].tolist()
         ([1, -1], [0, 1])
         >>> [FOULS[foul] for foul in played.verdicts["foul"]]
-        ['', 'no_cushion']
+        ['', 'no_hit']
     """
     state = game.state
     balls = (int(state.cue_balls[0]), *members(state.object_balls))  # the engine strikes the first one

@@ -37,6 +37,7 @@ VARIANTS: list[dict[str, Any]] = [
     {"scene": "ideal", "task": "carom", "n_object_balls": 5, "layout": "random", "max_shots": 2},
     {"scene": "carom", "task": "carom", "layout": "carom_opening", **LONG},
     {"scene": "real_carom", "task": "three_cushion"},
+    {"scene": "match_carom", "task": "three_cushion", "layout": "random", "max_shots": 2},
     {"scene": "pooltool_carom", "task": "three_cushion", **LONG},
     {"scene": "sum_to_three", "task": "sum_to_three", "layout": "line", **LONG},
     {"task": "place", "n_object_balls": 0, "max_shots": 3},
