@@ -38,6 +38,7 @@ VARIANTS: list[dict[str, Any]] = [
     {"scene": "carom", "task": "carom", "layout": "carom_opening", **LONG},
     {"scene": "real_carom", "task": "three_cushion"},
     {"scene": "match_carom", "task": "three_cushion", "layout": "random", "max_shots": 2},
+    {"task": "clear", "n_object_balls": 10, "layout": "ten_ball", "max_shots": 2},
     {"scene": "pooltool_carom", "task": "three_cushion", **LONG},
     {"scene": "sum_to_three", "task": "sum_to_three", "layout": "line", **LONG},
     {"task": "place", "n_object_balls": 0, "max_shots": 3},
