@@ -18,7 +18,7 @@ because only the model has a contact ("missed contact"), only the track ("extra 
 
 CONTACTS = ("ball_ball", "cushion", "pocket")
 
-_RUN, _OF = 3, 4  # far rows of so many consecutive ones, from which on the track has left its path
+_RUN, _OF = 3, 4  # a track has left its path where 3 of 4 consecutive rows of a ball are far from it
 _BEFORE, _AFTER = 0.3, 0.05  # s, where the contact is looked for, around the first row far from the path
 _CORNER = 4  # rows before and after a corner of a track
 _CLEAR = 4.0  # the change of a velocity that is a corner, over its standard deviation

@@ -218,7 +218,7 @@ def check_options(model: Model, options: Mapping[str, Any] | None, mask: NDArray
             raise ValueError(f"{name} = {short(given)}: expected int64 of shape {(*many, 8)}, as in info")
         odd = given[... if mask is None else mask].reshape(-1, 8)[:, 3 :: 4 if model.noise is not None else 8] % 2
         if not odd.all():
-            raise ValueError(f"{name} = {short(given)}: expected the seed of an episode of such an environment")
+            raise ValueError(f"{name} = {short(given)}: expected an info['episode_seed'] of this task")
         seeds = given.view(np.uint64)
     return Options(positions, goals, _checked_physics(model.randomize, options.get("physics", {}), mask), seeds)
 
