@@ -29,6 +29,7 @@ from tqdm import tqdm
 from agents.train import versions
 from benchmarks import IMAGES, machine
 from billiards_env.commands import ending
+from billiards_env.engine import Engine
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json
@@ -160,7 +161,7 @@ def direct_pots(
         max_speed: The speed of an action of length 1, m/s.
         world: The engine, an entry of `WORLDS`.
     """
-    shots = simulate_batch(scene, positions, max_speed * actions, threads=1, **world)
+    shots = simulate_batch(scene, positions, max_speed * actions, threads=1, engine=Engine(**world))
     places = np.array([(pocket.x, pocket.y) for pocket in scene.table.pockets])
     pockets = np.linalg.norm(shots.positions[:, 1, None] - places, axis=2).argmin(1)
     direct = (shots.cushions_before_hit[:, 1] == 0) & (shots.cushions[:, 1] == 0)

@@ -11,11 +11,12 @@ from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from billiards_env.checks import one_of, real, shaped, short
-from billiards_env.engine import Engine, checked_engine
+from billiards_env.engine import Engine
+from billiards_env.engine.compile import check_varied_name
 from billiards_env.envs.actions import ACTIONS, ELEVATION, SIDE, SPEED, TOP, TURN
 from billiards_env.envs.tasks import TASKS
 from billiards_env.frozen import NOISE
-from billiards_env.scene import PARAMETERS, Balls, Scene, check_positions, check_ranges
+from billiards_env.scene import Balls, Scene, check_positions, check_ranges
 
 
 class Model(NamedTuple):
@@ -122,9 +123,7 @@ def check_randomize(
     if randomize is not None and not isinstance(randomize, Mapping):
         raise TypeError(f"randomize = {short(randomize)}: expected a mapping from names of numbers to (low, high)")
     for key, given in (randomize or {}).items():
-        if key == "dt" and engine.mode == "pic":
-            raise ValueError("randomize['dt'] with mode='pic': expected mode='pit', PIC has no timestep")
-        one_of("key of randomize", key, (*PARAMETERS, "dt"))
+        check_varied_name("randomize", key, engine)
         name = f"randomize[{key!r}]"
         if not isinstance(given, (list, tuple)):
             raise TypeError(f"{name} = {short(given)}: expected (low, high) with low < high")
@@ -135,7 +134,7 @@ def check_randomize(
     try:
         check_ranges(scene.physics, {key: pair for key, pair in ranges.items() if key != "dt"})
         for dt in ranges.get("dt", ()):
-            checked_engine(engine.mode, dt, engine.fix)
+            dataclasses.replace(engine, dt=dt)
     except ValueError as error:
         raise ValueError(f"randomize: {error}") from None
     return ranges

@@ -12,7 +12,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import finite, integer, one_of, real
-from billiards_env.engine import checked_engine
+from billiards_env.engine import Engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS, check_action
 from billiards_env.envs.arguments import (
@@ -316,7 +316,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.scene = make_scene(scene, n_object_balls, entry.scene, least if least == most else None)
         self.targets = task_targets(task, self.scene)
         self.task = task
-        self.engine = checked_engine(mode, dt, fix)
+        self.engine = Engine(mode, dt, fix)
         self.action = check_action(action, self.scene)
         self.max_shots = integer("max_shots", entry.max_shots if max_shots is None else max_shots, "max_shots")
         self.max_speed = real("max_speed", max_speed, "max_speed")

@@ -26,6 +26,7 @@ from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
 from billiards_env.checks import finite, flag, integer, missing, one_of, real, short
+from billiards_env.engine import Engine
 from billiards_env.envs.actions import ACTIONS, check_action, cue_strike
 from billiards_env.envs.arguments import make_scene
 from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
@@ -206,7 +207,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         if flag("can_call", can_call) and not game_rules.pockets:
             raise ValueError(f"can_call = True with rules = {rules!r}: expected False, the game has no calls")
         call_shot = can_call and game_rules.callable is not None
-        self.setup = Setup(rules, board, n_players, target, mode, dt, fix, call_shot, miss)
+        self.setup = Setup(rules, board, n_players, target, Engine(mode, dt, fix), call_shot, miss)
         self.action = check_action(action, board)
         self.can_call = can_call
         self.layout = layout

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import inspect
 import json
@@ -65,7 +66,7 @@ def arguments_of(env: BilliardsEnv) -> dict[str, Any]:
     found = {name: getattr(env, name) for name in inspect.signature(BilliardsEnv).parameters if hasattr(env, name)}
     for name in ("render_mode", "noise", "noise_seed"):
         del found[name]
-    return found | env.engine._asdict() | {"scene": env.scene.to_dict(), "n_object_balls": None}
+    return found | dataclasses.asdict(env.engine) | {"scene": env.scene.to_dict(), "n_object_balls": None}
 
 
 def by_value(log_prob: Tensor, values: Tensor) -> Tensor:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from billiards_env import simulate
+from billiards_env.engine import PIC, Engine
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
 from billiards_env.envs.actions import cue_strike
 from billiards_env.players.env_player import rewards, task_situation
@@ -23,8 +24,8 @@ def test_a_shot_is_that_of_the_scene_with_the_drawn_numbers(kwargs):
         scene, positions, action = env.episode_scene, env.positions, [0.6, 0.1 * seed]
         drawn_now = {name: info[name] for name in kwargs["randomize"]}
         assert all(getattr(scene.physics, name) == value for name, value in drawn_now.items() if name != "dt")
-        options = {} if env.engine.mode == "pic" else {"mode": "pit", "dt": info["dt"]}
-        shot = simulate(scene, positions, cue_strike(action, scene, env.max_speed), **options)
+        engine = PIC if env.engine == PIC else Engine("pit", info["dt"])
+        shot = simulate(scene, positions, cue_strike(action, scene, env.max_speed), engine=engine)
         *_, after = env.step(action)
         assert env.positions.tobytes() == shot.positions.tobytes()
         assert after["shot_time"] == shot.time
