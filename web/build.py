@@ -6,7 +6,7 @@ the packages of the extra `web`.
 Numba compiles the same functions that Python calls, with the same types of arguments. Its own optimisation is left out,
 because it uses the size of a pointer on this machine. LLVM then optimises the code for wasm32, and the linker of the
 package `ziglang` links it with `runtime.c`. The kernels use only `+ - * /` and `sqrt`, so WebAssembly computes the same
-bits. The section "billiards" of `engine.wasm` contains the scenes as arrays, and the calls that play the frozen tasks.
+bits. The section "billiards" of `engine.wasm` contains the scenes as arrays.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -34,9 +34,7 @@ import numba
 import numpy as np
 from numba.core.codegen import CPUCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
-from numpy.typing import NDArray
 
-from billiards_env.bench import EPISODES
 from billiards_env.drawing import page
 from billiards_env.engine import pic, pit
 from billiards_env.engine.compile import scene_fields
@@ -50,7 +48,6 @@ from billiards_env.jit.folders import source_hash
 from billiards_env.physics.strike import cue_numbers, many_strikes
 from billiards_env.scene import Scene, layouts
 from studies.failures import FAILURES
-from web import tasks
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
@@ -71,29 +68,17 @@ def scenes() -> dict[str, Scene]:
     return {name: Scene.named(name, BALLS) for name in SCENES} | {name: case.scene for name, case in FAILURES.items()}
 
 
-@functools.cache
-def entry_points() -> dict[Any, tuple[str, Any, tuple[Any, ...]]]:
-    """Returns the functions that JavaScript calls, by the function and the types of its arguments.
-
-    Each has its name in the module, the compiled function and arguments.
-    """
-    calls: list[tuple[str, Any, tuple[Any, ...]]] = []
+def entry_points() -> Iterator[tuple[str, Any, tuple[Any, ...]]]:
+    """Yields the name in the module, the compiled function and arguments of each function that JavaScript calls."""
     for kind in dict.fromkeys(map(kind_of, scenes().values())):
         scene = Scene.named(kind, 1)
         shots, log = tuple(empty_shots(1, scene.n_balls)), tuple(empty_log(1, 1))
         run = 0, 1, scene_fields(scene), math.inf, 1, shots, log
-        calls += [(f"pic_{kind}", pic.run_shots, run), (f"pit_{kind}", pit.run_shots, run)]
-        calls.append((f"valid_{kind}", is_valid_fast, (*run[:3], *shots[:4])))
+        yield f"pic_{kind}", pic.run_shots, run
+        yield f"pit_{kind}", pit.run_shots, run
+        yield f"valid_{kind}", is_valid_fast, (*run[:3], *shots[:4])
     strike = np.empty((1, 5)), np.empty((1, 2)), np.empty((1, 3)), np.empty(1, np.bool_)
-    calls.append(("strike", many_strikes, (tuple(cue_numbers(Scene.named("pool"))), *strike)))
-    for task in map(tasks.program, tasks.TASKS):
-        calls += [(function.__qualname__, function, arguments) for function, arguments in (*task.begin, *task.shoot)]
-    return {key_of(function, arguments): (name, function, arguments) for name, function, arguments in reversed(calls)}
-
-
-def key_of(function: Any, arguments: tuple[Any, ...]) -> Any:
-    """Returns what determines the machine code of a call."""
-    return function, tuple(map(numba.typeof, arguments))
+    yield "strike", many_strikes, (tuple(cue_numbers(Scene.named("pool"))), *strike)
 
 
 @functools.cache
@@ -107,22 +92,14 @@ def plain(value: Any) -> Any:
     """Returns an argument of an entry point as JSON: arrays as their type, shape and content."""
     if isinstance(value, tuple):
         return [plain(item) for item in value]
-    if isinstance(value, np.ndarray):
-        if value.dtype.names:
-            bytes_ = np.ascontiguousarray(value).view(np.uint8).ravel().tolist()
-            return {"type": "u1", "size": value.itemsize, "shape": list(value.shape), "content": bytes_}
-        content = [plain_number(number) for number in value.ravel().tolist()]
-        return {"type": value.dtype.str[1:], "shape": list(value.shape), "content": content}
-    if isinstance(value, int) and not isinstance(value, bool):
-        return {"integer": None if value == tasks.COUNT else value}
-    return plain_number(value) if isinstance(value, float) else value
-
-
-def plain_numbers(record: NDArray[Any]) -> dict[str, Any]:
-    """Returns the numbers of a scene as JSON, by name."""
-    assert record.dtype.names
-    integers = [name for name in record.dtype.names if record.dtype[name].kind == "i"]
-    return {"content": {name: plain_number(record[name][0].item()) for name in record.dtype.names}, "integers": integers}
+    if not isinstance(value, np.ndarray):
+        return value
+    if value.dtype.names:
+        content = {name: plain_number(value[name][0].item()) for name in value.dtype.names}
+        integers = [name for name in value.dtype.names if value.dtype[name].kind == "i"]
+        return {"type": "record", "shape": [1], "content": content, "integers": integers}
+    content = [plain_number(number) for number in value.ravel().tolist()]
+    return {"type": value.dtype.str[1:], "shape": list(value.shape), "content": content}
 
 
 def plain_number(number: float) -> float | str:
@@ -139,51 +116,12 @@ def data() -> dict[str, Any]:
         "scenes": {
             name: {
                 "kind": kind_of(scene),
-                "fields": [plain_numbers(scene_fields(scene)[0]), *plain(scene_fields(scene)[1:])],
+                "fields": plain(scene_fields(scene)),
                 "cue": list(cue_numbers(scene)) if scene.physics.motion == "sliding" else None,
                 "max_time": scene.physics.max_time,
             }
             for name, scene in scenes().items()
         },
-        "episodes": EPISODES,
-        "tasks": {name: plain_task(tasks.program(name)) for name in tasks.TASKS},
-    }
-
-
-def plain_task(task: tasks.Program) -> dict[str, Any]:
-    """Returns the calls of a task as JSON. Arguments that belong to its episodes or its scene refer to them."""
-    kept: dict[Any, int] = {}
-    arrays: list[Any] = []
-
-    def number_of(array: NDArray[Any]) -> int:
-        key = array.ctypes.data, array.shape
-        if key not in kept:
-            kept[key] = len(arrays)
-            row = plain(array[:1])
-            arrays.append(row | {"shape": row["shape"][1:]})
-        return kept[key]
-
-    def argument(value: Any) -> Any:
-        if isinstance(value, np.ndarray) and value.shape[:1] == (tasks.COUNT,):
-            return {"array": number_of(value)}
-        if not isinstance(value, tuple):
-            return plain(value)
-        if len(value) == len(task.scene) and all(one is two for one, two in zip(value[1:], task.scene[1:], strict=True)):
-            own, others = (plain_numbers(fields[0])["content"] for fields in (value, task.scene))
-            changes = {name: own[name] for name in own if own[name] != others[name]}
-            return {"scene": task.arguments["scene"], "balls": task.arguments["n_object_balls"] + 1, "changes": changes}
-        return [argument(item) for item in value]
-
-    def calls(some: Sequence[tasks.Call]) -> list[Any]:
-        return [[entry_points()[key_of(*call)][0], [argument(value) for value in call[1]]] for call in some]
-
-    return {
-        "scene": task.arguments["scene"],
-        "max_shots": task.arguments["max_shots"],
-        "begin": calls(task.begin),
-        "shoot": calls(task.shoot),
-        "names": {name: number_of(array) for name, array in task.arrays.items()},
-        "arrays": arrays,
     }
 
 
@@ -229,7 +167,7 @@ def compile_engines(path: Path) -> None:
         objects, exports = [f"{folder}/runtime.o"], ["allocate", "reset"]
         target = "-target", "wasm32-freestanding", "-mcpu=generic+bulk_memory", "-O2", "-c"
         subprocess.run([*zig, "cc", *target, str(HERE / "runtime.c"), "-o", objects[0]], check=True)
-        for name, function, arguments in entry_points().values():
+        for name, function, arguments in entry_points():
             print(f"compiles {name}", flush=True)
             objects.append(f"{folder}/{name}.o")
             exports.append(name)
@@ -289,8 +227,7 @@ def rack_of(layout: str, scene: Scene) -> list[list[float]]:
 def engine_file() -> bytes:
     """Returns `engine.wasm` from `build/web`, and compiles it there if the kernels or this file have changed."""
     check_versions()
-    parts = Path(__file__), HERE / "tasks.py", HERE / "runtime.c"
-    sources = *(path.read_bytes() for path in parts), source_hash().encode()
+    sources = *(path.read_bytes() for path in (Path(__file__), HERE / "runtime.c")), source_hash().encode()
     versions = f"{numba.__version__} {llvmlite.__version__}".encode()
     kept = ROOT / "build" / "web" / f"{hashlib.sha256(b''.join((*sources, versions))).hexdigest()[:16]}.wasm"
     if not kept.exists():  # in a new process, because kernels that are already compiled are optimised for this machine

@@ -122,8 +122,8 @@ def test_a_cue_ball_in_hand_moves_to_the_nearest_free_point(make_model):
 
 
 @pytest.mark.parametrize("engine", [PIC, Engine("pit", 1e-4)])
-def test_the_preview_ends_at_the_first_contact_of_the_engine(make_model, mode):
-    model = after(make_model(positions=STRAIGHT, **mode), (actions.turn_aim, 1.5))
+def test_the_preview_ends_at_the_first_contact_of_the_engine(make_model, engine):
+    model = after(make_model(positions=STRAIGHT, engine=engine), (actions.turn_aim, 1.5))
     preview = model.preview
     shot = simulate(model.setup.scene, STRAIGHT, model.stroke.velocity, record=True)
     assert shot.events is not None
