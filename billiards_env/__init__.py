@@ -24,8 +24,8 @@ __all__ = ["Engine", "Scene", "Strike", "__version__", "set_num_threads", "simul
 
 gymnasium.register(
     id="Billiards-v0",
-    entry_point="billiards_env.envs:BilliardsEnv",
-    vector_entry_point="billiards_env.envs:BilliardsVectorEnv",
+    entry_point="billiards_env.envs:make_env",
+    vector_entry_point="billiards_env.envs:make_vector_env",
 )
 frozen.register(gymnasium.register)
 

@@ -42,7 +42,7 @@ from benchmarks import IMAGES, machine_line, save, table, use_own_font
 from benchmarks.accuracy_report import PIT_STYLES
 from billiards_env.engine import PIC, Engine
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.envs import BilliardsVectorEnv
+from billiards_env.envs import BilliardsVectorEnv, make_vector_env
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json
 from billiards_env.intervals import as_percent, over_seeds
@@ -456,7 +456,7 @@ def learn_pots(seed: int, shots: int, episodes: int) -> float:
     """
     torch.manual_seed(seed)
     random = np.random.default_rng(seed)
-    envs = BilliardsVectorEnv(POT_BATCH, threads=1)
+    envs = make_vector_env(POT_BATCH, threads=1)
     envs.reset(seed=POT_BATCH * seed)
     network, memory = Network(envs.single_env.scene), deque[Pots](maxlen=MEMORY)
     optimiser, steps = torch.optim.Adam(network.parameters()), max(1, shots // POT_BATCH)
@@ -473,7 +473,7 @@ def learn_pots(seed: int, shots: int, episodes: int) -> float:
         return network.act(torch.as_tensor(envs.decode(observations)["positions"]))[2].numpy()
 
     seeds = evaluation_seeds(seed, episodes).tolist()
-    return play_together(BilliardsVectorEnv(episodes), actions, seeds)["success_rate"]
+    return play_together(make_vector_env(episodes), actions, seeds)["success_rate"]
 
 
 def measure(output: Path) -> dict[str, Any]:

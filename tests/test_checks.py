@@ -14,7 +14,7 @@ import pytest
 from billiards_env.checks import RANGES, Range, fits, integer, numbers, one_of, real, short
 from billiards_env.engine import PIC, Engine
 from billiards_env.engine.pit import MAX_STEPS
-from billiards_env.envs import BilliardsVectorEnv
+from billiards_env.envs import BilliardsVectorEnv, make_vector_env
 from billiards_env.envs.actions import aimed_strikes, perturb
 from billiards_env.envs.wrappers import ActionFrame, VectorActionFrame
 from billiards_env.games import GameState, Setup, Stroke, opening, play, records
@@ -280,7 +280,7 @@ def stroke(*arguments: Any) -> Any:
             lambda: ActionFrame(made(max_speed=np.float64(2))(), "sum_to_three"),
             "max_speed = 2.0 with frame 'sum_to_three'",
         ),
-        (lambda: BilliardsVectorEnv(2).reset(options={"positions": "abc"}), "options['positions'] = 'abc': expected"),
+        (lambda: make_vector_env(2).reset(options={"positions": "abc"}), "options['positions'] = 'abc': expected"),
     ],
 )
 def test_a_wrong_type_is_named(call, message):

@@ -20,7 +20,17 @@ from billiards_env.jit import allocating_entry_point, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.walls import half_sizes
-from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, SPIN_X, SPIN_Y, SPIN_Z, SceneArrays, X, Y
+from billiards_env.physics.state import (
+    POCKET_RADIUS,
+    POCKET_X,
+    POCKET_Y,
+    SPIN_X,
+    SPIN_Y,
+    SPIN_Z,
+    X,
+    Y,
+    scene_of,
+)
 from billiards_env.scene import CONTACT_GAP, Scene, check_positions, check_ranges
 
 Floats = NDArray[np.float64]
@@ -145,14 +155,14 @@ def is_valid_fast(begin, end, scene, positions, velocities, spins, in_play):
         True if all numbers are within their ranges, balls of infinite mass rest, and balls in play lie inside the
         cushions, outside the pockets and apart from each other.
     """
-    arrays = SceneArrays(scene[0][0], *scene[1:])
+    arrays = scene_of(scene, 0)
     return _are_valid(begin, end, arrays, (positions, velocities, spins, in_play), None)
 
 
 @allocating_entry_point
 def is_valid_fast_of_many(begin, end, scene, positions, velocities, spins, in_play):
     """Returns the same as `is_valid_fast`, faster for many balls: only balls in neighbouring cells are compared."""
-    arrays = SceneArrays(scene[0][0], *scene[1:])
+    arrays = scene_of(scene, 0)
     return _are_valid(begin, end, arrays, (positions, velocities, spins, in_play), empty_cells(arrays))
 
 

@@ -17,7 +17,7 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import vector as wrappers
 
-from billiards_env.envs import BilliardsVectorEnv, vector
+from billiards_env.envs import make_vector_env, vector
 from tests.helpers.environments import SOFT
 
 GOTCHAS = Path(__file__).parents[2] / "docs" / "gotchas.md"
@@ -75,7 +75,7 @@ def outcome(name: str, mode: str) -> str:
     """Returns "yes", "no" for an error, or "wrong" for wrong numbers."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        envs = BilliardsVectorEnv(4, mode, **SOFT)
+        envs = make_vector_env(4, mode, **SOFT)
         try:
             kind, wrap = name.removeprefix("Vectorize"), getattr(wrappers, name)
             if kind != name:
@@ -111,5 +111,5 @@ def test_a_gymnasium_with_wrong_returns_warns_once(version, mode, count, monkeyp
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         for _ in range(2):
-            BilliardsVectorEnv(2, mode)
+            make_vector_env(2, mode)
     assert [str(one.message)[:16] for one in caught] == [f"Gymnasium {version}:"] * count

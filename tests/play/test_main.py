@@ -166,11 +166,9 @@ def test_spaces_between_players_are_ignored(frames):
 @pytest.mark.parametrize("dt", [1 / 60, 1 / 240])
 def test_the_engines_are_compiled_before_the_window_opens(monkeypatch, dt):
     used = []
-    monkeypatch.setattr(
-        "billiards_env.play.__main__.simulate", lambda *args, mode, dt, **kwargs: used.append((mode, dt))
-    )
+    monkeypatch.setattr("billiards_env.play.__main__.simulate", lambda *args, engine, record: used.append(engine))
     compile_engines(Scene.named("carom"), dt)
-    assert used == [("pic", None), ("pit", dt)]
+    assert used == [PIC, Engine("pit", dt)]
 
 
 @pytest.mark.parametrize(
