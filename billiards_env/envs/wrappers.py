@@ -56,7 +56,7 @@ class ActionFrame(gym.ActionWrapper[Any, Any, Any], RecordConstructorArgs):
         super().__init__(env)
         self._game: Any = _game(env)
         self._frame = ActionTransform(
-            frame, self._game.scene, self._game.targets, self._game.max_speed, ball, least_speed
+            frame, self._game.scene, self._game.model.targets, self._game.max_speed, ball, least_speed
         )
 
     def action(self, action: ArrayLike) -> Floats:
@@ -82,7 +82,7 @@ class VectorActionFrame(VectorActionWrapper):
         game = _game(env)
         self._max_speed = game.max_speed
         self._shape = self.num_envs, ACTIONS[game.action]
-        self._frame = ActionTransform(frame, game.scene, game.targets, game.max_speed, ball, least_speed)
+        self._frame = ActionTransform(frame, game.scene, game.model.targets, game.max_speed, ball, least_speed)
 
     def actions(self, actions: ArrayLike) -> Floats:
         """Returns the actions of the wrapped environment for actions in this frame.

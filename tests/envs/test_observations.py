@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
+from billiards_env.envs import make_env, make_vector_env
 from billiards_env.envs.observations import FEATURES, Feature, decode
 
 WAYS = ("cue_to_balls", "balls_to_pockets", "free_to_balls", "free_to_pockets")
@@ -14,7 +14,7 @@ WAYS = ("cue_to_balls", "balls_to_pockets", "free_to_balls", "free_to_pockets")
 @pytest.fixture(scope="module")
 def shots():
     """Tables after a fast shot, with potted balls and a smaller cue ball, and the features of their observations."""
-    envs = BilliardsVectorEnv(400, "Disabled", scene="uk_pool", n_object_balls=5, max_speed=8.0, observe=WAYS[::-1])
+    envs = make_vector_env(400, "Disabled", scene="uk_pool", n_object_balls=5, max_speed=8.0, observe=WAYS[::-1])
     envs.reset(seed=0)
     turns = np.random.default_rng(0).uniform(0, 2 * np.pi, 400)
     observations, *_ = envs.step(np.stack((np.cos(turns), np.sin(turns)), 1))
@@ -73,7 +73,7 @@ def test_straight_lines_without_an_obstacle(shots):
 
 
 def test_a_ball_next_to_the_line_is_an_obstacle_if_the_balls_overlap_there():
-    env = BilliardsEnv(n_object_balls=2, observe=("free_to_balls", "free_to_pockets"))
+    env = make_env(n_object_balls=2, observe=("free_to_balls", "free_to_pockets"))
     radius = env.scene.balls.radius[0]
     for offset, is_free in ((1.999, 0), (2.0, 1), (2.001, 1)):
         balls = [[-0.5, 0.0], [0.0, offset * radius], [0.5, 0.0]]
@@ -85,7 +85,7 @@ def test_a_ball_next_to_the_line_is_an_obstacle_if_the_balls_overlap_there():
 
 
 def test_mirrored_tables_have_mirrored_features_bit_for_bit():
-    env = BilliardsEnv(n_object_balls=3, observe=("cue_to_balls", "free_to_balls"))
+    env = make_env(n_object_balls=3, observe=("cue_to_balls", "free_to_balls"))
     for seed in range(20):
         env.reset(seed=seed)
         positions = env.positions
@@ -98,7 +98,7 @@ def test_mirrored_tables_have_mirrored_features_bit_for_bit():
 
 def test_the_argument_chooses_and_orders_the_features():
     names = ("shots_left", "goal", "potted", "positions")
-    env, usual = (BilliardsEnv(task="place", max_shots=2, observe=observe) for observe in (names, None))
+    env, usual = (make_env(task="place", max_shots=2, observe=observe) for observe in (names, None))
     observation, seen = env.reset(seed=1)[0], usual.decode(usual.reset(seed=1)[0])
     assert tuple(env.features) == names
     assert env.features == {"shots_left": (), "goal": (1, 2), "potted": (2,), "positions": (2, 2)}
@@ -109,7 +109,7 @@ def test_the_argument_chooses_and_orders_the_features():
 
 
 def test_decode_returns_views_of_arrays_and_tensors():
-    envs = BilliardsVectorEnv(3, observe=("positions", "shots_left"))
+    envs = make_vector_env(3, observe=("positions", "shots_left"))
     observations, _ = envs.reset(seed=0)
     seen = envs.decode(observations)
     assert {name: values.shape for name, values in seen.items()} == {"positions": (3, 2, 2), "shots_left": (3,)}
@@ -130,7 +130,7 @@ def test_a_new_feature_is_one_entry(monkeypatch):
 
     entry = Feature("the score", (), 0.0, write, lambda source: (source.arrays.score,))
     monkeypatch.setitem(FEATURES, "score", entry)
-    env, envs = BilliardsEnv(observe=("score",)), BilliardsVectorEnv(2, "Disabled", observe=["positions", "score"])
+    env, envs = make_env(observe=("score",)), make_vector_env(2, "Disabled", observe=["positions", "score"])
     env.reset(options={"positions": [[0.97, 0.335], [1.07, 0.435]]})
     assert env.step([0.25, 0.25])[0].tolist() == [np.float32(0.01)]
     envs.reset(seed=0)
