@@ -52,7 +52,7 @@ SOURCES = {
 }
 """The commands whose results the pages show, by the name of the results."""
 
-GENERATED = {"games": "studies.games"}
+GENERATED = {"games": "studies.games", "scenes": "studies.scenes"}
 """The modules of tables that need no measurement, by the name of the source."""
 
 _BEGIN, _END = re.compile(r"<!-- (\w+): (.+) -->"), "<!-- end -->"

@@ -118,7 +118,7 @@ def clear(state, scene, queue):
 
 
 @inlined
-def _copy_path(i, state, scene, singles, paths):
+def _copy_path(i, state, scene, singles, paths):  # out: paths
     """Copies ball i's path for `screen`."""
     if paths is None:
         return
@@ -129,7 +129,7 @@ def _copy_path(i, state, scene, singles, paths):
 
 
 @inlined
-def screen(i, now, until, paths, apart):
+def screen(i, now, until, paths, apart):  # out: apart
     """Finds balls that ball i does not meet while both paths are valid. One instruction compares several balls.
 
     Args:
@@ -173,7 +173,7 @@ def _apart_now(i, j, now, until, state, scene, singles):
 
 
 @inlined
-def _predict_pairs(i, now, state, scene, queue):
+def _predict_pairs(i, now, state, scene, queue):  # out: queue
     """Predicts the meetings of ball i, whose own time is `now`, with all other balls."""
     n, singles = len(scene.radius), queue.singles
     until = singles.hi[i]
@@ -197,7 +197,7 @@ def _predict_pairs(i, now, state, scene, queue):
 
 
 @kernel
-def _find_nearest(i, queue):
+def _find_nearest(i, queue):  # out: queue
     """Finds the earliest meeting of ball i with the balls j > i."""
     nearest, k = Time(math.inf, 0.0), len(queue.nearest)
     for j in range(i + 1, len(queue.nearest)):
@@ -208,7 +208,7 @@ def _find_nearest(i, queue):
 
 
 @inlined
-def predict(changed, count, now, state, scene, queue):
+def predict(changed, count, now, state, scene, queue):  # out: queue
     """Predicts the next events of the first `count` balls of `changed`, whose own time is `now`.
 
     Returns:
@@ -250,7 +250,7 @@ def earliest(state, scene, queue, limit):
 
 
 @inlined
-def due(event, queue, found):
+def due(event, queue, found):  # out: found
     """Lists in `found`, in order, the balls with a single-ball event of the time and rank of `event`.
 
     Returns their number.
@@ -264,7 +264,7 @@ def due(event, queue, found):
 
 
 @inlined
-def gather(now, state, scene, queue, contacts):
+def gather(now, state, scene, queue, contacts):  # out: state, contacts
     """Finds the contacts at a `Time` (pairs that meet, or that touch and approach) and advances their balls to it.
 
     Returns their number.

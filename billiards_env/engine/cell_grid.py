@@ -167,7 +167,7 @@ def _is_before(a, b, queue):
 
 
 @kernel
-def _schedule(i, queue):
+def _schedule(i, queue):  # out: queue
     """Puts ball i at its place in the heap by the earliest of its events (Williams 1964)."""
     time, rank = single_time(queue.singles, i), rank_of(queue.singles.kind[i])
     meeting = Time(queue.meeting_hi[i], queue.meeting_lo[i])
@@ -195,7 +195,7 @@ def _schedule(i, queue):
 
 
 @kernel
-def _enter(i, queue):
+def _enter(i, queue):  # out: queue
     """Puts ball i at the head of the list of its cell."""
     c, r = queue.column[i], queue.row[i]
     after = queue.head[c, r]
@@ -206,7 +206,7 @@ def _enter(i, queue):
 
 
 @kernel
-def _leave(i, queue):
+def _leave(i, queue):  # out: queue
     """Takes ball i out of the list of its cell."""
     after, prior = queue.next[i], queue.previous[i]
     if prior >= 0:
@@ -218,7 +218,7 @@ def _leave(i, queue):
 
 
 @kernel
-def clear(state, scene, queue):
+def clear(state, scene, queue):  # out: queue
     """Empties the queue and puts the balls in their cells."""
     queue.head[:] = -1
     queue.hi[:] = queue.lo[:] = math.inf
@@ -233,7 +233,7 @@ def clear(state, scene, queue):
 
 
 @kernel
-def _predict_crossing(i, now, state, scene, queue):
+def _predict_crossing(i, now, state, scene, queue):  # out: queue
     """Predicts when ball i leaves its cell after a `Time`. A cell at the border of the grid has no outer edge."""
     queue.crossing[i], queue.direction[i] = math.inf, -1
     if not moves(state, i):
@@ -272,7 +272,7 @@ def _meeting(i, j, state, scene, queue):
 
 
 @kernel
-def _predict_in_cell(i, c, r, state, scene, queue):
+def _predict_in_cell(i, c, r, state, scene, queue):  # out: queue
     """Predicts the meetings of ball i with the balls in a cell. Stores a meeting for a ball if it is its earliest."""
     j = queue.head[c, r]
     while j >= 0:
@@ -288,7 +288,7 @@ def _predict_in_cell(i, c, r, state, scene, queue):
 
 
 @kernel
-def _predict_neighbours(i, state, scene, queue):
+def _predict_neighbours(i, state, scene, queue):  # out: queue
     """Predicts the meetings of ball i with the balls in its own and the neighbouring cells."""
     queue.meeting_hi[i] = math.inf
     columns, rows = queue.head.shape
@@ -299,7 +299,7 @@ def _predict_neighbours(i, state, scene, queue):
 
 
 @kernel
-def _cross(i, state, scene, queue):
+def _cross(i, state, scene, queue):  # out: queue
     """Moves ball i to the next cell, and predicts its meetings in the cells that have become neighbours."""
     columns, rows = queue.head.shape
     _leave(i, queue)
@@ -325,7 +325,7 @@ def _cross(i, state, scene, queue):
 
 
 @kernel
-def predict(changed, count, now, state, scene, queue):
+def predict(changed, count, now, state, scene, queue):  # out: queue
     """Predicts the next events of the first `count` balls of `changed`, whose own time is `now`.
 
     Returns:
@@ -349,7 +349,7 @@ def predict(changed, count, now, state, scene, queue):
 
 
 @kernel
-def earliest(state, scene, queue, limit):
+def earliest(state, scene, queue, limit):  # out: queue
     """Returns the next `Event`. Moves balls to their next cells and replaces invalid meetings on the way to it."""
     while True:
         i = queue.heap[0]
@@ -365,7 +365,7 @@ def earliest(state, scene, queue, limit):
 
 
 @kernel
-def _find_soon(hi, queue, found):
+def _find_soon(hi, queue, found):  # out: found
     """Lists in `found`, in order, the balls with an event at most SOON after a time hi. Returns their number."""
     n, count, k = len(queue.heap), 1, 0
     found[0] = 0  # first positions in the heap, which has the earliest event at its top, then balls
@@ -385,7 +385,7 @@ def _find_soon(hi, queue, found):
 
 
 @inlined
-def due(event, queue, found):
+def due(event, queue, found):  # out: queue, found
     """Lists in `found`, in order, the balls with a single-ball event of the time and rank of `event`.
 
     Returns their number.
@@ -400,7 +400,7 @@ def due(event, queue, found):
 
 
 @kernel
-def gather(now, state, scene, queue, contacts):
+def gather(now, state, scene, queue, contacts):  # out: state, queue, contacts
     """Finds the contacts at a `Time` (pairs that meet, or that touch and approach) and advances their balls to it.
 
     Returns their number.

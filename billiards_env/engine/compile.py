@@ -194,11 +194,11 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
     radius = np.array(scene.balls.radius)
     sizes = len(set(scene.balls.radius))
     arrays = SceneArrays(
-        numbers,
-        radius,
-        1.0 / np.array(scene.balls.mass),
-        pockets,
-        outline,
+        numbers=numbers,
+        radius=radius,
+        inv_mass=1.0 / np.array(scene.balls.mass),
+        pockets=pockets,
+        outline=outline,
         spheres=radius if scene.balls.shape == "sphere" and sizes > 1 else None,
         ball_friction=BALL_BALL[p.ball_ball],
         cushion=tuple((True, None) if law is CUSHIONS[p.cushion].law else (None, True) for law in LAWS),

@@ -106,7 +106,7 @@ def empty_memory(n):
 
 
 @inlined
-def forget(memory):
+def forget(memory):  # out: memory
     """Resets the memory at the beginning of a shot."""
     memory.last_impact[:] = -math.inf
     memory.run[:] = 0
@@ -137,7 +137,7 @@ def least_rebound(speed, towards, weak, numbers):
 
 
 @inlined
-def end_runs(i, time, speed, numbers, memory):
+def end_runs(i, time, speed, numbers, memory):  # out: memory
     """Resets the counts of ball i that an impact at a time (s), with a speed of approach (m/s), does not continue."""
     interval = time - memory.last_impact[i]
     if interval * speed > RESOLUTION or interval > 0.01 * numbers.tau:
@@ -160,7 +160,7 @@ def is_over(i, j, state, numbers, memory):
 
 
 @inlined
-def count_impact(i, time, memory):
+def count_impact(i, time, memory):  # out: memory
     """Counts an impact of ball i at a time (s)."""
     memory.run[i] += 1
     memory.weak[i] += 1
@@ -174,14 +174,14 @@ def is_ordinary(i, time, speed, numbers, memory):
 
 
 @inlined
-def count_ordinary(i, time, memory):
+def count_ordinary(i, time, memory):  # out: memory
     """Counts an ordinary impact of ball i at a time (s), which starts new runs."""
     memory.run[i] = memory.weak[i] = 1
     memory.last_impact[i] = time
 
 
 @kernel
-def halt(state, i):
+def halt(state, i):  # out: state
     """Brings ball i to rest without a change of its spin about the vertical axis."""
     for c in (VX, VY, UX, UY):
         state.rows[i, c] = 0.0
@@ -197,7 +197,7 @@ def pressing(i, j, nx, ny, state):
 
 
 @kernel
-def resolve_jam(contacts, state, scene, memory):
+def resolve_jam(contacts, state, scene, memory):  # out: state
     """Resolves the first contact if its balls are jammed. Returns whether it does.
 
     If friction presses a heavy ball against a light one at a fixed body, the number of impacts that lift the heavy ball
@@ -252,7 +252,7 @@ class CushionContact(NamedTuple):
 
 
 @kernel
-def _hit_cushion_again(contact, time, state, scene, memory):
+def _hit_cushion_again(contact, time, state, scene, memory):  # out: state, memory
     """Implements `hit_cushion` for an impact that is not ordinary."""
     i, wall, nx, ny, speed = contact
     numbers = scene.numbers
@@ -270,7 +270,7 @@ def _hit_cushion_again(contact, time, state, scene, memory):
 
 
 @inlined
-def hit_cushion(contact, time, state, scene, memory):
+def hit_cushion(contact, time, state, scene, memory):  # out: state, memory
     """Changes the motion of a ball at a cushion.
 
     Args:
@@ -292,7 +292,7 @@ def hit_cushion(contact, time, state, scene, memory):
 
 
 @kernel
-def hit_corner(one, two, time, state, scene, memory):
+def hit_corner(one, two, time, state, scene, memory):  # out: state, memory
     """Changes the motion of a ball at two cushions, as `hit_cushion` does; both are `CushionContact`s of the ball.
 
     The two count as one impact, at the larger speed of approach.
@@ -316,7 +316,7 @@ def hit_corner(one, two, time, state, scene, memory):
 
 
 @kernel
-def _collide_again(count, time, contacts, state, scene, scratch, memory):
+def _collide_again(count, time, contacts, state, scene, scratch, memory):  # out: contacts, state, scratch, memory
     """Implements `collide` for impacts that are not one ordinary impact."""
     first, second, closing, numbers = contacts.first, contacts.second, contacts.closing, scene.numbers
     for c in range(count):  # before any impact is counted, so that the order of the contacts does not matter
@@ -342,7 +342,7 @@ def _collide_again(count, time, contacts, state, scene, scratch, memory):
 
 
 @inlined
-def collide(count, time, contacts, state, scene, scratch, memory):
+def collide(count, time, contacts, state, scene, scratch, memory):  # out: contacts, state, scratch, memory
     """Changes the velocities of the balls in `count` simultaneous impacts.
 
     Args:

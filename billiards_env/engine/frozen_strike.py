@@ -103,7 +103,7 @@ def _spin_energy(i, unit, state, scene):
 
 
 @inlined
-def _gather(k, scene, starts, state, contacts):
+def _gather(k, scene, starts, state, contacts):  # out: contacts
     """Lists all pairs of balls that touch. Returns their number."""
     count, n = 0, len(scene.radius)
     for i in range(n):
@@ -121,7 +121,7 @@ def _gather(k, scene, starts, state, contacts):
 
 
 @allocating_entry_point
-def _drive(begin, end, ball, cue, scene, starts):
+def _drive(begin, end, ball, cue, scene, starts):  # out: starts
     """Implements `strike_frozen`; the restitution of the balls is -`LEFT`."""
     cue, starts, arrays = CueNumbers(*cue), Starts(*starts), scene_of(scene, 0)
     n = len(arrays.radius)

@@ -230,7 +230,7 @@ def _is_corner(e, piece, events, segments):
 
 
 @kernel
-def trace(events, segments, scene, is_sphere, tape):
+def trace(events, segments, scene, is_sphere, tape):  # out: tape
     """Fills the tape of a shot.
 
     Several impacts with one solution count as successive, in the order of the log.
@@ -280,7 +280,7 @@ def _approach(a, b):
 
 
 @inlined
-def apply_event(e, count, events, segments, scene, is_sphere, tape):
+def apply_event(e, count, events, segments, scene, is_sphere, tape):  # out: tape
     """Changes the first `count` lanes by event e and the flights of its balls before it."""
     numbers, lanes, piece = law_numbers_of(scene.numbers), tape.lanes, tape.first[e]
     kind, now = int(events[e, KIND]), Time(events[e, TIME], events[e, TIME_LO])
@@ -328,7 +328,7 @@ def apply_event(e, count, events, segments, scene, is_sphere, tape):
 
 
 @inlined
-def _apply_end(i, count, until, segments, scene, tape):
+def _apply_end(i, count, until, segments, scene, tape):  # out: tape
     """Changes the first `count` lanes, with ball i, by its last flight until a time (s)."""
     numbers = law_numbers_of(scene.numbers)
     flight = flight_until(segments, tape.current[i], Time(until, 0.0), numbers)
@@ -339,7 +339,7 @@ def _apply_end(i, count, until, segments, scene, tape):
 
 
 @inlined
-def load(i, s, count, inputs, tangent, lanes):
+def load(i, s, count, inputs, tangent, lanes):  # out: lanes
     """Copies the changes of ball i and of its constants to the columns of ball s of the lanes."""
     for c in range(count):
         lane = lanes[c]
@@ -349,7 +349,7 @@ def load(i, s, count, inputs, tangent, lanes):
 
 
 @inlined
-def store(i, s, count, lanes, tangent):
+def store(i, s, count, lanes, tangent):  # out: tangent
     """Copies the columns of ball s of the lanes to the changes of ball i."""
     for c in range(count):
         for j in range(BALL_WIDTH):
@@ -364,7 +364,7 @@ def _phase_until(piece, until, segments):
 
 
 @inlined
-def _start(i, count, until, segments, scene, lanes):
+def _start(i, count, until, segments, scene, lanes):  # out: lanes
     """Changes the first `count` lanes, with the inputs of ball i, to its state at the start of a shot until a time."""
     phase, numbers = _phase_until(i, until, segments), law_numbers_of(scene.numbers)
     for c in range(count):
@@ -372,7 +372,7 @@ def _start(i, count, until, segments, scene, lanes):
 
 
 @inlined
-def begin_lanes(n, inputs, until, segments, scene, tangent, tape):
+def begin_lanes(n, inputs, until, segments, scene, tangent, tape):  # out: tangent, tape
     """Begins a pass forwards: the lanes take the changes of the constants, and `tangent` those of the n balls.
 
     `until` is the time of the outputs, s.
@@ -392,7 +392,7 @@ def begin_lanes(n, inputs, until, segments, scene, tangent, tape):
 
 
 @allocating_entry_point
-def push_lanes(begin, end, shots, times, inputs, results):
+def push_lanes(begin, end, shots, times, inputs, results):  # out: results
     """Computes the changes of shots `begin` to `end` - 1 by changes of their inputs.
 
     Args:
@@ -446,7 +446,7 @@ def push_lanes(begin, end, shots, times, inputs, results):
 
 
 @inlined
-def _ball_columns(at, phase, begin, count, motion, column):
+def _ball_columns(at, phase, begin, count, motion, column):  # out: column
     """Appends the columns of a ball that can change in a phase to the first `count` columns of the unit vectors.
 
     Args:
@@ -473,7 +473,7 @@ def _ball_columns(at, phase, begin, count, motion, column):
 
 
 @inlined
-def _unit_lanes(balls, kind, count, constants, tape):
+def _unit_lanes(balls, kind, count, constants, tape):  # out: tape
     """Sets the lanes to the unit vectors of `count` columns and, if `constants`, of the constants of an event.
 
     Returns their number.
@@ -499,7 +499,7 @@ def _unit_lanes(balls, kind, count, constants, tape):
 
 
 @inlined
-def _pull(count, i, other, begin, event, tape, adjoint, sums):
+def _pull(count, i, other, begin, event, tape, adjoint, sums):  # out: tape, adjoint, sums
     """Multiplies adjoints by the lanes of one ball or of two.
 
     Args:
@@ -562,7 +562,7 @@ def _is_zero(i, adjoint):
 
 
 @allocating_entry_point
-def pull_lanes(begin, end, shots, times, outputs, at_events, constants, inputs):
+def pull_lanes(begin, end, shots, times, outputs, at_events, constants, inputs):  # out: outputs, inputs
     """Computes the products of adjoints of the outputs of shots `begin` to `end` - 1 with their Jacobians.
 
     Args:

@@ -63,7 +63,7 @@ def phase_end(phase):
 
 
 @inlined
-def clear_log(log):
+def clear_log(log):  # out: log
     """Begins the next shot. Does not write to a log without rows, because threads may share it."""
     if len(log.events) == 0:
         return
@@ -77,7 +77,7 @@ def clear_log(log):
 
 
 @kernel
-def log_event(log, time, kind, ball, other, state, speed, rule):
+def log_event(log, time, kind, ball, other, state, speed, rule):  # out: log
     """Appends an event.
 
     Args:
@@ -101,7 +101,7 @@ def log_event(log, time, kind, ball, other, state, speed, rule):
 
 
 @kernel
-def log_segment(log, state, ball):
+def log_segment(log, state, ball):  # out: log
     """Appends the piece of a ball's trajectory that starts with its row of the `State`."""
     if len(log.segments) == 0:
         return

@@ -216,7 +216,7 @@ def between(first, second, begin):
 
 
 @kernel
-def _set(pair, margin, normal, rate, now, shot):
+def _set(pair, margin, normal, rate, now, shot):  # out: shot
     """Stores the margin of a pair.
 
     Args:
@@ -254,7 +254,7 @@ def _set(pair, margin, normal, rate, now, shot):
 
 
 @kernel
-def _approach(pair, path, t, ends, begin, reach, shot):
+def _approach(pair, path, t, ends, begin, reach, shot):  # out: shot
     """Stores the margin of a ball to a circle t seconds after `begin`, if it is the largest.
 
     Args:
@@ -275,7 +275,7 @@ def _approach(pair, path, t, ends, begin, reach, shot):
 
 
 @inlined
-def _pass_circle(pair, path, end, swept, begin, reach, shot):
+def _pass_circle(pair, path, end, swept, begin, reach, shot):  # out: shot
     """Stores the margin of a ball to a circle on a piece of its path, if it is the largest."""
     i, q = pair.ball, pair.column
     if shot.selected[i, q] and not misses_circle(path, swept, reach - shot.out.margin[i, q]):
@@ -291,7 +291,7 @@ def touches_line(line, x, y):
 
 
 @inlined
-def _pass_line(pair, path, end, begin, normal, room, line, shot):
+def _pass_line(pair, path, end, begin, normal, room, line, shot):  # out: shot
     """Stores the margin of a ball to a straight cushion on a piece of its path, if it is the largest.
 
     Args:
@@ -320,7 +320,7 @@ def _pass_line(pair, path, end, begin, normal, room, line, shot):
 
 
 @inlined
-def _pass_cushions(outline, i, first, path, end, swept, begin, shot):
+def _pass_cushions(outline, i, first, path, end, swept, begin, shot):  # out: shot
     """Stores the margins of ball i to the cushions on a piece of its path; `first` is the column of cushion 0."""
     radius, numbers = shot.scene.radius[i], shot.scene.numbers
     if outline is None:
@@ -335,7 +335,7 @@ def _pass_cushions(outline, i, first, path, end, swept, begin, shot):
 
 
 @kernel
-def _pass_outline(outline, i, first, path, end, swept, begin, shot):
+def _pass_outline(outline, i, first, path, end, swept, begin, shot):  # out: shot
     """Implements `_pass_cushions` for an outline."""
     radius, lines, tips = shot.scene.radius[i], outline.lines, outline.tips
     for k in range(len(lines)):
@@ -354,7 +354,7 @@ def _pass_outline(outline, i, first, path, end, swept, begin, shot):
 
 
 @kernel
-def _pass_by(i, now, shot):
+def _pass_by(i, now, shot):  # out: shot
     """Stores the margins of ball i to bodies that it is nearest to on its current piece until a `Time`."""
     segments, scene, tape = shot.segments, shot.scene, shot.tape
     piece, n = tape.current[i], len(scene.radius)
@@ -392,7 +392,7 @@ def _pass_by(i, now, shot):
 
 
 @kernel
-def _begin(shot):
+def _begin(shot):  # out: shot
     """Stores the margins at the start of the shot."""
     segments, scene, start = shot.segments, shot.scene, Time(0.0, 0.0)
     n, selected = len(scene.radius), shot.selected
@@ -413,7 +413,7 @@ def _begin(shot):
 
 
 @inlined
-def _enter_pocket(i, p, path, now, shot):
+def _enter_pocket(i, p, path, now, shot):  # out: shot
     """Stores the margin of ball i that enters pocket p, on its continued `Path` from a `Time`.
 
     The path ends at the cushion behind the pocket, if the ball is not nearest to the centre before.
@@ -437,7 +437,7 @@ def _enter_pocket(i, p, path, now, shot):
 
 
 @inlined
-def _hit_cushion(outline, i, wall, piece, path, now, shot):
+def _hit_cushion(outline, i, wall, piece, path, now, shot):  # out: shot
     """Stores the margin of ball i that touches a cushion before a piece, on its continued `Path` from a `Time`."""
     q = len(shot.scene.radius) + len(shot.scene.pockets) + wall
     if outline is not None and wall >= len(outline.lines):
@@ -456,7 +456,7 @@ def _hit_cushion(outline, i, wall, piece, path, now, shot):
 
 
 @inlined
-def _hit_tip(tip, i, q, path, now, shot):
+def _hit_tip(tip, i, q, path, now, shot):  # out: shot
     """Implements `_hit_cushion` for a tip."""
     from_tip = relative_to(path, tip[TIP_X], tip[TIP_Y])
     reach = tip[TIP_RADIUS] + shot.scene.radius[i]
@@ -464,7 +464,7 @@ def _hit_tip(tip, i, q, path, now, shot):
 
 
 @kernel
-def _meet(e, events, shot):
+def _meet(e, events, shot):  # out: shot
     """Stores the margin of the contact at event e."""
     segments, scene, tape = shot.segments, shot.scene, shot.tape
     kind, i, other = int(events[e, KIND]), int(events[e, BALL]), int(events[e, OTHER])
@@ -492,7 +492,7 @@ def _meet(e, events, shot):
 
 
 @inlined
-def _move_ends(i, shot):
+def _move_ends(i, shot):  # out: shot
     """Adds the change of an event's time to the changes of the margins of ball i that it ends."""
     out = shot.out
     n = len(out.margin)
@@ -506,7 +506,7 @@ def _move_ends(i, shot):
 
 
 @allocating_entry_point
-def push_margins(begin, end, shots, times, inputs, selected, results):
+def push_margins(begin, end, shots, times, inputs, selected, results):  # out: results
     """Computes the margins of shots `begin` to `end` - 1 and their changes by changes of the inputs.
 
     Args:

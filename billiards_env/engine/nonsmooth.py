@@ -131,7 +131,7 @@ class Pass(NamedTuple):
 
 
 @inlined
-def _find(time, e, reason, over):
+def _find(time, e, reason, over):  # out: over
     """Stores a reason at event e, or between events, and at a time, s, if it is the first one."""
     if time < over.time[0]:
         over.time[0], over.found[0], over.found[1] = time, e, reason
@@ -157,7 +157,7 @@ class Approach(NamedTuple):
 
 
 @inlined
-def _touch(gap, along, speed, t, approach, over):
+def _touch(gap, along, speed, t, approach, over):  # out: over
     """Stores a reason if two bodies touch.
 
     Args:
@@ -178,7 +178,7 @@ def _touch(gap, along, speed, t, approach, over):
 
 
 @inlined
-def _pass_circle(path, swept, reach, approach, over):
+def _pass_circle(path, swept, reach, approach, over):  # out: over
     """Looks for a touch of a circle about the origin with a radius `reach`, m, on a `Path` with its `Sweep`."""
     if misses_circle(path, swept, reach + CONTACT_GAP):
         return
@@ -190,7 +190,7 @@ def _pass_circle(path, swept, reach, approach, over):
 
 
 @inlined
-def _pass_line(path, normal, room, line, approach, over):
+def _pass_line(path, normal, room, line, approach, over):  # out: over
     """Looks for a touch of a straight cushion on a `Path`; see `margins._pass_line`."""
     (nx, ny), end = normal, approach.end
     v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
@@ -217,7 +217,7 @@ def _approach_of(kind, i, other, span, begin, e, over):
 
 
 @inlined
-def _pass_cushions(outline, i, path, swept, whole, e, over):
+def _pass_cushions(outline, i, path, swept, whole, e, over):  # out: over
     """Looks for touches of ball i and the cushions; `whole` is the `Approach` to any body on its `Path`."""
     radius, numbers = over.scene.radius[i], over.scene.numbers
     if outline is None:
@@ -232,7 +232,7 @@ def _pass_cushions(outline, i, path, swept, whole, e, over):
 
 
 @kernel
-def _pass_outline(outline, i, path, swept, whole, e, over):
+def _pass_outline(outline, i, path, swept, whole, e, over):  # out: over
     """Implements `_pass_cushions` for an outline."""
     radius, lines, tips = over.scene.radius[i], outline.lines, outline.tips
     for k in range(len(lines)):
@@ -251,7 +251,7 @@ def _pass_outline(outline, i, path, swept, whole, e, over):
 
 
 @kernel
-def _pass_by(i, e, now, over):
+def _pass_by(i, e, now, over):  # out: over
     """Looks for touches of ball i on its current piece until a `Time`, that of event e or that of the end (-1)."""
     segments, scene, tape = over.segments, over.scene, over.tape
     piece, n = tape.current[i], len(scene.radius)
@@ -367,7 +367,7 @@ def _left(segment, now):
 
 
 @kernel
-def _judge(e, over):
+def _judge(e, over):  # out: over
     """Stores the reason why event e has no derivative."""
     events, scene, tape = over.events, over.scene, over.tape
     kind, i, other = int(events[e, KIND]), int(events[e, BALL]), int(events[e, OTHER])
@@ -396,7 +396,7 @@ def _judge(e, over):
 
 
 @inlined
-def _cut(done, over):
+def _cut(done, over):  # out: over
     """Looks for events at the instant at which a shot is cut, after its first `done` events."""
     rests = True
     for i in range(len(over.last)):
@@ -411,7 +411,7 @@ def _cut(done, over):
 
 
 @allocating_entry_point
-def find_nonsmooth(begin, end, shots, times, results):
+def find_nonsmooth(begin, end, shots, times, results):  # out: results
     """Finds the first reason why shots `begin` to `end` - 1 have no derivative.
 
     Args:

@@ -60,7 +60,7 @@ class Fix(NamedTuple):
 
 
 @inlined
-def _place(i, x, y, work):
+def _place(i, x, y, work):  # out: work
     work.here[i, X], work.here[i, Y] = x, y
     work.state.rows[i, X], work.state.rows[i, Y] = x, y
 
@@ -86,7 +86,7 @@ def _keep_place(i, wall, beyond, bounce, scene, work):
 
 
 @kernel
-def _find_times(count, scene, work):
+def _find_times(count, scene, work):  # out: work
     """Sets `back` of the balls of `count` contacts to the time since they touched, by one step at most.
 
     The paths are straight. Of several contacts of a ball the earliest counts. `back` of all other balls is 0.
@@ -106,14 +106,14 @@ def _find_times(count, scene, work):
 
 
 @inlined
-def _step_back(i, work):
+def _step_back(i, work):  # out: work
     """Moves ball i back along its straight path by its `back`."""
     here, t = work.here, work.back[i]
     _place(i, here[i, X] - t * here[i, VX], here[i, Y] - t * here[i, VY], work)
 
 
 @kernel
-def _touching(count, scene, work):
+def _touching(count, scene, work):  # out: work
     """Keeps those of `count` contacts whose balls touch and do not separate. Returns their number."""
     contacts, here = work.contacts, work.here
     left = 0
@@ -133,7 +133,7 @@ def _touching(count, scene, work):
 
 
 @kernel
-def _touch_before(count, scene, work):
+def _touch_before(count, scene, work):  # out: work
     """Moves the balls of `count` contacts back along their paths to the positions at which they touched.
 
     A ball with several contacts is moved back to the earliest. At that position the others may not exist.
@@ -149,7 +149,7 @@ def _touch_before(count, scene, work):
 
 
 @inlined
-def _find_cushion_time(i, wall, beyond, speed, scene, work):
+def _find_cushion_time(i, wall, beyond, speed, scene, work):  # out: work
     """Sets `back` of ball i to the time since it touched the cushion, by one step at most."""
     here = work.here
     path = Path(here[i, X], here[i, Y], here[i, VX], here[i, VY], 0.0, 0.0)
@@ -165,7 +165,7 @@ def _bounce_of(i, wall, scene, work):
 
 
 @kernel
-def _touch_cushion_before(i, wall, beyond, bounce, scene, work):
+def _touch_cushion_before(i, wall, beyond, bounce, scene, work):  # out: work
     """Moves ball i back along its path to the position at which it touched the cushion, by one step at most."""
     if bounce.speed == 0.0:
         return Bounce(bounce.nx, bounce.ny, -1.0)
@@ -175,7 +175,7 @@ def _touch_cushion_before(i, wall, beyond, bounce, scene, work):
 
 
 @kernel
-def _rewind(i, scene, work):
+def _rewind(i, scene, work):  # out: work
     """Sets ball i to its motion at the time of impact, its `back` ago, at the position at which it touches exactly."""
     here, row = work.here, work.state.rows[i]
     move(work.state, i, -work.back[i], scene.numbers)
@@ -184,7 +184,7 @@ def _rewind(i, scene, work):
 
 
 @kernel
-def _finish_step(i, scene, work):
+def _finish_step(i, scene, work):  # out: work
     """Moves ball i with its new velocity for the rest of the step, which is its `back`."""
     here, row = work.here, work.state.rows[i]
     begin_phase(work.state, i, scene.numbers)
@@ -194,7 +194,7 @@ def _finish_step(i, scene, work):
 
 
 @kernel
-def _impact_before(count, scene, work):
+def _impact_before(count, scene, work):  # out: work
     """Sets the balls of `count` contacts to their motion at the time of impact; see `_touch_before`."""
     _find_times(count, scene, work)
     for i in range(len(work.back)):
@@ -204,7 +204,7 @@ def _impact_before(count, scene, work):
 
 
 @kernel
-def _finish_steps(count, scene, work):
+def _finish_steps(count, scene, work):  # out: work
     """Moves the balls of `_impact_before` for the rest of the step."""
     for i in range(len(work.back)):
         if work.back[i] > 0.0:
@@ -213,7 +213,7 @@ def _finish_steps(count, scene, work):
 
 
 @kernel
-def _impact_at_cushion(i, wall, beyond, bounce, scene, work):
+def _impact_at_cushion(i, wall, beyond, bounce, scene, work):  # out: work
     """Sets ball i to its motion at the time of impact on the cushion, by one step back at most."""
     work.back[i] = 0.0
     if bounce.speed == 0.0:
@@ -224,7 +224,7 @@ def _impact_at_cushion(i, wall, beyond, bounce, scene, work):
 
 
 @kernel
-def _push_apart(count, scene, work):
+def _push_apart(count, scene, work):  # out: work
     """Moves the balls of `count` contacts apart along their lines of centres until each pair touches."""
     contacts, here, scratch, inv_mass = work.contacts, work.here, work.scratch, scene.inv_mass
     shift, done, overlap, scale = scratch.dv, scratch.done, scratch.descent[0], scratch.descent[1]
@@ -243,7 +243,7 @@ def _push_apart(count, scene, work):
 
 
 @kernel
-def _push_inside(i, wall, beyond, bounce, scene, work):
+def _push_inside(i, wall, beyond, bounce, scene, work):  # out: work
     """Moves ball i to the nearest position at which it touches the cushion."""
     x, y = back_to_wall(work.here[i, X], work.here[i, Y], scene.radius[i], wall, scene.numbers, scene.outline)
     _place(i, x, y, work)
@@ -251,7 +251,7 @@ def _push_inside(i, wall, beyond, bounce, scene, work):
 
 
 @kernel
-def push_along(i, wall, n, m, scene, work):
+def push_along(i, wall, n, m, scene, work):  # out: work
     """Moves ball i along the cushion with the normal n, which it touches, to touch the cushion with the normal m."""
     x, y = work.here[i, X], work.here[i, Y]
     beyond, _, _ = wall_overlap(x, y, scene.radius[i], wall, scene.numbers, scene.outline)

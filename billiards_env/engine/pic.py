@@ -25,11 +25,11 @@ from billiards_env.engine.log import clear_log, log_segment
 from billiards_env.engine.pic_events import resolve_impacts, resolve_singles
 from billiards_env.engine.predictions import PAIR_RANK
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
-from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME
+from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, end_at
 from billiards_env.jit import allocating, allocating_entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts, empty_scratch
-from billiards_env.physics.motion import advance, begin_phase
+from billiards_env.physics.motion import begin_phase
 from billiards_env.physics.state import POTTED, REST, State, Time, empty_state, scene_of
 
 CLUSTER_WORK = 100
@@ -75,7 +75,7 @@ def make_workspace(scene, queue, most, scratch):
 
 
 @inlined
-def begin_shot(state, memory, changed, log):
+def begin_shot(state, memory, changed, log):  # out: memory, changed, log
     """Resets the log and the memory, and lists all balls in `changed`. Returns their number."""
     clear_log(log)
     forget(memory)
@@ -85,20 +85,11 @@ def begin_shot(state, memory, changed, log):
 
 
 @inlined
-def begin_phases(count, changed, state, scene, log):
+def begin_phases(count, changed, state, scene, log):  # out: state, log
     """Begins and records the next phase of the first `count` balls of `changed`."""
     for c in range(count):
         begin_phase(state, changed[c], scene.numbers)
         log_segment(log, state, changed[c])
-
-
-@inlined
-def end_at(time, k, state, scene, shots, status):
-    """Advances the balls that are not at rest to a `Time`. If there are any, sets the status of shot k."""
-    for i in range(len(state.phase)):
-        if state.phase[i] != POTTED and state.phase[i] != REST:
-            shots.status[k] = status
-            advance(state, i, time, scene.numbers)
 
 
 def event_loop(queue: ModuleType) -> Any:
@@ -110,7 +101,7 @@ def event_loop(queue: ModuleType) -> Any:
     clear, predict, earliest, due, gather = queue.clear, queue.predict, queue.earliest, queue.due, queue.gather
 
     @inlined
-    def run(k, scene, work, limit, max_events, shots, log):
+    def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
         """Runs shot k to rest, to the time `limit` (s) or to `max_events` events.
 
         Returns:
@@ -157,7 +148,7 @@ _run_cell_grid = for_all_shots(event_loop(cell_grid))
 
 
 @allocating_entry_point
-def run_shots(begin, end, scene, limit, max_events, shots, log):
+def run_shots(begin, end, scene, limit, max_events, shots, log):  # out: shots, log
     """Runs shots `begin` to `end` - 1 of a batch in place. An interrupted shot keeps its start.
 
     Args:
@@ -178,7 +169,7 @@ def run_shots(begin, end, scene, limit, max_events, shots, log):
 
 
 @allocating_entry_point
-def run_shots_of_at_most_two(begin, end, scene, limit, max_events, shots, log):
+def run_shots_of_at_most_two(begin, end, scene, limit, max_events, shots, log):  # out: shots, log
     """Computes the same bits as `run_shots` for at most two balls, and compiles in less time.
 
     With more balls it would write outside the arrays.
@@ -189,7 +180,7 @@ def run_shots_of_at_most_two(begin, end, scene, limit, max_events, shots, log):
 
 
 @allocating_entry_point
-def run_shots_of_many(begin, end, scene, limit, max_events, shots, log):
+def run_shots_of_many(begin, end, scene, limit, max_events, shots, log):  # out: shots, log
     """Computes the same bits as `run_shots`, faster for many balls."""
     arrays = scene_of(scene, 0)
     most = cell_grid.most_contacts(arrays)

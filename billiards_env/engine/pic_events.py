@@ -15,7 +15,7 @@ from billiards_env.scene import CONTACT_GAP
 
 
 @inlined
-def add_contact(i, j, meeting, now, state, scene, contacts, count):
+def add_contact(i, j, meeting, now, state, scene, contacts, count):  # out: state, contacts
     """Appends balls i < j to the contacts and advances them, if they meet at a `Time` or touch and approach then.
 
     Args:
@@ -49,7 +49,7 @@ def add_contact(i, j, meeting, now, state, scene, contacts, count):
 
 
 @inlined
-def resolve_impacts(count, now, k, scene, work, shots, log):
+def resolve_impacts(count, now, k, scene, work, shots, log):  # out: work, shots, log
     """Resolves and records the impacts of the first `count` contacts, and lists their balls in `work.changed`.
 
     Args:
@@ -84,7 +84,7 @@ def _contact_with(i, wall, state, scene):
 
 
 @kernel
-def _resolve_corner(i, walls, now, k, scene, work, shots, log):
+def _resolve_corner(i, walls, now, k, scene, work, shots, log):  # out: work, shots, log
     """Resolves and records the impact of ball i on two cushions."""
     one, two = _contact_with(i, walls[0], work.state, scene), _contact_with(i, walls[1], work.state, scene)
     acts = hit_corner(one, two, now.hi, work.state, scene, work.memory)
@@ -96,7 +96,7 @@ def _resolve_corner(i, walls, now, k, scene, work, shots, log):
 
 
 @inlined
-def resolve_singles(count, now, k, scene, work, shots, log):
+def resolve_singles(count, now, k, scene, work, shots, log):  # out: work, shots, log
     """Resolves and records the next single-ball event of each of the first `count` balls of `work.due`.
 
     Args:

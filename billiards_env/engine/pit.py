@@ -37,7 +37,7 @@ from billiards_env.engine.overlaps import (
     push_along,
 )
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
-from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, count_hit
+from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, count_hit, end_at
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange
@@ -62,7 +62,6 @@ from billiards_env.physics.state import (
     POCKET_X,
     POCKET_Y,
     POTTED,
-    REST,
     VX,
     VY,
     State,
@@ -133,7 +132,7 @@ def make_workspace(scene):
 
 
 @kernel
-def _predict_phase_end(i, work):
+def _predict_phase_end(i, work):  # out: work
     """Computes the time at which ball i's phase ends."""
     time = Time(math.inf, 0.0)
     if work.state.phase[i] != POTTED and work.state.rows[i, LASTS] < math.inf:
@@ -142,7 +141,7 @@ def _predict_phase_end(i, work):
 
 
 @inlined
-def _begin_phases(scene, work, log):
+def _begin_phases(scene, work, log):  # out: work, log
     """Begins the next phase of the balls that have changed, and lists the balls that move. Returns their number."""
     state, here = work.state, work.here
     count = 0
@@ -171,7 +170,7 @@ def _next_phase_end(work):
 
 
 @kernel
-def _end_next_phase(k, scene, work, shots, log):
+def _end_next_phase(k, scene, work, shots, log):  # out: work, shots, log
     """Ends the phase that ends first, and begins the next one of that ball."""
     state, phase = work.state, work.state.phase
     first = 0
@@ -192,7 +191,7 @@ def _end_next_phase(k, scene, work, shots, log):
 
 
 @inlined
-def _test_pockets(now, count, k, scene, work, shots, log):
+def _test_pockets(now, count, k, scene, work, shots, log):  # out: work, shots, log
     """Computes the motion of the `count` moving balls at a `Time` in `here`, and captures the balls in pockets.
 
     Returns whether it captures any.
@@ -216,7 +215,7 @@ def _test_pockets(now, count, k, scene, work, shots, log):
 
 
 @kernel
-def _find_overlaps(count, scene, work):
+def _find_overlaps(count, scene, work):  # out: work
     """Finds the pairs that overlap and do not separate, with at least one of the `count` moving balls.
 
     Returns their number. If two balls have the same centre, their relative velocity replaces the line of centres.
@@ -251,7 +250,7 @@ def _find_overlaps(count, scene, work):
 
 
 @inlined
-def _resolve_overlaps(count, now, k, scene, work, shots, log):
+def _resolve_overlaps(count, now, k, scene, work, shots, log):  # out: work, shots, log
     """Resolves and records the impacts of `count` overlapping pairs at a `Time`."""
     state, contacts, here, fix = work.state, work.contacts, work.here, scene.numbers.fix
     for c in range(count):
@@ -293,7 +292,7 @@ def _first_overlap(i, wall, scene, work):
 
 
 @kernel
-def _hit_cushions(i, wall, scene, work):
+def _hit_cushions(i, wall, scene, work):  # out: work
     """Reflects ball i at a cushion if it is beyond it and does not come back, and at another that it then touches.
 
     Returns:
@@ -328,7 +327,7 @@ def _hit_cushions(i, wall, scene, work):
 
 
 @inlined
-def _test_cushions(now, k, scene, work, shots, log):
+def _test_cushions(now, k, scene, work, shots, log):  # out: work, shots, log
     """Reflects the balls that are beyond a cushion at a `Time`. Returns whether there are balls beyond a cushion."""
     state, numbers, outline, found = work.state, scene.numbers, scene.outline, False
     half_length, half_width = half_sizes(numbers, outline)
@@ -357,14 +356,7 @@ def _test_cushions(now, k, scene, work, shots, log):
 
 
 @inlined
-def _end_at(time, state, scene):
-    """Advances all balls to a time (s)."""
-    for i in range(len(state.phase)):
-        advance(state, i, Time(time, 0.0), scene.numbers)
-
-
-@inlined
-def run(k, scene, work, limit, max_events, shots, log):
+def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
     """Runs shot k to rest, to the time `limit` (s), to `max_events` events or to MAX_STEPS timesteps.
 
     Returns:
@@ -393,20 +385,18 @@ def run(k, scene, work, limit, max_events, shots, log):
         # In ideal motion balls move in a phase that has no end.
         in_motion = next_end < math.inf or (count > 0 and scene.numbers.motion == IDEAL)
         if shots.n_events[k] >= max_events and in_motion:
-            shots.status[k] = AT_EVENT_LIMIT
-            _end_at(shots.time[k], state, scene)
+            end_at(Time(shots.time[k], 0.0), k, state, scene, shots, AT_EVENT_LIMIT)
             break
         if count == 0 or now.hi > pause:
             if count == 0 or now.hi > limit:
                 if limit < math.inf:
-                    for i in range(n):
-                        if state.phase[i] != REST and state.phase[i] != POTTED:
-                            shots.status[k], shots.time[k] = AT_MAX_TIME, limit
-                            advance(state, i, Time(limit, 0.0), scene.numbers)
+                    end_at(Time(limit, 0.0), k, state, scene, shots, AT_MAX_TIME)
+                    if shots.status[k] == AT_MAX_TIME:
+                        shots.time[k] = limit
                 break
             if step > MAX_STEPS:
-                shots.status[k], shots.time[k] = AT_STEP_LIMIT, now.hi
-                _end_at(now.hi, state, scene)
+                shots.time[k] = now.hi
+                end_at(now, k, state, scene, shots, AT_STEP_LIMIT)
                 break
             if interrupted():
                 return INTERRUPTED
@@ -424,7 +414,7 @@ _run_all = for_all_shots(run)
 
 
 @allocating_entry_point
-def run_shots(begin, end, scene, limit, max_events, shots, log):
+def run_shots(begin, end, scene, limit, max_events, shots, log):  # out: shots, log
     """Runs shots of a batch in place, as `engine.pic.run_shots` does and with the same arguments."""
     work = make_workspace(scene_of(scene, 0))
     end_call(_run_all(begin, end, scene, work, limit, max_events, shots, log))

@@ -97,7 +97,7 @@ def single_time(singles, i):
 
 
 @inlined
-def predict_single(i, state, scene, singles):
+def predict_single(i, state, scene, singles):  # out: singles
     """Predicts the next event of ball i alone, from its own time on."""
     singles.hi[i], singles.lo[i] = math.inf, 0.0
     phase, numbers = state.phase[i], scene.numbers

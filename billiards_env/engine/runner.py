@@ -25,7 +25,7 @@ def for_all_shots(run: Any) -> Any:
     """
 
     @inlined
-    def run_all(begin, end, scene, work, limit, max_events, shots, log):
+    def run_all(begin, end, scene, work, limit, max_events, shots, log):  # out: work, shots, log
         """Runs shots `begin` to `end` - 1. Returns whether it was interrupted.
 
         `scene`, `shots` and `log` are the fields of `SceneArrays`, `Shots` and `Log`, as plain tuples.

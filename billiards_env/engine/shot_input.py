@@ -94,7 +94,7 @@ def _overlap(i, j, places, scene):
 
 
 @inlined
-def _is_apart(i, places, in_play, scene, cells):
+def _is_apart(i, places, in_play, scene, cells):  # out: cells
     """Returns whether ball i overlaps none of the balls before it, and puts it in its cell."""
     if cells is None:
         for j in range(i):
@@ -116,7 +116,7 @@ def _is_apart(i, places, in_play, scene, cells):
 
 
 @inlined
-def _are_valid(begin, end, scene, balls, cells):
+def _are_valid(begin, end, scene, balls, cells):  # out: cells
     """Implements `is_valid_fast`. `balls` are its arrays; `cells` is a result of `empty_cells`, or None."""
     positions, velocities, spins, in_play = balls
     n = len(scene.radius)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.jit import inlined
+from billiards_env.physics.motion import advance
 from billiards_env.physics.state import (
     CUE_BALL,
     POTTED,
@@ -107,7 +108,7 @@ def empty_shots(m: int, n: int) -> Shots:
 
 
 @inlined
-def load_balls(k, shots, scene, state):
+def load_balls(k, shots, scene, state):  # out: state
     """Copies the start of shot k of `Shots` or `Starts` to a `State`. `begin_phase` sets the phases."""
     slips = scene.numbers.motion == SLIDING_AND_ROLLING
     for i in range(len(state.phase)):
@@ -126,7 +127,7 @@ def load_balls(k, shots, scene, state):
 
 
 @inlined
-def load(k, shots, scene, state):
+def load(k, shots, scene, state):  # out: shots, state
     """Copies the start of shot k to a `State` and resets the counters of the shot."""
     load_balls(k, shots, scene, state)
     for i in range(len(state.phase)):
@@ -135,7 +136,7 @@ def load(k, shots, scene, state):
 
 
 @inlined
-def store(k, shots, scene, state):
+def store(k, shots, scene, state):  # out: shots
     """Copies a `State` to shot k of `Shots` or `Starts`."""
     slips = scene.numbers.motion == SLIDING_AND_ROLLING
     for i in range(len(state.phase)):
@@ -150,7 +151,7 @@ def store(k, shots, scene, state):
 
 
 @inlined
-def count_hit(k, i, j, shots):
+def count_hit(k, i, j, shots):  # out: shots
     """Updates `first_hit` and `cushions_before_hit` after an impact of balls i and j, if one is the cue ball."""
     if min(i, j) != CUE_BALL:
         return
@@ -159,3 +160,12 @@ def count_hit(k, i, j, shots):
         shots.first_hit[k] = other
     if shots.cushions_before_hit[k, other] < 0:
         shots.cushions_before_hit[k, other] = shots.cushions[k, CUE_BALL]
+
+
+@inlined
+def end_at(time, k, state, scene, shots, status):  # out: state, shots
+    """Advances the balls that are not at rest to a `Time`. If there are any, sets the status of shot k."""
+    for i in range(len(state.phase)):
+        if state.phase[i] != POTTED and state.phase[i] != REST:
+            shots.status[k] = status
+            advance(state, i, time, scene.numbers)

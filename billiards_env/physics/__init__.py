@@ -1,4 +1,16 @@
 """The physics as compiled functions on scalars and arrays: motion, contact times and impulses.
 
-This package does not import the rest of the project. `state.py` defines the arrays that the functions use.
+Modules:
+    laws: The laws, one file each.
+    tangent, rules: The derivatives of the laws, made from their sources.
+    derivatives: How a change passes through a flight or an event.
+    state: The arrays that the functions use.
+    motion: The motion of balls.
+    ball_ball, clusters: Impacts of balls, alone and at one instant.
+    cushion: Impacts on cushions.
+    strike: The cue.
+    geometry: Contact times, cushions and roots.
+    elementary, double_double: Arithmetic.
+
+This package imports only `jit` and, for the names of the laws and their numbers, `scene`.
 """

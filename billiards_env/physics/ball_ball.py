@@ -11,13 +11,13 @@ from billiards_env.physics.state import ball_of, set_motion
 
 
 @kernel
-def change_velocity(state, i, dvx, dvy, numbers):
+def change_velocity(state, i, dvx, dvy, numbers):  # out: state
     """Changes ball i's velocity and slip by (dvx, dvy), m/s, so that its spin does not change."""
     set_motion(state.rows[i], push_ball(ball_of(state.rows[i]), dvx, dvy, numbers.motion))
 
 
 @kernel
-def _exchange_many(count, contacts, state, scene, scratch):
+def _exchange_many(count, contacts, state, scene, scratch):  # out: state, scratch
     """Implements `exchange` for more than one contact. With `scratch=None` numba drops the rest."""
     if scratch is None:
         return 0
@@ -48,7 +48,7 @@ def _exchange_many(count, contacts, state, scene, scratch):
 
 
 @inlined
-def push_pair(i, j, n, p, state, scene):
+def push_pair(i, j, n, p, state, scene):  # out: state
     """Changes the motion of balls i and j by the impulse p along the unit vector n from i to j, and by its friction."""
     pair = Pair(n[0], n[1], scene.radius[i], scene.radius[j], scene.inv_mass[i], scene.inv_mass[j])
     one, two, tilt = state.rows[i], state.rows[j], tilt_of(scene.spheres, i, j)
@@ -58,7 +58,7 @@ def push_pair(i, j, n, p, state, scene):
 
 
 @inlined
-def exchange_pair(contacts, state, scene):
+def exchange_pair(contacts, state, scene):  # out: state
     """Implements `exchange` for one contact. Returns whether `rebound` has raised the speed of separation."""
     e, inv_mass = scene.numbers.e_ball, scene.inv_mass
     i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
@@ -72,7 +72,7 @@ def exchange_pair(contacts, state, scene):
 
 
 @kernel
-def exchange(count, contacts, state, scene, scratch):
+def exchange(count, contacts, state, scene, scratch):  # out: state, scratch
     """Changes the velocities of the balls in `count` impacts at one instant.
 
     Args:

@@ -56,20 +56,13 @@ def by_law(kernel: Callable[..., Any], *others: Callable[..., Any]) -> Callable[
     return call_first if others else call_last
 
 
-_impact = by_law(*LAWS)
+impact = by_law(*LAWS)
+"""Returns a ball's motion after an impact on cushions with friction: the law of the scene, see
+`cushion_han2005.han2005`. Its arguments are `SceneArrays.cushion` and the tuple of the arguments of the law."""
 
 
 @inlined
-def cushion_impact(cushion, before, radius, rebound, numbers, solution):
-    """Returns a ball's motion after an impact on cushions with friction. See `cushion_han2005.han2005`.
-
-    `cushion` is `SceneArrays.cushion`.
-    """
-    return _impact(cushion, (before, radius, rebound, numbers, solution))
-
-
-@inlined
-def reflect(state, i, nx, ny, rebound, scene):
+def reflect(state, i, nx, ny, rebound, scene):  # out: state
     """Changes ball i's velocity, slip and spin at a cushion.
 
     Args:
@@ -90,7 +83,7 @@ def reflect(state, i, nx, ny, rebound, scene):
         radius = scene.radius[i]
         un, ut = nx * s[UX] + ny * s[UY], nx * s[UY] - ny * s[UX]
         before = CushionMotion(speed, vt, un, ut, radius * s[WZ])
-        (vn, vt, un, ut, rwz), raised = cushion_impact(scene.cushion, before, radius, rebound, scene.numbers, None)
+        (vn, vt, un, ut, rwz), raised = impact(scene.cushion, (before, radius, rebound, scene.numbers, None))
         s[VX], s[VY] = nx * vn - ny * vt, ny * vn + nx * vt
         s[UX], s[UY] = nx * un - ny * ut, ny * un + nx * ut
         s[WZ] = rwz / radius
@@ -125,7 +118,7 @@ def hit_by(motion, n, share, rebound, radius, cushion, numbers, solution):
     rest = vn - share
     if numbers.cushion_rubs:
         before = CushionMotion(share, vt, un - rest, ut, rwz)
-        (after, vt, un, ut, rwz), raised = cushion_impact(cushion, before, radius, rebound, numbers, solution)
+        (after, vt, un, ut, rwz), raised = impact(cushion, (before, radius, rebound, numbers, solution))
         after, un = after + rest, un + rest
     else:
         speed = cushion_restitution(share, numbers) * share
@@ -142,8 +135,8 @@ def bounce(ball, n, radius, cushion, numbers, solution):
     motion = (ball.vx, ball.vy, ball.ux, ball.uy, radius * ball.wz)
     (vx, vy, ux, uy, rwz), _ = hit_by(motion, n, share, 0.0, radius, cushion, numbers, solution)
     if numbers.motion == SLIDING_AND_ROLLING:
-        return BallState(ball.x, ball.y, vx, vy, ux, uy, rwz / radius)
-    return BallState(ball.x, ball.y, vx, vy, ball.ux, ball.uy, ball.wz)
+        return BallState(x=ball.x, y=ball.y, vx=vx, vy=vy, ux=ux, uy=uy, wz=rwz / radius)
+    return BallState(x=ball.x, y=ball.y, vx=vx, vy=vy, ux=ball.ux, uy=ball.uy, wz=ball.wz)
 
 
 @kernel
@@ -204,7 +197,7 @@ def _sum(weight, a, other, b):
 
 
 @kernel
-def reflect_both(state, i, one, two, rebounds, scene):
+def reflect_both(state, i, one, two, rebounds, scene):  # out: state
     """Changes ball i's velocity, slip and spin at two cushions that it touches at one instant.
 
     With the normals n_1 and n_2 and the shares p_1 and p_2, the velocity is p_1 n_1 + p_2 n_2. The law of one cushion

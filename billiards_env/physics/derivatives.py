@@ -15,7 +15,7 @@ import math
 from typing import Any, NamedTuple
 
 from billiards_env.jit import entry_point, inlined, kernel
-from billiards_env.physics.cushion import CUSHIONS, LAWS, bounce, by_law, cushion_impact
+from billiards_env.physics.cushion import CUSHIONS, LAWS, bounce, by_law, impact
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.walls import NX, NY, TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.physics.laws.balls import distance_of, meet, push_ball
@@ -72,15 +72,17 @@ CUSHION_NUMBERS = (PAIR_NUMBERS[1], END_NUMBERS)
 _d_law = by_law(*(tangent_of(law, constant=("rebound", "solution")) for law in LAWS))
 
 
-@rule(cushion_impact, constant=("cushion", "rebound", "solution"))
+@rule(impact, constant=("laws",))
 @inlined
-def d_cushion_impact(cushion, before, radius, rebound, numbers, solution, d_before, d_radius, d_numbers):
-    """Returns the result of `cushion_impact` and its change."""
-    return _d_law(cushion, (before, radius, rebound, numbers, solution, d_before, d_radius, d_numbers))
+def d_impact(laws, arguments, d_arguments):
+    """Returns the result of `cushion.impact` and its change."""
+    d_before, d_radius, _, d_numbers, _ = d_arguments
+    return _d_law(laws, arguments + (d_before, d_radius, d_numbers))  # noqa: RUF005  (numba has no stars here)
 
 
 tangent_of(push_ball, constant=("motion",))
-_d_drive, _d_fly = tangent_of(drive, constant=("phase",)), tangent_of(fly, constant=("phase", "t"))
+tangent_of(drive, constant=("phase",))
+_d_fly = tangent_of(fly, constant=("phase", "t"))
 _d_slip_of, _d_spin_of = tangent_of(slip_of), tangent_of(spin_of)
 d_distance_of = tangent_of(distance_of, constant=("are_spheres",))
 _d_meet = tangent_of(meet, constant=("ball_friction", "are_spheres"))
@@ -106,18 +108,18 @@ _is_smooth = by_law(*(SMOOTH.get(law, _always_smooth) for law in LAWS))
 def ball_at(values, at):
     """Returns the `BallState` that begins at column `at` of a row of numbers."""
     return BallState(
-        values[at + DX],
-        values[at + DY],
-        values[at + DVX],
-        values[at + DVY],
-        values[at + DUX],
-        values[at + DUY],
-        values[at + DWZ],
+        x=values[at + DX],
+        y=values[at + DY],
+        vx=values[at + DVX],
+        vy=values[at + DVY],
+        ux=values[at + DUX],
+        uy=values[at + DUY],
+        wz=values[at + DWZ],
     )
 
 
 @inlined
-def put_ball(values, at, ball):
+def put_ball(values, at, ball):  # out: values
     """Writes a `BallState` to a row of numbers; see `ball_at`."""
     values[at + DX], values[at + DY], values[at + DVX], values[at + DVY] = ball.x, ball.y, ball.vx, ball.vy
     values[at + DUX], values[at + DUY], values[at + DWZ] = ball.ux, ball.uy, ball.wz
@@ -146,7 +148,7 @@ class Flight(NamedTuple):
 
 
 @inlined
-def flight_lane(lane, at, flight):
+def flight_lane(lane, at, flight):  # out: lane
     """Changes the state at column `at` of a lane by a `Flight`."""
     ball, phase, dt, numbers = flight
     put_ball(lane, at, _d_fly(ball, phase, dt, numbers, ball_at(lane, at), _changes(lane))[1])
@@ -157,25 +159,25 @@ def rates_of(ball, phase, acceleration, numbers):
     """Returns the time derivative of a `BallState` in a phase with an acceleration (x, y), m/s^2."""
     turns, (ax, ay) = SLIP_RATE if phase == SLIDING else 0.0, acceleration
     spin = -math.copysign(numbers.spin_decay, ball.wz) if ball.wz != 0.0 else 0.0
-    return BallState(ball.vx, ball.vy, ax, ay, turns * ax, turns * ay, spin)
+    return BallState(x=ball.vx, y=ball.vy, vx=ax, vy=ay, ux=turns * ax, uy=turns * ay, wz=spin)
 
 
 @inlined
 def _shifted(change, rates, dt):
     """Returns the change of a `BallState` at a time that is a small time dt later."""
     return BallState(
-        change.x + rates.x * dt,
-        change.y + rates.y * dt,
-        change.vx + rates.vx * dt,
-        change.vy + rates.vy * dt,
-        change.ux + rates.ux * dt,
-        change.uy + rates.uy * dt,
-        change.wz + rates.wz * dt,
+        x=change.x + rates.x * dt,
+        y=change.y + rates.y * dt,
+        vx=change.vx + rates.vx * dt,
+        vy=change.vy + rates.vy * dt,
+        ux=change.ux + rates.ux * dt,
+        uy=change.uy + rates.uy * dt,
+        wz=change.wz + rates.wz * dt,
     )
 
 
 @inlined
-def settle_lane(lane, at, phase, numbers):
+def settle_lane(lane, at, phase, numbers):  # out: lane
     """Sets the parts of a state to zero that a phase does not have.
 
     Friction ends a small velocity, slip or spin at once; it leaves no displacement of first order. A small slip of a
@@ -198,7 +200,7 @@ def settle_lane(lane, at, phase, numbers):
 
 
 @inlined
-def start_lane(lane, ball, phase, radius, numbers):
+def start_lane(lane, ball, phase, radius, numbers):  # out: lane
     """Replaces the horizontal spin of the first ball of a lane by its slip, and settles it.
 
     Args:
@@ -218,7 +220,7 @@ def start_lane(lane, ball, phase, radius, numbers):
 
 
 @inlined
-def end_lane(lane, ball, radius, numbers):
+def end_lane(lane, ball, radius, numbers):  # out: lane
     """Replaces the slip of the first ball of a lane, in a `BallState`, by its horizontal spin; see `start_lane`."""
     change = ball_at(lane, 0)
     lane[DUX] = lane[DUY] = 0.0
@@ -228,14 +230,16 @@ def end_lane(lane, ball, radius, numbers):
 
 
 @inlined
-def _note(lane, dt, change):
+def _note(lane, dt, change):  # out: lane
     """Stores the results of an event: the change of its time and of the place of its ball then."""
     lane[D_TIME], lane[D_PLACE_X], lane[D_PLACE_Y] = dt, change.x, change.y
 
 
 @inlined
-def phase_end_lane(lane, flight, before, after):
+def phase_end_lane(lane, flight, before, after):  # out: lane
     """Changes a lane by a `Flight` and the event at the end of its phase.
+
+    The slip, the velocity or the spin that ends has a constant rate r. Its change d shifts the end by -r.d / r.r.
 
     Args:
         lane: The lane.
@@ -244,15 +248,23 @@ def phase_end_lane(lane, flight, before, after):
         after: The same after it.
     """
     ball, phase, _, numbers = flight
-    dt = _d_drive(ball, phase, numbers, ball_at(lane, 0), _changes(lane))[1][2]
     flight_lane(lane, 0, flight)
-    change = _shifted(ball_at(lane, 0), before, dt)
+    change = ball_at(lane, 0)
+    if phase == SLIDING:
+        square = before.ux * before.ux + before.uy * before.uy
+        dt = -(before.ux * change.ux + before.uy * change.uy) * (1.0 / square)
+    elif phase == ROLLING:
+        square = before.vx * before.vx + before.vy * before.vy
+        dt = -(before.vx * change.vx + before.vy * change.vy) * (1.0 / square)
+    else:
+        dt = change.wz / math.copysign(numbers.spin_decay, ball.wz)
+    change = _shifted(change, before, dt)
     _note(lane, dt, change)
     put_ball(lane, 0, _shifted(change, after, -dt))
 
 
 @inlined
-def pocket_lane(lane, ball, pocket):
+def pocket_lane(lane, ball, pocket):  # out: lane
     """Changes a lane by a pocket. The ball ends at the pocket's centre, wherever it enters."""
     dx, dy = ball.x - pocket[POCKET_X], ball.y - pocket[POCKET_Y]
     speed = dx * ball.vx + dy * ball.vy
@@ -339,7 +351,7 @@ def cushion_solution(ball, wall, radius, scene):
 
 
 @inlined
-def wall_lane(lane, wall, jump, cushion, numbers, solution):
+def wall_lane(lane, wall, jump, cushion, numbers, solution):  # out: lane
     """Changes a lane by an impact on a cushion.
 
     Args:
@@ -363,7 +375,7 @@ def wall_lane(lane, wall, jump, cushion, numbers, solution):
 
 
 @inlined
-def pair_lane(lane, one, two, are_spheres, ball_friction, numbers):
+def pair_lane(lane, one, two, are_spheres, ball_friction, numbers):  # out: lane
     """Changes a lane by the impact of its two balls.
 
     Args:
@@ -395,7 +407,7 @@ _d_strike_by = tangent_of(strike_by, constant=("cue",))
 
 
 @entry_point
-def strike_jacobians(cue, parameters, jacobians, states):
+def strike_jacobians(cue, parameters, jacobians, states):  # out: jacobians, states
     """Computes the derivatives of many strikes by their parameters.
 
     Args:

@@ -70,7 +70,7 @@ def place_after(path, t):
 
 
 @inlined
-def begin_phase(state, i, numbers):
+def begin_phase(state, i, numbers):  # out: state
     """Sets ball i's phase, AX, AY and LASTS from its velocity, slip and spin.
 
     Args:
@@ -111,7 +111,7 @@ def slip_after(state, i, t):
 
 
 @inlined
-def move(state, i, t, numbers):
+def move(state, i, t, numbers):  # out: state
     """Moves ball i's row by t seconds, forwards or back, within its phase. Its own time does not change."""
     s = state.rows[i]
     x, y, vx, vy = motion_after(state, i, t)
@@ -123,7 +123,7 @@ def move(state, i, t, numbers):
 
 
 @inlined
-def advance(state, i, time, numbers):
+def advance(state, i, time, numbers):  # out: state
     """Advances ball i's row to a `Time` within its phase."""
     s = state.rows[i]
     t = since(time, own_time(state, i))
@@ -133,7 +133,7 @@ def advance(state, i, time, numbers):
 
 
 @inlined
-def end_phase(state, i, time, numbers):
+def end_phase(state, i, time, numbers):  # out: state
     """Ends ball i's phase at a `Time`: its slip, velocity or spin becomes exactly zero.
 
     `begin_phase` then sets the next phase.
@@ -149,7 +149,7 @@ def end_phase(state, i, time, numbers):
 
 
 @kernel
-def capture(state, i, x, y):
+def capture(state, i, x, y):  # out: state
     """Takes ball i out of play and moves it to the centre (x, y) of a pocket, m."""
     s = state.rows[i]
     for c in (VX, VY, AX, AY, UX, UY, WZ):

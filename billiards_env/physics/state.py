@@ -209,11 +209,11 @@ def same(a: Time, b: Time) -> bool:
 @inlined
 def ball_of(row):
     """Returns the `BallState` of a row of `State.rows` at the ball's own time."""
-    return BallState(row[X], row[Y], row[VX], row[VY], row[UX], row[UY], row[WZ])
+    return BallState(x=row[X], y=row[Y], vx=row[VX], vy=row[VY], ux=row[UX], uy=row[UY], wz=row[WZ])
 
 
 @inlined
-def set_motion(row, ball):
+def set_motion(row, ball):  # out: row
     """Writes velocity, slip and spin of a `BallState` to a row of `State.rows`."""
     row[VX], row[VY], row[UX], row[UY], row[WZ] = ball.vx, ball.vy, ball.ux, ball.uy, ball.wz
 

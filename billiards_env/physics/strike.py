@@ -128,7 +128,7 @@ def strike_by(cue, speed, heading, side, top, elevation):
 
 
 @entry_point
-def many_strikes(cue, parameters, velocities, spins, miscues):
+def many_strikes(cue, parameters, velocities, spins, miscues):  # out: velocities, spins, miscues
     """Computes the velocities and spins of many strikes.
 
     Args:

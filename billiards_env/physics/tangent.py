@@ -11,8 +11,8 @@ A kernel may consist of:
   `break` and `continue`; `return`,
 * numbers, names, tuples, attributes, `a[i]` with a constant i,
 * `+ - * /`, comparisons, `and`, `or`, `not`, `a if condition else b`,
-* `abs`, `math.sqrt`, `max` and `min` of two numbers, NamedTuples, and calls of other kernels with positional arguments,
-  but no call of a kernel within `a if condition else b` or a condition.
+* `abs`, `math.sqrt`, `max` and `min` of two numbers, NamedTuples, also by keyword, and calls of other kernels with
+  positional arguments, but no call of a kernel within `a if condition else b` or a condition.
 
 Everything else is an error, whose message has the line. The tangents of called kernels are made in the same way. `rule`
 gives a kernel a tangent of another form: for an iteration, differentiate the equation that it solves.
@@ -304,6 +304,7 @@ class _Writer:
                 return f"({da} if {a} {'>=' if function == 'max' else '<='} {b} else {db})"
         if not hasattr(self.globals.get(function), "_fields"):
             self.refuse(node)
+        parts += [f"{keyword.arg}={self.change(keyword.value) or '0.0'}" for keyword in node.keywords]
         return f"{function}({', '.join(parts)})"
 
 
@@ -319,10 +320,10 @@ class _Calls(ast.NodeTransformer):
 
     def visit_Call(self, node: ast.Call) -> Any:
         writer, function = self.writer, ast.unparse(node.func)
-        if node.keywords:
+        called = writer.globals.get(function)
+        if node.keywords and not hasattr(called, "_fields"):
             writer.refuse(node)
         self.generic_visit(node)
-        called = writer.globals.get(function)
         if _is_plain(function) or hasattr(called, "_fields"):
             return node
         if called is None:

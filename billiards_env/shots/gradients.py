@@ -20,6 +20,7 @@ unless the motion is "ideal".
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType, SimpleNamespace
@@ -154,8 +155,17 @@ def physics_inputs(physics: Physics, varied: Varied = MappingProxyType({})) -> d
     Those that depend on `varied`, numbers (m,) that differ from shot to shot, are (m, NUMBER_INPUTS). The others are
     (NUMBER_INPUTS,).
     """
-    p, step = physics_of_shots(physics, varied), 1e-30j  # the derivatives of products by complex steps are exact
-    found = {}
+    return _rates_by(physics_of_shots(physics, varied)) if varied else _constant_rates(physics)
+
+
+@functools.lru_cache(maxsize=256)
+def _constant_rates(physics: Physics) -> dict[str, Floats]:
+    return _rates_by(physics_of_shots(physics, {}))
+
+
+def _rates_by(p: Any) -> dict[str, Floats]:
+    """Implements `physics_inputs` for an object with the fields of a `Physics`."""
+    found, step = {}, 1e-30j  # the derivatives of products by complex steps are exact
     for name in PARAMETERS:
         if getattr(p, name) is not None:
             moved = SimpleNamespace(**{**vars(p), name: getattr(p, name) + step})

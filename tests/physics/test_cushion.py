@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from billiards_env.engine.compile import scene_arrays
-from billiards_env.physics.cushion import cushion_impact, reflect_both
+from billiards_env.physics import cushion as cushions
+from billiards_env.physics.cushion import reflect_both
 from billiards_env.physics.laws.cushion import CushionMotion, cushion_restitution
 from billiards_env.physics.laws.cushion_han2005 import han2005
 from billiards_env.physics.laws.cushion_stronge import friction_impulse
@@ -23,7 +24,7 @@ R = 0.03
 
 def impact(before, radius, rebound, scene):
     """Returns the motion after an impact on the cushions of a scene, and whether `rebound` raised it."""
-    return cushion_impact(scene.cushion, before, radius, rebound, scene.numbers, None)
+    return cushions.impact(scene.cushion, (before, radius, rebound, scene.numbers, None))
 
 
 def bounce(vn, vt, spin, numbers, rebound=0.0):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from billiards_env.engine.compile import scene_arrays
-from billiards_env.physics.cushion import cushion_impact
-from billiards_env.physics.derivatives import Wall, cushion_solution, d_cushion_impact
+from billiards_env.physics.cushion import impact
+from billiards_env.physics.derivatives import Wall, cushion_solution, d_impact
 from billiards_env.physics.laws.cushion import CushionMotion, cushion_restitution
 from billiards_env.physics.state import BallState, LawNumbers, law_numbers_of
 from billiards_env.scene import Scene
@@ -32,26 +32,26 @@ def scene_with(cushion, **physics):
     return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, cushion=cushion, **physics))
 
 
-def impact(motion, radius, scene):
+def rebound(motion, radius, scene):
     """Returns the motion (5,) after an impact."""
     arrays = scene_arrays(scene)
-    return np.array(cushion_impact(arrays.cushion, CushionMotion(*motion), radius, 0.0, arrays.numbers, None)[0])
+    return np.array(impact(arrays.cushion, (CushionMotion(*motion), radius, 0.0, arrays.numbers, None))[0])
 
 
 def differences(motion, scene, step):
-    """Returns the central differences of `impact` by the motion, the radius and the first constants, (5, 13)."""
+    """Returns the central differences of `rebound` by the motion, the radius and the first constants, (5, 13)."""
 
     def moved(c, by):
         if c < 5:
-            return impact(motion + by * np.eye(5)[c], RADIUS, scene)
+            return rebound(motion + by * np.eye(5)[c], RADIUS, scene)
         if c == 5:
-            return impact(motion, RADIUS * (1.0 + by), scene)
+            return rebound(motion, RADIUS * (1.0 + by), scene)
         name = CONSTANTS[c - 6]
         if name == "cushion_height":
             table = dataclasses.replace(scene.table, cushion_height=scene.table.cushion_height + 0.1 * by)
-            return impact(motion, RADIUS, dataclasses.replace(scene, table=table))
+            return rebound(motion, RADIUS, dataclasses.replace(scene, table=table))
         physics = dataclasses.replace(scene.physics, **{name: getattr(scene.physics, name) + by})
-        return impact(motion, RADIUS, dataclasses.replace(scene, physics=physics))
+        return rebound(motion, RADIUS, dataclasses.replace(scene, physics=physics))
 
     columns = [(moved(c, step) - moved(c, -step)) / (2.0 * step) for c in range(13)]
     columns[5], columns[12] = columns[5] / RADIUS, columns[12] / 0.1
@@ -66,8 +66,8 @@ def derivative(motion, scene):
     numbers, zeros = law_numbers_of(arrays.numbers), LawNumbers(*np.zeros(len(LawNumbers._fields)))
     for unit in np.eye(6 + len(CONSTANTS)):
         change = zeros._replace(**dict(zip(CONSTANTS, unit[6:], strict=True)))
-        at = (arrays.cushion, before, RADIUS, 0.0, numbers, solution, CushionMotion(*unit[:5]), unit[5], change)
-        columns.append(d_cushion_impact(*at)[1][0])
+        at, d_at = (before, RADIUS, 0.0, numbers, solution), (CushionMotion(*unit[:5]), unit[5], 0.0, change, 0.0)
+        columns.append(d_impact(arrays.cushion, at, d_at)[1][0])
     return np.array(columns).T
 
 
@@ -88,7 +88,7 @@ def test_the_derivative_of_an_impact_is_that_of_small_changes(cushion, weakest):
         motion[0] = rng.uniform(0.2, 4.0)
         found, expected = derivative(motion, scene)[:, :13], differences(motion, scene, 1e-6)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7 * np.abs(expected).max(), err_msg=f"impact {k}")
-        e, stops = cushion_restitution(motion[0], scene_arrays(scene).numbers), impact(motion, RADIUS, scene)[0] == 0.0
+        e, stops = cushion_restitution(motion[0], scene_arrays(scene).numbers), rebound(motion, RADIUS, scene)[0] == 0.0
         by_mu, by_ratio = (found[:, 6 + CONSTANTS.index(name)] for name in ("mu_cushion", "cushion_frequency_ratio"))
         cases |= {("stops", bool(stops)), ("sticks", bool(by_ratio.any() or not by_mu.any()))}
         cases |= {("restitution", e == constants["e_cushion"]), ("floor", e == constants["e_cushion_floor"])}
@@ -122,5 +122,5 @@ def test_numbers_at_the_end_of_their_range_have_the_derivative_of_one_side():
         found = derivative(motion, scene)
         column = 6 + CONSTANTS.index("e_cushion_loss")
         less = dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, e_cushion_loss=1e-4))
-        expected = (impact(motion, RADIUS, less) - impact(motion, RADIUS, scene)) / 1e-4
+        expected = (rebound(motion, RADIUS, less) - rebound(motion, RADIUS, scene)) / 1e-4
         np.testing.assert_allclose(found[:, column], expected, atol=2e-3 * np.abs(expected).max(), err_msg=name)

@@ -50,7 +50,7 @@ def everything(x, y, pair, k):
         return -x, Pair(y, 1.0)
     else:
         first -= math.sqrt(a * a + b) if b > 0.0 else 0.0
-    return total, Pair(first, Pair(x, k).first + (x if x > 1.0 else y))
+    return total, Pair(first=first, second=Pair(x, k).first + (x if x > 1.0 else y))
 
 
 def value(at, k):
@@ -109,10 +109,6 @@ def written_array(x, y):
     return x
 
 
-def keyword(x):
-    return Pair(first=x, second=1.0)
-
-
 def keyword_of_a_kernel(x):
     return halves(x, y=1.0)
 
@@ -136,7 +132,6 @@ def changed_constant(x, k):
         (call_within_a_condition, 1, r"halves\(x, y\)"),
         (changed_range, 2, "for part in x"),
         (written_array, 1, r"y\[0\]"),
-        (keyword, 1, r"Pair\(first=x, second=1.0\)"),
         (keyword_of_a_kernel, 1, r"halves\(x, y=1.0\)"),
         (changed_counter, 2, "for x in"),
         (changed_constant, 1, "k"),

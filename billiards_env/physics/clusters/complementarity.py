@@ -77,7 +77,7 @@ def _subtract_product(s, e, a, b):
 
 
 @kernel
-def _factorise(m, problem, shift):
+def _factorise(m, problem, shift):  # out: problem
     """Factorises a + shift diag(a) for the m unknowns in `index`. Returns whether the matrix is regular."""
     a, factor, pivot, row, index = problem.a, problem.factor, problem.pivot, problem.row, problem.index
     for i in range(m):
@@ -102,7 +102,7 @@ def _factorise(m, problem, shift):
 
 
 @kernel
-def _substitute(m, problem):
+def _substitute(m, problem):  # out: problem
     """Solves for the m unknowns in `index` with the result of `_factorise`, and writes them to x."""
     b, x, factor, pivot, row, index = problem.b, problem.x, problem.factor, problem.pivot, problem.row, problem.index
     for i in range(m):
@@ -135,7 +135,7 @@ def _violates(i, n, problem, largest):
 
 
 @kernel
-def solve_complementarity(n, problem):
+def solve_complementarity(n, problem):  # out: problem
     """Computes an x >= 0 with a x >= b and x . (a x - b) = 0.
 
     If a is singular, x is one of several solutions, and a x is the same for all of them.
@@ -187,7 +187,7 @@ def solve_complementarity(n, problem):
 
 
 @kernel
-def solve_smallest(n, problem, target):
+def solve_smallest(n, problem, target):  # out: problem, target
     """Replaces the solution x of `solve_complementarity` by the smallest one, weighted by the diagonal.
 
     If a is regular, x is the only solution and does not change. Otherwise x is the limit of the proximal point

@@ -39,7 +39,7 @@ def tilt_of(spheres, i, j):
 
 
 @inlined
-def forget_normal_impulses(ball_friction, count, scratch):
+def forget_normal_impulses(ball_friction, count, scratch):  # out: scratch
     """Sets the normal impulses of the contacts to zero."""
     if ball_friction is None:
         return
@@ -48,7 +48,7 @@ def forget_normal_impulses(ball_friction, count, scratch):
 
 
 @inlined
-def add_normal_impulses(ball_friction, count, factor, direct, scratch):
+def add_normal_impulses(ball_friction, count, factor, direct, scratch):  # out: scratch
     """Adds `factor` times the impulses of `solve_plastic` to the normal impulses; `direct` is its result."""
     if ball_friction is None:
         return
@@ -91,7 +91,7 @@ def _parts(tilt, nx, ny, across, up, q):
 
 
 @kernel
-def _sum_friction(count, contacts, push, spheres, rubbing):
+def _sum_friction(count, contacts, push, spheres, rubbing):  # out: rubbing
     """Computes `Rubbing.sums`, independently of the order of the contacts, as `clusters.sum_impulses` does."""
     sums, first, second = rubbing.sums, contacts.first, contacts.second
     largest = 0.0
@@ -143,7 +143,7 @@ def _change_of_slip(c, contacts, sums, inv_mass, spheres):
 
 
 @kernel
-def _minimise_energy(count, contacts, inv_mass, spheres, rubbing):
+def _minimise_energy(count, contacts, inv_mass, spheres, rubbing):  # out: rubbing
     """Computes the impulses of friction, `Rubbing.last`, by an accelerated projected gradient.
 
     The weights are a diagonal upper bound of the quadratic form: a ball's change of velocity by `degree` impulses has
@@ -194,7 +194,7 @@ def _minimise_energy(count, contacts, inv_mass, spheres, rubbing):
 
 
 @kernel
-def _rub_together(count, contacts, state, scene, rubbing):
+def _rub_together(count, contacts, state, scene, rubbing):  # out: state, rubbing
     """Implements `rub_all`."""
     inv_mass, radius, slip = scene.inv_mass, scene.radius, rubbing.slip
     for c in range(count):
@@ -220,7 +220,7 @@ def _rub_together(count, contacts, state, scene, rubbing):
 
 
 @inlined
-def rub_all(ball_friction, count, contacts, state, scene, scratch):
+def rub_all(ball_friction, count, contacts, state, scene, scratch):  # out: state, scratch
     """Changes velocities, slips and spins by the friction of the impacts at one instant.
 
     Args:

@@ -187,7 +187,7 @@ def _coupling(contacts, c, k, inv_mass):
 
 
 @kernel
-def _solve_directly(count, contacts, inv_mass, scratch):
+def _solve_directly(count, contacts, inv_mass, scratch):  # out: scratch
     """Computes the plastic impulses by `solve_complementarity`. Returns whether that succeeds."""
     problem, impulse, wanted = scratch.problem, scratch.impulse, scratch.wanted
     for c in range(count):
@@ -203,7 +203,7 @@ def _solve_directly(count, contacts, inv_mass, scratch):
 
 
 @kernel
-def _descend(count, contacts, inv_mass, scratch):
+def _descend(count, contacts, inv_mass, scratch):  # out: scratch
     """Computes the plastic impulses of many contacts by an accelerated projected gradient.
 
     Nesterov (1983), with the restart of O'Donoghue and Candes (2015), scaled to a unit diagonal. Every sum over a
@@ -261,7 +261,7 @@ def quantum(largest, n_terms):
 
 
 @kernel
-def sum_impulses(count, contacts, impulse, scale, inv_mass, dv, done):
+def sum_impulses(count, contacts, impulse, scale, inv_mass, dv, done):  # out: dv, done
     """Computes the changes of velocity by the impulses `impulse * scale`, independently of the order of the contacts.
 
     More than two terms are rounded to a common multiple before they are added (Demmel and Nguyen 2013, Fast
@@ -301,7 +301,7 @@ def sum_impulses(count, contacts, impulse, scale, inv_mass, dv, done):
 
 
 @kernel
-def solve_plastic(count, contacts, inv_mass, scratch):
+def solve_plastic(count, contacts, inv_mass, scratch):  # out: scratch
     """Computes the smallest changes of velocity that raise each contact's speed of separation by at least `wanted`.
 
     Args:
@@ -342,7 +342,7 @@ def _changed(value, change, change_lo, residue):
 
 
 @kernel
-def apply_changes(count, factor, contacts, state, scene, scratch):
+def apply_changes(count, factor, contacts, state, scene, scratch):  # out: state, scratch
     """Adds 1 + factor times the changes of `solve_plastic` to the balls' velocities. The spins do not change.
 
     Args:

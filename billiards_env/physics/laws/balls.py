@@ -154,26 +154,26 @@ def rubbed(ball, sign, push, tilt, pair):
     if tilt is None:
         dv, du = sign * across * inverse, 2.5 * up * inverse  # the impulse turns both balls in the same direction
         return BallState(
-            ball.x,
-            ball.y,
-            ball.vx - dv * ny,
-            ball.vy + dv * nx,
-            ball.ux + (du * nx - dv * ny),
-            ball.uy + (du * ny + dv * nx),
-            ball.wz + 2.5 * across * inverse / radius,
+            x=ball.x,
+            y=ball.y,
+            vx=ball.vx - dv * ny,
+            vy=ball.vy + dv * nx,
+            ux=ball.ux + (du * nx - dv * ny),
+            uy=ball.uy + (du * ny + dv * nx),
+            wz=ball.wz + 2.5 * across * inverse / radius,
         )
     cosine, sine = tilt
     dv_across, dv_along = sign * across * inverse, -(sign * up * inverse) * sine
     du_across, du_along = -2.5 * across * inverse * sine, 2.5 * up * inverse
     dvx, dvy = dv_along * nx - dv_across * ny, dv_along * ny + dv_across * nx
     return BallState(
-        ball.x,
-        ball.y,
-        ball.vx + dvx,
-        ball.vy + dvy,
-        ball.ux + (dvx + (du_along * nx - du_across * ny)),
-        ball.uy + (dvy + (du_along * ny + du_across * nx)),
-        ball.wz + 2.5 * across * inverse * cosine / radius,
+        x=ball.x,
+        y=ball.y,
+        vx=ball.vx + dvx,
+        vy=ball.vy + dvy,
+        ux=ball.ux + (dvx + (du_along * nx - du_across * ny)),
+        uy=ball.uy + (dvy + (du_along * ny + du_across * nx)),
+        wz=ball.wz + 2.5 * across * inverse * cosine / radius,
     )
 
 
@@ -188,9 +188,10 @@ def rub(ball, sign, push, tilt, pair):
 @inlined
 def push_ball(ball, dvx, dvy, motion):
     """Returns a `BallState` after a change of the velocity by (dvx, dvy), m/s, that does not change the spin."""
+    vx, vy, ux, uy = ball.vx + dvx, ball.vy + dvy, ball.ux, ball.uy
     if motion == SLIDING_AND_ROLLING:
-        return BallState(ball.x, ball.y, ball.vx + dvx, ball.vy + dvy, ball.ux + dvx, ball.uy + dvy, ball.wz)
-    return BallState(ball.x, ball.y, ball.vx + dvx, ball.vy + dvy, ball.ux, ball.uy, ball.wz)
+        ux, uy = ux + dvx, uy + dvy
+    return BallState(x=ball.x, y=ball.y, vx=vx, vy=vy, ux=ux, uy=uy, wz=ball.wz)
 
 
 @inlined

@@ -79,13 +79,13 @@ def coast(ball, acceleration, phase, t, numbers):
     else:
         wz = spin_after(ball.wz, t, numbers)
     return BallState(
-        ball.x + t * (ball.vx + 0.5 * t * ax),
-        ball.y + t * (ball.vy + 0.5 * t * ay),
-        ball.vx + t * ax,
-        ball.vy + t * ay,
-        ball.ux + turns * t * ax,
-        ball.uy + turns * t * ay,
-        wz,
+        x=ball.x + t * (ball.vx + 0.5 * t * ax),
+        y=ball.y + t * (ball.vy + 0.5 * t * ay),
+        vx=ball.vx + t * ax,
+        vy=ball.vy + t * ay,
+        ux=ball.ux + turns * t * ax,
+        uy=ball.uy + turns * t * ay,
+        wz=wz,
     )
 
 
