@@ -10,7 +10,7 @@ import dataclasses
 import inspect
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import yaml
 
@@ -88,16 +88,17 @@ class Config:
         if self.task is not None:
             one_of("task", self.task, tuple(FROZEN))
         task = None if self.task is None else FROZEN[self.task]
-        if self.noise == "task":
-            self._set("noise", {} if task is not None and task.noise else None)
-        for name in ("env", "policy", "ppo", *(["noise"] if self.noise is not None else [])):
-            if not isinstance(getattr(self, name), Mapping):
-                raise ValueError(f"{name} = {short(getattr(self, name))}: expected a mapping")
+        noise: Any = self.noise
+        if noise == "task":
+            noise = {} if task is not None and task.noise else None
+        given = {"env": self.env, "policy": self.policy, "ppo": self.ppo, "noise": {} if noise is None else noise}
+        for name, value in given.items():
+            if not isinstance(value, Mapping):
+                raise ValueError(f"{name} = {short(value)}: expected a mapping")
         self._set("env", _resolved(_numbers({**({} if task is None else task.arguments), **self.env})))
-        if self.noise is not None:
-            for name in self.noise:
-                one_of("key of noise", name, tuple(NOISE))
-            self._set("noise", NOISE | _numbers(self.noise))
+        for name in noise or ():
+            one_of("key of noise", name, tuple(NOISE))
+        self._set("noise", None if noise is None else NOISE | _numbers(noise))
         head = self.policy.get("head", "aim")
         one_of("policy.head", head, tuple(_POLICY))
         for name in self.policy:
@@ -117,8 +118,7 @@ class Config:
             elif name == "normalize_advantage":
                 flag(f"ppo.{name}", value)
             elif value is not None or name not in _OPTIONAL:
-                pair = name == "learning_rate" and isinstance(value, list) and len(value) == 2
-                for one in value if pair else [value]:
+                for one in value if name == "learning_rate" and _is_pair(value) else [value]:
                     real(f"ppo.{name}", one, Range(0.0, 1.0 if name in _SHARES else 1e6))
         rollout, batch = self.n_envs * ppo.get("n_steps", 2048), ppo.get("batch_size", 64)
         if rollout % min(batch, rollout):
@@ -192,6 +192,10 @@ def read(path: Path) -> Any:
         return plain_yaml(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ValueError(f"config = {str(path)!r}: expected valid YAML ({' '.join(str(error).split())})") from error
+
+
+def _is_pair(value: Any) -> TypeGuard[list[Any]]:
+    return isinstance(value, list) and len(value) == 2
 
 
 def _whole(value: Any) -> Any:
