@@ -10,12 +10,13 @@ import dataclasses
 import inspect
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import yaml
 
-from billiards_env.checks import Range, fields_of, integer, number, one_of, real, short
+from billiards_env.checks import Range, fields_of, flag, integer, number, one_of, real, short
 from billiards_env.envs import make_model
+from billiards_env.envs.observations import check_old
 from billiards_env.envs.tasks import TASKS
 from billiards_env.frozen import FROZEN, NOISE
 from billiards_env.sb3 import PPO_SETTINGS
@@ -34,7 +35,8 @@ _PPO = (
 )
 _POLICY = {"aim": ("head", "arguments"), "gaussian": ("head", "hidden", "activation")}
 _COUNTS = ("n_steps", "batch_size", "n_epochs")
-_SHARES = ("gamma", "gae_lambda")
+_SHARES = ("learning_rate", "gamma", "gae_lambda")
+_OPTIONAL = ("clip_range_vf", "target_kl")  # None: no limit
 
 AIM_PPO = {**{name: PPO_SETTINGS[name] for name in PPO_SETTINGS if name in _PPO}, "learning_rate": [2e-3, 2e-5]}
 """`PPO_SETTINGS` as plain data."""
@@ -49,7 +51,8 @@ class Config:
         task: A frozen task, such as "Pot1-v0", which sets `env` and `noise`; None for none.
         env: Arguments of `gym.make("Billiards-v0", ...)`. They replace the arguments of `task`. After the construction
             it has all of them.
-        noise: The argument `noise` of `Billiards-v0`; None for no noise. After the construction it has all numbers.
+        noise: The argument `noise` of `Billiards-v0`; None for no noise, "task" for the noise of `task`. After the
+            construction it has all numbers, or is None.
         start_from: The folder of a finished run. The training starts with its weights. None for new weights.
         n_envs: The number of environments that are stepped together.
         seed: The seed of all random numbers; equal seeds give equal runs.
@@ -69,7 +72,7 @@ class Config:
     timesteps: int
     task: str | None = None
     env: dict[str, Any] = dataclasses.field(default_factory=dict)
-    noise: dict[str, Any] | None = None
+    noise: Any = "task"
     start_from: str | None = None
     n_envs: int = 4096
     seed: int = 0
@@ -82,19 +85,20 @@ class Config:
         least = {"timesteps": 0, "seed": 0, "n_envs": 1, "checkpoint_every": 1, "evaluation_episodes": 1}
         for name, bound in least.items():  # Stable-Baselines3 limits the seed
             self._set(name, integer(name, _whole(getattr(self, name)), Range(bound, 2**32 - 1)))
-        for name in ("env", "policy", "ppo", *(["noise"] if self.noise is not None else [])):
-            if not isinstance(getattr(self, name), Mapping):
-                raise ValueError(f"{name} = {short(getattr(self, name))}: expected a mapping")
-        given, noise = dict(self.env), self.noise
         if self.task is not None:
             one_of("task", self.task, tuple(FROZEN))
-            given = {**FROZEN[self.task].arguments, **given}
-            noise = dict(NOISE) if FROZEN[self.task].noise and noise is None else noise
-        self._set("env", _resolved(_numbers(given)))
-        if noise is not None:
-            for name in noise:
-                one_of("key of noise", name, tuple(NOISE))
-            self._set("noise", NOISE | _numbers(noise))
+        task = None if self.task is None else FROZEN[self.task]
+        noise: Any = self.noise
+        if noise == "task":
+            noise = {} if task is not None and task.noise else None
+        given = {"env": self.env, "policy": self.policy, "ppo": self.ppo, "noise": {} if noise is None else noise}
+        for name, value in given.items():
+            if not isinstance(value, Mapping):
+                raise ValueError(f"{name} = {short(value)}: expected a mapping")
+        self._set("env", _resolved(_numbers({**({} if task is None else task.arguments), **self.env})))
+        for name in noise or ():
+            one_of("key of noise", name, tuple(NOISE))
+        self._set("noise", None if noise is None else NOISE | _numbers(noise))
         head = self.policy.get("head", "aim")
         one_of("policy.head", head, tuple(_POLICY))
         for name in self.policy:
@@ -108,13 +112,14 @@ class Config:
 
     def _check_ppo(self) -> None:
         ppo = self.ppo
-        for name in ppo.keys() & set(_COUNTS):
-            ppo[name] = integer(f"ppo.{name}", _whole(ppo[name]), Range(1, None))
-        for name in ppo.keys() & set(_SHARES):
-            real(f"ppo.{name}", ppo[name], Range(0.0, 1.0))
-        rate = ppo.get("learning_rate", 3e-4)
-        for one in rate if isinstance(rate, list) and len(rate) == 2 else [rate]:
-            real("ppo.learning_rate", one, Range(0.0, 1.0))
+        for name, value in ppo.items():
+            if name in _COUNTS:
+                ppo[name] = integer(f"ppo.{name}", _whole(value), Range(1, None))
+            elif name == "normalize_advantage":
+                flag(f"ppo.{name}", value)
+            elif value is not None or name not in _OPTIONAL:
+                for one in value if name == "learning_rate" and _is_pair(value) else [value]:
+                    real(f"ppo.{name}", one, Range(0.0, 1.0 if name in _SHARES else 1e6))
         rollout, batch = self.n_envs * ppo.get("n_steps", 2048), ppo.get("batch_size", 64)
         if rollout % min(batch, rollout):
             raise ValueError(f"ppo.batch_size = {batch}: expected a divisor of n_envs * ppo.n_steps = {rollout}")
@@ -189,6 +194,10 @@ def read(path: Path) -> Any:
         raise ValueError(f"config = {str(path)!r}: expected valid YAML ({' '.join(str(error).split())})") from error
 
 
+def _is_pair(value: Any) -> TypeGuard[list[Any]]:
+    return isinstance(value, list) and len(value) == 2
+
+
 def _whole(value: Any) -> Any:
     """Returns a text such as "1e6" as a whole number, if it is one."""
     value = number(value)
@@ -209,6 +218,7 @@ def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
     parameters = dict(inspect.signature(make_model).parameters)
     for name in ("noise", "noise_seed"):  # `noise` has its own section
         del parameters[name]
+    check_old("env.", given)
     for key in given:
         one_of("key of env", key, tuple(parameters))
     found = {name: given.get(name, parameter.default) for name, parameter in parameters.items()}

@@ -7,13 +7,16 @@ The function `blocks` of a module converts the results to Markdown blocks by nam
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib.metadata
 import io
 import itertools
 import os
 import platform
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+import signal
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from multiprocessing.context import BaseContext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -123,13 +126,24 @@ def workers() -> Count:
     return Count(num_threads(), "processes")
 
 
+@contextlib.contextmanager
+def processes(count: int, context: BaseContext | None = None) -> Iterator[Executor]:
+    """Yields processes that ignore Ctrl-C. After an error, such as Ctrl-C, they begin no other task."""
+    ignored = signal.SIGINT, signal.SIG_IGN
+    pool = ProcessPoolExecutor(count, context, initializer=signal.signal, initargs=ignored)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
 def run_kinds(
     work: Callable[[str, int], dict[str, Any]], kinds: Iterable[str], shots: int, workers: int
 ) -> dict[str, list[dict[str, Any]]]:
     """Returns `work(kind, seed)` of the first shots of each kind, computed by some processes."""
     tasks = list(itertools.product(kinds, range(shots)))
     found: dict[str, list[dict[str, Any]]] = {kind: [] for kind in kinds}
-    with ProcessPoolExecutor(workers) as pool:
+    with processes(workers) as pool:
         results = tqdm(pool.map(work, *zip(*tasks, strict=True), chunksize=2), total=len(tasks), unit="shot")
         for (kind, _), result in zip(tasks, results, strict=True):
             found[kind].append(result)

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks import Count, machine, machine_line, parser_of, ratio, report, table
+from billiards_env.commands import ending
 
 ROOT = Path(__file__).resolve().parent.parent
 SHOTS = 1000  # in a pass
@@ -58,6 +59,7 @@ def _steps(name: str, without: str, **arguments: Any) -> Row:
     """Returns the row of a step of the vector environment."""
     code = f"""
 import numpy as np
+from billiards_env.commands import ending
 import billiards_env
 envs = gymnasium.make_vec("Billiards-v0", num_envs={SHOTS}, threads=1, **{arguments!r})
 envs.reset(seed=0)
@@ -185,6 +187,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     }
 
 
+@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.ablation --help`."""
     repeats = Count(31, "number of passes")

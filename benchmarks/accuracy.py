@@ -36,6 +36,7 @@ from benchmarks import (
 )
 from benchmarks.accuracy_report import blocks
 from benchmarks.methods import PIC, Method, timer
+from billiards_env.commands import ending
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate, simulate_batch
 from reference.oracle import OracleError, run
@@ -242,6 +243,7 @@ def packed(result: dict[str, Any]) -> dict[str, Any]:
     return {**result, "scenes": scenes}
 
 
+@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.accuracy --help`."""
     parser = parser_of(

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import Count, machine, machine_line, parser_of, report, table
+from billiards_env.commands import ending
 from billiards_env.evaluation import measure as evaluate
 from billiards_env.players.aim import Leave, Pot, aim
 from billiards_env.scene import Scene, layouts
@@ -121,6 +122,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     }
 
 
+@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.aim --help`."""
     parser = parser_of(

@@ -15,6 +15,7 @@ import numpy as np
 from benchmarks import Count, machine, machine_line, parser_of, report, run_kinds, table, workers
 from billiards_env.calibration.calibrate import calibrate
 from billiards_env.calibration.tracks import Track, observed
+from billiards_env.commands import ending
 from billiards_env.intervals import success_rate
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate
@@ -102,6 +103,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     }
 
 
+@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.calibration --help`."""
     parser = parser_of(

@@ -40,6 +40,7 @@ from tqdm import tqdm
 
 from benchmarks import Count, error_limit, machine, machine_line, metres, parser_of, ratio, report, table
 from benchmarks.methods import PIC, timer
+from billiards_env.commands import ending
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate
 from reference.oracle import OracleError, run
@@ -366,6 +367,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     }
 
 
+@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.comparison --help`."""
     shots, passes = Count(100, "shots of each kind"), Count(5, "repetitions of the run time measurement")

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import Count, machine, machine_line, parser_of, report, table
+from billiards_env.commands import ending
 from billiards_env.scene import Balls, Physics, Scene, Table
 from billiards_env.shots.simulation import BatchResult, simulate, simulate_batch
 
@@ -211,6 +212,7 @@ def blocks(found: dict[str, Any]) -> dict[str, str]:
     }
 
 
+@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.differentiable --help`."""
     tasks = Count(100, "random tasks")

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import IMAGES, Count, machine, machine_line, parser_of, report, run_kinds, save, table, workers
+from billiards_env.commands import ending
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.gradients import UNIT_ROUNDOFF
 from billiards_env.shots.simulation import simulate
@@ -180,6 +181,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     return {"machine": machine_line(result["machine"]), "kinds": table(("shots of a kind", *columns), rows)}
 
 
+@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.error_limit --help`."""
     description, shots = "Compare the engine's error with the unavoidable error.", Count(1000, "shots of each kind")

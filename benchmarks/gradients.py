@@ -12,6 +12,7 @@ import numpy as np
 
 from benchmarks import Count, machine, machine_line, parser_of, report, table
 from benchmarks.speed import Case, breaks, random_shots, seconds, summary
+from billiards_env.commands import ending
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
 
@@ -80,6 +81,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     }
 
 
+@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.gradients --help`."""
     parser = parser_of("gradients", "Measure the cost of derivatives.", repeats=Count(11, "number of passes"))

@@ -17,6 +17,7 @@ import numpy as np
 from benchmarks import machine, machine_line, parser_of, report, table
 from billiards_env.calibration import Calibration, Track, calibrate, read_tracks
 from billiards_env.calibration.judge import CONTACTS, Judged, together
+from billiards_env.commands import ending
 from billiards_env.scene import Scene
 
 PARTS = 5
@@ -104,6 +105,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     }
 
 
+@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.real_tracks --help`."""
     parser = parser_of("real_tracks", "Fit the physics to tracks of a real table, and judge it on others.")

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import Count, machine, machine_line, parser_of, report, table
+from billiards_env.commands import ending
 from billiards_env.engine.compile import MANY_BALLS
 from billiards_env.envs.actions import cue_strike
 from billiards_env.scene import Balls, Physics, Scene, layouts
@@ -307,6 +308,7 @@ def rounded(number: float) -> str:
     return f"{float(f'{number:.2g}'):,.0f}"
 
 
+@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.speed --help`."""
     args = parser_of("speed", "Measure the speed of shots.", repeats=Count(11, "number of passes")).parse_args(

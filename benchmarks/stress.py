@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import sys
 import time
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, Future, as_completed
 from typing import Any
 
 from tqdm import tqdm
 
-from benchmarks import RESULTS, machine, machine_line, parser_of, report, table, workers
+from benchmarks import RESULTS, machine, machine_line, parser_of, processes, report, table, workers
+from billiards_env.commands import ending
 from reference.stress import families, measure
 
 # Thousands of shots of each kind, and the number of shots in one task.
@@ -111,6 +112,7 @@ def _row(s: dict[str, Any], bad: int) -> tuple[str, ...]:
     return f"{s['shots']:,}", f"{bad}", *worst, f"{s['contact_rule']:,}", f"{s['most_events']:,}"
 
 
+@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs all measurements, prints and writes the results."""
     parser = parser_of("stress", "Run and check millions of shots.", output=False, workers=workers())
@@ -123,7 +125,7 @@ def main(arguments: list[str] | None = None) -> None:
     for family in ("pool, 1 object ball", "pool, 5 object balls"):
         families.run(family, 0, 1)  # compiles the kernels once, for all processes
     started = time.perf_counter()
-    with ProcessPoolExecutor(args.workers) as pool:
+    with processes(args.workers) as pool:
         shots = random_shots(pool, args.scale)
         drifts = [pool.submit(measure.drift, n, round(1e6 * args.scale)) for n in (2, 16, 100)]
         drift = [future.result() for future in drifts]

@@ -17,6 +17,7 @@ import numpy as np
 
 from benchmarks import Count, machine, machine_line, parser_of, report, table
 from benchmarks.speed import seconds, summary
+from billiards_env.commands import ending
 from billiards_env.engine import run_shots_of
 from billiards_env.envs import episodes
 
@@ -140,6 +141,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     }
 
 
+@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.vector --help`."""
     parser = parser_of("vector", "Measure the speed of environments.", repeats=Count(11, "number of passes"))

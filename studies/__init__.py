@@ -22,7 +22,7 @@ import contextlib
 import json
 import multiprocessing
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,7 @@ import numpy as np
 
 from agents import require
 from agents.cluster import RayExecutor
-from benchmarks import machine
+from benchmarks import machine, processes
 from billiards_env.commands import ending
 from billiards_env.files import replacing
 
@@ -70,12 +70,9 @@ def workers(jobs: int, address: str | None) -> Iterator[Executor]:
     """Yields processes of this machine, or the nodes of the Ray cluster at an address."""
     if address is not None:
         yield RayExecutor(address)
-        return
-    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"))
-    try:
-        yield pool
-    finally:
-        pool.shutdown(cancel_futures=True)
+    else:
+        with processes(jobs, multiprocessing.get_context("spawn")) as pool:
+            yield pool
 
 
 def resumed(output: Path, settings: Mapping[str, Any], **empty: Any) -> dict[str, Any]:

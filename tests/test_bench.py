@@ -161,7 +161,6 @@ HOSTILE = {
     "huger number": (lambda text: text.replace('"seed": 5', '"seed": 1' + "0" * 9000), "geometric.json: "),
     "huge return": (set_result("returns", [10**400] * 12), r"results\[0\]\.returns\[0\] = .*: expected a finite"),
     "text return": (set_result("returns", ["1.0"] * 12), r"results\[0\]\.returns\[0\] = '1\.0': expected a number"),
-    "bool return": (set_result("returns", [True] * 12), "expected a number, not bool"),
     "few returns": (set_result("returns", [1.0]), "expected a list of 12"),
     "a seed of the noise": (set_result("noise_seed", 1), r"Pot1Noise-v0, seed 0: \w+.* expected"),
     "a noise without noise": (set_result("noise_seed", 1, 2), "noise_seed = 1: expected none, Pot3-v0 has no noise"),
@@ -172,21 +171,15 @@ HOSTILE = {
     "many actions": (set_result("actions", "A" * 100_000), "expected 96 bytes as base64"),
     "list of actions": (set_result("actions", [0.5] * 24), "expected 96 bytes as base64"),
     "no shots": (set_result("shots", ZEROS), r"a number in results\[0\]\.shots = 0: expected 1"),
-    "many shots": (set_result("shots", "/" * 16), "= 255: expected 1"),
     "float seed": (set_result("seed", 0.5), r"results\[0\]\.seed = 0\.5: expected a whole number"),
-    "negative seed": (set_result("seed", -1), r"results\[0\]\.seed = -1: expected a whole number"),
     "unknown task": (set_result("task", "os.system"), r"results\[0\]\.task = 'os.system': expected one of"),
-    "no text": (set_result("task", ["Pot1-v0"]), r"results\[0\]\.task = \['Pot1-v0'\]: expected one of"),
     "wrong success": (set_result("success", "2" * 12), "expected 12 digits 0 or 1"),
-    "numbers": (set_result("success", [1] * 12), "expected 12 digits 0 or 1"),
     "unknown key": (set_result("code", "print(1)"), r"key 'code' of results\[0\] is unknown"),
     "missing key": (edit(lambda data: data["results"][0].pop("seed")), r"key 'seed' of results\[0\] is missing"),
     "list of writers": (edit(lambda data: data.update(written_by=[1])), r"written_by = \[1\]: expected a text"),
     "no results": (edit(lambda data: data.update(results=[])), "number of results = 0: expected a whole number"),
-    "too many": (edit(lambda data: data.update(results=data["results"][:1] * 99)), "number of results = 99"),
     "a task twice": (edit(lambda data: data["results"].append(data["results"][0])), "expected each task and seed once"),
     "markup": (edit(lambda data: data.update(player="<script>")), "player = '<script>': expected 1 to 80 letters"),
-    "a table": (edit(lambda data: data.update(player="a | b")), "expected 1 to 80 letters"),
 }
 
 
@@ -248,6 +241,8 @@ def test_an_interrupted_command_resumes(tmp_path, capsys, monkeypatch):
     assert len(bench.verify(part).results) == 2
     with pytest.raises(SystemExit, match=r"entry\.json\.part holds results of another command"):
         main([*command, "--noise-seed", "3"])
+    with pytest.raises(SystemExit, match=r"entry\.json\.part holds results of another command"):
+        main(["bench", "random", "--name", "geometric", *command[2:]])
     main(command)
     assert len(played) == 5
     assert path.read_text() == text()

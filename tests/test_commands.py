@@ -33,7 +33,7 @@ COMMANDS = {
 def few_shots(patch: pytest.MonkeyPatch, module: Any) -> None:
     assert module.SHOTS.keys() == module.families.FAMILIES.keys()
     patch.setattr(module, "SHOTS", dict.fromkeys(("pool, 1 object ball", "pool, 5 object balls"), (0, 2)))
-    patch.setattr(module, "ProcessPoolExecutor", ThreadPoolExecutor)
+    patch.setattr(module, "processes", ThreadPoolExecutor)
 
 
 def few_breaks(patch: pytest.MonkeyPatch, module: Any) -> None:
@@ -81,6 +81,19 @@ def test_a_command_runs(command, tmp_path, monkeypatch, capsys):
         printed = capsys.readouterr().out
         assert all(block in printed for block in readme.blocks_of(name)(result).values())
     assert {path: path.stat().st_mtime_ns for path in committed} == committed
+
+
+@pytest.mark.parametrize("command", sorted(name for name in COMMANDS if name.startswith("benchmarks.")))
+def test_ctrl_c_ends_a_benchmark_with_one_line(command, monkeypatch, capsys):
+    def interrupt(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    if command.endswith("_worker"):
+        pytest.skip("its parent ends it")
+    monkeypatch.setattr(argparse.ArgumentParser, "parse_args", interrupt)
+    with pytest.raises(SystemExit, match="130"):
+        module_of(command).main([])
+    assert capsys.readouterr().err == "\ninterrupted\n"
 
 
 class Accepted(Exception):

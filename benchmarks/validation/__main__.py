@@ -6,8 +6,10 @@ from pathlib import Path
 
 import benchmarks.validation as validation
 from benchmarks import IMAGES, parser_of, report, save
+from billiards_env.commands import ending
 
 
+@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Measures, prints the tables, writes `benchmarks/results/validation.json` and draws the picture."""
     parser = parser_of("validation", "Compare the laws of the package with measurements.")

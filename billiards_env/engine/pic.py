@@ -30,7 +30,7 @@ from billiards_env.jit import allocating, allocating_entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts, empty_scratch
 from billiards_env.physics.motion import begin_phase
-from billiards_env.physics.state import POTTED, REST, State, Time, empty_state, scene_of
+from billiards_env.physics.state import State, Time, empty_state, scene_of
 
 CLUSTER_WORK = 100
 """Largest amount of work for each two of the impacts at one instant, in the unit of `LOOK_AFTER`."""

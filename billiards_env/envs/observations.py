@@ -383,14 +383,19 @@ def decode(observation: Any, features: Mapping[str, tuple[int, ...]]) -> dict[st
     return found
 
 
+def check_old(prefix: str, arguments: Mapping[str, Any]) -> None:
+    """Raises a TypeError for an argument of `OLD`. The message has the new spelling; the prefix is for the name."""
+    for name in OLD.keys() & arguments:
+        expected = f"expected observe with {OLD[name]!r} instead, see envs.observations"
+        raise TypeError(f"{prefix}{name} = {short(arguments[name])}: {expected}")
+
+
 def without_old(make: Make) -> Make:
-    """Returns a function that raises a TypeError for an argument of `OLD`. The message has the new spelling."""
+    """Returns a function that raises a TypeError for an argument of `OLD`."""
 
     @functools.wraps(make)
     def checked(**arguments: Any) -> Any:
-        for name in OLD.keys() & arguments:
-            expected = f"expected observe with {OLD[name]!r} instead, see envs.observations"
-            raise TypeError(f"{name} = {short(arguments[name])}: {expected}")
+        check_old("", arguments)
         return make(**arguments)
 
     return cast(Make, checked)

@@ -1,12 +1,13 @@
 """Numba's compiler without the steps that this package does not need.
 
-The first shot without a cache compiles more than a hundred functions. Each docstring gives the slowdown of a cold
-start without that part: of the first step of the default environment, and of a break of nine ball on `real_pool`.
+The first shot without a cache compiles more than a hundred functions. The docstrings give the slowdown of a cold start
+without a part: of a break of nine ball on `real_pool`, or "of the planner", of its first decisions on this table.
 """
 
 from __future__ import annotations
 
 import functools
+import gc
 import sys
 import threading
 from typing import Any
@@ -27,17 +28,18 @@ def _announce() -> None:
 
 
 class _KernelLibrary(JITCodeLibrary):
-    """The LLVM code of a kernel, compiled to machine code only as part of its callers. Slowdown without: 1.6x, 1.6x."""
+    """The LLVM code of a kernel without that of the kernels that it calls. Entry points link, optimise and compile it.
 
-    def _finalize_final_module(self) -> None:
+    Numba's library also links, optimises and compiles each kernel: slowdown 1.6x. If each kernel is only linked and
+    optimised with those that it calls, the slowdown of the planner is 1.2x.
+    """
+
+    def add_linking_library(self, library: Any) -> None:
+        if library not in self._linking_libraries:
+            super().add_linking_library(library)
+
+    def finalize(self) -> None:
         self._finalized = True
-
-
-class _InlinedLibrary(_KernelLibrary):
-    """The LLVM code of an inlined kernel, optimised only as part of its callers. Slowdown without: 1.1x, 1.2x."""
-
-    def _optimize_final_module(self) -> None:
-        pass
 
 
 class ShortCompiler(Compiler):
@@ -48,21 +50,24 @@ class ShortCompiler(Compiler):
         flags: Any = self.state.flags
         if flags.no_cpython_wrapper:  # a kernel
             flags.no_compile = True
-            library = _InlinedLibrary if flags.forceinline else _KernelLibrary
-            self.state.library = library(self.state.targetctx.codegen(), func.__qualname__)
+            self.state.library = _KernelLibrary(self.state.targetctx.codegen(), func.__qualname__)
             self.state.library.enable_object_caching()
             return super().compile_extra(func)
         timer = threading.Timer(LONG, _announce)
         timer.daemon = True
+        collects = gc.isenabled()
+        gc.disable()  # numba keeps its objects; slowdown of the planner without: 1.1x
         timer.start()
         try:
             return super().compile_extra(func)
         finally:
             timer.cancel()
+            if collects:
+                gc.enable()
 
 
 class Kernel(CPUDispatcher):
-    """A function that other compiled functions call. Without it and the libraries: 2.0 and 2.0.
+    """A function that other compiled functions call. Slowdown without it and the library: 2.0x.
 
     Its machine code and its wrapper for Python are compiled only at the first call from Python.
     """
@@ -83,7 +88,8 @@ class Kernel(CPUDispatcher):
 
     def add_overload(self, cres: Any) -> None:
         """Stores a compiled function. Numba finds it by its entry point, for which its library stands."""
-        self.targetctx.insert_user_function(cres.library, cres.fndesc, [cres.library])
+        needed = [cres.library, *cres.library._linking_libraries]  # callers link the kernels that it calls
+        self.targetctx.insert_user_function(cres.library, cres.fndesc, needed)
         self.overloads[cres.signature.args] = cres._replace(entry_point=cres.library)
 
     @functools.cached_property

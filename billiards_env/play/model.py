@@ -75,7 +75,7 @@ class StrokeInput(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """A played stroke with its aim: the person's aim, or a level hit with the same velocity."""
+    """A played stroke with its aim: the person's aim, or the aim with a level cue."""
 
     stroke: Stroke
     played: PlayedShot
@@ -251,14 +251,15 @@ def tick(model: Model, seconds: float) -> Model:
 def shoot(model: Model, stroke: Stroke, aim: StrokeInput | None = None) -> Model:
     """Plays a stroke and returns the model in phase "rolling". The stroke of a person comes with its aim.
 
+    The model has the aim of the stroke until the shot is over, so the controls show how it is played.
+
     Raises:
         ValueError: As `games.play` does.
     """
-    if aim is None:
-        (x, y), place, _, call = stroke
-        aim = StrokeInput(math.atan2(y, x), math.hypot(x, y), place=place, call=call)
+    aim = _level_aim(model, stroke) if aim is None else aim
     return dataclasses.replace(
         model,
+        aim=aim,
         turns=(*model.turns, Turn(stroke, play(model.setup, model.game, stroke), aim)),
         undone=(),
         comparison=None,
@@ -380,15 +381,19 @@ def aim_like(model: Model, made: Stroke) -> Model:
     """
     if model.phase not in ("placing", "aiming", "thinking"):
         return model
+    preview = make_preview(model.setup, model.game, made)
+    phase = "thinking" if model.phase == "thinking" else "aiming"
+    return dataclasses.replace(model, phase=phase, aim=_level_aim(model, made), preview=preview, clock=0.0)
+
+
+def _level_aim(model: Model, made: Stroke) -> StrokeInput:
+    """Returns the aim of a stroke with a level cue."""
     (x, y), place, _, call = made
     speed, heading, tip = math.hypot(x, y), math.atan2(y, x), [0.0, 0.0]
     if any(made.spin):
         cue, heading, *tip = level_strike(model.setup.scene, made.velocity, made.spin)
         speed = cue * float(strike(model.setup.scene, 1.0, 0.0).velocity[0])
-    aim = StrokeInput(math.remainder(heading, math.tau), speed, (tip[0], tip[1]), place=place, call=call)
-    preview = make_preview(model.setup, model.game, made)
-    phase = "thinking" if model.phase == "thinking" else "aiming"
-    return dataclasses.replace(model, phase=phase, aim=aim, preview=preview, clock=0.0)
+    return StrokeInput(math.remainder(heading, math.tau), speed, (tip[0], tip[1]), place=place, call=call)
 
 
 @_only("aiming")
@@ -496,7 +501,8 @@ def replay(model: Model) -> Model:
     if comparison is None:
         engine = Engine("pit", model.ghost_dt) if model.setup.engine == PIC else PIC
         comparison = run_shot(model.setup.scene, model.last_shot.shot_input, engine, record=True)
-    return dataclasses.replace(model, comparison=comparison, phase="replaying", preview=None, clock=0.0)
+    aim = model.turns[-1].aim
+    return dataclasses.replace(model, comparison=comparison, phase="replaying", aim=aim, preview=None, clock=0.0)
 
 
 def toggle_ghost(model: Model) -> Model:

@@ -58,6 +58,9 @@ def test_a_configuration_survives_yaml_with_all_values(tmp_path):
         ({"timesteps": 1, "ppo": {"n_steps": "abc"}}, "ppo.n_steps = 'abc': expected a whole number"),
         ({"timesteps": 1, "ppo": {"gamma": 2.0}}, "ppo.gamma = 2.0: expected a number from 0"),
         ({"timesteps": 1, "ppo": {"learning_rate": -1}}, "ppo.learning_rate = -1"),
+        ({"timesteps": 1, "ppo": {"target_kl": "abc"}}, "ppo.target_kl = 'abc': expected a number"),
+        ({"timesteps": 1, "ppo": {"normalize_advantage": 2}}, "ppo.normalize_advantage = 2: expected"),
+        ({"timesteps": 1, "env": {"observe_physics": True}}, "env.observe_physics = True: expected observe with"),
         ({"timesteps": 1, "n_envs": 4, "ppo": {"batch_size": 3}}, "ppo.batch_size = 3: expected a divisor of .* = 4"),
         ({"timesteps": 1, "ppo": {"leraning_rate": 1.0}}, "key of ppo = 'leraning_rate'.*did you mean 'learning_rate'"),
         ({"timesteps": 1, "policy": {"head": "pots"}}, "policy.head = 'pots': expected one of 'aim', 'gaussian'"),
@@ -91,3 +94,5 @@ def test_the_noise_is_that_of_the_configuration():
     noise = {"angle_std": 1.0, "offset_std": 0.002}
     spec: Any = make_env(Config(timesteps=0, noise=noise)).spec
     assert spec.kwargs["noise"] == NOISE | noise
+    assert Config(timesteps=0, task="Pot1Noise-v0").noise == NOISE
+    assert Config(timesteps=0, task="Pot1Noise-v0", noise=None).noise is None

@@ -77,7 +77,7 @@ def test_aim_writes_and_prints_what_it_solves(tmp_path, capsys):
 
 
 def test_calibration_counts_the_intervals_with_the_truth(tmp_path, monkeypatch):
-    monkeypatch.setattr(benchmarks, "ProcessPoolExecutor", ThreadPoolExecutor)
+    monkeypatch.setattr(benchmarks, "processes", ThreadPoolExecutor)
     monkeypatch.setattr(calibration, "SCENE", "real_pool")  # its derivatives are compiled for other tests
     monkeypatch.setattr(calibration, "SHOTS", 4)
     path = tmp_path / "calibration.json"
@@ -108,7 +108,7 @@ def test_another_velocity_exceeds_the_error_limit(monkeypatch):
 
 def test_the_error_limit_is_drawn_and_written(matplotlib, tmp_path, monkeypatch):
     monkeypatch.setattr(error_limit, "KINDS", {name: error_limit.KINDS[name] for name in ("carom", "gas of 16 disks")})
-    monkeypatch.setattr(benchmarks, "ProcessPoolExecutor", ThreadPoolExecutor)
+    monkeypatch.setattr(benchmarks, "processes", ThreadPoolExecutor)
     written, picture = tmp_path / "e.json", tmp_path / "e.png"
     error_limit.main(["--shots", "1", "--workers", "1", "--output", str(written), "--picture", str(picture)])
     assert json.loads(written.read_text())["kinds"].keys() == error_limit.KINDS.keys()

@@ -1,7 +1,7 @@
 """The table of Gymnasium's vector wrappers in docs/gotchas.md, on the Gymnasium that is installed.
 
-The column of a mode has "yes", "no" (an error), "wrong" (wrong numbers without an error), or a version from which on the
-wrapper works with the mode. Older versions can return wrong numbers.
+The column of a mode has "yes", "no" (an error), "wrong" (wrong numbers without an error), or a version from which on
+the wrapper works with the mode. Older versions can return wrong numbers.
 """
 
 import re

@@ -399,4 +399,7 @@ def test_the_aim_for_a_stroke_is_that_stroke(make_model):
         assert aimed.aim.tip == pytest.approx((side, top), abs=1e-9)
         np.testing.assert_allclose(aimed.stroke.velocity, stroke.velocity, atol=1e-9)
         np.testing.assert_allclose(aimed.stroke.spin, stroke.spin, atol=1e-9)
+        played = shoot(model, stroke)
+        assert (played.phase, played.aim) == ("rolling", aimed.aim)  # the controls show the stroke of a program
+        assert after(played, actions.go, actions.replay).aim == aimed.aim
     assert actions.aim_like(actions.go(aimed), stroke).phase == "rolling"

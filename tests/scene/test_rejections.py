@@ -56,10 +56,7 @@ ONE = {"radius": [0.03], "mass": [0.2]}
 
 NAMES = [
     (of(named, "pol"), "scene = 'pol': expected one of 'pool', 'blocked_pool', 'carom', 'ideal', 'pooltool_carom', "),
-    (of(named, "pol"), "... 'pooltool_real_carom' (did you mean 'pool'?)"),
-    (of(named, "billiards"), "scene = 'billiards': expected one of"),
     (of(named, "pool", 16), "n_object_balls = 16: expected a whole number from 0 to 15 for scene 'pool'"),
-    *((of(named, "pool", n), f"n_object_balls = {n}: expected a whole number") for n in (-1, True, 1.0)),
     (of(Table.named, "pool_10ft"), "table = 'pool_10ft': expected one of 'pool_7ft', 'pool_8ft', 'pool_9ft'"),
     (of(from_dict, {"balls": ONE, "table": "pool_9"}), "table = 'pool_9': expected one of"),
     (of(from_dict, {"base": "pol"}), "scene = 'pol': expected one of"),
@@ -74,9 +71,7 @@ DATA = [
         "key of scene = 'tabel': expected one of 'balls', 'table', 'physics', 'cue'",
     ),
     (changed("physics", "mu_rol", to=0.1), "key of scene.physics = 'mu_rol': expected one of"),
-    (changed("physics", "mu_rol", to=0.1), "... (did you mean 'mu_roll'?)"),
     (changed("table", "widht", to=1.0), "key of scene.table = 'widht'"),
-    (changed("balls", "color", to=[1.0]), "key of scene.balls = 'color'"),
     (changed("table", "pockets", 0, "z", to=0.0), "key of scene.table.pockets[0] = 'z'"),
     (changed("table", "pockets", 3, "x"), "scene.table.pockets[3].x is missing: expected a value, it has no default"),
     (changed("balls"), "scene.balls is missing"),
@@ -87,9 +82,8 @@ DATA = [
     (changed("balls", "radius", to=0.03), "scene.balls.radius = 0.03: expected a list"),
     (changed("balls", "mass", to=[1.0, "infinite"]), "balls.mass[1] = 'infinite': expected a"),
     (changed("physics", "g", to="9.81"), "physics.g = '9.81': expected a number, not str"),
-    (changed("physics", "max_time", to=True), "physics.max_time = True: expected a number, not bool"),
     (changed("balls", "radius", to=[0.03, "inf"]), "balls.radius[1] = inf: expected a number from 0.0001 to 10000 m"),
-    *((of(from_dict, data), f"scene = {data!r}: expected a mapping") for data in (None, [], "pool")),
+    *((of(from_dict, data), f"scene = {data!r}: expected a mapping") for data in (None, "pool")),
     (of(Table.from_dict, {"lenght": 2.0}), "key of table = 'lenght': expected one of 'length', "),
     (of(Table.from_dict, {"outline": 4}), "table.outline = 4: expected a list"),
     (of(Table.from_dict, {"outline": [[0.0, 0.0]]}), "table.outline[0] = [0.0, 0.0]: expected a mapping"),
@@ -118,7 +112,6 @@ PARTS = [
         of(physics, motion="rolling"),
         "physics.cushion = 'han2005' with physics.motion = 'rolling': expected motion",
     ),
-    (of(physics, motion="ideal", max_time=1.0), "physics.cushion = 'han2005' with physics.motion = 'ideal'"),
     (
         of(physics, cushion="stronge", e_cushion=0.3),
         "physics.e_cushion = 0.3 with physics.cushion = 'stronge'",
@@ -145,10 +138,7 @@ PARTS = [
     (of(Balls, (R, R), (INF, 1.0)), "balls.mass[0] = inf: expected a finite mass, the cue ball must be able to move"),
     (of(Balls, [R, R], (1.0, 1.0)), f"balls.radius = [{R}, {R}]: expected a tuple of numbers"),
     (of(Balls, (R,), (1.0,), shape="cube"), "balls.shape = 'cube': expected one of 'disk', 'sphere'"),
-    *(
-        (of(Balls.uniform, n), f"n_balls = {n!r}: expected a whole number from 1 to 100000")
-        for n in (0, -1, True, 1.0, "2")
-    ),
+    *((of(Balls.uniform, n), f"n_balls = {n!r}: expected a whole number from 1 to 100000") for n in (0, "2")),
     *(
         (of(Scene, **{"balls": Balls.uniform(1), name: value}), f"scene.{name} = {value!r}: expected a {kind}")
         for name, value, kind in (("balls", None, "Balls"), ("table", {}, "Table"), ("physics", "sliding", "Physics"))
@@ -214,25 +204,18 @@ POSITIONS = [
     (placed([0] * 3, [0] * 3), "positions has shape (2, 3): expected (2, 2)"),
     (placed([[[0, 0]] * 2]), "positions has shape (1, 1, 2, 2): expected (2, 2)"),
     (placed([0, 0], [NAN, 0.1]), "positions: ball 1 is at [nan, 0.1]: expected finite coordinates"),
-    (placed([INF, 0], [0, 0.1]), "positions: ball 0 is at [inf, 0.0]: expected finite coordinates"),
     (placed([0.97, 0], [0, 0]), "positions: ball 0 is at [0.97, 0.0]: expected |x| <= 0.96875 and |y| <= 0.46875"),
-    (placed([0, 0], [0.5, -0.47]), "positions: ball 1 is at [0.5, -0.47]: expected |x| <= 0.96875"),
     (
         placed([0.95, 0.45], [0, 0]),
         "positions: ball 0 is at [0.95, 0.45]: expected a place outside pocket 0, a circle of radius 0.1 m",
     ),
     (placed([0, 0], [0, 0.06]), "positions: balls 0 and 1 are 0.06 m apart: expected at least 0.0625 m"),
-    (placed([0, 0], [0, 0]), "positions: balls 0 and 1 are 0.0 m apart"),
-    (placed(CLEAR, [[0, 0], [0, 0.06]]), "positions: shot 1, balls 0 and 1 are 0.06 m apart"),
     (placed(CLEAR, CLEAR, [[0, 0], [9, 0]]), "positions: shot 2, ball 1 is at [9.0, 0.0]: expected |x|"),
-    (placed(CLEAR, [[NAN, 0], [0, 0]]), "positions: shot 1, ball 0 is at [nan, 0.0]: expected finite"),
-    (placed(CLEAR, [[0, 0], [0.95, 0.45]]), "positions: shot 1, ball 1 is at [0.95, 0.45]: expected a place outside"),
     (placed([9, 0], [0, 0], name="spots"), "spots: ball 0 is at"),
     (
         placed(*[[[0, 0]] * 2] * 2, in_play=np.array([[True, True], [True, False]])),
         "positions: shot 0, balls 0 and 1",
     ),
-    (placed([0, 0], [NAN, 0], in_play=np.array([True, False])), "... expected finite coordinates"),
     *(
         (of(positions, named(name), [[0, 0], [1e308, -1.7e308]]), "positions: ball 1 is at ")
         for name in ("pool", "real_pool")
@@ -244,9 +227,7 @@ LAYOUTS = [
         (layout(name, named(scene, n)), f"layout = '{name}' with {n} object ball{'s' * (n != 1)}: expected {most}")
         for name, scene, n, most in (
             ("snookered", "pool", 1, "2"),
-            ("snookered", "pool", 3, "2"),
             ("line", "pool", 2, "1"),
-            ("line", "pool", 0, "1"),
             ("carom_opening", "pool", 3, "1 to 2"),
             ("nine_ball", "pool", 3, "9"),
             ("eight_ball", "pool", 3, "15"),
@@ -256,13 +237,11 @@ LAYOUTS = [
     (layout("snookered", three_balls(0.03, 0.03, 0.02)), "... balls 1 and 2 of radii 0.03 and 0.02 m: expected"),
     (layout("snookered", ideal(Balls.uniform(3, 0.45))), "layout = 'snookered': found no room for ball "),
     (layout("random", ideal(Balls.uniform(8, 0.3))), "layout = 'random': found no room for ball "),
-    (layout("random", ideal(Balls.uniform(8, 0.3))), "... radius 0.3 m"),
     (layout("random", ideal(Balls.uniform(8, 0.3))), "... 10000 tries"),
     (layout("random", from_dict(NARROW)), "... found no room for ball 0"),
     (layout("rak", named("pool", 1)), "... (did you mean 'rack'?)"),
     (layout("tight_rack", LARGE_AND_SMALL), "... radii [0.01, 0.05, 0.2] m: expected one radius"),
     (layout("rack", named("ideal", 200)), "layout 'rack': ball "),
-    (layout("rack", named("ideal", 200)), "... inside the cushions"),
     (layout("snooker", named("pool", 15)), "layout = 'snooker' with table.d_radius = 0: expected a table with a D"),
 ]
 

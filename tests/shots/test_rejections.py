@@ -85,7 +85,6 @@ ONE_SHOT = [
     (one(in_play=[True]), "in_play has shape (1,): expected (2,), one value per ball"),
     (one(in_play=True), "in_play has shape (): expected (2,), one value per ball"),
     (one(max_time=-1.0), "max_time = -1.0: expected a number from 0 to 1e+12 s"),
-    (one(max_time=NAN), "max_time = nan: expected a number from 0 to 1e+12 s"),
     (one(FIXED, velocities=[[0, 0], [0, 0.1]]), "velocities: ball 1 has an infinite mass: expected it to be at rest"),
     (one(FIXED, spins=[[0] * 3, [0, 0, 1]]), "spins: ball 1 has an infinite mass: expected it to be at rest"),
     *(
@@ -110,12 +109,10 @@ BATCHES = [
     (many(engine=Engine("pit", 0.01), record=True), "record = True with engine PIT, dt = 10 ms: expected PIC"),
     (lambda: many()()[2], "batch[2]: expected an index from -2 to 1"),
     (many(physics={"mu_rol": [1, 1]}), "key of physics = 'mu_rol': expected one of "),
-    (many(physics={"max_time": [1, 1]}), "key of physics = 'max_time': expected one of 'g'"),
     (many(physics={"mu_roll": [0.1]}), "physics['mu_roll'] has shape (1,): expected (2,)"),
     (many(physics={"mu_roll": ["a", "a"]}), "physics['mu_roll'] = ['a', 'a']: expected finite numbers"),
     (many(physics=[1.0]), "physics = [1.0]: expected a mapping"),
     (many(physics={"mu_roll": [0.1, -1]}), "shot 1: physics.mu_roll = -1.0: expected a number from 1e-12 to 10"),
-    (many(physics={"e_ball": [1, NAN]}), "shot 1: physics.e_ball = nan: expected a number from 0 to 1"),
     (
         many(physics={"e_cushion": [0.9, 0.6], "e_cushion_floor": [0.6, 0.7]}),
         "shot 1: physics.e_cushion_floor = 0.7: expected at most e_cushion = 0.6",
@@ -127,7 +124,7 @@ TIMESTEPS = [
             engine("pit", dt),
             f"dt = {dt!r} with mode='pit': expected the timestep, a number from 1e-09 to 1e+06 s, such as 1/60",
         )
-        for dt in (None, 0, 0.0, -1, -1 / 60, NAN, math.inf, 1e-12, "x", "1/60", True, 1j, [0.1])
+        for dt in (None, 0, NAN, "x", True)
     ),
     (many(engine=Engine("pit", 0.1), physics={"dt": [0.1] * 3}), "physics['dt'] has shape (3,): expected (2,)"),
     (many(engine=Engine("pit", 0.1), physics={"dt": [0.1, 0]}), "shot 1: dt = 0.0 with mode='pit': expected the times"),
@@ -140,9 +137,7 @@ TIMESTEPS = [
                 "pushapart",
                 "fix = 'pushapart': expected one of 'push_apart', 'move_back', 'none', 'time_of_impact' (did",
             ),
-            ("", "fix = '': expected one of"),
             (1, "fix = 1: expected one of"),
-            (False, "fix = False: expected one of"),
         )
     ),
     (engine("pic", 1 / 60), f"dt = {1 / 60} with mode='pic': expected None, PIC has no timestep"),
@@ -168,7 +163,6 @@ DERIVATIVES = [
     (of_shot("jvp", {"e_ball": 1.0}, recorded=False), f"shot.jvp: {RECORDED}"),
     (of_shot("sensitivity", recorded=False), f"shot.sensitivity: {RECORDED}"),
     (of_pit("sensitivity"), f"shot.sensitivity: {RECORDED}"),
-    (of_pit("sensitivities", [0.0]), f"shot.sensitivity: {RECORDED}"),
     (of_batch("vjp", {"positions": 1.0}), "batch.vjp: expected a batch of simulate_batch(..., record=True) by PIC"),
     (
         of_shot("sensitivities", [1.0, 0.5]),
@@ -208,8 +202,6 @@ TRACKS = [
     (tracked([*ZEROS, 2]), "shots['a'].balls = [0, 2]: expected 0 to 1"),
     (tracked(ZEROS, times=[0, 1, NAN, 2]), "shots['a'].times = [0.0, 1.0, nan, 2.0]: expected finite numbers"),
     (tracked(ZEROS, times=[1.0] * 4), "shots['a']: ball 0 has two rows at 1 s: expected one"),
-    (tracked([0, 0, 1, 0, 1, 0], times=[0, 1, 2, 3, 2, 4]), "shots['a']: ball 1 has two rows at 2 s: expected one"),
-    (tracked(ZEROS, times=[0, 1e-300, 1, 2]), "shots['a']: ball 0 has two rows at 1e-300 s: expected one"),
     (tracked(ZEROS, times=[0, 1, 2, -1e300]), "shots['a'].times = [0.0, 1.0, 2.0, -1e+300]: expected at most 1e+12 s"),
     (tracked(ZEROS, positions=np.zeros((3, 2))), "shots['a'].positions has shape (3, 2): expected (4, 2)"),
 ]
