@@ -46,7 +46,7 @@ tools: $(TOOLS)  ## test the integrations with TorchRL, Minari and Optuna, which
 web: $(INSTALLED)  ## build the engines for browsers and the page play.html in site/, and compare their bits with Python's
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[web]'
 	$(BIN)/python -m web.build
-	$(BIN)/python -m web.check --shots 100
+	$(BIN)/python -m web.check --shots 100 --output build/web/check.json
 
 docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
@@ -97,7 +97,7 @@ results: $(WORKS)  ## train every row of configs/learning.yaml with its seeds, a
 
 study: $(WORKS)  ## train policies with several timesteps and compare them (four hours on two cores; runs with results are not trained again)
 	$(WORK)/python -m studies.timestep $(SPREAD)
-	$(WORK)/python -m studies.timestep_page
+	$(WORK)/python -m studies.timestep_shots
 	$(WORK)/python -m studies.derivatives
 	$(WORK)/python -m studies.readme
 

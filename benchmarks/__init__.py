@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 RESULTS = Path(__file__).resolve().parent / "results"
 IMAGES = RESULTS.parents[1] / "docs" / "images"
 
+GREY = "#808080"
+"""The text of pictures without a background: readable on a light and on a dark page."""
+
 
 def machine() -> dict[str, str | int | float | None]:
     """Returns the processor, the number of cores, the load, and the versions of Python and of packages."""
@@ -74,13 +77,18 @@ def use_own_font() -> None:
 def save(figure: Figure, path: Path) -> None:
     """Writes a figure of matplotlib as PNG, completely or not at all.
 
-    The file has no date, so equal figures give equal files. A palette of 256 colours reduces the size to a third.
+    The file has no date, so equal figures give equal files. A palette of 256 colours reduces the size to a third. The
+    background of a figure with the colour "none" is transparent.
     """
+    from matplotlib.colors import to_rgba
     from PIL import Image  # a dependency of matplotlib
 
     buffer, small = io.BytesIO(), io.BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": None})
-    Image.open(buffer).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(small, format="png", optimize=True)
+    clear = to_rgba(figure.get_facecolor())[3] < 1
+    image = Image.open(buffer).convert("RGBA" if clear else "RGB")
+    method = Image.Quantize.FASTOCTREE if clear else None  # the only one with opacity
+    image.quantize(256, method=method, dither=Image.Dither.NONE).save(small, format="png", optimize=True)
     write_whole(path, small.getvalue())
 
 

@@ -93,8 +93,6 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     add("--dt", type=number, help="timestep of pit, s, such as 1/60")
     add("--fix", help="how pit treats overlaps: push_apart, move_back, none or time_of_impact")
     add("--max-time", type=number, help="time at which the shot ends, s")
-    text = "also run the shot with these timesteps, s; a page shows one of them, which a slider chooses"
-    add("--timesteps", type=number, nargs="+", default=[], metavar="DT", help=text)
     _add_out(parser)
 
 
@@ -222,8 +220,6 @@ def simulate(args: argparse.Namespace) -> None:
     from billiards_env.shots.records import scene_of
 
     _check_out(args.out)
-    if args.timesteps and all(path.suffix != ".html" for path in args.out):
-        raise ValueError("--timesteps without a page: expected also --out with a name that ends in .html")
     scene = scene_of(args.scene, args.balls)
     if args.positions is None:
         positions = layouts.draw(
@@ -237,11 +233,11 @@ def simulate(args: argparse.Namespace) -> None:
     else:
         positions = finite("--positions", args.positions, (2 * scene.n_balls,)).reshape(-1, 2)
     velocity, spin = _cue_ball(args, scene, positions)
-    engines = [Engine(args.mode, args.dt, args.fix), *(Engine("pit", dt, args.fix) for dt in args.timesteps)]
-    options = {"spins": spin, "record": True, "max_time": args.max_time}
-    shot, *compare = [simulation.simulate(scene, positions, velocity, engine=engine, **options) for engine in engines]
+    engine = Engine(args.mode, args.dt, args.fix)
+    options = {"engine": engine, "max_time": args.max_time}
+    shot = simulation.simulate(scene, positions, velocity, spins=spin, record=True, **options)
     print(shot, table(shot), sep="\n")
-    _write(shot, args.out, compare)
+    _write(shot, args.out)
 
 
 def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tuple[Any, Any]:
@@ -438,9 +434,9 @@ def _check_out(paths: Sequence[Path], without: str = "") -> None:
         check_path(path, path.suffix)
 
 
-def _write(shot: ShotResult, paths: Sequence[Path], compare: Sequence[ShotResult] = ()) -> None:
+def _write(shot: ShotResult, paths: Sequence[Path]) -> None:
     for path in paths:
-        WRITERS[path.suffix](shot, path, compare)
+        WRITERS[path.suffix](shot, path)
         print(f"wrote {path}")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from billiards_env.shots.result import ShotResult
 
 
-def _picture(shot: ShotResult, path: Path, _: Sequence[ShotResult]) -> None:
+def _picture(shot: ShotResult, path: Path) -> None:
     figure: Any = shot.plot().figure
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=150)
@@ -35,7 +35,7 @@ def table(shot: ShotResult) -> str:
     return "\n".join([*lines, *[f"  and {len(events) - SHOWN} more: shot.events has all"] * (len(events) > SHOWN)])
 
 
-def _rows(shot: ShotResult, path: Path, _: Sequence[ShotResult]) -> None:
+def _rows(shot: ShotResult, path: Path) -> None:
     """Writes positions, velocities and spins at each event and every 10 ms."""
     events: Any = shot.events
     times = np.unique(np.concatenate((np.arange(0.0, shot.time, 0.01), events["time"], [shot.time])))
@@ -49,14 +49,14 @@ def _rows(shot: ShotResult, path: Path, _: Sequence[ShotResult]) -> None:
 SHOWN = 40
 """The largest number of events in `table`."""
 
-WRITERS: dict[str, Callable[[ShotResult, Path, Sequence[ShotResult]], object]] = {
-    ".html": lambda shot, path, others: shot.to_html(path, compare=others),
+WRITERS: dict[str, Callable[[ShotResult, Path], object]] = {
+    ".html": lambda shot, path: shot.to_html(path),
     ".png": _picture,
     ".svg": _picture,
     ".pdf": _picture,
-    ".gif": lambda shot, path, _: shot.to_gif(path),
-    ".mp4": lambda shot, path, _: shot.to_mp4(path),
+    ".gif": lambda shot, path: shot.to_gif(path),
+    ".mp4": lambda shot, path: shot.to_mp4(path),
     ".csv": _rows,
-    ".json": lambda shot, path, _: shot.save(path),
+    ".json": lambda shot, path: shot.save(path),
 }
-"""Functions that write a shot to a file. A page also has other runs of the shot, and its slider chooses one."""
+"""Functions that write a shot to a file."""

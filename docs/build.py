@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
 from mkdocs.structure.files import File
 
-from billiards_env.drawing.page import notebook_output
 from billiards_env.frozen import FROZEN, NAMESPACE
+from studies import live_shot
 from studies.tasks import page as task_page
 
 _EM = 8.5  # points; smaller than the font size of 10, as the letters of Computer Modern are small
@@ -33,7 +33,7 @@ def formula(tex: str) -> str:
         width, height, depth = width + 1, height + 2, depth + 1  # room for the edges of the letters
         figure = Figure(figsize=(width / 72, height / 72))
         figure.text(0.5 / width, depth / height, text)
-        data = base64.b64encode(_svg(figure, transparent=True).encode()).decode()
+        data = base64.b64encode(_svg(figure).encode()).decode()
     style = f"height: {height / _EM:.3f}em; vertical-align: {-depth / _EM:.3f}em"
     return f'<img class="formula" alt="{html.escape(tex)}" style="{style}" src="data:image/svg+xml;base64,{data}">'
 
@@ -56,11 +56,15 @@ def web_files() -> dict[str, bytes]:
 
 
 def show(value: Any) -> str:
-    """Returns the picture of matplotlib axes, or the page of a shot and of other runs of it in a list."""
-    if not isinstance(value, list):
-        return _svg(value.figure, bbox_inches="tight")
-    shot, *runs = (run.recording() for run in value)
-    return notebook_output(shot, runs)
+    """Returns the picture of matplotlib axes, or what a notebook shows for a shot. A text is HTML."""
+    if isinstance(value, str):
+        return value
+    return _svg(value.figure, bbox_inches="tight") if hasattr(value, "figure") else value._repr_html_()
+
+
+def live(scene: Any, positions: Any, velocity: Any, steps: int) -> str:
+    """Returns the page that plays a shot with both engines, for a tutorial. See `studies.live_shot`."""
+    return f'<iframe class="live" src="../{live_shot(scene, positions, velocity, steps)}" title="A shot"></iframe>'
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
@@ -69,7 +73,13 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     A block of code with the option `show="..."` is followed by the picture of this expression. The ids in the table of
     frozen tasks link to their pages.
     """
-    hidden = r"\1\n\3from docs.build import show  # markdown-exec: hide\nprint(show(\2))  # markdown-exec: hide\n```"
+    lines = (
+        r"\1",
+        r"\3from docs.build import live, show  # markdown-exec: hide",
+        r"print(show(\2))  # markdown-exec: hide",
+        "```",
+    )
+    hidden = "\n".join(lines)
     markdown = _SHOWN.sub(hidden, markdown)
     if page.file.src_uri != "tasks.md":
         return markdown
@@ -98,6 +108,6 @@ class Examples(griffe.Extension):
 
 def _svg(figure: Figure, **options: Any) -> str:
     file = io.StringIO()
-    figure.savefig(file, format="svg", **options)
+    figure.savefig(file, format="svg", transparent=True, **options)
     text = file.getvalue()
-    return text[text.index("<svg") :]
+    return text[text.index("<svg") :].replace("#000000", "currentcolor")  # black text has the colour of the page's text

@@ -4,7 +4,7 @@ Modules:
     learning: Trains the rows of `configs/learning.yaml` with several seeds: `make results`.
     timestep: Trains policies with several timesteps and compares them: `make study`.
     timestep_report: Makes its tables and pictures.
-    timestep_page: Writes the page with the shots of these policies.
+    timestep_shots: Chooses shots of these policies for the page of the study.
     derivatives: Compares derivatives through timesteps with exact ones, and trains networks by derivatives.
     failures: The four failures of a timestep, as small scenes.
     planner: Measures the planner under execution noise.
@@ -19,12 +19,14 @@ Modules:
 
 import argparse
 import contextlib
+import html
 import json
 import multiprocessing
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlencode
 
 import numpy as np
 
@@ -85,6 +87,21 @@ def resumed(output: Path, settings: Mapping[str, Any], **empty: Any) -> dict[str
     settings = json.loads(json.dumps(settings))
     found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
     return found if found.get("settings") == settings else {"machine": machine(), "settings": settings, **empty}
+
+
+def live_shot(scene: str, positions: Any, velocity: Any, steps: int) -> str:
+    """Returns the address of the page that plays a shot with both engines, for an attribute of HTML.
+
+    Args:
+        scene: The name of a scene of `web.build`.
+        positions: (n, 2) m.
+        velocity: (2,) of the cue ball, m/s.
+        steps: The number of timesteps in a second.
+    """
+    balls = ";".join(",".join(map(repr, place)) for place in np.asarray(positions).tolist())
+    motion = ",".join(map(repr, [*np.asarray(velocity).tolist(), 0, 0, 0]))
+    shot = {"game": "given", "scene": scene, "balls": balls, "motion": motion, "dt": steps}
+    return html.escape("play.html#" + urlencode(shot, safe=",;"))
 
 
 def save_weights(path: Path, weights: Mapping[str, Any]) -> None:

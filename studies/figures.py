@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -24,7 +25,7 @@ from PIL import Image
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
-from benchmarks import IMAGES, save, use_own_font
+from benchmarks import GREY, IMAGES, save, use_own_font
 from billiards_env.drawing.canvas import pixels, pygame
 from billiards_env.drawing.plot import draw_ball, legend_handles
 from billiards_env.drawing.style import ARROW, ARROW_START, INK, draw_table, looks, rail_width
@@ -54,9 +55,9 @@ SHOT = {"seed": 140, "degrees": 197.0, "speed": 2.8}
 
 def picture(shot: ShotResult, title: str) -> Figure:
     """Returns a figure of a recorded shot."""
-    figure = Figure(figsize=(9, 5.35), dpi=120, facecolor="white")
+    figure = Figure(figsize=(9, 5.35), dpi=120, facecolor="none")
     shot.plot(figure.add_axes((0.01, 0.06, 0.98, 0.88)))
-    figure.text(0.5, 0.965, title, fontsize=11.5, color=INK, ha="center", va="center")
+    figure.text(0.5, 0.965, title, fontsize=11.5, ha="center", va="center")
     place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.062), "handletextpad": 0.3, "columnspacing": 1.6}
     figure.legend(handles=legend_handles(), ncols=7, frameon=False, fontsize=8, **place)
     return figure
@@ -80,14 +81,14 @@ GAMES = {
 def tables() -> Figure:
     """Returns a figure of all named tables at the same scale, the largest first."""
     names = sorted(TABLES, key=lambda name: -Table.named(name).length)
-    figure = Figure(figsize=(9, 1.0 + 2.1 * math.ceil(len(names) / 2)), dpi=120, facecolor="white")
+    figure = Figure(figsize=(9, 1.0 + 2.1 * math.ceil(len(names) / 2)), dpi=120, facecolor="none")
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     top = 0.0
     for k in range(0, len(names), 2):
         height = max(Table.named(name).width / 2 + rail_width(Table.named(name)) for name in names[k : k + 2])
         for name, x in zip(names[k : k + 2], (0.0, 3.95), strict=False):
             _draw_named_table(ax, name, np.array([x, top - height]))
-            ax.text(x, top + 0.06, name, fontsize=10, color=INK, ha="center", va="bottom")
+            ax.text(x, top + 0.06, name, fontsize=10, ha="center", va="bottom")
         top -= 2 * height + 0.36
     ax.set_xlim(-2.1, 5.7)
     ax.set_ylim(top + 0.2, 0.32)
@@ -307,9 +308,11 @@ def main(arguments: list[str] | None = None) -> None:
     scene = Scene.named("pool", 4)
     shot = shot_of(scene, **SHOT)
     title = f"One action, one shot: {shot.n_events} events in {shot.time:.1f} s. Ball 2 pots ball 3 and is then potted"
-    figures = {"shot": picture(shot, title), "tables": tables(), "masse": masse()}
-    for name, figure in {**figures, "failures": failures()}.items():
-        save(figure, args.folder / f"{name}.png")
+    with rc_context(dict.fromkeys(("text.color", "xtick.color", "axes.edgecolor"), GREY)):
+        save(picture(shot, title), args.folder / "shot.png")
+        save(tables(), args.folder / "tables.png")
+    save(masse(), args.folder / "masse.png")
+    save(failures(), args.folder / "failures.png")
     shown, buffer = window(), io.BytesIO()
     image = Image.fromarray(pixels(shown.frame()))
     image.quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)

@@ -48,6 +48,8 @@ SOURCES = {
         "studies.run_outs",
         "studies.tasks",
         "studies.timestep",
+        "studies.timestep_shots",
+        "web.check",
     )
 }
 """The commands whose results the pages show, by the name of the results."""

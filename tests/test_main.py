@@ -69,18 +69,6 @@ def test_the_suffix_selects_the_format(suffix, module, start, tmp_path):
     assert path.read_bytes().startswith(start)
 
 
-def test_a_page_has_a_slider_for_the_timesteps(capsys, tmp_path):
-    page = tmp_path / "steps.html"
-    lines(capsys, *SHOT, "--timesteps", "1/60", "1/240", "--out", str(page))
-    (data,) = re.findall(r'<script id="data" type="application/json">(.*?)</script>', page.read_text())
-    engines = [run["label"] for run in json.loads(data)["runs"]]
-    assert engines == [
-        "exact engine (PIC)",
-        "fixed timestep (PIT), dt = 16.67 ms",
-        "fixed timestep (PIT), dt = 4.167 ms",
-    ]
-
-
 def test_simulate_aims_at_ball_1_and_draws_a_layout(capsys):
     first, _, hit, *_ = lines(capsys, "simulate", "--balls", "3", "--seed", "4", "--mode", "pit", "--dt", "1/60")
     assert first.startswith("ShotResult: 4 balls, rest after ")
@@ -231,7 +219,6 @@ PIT = "simulate --mode pit"
         ("simulate --speed 2 --heading 900", "--heading = 900.0: expected a number from -360 to 360 degrees"),
         ("simulate --speed 2 --elevation 100", "--elevation = 100.0: expected a number from 0 to 90 degrees"),
         ("simulate --positions nan 0 0 0", "--positions = ['nan', 0.0, 0.0, 0.0]: expected finite numbers in an array"),
-        ("simulate --timesteps 1/60", "--timesteps without a page: expected also --out with a name that ends in .html"),
         ("cache pol", "part = 'pol': expected one of 'pool', "),
         ("simulate --scene no.json", "path = 'no.json': expected a file of a scene, but it does not exist"),
         ("evaluate __main__ --beside", "player = '__main__': expected one of"),

@@ -6,7 +6,7 @@ the packages of the extra `web`.
 Numba compiles the same functions that Python calls, with the same types of arguments. Its own optimisation is left out,
 because it uses the size of a pointer on this machine. LLVM then optimises the code for wasm32, and the linker of the
 package `ziglang` links it with `runtime.c`. The kernels use only `+ - * /` and `sqrt`, so WebAssembly computes the same
-bits. The section "billiards" of `engine.wasm` contains the scenes as arrays.
+bits. The section "billiards" of `engine.wasm` contains the scenes as arrays, and the calls that play the frozen tasks.
 """
 
 from __future__ import annotations
@@ -18,11 +18,13 @@ import hashlib
 import importlib.util
 import json
 import math
+import operator
 import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+import zlib
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -34,9 +36,11 @@ import numba
 import numpy as np
 from numba.core.codegen import CPUCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
+from numpy.typing import NDArray
 
+from billiards_env.bench import EPISODES
 from billiards_env.drawing import page
-from billiards_env.engine import pic, pit
+from billiards_env.engine import frozen_strike, pic, pit
 from billiards_env.engine.compile import scene_fields
 from billiards_env.engine.log import KINDS, empty_log
 from billiards_env.engine.overlaps import FIXES
@@ -48,6 +52,7 @@ from billiards_env.jit.folders import source_hash
 from billiards_env.physics.strike import cue_numbers, many_strikes
 from billiards_env.scene import Scene, layouts
 from studies.failures import FAILURES
+from web import tasks
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
@@ -58,9 +63,19 @@ SECTION = "billiards"
 TRIPLE, FEATURES = "wasm32-unknown-unknown", "+bulk-memory,+mutable-globals,+nontrapping-fptoint,+sign-ext"
 STACK = 1 << 20  # bytes
 
-SCENES = ("pool", "carom", "ideal", "blocked_pool", "sum_to_three", "real_pool", "pooltool_pool")
+SCENES = (
+    *("pool", "carom", "ideal", "blocked_pool", "sum_to_three", "real_pool", "pooltool_pool"),
+    *("real_carom", "pooltool_real_carom"),
+)
 BALLS = 15
 """Largest number of object balls."""
+
+GAMES = {
+    "nine": ("Nine ball", ("pool", "real_pool"), "nine_ball", 9),
+    "free": ("Free table", ("pool", "real_pool"), "random", 3),
+    "carom": ("Carom", ("carom", "real_carom"), "carom_opening", 2),
+}
+"""The games of the page: the title, the tables, the layout and the number of object balls."""
 
 
 def scenes() -> dict[str, Scene]:
@@ -68,17 +83,31 @@ def scenes() -> dict[str, Scene]:
     return {name: Scene.named(name, BALLS) for name in SCENES} | {name: case.scene for name, case in FAILURES.items()}
 
 
-def entry_points() -> Iterator[tuple[str, Any, tuple[Any, ...]]]:
-    """Yields the name in the module, the compiled function and arguments of each function that JavaScript calls."""
+@functools.cache
+def entry_points() -> dict[Any, tuple[str, Any, tuple[Any, ...]]]:
+    """Returns the functions that JavaScript calls, by the function and the types of its arguments.
+
+    Each has its name in the module, the compiled function and arguments.
+    """
+    cue = tuple(cue_numbers(Scene.named("pool")))
+    calls: list[tuple[str, Any, tuple[Any, ...]]] = []
     for kind in dict.fromkeys(map(kind_of, scenes().values())):
         scene = Scene.named(kind, 1)
         shots, log = tuple(empty_shots(1, scene.n_balls)), tuple(empty_log(1, 1))
         run = 0, 1, scene_fields(scene), math.inf, 1, shots, log
-        yield f"pic_{kind}", pic.run_shots, run
-        yield f"pit_{kind}", pit.run_shots, run
-        yield f"valid_{kind}", is_valid_fast, (*run[:3], *shots[:4])
+        calls += [(f"pic_{kind}", pic.run_shots, run), (f"pit_{kind}", pit.run_shots, run)]
+        calls.append((f"valid_{kind}", is_valid_fast, (*run[:3], *shots[:4])))
+        calls.append((f"drive_{kind}", frozen_strike._drive, (0, 1, 0, cue, run[2], shots[:4])))
     strike = np.empty((1, 5)), np.empty((1, 2)), np.empty((1, 3)), np.empty(1, np.bool_)
-    yield "strike", many_strikes, (tuple(cue_numbers(Scene.named("pool"))), *strike)
+    calls.append(("strike", many_strikes, (cue, *strike)))
+    for task in map(tasks.program, tasks.TASKS):
+        calls += [(function.__qualname__, function, arguments) for function, arguments in (*task.begin, *task.shoot)]
+    return {key_of(function, arguments): (name, function, arguments) for name, function, arguments in reversed(calls)}
+
+
+def key_of(function: Any, arguments: tuple[Any, ...]) -> Any:
+    """Returns what determines the machine code of a call."""
+    return function, tuple(map(numba.typeof, arguments))
 
 
 @functools.cache
@@ -89,17 +118,25 @@ def kind_of(scene: Scene) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Returns an argument of an entry point as JSON: arrays as their type, shape and content."""
+    """Returns an argument of an entry point as JSON: arrays as their type, shape and content, integers as text."""
     if isinstance(value, tuple):
         return [plain(item) for item in value]
-    if not isinstance(value, np.ndarray):
-        return value
-    if value.dtype.names:
-        content = {name: plain_number(value[name][0].item()) for name in value.dtype.names}
-        integers = [name for name in value.dtype.names if value.dtype[name].kind == "i"]
-        return {"type": "record", "shape": [1], "content": content, "integers": integers}
-    content = [plain_number(number) for number in value.ravel().tolist()]
-    return {"type": value.dtype.str[1:], "shape": list(value.shape), "content": content}
+    if isinstance(value, np.ndarray):
+        if value.dtype.names:
+            bytes_ = np.ascontiguousarray(value).view(np.uint8).ravel().tolist()
+            return {"type": "u1", "size": value.itemsize, "shape": list(value.shape), "content": bytes_}
+        content = [plain_number(number) for number in value.ravel().tolist()]
+        return {"type": value.dtype.str[1:], "shape": list(value.shape), "content": content}
+    if isinstance(value, int) and not isinstance(value, bool):
+        return "m" if value == tasks.COUNT else f"{value}n"
+    return plain_number(value) if isinstance(value, float) else value
+
+
+def plain_numbers(record: NDArray[Any]) -> dict[str, Any]:
+    """Returns the numbers of a scene as JSON, by name."""
+    names: Any = record.dtype.names
+    integers = [name for name in names if record.dtype[name].kind == "i"]
+    return {"content": {name: plain_number(record[name][0].item()) for name in names}, "integers": integers}
 
 
 def plain_number(number: float) -> float | str:
@@ -113,15 +150,56 @@ def data() -> dict[str, Any]:
         "kinds": KINDS,
         "status": STATUS,
         "fixes": FIXES,
+        "left": -frozen_strike.LEFT,
         "scenes": {
             name: {
                 "kind": kind_of(scene),
-                "fields": plain(scene_fields(scene)),
+                "fields": [plain_numbers(scene_fields(scene)[0]), *plain(scene_fields(scene)[1:])],
                 "cue": list(cue_numbers(scene)) if scene.physics.motion == "sliding" else None,
                 "max_time": scene.physics.max_time,
             }
             for name, scene in scenes().items()
         },
+        "episodes": EPISODES,
+        "tasks": {name: plain_task(tasks.program(name)) for name in tasks.TASKS},
+    }
+
+
+def plain_task(task: tasks.Program) -> dict[str, Any]:
+    """Returns the calls of a task as JSON. Arguments that belong to its episodes or its scene refer to them."""
+    kept: dict[Any, int] = {}
+    arrays: list[Any] = []
+
+    def number_of(array: NDArray[Any]) -> int:
+        key = array.ctypes.data, array.shape
+        if key not in kept:
+            kept[key] = len(arrays)
+            row = plain(array[:1])
+            arrays.append(row | {"shape": row["shape"][1:]})
+        return kept[key]
+
+    def argument(value: Any) -> Any:
+        if isinstance(value, np.ndarray) and value.shape[:1] == (tasks.COUNT,):
+            return f"@{number_of(value)}"
+        if not isinstance(value, tuple):
+            return plain(value)
+        if len(value) == len(task.scene) and all(map(operator.is_, value[1:], task.scene[1:])):
+            own, others = (plain_numbers(fields[0])["content"] for fields in (value, task.scene))
+            changes = {name: own[name] for name in own if own[name] != others[name]}
+            return {"scene": task.arguments["scene"], "balls": task.arguments["n_object_balls"] + 1, "changes": changes}
+        return [argument(item) for item in value]
+
+    def calls(some: Sequence[tasks.Call]) -> list[Any]:
+        return [[entry_points()[key_of(*call)][0], [argument(value) for value in call[1]]] for call in some]
+
+    return {
+        "scene": task.arguments["scene"],
+        "max_shots": task.arguments["max_shots"],
+        "width": task.arrays["actions"].shape[1],
+        "begin": calls(task.begin),
+        "shoot": calls(task.shoot),
+        "names": {name: number_of(array) for name, array in task.arrays.items()},
+        "arrays": arrays,
     }
 
 
@@ -151,7 +229,10 @@ def compile_entry(name: str, function: Any, arguments: tuple[Any, ...]) -> bytes
     machine = llvm.Target.from_triple(TRIPLE).create_target_machine(features=FEATURES, opt=3)
     module.triple, module.data_layout = TRIPLE, str(machine.target_data)
     module.get_function(compiled.fndesc.llvm_func_name).name = name
-    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
+    for defined in module.functions:
+        if not defined.is_declaration:
+            defined.add_function_attribute("optsize")
+    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=2))
     builder.getModulePassManager().run(module, builder)
     return machine.emit_object(module)
 
@@ -167,7 +248,7 @@ def compile_engines(path: Path) -> None:
         objects, exports = [f"{folder}/runtime.o"], ["allocate", "reset"]
         target = "-target", "wasm32-freestanding", "-mcpu=generic+bulk_memory", "-O2", "-c"
         subprocess.run([*zig, "cc", *target, str(HERE / "runtime.c"), "-o", objects[0]], check=True)
-        for name, function, arguments in entry_points():
+        for name, function, arguments in entry_points().values():
             print(f"compiles {name}", flush=True)
             objects.append(f"{folder}/{name}.o")
             exports.append(name)
@@ -176,13 +257,13 @@ def compile_engines(path: Path) -> None:
         options = "--no-entry", "--gc-sections", "--strip-all", "--stack-first", "-z", f"stack-size={STACK}"
         exported = [f"--export={name}" for name in exports]
         subprocess.run([*zig, "wasm-ld", *options, *exported, *objects, "-o", str(linked)], check=True)
-        content = linked.read_bytes() + section(SECTION, json.dumps(data(), separators=(",", ":")))
+        content = linked.read_bytes() + section(SECTION, zlib.compress(json.dumps(data()).encode(), 9))
     write_whole(path, content)
 
 
-def section(name: str, text: str) -> bytes:
+def section(name: str, content: bytes) -> bytes:
     """Returns a custom section of a WebAssembly file."""
-    content = length(len(name)) + name.encode() + text.encode()
+    content = length(len(name)) + name.encode() + content
     return b"\0" + length(len(content)) + content
 
 
@@ -194,15 +275,14 @@ def length(number: int) -> bytes:
 
 def play_page(engine: bytes) -> str:
     """Returns `play.html`, which contains the engines, the module and the drawings of the tables."""
-    named = {name: Scene.named(name, 9) for name in ("pool", "real_pool")}
-    shown = named | {name: case.scene for name, case in FAILURES.items()}
-    racks = {
-        name: {"nine": rack_of("nine_ball", scene), "free": rack_of("random", Scene.named(name, 3))}
-        for name, scene in named.items()
-    }
+    few = {name: Scene.named(name) for name in SCENES if not Scene.named(name).table.pockets}  # balls of carom
+    shown = scenes() | few
     drawn = {
         "tables": {name: page.table_data(scene) | {"length": scene.table.length} for name, scene in shown.items()},
-        "racks": racks,
+        "games": {
+            name: {"title": title, "scenes": names, "positions": {one: rack_of(layout, balls, one) for one in names}}
+            for name, (title, names, layout, balls) in GAMES.items()
+        },
         "failures": {
             name: {"title": case.title, "positions": case.positions, "velocities": case.velocities, "dt": case.dt}
             for name, case in FAILURES.items()
@@ -213,21 +293,22 @@ def play_page(engine: bytes) -> str:
         ("drawing", page.page_file("table.js")),
         ("module", (HERE / "engine.js").read_text(encoding="utf-8").replace("export ", "")),
         ("data", json.dumps(drawn, separators=(",", ":")).replace("<", "\\u003c")),
-        ("engine", base64.b64encode(engine).decode()),
+        ("engine", base64.b64encode(zlib.compress(engine, 9)).decode()),
     ):
         text = text.replace(f"{{{{{name}}}}}", content)
     return text
 
 
-def rack_of(layout: str, scene: Scene) -> list[list[float]]:
+def rack_of(layout: str, balls: int, scene: str) -> list[list[float]]:
     """Returns the positions of a layout, the same each time."""
-    return layouts.draw(layout, scene, np.random.default_rng(3)).tolist()
+    return layouts.draw(layout, Scene.named(scene, balls), np.random.default_rng(3)).tolist()
 
 
 def engine_file() -> bytes:
     """Returns `engine.wasm` from `build/web`, and compiles it there if the kernels or this file have changed."""
     check_versions()
-    sources = *(path.read_bytes() for path in (Path(__file__), HERE / "runtime.c")), source_hash().encode()
+    parts = Path(__file__), HERE / "tasks.py", HERE / "runtime.c"
+    sources = *(path.read_bytes() for path in parts), source_hash().encode()
     versions = f"{numba.__version__} {llvmlite.__version__}".encode()
     kept = ROOT / "build" / "web" / f"{hashlib.sha256(b''.join((*sources, versions))).hexdigest()[:16]}.wasm"
     if not kept.exists():  # in a new process, because kernels that are already compiled are optimised for this machine

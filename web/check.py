@@ -1,7 +1,8 @@
 """Compares shots in a browser and in wasmtime with those of Python, bit for bit: `python -m web.check`.
 
-For each scene it runs random shots, breaks and shots with a timestep. It prints how many have the same bits (positions,
-velocities, spins, times, events and positions between the events), and the time of a shot. It needs `engine.wasm` of
+For each scene it runs random shots, breaks and shots with a timestep. It counts those with the same bits (positions,
+velocities, spins, times, events and positions between the events), measures the time of a shot, and writes both to
+`web/results/check.json`. It needs `engine.wasm` of
 `make web`, the extra `web`, and Chromium or Chrome for the browser.
 """
 
@@ -20,14 +21,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks import machine, machine_line, ratio, table
 from billiards_env.engine.compile import MODES, Engine, scene_fields
 from billiards_env.engine.log import KINDS, empty_log
 from billiards_env.engine.shots import STATUS, empty_shots
+from billiards_env.files import write_json
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate
 from web import build
 
-SCENES = "pool", "carom", "ideal", "blocked_pool", "real_pool"
+SCENES = "pool", "carom", "ideal", "blocked_pool", "real_pool", "real_carom"
 CASES = {"random": 3, "break": 9, "timestep": 3}
 """The number of object balls of each kind of shot."""
 BATCH, REPEATS = 50, 20
@@ -103,6 +106,7 @@ def browser_page() -> Iterator[Any]:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox", "--disable-gpu"])
         page = browser.new_page()
+        page.goto((build.HERE / "engine.js").as_uri())  # a page of no address computes no hashes
         module = (build.HERE / "engine.js").read_text(encoding="utf-8")
         page.set_content(f'<script type="module">{module}{SCRIPT}</script>')
         page.wait_for_function("() => window.bitsOf !== undefined")
@@ -195,6 +199,56 @@ def same(one: Floats, two: Floats) -> bool:
     return one.tobytes() == two.tobytes()
 
 
+def measure(engine: bytes, count: int) -> dict[str, Any]:
+    """Compares `count` shots of each kind and scene, and a tenth of it of breaks.
+
+    Returns:
+        `rows`: a list with one entry for each scene and kind of shot, with the number of equal shots and the times of
+        a recorded shot, s.
+    """
+    rng, module, on, rows = np.random.default_rng(0), Wasmtime(engine), machine(), []
+    with browser_page() as page:
+        for name in SCENES:
+            for case in CASES:
+                shots = random_shots(name, case, count // (10 if case == "break" else 1), rng)
+                _, found = browser_bits(page, engine, shots)
+                few = shots[:BATCH]
+                rows.append(
+                    {
+                        "scene": name,
+                        "case": case,
+                        "shots": len(shots),
+                        "browser": sum(same(row, python_bits(shot)) for row, shot in zip(found, shots, strict=True)),
+                        "wasmtime": sum(same(wasmtime_bits(module, shot), engine_bits(shot)) for shot in shots),
+                        "python_seconds": min(python_time(few) for _ in range(REPEATS)) / max(1, len(few)),
+                        "browser_seconds": min(browser_bits(page, engine, few)[0] for _ in range(REPEATS))
+                        / max(1, len(few)),
+                    }
+                )
+                print(f"{name}, {case}: {rows[-1]['browser']} of {len(shots)} shots have the same bits", flush=True)
+    return {"machine": on, "engine_bytes": len(engine), "rows": rows}
+
+
+def blocks(result: dict[str, Any]) -> dict[str, str]:
+    """Returns the results as Markdown, by name."""
+    head = "scene", "shots", "number", "same bits in Chromium", "in wasmtime", "Python", "Chromium", "ratio"
+    rows = [
+        (
+            f"`{row['scene']}`",
+            row["case"],
+            *(f"{row[name]:,}" for name in ("shots", "browser", "wasmtime")),
+            *(f"{1e6 * row[f'{name}_seconds']:.0f} us" for name in ("python", "browser")),
+            ratio(row["browser_seconds"] / row["python_seconds"]),
+        )
+        for row in result["rows"]
+    ]
+    return {
+        "machine": machine_line(result["machine"]),
+        "size": f"`engine.wasm` has {result['engine_bytes'] / 1000:.0f} kB.",
+        "bits": table(head, rows, left=2),
+    }
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m web.check --help`."""
     parser = argparse.ArgumentParser(
@@ -202,25 +256,12 @@ def main(arguments: list[str] | None = None) -> None:
     )
     parser.add_argument("--shots", type=int, default=1000, help="shots of each kind and scene; a tenth of it breaks")
     parser.add_argument("--engine", type=Path, default=build.ROOT / "site" / "engine.wasm", help="the file to check")
+    parser.add_argument("--output", type=Path, default=build.HERE / "results" / "check.json", help="JSON file")
     chosen = parser.parse_args(arguments)
-    engine, rng = chosen.engine.read_bytes(), np.random.default_rng(0)
-    module, failed = Wasmtime(engine), 0
-    print(
-        f"{'scene':14s}{'shots':10s}{'number':>7s}{'browser':>9s}{'wasmtime':>9s}{'Python':>11s}{'browser':>11s}  ratio"
-    )
-    with browser_page() as page:
-        for name in SCENES:
-            for case in CASES:
-                shots = random_shots(name, case, chosen.shots // (10 if case == "break" else 1), rng)
-                _, rows = browser_bits(page, engine, shots)
-                equal = sum(same(row, python_bits(shot)) for row, shot in zip(rows, shots, strict=True))
-                also = sum(same(wasmtime_bits(module, shot), engine_bits(shot)) for shot in shots)
-                failed += 2 * len(shots) - equal - also
-                few = shots[:BATCH]
-                python = min(python_time(few) for _ in range(REPEATS)) / max(1, len(few))
-                browser = min(browser_bits(page, engine, few)[0] for _ in range(REPEATS)) / max(1, len(few))
-                times = f"{1e6 * python:8.0f} us{1e6 * browser:8.0f} us{browser / max(python, 1e-9):7.2f}"
-                print(f"{name:14s}{case:10s}{len(shots):7d}{equal:9d}{also:9d}{times}", flush=True)
+    result = measure(chosen.engine.read_bytes(), chosen.shots)
+    write_json(chosen.output, result)
+    print("\n\n".join(blocks(result).values()))
+    failed = sum(2 * row["shots"] - row["browser"] - row["wasmtime"] for row in result["rows"])
     if failed:
         raise SystemExit(f"{failed} shots have other bits")
 

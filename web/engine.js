@@ -9,33 +9,37 @@
 // Units are m, s, m/s and rad/s. Ball 0 is the cue ball. `simulate` of Python documents the arguments and results.
 
 const PHASES = { rest: 0, spinning: 1, rolling: 2, sliding: 3, free: 4, potted: 5 };
-const TYPES = { f8: Float64Array, i8: BigInt64Array, i4: Int32Array, b1: Uint8Array };
+const TYPES = { f8: Float64Array, i8: BigInt64Array, u8: BigUint64Array, i4: Int32Array, f4: Float32Array, b1: Uint8Array, u1: Uint8Array };
 
 const EVENT_WIDTH = 9, PIECE_WIDTH = 14;  // columns of the log, see `engine/log.py`
 
 const rows = (flat, width) => Array.from({ length: flat.length / width }, (_, k) => [...flat.subarray(k * width, (k + 1) * width)]);
 const isNumber = value => typeof value === "number" && Number.isFinite(value);
 
-/** An array as an argument of a compiled function. `content` is a typed array or a list of numbers. */
+let uses = 0;  // of the memory of modules: each begins with `reset`, and an array is placed once in each
+
+/**
+ * An array as an argument of a compiled function. `content` is a typed array or a list of numbers. `size` is the number
+ * of bytes of an item; the items of records have many.
+ */
 class Argument {
-  constructor(type, shape, content) {
-    this.type = type;
-    this.shape = shape;
-    this.content = content;
-    this.size = TYPES[type].BYTES_PER_ELEMENT;
+  constructor(type, shape, content, size = TYPES[type].BYTES_PER_ELEMENT) {
+    Object.assign(this, { type, shape, content, size });
     this.length = shape.reduce((product, side) => product * side, 1);
   }
 
   /** Puts the array in the memory of the module. */
   place(exports) {
+    if (this.placed === uses) return;
+    this.placed = uses;
     this.memory = exports.memory;
     this.pointer = exports.allocate(this.size * this.length);
     if (this.content) this.read().set(this.content);
   }
 
-  /** The array in the memory of the module. The next call of a function overwrites it. */
+  /** The array in the memory of the module. It is valid until the next call of a function. */
   read() {
-    return new TYPES[this.type](this.memory.buffer, this.pointer, this.length);
+    return new TYPES[this.type](this.memory.buffer, this.pointer, this.length * this.size / TYPES[this.type].BYTES_PER_ELEMENT);
   }
 
   /** The fields of an array of numba: two owners, numbers of items and of bytes of one, data, sides, steps in bytes. */
@@ -46,27 +50,22 @@ class Argument {
 }
 
 /** The numbers of a scene, one record of `Numbers` of `physics/state.py`. */
-class Numbers extends Argument {
-  constructor(numbers, integers) {
-    const names = Object.keys(numbers);
-    super("f8", [1], null);
-    this.size = 8 * names.length;
-    this.entries = names.map(name => [integers.includes(name), numbers[name]]);
-  }
+function record(numbers, integers) {
+  const view = new DataView(new ArrayBuffer(8 * Object.keys(numbers).length));
+  Object.entries(numbers).forEach(([name, value], k) => {
+    if (integers.includes(name)) view.setBigInt64(8 * k, BigInt(value), true);
+    else view.setFloat64(8 * k, Number(value), true);
+  });
+  return new Argument("u1", [1], new Uint8Array(view.buffer), view.byteLength);
+}
 
-  place(exports) {
-    this.pointer = exports.allocate(this.size);
-    const view = new DataView(exports.memory.buffer, this.pointer);
-    this.entries.forEach(([integer, value], k) => {
-      if (integer) view.setBigInt64(8 * k, BigInt(value), true);
-      else view.setFloat64(8 * k, Number(value), true);
-    });
-  }
+function reset(exports) {
+  exports.reset();
+  uses += 1;
 }
 
 /** Calls a compiled function. A tuple is a list, None is null. Returns the array with its result. */
 function call(exports, name, values) {
-  exports.reset();
   const result = new Argument("i4", [4], [0, 0, 0, 0]);
   result.place(exports);
   const flat = [result.pointer, result.pointer + 8];
@@ -81,13 +80,14 @@ function call(exports, name, values) {
   return result;
 }
 
-/** The fields of a scene as arguments. */
-function asArguments(value) {
-  if (value === null) return null;
-  if (value === true) return 1;
-  if (Array.isArray(value)) return value.map(asArguments);
-  return new Argument(value.type, value.shape, value.content.map(value.type === "i8" ? BigInt : Number));
+/** An array of the data of the module as an argument; its items are repeated. */
+function asArray({ type, shape, content, size }, repeats = null) {
+  const items = content.map(["i8", "u8"].includes(type) ? BigInt : Number), whole = repeats === null ? items : Array(repeats).fill(items).flat();
+  return new Argument(type, repeats === null ? shape : [repeats, ...shape], whole, size);
 }
+
+/** A part of the data of the module as arguments. `read` returns the argument of a value that is no array. */
+const asArguments = (value, read = value => value) => Array.isArray(value) ? value.map(one => asArguments(one, read)) : value?.type ? asArray(value) : read(value);
 
 /** Returns the first balls of an array of radii or of inverse masses. */
 function cut(value, count) {
@@ -116,9 +116,7 @@ class Shot {
 
   constructor(fields, log, pieces, kinds) {
     Object.assign(this, fields);
-    this.#log = log;
-    this.#pieces = pieces;
-    this.#kinds = kinds;
+    [this.#log, this.#pieces, this.#kinds] = [log, pieces, kinds];
   }
 
   /** The events, in their order: time, kind, ball, other, x, y, speed and rule. */
@@ -169,12 +167,46 @@ class Shot {
   }
 }
 
+/** Whole numbers of 32 bits from a seed, a number or a list of numbers of 32 bits: `SeedSequence.generate_state` of NumPy. */
+function seedWords(seed, count) {
+  const entropy = [Number(BigInt(seed) & 0xffffffffn), Number(BigInt(seed) >> 32n)], pool = [];
+  let constant = 0x43b0d7e5;
+  const hashed = (word, factor) => {
+    word ^= constant;
+    constant = Math.imul(constant, factor);
+    word = Math.imul(word, constant);
+    return word ^ (word >>> 16);
+  };
+  for (let i = 0; i < 4; i++) pool.push(hashed(entropy[i] ?? 0, 0x931e8875));
+  for (let i = 0; i < 4; i++) for (let j = 0; j < 4; j++) if (i !== j) {
+    const mixed = Math.imul(0xca01f9dd, pool[j]) - Math.imul(0x4973f715, hashed(pool[i], 0x931e8875));
+    pool[j] = mixed ^ (mixed >>> 16);
+  }
+  constant = 0x8b51f9dd;
+  return Array.from({ length: count }, (_, i) => hashed(pool[i % 4], 0x58f38ded) >>> 0);
+}
+
+/** The stream of `default_rng(seed)` of NumPy: the halves of the state of PCG64 and of its increment, see `jit/streams.py`. */
+function streamOf(seed) {
+  const words = seedWords(seed, 8).map(BigInt), half = k => words[2 * k] | words[2 * k + 1] << 32n, mask = (1n << 128n) - 1n;
+  const increment = ((half(2) << 64n | half(3)) << 1n | 1n) & mask;
+  const state = ((increment + (half(0) << 64n | half(1))) * 0x2360ed051fc65da44385df649fccf645n + increment) & mask;
+  return [state, increment].flatMap(number => [number >> 64n, number & (1n << 64n) - 1n]);
+}
+
+/** Returns the SHA-256 hash of some arrays of bytes. */
+async function sha256(parts) {
+  if (!globalThis.crypto?.subtle) throw new Error("expected a page from https, localhost or a file: other pages compute no hashes");
+  const digest = await crypto.subtle.digest("SHA-256", await new Blob(parts).arrayBuffer());
+  return Array.from(new Uint8Array(digest), byte => byte.toString(16).padStart(2, "0")).join("");
+}
+
+const fromBase64 = text => Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
+
 /** The engines of one WebAssembly module. */
 class Engine {
   constructor(exports, data) {
-    this.exports = exports;
-    this.data = data;
-    this.kept = {};
+    Object.assign(this, { exports, data, kept: {} });
   }
 
   /** The names of the scenes. */
@@ -193,7 +225,7 @@ class Engine {
     const [{ content, integers }, radius, inverse, pockets, outline, spheres, ...laws] = this.scene(scene).fields;
     const unknown = Object.keys(changes).find(name => !(name in content));
     if (unknown) throw new RangeError(`number ${unknown}: expected one of ${Object.keys(content).join(", ")}`);
-    const key = `${scene} ${count}`, numbers = new Numbers({ ...content, ...changes }, integers);
+    const key = `${scene} ${count}`, numbers = record({ ...content, ...changes }, integers);
     const kept = this.kept[key] ??= asArguments([cut(radius, count), cut(inverse, count), pockets, outline, cut(spheres, count), ...laws]);
     return [numbers, ...kept];
   }
@@ -212,11 +244,12 @@ class Engine {
   /** Whether balls lie on the table, outside the pockets and apart, and their velocities and spins are in range. */
   isValid(scene, positions, velocities = [0, 0], options = {}) {
     const starts = this.starts(positions, velocities, options), { kind } = this.scene(scene);
+    reset(this.exports);
     const result = call(this.exports, `valid_${kind}`, [0n, 1n, this.fields(scene, positions.length), ...starts]);
     return (result.read()[0] & 255) === 1;
   }
 
-  /** The velocity and the spin that a cue gives a ball that touches no other, and whether the tip slips. */
+  /** The velocity and the spin that a cue gives a ball that touches no other ball, and whether the tip slips. */
   strike(scene, { speed, heading, side = 0, top = 0, elevation = 0 }) {
     const { cue } = this.scene(scene), parameters = [speed, heading, side, top, elevation];
     if (!cue) throw new RangeError(`scene = ${scene}: expected a scene whose balls slide, a strike gives spin`);
@@ -224,6 +257,7 @@ class Engine {
       throw new RangeError(`strike = ${parameters}: expected finite numbers, and an offset (side, top) of at most 1 ball radius`);
     }
     const out = [new Argument("f8", [1, 2]), new Argument("f8", [1, 3]), new Argument("b1", [1])];
+    reset(this.exports);
     call(this.exports, "strike", [...cue, new Argument("f8", [1, 5], parameters), ...out]);
     const [velocity, spin, miscue] = out.map(array => [...array.read()]);
     return { velocity, spin, miscue: miscue[0] === 1 };
@@ -232,26 +266,30 @@ class Engine {
   /**
    * Runs a shot until every ball rests.
    *
-   * scene: its name; positions: [[x, y], ...]; velocities: for each ball, or of the cue ball alone.
+   * scene: its name; positions: [[x, y], ...]; velocities: for each ball, or of the cue ball alone, or what `strike`
+   * returns: only this has a cue, which drives balls that touch the cue ball together with it.
    * Options: mode "pic" (exact) or "pit" (fixed timestep dt, and fix), spins, inPlay, maxTime, maxEvents and numbers,
    * an object that replaces numbers of the scene, such as {e_ball: 1}.
    */
   simulate(scene, positions, velocities, options = {}) {
-    const { mode = "pic", dt = null, fix = null, maxEvents = 10_000_000, numbers = {} } = options;
-    const { kind, max_time } = this.scene(scene), n = positions.length, { fixes, kinds, status } = this.data;
+    if (velocities.velocity) options = { ...options, spins: [velocities.spin] };
+    const { mode = "pic", dt = null, fix = null, maxEvents = 10_000_000, numbers = {} } = options, moving = velocities.velocity ?? velocities;
+    const { kind, max_time, cue } = this.scene(scene), n = positions.length, { fixes, kinds, status, left } = this.data;
     if (mode !== "pic" && mode !== "pit") throw new RangeError(`mode = ${mode}: expected "pic" or "pit"`);
     if ((mode === "pit") !== (isNumber(dt) && dt > 0)) throw new RangeError(`dt = ${dt}: expected a timestep in s for "pit", none for "pic"`);
     if (fix !== null && !fixes.includes(fix)) throw new RangeError(`fix = ${fix}: expected one of ${fixes.join(", ")}`);
-    if (!this.isValid(scene, positions, velocities, options)) {
+    if (!this.isValid(scene, positions, moving, options)) {
       throw new RangeError("positions: expected balls that lie on the table, outside the pockets and apart, with speeds in range");
     }
     const changes = { ...numbers, ...(mode === "pit" ? { dt, fix: fixes.indexOf(fix ?? fixes[0]) } : {}) };
     for (let room = 256; ; room *= 4) {
       const out = (type, ...shape) => new Argument(type, shape);
-      const starts = this.starts(positions, velocities, options), used = new Argument("i8", [3], [0n, 0n, 0n]);
+      const starts = this.starts(positions, moving, options), used = new Argument("i8", [3], [0n, 0n, 0n]);
       const results = [out("f8", 1), out("i4", 1, n), out("i4", 1, n), out("i8", 1), out("i8", 1), out("i8", 1), out("i8", 1)];
       const log = [out("f8", room, EVENT_WIDTH), out("f8", 4 * room, PIECE_WIDTH), used, out("i8", 0, 2)];
       const limit = options.maxTime ?? max_time ?? Infinity;
+      reset(this.exports);
+      if (velocities.velocity) call(this.exports, `drive_${kind}`, [0n, 1n, 0n, cue, this.fields(scene, n, { ...numbers, e_ball: left }), starts]);
       call(this.exports, `${mode}_${kind}`, [0n, 1n, this.fields(scene, n, changes), limit, BigInt(maxEvents), starts, results, log]);
       const [nEvents, nSegments] = [...used.read()].map(Number);
       if (nEvents > room || nSegments > 4 * room) continue;  // the log was too small: the shot runs again
@@ -273,12 +311,86 @@ class Engine {
       }, log[0].read().slice(0, nEvents * EVENT_WIDTH), log[1].read().slice(0, nSegments * PIECE_WIDTH), kinds);
     }
   }
+
+  /**
+   * Checks a file of `billiards bench`: plays its actions again and compares all outcomes, as `billiards bench verify`.
+   *
+   * Yields the results of the file, each with `verified` (null for a task that the module cannot play) and a `reason`.
+   */
+  async *verify(text) {
+    const { format, results } = JSON.parse(text);
+    if (format !== "billiards_env/bench" || !Array.isArray(results)) throw new TypeError("expected a file of billiards bench");
+    for (const item of results) {
+      if (!this.data.tasks[item.task]) yield { ...item, verified: null, reason: "not played here: the task has noise or is unknown" };
+      else yield await this.#compared(item).catch(error => ({ ...item, verified: false, reason: error.message }));
+    }
+  }
+
+  async #compared(item) {
+    const { max_shots, width } = this.data.tasks[item.task], shots = fromBase64(item.shots), actions = new Float32Array(fromBase64(item.actions).buffer);
+    const count = shots.reduce((sum, number) => sum + number, 0), fits = number => number >= 1 && number <= max_shots;
+    if (!Number.isSafeInteger(item.seed) || item.seed < 0) throw new RangeError(`seed = ${item.seed}: expected a whole number >= 0`);
+    if (shots.length !== this.data.episodes || !shots.every(fits)) throw new RangeError(`shots: expected ${this.data.episodes} numbers from 1 to ${max_shots}`);
+    if (actions.length !== width * count || !actions.every(isNumber)) throw new RangeError(`actions: expected ${width} finite numbers for each shot`);
+    const found = { ...item, shots, actions }, now = await this.replay(found);
+    const wrong = ["layouts", "success", "returns", "digest"].find(name => String(now[name]) !== String(item[name]));
+    return { ...found, verified: !wrong, reason: wrong ? `${wrong}: expected other values, those of the actions` : "" };
+  }
+
+  /**
+   * Plays the actions of a result again, as `replay` of `billiards_env/bench.py` does.
+   *
+   * shots: the number of shots of each episode; actions: a Float32Array; only: the number of one episode, null for all.
+   * Returns the `success` and the `returns` of the episodes, the hashes `layouts` and `digest`, and the `starts` of the
+   * shots of the episode `only`, as arguments of `simulate`.
+   */
+  async replay({ task, seed, shots, actions }, only = null) {
+    const { begin, shoot, names, arrays, width } = this.data.tasks[task];
+    const all = only === null ? [...shots.keys()] : [only], count = BigInt(all.length), made = arrays.map(array => asArray(array, all.length));
+    const array = name => made[names[name]], read = name => array(name).read();
+    // "3n" is a whole number, "m" the number of episodes, "@3" an array of `arrays`, and "Infinity" a number
+    const argument = value => {
+      if (typeof value !== "string") return value?.scene ? this.fields(value.scene, value.balls, value.changes) : value;
+      return value === "m" ? count : value[0] === "@" ? made[value.slice(1)] : value.endsWith("n") ? BigInt(value.slice(0, -1)) : Number(value);
+    };
+    const calls = list => list.map(([name, values]) => [name, asArguments(values, argument)]), step = calls(shoot);
+    const seeds = seedWords(seed, shots.length).map(word => 2 ** 31 + Math.floor(word / 2)), firsts = [0], outcomes = [], starts = [], returns = all.map(() => 0);
+    shots.forEach((number, i) => firsts.push(firsts[i] + number));
+    const bytes = (name, kept) => {
+      const flat = read(name), side = flat.length / all.length;
+      return kept.map(i => flat.slice(i * side, (i + 1) * side));
+    };
+    array("stream").content = all.flatMap(i => streamOf(seeds[i]));
+    reset(this.exports);
+    for (const [name, values] of calls(begin)) call(this.exports, name, values);
+    const layouts = bytes("observations", [...all.keys()]);
+    for (let k = 0; all.some(i => shots[i] > k); k++) {
+      const playing = [...all.keys()].filter(i => shots[all[i]] > k), given = array("actions");
+      given.place(this.exports);
+      playing.forEach(i => given.read().set(actions.subarray((firsts[all[i]] + k) * width, (firsts[all[i]] + k + 1) * width), i * width));
+      for (const [name, values] of step) {
+        if (only !== null && name.startsWith("pic_")) {
+          starts.push({ positions: rows(read("positions"), 2), velocities: rows(read("velocities"), 2), spins: rows(read("spins"), 3), inPlay: Array.from(read("in_play"), Boolean) });
+        }
+        call(this.exports, name, values);
+      }
+      for (const i of playing) {
+        returns[i] += read("rewards")[i];
+        if ((read("over")[i] === 1) !== (shots[all[i]] === k + 1)) throw new RangeError(`episode ${all[i]} does not end after its ${shots[all[i]]} shots`);
+      }
+      outcomes.push(...["observations", "rewards", "times"].flatMap(name => bytes(name, playing)));
+    }
+    return { success: read("success").join(""), returns, layouts: await sha256(layouts), digest: await sha256(outcomes), starts };
+  }
 }
+
+/** Returns compressed bytes as the response of their content. */
+const inflated = bytes => new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate")));
 
 /** Loads the engines. `source` is a response, the promise of one, or the bytes of engine.wasm. */
 export async function load(source) {
   const given = await source, bytes = given instanceof Response ? await given.arrayBuffer() : given;
   const module = await WebAssembly.compile(bytes), [section] = WebAssembly.Module.customSections(module, "billiards");
   const { exports } = await WebAssembly.instantiate(module);
-  return new Engine(exports, JSON.parse(new TextDecoder().decode(section)));
+  return new Engine(exports, await inflated(section).json());
 }

@@ -212,7 +212,10 @@ class Calibration:
         }
 
     def plot(self) -> Figure:
-        """Draws tracks and paths of the worst and of typical shots, and the errors until each contact (extra `plot`).
+        """Draws tracks and paths of shots, and the errors until each contact (extra `plot`).
+
+        The shots with the largest root mean square errors come first, then those around the median. Their titles have
+        these errors.
 
         Raises:
             ModuleNotFoundError: If matplotlib is not installed.
@@ -222,7 +225,8 @@ class Calibration:
         order = sorted(range(len(self.tracks)), key=lambda k: -np.nan_to_num(self.rms[k]))
         half = len(order) // 2
         some = order if len(order) <= _DRAWN else order[: _DRAWN // 2] + order[half : half + _DRAWN // 2]
-        shots = {self.tracks[k].name: (self.tracks[k], self.fitted[k], self.shot(k).recording()) for k in some}
+        names = {k: f"{self.tracks[k].name}, {1000 * np.nan_to_num(self.rms[k]):.1f} mm" for k in some}
+        shots = {names[k]: (self.tracks[k], self.fitted[k], self.shot(k).recording()) for k in some}
         return draw_fit(shots, {k: np.concatenate(self.judged.errors[k]) for k in CONTACTS})
 
     def save(self, path: str | os.PathLike[str]) -> None:

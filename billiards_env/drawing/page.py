@@ -7,7 +7,6 @@ import itertools
 import json
 import math
 import os
-from collections.abc import Sequence
 from importlib import resources
 from typing import Any
 
@@ -15,15 +14,15 @@ import numpy as np
 
 from billiards_env.drawing import style
 from billiards_env.drawing.orientation import VISIBLE, turning
-from billiards_env.drawing.recording import Recording, check_pair
+from billiards_env.drawing.recording import Recording
 from billiards_env.files import check_path, replacing
 from billiards_env.scene import Scene
 from billiards_env.scene.table import Table
 
-SIDE, CONTROLS, COMPARED, LIST, NARROW, LARGEST = 344, 172, 66, 225, 760, 640
-"""Pixels: the width of the events next to the table, the heights of all controls, of those for another run and of the
-events under the table, the width from which the events are next to the table, and the largest height of a table in a
-notebook. page.html has the same layout."""
+SIDE, CONTROLS, LIST, NARROW, LARGEST = 344, 172, 225, 760, 640
+"""Pixels: the width of the events next to the table, the heights of the controls and of the events under the table, the
+width from which the events are next to the table, and the largest height of a table in a notebook. page.html has the
+same layout."""
 
 FACE = {
     "chalk": style.CHALK,
@@ -45,41 +44,33 @@ FACE = {
 """The marks, the light and the shadow of the balls, see `style`."""
 
 
-def write_page(
-    path: str | os.PathLike[str], recording: Recording, compare: Sequence[Recording], title: str | None
-) -> None:
+def write_page(path: str | os.PathLike[str], recording: Recording, title: str | None) -> None:
     """Writes the page of `make_page` to a file."""
     target = check_path(path, ".html")
-    page = make_page(recording, compare, title)
+    page = make_page(recording, title)
     with replacing(target) as temporary:
         temporary.write_text(page, encoding="utf-8")
 
 
-def make_page(recording: Recording, compare: Sequence[Recording] = (), title: str | None = None) -> str:
+def make_page(recording: Recording, title: str | None = None) -> str:
     """Returns the page of a shot.
 
     The browser computes the positions and the orientations at any time from the pieces of the trajectories and the
-    steps of the turning. A run of `compare` is drawn as rings; a slider chooses it from several. The title is by
-    default the engine with the number of contacts and the duration. All inserted text is escaped.
-
-    Raises:
-        ValueError: If one of `compare` has other balls or another table.
+    steps of the turning. The title is by default the engine with the number of contacts and the duration. All inserted
+    text is escaped.
     """
-    runs = [recording, *compare]
-    for run in compare:
-        check_pair(recording, run)
     if title is None:
         listed = ("ball_ball", "cushion", "pocket")  # the events that the list begins with
         contacts = int(np.isin(recording.events["kind"], listed).sum())
-        title = f"{_name(recording)}: {contacts} contact{'s' * (contacts != 1)} in {recording.time:.2f} s"
+        name = recording.label.replace("PIC", "exact engine (PIC)").replace("PIT", "fixed timestep (PIT)")
+        title = f"{name}: {contacts} contact{'s' * (contacts != 1)} in {recording.time:.2f} s"
         title = title[0].upper() + title[1:]
     scene = recording.scene
     data = table_data(scene) | {
         "kinds": style.KINDS,
         "cushions": style.cushion_names(scene.table),
-        "runs": [_run(run) for run in runs],
+        "shot": {**_motion(recording), "turns": _turns(recording)},
     }
-    data["runs"][0]["turns"] = _turns(recording)
     text = json.dumps(data, allow_nan=False, separators=(",", ":"))
     template = page_file("page.html").replace("{{drawing}}", page_file("table.js"))
     # "<" could end the script. It occurs only in JSON strings, where \u003c is equivalent.
@@ -106,17 +97,16 @@ def table_data(scene: Scene) -> dict[str, Any]:
     }
 
 
-def notebook_output(recording: Recording, compare: Sequence[Recording] = ()) -> str:
+def notebook_output(recording: Recording) -> str:
     """Returns the page of `make_page` in an iframe whose height follows its width without a script."""
     width, height, _ = _view(recording.scene.table)
-    page, ratio = html.escape(make_page(recording, compare)), height / width
-    controls = CONTROLS + COMPARED * bool(compare)
+    page, ratio = html.escape(make_page(recording)), height / width
     more = f"clamp(0px, ({NARROW}px - 100%) * 1000, {LIST}px)"  # the events are under the table of a narrow page
     side = f"clamp(0px, (100% - {NARROW - 1}px) * 1000, {SIDE}px)"
     table = f"min({LARGEST}px, {ratio:.4f} * (100% - 24px - {side}))"
     return (
         '<div style="max-width: 1100px">'
-        f'<div style="position: relative; padding-bottom: calc({controls}px + {table} + {more})">'
+        f'<div style="position: relative; padding-bottom: calc({CONTROLS}px + {table} + {more})">'
         f'<iframe title="A shot" srcdoc="{page}" sandbox="allow-scripts" '
         'style="position: absolute; inset: 0; width: 100%; height: 100%; border: 0"></iframe></div></div>'
     )
@@ -128,17 +118,11 @@ def _view(table: Table) -> tuple[float, float, float]:
     return table.length + 2 * rail, table.width + 2 * rail + strip, strip
 
 
-def _name(recording: Recording) -> str:
-    """Returns the label of a recording with the meaning of its abbreviation."""
-    return recording.label.replace("PIC", "exact engine (PIC)").replace("PIT", "fixed timestep (PIT)")
-
-
-def _run(recording: Recording) -> dict[str, Any]:
+def _motion(recording: Recording) -> dict[str, Any]:
     paths = recording.trajectory
     lasts = np.minimum(paths.duration, recording.time)
     rows = np.column_stack((paths.start, lasts, paths.position, paths.velocity, paths.acceleration))
     return {
-        "label": _name(recording),
         "time": recording.time,
         "pieces": [rows[paths.ball == i].tolist() for i in range(recording.scene.n_balls)],
         "gone": [t if math.isfinite(t) else None for t in recording.gone.tolist()],

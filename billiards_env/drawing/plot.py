@@ -114,7 +114,7 @@ def _draw_table(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None:
         corner, size = (-half, -y - strip / 2 - 1.35 * radius), (2 * half, 2.7 * radius)
         groove = f"round,pad=0,rounding_size={1.35 * radius}"
         ax.add_patch(FancyBboxPatch(corner, *size, boxstyle=groove, facecolor=RAIL, edgecolor="none", zorder=1))
-        ax.text(-half - radius, -y - strip / 2, POTTED, color=INK, fontsize=8.5, ha="right", va="center_baseline")
+        ax.text(-half - radius, -y - strip / 2, POTTED, fontsize=8.5, ha="right", va="center_baseline")
         for ball, place in zip(np.flatnonzero(np.isfinite(recording.gone)).tolist(), places, strict=False):
             draw_ball(ax, radius, look[ball], (place, -y - strip / 2), ghost=False)
     ax.set_xlim(-x, x)
@@ -167,7 +167,11 @@ def _draw_path(
         begin, ahead = shot.path(ball, at), shot.path(ball, at + 1e-4) - shot.path(ball, at)
         left = np.column_stack((-ahead[:, 1], ahead[:, 0])) / np.maximum(np.hypot(*ahead.T), 1e-12)[:, None]
         ends = begin + TICK * spin[:, None] * left
-        ax.add_collection(LineCollection(list(np.stack((begin, ends), 1)), colors=CHALK, linewidths=0.9, zorder=4.1))
+        clear = np.ones(len(at), np.bool_)  # of the pockets, where a tick would look like a mark of the table
+        for pocket in shot.scene.table.pockets:
+            clear &= np.hypot(*(ends - (pocket.x, pocket.y)).T) > pocket.radius
+        ticks = list(np.stack((begin, ends), 1)[clear])
+        ax.add_collection(LineCollection(ticks, colors=CHALK, linewidths=0.9, zorder=4.1))
 
 
 def _draw_speeds(ax: Axes, scene: Scene, fastest: float) -> None:

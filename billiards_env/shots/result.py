@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -273,30 +273,21 @@ class ShotResult(Differentiable):
 
         write_mp4(path, recording, fps, width, other)
 
-    def to_html(
-        self,
-        path: str | os.PathLike[str],
-        *,
-        title: str | None = None,
-        compare: ShotResult | Sequence[ShotResult] | None = None,
-    ) -> None:
+    def to_html(self, path: str | os.PathLike[str], *, title: str | None = None) -> None:
         """Writes a self-contained page that plays the shot in any browser. An error leaves no partial file.
 
         Args:
             path: The file. Its name must end in ".html" and its folder must exist.
             title: The page's heading; None for the engine, the number of contacts and the duration.
-            compare: Another run of the shot, drawn as rings, or a sequence of runs, from which a slider on the page
-                chooses one.
 
         Raises:
-            ValueError: If a shot was not recorded, or a run of `compare` has other balls or another table.
+            ValueError: If the shot was not recorded.
             OSError: If the file cannot be written.
         """
-        recording, runs = self.recording("to_html"), compare if isinstance(compare, Sequence) else (compare,)
-        others = [other for run in runs if (other := _recording(run, "to_html"))]
+        recording = self.recording("to_html")
         from billiards_env.drawing.page import write_page
 
-        write_page(path, recording, others, title)
+        write_page(path, recording, title)
 
     def _repr_html_(self) -> str | None:
         """Returns the page of `to_html` for a notebook, or None if the shot was not recorded or is very long."""

@@ -8,8 +8,7 @@ import pytest
 from billiards_env import Scene
 from billiards_env.drawing.orientation import turning
 from billiards_env.drawing.page import make_page
-from billiards_env.drawing.style import CLOTH, POCKET, looks
-from billiards_env.engine import Engine
+from billiards_env.drawing.style import CLOTH, POCKET
 from billiards_env.shots.simulation import simulate
 from tests.helpers.pages import page_data
 
@@ -41,15 +40,15 @@ def tab(browser):
 
 
 @pytest.fixture
-def player(tab, shot, pit, tmp_path):
-    """The page of a shot and of its PIT run, opened from a file."""
-    shot.to_html(tmp_path / "shot.html", compare=pit)
+def player(tab, shot, tmp_path):
+    """The page of a shot, opened from a file."""
+    shot.to_html(tmp_path / "shot.html")
     tab.goto((tmp_path / "shot.html").as_uri())
     return tab
 
 
-def at(tab, run, t):
-    return np.array(tab.evaluate(f"billiards.at({run}, {t!r})"))
+def at(tab, t):
+    return np.array(tab.evaluate(f"billiards.at({t!r})"))
 
 
 def rgb(colour):
@@ -74,11 +73,13 @@ def pixel(tab, x, y):
     )
 
 
-def test_positions_agree_with_the_shot(player, shot, pit):
-    for run, one in enumerate((shot, pit)):
-        times = [0.0, *np.linspace(0.003, one.time, 40).tolist(), *one.events["time"].tolist()[:40], one.time + 1]
-        for t in times:
-            assert np.abs(at(player, run, t) - one.at(t)).max() < 1e-9
+@pytest.mark.parametrize("name", ["shot", "pit"])
+def test_positions_agree_with_the_shot(name, tab, tmp_path, request):
+    one = request.getfixturevalue(name)
+    one.to_html(tmp_path / "shot.html")
+    tab.goto((tmp_path / "shot.html").as_uri())
+    for t in [0.0, *np.linspace(0.003, one.time, 40).tolist(), *one.events["time"].tolist()[:40], one.time + 1]:
+        assert np.abs(at(tab, t) - one.at(t)).max() < 1e-9
 
 
 def test_balls_are_drawn_at_their_positions(player, shot):
@@ -91,7 +92,7 @@ def test_balls_are_drawn_at_their_positions(player, shot):
     assert pixel(player, -1.27, 0.635) == pytest.approx(rgb(POCKET), abs=1)
 
 
-def test_play_runs_and_stops_at_the_end(player, shot, pit):
+def test_play_runs_and_stops_at_the_end(player, shot):
     assert not player.evaluate("billiards.playing")
     player.click("#play")
     assert later(player, 500, "billiards.playing && billiards.time > 0.05")
@@ -99,8 +100,8 @@ def test_play_runs_and_stops_at_the_end(player, shot, pit):
     player.click("#play")
     stopped = player.evaluate("billiards.time")
     assert later(player, 100, "billiards.time") == stopped
-    end = max(shot.time, pit.time)
-    assert player.evaluate("billiards.duration") == end
+    end = player.evaluate("billiards.duration")
+    assert end == shot.time
     player.evaluate(f"billiards.seek({end - 0.02}); billiards.play()")
     assert later(player, 1000, "[billiards.playing, billiards.time]") == [False, end]
     player.click("#table")  # starts again
@@ -139,14 +140,14 @@ def test_events_are_listed_and_can_be_selected(player, shot):
     assert player.evaluate("document.querySelectorAll('#events button').length") == len(shot.events)
 
 
-def test_the_keyboard_controls_everything(player, shot, pit):
+def test_the_keyboard_controls_everything(player, shot):
     player.evaluate("document.activeElement.blur()")
     times = shot.events["time"][np.isin(shot.events["kind"], ["ball_ball", "cushion", "pocket"])]
     steps = [
         (".", times[0]),
         (".", times[1]),
         (",", times[0]),
-        ("End", max(shot.time, pit.time)),
+        ("End", shot.time),
         ("Home", 0.0),
         ("ArrowRight", 1 / 30),
         ("ArrowLeft", 0.0),
@@ -167,35 +168,7 @@ def test_the_keyboard_controls_everything(player, shot, pit):
     for _ in range(12):  # every control can be reached
         player.keyboard.press("Tab")
         seen.add(player.evaluate("document.activeElement.id"))
-    assert {"table", "scrub", "play", "back", "next", "speed", "paths", "rings"} <= seen
-
-
-def test_the_other_run_can_be_hidden(player, pit):
-    player.evaluate("billiards.seek(4.0)")
-    x, y = pit.at(4.0)[2]
-    ring = pixel(player, x + 0.0283, y)
-    assert ring == pytest.approx(rgb(looks(pit.scene)[2].path), abs=30)
-    assert "Rings: fixed timestep (PIT), dt = 16.67 ms" in text(player, "#other")
-    player.click("#rings")
-    assert pixel(player, x + 0.0283, y) == pytest.approx(rgb(CLOTH), abs=6)
-    assert re.fullmatch(r"Furthest apart: ball \d, [\d.]+ mm", text(player, "#apart"))
-    assert (
-        player.evaluate("document.querySelector('#steps').getClientRects().length") == 0
-    )  # no slider for one timestep
-
-
-def test_a_slider_chooses_the_timestep(tab, shot, pit, tmp_path):
-    finer = simulate(shot.scene, shot.at(0), [-2.6777, -0.8187], engine=Engine("pit", 1 / 240), record=True)
-    shot.to_html(tmp_path / "steps.html", compare=[pit, finer])
-    tab.goto((tmp_path / "steps.html").as_uri())
-    for one, label in ((pit, "dt = 16.67 ms"), (finer, "dt = 4.167 ms")):
-        assert label in text(tab, "#other")
-        assert tab.evaluate("billiards.duration") == max(shot.time, one.time)
-        tab.evaluate("billiards.seek(4.0)")
-        far = 1000 * np.hypot(*(one.at(4.0) - shot.at(4.0)).T)
-        assert text(tab, "#apart") == f"Furthest apart: ball {far.argmax()}, {float(f'{far.max():.3g}'):g} mm"
-        tab.focus("#step")
-        tab.keyboard.press("ArrowRight")
+    assert {"table", "scrub", "play", "back", "next", "speed", "paths"} <= seen
 
 
 def test_events_at_nearly_the_same_time_have_microseconds(tab, tmp_path):
@@ -207,8 +180,8 @@ def test_events_at_nearly_the_same_time_have_microseconds(tab, tmp_path):
     assert listed == ["0.042850 s", "0.042855 s"]
 
 
-def test_nothing_is_cut(browser, shot, pit, tmp_path):
-    shot.to_html(tmp_path / "shot.html", compare=[pit, pit])
+def test_nothing_is_cut(browser, shot, tmp_path):
+    shot.to_html(tmp_path / "shot.html")
     for width in (420, 1280):
         page = browser.new_page(viewport={"width": width, "height": 800})
         page.goto((tmp_path / "shot.html").as_uri())
@@ -249,7 +222,7 @@ def test_notebooks_show_the_page_in_an_iframe(tab, shot, tmp_path):
     assert text(inner, "h1") == "Exact engine (PIC): 7 contacts in 5.27 s"
     assert inner.evaluate("document.querySelectorAll('#events li').length") == 7
     inner.evaluate("billiards.seek(1.0)")
-    assert np.abs(at(inner, 0, 1.0) - shot.at(1.0)).max() < 1e-9
+    assert np.abs(at(inner, 1.0) - shot.at(1.0)).max() < 1e-9
     assert pixel(inner, *shot.at(1.0)[0]) == [255, 255, 255]
 
 
@@ -280,9 +253,9 @@ def test_inserted_text_is_escaped(tab, shot, tmp_path):
     assert tab.evaluate("billiards.duration") == shot.time
 
 
-def test_the_page_is_one_file_without_links(shot, pit):
+def test_the_page_is_one_file_without_links(shot):
     label = "</script><b>"
-    page = make_page(shot.recording()._replace(label=label), [pit.recording()], label)
+    page = make_page(shot.recording()._replace(label=label), label)
     assert not re.search(r"(src|href)=|https?:|@import|url\(", page)
     assert page.count("</script>") == 2
     assert "<b>" not in page
@@ -294,15 +267,15 @@ def test_the_page_is_one_file_without_links(shot, pit):
 def test_the_page_contains_the_trajectories_with_all_digits(shot):
     data = page_data(shot)
     paths = shot.recording().trajectory
-    for ball, rows in enumerate(data["runs"][0]["pieces"]):
+    for ball, rows in enumerate(data["shot"]["pieces"]):
         assert [row[2:4] for row in rows] == paths.position[paths.ball == ball].tolist()
-    assert data["runs"][0]["gone"][2] == paths.potted_at[2]
-    assert data["runs"][0]["gone"][0] is None
+    assert data["shot"]["gone"][2] == paths.potted_at[2]
+    assert data["shot"]["gone"][0] is None
 
 
 def test_a_shot_that_ends_at_its_time_limit():
     ideal = simulate(Scene.named("ideal"), [[0.0, 0.0], [0.5, 0.1]], [1.0, 0.0], max_time=2.0, record=True)
-    assert page_data(ideal)["runs"][0]["time"] == 2.0
+    assert page_data(ideal)["shot"]["time"] == 2.0
 
 
 def test_notebooks_show_no_page_for_unrecorded_or_long_shots(shot, unrecorded, monkeypatch):
@@ -317,7 +290,6 @@ def test_balls_turn_as_in_python(tab, tmp_path):
     shot = simulate(scene, [[-0.6, 0.0], [0.4, 0.02]], [2.0, 0.0], spins=[20.0, -30.0, 60.0], record=True)
     shot.to_html(tmp_path / "spin.html")
     tab.goto((tmp_path / "spin.html").as_uri())
-    assert tab.evaluate("document.querySelector('#other').getClientRects().length") == 0  # no other run
     turns = turning(shot.recording())
     for t in np.linspace(0.0, shot.time, 40).tolist():
         for ball, face in enumerate(turns.at(t)):

@@ -133,3 +133,8 @@ def test_ticks_show_the_side_spin():
     assert (right[:, 1, 1] < right[:, 0, 1]).all()
     lengths = np.hypot(*(left[:, 1] - left[:, 0]).T)
     assert (np.diff(lengths) < 0).all()  # the spin decays
+    shot = simulate(Scene.named("pool", 0), [[-0.45, 0.56]], [1.5, 0.0], spins=[0.0, 0.0, 60.0], record=True)
+    drawn = [c for c in shot.plot().collections if isinstance(c, LineCollection) and c.get_zorder() == 4.1]
+    ends = np.array([one for c in drawn for one in c.get_segments()])[:, 1]
+    pockets = Scene.named("pool", 0).table.pockets
+    assert min(np.hypot(*(ends - (p.x, p.y)).T).min() / p.radius for p in pockets) > 1  # on the cloth

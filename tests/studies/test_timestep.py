@@ -13,7 +13,7 @@ import pytest
 
 from billiards_env import Scene, simulate
 from billiards_env.engine import PIC, Engine
-from studies import timestep, timestep_page, timestep_report
+from studies import timestep, timestep_report, timestep_shots
 from studies.readme import fill, results
 from tests.helpers.processes import InThisProcess
 
@@ -217,15 +217,15 @@ def test_the_results_of_the_project_are_those_of_its_runs():
     assert "Not measured" not in fill("<!-- timestep: main -->\n<!-- end -->")
 
 
-def test_the_page_has_shots_that_only_their_own_world_pots(tmp_path, monkeypatch):
-    monkeypatch.setattr(timestep_page, "SHOWN", 2)
-    page = tmp_path / "page.html"
-    timestep_page.main(["--output", str(page)])
-    line = next(line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("const data = "))
-    data = json.loads(line.removeprefix("const data = ").removesuffix(";"))
-    assert len(data["layouts"]) == 2
-    for layout in data["layouts"]:
-        assert list(layout) == list(timestep.WORLDS)
-        assert [shot["potted"] for shot in layout["exact"]] == [True, True]
-        assert [shot["potted"] for shot in layout[timestep_page.COARSE]] == [True, False]
-        assert layout["exact"][0] == layout["exact"][1]
+def test_the_page_has_shots_that_only_their_own_world_pots(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(timestep_shots, "SHOWN", 2)
+    output = tmp_path / "shots.json"
+    timestep_shots.main(["--output", str(output)])
+    layouts = json.loads(output.read_text(encoding="utf-8"))["layouts"]
+    assert layouts == json.loads(results("timestep_shots").read_text(encoding="utf-8"))["layouts"][:2]
+    for layout in layouts:
+        assert list(layout["shots"]) == list(timestep.WORLDS)
+        for world, exact in (("exact", True), (timestep_shots.COARSE, False)):
+            assert layout["shots"][world]["own"]
+            assert layout["shots"][world]["exact"] == exact
+    assert 'target="shot">potted, missed</a>' in capsys.readouterr().out

@@ -10,14 +10,15 @@ import numba
 import numpy as np
 import pytest
 
-from billiards_env import Scene, simulate
+from billiards_env import Scene, bench, simulate
 from billiards_env.shots.strikes import strike
-from web import build, check
+from web import build, check, tasks
 
 needs_extra = pytest.mark.skipif(
     any(importlib.util.find_spec(name) is None for name in ("wasmtime", "ziglang")),
     reason="the extra web is not installed",
 )
+ENTRY = build.ROOT / "leaderboard" / "aim.json"
 CASES = [("pool", "random"), ("pool", "break"), ("pool", "timestep"), ("ideal", "random"), ("real_pool", "random")]
 
 
@@ -64,6 +65,61 @@ def test_a_strike_has_the_bits_of_python(engine, tab):
 
 
 @needs_extra
+@pytest.mark.parametrize("name", ["pool", "real_pool"])
+def test_a_strike_drives_a_frozen_ball_as_in_python(name, engine, tab):
+    check.browser_bits(tab, engine, [])
+    scene = Scene.named(name)
+    positions = [[0.0, 0.0], [2 * scene.balls.radius[0], 0.0]]
+    parameters = {"speed": 2.0, "heading": 0.2, "side": 0.1, "top": 0.2}
+    call = "engine.simulate(name, positions, engine.strike(name, parameters)).positions"
+    found = tab.evaluate(f"([name, positions, parameters]) => {call}", [name, positions, parameters])
+    struck = strike(scene, **parameters)
+    assert found == simulate(scene, positions, struck).positions.tolist()
+    assert (
+        found != simulate(scene, positions, struck.velocity, spins=[struck.spin.tolist(), [0.0] * 3]).positions.tolist()
+    )
+
+
+def verdicts(tab, text):
+    """Returns what the module says about the results in a file."""
+    each = "for await (const result of engine.verify(text)) found.push([result.task, result.verified, result.reason])"
+    return tab.evaluate(f"async text => {{ const found = []; {each}; return found; }}", text)
+
+
+@needs_extra
+def test_a_leaderboard_file_is_verified(engine, tab):
+    check.browser_bits(tab, engine, [])
+    file = json.loads(ENTRY.read_text(encoding="utf-8"))
+    found = verdicts(tab, json.dumps(file))
+    assert found == [[task, True, ""] for task in ("Pot1-v0", "Pot1-v0", "ThreeCushion-v0", "ThreeCushion-v0")]
+    one, two, three, four = file["results"]
+    one["returns"][3] += 0.1
+    two["actions"] = "A" + two["actions"][1:]  # the last bits of the first number
+    three["shots"] = "AA" + three["shots"][2:]
+    four["task"] = "Pot1Noise-v0"
+    assert verdicts(tab, json.dumps(file)) == [
+        ["Pot1-v0", False, "returns: expected other values, those of the actions"],
+        ["Pot1-v0", False, "digest: expected other values, those of the actions"],
+        ["ThreeCushion-v0", False, "shots: expected 1000 numbers from 1 to 1"],
+        ["Pot1Noise-v0", None, "not played here: the task has noise or is unknown"],
+    ]
+
+
+@needs_extra
+@pytest.mark.parametrize("task", tasks.TASKS)
+def test_a_task_has_the_outcomes_of_python(task, engine, tab, monkeypatch):
+    check.browser_bits(tab, engine, [])
+    monkeypatch.setattr(bench, "EPISODES", 4)
+    (result,) = bench.play("random", [task], [7]).results
+    given = {"task": task, "seed": 7, "shots": result.shots.tolist(), "actions": result.actions.ravel().tolist()}
+    played = "result => engine.replay({ ...result, actions: Float32Array.from(result.actions) })"
+    found = tab.evaluate(played, given)
+    assert found["success"] == "".join(str(int(won)) for won in result.success)
+    assert found["returns"] == result.returns.tolist()
+    assert [found["layouts"], found["digest"]] == [result.layouts, result.digest]
+
+
+@needs_extra
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -73,7 +129,7 @@ def test_a_strike_has_the_bits_of_python(engine, tab):
         ("'pool', [[0, 0]], [1, 0], {mode: 'pit'}", 'dt = null: expected a timestep in s for "pit"'),
         ("'pool', [[0, 0]], [1, 0], {dt: 0.1}", "dt = 0.1: expected a timestep in s for"),
         ("'pool', [[0, 0]], [1, 0], {mode: 'pit', dt: 0.1, fix: 'x'}", "fix = x: expected one of push_apart"),
-        ("'pool', [[0, 0]], [1, 0], {numbers: {mass: 1}}", "number mass: expected one of motion, slide, "),
+        ("'pool', [[0, 0]], [1, 0], {numbers: {mass: 1}}", "number mass: expected one of slide, roll, "),
         ("'pool', [[0, 0]], [1, 0], {inPlay: []}", r"inPlay = \[\]: expected true or false for each of 1 balls"),
         ("'pool', Array.from({length: 17}, () => [0, 0]), [1, 0]", "positions has 17 balls: expected at most 16"),
     ],
@@ -129,6 +185,11 @@ def test_the_page_plays_a_shot_and_its_address_holds_it(engine, tab, tmp_path):
         page.click(f"[data-failure={name}]")
         exact, stepped = page.evaluate("billiards.shots.map(shot => shot.positions)")
         assert np.abs(np.subtract(exact, stepped)).max() > 0.05
+    page.set_input_files("#file", ENTRY)
+    page.wait_for_function("() => document.querySelectorAll('#results .good').length === 4")
+    page.click("#results button")
+    page.wait_for_function("() => billiards.shots?.[0].potted[1]")
+    assert page.inner_text("#outcome") == "success, return 1"
     page.set_viewport_size({"width": 380, "height": 800})
     assert page.evaluate("document.documentElement.scrollWidth") <= 380
     assert errors == []
@@ -147,5 +208,7 @@ def test_the_commands_write_and_check_the_files(tab, tmp_path, monkeypatch, caps
     assert sorted(path.name for path in tmp_path.iterdir()) == ["engine.js", "engine.wasm", "play.html"]
     monkeypatch.setattr(check, "browser_page", lambda: contextlib.nullcontext(tab))
     monkeypatch.setattr(check, "SCENES", ("pool",))
-    check.main(["--shots", "10", "--engine", str(tmp_path / "engine.wasm")])
-    assert "pool          random         10       10       10" in capsys.readouterr().out
+    output = tmp_path / "check.json"
+    check.main(["--shots", "10", "--engine", str(tmp_path / "engine.wasm"), "--output", str(output)])
+    assert "| `pool` | random   |     10 |                    10 |          10 |" in capsys.readouterr().out
+    assert [row["case"] for row in json.loads(output.read_text())["rows"]] == list(check.CASES)

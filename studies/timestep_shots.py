@@ -1,0 +1,112 @@
+"""Shots of policies from different worlds, for the page of the study: `python -m studies.timestep_shots`.
+
+On each of some layouts a policy of each world of `studies.timestep` plays one shot, which runs in its own world and in
+the exact one. The page links each shot to the table that plays it in the browser.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import table
+from billiards_env.envs.actions import cue_strike
+from billiards_env.evaluation import evaluation_seeds
+from billiards_env.files import write_json
+from examples import ppo
+from studies import RESULTS, live_shot, load_weights, parser_of, report
+from studies.timestep import (
+    LAYOUT_SEED,
+    SEEDS,
+    WORLDS,
+    Run,
+    direct_pots,
+    make_worlds,
+    places,
+    play,
+    policy_of,
+    shots_of,
+)
+
+SHOWN, DRAWN, COARSE = 6, 500, "1/60"
+"""The number of layouts on the page, of those from which they are chosen, and the coarse world. The page has the first
+layouts on which the exact policy pots the ball, and the coarse policy pots it directly in its own world but misses in
+exact physics."""
+
+
+def measure(policies: Path) -> dict[str, Any]:
+    """Returns the layouts (positions, m) and, for each world, the velocity of the cue ball and where it pots the ball.
+
+    Args:
+        policies: The folder of the weights of the main part of the study.
+
+    Raises:
+        OSError: If the weights of the first seed are not there.
+    """
+    envs = make_worlds(DRAWN, WORLDS)
+    observations, _ = envs["exact"].reset(seed=evaluation_seeds(LAYOUT_SEED + 1, DRAWN).tolist())
+    positions, env = envs["exact"].positions, envs["exact"].single_env
+    actions, potted = {}, {}
+    for world, arguments in WORLDS.items():
+        weights = load_weights(policies / f"{Run('main', world, SEEDS[0], [arguments]).name}.npz")
+        actions[world] = shots_of(policy_of(weights, ppo.arguments([])), envs[world], observations)
+        potted[world] = play(actions[world], positions, {"own": envs[world], "exact": envs["exact"]})
+    telling = potted["exact"]["exact"] & potted[COARSE]["own"] & ~potted[COARSE]["exact"]
+    telling &= direct_pots(actions[COARSE], positions, env.scene, env.max_speed, WORLDS[COARSE])[0]
+    return {
+        "layouts": [
+            {
+                "positions": positions[i].tolist(),
+                "shots": {
+                    world: {
+                        "velocity": cue_strike(actions[world][i], env.scene, env.max_speed).velocity.tolist(),
+                        **{where: bool(potted[world][where][i]) for where in ("own", "exact")},
+                    }
+                    for world in WORLDS
+                },
+            }
+            for i in np.flatnonzero(telling)[:SHOWN].tolist()
+        ]
+    }
+
+
+def blocks(found: dict[str, Any]) -> dict[str, str]:
+    """Returns the results as Markdown, by name."""
+    says = {True: "potted", False: "missed"}
+
+    def address(layout: dict[str, Any], world: str) -> str:
+        steps = 960 if world == "exact" else round(1 / WORLDS[world]["dt"])
+        return live_shot("pool", layout["positions"], layout["shots"][world]["velocity"], steps)
+
+    def cell(layout: dict[str, Any], world: str) -> str:
+        shot = layout["shots"][world]
+        text = f"{says[shot['own']]}, {says[shot['exact']]}"
+        return f'<a href="{address(layout, world)}" target="shot">{text}</a>'
+
+    head = "layout", *(world if world == "exact" else f"{world} s" for world in WORLDS)
+    rows = [[str(k), *(cell(layout, world) for world in WORLDS)] for k, layout in enumerate(found["layouts"], 1)]
+    frame = address(found["layouts"][0], COARSE)
+    return {
+        "table": table(head, rows),
+        "frame": f'<iframe name="shot" src="{frame}" title="A shot of the table" class="live"></iframe>',
+    }
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs the command line; see `python -m studies.timestep_shots --help`."""
+    output = (RESULTS / "timestep_shots.json", "JSON file")
+    args = parser_of("timestep_shots", "Choose shots of the policies for the page.", output=output)
+    args = args.parse_args(arguments)
+
+    def work() -> dict[str, Any]:
+        found = measure(places(None).policies)
+        write_json(args.output, found)
+        return found
+
+    report(work, blocks, args.output)
+
+
+if __name__ == "__main__":
+    main()
