@@ -17,7 +17,11 @@ that is thicker by v * delay * sin(a) * cos(a).
 2. MuJoCo's contacts are soft, but do not begin before the touch. They last about 40 ms (`solref` is 0.02 s), while the
    line of centres turns. So the sign does not turn. The delay is 8.5 ms for the default dt of 2 ms, as of rigid
    contacts with 1/59 s. For dt = 10 ms it is 5.1 ms, so the error is smaller with the larger timestep.
-3. A policy of an exact world succeeds in a simulator as often as in the exact world with each hit turned by the delay.
+3. A policy of an exact world succeeds in a simulator as often as in the exact world with each hit turned by a delay,
+   which is drawn from those of the head-on hits.
+
+4. pooltool has no timestep. A policy that trains exactly with pooltool's laws and table succeeds as often there. It may
+   use cushions. This part is left out without the environment of `benchmarks.comparison`.
 
 The results are in `studies/results/other_simulators.json`. Each run is written there when it ends, and the command
 skips runs that have results.
@@ -41,7 +45,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import IMAGES, machine_line, save, table, use_own_font
+from benchmarks import IMAGES, comparison, machine_line, save, table, use_own_font
 from billiards_env import Scene, simulate_batch
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.evaluation import evaluation_seeds
@@ -66,7 +70,10 @@ RESTITUTION = {"rigid": (0.95, 0.85), "soft": (math.exp(-2.0), math.exp(-2.0))}
 
 
 class World(NamedTuple):
-    """The simulator, "pymunk", "mujoco" or "exact"; the laws, a key of `RESTITUTION`; dt, s; the number of seeds."""
+    """The simulator, the laws, dt, s, and the number of policies that train there.
+
+    The simulator is "pymunk", "mujoco", "pooltool" or "exact". The laws are "pooltool" or a key of `RESTITUTION`.
+    """
 
     simulator: str
     laws: str
@@ -79,12 +86,16 @@ WORLDS = {
     **{f"pymunk 1/{n} s": World("pymunk", "rigid", 1 / n, 3) for n in (480, 240, 120, 60)},
     "MuJoCo 10 ms": World("mujoco", "soft", 0.01, 2),
     **{f"exact, {laws}": World("exact", laws, 0.0, 3) for laws in RESTITUTION},
+    "exact, pooltool": World("exact", "pooltool", 0.0, 1),
+    "pooltool 0.6": World("pooltool", "pooltool", 0.0, 0),
 }
 """The worlds by name; those with slow shots are first."""
 
 
 def scene_of(laws: str) -> Scene:
     """Returns the exact scene with some laws."""
+    if laws == "pooltool":
+        return Scene.named("pooltool_pool", 1)
     e_ball, e_cushion = RESTITUTION[laws]
     end = (1.0 - math.exp(-DECAY * TIME)) / DECAY
     physics = Physics(motion="ideal", cushion="restitution", e_ball=e_ball, e_cushion=e_cushion, max_time=end)
@@ -92,20 +103,35 @@ def scene_of(laws: str) -> Scene:
 
 
 @contextlib.contextmanager
-def opened(world: World, processes: int, python: str) -> Iterator[tuple[Play, float]]:
-    """Yields the function that plays shots in a world with some worker processes, and the delay of its contacts, s."""
-    scene = scene_of(world.laws)
-    pockets, (e_ball, e_cushion) = scene.table.pockets, RESTITUTION[world.laws]
+def opened(world: World, processes: int, python: str) -> Iterator[tuple[Play, Floats]]:
+    """Yields the function that plays shots in a world with some worker processes, and delays of its contacts, s."""
+    scene, free = scene_of(world.laws), world.laws == "pooltool"  # free: the object ball may touch cushions
+    pockets = scene.table.pockets
+
+    def nearest(positions: Floats, good: NDArray[np.bool_]) -> NDArray[np.intp]:
+        places = np.array([(pocket.x, pocket.y) for pocket in pockets])
+        return np.where(good, np.linalg.norm(positions[:, None] - places, axis=2).argmin(1), -1)
 
     def play_exactly(positions: Floats, velocities: Floats) -> NDArray[np.intp]:
         shots = simulate_batch(scene, positions, velocities, threads=1)
-        direct = shots.potted[:, 1] & (shots.cushions[:, 1] == 0) & (shots.cushions_before_hit[:, 1] == 0)
-        places = np.array([(pocket.x, pocket.y) for pocket in pockets])
-        return np.where(direct, np.linalg.norm(shots.positions[:, 1, None] - places, axis=2).argmin(1), -1)
+        direct = (shots.cushions[:, 1] == 0) & (shots.cushions_before_hit[:, 1] == 0)
+        return nearest(shots.positions[:, 1], shots.potted[:, 1] & (direct | free))
 
     if world.simulator == "exact":
-        yield play_exactly, 0.0
+        yield play_exactly, np.zeros(1)
         return
+    if world.simulator == "pooltool":
+        with comparison.pooltool(comparison.POOLTOOL_PYTHON) as (_, (run_shot, *_)):
+
+            def play_by_pooltool(positions: Floats, velocities: Floats) -> NDArray[np.intp]:
+                shots = (run_shot(scene, *shot, None).positions for shot in zip(positions, velocities, strict=True))
+                ends = np.array([positions[0, 0] if shot is None else shot[1] for shot in shots])
+                gaps = [np.hypot(*(ends - (p.x, p.y)).T) - p.radius for p in pockets]
+                return nearest(ends, np.min(gaps, axis=0) < 0.0)  # a potted ball stays in its pocket
+
+            yield play_by_pooltool, np.zeros(1)
+        return
+    e_ball, e_cushion = RESTITUTION[world.laws]
     settings = {
         "simulator": world.simulator,
         "dt": world.dt,
@@ -135,7 +161,7 @@ def opened(world: World, processes: int, python: str) -> Iterator[tuple[Play, fl
         )
 
     try:
-        yield play, answers(*[settings] * processes)[0]
+        yield play, np.array(answers(*[settings] * processes)[0])
     finally:
         for worker in started:
             worker.communicate()
@@ -195,7 +221,7 @@ def train(name: str, seed: int, shots: int, layouts: int, processes: int, python
     world = WORLDS[name]
     scene = scene_of(world.laws)
     args = ppo.arguments(f"--shots {shots} --seed {seed} --episodes {min(layouts, 2000)}".split())
-    with opened(world, processes, python) as (play, delay):
+    with opened(world, processes, python) as (play, delays):
         with contextlib.redirect_stdout(io.StringIO()):
             policy, curve = ppo.train(args, make_vec=lambda _, num_envs, threads: PlayedEnvs(num_envs, scene, play))
         envs = PlayedEnvs(layouts, scene, play)
@@ -207,7 +233,7 @@ def train(name: str, seed: int, shots: int, layouts: int, processes: int, python
     sine, cosine = np.sin(np.radians(aimed.cut)), np.cos(np.radians(aimed.cut))
     offset = 2.0 * scene.balls.radius[0] * sine
     speed = speed_at_hit(positions[direct], velocities[direct], offset)
-    aimed = aimed._replace(predicted=-speed * delay * sine * cosine, speed=speed)
+    aimed = aimed._replace(predicted=-speed * delays.mean() * sine * cosine, speed=speed)
     success, predicted = {name: int(direct.sum())}, {}
     random = np.random.default_rng(seed)
     for other, tested in WORLDS.items():
@@ -215,14 +241,14 @@ def train(name: str, seed: int, shots: int, layouts: int, processes: int, python
             with opened(tested, processes, python) as (play, late):
                 success[other] = int((play(positions, velocities) >= 0).sum())
             if world.simulator == "exact":
-                spread = 2.0 * random.random(layouts) if tested.simulator == "pymunk" else np.ones(layouts)
                 with opened(world, 1, python) as (play, _):
-                    predicted[other] = int((play(positions, delayed(positions, velocities, late * spread)) >= 0).sum())
+                    shifted = delayed(positions, velocities, random.choice(late, layouts))
+                    predicted[other] = int((play(positions, shifted) >= 0).sum())
     return {
         "world": name,
         "seed": seed,
         "curve": curve,
-        "delay": delay,
+        "delay": float(delays.mean()),
         "success": success,
         "predicted": predicted,
         "aim": aims_by_group(aimed)["cut angle"],
@@ -232,7 +258,12 @@ def train(name: str, seed: int, shots: int, layouts: int, processes: int, python
 def measure(output: Path, shots: int, layouts: int, jobs: int, processes: int, python: str) -> dict[str, Any]:
     """Trains what has no results, `jobs` policies at a time, and writes the result of each run as soon as it ends."""
     found = resumed(output, {"shots": shots, "layouts": layouts, "decay": DECAY, "time": TIME}, runs={})
-    runs = {f"{name}, seed {seed}": (name, seed) for name in WORLDS for seed in range(11, 11 + WORLDS[name].seeds)}
+    runs = {
+        f"{name}, seed {seed}": (name, seed)
+        for name, world in WORLDS.items()
+        if world.laws != "pooltool" or comparison.POOLTOOL_PYTHON.exists()
+        for seed in range(11, 11 + world.seeds)
+    }
     missing = [key for key in runs if key not in found["runs"]]
     if missing:
         with opened(WORLDS["exact, rigid"], 1, python) as (play, _):  # compiles before all processes need the kernels
@@ -279,23 +310,19 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
         return f"{np.mean(counts) / layouts:.1%}" if counts else ""
 
     success, aim = [], []
+    for name, world in WORLDS.items():
+        exact = f"exact, {world.laws}"
+        if world.simulator != "exact" and exact in worlds:
+            played = mean(name, name), mean(name, exact), mean(exact, exact), mean(exact, name)
+            success.append((name, str(len(worlds.get(name, []))), *played, mean(exact, name, "predicted")))
     for name, errors in aim_errors(result).items():
-        exact = f"exact, {WORLDS[name].laws}"
         square = np.average((errors[:, 1] - errors[:, 2]) ** 2, weights=errors[:, 0])
-        delay = worlds[name][0]["delay"]
-        played = (
-            mean(name, name),
-            mean(name, exact),
-            mean(exact, exact),
-            mean(exact, name),
-            mean(exact, name, "predicted"),
-        )
-        success.append((name, str(len(worlds[name])), f"{1e3 * delay:.1f} ms", *played))
-        aim.append((name, *(f"{m:+.1f} ({p:+.1f})" for _, m, p in errors), f"{math.sqrt(square):.2f} mm"))
-    head = "simulator", "seeds", "delay", "own policy, there", "own policy, exact", "exact policy, exact"
+        cells = (f"{measured:+.1f} ({predicted:+.1f})" for _, measured, predicted in errors)
+        aim.append((name, f"{1e3 * worlds[name][0]['delay']:.1f} ms", *cells, f"{math.sqrt(square):.2f} mm"))
+    head = "simulator", "seeds", "own policy, there", "own policy, exact", "exact policy, exact"
     degrees = (f"{low} to {high} degrees" for low, high in pairwise(edges))
     return {
-        "aim": table(("trained in", *degrees, "difference"), aim),
+        "aim": table(("trained in", "delay", *degrees, "difference"), aim),
         "success": table((*head, "exact policy, there", "predicted"), success),
         "machine": machine_line(result["machine"]),
     }

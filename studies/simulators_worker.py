@@ -1,7 +1,7 @@
 """Plays shots in pymunk or MuJoCo; `studies.other_simulators` starts this file in the environment that has them.
 
 Each line of the input is JSON. The first one has the arguments of `World`, and the answer is the output of
-`World.delay`. Each further line has the arguments of `World.play`, and the answer is its output.
+`World.delays`. Each further line has the arguments of `World.play`, and the answer is its output.
 
 A shot runs until the object ball, or before the hit the cue ball, is in a pocket or touches a cushion, until no ball
 can reach another one or a pocket, or until `time`. A ball is in a pocket if its centre is in the circle at the end of a
@@ -69,8 +69,11 @@ class World:
         """Advances all tables by a timestep, and updates `x` and `v`."""
         raise NotImplementedError
 
-    def delay(self) -> float:
-        """Returns the mean time, s, by which the momentum passes later than at the touch, in a head-on hit at 1 m/s."""
+    def delays(self) -> list[float]:
+        """Returns the mean times, s, by which the momentum passes later than at the touch, in head-on hits at 1 m/s.
+
+        The touches of the tables are at evenly distributed parts of a timestep.
+        """
         phase = (np.arange(self.slots) + 0.5) / self.slots * self.dt
         self.x[:], self.v[:] = 0.0, 0.0
         self.x[:, 0, 0], self.v[:, 0, 0] = -2.0 * self.radius - phase, 1.0
@@ -82,7 +85,7 @@ class World:
             passed = np.maximum(self.v[:, 1, 0] - before, 0.0)
             total += passed
             moment += passed * ((k + self.late) * self.dt - phase)
-        return float((moment / total).mean())
+        return (moment / total).tolist()
 
     def play(self, positions: Any, velocities: Any) -> list[int]:
         """Plays shots (m, 2, 2) m and (m, 2) m/s.
@@ -230,7 +233,7 @@ def main() -> None:
     """Answers the lines of the input."""
     settings = json.loads(sys.stdin.readline())
     world = {"pymunk": Pymunk, "mujoco": Mujoco}[settings.pop("simulator")](**settings)
-    print(json.dumps(world.delay()), flush=True)
+    print(json.dumps(world.delays()), flush=True)
     for line in sys.stdin:
         print(json.dumps(world.play(**{name: np.array(rows) for name, rows in json.loads(line).items()})), flush=True)
 
