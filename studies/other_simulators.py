@@ -188,26 +188,25 @@ def velocities_of(actions: Any, envs: BilliardsVectorEnv) -> Floats:
     return envs.single_env.max_speed * np.asarray(actions, float) / np.maximum(lengths, 1.0)
 
 
-def speed_at_hit(positions: Floats, velocities: Floats, offset: Floats) -> Floats:
-    """Returns the speed (m,) at which the cue ball touches the other one, m/s; `offset` is that of its line, m."""
+def path_to_hit(positions: Floats, offset: Floats) -> Floats:
+    """Returns the path (m,) of the cue ball to the touch, m; `offset` is the distance of its line from the ball, m."""
     distance, touching = np.linalg.norm(positions[:, 1] - positions[:, 0], axis=1), 2.0 * Balls.uniform(2).radius[0]
-    ahead = np.sqrt(np.maximum(distance**2 - offset**2, 0.0)) - np.sqrt(np.maximum(touching**2 - offset**2, 0.0))
-    return np.maximum(np.linalg.norm(velocities, axis=1) - DECAY * ahead, 0.0)
+    return np.sqrt(np.maximum(distance**2 - offset**2, 0.0)) - np.sqrt(np.maximum(touching**2 - offset**2, 0.0))
 
 
 def delayed(positions: Floats, velocities: Floats, delay: Floats) -> Floats:
     """Returns velocities (m, 2) whose exact hits have the line of centres of hits that are late by `delay` (m,), s."""
-    to_ball, touching = positions[:, 1] - positions[:, 0], 2.0 * Balls.uniform(2).radius[0]
-    speed, distance = np.linalg.norm(velocities, axis=1), np.linalg.norm(to_ball, axis=1)
+    cue_ball, ball, touching = positions[:, 0], positions[:, 1], 2.0 * Balls.uniform(2).radius[0]
+    speed = np.linalg.norm(velocities, axis=1)
     line = velocities / np.maximum(speed, 1e-9)[:, None]
-    offset = line[:, 0] * to_ball[:, 1] - line[:, 1] * to_ball[:, 0]
-    ahead = np.sqrt(np.maximum(touching**2 - offset**2, 0.0)) - delay * speed_at_hit(positions, velocities, offset)
-    turned = np.where(abs(offset) < touching, touching * offset / np.hypot(ahead, offset), offset)
-    angle = np.arcsin(np.clip(offset / distance, -1, 1)) - np.arcsin(np.clip(turned / distance, -1, 1))
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.stack(
-        (cosine * velocities[:, 0] - sine * velocities[:, 1], sine * velocities[:, 0] + cosine * velocities[:, 1]), 1
-    )
+    offset = line[:, 0] * (ball - cue_ball)[:, 1] - line[:, 1] * (ball - cue_ball)[:, 0]
+    path = path_to_hit(positions, offset)
+    late = cue_ball + (path + delay * np.maximum(speed - DECAY * path, 0.0))[:, None] * line
+    centres = ball - late
+    to_touch = ball - touching * centres / np.linalg.norm(centres, axis=1, keepdims=True) - cue_ball
+    turned = speed[:, None] * to_touch / np.linalg.norm(to_touch, axis=1, keepdims=True)
+    hits = (abs(offset) < touching) & ((line * (ball - cue_ball)).sum(1) > 0.0)
+    return np.where(hits[:, None], turned, velocities)
 
 
 def train(name: str, seed: int, shots: int, layouts: int, processes: int, python: str) -> dict[str, Any]:
@@ -231,8 +230,8 @@ def train(name: str, seed: int, shots: int, layouts: int, processes: int, python
     direct = pockets >= 0
     aimed = aims(velocities[direct], positions[direct], pockets[direct], scene, 1.0, 0.0)
     sine, cosine = np.sin(np.radians(aimed.cut)), np.cos(np.radians(aimed.cut))
-    offset = 2.0 * scene.balls.radius[0] * sine
-    speed = speed_at_hit(positions[direct], velocities[direct], offset)
+    path = path_to_hit(positions[direct], 2.0 * scene.balls.radius[0] * sine)
+    speed = np.maximum(np.linalg.norm(velocities[direct], axis=1) - DECAY * path, 0.0)
     aimed = aimed._replace(predicted=-speed * delays.mean() * sine * cosine, speed=speed)
     success, predicted = {name: int(direct.sum())}, {}
     random = np.random.default_rng(seed)

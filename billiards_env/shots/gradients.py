@@ -609,7 +609,7 @@ def _error_bounds(record: Record, events: Floats) -> Floats:
         lengths.append(np.square(outputs[0, ..., :2]).sum((1, 3)).max(1))
     errors = np.stack((np.concatenate(lengths)[1::2], np.append(np.square(at_events[0, ..., 0]).sum(0), 0.0)), 1)
     errors = np.maximum.accumulate(np.where(np.isnan(errors), np.inf, errors))
-    return 2.0 * SAFETY * UNIT_ROUNDOFF * np.sqrt(errors)
+    return np.maximum(2.0 * SAFETY * UNIT_ROUNDOFF * np.sqrt(errors), ROUNDING)
 
 
 _TIMES = 64  # number of times in one pass, which bounds the memory
