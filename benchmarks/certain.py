@@ -2,12 +2,13 @@
 
 A certain event is false if the contacts up to it are not those of the reference, in the same order.
 
-    python -m benchmarks.certain              # 1,700 shots of each kind
-    python -m benchmarks.certain --shots 20
+    python -m benchmarks.certain                          # 10,000 shots
+    python -m benchmarks.certain --shots 20 --breaks 5
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,19 +18,13 @@ from benchmarks.error_limit import KINDS
 from billiards_env.shots.simulation import simulate
 from reference.oracle import OracleError, run
 
-CHECKED = (
-    "1 object ball",
-    "5 object balls",
-    "carom",
-    "9-ball break, loose",
-    "15-ball break, loose",
-    "real pool, 5 object balls",
-)
+SHOTS = "1 object ball", "5 object balls", "carom", "real pool, 5 object balls"
+BREAKS = "9-ball break, loose", "15-ball break, loose"
 CONTACTS = ("ball_ball", "cushion", "pocket")
 
 
 def check(kind: str, seed: int) -> dict[str, Any]:
-    """Runs a shot of one of `CHECKED` by the engine, and its certain events by the reference.
+    """Runs a shot of one of `SHOTS` or `BREAKS` by the engine, and its certain events by the reference.
 
     Returns:
         certain (whether the outcome is), contacts and certain_contacts (their numbers), and false (whether the certain
@@ -59,25 +54,30 @@ def check(kind: str, seed: int) -> dict[str, Any]:
     }
 
 
+def summary(shots: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Returns the number of shots, the sums of the numbers of `check`, and the median of the certain contacts."""
+    total = {key: int(sum(shot[key] for shot in shots)) for key in shots[0]}
+    return {"shots": len(shots), **total, "median": float(np.median([shot["certain_contacts"] for shot in shots]))}
+
+
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
     rows = []
-    for kind, shots in result["kinds"].items():
-        total = {key: sum(shot[key] for shot in shots) for key in shots[0]}
-        outcomes, contacts = total["certain"] / len(shots), total["certain_contacts"] / max(total["contacts"], 1)
-        median = np.median([shot["certain_contacts"] for shot in shots])
-        false = f"{total['false']} of {len(shots):,}"
-        rows.append((kind, f"{outcomes:.1%}", f"{contacts:.1%}", f"{median:.0f}", false))
-    head = ("shots of a kind", "certain outcomes", "certain contacts", "certain contacts, median", "shots with a false one")
+    for kind, s in result["kinds"].items():
+        outcomes, contacts = f"{s['certain']:,} of {s['shots']:,}", f"{s['certain_contacts'] / s['contacts']:.1%}"
+        rows.append((kind, outcomes, contacts, f"{s['median']:.0f}", str(s["false"])))
+    head = ("shots of a kind", "certain outcomes", "certain contacts", "certain contacts, median", "false")
     return {"machine": machine_line(result["machine"]), "kinds": table(head, rows)}
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.certain --help`."""
-    description, shots = "Check the certain outcomes against the reference.", Count(1700, "shots of each kind")
-    args = parser_of("certain", description, shots=shots, workers=workers()).parse_args(arguments)
-    on = machine()
-    report({"machine": on, "kinds": run_kinds(check, CHECKED, args.shots, args.workers)}, blocks, args.output)
+    counts = {"shots": Count(2350, "shots of each kind without a break"), "breaks": Count(300, "breaks of each kind")}
+    parser = parser_of("certain", "Check the certain outcomes against the reference.", workers=workers(), **counts)
+    args, on = parser.parse_args(arguments), machine()
+    kinds = run_kinds(check, SHOTS, args.shots, args.workers) | run_kinds(check, BREAKS, args.breaks, args.workers)
+    found = {kind: summary(shots) for kind, shots in kinds.items()}
+    report({"machine": on, "kinds": found}, blocks, args.output)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ that is thicker by v * delay * sin(a) * cos(a).
    line of centres turns. So the sign does not turn. The delay is 8.5 ms for the default dt of 2 ms, as of rigid
    contacts with 1/59 s. For dt = 10 ms it is 5.1 ms, so the error is smaller with the larger timestep.
 3. A policy of an exact world succeeds in a simulator as often as in the exact world with each hit turned by a delay,
-   which is drawn from those of the head-on hits.
+   which is drawn from those of the head-on hits. (At first this was their mean for MuJoCo.)
 
 4. pooltool has no timestep. A policy that trains exactly with pooltool's laws and table succeeds as often there. It may
    use cushions. This part is left out without the environment of `benchmarks.comparison`.
@@ -82,7 +82,7 @@ class World(NamedTuple):
 
 
 WORLDS = {
-    "MuJoCo 2 ms": World("mujoco", "soft", 0.002, 2),
+    "MuJoCo 2 ms": World("mujoco", "soft", 0.002, 1),
     **{f"pymunk 1/{n} s": World("pymunk", "rigid", 1 / n, 3) for n in (480, 240, 120, 60)},
     "MuJoCo 10 ms": World("mujoco", "soft", 0.01, 2),
     **{f"exact, {laws}": World("exact", laws, 0.0, 3) for laws in RESTITUTION},
