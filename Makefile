@@ -5,6 +5,7 @@ VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2
 BIN := .venv/bin
 INSTALLED := .venv/.installed-$(VERSION)
 POOLTOOL := .venv-pooltool/.installed
+SIMULATORS := .venv-simulators/.installed
 RLLIB := .venv-rllib/.installed
 TOOLS := .venv-tools/.installed
 PYTHONS := 3.10 3.11 3.12 3.13 3.14 3.15
@@ -75,6 +76,7 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m benchmarks.accuracy
 	$(BIN)/python -m benchmarks.comparison
 	$(BIN)/python -m benchmarks.error_limit
+	$(BIN)/python -m benchmarks.certain
 	$(BIN)/python -m benchmarks.validation
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.ablation
@@ -95,9 +97,10 @@ results: $(WORKS)  ## train every row of configs/learning.yaml with its seeds, a
 	$(WORK)/python -m studies.leaderboard
 	$(WORK)/python -m studies.readme
 
-study: $(WORKS)  ## train policies with several timesteps and compare them (four hours on two cores; runs with results are not trained again)
+study: $(WORKS) $(SIMULATORS)  ## train policies with several timesteps and compare them (four hours on two cores; runs with results are not trained again)
 	$(WORK)/python -m studies.timestep $(SPREAD)
 	$(WORK)/python -m studies.timestep_shots
+	$(WORK)/python -m studies.other_simulators
 	$(WORK)/python -m studies.derivatives
 	$(WORK)/python -m studies.readme
 
@@ -114,7 +117,7 @@ format: $(INSTALLED)  ## format the code in place
 	$(BIN)/ruff format .
 
 clean:  ## remove the virtual environment, builds and caches; trained runs stay
-	rm -rf .venv .venv-3.* .venv-pooltool .venv-rllib .venv-tools build dist site *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv .venv-3.* .venv-pooltool .venv-simulators .venv-rllib .venv-tools build dist site *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Runs if .venv is missing or incomplete, or if its Python or the list of packages changes. It starts from an empty .venv.
@@ -155,4 +158,9 @@ $(TOOLS): pyproject.toml constraints.txt
 $(POOLTOOL): benchmarks/pooltool.txt
 	$(PYTHON) -m venv .venv-pooltool
 	.venv-pooltool/bin/pip install --quiet --no-deps -r benchmarks/pooltool.txt
+	touch $@
+
+$(SIMULATORS): studies/simulators.txt
+	$(PYTHON) -m venv .venv-simulators
+	.venv-simulators/bin/pip install --quiet --no-deps -r studies/simulators.txt
 	touch $@

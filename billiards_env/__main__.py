@@ -28,6 +28,7 @@ from billiards_env.scene import SCENES
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from billiards_env.bench import Bench
     from billiards_env.shots.result import ShotResult
 
     Floats = NDArray[np.float64]
@@ -153,6 +154,8 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
     text = "seed of the noise (default: the seed of the layouts; for verify a random one)"
     add("--noise-seed", type=int, metavar="N", help=text)
     add("--name", help="the name of the player in the file (default: the player)")
+    text = "also print the share of the shots of the first N episodes whose outcome is certain (`shot.certain`)"
+    add("--certain", type=int, metavar="N", help=text)
     text = "write the file, .json; FILE.part holds the finished tasks, and the same command resumes"
     add("--out", type=Path, metavar="FILE", help=text)
     add("--force", action="store_true", help="replace an existing file, and do not resume")
@@ -311,6 +314,7 @@ def bench(args: argparse.Namespace) -> None:
         for path in args.file:
             found = bench.verify(path)
             print(f"{path}: accepted, {found.player}\n{bench.report(found)}", flush=True)
+            _print_certain(found, args.certain)
             other = bench.fresh(found, noise_seed)
             if other.results:
                 print(f"the same actions with the noise of seed {noise_seed}:\n{bench.report(other)}", flush=True)
@@ -336,10 +340,19 @@ def bench(args: argparse.Namespace) -> None:
 
     found = bench.play(args.player, args.tasks.split(","), args.seed, args.name, progress, args.noise_seed, part)
     print(bench.report(found), flush=True)
+    _print_certain(found, args.certain)
     if args.out is not None and part is not None:
         bench.save(args.out, found)
         part.unlink()
         print(f"wrote {args.out}")
+
+
+def _print_certain(found: Bench, episodes: int | None) -> None:
+    from billiards_env import bench
+
+    for one in found.results if episodes else ():
+        share = bench.certain_share(one, integer("--certain", episodes, Range(1, None)))
+        print(f"{one.task}: {share:.1%} of the shots of {episodes} episodes have a certain outcome", flush=True)
 
 
 def dataset(args: argparse.Namespace) -> None:

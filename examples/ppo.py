@@ -22,7 +22,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -100,14 +100,16 @@ def success(policy: AimNetwork, envs: VectorEnv, seed: int) -> float:
     return play_together(envs, act, evaluation_seeds(seed, envs.num_envs).tolist())["success_rate"]
 
 
-def train(args: argparse.Namespace, policy: AimNetwork | None = None) -> tuple[AimNetwork, list[dict[str, Any]]]:
+def train(
+    args: argparse.Namespace, policy: AimNetwork | None = None, make_vec: Callable[..., Any] = gym.make_vec
+) -> tuple[AimNetwork, list[dict[str, Any]]]:
     """Trains a policy, a new one if none is given. Prints and returns its success on new layouts meanwhile."""
     torch.manual_seed(args.seed)
     torch.set_num_threads(args.threads)
     torch.set_flush_denormal(True)  # tiny densities are slow otherwise
-    worlds = [gym.make_vec(ENV_ID, num_envs=args.envs, threads=args.threads, **world) for world in args.env]
-    tests = gym.make_vec(ENV_ID, num_envs=args.episodes, threads=args.threads, **args.env[0])
-    scene = tests.single_env.scene  # pyright: ignore
+    worlds = [make_vec(ENV_ID, num_envs=args.envs, threads=args.threads, **world) for world in args.env]
+    tests = make_vec(ENV_ID, num_envs=args.episodes, threads=args.threads, **args.env[0])
+    scene = tests.single_env.scene
     policy = policy or AimNetwork(scene.half_extents, args.points, args.speeds, args.hidden, args.aim)
     optimizer = Adam(policy.parameters(), eps=1e-5, fused=True)
     layouts = [positions_of(envs, envs.reset(seed=args.seed * args.envs)[0]) for envs in worlds]

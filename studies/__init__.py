@@ -5,6 +5,8 @@ Modules:
     timestep: Trains policies with several timesteps and compares them: `make study`.
     timestep_report: Makes its tables and pictures.
     timestep_shots: Chooses shots of these policies for the page of the study.
+    other_simulators: Trains such policies in pymunk and MuJoCo, and plays policies of exact worlds there.
+    simulators_worker: Plays their shots, in an environment of its own.
     derivatives: Compares derivatives through timesteps with exact ones, and trains networks by derivatives.
     failures: The four failures of a timestep, as small scenes.
     planner: Measures the planner under execution noise.

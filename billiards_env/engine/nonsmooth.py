@@ -99,7 +99,9 @@ GRAZE = 1e-6
 """Speed of approach over the relative speed below which a contact counts as grazing."""
 
 _ROLLS = 2.0**-40  # slip over speed of a ball that rolls up to rounding
-_AT_ONCE = 1e-12  # s, and relative: times that are equal up to rounding
+ROUNDING = CONTACT_GAP, 1e-12
+"""The gap, m, and the difference of times, s per 1 s + time, that count as zero: those that rounding may cause."""
+
 
 _BETWEEN = -2  # in place of an event
 
@@ -118,6 +120,7 @@ class Pass(NamedTuple):
         until: The `Time` at which the shot is cut.
         time: (1,) float64, the time of what was found first, s.
         found: (2,) int64: the event or _BETWEEN, and the index of the reason; -1 and -1 for none.
+        within: (2,) float64: a gap, m, and a difference of times, s, per 1 s + time, that count as zero.
     """
 
     events: Any
@@ -128,6 +131,7 @@ class Pass(NamedTuple):
     until: Time
     time: Any
     found: Any
+    within: Any
 
 
 @inlined
@@ -168,7 +172,7 @@ def _touch(gap, along, speed, t, approach, over):  # out: over
         approach: The `Approach`.
         over: The `Pass`.
     """
-    if abs(gap) > CONTACT_GAP or (approach.meets and t == 0.0):
+    if abs(gap) > over.within[0] or (approach.meets and t == 0.0):
         return
     time = later(approach.begin, t).hi
     if abs(along) <= GRAZE * speed:
@@ -180,7 +184,7 @@ def _touch(gap, along, speed, t, approach, over):  # out: over
 @inlined
 def _pass_circle(path, swept, reach, approach, over):  # out: over
     """Looks for a touch of a circle about the origin with a radius `reach`, m, on a `Path` with its `Sweep`."""
-    if misses_circle(path, swept, reach + CONTACT_GAP):
+    if misses_circle(path, swept, reach + over.within[0]):
         return
     t = nearest_time(path, approach.end)
     x, y = place_after(path, t)
@@ -243,7 +247,7 @@ def _pass_outline(outline, i, path, swept, whole, e, over):  # out: over
     for k in range(len(tips)):
         tip = tips[k]
         from_tip, reach = relative_to(path, tip[TIP_X], tip[TIP_Y]), tip[TIP_RADIUS] + radius
-        if not misses_circle(from_tip, swept, reach + CONTACT_GAP):
+        if not misses_circle(from_tip, swept, reach + over.within[0]):
             x, y = place_after(from_tip, nearest_time(from_tip, whole.end))
             if faces(tip, x + tip[TIP_X], y + tip[TIP_Y]):
                 approach = _approach_of(BALL_CUSHION, i, k + len(lines), whole.end, whole.begin, e, over)
@@ -304,12 +308,12 @@ def _is_smooth_cushion(i, wall, state, scene):
 
 
 @inlined
-def _grazes_circle(path, reach, speed):
-    """Returns whether a `Path` that touches a circle about the origin hardly approaches it, or hardly enters it."""
+def _grazes_circle(path, reach, speed, gap):
+    """Returns whether a `Path` that touches a circle about the origin hardly approaches it, or enters it to a gap."""
     if -(path.x * path.vx + path.y * path.vy) <= GRAZE * norm(path.x, path.y) * speed:
         return True
     x, y = place_after(path, turn_time(path))
-    return reach - norm(x, y) <= CONTACT_GAP
+    return reach - norm(x, y) <= gap
 
 
 @inlined
@@ -322,42 +326,41 @@ def _path_before(s, piece, over):
 @inlined
 def _grazes(kind, i, other, piece, speed, over):
     """Returns whether a contact of ball i hardly approaches, or hardly enters the other body if nothing stops it."""
-    scene, path = over.scene, _path_before(0, piece, over)
+    scene, path, gap = over.scene, _path_before(0, piece, over), over.within[0]
     if kind == BALL_BALL:
         b = _path_before(1, piece, over)
         path = Path(path.x - b.x, path.y - b.y, path.vx - b.vx, path.vy - b.vy, path.ax - b.ax, path.ay - b.ay)
-        return _grazes_circle(path, contact_distance(scene.spheres, scene.radius, i, other), speed)
+        return _grazes_circle(path, contact_distance(scene.spheres, scene.radius, i, other), speed, gap)
     if kind == BALL_POCKET:
         pocket = scene.pockets[other]
-        return _grazes_circle(relative_to(path, pocket[POCKET_X], pocket[POCKET_Y]), pocket[POCKET_RADIUS], speed)
+        return _grazes_circle(relative_to(path, pocket[POCKET_X], pocket[POCKET_Y]), pocket[POCKET_RADIUS], speed, gap)
     nx, ny, curvature = wall_at(path.x, path.y, other, scene.radius[i], scene.outline)
     if curvature > 0.0:
         reach = 1.0 / curvature
-        return _grazes_circle(relative_to(path, path.x + reach * nx, path.y + reach * ny), reach, speed)
+        return _grazes_circle(relative_to(path, path.x + reach * nx, path.y + reach * ny), reach, speed, gap)
     v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
-    return v <= GRAZE * speed or (a < 0.0 and -0.5 * v * v / a <= CONTACT_GAP)
+    return v <= GRAZE * speed or (a < 0.0 and -0.5 * v * v / a <= gap)
 
 
 @inlined
-def _is_at_joint(outline, wall, state):
-    """Returns whether a ball with a state (7,) touches a cushion where its curvature changes."""
+def _is_at_joint(outline, wall, state, gap):
+    """Returns whether a ball with a state (7,) touches a cushion within a gap of a change of its curvature."""
     if outline is None:
         return False
+    near = 2.0 * JOINT + gap
     if wall < len(outline.lines):
         line = outline.lines[wall]
         along = line[TX] * (state[DX] - line[LINE_X]) + line[TY] * (state[DY] - line[LINE_Y])
-        return abs(abs(along) - line[HALF_LINE]) <= 2.0 * JOINT
+        return abs(abs(along) - line[HALF_LINE]) <= near
     tip = outline.tips[wall - len(outline.lines)]
     dx, dy = state[DX] - tip[TIP_X], state[DY] - tip[TIP_Y]
-    return abs(dx * tip[BEGIN_TX] + dy * tip[BEGIN_TY]) <= 2.0 * JOINT or (
-        abs(dx * tip[END_TX] + dy * tip[END_TY]) <= 2.0 * JOINT
-    )
+    return abs(dx * tip[BEGIN_TX] + dy * tip[BEGIN_TY]) <= near or abs(dx * tip[END_TX] + dy * tip[END_TY]) <= near
 
 
 @inlined
-def _is_at_once(dt, time):
-    """Returns whether times with a difference dt, s, are equal up to rounding."""
-    return abs(dt) <= _AT_ONCE * (1.0 + time)
+def _is_at_once(dt, time, over):
+    """Returns whether times with a difference dt, s, are equal up to `Pass.within`."""
+    return abs(dt) <= over.within[1] * (1.0 + time)
 
 
 @inlined
@@ -383,7 +386,7 @@ def _judge(e, over):  # out: over
         now, before_it = Time(time, events[e, TIME_LO]), over.segments[tape.previous[piece + s]]
         if last >= 0 and events[last, TIME] == time and events[last, KIND] <= BALL_POCKET:
             _find(time, e, SIMULTANEOUS, over)
-        if before_it[SEGMENT_PHASE] in (ROLLING, SLIDING) and _is_at_once(_left(before_it, now), time):
+        if before_it[SEGMENT_PHASE] in (ROLLING, SLIDING) and _is_at_once(_left(before_it, now), time, over):
             _find(time, e, SIMULTANEOUS, over)
         if _rolls(over.segments[piece + s], scene.numbers):
             _find(time, e, ROLLS, over)
@@ -391,7 +394,7 @@ def _judge(e, over):  # out: over
         _find(time, e, AT_LIP if kind == BALL_POCKET else GRAZING, over)
     elif kind == BALL_CUSHION and not _is_smooth_cushion(i, other, tape.before[piece], scene):
         _find(time, e, SLIPS, over)
-    elif kind == BALL_CUSHION and _is_at_joint(scene.outline, other, tape.before[piece]):
+    elif kind == BALL_CUSHION and _is_at_joint(scene.outline, other, tape.before[piece], over.within[0]):
         _find(time, e, AT_JOINT, over)
 
 
@@ -403,15 +406,17 @@ def _cut(done, over):  # out: over
         segment = over.segments[over.tape.current[i]]
         if segment[SEGMENT_PHASE] not in (REST, POTTED):
             rests = False
-            if _is_at_once(_left(segment, over.until), over.until.hi):
+            if _is_at_once(_left(segment, over.until), over.until.hi, over):
                 _find(over.until.hi, _BETWEEN, IS_CUT, over)
     for e in (done - 1, done):
-        if not rests and 0 <= e < len(over.events) and _is_at_once(over.events[e, TIME] - over.until.hi, over.until.hi):
+        if rests or not 0 <= e < len(over.events):
+            continue
+        if _is_at_once(over.events[e, TIME] - over.until.hi, over.until.hi, over):
             _find(over.until.hi, _BETWEEN, IS_CUT, over)
 
 
 @allocating_entry_point
-def find_nonsmooth(begin, end, shots, times, results):  # out: results
+def find_nonsmooth(begin, end, shots, times, within, results):  # out: results
     """Finds the first reason why shots `begin` to `end` - 1 have no derivative.
 
     Args:
@@ -419,6 +424,8 @@ def find_nonsmooth(begin, end, shots, times, results):  # out: results
         end: One past the last.
         shots: The `RecordedShots`, as a plain tuple.
         times: (m,) float64, s: only the shot until then counts.
+        within: (l, 2) float64, as in `Pass`, for each event in the order of the log and then for the end of the shot;
+            the last row is that of all later ones.
         results: (m, 2) int64 out: the last event until then and the index of the reason in `REASONS`; -1 and -1 if
             there is none. The start of the shot is event -1.
     """
@@ -431,7 +438,15 @@ def find_nonsmooth(begin, end, shots, times, results):  # out: results
         log, paths, until = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]], Time(times[k], 0.0)
         trace(log, paths, scene, shots.is_sphere, tape)
         over = Pass(
-            events=log, segments=paths, scene=scene, tape=tape, last=last, until=until, time=first, found=results[k]
+            events=log,
+            segments=paths,
+            scene=scene,
+            tape=tape,
+            last=last,
+            until=until,
+            time=first,
+            found=results[k],
+            within=within[min(at[0], len(within) - 1)].copy(),
         )
         first[0], results[k, 0], results[k, 1] = math.inf, -1, -1
         last[:] = -1
@@ -442,6 +457,7 @@ def find_nonsmooth(begin, end, shots, times, results):  # out: results
         done = 0
         while done < len(log) and log[done, TIME] <= times[k]:
             balls = 2 if log[done, KIND] == BALL_BALL else 1
+            over.within[:] = within[min(at[0] + done, len(within) - 1)]
             _judge(done, over)
             for s in range(balls):
                 _pass_by(int(log[done, BALL + s]), done, Time(log[done, TIME], log[done, TIME_LO]), over)
@@ -453,6 +469,7 @@ def find_nonsmooth(begin, end, shots, times, results):  # out: results
             if pending > _LOOK_AFTER:
                 end_call(interrupted())
                 pending = 0
+        over.within[:] = within[min(at[0] + done, len(within) - 1)]
         for i in range(n):
             _pass_by(i, -1, until, over)
         _cut(done, over)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 if TYPE_CHECKING:
-    from billiards_env.shots.gradients import Margins, Nonsmooth, Record
+    from billiards_env.shots.gradients import Certain, Margins, Nonsmooth, Record
 
 
 class Differentiable:
@@ -149,6 +149,22 @@ class Differentiable:
         from billiards_env.shots import gradients
 
         return self._of_each(gradients.nonsmooth(self._record("nonsmooth"), t, threads))
+
+    def certain(self) -> Certain:
+        """Returns whether the outcome is the one of exact arithmetic, by a checked bound, see `gradients.Certain`.
+
+        Raises:
+            ValueError: If the shot was not recorded or not run by "pic".
+
+        Example:
+            >>> from billiards_env import Scene, simulate
+            >>> shot = simulate(Scene.named("pool"), [[-0.5, 0.0], [0.0, 0.01]], [2.0, 0.0], record=True)
+            >>> shot.certain().outcome
+            True
+        """
+        from billiards_env.shots import gradients
+
+        return self._of_each(gradients.certain(self._record("certain")))
 
     def margins(self, t: ArrayLike | None = None, threads: int | None = None) -> Margins:
         """Returns the signed distances to changes of outcome: of balls to balls, to pockets and to cushions.

@@ -32,9 +32,9 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import numbers, one_of, short
 from billiards_env.engine.compile import PIC, Varied, physics_of_shots, scene_fields, varied_fields
 from billiards_env.engine.gradients import BALL_INPUTS, NUMBER_INPUTS, pull_lanes, push_lanes
-from billiards_env.engine.log import SEGMENT_ROW, TIME
+from billiards_env.engine.log import BALL_POCKET, KIND, SEGMENT_ROW, TIME
 from billiards_env.engine.margins import push_margins
-from billiards_env.engine.nonsmooth import OVERFLOWS, REASONS, find_nonsmooth
+from billiards_env.engine.nonsmooth import OVERFLOWS, REASONS, ROUNDING, find_nonsmooth
 from billiards_env.engine.threads import parallel_for
 from billiards_env.physics.derivatives import BALL_WIDTH
 from billiards_env.physics.state import LAW_NUMBERS, UX, UY, VX, VY, WZ, X, Y
@@ -96,6 +96,25 @@ class Nonsmooth(NamedTuple):
 
     event: Any
     reason: Any
+
+
+class Certain(NamedTuple):
+    """How much of a shot is certain: which events have the order of exact arithmetic. Arrays for a batch.
+
+    It is a checked bound, not a proof. The error of a position is bounded by `SAFETY` times the unit roundoff times the
+    largest condition up to its time: the 2-norm of its derivatives by the start, each times the size of its input (half
+    the length of the table, or the largest speed). The errors of times are bounded in the same way. `SAFETY` is above
+    the ratio of the errors of all measured shots to the condition times the unit roundoff. An event is certain if up to
+    it no bodies pass or enter each other by less than the bound, no impacts follow each other by less, and no event is
+    one of `engine.nonsmooth.REASONS`.
+
+    Attributes:
+        events: The number of events, from the first one on, that are certain.
+        outcome: Whether all are certain, and with them the potted balls, the first hit and the order of the contacts.
+    """
+
+    events: Any
+    outcome: Any
 
 
 class Margins(NamedTuple):
@@ -542,7 +561,7 @@ _FEW = 16  # events, after which no derivative is `_HUGE`: an impact that does n
 def nonsmooth(record: Record, t: ArrayLike | None, threads: int | None) -> Nonsmooth:
     """Implements `BatchResult.nonsmooth`."""
     found, times = np.empty((len(record.time), 2), np.int64), _times(record, t)
-    _for_all(record, find_nonsmooth, threads, times, found)
+    _for_all(record, find_nonsmooth, threads, times, np.array([ROUNDING]), found)
     most = _most_events(record, ("event_times",))
     if most > _FEW and (found[:, 1] < 0).any():
         n = BALL_INPUTS * record.scene.n_balls
@@ -556,6 +575,51 @@ def nonsmooth(record: Record, t: ArrayLike | None, threads: int | None) -> Nonsm
         event = np.where(huge.any(axis=1), huge.argmax(axis=1), last)
         found[overflows] = np.stack((event, np.full_like(event, OVERFLOWS)), axis=1)[overflows]
     return Nonsmooth(found[:, 0], np.array((*REASONS, ""))[found[:, 1]])
+
+
+SAFETY = 100.0
+"""The bound of `certain` over the condition times the unit roundoff, see `Certain`."""
+
+
+def certain(record: Record) -> Certain:
+    """Implements `ShotResult.certain`."""
+    m, found = len(record.time), np.empty((1, 2), np.int64)
+    counts, outcomes = np.empty(m, np.int64), np.empty(m, np.bool_)
+    for k in range(m):
+        shot = _shots(record, k, k + 1)
+        (part,) = shot.parts
+        events = part.events[part.bounds[0, 0] : part.bounds[1, 0]]
+        within = _error_bounds(shot, events)
+        alone = shot._replace(parts=[part._replace(events=events, bounds=part.bounds - [[part.bounds[0, 0], 0]])])
+        _for_all(alone, find_nonsmooth, 1, shot.time, within, found)
+        impacts = np.flatnonzero(events[:, KIND] <= BALL_POCKET)
+        unordered = np.diff(events[impacts, TIME]) <= within[impacts[1:], 1]
+        first = min([len(events), *impacts[1:][unordered][:1]])
+        outcomes[k] = found[0, 1] < 0 and first == len(events)
+        counts[k] = first if found[0, 1] < 0 else min(first, max(found[0, 0], 0))
+    return Certain(counts, outcomes)
+
+
+def _error_bounds(record: Record, events: Floats) -> Floats:
+    """Returns the largest errors of a gap, m, and of a difference of times, s, until each event and the end.
+
+    They are (l + 1, 2) float64, for the l events of one shot.
+    """
+    n, states, radius = record.scene.n_balls, start_states(record)[0], min(record.scene.balls.radius)
+    speed = max(np.abs(states[:, 2:4]).max(), radius * np.abs(states[:, 4:]).max())
+    sizes = np.array([max(record.scene.half_extents)] * 2 + [speed] * 2 + [speed / radius] * 3)
+    inputs = np.zeros((1, n, 7, n * BALL_INPUTS + NUMBER_INPUTS))
+    for i in range(n):
+        inputs[0, i, :, BALL_INPUTS * i : BALL_INPUTS * i + 7] = np.diag(sizes)
+    inputs = inputs.reshape(1, 7 * n, -1)
+    at = np.append(events[:, TIME], record.time)
+    times, lengths, at_events = np.sort(np.append(np.nextafter(at, 0.0), at)), [], inputs
+    for block in np.split(times, range(_TIMES, len(times), _TIMES)):
+        outputs, at_events = _push(record, block[None], inputs, len(events), 1)
+        lengths.append(np.square(outputs[0, ..., :2]).sum((1, 3)).max(1))
+    errors = np.stack((np.concatenate(lengths)[1::2], np.append(np.square(at_events[0, ..., 0]).sum(0), 0.0)), 1)
+    errors = np.maximum.accumulate(np.where(np.isnan(errors), np.inf, errors))
+    return np.maximum(2.0 * SAFETY * UNIT_ROUNDOFF * np.sqrt(errors), ROUNDING)
 
 
 _TIMES = 64  # number of times in one pass, which bounds the memory

@@ -1,0 +1,84 @@
+"""Checks which outcomes are certain (`ShotResult.certain`) against the 50-digit reference.
+
+A certain event is false if the contacts up to it are not those of the reference, in the same order.
+
+    python -m benchmarks.certain                          # 10,000 shots
+    python -m benchmarks.certain --shots 20 --breaks 5
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from benchmarks import Count, machine, machine_line, parser_of, report, run_kinds, table, workers
+from benchmarks.error_limit import KINDS
+from billiards_env.shots.simulation import simulate
+from reference.oracle import OracleError, run
+
+SHOTS = "1 object ball", "5 object balls", "carom", "real pool, 5 object balls"
+BREAKS = "9-ball break, loose", "15-ball break, loose"
+CONTACTS = ("ball_ball", "cushion", "pocket")
+
+
+def check(kind: str, seed: int) -> dict[str, Any]:
+    """Runs a shot of one of `SHOTS` or `BREAKS` by the engine, and its certain events by the reference.
+
+    Returns:
+        certain (whether the outcome is), contacts and certain_contacts (their numbers), and false (whether the certain
+        contacts are not those of the reference).
+    """
+    scene, draw = KINDS[kind]
+    places, velocities = draw(scene, np.random.default_rng([seed, list(KINDS).index(kind), 1]))
+    shot = simulate(scene, places, velocities, record=True)
+    assert shot.events is not None
+    found, times = shot.certain(), shot.events["time"]
+    # The reference stops between the last certain event and the next one.
+    until = None if found.outcome else float(times[[max(found.events - 1, 0), found.events]].mean())
+    ours = [(str(e["kind"]), int(e["ball"]), int(e["other"])) for e in shot.events[: found.events]]
+    contacts = [event for event in ours if event[0] in CONTACTS]
+    theirs: list[Any] = []
+    if contacts:
+        try:
+            exact = run(scene, places.tolist(), velocities.tolist(), max_time=until)
+        except OracleError as stopped:
+            exact = stopped.shot
+        theirs = [tuple(event[1:]) for event in exact.events if event.kind in CONTACTS][: len(contacts)]
+    return {
+        "certain": bool(found.outcome),
+        "contacts": int(np.isin(shot.events["kind"], CONTACTS).sum()),
+        "certain_contacts": len(contacts),
+        "false": contacts != theirs,
+    }
+
+
+def summary(shots: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Returns the number of shots, the sums of the numbers of `check`, and the median of the certain contacts."""
+    total = {key: int(sum(shot[key] for shot in shots)) for key in shots[0]}
+    return {"shots": len(shots), **total, "median": float(np.median([shot["certain_contacts"] for shot in shots]))}
+
+
+def blocks(result: dict[str, Any]) -> dict[str, str]:
+    """Returns the results as Markdown, by name."""
+    rows = []
+    for kind, s in result["kinds"].items():
+        outcomes, contacts = f"{s['certain']:,} of {s['shots']:,}", f"{s['certain_contacts'] / s['contacts']:.1%}"
+        rows.append((kind, outcomes, contacts, f"{s['median']:.0f}", str(s["false"])))
+    head = ("shots of a kind", "certain outcomes", "certain contacts", "certain contacts, median", "false")
+    return {"machine": machine_line(result["machine"]), "kinds": table(head, rows)}
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs the command line; see `python -m benchmarks.certain --help`."""
+    counts = {"shots": Count(2350, "shots of each kind without a break"), "breaks": Count(300, "breaks of each kind")}
+    parser = parser_of("certain", "Check the certain outcomes against the reference.", workers=workers(), **counts)
+    args, on = parser.parse_args(arguments), machine()
+    kinds = run_kinds(check, SHOTS, args.shots, args.workers) | run_kinds(check, BREAKS, args.breaks, args.workers)
+    found = {kind: summary(shots) for kind, shots in kinds.items()}
+    report({"machine": on, "kinds": found}, blocks, args.output)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,51 @@
+"""The events that are certain are those of exact arithmetic, and doubtful ones are named."""
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene, simulate, simulate_batch
+from billiards_env.scene import layouts
+
+IDEAL = Scene.named("ideal")
+REACH = 2 * IDEAL.balls.radius[0]
+
+
+@pytest.mark.parametrize(
+    ("gap", "certain"), [(0.0, False), (1e-13, False), (-1e-13, False), (1e-9, True), (-1e-9, True)]
+)
+def test_a_ball_that_barely_passes_is_not_certain(gap, certain):
+    shot = simulate(IDEAL, [[-0.5, REACH + gap], [0.0, 0.0]], [1.0, 0.0], record=True, max_time=0.9)
+    assert shot.certain().outcome == certain
+
+
+def test_a_doubt_grows_with_the_impacts_before_it():
+    scene = Scene.named("ideal", 3)
+    start = [[-0.9, 0.0], [-0.8, 0.04], [-0.6, -0.3], [0.6, 0.3]]
+    shot = simulate(scene, start, [1.0, 0.0], record=True, max_time=8.0)
+    found, impacts = shot.certain(), (shot.events["kind"] == "ball_ball").sum()
+    assert impacts >= 4
+    assert 0 < found.events <= shot.n_events
+    whole = simulate(scene, start, [1.0, 0.0], record=True, max_time=200.0, max_events=400)
+    assert found.events <= whole.certain().events < whole.n_events  # rounding errors are as large as the table then
+    assert not whole.certain().outcome
+
+
+def test_contacts_at_one_time_have_no_certain_order():
+    scene = Scene.named("ideal", 2)
+    start = [[-1.0, 0.0], [0.5, 0.2], [0.5, -0.2]]
+    for second, certain in (([1.0, 0.0], False), ([1.01, 0.0], True)):
+        velocities = [[0.0, 0.0], [1.0, 0.0], second]
+        shot = simulate(scene, start, velocities, record=True, max_time=1.0)
+        assert shot.certain().outcome == certain
+        assert shot.certain().events == (2 if certain else 1)
+
+
+def test_a_batch_has_the_certain_events_of_its_shots():
+    scene, rng = Scene.named("ideal", 3), np.random.default_rng(1)
+    places = np.array([layouts.draw("random", scene, rng) for _ in range(6)])
+    batch = simulate_batch(scene, places, rng.normal(size=(6, 2)), record=True)
+    found = batch.certain()
+    assert found.events.tolist() == [batch[k].certain().events for k in range(6)]
+    assert found.outcome.tolist() == [batch[k].certain().outcome for k in range(6)]
+    with pytest.raises(ValueError, match=r"shot\.certain: expected a shot of"):
+        simulate(scene, places[0], [1.0, 0.0]).certain()
