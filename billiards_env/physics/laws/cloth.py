@@ -6,8 +6,8 @@ In every phase the position is quadratic in time, r(t) = r0 + v0 t + a t^2 / 2:
   direction, and du/dt = 7/2 a, so the phase lasts 2 |u| / (7 mu_s g) (Marlow 1995, The Physics of Pocket Billiards).
 * rolling: u = 0 and a = -mu_r g v/|v|, so the phase lasts |v| / (mu_r g). If the resistance grows with the speed,
   mu_r(v) = mu_roll + mu_roll_speed |v|, the deceleration is constant between two `ROLL_SPEEDS`, with the value of the
-  middle, and a phase ends at each of them. Up to 4.5 m/s its error is at most mu_roll_speed g `ROLL_STEP` / 2; above that
-  it stays the same.
+  middle, and a phase ends at each of them. Up to 4.5 m/s its error is at most mu_roll_speed g `ROLL_STEP` / 2; above
+  that it stays the same.
 * free: a = 0, and the phase has no end.
 * spinning and at rest: v = 0.
 
