@@ -44,7 +44,8 @@ from billiards_env.shots.gradients import physics_inputs
 
 FREE = (
     *("mu_slide", "mu_roll", "spin_decay", "e_ball", "e_cushion", "mu_cushion", "mu_ball_factor"),
-    *("e_cushion_loss", "mu_cushion_angle", "e_cushion_topspin"),
+    *("e_cushion_loss", "mu_cushion_angle", "e_cushion_topspin", "mu_cushion_slip", "e_cushion_tangent"),
+    "mu_roll_speed",
 )
 """The numbers that `calibrate` fits by default, if they are not 0 and enter the laws of the scene."""
 
@@ -151,7 +152,7 @@ def _check_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
     known = tuple(physics_inputs(scene.physics))
     if free is None:
         physics = scene.physics
-        matter = set(FREE) if physics.motion == "sliding" else {"mu_roll", "e_ball", "e_cushion"}
+        matter = set(FREE) if physics.motion == "sliding" else {"mu_roll", "mu_roll_speed", "e_ball", "e_cushion"}
         matter -= {"mu_ball_factor"} if physics.ball_ball == "frictionless" else set()
         return tuple(name for name in FREE if name in matter and getattr(physics, name) > 0.0)
     names = (free,) if isinstance(free, str) else tuple(free)
@@ -303,7 +304,7 @@ def _result(
         values=dict(zip(fitted.names, numbers_of(fitted.scene, fitted.names).tolist(), strict=True)),
         kept=fitted.kept,
         covariance=fitted.covariance,
-        noise=fits.noise,
+        row_noise=fits.noise,
         frame=frame,
         tracks=tracks,
         residuals=[row[: len(keep)][keep] for row, keep in zip(off, kept, strict=True)],

@@ -44,7 +44,7 @@ class Calibration:
         values: The fitted numbers, by name.
         kept: Why the other numbers keep their start, by name.
         covariance: (s, s) float64, of the numbers in the order of `values`, see `shared.covariance`.
-        noise: Standard deviation of a coordinate of a row, m.
+        row_noise: Standard deviation of a coordinate of a row, m.
         frame: The frame of the given tracks.
         tracks: The m tracks in the frame of the scene, with their rows in the order of time.
         residuals: m arrays (k, 2) float64: the model less the rows, m.
@@ -63,7 +63,7 @@ class Calibration:
     values: dict[str, float]
     kept: dict[str, str]
     covariance: Floats
-    noise: float
+    row_noise: float
     frame: Frame
     tracks: list[Track]
     residuals: list[Floats]
@@ -121,8 +121,8 @@ class Calibration:
 
     def judge(self, tracks: Sequence[Track]) -> Judged:
         """Returns the errors of other shots, in the frame of the given tracks, with the fitted numbers."""
-        shots = [prepare(self.scene, self.frame.apply(track), self.noise) for track in drop_clipped(tracks)[0]]
-        return judge(self.scene, shots, rows_of(self.scene, shots, self.noise))
+        shots = [prepare(self.scene, self.frame.apply(track), self.row_noise) for track in drop_clipped(tracks)[0]]
+        return judge(self.scene, shots, rows_of(self.scene, shots, self.row_noise))
 
     def strike_errors(self, intended: ArrayLike) -> dict[str, tuple[float, float]]:
         """Returns the errors of the strikes: the fitted velocities of the cue ball against the intended ones.
@@ -142,7 +142,7 @@ class Calibration:
         off = {"direction": turn, "speed": np.hypot(x, y) - np.hypot(*aim.T)}
         return {name: (float(e.mean()), float(e.std(ddof=1)) if len(e) > 1 else np.nan) for name, e in off.items()}
 
-    def noise_of_strikes(self, intended: ArrayLike) -> dict[str, float]:
+    def noise(self, intended: ArrayLike) -> dict[str, float]:
         """Returns the argument `noise` of `Billiards-v0`, from the intended velocities (m, 2), m/s."""
         errors = self.strike_errors(intended)
         return {"angle_std": errors["direction"][1], "speed_std": errors["speed"][1]}
@@ -182,7 +182,7 @@ class Calibration:
             each = [f"{law} {loss / best:.3f}" for law, loss in sorted(self.laws.items(), key=lambda one: one[1])]
             lines += [f"loss with each law of cushions over the least: {', '.join(each)}", ""]
         count = sum(int(used.sum()) for used in self.fitted), sum(map(len, self.fitted))
-        lines += [f"{count[0]} of {count[1]} rows fitted, noise of {1e3 * self.noise:.3g} mm"]
+        lines += [f"{count[0]} of {count[1]} rows fitted, noise of {1e3 * self.row_noise:.3g} mm"]
         lines += [f"warning: {text}" for text in self.warnings]
         lines += ["", "rms of the residuals of each shot, mm"]
         each = [f"{track.name}: {1e3 * rms:.2f}" for track, rms in zip(self.tracks, self.rms, strict=True)]
@@ -199,7 +199,7 @@ class Calibration:
             "kept": self.kept,
             "intervals_95": {name: list(ends) for name, ends in self.intervals.items()},
             "covariance": self.covariance.tolist(),
-            "noise": self.noise,
+            "noise": self.row_noise,
             "judged": self.judged.to_dict(),
             "predicted": None if self.predicted is None else self.predicted.to_dict(),
             "laws": self.laws,

@@ -92,6 +92,7 @@ KINDS = {
     "sliding_rolling": "begins to roll",
     "rolling_rest": "stops",
     "spinning_rest": "stops spinning",
+    "rolling_slower": "rolls more slowly",
 }
 """The text of each event kind, after the name of the ball."""
 

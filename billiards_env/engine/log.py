@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.state import ROLLING, SLIDING, WIDTH, X, Y
+from billiards_env.physics.state import ROLLING, SLIDING, VX, VY, WIDTH, X, Y
 
-KINDS = ("ball_ball", "cushion", "pocket", "sliding_rolling", "rolling_rest", "spinning_rest")
+KINDS = ("ball_ball", "cushion", "pocket", "sliding_rolling", "rolling_rest", "spinning_rest", "rolling_slower")
 """Names of the kinds of events."""
-BALL_BALL, BALL_CUSHION, BALL_POCKET, SLIDING_ROLLING, ROLLING_REST, SPINNING_REST = 0, 1, 2, 3, 4, 5
+BALL_BALL, BALL_CUSHION, BALL_POCKET, SLIDING_ROLLING, ROLLING_REST, SPINNING_REST, ROLLING_SLOWER = range(7)
 
 # Columns of `Log.events`.
 TIME, TIME_LO, KIND, BALL, OTHER, EVENT_X, EVENT_Y, SPEED, RULE = 0, 1, 2, 3, 4, 5, 6, 7, 8
@@ -60,6 +60,12 @@ NO_LOG = tuple(empty_log())
 def phase_end(phase):
     """Returns the kind of event that ends a phase."""
     return SLIDING_ROLLING if phase == SLIDING else (ROLLING_REST if phase == ROLLING else SPINNING_REST)
+
+
+@inlined
+def phase_ended(kind, row):
+    """Returns the kind of event that has ended a phase; after `phase_end` a ball may roll on, more slowly."""
+    return ROLLING_SLOWER if kind == ROLLING_REST and (row[VX] != 0.0 or row[VY] != 0.0) else kind
 
 
 @inlined

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from billiards_env.engine.contact_rule import CushionContact, collide, hit_corner, hit_cushion
-from billiards_env.engine.log import BALL_BALL, BALL_CUSHION, BALL_POCKET, log_event
+from billiards_env.engine.log import BALL_BALL, BALL_CUSHION, BALL_POCKET, log_event, phase_ended
 from billiards_env.engine.shots import count_hit
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
@@ -137,6 +137,7 @@ def resolve_singles(count, now, k, scene, work, shots, log):  # out: work, shots
             shots.cushions[k, i] += 1
         else:
             end_phase(state, i, now, scene.numbers)
+            kind = phase_ended(kind, state.rows[i])
         shots.n_contact_rule[k] += acts
         shots.n_events[k] += 1
         log_event(log, now, kind, i, other, state, speed, acts > 0)

@@ -26,6 +26,7 @@ from billiards_env.engine.log import (
     log_event,
     log_segment,
     phase_end,
+    phase_ended,
 )
 from billiards_env.engine.overlaps import (
     PUSH_APART,
@@ -182,6 +183,7 @@ def _end_next_phase(k, scene, work, shots, log):  # out: work, shots, log
     kind = phase_end(phase[first])
     time = Time(work.phase_end_hi[first], work.phase_end_lo[first])
     end_phase(state, first, time, scene.numbers)
+    kind = phase_ended(kind, state.rows[first])
     begin_phase(state, first, scene.numbers)
     shots.time[k] = time.hi
     shots.n_events[k] += 1

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.laws.cloth import SLIP_RATE, drive, phase_of, spin_after
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.laws.cloth import SLIP_RATE, drive, phase_of, share_kept, spin_after
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -136,6 +137,7 @@ def advance(state, i, time, numbers):  # out: state
 def end_phase(state, i, time, numbers):  # out: state
     """Ends ball i's phase at a `Time`: its slip, velocity or spin becomes exactly zero.
 
+    A rolling ball whose resistance changes keeps a speed, exactly one of `cloth.ROLL_SPEEDS` up to rounding.
     `begin_phase` then sets the next phase.
     """
     advance(state, i, time, numbers)
@@ -143,7 +145,8 @@ def end_phase(state, i, time, numbers):  # out: state
     if state.phase[i] == SLIDING:
         s[UX] = s[UY] = 0.0
     elif state.phase[i] == ROLLING:
-        s[VX] = s[VY] = 0.0
+        share = share_kept(norm(s[VX], s[VY]), numbers)
+        s[VX], s[VY] = (share * s[VX], share * s[VY]) if share > 0.0 else (0.0, 0.0)
     elif state.phase[i] == SPINNING:
         s[WZ] = 0.0
 

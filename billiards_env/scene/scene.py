@@ -166,7 +166,7 @@ class Physics:
         cushion: "restitution" (the normal velocity is reversed and multiplied by the restitution), "han2005" (Han 2005,
             with friction and spin), "stronge" (Stronge 2000, with friction, spin and a compliant cushion),
             "mathavan2010" (Mathavan, Jackson and Parkin 2010, with friction at the cushion and at the cloth) or
-            "han2005_variable" ("han2005" with a friction that depends on the angle, and a restitution on the topspin).
+            "han2005_variable" ("han2005" with a friction and a restitution that depend on the motion).
             All but "restitution" need `motion="sliding"`.
         ball_ball: "frictionless" or "frictional" (impacts of balls with friction, which throws balls and transfers
             spin; needs `motion="sliding"`).
@@ -187,6 +187,9 @@ class Physics:
         mu_cushion_angle: Gain of the friction of "han2005_variable" cushions from a ball that moves along the normal to
             one that moves along the cushion.
         e_cushion_topspin: Gain of their restitution from a ball without topspin to one that rolls.
+        mu_cushion_slip: Fall of their friction with the slip, s/m: it is divided by 1 + mu_cushion_slip * slip.
+        e_cushion_tangent: Share of the slip at their nose that friction reverses if it is large enough, 0 to 1.
+        mu_roll_speed: Gain of the rolling resistance per speed, s/m, see `physics.laws.cloth`; 0.004 on a match table.
         max_time: Time limit of a shot, s; None for no limit. "ideal" motion needs a limit.
     """
 
@@ -214,6 +217,9 @@ class Physics:
     e_cushion_floor: float = _number(0.0, "restitution", "cushion")
     mu_cushion_angle: float = _number(0.0, "mu_cushion", "cushion")
     e_cushion_topspin: float = _number(0.0, "restitution", "cushion")
+    mu_cushion_slip: float = _number(0.0, "speed_loss", "cushion")
+    e_cushion_tangent: float = _number(0.0, "restitution", "cushion")
+    mu_roll_speed: float = _number(0.0, "speed_loss", "")
     max_time: float | None = None
 
     def __post_init__(self) -> None:
@@ -265,6 +271,7 @@ def law_numbers(physics: Any, cushion_height: float) -> dict[str, Any]:
     return same | {
         "slide": physics.mu_slide * physics.g,
         "roll": physics.mu_roll * physics.g,
+        "roll_gain": physics.mu_roll_speed * physics.g,
         "mu_limit": mu_limit,
         "mu_drop": mu_drop,
         "mu_rate": mu_rate,

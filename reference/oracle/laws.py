@@ -45,6 +45,7 @@ class World:
     g: Real
     mu_slide: Real
     mu_roll: Real
+    mu_roll_speed: Real
     spin_decay: Real
     e_ball: Real
     e_cushion: Real
@@ -53,6 +54,8 @@ class World:
     e_cushion_floor: Real
     mu_cushion_angle: Real
     e_cushion_topspin: Real
+    e_cushion_tangent: Real
+    mu_cushion_slip: Real
     mu_cushion: Real
     cushion_frequency_ratio: Real
     ball_friction: Vector | None
@@ -163,6 +166,13 @@ def slip(world: World, ball: int, velocity: Vector, spin: Vector) -> Vector:
     return (velocity[0] - radius * spin[1], velocity[1] + radius * spin[0])
 
 
+def rolling_resistance(world: World, speed: Real) -> tuple[Real, Real]:
+    """Returns the deceleration of a ball that rolls, m/s^2, and the lower speed at which it changes, m/s."""
+    steps = [mpmath.mpf(k) / 2 for k in range(9)] if world.mu_roll_speed else [mpmath.mpf(0)]
+    least = max(step for step in steps if step == 0 or speed > step * (1 + world.tiny))
+    return (world.mu_roll + world.mu_roll_speed * (least + mpmath.mpf(1) / 4)) * world.g, least
+
+
 def segment(
     world: World, ball: int, start: Real, position: Vector, velocity: Vector, spin: Vector, noise: Real
 ) -> Segment:
@@ -182,9 +192,9 @@ def segment(
     if world.motion == "rolling":
         if not speed:
             return make("rest", None, still, (zero,) * 3, (zero,) * 3)
-        deceleration = world.mu_roll * world.g
+        deceleration, least = rolling_resistance(world, speed)
         acceleration = tuple(-deceleration * v / speed for v in velocity)
-        return make("rolling", speed / deceleration, acceleration, (zero,) * 3, (zero,) * 3)
+        return make("rolling", (speed - least) / deceleration, acceleration, (zero,) * 3, (zero,) * 3)
 
     radius = world.radius[ball]
     wz = spin[2] if radius * abs(spin[2]) > noise else zero
@@ -204,10 +214,10 @@ def segment(
             (turn * ay, -turn * ax, wz_rate),
         )
     if speed:
-        deceleration = world.mu_roll * world.g
+        deceleration, least = rolling_resistance(world, speed)
         ax, ay = (-deceleration * v / speed for v in velocity)
         rolling = (-velocity[1] / radius, velocity[0] / radius, wz)
-        return make("rolling", speed / deceleration, (ax, ay), rolling, (-ay / radius, ax / radius, wz_rate))
+        return make("rolling", (speed - least) / deceleration, (ax, ay), rolling, (-ay / radius, ax / radius, wz_rate))
     if wz:
         return make("spinning", abs(wz) / world.spin_decay, still, (zero, zero, wz), (zero, zero, wz_rate))
     return make("rest", None, still, (zero,) * 3, (zero,) * 3)
@@ -216,13 +226,17 @@ def segment(
 def next_phase(world: World, ball: int, old: Segment) -> tuple[str, Segment]:
     """Returns the event at the end of a segment and the segment that follows it.
 
-    The event is "sliding_rolling", "rolling_rest" or "spinning_rest".
+    The event is "sliding_rolling", "rolling_rest", "rolling_slower" or "spinning_rest".
     """
     zero = mpmath.mpf(0)
     position, velocity, spin = (old.position_at(old.end), old.velocity_at(old.end), old.spin_at(old.end))
     noise = max(old.noise, world.tiny * norm(old.velocity))
     if old.phase == "spinning":
         spin = (zero,) * 3
+    elif old.phase == "rolling" and rolling_resistance(world, norm(old.velocity))[1]:
+        scale = rolling_resistance(world, norm(old.velocity))[1] / norm(velocity)
+        velocity, spin = _scale(scale, velocity), (scale * spin[0], scale * spin[1], spin[2])
+        return "rolling_slower", segment(world, ball, old.end, position, velocity, spin, noise)
     elif old.phase == "rolling":
         velocity, spin, noise = (zero, zero), (zero, zero, spin[2]), zero
     else:
@@ -290,10 +304,10 @@ def _restitution(world: World, speed: Real) -> Real:
     return max(world.e_cushion_floor, world.e_cushion - loss)
 
 
-def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real) -> Vector:
+def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real, reversed_share: Real = 0) -> Vector:
     """Returns the state after a cushion by Han (2005), Dynamics in Carom and Three Cushion Billiards.
 
-    The mass is 1, and x points into the cushion.
+    The mass is 1, and x points into the cushion. Friction that sticks reverses a share of the slip.
     """
     radius = world.radius[ball]
     sin = world.cushion_height / radius - 1
@@ -303,8 +317,9 @@ def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Re
     slipping = norm((sx, sy))
 
     def friction(normal: Real) -> Vector:
-        if 2 * slipping / 7 <= world.mu_cushion * normal:
-            return 2 * sx / 7, 2 * sy / 7
+        stops = 2 * (1 + reversed_share) / mpmath.mpf(7)
+        if stops * slipping <= world.mu_cushion * normal:
+            return stops * sx, stops * sy
         return tuple(world.mu_cushion * normal * s / slipping for s in (sx, sy))
 
     normal = (1 + _restitution(world, vx)) * vx * cos
@@ -332,19 +347,16 @@ def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Re
 
 def _han_variable(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real) -> Vector:
     """Returns the state after a cushion as `_han`, whose friction and restitution depend on the motion before."""
-    zero, one = mpmath.mpf(0), mpmath.mpf(1)
+    zero, one, radius = mpmath.mpf(0), mpmath.mpf(1), world.radius[ball]
+    sin = world.cushion_height / radius - 1
+    cos = mpmath.sqrt(1 - sin * sin)
+    nose = norm((vx * sin + radius * wy, -vy - radius * wz * cos + radius * wx * sin))
     friction = world.mu_cushion + world.mu_cushion_angle * (1 - vx**2 / (vx**2 + vy**2))
+    friction /= 1 + world.mu_cushion_slip * nose
     gain = world.e_cushion_topspin * sorted((zero, world.radius[ball] * wy / vx, one))[1]
     e = min(one, _restitution(world, vx) + gain)
-    return _han(
-        dataclasses.replace(world, mu_cushion=friction, e_cushion=e, e_cushion_loss=zero, e_cushion_floor=zero),
-        ball,
-        vx,
-        vy,
-        wx,
-        wy,
-        wz,
-    )
+    same = dataclasses.replace(world, mu_cushion=friction, e_cushion=e, e_cushion_loss=zero, e_cushion_floor=zero)
+    return _han(same, ball, vx, vy, wx, wy, wz, world.e_cushion_tangent)
 
 
 def _stronge(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real) -> Vector:

@@ -60,7 +60,7 @@ def test_tracks_with_noise_give_the_numbers_within_their_intervals():
         half = (high - low) / 2
         assert abs(found.values[name] - TRUTH[name]) < 2 * half < 0.2 * TRUTH[name]
         assert found.values[name] == getattr(found.scene.physics, name) == pytest.approx((low + high) / 2)
-    assert found.noise == pytest.approx(0.002, rel=0.1)
+    assert found.row_noise == pytest.approx(0.002, rel=0.1)
     assert found.rms == pytest.approx([0.002] * 4, rel=0.2)
     errors = np.sqrt(np.diag(found.covariance)) * 1.96
     assert errors == pytest.approx([(high - low) / 2 for low, high in found.intervals.values()], rel=0.01)

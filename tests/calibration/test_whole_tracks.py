@@ -54,7 +54,7 @@ def test_the_report_has_the_errors_until_each_contact():
 def test_ranges_and_noise_for_training():
     ranges = found().randomize()
     assert ranges["mu_roll"] == pytest.approx(found().intervals["mu_roll"])
-    noise = found().noise_of_strikes(found().velocities * 1.02)
+    noise = found().noise(found().velocities * 1.02)
     assert noise["angle_std"] == pytest.approx(0.0, abs=1e-9)
     assert 0.0 < noise["speed_std"] < 0.1
 

@@ -22,7 +22,7 @@ DIGITS = 70
 SQUARE = Table(2.0, 2.0)
 ORIGIN, TOUCHING, APART = [[0.0, 0.0]], [[0.0, 0.0], [2 * R, 0.0]], [[-1.0, 0.0], [0.0, 0.0]]
 HIT, STOPS = [("ball_ball", 0, 1)], [("sliding_rolling", 0, -1), ("rolling_rest", 0, -1)]
-PHASES = {"sliding_rolling", "rolling_rest", "spinning_rest"}
+PHASES = {"sliding_rolling", "rolling_rest", "rolling_slower", "spinning_rest"}
 
 
 class Case(NamedTuple):
@@ -90,6 +90,14 @@ def add_motions():
     case("a ball rolls longer than it spins", (*slow, [0.0, 0.0, 0.5]), STOPS, status="rest")
     case("a stopped ball spins at the limit of time", (*slow, spin), STOPS, 5, spins=[[0, 0, -30]], status="max_time")
     start = world(1, ROLLING, max_time=2.0), ORIGIN, [1.0, 0.0]
+    parts = [(mpf(0.01) + mpf(0.004) * middle) * mpf(9.81) for middle in (mpf(1.25), mpf(0.75), mpf(0.25))]
+    speeds, times, way = [mpf(1.2), mpf(1), mpf(0.5), mpf(0)], [mpf(0)], mpf(0)
+    for slows, fast, low in zip(parts, speeds, speeds[1:], strict=False):
+        times.append(times[-1] + (fast - low) / slows)
+        way += (fast**2 - low**2) / (2 * slows)
+    slower = world(1, ROLLING, mu_roll_speed=0.004), ORIGIN, [1.2, 0.0]
+    slows = [("rolling_slower", 0, -1), ("rolling_slower", 0, -1), ("rolling_rest", 0, -1)]
+    case("rolling resistance grows with the speed", slower, slows, times=times[1:], positions=[[way, 0]], status="rest")
     for limit in (2, 1):
         place, speed = [limit - roll * limit**2 / 2, 0], [1 - roll * limit, 0]
         end = {"time": limit, "positions": [place], "velocities": [speed], "status": "max_time"}

@@ -294,6 +294,27 @@ def energy(vn, vt, un, ut, rwz):
     return vn**2 + vt**2 + 0.4 * ((vn - un) ** 2 + (ut - vt) ** 2 + rwz**2)
 
 
+def test_the_friction_of_a_variable_cushion_falls_with_the_slip():
+    motion, level = CushionMotion(1.0, 1.0, 0.0, 0.0, 0.0), 1.0  # a nose at the height of the centre; slip sqrt(2)
+    numbers = {"e_cushion": 0.8, "height": level}
+    found, _ = impact(
+        motion, POOL_R, 0.0, pool_cushion("han2005_variable", mu_cushion=0.2, mu_cushion_slip=0.5, **numbers)
+    )
+    plain = pool_cushion("han2005", mu_cushion=0.2 / (1 + 0.5 * math.sqrt(2)), **numbers)
+    assert found == pytest.approx(impact(motion, POOL_R, 0.0, plain)[0], abs=1e-15)
+
+
+@given(state=STATES, share=st.floats(0, 1), mu=st.floats(0, 0.5), e=st.floats(0.5, 1))
+def test_a_variable_cushion_reverses_some_of_the_slip_and_adds_no_energy(state, share, mu, e):
+    numbers = {"height": 1.0, "e_cushion": e, "e_cushion_tangent": share}
+    before = CushionMotion(*state)
+    after, _ = impact(before, POOL_R, 0.0, pool_cushion("han2005_variable", mu_cushion=mu, **numbers))
+    assert energy(*after) <= energy(*before) * (1 + 1e-12)
+    after, _ = impact(before, POOL_R, 0.0, pool_cushion("han2005_variable", mu_cushion=100.0, **numbers))
+    if abs(before.vt + before.rwz) + abs(before.vn - before.un) < 50 * before.vn:  # friction is large enough
+        assert after.vt + after.rwz == pytest.approx(-share * (before.vt + before.rwz), abs=1e-12)
+
+
 ERROR = {"han2005": 1e-13, "stronge": 1e-13, "mathavan2010": 1e-7, "han2005_variable": 1e-13}
 
 

@@ -13,7 +13,7 @@ from billiards_env import scene as scenes
 from billiards_env.scene import Balls
 from billiards_env.scene.table import Pocket, Table
 from billiards_env.shots.gradients import OUTPUTS, physics_inputs
-from tests.helpers.derivatives import SCENES, directional_differences, recorded, start_of, tangent_of
+from tests.helpers.derivatives import SCENES, VARIABLE, directional_differences, recorded, start_of, tangent_of
 from tests.helpers.shots import draw_starts
 
 
@@ -30,7 +30,9 @@ def inputs_of(scene):
     if p.cushion == "stronge":
         names += ["cushion_frequency_ratio"]
     if p.cushion == "han2005_variable":
-        names += ["mu_cushion_angle", "e_cushion_topspin"]
+        names += ["mu_cushion_angle", *VARIABLE]
+    if p.mu_roll_speed:
+        names += ["mu_roll_speed"]
     if p.e_cushion_loss:
         names += ["e_cushion_loss", "e_cushion_onset", "e_cushion_floor"]
     if p.ball_ball == "frictional":

@@ -4,7 +4,10 @@ In every phase the position is quadratic in time, r(t) = r0 + v0 t + a t^2 / 2:
 
 * sliding: the point that touches the cloth moves at u = v + R z x omega. Friction a = -mu_s g u/|u| keeps its
   direction, and du/dt = 7/2 a, so the phase lasts 2 |u| / (7 mu_s g) (Marlow 1995, The Physics of Pocket Billiards).
-* rolling: u = 0 and a = -mu_r g v/|v|, so the phase lasts |v| / (mu_r g).
+* rolling: u = 0 and a = -mu_r g v/|v|, so the phase lasts |v| / (mu_r g). If the resistance grows with the speed,
+  mu_r(v) = mu_roll + mu_roll_speed |v|, the deceleration is constant between two `ROLL_SPEEDS`, with the value of the
+  middle, and a phase ends at each of them. Up to 4.5 m/s its error is at most mu_roll_speed g `ROLL_STEP` / 2; above
+  that it stays the same.
 * free: a = 0, and the phase has no end.
 * spinning and at rest: v = 0.
 
@@ -32,6 +35,34 @@ from billiards_env.physics.state import (
 SLIP_RATE = 3.5
 """While a ball slides, its slip changes at this multiple of its acceleration."""
 
+ROLL_STEP = 0.5
+"""m/s."""
+ROLL_SPEEDS = tuple(ROLL_STEP * k for k in range(1, 9))
+"""m/s, where the rolling resistance changes if it grows with the speed."""
+
+_SAME, _NEAR = 1.0 + 1e-12, 1e-9  # more than the rounding of a speed at the beginning and at the end of a phase
+
+
+@inlined
+def roll_of(speed, numbers):
+    """Returns the deceleration of a ball that rolls, m/s^2, and the lower speed at which it changes, m/s."""
+    least = 0.0
+    if numbers.roll_gain > 0.0:
+        for step in ROLL_SPEEDS:
+            if speed > step * _SAME:
+                least = step
+    return numbers.roll + numbers.roll_gain * (least + 0.5 * ROLL_STEP), least
+
+
+@inlined
+def share_kept(speed, numbers):
+    """Returns the speed at the end of a phase of rolling over that which the path gives, m/s: 0 if the ball rests."""
+    if numbers.roll_gain > 0.0:
+        for step in ROLL_SPEEDS:
+            if abs(speed - step) < _NEAR * step:
+                return step / speed
+    return 0.0
+
 
 @inlined
 def phase_of(ball, numbers):
@@ -54,7 +85,8 @@ def drive(ball, phase, numbers):
         return -numbers.slide * (ball.ux / u), -numbers.slide * (ball.uy / u), u / (SLIP_RATE * numbers.slide)
     if phase == ROLLING:
         v = norm(ball.vx, ball.vy)
-        return -numbers.roll * (ball.vx / v), -numbers.roll * (ball.vy / v), v / numbers.roll
+        roll, least = roll_of(v, numbers)
+        return -roll * (ball.vx / v), -roll * (ball.vy / v), (v - least) / roll
     if phase == SPINNING:
         return 0.0, 0.0, abs(ball.wz) / numbers.spin_decay
     return 0.0, 0.0, math.inf
@@ -132,8 +164,10 @@ def launch(numbers, distance, speed, slip_ratio):
         speed: m/s.
         slip_ratio: Initial slip of the ball divided by its initial speed, < 7/2. It is 1 without spin, 0 if the ball
             rolls, and negative if it spins faster than it rolls. Motions other than sliding ignore it.
+
+    The deceleration of a rolling ball is that at `speed` on the whole way.
     """
-    roll = numbers.roll
+    roll, _ = roll_of(speed, numbers)
     if numbers.motion == IDEAL:
         return speed
     if numbers.motion == ROLLING_ONLY:
@@ -150,9 +184,9 @@ def launch(numbers, distance, speed, slip_ratio):
 def arrival(numbers, distance, speed, slip_ratio):
     """Returns the speed and the slip of a ball after `distance`, m/s.
 
-    The ball starts at `speed`, m/s. For the other arguments see `launch`.
+    The ball starts at `speed`, m/s. For the rest see `launch`.
     """
-    roll = numbers.roll
+    roll, _ = roll_of(speed, numbers)
     if numbers.motion == IDEAL:
         return speed, 0.0
     if numbers.motion == ROLLING_ONLY:
@@ -173,11 +207,12 @@ def travel_time(numbers, distance, speed, slip_ratio):
     The ball must not come to rest before.
     """
     left, slip = arrival(numbers, distance, speed, slip_ratio)
+    roll, _ = roll_of(speed, numbers)
     if numbers.motion == IDEAL:
         return distance / speed
     if numbers.motion == ROLLING_ONLY:
-        return (speed - left) / numbers.roll
+        return (speed - left) / roll
     slide, share = _sliding(numbers.slide, slip_ratio)
     if slip != 0.0:
         return (speed - left) / slide
-    return (speed - share * speed) / slide + (share * speed - left) / numbers.roll
+    return (speed - share * speed) / slide + (share * speed - left) / roll

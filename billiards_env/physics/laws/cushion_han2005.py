@@ -7,38 +7,50 @@ import math
 from billiards_env.jit import inlined
 from billiards_env.physics.laws.cushion import Cushion, cushion_restitution, leave, nose_of
 
+STICK = 2.0 / 7.0
+"""The impulse per mass that stops a slip, over the slip."""
+
 
 @inlined
-def _squeeze(needed, nose, mu):
+def _squeeze(needed, nose, mu, stick):
     """Returns the friction and the normal impulse (pxe, pye, pze), per mass, with the horizontal sum `needed`, m/s."""
     sin, cos, sx, sy = nose.sin, nose.cos, nose.sx, nose.sy
     slip = math.sqrt(sx * sx + sy * sy)
     resistance = cos + (mu * sin * (sx / slip) if slip > 0.0 else 0.0)
     pze = needed / resistance if resistance > 0.0 else math.inf
-    if slip * (2.0 / 7.0) <= mu * pze and mu > 0.0:  # friction sticks
-        return sx * (2.0 / 7.0), sy * (2.0 / 7.0), max(0.0, (needed - sx * (2.0 / 7.0) * sin) / cos)
+    if slip * stick <= mu * pze and mu > 0.0:  # friction sticks
+        return sx * stick, sy * stick, max(0.0, (needed - sx * stick * sin) / cos)
     if slip > 0.0:
         return mu * pze * (sx / slip), mu * pze * (sy / slip), pze
     return 0.0, 0.0, pze
 
 
 @inlined
-def impact(before, nose, rebound, mu, e):
-    """Returns the result of `han2005` for a `Nose` with the friction mu and the restitution e."""
+def impact(before, nose, rebound, mu, e, stick):
+    """Returns the result of `han2005` for a `Nose`.
+
+    Args:
+        before: As in `han2005`.
+        nose: The `Nose`.
+        rebound: As in `han2005`.
+        mu: The friction.
+        e: The restitution.
+        stick: The impulse per mass over the slip, if friction does not limit it: `STICK` or more.
+    """
     vn = before.vn
     sin, cos, sx, sy = nose.sin, nose.cos, nose.sx, nose.sy
     slip = math.sqrt(sx * sx + sy * sy)
     pze = (1.0 + e) * vn * cos  # impulses per mass
     pxe = pye = 0.0
-    if slip * (2.0 / 7.0) <= mu * pze and mu > 0.0:
-        pxe, pye = sx * (2.0 / 7.0), sy * (2.0 / 7.0)
+    if slip * stick <= mu * pze and mu > 0.0:
+        pxe, pye = sx * stick, sy * stick
     elif slip > 0.0:
         pxe, pye = mu * pze * (sx / slip), mu * pze * (sy / slip)
     px = -pxe * sin - pze * cos
     raised = vn + px > -rebound
     if raised:
         px = -(vn + rebound)
-        pxe, pye, pze = _squeeze(vn + rebound, nose, mu)
+        pxe, pye, pze = _squeeze(vn + rebound, nose, mu, stick)
     return leave(before, nose, -rebound if raised else vn + px, px, pxe, pye, pze), raised
 
 
@@ -64,7 +76,7 @@ def han2005(before, radius, rebound, numbers, solution):
         raised: Whether `rebound` raised the impulse.
     """
     e = cushion_restitution(before.vn, numbers)
-    return impact(before, nose_of(before, radius, numbers), rebound, numbers.mu_cushion, e)
+    return impact(before, nose_of(before, radius, numbers), rebound, numbers.mu_cushion, e, STICK)
 
 
 CUSHION = Cushion(han2005)

@@ -1,20 +1,24 @@
-"""The impact on a cushion by Han (2005), with a friction that depends on the angle and a restitution on the topspin.
+"""The impact on a cushion by Han (2005), with friction and restitution that depend on the motion.
 
-Fits of single rebounds of 182 recorded three-cushion shots (the tracks of the simulator tailuge/billiards) gave a
-friction that grows with the angle to the normal, and a restitution that grows with the topspin. The law is a simple
-form of both:
+Fits of recorded three-cushion shots (the tracks of the simulator tailuge/billiards) gave a friction that grows with the
+angle to the normal and falls with the slip, a restitution that grows with the topspin, and an impulse that reverses a
+part of the slip. The law is a simple form of these:
 
-    mu = mu_cushion + mu_cushion_angle sin^2(phi)    e = e(v_n) + e_cushion_topspin min(1, max(0, R omega_t / v_n))
+    mu = (mu_cushion + mu_cushion_angle sin^2(phi)) / (1 + mu_cushion_slip s)
+    e = e(v_n) + e_cushion_topspin min(1, max(0, R omega_t / v_n))
 
-with the angle phi of the velocity to the normal, the spin omega_t along the cushion, which is v_n / R for a ball that
-rolls, and the restitution e(v_n) of the other cushions.
+with the angle phi of the velocity to the normal, the slip s at the nose, the spin omega_t along the cushion, which is
+v_n / R for a ball that rolls, and the restitution e(v_n) of the other cushions. Friction that is not limited by mu
+reverses e_cushion_tangent of the slip, as a compliant nose does (Stronge 2000).
 """
 
 from __future__ import annotations
 
+import math
+
 from billiards_env.jit import inlined
 from billiards_env.physics.laws.cushion import Cushion, cushion_restitution, nose_of
-from billiards_env.physics.laws.cushion_han2005 import impact
+from billiards_env.physics.laws.cushion_han2005 import STICK, impact
 
 
 @inlined
@@ -24,10 +28,12 @@ def han2005_variable(before, radius, rebound, numbers, solution):
     square = vn * vn + vt * vt
     along = vt * vt / square if square > 0.0 else 0.0
     topspin = (vn - before.un) / vn if vn > 0.0 else 0.0  # 1 for a ball that rolls
-    mu = numbers.mu_cushion + numbers.mu_cushion_angle * along
+    nose = nose_of(before, radius, numbers)
+    slip = math.sqrt(nose.sx * nose.sx + nose.sy * nose.sy)
+    mu = (numbers.mu_cushion + numbers.mu_cushion_angle * along) / (1.0 + numbers.mu_cushion_slip * slip)
     gain = numbers.e_cushion_topspin * min(1.0, max(0.0, topspin))
     e = min(1.0, cushion_restitution(vn, numbers) + gain)
-    return impact(before, nose_of(before, radius, numbers), rebound, mu, e)
+    return impact(before, nose, rebound, mu, e, STICK * (1.0 + numbers.e_cushion_tangent))
 
 
 CUSHION = Cushion(han2005_variable)
