@@ -47,7 +47,7 @@ from tqdm import tqdm
 
 from benchmarks import IMAGES, comparison, machine_line, save, table, use_own_font
 from billiards_env import Scene, simulate_batch
-from billiards_env.envs import BilliardsVectorEnv
+from billiards_env.envs import BilliardsVectorEnv, make_model
 from billiards_env.evaluation import evaluation_seeds
 from billiards_env.files import write_json
 from billiards_env.scene import Balls, Physics, Table
@@ -171,7 +171,7 @@ class PlayedEnvs(BilliardsVectorEnv):
     """The layouts of `Billiards-v0` with one ball, on which another simulator plays the shots."""
 
     def __init__(self, num_envs: int, scene: Scene, play: Play) -> None:
-        super().__init__(num_envs, threads=1, scene=scene.to_dict())
+        super().__init__(num_envs, make_model(scene=scene.to_dict()), threads=1)
         self.play = play
 
     def step(self, actions: Any) -> Any:
