@@ -72,8 +72,9 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.certain --help`."""
-    counts = {"shots": Count(2350, "shots of each kind without a break"), "breaks": Count(300, "breaks of each kind")}
-    parser = parser_of("certain", "Check the certain outcomes against the reference.", workers=workers(), **counts)
+    shots, breaks = Count(2350, "shots of each kind without a break"), Count(300, "breaks of each kind")
+    description = "Check the certain outcomes against the reference."
+    parser = parser_of("certain", description, shots=shots, breaks=breaks, workers=workers())
     args, on = parser.parse_args(arguments), machine()
     kinds = run_kinds(check, SHOTS, args.shots, args.workers) | run_kinds(check, BREAKS, args.breaks, args.workers)
     found = {kind: summary(shots) for kind, shots in kinds.items()}

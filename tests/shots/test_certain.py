@@ -22,6 +22,7 @@ def test_a_doubt_grows_with_the_impacts_before_it():
     scene = Scene.named("ideal", 3)
     start = [[-0.9, 0.0], [-0.8, 0.04], [-0.6, -0.3], [0.6, 0.3]]
     shot = simulate(scene, start, [1.0, 0.0], record=True, max_time=8.0)
+    assert shot.events is not None
     found, impacts = shot.certain(), (shot.events["kind"] == "ball_ball").sum()
     assert impacts >= 4
     assert 0 < found.events <= shot.n_events
