@@ -27,16 +27,24 @@ def _announce() -> None:
     print(f"{clear}billiards_env: compiling, up to a minute ...", file=sys.stderr, flush=True)
 
 
-class _KernelLibrary(JITCodeLibrary):
+class _Library(JITCodeLibrary):
+    """The LLVM code of a function, and a list of the functions that it calls, each before those that it calls itself.
+
+    LLVM links only what the code so far calls. A function that is linked before its caller would be missing.
+    """
+
+    def add_linking_library(self, library: Any) -> None:
+        if library in self._linking_libraries:
+            self._linking_libraries.remove(library)
+        super().add_linking_library(library)
+
+
+class _KernelLibrary(_Library):
     """The LLVM code of a kernel without that of the kernels that it calls. Entry points link, optimise and compile it.
 
     Numba's library also links, optimises and compiles each kernel: slowdown 1.6x. If each kernel is only linked and
     optimised with those that it calls, the slowdown of the planner is 1.2x.
     """
-
-    def add_linking_library(self, library: Any) -> None:
-        if library not in self._linking_libraries:
-            super().add_linking_library(library)
 
     def finalize(self) -> None:
         self._finalized = True
@@ -48,10 +56,11 @@ class ShortCompiler(Compiler):
     def compile_extra(self, func: Any) -> Any:
         """Compiles a function. If Python calls it and this takes long, prints a line."""
         flags: Any = self.state.flags
+        library = _KernelLibrary if flags.no_cpython_wrapper else _Library
+        self.state.library = library(self.state.targetctx.codegen(), func.__qualname__)
+        self.state.library.enable_object_caching()
         if flags.no_cpython_wrapper:  # a kernel
             flags.no_compile = True
-            self.state.library = _KernelLibrary(self.state.targetctx.codegen(), func.__qualname__)
-            self.state.library.enable_object_caching()
             return super().compile_extra(func)
         timer = threading.Timer(LONG, _announce)
         timer.daemon = True

@@ -594,7 +594,7 @@ def certain(record: Record) -> Certain:
         _for_all(alone, find_nonsmooth, 1, shot.time, within, found)
         impacts = np.flatnonzero(events[:, KIND] <= BALL_POCKET)
         unordered = np.diff(events[impacts, TIME]) <= within[impacts[1:], 1]
-        first = min([len(events), *impacts[1:][unordered][:1]])
+        first = min([len(events), *impacts[:-1][unordered][:1]])
         outcomes[k] = found[0, 1] < 0 and first == len(events)
         counts[k] = first if found[0, 1] < 0 else min(first, max(found[0, 0], 0))
     return Certain(counts, outcomes)
@@ -617,7 +617,8 @@ def _error_bounds(record: Record, events: Floats) -> Floats:
     for block in np.split(times, range(_TIMES, len(times), _TIMES)):
         outputs, at_events = _push(record, block[None], inputs, len(events), 1)
         lengths.append(np.square(outputs[0, ..., :2]).sum((1, 3)).max(1))
-    errors = np.stack((np.concatenate(lengths)[1::2], np.append(np.square(at_events[0, ..., 0]).sum(0), 0.0)), 1)
+    until = np.concatenate(lengths).reshape(-1, 2).max(1)  # a potted ball has no error after its event
+    errors = np.stack((until, np.append(np.square(at_events[0, ..., 0]).sum(0), 0.0)), 1)
     errors = np.maximum.accumulate(np.where(np.isnan(errors), np.inf, errors))
     return np.maximum(2.0 * SAFETY * UNIT_ROUNDOFF * np.sqrt(errors), ROUNDING)
 
