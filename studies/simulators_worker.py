@@ -1,11 +1,11 @@
-"""Plays shots in pymunk or MuJoCo; `studies.other_simulators` starts this file in the environment that has them.
+"""Plays shots in pymunk or MuJoCo. `studies.other_simulators` starts this file in an environment with both packages.
 
-Each line of the input is JSON. The first one has the arguments of `World`, and the answer is the output of
+Each line of the input is JSON. The first line has the arguments of `World`, and the answer is the output of
 `World.delays`. Each further line has the arguments of `World.play`, and the answer is its output.
 
-A shot runs until the object ball, or before the hit the cue ball, is in a pocket or touches a cushion, until no ball
-can reach another one or a pocket, or until `time`. A ball is in a pocket if its centre is in the circle at the end of a
-timestep.
+A shot ends when the object ball is in a pocket or touches a cushion. Before the hit it also ends when the cue ball is
+in a pocket or touches a cushion. It ends at the latest when no ball can reach another ball or a pocket, or at `time`. A
+ball is in a pocket if its centre is in the circle at the end of a timestep.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 PIXELS = 500.0
-"""Per metre, for pymunk: its default slop of 0.1 is meant for pixels."""
+"""The number of pixels per metre for pymunk, whose default slop of 0.1 is in pixels."""
 
 
 class World:
@@ -27,12 +27,12 @@ class World:
     Args:
         dt: The timestep, s.
         half_extents: Half the length and half the width of the table, m.
-        radius: Of a ball, m.
+        radius: Radius of a ball, m.
         corner: Radius of the pockets in the corners, m.
         side: Radius of the pockets in the middle of the long sides, m.
         decay: The deceleration of a ball is its speed times this number, 1/s.
-        e_ball: Restitution of two balls. MuJoCo has none.
-        e_cushion: Restitution of a ball and a cushion. MuJoCo has none.
+        e_ball: Restitution of two balls. MuJoCo does not use it.
+        e_cushion: Restitution of a ball and a cushion. MuJoCo does not use it.
         time: The longest shot, s.
         slots: The number of tables.
     """
@@ -70,9 +70,9 @@ class World:
         raise NotImplementedError
 
     def delays(self) -> list[float]:
-        """Returns the mean times, s, by which the momentum passes later than at the touch, in head-on hits at 1 m/s.
+        """Returns the mean delay of the momentum after the touch, s, in a head-on hit at 1 m/s on each table.
 
-        The touches of the tables are at evenly distributed parts of a timestep.
+        The tables have their touches at evenly spaced instants of a timestep.
         """
         phase = (np.arange(self.slots) + 0.5) / self.slots * self.dt
         self.x[:], self.v[:] = 0.0, 0.0
@@ -130,7 +130,7 @@ class World:
         return (corner + across < self.corner**2) | (ahead * ahead + across < self.side**2)
 
     def still(self) -> Any:
-        """Returns in which tables no ball can reach another one, and the object ball no pocket."""
+        """Returns the tables on which no ball can reach another ball, and the object ball can reach no pocket."""
         paths = np.linalg.norm(self.v, axis=2) / self.decay
         gap = np.linalg.norm(self.x[:, 1] - self.x[:, 0], axis=1) - 2.0 * self.radius
         x, y = np.abs(self.x[:, 1]).T
@@ -140,7 +140,7 @@ class World:
 
 
 class Pymunk(World):
-    """All settings are defaults: 10 iterations, a collision slop of 0.1 pixels, and one step for each timestep."""
+    """Disks with pymunk's defaults: 10 iterations, a slop of 0.1 pixels, and one step for each timestep."""
 
     late = 1
 
