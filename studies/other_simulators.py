@@ -200,9 +200,9 @@ def path_to_hit(positions: Floats, offset: Floats) -> Floats:
 
 
 def delayed(positions: Floats, velocities: Floats, delay: Floats) -> Floats:
-    """Returns velocities (m, 2) for exact hits that drive the ball as hits that are late by `delay` (m,), s, do.
+    """Returns velocities (m, 2) whose exact hits have the same lines of centres as late hits with `velocities`.
 
-    Both hits have the same line of centres.
+    `delay` (m,) is the time, s, between the touch and the late hit.
     """
     cue_ball, ball, touching = positions[:, 0], positions[:, 1], 2.0 * Balls.uniform(2).radius[0]
     speed = np.linalg.norm(velocities, axis=1)
@@ -358,9 +358,9 @@ def draw(result: Mapping[str, Any], path: Path) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.other_simulators --help`."""
     options = {
-        "jobs": (1, "policies that train at a time"),
+        "jobs": (1, "policies that train at the same time"),
         "workers": (2, "processes that play the shots of a policy"),
-        "shots": (SHOTS, "shots of a training"),
+        "shots": (SHOTS, "shots in the training of a policy"),
         "layouts": (LAYOUTS, "new layouts that each policy plays"),
         "python": (str(PYTHON), "Python with the packages of studies/simulators.txt"),
         "output": (str(RESULTS / "other_simulators.json"), "JSON file"),

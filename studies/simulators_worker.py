@@ -22,7 +22,7 @@ PIXELS = 500.0
 
 
 class World:
-    """Tables with two balls each, side by side in one simulation. They do not touch each other.
+    """Tables with two balls each in one simulation. Balls of different tables do not touch.
 
     Args:
         dt: The timestep, s.
@@ -38,7 +38,7 @@ class World:
     """
 
     late: int
-    """1 if the forces of a timestep follow from the positions at its end, 0 if they follow from those at its start."""
+    """1 if the forces in a timestep depend on the positions at its end, 0 if on the positions at its start."""
 
     def __init__(self, **settings: Any) -> None:
         self.__dict__.update(settings)
@@ -88,7 +88,7 @@ class World:
         return (moment / total).tolist()
 
     def play(self, positions: Any, velocities: Any) -> list[int]:
-        """Plays shots (m, 2, 2) m and (m, 2) m/s.
+        """Plays shots from positions (m, 2, 2), m, and velocities of the cue ball (m, 2), m/s.
 
         Returns:
             For each shot the pocket into which the object ball drops, or -1. The pocket at (x, y) has the number
@@ -124,7 +124,7 @@ class World:
                 shot[over] = -1
 
     def in_pocket(self, reach: Any) -> Any:
-        """Returns which balls are in a pocket; `reach` is the absolute values of their coordinates, (..., 2)."""
+        """Returns which balls are in a pocket; `reach` has the absolute values of their coordinates, (..., 2)."""
         ahead, across = reach[..., 0], reach[..., 1] - self.half_extents[1]
         corner, across = (ahead - self.half_extents[0]) ** 2, across * across
         return (corner + across < self.corner**2) | (ahead * ahead + across < self.side**2)
@@ -189,9 +189,9 @@ class Pymunk(World):
 
 
 class Mujoco(World):
-    """Spheres on slides in x and y, contacts without friction. All numbers of the contacts are defaults.
+    """Spheres on slide joints in x and y. Contacts have no friction. Their other numbers are MuJoCo's defaults.
 
-    `solref` is 0.02 s and a damping ratio of 1: contacts are soft, and the restitution is about exp(-2).
+    `solref` is 0.02 s with a damping ratio of 1, so contacts are soft, and the restitution is about exp(-2).
     """
 
     late = 0

@@ -1,8 +1,8 @@
-"""Compares shots in a browser and in wasmtime with those of Python, bit for bit: `python -m web.check`.
+"""Compares shots in a browser and in wasmtime with shots in Python, bit for bit: `python -m web.check`.
 
-For each scene it runs random shots, breaks and shots with a timestep. It counts those with the same bits (positions,
-velocities, spins, times, events and positions between the events), measures the time of a shot, and writes both to
-`web/results/check.json`. It needs `engine.wasm` of `make web`, the extra `web`, and Chromium or Chrome for the browser.
+The shots are random shots, breaks and shots with a timestep in each scene. The command counts the shots with the same
+bits (positions, velocities, spins, times, events and positions between the events), measures the time of a shot, and
+writes both to `web/results/check.json`. It needs `engine.wasm` of `make web`, the extra `web`, and Chromium or Chrome.
 """
 
 from __future__ import annotations

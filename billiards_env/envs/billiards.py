@@ -285,7 +285,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def __init__(self, model: Model, render_mode: str | None = None) -> None:
         if not isinstance(model, Model):
-            raise TypeError(f"model = {short(model)}: expected the result of make_model; make_env takes its arguments")
+            raise TypeError(f"model = {short(model)}: expected a Model from make_model; make_env takes arguments")
         if render_mode is not None:
             one_of("render_mode", render_mode, RENDER_MODES)
         self.model, self.render_mode = model, render_mode

@@ -105,7 +105,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     | `threads`        | int or None          | `None`       | threads; None for the number of `set_num_threads`    |
 
     `gym.make_vec` and `make_vector_env` have these arguments and the arguments of `BilliardsEnv`, which apply to every
-    environment. The constructor takes a `Model`, which `make_model` returns, in place of the latter.
+    environment. The constructor takes a `Model` from `make_model` in place of the arguments of `BilliardsEnv`.
 
     ## Rendering
 

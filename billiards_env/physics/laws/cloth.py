@@ -165,7 +165,7 @@ def launch(numbers, distance, speed, slip_ratio):
         slip_ratio: Initial slip of the ball divided by its initial speed, < 7/2. It is 1 without spin, 0 if the ball
             rolls, and negative if it spins faster than it rolls. Motions other than sliding ignore it.
 
-    The deceleration of a rolling ball is that at `speed` on the whole way.
+    A rolling ball has the deceleration for `speed` on its whole way.
     """
     roll, _ = roll_of(speed, numbers)
     if numbers.motion == IDEAL:
