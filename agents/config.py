@@ -52,7 +52,7 @@ class Config:
         env: Arguments of `gym.make("Billiards-v0", ...)`. They replace the arguments of `task`. After the construction
             it has all of them.
         noise: The argument `noise` of `Billiards-v0`; None for no noise, "task" for the noise of `task`. After the
-            construction it has all numbers, or is None.
+            construction it is None or has all numbers.
         start_from: The folder of a finished run. The training starts with its weights. None for new weights.
         n_envs: The number of environments that are stepped together.
         seed: The seed of all random numbers; equal seeds give equal runs.

@@ -32,7 +32,7 @@ RESULTS = Path(__file__).resolve().parent / "results"
 IMAGES = RESULTS.parents[1] / "docs" / "images"
 
 GREY = "#808080"
-"""The text of pictures without a background: readable on a light and on a dark page."""
+"""The colour of text in pictures without a background: readable on a light and on a dark page."""
 
 
 def machine() -> dict[str, str | int | float | None]:
@@ -87,7 +87,7 @@ def save(figure: Figure, path: Path) -> None:
     figure.savefig(buffer, format="png", metadata={"Software": None})
     clear = to_rgba(figure.get_facecolor())[3] < 1
     image = Image.open(buffer).convert("RGBA" if clear else "RGB")
-    method = Image.Quantize.FASTOCTREE if clear else None  # the only one with opacity
+    method = Image.Quantize.FASTOCTREE if clear else None  # the only method that keeps opacity
     image.quantize(256, method=method, dither=Image.Dither.NONE).save(small, format="png", optimize=True)
     write_whole(path, small.getvalue())
 
@@ -136,7 +136,7 @@ def workers() -> Count:
 
 @contextlib.contextmanager
 def processes(count: int, context: BaseContext | None = None) -> Iterator[Executor]:
-    """Yields processes that ignore Ctrl-C. After an error, such as Ctrl-C, they begin no other task."""
+    """Yields processes that ignore Ctrl-C. After an error or Ctrl-C in this process they start no other task."""
     ignored = signal.SIGINT, signal.SIG_IGN
     pool = ProcessPoolExecutor(count, context, initializer=signal.signal, initargs=ignored)
     try:

@@ -1,6 +1,6 @@
 """Checks which outcomes are certain (`ShotResult.certain`) against the 50-digit reference.
 
-A certain event is false if the contacts up to it are not those of the reference, in the same order.
+A shot counts as false if its certain contacts differ from the first contacts of the reference, or have another order.
 
     python -m benchmarks.certain                          # 10,000 shots
     python -m benchmarks.certain --shots 20 --breaks 5
@@ -24,11 +24,11 @@ CONTACTS = ("ball_ball", "cushion", "pocket")
 
 
 def check(kind: str, seed: int) -> dict[str, Any]:
-    """Runs a shot of one of `SHOTS` or `BREAKS` by the engine, and its certain events by the reference.
+    """Runs a shot of one of `SHOTS` or `BREAKS` with the engine, and its certain events with the reference.
 
     Returns:
-        certain (whether the outcome is), contacts and certain_contacts (their numbers), and false (whether the certain
-        contacts are not those of the reference).
+        certain (whether the outcome is certain), contacts and certain_contacts (the numbers of all and of the certain
+        contacts), and false (whether the certain contacts differ from the contacts of the reference).
     """
     scene, draw = KINDS[kind]
     places, velocities = draw(scene, np.random.default_rng([seed, list(KINDS).index(kind), 1]))

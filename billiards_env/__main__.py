@@ -154,7 +154,7 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
     text = "seed of the noise (default: the seed of the layouts; for verify a random one)"
     add("--noise-seed", type=int, metavar="N", help=text)
     add("--name", help="the name of the player in the file (default: the player)")
-    text = "also print the share of the shots of the first N episodes whose outcome is certain (`shot.certain`)"
+    text = "also print the share of shots with a certain outcome in the first N episodes (`shot.certain`)"
     add("--certain", type=int, metavar="N", help=text)
     text = "write the file, .json; FILE.part holds the finished tasks, and the same command resumes"
     add("--out", type=Path, metavar="FILE", help=text)

@@ -385,7 +385,7 @@ def reference() -> dict[str, dict[str, Any]]:
 
 
 def certain_share(result: Result, episodes: int) -> float:
-    """Returns the share of the shots of the first episodes of a result whose outcome is certain, see `shot.certain`."""
+    """Returns the share of shots with a certain outcome in the first episodes of a result, see `shot.certain`."""
     env: Any = gym.make(NAMESPACE + result.task, **_noise(result.noise_seed)).unwrapped
     env._episodes.n_recorded, actions, found = 1, iter(result.actions), []
     for start, shots in zip(evaluation_seeds(result.seed, episodes).tolist(), result.shots.tolist(), strict=False):

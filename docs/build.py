@@ -56,7 +56,7 @@ def web_files() -> dict[str, bytes]:
 
 
 def show(value: Any) -> str:
-    """Returns the picture of matplotlib axes, or what a notebook shows for a shot. A text is HTML."""
+    """Returns HTML: the picture of matplotlib axes, the output of a notebook for a shot, or a string unchanged."""
     if isinstance(value, str):
         return value
     return _svg(value.figure, bbox_inches="tight") if hasattr(value, "figure") else value._repr_html_()

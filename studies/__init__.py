@@ -5,8 +5,8 @@ Modules:
     timestep: Trains policies with several timesteps and compares them: `make study`.
     timestep_report: Makes its tables and pictures.
     timestep_shots: Chooses shots of these policies for the page of the study.
-    other_simulators: Trains such policies in pymunk and MuJoCo, and plays policies of exact worlds there.
-    simulators_worker: Plays their shots, in an environment of its own.
+    other_simulators: Trains such policies in pymunk and MuJoCo, and plays policies of exact worlds in them.
+    simulators_worker: Plays shots in pymunk or MuJoCo, in a separate environment.
     derivatives: Compares derivatives through timesteps with exact ones, and trains networks by derivatives.
     failures: The four failures of a timestep, as small scenes.
     planner: Measures the planner under execution noise.
@@ -92,12 +92,12 @@ def resumed(output: Path, settings: Mapping[str, Any], **empty: Any) -> dict[str
 
 
 def live_shot(scene: str, positions: Any, velocity: Any, steps: int) -> str:
-    """Returns the address of the page that plays a shot with both engines, for an attribute of HTML.
+    """Returns the address of a page that plays a shot with both engines, escaped for an attribute of HTML.
 
     Args:
         scene: The name of a scene of `web.build`.
         positions: (n, 2) m.
-        velocity: (2,) of the cue ball, m/s.
+        velocity: (2,) velocity of the cue ball, m/s.
         steps: The number of timesteps in a second.
     """
     balls = ";".join(",".join(map(repr, place)) for place in np.asarray(positions).tolist())

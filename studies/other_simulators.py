@@ -1,27 +1,28 @@
 """Trains the learner of the timestep study in simulators of other projects: `python -m studies.other_simulators`.
 
-The learner is `examples/ppo.py` with the layouts of `studies.timestep`. The shots are played by pymunk (rigid contacts)
-or MuJoCo (soft contacts), which run in processes of their own (`studies.simulators_worker`). The game is a direct pot:
-the object ball has to drop without touching a cushion, and the cue ball must not touch one before the hit. A ball slows
-down at the rate `DECAY`: by `space.damping` in pymunk, and by the damping of the joints in MuJoCo.
+The learner is `examples/ppo.py` with the layouts of `studies.timestep`. pymunk (rigid contacts) or MuJoCo (soft
+contacts) plays the shots, in separate processes (`studies.simulators_worker`). The game is a direct pot: the object
+ball has to drop without touching a cushion, and the cue ball must not touch a cushion before the hit. A ball slows down
+at the rate `DECAY`: by `space.damping` in pymunk, and by the damping of the joints in MuJoCo.
 
-The exact worlds have the same laws. With the time s = (1 - exp(-DECAY t)) / DECAY a ball moves at a constant speed, so
-they are scenes with ideal motion, which end after the s of the longest shot.
+The exact worlds have the same laws. As a function of the time s = (1 - exp(-DECAY t)) / DECAY a ball moves at a
+constant speed. The exact worlds are therefore scenes with ideal motion, which end at the value of s for the longest
+shot.
 
-Predictions, made before the first training: the momentum passes later than at the touch, on average by a *delay*. The
-worker measures the delay in head-on hits. A policy whose cue ball hits at the speed v and the cut angle a aims at a hit
-that is thicker by v * delay * sin(a) * cos(a).
+The predictions were made before the first training. The momentum passes later than at the touch, on average by a
+*delay*, which the worker measures in head-on hits. A policy whose cue ball hits at the speed v and the cut angle a aims
+at a hit that is thicker by v * delay * sin(a) * cos(a).
 
-1. pymunk finds contacts at multiples of dt, when the balls overlap. The delay is dt / 2. The error of the aim is that
-   of `push_apart` in the timestep study, with the same sign.
+1. pymunk finds contacts at multiples of dt, when the balls overlap. The delay is dt / 2. The error of the aim has the
+   size and the sign that it has with `push_apart` in the timestep study.
 2. MuJoCo's contacts are soft, but do not begin before the touch. They last about 40 ms (`solref` is 0.02 s), while the
-   line of centres turns. So the sign does not turn. The delay is 8.5 ms for the default dt of 2 ms, as of rigid
-   contacts with 1/59 s. For dt = 10 ms it is 5.1 ms, so the error is smaller with the larger timestep.
-3. A policy of an exact world succeeds in a simulator as often as in the exact world with each hit turned by a delay,
-   which is drawn from those of the head-on hits. (At first this was their mean for MuJoCo.)
-
-4. pooltool has no timestep. A policy that trains exactly with pooltool's laws and table succeeds as often there. It may
-   use cushions. This part is left out without the environment of `benchmarks.comparison`.
+   line of centres turns. The error therefore keeps its sign. The delay is 8.5 ms for the default dt of 2 ms, as with
+   rigid contacts and a timestep of 1/59 s. For dt = 10 ms the delay is 5.1 ms, so the error is smaller with the larger
+   timestep.
+3. A policy of an exact world succeeds in a simulator as often as in the exact world after each hit is turned by a
+   delay, drawn from the delays of the head-on hits. (At first MuJoCo's mean delay was used for all its hits.)
+4. pooltool has no timestep. A policy that trains exactly with pooltool's laws and table succeeds as often in pooltool.
+   It may use cushions. The command skips this part without the environment of `benchmarks.comparison`.
 
 The results are in `studies/results/other_simulators.json`. Each run is written there when it ends, and the command
 skips runs that have results.
@@ -59,14 +60,15 @@ from studies.timestep_report import GROUPS
 
 Floats = NDArray[np.float64]
 Play = Callable[[Floats, Floats], NDArray[np.intp]]
-"""Plays shots: from positions (m, 2, 2) m and velocities (m, 2) m/s to the pocket of each direct pot, or -1, (m,)."""
+"""Plays m shots. The arguments are positions (m, 2, 2), m, and velocities (m, 2), m/s. The result (m,) is the pocket of
+each direct pot, or -1."""
 
 WORKER = Path(__file__).with_name("simulators_worker.py")
 PYTHON = WORKER.parents[1] / ".venv-simulators" / "bin" / "python"
 SHOTS, SLOTS = 400_000, 128
 DECAY, TIME = math.log(2.0), 6.0  # 1/s: half of the speed is lost in a second, `space.damping = 0.5`; s
 RESTITUTION = {"rigid": (0.95, 0.85), "soft": (math.exp(-2.0), math.exp(-2.0))}
-"""Of balls and of cushions. A critically damped contact, the default of MuJoCo, has a restitution of exp(-2)."""
+"""The restitution of balls and of cushions. Critically damped contacts, MuJoCo's default, have exp(-2)."""
 
 
 class World(NamedTuple):
@@ -89,7 +91,7 @@ WORLDS = {
     "exact, pooltool": World("exact", "pooltool", 0.0, 1),
     "pooltool 0.6": World("pooltool", "pooltool", 0.0, 0),
 }
-"""The worlds by name; those with slow shots are first."""
+"""The worlds by name. Worlds with slow shots come first."""
 
 
 def scene_of(laws: str) -> Scene:
@@ -104,7 +106,7 @@ def scene_of(laws: str) -> Scene:
 
 @contextlib.contextmanager
 def opened(world: World, processes: int, python: str) -> Iterator[tuple[Play, Floats]]:
-    """Yields the function that plays shots in a world with some worker processes, and delays of its contacts, s."""
+    """Yields a function that plays shots of a world in worker processes, and the delays of the world's contacts, s."""
     scene, free = scene_of(world.laws), world.laws == "pooltool"  # free: the object ball may touch cushions
     pockets = scene.table.pockets
 
@@ -175,7 +177,7 @@ class PlayedEnvs(BilliardsVectorEnv):
         self.play = play
 
     def step(self, actions: Any) -> Any:
-        """Plays the shots, and begins new episodes."""
+        """Plays the shots and begins new episodes."""
         potted = self.play(self.positions, velocities_of(actions, self)) >= 0
         observations, _, *ended, infos = super().step(np.zeros_like(actions))  # this shot does nothing
         infos["final_info"]["is_success"] = potted
@@ -189,13 +191,19 @@ def velocities_of(actions: Any, envs: BilliardsVectorEnv) -> Floats:
 
 
 def path_to_hit(positions: Floats, offset: Floats) -> Floats:
-    """Returns the path (m,) of the cue ball to the touch, m; `offset` is the distance of its line from the ball, m."""
+    """Returns the lengths (m,) of the cue ball's paths to the touch, m.
+
+    `offset` is the distance of the cue ball's line from the object ball, m.
+    """
     distance, touching = np.linalg.norm(positions[:, 1] - positions[:, 0], axis=1), 2.0 * Balls.uniform(2).radius[0]
     return np.sqrt(np.maximum(distance**2 - offset**2, 0.0)) - np.sqrt(np.maximum(touching**2 - offset**2, 0.0))
 
 
 def delayed(positions: Floats, velocities: Floats, delay: Floats) -> Floats:
-    """Returns velocities (m, 2) whose exact hits have the line of centres of hits that are late by `delay` (m,), s."""
+    """Returns velocities (m, 2) whose exact hits have the same lines of centres as late hits with `velocities`.
+
+    `delay` (m,) is the time, s, between the touch and the late hit.
+    """
     cue_ball, ball, touching = positions[:, 0], positions[:, 1], 2.0 * Balls.uniform(2).radius[0]
     speed = np.linalg.norm(velocities, axis=1)
     line = velocities / np.maximum(speed, 1e-9)[:, None]
@@ -213,9 +221,10 @@ def train(name: str, seed: int, shots: int, layouts: int, processes: int, python
     """Trains a policy and plays it on new layouts.
 
     Returns:
-        `world`, `seed`, `curve` (see `ppo.train`), `delay`, s; `success`, the number of direct pots in its own world,
-        in the exact world and, if it is exact, in all worlds with its laws; `predicted`, those that prediction 3 gives;
-        and `aim`, the number of pots, the mean error of the aim and its prediction, mm, for each cut angle of `GROUPS`.
+        `world`, `seed`, `curve` (see `ppo.train`) and `delay`, s. `success`: the number of direct pots in the policy's
+        own world, in the exact world and, for a policy of an exact world, in all worlds with its laws. `predicted`: the
+        numbers of pots by prediction 3. `aim`: the number of pots, the mean error of the aim and its prediction, mm,
+        for each cut angle of `GROUPS`.
     """
     world = WORLDS[name]
     scene = scene_of(world.laws)
@@ -255,7 +264,7 @@ def train(name: str, seed: int, shots: int, layouts: int, processes: int, python
 
 
 def measure(output: Path, shots: int, layouts: int, jobs: int, processes: int, python: str) -> dict[str, Any]:
-    """Trains what has no results, `jobs` policies at a time, and writes the result of each run as soon as it ends."""
+    """Trains the policies without results, `jobs` at a time, and writes each result as soon as its run ends."""
     found = resumed(output, {"shots": shots, "layouts": layouts, "decay": DECAY, "time": TIME}, runs={})
     runs = {
         f"{name}, seed {seed}": (name, seed)
@@ -284,9 +293,10 @@ def by_world(result: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
 
 
 def aim_errors(result: Mapping[str, Any]) -> dict[str, Floats]:
-    """Returns the number of pots, the error of the aim less that of exact policies, and its prediction, mm.
+    """Returns the errors of the aim by world: arrays (cut angles, 3).
 
-    The arrays (cut angles, 3) are by world.
+    The columns are the number of pots, the error of the aim minus the error of exact policies, mm, and its prediction,
+    mm.
     """
     found = {}
     for name, runs in by_world(result).items():
@@ -348,9 +358,9 @@ def draw(result: Mapping[str, Any], path: Path) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.other_simulators --help`."""
     options = {
-        "jobs": (1, "policies that train at a time"),
+        "jobs": (1, "policies that train at the same time"),
         "workers": (2, "processes that play the shots of a policy"),
-        "shots": (SHOTS, "shots of a training"),
+        "shots": (SHOTS, "shots in the training of a policy"),
         "layouts": (LAYOUTS, "new layouts that each policy plays"),
         "python": (str(PYTHON), "Python with the packages of studies/simulators.txt"),
         "output": (str(RESULTS / "other_simulators.json"), "JSON file"),

@@ -15,7 +15,7 @@ _HEAD = ("Field", "Default", "Range", "Meaning", "Source")
 
 
 def blocks(_: Mapping[str, Any]) -> dict[str, str]:
-    """Returns the table of the numbers. It needs no measurement."""
+    """Returns the table of the numbers, without a measurement."""
     described = re.split(r"\n    (\w+): ", (inspect.getdoc(Physics) or "").partition("Attributes:")[2])
     meanings = {name: " ".join(text.split()) for name, text in zip(described[1::2], described[2::2], strict=True)}
     rows, defaults = [], Physics()

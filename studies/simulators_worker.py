@@ -1,11 +1,11 @@
-"""Plays shots in pymunk or MuJoCo; `studies.other_simulators` starts this file in the environment that has them.
+"""Plays shots in pymunk or MuJoCo. `studies.other_simulators` starts this file in an environment with both packages.
 
-Each line of the input is JSON. The first one has the arguments of `World`, and the answer is the output of
+Each line of the input is JSON. The first line has the arguments of `World`, and the answer is the output of
 `World.delays`. Each further line has the arguments of `World.play`, and the answer is its output.
 
-A shot runs until the object ball, or before the hit the cue ball, is in a pocket or touches a cushion, until no ball
-can reach another one or a pocket, or until `time`. A ball is in a pocket if its centre is in the circle at the end of a
-timestep.
+A shot ends when the object ball is in a pocket or touches a cushion. Before the hit it also ends when the cue ball is
+in a pocket or touches a cushion. It ends at the latest when no ball can reach another ball or a pocket, or at `time`. A
+ball is in a pocket if its centre is in the circle at the end of a timestep.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from typing import Any
 import numpy as np
 
 PIXELS = 500.0
-"""Per metre, for pymunk: its default slop of 0.1 is meant for pixels."""
+"""The number of pixels per metre for pymunk, whose default slop of 0.1 is in pixels."""
 
 
 class World:
-    """Tables with two balls each, side by side in one simulation. They do not touch each other.
+    """Tables with two balls each in one simulation. Balls of different tables do not touch.
 
     Args:
         dt: The timestep, s.
         half_extents: Half the length and half the width of the table, m.
-        radius: Of a ball, m.
+        radius: Radius of a ball, m.
         corner: Radius of the pockets in the corners, m.
         side: Radius of the pockets in the middle of the long sides, m.
         decay: The deceleration of a ball is its speed times this number, 1/s.
-        e_ball: Restitution of two balls. MuJoCo has none.
-        e_cushion: Restitution of a ball and a cushion. MuJoCo has none.
+        e_ball: Restitution of two balls. MuJoCo does not use it.
+        e_cushion: Restitution of a ball and a cushion. MuJoCo does not use it.
         time: The longest shot, s.
         slots: The number of tables.
     """
 
     late: int
-    """1 if the forces of a timestep follow from the positions at its end, 0 if they follow from those at its start."""
+    """1 if the forces in a timestep depend on the positions at its end, 0 if on the positions at its start."""
 
     def __init__(self, **settings: Any) -> None:
         self.__dict__.update(settings)
@@ -70,9 +70,9 @@ class World:
         raise NotImplementedError
 
     def delays(self) -> list[float]:
-        """Returns the mean times, s, by which the momentum passes later than at the touch, in head-on hits at 1 m/s.
+        """Returns the mean delay of the momentum after the touch, s, in a head-on hit at 1 m/s on each table.
 
-        The touches of the tables are at evenly distributed parts of a timestep.
+        The tables have their touches at evenly spaced instants of a timestep.
         """
         phase = (np.arange(self.slots) + 0.5) / self.slots * self.dt
         self.x[:], self.v[:] = 0.0, 0.0
@@ -88,7 +88,7 @@ class World:
         return (moment / total).tolist()
 
     def play(self, positions: Any, velocities: Any) -> list[int]:
-        """Plays shots (m, 2, 2) m and (m, 2) m/s.
+        """Plays shots from positions (m, 2, 2), m, and velocities of the cue ball (m, 2), m/s.
 
         Returns:
             For each shot the pocket into which the object ball drops, or -1. The pocket at (x, y) has the number
@@ -124,13 +124,13 @@ class World:
                 shot[over] = -1
 
     def in_pocket(self, reach: Any) -> Any:
-        """Returns which balls are in a pocket; `reach` is the absolute values of their coordinates, (..., 2)."""
+        """Returns which balls are in a pocket; `reach` has the absolute values of their coordinates, (..., 2)."""
         ahead, across = reach[..., 0], reach[..., 1] - self.half_extents[1]
         corner, across = (ahead - self.half_extents[0]) ** 2, across * across
         return (corner + across < self.corner**2) | (ahead * ahead + across < self.side**2)
 
     def still(self) -> Any:
-        """Returns in which tables no ball can reach another one, and the object ball no pocket."""
+        """Returns the tables on which no ball can reach another ball, and the object ball can reach no pocket."""
         paths = np.linalg.norm(self.v, axis=2) / self.decay
         gap = np.linalg.norm(self.x[:, 1] - self.x[:, 0], axis=1) - 2.0 * self.radius
         x, y = np.abs(self.x[:, 1]).T
@@ -140,7 +140,7 @@ class World:
 
 
 class Pymunk(World):
-    """All settings are defaults: 10 iterations, a collision slop of 0.1 pixels, and one step for each timestep."""
+    """Disks with pymunk's defaults: 10 iterations, a slop of 0.1 pixels, and one step for each timestep."""
 
     late = 1
 
@@ -189,9 +189,9 @@ class Pymunk(World):
 
 
 class Mujoco(World):
-    """Spheres on slides in x and y, contacts without friction. All numbers of the contacts are defaults.
+    """Spheres on slide joints in x and y. Contacts have no friction. Their other numbers are MuJoCo's defaults.
 
-    `solref` is 0.02 s and a damping ratio of 1: contacts are soft, and the restitution is about exp(-2).
+    `solref` is 0.02 s with a damping ratio of 1, so contacts are soft, and the restitution is about exp(-2).
     """
 
     late = 0

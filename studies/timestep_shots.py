@@ -1,7 +1,7 @@
 """Shots of policies from different worlds, for the page of the study: `python -m studies.timestep_shots`.
 
-On each of some layouts a policy of each world of `studies.timestep` plays one shot, which runs in its own world and in
-the exact one. The page links each shot to the table that plays it in the browser.
+On each layout one policy from each world of `studies.timestep` plays a shot. The shot runs in the policy's own world
+and in the exact world. The page links each shot to the table in the browser, which plays it.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from studies.timestep import (
 )
 
 SHOWN, DRAWN, COARSE = 6, 500, "1/60"
-"""The number of layouts on the page, of those from which they are chosen, and the coarse world. The page has the first
-layouts on which the exact policy pots the ball, and the coarse policy pots it directly in its own world but misses in
-exact physics."""
+"""The number of layouts on the page, the number of layouts from which they are chosen, and the coarse world. The page
+has the first layouts on which the exact policy pots the ball, and the coarse policy pots it directly in its own world
+but misses in exact physics."""
 
 
 def measure(policies: Path) -> dict[str, Any]:
-    """Returns the layouts (positions, m) and, for each world, the velocity of the cue ball and where it pots the ball.
+    """Returns the layouts (positions, m) and the shot of each world: its velocity and whether it pots the ball.
 
     Args:
         policies: The folder of the weights of the main part of the study.

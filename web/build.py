@@ -6,7 +6,7 @@ the packages of the extra `web`.
 Numba compiles the same functions that Python calls, with the same types of arguments. Its own optimisation is left out,
 because it uses the size of a pointer on this machine. LLVM then optimises the code for wasm32, and the linker of the
 package `ziglang` links it with `runtime.c`. The kernels use only `+ - * /` and `sqrt`, so WebAssembly computes the same
-bits. The section "billiards" of `engine.wasm` contains the scenes as arrays, and the calls that play the frozen tasks.
+bits. The section "billiards" of `engine.wasm` contains the scenes as arrays and the calls that play the frozen tasks.
 """
 
 from __future__ import annotations
@@ -85,9 +85,9 @@ def scenes() -> dict[str, Scene]:
 
 @functools.cache
 def entry_points() -> dict[Any, tuple[str, Any, tuple[Any, ...]]]:
-    """Returns the functions that JavaScript calls, by the function and the types of its arguments.
+    """Returns the functions that JavaScript calls, by function and types of the arguments.
 
-    Each has its name in the module, the compiled function and arguments.
+    Each value is the name in the module, the compiled function and example arguments.
     """
     cue = tuple(cue_numbers(Scene.named("pool")))
     calls: list[tuple[str, Any, tuple[Any, ...]]] = []
@@ -106,7 +106,7 @@ def entry_points() -> dict[Any, tuple[str, Any, tuple[Any, ...]]]:
 
 
 def key_of(function: Any, arguments: tuple[Any, ...]) -> Any:
-    """Returns what determines the machine code of a call."""
+    """Returns the function and the types of the arguments of a call, which determine its machine code."""
     return function, tuple(map(numba.typeof, arguments))
 
 
@@ -166,7 +166,7 @@ def data() -> dict[str, Any]:
 
 
 def plain_task(task: tasks.Program) -> dict[str, Any]:
-    """Returns the calls of a task as JSON. Arguments that belong to its episodes or its scene refer to them."""
+    """Returns the calls of a task as JSON. Arrays of the episodes and parts of the scene are references."""
     kept: dict[Any, int] = {}
     arrays: list[Any] = []
 

@@ -1,9 +1,8 @@
-"""Compares shots in a browser and in wasmtime with those of Python, bit for bit: `python -m web.check`.
+"""Compares shots in a browser and in wasmtime with shots in Python, bit for bit: `python -m web.check`.
 
-For each scene it runs random shots, breaks and shots with a timestep. It counts those with the same bits (positions,
-velocities, spins, times, events and positions between the events), measures the time of a shot, and writes both to
-`web/results/check.json`. It needs `engine.wasm` of
-`make web`, the extra `web`, and Chromium or Chrome for the browser.
+The shots are random shots, breaks and shots with a timestep in each scene. The command counts the shots with the same
+bits (positions, velocities, spins, times, events and positions between the events), measures the time of a shot, and
+writes both to `web/results/check.json`. It needs `engine.wasm` of `make web`, the extra `web`, and Chromium or Chrome.
 """
 
 from __future__ import annotations
@@ -106,7 +105,7 @@ def browser_page() -> Iterator[Any]:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox", "--disable-gpu"])
         page = browser.new_page()
-        page.goto((build.HERE / "engine.js").as_uri())  # a page of no address computes no hashes
+        page.goto((build.HERE / "engine.js").as_uri())  # a page without an address cannot compute hashes
         module = (build.HERE / "engine.js").read_text(encoding="utf-8")
         page.set_content(f'<script type="module">{module}{SCRIPT}</script>')
         page.wait_for_function("() => window.bitsOf !== undefined")
@@ -200,7 +199,7 @@ def same(one: Floats, two: Floats) -> bool:
 
 
 def measure(engine: bytes, count: int) -> dict[str, Any]:
-    """Compares `count` shots of each kind and scene, and a tenth of it of breaks.
+    """Compares `count` shots of each kind and scene, and a tenth as many breaks.
 
     Returns:
         `rows`: a list with one entry for each scene and kind of shot, with the number of equal shots and the times of

@@ -16,11 +16,11 @@ const EVENT_WIDTH = 9, PIECE_WIDTH = 14;  // columns of the log, see `engine/log
 const rows = (flat, width) => Array.from({ length: flat.length / width }, (_, k) => [...flat.subarray(k * width, (k + 1) * width)]);
 const isNumber = value => typeof value === "number" && Number.isFinite(value);
 
-let uses = 0;  // of the memory of modules: each begins with `reset`, and an array is placed once in each
+let uses = 0;  // how often the memory was reset; after each reset an array is placed once
 
 /**
  * An array as an argument of a compiled function. `content` is a typed array or a list of numbers. `size` is the number
- * of bytes of an item; the items of records have many.
+ * of bytes of an item: more than the type has for the items of records.
  */
 class Argument {
   constructor(type, shape, content, size = TYPES[type].BYTES_PER_ELEMENT) {
@@ -80,13 +80,13 @@ function call(exports, name, values) {
   return result;
 }
 
-/** An array of the data of the module as an argument; its items are repeated. */
+/** An array from the data of the module as an argument, with its items `repeats` times. */
 function asArray({ type, shape, content, size }, repeats = null) {
   const items = content.map(["i8", "u8"].includes(type) ? BigInt : Number), whole = repeats === null ? items : Array(repeats).fill(items).flat();
   return new Argument(type, repeats === null ? shape : [repeats, ...shape], whole, size);
 }
 
-/** A part of the data of the module as arguments. `read` returns the argument of a value that is no array. */
+/** A part of the data of the module as arguments. `read` converts a value that is not an array. */
 const asArguments = (value, read = value => value) => Array.isArray(value) ? value.map(one => asArguments(one, read)) : value?.type ? asArray(value) : read(value);
 
 /** Returns the first balls of an array of radii or of inverse masses. */
@@ -196,7 +196,7 @@ function streamOf(seed) {
 
 /** Returns the SHA-256 hash of some arrays of bytes. */
 async function sha256(parts) {
-  if (!globalThis.crypto?.subtle) throw new Error("expected a page from https, localhost or a file: other pages compute no hashes");
+  if (!globalThis.crypto?.subtle) throw new Error("expected a page from https, localhost or a file: other pages cannot compute hashes");
   const digest = await crypto.subtle.digest("SHA-256", await new Blob(parts).arrayBuffer());
   return Array.from(new Uint8Array(digest), byte => byte.toString(16).padStart(2, "0")).join("");
 }
@@ -266,8 +266,8 @@ class Engine {
   /**
    * Runs a shot until every ball rests.
    *
-   * scene: its name; positions: [[x, y], ...]; velocities: for each ball, or of the cue ball alone, or what `strike`
-   * returns: only this has a cue, which drives balls that touch the cue ball together with it.
+   * scene: its name; positions: [[x, y], ...]; velocities: for each ball, or of the cue ball alone, or the result of
+   * `strike`. In the last case the cue also drives balls that touch the cue ball.
    * Options: mode "pic" (exact) or "pit" (fixed timestep dt, and fix), spins, inPlay, maxTime, maxEvents and numbers,
    * an object that replaces numbers of the scene, such as {e_ball: 1}.
    */
@@ -313,9 +313,9 @@ class Engine {
   }
 
   /**
-   * Checks a file of `billiards bench`: plays its actions again and compares all outcomes, as `billiards bench verify`.
+   * Checks a file of `billiards bench`: replays the actions and compares all outcomes, as `billiards bench verify`.
    *
-   * Yields the results of the file, each with `verified` (null for a task that the module cannot play) and a `reason`.
+   * Yields the results of the file, each with `verified` (null if the module cannot play the task) and a `reason`.
    */
   async *verify(text) {
     const { format, results } = JSON.parse(text);
@@ -334,7 +334,7 @@ class Engine {
     if (actions.length !== width * count || !actions.every(isNumber)) throw new RangeError(`actions: expected ${width} finite numbers for each shot`);
     const found = { ...item, shots, actions }, now = await this.replay(found);
     const wrong = ["layouts", "success", "returns", "digest"].find(name => String(now[name]) !== String(item[name]));
-    return { ...found, verified: !wrong, reason: wrong ? `${wrong}: expected other values, those of the actions` : "" };
+    return { ...found, verified: !wrong, reason: wrong ? `${wrong}: differs from the result of the actions` : "" };
   }
 
   /**

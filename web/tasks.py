@@ -1,6 +1,6 @@
-"""The frozen tasks as lists of calls of compiled functions, with which JavaScript plays a file of `billiards bench`.
+"""The frozen tasks as lists of calls of compiled functions. JavaScript makes these calls to replay a leaderboard file.
 
-`Episodes` calls these functions in `reset` and `step`. They are recorded here with their arguments and do not run.
+`Episodes` makes the calls in `reset` and `step`. This module records them with their arguments and does not run them.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from billiards_env.frozen import FROZEN
 from billiards_env.jit.decorators import EntryPoint
 
 COUNT = 9973
-"""The number of recorded episodes. No other number or side of an array is equal to it."""
+"""The number of episodes during the recording. No other number and no length of an array has this value."""
 
 TASKS = tuple(name for name, task in FROZEN.items() if not task.noise)
-"""The tasks of the module. The normal numbers of the noise need functions of the C library."""
+"""The tasks without noise. The normally distributed numbers of the noise need functions of the C library."""
 
 Call = tuple[Any, tuple[Any, ...]]
 
@@ -32,10 +32,10 @@ class Program(NamedTuple):
     """The calls of a task.
 
     Attributes:
-        arguments: The arguments of its environment.
-        scene: The fields of its scene.
-        begin: The functions that begin episodes, with their arguments.
-        shoot: Those that play a shot.
+        arguments: The arguments of the environment.
+        scene: The fields of the scene.
+        begin: The calls that begin episodes.
+        shoot: The calls that play a shot.
         arrays: Arrays of the episodes by the names that JavaScript uses.
     """
 
@@ -51,7 +51,7 @@ def program(name: str) -> Program:
     arguments = FROZEN[name].arguments
     env = make_env(**arguments)
     model = env.model
-    # JavaScript has no functions for few balls, which compute the same bits
+    # JavaScript lacks the functions for few balls; the general ones compute the same bits
     with patch.object(episodes, "run_shots_of", lambda *_: pic.run_shots):
         played = episodes.Episodes(COUNT, model)
     size = 5 if model.action == "strike" else 2
@@ -81,7 +81,7 @@ def program(name: str) -> Program:
 
 @contextmanager
 def _recorded() -> Iterator[list[Call]]:
-    """Records the calls of compiled functions by Python. They do not run and return -1, no ball without a place."""
+    """Records Python's calls of compiled functions without running them. Each returns -1: every ball has a place."""
     calls: list[Call] = []
 
     def record(function: EntryPoint, *arguments: Any) -> int:
@@ -90,6 +90,6 @@ def _recorded() -> Iterator[list[Call]]:
 
     with ExitStack() as patches:
         patches.enter_context(patch.object(EntryPoint, "__call__", record, create=True))
-        # whether a ball is frozen to others is not known yet; the function that follows changes no other shots
+        # True, because the shots are not drawn yet; `_drive`, which follows, changes no shots without frozen balls
         patches.enter_context(patch.object(frozen_strike, "_is_ahead", lambda *_: True))
         yield calls

@@ -214,8 +214,8 @@ class Calibration:
     def plot(self) -> Figure:
         """Draws tracks and paths of shots, and the errors until each contact (extra `plot`).
 
-        The shots with the largest root mean square errors come first, then those around the median. Their titles have
-        these errors.
+        The shots with the largest root mean square errors come first, then the shots around the median. The titles show
+        the errors.
 
         Raises:
             ModuleNotFoundError: If matplotlib is not installed.

@@ -21,7 +21,7 @@ from billiards_env.scene.table import Table
 
 SIDE, CONTROLS, LIST, NARROW, LARGEST = 344, 172, 225, 760, 640
 """Pixels: the width of the events next to the table, the heights of the controls and of the events under the table, the
-width from which the events are next to the table, and the largest height of a table in a notebook. page.html has the
+least width for events next to the table, and the largest height of a table in a notebook. page.html has the
 same layout."""
 
 FACE = {

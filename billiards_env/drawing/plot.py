@@ -167,7 +167,7 @@ def _draw_path(
         begin, ahead = shot.path(ball, at), shot.path(ball, at + 1e-4) - shot.path(ball, at)
         left = np.column_stack((-ahead[:, 1], ahead[:, 0])) / np.maximum(np.hypot(*ahead.T), 1e-12)[:, None]
         ends = begin + TICK * spin[:, None] * left
-        clear = np.ones(len(at), np.bool_)  # of the pockets, where a tick would look like a mark of the table
+        clear = np.ones(len(at), np.bool_)  # not over a pocket: there a tick looks like a mark on the table
         for pocket in shot.scene.table.pockets:
             clear &= np.hypot(*(ends - (pocket.x, pocket.y)).T) > pocket.radius
         ticks = list(np.stack((begin, ends), 1)[clear])

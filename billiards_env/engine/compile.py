@@ -46,7 +46,7 @@ A break has hundreds of events, at most thousands; a heap of balls pressed into 
 
 
 Varied = Mapping[str, NDArray[np.float64]]
-"""What differs from shot to shot: numbers of `Physics`, and the timestep "dt", by name, (m,)."""
+"""The values that differ from shot to shot, (m,), by name: numbers of `Physics`, and the timestep "dt"."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -55,9 +55,9 @@ class Engine:
 
     Attributes:
         mode: "pic" (event-driven, exact) or "pit" (fixed timestep, see `engine.pit`).
-        dt: Timestep of "pit", s; None for "pic".
-        fix: How "pit" treats overlaps (see `engine.overlaps`): "push_apart", "move_back", "none" or "time_of_impact";
-            None for the first. None for "pic".
+        dt: Timestep of "pit", s. "pic" requires None.
+        fix: How "pit" treats overlaps (see `engine.overlaps`): "push_apart", "move_back", "none" or "time_of_impact".
+            None means "push_apart". "pic" requires None.
 
     Raises:
         ValueError: If `mode` is not an engine, or `dt` or `fix` is not valid for it.
@@ -100,7 +100,7 @@ def check_engine(engine: Any) -> None:
 
 
 def check_varied_name(what: str, name: Any, engine: Engine) -> None:
-    """Raises a ValueError unless shots by an engine may have different values of a number, see `Varied`."""
+    """Raises a ValueError unless a number may differ between the shots of an engine, see `Varied`."""
     one_of(f"key of {what}", name, (*PARAMETERS, "dt"))
     if name == "dt" and engine.mode == "pic":
         raise ValueError(f"{what}['dt'] with mode='pic': expected mode='pit', PIC has no timestep")

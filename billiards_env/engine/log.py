@@ -64,7 +64,7 @@ def phase_end(phase):
 
 @inlined
 def phase_ended(kind, row):
-    """Returns the kind of event that has ended a phase; after `phase_end` a ball may roll on, more slowly."""
+    """Returns the kind of the event at the end of a phase. After a rolling phase a ball may roll on, more slowly."""
     return ROLLING_SLOWER if kind == ROLLING_REST and (row[VX] != 0.0 or row[VY] != 0.0) else kind
 
 

@@ -100,7 +100,7 @@ GRAZE = 1e-6
 
 _ROLLS = 2.0**-40  # slip over speed of a ball that rolls up to rounding
 ROUNDING = CONTACT_GAP, 1e-12
-"""The gap, m, and the difference of times, s per 1 s + time, that count as zero: those that rounding may cause."""
+"""A gap, m, and a difference of times, divided by 1 s + time, that count as zero because rounding may cause them."""
 
 
 _BETWEEN = -2  # in place of an event
@@ -120,7 +120,7 @@ class Pass(NamedTuple):
         until: The `Time` at which the shot is cut.
         time: (1,) float64, the time of what was found first, s.
         found: (2,) int64: the event or _BETWEEN, and the index of the reason; -1 and -1 for none.
-        within: (2,) float64: a gap, m, and a difference of times, s, per 1 s + time, that count as zero.
+        within: (2,) float64: a gap, m, and a difference of times, divided by 1 s + time, that count as zero.
     """
 
     events: Any
@@ -309,7 +309,7 @@ def _is_smooth_cushion(i, wall, state, scene):
 
 @inlined
 def _grazes_circle(path, reach, speed, gap):
-    """Returns whether a `Path` that touches a circle about the origin hardly approaches it, or enters it to a gap."""
+    """Returns whether a `Path` that touches a circle about the origin hardly approaches it, or enters by <= `gap`."""
     if -(path.x * path.vx + path.y * path.vy) <= GRAZE * norm(path.x, path.y) * speed:
         return True
     x, y = place_after(path, turn_time(path))
@@ -344,7 +344,7 @@ def _grazes(kind, i, other, piece, speed, over):
 
 @inlined
 def _is_at_joint(outline, wall, state, gap):
-    """Returns whether a ball with a state (7,) touches a cushion within a gap of a change of its curvature."""
+    """Returns whether a ball with a state (7,) touches a cushion where its curvature changes, up to a gap, m."""
     if outline is None:
         return False
     near = 2.0 * JOINT + gap
@@ -424,8 +424,8 @@ def find_nonsmooth(begin, end, shots, times, within, results):  # out: results
         end: One past the last.
         shots: The `RecordedShots`, as a plain tuple.
         times: (m,) float64, s: only the shot until then counts.
-        within: (l, 2) float64, as in `Pass`, for each event in the order of the log and then for the end of the shot;
-            the last row is that of all later ones.
+        within: (l, 2) float64, as in `Pass`, for each event in the order of the log and then for the end of the shot.
+            The last row applies to all later events.
         results: (m, 2) int64 out: the last event until then and the index of the reason in `REASONS`; -1 and -1 if
             there is none. The start of the shot is event -1.
     """

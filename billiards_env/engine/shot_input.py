@@ -220,7 +220,7 @@ def check_shot(
 
 
 def check_varied(scene: Scene, given: Any, engine: Engine, m: int) -> dict[str, Floats]:
-    """Returns what differs from shot to shot for m shots, (m,) each, after a check.
+    """Checks and returns the values that differ from shot to shot, (m,) each, see `Varied`.
 
     Args:
         scene: The scene.

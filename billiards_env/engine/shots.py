@@ -164,7 +164,7 @@ def count_hit(k, i, j, shots):  # out: shots
 
 @inlined
 def end_at(time, k, state, scene, shots, status):  # out: state, shots
-    """Advances the balls that are not at rest to a `Time`. If there are any, sets the status of shot k."""
+    """Advances the balls that are not at rest to a `Time`. If there is such a ball, sets the status of shot k."""
     for i in range(len(state.phase)):
         if state.phase[i] != POTTED and state.phase[i] != REST:
             shots.status[k] = status

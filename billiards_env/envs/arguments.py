@@ -1,4 +1,4 @@
-"""The arguments of the environments: `make_model` checks those of `gym.make`, `check_options` those of `reset`."""
+"""Checks of arguments: `make_model` for the arguments of `gym.make`, `check_options` for the options of `reset`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from billiards_env.scene import Balls, Scene, check_positions, check_ranges, lay
 
 
 class Model(NamedTuple):
-    """The arguments of an environment after their checks: what its episodes read and do not change. See `make_model`.
+    """The checked arguments of an environment, see `make_model`. Its episodes read them and do not change them.
 
     Attributes:
         scene: The scene.
@@ -85,7 +85,7 @@ def make_model(
     board = make_scene(scene, n_object_balls, entry.scene, least if least == most else None)
     targets, engine = task_targets(task, board), Engine(mode, dt, fix)
     layout = entry.layout if layout is None else layout
-    layouts.draw(layout, board, np.random.default_rng(0))  # raises here, and not in `reset`, if it is impossible
+    layouts.draw(layout, board, np.random.default_rng(0))  # an impossible layout raises here, not in `reset`
     speed = real("max_speed", max_speed, "max_speed")
     return Model(
         scene=board,

@@ -236,8 +236,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `noise_seed`      | int or None   | `None`       | a second seed of the noise                            |
     | `render_mode`     | str or None   | `None`       | `"human"`, `"rgb_array"` or `"rgb_array_list"`        |
 
-    These are the arguments of `gym.make` and of `make_env`. `make_model` checks them and returns a `Model`, from which
-    the constructor makes the environment.
+    These are the arguments of `gym.make` and of `make_env`. The constructor instead takes a `Model`, which
+    `make_model` returns after a check of the arguments.
 
     - `scene` is a name, a `Scene`, or a mapping for `Scene.from_dict`, such as `{"base": "real_pool", "n_object_balls":
       9, "physics": {"mu_roll": 0.012}}`. By default it is `"carom"` in `"carom"` and `"three_cushion"`,
@@ -285,7 +285,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def __init__(self, model: Model, render_mode: str | None = None) -> None:
         if not isinstance(model, Model):
-            raise TypeError(f"model = {short(model)}: expected the result of make_model; make_env takes its arguments")
+            raise TypeError(f"model = {short(model)}: expected a Model from make_model; make_env takes arguments")
         if render_mode is not None:
             one_of("render_mode", render_mode, RENDER_MODES)
         self.model, self.render_mode = model, render_mode
@@ -485,7 +485,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 def make_env(*, render_mode: str | None = None, **arguments: Any) -> BilliardsEnv:
     """Returns the environment of `gym.make("Billiards-v0", ...)`, without Gymnasium's wrappers.
 
-    The arguments are those of the docstring of `BilliardsEnv`.
+    The docstring of `BilliardsEnv` describes the arguments.
 
     Raises:
         ValueError: If an argument is impossible.

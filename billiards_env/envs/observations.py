@@ -384,7 +384,7 @@ def decode(observation: Any, features: Mapping[str, tuple[int, ...]]) -> dict[st
 
 
 def check_old(prefix: str, arguments: Mapping[str, Any]) -> None:
-    """Raises a TypeError for an argument of `OLD`. The message has the new spelling; the prefix is for the name."""
+    """Raises a TypeError for an argument of `OLD`. The message has the new spelling, and `prefix` before the name."""
     for name in OLD.keys() & arguments:
         expected = f"expected observe with {OLD[name]!r} instead, see envs.observations"
         raise TypeError(f"{prefix}{name} = {short(arguments[name])}: {expected}")

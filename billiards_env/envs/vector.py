@@ -104,8 +104,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     | `autoreset_mode` | str or AutoresetMode | `"SameStep"` | what happens after the end of an episode             |
     | `threads`        | int or None          | `None`       | threads; None for the number of `set_num_threads`    |
 
-    `gym.make_vec` and `make_vector_env` have these arguments and those of `BilliardsEnv`, which apply to every
-    environment.
+    `gym.make_vec` and `make_vector_env` have these arguments and the arguments of `BilliardsEnv`, which apply to every
+    environment. The constructor takes a `Model` from `make_model` in place of the arguments of `BilliardsEnv`.
 
     ## Rendering
 
@@ -487,7 +487,7 @@ def make_vector_env(
 ) -> BilliardsVectorEnv:
     """Returns the environment of `gym.make_vec("Billiards-v0", ...)`.
 
-    The arguments are those of the docstrings of `BilliardsVectorEnv` and `BilliardsEnv`.
+    The docstrings of `BilliardsVectorEnv` and `BilliardsEnv` describe the arguments.
 
     Raises:
         ValueError: If an argument is impossible.

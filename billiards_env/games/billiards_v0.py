@@ -166,7 +166,7 @@ class GameEnv(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     | `mode`, `dt`, `fix` | | `"pic"` | the engine, as in `Billiards-v0` |
     | `render_mode` | str or None | `None` | `"rgb_array"`, `"rgb_array_list"` or `"human"` |
 
-    These are the arguments of `env` and `raw_env`, which make the `Setup` for the constructor.
+    These are the arguments of `env` and `raw_env`. Both functions make the `Setup` for the constructor from them.
 
     ## Version History
 
@@ -453,7 +453,7 @@ def env(**kwargs: Any) -> OrderEnforcingWrapper[str, NDArray[np.float32], NDArra
     """Returns the environment with PettingZoo's wrappers, which clip actions and check the order of calls.
 
     Args:
-        **kwargs: The arguments of the docstring of `GameEnv`.
+        **kwargs: The arguments that the docstring of `GameEnv` describes.
 
     Returns:
         The environment.

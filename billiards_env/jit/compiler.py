@@ -1,7 +1,8 @@
 """Numba's compiler without the steps that this package does not need.
 
 The first shot without a cache compiles more than a hundred functions. The docstrings give the slowdown of a cold start
-without a part: of a break of nine ball on `real_pool`, or "of the planner", of its first decisions on this table.
+if a part is left out. The start is a nine-ball break on `real_pool`, or, for "the planner", its first decisions on this
+table.
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ def _announce() -> None:
 
 
 class _Library(JITCodeLibrary):
-    """The LLVM code of a function, and a list of the functions that it calls, each before those that it calls itself.
+    """The LLVM code of a function, and a list of all functions that it needs, each after its callers.
 
-    LLVM links only what the code so far calls. A function that is linked before its caller would be missing.
+    LLVM links a function only if the code that is already linked calls it.
     """
 
     def add_linking_library(self, library: Any) -> None:
@@ -40,10 +41,10 @@ class _Library(JITCodeLibrary):
 
 
 class _KernelLibrary(_Library):
-    """The LLVM code of a kernel without that of the kernels that it calls. Entry points link, optimise and compile it.
+    """The LLVM code of one kernel, without the kernels that it calls. Entry points link, optimise and compile it.
 
-    Numba's library also links, optimises and compiles each kernel: slowdown 1.6x. If each kernel is only linked and
-    optimised with those that it calls, the slowdown of the planner is 1.2x.
+    Numba's own library links, optimises and compiles each kernel separately: slowdown 1.6x. If each kernel is linked
+    and optimised with the kernels that it calls, but not compiled, the slowdown of the planner is 1.2x.
     """
 
     def finalize(self) -> None:
@@ -65,7 +66,7 @@ class ShortCompiler(Compiler):
         timer = threading.Timer(LONG, _announce)
         timer.daemon = True
         collects = gc.isenabled()
-        gc.disable()  # numba keeps its objects; slowdown of the planner without: 1.1x
+        gc.disable()  # numba keeps its objects; slowdown of the planner without this line: 1.1x
         timer.start()
         try:
             return super().compile_extra(func)
@@ -76,7 +77,7 @@ class ShortCompiler(Compiler):
 
 
 class Kernel(CPUDispatcher):
-    """A function that other compiled functions call. Slowdown without it and the library: 2.0x.
+    """A function that other compiled functions call. Slowdown without this class and `_KernelLibrary`: 2.0x.
 
     Its machine code and its wrapper for Python are compiled only at the first call from Python.
     """

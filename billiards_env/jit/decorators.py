@@ -119,7 +119,7 @@ def inlined(function: F) -> F:
 
 
 def expanded(function: F) -> F:
-    """Compiles a function whose code numba copies to its callers, so that it may return a record of an array."""
+    """Compiles a function whose code numba copies into its callers. It may therefore return a record of an array."""
     return _compiled(Kernel, function, _nrt=False, inline="always")
 
 

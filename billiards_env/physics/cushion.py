@@ -57,8 +57,8 @@ def by_law(kernel: Callable[..., Any], *others: Callable[..., Any]) -> Callable[
 
 
 impact = by_law(*LAWS)
-"""Returns a ball's motion after an impact on cushions with friction: the law of the scene, see
-`cushion_han2005.han2005`. Its arguments are `SceneArrays.cushion` and the tuple of the arguments of the law."""
+"""Returns a ball's motion after an impact on a cushion with friction, by the law of the scene, see
+`cushion_han2005.han2005`. The arguments are `SceneArrays.cushion` and a tuple with the arguments of the law."""
 
 
 @inlined

@@ -137,7 +137,7 @@ def advance(state, i, time, numbers):  # out: state
 def end_phase(state, i, time, numbers):  # out: state
     """Ends ball i's phase at a `Time`: its slip, velocity or spin becomes exactly zero.
 
-    A rolling ball whose resistance changes keeps a speed, exactly one of `cloth.ROLL_SPEEDS` up to rounding.
+    If only the rolling resistance changes, the ball continues with one of `cloth.ROLL_SPEEDS`, exact up to rounding.
     `begin_phase` then sets the next phase.
     """
     advance(state, i, time, numbers)

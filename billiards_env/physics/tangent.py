@@ -11,8 +11,8 @@ A kernel may consist of:
   `break` and `continue`; `return`,
 * numbers, names, tuples, attributes, `a[i]` with a constant i,
 * `+ - * /`, comparisons, `and`, `or`, `not`, `a if condition else b`,
-* `abs`, `math.sqrt`, `max` and `min` of two numbers, NamedTuples, also by keyword, and calls of other kernels with
-  positional arguments, but no call of a kernel within `a if condition else b` or a condition.
+* `abs`, `math.sqrt`, `max` and `min` of two numbers, NamedTuples, which may have keyword arguments, and calls of other
+  kernels with positional arguments, but no call of a kernel within `a if condition else b` or a condition.
 
 Everything else is an error, whose message has the line. The tangents of called kernels are made in the same way. `rule`
 gives a kernel a tangent of another form: for an iteration, differentiate the equation that it solves.

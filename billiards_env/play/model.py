@@ -251,7 +251,7 @@ def tick(model: Model, seconds: float) -> Model:
 def shoot(model: Model, stroke: Stroke, aim: StrokeInput | None = None) -> Model:
     """Plays a stroke and returns the model in phase "rolling". The stroke of a person comes with its aim.
 
-    The model has the aim of the stroke until the shot is over, so the controls show how it is played.
+    Until the shot is over, the model has the aim of the stroke, so the controls show the stroke.
 
     Raises:
         ValueError: As `games.play` does.

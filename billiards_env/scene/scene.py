@@ -185,10 +185,13 @@ class Physics:
         e_cushion_onset: Normal speed above which the cushions' restitution falls, m/s.
         e_cushion_floor: Least restitution of the cushions.
         mu_cushion_angle: Gain of the friction of "han2005_variable" cushions from a ball that moves along the normal to
-            one that moves along the cushion.
-        e_cushion_topspin: Gain of their restitution from a ball without topspin to one that rolls.
-        mu_cushion_slip: Fall of their friction with the slip, s/m: it is divided by 1 + mu_cushion_slip * slip.
-        e_cushion_tangent: Share of the slip at their nose that friction reverses if it is large enough, 0 to 1.
+            a ball that moves along the cushion.
+        e_cushion_topspin: Gain of the restitution of "han2005_variable" cushions from a ball without topspin to a ball
+            that rolls.
+        mu_cushion_slip: Decrease of the friction of "han2005_variable" cushions with the slip, s/m: the friction is
+            divided by 1 + mu_cushion_slip * slip.
+        e_cushion_tangent: Share of the slip at the nose that "han2005_variable" cushions reverse if their friction is
+            large enough, 0 to 1.
         mu_roll_speed: Gain of the rolling resistance per speed, s/m, see `physics.laws.cloth`; 0.004 on a match table.
         max_time: Time limit of a shot, s; None for no limit. "ideal" motion needs a limit.
     """

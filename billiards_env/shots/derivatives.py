@@ -151,10 +151,10 @@ class Differentiable:
         return self._of_each(gradients.nonsmooth(self._record("nonsmooth"), t, threads))
 
     def certain(self) -> Certain:
-        """Returns whether the outcome is the one of exact arithmetic, by a checked bound, see `gradients.Certain`.
+        """Returns the number of certain events and whether the outcome is certain, see `gradients.Certain`.
 
         Raises:
-            ValueError: If the shot was not recorded or not run by "pic".
+            ValueError: If the shot was not recorded, or was not computed by "pic".
 
         Example:
             >>> from billiards_env import Scene, simulate

@@ -99,18 +99,19 @@ class Nonsmooth(NamedTuple):
 
 
 class Certain(NamedTuple):
-    """How much of a shot is certain: which events have the order of exact arithmetic. Arrays for a batch.
+    """The certain events of a shot: the first events, if exact arithmetic gives the same events in this order.
 
-    It is a checked bound, not a proof. The error of a position is bounded by `SAFETY` times the unit roundoff times the
-    largest condition up to its time: the 2-norm of its derivatives by the start, each times the size of its input (half
-    the length of the table, or the largest speed). The errors of times are bounded in the same way. `SAFETY` is above
-    the ratio of the errors of all measured shots to the condition times the unit roundoff. An event is certain if up to
-    it no bodies pass or enter each other by less than the bound, no impacts follow each other by less, and no event is
-    one of `engine.nonsmooth.REASONS`.
+    The fields are arrays for a batch. The result rests on a bound of the errors, which was tested but not proved. The
+    bound of a position is `SAFETY` times the unit roundoff times its largest condition so far. The condition is the
+    2-norm of the derivatives with respect to the start, each times the size of its input (half the length of the table,
+    or the largest speed). The bounds of times have the same form. An event is certain if, up to this event, no bodies
+    miss or enter each other by less than the bound, no impacts follow each other within the bound, and no event has one
+    of `engine.nonsmooth.REASONS`.
 
     Attributes:
-        events: The number of events, from the first one on, that are certain.
-        outcome: Whether all are certain, and with them the potted balls, the first hit and the order of the contacts.
+        events: The number of certain events.
+        outcome: Whether all events are certain. Then the potted balls, the first hit and the order of the contacts are
+            certain too.
     """
 
     events: Any
@@ -578,7 +579,7 @@ def nonsmooth(record: Record, t: ArrayLike | None, threads: int | None) -> Nonsm
 
 
 SAFETY = 100.0
-"""The bound of `certain` over the condition times the unit roundoff, see `Certain`."""
+"""The ratio of the bound of `certain` to the condition times the unit roundoff, see `Certain`."""
 
 
 def certain(record: Record) -> Certain:
@@ -601,9 +602,9 @@ def certain(record: Record) -> Certain:
 
 
 def _error_bounds(record: Record, events: Floats) -> Floats:
-    """Returns the largest errors of a gap, m, and of a difference of times, s, until each event and the end.
+    """Returns bounds of the errors of gaps, m, and of differences of times, s, up to each event and up to the end.
 
-    They are (l + 1, 2) float64, for the l events of one shot.
+    The result is (l + 1, 2) float64, for the l events of one shot.
     """
     n, states, radius = record.scene.n_balls, start_states(record)[0], min(record.scene.balls.radius)
     speed = max(np.abs(states[:, 2:4]).max(), radius * np.abs(states[:, 4:]).max())

@@ -235,7 +235,7 @@ def json_text(kind: str, data: Mapping[str, Any]) -> str:
 
 
 def plain(record: Any) -> dict[str, Any]:
-    """Returns the fields of a shot, or of the setup of a game, with the scene and the engine as `head` reads them."""
+    """Returns the fields of a shot or of the setup of a game. `head` can read the scene and the engine from them."""
     data = {field.name: getattr(record, field.name) for field in dataclasses.fields(record)}
     return {"scene": data.pop("scene").to_dict(), **dataclasses.asdict(data.pop("engine")), **data}
 
@@ -384,7 +384,7 @@ def bools(name: str, value: Any, count: int) -> tuple[bool, ...]:
 
 
 def head(data: Mapping[str, Any]) -> tuple[Scene, Engine]:
-    """Returns what shots and games share: the scene and the engine."""
+    """Returns the scene and the engine of a shot or a game."""
     if not isinstance(data["written_by"], str):
         raise ValueError(f"written_by = {short(data['written_by'])}: expected a text")
     scene = Scene.from_dict(data["scene"])

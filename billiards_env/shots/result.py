@@ -83,7 +83,7 @@ class ShotResult(Differentiable):
             impacts of balls that friction presses together. It is 0 in nearly all shots with a few balls, and positive
             in most breaks of 15 balls.
         events: Structured array with the fields time (s), kind ("ball_ball", "cushion", "pocket", "sliding_rolling",
-            "rolling_rest", "spinning_rest" or, if the rolling resistance grows with the speed, "rolling_slower"), ball,
+            "rolling_rest", "spinning_rest", or "rolling_slower" if the rolling resistance depends on the speed), ball,
             other (the second ball, the cushion, the pocket, or -1), x and y (position of the ball, m), speed (at which
             ball and other approached, m/s) and rule (whether the contact-time rule acted). The cushions 0 to 3 of a
             rectangle are -x, +x, -y, +y. In an outline the straight cushions come first, then the tips.

@@ -257,7 +257,7 @@ def simulate_batch(
         velocities: (m, n, 2) m/s, or (m, 2) for the cue balls alone, or a `Strike` of m strikes.
         engine: As in `simulate`.
         physics: Numbers of `Physics` that differ from shot to shot, by name, such as {"mu_roll": ...}, (m,) each. They
-            replace the scene's. `max_time` is not one of them. With the engine "pit" also the timestep "dt", s.
+            replace the scene's. `max_time` is not one of them. The engine "pit" also accepts the timestep "dt", s.
         spins: (m, n, 3) or (m, 3) angular velocities, rad/s; None for zero, or for a `Strike`.
         in_play: (m, n) or (n,) bool; by default all balls are in play.
         max_time: As in `simulate`.

@@ -167,7 +167,7 @@ def slip(world: World, ball: int, velocity: Vector, spin: Vector) -> Vector:
 
 
 def rolling_resistance(world: World, speed: Real) -> tuple[Real, Real]:
-    """Returns the deceleration of a ball that rolls, m/s^2, and the lower speed at which it changes, m/s."""
+    """Returns the deceleration of a ball that rolls, m/s^2, and the speed at which this deceleration ends, m/s."""
     steps = [mpmath.mpf(k) / 2 for k in range(9)] if world.mu_roll_speed else [mpmath.mpf(0)]
     least = max(step for step in steps if step == 0 or speed > step * (1 + world.tiny))
     return (world.mu_roll + world.mu_roll_speed * (least + mpmath.mpf(1) / 4)) * world.g, least
@@ -307,7 +307,7 @@ def _restitution(world: World, speed: Real) -> Real:
 def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real, reversed_share: Real = 0) -> Vector:
     """Returns the state after a cushion by Han (2005), Dynamics in Carom and Three Cushion Billiards.
 
-    The mass is 1, and x points into the cushion. Friction that sticks reverses a share of the slip.
+    The mass is 1, and x points into the cushion. Friction that stops the slip reverses a share of the slip.
     """
     radius = world.radius[ball]
     sin = world.cushion_height / radius - 1

@@ -60,7 +60,7 @@ def test_a_copy_continues_like_its_original(kind, copy_of):
 
 
 def test_a_deep_copy_pickles_no_compiled_function(monkeypatch):
-    """To pickle one takes milliseconds, to copy and step an environment microseconds."""
+    """Pickling a compiled function takes milliseconds. Copying and stepping an environment takes microseconds."""
     envs = make_env(**VARIANTS[0]), make_vector_env(2, **VARIANTS[0])
     monkeypatch.setattr(ReduceMixin, "__reduce__", lambda _: pytest.fail("a compiled function is pickled"))
     for env in envs:

@@ -136,7 +136,7 @@ def test_a_state_survives_a_file(tmp_path):
 
 
 def changed(**values: Any) -> np.ndarray:
-    """Returns two states of `make_vector_env(2)`, of which the second one has other values."""
+    """Returns two states of `make_vector_env(2)`. The second has other values."""
     envs = make_vector_env(2)
     envs.reset(seed=0)
     state = envs.get_state()

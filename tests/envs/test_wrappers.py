@@ -44,7 +44,7 @@ VECTORIZED: dict[str, dict[str, Any]] = {
 
 
 def shots_of(envs: Any, steps: int) -> tuple[list[float], list[float], list[float]]:
-    """Returns the true returns of the episodes, those that the infos record, and the discounted return of each shot."""
+    """Returns the true returns of the episodes, the returns in the infos, and the discounted return after each shot."""
     envs.reset(seed=0)
     plain = envs.unwrapped
     totals, since, over = np.zeros(4), np.zeros(4), np.zeros(4, bool)

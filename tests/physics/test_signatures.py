@@ -1,4 +1,4 @@
-"""The signatures of kernels name the arguments that the kernels change: `def move(state, i, t):  # out: state`."""
+"""A comment at a kernel's signature lists the arguments that it changes: `def move(state, i, t):  # out: state`."""
 
 import ast
 import re
@@ -27,7 +27,7 @@ KERNELS = {
 
 
 def known_in(path):
-    """Returns the kernels that a module calls by name: its own, and those of the other modules."""
+    """Returns the kernels that a module calls, by name: its own kernels and the kernels that it imports."""
     known = {name: kernel for kernels in KERNELS.values() for name, kernel in kernels.items()}
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("billiards_env."):
@@ -39,7 +39,7 @@ def known_in(path):
 
 
 class Writes(ast.NodeVisitor):
-    """The arguments that a kernel changes: `sure` ones, and `perhaps` some of those that it puts into one tuple."""
+    """The arguments that a kernel changes: `sure`, and `perhaps` for arguments that it puts into one tuple."""
 
     def __init__(self, node, known):
         self.known, self.sure, self.perhaps = known, set(), set()

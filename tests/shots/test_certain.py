@@ -1,4 +1,4 @@
-"""The events that are certain are those of exact arithmetic, and doubtful ones are named."""
+"""Certain events agree with exact arithmetic, and doubtful events are not certain."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def test_a_doubt_grows_with_the_impacts_before_it():
     assert impacts >= 4
     assert 0 < found.events <= shot.n_events
     whole = simulate(scene, start, [1.0, 0.0], record=True, max_time=200.0, max_events=400)
-    assert found.events <= whole.certain().events < whole.n_events  # rounding errors are as large as the table then
+    assert found.events <= whole.certain().events < whole.n_events  # later the errors are as large as the table
     assert not whole.certain().outcome
 
 

@@ -1,4 +1,4 @@
-"""Policies in the simulators of others: what is measured, the worker, and the tables."""
+"""Policies in other simulators: the measurements, the worker, and the tables."""
 
 import json
 import sys

@@ -81,7 +81,7 @@ def test_a_strike_drives_a_frozen_ball_as_in_python(name, engine, tab):
 
 
 def verdicts(tab, text):
-    """Returns what the module says about the results in a file."""
+    """Returns the task, `verified` and the reason of each result in a file."""
     each = "for await (const result of engine.verify(text)) found.push([result.task, result.verified, result.reason])"
     return tab.evaluate(f"async text => {{ const found = []; {each}; return found; }}", text)
 
@@ -98,8 +98,8 @@ def test_a_leaderboard_file_is_verified(engine, tab):
     three["shots"] = "AA" + three["shots"][2:]
     four["task"] = "Pot1Noise-v0"
     assert verdicts(tab, json.dumps(file)) == [
-        ["Pot1-v0", False, "returns: expected other values, those of the actions"],
-        ["Pot1-v0", False, "digest: expected other values, those of the actions"],
+        ["Pot1-v0", False, "returns: differs from the result of the actions"],
+        ["Pot1-v0", False, "digest: differs from the result of the actions"],
         ["ThreeCushion-v0", False, "shots: expected 1000 numbers from 1 to 1"],
         ["Pot1Noise-v0", None, "not played here: the task has noise or is unknown"],
     ]

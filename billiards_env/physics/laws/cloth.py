@@ -4,10 +4,10 @@ In every phase the position is quadratic in time, r(t) = r0 + v0 t + a t^2 / 2:
 
 * sliding: the point that touches the cloth moves at u = v + R z x omega. Friction a = -mu_s g u/|u| keeps its
   direction, and du/dt = 7/2 a, so the phase lasts 2 |u| / (7 mu_s g) (Marlow 1995, The Physics of Pocket Billiards).
-* rolling: u = 0 and a = -mu_r g v/|v|, so the phase lasts |v| / (mu_r g). If the resistance grows with the speed,
-  mu_r(v) = mu_roll + mu_roll_speed |v|, the deceleration is constant between two `ROLL_SPEEDS`, with the value of the
-  middle, and a phase ends at each of them. Up to 4.5 m/s its error is at most mu_roll_speed g `ROLL_STEP` / 2; above
-  that it stays the same.
+* rolling: u = 0 and a = -mu_r g v/|v|, so the phase lasts |v| / (mu_r g). The resistance may grow with the speed,
+  mu_r(v) = mu_roll + mu_roll_speed |v|. Then the deceleration is constant between two neighbours in `ROLL_SPEEDS` and
+  has its value at the middle speed, and a phase ends at each of `ROLL_SPEEDS`. Up to 4.5 m/s the error of the
+  deceleration is at most mu_roll_speed g `ROLL_STEP` / 2. Above 4 m/s the deceleration is constant.
 * free: a = 0, and the phase has no end.
 * spinning and at rest: v = 0.
 
@@ -38,14 +38,14 @@ SLIP_RATE = 3.5
 ROLL_STEP = 0.5
 """m/s."""
 ROLL_SPEEDS = tuple(ROLL_STEP * k for k in range(1, 9))
-"""m/s, where the rolling resistance changes if it grows with the speed."""
+"""The speeds, m/s, at which the rolling resistance changes if it grows with the speed."""
 
 _SAME, _NEAR = 1.0 + 1e-12, 1e-9  # more than the rounding of a speed at the beginning and at the end of a phase
 
 
 @inlined
 def roll_of(speed, numbers):
-    """Returns the deceleration of a ball that rolls, m/s^2, and the lower speed at which it changes, m/s."""
+    """Returns the deceleration of a ball that rolls, m/s^2, and the speed at which this deceleration ends, m/s."""
     least = 0.0
     if numbers.roll_gain > 0.0:
         for step in ROLL_SPEEDS:
@@ -56,7 +56,7 @@ def roll_of(speed, numbers):
 
 @inlined
 def share_kept(speed, numbers):
-    """Returns the speed at the end of a phase of rolling over that which the path gives, m/s: 0 if the ball rests."""
+    """Returns the ratio of the speed after a rolling phase to the speed at the end of its path: 0 if the ball rests."""
     if numbers.roll_gain > 0.0:
         for step in ROLL_SPEEDS:
             if abs(speed - step) < _NEAR * step:
@@ -165,7 +165,7 @@ def launch(numbers, distance, speed, slip_ratio):
         slip_ratio: Initial slip of the ball divided by its initial speed, < 7/2. It is 1 without spin, 0 if the ball
             rolls, and negative if it spins faster than it rolls. Motions other than sliding ignore it.
 
-    The deceleration of a rolling ball is that at `speed` on the whole way.
+    A rolling ball has the deceleration for `speed` on its whole way.
     """
     roll, _ = roll_of(speed, numbers)
     if numbers.motion == IDEAL:

@@ -8,7 +8,7 @@ from billiards_env.jit import inlined
 from billiards_env.physics.laws.cushion import Cushion, cushion_restitution, leave, nose_of
 
 STICK = 2.0 / 7.0
-"""The impulse per mass that stops a slip, over the slip."""
+"""The ratio of the impulse per mass that stops a slip to the slip."""
 
 
 @inlined
@@ -35,7 +35,7 @@ def impact(before, nose, rebound, mu, e, stick):
         rebound: As in `han2005`.
         mu: The friction.
         e: The restitution.
-        stick: The impulse per mass over the slip, if friction does not limit it: `STICK` or more.
+        stick: The ratio of the impulse per mass to the slip if friction does not limit the impulse: `STICK` or more.
     """
     vn = before.vn
     sin, cos, sx, sy = nose.sin, nose.cos, nose.sx, nose.sy

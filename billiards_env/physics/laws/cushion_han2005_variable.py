@@ -1,15 +1,15 @@
 """The impact on a cushion by Han (2005), with friction and restitution that depend on the motion.
 
-Fits of recorded three-cushion shots (the tracks of the simulator tailuge/billiards) gave a friction that grows with the
-angle to the normal and falls with the slip, a restitution that grows with the topspin, and an impulse that reverses a
-part of the slip. The law is a simple form of these:
+In fits of recorded three-cushion shots (the tracks of the simulator tailuge/billiards), friction grows with the angle
+to the normal and falls with the slip, restitution grows with the topspin, and the impulse reverses part of the slip.
+The law is a simple form of these effects:
 
     mu = (mu_cushion + mu_cushion_angle sin^2(phi)) / (1 + mu_cushion_slip s)
     e = e(v_n) + e_cushion_topspin min(1, max(0, R omega_t / v_n))
 
-with the angle phi of the velocity to the normal, the slip s at the nose, the spin omega_t along the cushion, which is
-v_n / R for a ball that rolls, and the restitution e(v_n) of the other cushions. Friction that is not limited by mu
-reverses e_cushion_tangent of the slip, as a compliant nose does (Stronge 2000).
+Here phi is the angle between the velocity and the normal, s is the slip at the nose, omega_t is the spin along the
+cushion (v_n / R for a ball that rolls), and e(v_n) is the restitution of the other cushions. If mu does not limit the
+friction, the impact reverses the share e_cushion_tangent of the slip, as with a compliant nose (Stronge 2000).
 """
 
 from __future__ import annotations
