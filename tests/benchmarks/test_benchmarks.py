@@ -207,7 +207,7 @@ def test_the_stress_table_has_sums_and_maxima():
 def test_certain_contacts_are_compared_with_the_reference(tmp_path, monkeypatch):
     monkeypatch.setattr(certain, "SHOTS", ("1 object ball",))
     monkeypatch.setattr(certain, "BREAKS", ("carom",))
-    monkeypatch.setattr(benchmarks, "ProcessPoolExecutor", ThreadPoolExecutor)
+    monkeypatch.setattr(benchmarks, "processes", ThreadPoolExecutor)
     written = tmp_path / "c.json"
     given = ["--shots", "3", "--breaks", "1", "--workers", "1", "--output", str(written)]
     certain.main(given)
