@@ -30,6 +30,7 @@ skips runs that have results.
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import io
 import json
@@ -46,7 +47,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import IMAGES, comparison, machine_line, save, table, use_own_font
+from benchmarks import IMAGES, comparison, save, table, use_own_font
 from billiards_env import Scene, simulate_batch
 from billiards_env.envs import BilliardsVectorEnv, make_model
 from billiards_env.evaluation import evaluation_seeds
@@ -55,8 +56,9 @@ from billiards_env.scene import Balls, Physics, Table
 from billiards_env.scene.table import six_pockets
 from examples import ppo
 from studies import RESULTS, parser_of, report, resumed, workers
+from studies.simulators_worker import DECAY, TIME
 from studies.timestep import LAYOUT_SEED, LAYOUTS, aims, aims_by_group, shots_of
-from studies.timestep_report import GROUPS
+from studies.timestep_report import GROUPS, finished
 
 Floats = NDArray[np.float64]
 Play = Callable[[Floats, Floats], NDArray[np.intp]]
@@ -65,108 +67,88 @@ each direct pot, or -1."""
 
 WORKER = Path(__file__).with_name("simulators_worker.py")
 PYTHON = WORKER.parents[1] / ".venv-simulators" / "bin" / "python"
-SHOTS, SLOTS = 400_000, 128
-DECAY, TIME = math.log(2.0), 6.0  # 1/s: half of the speed is lost in a second, `space.damping = 0.5`; s
-RESTITUTION = {"rigid": (0.95, 0.85), "soft": (math.exp(-2.0), math.exp(-2.0))}
-"""The restitution of balls and of cushions. Critically damped contacts, MuJoCo's default, have exp(-2)."""
 
 
 class World(NamedTuple):
-    """The simulator, the laws, dt, s, and the number of policies that train there.
+    """The simulator, the name of the exact world with the same laws, dt, s, and the number of policies trained there.
 
-    The simulator is "pymunk", "mujoco", "pooltool" or "exact". The laws are "pooltool" or a key of `RESTITUTION`.
+    The simulator is "pymunk", "mujoco", "pooltool" or "exact".
     """
 
     simulator: str
-    laws: str
+    exact: str
     dt: float
     seeds: int
 
 
 WORLDS = {
-    "MuJoCo 2 ms": World("mujoco", "soft", 0.002, 1),
-    **{f"pymunk 1/{n} s": World("pymunk", "rigid", 1 / n, 3) for n in (480, 240, 120, 60)},
-    "MuJoCo 10 ms": World("mujoco", "soft", 0.01, 2),
-    **{f"exact, {laws}": World("exact", laws, 0.0, 3) for laws in RESTITUTION},
-    "exact, pooltool": World("exact", "pooltool", 0.0, 1),
-    "pooltool 0.6": World("pooltool", "pooltool", 0.0, 0),
+    "MuJoCo 2 ms": World("mujoco", "exact, soft", 0.002, 1),
+    **{f"pymunk 1/{n} s": World("pymunk", "exact, rigid", 1 / n, 3) for n in (480, 240, 120, 60)},
+    "MuJoCo 10 ms": World("mujoco", "exact, soft", 0.01, 2),
+    "exact, rigid": World("exact", "exact, rigid", 0.0, 3),
+    "exact, soft": World("exact", "exact, soft", 0.0, 3),
+    "exact, pooltool": World("exact", "exact, pooltool", 0.0, 1),
+    "pooltool 0.6": World("pooltool", "exact, pooltool", 0.0, 0),
 }
 """The worlds by name. Worlds with slow shots come first."""
 
 
-def scene_of(laws: str) -> Scene:
-    """Returns the exact scene with some laws."""
-    if laws == "pooltool":
-        return Scene.named("pooltool_pool", 1)
-    e_ball, e_cushion = RESTITUTION[laws]
+def ideal(e_ball: float, e_cushion: float) -> Scene:
+    """Returns the scene with the laws of pymunk and MuJoCo."""
     end = (1.0 - math.exp(-DECAY * TIME)) / DECAY
     physics = Physics(motion="ideal", cushion="restitution", e_ball=e_ball, e_cushion=e_cushion, max_time=end)
     return Scene(Balls.uniform(2), Table(pockets=six_pockets()), physics)
 
 
+SCENES = {
+    "exact, rigid": ideal(0.95, 0.85),
+    "exact, soft": ideal(math.exp(-2.0), math.exp(-2.0)),
+    "exact, pooltool": Scene.named("pooltool_pool", 1),
+}
+"""The scenes of the exact worlds. A critically damped contact, the default of MuJoCo, has a restitution of exp(-2)."""
+
+
+def play_exactly(scene: Scene, positions: Floats, velocities: Floats) -> NDArray[np.intp]:
+    """Plays shots in an exact world, see `Play`. On the table with jaws the object ball may touch cushions."""
+    shots = simulate_batch(scene, positions, velocities, threads=1)
+    direct = (shots.cushions[:, 1] == 0) & (shots.cushions_before_hit[:, 1] == 0)
+    potted = shots.potted[:, 1] & (direct | bool(scene.table.outline))
+    return np.where(potted, gaps_of(scene, shots.positions[:, 1]).argmin(1), -1)
+
+
+def play_in_pooltool(run: comparison.Runner, scene: Scene, positions: Floats, velocities: Floats) -> NDArray[np.intp]:
+    """Plays shots in pooltool, see `Play`. A potted ball stays in its pocket; a shot that pooltool stops has no pot."""
+    shots = (run(scene, *shot, None).positions for shot in zip(positions, velocities, strict=True))
+    gaps = gaps_of(scene, np.array([(0.0, 0.0) if shot is None else shot[1] for shot in shots]))
+    return np.where(gaps.min(1) < 0.0, gaps.argmin(1), -1)
+
+
+def gaps_of(scene: Scene, places: Floats) -> Floats:
+    """Returns the distances (m, pockets) of places (m, 2) from the circles of the pockets, m; negative inside."""
+    pockets = np.array([(pocket.x, pocket.y, pocket.radius) for pocket in scene.table.pockets])
+    return np.linalg.norm(places[:, None] - pockets[:, :2], axis=2) - pockets[:, 2]
+
+
 @contextlib.contextmanager
-def opened(world: World, processes: int, python: str) -> Iterator[tuple[Play, Floats]]:
-    """Yields a function that plays shots of a world in worker processes, and the delays of the world's contacts, s."""
-    scene, free = scene_of(world.laws), world.laws == "pooltool"  # free: the object ball may touch cushions
-    pockets = scene.table.pockets
-
-    def nearest(positions: Floats, good: NDArray[np.bool_]) -> NDArray[np.intp]:
-        places = np.array([(pocket.x, pocket.y) for pocket in pockets])
-        return np.where(good, np.linalg.norm(positions[:, None] - places, axis=2).argmin(1), -1)
-
-    def play_exactly(positions: Floats, velocities: Floats) -> NDArray[np.intp]:
-        shots = simulate_batch(scene, positions, velocities, threads=1)
-        direct = (shots.cushions[:, 1] == 0) & (shots.cushions_before_hit[:, 1] == 0)
-        return nearest(shots.positions[:, 1], shots.potted[:, 1] & (direct | free))
-
+def opened(name: str, python: Path) -> Iterator[tuple[Play, Floats]]:
+    """Yields the function that plays shots in a world, and delays of its contacts, s."""
+    world = WORLDS[name]
+    scene = SCENES[world.exact]
     if world.simulator == "exact":
-        yield play_exactly, np.zeros(1)
-        return
-    if world.simulator == "pooltool":
-        with comparison.pooltool(comparison.POOLTOOL_PYTHON) as (_, (run_shot, *_)):
+        yield lambda *shots: play_exactly(scene, *shots), np.zeros(1)
+    elif world.simulator == "pooltool":
+        with comparison.pooltool(comparison.POOLTOOL_PYTHON) as (_, (run, *_)):
+            yield lambda *shots: play_in_pooltool(run, scene, *shots), np.zeros(1)
+    else:
+        with subprocess.Popen([python, WORKER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as worker:
 
-            def play_by_pooltool(positions: Floats, velocities: Floats) -> NDArray[np.intp]:
-                shots = (run_shot(scene, *shot, None).positions for shot in zip(positions, velocities, strict=True))
-                ends = np.array([positions[0, 0] if shot is None else shot[1] for shot in shots])
-                gaps = [np.hypot(*(ends - (p.x, p.y)).T) - p.radius for p in pockets]
-                return nearest(ends, np.min(gaps, axis=0) < 0.0)  # a potted ball stays in its pocket
+            def answer(*request: Any) -> NDArray[Any]:
+                assert worker.stdout is not None
+                print(json.dumps(request), file=worker.stdin, flush=True)
+                return np.array(json.loads(worker.stdout.readline()))
 
-            yield play_by_pooltool, np.zeros(1)
-        return
-    e_ball, e_cushion = RESTITUTION[world.laws]
-    settings = {
-        "simulator": world.simulator,
-        "dt": world.dt,
-        "half_extents": scene.half_extents,
-        "radius": scene.balls.radius[0],
-        "corner": pockets[0].radius,
-        "side": pockets[4].radius,
-        "decay": DECAY,
-        "e_ball": e_ball,
-        "e_cushion": e_cushion,
-        "time": TIME,
-        "slots": SLOTS,
-    }
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-    started: list[Any] = [subprocess.Popen([python, str(WORKER)], **pipes) for _ in range(processes)]
-
-    def answers(*requests: Any) -> list[Any]:
-        for worker, request in zip(started, requests, strict=True):
-            worker.stdin.write(json.dumps(request) + "\n")
-            worker.stdin.flush()
-        return [json.loads(worker.stdout.readline()) for worker in started]
-
-    def play(positions: Floats, velocities: Floats) -> NDArray[np.intp]:
-        parts = (np.array_split(shots, processes) for shots in (positions, velocities))
-        return np.concatenate(
-            answers(*({"positions": p.tolist(), "velocities": v.tolist()} for p, v in zip(*parts, strict=True)))
-        )
-
-    try:
-        yield play, np.array(answers(*[settings] * processes)[0])
-    finally:
-        for worker in started:
-            worker.communicate()
+            delays = answer(world.simulator, world.dt, scene.to_dict())
+            yield lambda *shots: answer(*(numbers.tolist() for numbers in shots)), delays
 
 
 class PlayedEnvs(BilliardsVectorEnv):
@@ -190,66 +172,54 @@ def velocities_of(actions: Any, envs: BilliardsVectorEnv) -> Floats:
     return envs.single_env.max_speed * np.asarray(actions, float) / np.maximum(lengths, 1.0)
 
 
-def path_to_hit(positions: Floats, offset: Floats) -> Floats:
-    """Returns the lengths (m,) of the cue ball's paths to the touch, m.
-
-    `offset` is the distance of the cue ball's line from the object ball, m.
-    """
-    distance, touching = np.linalg.norm(positions[:, 1] - positions[:, 0], axis=1), 2.0 * Balls.uniform(2).radius[0]
-    return np.sqrt(np.maximum(distance**2 - offset**2, 0.0)) - np.sqrt(np.maximum(touching**2 - offset**2, 0.0))
-
-
 def delayed(positions: Floats, velocities: Floats, delay: Floats) -> Floats:
-    """Returns velocities (m, 2) whose exact hits have the same lines of centres as late hits with `velocities`.
-
-    `delay` (m,) is the time, s, between the touch and the late hit.
-    """
-    cue_ball, ball, touching = positions[:, 0], positions[:, 1], 2.0 * Balls.uniform(2).radius[0]
-    speed = np.linalg.norm(velocities, axis=1)
-    line = velocities / np.maximum(speed, 1e-9)[:, None]
-    offset = line[:, 0] * (ball - cue_ball)[:, 1] - line[:, 1] * (ball - cue_ball)[:, 0]
-    path = path_to_hit(positions, offset)
-    late = cue_ball + (path + delay * np.maximum(speed - DECAY * path, 0.0))[:, None] * line
-    centres = ball - late
-    to_touch = ball - touching * centres / np.linalg.norm(centres, axis=1, keepdims=True) - cue_ball
-    turned = speed[:, None] * to_touch / np.linalg.norm(to_touch, axis=1, keepdims=True)
-    hits = (abs(offset) < touching) & ((line * (ball - cue_ball)).sum(1) > 0.0)
-    return np.where(hits[:, None], turned, velocities)
+    """Returns velocities (m, 2) whose exact hits have the line of centres of hits that are late by `delay` (m,), s."""
+    touching = 2.0 * Balls.uniform(2).radius[0]
+    (cue_ball, ball), shot = (positions @ (1, 1j)).T, velocities @ (1, 1j)  # x + iy
+    gap = (ball - cue_ball) * abs(shot) / shot  # the real part is along the shot
+    centres = np.sqrt(np.maximum(touching**2 - gap.imag**2, 0.0)) + 1j * gap.imag
+    late = centres - delay * np.maximum(abs(shot) - DECAY * (gap - centres).real, 0.0)
+    turned = gap - touching * late / abs(late)
+    turned *= shot / abs(turned)
+    hits = (abs(gap.imag) < touching) & (gap.real > 0.0)
+    return np.where(hits[:, None], np.column_stack((turned.real, turned.imag)), velocities)
 
 
-def train(name: str, seed: int, shots: int, layouts: int, processes: int, python: str) -> dict[str, Any]:
+def aim_of(scene: Scene, positions: Floats, velocities: Floats, pockets: Any, delay: float) -> list[list[float]]:
+    """Returns the number of pots, the mean error of the aim and its prediction, mm, for each cut angle of `GROUPS`."""
+    aimed = aims(velocities, positions, pockets, scene, 1.0, 0.0)
+    cut, touching = np.radians(aimed.cut), 2.0 * scene.balls.radius[0]
+    path = np.sqrt(aimed.distance**2 - (touching * np.sin(cut)) ** 2) - touching * np.cos(cut)
+    speed = np.maximum(np.linalg.norm(velocities, axis=1) - DECAY * path, 0.0)
+    predicted = -speed * delay * np.sin(cut) * np.cos(cut)
+    return aims_by_group(aimed._replace(predicted=predicted))["cut angle"]
+
+
+def train(name: str, seed: int, shots: int, layouts: int, python: Path) -> dict[str, Any]:
     """Trains a policy and plays it on new layouts.
 
     Returns:
-        `world`, `seed`, `curve` (see `ppo.train`) and `delay`, s. `success`: the number of direct pots in the policy's
-        own world, in the exact world and, for a policy of an exact world, in all worlds with its laws. `predicted`: the
-        numbers of pots by prediction 3. `aim`: the number of pots, the mean error of the aim and its prediction, mm,
-        for each cut angle of `GROUPS`.
+        `world`, `seed`, `curve` (see `ppo.train`), `delay`, s; `success`, the number of direct pots in its own world,
+        in the exact world and, if it is exact, in all worlds with its laws; `predicted`, those that prediction 3 gives;
+        and `aim`, see `aim_of`.
     """
-    world = WORLDS[name]
-    scene = scene_of(world.laws)
+    exact = WORLDS[name].exact
+    scene, random = SCENES[exact], np.random.default_rng(seed)
     args = ppo.arguments(f"--shots {shots} --seed {seed} --episodes {min(layouts, 2000)}".split())
-    with opened(world, processes, python) as (play, delays):
+    with opened(name, python) as (play, delays):
         with contextlib.redirect_stdout(io.StringIO()):
             policy, curve = ppo.train(args, make_vec=lambda _, num_envs, threads: PlayedEnvs(num_envs, scene, play))
         envs = PlayedEnvs(layouts, scene, play)
         observations, _ = envs.reset(seed=evaluation_seeds(LAYOUT_SEED, layouts).tolist())
         positions, velocities = envs.positions, velocities_of(shots_of(policy, envs, observations), envs)
         pockets = play(positions, velocities)
-    direct = pockets >= 0
-    aimed = aims(velocities[direct], positions[direct], pockets[direct], scene, 1.0, 0.0)
-    sine, cosine = np.sin(np.radians(aimed.cut)), np.cos(np.radians(aimed.cut))
-    path = path_to_hit(positions[direct], 2.0 * scene.balls.radius[0] * sine)
-    speed = np.maximum(np.linalg.norm(velocities[direct], axis=1) - DECAY * path, 0.0)
-    aimed = aimed._replace(predicted=-speed * delays.mean() * sine * cosine, speed=speed)
-    success, predicted = {name: int(direct.sum())}, {}
-    random = np.random.default_rng(seed)
-    for other, tested in WORLDS.items():
-        if tested.laws == world.laws and other != name and "exact" in (world.simulator, tested.simulator):
-            with opened(tested, processes, python) as (play, late):
-                success[other] = int((play(positions, velocities) >= 0).sum())
-            if world.simulator == "exact":
-                with opened(world, 1, python) as (play, _):
+        potted = pockets >= 0
+        success, predicted = {name: int(potted.sum())}, {}
+        for other, world in WORLDS.items():
+            if other != name and world.exact == exact and exact in (name, other):
+                with opened(other, python) as (play_there, late):
+                    success[other] = int((play_there(positions, velocities) >= 0).sum())
+                if name == exact:
                     shifted = delayed(positions, velocities, random.choice(late, layouts))
                     predicted[other] = int((play(positions, shifted) >= 0).sum())
     return {
@@ -259,30 +229,26 @@ def train(name: str, seed: int, shots: int, layouts: int, processes: int, python
         "delay": float(delays.mean()),
         "success": success,
         "predicted": predicted,
-        "aim": aims_by_group(aimed)["cut angle"],
+        "aim": aim_of(scene, positions[potted], velocities[potted], pockets[potted], delays.mean()),
     }
 
 
-def measure(output: Path, shots: int, layouts: int, jobs: int, processes: int, python: str) -> dict[str, Any]:
-    """Trains the policies without results, `jobs` at a time, and writes each result as soon as its run ends."""
-    found = resumed(output, {"shots": shots, "layouts": layouts, "decay": DECAY, "time": TIME}, runs={})
-    runs = {
-        f"{name}, seed {seed}": (name, seed)
-        for name, world in WORLDS.items()
-        if world.laws != "pooltool" or comparison.POOLTOOL_PYTHON.exists()
-        for seed in range(11, 11 + world.seeds)
-    }
-    missing = [key for key in runs if key not in found["runs"]]
-    if missing:
-        with opened(WORLDS["exact, rigid"], 1, python) as (play, _):  # compiles before all processes need the kernels
-            envs = PlayedEnvs(1, scene_of("rigid"), play)
-            envs.reset(seed=0)
-            envs.step(np.ones((1, 2)))
-        with workers(jobs, None) as pool:
-            futures = {pool.submit(train, *runs[key], shots, layouts, processes, python): key for key in missing}
-            for future in tqdm(as_completed(futures), total=len(futures), unit="run"):
-                found["runs"][futures[future]] = future.result()
-                write_json(output, found)
+def measure(args: argparse.Namespace) -> dict[str, Any]:
+    """Trains what has no results, and writes the result of each run as soon as it ends. Then draws the picture."""
+    settings = {"shots": args.shots, "layouts": args.layouts, "decay": DECAY, "time": TIME}
+    found = resumed(args.output, settings, runs={})
+    with workers(args.jobs, None) as pool:
+        futures = {
+            pool.submit(train, name, seed, args.shots, args.layouts, args.python): key
+            for name, world in WORLDS.items()
+            for seed in range(11, 11 + world.seeds)
+            if (key := f"{name}, seed {seed}") not in found["runs"]
+            and (world.exact != "exact, pooltool" or comparison.POOLTOOL_PYTHON.exists())
+        }
+        for future in tqdm(as_completed(futures), total=len(futures), unit="run"):
+            found["runs"][futures[future]] = future.result()
+            write_json(args.output, found)
+    draw(found, args.picture)
     return found
 
 
@@ -300,28 +266,23 @@ def aim_errors(result: Mapping[str, Any]) -> dict[str, Floats]:
     """
     found = {}
     for name, runs in by_world(result).items():
-        parts = np.array([run["aim"] for run in runs])
-        counts = parts[..., 0].sum(0)
-        found[name] = np.column_stack((counts, ((parts[..., :1] * parts[..., 1:]).sum(0).T / np.maximum(counts, 1)).T))
-    exact = {laws: found[f"exact, {laws}"][:, 1] for laws in RESTITUTION if f"exact, {laws}" in found}
-    for name, errors in found.items():
-        errors[:, 1] -= exact.get(WORLDS[name].laws, 0.0)
-    return {name: errors for name, errors in found.items() if WORLDS[name].simulator != "exact"}
+        counts, means = np.split(np.array([run["aim"] for run in runs]), [1], axis=2)
+        found[name] = np.hstack((counts.sum(0), (counts * means).sum(0) / np.maximum(counts.sum(0), 1)))
+    base = {name: found.get(WORLDS[name].exact, np.zeros(3)) * (0, 1, 0) for name in found}
+    return {name: errors - base[name] for name, errors in found.items() if name != WORLDS[name].exact}
 
 
 def blocks(result: Mapping[str, Any]) -> dict[str, str]:
     """Returns the tables as Markdown, by name."""
-    layouts, edges = result["settings"]["layouts"], GROUPS["cut angle"][1]
     worlds = by_world(result)
 
     def mean(name: str, tested: str, key: str = "success") -> str:
         counts = [run[key][tested] for run in worlds.get(name, []) if tested in run[key]]
-        return f"{np.mean(counts) / layouts:.1%}" if counts else ""
+        return f"{np.mean(counts) / result['settings']['layouts']:.1%}" if counts else ""
 
     success, aim = [], []
-    for name, world in WORLDS.items():
-        exact = f"exact, {world.laws}"
-        if world.simulator != "exact" and exact in worlds:
+    for name, (_, exact, *_) in WORLDS.items():
+        if name != exact and exact in worlds:
             played = mean(name, name), mean(name, exact), mean(exact, exact), mean(exact, name)
             success.append((name, str(len(worlds.get(name, []))), *played, mean(exact, name, "predicted")))
     for name, errors in aim_errors(result).items():
@@ -329,11 +290,10 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
         cells = (f"{measured:+.1f} ({predicted:+.1f})" for _, measured, predicted in errors)
         aim.append((name, f"{1e3 * worlds[name][0]['delay']:.1f} ms", *cells, f"{math.sqrt(square):.2f} mm"))
     head = "simulator", "seeds", "own policy, there", "own policy, exact", "exact policy, exact"
-    degrees = (f"{low} to {high} degrees" for low, high in pairwise(edges))
+    degrees = (f"{low} to {high} degrees" for low, high in pairwise(GROUPS["cut angle"][1]))
     return {
         "aim": table(("trained in", "delay", *degrees, "difference"), aim),
         "success": table((*head, "exact policy, there", "predicted"), success),
-        "machine": machine_line(result["machine"]),
     }
 
 
@@ -349,32 +309,21 @@ def draw(result: Mapping[str, Any], path: Path) -> None:
     axes.plot([end, 0.0], [end, 0.0], color="#777777", linewidth=0.8, zorder=0)
     axes.set(xlabel="predicted error of the aim (mm)", ylabel="measured error of the aim (mm)")
     axes.set_title("The error of the aim makes up for the delay of the contacts", loc="left", fontsize=11)
-    axes.grid(alpha=0.3)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(fontsize=9, frameon=False)
-    save(figure, path)
+    save(finished(figure), path)
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.other_simulators --help`."""
     options = {
-        "jobs": (1, "policies that train at the same time"),
-        "workers": (2, "processes that play the shots of a policy"),
-        "shots": (SHOTS, "shots in the training of a policy"),
+        "jobs": (2, "policies that train at a time"),
+        "shots": (400_000, "shots of a training"),
         "layouts": (LAYOUTS, "new layouts that each policy plays"),
-        "python": (str(PYTHON), "Python with the packages of studies/simulators.txt"),
-        "output": (str(RESULTS / "other_simulators.json"), "JSON file"),
-        "picture": (str(IMAGES / "other_simulators.png"), "picture"),
+        "python": (PYTHON, "Python with the packages of studies/simulators.txt"),
+        "output": (RESULTS / "other_simulators.json", "JSON file"),
+        "picture": (IMAGES / "other_simulators.png", "picture"),
     }
     args = parser_of("other_simulators", "Train policies in pymunk and in MuJoCo.", **options).parse_args(arguments)
-    output, picture = Path(args.output), Path(args.picture)
-
-    def work() -> dict[str, Any]:
-        result = measure(output, args.shots, args.layouts, args.jobs, args.workers, args.python)
-        draw(result, picture)
-        return result
-
-    report(work, blocks, output, picture)
+    report(lambda: measure(args), blocks, args.output, args.picture)
 
 
 if __name__ == "__main__":

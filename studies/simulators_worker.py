@@ -1,11 +1,13 @@
 """Plays shots in pymunk or MuJoCo. `studies.other_simulators` starts this file in an environment with both packages.
 
-Each line of the input is JSON. The first line has the arguments of `World`, and the answer is the output of
-`World.delays`. Each further line has the arguments of `World.play`, and the answer is its output.
+Each line of the input is JSON. The first one has the name of the simulator, dt, s, and the scene (`Scene.to_dict`), and
+the answer is the output of `delays`. Each further line has positions (m, 2, 2) m and velocities of the cue ball (m, 2)
+m/s, and the answer is the output of `play`.
 
-A shot ends when the object ball is in a pocket or touches a cushion. Before the hit it also ends when the cue ball is
-in a pocket or touches a cushion. It ends at the latest when no ball can reach another ball or a pocket, or at `time`. A
-ball is in a pocket if its centre is in the circle at the end of a timestep.
+`SLOTS` tables with two balls each are in one simulation. Positions and velocities are complex numbers. The function of
+a simulator returns `place(k, positions, velocity)`, which places the balls of table k with a velocity of the cue ball;
+`step()`, which advances all tables by a timestep and returns the positions and velocities of their balls, (tables, 2);
+and whether the forces of a timestep follow from the positions at its end, or from those at its start.
 """
 
 from __future__ import annotations
@@ -13,229 +15,143 @@ from __future__ import annotations
 import json
 import math
 import sys
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+DECAY, TIME = math.log(2.0), 6.0  # 1/s: half of the speed is lost in a second, `space.damping = 0.5`; s
+SLOTS = 128
 PIXELS = 500.0
 """The number of pixels per metre for pymunk, whose default slop of 0.1 is in pixels."""
 
 
-class World:
-    """Tables with two balls each in one simulation. Balls of different tables do not touch.
+def in_pymunk(dt: float, scene: Any) -> tuple[Any, Any, bool]:
+    """Tables in a row. All settings are defaults: 10 iterations, a slop of 0.1 pixels, a step for each timestep."""
+    import pymunk  # pyright: ignore[reportMissingImports]
+    from pymunk import batch  # pyright: ignore[reportMissingImports]
 
-    Args:
-        dt: The timestep, s.
-        half_extents: Half the length and half the width of the table, m.
-        radius: Radius of a ball, m.
-        corner: Radius of the pockets in the corners, m.
-        side: Radius of the pockets in the middle of the long sides, m.
-        decay: The deceleration of a ball is its speed times this number, 1/s.
-        e_ball: Restitution of two balls. MuJoCo does not use it.
-        e_cushion: Restitution of a ball and a cushion. MuJoCo does not use it.
-        time: The longest shot, s.
-        slots: The number of tables.
+    space, buffer = pymunk.Space(), batch.Buffer()
+    space.damping = math.exp(-DECAY)
+    elasticity, wall = math.sqrt(scene["physics"]["e_ball"]), 0.1 * PIXELS  # wall: the half thickness of a cushion
+    x, y = 0.5 * PIXELS * scene["table"]["length"] + wall, 0.5 * PIXELS * scene["table"]["width"] + wall
+    origins, bodies = 4.0 * np.arange(SLOTS), []
+    for left in PIXELS * origins:
+        for ends in pairwise([(left - x, -y), (left + x, -y), (left + x, y), (left - x, y), (left - x, -y)]):
+            cushion = pymunk.Segment(space.static_body, *ends, wall)
+            cushion.elasticity = scene["physics"]["e_cushion"] / elasticity
+            space.add(cushion)
+        for radius in scene["balls"]["radius"]:
+            body = pymunk.Body(1.0, math.inf)
+            shape = pymunk.Circle(body, PIXELS * radius)
+            shape.elasticity = elasticity
+            space.add(body, shape)
+            bodies.append(body)
+
+    def place(k: int, positions: Any, velocity: complex) -> None:
+        for body, at, speed in zip(bodies[2 * k : 2 * k + 2], positions + origins[k], (velocity, 0j), strict=True):
+            body.position = PIXELS * at.real, PIXELS * at.imag
+            body.velocity = PIXELS * speed.real, PIXELS * speed.imag
+
+    def step() -> tuple[Any, Any]:
+        space.step(dt)
+        buffer.clear()
+        batch.get_space_bodies(space, batch.BodyFields.POSITION | batch.BodyFields.VELOCITY, buffer)
+        states = np.frombuffer(buffer.float_buf())[: 8 * SLOTS].view(complex).reshape(SLOTS, 2, 2) / PIXELS
+        return states[..., 0] - origins[:, None], states[..., 1]
+
+    return place, step, True
+
+
+def in_mujoco(dt: float, scene: Any) -> tuple[Any, Any, bool]:
+    """Spheres on slides in x and y, contacts without friction. All tables are in one place; the listed pairs touch.
+
+    All numbers of the contacts are defaults. `solref` is 0.02 s and a damping ratio of 1: contacts are soft, and the
+    restitution is about exp(-2).
     """
+    import mujoco  # pyright: ignore[reportMissingImports]
 
-    late: int
-    """1 if the forces in a timestep depend on the positions at its end, 0 if on the positions at its start."""
+    x, y, mass = 0.5 * scene["table"]["length"], 0.5 * scene["table"]["width"], 0.17
+    cushions = {"left": (-x, 0, "1 0 0"), "right": (x, 0, "-1 0 0"), "low": (0, -y, "0 1 0"), "high": (0, y, "0 -1 0")}
+    geoms, pairs = "", ""
+    for name, (at_x, at_y, normal) in cushions.items():
+        geoms += f'<geom name="{name}" type="plane" size="1 1 1" pos="{at_x} {at_y} 0" zaxis="{normal}"/>'
+    for k in range(2 * SLOTS):
+        geom = f'<geom name="{k}" size="{scene["balls"]["radius"][0]}" mass="{mass}"/>'
+        geoms += f'<body><joint axis="1 0 0"/><joint axis="0 1 0"/>{geom}</body>'
+        for other in (*cushions, *[k - 1] * (k % 2)):
+            pairs += f'<pair geom1="{other}" geom2="{k}" condim="1"/>'
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><option timestep="{dt}" gravity="0 0 0"/><size memory="200M"/><default>'
+        f'<geom contype="0" conaffinity="0"/><joint type="slide" damping="{DECAY * mass}"/></default>'
+        f"<worldbody>{geoms}</worldbody><contact>{pairs}</contact></mujoco>"
+    )
+    data = mujoco.MjData(model)
+    positions, velocities = (numbers.view(complex).reshape(SLOTS, 2) for numbers in (data.qpos, data.qvel))
 
-    def __init__(self, **settings: Any) -> None:
-        self.__dict__.update(settings)
-        self.half_extents = np.array(self.half_extents)
-        self.x, self.v = np.zeros((2, self.slots, 2, 2))  # m and m/s: axes of tables, balls, and coordinates
-        self.build()
+    def place(k: int, start: Any, velocity: complex) -> None:
+        positions[k], velocities[k] = start, (velocity, 0.0)
 
-    dt: float
-    half_extents: Any
-    radius: float
-    corner: float
-    side: float
-    decay: float
-    e_ball: float
-    e_cushion: float
-    time: float
-    slots: int
+    def step() -> tuple[Any, Any]:
+        mujoco.mj_step(model, data)
+        return positions.copy(), velocities.copy()
 
-    def build(self) -> None:
-        """Makes the tables and their balls."""
-        raise NotImplementedError
-
-    def place(self, tables: Any) -> None:
-        """Sets the state of the balls of some tables to `x` and `v`."""
-        raise NotImplementedError
-
-    def step(self) -> None:
-        """Advances all tables by a timestep, and updates `x` and `v`."""
-        raise NotImplementedError
-
-    def delays(self) -> list[float]:
-        """Returns the mean delay of the momentum after the touch, s, in a head-on hit at 1 m/s on each table.
-
-        The tables have their touches at evenly spaced instants of a timestep.
-        """
-        phase = (np.arange(self.slots) + 0.5) / self.slots * self.dt
-        self.x[:], self.v[:] = 0.0, 0.0
-        self.x[:, 0, 0], self.v[:, 0, 0] = -2.0 * self.radius - phase, 1.0
-        self.place(range(self.slots))
-        total, moment = np.zeros((2, self.slots))
-        for k in range(math.ceil(0.1 / self.dt)):
-            before = self.v[:, 1, 0].copy()
-            self.step()
-            passed = np.maximum(self.v[:, 1, 0] - before, 0.0)
-            total += passed
-            moment += passed * ((k + self.late) * self.dt - phase)
-        return (moment / total).tolist()
-
-    def play(self, positions: Any, velocities: Any) -> list[int]:
-        """Plays shots from positions (m, 2, 2), m, and velocities of the cue ball (m, 2), m/s.
-
-        Returns:
-            For each shot the pocket into which the object ball drops, or -1. The pocket at (x, y) has the number
-            2 (x > 0) + (y > 0) in a corner and 4 + (y > 0) in the middle of a side.
-        """
-        found, played, now = [-1] * len(positions), 0, 0
-        shot, age = np.full(self.slots, -1), np.zeros(self.slots, int)
-        nose, every = self.half_extents - self.radius, max(1, round(0.03 / self.dt))
-        while True:
-            if now % every == 0:
-                shot[(shot >= 0) & (self.still() | (age * self.dt >= self.time))] = -1
-                free = np.flatnonzero(shot < 0)[: len(positions) - played]
-                shot[free] = played + np.arange(len(free))
-                played += len(free)
-                self.x[free], self.v[free], age[free] = positions[shot[free]], 0.0, 0
-                self.v[free, 0] = velocities[shot[free]]
-                self.place(free)
-                if (shot < 0).all():
-                    return found
-            self.step()
-            now, age = now + 1, age + 1
-            reach = np.abs(self.x)
-            ends = self.in_pocket(reach)
-            potted = ends[:, 1].copy()
-            ends |= (reach[..., 0] > nose[0]) | (reach[..., 1] > nose[1])
-            hit = (self.v[:, 1, 0] != 0.0) | (self.v[:, 1, 1] != 0.0)
-            over = (ends[:, 1] | ends[:, 0] & ~hit) & (shot >= 0)
-            if over.any():
-                for k in np.flatnonzero(over & potted).tolist():
-                    x, y = self.x[k, 1].tolist()
-                    middle = abs(x) < 0.5 * self.half_extents[0]
-                    found[shot[k]] = 4 + (y > 0) if middle else 2 * (x > 0) + (y > 0)
-                shot[over] = -1
-
-    def in_pocket(self, reach: Any) -> Any:
-        """Returns which balls are in a pocket; `reach` has the absolute values of their coordinates, (..., 2)."""
-        ahead, across = reach[..., 0], reach[..., 1] - self.half_extents[1]
-        corner, across = (ahead - self.half_extents[0]) ** 2, across * across
-        return (corner + across < self.corner**2) | (ahead * ahead + across < self.side**2)
-
-    def still(self) -> Any:
-        """Returns the tables on which no ball can reach another ball, and the object ball can reach no pocket."""
-        paths = np.linalg.norm(self.v, axis=2) / self.decay
-        gap = np.linalg.norm(self.x[:, 1] - self.x[:, 0], axis=1) - 2.0 * self.radius
-        x, y = np.abs(self.x[:, 1]).T
-        length, width = self.half_extents
-        pocket = np.minimum(np.hypot(x - length, y - width) - self.corner, np.hypot(x, y - width) - self.side)
-        return (paths.sum(1) < gap) & (paths[:, 1] < pocket)
+    return place, step, False
 
 
-class Pymunk(World):
-    """Disks with pymunk's defaults: 10 iterations, a slop of 0.1 pixels, and one step for each timestep."""
+def delays(dt: float, scene: Any, place: Any, step: Any, at_end: bool) -> Any:
+    """Returns the mean times, s, by which the momentum passes later than at the touch, in head-on hits at 1 m/s.
 
-    late = 1
-
-    def build(self) -> None:  # noqa: D102
-        import pymunk  # pyright: ignore[reportMissingImports]
-        from pymunk import batch  # pyright: ignore[reportMissingImports]
-
-        self.space = pymunk.Space()
-        self.space.damping = math.exp(-self.decay)
-        ball, wall = math.sqrt(self.e_ball), 0.1 * PIXELS  # wall: the half thickness of a cushion
-        side, (x, y) = math.ceil(math.sqrt(self.slots)), self.half_extents * PIXELS + wall
-        self.origins = 4.0 * np.stack(np.divmod(np.arange(self.slots), side), 1)[:, None]
-        self.bodies = []
-        for centre in PIXELS * self.origins[:, 0]:
-            ends = [tuple(centre + end) for end in ((-x, -y), (x, -y), (x, y), (-x, y))]
-            for k in range(4):
-                cushion = pymunk.Segment(self.space.static_body, ends[k], ends[(k + 1) % 4], wall)
-                cushion.elasticity = self.e_cushion / ball
-                self.space.add(cushion)
-            for _ in range(2):
-                body = pymunk.Body(1.0, math.inf)
-                shape = pymunk.Circle(body, self.radius * PIXELS)
-                shape.elasticity = ball
-                self.space.add(body, shape)
-                self.bodies.append(body)
-        fields, buffer = batch.BodyFields.POSITION | batch.BodyFields.VELOCITY, batch.Buffer()
-
-        def read() -> Any:
-            buffer.clear()
-            batch.get_space_bodies(self.space, fields, buffer)
-            return np.frombuffer(buffer.float_buf())[: 8 * self.slots].reshape(-1, 2, 4) / PIXELS
-
-        self.read = read
-
-    def place(self, tables: Any) -> None:  # noqa: D102
-        for k in tables:
-            for ball in range(2):
-                body = self.bodies[2 * k + ball]
-                body.position = tuple(PIXELS * (self.x[k, ball] + self.origins[k, 0]))
-                body.velocity = tuple(PIXELS * self.v[k, ball])
-
-    def step(self) -> None:  # noqa: D102
-        self.space.step(self.dt)
-        states = self.read()
-        self.x, self.v = states[..., :2] - self.origins, states[..., 2:]
-
-
-class Mujoco(World):
-    """Spheres on slide joints in x and y. Contacts have no friction. Their other numbers are MuJoCo's defaults.
-
-    `solref` is 0.02 s with a damping ratio of 1, so contacts are soft, and the restitution is about exp(-2).
+    The touches of the tables are at evenly distributed parts of a timestep.
     """
+    phase = (np.arange(SLOTS) + 0.5) / SLOTS * dt
+    for k in range(SLOTS):
+        place(k, np.array([-2.0 * scene["balls"]["radius"][0] - phase[k], 0j]), 1.0)
+    speeds = [step()[1][:, 1].real for _ in range(math.ceil(0.1 / dt))]
+    passed = np.maximum(np.diff(speeds, axis=0, prepend=0.0), 0.0)
+    times = dt * (np.arange(len(passed)) + at_end)[:, None] - phase
+    return (passed * times).sum(0) / passed.sum(0)
 
-    late = 0
 
-    def build(self) -> None:  # noqa: D102
-        import mujoco  # pyright: ignore[reportMissingImports]
+def play(dt: float, scene: Any, place: Any, step: Any, positions: Any, velocities: Any) -> Any:
+    """Plays shots (m, 2) m and (m,) m/s, and returns the pocket into which each object ball drops, or -1.
 
-        x, y = self.half_extents
-        mass = 0.17
-        cushions = (f"{-x} 0 0", "0 90 0"), (f"{x} 0 0", "0 -90 0"), (f"0 {-y} 0", "-90 0 0"), (f"0 {y} 0", "90 0 0")
-        walls = "".join(
-            f'<geom name="c{c}" type="plane" size="1 1 1" pos="{at}" euler="{turned}"/>'
-            for c, (at, turned) in enumerate(cushions)
-        )
-        balls, pairs = "", ""
-        for k in range(self.slots):  # all tables are in the same place; only the listed pairs touch
-            for name in (f"cue{k}", f"ball{k}"):
-                geom = f'<geom name="{name}" size="{self.radius}" mass="{mass}"/>'
-                balls += f'<body><joint axis="1 0 0"/><joint axis="0 1 0"/>{geom}</body>'
-                pairs += "".join(f'<pair geom1="c{c}" geom2="{name}" condim="1"/>' for c in range(4))
-            pairs += f'<pair geom1="cue{k}" geom2="ball{k}" condim="1"/>'
-        self.model = mujoco.MjModel.from_xml_string(
-            f'<mujoco><option timestep="{self.dt}" gravity="0 0 0"/><size memory="200M"/><default>'
-            f'<geom contype="0" conaffinity="0"/><joint type="slide" damping="{self.decay * mass}"/></default>'
-            f"<worldbody>{walls}{balls}</worldbody><contact>{pairs}</contact></mujoco>"
-        )
-        self.data = mujoco.MjData(self.model)
-        self.advance = mujoco.mj_step
-        self.x, self.v = self.data.qpos.reshape(-1, 2, 2), self.data.qvel.reshape(-1, 2, 2)  # views of its state
-
-    def place(self, tables: Any) -> None:  # noqa: D102
-        pass
-
-    def step(self) -> None:  # noqa: D102
-        self.advance(self.model, self.data)
+    A shot runs until the object ball, or before the hit the cue ball, is in a pocket or touches a cushion, until no
+    ball can reach another one or a pocket, or until `TIME`. A ball is in a pocket if its centre is in the circle at the
+    end of a timestep.
+    """
+    table, diameter = scene["table"], 2.0 * scene["balls"]["radius"][0]
+    pockets = np.array([complex(pocket["x"], pocket["y"]) for pocket in table["pockets"]])
+    radii = np.array([pocket["radius"] for pocket in table["pockets"]])
+    found, begun = np.full(len(positions), -1), 0
+    shot, age = np.full(SLOTS, -1), np.zeros(SLOTS)  # by table: the number of its shot, or -1; s
+    while True:
+        for k in np.flatnonzero(shot < 0)[: len(positions) - begun]:
+            place(k, positions[begun], velocities[begun])
+            shot[k], age[k] = begun, 0.0
+            begun += 1
+        if (shot < 0).all():
+            return found
+        x, v = step()
+        age += dt
+        gaps = abs(x[..., None] - pockets) - radii
+        gap, paths = gaps.min(2), abs(v) / DECAY
+        ends = (2.0 * abs(x.real) > table["length"] - diameter) | (2.0 * abs(x.imag) > table["width"] - diameter)
+        ends |= gap < 0.0
+        still = (paths.sum(1) < abs(x[:, 1] - x[:, 0]) - diameter) & (paths[:, 1] < gap[:, 1])
+        potted = (shot >= 0) & (gap[:, 1] < 0.0)
+        found[shot[potted]] = gaps[potted, 1].argmin(1)
+        shot[ends[:, 1] | (ends[:, 0] & (v[:, 1] == 0.0)) | still | (age >= TIME)] = -1
 
 
 def main() -> None:
     """Answers the lines of the input."""
-    settings = json.loads(sys.stdin.readline())
-    world = {"pymunk": Pymunk, "mujoco": Mujoco}[settings.pop("simulator")](**settings)
-    print(json.dumps(world.delays()), flush=True)
+    simulator, dt, scene = json.loads(sys.stdin.readline())
+    place, step, at_end = {"pymunk": in_pymunk, "mujoco": in_mujoco}[simulator](dt, scene)
+    print(json.dumps(delays(dt, scene, place, step, at_end).tolist()), flush=True)
     for line in sys.stdin:
-        print(json.dumps(world.play(**{name: np.array(rows) for name, rows in json.loads(line).items()})), flush=True)
+        positions, velocities = (np.array(numbers) @ (1, 1j) for numbers in json.loads(line))
+        print(json.dumps(play(dt, scene, place, step, positions, velocities).tolist()), flush=True)
 
 
 if __name__ == "__main__":

@@ -251,7 +251,7 @@ def _draw_success(result: Result, main: Mapping[str, list[dict[str, Any]]]) -> F
     axes.set_xticks(at, [EXACT, *(f"{world} s" for world in main if world != EXACT)])
     axes.set(xlabel="timestep of the training", ylabel="balls potted (%)", ylim=(0.0, 100.0))
     axes.set_title("A policy learns the errors of its timestep", loc="left", fontsize=11)
-    return _finished(figure)
+    return finished(figure)
 
 
 def _draw_aim(main: Mapping[str, list[dict[str, Any]]]) -> Figure:
@@ -269,10 +269,10 @@ def _draw_aim(main: Mapping[str, list[dict[str, Any]]]) -> Figure:
     axes.axhline(0.0, color=GREY, linewidth=0.8)
     axes.set(xlabel="cut angle (degrees)", ylabel="mean error of the aim (mm)", xticks=limits)
     axes.set_title("The error of the aim is the one that makes up for the late contact", loc="left", fontsize=11)
-    return _finished(figure)
+    return finished(figure)
 
 
-def _finished(figure: Figure) -> Figure:
+def finished(figure: Figure) -> Figure:
     """Adds the grid and the legend."""
     (axes,) = figure.axes
     axes.grid(alpha=0.3)

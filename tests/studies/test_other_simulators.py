@@ -17,14 +17,14 @@ PLACES = np.array([[-0.5, 0.0], [0.0, 0.0]])
 
 
 def test_a_shot_that_is_turned_by_a_delay_has_the_line_of_centres_of_the_late_hit():
-    scene, delay = study.scene_of("rigid"), np.array([0.0, 4e-3, 4e-3, 4e-3])
+    scene, delay = study.SCENES["exact, rigid"], np.array([0.0, 4e-3, 4e-3, 4e-3])
     velocities = 1.2 * np.array([[1.0, 0.08], [1.0, 0.08], [1.0, -0.08], [-1.0, 0.08]]) / np.hypot(1.0, 0.08)
     places = np.stack([PLACES] * 4)
     turned = study.delayed(places, velocities, delay)
     assert turned[[0, 3]] == pytest.approx(velocities[[0, 3]], abs=1e-12)  # the last shot misses
     assert turned[1] == pytest.approx(turned[2] * [1, -1], abs=1e-12)
     offset, radius = 0.5 * 0.08 / np.hypot(1.0, 0.08), scene.balls.radius[0]
-    path = study.path_to_hit(places, np.full(4, offset))[1]
+    path = np.sqrt(0.5**2 - offset**2) - np.sqrt(4.0 * radius**2 - offset**2)
     beyond = (path + (1.2 - study.DECAY * path) * delay[1]) / np.hypot(1.0, 0.08)  # the balls overlap there
     x, y = PLACES[1] - PLACES[0] - beyond * np.array([1.0, 0.08])
     moved = simulate_batch(scene, places, turned, max_time=0.8).velocities[:, 1]
@@ -38,7 +38,7 @@ import json, sys
 sys.stdin.readline()
 print(json.dumps([0.001, 0.003]), flush=True)
 for line in sys.stdin:
-    print(json.dumps([int(x > 0) * 3 - 1 for x, _ in json.loads(line)["velocities"]]), flush=True)
+    print(json.dumps([int(x > 0) * 3 - 1 for x, _ in json.loads(line)[1]]), flush=True)
 """
 
 
@@ -73,58 +73,40 @@ def test_the_published_errors_have_the_predicted_sign_and_in_pymunk_the_predicte
             assert few[:, 1] == pytest.approx(few[:, 2], abs=0.5), name
 
 
-class Tables(simulators_worker.World):
-    """A simulation without contacts, in place of pymunk."""
-
-    late = 0
-
-    def build(self):
-        pass
-
-    def place(self, tables):
-        pass
-
-    def step(self):
-        self.x += self.dt * self.v
-        self.v *= np.exp(-self.decay * self.dt)
-
-
-SETTINGS = {
-    "half_extents": [1.27, 0.635],
-    "radius": 0.028575,
-    "corner": 0.058,
-    "side": 0.064,
-    "decay": 0.7,
-    "e_ball": 0.95,
-    "e_cushion": 0.85,
-    "time": 6.0,
-    "slots": 4,
-}
-
-
 def test_a_shot_of_the_worker_ends_in_a_pocket_at_a_cushion_or_when_nothing_can_happen():
-    world = Tables(dt=0.01, **SETTINGS)
-    starts = np.array([[[-0.5, 0.3], [-0.5, -0.3]]] * 7)
-    speeds = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 1.0], [0.0, 0.2], [0.0, 0.0], [0.01, 0.0], [2.0, 1.0]])
-    assert world.play(starts, speeds) == [-1] * 7
+    x, v = np.zeros((2, simulators_worker.SLOTS, 2), complex)
+
+    def place(k, positions, velocity):
+        x[k], v[k] = positions, (velocity, 0.0)
+
+    def step():  # without contacts
+        x[:] += 0.01 * v
+        v[:] *= np.exp(-0.01 * simulators_worker.DECAY)
+        return x, v
+
+    scene = study.SCENES["exact, rigid"].to_dict()
+    starts = np.array([[-0.5 + 0.3j, -0.5 - 0.3j]] * 200)
+    speeds = np.resize([0.0, 3.0, 1.0j, 0.2j, 0.01, 2.0 + 1.0j], 200)
+    assert (simulators_worker.play(0.01, scene, place, step, starts, speeds) == -1).all()
 
 
-@pytest.mark.parametrize(("module", "name"), [("pymunk", "Pymunk"), ("mujoco", "Mujoco")])
-def test_the_worker_plays_direct_pots(module, name):
+@pytest.mark.parametrize("module", ["pymunk", "mujoco"])
+def test_the_worker_plays_direct_pots(module):
     pytest.importorskip(module)
-    world = getattr(simulators_worker, name)(dt=0.002, **SETTINGS)
-    late = world.delays()
+    scene = study.SCENES["exact, rigid"].to_dict()
+    place, step, at_end = getattr(simulators_worker, f"in_{module}")(0.002, scene)
+    late = simulators_worker.delays(0.002, scene, place, step, at_end)
     assert np.mean(late) == pytest.approx(0.001 if module == "pymunk" else 0.0085, abs=2e-4)
-    places = np.array([[[0.0, -0.2], [0.0, 0.4]], [[0.0, -0.2], [0.0, 0.4]], [[0.5, 0.0], [0.9, 0.3]]])
-    assert world.play(places, np.array([[0.0, 2.0], [0.0, -2.0], [0.0, 0.0]])) == [5, -1, -1]
+    starts = np.array([[-0.2j, 0.4j], [-0.2j, 0.4j], [0.5, 0.9 + 0.3j]] * 100)
+    found = simulators_worker.play(0.002, scene, place, step, starts, np.array([2.0j, -2.0j, 0.0] * 100))
+    assert found.tolist() == [5, -1, -1] * 100
 
 
 @pytest.mark.skipif(not study.PYTHON.exists(), reason="the worker needs .venv-simulators")
-def test_worker_processes_play_as_one():
-    found = []
-    for processes in (1, 2):
-        with study.opened(study.WORLDS["pymunk 1/60 s"], processes, str(study.PYTHON)) as (play, delays):
-            assert delays.mean() == pytest.approx(1 / 120)
-            starts = np.stack([[[0.0, -0.2], [0.0, 0.4]]] * 5)
-            found.append(play(starts, np.array([[0.0, s] for s in (0.0, 1.0, -1.0, 2.0, 0.1)])).tolist())
-    assert found[0] == found[1] == [-1, 5, -1, 5, -1]
+@pytest.mark.parametrize(("world", "delay"), [("pymunk 1/60 s", 1 / 120), ("MuJoCo 10 ms", 0.0051)])
+def test_the_process_of_the_worker_plays_shots(world, delay):
+    with study.opened(world, study.PYTHON) as (play, delays):
+        assert delays.mean() == pytest.approx(delay, abs=1e-5)
+        starts = np.stack([[[0.0, -0.2], [0.0, 0.4]]] * 5)
+        found = play(starts, np.array([[0.0, s] for s in (0.0, 3.0, -1.0, 2.0, 0.1)]))
+    assert found.tolist() == [-1, 5, -1, 5, -1]
