@@ -43,7 +43,7 @@ class Model(NamedTuple):
     action: str
     max_shots: int
     layout: str
-    observe: Sequence[str] | None
+    observe: Sequence[Any] | None
     scratch_penalty: float
     randomize: dict[str, tuple[float, float]]
     noise: NDArray[np.float64] | None

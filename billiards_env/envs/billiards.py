@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -24,8 +25,9 @@ from billiards_env.envs.arguments import (
     make_scene,
 )
 from billiards_env.envs.episodes import Episodes, noise_stream
+from billiards_env.envs.goals import compute_reward
 from billiards_env.envs.info import single_info
-from billiards_env.envs.observations import decode, without_old
+from billiards_env.envs.observations import decode, nth, without_old
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.state import State, checked_state, copied
 from billiards_env.envs.tasks import TASKS, task_targets
@@ -35,7 +37,7 @@ from billiards_env.scene import Scene, layouts
 _ONE, _FIRST = np.ones(1, np.bool_), np.zeros(1, np.int64)
 
 
-class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
+class BilliardsEnv(gym.Env[Any, Any]):
     """A billiards table on which each action is one shot.
 
     ## Description
@@ -80,6 +82,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Observation Space
 
     The observation is a `ndarray` with dtype `float32`. It consists of features, which `observe` chooses and orders.
+    With `observe=[("pixels", 84, 84)]` it is an image, a `ndarray` with dtype `uint8`. With other features beside an
+    image it is a dict: the images by name, and the other features with the key `"observation"`.
     `billiards_env.envs.observations.FEATURES` is the table of all features. By default an observation has the positions
     of the balls, in a task with a goal (`"place"` and `"position"`) also the goal, and in a run-out (`"nine_ball"` and
     `"eight_ball"`) also the balls that may be touched first:
@@ -303,7 +307,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         max_shots: int | None = None,
         max_speed: float = 4.0,
         layout: str | None = None,
-        observe: Sequence[str] | None = None,
+        observe: Sequence[Any] | None = None,
         scratch_penalty: float = 0.1,
         randomize: Mapping[str, Sequence[float]] | None = None,
         noise: Mapping[str, float] | None = None,
@@ -338,12 +342,13 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         model = Model(*[getattr(self, name) for name in Model._fields])
         self._episodes = Episodes(1, model, 0 if self._renderer is None else 1)
         self.features = self._episodes.observer.features
-        self.observe = tuple(self.features)
+        self.observe = self._episodes.observer.names
         self.action_space = gym.spaces.Box(-1.0, 1.0, (ACTIONS[action],), np.float32)
-        self.observation_space = self._episodes.observer.space()
+        self.observation_space = self._episodes.observer.space
+        if self.observe == "goal":  # other environments have no `compute_reward`
+            self.compute_reward = functools.partial(compute_reward, entry.goal_radius, self.scratch_penalty)
         self._rewards = np.empty(1)
         self._numbers = ACTIONS[action]
-        self._size = self._episodes.observer.size
         self._shared = {*vars(self), "_np_random", "_shared", "_spec"} - {"_episodes", "_renderer", "_rewards"}
 
     @property
@@ -424,9 +429,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Returns the features of an observation (size,), or of several (..., size), by name; see `decode`."""
         return decode(observation, self.features)
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begins an episode.
 
         Args:
@@ -465,13 +468,13 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         if given.physics:
             episodes.set_physics(_FIRST, given.physics)
         state.begun[0] = True
-        observations = np.empty((1, self._size), np.float32)
+        observations = episodes.observer.new(1)
         episodes.begin(0, 1, _ONE, observations)
         if self._renderer is not None:
             self._renderer.begin([drawn_layout(episodes, 0)])
-        return observations[0], single_info(episodes.starts)
+        return nth(observations, 0), single_info(episodes.starts)
 
-    def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+    def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Plays one shot.
 
         If the call is interrupted (by Ctrl-C), the balls keep their positions and the shot can be played again.
@@ -491,7 +494,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         if over[0]:
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
         action = finite("action", action, (self._numbers,))
-        observations, before = np.empty((1, self._size), np.float32), episodes.memory.copy()
+        observations, before = episodes.observer.new(1), episodes.memory.copy()
         try:
             episodes.shoot(0, 1, action[None], self.max_speed, reward, observations)
         except BaseException:
@@ -503,7 +506,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._renderer.step(
                 [drawn_shot(episodes, 0, action, self.max_speed, reward.item(), episodes.state.goals[0])]
             )
-        return observations[0], reward.item(), over.item(), False, single_info(episodes.info)
+        return nth(observations, 0), reward.item(), over.item(), False, single_info(episodes.info)
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
         """Renders the shots, see the class.

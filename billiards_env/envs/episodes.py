@@ -65,23 +65,22 @@ class Episodes:
         self.plan = layouts.layout_plan(model.layout, scene)
         self.goal_plan = layouts.layout_plan("random", cue_ball_alone(scene)) if task.goal_radius else None
         opening, legal = opening_of(model.task, scene, model.layout)
-        self._numbers = tuple(
-            TaskNumbers(
-                targets=model.targets,
-                bits=np.left_shift(1, np.arange(scene.n_balls)),
-                opening=opening,
-                legal=legal,
-                goal_radius=task.goal_radius,
-                max_shots=model.max_shots,
-                scratch_penalty=model.scratch_penalty,
-            )
+        numbers = TaskNumbers(
+            targets=model.targets,
+            bits=np.left_shift(1, np.arange(scene.n_balls)),
+            opening=opening,
+            legal=legal,
+            goal_radius=task.goal_radius,
+            max_shots=model.max_shots,
+            scratch_penalty=model.scratch_penalty,
         )
+        self._numbers = tuple(numbers)
         self._run_shots, self._score = run_shots_of(model.engine, scene.n_balls), scoring(model.task)
         self._limit = scene.physics.max_time or math.inf
         self._cue = tuple(cue_numbers(scene)) if model.action == "strike" else None
         self.kind = state_type(model)
         self._allocate(np.zeros(count * self.kind.itemsize, np.uint8) if memory is None else memory)
-        source = Source(scene, scene.half_extents, self.arrays, model.max_shots, self.physics, model.randomize)
+        source = Source(scene, model.task, scene.half_extents, self.arrays, numbers, self.physics, model.randomize)
         self.observer = Observer(model.observe, source)
         if memory is None:
             state = self.state
@@ -208,8 +207,8 @@ class Episodes:
         """Returns the scene and the engine of episode k."""
         return varied_shot(self.model.scene, self.model.engine, self.physics, k)
 
-    def begin(self, begin: int, end: int, mask: Bools, observations: NDArray[np.float32]) -> None:
-        """Begins the episodes in the mask (m,) with the balls where they are, and writes all observations (m, size)."""
+    def begin(self, begin: int, end: int, mask: Bools, observations: Any) -> None:
+        """Begins the episodes in the mask (m,) with the balls where they are, and writes all observations."""
         begin_episodes(begin, end, mask, self._numbers, self._arrays)
         self.observer.write(begin, end, observations)
 
@@ -220,7 +219,7 @@ class Episodes:
         actions: Floats,
         max_speed: float,
         rewards: Floats,
-        observations: NDArray[np.float32],
+        observations: Any,
     ) -> None:
         """Plays a shot in each episode that is not over. The others have the reward 0, and their tally does not change.
 
@@ -232,7 +231,7 @@ class Episodes:
             actions: (m, 2) or (m, 5), see `envs.actions`, finite. With noise it changes to the actions with noise.
             max_speed: m/s.
             rewards: (m,) float64 out.
-            observations: (m, size) float32 out.
+            observations: Out, memory from `Observer.new`.
         """
         model, balls, over = self.model, self.balls, self.state.over
         if model.noise is not None:

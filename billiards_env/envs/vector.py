@@ -22,6 +22,7 @@ from billiards_env.envs.arguments import check_options, json_spec
 from billiards_env.envs.billiards import BilliardsEnv
 from billiards_env.envs.episodes import Episodes, noise_stream
 from billiards_env.envs.info import copied_info, masked_info, with_starts
+from billiards_env.envs.observations import nth
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.state import State, array_of, checked_state, copied
 from billiards_env.jit import streams
@@ -50,7 +51,7 @@ class _NamesItsAdapter(type):
         return f"{super().__repr__()} (Stable-Baselines3 needs billiards_env.sb3.SameStepVecEnv(envs))"
 
 
-class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]], metaclass=_NamesItsAdapter):
+class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsAdapter):
     """A vector of `BilliardsEnv` that plays all shots of a step in compiled code on several threads.
 
     `gym.make_vec("Billiards-v0", num_envs)` returns this environment. Its results, including the infos, equal those of
@@ -291,7 +292,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
     def reset(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Begins an episode in every environment, or in those of a mask.
 
         Args:
@@ -331,7 +332,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             state.positions[mask] = given.positions[mask]
         if given.goals is not None:
             state.goals[mask] = given.goals[mask]
-        observations = self._new_observations()
+        observations = episodes.observer.new(self.num_envs)
 
         def work(begin: int, end: int) -> None:
             episodes.keep_seeds(begin, end, mask)
@@ -347,7 +348,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self._draw_layouts()
         return observations, masked_info(copied_info(episodes.starts), mask)
 
-    def step(self, actions: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float64], Bools, Bools, dict[str, Any]]:
+    def step(self, actions: ArrayLike) -> tuple[Any, NDArray[np.float64], Bools, Bools, dict[str, Any]]:
         """Plays one shot in every environment, except in those that this step resets.
 
         If the call is interrupted (by Ctrl-C), the environments keep the state that they had before it.
@@ -377,8 +378,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if resets and self.autoreset_mode is not AutoresetMode.NEXT_STEP:
             raise ResetNeeded(f"The episode of environment {np.argmax(skip)} is over: call reset() with a reset_mask")
         checked = self._checked_actions(actions, skip)
-        rewards, over, last = np.empty(m), np.empty(m, np.bool_), self._new_observations()
-        observations, max_speed = self._new_observations() if same_step else last, self.single_env.max_speed
+        rewards, over, last = np.empty(m), np.empty(m, np.bool_), episodes.observer.new(m)
+        observations, max_speed = episodes.observer.new(m) if same_step else last, self.single_env.max_speed
 
         def work(begin: int, end: int) -> None:
             episodes.shoot(begin, end, checked, max_speed, rewards, last)
@@ -440,9 +441,6 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if self._renderer is not None:
             self._renderer.close()
 
-    def _new_observations(self) -> NDArray[np.float32]:
-        return np.empty((self.num_envs, self._episodes.observer.size), np.float32)
-
     def _seed(self, i: int, seed: int) -> None:
         state, model = self._episodes.state, self._episodes.model
         state.stream[i], self._seeds[i] = streams.seeded(seed), seed
@@ -490,10 +488,13 @@ def _checked_mask(mask: Any, num_envs: int) -> Bools:
     return mask.copy()
 
 
-def _masked_rows(array: NDArray[np.float32], mask: Bools) -> NDArray[Any]:
-    """Returns an object array of the rows in the mask, with None for the other rows."""
-    if np.count_nonzero(mask) == len(mask):
-        return np.fromiter(array, object, len(array))
-    rows = np.full(len(array), None)
-    rows[mask] = np.fromiter(array[mask], dtype=object)
+def _masked_rows(observations: Any, mask: Bools) -> NDArray[Any]:
+    """Returns an object array of the observations in the mask, with None for the others."""
+    chosen, rows = np.flatnonzero(mask), np.full(len(mask), None)
+    if isinstance(observations, dict):
+        rows[chosen] = [nth(observations, k) for k in chosen]
+    elif len(chosen) == len(mask):
+        return np.fromiter(observations, object, len(mask))
+    else:
+        rows[chosen] = np.fromiter(observations[chosen], dtype=object)
     return rows

@@ -108,7 +108,7 @@ def rewards(env: BilliardsEnv, actions: Floats) -> Floats:
     episodes, found = Episodes(m, env.model._replace(noise=None)), np.empty(m)
     episodes.put(None, env.get_state()[None])
     episodes.state.over[:] = False
-    observations = np.empty((m, episodes.observer.size), np.float32)
+    observations = episodes.observer.new(m)
 
     def work(begin: int, end: int) -> None:
         episodes.shoot(begin, end, actions, env.max_speed, found, observations)
