@@ -15,7 +15,6 @@ from billiards_env.checks import RANGES, Range, fits, integer, numbers, one_of, 
 from billiards_env.engine.pit import MAX_STEPS
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.envs.actions import aimed_strikes, perturb
-from billiards_env.envs.wrappers import ActionFrame, VectorActionFrame
 from billiards_env.games import GameState, Setup, Stroke, opening, play, records
 from billiards_env.games.batch import play_batch
 from billiards_env.scene import Balls, Physics, Scene
@@ -250,11 +249,8 @@ def stroke(*arguments: Any) -> Any:
         (made(layout=["rack"]), "layout = ['rack']: expected one of 'random', 'rack'"),
         (lambda: made()().unwrapped.step("go"), "The episode is over or has not begun"),
         (lambda: gym.make_vec("Billiards-v0", 2).reset(seed=cast("Any", 1.5)), "seed = 1.5: expected a whole number"),
-        (lambda: ActionFrame(gym.make("CartPole-v1"), "cut"), "env = <TimeLimit<"),
         (lambda: begun("Billiards-v0").step(COMPLEX), "action = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
         (lambda: begun("Billiards-v0", vector=True).step([COMPLEX] * 2), "actions = [array([0.5+1.j, 0. +0.j]), array"),
-        (lambda: ActionFrame(begun("Billiards-v0"), "cut").step(COMPLEX), "action = array("),
-        (lambda: VectorActionFrame(begun("Billiards-v0", vector=True), "cut").step([COMPLEX] * 2), "actions = [array("),
         (lambda: begun("Billiards-v0", action="strike").step(np.zeros(5, complex)), "action = array("),
         (shot(POOL, PLACES, COMPLEX), "velocities = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
         (shot(POOL, np.add(PLACES, 0j)), "positions = array("),
@@ -276,8 +272,8 @@ def stroke(*arguments: Any) -> Any:
         (shot(mode=np.str_("pci")), "mode = 'pci': expected one of"),
         (lambda: Setup("nine_ball", NINE, target=cast("Any", np.int64(3))), "target = 3 with rules 'nine_ball'"),
         (
-            lambda: ActionFrame(made(max_speed=np.float64(2))(), "sum_to_three"),
-            "max_speed = 2.0 with frame 'sum_to_three'",
+            made(max_speed=np.float64(2), action="sum_to_three"),
+            "max_speed = 2.0 with action 'sum_to_three': expected at",
         ),
         (lambda: BilliardsVectorEnv(2).reset(options={"positions": "abc"}), "options['positions'] = 'abc': expected"),
     ],

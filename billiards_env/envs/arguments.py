@@ -28,6 +28,7 @@ class Model(NamedTuple):
         engine: The engine.
         action: One of `ACTIONS`.
         max_shots: Number of shots after which an episode ends.
+        max_speed: The speed of an action of length 1, m/s.
         layout: The layout at the start of an episode.
         observe: As in `BilliardsEnv`.
         scratch_penalty: Reward subtracted for a scratch.
@@ -42,6 +43,7 @@ class Model(NamedTuple):
     engine: Engine
     action: str
     max_shots: int
+    max_speed: float
     layout: str
     observe: Sequence[Any] | None
     scratch_penalty: float
@@ -167,7 +169,7 @@ def check_noise(
     scales[TURN], scales[SPEED] = given["angle_std"] / 180.0, given["speed_std"] / max_speed
     scales[[SIDE, TOP]] = given["offset_std"] / (scene.cue.miscue_offset * scene.balls.radius[0])
     scales[ELEVATION] = given["elevation_std"] / 90.0
-    return scales[: ACTIONS[action]]
+    return scales[: ACTIONS[action].size]
 
 
 def _set_spec(env: Any, spec: EnvSpec | None) -> None:

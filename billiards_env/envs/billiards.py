@@ -79,6 +79,9 @@ class BilliardsEnv(gym.Env[Any, Any]):
     If the length of the offset (numbers 2 and 3) is greater than 1, the tip slips (a miscue). `billiards_env.strike`
     describes the motion of the ball, and `scene.cue` has the constants of the cue.
 
+    `billiards_env.envs.actions.ACTIONS` is the table of all actions. `"cut"` and `"sum_to_three"` have two numbers, a
+    cut at the nearest ball and a speed. `"plan"` is one whole number, the choice of a ball, a pocket and a speed.
+
     ## Observation Space
 
     The observation is a `ndarray` with dtype `float32`. It consists of features, which `observe` chooses and orders.
@@ -188,23 +191,27 @@ class BilliardsEnv(gym.Env[Any, Any]):
 
     `reset` and `step` return the same keys. The numbers are NumPy scalars:
 
-    | Key            | Type       | Description                                              | After `reset` |
-    |----------------|------------|----------------------------------------------------------|---------------|
-    | `episode_seed` | (8,) int64 | seed that repeats this episode, see below                | drawn         |
-    | `shot_time`    | float64    | duration of the shot, s                                  | 0             |
-    | `n_events`     | int64      | number of events in the shot                             | 0             |
-    | `status_code`  | int64      | reason for the end of the shot, usually 0, see below     | 0             |
-    | `first_hit`    | int64      | the first ball that the cue ball touched, -1 if none     | -1            |
-    | `cushions`     | (n,) int32 | number of cushion contacts of each ball in the shot      | 0             |
-    | `potted`       | (n,) bool  | balls off the table after the shot                       | False         |
-    | `scratch`      | bool       | whether the cue ball was potted                          | False         |
-    | `points`       | int64      | points of the shot                                       | 0             |
-    | `score`        | int64      | points of the episode up to now                          | 0             |
-    | `shots_left`   | int64      | number of shots left in the episode                      | `max_shots`   |
-    | `is_success`   | bool       | whether the task was achieved in the episode             | False         |
-    | `miscue`       | bool       | whether the tip slipped; only with `action="strike"`     | False         |
+    | Key            | Type         | Description                                          | After `reset` |
+    |----------------|--------------|------------------------------------------------------|---------------|
+    | `episode_seed` | (8,) int64   | seed that repeats this episode, see below            | drawn         |
+    | `shot_time`    | float64      | duration of the shot, s                              | 0             |
+    | `n_events`     | int64        | number of events in the shot                         | 0             |
+    | `status_code`  | int64        | reason for the end of the shot, usually 0, see below | 0             |
+    | `first_hit`    | int64        | the first ball that the cue ball touched, -1 if none | -1            |
+    | `action`       | (k,) float64 | velocity or strike that was played, see below        | 0             |
+    | `cushions`     | (n,) int32   | number of cushion contacts of each ball in the shot  | 0             |
+    | `potted`       | (n,) bool    | balls off the table after the shot                   | False         |
+    | `scratch`      | bool         | whether the cue ball was potted                      | False         |
+    | `points`       | int64        | points of the shot                                   | 0             |
+    | `score`        | int64        | points of the episode up to now                      | 0             |
+    | `shots_left`   | int64        | number of shots left in the episode                  | `max_shots`   |
+    | `is_success`   | bool         | whether the task was achieved in the episode         | False         |
+    | `miscue`       | bool         | whether the tip slipped; only with `action="strike"` | False         |
 
-    With `randomize` the info also has the numbers of the episode by name (float64).
+    With `randomize` the info also has the numbers of the episode by name (float64). `action` is the velocity (k = 2) or
+    the strike (k = 5) in the units of the action space, after the conversion of other actions, the clipping and the
+    noise. With `action="plan"` the info also has `action_mask`, int8: 1 for each plan that is possible in the next
+    shot.
 
     `reset(options={"episode_seed": info["episode_seed"]})` begins the same episode in any environment with the same
     arguments, single or vector: the same positions, goal, physics and execution noise. So one of the episodes of a
@@ -239,7 +246,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
     | `mode`            | str           | `"pic"`      | engine: `"pic"` (exact) or `"pit"` (fixed timestep)   |
     | `dt`              | float or None | `None`       | timestep of `"pit"`, s                                |
     | `fix`             | str or None   | `None`       | how `"pit"` treats overlaps                           |
-    | `action`          | str           | `"velocity"` | `"velocity"` or `"strike"`, see Action Space          |
+    | `action`          | str           | `"velocity"` | the kind of action, see Action Space                  |
     | `max_shots`       | int or None   | `None`       | maximum number of shots; None for the task's          |
     | `max_speed`       | float         | `4.0`        | speed of the fastest shot, m/s                        |
     | `layout`          | str or None   | `None`       | starting positions; None for the task's               |
@@ -343,12 +350,13 @@ class BilliardsEnv(gym.Env[Any, Any]):
         self._episodes = Episodes(1, model, 0 if self._renderer is None else 1)
         self.features = self._episodes.observer.features
         self.observe = self._episodes.observer.names
-        self.action_space = gym.spaces.Box(-1.0, 1.0, (ACTIONS[action],), np.float32)
+        self.action_space: Any = gym.spaces.Box(-1.0, 1.0, (ACTIONS[action].size,), np.float32)
+        if self._episodes.choices:
+            self.action_space = gym.spaces.Discrete(self._episodes.choices)
         self.observation_space = self._episodes.observer.space
         if self.observe == "goal":  # other environments have no `compute_reward`
             self.compute_reward = functools.partial(compute_reward, entry.goal_radius, self.scratch_penalty)
         self._rewards = np.empty(1)
-        self._numbers = ACTIONS[action]
         self._shared = {*vars(self), "_np_random", "_shared", "_spec"} - {"_episodes", "_renderer", "_rewards"}
 
     @property
@@ -493,7 +501,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
         over = episodes.state.over
         if over[0]:
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
-        action = finite("action", action, (self._numbers,))
+        action = finite("action", action, self.action_space.shape)
         observations, before = episodes.observer.new(1), episodes.memory.copy()
         try:
             episodes.shoot(0, 1, action[None], self.max_speed, reward, observations)
@@ -501,10 +509,10 @@ class BilliardsEnv(gym.Env[Any, Any]):
             episodes.undo(before)
             raise
         if episodes.shots.status.item() >= AT_EVENT_LIMIT:
-            episodes.warn_cut_off(0, action, before)
+            episodes.warn_cut_off(0, before)
         if self._renderer is not None:
             self._renderer.step(
-                [drawn_shot(episodes, 0, action, self.max_speed, reward.item(), episodes.state.goals[0])]
+                [drawn_shot(episodes, 0, episodes.actions[0], self.max_speed, reward.item(), episodes.state.goals[0])]
             )
         return nth(observations, 0), reward.item(), over.item(), False, single_info(episodes.info)
 

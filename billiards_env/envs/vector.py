@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import integer, one_of, shaped, short
 from billiards_env.engine import parallel_for
 from billiards_env.engine.shots import AT_EVENT_LIMIT
-from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.arguments import check_options, json_spec
 from billiards_env.envs.billiards import BilliardsEnv
 from billiards_env.envs.episodes import Episodes, noise_stream
@@ -152,7 +151,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         self.single_action_space = env.action_space
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self._actions_shape = self.num_envs, ACTIONS[env.action]
+        self._actions_shape = self.num_envs, *env.action_space.shape
 
         self._n_shown = 0 if self._renderer is None else self._renderer.n_shown
         self._episodes = Episodes(self.num_envs, env.model, self._n_shown)
@@ -403,17 +402,19 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
                 [
                     drawn_layout(episodes, k)
                     if skip[k]
-                    else drawn_shot(episodes, k, checked[k], max_speed, rewards[k], goals[k])
+                    else drawn_shot(episodes, k, episodes.actions[k], max_speed, rewards[k], goals[k])
                     for k in range(self._n_shown)
                 ]
             )
         status = episodes.shots.status
         if status.max() >= AT_EVENT_LIMIT:
             for k in np.flatnonzero((status >= AT_EVENT_LIMIT) & ~skip)[:1]:
-                episodes.warn_cut_off(k, checked[k], memory)
+                episodes.warn_cut_off(k, memory)
         info = copied_info(episodes.of_shots)
         info |= {name: physics[:, j].copy() for j, name in enumerate(episodes.physics)}
         info["episode_seed"] = seeds.view(np.int64)
+        if episodes.choices:
+            info["action_mask"] = episodes.mask * ~over[:, None]
         begun = over if same_step else skip  # the episodes that this step has begun
         infos = masked_info(with_starts(info, begun, episodes.starts), np.ones(m, np.bool_))
         if same_step and over.any():
@@ -471,7 +472,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         array = shaped("actions", actions, self._actions_shape)
         finite = np.isfinite(array)
         if np.count_nonzero(finite) < finite.size:
-            bad = np.flatnonzero(~finite.all(axis=1) & ~skip)
+            bad = np.flatnonzero(~finite.reshape(len(skip), -1).all(axis=1) & ~skip)
             if len(bad):
                 raise ValueError(f"action of environment {bad[0]} = {array[bad[0]].tolist()}: expected finite numbers")
         return array
