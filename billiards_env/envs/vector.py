@@ -38,7 +38,8 @@ def warn_of_wrong_returns() -> None:
     if tuple(map(int, gym.__version__.split(".")[:2])) < (1, 4):
         warnings.warn(
             f"Gymnasium {gym.__version__}: RecordEpisodeStatistics and NormalizeReward return wrong numbers with the "
-            'autoreset mode "SameStep". Install Gymnasium 1.4 or later, or use autoreset_mode="NextStep" with them.',
+            'autoreset mode "SameStep". Install Gymnasium 1.4 or later. RecordEpisodeStatistics is also right with '
+            'autoreset_mode="NextStep".',
             stacklevel=3,
         )
 
