@@ -41,7 +41,7 @@ pythons:  ## test the core (shots, batches, the environment, commands) on each i
 	        && ran="$$ran\n$$v passed" || { ran="$$ran\n$$v failed"; failed=1; }; \
 	done; printf "$(CORE) on$$ran\n"; [ -z "$$failed" ]
 
-tools: $(TOOLS)  ## test the integrations with TorchRL, Minari and Optuna, which are installed in .venv-tools
+tools: $(TOOLS)  ## test the integrations with TorchRL, Minari, Optuna and JAX, which are installed in .venv-tools
 	.venv-tools/bin/pytest -q -m tools tests/tools tests/test_dataset.py tests/examples
 
 web: $(INSTALLED)  ## build the engines for browsers and the page play.html in site/, and compare their bits with Python's
@@ -151,7 +151,7 @@ $(RLLIB): pyproject.toml constraints.txt constraints-rllib.txt
 
 $(TOOLS): pyproject.toml constraints.txt
 	$(PYTHON) -m venv --clear .venv-tools
-	.venv-tools/bin/pip install --quiet -c constraints.txt -e '.[train,render,multi,dev,tools]'
+	.venv-tools/bin/pip install --quiet -c constraints.txt -e '.[train,render,multi,dev,tools,jax]'
 	touch $@
 
 # pooltool needs other versions of numba and llvmlite than this package.

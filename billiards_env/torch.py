@@ -19,11 +19,12 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import missing, one_of
+from billiards_env.checks import missing
 from billiards_env.engine import PIC
 from billiards_env.scene import Scene
-from billiards_env.shots.gradients import MARGINS, physics_inputs
-from billiards_env.shots.simulation import BatchResult, simulate_batch
+from billiards_env.shots.functions import STARTS, Shots
+from billiards_env.shots.gradients import MARGINS
+from billiards_env.shots.simulation import BatchResult
 
 try:
     import torch
@@ -31,8 +32,6 @@ try:
     from torch.autograd import Function
 except ModuleNotFoundError as error:
     raise missing(error.name or "torch", "train") from error
-
-_STARTS = ("positions", "velocities", "spins")
 
 
 def simulate(
@@ -83,11 +82,7 @@ def simulate(
         NotImplementedError: If a second derivative is computed, or `vmap` maps over a constant of the scene.
     """
     names = (of,) if isinstance(of, str) else tuple(of)
-    for name in names:
-        one_of("of", name, (*_STARTS, *MARGINS))
     numbers = {} if physics is None else dict(physics)
-    for name in numbers:
-        one_of("physics", name, tuple(physics_inputs(scene.physics)))
     single = positions.ndim == 2
     if not (velocities.is_floating_point() or velocities.is_complex()):
         velocities = velocities.to(torch.get_default_dtype())
@@ -155,46 +150,26 @@ def pot_margins(
 
 
 @dataclasses.dataclass
-class _Shots:
-    """What the functions below need in addition to tensors.
+class _Shots(Shots):
+    """Shots as a function of tensors.
 
     Attributes:
-        scene: The scene.
-        inputs: The names of the tensors that are inputs.
-        outputs: The names of the outputs.
-        options: Further arguments of `simulate_batch`.
         record: Whether to keep the batch for the derivatives.
         batch: This batch, recorded. Without it, derivatives run the shots again.
     """
 
-    scene: Scene
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    options: dict[str, Any]
     record: bool = False
     batch: BatchResult | None = None
 
-    def run(self, tensors: Sequence[Tensor], record: bool) -> BatchResult:
-        """Runs the shots whose inputs are tensors."""
-        given = dict(zip(self.inputs, map(_array, tensors), strict=True))
-        start = {name: given.pop(name) for name in _STARTS if name in given}
-        balls = {name: tuple(given.pop(name).tolist()) for name in ("radius", "mass") if name in given}
-        scene = dataclasses.replace(
-            self.scene,
-            balls=dataclasses.replace(self.scene.balls, **balls),
-            physics=dataclasses.replace(self.scene.physics, **{name: value.item() for name, value in given.items()}),
-        )
-        return simulate_batch(scene, **start, **self.options, record=record)
-
     def recorded(self, tensors: Sequence[Tensor]) -> BatchResult:
         """Returns the recorded batch."""
-        return self.batch or self.run(tensors, True)
+        return self.batch or self.run(list(map(_array, tensors)), True)
 
     def folded(self, size: int, dims: Sequence[int | None], tensors: Sequence[Tensor]) -> tuple[Any, ...]:
         """Returns the shots and tensors of `size` batches as one batch. `dims` has their axes, None for none."""
         out = []
         for k, (dim, tensor) in enumerate(zip(dims, tensors, strict=True)):
-            if k >= len(self.inputs) or self.inputs[k] in _STARTS:
+            if k >= len(self.inputs) or self.inputs[k] in STARTS:
                 whole = tensor.expand(size, *tensor.shape) if dim is None else tensor.movedim(dim, 0)
                 tensor = whole.flatten(0, 1)
             elif dim is not None:
@@ -253,17 +228,14 @@ class _Simulate(_OfShots):
     @staticmethod
     def forward(shots: _Shots, *inputs: Tensor) -> tuple[Tensor, ...]:
         has_margins = bool(set(shots.outputs) & set(MARGINS))
-        batch = shots.run(inputs, shots.record or has_margins)
+        batch = shots.run(list(map(_array, inputs)), shots.record or has_margins)
         shots.batch = batch if shots.record else None
-        found = {name: getattr(batch, name) for name in _STARTS}
-        if has_margins:
-            found |= zip(MARGINS, batch.margins(threads=shots.options["threads"]), strict=False)
-        return _tensors([found[name] for name in shots.outputs], inputs[1])
+        return _tensors(shots.values(batch), inputs[1])
 
     @staticmethod
     def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
         found = _Vjp.apply(ctx.shots, *ctx.saved_tensors, *grad_outputs)
-        sums = (x if name in _STARTS else x.sum(0) for name, x in zip(ctx.shots.inputs, found, strict=True))
+        sums = (x if name in STARTS else x.sum(0) for name, x in zip(ctx.shots.inputs, found, strict=True))
         return None, *sums
 
     @staticmethod
@@ -271,7 +243,7 @@ class _Simulate(_OfShots):
         inputs, changes = ctx.saved_tensors, []
         for name, x, change in zip(ctx.shots.inputs, inputs, tangents[1:], strict=True):
             change = torch.zeros_like(x) if change is None else change
-            changes.append(change if name in _STARTS else change.expand(len(inputs[0]), *x.shape))
+            changes.append(change if name in STARTS else change.expand(len(inputs[0]), *x.shape))
         return _Jvp.apply(ctx.shots, *inputs, *changes)
 
 
@@ -281,9 +253,7 @@ class _Vjp(_OfShots):
     @staticmethod
     def forward(shots: _Shots, *tensors: Tensor) -> tuple[Tensor, ...]:
         k = len(shots.inputs)
-        cotangents = dict(zip(shots.outputs, map(_array, tensors[k:]), strict=True))
-        found = shots.recorded(tensors[:k]).vjp(cotangents, shots.inputs, threads=shots.options["threads"])
-        return _tensors([found[name] for name in shots.inputs], tensors[1])
+        return _tensors(shots.vjp(shots.recorded(tensors[:k]), list(map(_array, tensors[k:]))), tensors[1])
 
 
 class _Jvp(_OfShots):
@@ -292,6 +262,4 @@ class _Jvp(_OfShots):
     @staticmethod
     def forward(shots: _Shots, *tensors: Tensor) -> tuple[Tensor, ...]:
         k = len(shots.inputs)
-        tangents = dict(zip(shots.inputs, map(_array, tensors[k:]), strict=True))
-        found = shots.recorded(tensors[:k]).jvp(tangents, shots.outputs, threads=shots.options["threads"])
-        return _tensors([found[name] for name in shots.outputs], tensors[1])
+        return _tensors(shots.jvp(shots.recorded(tensors[:k]), list(map(_array, tensors[k:]))), tensors[1])

@@ -21,6 +21,7 @@ from tqdm import tqdm
 
 from benchmarks import save, table, use_own_font
 from billiards_env import bench
+from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.observations import FEATURES
 from billiards_env.evaluation import evaluation_seeds
 from billiards_env.files import write_json
@@ -80,6 +81,13 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     return {
         "table": table(("id", "solved from", *PLAYERS, "best learned"), rows),
         "random": table(("id", "success", "mean return"), chance),
+        "actions": table(
+            ("Action", "Shape", "Meaning"),
+            [
+                (f"`{name}`", "()" if name == "plan" else f"({entry.size})", entry.summary)
+                for name, entry in ACTIONS.items()
+            ],
+        ),
         "features": table(("Feature", "Shape", "Values", "Meaning", "Needs"), [_feature(name) for name in FEATURES], 5),
     }
 
@@ -88,7 +96,7 @@ def _feature(name: str) -> tuple[str, ...]:
     """Returns the row of a feature."""
     entry = FEATURES[name]
     least, *others = np.atleast_1d(entry.low)
-    values = f"{least:g} to 1" + (f", {others[0]:g} to 1" if others else "")
+    values = f"{least:g} to {entry.high}" + (f", {others[0]:g} to 1" if others else "")
     return f"`{name}`", f"({', '.join(map(str, entry.shape))})", values, entry.summary, entry.needs
 
 

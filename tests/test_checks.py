@@ -16,7 +16,6 @@ from billiards_env.engine import PIC, Engine
 from billiards_env.engine.pit import MAX_STEPS
 from billiards_env.envs import BilliardsVectorEnv, make_vector_env
 from billiards_env.envs.actions import aimed_strikes, perturb
-from billiards_env.envs.wrappers import ActionFrame, VectorActionFrame
 from billiards_env.games import GameState, Setup, Stroke, opening, play, records
 from billiards_env.games.batch import play_batch
 from billiards_env.scene import Balls, Physics, Scene
@@ -250,11 +249,9 @@ def stroke(*arguments: Any) -> Any:
         (made(layout=["rack"]), "layout = ['rack']: expected one of 'random', 'rack'"),
         (lambda: made()().unwrapped.step("go"), "The episode is over or has not begun"),
         (lambda: gym.make_vec("Billiards-v0", 2).reset(seed=cast("Any", 1.5)), "seed = 1.5: expected a whole number"),
-        (lambda: ActionFrame(gym.make("CartPole-v1"), "cut"), "env = <TimeLimit<"),
         (lambda: begun("Billiards-v0").step(COMPLEX), "action = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
         (lambda: begun("Billiards-v0", vector=True).step([COMPLEX] * 2), "actions = [array([0.5+1.j, 0. +0.j]), array"),
-        (lambda: ActionFrame(begun("Billiards-v0"), "cut").step(COMPLEX), "action = array("),
-        (lambda: VectorActionFrame(begun("Billiards-v0", vector=True), "cut").step([COMPLEX] * 2), "actions = [array("),
+        (lambda: begun("Billiards-v0", action="strike").step(np.zeros(5, complex)), "action = array("),
         (shot(POOL, PLACES, COMPLEX), "velocities = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
         (shot(spins=np.zeros(3, complex)), "spins = array("),
         (shot(max_time=ONE), "max_time = (1+0j): expected a number"),
@@ -274,8 +271,8 @@ def stroke(*arguments: Any) -> Any:
         (lambda: Engine(np.str_("pci")), "mode = 'pci': expected one of"),
         (lambda: Setup("nine_ball", NINE, target=cast("Any", np.int64(3))), "target = 3 with rules 'nine_ball'"),
         (
-            lambda: ActionFrame(made(max_speed=np.float64(2))(), "sum_to_three"),
-            "max_speed = 2.0 with frame 'sum_to_three'",
+            made(max_speed=np.float64(2), action="sum_to_three"),
+            "max_speed = 2.0 with action 'sum_to_three': expected at",
         ),
         (lambda: make_vector_env(2).reset(options={"positions": "abc"}), "options['positions'] = 'abc': expected"),
     ],

@@ -1,4 +1,4 @@
-"""The Gymnasium environment `Billiards-v0`: the environments, their tasks, wrappers and rendering."""
+"""The Gymnasium environment `Billiards-v0`: the environments, their tasks and rendering."""
 
 from billiards_env.engine import STATUS
 from billiards_env.envs.arguments import Model, make_model

@@ -1,7 +1,7 @@
-"""Action frames: the meanings of an action, two numbers (a0, a1) from -1 to 1, as a velocity of the cue ball.
+"""Action frames: actions of two numbers (a0, a1) from -1 to 1 as a velocity of the cue ball, see `envs.actions`.
 
-Without an action frame, an action is the velocity along x and y, divided by `max_speed` (see `envs.actions`). The
-action frames are:
+Both aim at the nearest ball that may be touched first. If there is none, the line of centres is the x axis. The action
+frames are:
 
 * "cut": a0 is the distance from the centre of the target ball to the line along which the cue ball starts, divided by
   the distance of the two centres at contact. This is the sine of the cut angle: 0 is a full hit, +-1 only grazes the
@@ -18,20 +18,21 @@ and mirrored balls and cuts have mirrored velocities bit for bit.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, finite, integer, one_of, real, short
-from billiards_env.envs.actions import cos_sin
+from billiards_env.checks import one_of, short
+from billiards_env.envs.actions import Before, cos_sin
 from billiards_env.jit import entry_point, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.state import X, Y
 from billiards_env.scene import Scene
 
 FRAMES = ("cut", "sum_to_three")
-BALLS = ("nearest", "first")
+
+LEAST_SPEED = 0.4
+"""m/s. Speed of the slowest shot of "cut"."""
 
 SUM_TO_THREE_SPEEDS = (0.3, 3.0)
 """m/s. Smallest and largest speed of the cue in the frame "sum_to_three"."""
@@ -42,106 +43,37 @@ SUM_TO_THREE_CUT = 70.0
 SUM_TO_THREE_GAIN = 1.395
 """Speed of the cue ball divided by the speed of the cue in the frame "sum_to_three"."""
 
-_CUT, _SUM_TO_THREE = range(len(FRAMES))
-_NEAREST, _FIRST = -1, -2
-
 # Columns of actions in a frame.
 A0, A1 = 0, 1
 
 
-class FrameArrays(NamedTuple):
-    """An action frame in the form that the kernels use.
-
-    Attributes:
-        frame: Index into `FRAMES`.
-        ball: Number of the target ball, or _NEAREST or _FIRST.
-        targets: (n,) bool: the balls that "nearest" and "first" choose from.
-        reach: (n,) float64, m: distance of the centres of the cue ball and each ball at contact.
-        least_speed: m/s.
-        max_speed: m/s.
-    """
-
-    frame: int
-    ball: int
-    targets: Any
-    reach: Any
-    least_speed: float
-    max_speed: float
-
-
-class ActionTransform:
+class Frame:
     """Converts the actions of an action frame to velocities of the cue ball.
 
     Args:
         name: One of `FRAMES`.
         scene: The scene.
-        targets: (n,) bool: the balls that "nearest" and "first" choose from.
         max_speed: Speed of the fastest shot, m/s.
-        ball: As in `ActionFrame`. If no target is in play, the line of centres is the x axis.
-        least_speed: As in `ActionFrame`.
 
     Raises:
-        ValueError: As in `ActionFrame`.
+        ValueError: If the frame is unknown, or `max_speed` is too small for it.
     """
 
-    def __init__(
-        self,
-        name: str,
-        scene: Scene,
-        targets: NDArray[np.bool_],
-        max_speed: float,
-        ball: str | int = "nearest",
-        least_speed: float = 0.4,
-    ) -> None:
+    choices = 0
+
+    def __init__(self, name: str, scene: Scene, max_speed: float) -> None:
         one_of("frame", name, FRAMES)
-        if isinstance(ball, str):
-            one_of("ball", ball, BALLS)
-        else:
-            integer("ball", ball, Range(1, scene.n_balls - 1, ", 'nearest' or 'first'"))
-        least_speed = real("least_speed", least_speed, Range(0.0, max_speed, "m/s, max_speed"))
-        fastest = SUM_TO_THREE_GAIN * SUM_TO_THREE_SPEEDS[1]
-        if name == "sum_to_three" and max_speed < fastest:
-            raise ValueError(
-                f"max_speed = {short(max_speed)} with frame 'sum_to_three': expected at least {fastest} m/s"
-            )
-        # A plain tuple: numba unpacks it faster than a NamedTuple.
-        self._arrays = tuple(
-            FrameArrays(
-                frame=FRAMES.index(name),
-                ball=(_NEAREST, _FIRST)[BALLS.index(ball)] if isinstance(ball, str) else int(ball),
-                targets=targets,
-                reach=scene.balls.contact_distances(0),
-                least_speed=least_speed,
-                max_speed=float(max_speed),
-            )
-        )
+        fastest = SUM_TO_THREE_GAIN * SUM_TO_THREE_SPEEDS[1] if name == "sum_to_three" else LEAST_SPEED
+        if max_speed < fastest:
+            raise ValueError(f"max_speed = {short(max_speed)} with action {name!r}: expected at least {fastest} m/s")
+        self._is_cut, self._reach = name == "cut", scene.balls.contact_distances(0)
 
-    def velocities(
-        self, actions: ArrayLike, positions: NDArray[np.float64], potted: NDArray[np.bool_]
-    ) -> NDArray[np.float64]:
-        """Returns the velocities of the cue ball for actions in this frame.
-
-        Args:
-            actions: (..., 2), clipped to [-1, 1].
-            positions: (..., n, 2) positions of the balls, m.
-            potted: (..., n) bool, the balls off the table.
-
-        Returns:
-            (..., 2) float64, m/s.
-
-        Raises:
-            ValueError: If an action is not two finite numbers.
-        """
-        n = potted.shape[-1]
-        array = finite("action", actions, (*potted.shape[:-1], 2))
+    def velocities(self, actions: ArrayLike, before: Before) -> NDArray[np.float64]:
+        """Returns the velocities (k, 2) of the cue balls, m/s, for actions (k, 2), which are clipped to [-1, 1]."""
+        array = np.asarray(actions, np.float64)
         out = np.empty(array.shape)
-        _velocities(
-            self._arrays,
-            array.reshape(-1, 2),
-            positions.reshape(-1, n, 2),
-            potted.reshape(-1, n),
-            out.reshape(-1, 2),
-        )
+        fields = before.positions, before.playable, self._reach, float(before.max_speed)
+        _velocities(self._is_cut, array, fields, out)
         return out
 
 
@@ -193,15 +125,11 @@ def between(low, high, a):
 
 
 @kernel
-def choose_ball(ball, targets, positions, potted):
-    """Returns the target ball, see `ActionTransform`; 0 if no target is in play."""
-    if ball > 0 and not potted[ball]:
-        return ball
+def nearest_ball(positions, playable):
+    """Returns the playable ball nearest to the cue ball; 0 if there is none."""
     best, shortest = 0, math.inf
-    for i in range(1, len(targets)):
-        if targets[i] and not potted[i]:
-            if ball != _NEAREST:
-                return i
+    for i in range(1, len(playable)):
+        if playable[i]:
             dx, dy = positions[i, X] - positions[0, X], positions[i, Y] - positions[0, Y]
             if dx * dx + dy * dy < shortest:
                 best, shortest = i, dx * dx + dy * dy
@@ -209,13 +137,13 @@ def choose_ball(ball, targets, positions, potted):
 
 
 @entry_point
-def _velocities(arrays, actions, positions, potted, out):
-    f = FrameArrays(*arrays)
+def _velocities(is_cut, actions, before, out):
+    positions, playable, reach, max_speed = before
     for k in range(len(actions)):
         a0, a1 = min(max(actions[k, A0], -1.0), 1.0), min(max(actions[k, A1], -1.0), 1.0)
-        i = choose_ball(f.ball, f.targets, positions[k], potted[k])
+        i = nearest_ball(positions[k], playable[k])
         dx, dy = positions[k, i, X] - positions[k, 0, X], positions[k, i, Y] - positions[k, 0, Y]
-        if f.frame == _CUT:
-            out[k, X], out[k, Y] = cut(a0, a1, dx, dy, f.reach[i], f.least_speed, f.max_speed)
+        if is_cut:
+            out[k, X], out[k, Y] = cut(a0, a1, dx, dy, reach[i], LEAST_SPEED, max_speed)
         else:
-            out[k, X], out[k, Y] = sum_to_three(a0, a1, dx, dy, f.reach[i])
+            out[k, X], out[k, Y] = sum_to_three(a0, a1, dx, dy, reach[i])

@@ -1,5 +1,8 @@
 """Actions: converts the numbers of an action to the velocity and spin of the cue ball.
 
+`ACTIONS` is the table of the kinds of actions. A shot is played as a "velocity" or as a "strike"; the other kinds are
+converted to one of these by `envs.action_frames` and `envs.plans`, which are imported with their first use.
+
 The action "velocity" is the velocity of the cue ball along x and y, divided by `max_speed`. The action "strike" has
 five numbers that describe the motion of the cue:
 
@@ -16,6 +19,8 @@ The kernels use only `+ - * /` and `sqrt`, as the engine does, so an action is t
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,8 +33,79 @@ from billiards_env.physics.strike import CueNumbers, cue_numbers, speed_gain, sq
 from billiards_env.scene import Scene
 from billiards_env.shots.strikes import Strike
 
-ACTIONS = {"velocity": 2, "strike": 5}
-"""The kinds of actions, with the length of each."""
+
+class Before(NamedTuple):
+    """k tables before a shot.
+
+    Attributes:
+        positions: (k, n, 2) m.
+        in_play: (k, n) bool, the balls on the table.
+        playable: (k, n) bool, those of them that count in the task and that the cue ball may touch first.
+        max_speed: The speed of the fastest shot, m/s.
+    """
+
+    positions: NDArray[np.float64]
+    in_play: NDArray[np.bool_]
+    playable: NDArray[np.bool_]
+    max_speed: float
+
+
+class Action(NamedTuple):
+    """A kind of action.
+
+    Attributes:
+        summary: What the numbers are, for the documentation.
+        size: Number of numbers of the velocity (2) or of the strike (5) that is played.
+        converter: Returns from a scene and the largest speed, m/s, an object whose method `velocities` converts
+            actions (k, 2) and `Before` to velocities (k, 2), m/s. If it has the attribute `choices` > 0, an action is a
+            whole number below it, actions are (k,), and the method `mask` returns the possible ones, (k, choices) int8.
+            None for an action that is played as it is.
+    """
+
+    summary: str
+    size: int
+    converter: Callable[[Scene, float], Any] | None = None
+
+
+def _frame(name: str) -> Callable[[Scene, float], Any]:
+    def converter(scene: Scene, max_speed: float) -> Any:
+        from billiards_env.envs.action_frames import Frame
+
+        return Frame(name, scene, max_speed)
+
+    return converter
+
+
+def _plans(scene: Scene, max_speed: float) -> Any:
+    from billiards_env.envs.plans import Plans
+
+    return Plans(scene)
+
+
+ACTIONS = {
+    "velocity": Action("velocity of the cue ball along x and along y, divided by `max_speed`", 2),
+    "strike": Action("motion of the cue, 5 numbers", 5),
+    "cut": Action(
+        "sine of the cut angle at the nearest ball (0 is a full hit, and 1 and -1 only graze the ball), and speed from "
+        "0.4 m/s to `max_speed`",
+        2,
+        _frame("cut"),
+    ),
+    "sum_to_three": Action(
+        "speed of the cue from 0.3 to 3 m/s, and cut angle from -70 to 70 degrees, as in LightZero's game",
+        2,
+        _frame("sum_to_three"),
+    ),
+    "plan": Action(
+        "one whole number: the choice of an object ball, a pocket and one of 5 speeds, made into a shot by geometry",
+        2,
+        _plans,
+    ),
+}
+"""The kinds of actions by name."""
+
+PLAYED = tuple(name for name, entry in ACTIONS.items() if entry.converter is None)
+"""The actions that are played as they are."""
 
 # Columns of an action, after X and Y.
 SIDE, TOP, ELEVATION = 2, 3, 4
@@ -37,9 +113,9 @@ SIDE, TOP, ELEVATION = 2, 3, 4
 TURN, SPEED = 0, 1
 
 
-def check_action(action: str, scene: Scene) -> str:
-    """Returns the kind of action of an environment. Raises a ValueError unless the scene allows it."""
-    one_of("action", action, tuple(ACTIONS))
+def check_action(action: str, scene: Scene, known: tuple[str, ...] = tuple(ACTIONS)) -> str:
+    """Returns the kind of action of an environment, one of `known`. Raises a ValueError unless the scene allows it."""
+    one_of("action", action, known)
     if action == "strike" and scene.physics.motion != "sliding":
         raise ValueError(
             f"action = 'strike' with physics.motion = {scene.physics.motion!r}: expected motion 'sliding', "
@@ -68,7 +144,7 @@ def cue_strike(action: ArrayLike, scene: Scene, max_speed: float) -> Strike:
         >>> cue_strike([0.0, -0.5], pool, 4.0).velocity.tolist(), cue_strike([3.0, 4.0], pool, 1.0).velocity.tolist()
         ([0.0, -2.0], [0.6, 0.8])
     """
-    size = ACTIONS["strike" if np.shape(action) == (5,) else "velocity"]
+    size = ACTIONS["strike" if np.shape(action) == (5,) else "velocity"].size
     array = finite("action", action, (size,))
     velocity, spin, miscue = np.zeros((1, 1, 2)), np.zeros((1, 1, 3)), np.zeros(1, np.bool_)
     velocity[0, 0] = shorten(array.item(X), array.item(Y), float(max_speed))

@@ -47,7 +47,7 @@ class Model(NamedTuple):
     max_shots: int
     max_speed: float
     layout: str
-    observe: Sequence[str] | None
+    observe: Sequence[Any] | None
     scratch_penalty: float
     randomize: dict[str, tuple[float, float]]
     noise: NDArray[np.float64] | None
@@ -67,7 +67,7 @@ def make_model(
     max_shots: int | None = None,
     max_speed: float = 4.0,
     layout: str | None = None,
-    observe: Sequence[str] | None = None,
+    observe: Sequence[Any] | None = None,
     scratch_penalty: float = 0.1,
     randomize: Mapping[str, Sequence[float]] | None = None,
     noise: Mapping[str, float] | None = None,
@@ -219,7 +219,7 @@ def check_noise(
     scales[TURN], scales[SPEED] = given["angle_std"] / 180.0, given["speed_std"] / max_speed
     scales[[SIDE, TOP]] = given["offset_std"] / (scene.cue.miscue_offset * scene.balls.radius[0])
     scales[ELEVATION] = given["elevation_std"] / 90.0
-    return scales[: ACTIONS[action]]
+    return scales[: ACTIONS[action].size]
 
 
 def _set_spec(env: Any, spec: EnvSpec | None) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import gymnasium as gym
@@ -15,17 +16,19 @@ from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.arguments import Model, check_options, json_spec, make_model
 from billiards_env.envs.episodes import Episodes, noise_stream
+from billiards_env.envs.goals import compute_reward
 from billiards_env.envs.info import single_info
-from billiards_env.envs.observations import decode
+from billiards_env.envs.observations import decode, nth
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.state import State, checked_state, copied
+from billiards_env.envs.tasks import TASKS
 from billiards_env.jit import streams
 from billiards_env.scene import Scene
 
 _ONE, _FIRST = np.ones(1, np.bool_), np.zeros(1, np.int64)
 
 
-class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
+class BilliardsEnv(gym.Env[Any, Any]):
     """A billiards table on which each action is one shot.
 
     ## Description
@@ -67,9 +70,14 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     If the length of the offset (numbers 2 and 3) is greater than 1, the tip slips (a miscue). `billiards_env.strike`
     describes the motion of the ball, and `scene.cue` has the constants of the cue.
 
+    `billiards_env.envs.actions.ACTIONS` is the table of all actions. `"cut"` and `"sum_to_three"` have two numbers, a
+    cut at the nearest ball and a speed. `"plan"` is one whole number, the choice of a ball, a pocket and a speed.
+
     ## Observation Space
 
     The observation is a `ndarray` with dtype `float32`. It consists of features, which `observe` chooses and orders.
+    With `observe=[("pixels", 84, 84)]` it is an image, a `ndarray` with dtype `uint8`. With other features beside an
+    image it is a dict: the images by name, and the other features with the key `"observation"`.
     `billiards_env.envs.observations.FEATURES` is the table of all features. By default an observation has the positions
     of the balls, in a task with a goal (`"place"` and `"position"`) also the goal, and in a run-out (`"nine_ball"` and
     `"eight_ball"`) also the balls that may be touched first:
@@ -174,23 +182,27 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     `reset` and `step` return the same keys. The numbers are NumPy scalars:
 
-    | Key            | Type       | Description                                              | After `reset` |
-    |----------------|------------|----------------------------------------------------------|---------------|
-    | `episode_seed` | (8,) int64 | seed that repeats this episode, see below                | drawn         |
-    | `shot_time`    | float64    | duration of the shot, s                                  | 0             |
-    | `n_events`     | int64      | number of events in the shot                             | 0             |
-    | `status_code`  | int64      | reason for the end of the shot, usually 0, see below     | 0             |
-    | `first_hit`    | int64      | the first ball that the cue ball touched, -1 if none     | -1            |
-    | `cushions`     | (n,) int32 | number of cushion contacts of each ball in the shot      | 0             |
-    | `potted`       | (n,) bool  | balls off the table after the shot                       | False         |
-    | `scratch`      | bool       | whether the cue ball was potted                          | False         |
-    | `points`       | int64      | points of the shot                                       | 0             |
-    | `score`        | int64      | points of the episode up to now                          | 0             |
-    | `shots_left`   | int64      | number of shots left in the episode                      | `max_shots`   |
-    | `is_success`   | bool       | whether the task was achieved in the episode             | False         |
-    | `miscue`       | bool       | whether the tip slipped; only with `action="strike"`     | False         |
+    | Key            | Type         | Description                                          | After `reset` |
+    |----------------|--------------|------------------------------------------------------|---------------|
+    | `episode_seed` | (8,) int64   | seed that repeats this episode, see below            | drawn         |
+    | `shot_time`    | float64      | duration of the shot, s                              | 0             |
+    | `n_events`     | int64        | number of events in the shot                         | 0             |
+    | `status_code`  | int64        | reason for the end of the shot, usually 0, see below | 0             |
+    | `first_hit`    | int64        | the first ball that the cue ball touched, -1 if none | -1            |
+    | `action`       | (k,) float64 | velocity or strike that was played, see below        | 0             |
+    | `cushions`     | (n,) int32   | number of cushion contacts of each ball in the shot  | 0             |
+    | `potted`       | (n,) bool    | balls off the table after the shot                   | False         |
+    | `scratch`      | bool         | whether the cue ball was potted                      | False         |
+    | `points`       | int64        | points of the shot                                   | 0             |
+    | `score`        | int64        | points of the episode up to now                      | 0             |
+    | `shots_left`   | int64        | number of shots left in the episode                  | `max_shots`   |
+    | `is_success`   | bool         | whether the task was achieved in the episode         | False         |
+    | `miscue`       | bool         | whether the tip slipped; only with `action="strike"` | False         |
 
-    With `randomize` the info also has the numbers of the episode by name (float64).
+    With `randomize` the info also has the numbers of the episode by name (float64). `action` is the velocity (k = 2) or
+    the strike (k = 5) in the units of the action space, after the conversion of other actions, the clipping and the
+    noise. With `action="plan"` the info also has `action_mask`, int8: 1 for each plan that is possible in the next
+    shot.
 
     `reset(options={"episode_seed": info["episode_seed"]})` begins the same episode in any environment with the same
     arguments, single or vector: the same positions, goal, physics and execution noise. So one of the episodes of a
@@ -225,7 +237,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `mode`            | str           | `"pic"`      | engine: `"pic"` (exact) or `"pit"` (fixed timestep)   |
     | `dt`              | float or None | `None`       | timestep of `"pit"`, s                                |
     | `fix`             | str or None   | `None`       | how `"pit"` treats overlaps                           |
-    | `action`          | str           | `"velocity"` | `"velocity"` or `"strike"`, see Action Space          |
+    | `action`          | str           | `"velocity"` | the kind of action, see Action Space                  |
     | `max_shots`       | int or None   | `None`       | maximum number of shots; None for the task's          |
     | `max_speed`       | float         | `4.0`        | speed of the fastest shot, m/s                        |
     | `layout`          | str or None   | `None`       | starting positions; None for the task's               |
@@ -296,10 +308,13 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._renderer = None if render_mode is None else Renderer(self.scene, render_mode)
         self._episodes = Episodes(1, model, 0 if self._renderer is None else 1)
         self.features = self._episodes.observer.features
-        self.observe = tuple(self.features)
-        self._numbers, self._size = ACTIONS[self.action], self._episodes.observer.size
-        self.action_space = gym.spaces.Box(-1.0, 1.0, (self._numbers,), np.float32)
-        self.observation_space = self._episodes.observer.space()
+        self.observe = self._episodes.observer.names
+        self.action_space: Any = gym.spaces.Box(-1.0, 1.0, (ACTIONS[self.action].size,), np.float32)
+        if self._episodes.choices:
+            self.action_space = gym.spaces.Discrete(self._episodes.choices)
+        self.observation_space = self._episodes.observer.space
+        if self.observe == "goal":  # other environments have no `compute_reward`
+            self.compute_reward = functools.partial(compute_reward, TASKS[self.task].goal_radius, model.scratch_penalty)
         self._rewards = np.empty(1)
         self._shared = {*vars(self), "_np_random", "_shared", "_spec"} - {"_episodes", "_renderer", "_rewards"}
 
@@ -376,9 +391,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Returns the features of an observation (size,), or of several (..., size), by name; see `decode`."""
         return decode(observation, self.features)
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begins an episode.
 
         Args:
@@ -417,13 +430,13 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         if given.physics:
             episodes.set_physics(_FIRST, given.physics)
         state.begun[0] = True
-        observations = np.empty((1, self._size), np.float32)
+        observations = episodes.observer.new(1)
         episodes.begin(0, 1, _ONE, observations)
         if self._renderer is not None:
             self._renderer.begin([drawn_layout(episodes, 0)])
-        return observations[0], single_info(episodes.starts)
+        return nth(observations, 0), single_info(episodes.starts)
 
-    def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+    def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Plays one shot.
 
         If the call is interrupted (by Ctrl-C), the balls keep their positions and the shot can be played again.
@@ -442,20 +455,20 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         over = episodes.state.over
         if over[0]:
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
-        action = finite("action", action, (self._numbers,))
-        observations, before = np.empty((1, self._size), np.float32), episodes.memory.copy()
+        action = finite("action", action, self.action_space.shape)
+        observations, before = episodes.observer.new(1), episodes.memory.copy()
         try:
             episodes.shoot(0, 1, action[None], self.max_speed, reward, observations)
         except BaseException:
             episodes.undo(before)
             raise
         if episodes.shots.status.item() >= AT_EVENT_LIMIT:
-            episodes.warn_cut_off(0, action, before)
+            episodes.warn_cut_off(0, before)
         if self._renderer is not None:
             self._renderer.step(
-                [drawn_shot(episodes, 0, action, self.max_speed, reward.item(), episodes.state.goals[0])]
+                [drawn_shot(episodes, 0, episodes.actions[0], self.max_speed, reward.item(), episodes.state.goals[0])]
             )
-        return observations[0], reward.item(), over.item(), False, single_info(episodes.info)
+        return nth(observations, 0), reward.item(), over.item(), False, single_info(episodes.info)
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
         """Renders the shots, see the class.

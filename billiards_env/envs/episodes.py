@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, empty_shots, run_shots_of
 from billiards_env.engine.compile import varied_fields, varied_shot, vary
 from billiards_env.engine.frozen_strike import strike_frozen
-from billiards_env.envs.actions import add_noise, shorten, strike_balls
+from billiards_env.envs.actions import ACTIONS, SIDE, Before, add_noise, clipped, shorten, strike_balls
 from billiards_env.envs.arguments import Model, cue_ball_alone
 from billiards_env.envs.arrays import BallArrays, EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays, info_arrays, joined, starts_of
@@ -49,6 +49,9 @@ class Episodes:
         goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has
             no goal.
         observer: The features of the observations.
+        choices: The number of possible actions; 0 if an action is not a choice.
+        actions: (m, 2) or (m, 5), the velocities or strikes of the last shots, clipped and with noise.
+        mask: (m, choices) int8: 1 for the choices that are possible in the next shot.
         miscues: (m,) bool: whether the tip slipped in the last shot; False for the action "velocity".
         physics: The numbers of `BilliardsEnv.randomize` by name, (m,) each: columns of the state.
         of_shots: The arrays of `info` that change with each shot.
@@ -65,23 +68,25 @@ class Episodes:
         self.plan = layouts.layout_plan(model.layout, scene)
         self.goal_plan = layouts.layout_plan("random", cue_ball_alone(scene)) if task.goal_radius else None
         opening, legal = opening_of(model.task, scene, model.layout)
-        self._numbers = tuple(
-            TaskNumbers(
-                targets=model.targets,
-                bits=np.left_shift(1, np.arange(scene.n_balls)),
-                opening=opening,
-                legal=legal,
-                goal_radius=task.goal_radius,
-                max_shots=model.max_shots,
-                scratch_penalty=model.scratch_penalty,
-            )
+        numbers = TaskNumbers(
+            targets=model.targets,
+            bits=np.left_shift(1, np.arange(scene.n_balls)),
+            opening=opening,
+            legal=legal,
+            goal_radius=task.goal_radius,
+            max_shots=model.max_shots,
+            scratch_penalty=model.scratch_penalty,
         )
+        self._numbers = tuple(numbers)
         self._run_shots, self._score = run_shots_of(model.engine, scene.n_balls), scoring(model.task)
         self._limit = scene.physics.max_time or math.inf
+        make = ACTIONS[model.action].converter
+        self._converter = make and make(scene, model.max_speed)
+        self.choices = self._converter.choices if self._converter else 0
         self._cue = tuple(cue_numbers(scene)) if model.action == "strike" else None
         self.kind = state_type(model)
         self._allocate(np.zeros(count * self.kind.itemsize, np.uint8) if memory is None else memory)
-        source = Source(scene, scene.half_extents, self.arrays, model.max_shots, self.physics, model.randomize)
+        source = Source(scene, model.task, scene.half_extents, self.arrays, numbers, self.physics, model.randomize)
         self.observer = Observer(model.observe, source)
         if memory is None:
             state = self.state
@@ -120,11 +125,16 @@ class Episodes:
             over=state.over,
         )
         self.miscues = np.zeros(count, np.bool_)
+        self.actions = np.zeros((count, ACTIONS[self.model.action].size))
+        self.mask = np.zeros((count, self.choices), np.int8)
         # The entry points take plain tuples, see `envs.arrays`.
         self._arrays, self._shots, self._balls = tuple(self.arrays), tuple(shots), tuple(self.balls)
         self.physics = {name: state.physics[:, j] for j, name in enumerate(self.model.randomize)}
-        self.of_episode = InfoArrays(self.physics, {"episode_seed": state.episode_seed.view(np.int64)})
-        self.of_shots = info_arrays(shots, self.arrays, None if self._cue is None else self.miscues)
+        rows = {"episode_seed": state.episode_seed.view(np.int64)} | (
+            {"action_mask": self.mask} if self.choices else {}
+        )
+        self.of_episode = InfoArrays(self.physics, rows)
+        self.of_shots = info_arrays(shots, self.arrays, self.actions, None if self._cue is None else self.miscues)
         self.info = joined(self.of_shots, self.of_episode)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Episodes:
@@ -208,9 +218,10 @@ class Episodes:
         """Returns the scene and the engine of episode k."""
         return varied_shot(self.model.scene, self.model.engine, self.physics, k)
 
-    def begin(self, begin: int, end: int, mask: Bools, observations: NDArray[np.float32]) -> None:
-        """Begins the episodes in the mask (m,) with the balls where they are, and writes all observations (m, size)."""
+    def begin(self, begin: int, end: int, mask: Bools, observations: Any) -> None:
+        """Begins the episodes in the mask (m,) with the balls where they are, and writes all observations."""
         begin_episodes(begin, end, mask, self._numbers, self._arrays)
+        self._write_mask(begin, end, mask, self.model.max_speed)
         self.observer.write(begin, end, observations)
 
     def shoot(
@@ -220,7 +231,7 @@ class Episodes:
         actions: Floats,
         max_speed: float,
         rewards: Floats,
-        observations: NDArray[np.float32],
+        observations: Any,
     ) -> None:
         """Plays a shot in each episode that is not over. The others have the reward 0, and their tally does not change.
 
@@ -229,15 +240,19 @@ class Episodes:
         Args:
             begin: See the class.
             end: See the class.
-            actions: (m, 2) or (m, 5), see `envs.actions`, finite. With noise it changes to the actions with noise.
+            actions: (m, 2), (m, 5) or (m,), see `envs.actions`, finite. With noise it changes to those with noise.
             max_speed: m/s.
             rewards: (m,) float64 out.
-            observations: (m, size) float32 out.
+            observations: Out, memory from `Observer.new`.
         """
         model, balls, over = self.model, self.balls, self.state.over
+        if self._converter:
+            rows = begin + np.flatnonzero(~over[begin:end])
+            self.actions[rows] = self._converter.velocities(actions[rows], self._before(rows, max_speed)) / max_speed
+            actions = self.actions
         if model.noise is not None:
             add_noise(begin, end, over, actions, model.noise, self.state.noise_stream)
-        start_shots(begin, end, over, actions, max_speed, self._balls)
+        start_shots(begin, end, over, actions, max_speed, self._balls, self.actions)
         if self._cue is not None:
             strike_balls(begin, end, over, actions, self._cue, (balls.velocities, balls.spins, self.miscues))
             strike_frozen(model.scene, self._scene, self._shots[:4], begin=begin, end=end)
@@ -249,6 +264,20 @@ class Episodes:
             self._run_shots(first, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
         self._score(begin, end, self._numbers, self._arrays, rewards)
         self.observer.write(begin, end, observations)
+        self._write_mask(begin, end, ~over, max_speed)
+
+    def _before(self, rows: NDArray[np.int64], max_speed: float) -> Before:
+        """Returns some episodes before their next shots."""
+        arrays, in_play = self.arrays, self.arrays.in_play[rows]
+        legal = arrays.legal_balls[rows] if arrays.legal_balls.size else self.model.targets
+        return Before(arrays.positions[rows], in_play, in_play & legal, max_speed)
+
+    def _write_mask(self, begin: int, end: int, mask: Bools, max_speed: float) -> None:
+        """Writes which choices are possible in the episodes in the mask (m,); in those that are over, none is."""
+        if self.choices:
+            rows = begin + np.flatnonzero(mask[begin:end])
+            self.mask[begin:end] *= ~self.state.over[begin:end, None]
+            self.mask[rows] = self._converter.mask(self._before(rows, max_speed))
 
     def _record(self, k: int) -> ShotResult:
         """Runs the shot of episode k as the engine does, and returns it with its trajectory."""
@@ -263,7 +292,7 @@ class Episodes:
                 array[k] = STATUS.index(shot.status) if name == "status" else getattr(shot, name)
         return shot
 
-    def warn_cut_off(self, k: int, action: Floats, before: NDArray[np.uint8]) -> None:
+    def warn_cut_off(self, k: int, before: NDArray[np.uint8]) -> None:
         """Warns the caller of `step` that the engine ended the shot of episode k at its limit.
 
         `before` is the memory before the step.
@@ -272,7 +301,7 @@ class Episodes:
         start = array_of(self.kind, before, "positions")[k].tolist()
         warnings.warn(
             f"the engine ended a shot at its limit, after {n_events} events and {seconds} s; "
-            f"scene {self.scene_and_engine(k)[0].to_dict()}, positions {start}, action {action.tolist()}",
+            f"scene {self.scene_and_engine(k)[0].to_dict()}, positions {start}, action {self.actions[k].tolist()}",
             RuntimeWarning,
             stacklevel=3,
         )
@@ -320,8 +349,11 @@ def begin_episodes(begin, end, mask, numbers, arrays):
 
 
 @entry_point
-def start_shots(begin, end, over, actions, max_speed, balls):
-    """Sets the velocities of the cue balls in the episodes with a shot, and all other velocities and spins to 0."""
+def start_shots(begin, end, over, actions, max_speed, balls, played):
+    """Sets the velocities of the cue balls in the episodes with a shot, and all other velocities and spins to 0.
+
+    Writes the actions, clipped, to `played`, (m, 2) or (m, 5); 0 in the episodes without a shot.
+    """
     balls = BallArrays(*balls)
     for k in range(begin, end):
         for i in range(balls.in_play.shape[1]):
@@ -330,9 +362,15 @@ def start_shots(begin, end, over, actions, max_speed, balls):
                 balls.velocities[k, i, c] = 0.0
             for c in range(3):
                 balls.spins[k, i, c] = 0.0
-        if not over[k]:
-            velocity = shorten(actions[k, X], actions[k, Y], max_speed)
-            balls.velocities[k, CUE_BALL, X], balls.velocities[k, CUE_BALL, Y] = velocity
+        if over[k]:
+            for c in range(played.shape[1]):
+                played[k, c] = 0.0
+            continue
+        velocity = shorten(actions[k, X], actions[k, Y], max_speed)
+        balls.velocities[k, CUE_BALL, X], balls.velocities[k, CUE_BALL, Y] = velocity
+        played[k, X], played[k, Y] = shorten(actions[k, X], actions[k, Y], 1.0)
+        for c in range(SIDE, played.shape[1]):
+            played[k, c] = clipped(actions, k, c)
 
 
 judge = judge_pot  # `scoring` puts the kernel of each task in its place

@@ -19,19 +19,22 @@ class InfoArrays(NamedTuple):
 
     Attributes:
         numbers: The keys with a number, (m,).
-        rows: The keys with an array, (m, n).
+        rows: The keys with an array, (m, n) or of another length.
     """
 
     numbers: dict[str, NDArray[Any]]
     rows: dict[str, NDArray[Any]]
 
 
-def info_arrays(shots: Shots, arrays: EpisodeArrays, miscues: NDArray[np.bool_] | None) -> InfoArrays:
+def info_arrays(
+    shots: Shots, arrays: EpisodeArrays, actions: NDArray[np.float64], miscues: NDArray[np.bool_] | None
+) -> InfoArrays:
     """Returns the arrays of the keys of `info` after the last shots. The arrays change with the episodes.
 
     Args:
         shots: The shots.
         arrays: The episodes.
+        actions: The velocities or strikes that were played.
         miscues: Whether the tip slipped; None without a cue.
     """
     numbers = {
@@ -43,7 +46,7 @@ def info_arrays(shots: Shots, arrays: EpisodeArrays, miscues: NDArray[np.bool_] 
     }
     if miscues is not None:
         numbers["miscue"] = miscues
-    return InfoArrays(numbers, {"cushions": shots.cushions, "potted": arrays.potted})
+    return InfoArrays(numbers, {"action": actions, "cushions": shots.cushions, "potted": arrays.potted})
 
 
 def starts_of(info: InfoArrays, max_shots: int) -> InfoArrays:
@@ -90,6 +93,7 @@ def masked_info(info: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> dict[
     everywhere = np.count_nonzero(mask) == len(mask)
     infos: dict[str, Any] = {}
     for key, values in info.items():
-        infos[key] = values if everywhere else values * (mask if values.ndim == 1 else mask[:, None])
+        zero = values.dtype.type(0)  # a product with the mask would have negative zeros
+        infos[key] = values if everywhere else np.where(mask if values.ndim == 1 else mask[:, None], values, zero)
         infos[f"_{key}"] = mask.copy()
     return infos

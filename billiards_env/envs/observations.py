@@ -24,8 +24,9 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import one_of, sequence, short
-from billiards_env.envs.arrays import EpisodeArrays
+from billiards_env.checks import Range, integer, one_of, sequence, short
+from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
+from billiards_env.envs.goals import ACHIEVED, DESIRED, achieved_writer, write_desired
 from billiards_env.jit import entry_point, inlined
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import distance_to_segment
@@ -48,17 +49,19 @@ class Source(NamedTuple):
 
     Attributes:
         scene: The scene.
+        task: The name of the task.
         half_extents: `Scene.half_extents`, m.
         arrays: The episodes.
-        max_shots: Number of shots after which an episode ends.
+        numbers: The constants of the task.
         physics: The numbers of `randomize` by name, (m,) each.
         ranges: Their ranges (low, high) by name.
     """
 
     scene: Scene
+    task: str
     half_extents: tuple[float, float]
     arrays: EpisodeArrays
-    max_shots: int
+    numbers: TaskNumbers
     physics: Mapping[str, NDArray[np.float64]]
     ranges: Mapping[str, tuple[float, float]]
 
@@ -91,6 +94,7 @@ class Source(NamedTuple):
             "pockets": len(self.pockets),
             "goals": self.arrays.goals.shape[1],
             "numbers": len(self.ranges),
+            "planes": 3 + self.arrays.goals.shape[1],
         }
 
 
@@ -193,25 +197,53 @@ def _is_free(k, i, target, end, positions, in_play, touching):
     return in_play[k, i]
 
 
+def write_image(begin, end, images, background, layers):
+    """Writes images (m, height, width, c): the background, and layers of discs, each a kernel and its arguments."""
+    images[begin:end] = background
+    for paint, arguments in layers:
+        paint(begin, end, images, *arguments)
+
+
+def read_image(source: Source, height: int, width: int, planes: bool) -> tuple[Any, ...]:
+    """Returns the background and the layers of images in colours or in planes. Only they import the rasteriser."""
+    from billiards_env.drawing import raster
+
+    scene, arrays, numbers = source.scene, source.arrays, source.numbers
+    goals, half = arrays.goals.shape[1], raster.half_sides(scene.table)
+    colours = raster.class_colours(numbers.targets, goals) if planes else raster.ball_colours(scene)
+    background = np.zeros(colours.shape[2:], np.uint8) if planes else raster.empty_table(scene.table, height, width)
+    # A ball that is painted is in play, so without legal balls all have the second kind.
+    kinds, some = (
+        arrays.legal_balls if arrays.legal_balls.size else arrays.in_play,
+        np.ones((len(arrays.over), goals), "?"),
+    )
+    discs = np.full(goals, numbers.goal_radius), arrays.goals, some, some, colours[-1:]
+    balls = np.array(scene.balls.radius), arrays.positions, arrays.in_play, kinds, colours
+    return background, [(raster.paint_discs, (half, *layer)) for layer in (discs, balls)]
+
+
 class Feature(NamedTuple):
-    """A part of observations.
+    """A part of observations: numbers in the row of features, or an image.
 
     Attributes:
         summary: What the numbers are, for the documentation.
         shape: The shape of the numbers of one episode; sizes by their names in `Source.sizes`.
-        low: The least value, or one for each number of the last axis. The largest value is 1.
+        low: The least value, or one for each number of the last axis.
         write: The entry point `(begin, end, observations, first, *reads)`, which writes the numbers of the episodes
-            from `begin` to `end - 1` to their rows of `observations`, from the column `first`.
-        reads: Returns the other arguments of `write`.
+            from `begin` to `end - 1` to their rows of `observations`, from the column `first`. That of an image is
+            `(begin, end, images, *reads)`.
+        reads: Returns the other arguments of `write`; for an image also from its height and width.
         needs: What the environment must have, so that no size is 0; empty for nothing.
+        high: The largest value; 255 for an image.
     """
 
     summary: str
     shape: tuple[int | str, ...]
     low: float | tuple[float, ...]
     write: Callable[..., None]
-    reads: Callable[[Source], tuple[Any, ...]]
+    reads: Callable[..., tuple[Any, ...]]
     needs: str = ""
+    high: int = 1
 
 
 FEATURES = {
@@ -243,7 +275,7 @@ FEATURES = {
         (),
         0.0,
         write_shots_left,
-        lambda source: (source.arrays.fresh, source.arrays.shots_left, source.max_shots),
+        lambda source: (source.arrays.fresh, source.arrays.shots_left, source.numbers.max_shots),
     ),
     "physics": Feature(
         "the numbers of `randomize`, scaled from their ranges to [-1, 1]",
@@ -294,46 +326,108 @@ FEATURES = {
         lambda source: (source.arrays.positions, source.arrays.in_play, source.pockets, source.touching),
         "an object ball, a table with pockets",
     ),
+    "pixels": Feature(
+        'an image (red, green, blue) of the table, its balls and the goal: `("pixels", height, width)`',
+        ("height", "width", 3),
+        0.0,
+        write_image,
+        lambda source, height, width: read_image(source, height, width, planes=False),
+        high=255,
+    ),
+    "planes": Feature(
+        "images of the cue ball, of the object balls to play, of the other ones and, in a task with a goal, of the "
+        'goal: `("planes", height, width)`',
+        ("height", "width", "planes"),
+        0.0,
+        write_image,
+        lambda source, height, width: read_image(source, height, width, planes=True),
+        high=255,
+    ),
 }
 """The features by name."""
 
+ROW = "observation"
+"""The key of the row of features in an observation that also has images or goals."""
+
+SIDES = Range(8, 4096, "pixels")
+"""Range of the height and of the width of an image."""
+
 
 class Observer:
-    """Writes observations: the features one after the other.
+    """Writes observations: the features one after the other, and images.
+
+    An observation is the row of the numbers of all features, or one image. With both, or with several images, it is a
+    dict: the images by name, and the row with the key `ROW`. With "goal" it is the dict of `envs.goals`.
 
     Args:
-        observe: The names of the features; None for the features of `USUAL` that the environment has.
+        observe: The names of the features, for an image with height and width: `("pixels", 84, 84)`. None for the
+            features of `USUAL` that the environment has. "goal" for these without the goal, and the dict with goals.
         source: The data of the features.
 
     Attributes:
+        names: `observe`, or the usual features.
         features: The shape of each feature by name, in the order of the observation.
-        size: Number of numbers in an observation.
+        space: The space of an observation.
 
     Raises:
         TypeError: If the names are not a list.
         ValueError: If there is no such feature, the environment does not have it, or a name is repeated.
     """
 
-    def __init__(self, observe: Sequence[str] | None, source: Source) -> None:
-        sizes, shapes = source.sizes, dict[str, tuple[int, ...]]()
-        for name, entry in FEATURES.items():
-            shapes[name] = tuple(size if isinstance(size, int) else sizes[size] for size in entry.shape)
-        names = [name for name in USUAL if 0 not in shapes[name]] if observe is None else sequence("observe", observe)
-        for name in names:
+    def __init__(self, observe: Sequence[Any] | None, source: Source) -> None:
+        sizes, self._source = source.sizes, source
+        usual = [name for name in USUAL if sizes[cast(str, FEATURES[name].shape[0])]]
+        self._has_goal = observe == "goal"
+        if self._has_goal and not source.numbers.goal_radius:
+            raise ValueError(f"observe = 'goal': expected {FEATURES['goal'].needs}")
+        if observe is None or self._has_goal:
+            observe = [name for name in usual if not (self._has_goal and name == "goal")]
+        names = tuple(tuple(name) if isinstance(name, list) else name for name in sequence("observe", observe))
+        self.names: Any = "goal" if self._has_goal else names
+        self.features = dict[str, tuple[int, ...]]()
+        for given in names:
+            name, *sides = cast(Any, given if isinstance(given, tuple) and given else (given,))
             one_of("observe", name, tuple(FEATURES))
-            if 0 in shapes[name]:
+            if len(sides) != (2 if is_image(name) else 0):
+                right = (name, "height", "width") if is_image(name) else name
+                raise ValueError(f"observe = {short(given)}: expected {right!r}")
+            for side, size in zip(("height", "width"), sides, strict=False):
+                sizes[side] = integer(f"{side} of {name!r} in observe", size, SIDES)
+            shape = tuple(size if isinstance(size, int) else sizes[size] for size in FEATURES[name].shape)
+            if 0 in shape:
                 raise ValueError(f"observe = {name!r}: expected {FEATURES[name].needs} in the environment")
-        if not names or len(set(names)) < len(names):
+            self.features[name] = shape
+        if not names or len(self.features) < len(names):
             raise ValueError(f"observe = {short(observe)}: expected at least one feature, and each of them once")
-        self.features = {name: shapes[name] for name in names}
-        self.size, self._source = sum(map(math.prod, self.features.values())), source
+        lows = [np.broadcast_to(FEATURES[name].low, shape).ravel() for name, shape in row_of(self.features).items()]
+        self._spaces: dict[str, Any] = {}
+        if lows:
+            low = np.concatenate(lows).astype(np.float32)
+            self._spaces[ROW] = gym.spaces.Box(low, np.ones_like(low), dtype=np.float32)
+        for name, shape in self.features.items():
+            if is_image(name):
+                self._spaces[name] = gym.spaces.Box(0, FEATURES[name].high, shape, np.uint8)
+        if self._has_goal:
+            most = np.array([*source.half_extents, 1.0])
+            self._spaces |= {key: gym.spaces.Box(-most, most, dtype=np.float64) for key in (ACHIEVED, DESIRED)}
+        self._is_dict = len(self._spaces) > 1
+        self.space: Any = gym.spaces.Dict(self._spaces) if self._is_dict else next(iter(self._spaces.values()))
         self._bind()
 
     def _bind(self) -> None:
-        first, self._writers = 0, []  # a writer and its arguments after `observations`
+        first, self._writers = 0, []  # a key of the observation, a writer and its arguments after `observations`
         for name, shape in self.features.items():
-            self._writers.append((FEATURES[name].write, (first, *FEATURES[name].reads(self._source))))
-            first += math.prod(shape)
+            entry = FEATURES[name]
+            if is_image(name):
+                self._writers.append((name, entry.write, entry.reads(self._source, *shape[:2])))
+            else:
+                self._writers.append((ROW, entry.write, (first, *entry.reads(self._source))))
+                first += math.prod(shape)
+        if self._has_goal:
+            source = self._source
+            achieved = source.half_extents, tuple(source.numbers), tuple(source.arrays)
+            self._writers.append((ACHIEVED, achieved_writer(source.task), achieved))
+            self._writers.append((DESIRED, write_desired, (source.arrays.goals,)))
 
     def bound(self, arrays: EpisodeArrays, physics: Mapping[str, NDArray[np.float64]]) -> Observer:
         """Returns an observer of other episodes of the same environment."""
@@ -342,23 +436,38 @@ class Observer:
         twin._bind()
         return twin
 
-    def write(self, begin: int, end: int, observations: NDArray[np.float32]) -> None:
-        """Writes the observations (m, size) of the episodes from `begin` to `end - 1`."""
-        for write, arguments in self._writers:
-            write(begin, end, observations, *arguments)
+    def new(self, count: int) -> Any:
+        """Returns memory for the observations of `count` episodes: an array, or a dict of arrays."""
+        arrays = {key: np.empty((count, *space.shape), space.dtype) for key, space in self._spaces.items()}
+        return arrays if self._is_dict else next(iter(arrays.values()))
 
-    def space(self) -> Any:
-        """Returns the space of an observation."""
-        lows = [np.broadcast_to(FEATURES[name].low, shape).ravel() for name, shape in self.features.items()]
-        low = np.concatenate(lows).astype(np.float32)
-        return gym.spaces.Box(low, np.ones_like(low), dtype=np.float32)
+    def write(self, begin: int, end: int, observations: Any) -> None:
+        """Writes the observations, memory from `new`, of the episodes from `begin` to `end - 1`."""
+        for key, write, arguments in self._writers:
+            write(begin, end, observations[key] if self._is_dict else observations, *arguments)
+
+
+def is_image(name: str) -> bool:
+    """Returns whether a feature is an image."""
+    return FEATURES[name].high == 255
+
+
+def row_of(features: Mapping[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]]:
+    """Returns the features that are not images."""
+    return {name: shape for name, shape in features.items() if not is_image(name)}
+
+
+def nth(observations: Any, k: int) -> Any:
+    """Returns observation k of an array or of a dict of arrays."""
+    return {key: array[k] for key, array in observations.items()} if isinstance(observations, dict) else observations[k]
 
 
 def decode(observation: Any, features: Mapping[str, tuple[int, ...]]) -> dict[str, Any]:
     """Returns the features of an observation by name, as views: arrays that share the memory of the observation.
 
     Args:
-        observation: An array or a tensor (..., size), such as the observations (m, size) of a vector environment.
+        observation: An array or a tensor (..., size), such as the observations (m, size) of a vector environment, or a
+            dict with images and such an array.
         features: The shape of each feature by name: `BilliardsEnv.features`.
 
     Returns:
@@ -372,6 +481,11 @@ def decode(observation: Any, features: Mapping[str, tuple[int, ...]]) -> dict[st
         {'positions': array([[0., 1.],
                [2., 3.]]), 'shots_left': array(4.)}
     """
+    if isinstance(observation, Mapping):
+        row = decode(observation[ROW], row_of(features)) if ROW in observation else {}
+        return {name: row[name] if name in row else observation[name] for name in features}
+    if not row_of(features):
+        return dict.fromkeys(features, observation)
     *many, size = observation.shape
     if size != (expected := sum(map(math.prod, features.values()))):
         raise ValueError(f"observation has {size} numbers: expected {expected}, of {', '.join(features)}")

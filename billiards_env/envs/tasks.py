@@ -96,12 +96,7 @@ def judge_place(k, numbers, arrays):
     Any object ball counts, and it may be potted. If no object ball is on the table, the cue ball does not have to touch
     one. The episode is decided if the shot scores the point or the cue ball is potted.
     """
-    touched, left = False, False
-    for i in range(len(numbers.targets)):
-        if numbers.targets[i] and not arrays.potted_before[k, i]:
-            left = True
-            touched = touched or arrays.cushions_before_hit[k, i] >= 0
-    success = is_near_goal(k, numbers, arrays) and (touched or not left)
+    success = is_near_goal(k, numbers, arrays) and touches_a_ball(k, numbers, arrays)
     return (1 if success else 0), success or arrays.potted[k, CUE_BALL], success
 
 
@@ -111,9 +106,27 @@ def judge_position(k, numbers, arrays):
 
     The episode is decided if the shot scores the point, the cue ball is potted, or no object ball is left.
     """
-    points, cleared, _ = judge_pot(k, numbers, arrays)
-    success = points > 0 and is_near_goal(k, numbers, arrays)
+    _, cleared, _ = judge_pot(k, numbers, arrays)
+    success = pots_a_ball(k, numbers, arrays) and is_near_goal(k, numbers, arrays)
     return (1 if success else 0), success or cleared, success
+
+
+@kernel
+def touches_a_ball(k, numbers, arrays):
+    """Returns whether the cue ball touched an object ball in shot k, or there was none on the table."""
+    touched, left = False, False
+    for i in range(len(numbers.targets)):
+        if numbers.targets[i] and not arrays.potted_before[k, i]:
+            left = True
+            touched = touched or arrays.cushions_before_hit[k, i] >= 0
+    return touched or not left
+
+
+@kernel
+def pots_a_ball(k, numbers, arrays):
+    """Returns whether shot k potted an object ball."""
+    points, _, _ = judge_pot(k, numbers, arrays)
+    return points > 0
 
 
 @kernel
@@ -200,6 +213,8 @@ class Task:
         max_shots: The default of the number of shots after which an episode ends.
         goal_radius: m. Largest distance from the goal at which the cue ball may come to rest; 0 for a task without a
             goal.
+        condition: Of a task with a goal: the kernel that returns whether a shot meets its condition other than the
+            place of the cue ball.
         cushions: For a carom: the cushion contacts that the cue ball needs before the last ball; None for other tasks.
         rules: The game whose rules the player "planner" follows; empty if it cannot play the task.
         is_game: Whether each episode is a game with these `rules`: it has a state, and the cue ball may touch only the
@@ -214,6 +229,7 @@ class Task:
     pockets: bool | None = None
     max_shots: int = 1
     goal_radius: float = 0.0
+    condition: Callable[..., Any] | None = None
     cushions: int | None = None
     rules: str = ""
     is_game: bool = False
@@ -227,8 +243,10 @@ TASKS = {
     "sum_to_three": Task(
         judge=judge_sum_to_three, layout="line", scene="sum_to_three", n_object_balls=(1, 1), pockets=False
     ),
-    "place": Task(judge=judge_place, layout="random", n_object_balls=(0, None), goal_radius=0.15),
-    "position": Task(judge=judge_position, layout="random", pockets=True, goal_radius=0.3),
+    "place": Task(
+        judge=judge_place, layout="random", n_object_balls=(0, None), goal_radius=0.15, condition=touches_a_ball
+    ),
+    "position": Task(judge=judge_position, layout="random", pockets=True, goal_radius=0.3, condition=pots_a_ball),
     "clear": Task(judge=judge_clear, layout="random", pockets=True, rules="straight"),
     "nine_ball": Task(
         judge=judge_nine_ball,

@@ -17,11 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import integer, one_of, shaped, short
 from billiards_env.engine import parallel_for
 from billiards_env.engine.shots import AT_EVENT_LIMIT
-from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.arguments import Model, check_options, json_spec, make_model
 from billiards_env.envs.billiards import BilliardsEnv
 from billiards_env.envs.episodes import Episodes, noise_stream
 from billiards_env.envs.info import copied_info, masked_info, with_starts
+from billiards_env.envs.observations import nth
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.state import State, array_of, checked_state, copied
 from billiards_env.jit import streams
@@ -38,7 +38,8 @@ def warn_of_wrong_returns() -> None:
     if tuple(map(int, gym.__version__.split(".")[:2])) < (1, 4):
         warnings.warn(
             f"Gymnasium {gym.__version__}: RecordEpisodeStatistics and NormalizeReward return wrong numbers with the "
-            'autoreset mode "SameStep". Install Gymnasium 1.4 or later, or use autoreset_mode="NextStep" with them.',
+            'autoreset mode "SameStep". Install Gymnasium 1.4 or later. RecordEpisodeStatistics is also right with '
+            'autoreset_mode="NextStep".',
             stacklevel=3,
         )
 
@@ -50,7 +51,7 @@ class _NamesItsAdapter(type):
         return f"{super().__repr__()} (Stable-Baselines3 needs billiards_env.sb3.SameStepVecEnv(envs))"
 
 
-class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]], metaclass=_NamesItsAdapter):
+class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsAdapter):
     """A vector of `BilliardsEnv` that plays all shots of a step in compiled code on several threads.
 
     `gym.make_vec("Billiards-v0", num_envs)` returns this environment. Its results, including the infos, equal those of
@@ -150,7 +151,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self.single_action_space = env.action_space
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self._actions_shape = self.num_envs, ACTIONS[env.action]
+        self._actions_shape = self.num_envs, *env.action_space.shape
 
         self._n_shown = 0 if self._renderer is None else self._renderer.n_shown
         self._episodes = Episodes(self.num_envs, model, self._n_shown)
@@ -290,7 +291,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
     def reset(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Begins an episode in every environment, or in those of a mask.
 
         Args:
@@ -330,7 +331,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             state.positions[mask] = given.positions[mask]
         if given.goals is not None:
             state.goals[mask] = given.goals[mask]
-        observations = self._new_observations()
+        observations = episodes.observer.new(self.num_envs)
 
         def work(begin: int, end: int) -> None:
             episodes.keep_seeds(begin, end, mask)
@@ -346,7 +347,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self._draw_layouts()
         return observations, masked_info(copied_info(episodes.starts), mask)
 
-    def step(self, actions: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float64], Bools, Bools, dict[str, Any]]:
+    def step(self, actions: ArrayLike) -> tuple[Any, NDArray[np.float64], Bools, Bools, dict[str, Any]]:
         """Plays one shot in every environment, except in those that this step resets.
 
         If the call is interrupted (by Ctrl-C), the environments keep the state that they had before it.
@@ -376,8 +377,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if resets and self.autoreset_mode is not AutoresetMode.NEXT_STEP:
             raise ResetNeeded(f"The episode of environment {np.argmax(skip)} is over: call reset() with a reset_mask")
         checked = self._checked_actions(actions, skip)
-        rewards, over, last = np.empty(m), np.empty(m, np.bool_), self._new_observations()
-        observations, max_speed = self._new_observations() if same_step else last, self.single_env.max_speed
+        rewards, over, last = np.empty(m), np.empty(m, np.bool_), episodes.observer.new(m)
+        observations, max_speed = episodes.observer.new(m) if same_step else last, self.single_env.max_speed
 
         def work(begin: int, end: int) -> None:
             episodes.shoot(begin, end, checked, max_speed, rewards, last)
@@ -401,17 +402,19 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
                 [
                     drawn_layout(episodes, k)
                     if skip[k]
-                    else drawn_shot(episodes, k, checked[k], max_speed, rewards[k], goals[k])
+                    else drawn_shot(episodes, k, episodes.actions[k], max_speed, rewards[k], goals[k])
                     for k in range(self._n_shown)
                 ]
             )
         status = episodes.shots.status
         if status.max() >= AT_EVENT_LIMIT:
             for k in np.flatnonzero((status >= AT_EVENT_LIMIT) & ~skip)[:1]:
-                episodes.warn_cut_off(k, checked[k], memory)
+                episodes.warn_cut_off(k, memory)
         info = copied_info(episodes.of_shots)
         info |= {name: physics[:, j].copy() for j, name in enumerate(episodes.physics)}
         info["episode_seed"] = seeds.view(np.int64)
+        if episodes.choices:
+            info["action_mask"] = episodes.mask * ~over[:, None]
         begun = over if same_step else skip  # the episodes that this step has begun
         infos = masked_info(with_starts(info, begun, episodes.starts), np.ones(m, np.bool_))
         if same_step and over.any():
@@ -438,9 +441,6 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         """Closes the window of the render mode "human"."""
         if self._renderer is not None:
             self._renderer.close()
-
-    def _new_observations(self) -> NDArray[np.float32]:
-        return np.empty((self.num_envs, self._episodes.observer.size), np.float32)
 
     def _seed(self, i: int, seed: int) -> None:
         state, model = self._episodes.state, self._episodes.model
@@ -472,7 +472,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         array = shaped("actions", actions, self._actions_shape)
         finite = np.isfinite(array)
         if np.count_nonzero(finite) < finite.size:
-            bad = np.flatnonzero(~finite.all(axis=1) & ~skip)
+            bad = np.flatnonzero(~finite.reshape(len(skip), -1).all(axis=1) & ~skip)
             if len(bad):
                 raise ValueError(f"action of environment {bad[0]} = {array[bad[0]].tolist()}: expected finite numbers")
         return array
@@ -510,10 +510,13 @@ def _checked_mask(mask: Any, num_envs: int) -> Bools:
     return mask.copy()
 
 
-def _masked_rows(array: NDArray[np.float32], mask: Bools) -> NDArray[Any]:
-    """Returns an object array of the rows in the mask, with None for the other rows."""
-    if np.count_nonzero(mask) == len(mask):
-        return np.fromiter(array, object, len(array))
-    rows = np.full(len(array), None)
-    rows[mask] = np.fromiter(array[mask], dtype=object)
+def _masked_rows(observations: Any, mask: Bools) -> NDArray[Any]:
+    """Returns an object array of the observations in the mask, with None for the others."""
+    chosen, rows = np.flatnonzero(mask), np.full(len(mask), None)
+    if isinstance(observations, dict):
+        rows[chosen] = [nth(observations, k) for k in chosen.tolist()]
+    elif len(chosen) == len(mask):
+        return np.fromiter(observations, object, len(mask))
+    else:
+        rows[chosen] = np.fromiter(observations[chosen], dtype=object)
     return rows

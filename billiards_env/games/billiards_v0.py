@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from billiards_env.checks import finite, flag, integer, missing, one_of, real, short
 from billiards_env.engine import Engine
-from billiards_env.envs.actions import ACTIONS, check_action, cue_strike
+from billiards_env.envs.actions import ACTIONS, PLAYED, check_action, cue_strike
 from billiards_env.envs.arguments import make_scene
 from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
 from billiards_env.games.game import (
@@ -194,7 +194,7 @@ class GameEnv(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.setup, game_rules = setup, setup.game_rules
         if flag("can_call", can_call) and not game_rules.pockets:
             raise ValueError(f"can_call = True with rules = {setup.rules!r}: expected False, the game has no calls")
-        self.action = check_action(action, setup.scene)
+        self.action = check_action(action, setup.scene, PLAYED)
         self.can_call = can_call
         self.layout = layout
         opening(self.setup, np.random.default_rng(0), layout)  # raises here if the layout does not suit the game
@@ -215,7 +215,7 @@ class GameEnv(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         scores = players if self.setup.target is not None else 0
         low = np.zeros(_VALUES * n + 4 + 3 * can_call + players * self._observes_fouls + scores, np.float32)
         low[0 : _VALUES * n : _VALUES] = low[1 : _VALUES * n : _VALUES] = low[len(low) - scores :] = -1.0
-        self._width = ACTIONS[action] + 2 * game_rules.pockets + 3 * can_call
+        self._width = ACTIONS[action].size + 2 * game_rules.pockets + 3 * can_call
         # Each agent has a separate space, so each space samples independently.
         self.observation_spaces = {
             agent: gym.spaces.Box(low, np.ones_like(low), dtype=np.float32) for agent in self.possible_agents
@@ -392,7 +392,7 @@ class GameEnv(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     def _stroke(self, action: NDArray[np.float32] | None) -> tuple[Stroke, bool]:
         """Converts an action to a stroke in the present state; also returns whether the tip slips."""
         array = finite("action", action, (self._width,))
-        state, scene, size = self.game.state, self.setup.scene, ACTIONS[self.action]
+        state, scene, size = self.game.state, self.setup.scene, ACTIONS[self.action].size
         call = self._call(array[-3:]) if self.can_call else NO_CALL
         if call.kind in ("hand_back", "replace"):
             return Stroke((0.0, 0.0), call=Call(kind=call.kind)), False

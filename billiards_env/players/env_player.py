@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from billiards_env.checks import one_of
 from billiards_env.engine.threads import parallel_for
 from billiards_env.envs import BilliardsEnv
-from billiards_env.envs.actions import ACTIONS
+from billiards_env.envs.actions import ACTIONS, PLAYED
 from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.tasks import TASKS
 from billiards_env.games import GameState, Setup
@@ -36,6 +36,7 @@ Floats = NDArray[np.float64]
 
 def task_situation(env: BilliardsEnv) -> Situation:
     """Returns the situation in an environment. The rating of an action is its reward."""
+    one_of("action of the environment of a player", env.action, PLAYED)
     targets = env.legal_balls if env.legal_balls.size else env.model.targets
     return Situation(
         env.episode_scene,
@@ -44,7 +45,7 @@ def task_situation(env: BilliardsEnv) -> Situation:
         targets,
         env.max_speed,
         lambda actions: rewards(env, actions),
-        action_size=ACTIONS[env.action],
+        action_size=ACTIONS[env.action].size,
         goals=_goals(env, np.flatnonzero(targets & ~env.potted).tolist()),
         strike=env.action == "strike",
     )
@@ -108,7 +109,7 @@ def rewards(env: BilliardsEnv, actions: Floats) -> Floats:
     episodes, found = Episodes(m, env.model._replace(noise=None)), np.empty(m)
     episodes.put(None, env.get_state()[None])
     episodes.state.over[:] = False
-    observations = np.empty((m, episodes.observer.size), np.float32)
+    observations = episodes.observer.new(m)
 
     def work(begin: int, end: int) -> None:
         episodes.shoot(begin, end, actions, env.max_speed, found, observations)

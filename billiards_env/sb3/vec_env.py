@@ -143,13 +143,13 @@ class SameStepVecEnv(VecEnv):
         self._all.set_attr(attr_name, [value] * self.num_envs)
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
-        """Calls a method of all environments and returns the result of each.
+        """Calls a method of all environments and returns the results of those of the indices.
 
         Raises:
-            ValueError: If `indices` does not contain all environments, or if the method changes a `BilliardsEnv`.
+            ValueError: If the method changes a `BilliardsEnv`.
         """
-        self._expect_all(f"env_method({method_name!r})", indices)
-        return list(self._all.call(method_name, *args, **kwargs))
+        results = self._all.call(method_name, *args, **kwargs)
+        return [results[i] for i in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
         """Returns for each index whether the adapter does the work of a wrapper: True for `Monitor`."""

@@ -5,6 +5,7 @@ Modules:
     result: The result of one shot.
     gradients: Derivatives of shots, forwards and backwards.
     derivatives: The methods of results that return derivatives.
+    functions: Shots as functions of arrays, for PyTorch and JAX.
     records: Shots as files.
     strikes: The motion of the cue ball after a strike.
 """

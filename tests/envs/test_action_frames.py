@@ -1,4 +1,4 @@
-"""Action frames and execution noise: their geometry, and their wrappers of single and vector environments."""
+"""Kinds of actions and execution noise: their geometry, in single and vector environments."""
 
 import warnings
 from typing import Any
@@ -12,27 +12,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env import simulate_batch
-from billiards_env.envs.action_frames import (
-    BALLS,
-    FRAMES,
-    ActionTransform,
-    aim,
-    choose_ball,
-    cut,
-    sum_to_three,
-)
-from billiards_env.envs.actions import add_noise
+from billiards_env.envs import make_env, make_vector_env
+from billiards_env.envs.action_frames import FRAMES, Frame, aim, cut, nearest_ball, sum_to_three
+from billiards_env.envs.actions import ACTIONS, Before, add_noise
 from billiards_env.envs.arguments import check_noise
 from billiards_env.envs.episodes import noise_stream
-from billiards_env.envs.wrappers import ActionFrame, VectorActionFrame
 from billiards_env.scene import Scene, layouts
+from tests.helpers.environments import same
 
 POOL = Scene.named("pool")
 REACH = 2 * POOL.balls.radius[0]
 FAST = {"max_speed": 4.5, "n_object_balls": 2, "max_shots": 3}  # fast enough for all action frames
 NOISE: dict[str, Any] = {"angle_std": 5.0, "speed_std": 0.5}
 shares = st.floats(-1.0, 1.0)
-frames = pytest.mark.parametrize("frame", FRAMES)
 
 
 def make(**kwargs):
@@ -40,7 +32,7 @@ def make(**kwargs):
 
 
 def native(mode, num_envs=5, **kwargs):
-    return gym.make_vec("Billiards-v0", num_envs, autoreset_mode=mode, **FAST, **kwargs)
+    return gym.make_vec("Billiards-v0", num_envs, autoreset_mode=mode, **{**FAST, **kwargs})
 
 
 def sync(mode, num_envs=5, **kwargs):
@@ -70,9 +62,9 @@ def test_every_cut_hits_and_is_the_sine_of_the_cut_angle():
     offsets = np.random.default_rng(1).uniform(-1, 1, 500).astype(np.float32)
     largest = np.nextafter(np.float32(1), np.float32(0))
     offsets[:40] = np.tile([largest, -largest, 0, 0.999], 10)
-    frame = ActionTransform("cut", POOL, np.array([False, True]), 4.0)
     actions = np.column_stack((offsets, np.ones(500)))
-    velocities = frame.velocities(actions, positions, np.zeros((500, 2), bool))
+    playable = np.array([[False, True]] * 500)
+    velocities = Frame("cut", POOL, 4.0).velocities(actions, Before(positions, playable, playable, 4.0))
     pocketless = Scene(POOL.balls)
     assert (simulate_batch(pocketless, positions, velocities).first_hit == 1).all()
 
@@ -117,87 +109,117 @@ def test_aim_returns_a_unit_vector_for_touching_and_coinciding_balls():
             assert np.hypot(*aim(distance, 0.0, REACH, offset)) == pytest.approx(1.0, rel=1e-15)
 
 
-def test_choice_of_the_target_ball():
-    nearest, first = -1, -2
-    assert BALLS == ("nearest", "first")
+def test_the_target_is_the_nearest_playable_ball():
     positions = np.array([[0.0, 0.0], [0.1, 0.0], [1.0, 0.0], [0.5, 0.5]])
-    targets = np.array([False, False, True, True])
-    none, third = np.zeros(4, bool), np.array([False, False, False, True])
-    assert [choose_ball(ball, targets, positions, none) for ball in (nearest, first, 1, 2, 3)] == [3, 2, 1, 2, 3]
-    assert [choose_ball(ball, targets, positions, third) for ball in (nearest, first, 1, 2, 3)] == [2, 2, 1, 2, 2]
-    assert choose_ball(nearest, targets, positions, np.array([False, False, True, True])) == 0
+    for playable, expected in (([1, 1, 1, 1], 1), ([0, 0, 1, 1], 3), ([0, 0, 1, 0], 2), ([1, 0, 0, 0], 0)):
+        assert nearest_ball(positions, np.array(playable, bool)) == expected
 
 
-@frames
-def test_leading_axes_and_clipping_of_actions(frame):
-    positions, potted = random_layouts(6), np.zeros((6, 2), bool)
-    actions = np.random.default_rng(0).uniform(-1.3, 1.3, (6, 2)).astype(np.float32)
-    aims = ActionTransform(frame, POOL, np.array([False, True]), 4.5)
-    flat = aims.velocities(actions, positions, potted)
-    stacked = aims.velocities(actions.reshape(2, 3, 2), positions.reshape(2, 3, 2, 2), potted.reshape(2, 3, 2))
-    assert stacked.reshape(6, 2).tobytes() == flat.tobytes()
-    for k in range(6):
-        assert aims.velocities(actions[k], positions[k], potted[k]).tobytes() == flat[k].tobytes()
-    assert aims.velocities(np.clip(actions, -1, 1), positions, potted).tobytes() == flat.tobytes()
-
-
-# --- wrappers ---------------------------------------------------------------------------------------------------------
-
-
-def wrapped():
-    yield from (ActionFrame(make(), frame, ball) for frame, ball in zip(FRAMES, ("first", 2), strict=True))
-    yield ActionFrame(make(noise=NOISE), "cut")
-
-
-def test_environment_checkers_pass():
-    sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
-    for env in wrapped():
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            warnings.filterwarnings("ignore", ".*is different from the unwrapped version")
-            check_env(env, skip_render_check=True)
-            sb3.check_env(env, warn=True)
-        assert env.action_space == gym.spaces.Box(-1, 1, (2,), np.float32)
+# --- environments -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("frame", "action", "mode", "build"),
+    ("action", "mode", "arguments"),
     [
-        ("cut", "strike", AutoresetMode.NEXT_STEP, native),
-        ("cut", "velocity", AutoresetMode.SAME_STEP, sync),
-        ("sum_to_three", "velocity", AutoresetMode.DISABLED, native),
+        ("cut", AutoresetMode.NEXT_STEP, {}),
+        ("sum_to_three", AutoresetMode.DISABLED, {}),
+        ("plan", AutoresetMode.SAME_STEP, {}),
+        ("plan", AutoresetMode.NEXT_STEP, {"task": "nine_ball", "n_object_balls": 9, "layout": "random"}),
     ],
 )
-def test_vector_wrappers_play_the_same_as_single_ones(frame, action, mode, build):
-    envs: Any = VectorActionFrame(build(mode, action=action, noise=NOISE), frame)
-    wrapped = [lambda: ActionFrame(make(action=action, noise=NOISE), frame)] * envs.num_envs
-    singles = SyncVectorEnv(wrapped, autoreset_mode=mode)
-    observations, _ = envs.reset(seed=11)
-    assert len({tuple(row) for row in observations.tolist()}) == envs.num_envs
-    assert np.array_equal(observations, singles.reset(seed=11)[0])
-    ends = 0
-    for chosen in np.random.default_rng(0).uniform(-1, 1, (50, *envs.action_space.shape)).astype(np.float32):
+def test_the_vector_environment_plays_the_same_as_single_ones(action, mode, arguments):
+    arguments = {"action": action, "noise": NOISE, **arguments}
+    envs, singles = native(mode, **arguments), sync(mode, **arguments)
+    found, infos = envs.reset(seed=11)
+    same((found, infos), singles.reset(seed=11))
+    ends, rng = 0, np.random.default_rng(0)
+    for _ in range(30):
+        if action == "plan":
+            assert infos["action_mask"].any(axis=1).all() or mode is AutoresetMode.NEXT_STEP
+            chosen = (rng.random(infos["action_mask"].shape) * infos["action_mask"]).argmax(axis=1)
+        else:
+            chosen = rng.uniform(-1, 1, (5, 2)).astype(np.float32)
         found, expected = envs.step(chosen), singles.step(chosen)
-        assert all(map(np.array_equal, found[:3], expected[:3]))
-        ends += found[2].sum()
-        if mode is AutoresetMode.DISABLED and found[2].any():
-            same = [env.reset(options={"reset_mask": found[2].copy()})[0] for env in (envs, singles)]
-            assert np.array_equal(*same)
-    assert ends > 20
+        same(found, expected)
+        infos, over = found[4], found[2]
+        ends += over.sum()
+        if mode is AutoresetMode.DISABLED and over.any():
+            same(*[env.reset(options={"reset_mask": over.copy()}) for env in (envs, singles)])
+    assert ends > 10
 
 
-def test_the_frame_uses_the_present_positions():
-    env = ActionFrame(make(), "cut")
-    env.reset(options={"positions": [[-0.5, 0.0], [0.5, 0.1], [-0.2, 0.4]]})
-    np.testing.assert_allclose(env.action([0.0, 1.0]), [0.6, 0.8], rtol=0, atol=1e-15)
-    np.testing.assert_allclose(env.action([0.0, -1.0]), np.array([0.6, 0.8]) * 0.4 / 4.5, rtol=0, atol=1e-15)
+@pytest.mark.parametrize("action", [*FRAMES, "plan"])
+def test_environment_checkers_pass(action):
+    sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
+    env = make(action=action)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", ".*is different from the unwrapped version")
+        check_env(env.unwrapped, skip_render_check=True)
+        sb3.check_env(env, warn=True)
+
+
+def test_the_frame_uses_the_present_positions_and_clips():
+    env = make(action="cut")
+    for action, expected in (([0.0, 1.0], [0.6, 0.8]), ([0.0, -7.0], np.array([0.6, 0.8]) * 0.4 / 4.5)):
+        env.reset(options={"positions": [[-0.5, 0.0], [0.5, 0.1], [-0.2, 0.4]]})
+        *_, info = env.step(action)
+        np.testing.assert_allclose(info["action"], expected, rtol=0, atol=1e-15)
+    env.reset()
     for action in ([0.0], [[0.0, 0.0]], [np.nan, 0.0], [0.0, np.inf]):
         with pytest.raises(ValueError, match="expected"):
             env.step(action)
-    strikes = ActionFrame(make(action="strike"), "cut")  # only the first two of five numbers change
-    strikes.reset(options={"positions": [[-0.5, 0.0], [0.5, 0.1], [-0.2, 0.4]]})
-    assert strikes.action([0.0, 1.0, 0.2, 0.3, 0.1]).tolist() == [*env.action([0.0, 1.0]).tolist(), 0.2, 0.3, 0.1]
-    assert strikes.step([0.0, -0.5, 0.0, 0.4, 0.0])[4]["first_hit"] == 2
+
+
+@pytest.mark.parametrize("scene", ["pool", "real_pool"])
+def test_plans_of_the_mask_pot_the_ball_in_the_pocket(scene):
+    envs = make_vector_env(600, "Disabled", scene=scene, n_object_balls=3, max_shots=2, action="plan")
+    _, infos = envs.reset(seed=0)
+    mask, rng = infos["action_mask"], np.random.default_rng(0)
+    assert 1 < mask.sum(axis=1).mean() < 60
+    plans = (rng.random(mask.shape) * mask).argmax(axis=1)
+    balls, pockets, _ = np.unravel_index(plans, (3, 6, 5))
+    places = np.array([(pocket.x, pocket.y) for pocket in envs.single_env.scene.table.pockets])
+    *_, infos = envs.step(plans)
+    rows = np.arange(600)
+    potted = infos["potted"][rows, balls + 1] & (envs.positions[rows, balls + 1] == places[pockets]).all(axis=1)
+    assert potted.mean() > (0.99 if scene == "pool" else 0.95)
+    left = infos["action_mask"].reshape(600, 3, 30).any(axis=2)
+    open_ = ~infos["scratch"] & ~infos["potted"][:, 1:].all(axis=1)
+    assert not infos["action_mask"][~open_].any()
+    some = open_ & ~infos["action_mask"].all(axis=1)
+    assert not (left & infos["potted"][:, 1:])[some].any()
+
+
+def test_a_plan_without_a_pot_is_a_full_hit_on_the_nearest_ball():
+    places = [[-0.6, 0.0], [1.0, 0.0], [0.2, 0.0]]  # ball 2 hides ball 1
+    env = make_env(n_object_balls=2, action="plan")
+    _, info = env.reset(options={"positions": places})
+    assert not info["action_mask"][:30].any()
+    *_, info = env.step(3)
+    assert info["first_hit"] == 2
+    assert info["action"].tolist() == [0.8, 0.0]
+    for plan in (-1, 60, 0.5):
+        env.reset()
+        with pytest.raises(ValueError, match="expected a whole number from 0 to 59"):
+            env.step(plan)
+    jammed = make_env(action="plan").reset(options={"positions": [[1.2, 0.0], [-1.2405, 0.0]]})[1]
+    assert jammed["action_mask"].any()
+
+
+def test_the_executed_action_repeats_the_shot():
+    arguments: dict[str, Any] = {"scene": "pool", "n_object_balls": 2, "max_shots": 9}
+    for action in ACTIONS:
+        env, twin = (
+            make_env(**arguments, max_speed=4.5, **own)
+            for own in ({"action": action, "noise": NOISE}, {"action": "strike" if action == "strike" else "velocity"})
+        )
+        for seed in range(5):
+            env.reset(seed=seed)
+            twin.reset(options={"positions": env.positions})
+            observation, *_, info = env.step(env.action_space.sample())
+            assert np.hypot(*info["action"][:2]) <= 1 + 1e-15
+            assert np.allclose(twin.step(info["action"])[0], observation, atol=1e-6)
 
 
 @pytest.mark.parametrize("vector", [False, True])
@@ -283,7 +305,6 @@ def test_lists_of_seeds_and_masked_seeds_seed_the_noise(build):
     assert again.tobytes() == play(twin, [None, 8, None], second).tobytes()  # the others are not seeded
 
 
-@pytest.mark.parametrize("frame", [None, "cut"])
 @pytest.mark.parametrize("vector", [False, True])
 @pytest.mark.parametrize(
     ("action", "clipped"),
@@ -294,13 +315,11 @@ def test_lists_of_seeds_and_masked_seeds_seed_the_noise(build):
         ([0.3, 0.4, 0.5, -9.0, 2.0], [0.3, 0.4, 0.5, -1.0, 1.0]),
     ],
 )
-def test_equal_shots_have_equal_noise(action, clipped, vector, frame):
+def test_equal_shots_have_equal_noise(action, clipped, vector):
     def shots(chosen):
         """Returns the observations after three equal shots."""
         options: dict[str, Any] = {"action": "strike", "noise": {}, "max_shots": 1}
         env: Any = gym.make_vec("Billiards-v0", 2, **options) if vector else make(**options)
-        if frame:
-            env = (VectorActionFrame if vector else ActionFrame)(env, frame)
         found = []
         for seed in (0, None, None):
             env.reset(seed=seed)

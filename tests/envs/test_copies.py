@@ -13,7 +13,6 @@ from gymnasium.envs.registration import EnvSpec
 from numba.core.serialize import ReduceMixin
 
 from billiards_env.envs import STATUS, episodes, make_env, make_vector_env
-from billiards_env.envs.wrappers import ActionFrame
 from billiards_env.games import billiards_v0
 from billiards_env.scene import Scene
 from tests.helpers.environments import SOFT, VARIANTS, VARIED, name_of, same
@@ -100,20 +99,6 @@ def test_a_spec_recreates_its_environment_from_json_and_pickle(kwargs, written, 
         again: Any = gym.make_vec(spec) if vector else gym.make(spec)
         same((again.reset(seed=3), again.step(action)), expected)
         assert again.render_mode == kwargs.get("render_mode")
-
-
-def test_a_spec_recreates_the_wrappers():
-    game = gym.make("Billiards-v0", max_speed=4.5, n_object_balls=2, noise={"angle_std": 0.25})
-    env = ActionFrame(game, "cut", ball=2, least_speed=1.0)
-    assert env.spec is not None
-    again = gym.make(EnvSpec.from_json(env.spec.to_json()))
-    assert str(again) == str(env)
-    arguments = {"frame": "cut", "ball": 2, "least_speed": 1.0}
-    assert json.loads(env.spec.to_json())["additional_wrappers"][-1]["kwargs"] == arguments
-    for one in (env, again):
-        one.reset(seed=3)
-    action = np.array([0.3, 0.2], np.float32)
-    same(env.step(action), again.step(action))
 
 
 def test_a_shot_that_reaches_the_limit_on_events_warns(monkeypatch):

@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from billiards_env.drawing.raster import rgb
+from billiards_env.drawing.style import rail_width
 from billiards_env.envs import make_env, make_vector_env
 from billiards_env.envs.observations import FEATURES, Feature, decode
 
@@ -106,6 +108,85 @@ def test_the_argument_chooses_and_orders_the_features():
     low: Any = vars(env.observation_space)["low"]
     assert low.tolist() == [0, -1, -1, 0, 0, -1, -1, -1, -1]
     assert env.decode(env.step([0.1, 0.0])[0])["shots_left"] == 0.5
+
+
+def planes_of(size, positions, **arguments):
+    envs = make_vector_env(len(positions), observe=[("planes", *size)], **arguments)
+    return envs.reset(options={"positions": positions})[0]
+
+
+@pytest.mark.parametrize("size", [(84, 84), (40, 90)])
+def test_images_contain_the_positions_to_half_a_pixel(size):
+    envs = make_vector_env(200, task="place", observe=[("planes", *size), "positions"])
+    seen = envs.decode(envs.reset(seed=0)[0])
+    rail = rail_width(envs.single_env.scene.table)
+    rows, columns = np.indices(size)
+    for plane, places in ((0, envs.positions[:, 0]), (1, envs.positions[:, 1]), (3, envs.goals[:, 0])):
+        weights = seen["planes"][..., plane] / seen["planes"][..., plane].sum((1, 2), keepdims=True)
+        found = np.stack(((weights * columns).sum((1, 2)), (weights * rows).sum((1, 2))), 1) + 0.5
+        scale = np.array(size[::-1]) / np.array([2.54 + 2 * rail, 1.27 + 2 * rail])
+        expected = (places * [1, -1] + [1.27 + rail, 0.635 + rail]) * scale
+        assert abs(found - expected).max() < (0.1 if plane < 3 else 0.5)
+    assert not seen["planes"][..., 2].any()
+
+
+def test_a_ball_that_moves_by_a_third_of_a_pixel_changes_the_image():
+    step = 2.54 / 84 / 3
+    moved = [[[0.3 + k * step, 0.1 + k * step * along], [-0.5, 0.0]] for k in range(9) for along in (0.0, 0.5)]
+    assert len(np.unique(planes_of((84, 84), moved), axis=0)) == 17
+
+
+def test_planes_show_the_legal_balls_and_pixels_the_colours():
+    rack = make_env(task="nine_ball", observe=[("planes", 60, 120), ("pixels", 60, 120)])
+    seen = rack.reset(seed=0)[0]
+    areas = seen["planes"].sum((0, 1))
+    assert areas[1:] / areas[0] == pytest.approx([1, 8], rel=0.06)
+    yellow = (abs(seen["pixels"] - np.array(rgb("#f0e442"))) < 9).all(2)  # the colour of ball 1
+    assert yellow[seen["planes"][..., 1] > 250].all()
+    assert yellow.any()
+
+
+def test_stable_baselines3_accepts_images():
+    sb3 = pytest.importorskip("stable_baselines3")
+    from billiards_env.sb3 import SameStepVecEnv
+
+    for observe, policy in ((["pixels"], "CnnPolicy"), (["planes", "shots_left"], "MultiInputPolicy")):
+        chosen = [(name, 36, 36) if name != "shots_left" else name for name in observe]
+        envs = SameStepVecEnv(make_vector_env(2, max_shots=2, observe=chosen))
+        model = sb3.PPO(policy, envs, n_steps=4, batch_size=8, n_epochs=1, device="cpu")
+        assert model.learn(8).num_timesteps == 8
+
+
+@pytest.mark.parametrize("task", ["place", "position"])
+def test_the_reward_of_goals_is_that_of_the_shots(task):
+    envs = make_vector_env(4000, "Disabled", task=task, observe="goal", scratch_penalty=0.3)
+    first, _ = envs.reset(seed=0)
+    assert first["achieved_goal"].tolist() == [[x, y, 0.0] for x, y in envs.positions[:, 0].tolist()]
+    assert first["desired_goal"].tolist() == [[x, y, 1.0] for ((x, y),) in envs.goals.tolist()]
+    cue, ball = envs.decode(first)["positions"].swapaxes(0, 1)
+    seen, rewards, *_, infos = envs.step((ball - cue) * [1.0, 0.5])
+    achieved, desired = seen["achieved_goal"], seen["desired_goal"]
+    reward = envs.single_env.compute_reward
+    assert np.array_equal(reward(achieved, desired, [{}] * 4000), rewards)
+    assert [reward(*goals, {}) for goals in zip(achieved[:99], desired, strict=False)] == rewards[:99].tolist()
+    met = infos["potted"][:, 1] if task == "position" else infos["first_hit"] == 1
+    assert np.array_equal(achieved[:, 2], np.where(infos["scratch"], -1, met))
+    assert {-0.3, 1.0} <= set(rewards.tolist())
+    scratch = np.where(infos["scratch"], -0.3, 1.0)  # every other shot reaches its own goal
+    assert np.array_equal(reward(achieved, achieved), scratch)
+
+
+def test_hindsight_replay_of_stable_baselines3_accepts_goals():
+    sb3 = pytest.importorskip("stable_baselines3")
+    from billiards_env.sb3 import SameStepVecEnv
+
+    envs = SameStepVecEnv(make_vector_env(4, task="place", observe="goal", max_shots=2))
+    buffer = sb3.HerReplayBuffer
+    model = sb3.SAC(
+        "MultiInputPolicy", envs, replay_buffer_class=buffer, learning_starts=20, batch_size=8, device="cpu"
+    )
+    assert model.learn(40).num_timesteps == 40
+    assert not hasattr(make_env(task="place"), "compute_reward")
 
 
 def test_decode_returns_views_of_arrays_and_tensors():

@@ -6,7 +6,6 @@ import pytest
 
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.envs import STATUS, make_env
-from billiards_env.envs.wrappers import VectorActionFrame
 from studies.failures import FAILURES
 
 
@@ -39,7 +38,7 @@ def test_without_a_fix_balls_may_overlap_before_the_next_shot():
 def test_fast_shots_pass_through_the_ball_in_front_of_the_target_with_a_coarse_timestep(world, through):
     # 4 to 8 m/s: up to 13 cm in 1/60 s; the balls overlap on 11 cm of the path.
     hidden = {"scene": "blocked_pool", "layout": "snookered", "max_speed": 8.0, **world}
-    envs = VectorActionFrame(gym.make_vec("Billiards-v0", num_envs=500, **hidden), "cut")
+    envs = gym.make_vec("Billiards-v0", num_envs=500, action="cut", **hidden)
     envs.reset(seed=0)
     actions = np.random.default_rng(0).uniform((-1, 0), 1, (500, 2))
     infos = envs.step(actions)[4]["final_info"]

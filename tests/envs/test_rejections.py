@@ -10,7 +10,6 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import OrderEnforcing
 
 from billiards_env.envs import make_env, make_vector_env
-from billiards_env.envs.wrappers import ActionFrame, VectorActionFrame
 from billiards_env.scene import Scene
 from tests.helpers.environments import STRIKE, same
 from tests.helpers.errors import refusals
@@ -58,6 +57,13 @@ NO_TIMESTEP = {"mode": "pit", "dt": 1 / 60, "randomize": {"dt": [0, 1]}}
         ({"observe": [3]}, "observe = 3: expected one of 'positions'"),
         ({"observe": []}, r"observe = \[\]: expected at least one feature"),
         ({"observe": ["potted", "potted"]}, r"observe = \['potted', 'potted'\]: .* each of them once"),
+        ({"observe": ["pixels"]}, r"observe = 'pixels': expected \('pixels', 'height', 'width'\)"),
+        ({"observe": [["positions", 84, 84]]}, r"observe = \('positions', 84, 84\): expected 'positions'"),
+        ({"observe": [["planes", 84, 4]]}, "width of 'planes' in observe = 4: expected"),
+        ({"action": "cute"}, r"action = 'cute': expected one of .* \(did you mean 'cut'\?\)"),
+        ({"action": "sum_to_three"}, "max_speed = 4.0 with action 'sum_to_three': expected at least 4.185"),
+        ({"action": "plan", "scene": "carom", "task": "carom"}, "action = 'plan': expected an object ball and a table"),
+        ({"observe": "goal"}, "observe = 'goal': expected a task with a goal"),
         ({"observe": ["goal"]}, "observe = 'goal': expected a task with a goal"),
         ({"observe": ["legal_balls"]}, "observe = 'legal_balls': expected a run-out"),
         ({"observe": ["physics"]}, "observe = 'physics': expected numbers in randomize"),
@@ -106,24 +112,6 @@ def test_wrong_arguments(arguments, message, kind):
 def test_wrong_arguments_of_the_vector_environment(arguments, message, kind):
     with pytest.raises(kind, match=message):
         make_vector_env(**arguments)
-
-
-@refusals(
-    "arguments",
-    [
-        (("cute",), r"frame = 'cute': expected one of .* \(did you mean 'cut'\?\)"),
-        (("cut", "near"), r"ball = 'near': expected one of"),
-        (("cut", 0), "ball = 0: expected 1, 'nearest' or 'first'"),
-        (("cut", 2), "ball = 2"),
-        (("cut", "nearest", 4.1), "least_speed = 4.1: expected a number from 0 to 4 m/s, max_speed"),
-        (("sum_to_three",), "max_speed = 4.0 with frame 'sum_to_three': expected at least 4.185"),
-    ],
-)
-def test_wrong_arguments_of_wrappers(arguments, message, kind):
-    with pytest.raises(kind, match=message):
-        ActionFrame(gym.make("Billiards-v0"), *arguments)
-    with pytest.raises(kind, match=message):
-        VectorActionFrame(gym.make_vec("Billiards-v0", 2), *arguments)
 
 
 @refusals(

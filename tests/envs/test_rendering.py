@@ -40,15 +40,17 @@ def n_frames(info):
 def test_drawing_modules_are_loaded_only_when_needed():
     code = (
         "import sys, gymnasium, billiards_env, numpy\n"
-        "env = gymnasium.make('Billiards-v0', render_mode=%s)\n"
+        "env = gymnasium.make('Billiards-v0', %s)\n"
         "env.reset(seed=0)\n"
         "env.step(numpy.array([0.1, 0.1], 'f4'))\n"
         "print(*sorted(m for m in sys.modules if 'drawing' in m or m in ('pygame', 'matplotlib', 'PIL')))\n"
         "%s\n"
         "print(*sorted(m for m in sys.modules if m in ('pygame', 'matplotlib', 'PIL')))\n"
     )
-    assert printed(code % (None, "env.close()")) == []
-    assert printed(code % ("'rgb_array'", "env.render()")) == ["pygame"]  # and not before `render` is called
+    assert printed(code % ("render_mode=None", "env.close()")) == []
+    raster = [f"billiards_env.drawing{name}" for name in ("", ".raster", ".style")]
+    assert printed(code % ("observe=[('pixels', 9, 9)]", "env.close()")) == raster
+    assert printed(code % ("render_mode='rgb_array'", "env.render()")) == ["pygame"]  # not before `render` is called
 
 
 @pytest.mark.parametrize("kwargs", [{}, {"mode": "pit", "dt": 0.01}])

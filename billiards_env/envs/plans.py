@@ -1,0 +1,76 @@
+"""The action "plan": a choice of an object ball, a pocket and a speed, made into a shot by geometry.
+
+A plan is a whole number, `(ball - 1, pocket, speed)` in row-major order. `players.pots` finds the pots of all tables in
+one call: the direct ones and, on a table without any, those off one cushion. A plan that is not one of these pots is a
+full hit on the nearest ball that may be touched first. The mask has 1 for each pot. On a table without a pot it is 1
+everywhere.
+
+The geometry has the physics of the scene, without the changes of `randomize`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.envs.actions import Before
+from billiards_env.players.pots import DX, DY, SPEED, SPEEDS, Tables, find_pots
+from billiards_env.scene import Scene
+
+Floats = NDArray[np.float64]
+
+
+class Plans:
+    """The plans in a scene.
+
+    Args:
+        scene: The scene.
+
+    Attributes:
+        shape: The numbers of object balls, pockets and speeds.
+        choices: Their product.
+
+    Raises:
+        ValueError: If there are no pockets or no object balls.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.shape = scene.n_balls - 1, len(scene.table.pockets), len(SPEEDS)
+        self.choices, self._scene = int(np.prod(self.shape)), scene
+        if not self.choices:
+            raise ValueError("action = 'plan': expected an object ball and a table with pockets")
+
+    def velocities(self, plans: Floats, before: Before) -> Floats:
+        """Returns the velocities (k, 2) of the cue balls, m/s, of plans (k,).
+
+        Raises:
+            ValueError: If a plan is not a whole number in its range.
+        """
+        bad = plans[(plans % 1 != 0) | (plans < 0) | (plans >= self.choices)]
+        if bad.size:
+            raise ValueError(f"action = {bad[0]:g}: expected a whole number from 0 to {self.choices - 1}")
+        every = np.arange(len(plans))
+        found = self._pots(before).reshape(-1, self.choices, 2)[every, plans.astype(np.int64)]
+        ways = before.positions - before.positions[:, :1]
+        apart = np.where(before.playable, np.hypot(*np.moveaxis(ways, -1, 0)), np.inf)
+        nearest = apart.argmin(axis=1)
+        speeds = before.max_speed * (plans % len(SPEEDS) + 1.0) / len(SPEEDS)
+        full = (speeds / np.maximum(apart[every, nearest], 1e-300))[:, None] * ways[every, nearest]
+        return np.where(found.any(axis=1, keepdims=True), found, full)
+
+    def mask(self, before: Before) -> NDArray[np.int8]:
+        """Returns the plans that are pots, (k, choices): 1 or 0."""
+        found = self._pots(before).any(axis=-1).reshape(-1, self.choices)
+        return (found | ~found.any(axis=1, keepdims=True)).astype(np.int8)
+
+    def _pots(self, before: Before) -> Floats:
+        """Returns the velocities (k, *shape, 2) of the cue ball of each plan, 0 for a plan that is no pot."""
+        targets = np.arange(self._scene.n_balls) > 0
+        pots = find_pots(Tables(self._scene, targets, before.positions, ~before.in_play, before.max_speed))
+        found = np.zeros((len(before.positions), *self.shape, 2))
+        for j in range(pots.ball.shape[1])[::-1]:  # of several banks the one with the largest tolerance comes last
+            which = np.flatnonzero(j < pots.count)
+            shots = pots.shots[which, j]
+            velocities = shots[..., SPEED, None] * shots[..., DX : DY + 1]
+            found[which, pots.ball[which, j] - 1, pots.pocket[which, j]] = velocities
+        return found * before.playable[:, 1:, None, None, None]

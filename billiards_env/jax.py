@@ -1,0 +1,205 @@
+"""Shots and environments as functions of JAX arrays. Needs JAX, which is in the extra `jax`.
+
+`simulate` is a differentiable function of the start of shots, and `PureEnv.step` a function of a state and an action.
+Both work under `jit`, `vmap` and `scan`. They call NumPy on the host (`jax.pure_callback`).
+
+Example:
+    >>> import jax
+    >>> from billiards_env import Scene
+    >>> scene, position = Scene.named("ideal", 0), jax.numpy.zeros((1, 2))
+    >>> loss = lambda velocities: simulate(scene, position, velocities, max_time=2.0).sum()
+    >>> jax.jit(jax.grad(loss))(jax.numpy.array([[0.5, 0.0]])).tolist()
+    [[2.0, 2.0]]
+"""
+
+# Without JAX the type checker takes this module for it.
+# pyright: reportMissingImports=false, reportAttributeAccessIssue=false
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from billiards_env.checks import missing
+from billiards_env.envs import BilliardsVectorEnv, make_env, make_vector_env
+from billiards_env.envs.state import State
+from billiards_env.scene import Scene
+from billiards_env.shots.functions import Shots
+from billiards_env.shots.gradients import MARGINS, margin_columns
+
+try:
+    import jax
+    import jax.numpy as jnp
+except ModuleNotFoundError as error:
+    raise missing(error.name or "jax", "jax") from error
+
+
+def simulate(
+    scene: Scene,
+    positions: Any,
+    velocities: Any,
+    spins: Any = None,
+    *,
+    of: str | Sequence[str] = "positions",
+    physics: Mapping[str, Any] | None = None,
+    in_play: Any = None,
+    max_time: float | None = None,
+    threads: int | None = None,
+) -> Any:
+    """Runs shots with `billiards_env.simulate_batch`, as a function of JAX arrays.
+
+    Gradients (`jax.grad`, `jax.vjp`) equal those of `BatchResult.vjp`, bit for bit in double precision
+    (`jax_enable_x64`). Derivatives in forward mode and second derivatives do not exist. `vmap` runs all shots in one
+    batch.
+
+    Args:
+        scene: Table, balls and physics.
+        positions: (..., n, 2) m.
+        velocities: (..., n, 2) m/s.
+        spins: (..., n, 3) rad/s; None for zero.
+        of: An output, or several: "positions", "velocities", "spins", "ball_margins", "pocket_margins" and
+            "cushion_margins" (see `shots.gradients.Margins`).
+        physics: Numbers of `Physics` by name, (...) each, with derivatives. The others come from the scene.
+        in_play: (n,) bool, the balls on the table. None for all.
+        max_time: Time of the outputs, s; None for the limit of the scene.
+        threads: As in `simulate_batch`.
+
+    Returns:
+        The output at the end of the shots, or a dict with the outputs by name, with the axes (...) of all inputs
+        together and the type of the positions and velocities.
+
+    Raises:
+        ValueError: As in `simulate_batch`, or if a name is unknown. Errors in the values of arrays end the computation
+            as errors of JAX.
+        TypeError: For a derivative in forward mode.
+        NotImplementedError: For a second derivative.
+    """
+    names, n = (of,) if isinstance(of, str) else tuple(of), scene.n_balls
+    starts = {"positions": (n, 2), "velocities": (n, 2), "spins": (n, 3)}
+    given = {"positions": positions, "velocities": velocities, "spins": spins, **(physics or {})}
+    kind = jnp.result_type(
+        float, *(x for x in (positions, velocities) if jnp.issubdtype(jnp.result_type(x), jnp.inexact))
+    )
+    arrays = {name: jnp.asarray(array, kind) for name, array in given.items() if array is not None}
+    own = {name: starts.get(name, ()) for name in arrays}  # the axes of one shot
+    lead = jnp.broadcast_shapes(*(array.shape[: array.ndim - len(own[name])] for name, array in arrays.items()))
+    arrays = {name: jnp.broadcast_to(array, lead + own[name]) for name, array in arrays.items()}
+    shots = Shots(scene, tuple(arrays), names, {"in_play": in_play, "max_time": max_time, "threads": threads})
+    sizes = starts | {name: (n, columns.stop - columns.start) for name, columns in margin_columns(scene).items()}
+
+    def on_host(work: Callable[[list[Any]], list[Any]]) -> Callable[..., Any]:
+        def call(*values: Any) -> tuple[Any, ...]:
+            axes = np.ndim(values[0]) - 2
+            flat = [np.asarray(x, np.float64).reshape(-1, *np.shape(x)[axes:]) for x in values]
+            return tuple(y.reshape((*np.shape(values[0])[:axes], *y.shape[1:])).astype(kind) for y in work(flat))
+
+        return call
+
+    k, record = len(arrays), bool(set(names) & set(MARGINS))
+    pull = _callback(
+        on_host(lambda flat: shots.vjp(shots.run(flat[:k], True), flat[k:])),
+        tuple(jax.ShapeDtypeStruct(lead + own[name], kind) for name in arrays),
+        _refused("second derivatives of shots: expected first derivatives"),
+    )
+    push = _callback(
+        on_host(lambda flat: shots.values(shots.run(flat, record))),
+        tuple(jax.ShapeDtypeStruct(lead + sizes[name], kind) for name in names),
+        lambda inputs, cotangents: pull(*inputs, *cotangents),
+    )
+    outputs = dict(zip(names, push(*arrays.values()), strict=True))
+    return outputs[of] if isinstance(of, str) else outputs
+
+
+class PureEnv:
+    """`Billiards-v0` as pure functions of a state, for rollouts in `jax.lax.scan`.
+
+    A state is the row of `get_state` as (..., b) uint8, so it does not depend on the precision of JAX. An episode that
+    is over begins again in the same step, as with the autoreset mode "SameStep".
+
+    Args:
+        **arguments: As in `BilliardsEnv`.
+
+    Attributes:
+        env: A single environment with these arguments, which is never stepped.
+
+    Example:
+        >>> env = PureEnv(n_object_balls=2, max_shots=3)
+        >>> state, observation = env.reset(seed=0, num_envs=4)
+        >>> shots = jax.numpy.zeros((10, 4, 2))
+        >>> state, rewards = jax.lax.scan(lambda state, shot: env.step(state, shot)[::2], state, shots)
+        >>> rewards.shape
+        (10, 4)
+    """
+
+    def __init__(self, **arguments: Any) -> None:
+        self.env = make_env(**arguments)
+        self._arguments, self._lock, self._envs = arguments, threading.Lock(), dict[int, BilliardsVectorEnv]()
+
+    def reset(self, seed: int, num_envs: int) -> tuple[Any, Any]:
+        """Returns the states (num_envs, b) and the observations of the first episodes. It is not traced."""
+        envs = self._of(num_envs)
+        observations, _ = envs.reset(seed=seed)
+        return jnp.asarray(_bytes(envs.get_state())), jax.tree.map(jnp.asarray, observations)
+
+    def step(self, state: Any, action: Any) -> tuple[Any, Any, Any, Any]:
+        """Plays one shot in each environment.
+
+        Args:
+            state: (..., b) uint8.
+            action: (..., k), with the axes (...) of `state`.
+
+        Returns:
+            The next state, the observation, the reward and whether the episode ended with this shot.
+
+        Raises:
+            NotImplementedError: For a derivative: `simulate` has derivatives.
+        """
+        lead, number = state.shape[:-1], jnp.result_type(float)
+
+        def play(state: Any, action: Any) -> Any:
+            rows, axes = np.ascontiguousarray(state), np.shape(state)[:-1]
+            with self._lock:
+                envs = self._of(rows.size // rows.shape[-1])
+                envs.set_state(rows.view(envs.get_state().dtype).reshape(-1))
+                shape: Any = envs.single_action_space.shape
+                observations, rewards, over, *_ = envs.step(np.reshape(action, (envs.num_envs, *shape)))
+                found = _bytes(envs.get_state()), observations, rewards.astype(number), over
+            return jax.tree.map(lambda array: array.reshape((*axes, *array.shape[1:])), found)
+
+        def struct(shape: Any, kind: Any) -> Any:
+            return jax.ShapeDtypeStruct((*lead, *shape), kind)
+
+        space: Any = self.env.observation_space
+        parts = space.spaces if isinstance(space, gym.spaces.Dict) else {"": space}
+        seen = {key: struct(part.shape, part.dtype) for key, part in parts.items()}
+        found = struct(state.shape[-1:], state.dtype), seen if len(seen) > 1 else seen.popitem()[1]
+        refuse = _refused("derivatives of a step: expected those of billiards_env.jax.simulate")
+        return _callback(play, (*found, struct((), number), struct((), bool)), refuse)(state, jnp.asarray(action))
+
+    def _of(self, count: int) -> BilliardsVectorEnv:
+        """Returns the environment with `count` episodes."""
+        if count not in self._envs:
+            self._envs[count] = make_vector_env(count, **self._arguments)
+        return self._envs[count]
+
+
+def _bytes(states: State) -> np.ndarray[Any, np.dtype[np.uint8]]:
+    return states.view(np.uint8).reshape(len(states), -1)
+
+
+def _refused(text: str) -> Callable[..., Any]:
+    def refuse(*_: Any) -> Any:
+        raise NotImplementedError(text)
+
+    return refuse
+
+
+def _callback(function: Callable[..., Any], shapes: Any, pull: Callable[..., Any]) -> Any:
+    """Returns a function of JAX arrays that calls one of NumPy arrays. `pull` returns its gradients."""
+    called = jax.custom_vjp(lambda *arrays: jax.pure_callback(function, shapes, *arrays, vmap_method="broadcast_all"))
+    called.defvjp(lambda *arrays: (called(*arrays), arrays), pull)
+    return called

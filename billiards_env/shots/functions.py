@@ -1,0 +1,78 @@
+"""Shots as functions of arrays, for the libraries that differentiate functions: `billiards_env.torch` and `.jax`."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.checks import one_of
+from billiards_env.scene import Scene
+from billiards_env.shots.gradients import MARGINS, physics_inputs
+from billiards_env.shots.simulation import BatchResult, simulate_batch
+
+Floats = NDArray[np.float64]
+
+STARTS = ("positions", "velocities", "spins")
+
+
+@dataclasses.dataclass
+class Shots:
+    """m shots as a function of arrays.
+
+    Attributes:
+        scene: The scene.
+        inputs: The names of the inputs: some of `STARTS`, "radius" and "mass" (n,), and numbers of `Physics`, () for
+            all shots or (m,).
+        outputs: The names of the outputs: some of `STARTS` and `MARGINS`.
+        options: Further arguments of `simulate_batch`.
+    """
+
+    scene: Scene
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    options: dict[str, Any]
+
+    def __post_init__(self) -> None:
+        for name in self.outputs:
+            one_of("of", name, (*STARTS, *MARGINS))
+        for name in self.inputs:
+            if name not in (*STARTS, "radius", "mass"):
+                one_of("physics", name, tuple(physics_inputs(self.scene.physics)))
+
+    def run(self, inputs: Sequence[Floats], record: bool) -> BatchResult:
+        """Runs the shots."""
+        given = dict(zip(self.inputs, inputs, strict=True))
+        start = {name: given.pop(name) for name in STARTS if name in given}
+        balls = {name: tuple(given.pop(name).tolist()) for name in ("radius", "mass") if name in given}
+        varied = {name: values for name, values in given.items() if values.ndim}
+        numbers = {name: value.item() for name, value in given.items() if not value.ndim}
+        scene = dataclasses.replace(
+            self.scene,
+            balls=dataclasses.replace(self.scene.balls, **balls),
+            physics=dataclasses.replace(self.scene.physics, **numbers),
+        )
+        options = {**self.options, "physics": {**(self.options.get("physics") or {}), **varied}}
+        return simulate_batch(scene, **start, **options, record=record)
+
+    def values(self, batch: BatchResult) -> list[Floats]:
+        """Returns the outputs of shots, which are recorded if an output is a margin."""
+        found = {name: getattr(batch, name) for name in STARTS}
+        if set(self.outputs) & set(MARGINS):
+            found |= zip(MARGINS, batch.margins(threads=self.options.get("threads")), strict=False)
+        return [found[name] for name in self.outputs]
+
+    def vjp(self, batch: BatchResult, cotangents: Sequence[Floats]) -> list[Floats]:
+        """Returns the gradients of recorded shots with respect to the inputs of each shot."""
+        of = dict(zip(self.outputs, cotangents, strict=True))
+        found = batch.vjp(of, self.inputs, threads=self.options.get("threads"))
+        return [found[name] for name in self.inputs]
+
+    def jvp(self, batch: BatchResult, tangents: Sequence[Floats]) -> list[Floats]:
+        """Returns the derivatives of the outputs of recorded shots, for tangents of the inputs of each shot."""
+        by = dict(zip(self.inputs, tangents, strict=True))
+        found = batch.jvp(by, self.outputs, threads=self.options.get("threads"))
+        return [found[name] for name in self.outputs]

@@ -1,0 +1,102 @@
+"""Shots and environments as functions of JAX arrays."""
+
+import doctest
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene, simulate_batch
+from billiards_env.envs import make_vector_env
+from tests.helpers.derivatives import aimed
+
+jax = pytest.importorskip("jax")
+jax.config.update("jax_enable_x64", True)
+module = pytest.importorskip("billiards_env.jax")
+simulate, PureEnv = module.simulate, module.PureEnv
+
+pytestmark = pytest.mark.tools
+SCENE, OUTPUTS = Scene.named("real_pool", 2), ("positions", "spins", "pocket_margins")
+
+
+def start(m=5):
+    places, moving = zip(*(aimed(SCENE, seed) for seed in range(3, 3 + m)), strict=True)
+    return np.array(places), np.array(moving), np.linspace(0.008, 0.012, m)
+
+
+def loss(places, moving, mu_roll):
+    found = simulate(SCENE, places, moving, of=OUTPUTS, physics={"mu_roll": mu_roll}, max_time=0.7)
+    return (found["positions"] ** 2).sum() + found["spins"].sum() - found["pocket_margins"][..., 1, 2].sum()
+
+
+def test_the_gradient_is_that_of_vjp_bit_for_bit():
+    places, moving, mu_roll = start()
+    batch = simulate_batch(SCENE, places, moving, physics={"mu_roll": mu_roll}, max_time=0.7, record=True)
+    of = {"positions": 2 * batch.positions, "spins": np.ones_like(batch.spins), "pocket_margins": np.zeros((5, 3, 6))}
+    of["pocket_margins"][:, 1, 2] = -1.0
+    expected = batch.vjp(of, ("positions", "velocities", "mu_roll"))
+    derive = jax.grad(loss, (0, 1, 2))
+    one = [jax.jit(derive)(*row) for row in zip(places, moving, mu_roll, strict=True)]
+    many = jax.jit(jax.vmap(derive))(places, moving, mu_roll)
+    for k, wanted in enumerate(expected.values()):
+        assert np.array_equal(wanted, many[k])
+        assert np.array_equal(wanted, [row[k] for row in one])
+        assert np.array_equal(wanted, derive(places, moving, mu_roll)[k])
+
+
+def test_shots_run_in_a_scan_and_have_the_type_of_the_velocities():
+    places, moving, _ = (array[0] for array in start())
+
+    def roll(velocities):
+        step = lambda balls, _: (simulate(SCENE, balls, velocities, max_time=0.2),) * 2  # noqa: E731
+        return jax.lax.scan(step, places, None, length=3)[1]
+
+    ends, h = jax.jit(roll)(moving), 1e-6
+    first = simulate_batch(SCENE, places[None], moving[None], max_time=0.2).positions
+    assert np.array_equal(ends[0], first[0])
+    slope = float(jax.grad(lambda v: roll(v)[-1, 0, 0])(moving)[0, 0])
+    nudge = np.zeros_like(moving)
+    nudge[0, 0] = h
+    assert slope == pytest.approx(float((roll(moving + nudge) - roll(moving - nudge))[-1, 0, 0]) / (2 * h), rel=1e-5)
+    assert simulate(SCENE, places.astype("f4"), moving.astype("f4"), max_time=0.2).dtype == "float32"
+
+
+def test_steps_in_a_scan_are_those_of_the_vector_environment():
+    arguments = {"n_object_balls": 2, "max_shots": 3, "observe": [["planes", 9, 9], "positions"], "noise": {}}
+    envs, pure = make_vector_env(4, **arguments), PureEnv(**arguments)
+    actions = np.random.default_rng(0).uniform(-1, 1, (10, 4, 2))
+    state, first = pure.reset(seed=0, num_envs=4)
+    observations = [envs.reset(seed=0)[0]]
+    expected = []
+    for action in actions:
+        observation, reward, over, *_ = envs.step(action)
+        observations.append(observation)
+        expected.append((reward, over))
+    step = jax.vmap(pure.step)
+
+    def play(state, action):
+        state, *found = step(state, action)
+        return state, found
+
+    last, (seen, found, ends) = jax.jit(lambda *given: jax.lax.scan(play, *given))(state, actions)
+    assert np.array_equal(np.stack((found, ends), 1), expected)
+    assert np.asarray(last).tobytes() == envs.get_state().tobytes()
+    for key, values in first.items():
+        assert np.array_equal(np.concatenate((values[None], seen[key])), [row[key] for row in observations])
+
+
+def test_what_has_no_derivative_is_refused():
+    places, moving, mu_roll = (array[0] for array in start())
+    pure = PureEnv()
+    state, _ = pure.reset(0, 1)
+    with pytest.raises(NotImplementedError, match="derivatives of a step: expected those of billiards_env"):
+        jax.grad(lambda action: pure.step(state, action)[2].sum())(np.zeros((1, 2)))
+    with pytest.raises(NotImplementedError, match="second derivatives of shots"):
+        jax.grad(lambda x: jax.grad(loss)(x, moving, mu_roll).sum())(places)
+    with pytest.raises(TypeError, match="forward-mode"):
+        jax.jvp(lambda x: loss(x, moving, mu_roll), (places,), (places,))
+    with pytest.raises(ValueError, match="physics = 'motion': expected"):
+        simulate(SCENE, places, moving, physics={"motion": 1.0})
+
+
+def test_the_examples_of_the_module_run():
+    assert doctest.testmod(module).failed == 0
