@@ -105,8 +105,8 @@ class Certain(NamedTuple):
     largest condition up to its time: the 2-norm of its derivatives by the start, each times the size of its input (half
     the length of the table, or the largest speed). The errors of times are bounded in the same way. `SAFETY` is above
     the ratio of the errors of all measured shots to the condition times the unit roundoff. An event is certain if up to
-    it no bodies pass or enter each other by less than the bound, each impact precedes the next one by more, and no event
-    is one of `engine.nonsmooth.REASONS`.
+    it no bodies pass or enter each other by less than the bound, each impact precedes the next one by more, and no
+    event is one of `engine.nonsmooth.REASONS`.
 
     Attributes:
         events: The number of events, from the first one on, that are certain.
