@@ -307,6 +307,8 @@ def bench(args: argparse.Namespace) -> None:
     """Runs the command `bench`."""
     from billiards_env import bench
 
+    if args.certain is not None:
+        integer("--certain", args.certain, Range(1, None))
     if args.player == "verify":
         if not args.file:
             raise ValueError("bench verify without a file: expected the files to verify")
@@ -350,8 +352,10 @@ def bench(args: argparse.Namespace) -> None:
 def _print_certain(found: Bench, episodes: int | None) -> None:
     from billiards_env import bench
 
-    for one in found.results if episodes else ():
-        share = bench.certain_share(one, integer("--certain", episodes, Range(1, None)))
+    if episodes is None:
+        return
+    for one in found.results:
+        share = bench.certain_share(one, episodes)
         print(f"{one.task}: {share:.1%} of the shots of {episodes} episodes have a certain outcome", flush=True)
 
 

@@ -220,7 +220,7 @@ def compile_entry(name: str, function: Any, arguments: tuple[Any, ...]) -> bytes
     with global_compiler_lock:
         kernel.compile(signature)
         compiled = kernel.overloads[signature]
-        compiled.library.finalize()  # links the kernels that it calls
+        compiled.library.link()
     text = re.sub(r"^target .*$", "", compiled.library.get_llvm_str(), flags=re.MULTILINE)
     # wasm has no common symbols, and has instructions for these functions of the C library
     text = text.replace("= common global", "= internal global")

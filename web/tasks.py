@@ -56,7 +56,7 @@ def program(name: str) -> Program:
         played = episodes.Episodes(COUNT, model)
     size = 5 if model.action == "strike" else 2
     actions, mask = np.zeros((COUNT, size)), np.ones(COUNT, np.bool_)
-    rewards, observations = np.zeros(COUNT), np.zeros((COUNT, played.observer.size), np.float32)
+    rewards, observations = np.zeros(COUNT), played.observer.new(COUNT)
     with _recorded() as begin:
         played.draw(0, COUNT, mask)
         played.begin(0, COUNT, mask, observations)

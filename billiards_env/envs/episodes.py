@@ -274,7 +274,7 @@ class Episodes:
 
     def _write_mask(self, begin: int, end: int, mask: Bools, max_speed: float) -> None:
         """Writes which choices are possible in the episodes in the mask (m,); in those that are over, none is."""
-        if self.choices:
+        if self._converter and self.choices:
             rows = begin + np.flatnonzero(mask[begin:end])
             self.mask[begin:end] *= ~self.state.over[begin:end, None]
             self.mask[rows] = self._converter.mask(self._before(rows, max_speed))

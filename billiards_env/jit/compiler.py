@@ -50,6 +50,11 @@ class _KernelLibrary(_Library):
     def finalize(self) -> None:
         self._finalized = True
 
+    def link(self) -> None:
+        """Adds the code of the functions that the kernel calls, which is necessary only without an entry point."""
+        for library in self._linking_libraries:
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+
 
 class ShortCompiler(Compiler):
     """Numba's compiler with the libraries of this module, and a message for the user."""

@@ -105,8 +105,8 @@ class Certain(NamedTuple):
     bound of a position is `SAFETY` times the unit roundoff times its largest condition so far. The condition is the
     2-norm of the derivatives with respect to the start, each times the size of its input (half the length of the table,
     or the largest speed). The bounds of times have the same form. An event is certain if, up to this event, no bodies
-    miss or enter each other by less than the bound, no impacts follow each other within the bound, and no event has one
-    of `engine.nonsmooth.REASONS`.
+    miss or enter each other by less than the bound, each impact precedes the next one by more than the bound, and no
+    event has one of `engine.nonsmooth.REASONS`.
 
     Attributes:
         events: The number of certain events.

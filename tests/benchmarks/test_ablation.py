@@ -15,7 +15,7 @@ UNUSED = (
     "drawing",
     "engine.gradients",
     "engine.margins",
-    "envs.wrappers",
+    "envs.plans",
     "games.batch",
     "games.billiards_v0",
     "games.game",

@@ -309,6 +309,7 @@ def test_only_entry_points_are_optimised(monkeypatch, decorate):
         calls.append("cost" in options)  # numba's cheaper pass comes before the other one
         return original(self, **options)
 
+    calling(decorate(half))(8)  # the first use of `range` compiles functions of numba
     monkeypatch.setattr(JITCPUCodegen, "_module_pass_manager", counted)
     function: Any = decorate(half)
     assert calling(function)(8) == 2.0
@@ -359,6 +360,20 @@ def test_a_function_of_numba_s_own_compiler_can_call_a_kernel():
     inner: Any = jit.kernel(double)
     outer: Any = jit.kernel(lambda x: inner(x))
     assert numba.njit(lambda x: outer(x))(3) == 6
+
+
+def test_a_kernel_links_what_only_its_second_call_needs():
+    """LLVM removes the first call and links nothing for it, also not what both calls need."""
+    inner: Any = jit.kernel(double)
+    one, two = jit.kernel(lambda x: inner(x) + 1), jit.kernel(lambda x: inner(x) + 2)
+
+    def both(x):
+        y = 0
+        if x > x:
+            y = one(x)
+        return y + two(x)
+
+    assert calling(jit.kernel(both))(3) == 9
 
 
 def test_kernels_are_plain_functions_if_numba_is_disabled_and_a_process_warns_once(tmp_path):
