@@ -26,12 +26,16 @@ at a hit that is thicker by v * delay * sin(a) * cos(a).
 
 The results are in `studies/results/other_simulators.json`. Each run is written there when it ends, and the command
 skips runs that have results.
+
+The published runs in pymunk are older than a fix of the worker: the push out of the last overlap on a table moved the
+balls of the next shot there. Of 20,000 random shots with 1/120 s, 670 were pots then and 668 are now; 10 shots differ.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import dataclasses
 import io
 import json
 import math
@@ -52,8 +56,7 @@ from billiards_env import Scene, simulate_batch
 from billiards_env.envs import BilliardsVectorEnv, make_model
 from billiards_env.evaluation import evaluation_seeds
 from billiards_env.files import write_json
-from billiards_env.scene import Balls, Physics, Table
-from billiards_env.scene.table import six_pockets
+from billiards_env.scene import Physics
 from examples import ppo
 from studies import RESULTS, parser_of, report, resumed, workers
 from studies.simulators_worker import DECAY, TIME
@@ -94,10 +97,10 @@ WORLDS = {
 
 
 def ideal(e_ball: float, e_cushion: float) -> Scene:
-    """Returns the scene with the laws of pymunk and MuJoCo."""
+    """Returns the scene with the laws of pymunk and MuJoCo, on the table of "pool"."""
     end = (1.0 - math.exp(-DECAY * TIME)) / DECAY
     physics = Physics(motion="ideal", cushion="restitution", e_ball=e_ball, e_cushion=e_cushion, max_time=end)
-    return Scene(Balls.uniform(2), Table(pockets=six_pockets()), physics)
+    return dataclasses.replace(Scene.named("pool", 1), physics=physics)
 
 
 SCENES = {
@@ -174,7 +177,7 @@ def velocities_of(actions: Any, envs: BilliardsVectorEnv) -> Floats:
 
 def delayed(positions: Floats, velocities: Floats, delay: Floats) -> Floats:
     """Returns velocities (m, 2) whose exact hits have the line of centres of hits that are late by `delay` (m,), s."""
-    touching = 2.0 * Balls.uniform(2).radius[0]
+    touching = 2.0 * SCENES["exact, rigid"].balls.radius[0]
     (cue_ball, ball), shot = (positions @ (1, 1j)).T, velocities @ (1, 1j)  # x + iy
     gap = (ball - cue_ball) * abs(shot) / shot  # the real part is along the shot
     centres = np.sqrt(np.maximum(touching**2 - gap.imag**2, 0.0)) + 1j * gap.imag

@@ -102,6 +102,19 @@ def test_the_worker_plays_direct_pots(module):
     assert found.tolist() == [5, -1, -1] * 100
 
 
+@pytest.mark.parametrize("module", ["pymunk", "mujoco"])
+def test_a_shot_of_the_worker_does_not_depend_on_earlier_ones(module):
+    pytest.importorskip(module)
+    scene, random = study.SCENES["exact, rigid"].to_dict(), np.random.default_rng(0)
+    place, step, _ = getattr(simulators_worker, f"in_{module}")(0.01, scene)
+    starts = random.uniform(-0.5, 0.5, (2000, 2, 2)) @ (1, 1j) + np.array([-0.6, 0.6])
+    speeds = 2.0 * np.diff(starts)[:, 0] * np.exp(0.05j * random.normal(size=2000))
+    found = simulators_worker.play(0.01, scene, place, step, starts, speeds)
+    assert (found >= 0).sum() > 20
+    again = simulators_worker.play(0.01, scene, place, step, starts[::-1], speeds[::-1])
+    assert again[::-1].tolist() == found.tolist()
+
+
 @pytest.mark.skipif(not study.PYTHON.exists(), reason="the worker needs .venv-simulators")
 @pytest.mark.parametrize(("world", "delay"), [("pymunk 1/60 s", 1 / 120), ("MuJoCo 10 ms", 0.0051)])
 def test_the_process_of_the_worker_plays_shots(world, delay):
