@@ -15,7 +15,7 @@ from typing import Any
 import yaml
 
 from billiards_env.checks import Range, fields_of, integer, number, one_of, real, short
-from billiards_env.envs import BilliardsEnv
+from billiards_env.envs import make_model
 from billiards_env.envs.tasks import TASKS
 from billiards_env.frozen import FROZEN, NOISE
 from billiards_env.sb3 import PPO_SETTINGS
@@ -206,8 +206,8 @@ def _numbers(value: Any) -> Any:
 
 def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
     """Returns all arguments of the environment. Missing ones have their defaults, or the defaults of the task."""
-    parameters = dict(inspect.signature(BilliardsEnv).parameters)
-    for name in ("noise", "noise_seed", "render_mode"):  # `noise` has its own section; training does not render
+    parameters = dict(inspect.signature(make_model).parameters)
+    for name in ("noise", "noise_seed"):  # `noise` has its own section
         del parameters[name]
     for key in given:
         one_of("key of env", key, tuple(parameters))

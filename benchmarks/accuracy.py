@@ -117,7 +117,7 @@ def follow(name: str, seed: int) -> dict[str, Any]:
         return np.where(complete | (moments < known_until), apart, np.nan).tolist()
 
     hits = [e.other for e in exact.events if e.kind == "ball_ball" and e.ball == 0 and float(e.time) < known_until]
-    found = (simulate(scene, positions, velocities, record=True, **method.engine) for method in (PIC, *PIT))
+    found = (simulate(scene, positions, velocities, record=True, engine=method.engine) for method in (PIC, *PIT))
     return {
         "complete": complete,
         "outcome_as_oracle": pic.potted.tolist() == list(exact.potted)
@@ -143,7 +143,7 @@ def outcomes(name: str, count: int, workers: int, bar: tqdm[Any]) -> dict[Method
 
     def outcome(method: Method) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Returns the scores (m, k), whether the shot scores (m,), and the whole outcome (m, l)."""
-        batch = simulate_batch(scene, positions, velocities, threads=workers, **method.engine)
+        batch = simulate_batch(scene, positions, velocities, threads=workers, engine=method.engine)
         touched = batch.cushions_before_hit[:, 1:] >= 0
         if scene.table.pockets:
             return (

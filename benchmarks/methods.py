@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.engine import Engine
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
 
@@ -26,9 +27,9 @@ class Method(NamedTuple):
     fix: str | None = None
 
     @property
-    def engine(self) -> dict[str, Any]:
-        """The arguments of `simulate` and `simulate_batch` that select the engine."""
-        return {"mode": self.name.lower(), "dt": None if self.steps is None else 1 / self.steps, "fix": self.fix}
+    def engine(self) -> Engine:
+        """The engine."""
+        return Engine(self.name.lower(), None if self.steps is None else 1 / self.steps, self.fix)
 
 
 PIC = Method("PIC")
@@ -40,9 +41,9 @@ def timer(scene: Scene, positions: Floats, velocities: Floats, method: Method) -
     def call(copies: int = 1) -> float:
         many = np.concatenate([positions] * copies), np.concatenate([velocities] * copies)
         begin = perf_counter()
-        simulate_batch(scene, *many, threads=1, **method.engine)
+        simulate_batch(scene, *many, threads=1, engine=method.engine)
         return (perf_counter() - begin) / len(many[0])
 
-    simulate_batch(scene, positions[:1], velocities[:1], threads=1, **method.engine)  # compiles
+    simulate_batch(scene, positions[:1], velocities[:1], threads=1, engine=method.engine)  # compiles
     copies = max(1, round(LEAST_SECONDS / (call() * len(positions))))
     return lambda: call(copies)

@@ -22,6 +22,12 @@ from billiards_env.envs import episodes
 
 SAME_STEP = "SameStep"
 ENV_COUNTS = (1, 16, 256, 1024, 16_384)
+DOORS: dict[str, dict[str, Any]] = {
+    "images of 84 x 84 pixels": {"observe": [("pixels", 84, 84)]},
+    "goals": {"task": "place", "observe": "goal"},
+    "plans": {"action": "plan"},
+}
+"""Kinds of observations and actions, with the arguments of their environments."""
 
 
 def actions_for(count: int) -> np.ndarray:
@@ -45,6 +51,8 @@ def single(steps: int) -> Callable[[], object]:
 def many(envs: Any, steps: int) -> Callable[[], object]:
     """Returns a function that steps a vector environment `steps` times."""
     actions = actions_for(envs.num_envs)
+    if choices := getattr(envs.single_action_space, "n", 0):
+        actions = np.random.default_rng(0).integers(0, choices, actions.shape[:2])
 
     def play() -> None:
         for k in range(steps):
@@ -103,6 +111,10 @@ def kinds(scale: float) -> list[tuple[str, int, Callable[[], object]]]:
         ("SyncVectorEnv of 64", 64 * steps(256), many(sync, steps(256))),
         *((f"native, {n:,}", n * steps(n), many(native(n), steps(n))) for n in ENV_COUNTS),
         ("native, 1,024, one thread", 1024 * steps(1024), many(native(1024, threads=1), steps(1024))),
+        *(
+            (f"native, 1,024, {name}", 1024 * steps(1024), many(native(1024, **arguments), steps(1024)))
+            for name, arguments in DOORS.items()
+        ),
     ]
 
 

@@ -13,23 +13,25 @@ from billiards_env import frozen
 from billiards_env.scene import Scene
 
 if TYPE_CHECKING:
+    from billiards_env.engine.compile import Engine
     from billiards_env.engine.threads import set_num_threads
     from billiards_env.shots.simulation import simulate, simulate_batch
     from billiards_env.shots.strikes import Strike, strike
 
 __version__ = "0.1.0"
 
-__all__ = ["Scene", "Strike", "__version__", "set_num_threads", "simulate", "simulate_batch", "strike"]
+__all__ = ["Engine", "Scene", "Strike", "__version__", "set_num_threads", "simulate", "simulate_batch", "strike"]
 
 gymnasium.register(
     id="Billiards-v0",
-    entry_point="billiards_env.envs:BilliardsEnv",
-    vector_entry_point="billiards_env.envs:BilliardsVectorEnv",
+    entry_point="billiards_env.envs:make_env",
+    vector_entry_point="billiards_env.envs:make_vector_env",
 )
 frozen.register(gymnasium.register)
 
 
 _MODULES = {
+    "Engine": "engine.compile",
     "Strike": "shots.strikes",
     "set_num_threads": "engine.threads",
     "simulate": "shots.simulation",

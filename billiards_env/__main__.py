@@ -216,6 +216,7 @@ def _add_out(parser: argparse.ArgumentParser) -> None:
 
 def simulate(args: argparse.Namespace) -> None:
     """Runs the command `simulate`."""
+    from billiards_env.engine import Engine
     from billiards_env.scene import layouts
     from billiards_env.shots import simulation
     from billiards_env.shots.records import scene_of
@@ -236,11 +237,9 @@ def simulate(args: argparse.Namespace) -> None:
     else:
         positions = finite("--positions", args.positions, (2 * scene.n_balls,)).reshape(-1, 2)
     velocity, spin = _cue_ball(args, scene, positions)
-    options = {"mode": args.mode, "dt": args.dt, "fix": args.fix, "max_time": args.max_time}
-    start = {"scene": scene, "positions": positions, "velocities": velocity, "spins": spin, "record": True}
-    shot = simulation.simulate(**start, **options)
-    others = [{**options, "mode": "pit", "dt": dt} for dt in args.timesteps]
-    compare = [simulation.simulate(**start, **other) for other in others]
+    engines = [Engine(args.mode, args.dt, args.fix), *(Engine("pit", dt, args.fix) for dt in args.timesteps)]
+    options = {"spins": spin, "record": True, "max_time": args.max_time}
+    shot, *compare = [simulation.simulate(scene, positions, velocity, engine=engine, **options) for engine in engines]
     print(shot, table(shot), sep="\n")
     _write(shot, args.out, compare)
 

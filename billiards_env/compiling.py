@@ -8,6 +8,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from billiards_env.engine import PIC, Engine
 from billiards_env.games import Setup, opening
 from billiards_env.players.planner import plan
 from billiards_env.scene import SCENES, Scene, layouts
@@ -18,8 +19,8 @@ def _scene(name: str) -> None:
     """Compiles both engines for a scene, and the environments."""
     scene = Scene.named(name)
     positions = layouts.draw("random", scene, np.random.default_rng(0))
-    for options in ({}, {"mode": "pit", "dt": 1 / 60}):
-        simulate(scene, positions, [0.1, 0.0], record=True, max_time=0.1, **options)
+    for engine in (PIC, Engine("pit", 1 / 60)):
+        simulate(scene, positions, [0.1, 0.0], engine=engine, record=True, max_time=0.1)
     task = "place" if scene.n_balls == 1 else "pot" if scene.table.pockets else "carom"
     arguments: dict[str, Any] = {"scene": name, "task": task, "layout": "random"}
     for env in (gym.make("Billiards-v0", **arguments), gym.make_vec("Billiards-v0", num_envs=2, **arguments)):

@@ -161,8 +161,8 @@ def register(register_one: Callable[..., None]) -> None:
     for name, task in FROZEN.items():
         register_one(
             id=NAMESPACE + name,
-            entry_point="billiards_env.envs:BilliardsEnv",
-            vector_entry_point="billiards_env.envs:BilliardsVectorEnv",
+            entry_point="billiards_env.envs:make_env",
+            vector_entry_point="billiards_env.envs:make_vector_env",
             reward_threshold=task.threshold,
             nondeterministic=False,
             kwargs={**task.arguments, "noise": dict(NOISE) if task.noise else None},

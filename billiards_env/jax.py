@@ -25,7 +25,7 @@ import gymnasium as gym
 import numpy as np
 
 from billiards_env.checks import missing
-from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
+from billiards_env.envs import BilliardsVectorEnv, make_env, make_vector_env
 from billiards_env.envs.state import State
 from billiards_env.scene import Scene
 from billiards_env.shots.functions import Shots
@@ -136,7 +136,7 @@ class PureEnv:
     """
 
     def __init__(self, **arguments: Any) -> None:
-        self.env = BilliardsEnv(**arguments)
+        self.env = make_env(**arguments)
         self._arguments, self._lock, self._envs = arguments, threading.Lock(), dict[int, BilliardsVectorEnv]()
 
     def reset(self, seed: int, num_envs: int) -> tuple[Any, Any]:
@@ -183,7 +183,7 @@ class PureEnv:
     def _of(self, count: int) -> BilliardsVectorEnv:
         """Returns the environment with `count` episodes."""
         if count not in self._envs:
-            self._envs[count] = BilliardsVectorEnv(count, **self._arguments)
+            self._envs[count] = make_vector_env(count, **self._arguments)
         return self._envs[count]
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.checks import missing
+from billiards_env.engine import PIC
 from billiards_env.scene import Scene
 from billiards_env.shots.functions import STARTS, Shots
 from billiards_env.shots.gradients import MARGINS
@@ -134,8 +135,8 @@ def pot_margins(
     single = getattr(base, "single_env", base)
     if single.action != "velocity":
         raise ValueError(f"env.action = {single.action!r}: expected 'velocity'")
-    if single.engine.mode != "pic":
-        raise ValueError(f"env.mode = {single.engine.mode!r}: expected 'pic', shots by PIT have no derivatives")
+    if single.engine != PIC:
+        raise ValueError(f"env.engine = {single.engine}: expected PIC, shots by PIT have no derivatives")
     shots = len(positions) if base is single else 1
     varied = {name: values.repeat(shots) for name, values in base._episodes.physics.items()}
     exact, of = actions.double(), ("ball_margins", "pocket_margins")  # the velocities have the same bits as in `step`

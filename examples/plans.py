@@ -42,7 +42,7 @@ def run(steps: int, episodes: int = 1000) -> tuple[float, float]:
         with torch.no_grad():
             return model.q_net(torch.as_tensor(observations)).numpy()
 
-    return success(lambda seen: rng.random((len(seen), model.action_space.n)), episodes), success(valued, episodes)
+    return success(lambda seen: rng.random((len(seen), 90)), episodes), success(valued, episodes)
 
 
 if __name__ == "__main__":

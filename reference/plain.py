@@ -39,13 +39,13 @@ from billiards_env.physics.state import (
     POTTED,
     REST,
     ROLLING,
-    SceneArrays,
     Time,
     before,
     later,
     moves,
     own_time,
     same,
+    scene_of,
 )
 
 
@@ -182,7 +182,7 @@ _run_all = for_all_shots(event_loop(sys.modules[__name__]))
 @allocating_entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots `begin` to `end` - 1 of a batch in place; the arguments are as in `engine.pic.run_shots`."""
-    arrays = SceneArrays(scene[0][0], *scene[1:])
+    arrays = scene_of(scene, 0)
     most = most_contacts(arrays)
     scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction)
     work = make_workspace(arrays, empty_queue(arrays), most, scratch)

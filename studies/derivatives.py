@@ -40,8 +40,9 @@ from tqdm import tqdm
 
 from benchmarks import IMAGES, machine_line, save, table, use_own_font
 from benchmarks.accuracy_report import PIT_STYLES
+from billiards_env.engine import PIC, Engine
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.envs import BilliardsVectorEnv
+from billiards_env.envs import BilliardsVectorEnv, make_vector_env
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json
 from billiards_env.intervals import as_percent, over_seeds
@@ -82,22 +83,23 @@ class Shots(NamedTuple):
     positions: Floats
     velocities: Floats
 
-    def run(self, change: float | Floats = 0.0, record: bool = False, **engine: Any) -> BatchResult:
+    def run(self, change: float | Floats = 0.0, engine: Engine = PIC, record: bool = False) -> BatchResult:
         """Runs the shots on one core, with the velocities changed by `change` m/s."""
-        return simulate_batch(self.scene, self.positions, self.velocities + change, record=record, threads=1, **engine)
+        moving = self.velocities + change
+        return simulate_batch(self.scene, self.positions, moving, engine=engine, record=record, threads=1)
 
     def part(self, chosen: Any) -> Shots:
         """Returns some of the shots."""
         return Shots(self.scene, self.positions[chosen], self.velocities[chosen])
 
 
-def pit(steps: int, fix: str) -> dict[str, Any]:
-    """Returns the arguments of `simulate_batch` for a number of timesteps per second and a fix."""
-    return {"mode": "pit", "dt": 1.0 / steps, "fix": fix}
+def pit(steps: int, fix: str) -> Engine:
+    """Returns the engine with a number of timesteps per second and a fix."""
+    return Engine("pit", 1.0 / steps, fix)
 
 
 CELLS = {f"{fix} 1/{steps} s": pit(steps, fix) for steps in STEPS for fix in FIXES}
-"""The engines with a timestep, as arguments of `simulate_batch`."""
+"""The engines with a timestep."""
 
 
 def draw_shots(kind: str) -> Shots:
@@ -124,10 +126,10 @@ def exact_derivatives(batch: BatchResult) -> Floats:
     return batch.jacobian("positions", "velocities", threads=1)[:, :, :, 0]
 
 
-def differences(shots: Shots, h: float, **engine: Any) -> Floats:
+def differences(shots: Shots, h: float, engine: Engine = PIC) -> Floats:
     """Returns central differences with a change of `h`, m/s, in each direction, shaped as `exact_derivatives`."""
     changes = h * np.eye(2)
-    ends = [shots.run(change, **engine).positions - shots.run(-change, **engine).positions for change in changes]
+    ends = [shots.run(change, engine).positions - shots.run(-change, engine).positions for change in changes]
     return np.stack(ends, axis=-1) / (2.0 * h)
 
 
@@ -155,7 +157,7 @@ def choose(kind: str) -> dict[str, Any]:
     smooth = np.flatnonzero(of_kind[kind] & (exact.nonsmooth().reason == "") & (size > 0.0) & (size < MOST))
     part, same = shots.part(smooth), {}
     for cell, engine in CELLS.items():
-        same[cell] = (outcomes(part.run(**engine)) == outcomes(exact)[smooth]).all(axis=1)
+        same[cell] = (outcomes(part.run(engine=engine)) == outcomes(exact)[smooth]).all(axis=1)
     return {
         "numbers": smooth[np.all(list(same.values()), axis=0)].tolist(),
         "smooth": len(smooth),
@@ -163,34 +165,34 @@ def choose(kind: str) -> dict[str, Any]:
     }
 
 
-def errors(shots: Shots, positions: Floats, derivatives: Floats, **engine: Any) -> dict[str, float]:
+def errors(shots: Shots, positions: Floats, derivatives: Floats, engine: Engine = PIC) -> dict[str, float]:
     """Returns the median errors of an engine.
 
     Args:
         shots: The shots.
         positions: (m, n, 2) the exact final positions, m.
         derivatives: (m, n, 2, 2) the exact derivatives, s.
-        **engine: The engine, as arguments of `simulate_batch`.
+        engine: The engine.
 
     Returns:
         `position`, m: the distance of the final position, of the ball for which it is largest. `small` and `large`: the
         relative errors of the central differences with `SMALL` and `LARGE` (see `sizes`).
     """
-    found = {"position": np.linalg.norm(shots.run(**engine).positions - positions, axis=2).max(axis=1)}
+    found = {"position": np.linalg.norm(shots.run(engine=engine).positions - positions, axis=2).max(axis=1)}
     for name, h in (("small", SMALL), ("large", LARGE)):
-        found[name] = sizes(differences(shots, h, **engine) - derivatives) / sizes(derivatives)
+        found[name] = sizes(differences(shots, h, engine) - derivatives) / sizes(derivatives)
     return {name: float(np.median(values)) for name, values in found.items()}
 
 
 POOL = Scene.named("pool", 1)
 SCENE = dataclasses.replace(POOL, table=dataclasses.replace(POOL.table, pockets=()))
 
-WORLDS: dict[str, dict[str, Any]] = {
-    "exact": {},
+WORLDS = {
+    "exact": PIC,
     **{f"{fix} 1/{n} s": pit(n, fix) for fix in ("push_apart", "move_back") for n in (240, 60, 15)},
     "time_of_impact 1/60 s": pit(60, "time_of_impact"),
 }
-"""The engines, as arguments of `simulate_batch`."""
+"""The engines."""
 
 UNTRAINED, OVER_JUMPS = "not trained", "over 2 mm/s"
 PUSHED = [world for world in WORLDS if world.startswith("push_apart")]
@@ -259,7 +261,7 @@ def shots_of(network: nn.Module, layouts: Floats) -> Shots:
 
 def misses(shots: Shots, layouts: Floats, world: str) -> Floats:
     """Returns the vectors from the goals to the object balls at the end of the shots in a world, (m, 2), m."""
-    return shots.run(**WORLDS[world]).positions[:, 1] - layouts[:, 2]
+    return shots.run(engine=WORLDS[world]).positions[:, 1] - layouts[:, 2]
 
 
 def slopes(shots: Shots, layouts: Floats, world: str, derivative: str) -> Floats:
@@ -274,9 +276,9 @@ def slopes(shots: Shots, layouts: Floats, world: str, derivative: str) -> Floats
     if derivative in ("exact", UNTRAINED):
         derivatives = exact_derivatives(shots.run(record=True))
     elif derivative == OVER_JUMPS:
-        derivatives = differences(shots, LARGE, **WORLDS[world])
+        derivatives = differences(shots, LARGE, WORLDS[world])
     else:
-        derivatives = differences(shots, SMALL, **WORLDS[derivative])
+        derivatives = differences(shots, SMALL, WORLDS[derivative])
     found = 2.0 * np.einsum("mi,mij->mj", misses(shots, layouts, world), derivatives[:, 1])
     return found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True) / LONGEST, 1.0)
 
@@ -454,7 +456,7 @@ def learn_pots(seed: int, shots: int, episodes: int) -> float:
     """
     torch.manual_seed(seed)
     random = np.random.default_rng(seed)
-    envs = BilliardsVectorEnv(POT_BATCH, threads=1)
+    envs = make_vector_env(POT_BATCH, threads=1)
     envs.reset(seed=POT_BATCH * seed)
     network, memory = Network(envs.single_env.scene), deque[Pots](maxlen=MEMORY)
     optimiser, steps = torch.optim.Adam(network.parameters()), max(1, shots // POT_BATCH)
@@ -471,7 +473,7 @@ def learn_pots(seed: int, shots: int, episodes: int) -> float:
         return network.act(torch.as_tensor(envs.decode(observations)["positions"]))[2].numpy()
 
     seeds = evaluation_seeds(seed, episodes).tolist()
-    return play_together(BilliardsVectorEnv(episodes), actions, seeds)["success_rate"]
+    return play_together(make_vector_env(episodes), actions, seeds)["success_rate"]
 
 
 def measure(output: Path) -> dict[str, Any]:
@@ -492,7 +494,7 @@ def measure(output: Path) -> dict[str, Any]:
     goals = {"updates": UPDATES, "batch": BATCH, "layouts": LAYOUTS, "rate": LEARNING_RATE, "longest": LONGEST}
     settings = {"kinds": KINDS, "steps": STEPS, "fixes": FIXES, "seed": SEED, "goals": goals, "episodes": EPISODES}
     found = resumed(output, settings, chosen={}, errors={}, goals={}, pots={})
-    cells: dict[str, dict[str, Any]] = {"exact": {}, **CELLS}
+    cells = {"exact": PIC, **CELLS}
     for kind in tqdm(KINDS, unit="kind"):
         if kind not in found["chosen"]:
             found["chosen"][kind] = choose(kind)
@@ -500,7 +502,7 @@ def measure(output: Path) -> dict[str, Any]:
         exact = shots.run(record=True)
         for cell, engine in cells.items():
             if cell not in results:
-                results[cell] = errors(shots, exact.positions, exact_derivatives(exact), **engine)
+                results[cell] = errors(shots, exact.positions, exact_derivatives(exact), engine)
                 write_json(output, found)
     for world, derivative in tqdm(GOAL_RUNS, unit="cell"):
         runs = found["goals"].setdefault(world, {}).setdefault(derivative, {})
@@ -613,7 +615,7 @@ def draw_reason(path: Path) -> None:
     titles = {60: "timestep 1/60 s", 240: "timestep 1/240 s: smaller jumps, the same slopes"}
     for (steps, title), axes in zip(titles.items(), panels, strict=True):
         for fix in ("push_apart", "time_of_impact"):
-            places = shots.run(**pit(steps, fix)).positions[:, 0, 0]
+            places = shots.run(engine=pit(steps, fix)).positions[:, 0, 0]
             jumps = np.abs(np.diff(places, append=places[-1])) > 5.0 * (speeds[1] - speeds[0])
             axes.plot(speeds, np.where(jumps, np.nan, places), color=STYLES[fix]["color"], linewidth=2.2, label=fix)
         axes.plot(speeds, shots.run().positions[:, 0, 0], "k:", linewidth=1.2, label="exact")

@@ -28,6 +28,7 @@ from benchmarks import IMAGES, save, use_own_font
 from billiards_env.drawing.canvas import pixels, pygame
 from billiards_env.drawing.plot import draw_ball, legend_handles
 from billiards_env.drawing.style import ARROW, ARROW_START, INK, draw_table, looks, rail_width
+from billiards_env.engine import Engine
 from billiards_env.files import check_path, replacing, write_whole
 from billiards_env.games import History, Setup, opening
 from billiards_env.play.model import HUMAN, Model, aim_like, begin, set_tip, shoot, tick
@@ -181,7 +182,7 @@ def failures() -> Figure:
     for row, (name, (centre, half, ends)) in zip(figure.subplots(len(VIEWS), 2), VIEWS.items(), strict=True):
         case = FAILURES[name]
         start = case.scene, case.positions, case.velocities
-        stepped = simulate(*start, mode="pit", dt=case.dt, record=True)
+        stepped = simulate(*start, engine=Engine("pit", case.dt), record=True)
         for ax, shot, engine in zip(row, (stepped, simulate(*start, record=True)), ("PIT", "PIC"), strict=True):
             _draw_failure(ax, case, shot, centre, half, ends)
             ax.set_title(f"{case.title}, {engine}", fontsize=12, color=INK, loc="left")
@@ -315,7 +316,7 @@ def main(arguments: list[str] | None = None) -> None:
     shown.close()
     write_whole(args.folder / "play.png", buffer.getvalue())
     velocity = shot.recording().trajectory.velocity[0]
-    rough = simulate(scene, shot.at(0.0), velocity, mode="pit", dt=1 / 60, record=True)
+    rough = simulate(scene, shot.at(0.0), velocity, engine=Engine("pit", 1 / 60), record=True)
     shot.to_gif(args.folder / "shot.gif", fps=25, width=640, compare=rough)
     film(args.folder / "run_out.gif", next(filter(None, map(run_out, itertools.count()))))
     print(f"Written to {args.folder}.")

@@ -177,12 +177,12 @@ def _spaces(task: Frozen) -> list[str]:
     parts = [f"`{name}` ({math.prod(shape)})" for name, shape in base.features.items()]
     velocity = f"the velocity of the cue ball divided by {base.max_speed:g} m/s, 2 numbers from -1 to 1."
     strike = "a [strike](../environment.md#strikes-as-actions), 5 numbers from -1 to 1."
-    shots = "one shot" if base.max_shots == 1 else f"{base.max_shots} shots"
-    limit = "at most " * (base.max_shots > 1 and base.task != "sum_to_three")
+    shots = "one shot" if base.model.max_shots == 1 else f"{base.model.max_shots} shots"
+    limit = "at most " * (base.model.max_shots > 1 and base.task != "sum_to_three")
     return [
         f"- [Observation](../environment.md#observations): {observation} numbers: {', '.join(parts)}.",
         f"- Action: {strike if env.action_space.shape == (5,) else velocity}",
-        f"- Reward: the points of the shot, minus {base.scratch_penalty:g} for a scratch. "
+        f"- Reward: the points of the shot, minus {base.model.scratch_penalty:g} for a scratch. "
         f'[The environment](../environment.md#tasks) describes the points of `"{base.task}"`.',
         f"- Episode: {limit}{shots}.",
     ]

@@ -29,7 +29,8 @@ from tqdm import tqdm
 from agents.train import versions
 from benchmarks import IMAGES, machine
 from billiards_env.commands import ending
-from billiards_env.envs import BilliardsVectorEnv
+from billiards_env.engine import Engine
+from billiards_env.envs import BilliardsVectorEnv, make_vector_env
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json
 from billiards_env.sb3.aim_network import AimNetwork
@@ -160,7 +161,7 @@ def direct_pots(
         max_speed: The speed of an action of length 1, m/s.
         world: The engine, an entry of `WORLDS`.
     """
-    shots = simulate_batch(scene, positions, max_speed * actions, threads=1, **world)
+    shots = simulate_batch(scene, positions, max_speed * actions, threads=1, engine=Engine(**world))
     places = np.array([(pocket.x, pocket.y) for pocket in scene.table.pockets])
     pockets = np.linalg.norm(shots.positions[:, 1, None] - places, axis=2).argmin(1)
     direct = (shots.cushions_before_hit[:, 1] == 0) & (shots.cushions[:, 1] == 0)
@@ -300,7 +301,7 @@ def compare_in_game(policy: AimNetwork, run: Run, layouts: int) -> dict[str, Any
     seeds, game = evaluation_seeds(LAYOUT_SEED, layouts).tolist(), GAMES[run.part][0]
     success = {}
     for world in WORLDS_OF_GAMES:
-        envs = BilliardsVectorEnv(layouts, threads=1, **game, **WORLDS[world])
+        envs = make_vector_env(layouts, threads=1, **game, **WORLDS[world])
         success[world] = play_together(envs, functools.partial(shots_of, policy, envs), seeds)["successes"]
     return {"success": success, "own": success[run.world]}
 
@@ -324,7 +325,7 @@ def shots_of(policy: AimNetwork, envs: BilliardsVectorEnv, observations: NDArray
 
 def make_worlds(layouts: int, worlds: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
     """Returns vector environments of a number of layouts in some worlds, by name. They do not reset by themselves."""
-    return {name: BilliardsVectorEnv(layouts, "Disabled", 1, **arguments) for name, arguments in worlds.items()}
+    return {name: make_vector_env(layouts, "Disabled", 1, **arguments) for name, arguments in worlds.items()}
 
 
 def policy_of(weights: Weights, args: Any) -> AimNetwork:

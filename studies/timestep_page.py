@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from billiards_env.commands import ending
 from billiards_env.drawing import style
+from billiards_env.engine import Engine
 from billiards_env.envs.actions import cue_strike
 from billiards_env.evaluation import evaluation_seeds
 from billiards_env.files import check_path, write_whole
@@ -88,9 +89,9 @@ def make_page(policies: Path) -> str:
     return template.replace("{{data}}", json.dumps(data, allow_nan=False, separators=(",", ":")))
 
 
-def _shot(scene: Scene, positions: NDArray[np.float64], strike: Any, engine: dict[str, Any]) -> dict[str, Any]:
+def _shot(scene: Scene, positions: NDArray[np.float64], strike: Any, world: dict[str, Any]) -> dict[str, Any]:
     """Returns whether a shot pots the ball, and the paths of the balls, m: x, y, x, y, ..."""
-    shot: Any = simulate(scene, positions, strike, **engine, record=True)
+    shot: Any = simulate(scene, positions, strike, engine=Engine(**world), record=True)
     times = np.unique([0.0, *shot.events["time"], shot.time])
     between = np.linspace(times[:-1], times[1:], _BETWEEN, endpoint=False).T.ravel()
     paths = shot.at(np.append(between, shot.time))

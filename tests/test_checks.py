@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from billiards_env.checks import RANGES, Range, fits, integer, numbers, one_of, real, short
+from billiards_env.engine import PIC, Engine
 from billiards_env.engine.pit import MAX_STEPS
-from billiards_env.envs import BilliardsVectorEnv
+from billiards_env.envs import BilliardsVectorEnv, make_vector_env
 from billiards_env.envs.actions import aimed_strikes, perturb
 from billiards_env.games import GameState, Setup, Stroke, opening, play, records
 from billiards_env.games.batch import play_batch
@@ -84,16 +85,16 @@ def test_infinite_masses_and_mass_ratios_up_to_1e16_are_allowed():
 # Values that once took minutes or gave wrong results
 
 
-@pytest.mark.parametrize("mode", [{}, {"mode": "pit", "dt": 1 / 60}])
+@pytest.mark.parametrize("engine", [PIC, Engine("pit", 1 / 60)])
 @pytest.mark.parametrize("velocity", [[1e200, 0.0], [0.0, -1000.1], [math.inf, 0.0]])
-def test_a_velocity_that_would_take_minutes_is_rejected(mode, velocity):
+def test_a_velocity_that_would_take_minutes_is_rejected(engine, velocity):
     scene = Scene.named("pool")
     message = f"velocities: ball 0 has {velocity}: expected numbers from -1000 to 1000 m/s"
     with rejected(message):
-        simulate(scene, PLACES, velocity, **mode)
+        simulate(scene, PLACES, velocity, engine=engine)
     with rejected(message.replace("ball", "shot 1, ball")):
-        simulate_batch(scene, [PLACES] * 2, [[1.0, 0.0], velocity], **mode)
-    simulate(scene, PLACES, [1000.0, -1000.0], **mode)
+        simulate_batch(scene, [PLACES] * 2, [[1.0, 0.0], velocity], engine=engine)
+    simulate(scene, PLACES, [1000.0, -1000.0], engine=engine)
 
 
 def test_a_spin_that_would_move_a_ball_off_the_table_is_rejected():
@@ -118,7 +119,7 @@ def test_the_largest_number_of_shots_is_counted():
 
 def test_a_pit_shot_stops_after_the_largest_number_of_timesteps():
     scene = Scene(Balls.uniform(1), physics=Physics(motion="rolling", cushion="restitution"))
-    shot = simulate(scene, [[0.0, 0.0]], [1.0, 0.0], mode="pit", dt=1e-9)
+    shot = simulate(scene, [[0.0, 0.0]], [1.0, 0.0], engine=Engine("pit", 1e-9))
     assert (shot.status, shot.n_events) == ("step_limit", 0)
     assert shot.time == pytest.approx(MAX_STEPS * 1e-9, rel=1e-6)
     assert shot.positions[0, 0] == pytest.approx(shot.time - 0.5 * 0.0981 * shot.time**2)
@@ -268,14 +269,14 @@ def stroke(*arguments: Any) -> Any:
         (stroke((0.0, 1e200), (-0.8, 0.0)), "stroke.velocity[1] = 1e+200: expected a number from -1000 to 1000 m/s"),
         (stroke((1.0, 0.0), (math.nan, 0.0)), "stroke.place[0] = nan: expected a number from -1e+06 to 1e+06 m"),
         (stroke((1.0, 0.0), (np.float64(0.5),)), "stroke.place = (0.5,): expected "),
-        (shot(dt=np.float64(0.5)), "dt = 0.5 with mode='pic'"),
-        (shot(mode=np.str_("pci")), "mode = 'pci': expected one of"),
+        (lambda: Engine(dt=np.float64(0.5)), "dt = 0.5 with mode='pic'"),
+        (lambda: Engine(np.str_("pci")), "mode = 'pci': expected one of"),
         (lambda: Setup("nine_ball", NINE, target=cast("Any", np.int64(3))), "target = 3 with rules 'nine_ball'"),
         (
             made(max_speed=np.float64(2), action="sum_to_three"),
             "max_speed = 2.0 with action 'sum_to_three': expected at",
         ),
-        (lambda: BilliardsVectorEnv(2).reset(options={"positions": "abc"}), "options['positions'] = 'abc': expected"),
+        (lambda: make_vector_env(2).reset(options={"positions": "abc"}), "options['positions'] = 'abc': expected"),
     ],
 )
 def test_a_wrong_type_is_named(call, message):

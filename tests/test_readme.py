@@ -17,7 +17,7 @@ import yaml
 from agents.config import Config
 from agents.ppo import make_model, make_vec_env
 from benchmarks import speed
-from billiards_env.envs import BilliardsEnv
+from billiards_env.envs import BilliardsEnv, arguments
 from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import PARAMETERS, SCENES, Cue, Physics, Scene
 from billiards_env.scene import scene as scenes
@@ -159,7 +159,8 @@ def test_the_configuration_shown_trains():
 
 
 def test_arguments_are_those_of_the_environment():
-    parameters = list(inspect.signature(BilliardsEnv).parameters.values())
+    of_env = inspect.signature(BilliardsEnv).parameters["render_mode"]
+    parameters = [*inspect.signature(arguments.make_model).parameters.values(), of_env]
     rows = table(inspect.getdoc(BilliardsEnv) or "", "Argument")
     assert list(rows) == [p.name for p in parameters]
     for p in parameters:

@@ -8,7 +8,7 @@ from torch.autograd import gradcheck
 from torch.func import grad, jacfwd, jacrev, vmap
 
 from billiards_env import Scene, simulate_batch
-from billiards_env.envs import BilliardsVectorEnv
+from billiards_env.envs import make_vector_env
 from billiards_env.torch import pot_margins, simulate
 from tests.helpers.derivatives import aimed
 
@@ -142,7 +142,7 @@ def test_wrong_names_are_refused():
 
 
 def test_pot_margins_are_positive_for_pots_and_lead_to_them():
-    envs = BilliardsVectorEnv(64, "Disabled")
+    envs = make_vector_env(64, "Disabled")
     envs.reset(seed=0)
     positions = torch.tensor(envs.positions)
     rest = pot_margins(envs, positions, torch.zeros(64, 2, dtype=torch.float64))[..., :4]
@@ -171,7 +171,7 @@ def test_pot_margins_are_positive_for_pots_and_lead_to_them():
 )
 def test_pot_margins_are_positive_exactly_for_pots(arguments):
     """Among them are combinations, in which the cue ball never touches the ball."""
-    envs, rng = BilliardsVectorEnv(300, "Disabled", **arguments), np.random.default_rng(0)
+    envs, rng = make_vector_env(300, "Disabled", **arguments), np.random.default_rng(0)
     envs.reset(seed=1)
     positions, places = envs.positions, [(p.x, p.y) for p in envs.single_env.scene.table.pockets]
     angles = np.arctan2(*(positions[:, 1] - positions[:, 0]).T[::-1]) + rng.normal(0.0, 0.1, 300)
@@ -197,7 +197,7 @@ def test_pot_margins_of_other_shots_are_refused():
     pit = gym.make("billiards_env:Billiards-v0", mode="pit", dt=0.01)
     for env, text in (
         (strikes, r"env\.action = 'strike': expected 'velocity'"),
-        (pit, r"env\.mode = 'pit': expected 'pic'"),
+        (pit, r"env\.engine = PIT, dt = 10 ms: expected PIC"),
     ):
         with pytest.raises(ValueError, match=text):
             pot_margins(env, torch.zeros(1, 2, 2), torch.zeros(1, 2))

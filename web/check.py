@@ -90,8 +90,8 @@ def python_bits(shot: dict[str, Any]) -> Floats:
 
 
 def _parts(shot: dict[str, Any]) -> tuple[str, list[Any], list[float], dict[str, Any]]:
-    options = {key: shot[key] for key in ("mode", "dt", "spins") if key in shot}
-    return shot["scene"], shot["positions"], shot["velocities"], options
+    engine = Engine(shot.get("mode", "pic"), shot.get("dt"))
+    return shot["scene"], shot["positions"], shot["velocities"], {"engine": engine, "spins": shot.get("spins")}
 
 
 @contextlib.contextmanager
@@ -169,14 +169,13 @@ def engine_bits(shot: dict[str, Any]) -> Floats:
 def _run(shot: dict[str, Any], call: Any) -> Floats:
     """Runs a shot with a function that takes the kind of the scene, the mode and the arguments of `pic.run_shots`."""
     name, positions, velocities, options = _parts(shot)
-    scene, mode = Scene.named(name, len(positions) - 1), options.get("mode", "pic")
-    engine = Engine(mode, options.get("dt"))
+    scene, engine = Scene.named(name, len(positions) - 1), options["engine"]
     shots, log = empty_shots(1, scene.n_balls), empty_log(2048, 8192)
     shots.positions[0], shots.velocities[0], shots.spins[0], shots.in_play[0] = positions, 0.0, 0.0, True
-    shots.velocities[0, 0], shots.spins[0, 0] = velocities, options.get("spins", 0.0)
+    shots.velocities[0, 0], shots.spins[0, 0] = velocities, options["spins"] or 0.0
     limit = math.inf if scene.physics.max_time is None else scene.physics.max_time
     fields = scene_fields(scene, engine)
-    call(build.kind_of(scene), mode, 0, 1, fields, limit, 1_000_000, tuple(shots), tuple(log))
+    call(build.kind_of(scene), engine.mode, 0, 1, fields, limit, 1_000_000, tuple(shots), tuple(log))
     parts = *shots, log.used, log.events[: log.used[0]], log.segments[: log.used[1]]
     return np.concatenate([np.ravel(part) for part in parts]).astype(np.float64)
 

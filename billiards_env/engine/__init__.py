@@ -1,6 +1,6 @@
 """The engines that run shots in compiled code: `pic` (event-driven) and `pit` (fixed timestep)."""
 
-from billiards_env.engine.compile import MAX_EVENTS, PIC, Engine, checked_engine, run_shots_of, scene_fields
+from billiards_env.engine.compile import MAX_EVENTS, PIC, Engine, run_shots_of, scene_fields
 from billiards_env.engine.log import KINDS, NO_LOG
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.engine.shots import STATUS, Shots, empty_shots
@@ -15,7 +15,6 @@ __all__ = [
     "Engine",
     "ShotInput",
     "Shots",
-    "checked_engine",
     "empty_shots",
     "parallel_for",
     "run_shots_of",

@@ -6,7 +6,7 @@ import dataclasses
 import functools
 from collections.abc import Callable, Mapping
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from billiards_env.engine.overlaps import FIXES
 from billiards_env.physics.cushion import CUSHIONS, LAWS
 from billiards_env.physics.geometry.walls import outline_arrays
 from billiards_env.physics.state import IDEAL, NUMBERS, ROLLING_ONLY, SLIDING_AND_ROLLING, Numbers, SceneArrays
-from billiards_env.scene import Physics, Scene, law_numbers
+from billiards_env.scene import PARAMETERS, Physics, Scene, law_numbers
 
 MODES = {"pic": pic.run_shots, "pit": pit.run_shots}
 """The function that runs shots for each mode. For at most two and for many balls `run_shots_of` returns other functions
@@ -49,18 +49,41 @@ Varied = Mapping[str, NDArray[np.float64]]
 """What differs from shot to shot: numbers of `Physics`, and the timestep "dt", by name, (m,)."""
 
 
-class Engine(NamedTuple):
-    """An engine and its settings, as `checked_engine` returns it.
+@dataclasses.dataclass(frozen=True, slots=True)
+class Engine:
+    """The engine that runs a shot, and its settings.
 
     Attributes:
-        mode: "pic" or "pit".
+        mode: "pic" (event-driven, exact) or "pit" (fixed timestep, see `engine.pit`).
         dt: Timestep of "pit", s; None for "pic".
-        fix: How "pit" treats overlaps, one of `FIXES`; None means the first. None for "pic".
+        fix: How "pit" treats overlaps (see `engine.overlaps`): "push_apart", "move_back", "none" or "time_of_impact";
+            None for the first. None for "pic".
+
+    Raises:
+        ValueError: If `mode` is not an engine, or `dt` or `fix` is not valid for it.
     """
 
     mode: str = "pic"
     dt: float | None = None
     fix: str | None = None
+
+    def __post_init__(self) -> None:
+        mode, dt, fix = self.mode, self.dt, self.fix
+        one_of("mode", mode, tuple(MODES))
+        if mode == "pic":
+            for name, value, what in (("dt", dt, "timestep (mode='pit' has one)"), ("fix", fix, "overlaps to fix")):
+                if value is not None:
+                    raise ValueError(f"{name} = {short(value)} with mode='pic': expected None, PIC has no {what}")
+            return
+        if dt is None or not fits(dt, "dt"):
+            least, most, unit, _ = RANGES["dt"]
+            raise ValueError(
+                f"dt = {short(dt)} with mode='pit': expected the timestep, a number from {least:g} to {most:g} {unit}, "
+                f"such as 1/60{', not str' if isinstance(dt, str) else ''}"
+            )
+        if fix is not None:
+            one_of("fix", fix, FIXES)
+        object.__setattr__(self, "dt", float(dt))
 
     def __str__(self) -> str:
         timestep = "" if self.dt is None else f", dt = {1000 * self.dt:.4g} ms"
@@ -70,30 +93,17 @@ class Engine(NamedTuple):
 PIC = Engine()
 
 
-def checked_engine(mode: str, dt: float | None, fix: str | None) -> Engine:
-    """Returns an engine with its settings.
+def check_engine(engine: Any) -> None:
+    """Raises a TypeError unless `engine` is an `Engine`."""
+    if not isinstance(engine, Engine):
+        raise TypeError(f"engine = {short(engine)}: expected an Engine, such as Engine('pit', dt=1/60)")
 
-    Raises:
-        ValueError: If `mode` is not an engine, or `dt` or `fix` is not valid for it.
-    """
-    one_of("mode", mode, tuple(MODES))
-    if mode == "pic":
-        if dt is not None:
-            raise ValueError(
-                f"dt = {short(dt)} with mode='pic': expected None, PIC has no timestep (mode='pit' has one)"
-            )
-        if fix is not None:
-            raise ValueError(f"fix = {short(fix)} with mode='pic': expected None, PIC has no overlaps to fix")
-        return PIC
-    if dt is None or not fits(dt, "dt"):
-        least, most, unit, _ = RANGES["dt"]
-        raise ValueError(
-            f"dt = {short(dt)} with mode='pit': expected the timestep, a number from {least:g} to {most:g} {unit}, "
-            f"such as 1/60{', not str' if isinstance(dt, str) else ''}"
-        )
-    if fix is not None:
-        one_of("fix", fix, FIXES)
-    return Engine(mode, float(dt), fix)
+
+def check_varied_name(what: str, name: Any, engine: Engine) -> None:
+    """Raises a ValueError unless shots by an engine may have different values of a number, see `Varied`."""
+    one_of(f"key of {what}", name, (*PARAMETERS, "dt"))
+    if name == "dt" and engine.mode == "pic":
+        raise ValueError(f"{what}['dt'] with mode='pic': expected mode='pit', PIC has no timestep")
 
 
 def run_shots_of(engine: Engine, n_balls: int) -> Callable[..., None]:
@@ -161,8 +171,8 @@ def varied_shot(scene: Scene, engine: Engine, varied: Varied, k: int) -> tuple[S
     if not varied:
         return scene, engine
     given = {name: values[k].item() for name, values in varied.items()}
-    dt = given.pop("dt", engine.dt)
-    return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **given)), engine._replace(dt=dt)
+    engine = dataclasses.replace(engine, dt=given.pop("dt", engine.dt))
+    return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **given)), engine
 
 
 def physics_of_shots(physics: Physics, varied: Varied) -> Any:

@@ -24,7 +24,7 @@ from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
-from billiards_env.physics.state import CUE_BALL, UX, UY, VX, VY, WZ, SceneArrays, X, Y, empty_state
+from billiards_env.physics.state import CUE_BALL, UX, UY, VX, VY, WZ, X, Y, empty_state, scene_of
 from billiards_env.physics.strike import CueNumbers, cue_numbers, impulse_gain
 from billiards_env.scene import CONTACT_GAP, Scene
 
@@ -86,7 +86,7 @@ def _drives(k, ball, scene, starts):
 @entry_point
 def _is_ahead(begin, end, ball, scene, starts):
     """Returns whether the ball moves towards a ball that it touches in any of the shots."""
-    arrays, starts = SceneArrays(scene[0][0], *scene[1:]), Starts(*starts)
+    arrays, starts = scene_of(scene, 0), Starts(*starts)
     found = False
     for k in range(begin, end):
         found = found or _drives(k, ball, arrays, starts)
@@ -123,13 +123,13 @@ def _gather(k, scene, starts, state, contacts):
 @allocating_entry_point
 def _drive(begin, end, ball, cue, scene, starts):
     """Implements `strike_frozen`; the restitution of the balls is -`LEFT`."""
-    cue, starts, arrays = CueNumbers(*cue), Starts(*starts), SceneArrays(scene[0][0], *scene[1:])
+    cue, starts, arrays = CueNumbers(*cue), Starts(*starts), scene_of(scene, 0)
     n = len(arrays.radius)
     most = n * (n - 1) // 2
     state, contacts, scratch = empty_state(n), empty_contacts(most), empty_scratch(n, most, arrays.ball_friction)
     for k in range(begin, end):
         end_call(interrupted())
-        arrays = SceneArrays(scene[0][min(k, len(scene[0]) - 1)], *scene[1:])
+        arrays = scene_of(scene, k)
         if not _drives(k, ball, arrays, starts):
             continue
         load_balls(k, starts, arrays, state)

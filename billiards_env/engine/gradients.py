@@ -77,10 +77,10 @@ from billiards_env.physics.state import (
     T0_LO,
     VX,
     VY,
-    SceneArrays,
     Time,
     ball_of,
     law_numbers_of,
+    scene_of,
     since,
 )
 
@@ -411,7 +411,7 @@ def push_lanes(begin, end, shots, times, inputs, results):
     tape = empty_tape(begin, end, shots, count)
     tangent, lanes, pending = np.empty((n, count, BALL_WIDTH)), tape.lanes, 0
     for k in range(begin, end):
-        arrays = SceneArrays(shots.scene[0][min(k, len(shots.scene[0]) - 1)], *shots.scene[1:])
+        arrays = scene_of(shots.scene, k)
         at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
         log, paths, changes = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]], inputs[k]
         trace(log, paths, arrays, is_sphere, tape)
@@ -582,7 +582,7 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, constants, inputs):
     at_event, pending = np.zeros((count, 3)), 0
     tape.lanes[:] = 0.0
     for k in range(begin, end):
-        arrays = SceneArrays(shots.scene[0][min(k, len(shots.scene[0]) - 1)], *shots.scene[1:])
+        arrays = scene_of(shots.scene, k)
         at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
         log, paths = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]]
         motion, adjoint, sums = arrays.numbers.motion, outputs[k], inputs[k]

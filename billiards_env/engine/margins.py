@@ -91,6 +91,7 @@ from billiards_env.physics.state import (
     before,
     later,
     law_numbers_of,
+    scene_of,
     since,
 )
 
@@ -524,7 +525,7 @@ def push_margins(begin, end, shots, times, inputs, selected, results):
     tape = empty_tape(begin, end, shots, max(count, 1))
     tangent, rates, pending = np.empty((n, count, BALL_WIDTH)), np.empty((n, bodies)), 0
     for k in range(begin, end):
-        arrays = SceneArrays(shots.scene[0][min(k, len(shots.scene[0]) - 1)], *shots.scene[1:])
+        arrays = scene_of(shots.scene, k)
         at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
         log, paths = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]]
         trace(log, paths, arrays, is_sphere, tape)

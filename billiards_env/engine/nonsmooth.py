@@ -72,6 +72,7 @@ from billiards_env.physics.state import (
     Time,
     before,
     later,
+    scene_of,
     since,
 )
 from billiards_env.scene import CONTACT_GAP
@@ -425,7 +426,7 @@ def find_nonsmooth(begin, end, shots, times, results):
     tape, n, first, pending = empty_tape(begin, end, shots, 1), len(shots.scene[1]), np.empty(1), 0
     last = np.empty(n, np.int64)
     for k in range(begin, end):
-        scene = SceneArrays(shots.scene[0][min(k, len(shots.scene[0]) - 1)], *shots.scene[1:])
+        scene = scene_of(shots.scene, k)
         at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
         log, paths, until = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]], Time(times[k], 0.0)
         trace(log, paths, scene, shots.is_sphere, tape)

@@ -30,7 +30,7 @@ from billiards_env.jit import allocating, allocating_entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts, empty_scratch
 from billiards_env.physics.motion import advance, begin_phase
-from billiards_env.physics.state import POTTED, REST, SceneArrays, State, Time, empty_state
+from billiards_env.physics.state import POTTED, REST, State, Time, empty_state, scene_of
 
 CLUSTER_WORK = 100
 """Largest amount of work for each two of the impacts at one instant, in the unit of `LOOK_AFTER`."""
@@ -169,7 +169,7 @@ def run_shots(begin, end, scene, limit, max_events, shots, log):
         shots: The `Shots`.
         log: The `Log`; it holds the last shot.
     """
-    arrays = SceneArrays(scene[0][0], *scene[1:])
+    arrays = scene_of(scene, 0)
     n, most = len(arrays.radius), all_pairs.most_contacts(arrays)
     scratch = empty_scratch(n, most, arrays.ball_friction)
     queue = all_pairs.empty_queue(arrays, all_pairs.empty_paths(n))
@@ -183,7 +183,7 @@ def run_shots_of_at_most_two(begin, end, scene, limit, max_events, shots, log):
 
     With more balls it would write outside the arrays.
     """
-    arrays = SceneArrays(scene[0][0], *scene[1:])
+    arrays = scene_of(scene, 0)
     work = make_workspace(arrays, all_pairs.empty_queue(arrays, None), 1, None)
     end_call(_run_all_pairs(begin, end, scene, work, limit, max_events, shots, log))
 
@@ -191,7 +191,7 @@ def run_shots_of_at_most_two(begin, end, scene, limit, max_events, shots, log):
 @allocating_entry_point
 def run_shots_of_many(begin, end, scene, limit, max_events, shots, log):
     """Computes the same bits as `run_shots`, faster for many balls."""
-    arrays = SceneArrays(scene[0][0], *scene[1:])
+    arrays = scene_of(scene, 0)
     most = cell_grid.most_contacts(arrays)
     scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction)
     work = make_workspace(arrays, cell_grid.empty_queue(arrays), most, scratch)

@@ -65,7 +65,6 @@ from billiards_env.physics.state import (
     REST,
     VX,
     VY,
-    SceneArrays,
     State,
     Time,
     X,
@@ -75,6 +74,7 @@ from billiards_env.physics.state import (
     later,
     moves,
     own_time,
+    scene_of,
     since,
 )
 
@@ -426,5 +426,5 @@ _run_all = for_all_shots(run)
 @allocating_entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots of a batch in place, as `engine.pic.run_shots` does and with the same arguments."""
-    work = make_workspace(SceneArrays(scene[0][0], *scene[1:]))
+    work = make_workspace(scene_of(scene, 0))
     end_call(_run_all(begin, end, scene, work, limit, max_events, shots, log))

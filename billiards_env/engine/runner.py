@@ -8,7 +8,7 @@ from billiards_env.engine.log import Log
 from billiards_env.engine.shots import Shots, load, store
 from billiards_env.jit import inlined
 from billiards_env.jit.interrupt import interrupted
-from billiards_env.physics.state import SceneArrays
+from billiards_env.physics.state import scene_of
 
 INTERRUPTED = -1
 """Returned when Ctrl-C stopped a shot (see `jit.interrupt`); its results are undefined."""
@@ -33,7 +33,7 @@ def for_all_shots(run: Any) -> Any:
         shots, log = Shots(*shots), Log(*log)
         pending = 0
         for k in range(begin, end):
-            arrays = SceneArrays(scene[0][min(k, len(scene[0]) - 1)], *scene[1:])
+            arrays = scene_of(scene, k)
             load(k, shots, arrays, work.state)
             spent = run(k, arrays, work, limit, max_events, shots, log)
             if spent == INTERRUPTED:

@@ -11,17 +11,27 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import MAX_SPEED, MAX_SPIN, RANGES, Range, numbers, one_of, real, shaped, short
+from billiards_env.checks import MAX_SPEED, MAX_SPIN, RANGES, Range, numbers, real, shaped, short
 from billiards_env.engine.cell_grid import cell_of, empty_cells
-from billiards_env.engine.compile import MANY_BALLS, Engine, checked_engine, scene_fields
+from billiards_env.engine.compile import MANY_BALLS, Engine, check_varied_name, scene_fields
 from billiards_env.engine.shots import Shots
 from billiards_env.engine.threads import parallel_for
 from billiards_env.jit import allocating_entry_point, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.walls import half_sizes
-from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, SPIN_X, SPIN_Y, SPIN_Z, SceneArrays, X, Y
-from billiards_env.scene import CONTACT_GAP, PARAMETERS, Physics, Scene, check_positions, check_ranges
+from billiards_env.physics.state import (
+    POCKET_RADIUS,
+    POCKET_X,
+    POCKET_Y,
+    SPIN_X,
+    SPIN_Y,
+    SPIN_Z,
+    X,
+    Y,
+    scene_of,
+)
+from billiards_env.scene import CONTACT_GAP, Scene, check_positions, check_ranges
 
 Floats = NDArray[np.float64]
 
@@ -145,14 +155,14 @@ def is_valid_fast(begin, end, scene, positions, velocities, spins, in_play):
         True if all numbers are within their ranges, balls of infinite mass rest, and balls in play lie inside the
         cushions, outside the pockets and apart from each other.
     """
-    arrays = SceneArrays(scene[0][0], *scene[1:])
+    arrays = scene_of(scene, 0)
     return _are_valid(begin, end, arrays, (positions, velocities, spins, in_play), None)
 
 
 @allocating_entry_point
 def is_valid_fast_of_many(begin, end, scene, positions, velocities, spins, in_play):
     """Returns the same as `is_valid_fast`, faster for many balls: only balls in neighbouring cells are compared."""
-    arrays = SceneArrays(scene[0][0], *scene[1:])
+    arrays = scene_of(scene, 0)
     return _are_valid(begin, end, arrays, (positions, velocities, spins, in_play), empty_cells(arrays))
 
 
@@ -209,47 +219,38 @@ def check_shot(
     return shot
 
 
-def check_varied(
-    scene: Scene, physics: Mapping[str, ArrayLike] | None, mode: str, dt: ArrayLike | None, fix: str | None, m: int
-) -> tuple[Engine, dict[str, Floats]]:
-    """Returns the engine of m shots, and what differs from shot to shot.
+def check_varied(scene: Scene, given: Any, engine: Engine, m: int) -> dict[str, Floats]:
+    """Returns what differs from shot to shot for m shots, (m,) each, after a check.
 
     Args:
         scene: The scene.
-        physics: As in `simulate_batch`.
-        mode: As in `simulate`.
-        dt: The timestep, s, or one for each shot, (m,); None for "pic".
-        fix: As in `simulate`.
+        given: The argument `physics` of `simulate_batch`.
+        engine: The engine.
         m: The number of shots.
 
     Raises:
-        ValueError: As `Physics` and `checked_engine` do. The message names the shot.
-        TypeError: If `physics` is not a mapping.
+        ValueError: As `Physics` and `Engine` do. The message names the shot.
+        TypeError: If `given` is neither a mapping nor None.
     """
-    varied = {} if physics is None else _checked_physics(scene.physics, physics, m)
-    if np.ndim(dt) == 0:  # pyright: ignore[reportArgumentType]
-        return checked_engine(mode, dt, fix), varied  # pyright: ignore[reportArgumentType]
-    timesteps = shaped("dt", dt, (m,))
-    for k in {np.argmin(timesteps).item(), np.argmax(timesteps).item()} if m else ():
-        with _of_shot(k):
-            checked_engine(mode, timesteps[k].item(), fix)
-    return checked_engine(mode, timesteps[0].item() if m else 1.0, fix), {**varied, "dt": timesteps}
-
-
-def _checked_physics(physics: Physics, given: Any, m: int) -> dict[str, Floats]:
-    """Returns numbers of `Physics` for each of m shots, (m,), after a check."""
+    if given is None:
+        return {}
     if not isinstance(given, Mapping):
         raise TypeError(f"physics = {short(given)}: expected a mapping from names of numbers of Physics to arrays")
-    arrays = {}
+    arrays: dict[str, Floats] = {}
     for name, values in given.items():
-        one_of("key of physics", name, tuple(PARAMETERS))
+        check_varied_name("physics", name, engine)
         arrays[name] = shaped(f"physics[{name!r}]", values, (m,))
+    numbers = {name: array for name, array in arrays.items() if name != "dt"}
     try:
-        check_ranges(physics, {name: (array.min(), array.max()) for name, array in arrays.items() if m})
+        check_ranges(scene.physics, {name: (array.min(), array.max()) for name, array in numbers.items() if m})
     except ValueError:  # the extremes may be those of different shots
-        for k, row in enumerate(zip(*arrays.values(), strict=True)):
+        for k, row in enumerate(zip(*numbers.values(), strict=True)):
             with _of_shot(k):
-                dataclasses.replace(physics, **dict(zip(arrays, row, strict=True)))
+                dataclasses.replace(scene.physics, **dict(zip(numbers, row, strict=True)))
+    timesteps = arrays.get("dt", np.empty(0))
+    for k in {np.argmin(timesteps).item(), np.argmax(timesteps).item()} if len(timesteps) else ():
+        with _of_shot(k):
+            dataclasses.replace(engine, dt=timesteps[k].item())
     return arrays
 
 

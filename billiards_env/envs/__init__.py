@@ -1,9 +1,21 @@
 """The Gymnasium environment `Billiards-v0`: the environments, their tasks and rendering."""
 
 from billiards_env.engine import STATUS
-from billiards_env.envs.billiards import BilliardsEnv
+from billiards_env.envs.arguments import Model, make_model
+from billiards_env.envs.billiards import BilliardsEnv, make_env
 from billiards_env.envs.rendering import RecordVideo
 from billiards_env.envs.state import load_state, save_state
-from billiards_env.envs.vector import BilliardsVectorEnv
+from billiards_env.envs.vector import BilliardsVectorEnv, make_vector_env
 
-__all__ = ["STATUS", "BilliardsEnv", "BilliardsVectorEnv", "RecordVideo", "load_state", "save_state"]
+__all__ = [
+    "STATUS",
+    "BilliardsEnv",
+    "BilliardsVectorEnv",
+    "Model",
+    "RecordVideo",
+    "load_state",
+    "make_env",
+    "make_model",
+    "make_vector_env",
+    "save_state",
+]

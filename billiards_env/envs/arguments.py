@@ -1,4 +1,4 @@
-"""The arguments of the environments: scenes, and the options of `reset`."""
+"""The arguments of the environments: `make_model` checks those of `gym.make`, `check_options` those of `reset`."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from billiards_env.checks import one_of, real, shaped, short
-from billiards_env.engine import Engine, checked_engine
-from billiards_env.envs.actions import ACTIONS, ELEVATION, SIDE, SPEED, TOP, TURN
-from billiards_env.envs.tasks import TASKS
+from billiards_env.checks import integer, one_of, real, shaped, short
+from billiards_env.engine import Engine
+from billiards_env.engine.compile import check_varied_name
+from billiards_env.envs.actions import ACTIONS, ELEVATION, SIDE, SPEED, TOP, TURN, check_action
+from billiards_env.envs.observations import without_old
+from billiards_env.envs.tasks import TASKS, task_targets
 from billiards_env.frozen import NOISE
-from billiards_env.scene import PARAMETERS, Balls, Scene, check_positions, check_ranges
+from billiards_env.scene import Balls, Scene, check_positions, check_ranges, layouts
 
 
 class Model(NamedTuple):
-    """The arguments of an environment after their checks: what its episodes read and do not change.
+    """The arguments of an environment after their checks: what its episodes read and do not change. See `make_model`.
 
     Attributes:
         scene: The scene.
@@ -50,6 +52,56 @@ class Model(NamedTuple):
     randomize: dict[str, tuple[float, float]]
     noise: NDArray[np.float64] | None
     noise_seed: int | None
+
+
+@without_old
+def make_model(
+    *,
+    scene: str | Scene | Mapping[str, Any] | None = None,
+    task: str = "pot",
+    n_object_balls: int | None = None,
+    mode: str = "pic",
+    dt: float | None = None,
+    fix: str | None = None,
+    action: str = "velocity",
+    max_shots: int | None = None,
+    max_speed: float = 4.0,
+    layout: str | None = None,
+    observe: Sequence[Any] | None = None,
+    scratch_penalty: float = 0.1,
+    randomize: Mapping[str, Sequence[float]] | None = None,
+    noise: Mapping[str, float] | None = None,
+    noise_seed: int | None = None,
+) -> Model:
+    """Returns the arguments of an environment after a check. The docstring of `BilliardsEnv` describes them.
+
+    Raises:
+        ValueError: If an argument is impossible.
+        TypeError: If an argument has the wrong type.
+    """
+    one_of("task", task, tuple(TASKS))
+    entry = TASKS[task]
+    least, most = entry.n_object_balls
+    board = make_scene(scene, n_object_balls, entry.scene, least if least == most else None)
+    targets, engine = task_targets(task, board), Engine(mode, dt, fix)
+    layout = entry.layout if layout is None else layout
+    layouts.draw(layout, board, np.random.default_rng(0))  # raises here, and not in `reset`, if it is impossible
+    speed = real("max_speed", max_speed, "max_speed")
+    return Model(
+        scene=board,
+        task=task,
+        targets=targets,
+        engine=engine,
+        action=check_action(action, board),
+        max_shots=integer("max_shots", entry.max_shots if max_shots is None else max_shots, "max_shots"),
+        max_speed=speed,
+        layout=layout,
+        observe=observe,
+        scratch_penalty=real("scratch_penalty", scratch_penalty, "scratch_penalty"),
+        randomize=check_randomize(randomize, board, engine),
+        noise=check_noise(noise, board, action, speed),
+        noise_seed=None if noise_seed is None else integer("noise_seed", noise_seed, "seed"),
+    )
 
 
 class Options(NamedTuple):
@@ -124,9 +176,7 @@ def check_randomize(
     if randomize is not None and not isinstance(randomize, Mapping):
         raise TypeError(f"randomize = {short(randomize)}: expected a mapping from names of numbers to (low, high)")
     for key, given in (randomize or {}).items():
-        if key == "dt" and engine.mode == "pic":
-            raise ValueError("randomize['dt'] with mode='pic': expected mode='pit', PIC has no timestep")
-        one_of("key of randomize", key, (*PARAMETERS, "dt"))
+        check_varied_name("randomize", key, engine)
         name = f"randomize[{key!r}]"
         if not isinstance(given, (list, tuple)):
             raise TypeError(f"{name} = {short(given)}: expected (low, high) with low < high")
@@ -137,7 +187,7 @@ def check_randomize(
     try:
         check_ranges(scene.physics, {key: pair for key, pair in ranges.items() if key != "dt"})
         for dt in ranges.get("dt", ()):
-            checked_engine(engine.mode, dt, engine.fix)
+            dataclasses.replace(engine, dt=dt)
     except ValueError as error:
         raise ValueError(f"randomize: {error}") from None
     return ranges

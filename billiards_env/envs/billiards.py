@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -12,27 +11,19 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import finite, integer, one_of, real
-from billiards_env.engine import checked_engine
+from billiards_env.checks import finite, one_of, short
 from billiards_env.engine.shots import AT_EVENT_LIMIT
-from billiards_env.envs.actions import ACTIONS, check_action
-from billiards_env.envs.arguments import (
-    Model,
-    check_noise,
-    check_options,
-    check_randomize,
-    json_spec,
-    make_scene,
-)
+from billiards_env.envs.actions import ACTIONS
+from billiards_env.envs.arguments import Model, check_options, json_spec, make_model
 from billiards_env.envs.episodes import Episodes, noise_stream
 from billiards_env.envs.goals import compute_reward
 from billiards_env.envs.info import single_info
-from billiards_env.envs.observations import decode, nth, without_old
+from billiards_env.envs.observations import decode, nth
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.state import State, checked_state, copied
-from billiards_env.envs.tasks import TASKS, task_targets
+from billiards_env.envs.tasks import TASKS
 from billiards_env.jit import streams
-from billiards_env.scene import Scene, layouts
+from billiards_env.scene import Scene
 
 _ONE, _FIRST = np.ones(1, np.bool_), np.zeros(1, np.int64)
 
@@ -257,6 +248,9 @@ class BilliardsEnv(gym.Env[Any, Any]):
     | `noise_seed`      | int or None   | `None`       | a second seed of the noise                            |
     | `render_mode`     | str or None   | `None`       | `"human"`, `"rgb_array"` or `"rgb_array_list"`        |
 
+    These are the arguments of `gym.make` and of `make_env`. `make_model` checks them and returns a `Model`, from which
+    the constructor makes the environment.
+
     - `scene` is a name, a `Scene`, or a mapping for `Scene.from_dict`, such as `{"base": "real_pool", "n_object_balls":
       9, "physics": {"mu_roll": 0.012}}`. By default it is `"carom"` in `"carom"` and `"three_cushion"`,
       `"sum_to_three"` in the task of that name, and `"pool"` in the others. `n_object_balls` needs a named scene.
@@ -301,68 +295,28 @@ class BilliardsEnv(gym.Env[Any, Any]):
     _spec = None
     spec = json_spec
 
-    @without_old
-    def __init__(
-        self,
-        scene: str | Scene | Mapping[str, Any] | None = None,
-        task: str = "pot",
-        n_object_balls: int | None = None,
-        mode: str = "pic",
-        dt: float | None = None,
-        fix: str | None = None,
-        action: str = "velocity",
-        max_shots: int | None = None,
-        max_speed: float = 4.0,
-        layout: str | None = None,
-        observe: Sequence[Any] | None = None,
-        scratch_penalty: float = 0.1,
-        randomize: Mapping[str, Sequence[float]] | None = None,
-        noise: Mapping[str, float] | None = None,
-        noise_seed: int | None = None,
-        render_mode: str | None = None,
-    ) -> None:
-        one_of("task", task, tuple(TASKS))
-        entry = TASKS[task]
-        least, most = entry.n_object_balls
-        self.scene = make_scene(scene, n_object_balls, entry.scene, least if least == most else None)
-        self.targets = task_targets(task, self.scene)
-        self.task = task
-        self.engine = checked_engine(mode, dt, fix)
-        self.action = check_action(action, self.scene)
-        self.max_shots = integer("max_shots", entry.max_shots if max_shots is None else max_shots, "max_shots")
-        self.max_speed = real("max_speed", max_speed, "max_speed")
-        self.layout = entry.layout if layout is None else layout
-        # A layout that is impossible in the scene raises an error here and not in `reset`.
-        layouts.draw(self.layout, self.scene, np.random.default_rng(0))
-        self.observe = observe
-        self.scratch_penalty = real("scratch_penalty", scratch_penalty, "scratch_penalty")
-        self.randomize = check_randomize(randomize, self.scene, self.engine)
-        self.noise = check_noise(noise, self.scene, action, self.max_speed)
-        self.noise_seed = None if noise_seed is None else integer("noise_seed", noise_seed, "seed")
+    def __init__(self, model: Model, render_mode: str | None = None) -> None:
+        if not isinstance(model, Model):
+            raise TypeError(f"model = {short(model)}: expected the result of make_model; make_env takes its arguments")
         if render_mode is not None:
             one_of("render_mode", render_mode, RENDER_MODES)
-        self.render_mode = render_mode
+        self.model, self.render_mode = model, render_mode
+        self.scene, self.task, self.engine = model.scene, model.task, model.engine
+        self.action, self.max_speed = model.action, model.max_speed
         if render_mode == "rgb_array":
             self.metadata = {**self.metadata, "render_fps": FPS_OF_SHOTS}
         self._renderer = None if render_mode is None else Renderer(self.scene, render_mode)
-
-        model = Model(*[getattr(self, name) for name in Model._fields])
         self._episodes = Episodes(1, model, 0 if self._renderer is None else 1)
         self.features = self._episodes.observer.features
         self.observe = self._episodes.observer.names
-        self.action_space: Any = gym.spaces.Box(-1.0, 1.0, (ACTIONS[action].size,), np.float32)
+        self.action_space: Any = gym.spaces.Box(-1.0, 1.0, (ACTIONS[self.action].size,), np.float32)
         if self._episodes.choices:
             self.action_space = gym.spaces.Discrete(self._episodes.choices)
         self.observation_space = self._episodes.observer.space
         if self.observe == "goal":  # other environments have no `compute_reward`
-            self.compute_reward = functools.partial(compute_reward, entry.goal_radius, self.scratch_penalty)
+            self.compute_reward = functools.partial(compute_reward, TASKS[self.task].goal_radius, model.scratch_penalty)
         self._rewards = np.empty(1)
         self._shared = {*vars(self), "_np_random", "_shared", "_spec"} - {"_episodes", "_renderer", "_rewards"}
-
-    @property
-    def model(self) -> Model:
-        """The arguments of the environment after their checks."""
-        return self._episodes.model
 
     def __deepcopy__(self, memo: dict[int, Any]) -> BilliardsEnv:
         """Returns a copy that continues with the same bits. It shares what does not change, such as the scene."""
@@ -461,8 +415,8 @@ class BilliardsEnv(gym.Env[Any, Any]):
             state.stream[0] = streams.read(self.np_random)
         if seed is None:
             self._np_random = None  # `np_random` makes it again from the stream
-        if self.noise is not None and (seed is not None or not state.noise_stream[0, 3]):
-            state.noise_stream[0] = noise_stream(self.np_random_seed, self.noise_seed)
+        if self.model.noise is not None and (seed is not None or not state.noise_stream[0, 3]):
+            state.noise_stream[0] = noise_stream(self.np_random_seed, self.model.noise_seed)
         if given.episode_seed is not None:
             state.stream[0], state.noise_stream[0] = given.episode_seed[:4], given.episode_seed[4:]
         state.episode_seed[0, :4], state.episode_seed[0, 4:] = state.stream[0], state.noise_stream[0]
@@ -539,3 +493,15 @@ class BilliardsEnv(gym.Env[Any, Any]):
         """Closes the window of the render mode "human"."""
         if self._renderer is not None:
             self._renderer.close()
+
+
+def make_env(*, render_mode: str | None = None, **arguments: Any) -> BilliardsEnv:
+    """Returns the environment of `gym.make("Billiards-v0", ...)`, without Gymnasium's wrappers.
+
+    The arguments are those of the docstring of `BilliardsEnv`.
+
+    Raises:
+        ValueError: If an argument is impossible.
+        TypeError: If an argument is unknown or has the wrong type.
+    """
+    return BilliardsEnv(make_model(**arguments), render_mode)

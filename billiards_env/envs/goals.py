@@ -31,7 +31,7 @@ condition = touches_a_ball  # `achieved_writer` puts the kernel of each task in 
 @functools.cache
 def achieved_writer(task: str) -> Callable[..., None]:
     """Returns `write_achieved` with the condition of a task."""
-    return specialised(write_achieved, condition=TASKS[task].condition)
+    return specialised(write_achieved, condition=TASKS[task].condition)  # pyright: ignore[reportArgumentType]
 
 
 def write_achieved(begin, end, goals, half_extents, numbers, arrays):

@@ -33,7 +33,7 @@ from billiards_env.physics.geometry.contact import distance_to_segment
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
 
-Init = TypeVar("Init", bound=Callable[..., None])
+Make = TypeVar("Make", bound=Callable[..., Any])
 
 _LEEWAY = 1e-9  # m, by which a path may overlap a ball, because the positions of balls that touch are rounded
 
@@ -497,14 +497,14 @@ def decode(observation: Any, features: Mapping[str, tuple[int, ...]]) -> dict[st
     return found
 
 
-def without_old(init: Init) -> Init:
-    """Returns a constructor that raises a TypeError for an argument of `OLD`. The message has the new spelling."""
+def without_old(make: Make) -> Make:
+    """Returns a function that raises a TypeError for an argument of `OLD`. The message has the new spelling."""
 
-    @functools.wraps(init)
-    def checked(self: Any, *args: Any, **arguments: Any) -> None:
+    @functools.wraps(make)
+    def checked(**arguments: Any) -> Any:
         for name in OLD.keys() & arguments:
             expected = f"expected observe with {OLD[name]!r} instead, see envs.observations"
             raise TypeError(f"{name} = {short(arguments[name])}: {expected}")
-        init(self, *args, **arguments)
+        return make(**arguments)
 
-    return cast(Init, checked)
+    return cast(Make, checked)

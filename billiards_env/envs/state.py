@@ -3,8 +3,8 @@
 `get_state` of an environment returns such an array. NumPy indexes, stacks, repeats and compares it like any other:
 
     >>> import numpy as np
-    >>> from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
-    >>> env, envs = BilliardsEnv(max_shots=3), BilliardsVectorEnv(4, max_shots=3)
+    >>> from billiards_env.envs import make_env, make_vector_env
+    >>> env, envs = make_env(max_shots=3), make_vector_env(4, max_shots=3)
     >>> _ = env.reset(seed=1)
     >>> _ = envs.reset()
     >>> envs.set_state(env.get_state().repeat(4))  # four branches of one position
@@ -32,7 +32,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.checks import short
-from billiards_env.engine.compile import cached_by_scene
+from billiards_env.engine.compile import PIC, cached_by_scene
+from billiards_env.engine.shot_input import check_shot
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.tasks import TASKS
 from billiards_env.files import check_path, write_whole
@@ -160,6 +161,9 @@ def _check_rows(rows: State, kind: np.dtype[np.void], model: Model) -> None:
         if not ((low <= numbers) & (numbers <= high)).all():
             expected = f"expected numbers from {low:g} to {high:g}, as in randomize"
             raise ValueError(f"state['physics'], {name} = {short(numbers)}: {expected}")
+    if model.engine == PIC:  # balls that PIT has moved may overlap
+        lying = rows[rows["begun"]]
+        check_shot(model.scene, lying["positions"], np.zeros((len(lying), 2)), None, lying["in_play"], None)
     check_players(rows["game"])
     left = rows["shots_left"]
     if not (rows["fresh"] | rows["over"] | ((left > 0) & (left <= model.max_shots))).all():

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import integer, one_of, shaped, short
 from billiards_env.engine import parallel_for
 from billiards_env.engine.shots import AT_EVENT_LIMIT
-from billiards_env.envs.arguments import check_options, json_spec
+from billiards_env.envs.arguments import Model, check_options, json_spec, make_model
 from billiards_env.envs.billiards import BilliardsEnv
 from billiards_env.envs.episodes import Episodes, noise_stream
 from billiards_env.envs.info import copied_info, masked_info, with_starts
@@ -38,7 +38,8 @@ def warn_of_wrong_returns() -> None:
     if tuple(map(int, gym.__version__.split(".")[:2])) < (1, 4):
         warnings.warn(
             f"Gymnasium {gym.__version__}: RecordEpisodeStatistics and NormalizeReward return wrong numbers with the "
-            'autoreset mode "SameStep". Install Gymnasium 1.4 or later, or use autoreset_mode="NextStep" with them.',
+            'autoreset mode "SameStep". Install Gymnasium 1.4 or later. RecordEpisodeStatistics is also right with '
+            'autoreset_mode="NextStep".',
             stacklevel=3,
         )
 
@@ -104,7 +105,8 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
     | `autoreset_mode` | str or AutoresetMode | `"SameStep"` | what happens after the end of an episode             |
     | `threads`        | int or None          | `None`       | threads; None for the number of `set_num_threads`    |
 
-    All other arguments are as in `BilliardsEnv` and apply to every environment.
+    `gym.make_vec` and `make_vector_env` have these arguments and those of `BilliardsEnv`, which apply to every
+    environment.
 
     ## Rendering
 
@@ -128,10 +130,11 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
 
     def __init__(
         self,
-        num_envs: int = 1,
+        num_envs: int,
+        model: Model,
         autoreset_mode: str | AutoresetMode = AutoresetMode.SAME_STEP,
         threads: int | None = None,
-        **arguments: Any,
+        render_mode: str | None = None,
     ) -> None:
         self.num_envs = integer("num_envs", num_envs, "num_envs")
         if not isinstance(autoreset_mode, AutoresetMode):
@@ -139,13 +142,10 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
             warn_of_wrong_returns()
-        if "max_episode_steps" in arguments:
-            steps = short(arguments["max_episode_steps"])
-            raise ValueError(f"max_episode_steps = {steps}: expected max_shots, one step is one shot")
         self.threads = None if threads is None else integer("threads", threads, "threads")
-        self.single_env = env = BilliardsEnv(**arguments)
-        self.render_mode = env.render_mode
-        self._renderer = None if env.render_mode is None else Renderer(env.scene, env.render_mode, self.num_envs)
+        self.single_env = env = BilliardsEnv(model, render_mode)
+        self.render_mode = render_mode
+        self._renderer = None if render_mode is None else Renderer(model.scene, render_mode, self.num_envs)
         self.metadata = {**BilliardsVectorEnv.metadata, **env.metadata, "autoreset_mode": self.autoreset_mode}
         self.single_observation_space = env.observation_space
         self.single_action_space = env.action_space
@@ -154,7 +154,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         self._actions_shape = self.num_envs, *env.action_space.shape
 
         self._n_shown = 0 if self._renderer is None else self._renderer.n_shown
-        self._episodes = Episodes(self.num_envs, env.model, self._n_shown)
+        self._episodes = Episodes(self.num_envs, model, self._n_shown)
         self._seeds = np.full(self.num_envs, -1, object)  # -1: not known
         self._shared = {*vars(self), "_shared", "_spec"} - {"single_env", "_episodes", "_renderer", "_seeds"}
 
@@ -478,6 +478,27 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         return array
 
 
+def make_vector_env(
+    num_envs: int = 1,
+    autoreset_mode: str | AutoresetMode = AutoresetMode.SAME_STEP,
+    threads: int | None = None,
+    render_mode: str | None = None,
+    **arguments: Any,
+) -> BilliardsVectorEnv:
+    """Returns the environment of `gym.make_vec("Billiards-v0", ...)`.
+
+    The arguments are those of the docstrings of `BilliardsVectorEnv` and `BilliardsEnv`.
+
+    Raises:
+        ValueError: If an argument is impossible.
+        TypeError: If an argument is unknown or has the wrong type.
+    """
+    if "max_episode_steps" in arguments:
+        steps = short(arguments["max_episode_steps"])
+        raise ValueError(f"max_episode_steps = {steps}: expected max_shots, one step is one shot")
+    return BilliardsVectorEnv(num_envs, make_model(**arguments), autoreset_mode, threads, render_mode)
+
+
 def _checked_mask(mask: Any, num_envs: int) -> Bools:
     """Returns a copy of a reset mask."""
     if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
@@ -493,7 +514,7 @@ def _masked_rows(observations: Any, mask: Bools) -> NDArray[Any]:
     """Returns an object array of the observations in the mask, with None for the others."""
     chosen, rows = np.flatnonzero(mask), np.full(len(mask), None)
     if isinstance(observations, dict):
-        rows[chosen] = [nth(observations, k) for k in chosen]
+        rows[chosen] = [nth(observations, k) for k in chosen.tolist()]
     elif len(chosen) == len(mask):
         return np.fromiter(observations, object, len(mask))
     else:

@@ -81,9 +81,7 @@ def play_batch(
     scene = _scene_of(setup.scene, balls)
     if scene.physics.motion == "sliding":
         speeds, spins = strike_with(speeds, None if spins is None else numbers("spins", spins)), None
-    batch = simulate_batch(
-        scene, starts, speeds, mode=setup.mode, dt=setup.dt, fix=setup.fix, spins=spins, threads=threads
-    )
+    batch = simulate_batch(scene, starts, speeds, engine=setup.engine, spins=spins, threads=threads)
     before, bits = np.zeros_like(batch.potted), 1 << np.array(balls)
     counts = Counts(before, batch.potted, batch.cushions, batch.cushions_before_hit, batch.first_hit, bits)
     facts, called, states = facts_of_shots(counts), np.zeros(m, CALL), np.array([state], STATE)

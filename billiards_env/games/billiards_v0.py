@@ -1,4 +1,4 @@
-"""The PettingZoo environment: `env` for use, `raw_env` without PettingZoo's wrappers.
+"""The PettingZoo environment `GameEnv`: `env` for use, `raw_env` without PettingZoo's wrappers.
 
 ```python
 >>> from billiards_env.games import billiards_v0
@@ -26,6 +26,7 @@ from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
 from billiards_env.checks import finite, flag, integer, missing, one_of, real, short
+from billiards_env.engine import Engine
 from billiards_env.envs.actions import ACTIONS, PLAYED, check_action, cue_strike
 from billiards_env.envs.arguments import make_scene
 from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
@@ -59,7 +60,7 @@ ID = "billiards_env/billiards-v0"
 _VALUES = 4  # of a ball in an observation
 
 
-class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
+class GameEnv(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     """Billiards for two to four players: each action is one cue shot, simulated until every ball rests.
 
     ## Games
@@ -165,6 +166,8 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     | `mode`, `dt`, `fix` | | `"pic"` | the engine, as in `Billiards-v0` |
     | `render_mode` | str or None | `None` | `"rgb_array"`, `"rgb_array_list"` or `"human"` |
 
+    These are the arguments of `env` and `raw_env`, which make the `Setup` for the constructor.
+
     ## Version History
 
     * v0: Initial version.
@@ -179,35 +182,19 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
     def __init__(
         self,
-        rules: str = "eight_ball",
-        n_players: int = 2,
-        scene: str | Scene | Mapping[str, Any] | None = None,
-        n_object_balls: int | None = None,
-        target: int | None = None,
+        setup: Setup,
         action: str = "velocity",
         can_call: bool = False,
-        miss: bool = False,
         layout: str | None = None,
         max_shots: int = 200,
         max_speed: float = 8.0,
-        mode: str = "pic",
-        dt: float | None = None,
-        fix: str | None = None,
         render_mode: str | None = None,
     ) -> None:
         super().__init__()
-        if flag("miss", miss) and not can_call:
-            raise ValueError(
-                "miss = True with can_call = False: expected can_call = True, the miss rule gives a choice"
-            )
-        one_of("rules", rules, tuple(GAMES))
-        board = make_scene(scene, n_object_balls, GAMES[rules].scene, GAMES[rules].n_object_balls[1])
-        game_rules = GAMES[rules]
+        self.setup, game_rules = setup, setup.game_rules
         if flag("can_call", can_call) and not game_rules.pockets:
-            raise ValueError(f"can_call = True with rules = {rules!r}: expected False, the game has no calls")
-        call_shot = can_call and game_rules.callable is not None
-        self.setup = Setup(rules, board, n_players, target, mode, dt, fix, call_shot, miss)
-        self.action = check_action(action, board, PLAYED)
+            raise ValueError(f"can_call = True with rules = {setup.rules!r}: expected False, the game has no calls")
+        self.action = check_action(action, setup.scene, PLAYED)
         self.can_call = can_call
         self.layout = layout
         opening(self.setup, np.random.default_rng(0), layout)  # raises here if the layout does not suit the game
@@ -433,11 +420,40 @@ def _part(value: float, count: int) -> int:
     return min(max(int((value + 1) / 2 * count), 0), count - 1)
 
 
+def raw_env(
+    rules: str = "eight_ball",
+    n_players: int = 2,
+    scene: str | Scene | Mapping[str, Any] | None = None,
+    n_object_balls: int | None = None,
+    target: int | None = None,
+    can_call: bool = False,
+    miss: bool = False,
+    mode: str = "pic",
+    dt: float | None = None,
+    fix: str | None = None,
+    **options: Any,
+) -> GameEnv:
+    """Returns the environment without PettingZoo's wrappers. The docstring of `GameEnv` describes the arguments.
+
+    Raises:
+        ValueError: If an argument is impossible.
+        TypeError: If an argument is unknown or has the wrong type.
+    """
+    if flag("miss", miss) and not can_call:
+        raise ValueError("miss = True with can_call = False: expected can_call = True, the miss rule gives a choice")
+    one_of("rules", rules, tuple(GAMES))
+    game_rules = GAMES[rules]
+    board = make_scene(scene, n_object_balls, game_rules.scene, game_rules.n_object_balls[1])
+    call_shot = can_call and game_rules.callable is not None
+    setup = Setup(rules, board, n_players, target, Engine(mode, dt, fix), call_shot, miss)
+    return GameEnv(setup, can_call=can_call, **options)
+
+
 def env(**kwargs: Any) -> OrderEnforcingWrapper[str, NDArray[np.float32], NDArray[np.float32]]:
     """Returns the environment with PettingZoo's wrappers, which clip actions and check the order of calls.
 
     Args:
-        **kwargs: The arguments of `raw_env`.
+        **kwargs: The arguments of the docstring of `GameEnv`.
 
     Returns:
         The environment.

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import Range, flag, integer, one_of, real, shaped, short
-from billiards_env.engine.compile import Engine, checked_engine, scene_fields
+from billiards_env.engine.compile import PIC, Engine, check_engine, scene_fields
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.games.entry import Game
@@ -95,9 +95,7 @@ class Setup:
         n_players: Number of players.
         target: The score that wins, or 0 if no score does. None selects the default of the game; it remains None in a
             game that is not won by points.
-        mode: The engine, as in `simulate`.
-        dt: As in `simulate`.
-        fix: As in `simulate`.
+        engine: The engine.
         call_shot: Whether shots are called in eight ball, ten ball or straight pool, as the WPA's rules require (1.6).
             By default any ball potted on a legal shot counts, and a player need not call.
         miss: Whether snooker is played with the miss rule.
@@ -107,9 +105,7 @@ class Setup:
     scene: Scene
     n_players: int = 2
     target: int | None = None
-    mode: str = "pic"
-    dt: float | None = None
-    fix: str | None = None
+    engine: Engine = PIC
     call_shot: bool = False
     miss: bool = False
 
@@ -139,14 +135,7 @@ class Setup:
         for name, possible in (("call_shot", rules.callable is not None), ("miss", "replace" in rules.choices)):
             what = f"{name} = True with rules {self.rules!r}"
             _expect(possible or not flag(name, getattr(self, name)), what, "False, the game has no such rule")
-        checked_engine(self.mode, self.dt, self.fix)
-        if self.dt is not None:
-            object.__setattr__(self, "dt", float(self.dt))
-
-    @property
-    def engine(self) -> Engine:
-        """The engine."""
-        return Engine(self.mode, self.dt, self.fix)
+        check_engine(self.engine)
 
     @property
     def game_rules(self) -> Game:

@@ -73,7 +73,7 @@ def record_game(history: History) -> GameRecord:
     """Records a game.
 
     Args:
-        history: The game, for example from `games.billiards_v0.raw_env.history`.
+        history: The game, for example from `games.billiards_v0.GameEnv.history`.
 
     Returns:
         The record, for `save`.
@@ -144,8 +144,7 @@ def to_json(record: Record) -> str:
     if not isinstance(record, GameRecord):
         raise TypeError(f"record = {short(record)}: expected the result of record_shot or record_game")
     setup, state = record.setup, to_dict(record.state)
-    data: dict[str, Any] = {field.name: getattr(setup, field.name) for field in dataclasses.fields(setup)}
-    data["scene"] = setup.scene.to_dict()
+    data = shots.plain(setup)
     data["positions"] = record.positions
     data["state"] = {name: state[name] for name in STATE_FIELDS}
     data["strokes"] = [stroke._asdict() | {"call": stroke.call._asdict()} for stroke in record.strokes]
@@ -172,11 +171,9 @@ def _game(data: dict[str, Any]) -> GameRecord:
             f"version = {data['version']}: expected {shots.VERSION} for a game; the file has older rules and no calls"
         )
     fields("the file", data, _GAME_FIELDS)
-    scene, mode, dt, fix = head(data)
+    scene, engine = head(data)
     n = scene.n_balls
-    setup = Setup(
-        data["rules"], scene, data["n_players"], data["target"], mode, dt, fix, data["call_shot"], data["miss"]
-    )
+    setup = Setup(data["rules"], scene, data["n_players"], data["target"], engine, data["call_shot"], data["miss"])
     positions = rows_of("positions", data["positions"], n, 2)
     state = custom_opening(setup, positions, fields("state", data["state"], STATE_FIELDS)).state
     strokes = []

@@ -1,5 +1,13 @@
 """Compilation with numba: decorators for kernels, Ctrl-C during long calls, and random streams for kernels."""
 
-from billiards_env.jit.decorators import allocating, allocating_entry_point, entry_point, inlined, kernel, specialised
+from billiards_env.jit.decorators import (
+    allocating,
+    allocating_entry_point,
+    entry_point,
+    expanded,
+    inlined,
+    kernel,
+    specialised,
+)
 
-__all__ = ["allocating", "allocating_entry_point", "entry_point", "inlined", "kernel", "specialised"]
+__all__ = ["allocating", "allocating_entry_point", "entry_point", "expanded", "inlined", "kernel", "specialised"]

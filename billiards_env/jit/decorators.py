@@ -118,6 +118,11 @@ def inlined(function: F) -> F:
     return _compiled(Kernel, function, _nrt=False, forceinline=True)
 
 
+def expanded(function: F) -> F:
+    """Compiles a function whose code numba copies to its callers, so that it may return a record of an array."""
+    return _compiled(Kernel, function, _nrt=False, inline="always")
+
+
 def allocating(function: F) -> F:
     """Compiles a function that other compiled functions call and that may create arrays."""
     return _compiled(Kernel, function)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.jit import allocating, inlined, kernel
+from billiards_env.jit import allocating, expanded, inlined, kernel
 from billiards_env.physics.double_double import two_sum
 from billiards_env.scene.scene import law_names
 
@@ -154,7 +154,7 @@ class SceneArrays(NamedTuple):
     argument begins with `if field is None`.
 
     The argument `scene` of an entry point has the fields as a plain tuple, which numba unpacks in half the time. Its
-    first field is an array of records of `NUMBERS`, one for all shots or one for each shot.
+    first field is an array of records of `NUMBERS`, one for all shots or one for each shot; see `scene_of`.
     """
 
     numbers: Any
@@ -165,6 +165,12 @@ class SceneArrays(NamedTuple):
     spheres: Any = None
     ball_friction: Any = None
     cushion: Any = ()
+
+
+@expanded
+def scene_of(scene, k):
+    """Returns the `SceneArrays` of shot k from the argument `scene` of an entry point."""
+    return SceneArrays(scene[0][min(k, len(scene[0]) - 1)], *scene[1:])
 
 
 @allocating

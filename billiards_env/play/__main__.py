@@ -12,7 +12,7 @@ import numpy as np
 from billiards_env.checks import Range, integer, number, one_of, real
 from billiards_env.commands import ending
 from billiards_env.drawing.style import PALETTES
-from billiards_env.engine.compile import MODES
+from billiards_env.engine.compile import MODES, PIC, Engine
 from billiards_env.files import check_path, free_path
 from billiards_env.games import GAMES, History, Setup, opening, records
 from billiards_env.play.model import HUMAN, PACES, Model, begin
@@ -98,21 +98,21 @@ def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
         raise ValueError("--miss without --choices: expected both, the miss rule gives a choice")
     rules = args.rules or "eight_ball"
     one_of("rules", rules, tuple(GAMES))
-    game_rules, mode = GAMES[rules], args.mode or "pic"
+    game_rules = GAMES[rules]
     balls = game_rules.n_object_balls[1] if args.balls is None else args.balls
     named = args.scene or REAL_SCENES.get(game_rules.scene, game_rules.scene)
     scene = scene_of(named, args.balls if named.endswith(".json") else balls)
     n_players = max(2, len(args.players.split(","))) if args.players else 2
-    dt = args.dt if mode == "pit" else None
-    setup = Setup(rules, scene, n_players, args.target, mode, dt, call_shot=args.call_shot, miss=args.miss)
+    engine = Engine(args.mode, args.dt) if args.mode == "pit" else Engine(args.mode or "pic")
+    setup = Setup(rules, scene, n_players, args.target, engine, args.call_shot, args.miss)
     return History(setup, opening(setup, rng, args.layout), ())
 
 
 def compile_engines(scene: Scene, ghost_dt: float) -> None:
     """Runs a shot with each engine to compile it. A window with a game would not respond during this time."""
     positions = layouts.draw("random", scene, np.random.default_rng(0))
-    for mode, dt in (("pic", None), ("pit", ghost_dt)):
-        simulate(scene, positions, [0.1, 0.0], mode=mode, dt=dt, record=True)
+    for engine in (PIC, Engine("pit", ghost_dt)):
+        simulate(scene, positions, [0.1, 0.0], engine=engine, record=True)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -494,7 +494,7 @@ def replay(model: Model) -> Model:
         return model
     comparison = model.comparison
     if comparison is None:
-        engine = Engine("pit", model.ghost_dt) if model.setup.mode == "pic" else PIC
+        engine = Engine("pit", model.ghost_dt) if model.setup.engine == PIC else PIC
         comparison = run_shot(model.setup.scene, model.last_shot.shot_input, engine, record=True)
     return dataclasses.replace(model, comparison=comparison, phase="replaying", preview=None, clock=0.0)
 

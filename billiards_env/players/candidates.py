@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.engine import PIC
 from billiards_env.games import GameState, Setup
 from billiards_env.games.placement import cue_ball_area, cue_ball_point
 from billiards_env.games.state import PUSH_OUT, is_in, members, on_table
@@ -166,7 +167,7 @@ def _pots(
             shots = pots.shots[place, k]
             parts.append((some.start + place, np.full(len(k), tip), target, shots, tolerance, share))
     easiest = max((part[-1].max(initial=0.0) for part in parts), default=0.0)
-    if not state.in_hand and setup.mode == "pic" and easiest < _SURE and most:
+    if not state.in_hand and setup.engine == PIC and easiest < _SURE and most:
         potted = np.arange(n) if setup.game_rules.pots_any else np.flatnonzero(targets)
         ways = find_indirect(setup, game, potted, max_speed, most, budget)
         pots = ways.target[:, 0] >= 0

@@ -2,9 +2,9 @@
 
 Example:
     >>> import numpy as np
-    >>> from billiards_env.envs import BilliardsEnv
+    >>> from billiards_env.envs import make_env
     >>> from billiards_env.players.strategies import geometric
-    >>> env = BilliardsEnv()
+    >>> env = make_env()
     >>> _ = env.reset(seed=1)
     >>> env.step(geometric(task_situation(env), np.random.default_rng(0)))[1]
     1.0
@@ -37,7 +37,7 @@ Floats = NDArray[np.float64]
 def task_situation(env: BilliardsEnv) -> Situation:
     """Returns the situation in an environment. The rating of an action is its reward."""
     one_of("action of the environment of a player", env.action, PLAYED)
-    targets = env.legal_balls if env.legal_balls.size else env.targets
+    targets = env.legal_balls if env.legal_balls.size else env.model.targets
     return Situation(
         env.episode_scene,
         env.positions,

@@ -16,7 +16,7 @@ from billiards_env.engine import scene_fields
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.laws.cloth import launch
-from billiards_env.physics.state import SceneArrays, X, Y, empty_state
+from billiards_env.physics.state import X, Y, empty_state, scene_of
 from billiards_env.players.banks import bank_pot
 from billiards_env.players.direct import direct_pot
 from billiards_env.players.hits import TableArrays, against_throw, cut_cosine, gain, hit_at, meet_before, play_hit
@@ -186,7 +186,7 @@ def write_pots(scene, balls, tables, flags, pots):
     `tables` holds the other fields of `TableArrays`. `flags`: find banks on tables without a direct
     pot, find all banks, write the shots.
     """
-    scene, pots = SceneArrays(scene[0][0], *scene[1:]), Pots(*pots)
+    scene, pots = scene_of(scene, 0), Pots(*pots)
     cue, positions, off_table, max_speed, slip_ratio, spin_ratio = tables
     state = empty_state(positions.shape[1])
     for t in range(len(positions)):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
-import inspect
 import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
@@ -62,10 +62,9 @@ def _find_game(env: str) -> BilliardsEnv:
 
 def arguments_of(env: BilliardsEnv) -> dict[str, Any]:
     """Returns arguments of `gym.make("Billiards-v0", ...)` that make an environment like `env`, without its noise."""
-    found = {name: getattr(env, name) for name in inspect.signature(BilliardsEnv).parameters if hasattr(env, name)}
-    for name in ("render_mode", "noise", "noise_seed"):
-        del found[name]
-    return found | env.engine._asdict() | {"scene": env.scene.to_dict(), "n_object_balls": None}
+    names = ("task", "action", "max_shots", "max_speed", "layout", "scratch_penalty", "randomize")
+    found = {"scene": env.scene.to_dict(), **dataclasses.asdict(env.engine), "observe": env.observe}
+    return found | {name: getattr(env.model, name) for name in names}
 
 
 def by_value(log_prob: Tensor, values: Tensor) -> Tensor:

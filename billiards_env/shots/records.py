@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from billiards_env.checks import Range, flag, integer, one_of, real, short
-from billiards_env.engine.compile import checked_engine
+from billiards_env.engine.compile import Engine
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import STATUS
 from billiards_env.files import read_text, replacing
@@ -51,7 +51,7 @@ MAX_BALLS = 1000
 
 SHOT = "billiards_env/shot"
 
-_OPTIONS = ("mode", "dt", "fix", "spins", "in_play", "max_time", "max_events")  # of `simulate`
+_OPTIONS = ("engine", "spins", "in_play", "max_time", "max_events")  # of `simulate`
 
 Rows = tuple[tuple[float, ...], ...]
 T = TypeVar("T")
@@ -86,9 +86,7 @@ class ShotRecord:
         velocities: x and y for each ball, m/s.
         spins: x, y and z for each ball, rad/s; None for zero spin.
         in_play: One bool per ball.
-        mode: The engine.
-        dt: The timestep of "pit", s; None for "pic".
-        fix: As in `simulate`.
+        engine: The engine.
         max_time: Time limit, s; None for the scene's.
         max_events: As in `simulate`.
         end: The result.
@@ -99,9 +97,7 @@ class ShotRecord:
     velocities: Rows
     spins: Rows | None
     in_play: tuple[bool, ...]
-    mode: str
-    dt: float | None
-    fix: str | None
+    engine: Engine
     max_time: float | None
     max_events: int
     end: ShotEnd
@@ -128,9 +124,7 @@ def record_of(shot: ShotResult) -> ShotRecord:
         velocities=rows(start.velocities),
         spins=rows(start.spins) if turns else None,
         in_play=tuple(start.in_play.tolist()),
-        mode=engine.mode,
-        dt=engine.dt,
-        fix=engine.fix,
+        engine=engine,
         max_time=None if start.limit in (shot.scene.physics.max_time, math.inf) else start.limit,
         max_events=int(max_events),
         end=_end_of_shot(shot),
@@ -181,8 +175,7 @@ def to_json(record: ShotRecord) -> str:
     """Returns a record as JSON text with one line per field."""
     if not isinstance(record, ShotRecord):
         raise TypeError(f"record = {short(record)}: expected the result of record_shot")
-    data = {field.name: getattr(record, field.name) for field in dataclasses.fields(record)}
-    return json_text(SHOT, {**data, "scene": record.scene.to_dict(), "end": dataclasses.asdict(record.end)})
+    return json_text(SHOT, {**plain(record), "end": dataclasses.asdict(record.end)})
 
 
 def from_json(text: str) -> ShotRecord:
@@ -241,6 +234,12 @@ def json_text(kind: str, data: Mapping[str, Any]) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
+def plain(record: Any) -> dict[str, Any]:
+    """Returns the fields of a shot, or of the setup of a game, with the scene and the engine as `head` reads them."""
+    data = {field.name: getattr(record, field.name) for field in dataclasses.fields(record)}
+    return {"scene": data.pop("scene").to_dict(), **dataclasses.asdict(data.pop("engine")), **data}
+
+
 def parse(text: str, kinds: Mapping[str, Callable[[dict[str, Any]], T]], what: str = "a shot or a game") -> T:
     """Returns what the function of the file's kind builds from its data; errors name `what` it should hold."""
     if len(text) > MAX_BYTES:
@@ -276,7 +275,7 @@ _SHOT_END = tuple(field.name for field in dataclasses.fields(ShotEnd))
 def shot_of(data: dict[str, Any]) -> ShotRecord:
     """Returns the record of a shot from the data of its file."""
     fields("the file", data, _SHOT_FIELDS)
-    scene, mode, dt, fix = head(data)
+    scene, engine = head(data)
     n = scene.n_balls
     positions = rows_of("positions", data["positions"], n, 2)
     velocities = rows_of("velocities", data["velocities"], n, 2)
@@ -293,9 +292,7 @@ def shot_of(data: dict[str, Any]) -> ShotRecord:
         velocities=velocities,
         spins=spins,
         in_play=in_play,
-        mode=mode,
-        dt=dt,
-        fix=fix,
+        engine=engine,
         max_time=max_time,
         max_events=max_events,
         end=ShotEnd(
@@ -386,13 +383,11 @@ def bools(name: str, value: Any, count: int) -> tuple[bool, ...]:
     return tuple(flag(f"{name}[{i}]", item) for i, item in enumerate(items(name, value, count)))
 
 
-def head(data: Mapping[str, Any]) -> tuple[Scene, str, float | None, str | None]:
-    """Returns the fields that shots and games share: scene, mode, dt and fix."""
+def head(data: Mapping[str, Any]) -> tuple[Scene, Engine]:
+    """Returns what shots and games share: the scene and the engine."""
     if not isinstance(data["written_by"], str):
         raise ValueError(f"written_by = {short(data['written_by'])}: expected a text")
     scene = Scene.from_dict(data["scene"])
     integer("number of balls", scene.n_balls, Range(1, MAX_BALLS))
-    mode, dt, fix = data["mode"], data["dt"], data["fix"]
-    dt = None if dt is None else real("dt", dt)
-    checked_engine(mode, dt, fix)
-    return scene, mode, dt, fix
+    dt = None if data["dt"] is None else real("dt", data["dt"])
+    return scene, Engine(data["mode"], dt, data["fix"])

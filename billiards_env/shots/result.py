@@ -204,7 +204,7 @@ class ShotResult(Differentiable):
         from billiards_env.shots.gradients import Part, Record
 
         if self.trajectory is None or self.scene is None or self._log is None:
-            raise ValueError(f"shot.{method}: expected a shot of simulate(..., mode='pic', record=True)")
+            raise ValueError(f"shot.{method}: expected a shot of simulate(..., record=True) by PIC")
         ball, phase, rows = self.trajectory
         segments: Floats = np.column_stack((ball, phase, rows)).astype(np.float64)
         bounds = np.array([(0, 0), (len(self._log), len(rows))])

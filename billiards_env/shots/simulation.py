@@ -15,7 +15,7 @@ from billiards_env.engine.compile import (
     PIC,
     Engine,
     Varied,
-    checked_engine,
+    check_engine,
     run_shots_of,
     scene_fields,
     varied_fields,
@@ -40,9 +40,7 @@ def simulate(
     positions: ArrayLike,
     velocities: ArrayLike | Strike,
     *,
-    mode: str = "pic",
-    dt: float | None = None,
-    fix: str | None = None,
+    engine: Engine = PIC,
     spins: ArrayLike | None = None,
     in_play: ArrayLike | None = None,
     record: bool = False,
@@ -56,10 +54,7 @@ def simulate(
         positions: (n, 2) centres of the balls, m; ball 0 is the cue ball.
         velocities: (n, 2) m/s, or (2,) for the cue ball alone, or a `Strike`. Only a `Strike` has a cue, which drives
             balls that touch the cue ball together with it, see `engine.frozen_strike`.
-        mode: The engine: "pic" (event-driven, exact) or "pit" (fixed timestep, see `engine.pit`).
-        dt: The timestep of "pit", s; None for "pic".
-        fix: The treatment of overlaps in "pit" (see `engine.overlaps`): "push_apart" (its default), "move_back",
-            "none" or "time_of_impact"; None for "pic".
+        engine: The engine: exact by default, or one with a timestep, such as `Engine("pit", dt=1 / 60)`.
         spins: (n, 3) or (3,) angular velocities, rad/s, for "sliding" motion only; None for zero, or for a `Strike`,
             which includes the spin.
         in_play: (n,) bool; balls that are not in play are ignored and count as potted. By default all are in play.
@@ -86,7 +81,7 @@ def simulate(
     """
     positions = numbers("positions", positions)
     scene = _scene(scene, positions)
-    engine = checked_engine(mode, dt, fix)
+    check_engine(engine)
     integer("max_events", max_events, "max_events")
     flag("record", record)
     if positions.ndim != 2:
@@ -211,14 +206,14 @@ class BatchResult(Differentiable):
         assert positions is not None
         assert velocities is not None
         scene, engine = varied_shot(scene, self._engine, self._varied, k)
-        settings = settings | engine._asdict()
-        return simulate(scene, positions, velocities, spins=spins, in_play=in_play, record=True, **settings)
+        settings = {**settings, "engine": engine, "record": True}
+        return simulate(scene, positions, velocities, spins=spins, in_play=in_play, **settings)
 
     def _record(self, method: str) -> Record:
         from billiards_env.shots.gradients import Record
 
         if self._parts is None:
-            raise ValueError(f"batch.{method}: expected a batch of simulate_batch(..., mode='pic', record=True)")
+            raise ValueError(f"batch.{method}: expected a batch of simulate_batch(..., record=True) by PIC")
         return Record(self._arguments[0], self.time, self._parts, self._varied)
 
     def __repr__(self) -> str:
@@ -245,9 +240,7 @@ def simulate_batch(
     positions: ArrayLike,
     velocities: ArrayLike | Strike,
     *,
-    mode: str = "pic",
-    dt: ArrayLike | None = None,
-    fix: str | None = None,
+    engine: Engine = PIC,
     physics: Mapping[str, ArrayLike] | None = None,
     spins: ArrayLike | None = None,
     in_play: ArrayLike | None = None,
@@ -262,11 +255,9 @@ def simulate_batch(
         scene: As in `simulate`.
         positions: (m, n, 2) centres of the balls, m; ball 0 is the cue ball.
         velocities: (m, n, 2) m/s, or (m, 2) for the cue balls alone, or a `Strike` of m strikes.
-        mode: The engine, as in `simulate`.
-        dt: The timestep of "pit", s, or one for each shot, (m,); None for "pic".
-        fix: As in `simulate`.
+        engine: As in `simulate`.
         physics: Numbers of `Physics` that differ from shot to shot, by name, such as {"mu_roll": ...}, (m,) each. They
-            replace the scene's. `max_time` is not one of them.
+            replace the scene's. `max_time` is not one of them. With the engine "pit" also the timestep "dt", s.
         spins: (m, n, 3) or (m, 3) angular velocities, rad/s; None for zero, or for a `Strike`.
         in_play: (m, n) or (n,) bool; by default all balls are in play.
         max_time: As in `simulate`.
@@ -292,14 +283,15 @@ def simulate_batch(
     positions = numbers("positions", positions)
     scene = _scene(scene, positions)
     integer("max_events", max_events, "max_events")
-    if flag("record", record) and mode != "pic":
-        raise ValueError(f"record = True with mode = {mode!r}: expected mode='pic', the derivatives of a batch need it")
+    check_engine(engine)
+    if flag("record", record) and engine != PIC:
+        raise ValueError(f"record = True with engine {engine}: expected PIC, the derivatives of a batch need it")
     if positions.ndim != 3:
         raise ValueError(f"positions has shape {positions.shape}: expected (m, {scene.n_balls}, 2)")
     if threads is not None:
         integer("threads", threads, "threads")
     m = len(positions)
-    engine, varied = check_varied(scene, physics, mode, dt, fix, m)
+    varied = check_varied(scene, physics, engine, m)
     shots = empty_shots(m, scene.n_balls)
     # These arrays are copies for `batch[i]`: the caller may change the given arrays, and the engine changes `shots`.
     given, turning = _motion(velocities, spins)

@@ -45,12 +45,12 @@ from billiards_env.physics.state import (
     VX,
     VY,
     WZ,
-    SceneArrays,
     Time,
     X,
     Y,
     empty_state,
     own_time,
+    scene_of,
     since,
 )
 from billiards_env.scene import Scene
@@ -217,7 +217,7 @@ def _check(log, scene, mass, acts, found):
 
 @allocating_entry_point
 def _run_checked(scene, limit, max_events, shots, log, found):
-    arrays, record = SceneArrays(scene[0][0], *scene[1:]), Log(*log)
+    arrays, record = scene_of(scene, 0), Log(*log)
     mass, used = 1.0 / arrays.inv_mass, record.used
     for k in range(len(found)):
         run_shots(k, k + 1, scene, limit, max_events, shots, log)

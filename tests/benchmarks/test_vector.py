@@ -22,7 +22,7 @@ def test_all_results_are_written_and_printed(measured, tmp_path, monkeypatch, ca
         assert f"| {row['kind']} " in out
         assert row["per_second"]["median"] > 0
     assert 0 < written["outside_engine"]["median"] < 1
-    assert len({row["kind"] for row in written["steps"]}) == 3 + len(vector.ENV_COUNTS)
+    assert len({row["kind"] for row in written["steps"]}) == 3 + len(vector.ENV_COUNTS) + len(vector.DOORS)
 
 
 def test_every_step_of_every_environment_plays_a_shot_and_draws_a_layout():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
+from billiards_env.engine import Engine
 from billiards_env.scene import layouts
 from billiards_env.shots.simulation import simulate
 
@@ -23,7 +24,7 @@ def shot():
 @pytest.fixture(scope="session")
 def pit():
     """The same shot by PIT with a coarse timestep."""
-    return simulate(SCENE, PLACES, VELOCITY, mode="pit", dt=1 / 60, record=True)
+    return simulate(SCENE, PLACES, VELOCITY, engine=Engine("pit", 1 / 60), record=True)
 
 
 @pytest.fixture(scope="session")

@@ -9,6 +9,7 @@ from billiards_env import Scene
 from billiards_env.drawing.orientation import turning
 from billiards_env.drawing.page import make_page
 from billiards_env.drawing.style import CLOTH, POCKET, looks
+from billiards_env.engine import Engine
 from billiards_env.shots.simulation import simulate
 from tests.helpers.pages import page_data
 
@@ -184,7 +185,7 @@ def test_the_other_run_can_be_hidden(player, pit):
 
 
 def test_a_slider_chooses_the_timestep(tab, shot, pit, tmp_path):
-    finer = simulate(shot.scene, shot.at(0), [-2.6777, -0.8187], mode="pit", dt=1 / 240, record=True)
+    finer = simulate(shot.scene, shot.at(0), [-2.6777, -0.8187], engine=Engine("pit", 1 / 240), record=True)
     shot.to_html(tmp_path / "steps.html", compare=[pit, finer])
     tab.goto((tmp_path / "steps.html").as_uri())
     for one, label in ((pit, "dt = 16.67 ms"), (finer, "dt = 4.167 ms")):

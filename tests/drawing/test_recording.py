@@ -5,6 +5,7 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.drawing.recording import frame_times
+from billiards_env.engine import Engine
 from billiards_env.shots.simulation import simulate
 
 
@@ -43,7 +44,7 @@ def test_the_label_names_the_engine(shot, pit, unrecorded):
     assert shot.scene.n_balls == 5
     assert (unrecorded.engine, unrecorded.scene) == ("", None)
     back = simulate(
-        Scene.named("pool", 0), [[0.0, 0.0]], [1.0, 0.2], mode="pit", dt=0.001, fix="move_back", record=True
+        Scene.named("pool", 0), [[0.0, 0.0]], [1.0, 0.2], engine=Engine("pit", 0.001, "move_back"), record=True
     )
     assert back.engine == "PIT, dt = 1 ms, move_back"
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
+from billiards_env.engine import Engine
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.jit import allocating_entry_point
@@ -166,14 +167,14 @@ def test_the_derivative_at_a_corner_is_that_of_the_order_of_the_record(law):
 
 @pytest.mark.parametrize("fix", FIXES)
 def test_pit_is_symmetric_about_the_diagonal(fix):
-    scene, options = scene_of("han2005"), {"mode": "pit", "dt": 1 / 60, "fix": fix}
-    shot = simulate(scene, [[0.2, 0.2]], [1.5, 1.5], **options)
+    scene, engine = scene_of("han2005"), Engine("pit", 1 / 60, fix)
+    shot = simulate(scene, [[0.2, 0.2]], [1.5, 1.5], engine=engine)
     assert shot.positions[0, 0] == pytest.approx(shot.positions[0, 1], abs=1e-12)
     for y in (0.201, 0.21, 0.23):
-        one = simulate(scene, [[0.2, y]], [1.5, 1.5], **options)
-        two = simulate(scene, [[y, 0.2]], [1.5, 1.5], **options)
+        one = simulate(scene, [[0.2, y]], [1.5, 1.5], engine=engine)
+        two = simulate(scene, [[y, 0.2]], [1.5, 1.5], engine=engine)
         assert one.positions[0] == pytest.approx(two.positions[0, ::-1], abs=1e-12)
-    across = simulate(scene_of("han2005", DIAMOND), [[0.1, 0.0]], [1.5, 0.0], **options)
+    across = simulate(scene_of("han2005", DIAMOND), [[0.1, 0.0]], [1.5, 0.0], engine=engine)
     assert across.positions[0, 1] == pytest.approx(0.0, abs=1e-12)
 
 

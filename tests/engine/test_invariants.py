@@ -12,6 +12,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from billiards_env import Scene
+from billiards_env.engine import PIC, Engine
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.scene import Balls, Physics, layouts
@@ -93,7 +94,7 @@ def options_of(engine, scene, seed) -> dict[str, Any]:
     rng = np.random.default_rng([seed, 1])
     options: dict[str, Any] = {"max_time": 3.0 if scene.physics.motion == "ideal" else None, "max_events": 50_000}
     if engine == "pit":
-        options |= {"mode": "pit", "dt": DTS[rng.integers(len(DTS))], "fix": FIXES[rng.integers(len(FIXES))]}
+        options["engine"] = Engine("pit", DTS[rng.integers(len(DTS))], FIXES[rng.integers(len(FIXES))])
     return options
 
 
@@ -192,7 +193,7 @@ def test_with_timesteps_energy_does_not_rise_and_impacts_of_balls_keep_momentum(
     for t, before, after in instants(shot):
         assert kinetic_energy(before, scene) <= last + 1e-13 * start
         last = kinetic_energy(after, scene)
-        earlier = [energy for time, energy in energies if time <= t - 0.999 * options["dt"]]
+        earlier = [energy for time, energy in energies if time <= t - 0.999 * options["engine"].dt]
         assert last <= (earlier[-1] if at_impact else kinetic_energy(before, scene)) + 1e-13 * start
         energies.append((t, last))
         if found.get(t) == {"ball_ball"} and not at_impact:
@@ -229,7 +230,7 @@ def test_a_record_is_complete_and_in_order(engine, seed):
 
 @pytest.mark.parametrize("engine", ["pic", "pit"])
 def test_a_shot_stops_at_its_limit_of_events(engine):
-    options = {"mode": "pit", "dt": 1 / 60} if engine == "pit" else {}
+    options = {"engine": Engine("pit", 1 / 60) if engine == "pit" else PIC}
     scene = Scene.named("carom")
     shot = scene, layouts.draw("random", scene, np.random.default_rng(3)), [4.0, 3.0], None
     whole = play(shot, options, record=True)

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from billiards_env.engine import PIC, Engine
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.outline import clearance, pieces
@@ -51,11 +52,11 @@ def test_a_rectangle_as_an_outline_is_the_plain_rectangle(physics, pit):
     rectangle = Table(1.0, 0.5, 0.036, pockets)
     outline = with_corners(rectangle)
     numbers = [3, 1, 0, 2]  # the cushions of the rectangle along -x, +x, -y, +y
-    options = {"mode": "pit", "dt": 1 / 120} if pit else {}
+    engine = Engine("pit", 1 / 120) if pit else PIC
     for seed in range(30):
         scene, places, velocities, spins = outline_shot(outline, np.random.default_rng(seed), 2, physics)
-        shot = play(scene, places, velocities, spins, **options)
-        same = play(dataclasses.replace(scene, table=rectangle), places, velocities, spins, **options)
+        shot = play(scene, places, velocities, spins, engine=engine)
+        same = play(dataclasses.replace(scene, table=rectangle), places, velocities, spins, engine=engine)
         expected = [(k, b, numbers[o] if k == "cushion" else o) for k, b, o in kinds(same)]
         # After several impacts a difference of rounding may be large.
         until = next((k for k, hits in enumerate(np.cumsum(same.events["kind"] == "ball_ball")) if hits > 2), None)
@@ -156,7 +157,7 @@ def test_pit_approaches_pic_as_the_timestep_falls(name, fix):
         scene, places, velocities, spins = outline_shot(TABLES[name], rng)
         exact = simulate(scene, places, velocities, spins=spins, max_time=1.5)
         for dt, found in errors.items():
-            shot = simulate(scene, places, velocities, spins=spins, max_time=1.5, mode="pit", dt=dt, fix=fix)
+            shot = simulate(scene, places, velocities, spins=spins, max_time=1.5, engine=Engine("pit", dt, fix))
             found.append(np.hypot(*(shot.positions - exact.positions)[0]))
     coarse, fine = (np.median(found) for found in errors.values())
     assert fine < 0.05 * coarse + 1e-12
@@ -170,7 +171,7 @@ def test_pit_loses_no_ball_outside_the_outline(fix, a_table, seed, dt, speed):
     scene, places, velocities, spins = outline_shot(a_table, np.random.default_rng(seed), 2)
     velocities *= speed / np.linalg.norm(velocities)
     spins *= 0.1 * speed
-    shot = simulate(scene, places, velocities, spins=spins, mode="pit", dt=dt, fix=fix, max_time=max(20.0, 100 * dt))
+    shot = simulate(scene, places, velocities, spins=spins, engine=Engine("pit", dt, fix), max_time=max(20.0, 100 * dt))
     room = clearance(a_table.outline, shot.positions)[~shot.potted]
     if shot.status == "rest" and fix == "push_apart":
         assert (room > -1e-9).all()
@@ -181,7 +182,7 @@ def test_pit_loses_no_ball_outside_the_outline(fix, a_table, seed, dt, speed):
 def test_a_ball_that_has_passed_a_facing_returns_to_the_table(fix):
     """In one step it leaves the throat through the side wall, into the cushion."""
     scene = scene_of(TABLES["throat"], 1, FREE)
-    shot = simulate(scene, [[0.5, 0.0]], [0.0, 3.0], mode="pit", dt=0.1, fix=fix, max_time=0.1)
+    shot = simulate(scene, [[0.5, 0.0]], [0.0, 3.0], engine=Engine("pit", 0.1, fix), max_time=0.1)
     assert clearance(scene.table.outline, shot.positions)[0] >= -1e-12
     assert shot.velocities[0] == pytest.approx([0.0, -3.0])
 
@@ -192,7 +193,7 @@ def test_a_ball_that_goes_back_along_its_path_has_the_exact_velocity_after_a_tip
     tip = pieces(scene.table.outline)[1][0]
     start = [[tip.x - 0.3, tip.y - 0.35]]
     exact = simulate(scene, start, [1.2, 1.25], max_time=0.35, record=True)
-    shot = simulate(scene, start, [1.2, 1.25], max_time=0.35, record=True, mode="pit", dt=0.01, fix=fix)
+    shot = simulate(scene, start, [1.2, 1.25], max_time=0.35, record=True, engine=Engine("pit", 0.01, fix))
     assert kinds(exact) == kinds(shot) == [("cushion", 0, 6)]
     assert shot.velocities == pytest.approx(exact.velocities, abs=1e-12)
     if fix == "time_of_impact":

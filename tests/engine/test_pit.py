@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate_batch
+from billiards_env.engine import Engine
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Balls, Physics, layouts
 from billiards_env.scene.table import Pocket, Table
@@ -34,7 +35,7 @@ seeds = st.integers(0, 10**6)
 
 
 def pit(*args, dt=1 / 60, fix=None, **kwargs):
-    return simulate(*args, mode="pit", dt=dt, fix=fix, **kwargs)
+    return simulate(*args, engine=Engine("pit", dt, fix), **kwargs)
 
 
 def random_shot(seed):
@@ -121,7 +122,7 @@ CASES = [one_hit, one_bounce]
 def error(case, dt, fix, horizon=1.0, average=np.mean):
     """Returns the mean distance, m, of the final positions from those of PIC."""
     exact = simulate_batch(*case, max_time=horizon)
-    shot = simulate_batch(*case, mode="pit", dt=dt, fix=fix, max_time=horizon)
+    shot = simulate_batch(*case, engine=Engine("pit", dt, fix), max_time=horizon)
     return float(average(np.linalg.norm(shot.positions - exact.positions, axis=-1)))
 
 
@@ -153,7 +154,7 @@ def derivative_error(case, dt, fix):
     found = np.empty_like(exact)
     for axis, change in enumerate(1e-9 * np.eye(2)):
         low, high = (
-            simulate_batch(scene, places, velocities + way, mode="pit", dt=dt, fix=fix, max_time=1.0).positions
+            simulate_batch(scene, places, velocities + way, engine=Engine("pit", dt, fix), max_time=1.0).positions
             for way in (-change, change)
         )
         found[..., axis] = (high - low) / 2e-9
@@ -378,7 +379,7 @@ def test_pit_converges_to_pic(name):
     for fix in FIXES:
         medians = []
         for dt in (1e-2, 1e-3, 1e-4):
-            shot = simulate_batch(scene, places, starts, mode="pit", dt=dt, fix=fix, max_time=2.0)
+            shot = simulate_batch(scene, places, starts, engine=Engine("pit", dt, fix), max_time=2.0)
             medians.append(np.median(np.linalg.norm(shot.positions - exact.positions, axis=-1).max(axis=1)))
         assert medians[0] > 3 * medians[1] > 9 * medians[2] or medians[0] < 1e-14
         assert medians[2] < 1e-3
@@ -444,7 +445,7 @@ def test_shots_with_very_large_timesteps_end(fix, seed):
 def test_breaks_come_to_rest(arrangement, fix):
     scene = Scene.named("pool", 15)
     places, starts, _ = draw_starts(scene, 20, arrangement)
-    batch = simulate_batch(scene, places, 2 * starts, mode="pit", dt=1 / 60, fix=fix)
+    batch = simulate_batch(scene, places, 2 * starts, engine=Engine("pit", 1 / 60, fix))
     assert batch.status.tolist() == ["rest"] * 20
     assert not batch.velocities.any()
     assert (batch.first_hit > 0).all()
@@ -455,7 +456,7 @@ def test_balls_end_within_the_cushions():
     for name in LAWS:
         scene = Scene.named(name, 6)
         places, starts, _ = draw_starts(scene, 50)
-        batch = simulate_batch(scene, places, starts, mode="pit", dt=1 / 60)
+        batch = simulate_batch(scene, places, starts, engine=Engine("pit", 1 / 60))
         late = 4 * np.abs(starts).max() / 60  # a moving ball may be one timestep beyond a cushion
         moving = np.linalg.norm(batch.velocities, axis=-1) > 0
         if scene.table.outline:
@@ -483,4 +484,4 @@ def test_balls_that_move_side_by_side_along_a_cushion_are_pushed_apart_within_it
 @pytest.mark.parametrize("dt", [1, np.float32(0.5), np.int64(2), np.float64(0.25)])
 def test_a_timestep_may_have_any_number_type(dt):
     given = world(1, FREE), [[0.0, 0.0]], [1.0, 0.0]
-    assert same_bits(simulate(*given, mode="pit", dt=dt), simulate(*given, mode="pit", dt=float(dt)))
+    assert same_bits(simulate(*given, engine=Engine("pit", dt)), simulate(*given, engine=Engine("pit", float(dt))))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
+from billiards_env.engine import Engine
 from billiards_env.envs.action_frames import Frame
 from billiards_env.envs.actions import Before
 from billiards_env.players.pots import Tables, pot_shots
@@ -38,8 +39,7 @@ def test_balls_collide_at_the_distance_of_spheres():
 @pytest.mark.parametrize("fix", ["push_apart", "move_back"])
 def test_pit_moves_balls_to_the_distance_of_spheres(fix):
     places = np.array([[-0.5, 0.01], [0.0, 0.0], [0.5, 0.3], [0.5, -0.3], [0.7, 0.0]])
-    options = {"dt": 0.02, "mode": "pit", "fix": fix, "max_time": 1.0}
-    shot = simulate(UK, places, [1.0, 0.0], record=True, **options)
+    shot = simulate(UK, places, [1.0, 0.0], engine=Engine("pit", 0.02, fix), record=True, max_time=1.0)
     hit = shot.events[shot.events["kind"] == "ball_ball"][0]
     where = shot.at(float(hit["time"]))
     tolerance = 1e-14 if fix == "push_apart" else 1e-5  # the paths are curved, and balls are moved back on tangents
@@ -49,7 +49,7 @@ def test_pit_moves_balls_to_the_distance_of_spheres(fix):
 def test_no_fix_of_pit_acts_on_spheres_that_do_not_overlap():
     gap = 0.5 * (APART + UK.balls.radius[0] + UK.balls.radius[1])
     places = np.array([[0.0, 0.0], [gap, 0.0], [0.5, 0.3], [0.5, -0.3], [0.7, 0.0]])
-    shot = simulate(UK, places, [0.0, 0.5], mode="pit", dt=1e-3, max_time=0.1, record=True)
+    shot = simulate(UK, places, [0.0, 0.5], engine=Engine("pit", 1e-3), max_time=0.1, record=True)
     assert "ball_ball" not in shot.events["kind"]
 
 

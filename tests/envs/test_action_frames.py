@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env import simulate_batch
-from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
+from billiards_env.envs import make_env, make_vector_env
 from billiards_env.envs.action_frames import FRAMES, Frame, aim, cut, nearest_ball, sum_to_three
 from billiards_env.envs.actions import ACTIONS, Before, add_noise
 from billiards_env.envs.arguments import check_noise
@@ -173,7 +173,7 @@ def test_the_frame_uses_the_present_positions_and_clips():
 
 @pytest.mark.parametrize("scene", ["pool", "real_pool"])
 def test_plans_of_the_mask_pot_the_ball_in_the_pocket(scene):
-    envs = BilliardsVectorEnv(600, "Disabled", scene=scene, n_object_balls=3, max_shots=2, action="plan")
+    envs = make_vector_env(600, "Disabled", scene=scene, n_object_balls=3, max_shots=2, action="plan")
     _, infos = envs.reset(seed=0)
     mask, rng = infos["action_mask"], np.random.default_rng(0)
     assert 1 < mask.sum(axis=1).mean() < 60
@@ -193,7 +193,7 @@ def test_plans_of_the_mask_pot_the_ball_in_the_pocket(scene):
 
 def test_a_plan_without_a_pot_is_a_full_hit_on_the_nearest_ball():
     places = [[-0.6, 0.0], [1.0, 0.0], [0.2, 0.0]]  # ball 2 hides ball 1
-    env = BilliardsEnv(n_object_balls=2, action="plan")
+    env = make_env(n_object_balls=2, action="plan")
     _, info = env.reset(options={"positions": places})
     assert not info["action_mask"][:30].any()
     *_, info = env.step(3)
@@ -203,7 +203,7 @@ def test_a_plan_without_a_pot_is_a_full_hit_on_the_nearest_ball():
         env.reset()
         with pytest.raises(ValueError, match="expected a whole number from 0 to 59"):
             env.step(plan)
-    jammed = BilliardsEnv(action="plan").reset(options={"positions": [[1.2, 0.0], [-1.2405, 0.0]]})[1]
+    jammed = make_env(action="plan").reset(options={"positions": [[1.2, 0.0], [-1.2405, 0.0]]})[1]
     assert jammed["action_mask"].any()
 
 
@@ -211,7 +211,7 @@ def test_the_executed_action_repeats_the_shot():
     arguments: dict[str, Any] = {"scene": "pool", "n_object_balls": 2, "max_shots": 9}
     for action in ACTIONS:
         env, twin = (
-            BilliardsEnv(**arguments, max_speed=4.5, **own)
+            make_env(**arguments, max_speed=4.5, **own)
             for own in ({"action": action, "noise": NOISE}, {"action": "strike" if action == "strike" else "velocity"})
         )
         for seed in range(5):

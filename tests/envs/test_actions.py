@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate, strike
+from billiards_env.engine import Engine
 from billiards_env.envs.actions import cos_sin, cue_strike, perturb
 from billiards_env.physics.strike import cue_numbers, speed_gain
 from tests.helpers.environments import STRIKE
@@ -88,7 +89,7 @@ def test_the_environment_plays_the_strike(options):
     action = [0.4, 0.03, 0.5, -0.6, 0.05]
     *_, info = env.step(action)
     scene = Scene.named("pool", 2)
-    expected = simulate(scene, PLACES, cue_strike(action, scene, 4.0), **options)
+    expected = simulate(scene, PLACES, cue_strike(action, scene, 4.0), engine=Engine(**options))
     assert env.get_wrapper_attr("positions").tolist() == expected.positions.tolist()
     assert not info["miscue"]
     *_, info = env.step([0.4, 0.03, 0.9, -0.6, 0.05])

@@ -8,7 +8,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from billiards_env import simulate
-from billiards_env.envs import STATUS, BilliardsEnv
+from billiards_env.envs import STATUS, BilliardsEnv, make_env
 from billiards_env.envs.observations import FEATURES
 from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import SCENES, Scene, check_positions, layouts
@@ -78,9 +78,9 @@ def test_every_task_scene_layout_and_feature_is_in_a_variant():
 
 @variants
 def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
-    env = BilliardsEnv(**kwargs)
+    env = make_env(**kwargs)
     n = env.scene.n_balls
-    drawn, usual = env.randomize, kwargs.get("observe") is None
+    drawn, usual = env.model.randomize, kwargs.get("observe") is None
     if usual:
         task = TASKS[env.task]
         assert list(env.features) == ["positions"] + ["goal"] * bool(task.goal_radius) + ["legal_balls"] * bool(
@@ -92,7 +92,7 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
     assert env.action_space == gym.spaces.Box(-1, 1, (size,), np.float32)
     documented = {key: kind for key, (kind, _) in DOCUMENTED_INFO.items() if key not in others}
     documented |= dict.fromkeys(drawn, "float64")
-    starts = {"0": 0, "-1": -1, "False": False, "`max_shots`": env.max_shots}
+    starts = {"0": 0, "-1": -1, "False": False, "`max_shots`": env.model.max_shots}
     rng = np.random.default_rng(0)
     for episode in range(5):
         observation, info = env.reset(seed=episode)
@@ -107,17 +107,17 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
         while not terminated:
             observation, reward, terminated, truncated, info = env.step(rng.uniform(-1, 1, size))
             shots += 1
-            total += reward + (env.scratch_penalty if info["scratch"] else 0)
+            total += reward + (env.model.scratch_penalty if info["scratch"] else 0)
             assert observation in env.observation_space
             assert type(reward) is float
             assert type(terminated) is bool
             assert truncated is False
             assert kinds_of(info, n) == documented
-            assert info["shots_left"] == env.max_shots - shots
+            assert info["shots_left"] == env.model.max_shots - shots
             expected = {
                 "goal": first.get("goal"),
                 "legal_balls": env.legal_balls[1:],
-                "shots_left": np.float32(info["shots_left"] / env.max_shots),
+                "shots_left": np.float32(info["shots_left"] / env.model.max_shots),
                 "potted": info["potted"],
             }
             seen = env.decode(observation)
@@ -125,13 +125,13 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
             if "positions" in seen:
                 assert np.array_equal(np.abs(seen["positions"]).max(axis=1) < 1, ~info["potted"])
         assert total == info["score"]
-        assert shots <= env.max_shots
+        assert shots <= env.model.max_shots
         if not info["potted"].any() and env.engine.mode == "pic":
             check_positions(env.scene, env.positions)
 
 
 def test_positions_are_observed_relative_to_half_the_table():
-    env = BilliardsEnv(n_object_balls=2, max_shots=4, observe=("positions", "shots_left"))
+    env = make_env(n_object_balls=2, max_shots=4, observe=("positions", "shots_left"))
     positions = [[0.635, -0.3175], [-0.127, 0.508], [0.0, 0.0]]
     shares = [0.5, -0.5, -0.1, 0.8, 0, 0]
     observation, _ = env.reset(options={"positions": positions})
@@ -141,7 +141,7 @@ def test_positions_are_observed_relative_to_half_the_table():
 
 
 def test_a_ball_in_the_jaws_is_observed_inside_the_box():
-    env = BilliardsEnv(scene="real_pool", n_object_balls=1)
+    env = make_env(scene="real_pool", n_object_balls=1)
     table, half = env.scene.table, np.array(env.scene.half_extents)
     pocket = table.pockets[-1]  # a side pocket at +y
     in_jaws = [0.012, pocket.y - 1.0001 * pocket.radius]
@@ -165,7 +165,7 @@ BEHIND_THE_CUSHIONS["table"]["pockets"] = [{"x": 1.3, "y": 0.65, "radius": 0.1}]
     ids=["pool", "with jaws", "behind the cushions"],
 )
 def test_a_potted_ball_is_observed_at_its_pocket_inside_the_box(scene, cue, action, pocket):
-    env = BilliardsEnv(scene=scene, max_shots=2)
+    env = make_env(scene=scene, max_shots=2)
     env.reset(options={"positions": [cue, [-0.5, 0.0]]})
     observation, *_, info = env.step(action)
     assert info["potted"].tolist() == [True, False]
@@ -183,7 +183,7 @@ def test_equal_seeds_play_equal_episodes_bit_for_bit():
 
 
 def test_earlier_episodes_do_not_affect_an_episode():
-    env = BilliardsEnv(max_shots=3)
+    env = make_env(max_shots=3)
     log = play(env, 2, seed=1)
     env.reset(options={"positions": [[0.0, 0.0], [0.5, 0.0]]})
     env.step(np.array([1.0, 0.0]))
@@ -191,7 +191,7 @@ def test_earlier_episodes_do_not_affect_an_episode():
 
 
 def test_potting_the_object_ball_scores_a_point():
-    env = BilliardsEnv()
+    env = make_env()
     env.reset(options={"positions": [[0.97, 0.335], [1.07, 0.435]]})
     observation, reward, terminated, _, info = env.step(INTO_THE_CORNER)
     assert info["potted"].tolist() == [False, True]
@@ -230,9 +230,11 @@ EPISODES = {  # the arguments, the balls, the shots, and after each: reward, whe
 @pytest.mark.parametrize("name", EPISODES)
 def test_the_rewards_and_the_end_of_an_episode(name):
     kwargs, positions, shots, results = EPISODES[name]
-    env = BilliardsEnv(**{"scratch_penalty": 0.2, **kwargs})
+    env = make_env(**{"scratch_penalty": 0.2, **kwargs})
     env.reset(options={"positions": positions})
-    for left, shot, (reward, over, success, score) in zip(range(env.max_shots)[::-1], shots, results, strict=False):
+    for left, shot, (reward, over, success, score) in zip(
+        range(env.model.max_shots)[::-1], shots, results, strict=False
+    ):
         *_, paid, terminated, truncated, info = env.step(shot)
         assert (paid, terminated, truncated) == (reward, over, False)
         assert (info["is_success"], info["score"], info["shots_left"]) == (success, score, left)
@@ -240,7 +242,7 @@ def test_the_rewards_and_the_end_of_an_episode(name):
 
 
 def test_potted_balls_stay_off_the_table_in_later_shots():
-    env = BilliardsEnv(n_object_balls=2, max_shots=10)
+    env = make_env(n_object_balls=2, max_shots=10)
     env.reset(options={"positions": [[0.97, 0.335], [1.07, 0.435], [-0.6, -0.2]]})
     _, reward, terminated, _, info = env.step(INTO_THE_CORNER)
     assert info["potted"].tolist() == [False, True, False]
@@ -254,7 +256,7 @@ def test_potted_balls_stay_off_the_table_in_later_shots():
 
 
 def test_balls_keep_their_positions_between_shots():
-    env = BilliardsEnv(scene="carom", task="carom", max_shots=3)
+    env = make_env(scene="carom", task="carom", max_shots=3)
     before, _ = env.reset(seed=0)
     after, *_ = env.step([0.4, 0.1])
     assert not np.array_equal(before, after)
@@ -266,7 +268,7 @@ def test_balls_keep_their_positions_between_shots():
 def test_spin_does_not_remain_after_a_shot_that_ends_at_its_time_limit():
     scene = Scene.named("pool").to_dict()
     scene["physics"]["max_time"] = 0.05  # the cue ball still slides then
-    env = BilliardsEnv(scene=scene, max_shots=2)
+    env = make_env(scene=scene, max_shots=2)
     env.reset(options={"positions": [[-0.5, 0.0], [0.5, 0.0]]})
     before, *_, info = env.step([1.0, 0.0])
     assert STATUS[info["status_code"]] == "max_time"
@@ -277,7 +279,7 @@ def test_spin_does_not_remain_after_a_shot_that_ends_at_its_time_limit():
 
 def test_three_cushion_needs_three_contacts_before_the_second_ball():
     """The cue ball moves at 45 degrees off cushions +y, +x and -y to ball 1, and from there up to ball 2."""
-    env, carom = (BilliardsEnv(scene="ideal", task=task, n_object_balls=2) for task in ("three_cushion", "carom"))
+    env, carom = (make_env(scene="ideal", task=task, n_object_balls=2) for task in ("three_cushion", "carom"))
     radius = env.scene.balls.radius[0]
     right, top = 1.27 - radius, 0.635 - radius
     x = 0.38
@@ -328,7 +330,7 @@ def test_random_shots_of_sum_to_three_score_the_same_as_in_pooltool():
 
 @pytest.mark.parametrize("n_object_balls", [0, 1])
 def test_place_scores_within_its_radius_of_the_goal(n_object_balls):
-    env = BilliardsEnv(task="place", n_object_balls=n_object_balls, max_shots=3)
+    env = make_env(task="place", n_object_balls=n_object_balls, max_shots=3)
     balls = [[-0.5, 0.0], [0.5, 0.0]][: n_object_balls + 1]
     env.reset(options={"positions": balls, "goal": [0.9, 0.4]})
     env.step([0.3, 0.0])
@@ -346,7 +348,7 @@ def test_place_scores_within_its_radius_of_the_goal(n_object_balls):
 
 
 def test_goals_are_drawn_after_the_balls_from_the_whole_table():
-    env, plain = BilliardsEnv(task="place"), BilliardsEnv()
+    env, plain = make_env(task="place"), make_env()
     goals = []
     for seed in range(500):
         observation, _ = env.reset(seed=seed)
@@ -359,7 +361,7 @@ def test_goals_are_drawn_after_the_balls_from_the_whole_table():
 
 
 def test_positions_and_goals_from_options_are_not_drawn():
-    env, balls, goal = BilliardsEnv(task="place"), [[0.0, 0.0], [0.5, 0.0]], [0.1, 0.2]
+    env, balls, goal = make_env(task="place"), [[0.0, 0.0], [0.5, 0.0]], [0.1, 0.2]
     env.reset(seed=0)
     state = env.np_random.bit_generator.state
     env.reset(options={"positions": balls, "goal": goal})
@@ -388,16 +390,16 @@ def test_positions_and_goals_from_options_are_not_drawn():
     ],
 )
 def test_a_task_has_its_own_scene_and_layout(task, scene, n_object_balls, layout):
-    env = BilliardsEnv(task=task)
-    assert (env.scene, env.layout) == (Scene.named(scene, n_object_balls), layout)
-    assert env.max_shots == (30 if task in RUN_OUTS else 1)
+    env = make_env(task=task)
+    assert (env.scene, env.model.layout) == (Scene.named(scene, n_object_balls), layout)
+    assert env.model.max_shots == (30 if task in RUN_OUTS else 1)
     assert TASKS[task].judge.__name__ == f"judge_{task}"
-    other = BilliardsEnv(task=task, scene={"base": scene, "n_object_balls": n_object_balls}, layout="random")
-    assert (other.scene, other.layout) == (env.scene, "random")
+    other = make_env(task=task, scene={"base": scene, "n_object_balls": n_object_balls}, layout="random")
+    assert (other.scene, other.model.layout) == (env.scene, "random")
 
 
 def test_the_info_can_be_modified():
-    env = BilliardsEnv(n_object_balls=2, max_shots=3)
+    env = make_env(n_object_balls=2, max_shots=3)
     env.reset(options={"positions": [[-0.5, 0.0], [0.5, 0.0], [0.5, 0.3]]})
     *_, info = env.step([0.01, 0.0])
     info["potted"][:] = True

@@ -10,17 +10,18 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
+from numba.core.serialize import ReduceMixin
 
-from billiards_env.envs import STATUS, BilliardsEnv, BilliardsVectorEnv, episodes
+from billiards_env.envs import STATUS, episodes, make_env, make_vector_env
 from billiards_env.games import billiards_v0
 from billiards_env.scene import Scene
 from tests.helpers.environments import SOFT, VARIANTS, VARIED, name_of, same
 
 KINDS: dict[str, Any] = {
-    "a single environment": lambda: BilliardsEnv(n_object_balls=3, max_shots=6),
-    "a vector environment": lambda: BilliardsVectorEnv(64, "SameStep", **SOFT),
-    "an environment with noise": lambda: BilliardsEnv(noise={}, action="strike", max_shots=6),
-    "a vector environment with varied physics": lambda: BilliardsVectorEnv(64, "SameStep", **VARIED),
+    "a single environment": lambda: make_env(n_object_balls=3, max_shots=6),
+    "a vector environment": lambda: make_vector_env(64, "SameStep", **SOFT),
+    "an environment with noise": lambda: make_env(noise={}, action="strike", max_shots=6),
+    "a vector environment with varied physics": lambda: make_vector_env(64, "SameStep", **VARIED),
     "a game": lambda: billiards_v0.raw_env("straight"),
 }
 
@@ -57,9 +58,18 @@ def test_a_copy_continues_like_its_original(kind, copy_of):
     same(begun(env), begun(twin))
 
 
+def test_a_deep_copy_pickles_no_compiled_function(monkeypatch):
+    """To pickle one takes milliseconds, to copy and step an environment microseconds."""
+    envs = make_env(**VARIANTS[0]), make_vector_env(2, **VARIANTS[0])
+    monkeypatch.setattr(ReduceMixin, "__reduce__", lambda _: pytest.fail("a compiled function is pickled"))
+    for env in envs:
+        env.reset(seed=0)
+        same(copy.deepcopy(env).step(env.action_space.sample() * 0), env.step(env.action_space.sample() * 0))
+
+
 def test_a_deep_copy_has_its_own_renderer():
     pytest.importorskip("pygame")
-    env: Any = BilliardsEnv(render_mode="rgb_array")
+    env: Any = make_env(render_mode="rgb_array")
     env.reset(seed=0)
     for _ in range(2):  # before the first picture, and after it
         for twin in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
@@ -93,7 +103,7 @@ def test_a_spec_recreates_its_environment_from_json_and_pickle(kwargs, written, 
 
 def test_a_shot_that_reaches_the_limit_on_events_warns(monkeypatch):
     monkeypatch.setattr(episodes, "MAX_EVENTS", 2)
-    env, envs, apart = BilliardsEnv(), BilliardsVectorEnv(2), [[-0.5, 0.0], [0.5, 0.0]]
+    env, envs, apart = make_env(), make_vector_env(2), [[-0.5, 0.0], [0.5, 0.0]]
     env.reset(options={"positions": apart})
     envs.reset(options={"positions": [apart] * 2})
     with pytest.warns(

@@ -7,7 +7,7 @@ import pytest
 
 from billiards_env.drawing.raster import rgb
 from billiards_env.drawing.style import rail_width
-from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
+from billiards_env.envs import make_env, make_vector_env
 from billiards_env.envs.observations import FEATURES, Feature, decode
 
 WAYS = ("cue_to_balls", "balls_to_pockets", "free_to_balls", "free_to_pockets")
@@ -16,7 +16,7 @@ WAYS = ("cue_to_balls", "balls_to_pockets", "free_to_balls", "free_to_pockets")
 @pytest.fixture(scope="module")
 def shots():
     """Tables after a fast shot, with potted balls and a smaller cue ball, and the features of their observations."""
-    envs = BilliardsVectorEnv(400, "Disabled", scene="uk_pool", n_object_balls=5, max_speed=8.0, observe=WAYS[::-1])
+    envs = make_vector_env(400, "Disabled", scene="uk_pool", n_object_balls=5, max_speed=8.0, observe=WAYS[::-1])
     envs.reset(seed=0)
     turns = np.random.default_rng(0).uniform(0, 2 * np.pi, 400)
     observations, *_ = envs.step(np.stack((np.cos(turns), np.sin(turns)), 1))
@@ -75,7 +75,7 @@ def test_straight_lines_without_an_obstacle(shots):
 
 
 def test_a_ball_next_to_the_line_is_an_obstacle_if_the_balls_overlap_there():
-    env = BilliardsEnv(n_object_balls=2, observe=("free_to_balls", "free_to_pockets"))
+    env = make_env(n_object_balls=2, observe=("free_to_balls", "free_to_pockets"))
     radius = env.scene.balls.radius[0]
     for offset, is_free in ((1.999, 0), (2.0, 1), (2.001, 1)):
         balls = [[-0.5, 0.0], [0.0, offset * radius], [0.5, 0.0]]
@@ -87,7 +87,7 @@ def test_a_ball_next_to_the_line_is_an_obstacle_if_the_balls_overlap_there():
 
 
 def test_mirrored_tables_have_mirrored_features_bit_for_bit():
-    env = BilliardsEnv(n_object_balls=3, observe=("cue_to_balls", "free_to_balls"))
+    env = make_env(n_object_balls=3, observe=("cue_to_balls", "free_to_balls"))
     for seed in range(20):
         env.reset(seed=seed)
         positions = env.positions
@@ -100,7 +100,7 @@ def test_mirrored_tables_have_mirrored_features_bit_for_bit():
 
 def test_the_argument_chooses_and_orders_the_features():
     names = ("shots_left", "goal", "potted", "positions")
-    env, usual = (BilliardsEnv(task="place", max_shots=2, observe=observe) for observe in (names, None))
+    env, usual = (make_env(task="place", max_shots=2, observe=observe) for observe in (names, None))
     observation, seen = env.reset(seed=1)[0], usual.decode(usual.reset(seed=1)[0])
     assert tuple(env.features) == names
     assert env.features == {"shots_left": (), "goal": (1, 2), "potted": (2,), "positions": (2, 2)}
@@ -111,13 +111,13 @@ def test_the_argument_chooses_and_orders_the_features():
 
 
 def planes_of(size, positions, **arguments):
-    envs = BilliardsVectorEnv(len(positions), observe=[("planes", *size)], **arguments)
+    envs = make_vector_env(len(positions), observe=[("planes", *size)], **arguments)
     return envs.reset(options={"positions": positions})[0]
 
 
 @pytest.mark.parametrize("size", [(84, 84), (40, 90)])
 def test_images_contain_the_positions_to_half_a_pixel(size):
-    envs = BilliardsVectorEnv(200, task="place", observe=[("planes", *size), "positions"])
+    envs = make_vector_env(200, task="place", observe=[("planes", *size), "positions"])
     seen = envs.decode(envs.reset(seed=0)[0])
     rail = rail_width(envs.single_env.scene.table)
     rows, columns = np.indices(size)
@@ -137,7 +137,7 @@ def test_a_ball_that_moves_by_a_third_of_a_pixel_changes_the_image():
 
 
 def test_planes_show_the_legal_balls_and_pixels_the_colours():
-    rack = BilliardsEnv(task="nine_ball", observe=[("planes", 60, 120), ("pixels", 60, 120)])
+    rack = make_env(task="nine_ball", observe=[("planes", 60, 120), ("pixels", 60, 120)])
     seen = rack.reset(seed=0)[0]
     areas = seen["planes"].sum((0, 1))
     assert areas[1:] / areas[0] == pytest.approx([1, 8], rel=0.06)
@@ -152,14 +152,14 @@ def test_stable_baselines3_accepts_images():
 
     for observe, policy in ((["pixels"], "CnnPolicy"), (["planes", "shots_left"], "MultiInputPolicy")):
         chosen = [(name, 36, 36) if name != "shots_left" else name for name in observe]
-        envs = SameStepVecEnv(BilliardsVectorEnv(2, max_shots=2, observe=chosen))
+        envs = SameStepVecEnv(make_vector_env(2, max_shots=2, observe=chosen))
         model = sb3.PPO(policy, envs, n_steps=4, batch_size=8, n_epochs=1, device="cpu")
         assert model.learn(8).num_timesteps == 8
 
 
 @pytest.mark.parametrize("task", ["place", "position"])
 def test_the_reward_of_goals_is_that_of_the_shots(task):
-    envs = BilliardsVectorEnv(4000, "Disabled", task=task, observe="goal", scratch_penalty=0.3)
+    envs = make_vector_env(4000, "Disabled", task=task, observe="goal", scratch_penalty=0.3)
     first, _ = envs.reset(seed=0)
     assert first["achieved_goal"].tolist() == [[x, y, 0.0] for x, y in envs.positions[:, 0].tolist()]
     assert first["desired_goal"].tolist() == [[x, y, 1.0] for ((x, y),) in envs.goals.tolist()]
@@ -180,17 +180,17 @@ def test_hindsight_replay_of_stable_baselines3_accepts_goals():
     sb3 = pytest.importorskip("stable_baselines3")
     from billiards_env.sb3 import SameStepVecEnv
 
-    envs = SameStepVecEnv(BilliardsVectorEnv(4, task="place", observe="goal", max_shots=2))
+    envs = SameStepVecEnv(make_vector_env(4, task="place", observe="goal", max_shots=2))
     buffer = sb3.HerReplayBuffer
     model = sb3.SAC(
         "MultiInputPolicy", envs, replay_buffer_class=buffer, learning_starts=20, batch_size=8, device="cpu"
     )
     assert model.learn(40).num_timesteps == 40
-    assert not hasattr(BilliardsEnv(task="place"), "compute_reward")
+    assert not hasattr(make_env(task="place"), "compute_reward")
 
 
 def test_decode_returns_views_of_arrays_and_tensors():
-    envs = BilliardsVectorEnv(3, observe=("positions", "shots_left"))
+    envs = make_vector_env(3, observe=("positions", "shots_left"))
     observations, _ = envs.reset(seed=0)
     seen = envs.decode(observations)
     assert {name: values.shape for name, values in seen.items()} == {"positions": (3, 2, 2), "shots_left": (3,)}
@@ -211,7 +211,7 @@ def test_a_new_feature_is_one_entry(monkeypatch):
 
     entry = Feature("the score", (), 0.0, write, lambda source: (source.arrays.score,))
     monkeypatch.setitem(FEATURES, "score", entry)
-    env, envs = BilliardsEnv(observe=("score",)), BilliardsVectorEnv(2, "Disabled", observe=["positions", "score"])
+    env, envs = make_env(observe=("score",)), make_vector_env(2, "Disabled", observe=["positions", "score"])
     env.reset(options={"positions": [[0.97, 0.335], [1.07, 0.435]]})
     assert env.step([0.25, 0.25])[0].tolist() == [np.float32(0.01)]
     envs.reset(seed=0)

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.envs import STATUS, BilliardsEnv
+from billiards_env.envs import STATUS, make_env
 from studies.failures import FAILURES
 
 
 def test_without_a_fix_balls_may_overlap_before_the_next_shot():
     # 4 m/s in steps of 1/15 s: without a fix some balls come to rest deep inside another ball or beyond a cushion
-    env = BilliardsEnv(n_object_balls=9, layout="tight_rack", max_shots=20, mode="pit", dt=1 / 15, fix="none")
+    env = make_env(n_object_balls=9, layout="tight_rack", max_shots=20, mode="pit", dt=1 / 15, fix="none")
     deepest, beyond = 0.0, -np.inf
     room = np.array([env.scene.table.length, env.scene.table.width]) / 2 - env.scene.balls.radius[0]
     for seed in range(10):
@@ -53,7 +53,7 @@ def test_fix_and_dt_reach_the_engine_and_do_not_change_the_layouts():
     engines = [{"mode": "pit", "fix": fix, "dt": dt} for fix in (None, *FIXES) for dt in (1 / 15, 1 / 30)]
     starts, ends = [], []
     for engine in (exact, *engines):
-        env = BilliardsEnv(scene="carom", task="carom", max_shots=5, **engine)
+        env = make_env(scene="carom", task="carom", max_shots=5, **engine)
         starts.append(env.reset(seed=0)[0].tobytes())
         ends.append([env.step(shot)[0].tobytes() for shot in shots][-1])
     assert len(set(starts)) == 1

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from billiards_env import simulate
-from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
+from billiards_env.engine import PIC, Engine
+from billiards_env.envs import make_env, make_vector_env
 from billiards_env.envs.actions import cue_strike
 from billiards_env.players.env_player import rewards, task_situation
 from billiards_env.shots import records
@@ -17,14 +18,14 @@ STEPPED: dict[str, Any] = {"mode": "pit", "dt": 1 / 60, "randomize": {"dt": [0.0
 
 @pytest.mark.parametrize("kwargs", [{"randomize": RANGES}, STEPPED], ids=["pic", "pit"])
 def test_a_shot_is_that_of_the_scene_with_the_drawn_numbers(kwargs):
-    env, drawn = BilliardsEnv(**kwargs), set()
+    env, drawn = make_env(**kwargs), set()
     for seed in range(5):
         _, info = env.reset(seed=seed)
         scene, positions, action = env.episode_scene, env.positions, [0.6, 0.1 * seed]
         drawn_now = {name: info[name] for name in kwargs["randomize"]}
         assert all(getattr(scene.physics, name) == value for name, value in drawn_now.items() if name != "dt")
-        options = {} if env.engine.mode == "pic" else {"mode": "pit", "dt": info["dt"]}
-        shot = simulate(scene, positions, cue_strike(action, scene, env.max_speed), **options)
+        engine = PIC if env.engine == PIC else Engine("pit", info["dt"])
+        shot = simulate(scene, positions, cue_strike(action, scene, env.max_speed), engine=engine)
         *_, after = env.step(action)
         assert env.positions.tobytes() == shot.positions.tobytes()
         assert after["shot_time"] == shot.time
@@ -34,7 +35,7 @@ def test_a_shot_is_that_of_the_scene_with_the_drawn_numbers(kwargs):
 
 
 def test_the_numbers_are_uniform_in_their_ranges_and_observed_between_minus_one_and_one():
-    envs = BilliardsVectorEnv(4000, randomize=RANGES, observe=("shots_left", "physics"))
+    envs = make_vector_env(4000, randomize=RANGES, observe=("shots_left", "physics"))
     observations, infos = envs.reset(seed=0)
     for seen, (name, (low, high)) in zip(envs.decode(observations)["physics"].T, RANGES.items(), strict=True):
         assert infos[f"_{name}"].all()
@@ -45,7 +46,7 @@ def test_the_numbers_are_uniform_in_their_ranges_and_observed_between_minus_one_
 
 
 def test_the_layouts_of_the_first_episodes_are_those_without_randomize():
-    plain, varied = (BilliardsEnv(task="place", randomize=ranges) for ranges in (None, RANGES))
+    plain, varied = (make_env(task="place", randomize=ranges) for ranges in (None, RANGES))
     assert plain.reset(seed=3)[0].tobytes() == varied.reset(seed=3)[0].tobytes()
     options = {"positions": [[-0.5, 0.0], [0.5, 0.0]], "goal": [0.0, 0.3]}
     first, other = varied.reset(seed=4, options=options)[1], varied.reset(options=options)[1]
@@ -56,7 +57,7 @@ def test_the_layouts_of_the_first_episodes_are_those_without_randomize():
 
 def test_options_of_a_reset_set_numbers():
     arguments: dict[str, Any] = {"randomize": RANGES, "observe": ["positions", "physics"]}
-    envs, single = BilliardsVectorEnv(3, **arguments), BilliardsEnv(**arguments)
+    envs, single = make_vector_env(3, **arguments), make_env(**arguments)
     mu_roll = np.array([0.004, 0.008, 0.02])
     observations, infos = envs.reset(seed=5, options={"physics": {"mu_roll": mu_roll}})
     assert observations[:, -2].tolist() == [-1.0, -0.5, 1.0]
@@ -79,7 +80,7 @@ def test_options_of_a_reset_set_numbers():
 
 
 def test_an_interrupted_step_keeps_the_physics(monkeypatch):
-    envs, twin = (BilliardsVectorEnv(3, randomize=RANGES, observe=["physics"]) for _ in range(2))
+    envs, twin = (make_vector_env(3, randomize=RANGES, observe=["physics"]) for _ in range(2))
     actions = np.full((2, 3, 2), [[[0.7, 0.1]], [[-0.3, 0.4]]])
     for one in (envs, twin):
         one.reset(seed=0)
@@ -100,7 +101,7 @@ def test_an_interrupted_step_keeps_the_physics(monkeypatch):
 
 
 def test_players_and_records_have_the_physics_of_the_episode(tmp_path):
-    env, plain = (BilliardsEnv(randomize=RANGES, render_mode=mode) for mode in ("rgb_array", None))
+    env, plain = (make_env(randomize=RANGES, render_mode=mode) for mode in ("rgb_array", None))
     _, info = env.reset(seed=0)
     plain.reset(seed=0)
     assert task_situation(env).scene.physics.mu_roll == info["mu_roll"]
@@ -129,7 +130,7 @@ def test_policies_play_with_varying_physics(head, physics):
     arguments = {"randomize": RANGES, "observe": ["positions", "shots_left", *physics]}
     description = {"head": head, "hidden": [8], "activation": "tanh", "arguments": {"hidden": 8}}
     policy = weights.build_policy(arguments, description)
-    envs = BilliardsVectorEnv(3, **arguments)
+    envs = make_vector_env(3, **arguments)
     actions, _ = policy.predict(envs.reset(seed=0)[0], deterministic=True)
     assert actions in envs.action_space
     envs.step(actions)

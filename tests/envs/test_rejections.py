@@ -9,7 +9,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import OrderEnforcing
 
-from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
+from billiards_env.envs import make_env, make_vector_env
 from billiards_env.scene import Scene
 from tests.helpers.environments import STRIKE, same
 from tests.helpers.errors import refusals
@@ -96,7 +96,7 @@ NO_TIMESTEP = {"mode": "pit", "dt": 1 / 60, "randomize": {"dt": [0, 1]}}
     ],
 )
 def test_wrong_arguments(arguments, message, kind):
-    for make in (BilliardsEnv, BilliardsVectorEnv):
+    for make in (make_env, make_vector_env):
         with pytest.raises(kind, match=message):
             make(**arguments)
 
@@ -114,7 +114,7 @@ def test_wrong_arguments(arguments, message, kind):
 )
 def test_wrong_arguments_of_the_vector_environment(arguments, message, kind):
     with pytest.raises(kind, match=message):
-        BilliardsVectorEnv(**arguments)
+        make_vector_env(**arguments)
 
 
 @refusals(
@@ -144,7 +144,7 @@ def test_wrong_arguments_of_the_vector_environment(arguments, message, kind):
     ],
 )
 def test_after_wrong_options_the_episode_continues(options, message, kind):
-    env = BilliardsEnv(task="place", randomize=RANGES)
+    env = make_env(task="place", randomize=RANGES)
     observation, _ = env.reset(seed=0)
     with pytest.raises(kind, match=message):
         env.reset(options=options)
@@ -154,7 +154,7 @@ def test_after_wrong_options_the_episode_continues(options, message, kind):
 @pytest.mark.parametrize("name", ["goal", "physics"])
 def test_an_option_that_does_not_fit_the_environment(name):
     with pytest.raises(ValueError, match=f"key of options = '{name}': expected one of 'positions'"):
-        BilliardsEnv().reset(options={name: [0, 0]})
+        make_env().reset(options={name: [0, 0]})
 
 
 APART, CLOSE = [[0.0, 0.0], [0.5, 0.0]], [[0.0, 0.0], [0.01, 0.0]]
@@ -181,7 +181,7 @@ APART, CLOSE = [[0.0, 0.0], [0.5, 0.0]], [[0.0, 0.0], [0.01, 0.0]]
     ],
 )
 def test_after_a_wrong_reset_of_the_vector_environment_the_episodes_continue(start, message, kind):
-    envs = BilliardsVectorEnv(2, "NextStep", task="place")
+    envs = make_vector_env(2, "NextStep", task="place")
     observations, _ = envs.reset(seed=0)
     state = envs.get_state()
     with pytest.raises(kind, match=message):
@@ -196,16 +196,16 @@ THREE = {"num_envs": 3, "autoreset_mode": AutoresetMode.DISABLED}
 @refusals(
     "make, arguments, action",
     [
-        (BilliardsEnv, {}, [np.nan, 0.0], r"action = \[nan, 0.0\]: expected finite numbers"),
-        (BilliardsEnv, {}, [0.0, -np.inf], r"action = \[0.0, -inf\]: expected finite numbers"),
-        (BilliardsEnv, {}, [0.0, 0.0, 0.0], r"action has shape \(3,\): expected \(2,\)"),
-        (BilliardsEnv, {}, 0.5, r"action has shape \(\): expected \(2,\)"),
-        (BilliardsEnv, STRIKE, [0.1, 0.2], r"action has shape \(2,\): expected \(5,\)"),
-        (BilliardsEnv, STRIKE, [0.1, 0.2, 0.0, np.nan, 0.0], "action = .*: expected finite numbers"),
-        (BilliardsVectorEnv, THREE, np.zeros((2, 2)), r"actions has shape \(2, 2\): expected \(3, 2\)"),
-        (BilliardsVectorEnv, THREE, np.zeros(2), r"actions has shape \(2,\): expected \(3, 2\)"),
+        (make_env, {}, [np.nan, 0.0], r"action = \[nan, 0.0\]: expected finite numbers"),
+        (make_env, {}, [0.0, -np.inf], r"action = \[0.0, -inf\]: expected finite numbers"),
+        (make_env, {}, [0.0, 0.0, 0.0], r"action has shape \(3,\): expected \(2,\)"),
+        (make_env, {}, 0.5, r"action has shape \(\): expected \(2,\)"),
+        (make_env, STRIKE, [0.1, 0.2], r"action has shape \(2,\): expected \(5,\)"),
+        (make_env, STRIKE, [0.1, 0.2, 0.0, np.nan, 0.0], "action = .*: expected finite numbers"),
+        (make_vector_env, THREE, np.zeros((2, 2)), r"actions has shape \(2, 2\): expected \(3, 2\)"),
+        (make_vector_env, THREE, np.zeros(2), r"actions has shape \(2,\): expected \(3, 2\)"),
         (
-            BilliardsVectorEnv,
+            make_vector_env,
             {"num_envs": 3},
             [[0, 0], [np.inf, 0], [0, 0]],
             r"action of environment 1 = \[inf, 0.0\]: expected finite numbers",
@@ -223,7 +223,7 @@ def test_a_wrong_action_changes_nothing(make, arguments, action, message, kind):
 
 
 def test_a_step_without_an_episode():
-    env = BilliardsEnv()
+    env = make_env()
     with pytest.raises(ResetNeeded, match=r"over or has not begun: call reset\(\)"):
         env.step(np.zeros(2))
     for _ in range(2):
@@ -236,7 +236,7 @@ def test_a_step_without_an_episode():
 
 @pytest.mark.parametrize("mode", AutoresetMode, ids=lambda mode: mode.value)
 def test_a_step_of_the_vector_environment_without_episodes(mode):
-    envs: Any = BilliardsVectorEnv(2, autoreset_mode=mode)
+    envs: Any = make_vector_env(2, autoreset_mode=mode)
     first = {"reset_mask": np.array([True, False])}
     with pytest.raises(ResetNeeded, match="call reset"):
         envs.step(np.zeros((2, 2)))

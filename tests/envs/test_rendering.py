@@ -12,7 +12,7 @@ from gymnasium.error import DependencyNotInstalled
 
 from billiards_env import envs as billiards_envs
 from billiards_env.engine import run_shots_of
-from billiards_env.envs import RecordVideo, episodes
+from billiards_env.envs import RecordVideo, episodes, make_env
 from billiards_env.envs.rendering import FPS, RENDER_MODES
 from billiards_env.envs.tasks import TASKS
 from billiards_env.shots import simulation
@@ -56,7 +56,7 @@ def test_drawing_modules_are_loaded_only_when_needed():
 @pytest.mark.parametrize("kwargs", [{}, {"mode": "pit", "dt": 0.01}])
 def test_a_render_mode_does_not_change_the_results(kwargs):
     kwargs = {"max_shots": 3, "n_object_balls": 2, "max_speed": 1.0, **kwargs}
-    plain, *shown = [BilliardsEnv(render_mode=mode, **kwargs) for mode in (None, "rgb_array", "rgb_array_list")]
+    plain, *shown = [make_env(render_mode=mode, **kwargs) for mode in (None, "rgb_array", "rgb_array_list")]
     rng = np.random.default_rng(0)
     for episode in range(2):
         start = plain.reset(seed=episode)[0].tobytes()
@@ -165,7 +165,7 @@ OBSTACLE = {"base": "pool", "balls": {"radius": [0.03, 0.05, 0.03], "mass": [0.2
 def test_the_frames_are_those_of_the_shots_with_texts(kwargs, positions, captions):
     from billiards_env.drawing.canvas import Canvas, Caption, pixels
 
-    env = BilliardsEnv(render_mode="rgb_array_list", **kwargs)
+    env: Any = make_env(render_mode="rgb_array_list", **kwargs)
     env.reset(options={"positions": positions})
     (start,) = env.render()
     canvas, places, in_play = Canvas(env.scene), np.array(positions), np.ones(3, bool)
@@ -192,7 +192,7 @@ def test_the_goal_is_drawn_at_its_position(autoreset_mode, monkeypatch):
         return film(self, *args, circles=circles, **kwargs)
 
     monkeypatch.setattr(Canvas, "film", spy)
-    env = BilliardsEnv(task="place", render_mode="rgb_array")
+    env: Any = make_env(task="place", render_mode="rgb_array")
     envs = make_vec("Billiards-v0", 2, autoreset_mode=autoreset_mode, task="place", render_mode="rgb_array")
     env.reset(seed=0)
     envs.reset(seed=0)
@@ -327,7 +327,7 @@ def test_record_video_raises_for_another_render_mode(tmp_path):
 def test_the_vector_environment_renders_the_frames_of_each_environment(autoreset_mode, mode):
     game = {"render_mode": mode, "max_shots": 2, "n_object_balls": 2}
     envs = make_vec("Billiards-v0", num_envs=2, autoreset_mode=autoreset_mode, **game)
-    single = BilliardsEnv(**game)
+    single: Any = make_env(**game)
     envs.reset(seed=5)
     layouts = envs.render()
     actions = np.random.default_rng(0).uniform(-0.06, 0.06, (3, 2, 2))
@@ -383,7 +383,7 @@ def test_a_window_shows_up_to_four_environments_side_by_side(pygame, num_envs, s
 
 
 def test_rendering_without_a_render_mode_warns():
-    env = BilliardsEnv()
+    env: Any = make_env()
     env.reset(seed=0)
     with pytest.warns(UserWarning, match="without a render mode draws nothing"):
         assert env.render() is None
@@ -394,7 +394,7 @@ def test_rendering_without_a_render_mode_warns():
 def test_the_error_without_pygame_contains_the_command_to_install_it(mode, monkeypatch):
     monkeypatch.setitem(sys.modules, "pygame", None)
     monkeypatch.delitem(sys.modules, "billiards_env.drawing.canvas", raising=False)
-    env = BilliardsEnv(render_mode=mode)  # no error yet, as in Gymnasium's environments
+    env: Any = make_env(render_mode=mode)  # no error yet, as in Gymnasium's environments
     if mode != "human":
         env.reset(seed=0)
     with pytest.raises(DependencyNotInstalled, match=re.escape("(in a clone: pip install '.[render]')")):

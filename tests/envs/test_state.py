@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv, load_state, save_state
+from billiards_env.envs import BilliardsEnv, load_state, make_env, make_vector_env, save_state
 from tests.helpers.environments import SOFT, STRIKE, VARIED, name_of, same
 
 NINE: dict[str, Any] = {"task": "nine_ball", "max_shots": 3, "max_speed": 8.0, "noise": {}}
@@ -41,7 +41,7 @@ def random_actions(env, count, seed):
 @settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 2**40), before=st.integers(0, 4))
 def test_a_restored_environment_continues_with_the_same_bits(kwargs, seed, before):
-    env, other = BilliardsEnv(**kwargs), BilliardsEnv(**kwargs)
+    env, other = make_env(**kwargs), make_env(**kwargs)
     env.reset(seed=seed)
     actions = random_actions(env, 8, seed)
     played(env, actions[:before])
@@ -59,7 +59,7 @@ def test_a_restored_environment_continues_with_the_same_bits(kwargs, seed, befor
 @kinds
 @pytest.mark.parametrize("mode", ["SameStep", "NextStep"])
 def test_rows_of_a_vector_environment_continue_in_any_place(kwargs, mode):
-    envs, others = BilliardsVectorEnv(6, mode, **kwargs), BilliardsVectorEnv(3, mode, **kwargs)
+    envs, others = make_vector_env(6, mode, **kwargs), make_vector_env(3, mode, **kwargs)
     envs.reset(seed=4)
     actions = random_actions(envs, 6, 0)
     played(envs, actions[:2])
@@ -71,7 +71,7 @@ def test_rows_of_a_vector_environment_continue_in_any_place(kwargs, mode):
         assert all(map(np.array_equal, found[:3], [array[rows] for array in whole[:3]]))
     envs.set_state(state)
     same(played(envs, actions[2:]), expected)
-    single = BilliardsEnv(**kwargs)
+    single = make_env(**kwargs)
     single.set_state(state[2])
     if not state["over"][2]:
         assert single.step(actions[2, 2])[1] == expected[0][1][2]
@@ -80,7 +80,7 @@ def test_rows_of_a_vector_environment_continue_in_any_place(kwargs, mode):
 
 
 def test_branches_of_one_position_differ_by_their_actions_and_their_noise():
-    env, envs = BilliardsEnv(**NINE), BilliardsVectorEnv(50, "NextStep", **NINE)
+    env, envs = make_env(**NINE), make_vector_env(50, "NextStep", **NINE)
     env.reset(seed=0)
     state = env.get_state()
     envs.set_state(state.repeat(50))
@@ -99,7 +99,7 @@ def test_branches_of_one_position_differ_by_their_actions_and_their_noise():
 
 @kinds
 def test_the_info_repeats_an_automatic_episode_alone(kwargs):
-    envs, env = BilliardsVectorEnv(4, **kwargs), BilliardsEnv(**kwargs)
+    envs, env = make_vector_env(4, **kwargs), make_env(**kwargs)
     observations, infos = envs.reset(seed=9)
     actions = random_actions(envs, 8, 3)
     begun = {k: (infos["episode_seed"][k], observations[k], []) for k in range(4)}
@@ -120,7 +120,7 @@ def test_the_info_repeats_an_automatic_episode_alone(kwargs):
 
 
 def test_a_state_survives_a_file(tmp_path):
-    envs = BilliardsVectorEnv(3, **NINE)
+    envs = make_vector_env(3, **NINE)
     envs.reset(seed=0)
     save_state(tmp_path / "state.npz", envs.get_state())
     loaded = load_state(tmp_path / "state.npz")
@@ -136,8 +136,8 @@ def test_a_state_survives_a_file(tmp_path):
 
 
 def changed(**values: Any) -> np.ndarray:
-    """Returns two states of `BilliardsVectorEnv(2)`, of which the second one has other values."""
-    envs = BilliardsVectorEnv(2)
+    """Returns two states of `make_vector_env(2)`, of which the second one has other values."""
+    envs = make_vector_env(2)
     envs.reset(seed=0)
     state = envs.get_state()
     for name, value in values.items():
@@ -152,11 +152,13 @@ def changed(**values: Any) -> np.ndarray:
         (lambda: np.zeros(2), "expected an array that get_state returned", TypeError),
         (lambda: changed()[[0, 1, 0]], "state has 3 rows: expected 2 or 1", ValueError),
         (lambda: changed(task="carom"), r"state\['task'\] = b'carom': expected b'pot', the task of", ValueError),
-        (lambda: BilliardsVectorEnv(2, scene="ideal", task="place").get_state(), r"state\['task'\]", ValueError),
-        (lambda: BilliardsVectorEnv(2, scene="uk_pool").get_state(), r"state\['scene'\] = .* the scene of", ValueError),
-        (lambda: BilliardsVectorEnv(2, n_object_balls=2).get_state(), r"state\['scene'\]", ValueError),
-        (lambda: BilliardsVectorEnv(2, randomize={"g": (9, 10)}).get_state(), r"state\['scene'\]", ValueError),
+        (lambda: make_vector_env(2, scene="ideal", task="place").get_state(), r"state\['task'\]", ValueError),
+        (lambda: make_vector_env(2, scene="uk_pool").get_state(), r"state\['scene'\] = .* the scene of", ValueError),
+        (lambda: make_vector_env(2, n_object_balls=2).get_state(), r"state\['scene'\]", ValueError),
+        (lambda: make_vector_env(2, randomize={"g": (9, 10)}).get_state(), r"state\['scene'\]", ValueError),
         (lambda: changed(positions=np.nan), r"state\['positions'\] has numbers that are not finite", ValueError),
+        (lambda: changed(positions=0.1), "positions: shot 1, balls 0 and 1 are 0.0 m apart: expected", ValueError),
+        (lambda: changed(positions=[[0, 0], [9, 0]]), r"positions: shot 1, ball 1 is at \[9.0, 0.0\]", ValueError),
         (
             lambda: changed(fresh=False, shots_left=2),
             r"state\['shots_left'\] = .*expected 1 to max_shots = 1",
@@ -165,7 +167,7 @@ def changed(**values: Any) -> np.ndarray:
     ],
 )
 def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(state, message, kind):
-    envs = BilliardsVectorEnv(2)
+    envs = make_vector_env(2)
     envs.reset(seed=0)
     before = envs.get_state()
     with pytest.raises(kind, match=message):
@@ -185,7 +187,7 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(state, message
     ids=["player", "players", "physics"],
 )
 def test_numbers_that_no_episode_has_are_refused(kwargs, values, message):
-    env = BilliardsEnv(**kwargs)
+    env = make_env(**kwargs)
     env.reset(seed=0)
     state = env.get_state()
     for name, value in values.items():
@@ -195,7 +197,7 @@ def test_numbers_that_no_episode_has_are_refused(kwargs, values, message):
 
 
 def test_a_noisy_environment_refuses_a_state_without_noise_but_not_the_other_way_round():
-    plain, noisy = BilliardsEnv(), BilliardsEnv(noise={})
+    plain, noisy = make_env(), make_env(noise={})
     for env in (plain, noisy):
         env.reset(seed=0)
     with pytest.raises(ValueError, match=r"state\['noise_stream'\] is not seeded: expected a state of"):

@@ -3,7 +3,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env.envs import BilliardsEnv, tasks
+from billiards_env.envs import make_env, tasks
 from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
 from billiards_env.games import STATE
 from tests.helpers.environments import RUN_OUTS
@@ -256,7 +256,7 @@ def test_eight_ball(shot, result, on):
     ],
 )
 def test_the_legal_balls_of_the_first_shot(task, layout, legal):
-    env = BilliardsEnv(task=task, layout=layout)
+    env = make_env(task=task, layout=layout)
     env.reset(seed=0)
     assert set(np.flatnonzero(env.legal_balls).tolist()) == legal
     assert np.atleast_1d(env.get_state()["game"]["break_shot"]).tolist() == [legal == ALL] * (task != "pot")

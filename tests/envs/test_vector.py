@@ -10,7 +10,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import vector as wrappers
 
-from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
+from billiards_env.envs import BilliardsVectorEnv, make_env, make_vector_env
 from tests.helpers.environments import SOFT, VARIANTS, VARIED, name_of, same
 
 MODES = tuple(AutoresetMode)
@@ -26,7 +26,7 @@ def pair(num_envs, autoreset, threads=None, **kwargs):
     sync = SyncVectorEnv(
         [lambda: gym.make("Billiards-v0", **kwargs) for _ in range(num_envs)], autoreset_mode=autoreset
     )
-    return BilliardsVectorEnv(num_envs, autoreset, threads, **kwargs), sync
+    return make_vector_env(num_envs, autoreset, threads, **kwargs), sync
 
 
 def compare(native, sync, steps, seed: Any = 0):
@@ -67,13 +67,13 @@ def test_seeds_equal_those_of_single_environments(mode, seed):
 
 
 def test_unseeded_environments_have_different_layouts_which_np_random_seed_reproduces():
-    envs = BilliardsVectorEnv(20)
+    envs = make_vector_env(20)
     first, _ = envs.reset()
     assert len(np.unique(first, axis=0)) == 20
     second, _ = envs.reset()
     assert not (first == second).any()
-    assert np.array_equal(BilliardsVectorEnv(20).reset(seed=list(envs.np_random_seed))[0], first)
-    assert not np.array_equal(BilliardsVectorEnv(20).reset()[0], first)
+    assert np.array_equal(make_vector_env(20).reset(seed=list(envs.np_random_seed))[0], first)
+    assert not np.array_equal(make_vector_env(20).reset()[0], first)
 
 
 @modes
@@ -103,7 +103,7 @@ def test_a_masked_reset_does_not_change_the_others(mode, kwargs):
     ],
 )
 def test_options_are_those_of_single_environments(task, name, values):
-    envs, single, values = BilliardsVectorEnv(2, task=task), BilliardsEnv(task=task), np.array(values)
+    envs, single, values = make_vector_env(2, task=task), make_env(task=task), np.array(values)
     observations, _ = envs.reset(seed=3, options={name: values})
     later, _ = envs.reset()
     for i, value in enumerate(values):
@@ -119,7 +119,7 @@ def test_options_are_those_of_single_environments(task, name, values):
 @modes
 @soft
 def test_returned_arrays_share_no_memory(mode, kwargs):
-    envs = BilliardsVectorEnv(40, autoreset_mode=mode, **kwargs)
+    envs = make_vector_env(40, autoreset_mode=mode, **kwargs)
     rng = np.random.default_rng(0)
 
     def arrays(results):
@@ -129,7 +129,7 @@ def test_returned_arrays_share_no_memory(mode, kwargs):
             elif isinstance(value, np.ndarray) and value.dtype != object:
                 yield value
 
-    twin = BilliardsVectorEnv(40, autoreset_mode=mode, **kwargs)
+    twin = make_vector_env(40, autoreset_mode=mode, **kwargs)
     twin.reset(seed=0)
     given = list(arrays(envs.reset(seed=0)))
     for _ in range(4):
@@ -150,7 +150,7 @@ def test_returned_arrays_share_no_memory(mode, kwargs):
 
 
 def test_next_step_resets_ignore_the_action():
-    envs = BilliardsVectorEnv(2, "NextStep")
+    envs = make_vector_env(2, "NextStep")
     envs.reset(seed=0)
     envs.step(np.zeros((2, 2)))
     *_, infos = envs.step(np.full((2, 2), np.nan))
@@ -168,7 +168,7 @@ def test_make_vec(kwargs, mode):
     assert isinstance(envs.unwrapped, BilliardsVectorEnv)
     assert envs.metadata["autoreset_mode"] is mode
     assert BilliardsVectorEnv.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
-    single = BilliardsEnv(**kwargs)
+    single = make_env(**kwargs)
     assert envs.single_observation_space == single.observation_space
     assert envs.single_action_space == single.action_space
     assert envs.reset(seed=1)[0] in envs.observation_space
@@ -201,7 +201,7 @@ def test_wrappers_of_gymnasium(mode):
 
 
 def test_a_layout_without_room_raises_from_a_thread(monkeypatch):
-    envs = BilliardsVectorEnv(128, threads=2)
+    envs = make_vector_env(128, threads=2)
     hole = np.array([[0.0, 0.0, 9.0]])  # as large as the table
     monkeypatch.setattr(envs._episodes, "plan", envs._episodes.plan._replace(pockets=hole))
     with pytest.raises(ValueError, match="found no room for ball 0"):
@@ -211,7 +211,7 @@ def test_a_layout_without_room_raises_from_a_thread(monkeypatch):
 @pytest.mark.slow
 def test_ten_million_steps_need_no_more_memory_than_a_million():
     resource = pytest.importorskip("resource")
-    envs = BilliardsVectorEnv(4096, autoreset_mode="SameStep")
+    envs = make_vector_env(4096, autoreset_mode="SameStep")
     envs.reset(seed=0)
     actions = np.random.default_rng(0).uniform(-1, 1, (16, 4096, 2)).astype(np.float32)
     most = []

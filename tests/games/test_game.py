@@ -4,13 +4,14 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from billiards_env.engine import PIC, Engine
 from billiards_env.games import GAMES, Call, History, Stroke, custom_opening, opening, play
 from billiards_env.games.state import in_play, is_in
 from billiards_env.scene import check_positions, layouts
 from billiards_env.scene.layouts import MARGIN, draw
 from tests.helpers.games import in_a_row, setup, words
 
-PIT = {"mode": "pit", "dt": 1 / 240}
+PIT = Engine("pit", 1 / 240)
 TARGETS = {"carom": 2, "snooker": 40}  # scores that random players reach
 NINE, EIGHT, STRAIGHT = setup("nine_ball"), setup("eight_ball"), setup("straight", target=50, call_shot=True)
 PLACES = in_a_row(10)
@@ -164,11 +165,11 @@ def test_straight_pool_three_fouls_on_the_table():
 # Whole games.
 
 
-@pytest.mark.parametrize(("rules", "engine"), [*((rules, {}) for rules in GAMES), ("nine_ball", PIT), ("carom", PIT)])
+@pytest.mark.parametrize(("rules", "engine"), [*((rules, PIC) for rules in GAMES), ("nine_ball", PIT), ("carom", PIT)])
 def test_random_games_end_and_keep_all_balls(rules, engine):
     ended = 0
     for seed in range(3):
-        settings = setup(rules, **engine, **({"target": TARGETS[rules]} if rules in TARGETS else {}))
+        settings = setup(rules, engine=engine, **({"target": TARGETS[rules]} if rules in TARGETS else {}))
         history, log = random_game(settings, seed)
         down = Counter()
         game = history.opening
@@ -181,7 +182,7 @@ def test_random_games_end_and_keep_all_balls(rules, engine):
             assert not game.state.over
             assert sum(state.scores) == sum(game.state.scores) + verdict.points + verdict.penalty
             assert (state.player == game.state.player) == verdict.continues
-            if not engine:
+            if engine == PIC:
                 lying = is_in(in_play(state), settings.scene.n_balls)
                 check_positions(settings.scene, played.game.positions, in_play=lying)
             game = played.game

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env import Scene, __version__, simulate, strike
+from billiards_env.engine import Engine
 from billiards_env.games import GAMES, NO_CALL, Call, History, Stroke, opening, play, records, to_dict
 from billiards_env.scene import Balls
 from billiards_env.shots import records as shot_records
@@ -27,7 +28,7 @@ SHOTS = {
     "spins": lambda: record_shot(Scene.named("pool"), POOL, [2.0, 0.45], spins=[1 / 3, -20.0, 30.1]),
     "in_play": lambda: record_shot(Scene.named("pool"), POOL, [2.0, 0.45], in_play=[True, False]),
     "pit": lambda: record_shot(
-        Scene.named("pool"), POOL, [2.0, 0.45], mode="pit", dt=1 / 60, fix="move_back", max_time=np.float64(2.5)
+        Scene.named("pool"), POOL, [2.0, 0.45], engine=Engine("pit", 1 / 60, "move_back"), max_time=np.float64(2.5)
     ),
     "masses": lambda: record_shot(MASSES, [[-0.5, 0.0], [0.1, 0.01], [0.7, -0.0]], [1.0, -0.0]),
     "event_limit": lambda: record_shot(Scene.named("pool"), POOL, [2.0, 0.45], max_events=3),
@@ -65,7 +66,7 @@ RECORDS = {
     **SHOTS,
     **{rules: (lambda rules=rules: recorded_game(rules)) for rules in GAMES},
     "options": lambda: recorded_game("straight", shots=40, target=40, call_shot=True),
-    "pit game": lambda: recorded_game(mode="pit", dt=1 / 100),
+    "pit game": lambda: recorded_game(engine=Engine("pit", 1 / 100)),
 }
 
 
@@ -102,10 +103,10 @@ def test_record_shot_rejects_what_simulate_rejects():
         (([[0.0, 0.0], [0.01, 0.0]], [1.0, 0.0]), {}),
         ((POOL, [math.nan, 0.0]), {}),
         (([POOL], [[1.0, 0.0]]), {}),
-        ((POOL, [1.0, 0.0]), {"mode": "pit"}),
+        ((POOL, [1.0, 0.0]), {"engine": "pit"}),
         ((POOL, [1.0, 0.0]), {"max_events": -1}),
     ]:
-        with pytest.raises(ValueError, match=r"expected"):
+        with pytest.raises((TypeError, ValueError), match=r": expected"):
             record_shot(scene, *args, **kwargs)
 
 

@@ -1,6 +1,6 @@
 """Layouts in which ball 1 can be potted directly, with the number of the pocket, and environments with a layout."""
 
-from billiards_env.envs import BilliardsEnv
+from billiards_env.envs import make_env
 
 # Corner pockets 0, 1 at x < 0 and 2, 3 at x > 0, side pockets 4 at y < 0 and 5 at y > 0.
 NAMED_POTS = {
@@ -16,6 +16,6 @@ NAMED_POTS = {
 
 def at(positions, **kwargs):
     """Returns an environment with the balls at these positions."""
-    env = BilliardsEnv(**{"n_object_balls": len(positions) - 1, **kwargs})
+    env = make_env(**{"n_object_balls": len(positions) - 1, **kwargs})
     env.reset(options={"positions": positions})
     return env

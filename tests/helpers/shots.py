@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env import Scene
+from billiards_env.engine import PIC
 from billiards_env.physics import state as columns
 from billiards_env.scene import Balls, Physics, layouts
 from billiards_env.scene.table import Table
@@ -179,15 +180,16 @@ def run_both(scene, positions, velocities, spins=None, record=False, threads=Non
 
     Options that are arrays have one entry for each shot, and so has each number of `physics`.
     """
-    recorded = record and options.get("mode", "pic") == "pic"
-    arguments = {"spins": spins, "threads": threads, "record": recorded, **options}
-    batch = simulation.simulate_batch(scene, positions, velocities, **arguments)
-    physics, singles = options.pop("physics", {}), []
+    engine, physics = options.pop("engine", PIC), options.pop("physics", {})
+    arguments = {"spins": spins, "threads": threads, "record": record and engine == PIC, "engine": engine, **options}
+    batch = simulation.simulate_batch(scene, positions, velocities, physics=physics, **arguments)
+    numbers, singles = {name: values for name, values in physics.items() if name != "dt"}, []
     for k in range(len(positions)):
         mine = {name: value[k] if isinstance(value, np.ndarray) else value for name, value in options.items()}
-        turning = None if spins is None else spins[k]
-        of = with_physics(scene, physics, k)
-        singles.append(simulate(of, positions[k], velocities[k], spins=turning, record=record, **mine))
+        mine["spins"] = None if spins is None else spins[k]
+        mine["engine"] = dataclasses.replace(engine, dt=physics["dt"][k]) if "dt" in physics else engine
+        of = with_physics(scene, numbers, k)
+        singles.append(simulate(of, positions[k], velocities[k], record=record, **mine))
     for name in BALL_ARRAYS:
         assert np.array_equal(getattr(batch, name), [getattr(shot, name) for shot in singles])
     for name in (*SCALARS, "status"):

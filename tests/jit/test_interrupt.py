@@ -18,6 +18,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from billiards_env.engine import PIC, Engine
 from billiards_env.engine.compile import MANY_BALLS
 from billiards_env.engine.runner import LOOK_AFTER
 from billiards_env.physics.cushion import CUSHIONS
@@ -129,14 +130,14 @@ def run_until_alarm() -> None:
         run_one(2)
 
 
-SMALL_STEPS = {"mode": "pit", "dt": 1e-7}
+SMALL_STEPS = Engine("pit", 1e-7)
 CALLS: dict[str, Callable[[], None]] = {
     "one shot": lambda: run_one(2),
     "one shot of many balls": lambda: run_one(MANY_BALLS),
-    "one shot of pit": lambda: run_one(30, **SMALL_STEPS),
+    "one shot of pit": lambda: run_one(30, engine=SMALL_STEPS),
     "long shots, all threads": lambda: run_batch(40, 2, None, 1e9),
     "many shots, 1 thread": lambda: run_batch(100_000, 2, 1, 1e3),
-    "many shots of pit, 2 threads": lambda: run_batch(100_000, 2, 2, 10.0, mode="pit", dt=1e-3),
+    "many shots of pit, 2 threads": lambda: run_batch(100_000, 2, 2, 10.0, engine=Engine("pit", 1e-3)),
     "a step": step_one,
     "a step of many, 1 thread": lambda: step_many(4, 1, "NextStep"),
     "a step of many, 2 threads": lambda: step_many(40, 2, "SameStep"),
@@ -147,8 +148,8 @@ CALLS: dict[str, Callable[[], None]] = {
 def compile_kernels() -> None:
     """Compiles the kernels of all calls."""
     for n in (2, MANY_BALLS):
-        for options in ({}, SMALL_STEPS):
-            simulate(*gas(n), max_time=1e-6, **options)
+        for engine in (PIC, SMALL_STEPS):
+            simulate(*gas(n), engine=engine, max_time=1e-6)
     arguments: Any = {"scene": gas(60)[0].to_dict(), "task": "carom", "layout": "random"}
     env = gym.make("Billiards-v0", **arguments)
     env.reset(seed=0)
@@ -229,7 +230,7 @@ def test_slow_impacts_on_cushions_count_as_work(monkeypatch):
 def test_the_steps_of_pit_count_as_work(monkeypatch):
     """A look after every ten million pairs, which take about ten milliseconds."""
     n, dt, end = 30, 1e-6, 0.05
-    shot = functools.partial(simulate, *gas(n), mode="pit", dt=dt, max_time=end)
+    shot = functools.partial(simulate, *gas(n), engine=Engine("pit", dt), max_time=end)
     assert looks(monkeypatch, shot)[0] >= int(end / dt * n * n / 1e7)
 
 
@@ -237,7 +238,7 @@ def test_slow_impacts_on_cushions_count_as_work_in_pit(monkeypatch):
     scene, places, velocities = gas(30)
     monkeypatch.setitem(CUSHIONS, "restitution", CUSHIONS["restitution"]._replace(work=LOOK_AFTER // 30))
     slow = dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, e_cushion=0.99))
-    shot = functools.partial(simulate, slow, places, velocities, mode="pit", dt=1e-3, max_time=0.5)
+    shot = functools.partial(simulate, slow, places, velocities, engine=Engine("pit", 1e-3), max_time=0.5)
     count, found = looks(monkeypatch, shot)
     assert count >= found.cushions.max() > 0
 

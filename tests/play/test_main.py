@@ -10,6 +10,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from billiards_env.engine import PIC, Engine
+
 pytest.importorskip("pygame")
 
 from billiards_env import Scene, simulate
@@ -60,7 +62,7 @@ def history(*arguments, seed=0):
 
 def test_the_default_games():
     setup = history().setup
-    assert (setup.rules, setup.n_players, setup.mode, setup.scene.n_balls) == ("eight_ball", 2, "pic", 16)
+    assert (setup.rules, setup.n_players, setup.engine, setup.scene.n_balls) == ("eight_ball", 2, PIC, 16)
     for rules, scene in (("eight_ball", "real_pool"), ("nine_ball", "real_pool"), ("snooker", "snooker")):
         setup = history("--rules", rules).setup
         assert setup.scene == Scene.named(scene, setup.scene.n_balls - 1)
@@ -71,7 +73,7 @@ def test_arguments_describe_the_game():
     given = history("--rules", "straight", "--balls", "3", "--target", "2", "--players", "human,random,random")
     assert (given.setup.scene.n_balls, given.setup.target, given.setup.n_players) == (4, 2, 3)
     pit = history("--rules", "carom", "--mode", "pit", "--dt", "1/240").setup
-    assert (pit.mode, pit.dt, pit.scene) == ("pit", 1 / 240, Scene.named("carom"))
+    assert (pit.engine, pit.scene) == (Engine("pit", 1 / 240), Scene.named("carom"))
     assert history("--layout", "random").opening.state.in_hand == 0
 
 
@@ -164,11 +166,9 @@ def test_spaces_between_players_are_ignored(frames):
 @pytest.mark.parametrize("dt", [1 / 60, 1 / 240])
 def test_the_engines_are_compiled_before_the_window_opens(monkeypatch, dt):
     used = []
-    monkeypatch.setattr(
-        "billiards_env.play.__main__.simulate", lambda *args, mode, dt, **kwargs: used.append((mode, dt))
-    )
+    monkeypatch.setattr("billiards_env.play.__main__.simulate", lambda *args, engine, record: used.append(engine))
     compile_engines(Scene.named("carom"), dt)
-    assert used == [("pic", None), ("pit", dt)]
+    assert used == [PIC, Engine("pit", dt)]
 
 
 @pytest.mark.parametrize(

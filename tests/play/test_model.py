@@ -9,6 +9,7 @@ import pytest
 
 from billiards_env import Scene, simulate, strike
 from billiards_env.drawing.pace import PACES
+from billiards_env.engine import PIC, Engine
 from billiards_env.games import NO_CALL, Call, History, Setup, Stroke, custom_opening, play, to_dict
 from billiards_env.games.placement import placement_area
 from billiards_env.play import model as actions
@@ -120,9 +121,9 @@ def test_a_cue_ball_in_hand_moves_to_the_nearest_free_point(make_model):
     assert np.hypot(*(placed - STRAIGHT[1])) > 2 * anywhere.setup.scene.balls.radius[0]
 
 
-@pytest.mark.parametrize("mode", [{}, {"mode": "pit", "dt": 1e-4}])
-def test_the_preview_ends_at_the_first_contact_of_the_engine(make_model, mode):
-    model = after(make_model(positions=STRAIGHT, **mode), (actions.turn_aim, 1.5))
+@pytest.mark.parametrize("engine", [PIC, Engine("pit", 1e-4)])
+def test_the_preview_ends_at_the_first_contact_of_the_engine(make_model, engine):
+    model = after(make_model(positions=STRAIGHT, engine=engine), (actions.turn_aim, 1.5))
     preview = model.preview
     shot = simulate(model.setup.scene, STRAIGHT, model.stroke.velocity, record=True)
     assert shot.events is not None
@@ -279,17 +280,17 @@ def test_undo_returns_to_the_last_shot_of_a_person(make_model):
 
 
 @pytest.mark.parametrize(
-    ("mode", "ghost"), [({}, ("pit", 1 / 60)), ({"mode": "pit", "dt": 1 / 240}, ("pic", None))], ids=["pic", "pit"]
+    ("engine", "ghost"), [(PIC, Engine("pit", 1 / 60)), (Engine("pit", 1 / 240), PIC)], ids=["pic", "pit"]
 )
-def test_a_replay_shows_the_shot_of_the_other_engine(make_model, mode, ghost):
-    model = after(make_model(positions=STRAIGHT, **mode), (actions.turn_aim, 1.0), actions.go, actions.go)
+def test_a_replay_shows_the_shot_of_the_other_engine(make_model, engine, ghost):
+    model = after(make_model(positions=STRAIGHT, engine=engine), (actions.turn_aim, 1.0), actions.go, actions.go)
     before = model.aim.angle, model.phase
     model = after(model, actions.replay)
     shot, comparison = model.shown_shots
     velocity = model.strokes[0].velocity
-    expected = simulate(model.setup.scene, STRAIGHT, velocity, mode=ghost[0], dt=ghost[1])
+    expected = simulate(model.setup.scene, STRAIGHT, velocity, engine=ghost)
     assert (comparison.positions == expected.positions).all()
-    assert (shot.positions == simulate(model.setup.scene, STRAIGHT, velocity, **mode).positions).all()
+    assert (shot.positions == simulate(model.setup.scene, STRAIGHT, velocity, engine=engine).positions).all()
     assert (shot.positions != comparison.positions).any()
     assert after(model, actions.toggle_ghost).shown_shots[1] is None
     assert tick(model, 1e9).phase == "replaying"  # the end remains visible

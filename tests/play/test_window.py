@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from billiards_env.engine import Engine
+
 pytest.importorskip("pygame")
 
 import pygame
@@ -501,7 +503,7 @@ def test_the_ghost_is_visible_in_a_replay(make_model):
     view = View(model.setup.scene, 640)
     with_ghost = pixels(view.draw(model))
     without = pixels(view.draw(toggle_ghost(model)))
-    pit = simulate(model.setup.scene, BALLS, model.strokes[0].velocity, mode="pit", dt=1 / 60, record=True)
+    pit = simulate(model.setup.scene, BALLS, model.strokes[0].velocity, engine=Engine("pit", 1 / 60), record=True)
     comparison = pit.at(3.0)
     differ = (with_ghost != without).any(axis=2)
     x, y = np.round(view.canvas.pixels_of(comparison[1])).astype(int)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
+from billiards_env.engine import Engine
 from billiards_env.games import GAMES, GameState, Setup, choices, custom_opening, opening, play
 from billiards_env.games.batch import play_batch
 from billiards_env.games.state import BEHIND, changed
@@ -220,7 +221,7 @@ def test_the_success_of_a_pot_is_that_of_a_normal_error():
 
 @pytest.mark.slow
 def test_a_setup_with_the_fixed_timestep_is_played():
-    game = Setup("nine_ball", Scene.named("pool", 9), mode="pit", dt=1 / 120)
+    game = Setup("nine_ball", Scene.named("pool", 9), engine=Engine("pit", 1 / 120))
     assert plan(game, opening(game, RNG(0), "random"), 6.0, RNG(0), np.inf, 300).probability >= 0.0
 
 

@@ -15,7 +15,7 @@ POOL = Scene.named("pool")
 
 
 def pots_of(env):
-    return pot_shots(Tables(env.scene, env.targets, env.positions, env.potted, env.max_speed))
+    return pot_shots(Tables(env.scene, env.model.targets, env.positions, env.potted, env.max_speed))
 
 
 def test_the_tolerance_is_the_largest_error_of_the_direction():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from billiards_env import simulate
-from billiards_env.envs import BilliardsEnv
+from billiards_env.envs import make_env
 from billiards_env.players.env_player import rewards, task_situation
 from billiards_env.players.strategies import FINALISTS, REPEATS, find_strategy, geometric, search
 from tests.helpers.layouts import NAMED_POTS, at
@@ -45,7 +45,7 @@ def test_without_a_pot_the_geometric_player_hits_the_nearest_ball_hard():
 
 @pytest.mark.parametrize("kwargs", [{"n_object_balls": 3, "max_shots": 4}, {"task": "carom", "layout": "random"}])
 def test_ratings_are_the_rewards_of_steps(kwargs):
-    env = BilliardsEnv(**kwargs, scratch_penalty=0.3)
+    env = make_env(**kwargs, scratch_penalty=0.3)
     rng = RNG(0)
     for seed in range(5):
         env.reset(seed=seed)
@@ -61,7 +61,7 @@ def test_ratings_are_the_rewards_of_steps(kwargs):
 
 
 def test_the_search_player_is_at_least_as_good_as_the_geometric_one_and_repeatable():
-    env, rng = BilliardsEnv(), RNG(0)
+    env, rng = make_env(), RNG(0)
     earned: dict[str, list[float]] = {"geometric": [], "search:1": [], "search:50": []}
     for name in earned:
         strategy = find_strategy(name)
@@ -103,7 +103,7 @@ def test_with_noise_the_search_plays_the_most_robust_of_the_best_shots():
 
 def test_the_search_tries_strikes_with_spin():
     options = {"positions": [[0.2, 0.0], [0.9, 0.3]]}
-    env = BilliardsEnv("real_pool", "position", action="strike", scratch_penalty=0.0)
+    env = make_env(scene="real_pool", task="position", action="strike", scratch_penalty=0.0)
     env.reset(seed=0, options={**options, "goal": [0.0, -0.3]})
     tried = []
 
@@ -126,7 +126,7 @@ def test_the_search_tries_strikes_with_spin():
 
 @pytest.mark.parametrize("task", ["pot", "place", "position", "carom", "three_cushion"])
 def test_the_aim_player_solves_more_than_the_search(task):
-    env, solved = BilliardsEnv(task=task), {"aim": 0, "search:200": 0}
+    env, solved = make_env(task=task), {"aim": 0, "search:200": 0}
     for name in solved:
         for seed in range(12):
             env.reset(seed=seed)
@@ -135,7 +135,7 @@ def test_the_aim_player_solves_more_than_the_search(task):
 
 
 def test_without_a_goal_the_aim_player_searches():
-    env = BilliardsEnv(task="sum_to_three")
+    env = make_env(task="sum_to_three")
     env.reset(seed=1)
     assert task_situation(env).goals == ()
     found = task_situation(env)

@@ -9,7 +9,7 @@ import torch
 
 from agents.config import Config
 from agents.ppo import make_env, make_policy
-from billiards_env.envs import BilliardsEnv
+from billiards_env import envs
 from billiards_env.games import custom_opening, opening
 from billiards_env.play.__main__ import make_history, make_parser
 from billiards_env.players.named import find_player
@@ -60,7 +60,7 @@ def test_the_stroke_is_the_shot_of_the_policy_in_the_plain_environment(tmp_path,
 def test_a_policy_is_a_player_of_an_environment_made_without_gymnasium_but_of_no_other_speed(tmp_path):
     folder, model, env = untrained(tmp_path, max_speed=5.0)
     observation, _ = env.reset(seed=0)
-    act = find_player(f"policy:{folder}", BilliardsEnv(max_speed=5.0))
+    act = find_player(f"policy:{folder}", envs.make_env(max_speed=5.0))
     assert act(observation).tobytes() == model.predict(observation, deterministic=True)[0].tobytes()
     with pytest.raises(ValueError, match=r"another max_speed: expected 5\.0, not 4\.0"):
         find_player(f"policy:{folder}", gym.make("Billiards-v0"))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate, simulate_batch, strike
+from billiards_env.engine import PIC, Engine
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.threads import parallel_for
 from tests.helpers.shots import LAWS, draw_starts, run_both
@@ -19,9 +20,9 @@ from tests.helpers.shots import LAWS, draw_starts, run_both
 @pytest.mark.parametrize(("name", "threads"), [*((name, None) for name in LAWS), ("pool", 1), ("pool", 2), ("pool", 3)])
 def test_a_batch_equals_single_shots_bit_for_bit(name, threads, fix):
     scene = Scene.named(name, 4)
-    options: dict[str, Any] = {} if fix is None else {"mode": "pit", "dt": 1 / 60, "fix": fix}
+    engine = PIC if fix is None else Engine("pit", 1 / 60, fix)
     places, starts, spins = draw_starts(scene, 120)
-    batch, _ = run_both(scene, places, starts, None if name == "ideal" else spins, threads=threads, **options)
+    batch, _ = run_both(scene, places, starts, None if name == "ideal" else spins, threads=threads, engine=engine)
     assert (batch.first_hit > 0).any()
 
 

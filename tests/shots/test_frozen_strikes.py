@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from billiards_env import Scene, simulate, simulate_batch, strike
 from billiards_env.engine import frozen_strike
 from billiards_env.engine.frozen_strike import LEFT
-from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv, episodes
+from billiards_env.envs import episodes, make_env, make_vector_env
 from billiards_env.games import Setup, Stroke, custom_opening, play
 from billiards_env.games.batch import play_batch
 from billiards_env.shots import simulation
@@ -132,7 +132,7 @@ def test_the_derivative_by_the_strike_is_refused():
 def test_the_environments_play_the_strike():
     arguments = {"scene": "pool", "n_object_balls": 2, "action": "strike", "max_shots": 2}
     action = np.array([0.4, 0.1, 0.3, -0.2, 0.05], np.float32)
-    env, envs = BilliardsEnv(**arguments), BilliardsVectorEnv(3, **arguments)
+    env, envs = make_env(**arguments), make_vector_env(3, **arguments)
     env.reset(seed=1, options={"positions": PAIR})
     _, reward, *_, info = env.step(action)
     envs.reset(seed=1, options={"positions": [PAIR] * 3})
@@ -140,7 +140,7 @@ def test_the_environments_play_the_strike():
     assert envs.positions.tolist() == [env.positions.tolist()] * 3
     assert rewards.tolist() == [reward] * 3
     assert info["first_hit"] == 1
-    apart = BilliardsEnv(**{**arguments, "action": "velocity"})
+    apart = make_env(**{**arguments, "action": "velocity"})
     apart.reset(seed=1, options={"positions": PAIR})
     apart.step(action[:2])
     env.reset(options={"positions": PAIR})
@@ -172,6 +172,6 @@ def test_a_shot_without_a_frozen_ball_does_not_drive(monkeypatch):
     for module in (episodes, simulation):
         monkeypatch.setattr(module, "strike_frozen", fail)
     assert simulate(POOL, PAIR, [1.0, 0.0]).first_hit == 1
-    env = BilliardsEnv(scene="pool", n_object_balls=2)
+    env = make_env(scene="pool", n_object_balls=2)
     env.reset(seed=1, options={"positions": PAIR})
     assert env.step(np.array([0.4, 0.1], np.float32))[-1]["first_hit"] == 1

@@ -10,6 +10,7 @@ import pytest
 
 from billiards_env import Scene, simulate, simulate_batch, strike
 from billiards_env.calibration.tracks import Track, check_tracks
+from billiards_env.engine import Engine
 from billiards_env.scene import Balls, Cue, Physics
 from billiards_env.shots.strikes import strike_derivative
 
@@ -34,10 +35,8 @@ def many(m: Any = 2, **arguments: Any):
     return lambda: simulate_batch(POOL, **{"positions": [PLACES] * m, "velocities": [[1.0, 0.0]] * m, **arguments})
 
 
-def pit(dt, **arguments):
-    """Returns calls of `simulate` and `simulate_batch` with a timestep."""
-    options: dict[str, Any] = {"mode": "pit", "dt": dt, **arguments}
-    return one(**options), many(1, **options)
+def engine(*arguments: Any):
+    return lambda: Engine(*arguments)
 
 
 def struck(**arguments: Any):
@@ -69,7 +68,7 @@ def of_batch(method, *arguments):
 
 
 def of_pit(method, *arguments):
-    return lambda: getattr(simulate(*START, mode="pit", dt=0.1, record=True), method)(*arguments)
+    return lambda: getattr(simulate(*START, engine=Engine("pit", 0.1), record=True), method)(*arguments)
 
 
 ONE_SHOT = [
@@ -85,7 +84,6 @@ ONE_SHOT = [
     (one(spins=[0, 0, NAN]), "spins: ball 0 has [0.0, 0.0, nan]: expected numbers from -1e+06 to 1e+06 rad/s"),
     (one(in_play=[True]), "in_play has shape (1,): expected (2,), one value per ball"),
     (one(in_play=True), "in_play has shape (): expected (2,), one value per ball"),
-    (one(mode="pik"), "mode = 'pik': expected one of 'pic'"),
     (one(max_time=-1.0), "max_time = -1.0: expected a number from 0 to 1e+12 s"),
     (one(max_time=NAN), "max_time = nan: expected a number from 0 to 1e+12 s"),
     (one(FIXED, velocities=[[0, 0], [0, 0.1]]), "velocities: ball 1 has an infinite mass: expected it to be at rest"),
@@ -107,9 +105,9 @@ BATCHES = [
     (many(spins=[[0, 0, 1]]), "spins has shape (1, 3): expected (2, 2, 3) for all balls or (2, 3) for"),
     (many(in_play=[[True, True]]), "in_play has shape (1, 2): expected (2,), one value per ball"),
     (many(max_events=1.5), "max_events = 1.5: expected a whole number from 0 to 1000000000"),
-    (many(mode="pig"), "mode = 'pig': expected one of 'pic'"),
+    (many(engine="pit"), "engine = 'pit': expected an Engine, such as Engine('pit', dt=1/60)"),
     (many(max_time=-1), "max_time = -1: expected a number from 0 to 1e+12 s"),
-    (many(mode="pit", dt=0.01, record=True), "record = True with mode = 'pit'"),
+    (many(engine=Engine("pit", 0.01), record=True), "record = True with engine PIT, dt = 10 ms: expected PIC"),
     (lambda: many()()[2], "batch[2]: expected an index from -2 to 1"),
     (many(physics={"mu_rol": [1, 1]}), "key of physics = 'mu_rol': expected one of "),
     (many(physics={"max_time": [1, 1]}), "key of physics = 'max_time': expected one of 'g'"),
@@ -125,16 +123,18 @@ BATCHES = [
 ]
 TIMESTEPS = [
     *(
-        (call, f"dt = {dt!r} with mode='pit': expected the timestep, a number from 1e-09 to 1e+06 s, such as 1/60")
-        for dt in (None, 0, 0.0, -1, -1 / 60, NAN, math.inf, 1e-12, "x", "1/60", True, 1j)
-        for call in pit(dt)
+        (
+            engine("pit", dt),
+            f"dt = {dt!r} with mode='pit': expected the timestep, a number from 1e-09 to 1e+06 s, such as 1/60",
+        )
+        for dt in (None, 0, 0.0, -1, -1 / 60, NAN, math.inf, 1e-12, "x", "1/60", True, 1j, [0.1])
     ),
-    (pit([0.1])[0], "dt = [0.1] with mode='pit': expected the timestep"),  # a batch takes one for each shot
-    (many(mode="pit", dt=[0.1] * 3), "dt has shape (3,): expected (2,)"),
-    (many(mode="pit", dt=[0.1, 0]), "shot 1: dt = 0.0 with mode='pit': expected the timestep"),
-    (many(dt=[0.1, 0.1]), "shot 0: dt = 0.1 with mode='pic': expected None"),
+    (many(engine=Engine("pit", 0.1), physics={"dt": [0.1] * 3}), "physics['dt'] has shape (3,): expected (2,)"),
+    (many(engine=Engine("pit", 0.1), physics={"dt": [0.1, 0]}), "shot 1: dt = 0.0 with mode='pit': expected the times"),
+    (many(physics={"dt": [0.1, 0.1]}), "physics['dt'] with mode='pic': expected mode='pit', PIC has no timestep"),
+    (engine("pig"), "mode = 'pig': expected one of 'pic'"),
     *(
-        (call, message)
+        (engine("pit", 0.1, fix), message)
         for fix, message in (
             (
                 "pushapart",
@@ -144,19 +144,11 @@ TIMESTEPS = [
             (1, "fix = 1: expected one of"),
             (False, "fix = False: expected one of"),
         )
-        for call in pit(0.1, fix=fix)
     ),
-    *(
-        (call(**arguments, **mode), message)
-        for arguments, message in (
-            ({"dt": 1 / 60}, f"dt = {1 / 60} with mode='pic': expected None, PIC has no timestep"),
-            ({"fix": "none"}, "fix = 'none' with mode='pic': expected None, PIC has no overlaps to fix"),
-        )
-        for mode in ({}, {"mode": "pic"})
-        for call in (one, many)
-    ),
+    (engine("pic", 1 / 60), f"dt = {1 / 60} with mode='pic': expected None, PIC has no timestep"),
+    (engine("pic", None, "none"), "fix = 'none' with mode='pic': expected None, PIC has no overlaps to fix"),
 ]
-RECORDED = "expected a shot of simulate(..., mode='pic', record=True)"
+RECORDED = "expected a shot of simulate(..., record=True) by PIC"
 DERIVATIVES = [
     (of_shot("jvp", {}), "tangents = {}"),
     (of_shot("jvp", {"mu": 1.0}), "by = 'mu'"),
@@ -177,7 +169,7 @@ DERIVATIVES = [
     (of_shot("sensitivity", recorded=False), f"shot.sensitivity: {RECORDED}"),
     (of_pit("sensitivity"), f"shot.sensitivity: {RECORDED}"),
     (of_pit("sensitivities", [0.0]), f"shot.sensitivity: {RECORDED}"),
-    (of_batch("vjp", {"positions": 1.0}), "batch.vjp: expected a batch of simulate_batch(..., mode='pic', record=True"),
+    (of_batch("vjp", {"positions": 1.0}), "batch.vjp: expected a batch of simulate_batch(..., record=True) by PIC"),
     (
         of_shot("sensitivities", [1.0, 0.5]),
         "times = [1.0, 0.5]: expected finite numbers of seconds >= 0 in ascending order",

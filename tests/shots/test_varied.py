@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate, simulate_batch
+from billiards_env.engine import Engine
 from billiards_env.engine.compile import PIC, scene_fields, varied_fields
 from billiards_env.scene import PARAMETERS
 from billiards_env.shots import records
@@ -87,8 +88,8 @@ def test_each_shot_has_its_own_timestep(fix):
     scene, m = SCENES["pool"], 12
     places, starts, spins = draw_starts(scene, m)
     physics, dt = varied(("mu_roll", "e_ball"), m), np.geomspace(1e-3, 0.05, m)
-    batch, _ = run_both(scene, places, starts, spins, mode="pit", dt=dt, fix=fix, physics=physics)
-    last = {"mode": "pit", "dt": dt[-1], "fix": fix, "spins": spins[-1]}
+    batch, _ = run_both(scene, places, starts, spins, engine=Engine("pit", 1.0, fix), physics={**physics, "dt": dt})
+    last = {"engine": Engine("pit", dt[-1], fix), "spins": spins[-1]}
     same_record(batch[-1], simulate(with_physics(scene, physics, -1), places[-1], starts[-1], record=True, **last))
 
 
@@ -139,7 +140,7 @@ def test_a_batch_with_shared_physics_has_the_numbers_of_its_scene():
 def test_a_batch_without_shots_may_have_physics():
     nothing = np.empty((0, 3, 2)), np.empty((0, 2))
     assert len(simulate_batch(SCENES["pool"], *nothing, physics={"mu_roll": []})) == 0
-    assert len(simulate_batch(SCENES["pool"], *nothing, mode="pit", dt=[])) == 0
+    assert len(simulate_batch(SCENES["pool"], *nothing, engine=Engine("pit", 1.0), physics={"dt": []})) == 0
 
 
 def test_numbers_may_fit_together_in_each_shot_alone():

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from billiards_env.checks import RANGES
+from billiards_env.engine import Engine
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.runner import LOOK_AFTER
 from billiards_env.physics.cushion import CUSHIONS
@@ -100,9 +101,8 @@ def test_shots_within_the_ranges_end_on_the_table(seed):
         dt = pick(rng, "dt", least=1e-3)
         fix = str(rng.choice(FIXES))
         limit = min(1e5 * dt, scene.physics.max_time or math.inf)
-        pit = simulate(
-            scene, places, velocities, spins=spins, max_events=MAX_EVENTS, mode="pit", dt=dt, fix=fix, max_time=limit
-        )
+        engine = Engine("pit", dt, fix)
+        pit = simulate(scene, places, velocities, engine=engine, spins=spins, max_events=MAX_EVENTS, max_time=limit)
         check(pit, scene, "pit")
 
 

@@ -8,8 +8,9 @@ import torch
 from torch import nn
 
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.envs import BilliardsVectorEnv
+from billiards_env.envs import make_vector_env
 from billiards_env.scene import Scene
+from billiards_env.shots.simulation import simulate_batch
 from studies import derivatives as study
 from studies.derivatives import Shots, blocks, draw_layouts, errors, main, pit, shots_of, slopes, ways
 
@@ -77,7 +78,7 @@ def test_the_error_of_the_derivative_after_a_cushion_is_the_share_of_the_time_be
     exact = shots.run(record=True)
     contact = (1.0 - 0.03) / 1.5
     for fix, share in (("push_apart", contact), ("move_back", contact), ("none", 2.0 * contact), ("time_of_impact", 0)):
-        found = errors(shots, exact.positions, study.exact_derivatives(exact), **pit(10_000, fix))["small"]
+        found = errors(shots, exact.positions, study.exact_derivatives(exact), pit(10_000, fix))["small"]
         assert found == pytest.approx(share / np.sqrt(2.0), abs=2e-4), fix  # the motion along y has no error
 
 
@@ -87,7 +88,8 @@ def test_a_hit_at_the_cut_angle_sends_the_ball_towards_the_goal(goals):
     ghost = goals[:, 1] - np.c_[np.cos(heading + cut), np.sin(heading + cut)] * sum(study.SCENE.balls.radius)
     aim = ghost - goals[:, 0]
     shots = Shots(study.SCENE, goals[:, :2], 3.0 * aim / np.linalg.norm(aim, axis=1)[:, None])
-    ways_of_ball = [shots.run(max_time=t).positions[:, 1] - goals[:, 2] for t in np.linspace(0.0, 2.0, 400)]
+    ends = [simulate_batch(*shots, max_time=t).positions for t in np.linspace(0.0, 2.0, 400)]
+    ways_of_ball = [places[:, 1] - goals[:, 2] for places in ends]
     assert np.linalg.norm(ways_of_ball, axis=2).min(axis=0).max() < 0.02
 
 
@@ -135,7 +137,7 @@ def test_a_mirrored_layout_has_mirrored_actions():
 def test_a_step_along_the_gradient_brings_pots_nearer_and_a_scratch_lowers_the_chance_of_its_speed(monkeypatch):
     monkeypatch.setattr(study, "POT_BATCH", 32)
     torch.manual_seed(1)
-    envs = BilliardsVectorEnv(32)
+    envs = make_vector_env(32)
     envs.reset(seed=0)
     network = study.Network(envs.single_env.scene)
     played = study.play_pots(network, envs)

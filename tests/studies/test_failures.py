@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from billiards_env.engine import PIC, Engine
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.shots import simulation
 from reference import oracle
@@ -21,8 +22,8 @@ late_fixes = pytest.mark.parametrize("fix", ["push_apart", "none"])
 def play(case: Failure, fix: str | None = None, dt: float | None = None, ahead: float = 0.0) -> Any:
     """Returns the recorded shot, by PIC without a fix and by PIT with one; it starts `ahead` s later on the paths."""
     places = np.array(case.positions) + ahead * np.array(case.velocities)
-    pit = {} if fix is None else {"mode": "pit", "dt": case.dt if dt is None else dt, "fix": fix}
-    return simulation.simulate(case.scene, places, case.velocities, record=True, **pit)
+    engine = PIC if fix is None else Engine("pit", case.dt if dt is None else dt, fix)
+    return simulation.simulate(case.scene, places, case.velocities, engine=engine, record=True)
 
 
 def hits(shot: Any) -> list[tuple[str, int, int]]:

@@ -5,6 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
+from billiards_env.engine import Engine
+
 pytest.importorskip("PIL.Image")
 pytest.importorskip("matplotlib")
 pytest.importorskip("pygame")
@@ -66,7 +68,7 @@ def test_the_views_of_the_failures_contain_all_balls_and_contacts():
     for name, (centre, half, (first, last)) in figures.VIEWS.items():
         case = FAILURES[name]
         start = case.scene, case.positions, case.velocities
-        for shot in (simulate(*start, mode="pit", dt=case.dt, record=True), simulate(*start, record=True)):
+        for shot in (simulate(*start, engine=Engine("pit", case.dt), record=True), simulate(*start, record=True)):
             assert shot.events is not None
             assert all(first * case.dt < t < last * case.dt for t in shot.events["time"])
             places = np.array([shot.at(k * case.dt) for k in range(first, last + 1)])

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate
+from billiards_env.engine import PIC, Engine
 from studies import timestep, timestep_page, timestep_report
 from studies.readme import fill, results
 from tests.helpers.processes import InThisProcess
@@ -178,17 +179,17 @@ def test_the_predicted_error_makes_up_for_the_timestep_on_average(degrees):
     cut, touching = math.radians(degrees), 2 * scene.balls.radius[0]
     distance = np.random.default_rng(0).uniform(0.3, 0.36, count)
 
-    def mean_angle(error: float, **engine: Any) -> float:
+    def mean_angle(error: float, engine: Engine = PIC) -> float:
         aside = touching * math.sin(cut) + error
         positions = np.zeros((count, 2, 2))
         positions[:, 0] = np.stack((-distance, np.full(count, -aside)), 1)
-        found = [simulate(scene, start, [speed, 0.0], record=True, **engine) for start in positions]
+        found = [simulate(scene, start, [speed, 0.0], engine=engine, record=True) for start in positions]
         gone = [shot.at(_hit(shot) + 0.05)[1] for shot in found]
         return math.degrees(np.mean([math.atan2(y, x) for x, y in gone]))
 
     at_hit = math.sqrt(speed**2 - 2 * 0.2 * 9.81 * 0.28)
-    exact, late = mean_angle(0.0), mean_angle(0.0, mode="pit", dt=dt)
-    corrected = mean_angle(-0.5 * at_hit * dt * math.sin(cut) * math.cos(cut), mode="pit", dt=dt)
+    exact, late = mean_angle(0.0), mean_angle(0.0, Engine("pit", dt))
+    corrected = mean_angle(-0.5 * at_hit * dt * math.sin(cut) * math.cos(cut), Engine("pit", dt))
     assert exact == pytest.approx(degrees, abs=0.1)
     assert late > exact + 1.0
     assert abs(corrected - exact) < 0.15 * (late - exact)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate_batch
-from billiards_env.envs import BilliardsVectorEnv
+from billiards_env.envs import make_vector_env
 from tests.helpers.derivatives import aimed
 
 jax = pytest.importorskip("jax")
@@ -62,7 +62,7 @@ def test_shots_run_in_a_scan_and_have_the_type_of_the_velocities():
 
 def test_steps_in_a_scan_are_those_of_the_vector_environment():
     arguments = {"n_object_balls": 2, "max_shots": 3, "observe": [["planes", 9, 9], "positions"], "noise": {}}
-    envs, pure = BilliardsVectorEnv(4, **arguments), PureEnv(**arguments)
+    envs, pure = make_vector_env(4, **arguments), PureEnv(**arguments)
     actions = np.random.default_rng(0).uniform(-1, 1, (10, 4, 2))
     state, first = pure.reset(seed=0, num_envs=4)
     observations = [envs.reset(seed=0)[0]]
