@@ -64,7 +64,8 @@ def test_a_deep_copy_pickles_no_compiled_function(monkeypatch):
     monkeypatch.setattr(ReduceMixin, "__reduce__", lambda _: pytest.fail("a compiled function is pickled"))
     for env in envs:
         env.reset(seed=0)
-        same(copy.deepcopy(env).step(env.action_space.sample() * 0), env.step(env.action_space.sample() * 0))
+        action = env.action_space.sample() * 0
+        same(copy.deepcopy(env).step(action), env.step(action))
 
 
 def test_a_deep_copy_has_its_own_renderer():

@@ -239,7 +239,7 @@ def test_attributes_of_each_environment(kwargs):
     for envs in (native, sync):
         envs.reset(seed=5)
         envs.step(np.full((3, 2), 0.3))
-    names = "positions potted goals legal_balls np_random_seed max_shots scene episode_scene"
+    names = "positions potted goals legal_balls np_random_seed max_speed scene episode_scene"
     for name in names.split():
         same(native.get_attr(name), tuple(sync.get_attr(name)))
         same(native.call("get_wrapper_attr", name), native.get_attr(name))

@@ -128,7 +128,7 @@ def test_options_of_every_environment():
 
 def test_attributes_and_methods_belong_to_all_environments():
     native, dummy = pair(3)
-    for name in ("max_speed", "scene", "layout", "render_mode", "max_shots"):
+    for name in ("max_speed", "scene", "action", "render_mode", "task"):
         for indices in (None, 1, [0, 2]):
             assert native.get_attr(name, indices) == dummy.get_attr(name, indices)
     for envs in (native, dummy):
