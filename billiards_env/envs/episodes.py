@@ -81,7 +81,7 @@ class Episodes:
         self._run_shots, self._score = run_shots_of(model.engine, scene.n_balls), scoring(model.task)
         self._limit = scene.physics.max_time or math.inf
         make = ACTIONS[model.action].converter
-        self._converter = make and make(scene, model.max_speed)
+        self._converter: Any = make and make(scene, model.max_speed)
         self.choices = self._converter.choices if self._converter else 0
         self._cue = tuple(cue_numbers(scene)) if model.action == "strike" else None
         self.kind = state_type(model)

@@ -211,7 +211,8 @@ def read_image(source: Source, height: int, width: int, planes: bool) -> tuple[A
     scene, arrays, numbers = source.scene, source.arrays, source.numbers
     goals, half = arrays.goals.shape[1], raster.half_sides(scene.table)
     colours = raster.class_colours(numbers.targets, goals) if planes else raster.ball_colours(scene)
-    background = np.zeros(colours.shape[2:], np.uint8) if planes else raster.empty_table(scene.table, height, width)
+    empty = np.zeros((height, width, colours.shape[2]), np.uint8)
+    background = empty if planes else raster.empty_table(scene.table, height, width)
     # A ball that is painted is in play, so without legal balls all have the second kind.
     kinds, some = (
         arrays.legal_balls if arrays.legal_balls.size else arrays.in_play,

@@ -15,7 +15,8 @@ from tests.helpers.environments import printed
     ],
 )
 def test_registration_loads_nothing_heavy(code, words, heavy):
-    heavy |= {"torch", "pygame", "matplotlib"}
+    heavy |= {"torch", "jax", "pygame", "matplotlib"}
+    heavy |= {f"billiards_env.{name}" for name in ("drawing.raster", "envs.action_frames", "envs.plans", "players")}
     code = f"import sys, gymnasium; {code}; print(*{heavy} & set(sys.modules))"
     assert printed(code) == [words]
 
