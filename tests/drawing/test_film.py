@@ -89,9 +89,9 @@ def test_bad_arguments_are_rejected_and_leave_no_file(suffix, shot, elsewhere, t
                 write(target, fps=fps)
         with pytest.raises(ValueError, match="width = 3: expected a whole number from 160 to 7680 pixels"):
             write(target, width=3)
-    for draw in (lambda: write(target, compare=elsewhere), lambda: shot.plot(compare=elsewhere)):
-        with pytest.raises(ValueError, match="compare: expected a shot with the same balls on the same table"):
-            draw()
+        for draw in (lambda: write(target, compare=elsewhere), lambda: shot.plot(compare=elsewhere)):
+            with pytest.raises(ValueError, match="compare: expected a shot with the same balls on the same table"):
+                draw()
     assert os.listdir(tmp_path) == [f"folder.{suffix}"]
 
 

@@ -181,7 +181,7 @@ def test_with_timesteps_energy_does_not_rise_and_impacts_of_balls_keep_momentum(
     """With the time of impact an event is compared with the step before, as friction acts on other velocities since."""
     given_shot = scene, *_ = draw_shot(seed)
     options = options_of("pit", scene, seed)
-    at_impact = options["fix"] == "time_of_impact" and scene.physics.motion != "ideal"
+    at_impact = options["engine"].fix == "time_of_impact" and scene.physics.motion != "ideal"
     shot = play(given_shot, options, record=True)
     found: dict[float, set[str]] = {}
     for event in shot.events:
