@@ -110,6 +110,8 @@ def test_every_module_with_a_decorator_is_hashed():
     for path in (ROOT / "billiards_env").resolve().rglob("*.py"):
         if path.name == "__init__.py":  # has its submodules in its namespace, and no functions
             continue
+        if path.name == "jax.py":  # needs the extra `jax`, and has no kernels
+            continue
         name = ".".join(path.relative_to(ROOT.resolve()).with_suffix("").parts)
         names = vars(importlib.import_module(name)).values()
         if any(value is jit or any(value is decorator for decorator in decorators) for value in names):
