@@ -81,8 +81,7 @@ def d_impact(laws, arguments, d_arguments):
 
 
 tangent_of(push_ball, constant=("motion",))
-tangent_of(drive, constant=("phase",))
-_d_fly = tangent_of(fly, constant=("phase", "t"))
+_d_drive, _d_fly = tangent_of(drive, constant=("phase",)), tangent_of(fly, constant=("phase", "t"))
 _d_slip_of, _d_spin_of = tangent_of(slip_of), tangent_of(spin_of)
 d_distance_of = tangent_of(distance_of, constant=("are_spheres",))
 _d_meet = tangent_of(meet, constant=("ball_friction", "are_spheres"))
@@ -239,8 +238,6 @@ def _note(lane, dt, change):  # out: lane
 def phase_end_lane(lane, flight, before, after):  # out: lane
     """Changes a lane by a `Flight` and the event at the end of its phase.
 
-    The slip, the velocity or the spin that ends has a constant rate r. Its change d shifts the end by -r.d / r.r.
-
     Args:
         lane: The lane.
         flight: The `Flight`.
@@ -248,17 +245,9 @@ def phase_end_lane(lane, flight, before, after):  # out: lane
         after: The same after it.
     """
     ball, phase, _, numbers = flight
+    dt = _d_drive(ball, phase, numbers, ball_at(lane, 0), _changes(lane))[1][2]
     flight_lane(lane, 0, flight)
-    change = ball_at(lane, 0)
-    if phase == SLIDING:
-        square = before.ux * before.ux + before.uy * before.uy
-        dt = -(before.ux * change.ux + before.uy * change.uy) * (1.0 / square)
-    elif phase == ROLLING:
-        square = before.vx * before.vx + before.vy * before.vy
-        dt = -(before.vx * change.vx + before.vy * change.vy) * (1.0 / square)
-    else:
-        dt = change.wz / math.copysign(numbers.spin_decay, ball.wz)
-    change = _shifted(change, before, dt)
+    change = _shifted(ball_at(lane, 0), before, dt)
     _note(lane, dt, change)
     put_ball(lane, 0, _shifted(change, after, -dt))
 
