@@ -15,6 +15,7 @@ import numpy as np
 
 from benchmarks import Count, machine, machine_line, parser_of, report, run_kinds, table, workers
 from benchmarks.error_limit import KINDS
+from billiards_env.commands import ending
 from billiards_env.shots.simulation import simulate
 from reference.oracle import OracleError, run
 
@@ -70,6 +71,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     return {"machine": machine_line(result["machine"]), "kinds": table(head, rows)}
 
 
+@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.certain --help`."""
     shots, breaks = Count(2350, "shots of each kind without a break"), Count(300, "breaks of each kind")
