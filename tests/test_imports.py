@@ -23,7 +23,8 @@ def test_the_lists_of_modules_are_complete():
             names = {
                 name for names in re.findall(r"^    ([a-z_, ]+):", listed, re.MULTILINE) for name in names.split(", ")
             }
-            assert names == {path.stem for path in package.parent.glob("[a-z]*.py")}, package
+            files = [*package.parent.glob("[a-z]*.py"), *(path.parent for path in package.parent.glob("*/__init__.py"))]
+            assert names == {path.stem for path in files}, package
 
 
 def test_only_tests_import_tests():
