@@ -221,7 +221,8 @@ class Episodes:
     def begin(self, begin: int, end: int, mask: Bools, observations: Any) -> None:
         """Begins the episodes in the mask (m,) with the balls where they are, and writes all observations."""
         begin_episodes(begin, end, mask, self._numbers, self._arrays)
-        self._write_mask(begin, end, mask, self.model.max_speed)
+        if self.choices:
+            self._write_mask(begin, end, mask, self.model.max_speed)
         self.observer.write(begin, end, observations)
 
     def shoot(
@@ -264,7 +265,8 @@ class Episodes:
             self._run_shots(first, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
         self._score(begin, end, self._numbers, self._arrays, rewards)
         self.observer.write(begin, end, observations)
-        self._write_mask(begin, end, ~over, max_speed)
+        if self.choices:
+            self._write_mask(begin, end, ~over, max_speed)
 
     def _before(self, rows: NDArray[np.int64], max_speed: float) -> Before:
         """Returns some episodes before their next shots."""
@@ -274,10 +276,10 @@ class Episodes:
 
     def _write_mask(self, begin: int, end: int, mask: Bools, max_speed: float) -> None:
         """Writes which choices are possible in the episodes in the mask (m,); in those that are over, none is."""
-        if self._converter and self.choices:
-            rows = begin + np.flatnonzero(mask[begin:end])
-            self.mask[begin:end] *= ~self.state.over[begin:end, None]
-            self.mask[rows] = self._converter.mask(self._before(rows, max_speed))
+        assert self._converter is not None
+        rows = begin + np.flatnonzero(mask[begin:end])
+        self.mask[begin:end] *= ~self.state.over[begin:end, None]
+        self.mask[rows] = self._converter.mask(self._before(rows, max_speed))
 
     def _record(self, k: int) -> ShotResult:
         """Runs the shot of episode k as the engine does, and returns it with its trajectory."""

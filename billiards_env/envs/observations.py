@@ -401,18 +401,19 @@ class Observer:
         if not names or len(self.features) < len(names):
             raise ValueError(f"observe = {short(observe)}: expected at least one feature, and each of them once")
         lows = [np.broadcast_to(FEATURES[name].low, shape).ravel() for name, shape in row_of(self.features).items()]
-        self._spaces: dict[str, Any] = {}
+        spaces: dict[str, Any] = {}
         if lows:
             low = np.concatenate(lows).astype(np.float32)
-            self._spaces[ROW] = gym.spaces.Box(low, np.ones_like(low), dtype=np.float32)
+            spaces[ROW] = gym.spaces.Box(low, np.ones_like(low), dtype=np.float32)
         for name, shape in self.features.items():
             if is_image(name):
-                self._spaces[name] = gym.spaces.Box(0, FEATURES[name].high, shape, np.uint8)
+                spaces[name] = gym.spaces.Box(0, FEATURES[name].high, shape, np.uint8)
         if self._has_goal:
             most = np.array([*source.half_extents, 1.0])
-            self._spaces |= {key: gym.spaces.Box(-most, most, dtype=np.float64) for key in (ACHIEVED, DESIRED)}
-        self._is_dict = len(self._spaces) > 1
-        self.space: Any = gym.spaces.Dict(self._spaces) if self._is_dict else next(iter(self._spaces.values()))
+            spaces |= {key: gym.spaces.Box(-most, most, dtype=np.float64) for key in (ACHIEVED, DESIRED)}
+        self._is_dict = len(spaces) > 1
+        self._memory = {key: (space.shape, space.dtype) for key, space in spaces.items()}
+        self.space: Any = gym.spaces.Dict(spaces) if self._is_dict else next(iter(spaces.values()))
         self._bind()
 
     def _bind(self) -> None:
@@ -439,8 +440,8 @@ class Observer:
 
     def new(self, count: int) -> Any:
         """Returns memory for the observations of `count` episodes: an array, or a dict of arrays."""
-        arrays = {key: np.empty((count, *space.shape), space.dtype) for key, space in self._spaces.items()}
-        return arrays if self._is_dict else next(iter(arrays.values()))
+        arrays = [np.empty((count, *shape), dtype) for shape, dtype in self._memory.values()]
+        return dict(zip(self._memory, arrays, strict=True)) if self._is_dict else arrays[0]
 
     def write(self, begin: int, end: int, observations: Any) -> None:
         """Writes the observations, memory from `new`, of the episodes from `begin` to `end - 1`."""
