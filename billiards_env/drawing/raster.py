@@ -75,7 +75,7 @@ def empty_table(table: Table, height: int, width: int) -> Bytes:
 
 
 @entry_point
-def paint_discs(begin, end, images, half_sides, radii, centres, shown, kinds, colours):
+def paint_discs(begin, end, images, half_sides, discs):  # out: images
     """Paints discs on the images `begin` to `end` - 1.
 
     Args:
@@ -83,12 +83,10 @@ def paint_discs(begin, end, images, half_sides, radii, centres, shown, kinds, co
         end: Last image plus 1.
         images: (m, height, width, c) uint8, which change.
         half_sides: As from the function of this name.
-        radii: (d,) m.
-        centres: (m, d, 2) m.
-        shown: (m, d) bool, the discs to paint.
-        kinds: (m, d) bool, which of its two colours a disc has.
-        colours: (d, 2, c) uint8.
+        discs: The radii (d,), m; the centres (m, d, 2), m; which discs are shown, (m, d) bool; which of its two colours
+            each disc has, (m, d) bool; and these colours, (d, 2, c) uint8.
     """
+    radii, centres, shown, kinds, colours = discs
     height, width = images.shape[1], images.shape[2]
     scale_x, scale_y = 0.5 * width / half_sides[X], 0.5 * height / half_sides[Y]  # pixels per metre
     for k in range(begin, end):

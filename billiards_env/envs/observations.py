@@ -213,14 +213,11 @@ def read_image(source: Source, height: int, width: int, planes: bool) -> tuple[A
     colours = raster.class_colours(numbers.targets, goals) if planes else raster.ball_colours(scene)
     empty = np.zeros((height, width, colours.shape[2]), np.uint8)
     background = empty if planes else raster.empty_table(scene.table, height, width)
-    # A ball that is painted is in play, so without legal balls all have the second kind.
-    kinds, some = (
-        arrays.legal_balls if arrays.legal_balls.size else arrays.in_play,
-        np.ones((len(arrays.over), goals), "?"),
-    )
-    discs = np.full(goals, numbers.goal_radius), arrays.goals, some, some, colours[-1:]
+    kinds = arrays.legal_balls if arrays.legal_balls.size else arrays.in_play  # all balls that are shown are in play
+    always = np.ones((len(arrays.over), goals), np.bool_)
+    goal = np.full(goals, numbers.goal_radius), arrays.goals, always, always, colours[-1:]
     balls = np.array(scene.balls.radius), arrays.positions, arrays.in_play, kinds, colours
-    return background, [(raster.paint_discs, (half, *layer)) for layer in (discs, balls)]
+    return background, [(raster.paint_discs, (half, discs)) for discs in (goal, balls)]
 
 
 class Feature(NamedTuple):

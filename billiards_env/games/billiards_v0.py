@@ -422,6 +422,7 @@ def _part(value: float, count: int) -> int:
 
 def raw_env(
     rules: str = "eight_ball",
+    *,
     n_players: int = 2,
     scene: str | Scene | Mapping[str, Any] | None = None,
     n_object_balls: int | None = None,
