@@ -182,24 +182,24 @@ class BilliardsEnv(gym.Env[Any, Any]):
 
     `reset` and `step` return the same keys. The numbers are NumPy scalars:
 
-    | Key            | Type         | Description                                          | After `reset` |
-    |----------------|--------------|------------------------------------------------------|---------------|
-    | `episode_seed` | (8,) int64   | seed that repeats this episode, see below            | drawn         |
-    | `shot_time`    | float64      | duration of the shot, s                              | 0             |
-    | `n_events`     | int64        | number of events in the shot                         | 0             |
-    | `status_code`  | int64        | reason for the end of the shot, usually 0, see below | 0             |
-    | `first_hit`    | int64        | the first ball that the cue ball touched, -1 if none | -1            |
-    | `action`       | (k,) float64 | velocity or strike that was played, see below        | 0             |
-    | `cushions`     | (n,) int32   | number of cushion contacts of each ball in the shot  | 0             |
-    | `potted`       | (n,) bool    | balls off the table after the shot                   | False         |
-    | `scratch`      | bool         | whether the cue ball was potted                      | False         |
-    | `points`       | int64        | points of the shot                                   | 0             |
-    | `score`        | int64        | points of the episode up to now                      | 0             |
-    | `shots_left`   | int64        | number of shots left in the episode                  | `max_shots`   |
-    | `is_success`   | bool         | whether the task was achieved in the episode         | False         |
-    | `miscue`       | bool         | whether the tip slipped; only with `action="strike"` | False         |
+    | Key             | Type         | Description                                          | After `reset` |
+    |-----------------|--------------|------------------------------------------------------|---------------|
+    | `episode_seed`  | (8,) int64   | seed that repeats this episode, see below            | drawn         |
+    | `shot_time`     | float64      | duration of the shot, s                              | 0             |
+    | `n_events`      | int64        | number of events in the shot                         | 0             |
+    | `status_code`   | int64        | reason for the end of the shot, usually 0, see below | 0             |
+    | `first_hit`     | int64        | the first ball that the cue ball touched, -1 if none | -1            |
+    | `played_action` | (k,) float64 | velocity or strike that was played, see below        | 0             |
+    | `cushions`      | (n,) int32   | number of cushion contacts of each ball in the shot  | 0             |
+    | `potted`        | (n,) bool    | balls off the table after the shot                   | False         |
+    | `scratch`       | bool         | whether the cue ball was potted                      | False         |
+    | `points`        | int64        | points of the shot                                   | 0             |
+    | `score`         | int64        | points of the episode up to now                      | 0             |
+    | `shots_left`    | int64        | number of shots left in the episode                  | `max_shots`   |
+    | `is_success`    | bool         | whether the task was achieved in the episode         | False         |
+    | `miscue`        | bool         | whether the tip slipped; only with `action="strike"` | False         |
 
-    With `randomize` the info also has the numbers of the episode by name (float64). `action` is the velocity (k = 2) or
+    With `randomize` the info also has the numbers of the episode by name (float64). `played_action` is the velocity (k = 2) or
     the strike (k = 5) in the units of the action space, after the conversion of other actions, the clipping and the
     noise. With `action="plan"` the info also has `action_mask`, int8: 1 for each plan that is possible in the next
     shot.

@@ -46,7 +46,7 @@ def info_arrays(
     }
     if miscues is not None:
         numbers["miscue"] = miscues
-    return InfoArrays(numbers, {"action": actions, "cushions": shots.cushions, "potted": arrays.potted})
+    return InfoArrays(numbers, {"played_action": actions, "cushions": shots.cushions, "potted": arrays.potted})
 
 
 def starts_of(info: InfoArrays, max_shots: int) -> InfoArrays:

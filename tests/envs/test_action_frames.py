@@ -164,7 +164,7 @@ def test_the_frame_uses_the_present_positions_and_clips():
     for action, expected in (([0.0, 1.0], [0.6, 0.8]), ([0.0, -7.0], np.array([0.6, 0.8]) * 0.4 / 4.5)):
         env.reset(options={"positions": [[-0.5, 0.0], [0.5, 0.1], [-0.2, 0.4]]})
         *_, info = env.step(action)
-        np.testing.assert_allclose(info["action"], expected, rtol=0, atol=1e-15)
+        np.testing.assert_allclose(info["played_action"], expected, rtol=0, atol=1e-15)
     env.reset()
     for action in ([0.0], [[0.0, 0.0]], [np.nan, 0.0], [0.0, np.inf]):
         with pytest.raises(ValueError, match="expected"):
@@ -198,7 +198,7 @@ def test_a_plan_without_a_pot_is_a_full_hit_on_the_nearest_ball():
     assert not info["action_mask"][:30].any()
     *_, info = env.step(3)
     assert info["first_hit"] == 2
-    assert info["action"].tolist() == [0.8, 0.0]
+    assert info["played_action"].tolist() == [0.8, 0.0]
     for plan in (-1, 60, 0.5):
         env.reset()
         with pytest.raises(ValueError, match="expected a whole number from 0 to 59"):
@@ -218,8 +218,8 @@ def test_the_executed_action_repeats_the_shot():
             env.reset(seed=seed)
             twin.reset(options={"positions": env.positions})
             observation, *_, info = env.step(env.action_space.sample())
-            assert np.hypot(*info["action"][:2]) <= 1 + 1e-15
-            assert np.allclose(twin.step(info["action"])[0], observation, atol=1e-6)
+            assert np.hypot(*info["played_action"][:2]) <= 1 + 1e-15
+            assert np.allclose(twin.step(info["played_action"])[0], observation, atol=1e-6)
 
 
 @pytest.mark.parametrize("vector", [False, True])

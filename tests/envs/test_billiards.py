@@ -27,7 +27,7 @@ def kinds_of(info, n):
     kinds = {}
     for key, value in info.items():
         assert isinstance(value, (np.generic, np.ndarray)), key
-        name = {"episode_seed": "(8,) ", "action": "(k,) "}.get(key, "(n,) ")
+        name = {"episode_seed": "(8,) ", "played_action": "(k,) "}.get(key, "(n,) ")
         assert value.shape in {"(8,) ": [(8,)], "(k,) ": [(2,), (5,)]}.get(name, [(n,) * value.ndim]), key
         kinds[key] = name * value.ndim + value.dtype.name
     return kinds
@@ -301,14 +301,14 @@ def test_a_shot_of_sum_to_three_starts_sliding_without_spin():
     observation, _ = env.reset()
     assert observation.tolist() == [-0.5, 0.0, 0.5, 0.0]
     start = game.positions
-    velocity = game.max_speed * env.step([0.0, 0.0])[4]["action"]
+    velocity = game.max_speed * env.step([0.0, 0.0])[4]["played_action"]
     np.testing.assert_allclose(velocity, [1.395 * 1.65, 0.0], rtol=1e-15)
     shot = simulate(game.scene, start, velocity, record=True)
     slip = 2 / 7 * velocity[0] / (0.5 * 9.81)  # time until it rolls, if it starts without spin
     assert shot.events is not None
     assert (shot.events["kind"][0], shot.events["time"][0]) == ("sliding_rolling", pytest.approx(slip, rel=1e-14))
     assert np.array_equal(game.positions, shot.positions)
-    fastest = game.max_speed * env.step([1.0, 0.0])[4]["action"]
+    fastest = game.max_speed * env.step([1.0, 0.0])[4]["played_action"]
     np.testing.assert_allclose(np.hypot(*fastest), 1.395 * 3.0, rtol=1e-15)
 
 

@@ -11,7 +11,7 @@ pytestmark = [pytest.mark.tools, pytest.mark.filterwarnings("ignore")]
 
 ID = "billiards_env:Billiards-v0"
 INFO = {"shot_time", "n_events", "status_code", "first_hit", "cushions", "potted", "scratch", "points", "score"}
-INFO |= {"shots_left", "is_success"}
+INFO |= {"shots_left", "is_success", "played_action"}
 lengths = pytest.mark.parametrize("max_shots", [1, 3])
 
 
