@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 
@@ -76,7 +77,7 @@ def drawn(seed, kind, n, e=0.95, mu=None, fixed=False, equal=False):
     return rng, places, rows, pairs, arrays_of(kind, e, mu, radius, inverse)
 
 
-def collided(places, rows, pairs, arrays, rebound=0.0):
+def collided(places, rows, pairs, arrays, rebound: Any = 0.0):
     """Returns the rows after the impacts of those pairs that approach, and the number of these pairs.
 
     `rebound` is the least speed of separation, m/s, of all pairs or of each.

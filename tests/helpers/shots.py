@@ -197,7 +197,7 @@ def run_both(scene, positions, velocities, spins=None, record=False, threads=Non
 
     Options that are arrays have one entry for each shot, and so has each number of `physics`.
     """
-    given = positions, velocities, spins, options.get("in_play")
+    given: tuple[Any, ...] = positions, velocities, spins, options.get("in_play")
     before = copy.deepcopy(given)
     engine, physics = options.pop("engine", PIC), options.pop("physics", {})
     arguments = {"spins": spins, "threads": threads, "record": record and engine == PIC, "engine": engine, **options}

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -167,9 +168,9 @@ def test_the_distance_at_contact_is_that_of_touching_spheres(first, second):
     balls = Balls((first, second), (0.1, 0.1), shape="sphere")
     expected = math.sqrt((first + second) ** 2 - (first - second) ** 2)
     assert balls.contact_distances(0)[1] == pytest.approx(expected, rel=1e-15)
-    arrays = scene_arrays(Scene(balls))
+    arrays, distance = scene_arrays(Scene(balls)), cast(Any, contact_distance)
     for i, j in itertools.product(range(2), repeat=2):
-        found = contact_distance.py_func(arrays.spheres, arrays.radius, i, j)  # pyright: ignore[reportAttributeAccessIssue]
+        found = distance.py_func(arrays.spheres, arrays.radius, i, j)
         assert found == balls.contact_distances(i)[j] == balls.contact_distances(j)[i]
 
 

@@ -3,7 +3,6 @@
 import dataclasses
 import math
 import re
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -34,6 +33,10 @@ def one(scene: Any = POOL, **arguments: Any):
 def many(m: Any = 2, **arguments: Any):
     """Returns a call of `simulate_batch`, as `one`."""
     return lambda: simulate_batch(POOL, **{"positions": [PLACES] * m, "velocities": [[1.0, 0.0]] * m, **arguments})
+
+
+def engine(*arguments: Any):
+    return lambda: Engine(*arguments)
 
 
 def struck(**arguments: Any):
@@ -105,7 +108,7 @@ BATCHES = [
 TIMESTEPS = [
     *(
         (
-            partial(Engine, "pit", dt),
+            engine("pit", dt),
             f"dt = {dt!r} with mode='pit': expected the timestep, a number from 1e-09 to 1e+06 s, such as 1/60",
         )
         for dt in (None, 0, NAN, "x", True)
@@ -113,14 +116,14 @@ TIMESTEPS = [
     (many(engine=Engine("pit", 0.1), physics={"dt": [0.1] * 3}), "physics['dt'] has shape (3,): expected (2,)"),
     (many(engine=Engine("pit", 0.1), physics={"dt": [0.1, 0]}), "shot 1: dt = 0.0 with mode='pit': expected the times"),
     (many(physics={"dt": [0.1, 0.1]}), "physics['dt'] with mode='pic': expected mode='pit', PIC has no timestep"),
-    (partial(Engine, "pig"), "mode = 'pig': expected one of 'pic'"),
+    (engine("pig"), "mode = 'pig': expected one of 'pic'"),
     (
-        partial(Engine, "pit", 0.1, "pushapart"),
+        engine("pit", 0.1, "pushapart"),
         "fix = 'pushapart': expected one of 'push_apart', 'move_back', 'none', 'time_of_impact' (did",
     ),
-    (partial(Engine, "pit", 0.1, 1), "fix = 1: expected one of"),
-    (partial(Engine, "pic", 1 / 60), f"dt = {1 / 60} with mode='pic': expected None, PIC has no timestep"),
-    (partial(Engine, "pic", None, "none"), "fix = 'none' with mode='pic': expected None, PIC has no overlaps to fix"),
+    (engine("pit", 0.1, 1), "fix = 1: expected one of"),
+    (engine("pic", 1 / 60), f"dt = {1 / 60} with mode='pic': expected None, PIC has no timestep"),
+    (engine("pic", None, "none"), "fix = 'none' with mode='pic': expected None, PIC has no overlaps to fix"),
 ]
 BACKWARDS = POOL, PLACES, strike(POOL, -1.5, 0.0)
 RECORDED = "expected a shot of simulate(..., record=True) by PIC"
