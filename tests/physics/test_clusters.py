@@ -159,14 +159,17 @@ def test_impacts_have_no_preferred_order_or_side(kind, seed, n, e, mu, fixed, re
     check_order_and_side(rng, places, rows, pairs, arrays, rng.uniform(0, 0.1, len(pairs)) * rebounds)
 
 
-@pytest.mark.parametrize("rows", [4, 5, 8])
+@pytest.mark.parametrize("rows", [4, 5, 10])
 @pytest.mark.parametrize("equal", [True, False])
 @pytest.mark.parametrize("e", [0.0, 0.95, 1.0])
 def test_a_frozen_rack_has_no_preferred_order_or_side(rows, equal, e):
-    """The contacts are redundant: the impulses are not unique, but the velocities and the friction are."""
+    """The contacts are redundant: the impulses are not unique, but the velocities and the friction are.
+
+    In the rack of ten rows more than `MOST` pairs approach, so the impulses are found by descent.
+    """
     places, pairs = triangle(rows)
     n = len(places)
-    for seed in range(20 if rows < 8 else 3):
+    for seed in range(20 if rows < 10 else 3):
         rng = np.random.default_rng(seed)
         inverse = np.full(n, 1 / 0.17) if equal else rng.uniform(0.5, 5, n)
         arrays = arrays_of(KINDS[seed % 2], e, None, np.full(n, 0.03), inverse)
