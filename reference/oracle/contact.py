@@ -88,11 +88,9 @@ def _circle_rounding(reach: Real, speed: Real, noise: Real, push: Real, push_noi
 
 def pair_contact(world: World, ball: int, a: Segment, other: int, b: Segment, base: Real, high: Real) -> Contact:
     """Returns `next_contact` of two balls in [base, base + high]; times are relative to `base`."""
-    offset = tuple(q - p for p, q in zip(a.position_at(base), b.position_at(base), strict=True))
     velocities = a.velocity_at(base), b.velocity_at(base)
-    velocity = tuple(q - p for p, q in zip(*velocities, strict=True))
-    acceleration = tuple(q - p for p, q in zip(a.acceleration, b.acceleration, strict=True))
-    reach = world.reach(ball, other)
+    offset, velocity = minus(b.position_at(base), a.position_at(base)), minus(*velocities[::-1])
+    acceleration, reach = minus(b.acceleration, a.acceleration), world.reach(ball, other)
     speed = sum(map(norm, velocities))
     noise = a.noise + b.noise + world.tiny * speed
     push = norm(a.acceleration) + norm(b.acceleration)
@@ -160,16 +158,20 @@ class FloatMotion:
         )
 
 
+def _bound(gap: Sequence[float], margin: float, high: float) -> float | None:
+    """Returns a lower bound for the time of an entry, s, from a gap as a polynomial in the share of `high` seconds."""
+    found = first_possible_entry(gap, margin)
+    return None if found is None else found * high
+
+
 def possible_pair_contact(a: FloatMotion, b: FloatMotion, reach: float, high: float) -> float | None:
     """Returns a lower bound for the time of `pair_contact`, in floats; None if there can be no contact."""
     (x, y), (vx, vy), (ax, ay) = (
-        (q[0] - p[0], q[1] - p[1])
-        for p, q in ((a.position, b.position), (a.velocity, b.velocity), (a.acceleration, b.acceleration))
+        minus(q, p) for p, q in ((a.position, b.position), (a.velocity, b.velocity), (a.acceleration, b.acceleration))
     )
     gap = pair_gap((x, y), (vx * high, vy * high), (ax * high * high, ay * high * high), reach)
     extent = a.extent(high) + b.extent(high) + reach
-    found = first_possible_entry(gap, MARGIN * extent * extent + 3 * reach * CONTACT_GAP)
-    return None if found is None else found * high
+    return _bound(gap, MARGIN * extent * extent + 3 * reach * CONTACT_GAP, high)
 
 
 def possible_wall_contact(a: FloatMotion, wall: Line | Arc, radius: float, high: float) -> float | None:
@@ -179,23 +181,20 @@ def possible_wall_contact(a: FloatMotion, wall: Line | Arc, radius: float, high:
     gap = wall_gap(wall, radius, a.position, velocity, acceleration)
     if isinstance(wall, Arc):
         extent, reach = a.extent(high) + sum(map(abs, wall.center)) + wall.radius, radius + wall.radius
-        found = first_possible_entry(gap, MARGIN * extent * extent + 3 * reach * CONTACT_GAP)
-        return None if found is None else found * high
+        return _bound(gap, MARGIN * extent * extent + 3 * reach * CONTACT_GAP, high)
     margin = MARGIN * (a.extent(high) + sum(map(abs, wall.middle)) + radius) + 2 * CONTACT_GAP
     feet = [dot(wall.tangent, minus(a.position, wall.middle))]  # Bernstein coefficients of the place along the cushion
     feet.append(feet[0] + dot(wall.tangent, velocity) / 2)
     feet.append(2 * feet[1] - feet[0] + dot(wall.tangent, acceleration) / 2)
     if min(feet) > wall.half + margin or max(feet) < -wall.half - margin:
         return None
-    found = first_possible_entry([*gap, 0.0, 0.0], margin)
-    return None if found is None else found * high
+    return _bound([*gap, 0.0, 0.0], margin, high)
 
 
 def possible_pocket_contact(a: FloatMotion, pocket: Vector, high: float) -> float | None:
     """Returns a lower bound for the time of `pocket_contact`, in the same way; the pocket is given in floats."""
     x, y, radius = pocket
-    (px, py), (vx, vy), (ax, ay) = a.position, a.velocity, a.acceleration
-    gap = pair_gap((px - x, py - y), (vx * high, vy * high), (ax * high * high, ay * high * high), radius)
+    velocity, acceleration = tuple(v * high for v in a.velocity), tuple(b * high * high for b in a.acceleration)
+    gap = pair_gap(minus(a.position, (x, y)), velocity, acceleration, radius)
     extent = a.extent(high) + abs(x) + abs(y) + radius
-    found = first_possible_entry(gap, MARGIN * extent * extent)
-    return None if found is None else found * high
+    return _bound(gap, MARGIN * extent * extent, high)

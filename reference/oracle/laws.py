@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import mpmath
 
 from billiards_env.scene import PARAMETERS, Scene, ball_friction
-from reference.oracle.outline import Arc, Line, walls_of
+from reference.oracle.outline import Arc, Line, dot, minus, walls_of
 from reference.oracle.roots import Real
 
 Vector = tuple[Real, ...]
@@ -463,13 +463,12 @@ def collide(
     hits: list[tuple[int, int]] = []
     normals = {}
     for i, j in contacts:
-        d = tuple(b - a for a, b in zip(positions[i], positions[j], strict=True))
-        length = norm(d)
-        normals[i, j] = tuple(x / length for x in d)
+        d = minus(positions[j], positions[i])
+        normals[i, j] = tuple(x / norm(d) for x in d)
 
     def rate(pair: tuple[int, int]) -> Real:
         i, j = pair
-        return sum(n * (b - a) for n, a, b in zip(normals[pair], velocities[i], velocities[j], strict=True))
+        return dot(normals[pair], minus(velocities[j], velocities[i]))
 
     for _ in range(ROUNDS):
         due = [pair for pair in contacts if rate(pair) < -noise]
@@ -484,7 +483,7 @@ def collide(
             hits.append((i, j))
             for ball, sign in ((i, -1), (j, 1)):
                 change = sign * (1 + world.e_ball) * impulse * world.inverse_mass[ball]
-                velocities[ball] = tuple(v + change * n for v, n in zip(velocities[ball], normals[i, j], strict=True))
+                velocities[ball] = _sum(velocities[ball], _scale(change, normals[i, j]))
         if world.ball_friction:
             pressing = {pair: (1 + world.e_ball) * p for pair, p in zip(due, impulses, strict=True) if p > 0}
             _rub(world, world.ball_friction, pressing, normals, velocities, spins)

@@ -261,15 +261,10 @@ class _Table:
 
     def predict(self, balls: Iterable[int]) -> None:
         """Queues the predictions of balls with new segments."""
-        balls = list(balls)
-        motions = {}
-        for i, segment in enumerate(self.current):
-            if segment.phase != "potted":
-                motions[i] = contact.FloatMotion(segment, self.now)
-        done = set()
+        motions, done = self.motions(), set()
         for i in balls:
             segment = self.current[i]
-            if segment.phase == "potted":
+            if i not in motions:
                 continue
             done.add(i)
             if segment.end is not None:
@@ -287,6 +282,14 @@ class _Table:
                     self.push_bound(CUSHION, i, k, bound)
                 for k, pocket in enumerate(self.pockets):
                     self.push_bound(POCKET, i, k, contact.possible_pocket_contact(motions[i], pocket, high))
+
+    def motions(self) -> dict[int, contact.FloatMotion]:
+        """Returns the motion of each ball in play after now, in floats."""
+        return {
+            k: contact.FloatMotion(segment, self.now)
+            for k, segment in enumerate(self.current)
+            if segment.phase != "potted"
+        }
 
     def last(self, ball: int) -> Real:
         """Returns the end of a ball's segment; for a free ball a time at which it would be beyond the table."""
@@ -332,15 +335,11 @@ class _Table:
                 self.solve(p, p.base)
         if not due:
             return None
-        first = min(due, key=self.place)
+        first = min(due, key=lambda p: (p.kind, p.ball, p.other))
         for p in due:
             if p is not first:
                 heapq.heappush(self.queue, p)
         return first
-
-    def place(self, p: _Prediction) -> tuple[int, ...]:
-        """Returns the place of a prediction among the predictions of the same instant."""
-        return (p.kind, p.ball, p.other)
 
     def solve(self, p: _Prediction, base: Real) -> None:
         """Replaces a bound by its contact, if there is one."""
@@ -348,10 +347,9 @@ class _Table:
         if p.kind == BALL:
             high = self.end(p.ball, p.other) - base
             found = contact.pair_contact(world, p.ball, a, p.other, self.current[p.other], base, high)
-        elif p.kind == POCKET:
-            found = contact.pocket_contact(world, p.ball, a, p.other, base, self.end(p.ball) - base)
         else:
-            found = contact.wall_contact(world, p.ball, a, p.other, base, self.end(p.ball) - base)
+            kind = contact.pocket_contact if p.kind == POCKET else contact.wall_contact
+            found = kind(world, p.ball, a, p.other, base, self.end(p.ball) - base)
         if found is not None:
             delay, resting = found
             kind = RESTING if resting else p.kind
@@ -473,12 +471,7 @@ class _Table:
 
     def touching(self, i: int, j: int) -> list[tuple[int, int]]:
         """Returns the pairs of touching balls that are connected with balls i and j by contacts."""
-        motions = {
-            k: contact.FloatMotion(segment, self.now)
-            for k, segment in enumerate(self.current)
-            if segment.phase != "potted"
-        }
-        pairs, reached, frontier = {(i, j)}, {i, j}, [i, j]
+        motions, pairs, reached, frontier = self.motions(), {(i, j)}, {i, j}, [i, j]
         while frontier:
             a = frontier.pop()
             for b, motion in motions.items():
@@ -488,12 +481,7 @@ class _Table:
                 reach = self.reach[a][b]
                 if math.dist(motions[a].position, motion.position) > reach * (1 + 1e-9) + 1e-9:
                     continue
-                offset = tuple(
-                    q - p
-                    for p, q in zip(
-                        self.current[a].position_at(self.now), self.current[b].position_at(self.now), strict=True
-                    )
-                )
+                offset = minus(self.current[b].position_at(self.now), self.current[a].position_at(self.now))
                 if laws.norm(offset) - self.world.reach(a, b) <= CONTACT_GAP:
                     pairs.add(pair)
                     if b not in reached:

@@ -5,8 +5,8 @@ The checks use only the log of the shot, which does not depend on how the engine
 
 from __future__ import annotations
 
-import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -227,43 +227,30 @@ def _run_checked(scene, limit, max_events, shots, log, found):
             _check(record, arrays, mass, Shots(*shots).n_contact_rule[k], found[k])
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Checked:
+class Checked(NamedTuple):
     """The results of m shots.
 
     Attributes:
-        positions: (m, n, 2) float64, m, at the end.
-        velocities: (m, n, 2) float64, m/s, at the end.
-        potted: (m, n) bool.
-        time: (m,) float64, s.
-        status: (m,) int64, indices into `engine.STATUS`.
-        n_events: (m,) int64.
-        n_contact_rule: (m,) int64.
+        shots: The `Shots` after their ends; a ball that is not in play is potted.
         found: (m, N_FOUND) float64; the columns are named above.
         rise_bound: The largest energy that one act of the contact-time rule may add, J.
     """
 
-    positions: NDArray[np.float64]
-    velocities: NDArray[np.float64]
-    potted: NDArray[np.bool_]
-    time: NDArray[np.float64]
-    status: NDArray[np.int64]
-    n_events: NDArray[np.int64]
-    n_contact_rule: NDArray[np.int64]
+    shots: Shots
     found: NDArray[np.float64]
     rise_bound: float
 
     def bad(self, may_time_out: bool = False) -> NDArray[np.bool_]:
         """Returns (m,) bool: the shots that did not end or violate a rule."""
-        f = self.found
+        f, shots = self.found, self.shots
         return (
-            (self.status > (1 if may_time_out else 0))
-            | ~np.isfinite(self.positions).all(axis=(1, 2))
+            (shots.status > (1 if may_time_out else 0))
+            | ~np.isfinite(shots.positions).all(axis=(1, 2))
             | (f[:, [BROKEN, FULL]] != 0).any(axis=1)
             | ~(f[:, OVERLAP] <= DEPTH)
             | ~(f[:, OUTSIDE] <= DEPTH)
-            | ((self.n_contact_rule == 0) & ~(f[:, MOMENTUM] <= 1e-14))
-            | ~(f[:, RISE_SUM] <= self.n_contact_rule * self.rise_bound * (1 + 1e-6))
+            | ((shots.n_contact_rule == 0) & ~(f[:, MOMENTUM] <= 1e-14))
+            | ~(f[:, RISE_SUM] <= shots.n_contact_rule * self.rise_bound * (1 + 1e-6))
         )
 
 
@@ -303,14 +290,4 @@ def check_shots(
         again = *(array[one] for array in start), *(array[one] for array in shots[4:])
         _run_checked(arrays, given.limit, max_events, again, tuple(log), found[one])
     heaviest = max(m for m in scene.balls.mass if math.isfinite(m))
-    return Checked(
-        positions=given.positions,
-        velocities=given.velocities,
-        potted=~given.in_play,
-        time=shots.time,
-        status=shots.status,
-        n_events=shots.n_events,
-        n_contact_rule=shots.n_contact_rule,
-        found=found,
-        rise_bound=0.5 * heaviest * (1.5 * scene_arrays(scene).numbers.weak_speed) ** 2,
-    )
+    return Checked(shots, found, 0.5 * heaviest * (1.5 * scene_arrays(scene).numbers.weak_speed) ** 2)

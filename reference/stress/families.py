@@ -13,6 +13,7 @@ from billiards_env.scene import Balls, Physics, Scene, layouts
 from billiards_env.scene.table import Table
 from reference.stress import draw
 from reference.stress.checks import MOMENTUM, OUTSIDE, OVERLAP, RISE, check_shots
+from reference.stress.scenes import ideal
 
 Floats = NDArray[np.float64]
 RandomShots = tuple[Scene, Floats, Floats, Floats | None]
@@ -40,8 +41,7 @@ def _break(layout: str, balls: int) -> Callable[[np.random.Generator, int], Rand
 
 
 def _gas(n: int) -> Callable[[np.random.Generator, int], RandomShots | None]:
-    physics = Physics(motion="ideal", cushion="restitution", e_ball=1.0, e_cushion=1.0, max_time=1.0)
-    scene = Scene(Balls((0.03,) * n, (0.17,) * n), Table(1.0, 1.0), physics)
+    scene = ideal(*(0.17,) * n, radius=(0.03,) * n, length=1.0, width=1.0, max_time=1.0)
 
     def shots(rng: np.random.Generator, m: int) -> RandomShots | None:
         places = draw.layouts(scene, rng, m)
@@ -131,7 +131,7 @@ def run(name: str, seed: int, shots: int) -> dict[str, Any]:
         return {"shots": 0, "bad": []}
     scene, places, velocities, spins = drawn
     result = check_shots(scene, places, velocities, spins)
-    free = result.n_contact_rule == 0
+    free = result.shots.n_contact_rule == 0
     bad = np.flatnonzero(result.bad(scene.physics.motion == "ideal"))
     return {
         "shots": shots,
@@ -140,7 +140,7 @@ def run(name: str, seed: int, shots: int) -> dict[str, Any]:
         "rise": float(result.found[free, RISE].max(initial=0.0)),
         "momentum": float(result.found[free, MOMENTUM].max(initial=0.0)),
         "contact_rule": int((~free).sum()),
-        "most_events": int(result.n_events.max()),
-        "events": int(result.n_events.sum()),
-        "bad": [(seed, int(k), int(result.status[k])) for k in bad],
+        "most_events": int(result.shots.n_events.max()),
+        "events": int(result.shots.n_events.sum()),
+        "bad": [(seed, int(k), int(result.shots.status[k])) for k in bad],
     }

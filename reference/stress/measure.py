@@ -8,21 +8,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.scene.table import Table
+from billiards_env.scene import Scene
 from billiards_env.shots.gradients import UNIT_ROUNDOFF
 from billiards_env.shots.simulation import simulate
 from reference.stress import draw
 from reference.stress.checks import DRIFT_X, DRIFT_Y, IMPACTS, MOMENTUM, OVERLAP, check_shots
+from reference.stress.scenes import ideal
 
 LONG = 1e9  # s; longer than any run of an ideal gas here
 
 
 def gas(n: int, length: float = 1.0, width: float = 1.0, radius: float = 0.03, masses: Any = None) -> Scene:
     """Returns a scene of n elastic disks without friction and elastic cushions."""
-    physics = Physics(motion="ideal", cushion="restitution", e_ball=1.0, e_cushion=1.0, max_time=LONG)
-    mass = (0.17,) * n if masses is None else tuple(masses)
-    return Scene(Balls((radius,) * n, mass), Table(length, width), physics)
+    masses = (0.17,) * n if masses is None else masses
+    return ideal(*masses, radius=(radius,) * n, length=length, width=width, max_time=LONG)
 
 
 def gas_state(scene: Scene, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -45,11 +44,11 @@ def drift(n: int, collisions: int, seed: int = 0, chunk: int = 20_000) -> dict[s
     momentum, done, overlap, worst, events = np.zeros(2), 0, 0.0, 0.0, 0
     while done < collisions:
         r = check_shots(scene, places[None], velocities[None], max_events=chunk, log_rows=chunk + 64)
-        places, velocities = r.positions[0], r.velocities[0]
+        places, velocities = r.shots.positions[0], r.shots.velocities[0]
         found = r.found[0]
         momentum += found[[DRIFT_X, DRIFT_Y]]
         overlap, worst = max(overlap, float(found[OVERLAP])), max(worst, float(found[MOMENTUM]))
-        done, events = done + int(found[IMPACTS]), events + int(r.n_events[0])
+        done, events = done + int(found[IMPACTS]), events + int(r.shots.n_events[0])
         energy = float((mass * velocities**2).sum() / 2)
     total = float((mass[:, 0] * np.hypot(*velocities.T)).sum())
     return {

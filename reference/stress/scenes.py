@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.table import Table
@@ -51,15 +49,3 @@ def kinds(shot: ShotResult, *wanted: str) -> list[tuple[str, int, int]]:
     assert shot.events is not None
     names = [(str(e["kind"]), int(e["ball"]), int(e["other"])) for e in shot.events]
     return [name for name in names if not wanted or name[0] in wanted]
-
-
-def energy(scene: Scene, velocities: NDArray[np.float64]) -> float:
-    """Returns the kinetic energy of the balls of finite mass, without spin, J."""
-    masses = [m if math.isfinite(m) else 0.0 for m in scene.balls.mass]
-    return float(0.5 * (np.array(masses)[:, None] * velocities**2).sum())
-
-
-def momentum(scene: Scene, velocities: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the momentum of the balls of finite mass, (2,) kg m/s."""
-    masses = [m if math.isfinite(m) else 0.0 for m in scene.balls.mass]
-    return (np.array(masses)[:, None] * velocities).sum(axis=0)

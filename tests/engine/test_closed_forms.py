@@ -109,6 +109,8 @@ def add_motions():
         place = [way(mpf(10.0**exponent), 0.2), 0]
         case(f"a {name} ball at 1e{exponent} m/s stops", start, None, positions=[place], status="rest")
     case("a shot without motion ends at once", (world(2, SLIDING), TOUCHING, [0.0, 0.0]), [], time=0, status="rest")
+    start, same = (world(1, SLIDING), ORIGIN, [1.0, 2.0]), {"positions": ORIGIN, "velocities": [[1.0, 2.0]]}
+    case("a limit of time of 0 changes nothing", start, [], 0, **same, time=0, status="max_time")
 
 
 def add_pairs():
@@ -150,13 +152,8 @@ def add_pairs():
         end = {"velocities": [[0, 0], [1, 0]], **({"times": [0]} if gap <= 0 else {})}
         case(f"balls {gap} m apart approach", (scene, places, [1.0, 0.0]), HIT, 1.0, **end)
         for way in ([-1.0, 0.0], [0.0, 1.0], [-1.0, 1e-9]):
-            case(
-                f"balls {gap} m apart do not approach with {way}",
-                (scene, places, way),
-                [],
-                1.0,
-                velocities=[way, [0, 0]],
-            )
+            what = f"balls {gap} m apart do not approach with {way}"
+            case(what, (scene, places, way), [], 1.0, velocities=[way, [0, 0]])
     for speed in (1e-300, 1e-9, 1.0, 100.0):
         start = world(2, FREE), TOUCHING, [speed, 0.0]
         case(f"balls in contact exchange {speed} m/s", start, HIT, 1e-3, velocities=[[0, 0], [speed, 0]])
@@ -181,6 +178,9 @@ def add_limits():
         places = [[0.0, 0.0], [2 * R + mpf(1) / 4 / (2 * (slide - roll)) - more, 0.0]]
         start = world(2, SLIDING), places, [[2.0, 0.0], [1.5, 0.0]], [[0.0, 0.0, 0.0], [0.0, 1.5 / R, 0.0]]
         case(f"a sliding ball just {what} a rolling ball", start, events, 0.5)
+        for name, law in MOTIONS.items():
+            start = world(2, law), [[-1.0, 2 * R * (1 - more / 10)], [0.0, 0.0]], [2.5, 0.0]
+            case(f"a {name} ball that grazes another just {what} it", start, events, 1.0)
 
 
 def add_cushions():
@@ -189,17 +189,15 @@ def add_cushions():
     start, end = (world(1, FREE, Table(2.0, 4.0), e_cushion=0.5), ORIGIN, [2.0, 1.0]), [[1 - R - (1 - t), 1]]
     case("a ball bounces", start, [("cushion", 0, 1)], 1.0, times=[t], velocities=[[-1, 1]], positions=end)
     for side, way in enumerate([(-1.0, 0.5), (1.0, 0.5), (0.5, -1.0), (0.5, 1.0)]):
-        case(
-            f"the cushion along {way} has number {side}",
-            (world(1, FREE, SQUARE), ORIGIN, way),
-            [("cushion", 0, side)],
-            1.0,
-        )
+        start = world(1, FREE, SQUARE), ORIGIN, way
+        case(f"the cushion along {way} has number {side}", start, [("cushion", 0, side)], 1.0)
     frozen = world(1, FREE, SQUARE), [[1 - R, 0.0]]
     start, after = (*frozen, [1.0, 0.5]), [[-1, 0.5]]
     case("a frozen ball bounces at once", start, [("cushion", 0, 1)], 0.5, times=[0], velocities=after)
-    for way in ([0.0, 0.5], [-0.5, 0.0]):
-        case(f"a frozen ball leaves the cushion with {way}", (*frozen, way), [], 1.0, velocities=[way])
+    case("a frozen ball leaves the cushion", (*frozen, [-0.5, 0.0]), [], 1.0, velocities=[[-0.5, 0.0]])
+    for (name, law), side, (x, y) in itertools.product(MOTIONS.items(), (1, -1), ((1, 0), (0, 1))):
+        start = world(1, law, SQUARE), [[side * x * (1 - R), side * y * (1 - R)]], [y, x]
+        case(f"a {name} ball moves along the cushion at ({side * x}, {side * y})", start, [], 0.9)
     for gap, e, (x, y) in itertools.product((0.0, 0.5), (0.0, 0.5, 1.0), itertools.product((-1.0, 1.0), repeat=2)):
         start = world(1, FREE, SQUARE, e_cushion=e), [[x * (1 - R - gap), y * (1 - R - gap)]], [x, y]
         both = [("cushion", 0, int(x > 0)), ("cushion", 0, 2 + int(y > 0))]
@@ -217,6 +215,9 @@ def add_cushions():
     start = world(2, FREE, Table(4.0, 2.0)), [[0.0, 0.75 - R], [0.25 + 2 * R, 1 - R]], [[1.0, 1.0], [0.0, 0.0]]
     both, end = [*HIT, ("cushion", 0, 3)], {"times": [0.25, 0.25], "velocities": [[0, -1], [1, 0]]}
     case("a ball reaches a cushion and a ball at one instant", start, both, 0.5, **end)
+    start = world(2, FREE, SQUARE), [[0.75 - R, 0.25 + R], [0.75 - R, -0.25 - R]], [[1.0, -1.0], [1.0, 1.0]]
+    thrice, end = [*HIT, ("cushion", 0, 1), ("cushion", 1, 1)], {"times": [0.25] * 3, "velocities": [[-1, 1], [-1, -1]]}
+    case("balls that meet at a cushion hit each other and then the cushion", start, thrice, 0.5, **end)
 
     table = Table(2.0, 2.0, pockets=(Pocket(1.0, 1.0, 0.1), Pocket(0.25, 0.5, 0.125)))
     for name, a in (("ideal", mpf(0)), ("rolling", deceleration(0.01))):

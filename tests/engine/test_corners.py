@@ -35,11 +35,6 @@ def scene_of(law, a_table=SQUARE, n=1, **physics):
     return Scene(Balls.uniform(n, R), a_table, Physics(**{**SLIDING, "cushion": law, **physics}))
 
 
-def spins_along(axis, spin):
-    """Returns the spin (1, 3) rad/s of a ball that rolls along an axis, or against it if `spin` is negative."""
-    return np.array([[-spin * axis[1], spin * axis[0], 0.0]])
-
-
 ROOT = math.sqrt(0.5)
 AXES = {
     "square": (SQUARE, (ROOT, ROOT)),
@@ -55,7 +50,8 @@ axes = pytest.mark.parametrize(("a_table", "axis"), AXES.values(), ids=AXES)
 def test_a_ball_stays_on_the_axis_of_symmetry_of_a_table(law, a_table, axis):
     for spin in (0.0, -60.0, -20.0, 60.0):
         start, velocity = 0.1 * np.array([axis]), (3.0 if a_table is SQUARE else 1.5) * np.array([axis])
-        shot = simulate(scene_of(law, a_table), start, velocity, spins=spins_along(axis, spin), record=True)
+        turning = [-spin * axis[1], spin * axis[0], 0.0]  # as a ball that rolls
+        shot = simulate(scene_of(law, a_table), start, velocity, spins=turning, record=True)
         first, second = shot.events[shot.events["kind"] == "cushion"][:2]
         assert first["time"] == second["time"]
         assert first["speed"] == pytest.approx(second["speed"], rel=1e-12)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from billiards_env.engine import pic, pit
 from billiards_env.engine.log import N_EVENTS_LOGGED, N_SEGMENTS_LOGGED, SEGMENT_ROW, TIME, Log
 from billiards_env.engine.overlaps import FIXES
+from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_REST, Shots
 from billiards_env.physics.state import T0
 from reference import plain
 from reference.stress import families
@@ -18,27 +19,33 @@ from tests.helpers.engine_runs import run
 KINDS = ("pool, 1 object ball", "UK pool, 5 object balls", "15-ball break, tight rack", "ideal gas of 16 disks")
 
 
-def log_of(engine, shot, **options):
-    """Returns the events and the segments of a shot."""
-    log = Log(*run(engine, shot, record=True, **options)[-len(Log._fields) :])
-    return log.events[: log.used[N_EVENTS_LOGGED]], log.segments[: log.used[N_SEGMENTS_LOGGED]]
+def play(engine, shot, **options):
+    """Returns the `Shots` of one shot, its events and its segments."""
+    arrays = run(engine, shot, record=True, **options)
+    shots, log = Shots(*arrays[: len(Shots._fields)]), Log(*arrays[len(Shots._fields) :])
+    return shots, log.events[: log.used[N_EVENTS_LOGGED]], log.segments[: log.used[N_SEGMENTS_LOGGED]]
 
 
 def check_cuts(engine, shot, rng, **options):
     """Cuts a shot at random times, at the times of events and at numbers of events."""
-    events, segments = log_of(engine, shot, **options)
+    whole, events, segments = play(engine, shot, **options)
     if len(events) == 0:
         return
     times = events[rng.integers(len(events), size=3), TIME]
     limits = np.concatenate((rng.uniform(0, events[-1, TIME], 3), times, np.nextafter(times, 0)))
     for limit in limits:
-        some, pieces = log_of(engine, shot, max_time=limit, **options)
+        _, some, pieces = play(engine, shot, max_time=limit, **options)
         assert np.array_equal(some, events[events[:, TIME] <= limit])
         assert np.array_equal(pieces, segments[: len(pieces)])
         assert (segments[len(pieces) :, SEGMENT_ROW + T0] >= limit).all()
+    if whole.status[0] == AT_REST:
+        assert play(engine, shot, max_events=len(events), **options)[0].status[0] == AT_REST
     for most in rng.integers(len(events), size=3):
-        some, pieces = log_of(engine, shot, max_events=most, **options)
-        assert most <= len(some)
+        shots, some, pieces = play(engine, shot, max_events=most, **options)
+        assert most <= len(some) == shots.n_events[0]
+        assert shots.status[0] == AT_EVENT_LIMIT or len(some) == len(events)
+        assert shots.time[0] == (some[-1, TIME] if len(some) else 0.0)
+        assert np.count_nonzero(some[:, TIME] < shots.time[0]) < max(most, 1)  # it ends with the instant of the limit
         assert np.array_equal(some, events[: len(some)])
         assert np.array_equal(pieces, segments[: len(pieces)])
 

@@ -1,7 +1,6 @@
-"""Shots on tables with outlines: both engines, all queues, and cases that are difficult near jaws."""
+"""Shots on tables with outlines: both engines, and cases that are difficult near jaws."""
 
 import dataclasses
-import itertools
 import math
 
 import numpy as np
@@ -14,14 +13,11 @@ from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.outline import clearance, pieces
 from billiards_env.scene.table import Pocket, Table
-from reference.stress.draw import star
-from tests.helpers.outlines import TABLES, beyond, table, with_corners
-from tests.helpers.queues import CELL_GRID, check
+from tests.helpers.outlines import ANY_TABLE, TABLES, beyond, with_corners
 from tests.helpers.shots import FREE, ROLLING, SLIDING, kinds, outline_shot, simulate
 from tests.helpers.shots import OUTLINE_LAWS as LAWS
 
 R = 0.028575
-tables = st.sampled_from(sorted(TABLES)).map(TABLES.__getitem__) | st.integers(0, 10**4).map(star)
 seeds = st.integers(0, 2**32)
 
 
@@ -66,58 +62,11 @@ def test_a_rectangle_as_an_outline_is_the_plain_rectangle(physics, pit):
             assert shot.positions == pytest.approx(same.positions, abs=1e-9)
 
 
-@pytest.mark.parametrize("x", [1, -1])
-@pytest.mark.parametrize("y", [1, -1])
-def test_the_corner_of_two_cushions_hit_exactly_is_that_of_the_rectangle(x, y):
-    rectangle = Table(2.0, 1.0)
-    numbers = [3, 1, 0, 2]
-    radius = 2.0**-5
-    for physics in (FREE, ROLLING, SLIDING):
-        for gap in (0.5, 0.0):
-            start = [[x * (1.0 - radius - gap), y * (0.5 - radius - gap)]]
-            shot = play(scene_of(with_corners(rectangle), 1, physics, radius), start, [1.0 * x, 1.0 * y])
-            same = play(scene_of(rectangle, 1, physics, radius), start, [1.0 * x, 1.0 * y])
-            assert [(k, b, numbers[o] if k == "cushion" else o) for k, b, o in kinds(same)] == kinds(shot)
-            hits = shot.events["time"][shot.events["kind"] == "cushion"]
-            assert hits[0] == hits[1]
-            assert shot.positions == pytest.approx(same.positions, abs=1e-12)
-
-
-# Tips
-
-
-@pytest.mark.parametrize("radius", [0.0, 0.004, 0.05])
-def test_a_tip_is_like_a_fixed_ball(radius):
-    a_table = table([(0, 0), (2, 0), (2, 0.8), (0.8, 0.8, radius), (0.8, 2), (0, 2)])
-    tip = pieces(a_table.outline)[1][0]
-    rng = np.random.default_rng(0)
-    fixed = max(radius, 1e-3)
-    hits = 0
-    for _ in range(200):
-        angle = rng.uniform(math.pi, 1.5 * math.pi)
-        start = np.array([tip.x, tip.y]) + 0.3 * np.array([math.cos(angle), math.sin(angle)])
-        aim = np.array([tip.x, tip.y]) - start + rng.uniform(-0.04, 0.04, 2)
-        physics = Physics(motion="rolling", cushion="restitution", e_ball=0.8, e_cushion=0.8)
-        shot = simulate(Scene(Balls.uniform(1, R), a_table, physics), [start], aim, record=True)
-        if kinds(shot)[0] != ("cushion", 0, 6):
-            continue
-        hits += 1
-        # A fixed ball of the same reach
-        balls = Balls((R - fixed + radius, fixed), (0.17, math.inf))
-        same = simulate(Scene(balls, Table(8.0, 8.0), physics), [start, [tip.x, tip.y]], aim, record=True)
-        assert kinds(same)[0] == ("ball_ball", 0, 1)
-        assert shot.events["time"][0] == pytest.approx(same.events["time"][0], abs=1e-14)
-        assert shot.events["speed"][0] == pytest.approx(same.events["speed"][0], abs=1e-13)
-        t = shot.events["time"][0] + 0.01
-        assert shot.at(t)[0] == pytest.approx(same.at(t)[0], abs=1e-14)
-    assert hits > 50
-
-
 # All shots
 
 
 @settings(max_examples=40)
-@given(tables, seeds, st.sampled_from(sorted(LAWS)), st.integers(1, 2))
+@given(ANY_TABLE, seeds, st.sampled_from(sorted(LAWS)), st.integers(1, 2))
 def test_no_ball_overlaps_the_outline(a_table, seed, law, n):
     scene, places, velocities, spins = outline_shot(a_table, np.random.default_rng(seed), n, LAWS[law])
     shot = play(scene, places, velocities, spins)
@@ -125,48 +74,12 @@ def test_no_ball_overlaps_the_outline(a_table, seed, law, n):
     assert beyond(scene, shot, 300) < 1e-12
 
 
-@pytest.mark.parametrize("name", TABLES)
-def test_all_queues_have_the_same_bits(name):
-    """The scene has the laws of UK pool, whose engines other tests compile too."""
-    rng = np.random.default_rng(3)
-    for n in (3, 4):
-        scene, places, velocities, spins = outline_shot(TABLES[name], rng, n)
-        assert spins is not None
-        balls = Balls((0.9 * R, *(R,) * (n - 1)), scene.balls.mass, shape="sphere")
-        scene = dataclasses.replace(scene, balls=balls, physics=Scene.named("uk_pool").physics)
-        check((scene, places[None], velocities[None], np.array([spins])), [CELL_GRID], record=True)
-
-
 # PIT
-
-
-@pytest.mark.parametrize(
-    ("name", "fix"),
-    [
-        ("octagon", "none"),
-        ("L", "push_apart"),
-        ("pool_7ft", "move_back"),
-        ("throat", "push_apart"),
-        ("pool_7ft", "time_of_impact"),
-    ],
-)
-def test_pit_approaches_pic_as_the_timestep_falls(name, fix):
-    rng = np.random.default_rng(0)
-    errors = {1e-3: [], 1e-5: []}
-    for _ in range(40):
-        scene, places, velocities, spins = outline_shot(TABLES[name], rng)
-        exact = simulate(scene, places, velocities, spins=spins, max_time=1.5)
-        for dt, found in errors.items():
-            shot = simulate(scene, places, velocities, spins=spins, max_time=1.5, engine=Engine("pit", dt, fix))
-            found.append(np.hypot(*(shot.positions - exact.positions)[0]))
-    coarse, fine = (np.median(found) for found in errors.values())
-    assert fine < 0.05 * coarse + 1e-12
-    assert fine < 1e-4
 
 
 @pytest.mark.parametrize("fix", FIXES)
 @settings(max_examples=20)
-@given(tables, seeds, st.sampled_from([1 / 240, 1 / 60, 1 / 15, 1.0]), st.sampled_from([0.3, 3.0, 30.0]))
+@given(ANY_TABLE, seeds, st.sampled_from([1 / 240, 1 / 60, 1 / 15, 1.0]), st.sampled_from([0.3, 3.0, 30.0]))
 def test_pit_loses_no_ball_outside_the_outline(fix, a_table, seed, dt, speed):
     scene, places, velocities, spins = outline_shot(a_table, np.random.default_rng(seed), 2)
     velocities *= speed / np.linalg.norm(velocities)
@@ -201,20 +114,6 @@ def test_a_ball_that_goes_back_along_its_path_has_the_exact_velocity_after_a_tip
 
 
 # Named cases
-
-
-def test_a_ball_rattles_between_the_tips_of_a_pocket_and_stays_out():
-    """It enters the mouth of a side pocket across, hits both facings or tips in turn, and comes back."""
-    scene = scene_of(Table.named("pool_7ft"))
-    n, rattles = len(scene.table.outline), 0
-    for angle in np.linspace(0.2, 1.4, 100):
-        shot = play(scene, [[-0.3, 0.4]], 2.0 * np.array([math.cos(angle), math.sin(angle) * 0.5]))
-        walls = [o for k, _, o in kinds(shot) if k == "cushion"]
-        tips = [a for a, b in itertools.pairwise(walls) if a >= n and b >= n and a != b]
-        rattles += bool(tips) and not shot.potted[0]
-        assert shot.status == "rest"
-        assert beyond(scene, shot, 200) < 1e-12
-    assert rattles > 0
 
 
 @pytest.mark.parametrize("physics", LAWS.values(), ids=LAWS)

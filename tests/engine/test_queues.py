@@ -7,28 +7,29 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env import Scene, simulate
+from billiards_env import Scene
 from billiards_env.engine import pic
 from billiards_env.engine.compile import MANY_BALLS, PIC, run_shots_of
 from billiards_env.scene import Balls, Physics
 from billiards_env.scene.table import Table
-from reference.stress import draw, families
+from reference.stress import families
 from tests.helpers.queues import CELL_GRID, ORDINARY, PLAIN, check
+from tests.helpers.shots import lattice
 
 UK = "UK pool, 5 object balls"  # the plain engine is not compiled for it
 
 
-def lattice(n, seed, radii=(0.03,), motion="ideal", share=0.3, frozen=False):
+def moving_lattice(n, seed, radii=(0.03,), motion="ideal", share=0.3, frozen=False):
     """Returns one shot of n moving balls on a lattice; the balls cover a `share` of the table, or are in contact."""
     rng = np.random.default_rng(seed)
     radius = rng.choice(radii, n)
     pitch = 2 * max(radii) if frozen else max(radii) * np.sqrt(np.pi / share)
-    side = int(np.ceil(np.sqrt(n)))
-    positions = pitch * (np.stack(np.divmod(np.arange(n), side), axis=1) - (side - 1) / 2)
+    positions = lattice(n, pitch)
+    length = pitch + np.ptp(positions[:, 1])
     elastic: dict[str, Any] = {"e_ball": 1.0, "e_cushion": 1.0, "max_time": 1.0} if motion == "ideal" else {}
     scene = Scene(
         Balls(tuple(radius.tolist()), (0.2,) * n),
-        Table(pitch * side, pitch * side),
+        Table(length, length),
         Physics(motion=motion, cushion="restitution", **elastic),
     )
     return scene, positions[None], rng.normal(size=(1, n, 2)), None
@@ -63,42 +64,19 @@ def test_many_shots_are_equal(name):
 @pytest.mark.parametrize("radii", [(0.03,), (0.01, 0.03), (0.002, 0.05)])
 def test_shots_of_many_balls_are_equal(motion, radii):
     for seed, n in enumerate((2, 65, 150)):
-        check(lattice(n, seed, radii, motion), engines=[CELL_GRID], record=True)
+        check(moving_lattice(n, seed, radii, motion), engines=[CELL_GRID], record=True)
 
 
 def test_shots_of_a_frozen_block_are_equal():
     for seed in range(3):
-        check(lattice(36, seed, frozen=True, motion="sliding"), engines=[CELL_GRID], record=True)
-
-
-def test_an_impact_precedes_the_cushions_that_both_balls_touch_at_the_same_instant():
-    # The times are exact.
-    radius, time = 1 / 16, 0.25
-    physics = Physics(motion="ideal", cushion="restitution", e_ball=1.0, e_cushion=1.0, max_time=1.0)
-    scene = Scene(Balls((radius, radius), (0.2, 0.2)), Table(2.0, 2.0), physics)
-    x, y = 1 - radius - time, radius + time
-    places, velocities = [[x, y], [x, -y]], [[1.0, -1.0], [1.0, 1.0]]
-    shot = simulate(scene, places, velocities, record=True)
-    assert shot.events is not None
-    assert shot.events["kind"].tolist() == ["ball_ball", "cushion", "cushion"]
-    assert shot.events["time"].tolist() == [time] * 3
-    check((scene, np.array([places]), np.array([velocities]), None), engines=[CELL_GRID], record=True)
+        check(moving_lattice(36, seed, frozen=True, motion="sliding"), engines=[CELL_GRID], record=True)
 
 
 @pytest.mark.parametrize("limit", [{"max_time": 0.0}, {"max_time": 0.3}, {"max_events": 0}, {"max_events": 9}])
 def test_shots_that_reach_a_limit_are_equal(limit):
-    check(lattice(80, 5), engines=[CELL_GRID], **limit)
+    check(moving_lattice(80, 5), engines=[CELL_GRID], **limit)
     for name in ("pool, 5 object balls", "15-ball break, tight rack", "ideal gas of 16 disks"):
         check(families.FAMILIES[name](np.random.default_rng(9), 3), record=True, **limit)
-
-
-def test_shots_of_balls_in_contact_at_rest_are_equal():
-    for seed in range(20):
-        rng = np.random.default_rng([2, seed])
-        scene = draw.wild_scene(rng)
-        positions = draw.layouts(scene, rng, 5, frozen=0.9)
-        if positions is not None:
-            check((scene, positions, np.zeros_like(positions), None))
 
 
 def test_the_number_of_balls_selects_the_engine():

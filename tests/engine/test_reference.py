@@ -11,11 +11,11 @@ from billiards_env import Scene
 from billiards_env.scene import Balls, Physics
 from billiards_env.scene.table import Table
 from reference.oracle import run
-from tests.helpers.outlines import TABLES, apart_places
-from tests.helpers.shots import aimed_shot, kinds, simulate
+from tests.helpers.derivatives import FALLING
+from tests.helpers.outlines import MARBLES, TABLES, apart_places
+from tests.helpers.shots import aimed_shot, kinds, real, simulate
 
-REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "pooltool_carom_shots.json").read_text())
-SHOTS = REFERENCE["shots"]
+SHOTS = json.loads((Path(__file__).parents[1] / "data" / "pooltool_carom_shots.json").read_text())["shots"]
 NAMES = {
     "ball-ball": "ball_ball",
     "ball-cushion": "cushion",
@@ -24,19 +24,6 @@ NAMES = {
 }
 MAX_TIME_ERROR, MAX_POSITION_ERROR = 1e-5, 1e-4  # s, m; pooltool moves balls apart at a contact
 NUDGE = 1e-9  # m; the distance by which pooltool moves balls apart
-
-
-def scene_of(shot):
-    return Scene.named("pooltool_carom", len(shot["positions"]) - 1)
-
-
-def play(shot):
-    return simulate(scene_of(shot), shot["positions"], shot["velocity"], record=True)
-
-
-def events_of_pooltool(result):
-    """Returns the events that pooltool has too: all except the end of a spin in place."""
-    return result.events[result.events["kind"] != "spinning_rest"]
 
 
 def in_order(events):
@@ -50,22 +37,12 @@ def in_order(events):
     return [what for instant in ordered for what in sorted(instant)]
 
 
-def test_the_reference_has_the_constants_of_the_named_scene():
-    scene, ball, table = Scene.named("pooltool_carom"), REFERENCE["ball"], REFERENCE["table"]
-    physics = scene.physics
-    assert (scene.table.length, scene.table.width, scene.table.cushion_height) == tuple(table.values())
-    assert (scene.balls.radius[0], scene.balls.mass[0], scene.table.pockets) == (ball["radius"], ball["mass"], ())
-    for name in ("mu_slide", "mu_roll", "e_cushion", "mu_cushion", "g"):
-        assert getattr(physics, name) == ball[name]
-    assert (physics.motion, physics.cushion, physics.e_ball) == ("sliding", "han2005", 1.0)
-    assert physics.spin_decay == pytest.approx(5 * ball["mu_spin"] * ball["g"] / (2 * ball["radius"]))
-
-
 @pytest.mark.parametrize("number", range(len(SHOTS)))
 def test_a_shot_agrees_with_pooltool(number):
     shot = SHOTS[number]
-    result = play(shot)
-    events = events_of_pooltool(result)
+    scene = Scene.named("pooltool_carom", len(shot["positions"]) - 1)
+    result = simulate(scene, shot["positions"], shot["velocity"], record=True)
+    events = result.events[result.events["kind"] != "spinning_rest"]  # pooltool has no end of a spin in place
     expected = shot["events"]
     late = max((abs(t - e["time"]) for (t, _, _), e in zip(expected, events, strict=False)), default=0.0)
     off = np.linalg.norm(result.positions - shot["final"], axis=1).max()
@@ -104,13 +81,24 @@ def agrees(scene, places, start, spins, horizon=None):
     return shot
 
 
-@pytest.mark.parametrize(("name", "n"), [("pool", 1), ("pool", 5), ("carom", 2), ("ideal", 3), ("rolling", 4)])
-def test_random_shots_agree_with_the_high_precision_simulator(name, n):
-    scene = Scene.named("pool" if name == "rolling" else name, n)
-    if name == "rolling":
-        physics = dataclasses.replace(scene.physics, motion="rolling", cushion="restitution")
-        scene = dataclasses.replace(scene, physics=physics)
-    compared = 0
+RANDOM = {
+    "pool": Scene.named("pool", 1),
+    "pool of six": Scene.named("pool", 5),
+    "carom": Scene.named("carom", 2),
+    "ideal": Scene.named("ideal", 3),
+    "rolling": dataclasses.replace(Scene.named("pool", 4), physics=Physics(motion="rolling", cushion="restitution")),
+    "frictional pool": real("pool", 2),
+    "frictional pool of six": real("pool", 5),
+    "carom with cling": real("carom", 2, mu_ball_factor=2.5),
+    "carom with falling restitution": real("carom", 2, **FALLING),
+    "UK pool": Scene.named("uk_pool", 4),
+    "marbles": MARBLES,
+}
+
+
+@pytest.mark.parametrize("name", RANDOM)
+def test_random_shots_agree_with_the_high_precision_simulator(name):
+    scene, compared = RANDOM[name], 0
     for seed in range(20):
         compared += agrees(scene, *aimed_shot(scene, seed), 3.0 if name == "ideal" else None) is not None
     assert compared >= 8

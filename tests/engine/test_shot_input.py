@@ -13,18 +13,15 @@ from billiards_env.engine.shot_input import check_shot, is_valid_fast, is_valid_
 from billiards_env.scene import CONTACT_GAP, Balls, Physics, Scene, check_positions
 from billiards_env.scene.table import Table
 from tests.helpers.looks import looks
+from tests.helpers.shots import lattice
 
 IDEAL = Physics(motion="ideal", cushion="restitution", max_time=1.0)
 
 
-def lattice(n, gap, **balls):
+def rows_of_balls(n, gap):
     """Returns a scene of n balls of 1 cm, and their positions in rows of touching balls; the rows are `gap` apart."""
-    columns = int(np.ceil(np.sqrt(n)))
-    row, column = np.divmod(np.arange(n), columns)
-    places = 0.02 * np.column_stack((column, row)) + [0.0, gap] * np.column_stack((row, row))
-    low, high = places.min(axis=0) - 0.5, places.max(axis=0) + 0.5
-    table = Table(*(high - low).tolist())
-    return Scene(Balls.uniform(n, 0.01), table, IDEAL), places - 0.5 * (low + high)
+    places = lattice(n, [0.02 + gap, 0.02])
+    return Scene(Balls.uniform(n, 0.01), Table(*(np.ptp(places, axis=0) + 1.0).tolist()), IDEAL), places
 
 
 def first_overlap(scene, positions, in_play):
@@ -73,7 +70,7 @@ def test_the_check_of_many_balls_does_not_compare_all_pairs(gap, monkeypatch):
         return distances(balls, i, j)
 
     monkeypatch.setattr(Balls, "contact_distances", counted)
-    scene, places = lattice(n, gap)
+    scene, places = rows_of_balls(n, gap)
     assert looks(monkeypatch, lambda: check_shot(scene, places, np.zeros((n, 2)), None, None, None))[0] == 0
     assert pairs == 0
     check_positions(scene, places)  # the slow check, which decides if balls are too close to a limit
@@ -81,7 +78,7 @@ def test_the_check_of_many_balls_does_not_compare_all_pairs(gap, monkeypatch):
 
 
 def test_many_balls_that_overlap_are_refused():
-    scene, places = lattice(MANY_BALLS, 1e-3)
+    scene, places = rows_of_balls(MANY_BALLS, 1e-3)
     places[100] = places[99] + [0.0, 0.015]
     with pytest.raises(ValueError, match="balls 99 and 100 are"):
         check_shot(scene, places, np.zeros((MANY_BALLS, 2)), None, None, None)

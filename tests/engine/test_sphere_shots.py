@@ -11,29 +11,11 @@ from billiards_env.envs.action_frames import Frame
 from billiards_env.envs.actions import Before
 from billiards_env.players.pots import Tables, pot_shots
 from billiards_env.scene import check_positions
-from tests.helpers.shots import aimed_shot, kinds, simulate
+from tests.helpers.shots import kinds, simulate
 
 UK = Scene.named("uk_pool", 4)
 APART = 2 * math.sqrt(UK.balls.radius[0] * UK.balls.radius[1])
 """m. The distance of the cue ball and an object ball that touch."""
-
-
-def test_the_named_scene_has_spheres():
-    assert UK.balls.shape == "sphere"
-    assert Scene.from_dict(UK.to_dict()) == UK
-
-
-def test_balls_collide_at_the_distance_of_spheres():
-    hits = 0
-    for seed in range(10):
-        places, velocities, spins = aimed_shot(UK, seed)
-        shot = simulate(UK, places, velocities, spins=spins, record=True)
-        for event in shot.events[shot.events["kind"] == "ball_ball"]:
-            i, j = int(event["ball"]), int(event["other"])
-            where = shot.at(float(event["time"]))
-            assert math.dist(where[i], where[j]) == pytest.approx(UK.balls.contact_distances(i)[j], abs=1e-12)
-            hits += i == 0
-    assert hits > 5
 
 
 @pytest.mark.parametrize("fix", ["push_apart", "move_back"])

@@ -86,13 +86,10 @@ def changed_constant(name, tangent, scene):
 
     def change(world):
         if name == "radius":
-            return dataclasses.replace(
-                world, radius=tuple(r + STEP * x for r, x in zip(world.radius, tangent, strict=True))
-            )
+            radius = tuple(r + STEP * x for r, x in zip(world.radius, tangent, strict=True))
+            return dataclasses.replace(world, radius=radius)
         if name == "mass":
-            inverse = tuple(
-                1 / (1 / i + STEP * x) if i else i for i, x in zip(world.inverse_mass, tangent, strict=True)
-            )
+            inverse = tuple(i / (1 + i * STEP * x) for i, x in zip(world.inverse_mass, tangent, strict=True))
             return dataclasses.replace(world, inverse_mass=inverse)
         if name in ("mu_ball", "mu_ball_factor"):
             a, b, c = world.ball_friction
@@ -118,37 +115,26 @@ def directional_differences(scene, start, name, tangent, max_time):
         tangent: Its change.
         max_time: The time of the outputs, s; None for the end of the shot.
     """
+    exact = np.vectorize(mpmath.mpf, otypes=[object])
     with mpmath.workdps(60):
 
         def outputs(step):
-            values = {
-                key: [[mpmath.mpf(x) for x in row] for row in rows]
-                for key, rows in zip(("positions", "velocities", "spins"), start, strict=True)
-            }
+            values = dict(zip(("positions", "velocities", "spins"), map(exact, start), strict=True))
+            change = changed_constant(name, tangent, scene) if step and name not in values else lambda world: world
             if name in values:
-                for row, change in zip(values[name], tangent, strict=True):
-                    row[:] = [x + step * d for x, d in zip(row, change, strict=True)]
-                return found(run(scene, *values.values(), max_time=max_time))
-            with changed_world(changed_constant(name, tangent, scene) if step else lambda world: world):
-                return found(run(scene, *values.values(), max_time=max_time))
-
-        def found(shot):
+                values[name] = values[name] + exact(tangent) * step
+            with changed_world(change):
+                shot = run(scene, *values.values(), max_time=max_time)
             events = sorted(shot.events, key=lambda e: e.ball)  # those of one ball keep their order
             pieces = [min(shot.segments[e.ball], key=lambda piece, e=e: abs(piece.start - e.time)) for e in events]
-            places, times = [piece.position for piece in pieces], [e.time for e in events]
-            return {
+            found = {
                 "positions": shot.positions,
                 "velocities": shot.velocities,
                 "spins": shot.spins,
-                "event_times": times,
-                "event_positions": places,
+                "event_times": [e.time for e in events],
+                "event_positions": [piece.position for piece in pieces],
             }
+            return {key: np.array(rows, object) for key, rows in found.items()}
 
-        base, moved = outputs(0), outputs(STEP)
-
-        def difference(a, b):
-            return (
-                float((b - a) / STEP) if isinstance(a, mpmath.mpf) else [difference(*p) for p in zip(a, b, strict=True)]
-            )
-
-        return {key: np.array(difference(base[key], moved[key])) for key in base}
+        base, moved = outputs(mpmath.mpf(0)), outputs(STEP)
+        return {key: ((moved[key] - base[key]) / STEP).astype(float) for key in base}

@@ -22,12 +22,6 @@ def collide(impacts, rebound, rows, scene):
     return exchange(len(first), contacts, state, scene, empty_scratch(len(rows), len(first), scene.ball_friction))
 
 
-def collide_pair(rows, normal, closing, scene):
-    """Runs `collide` on balls 0 and 1, which approach each other at a speed along a normal (2,)."""
-    first, second, (nx, ny) = np.array([0]), np.array([1]), np.reshape(normal, (2, 1))
-    collide((first, second, nx, ny, np.array([closing])), np.zeros(1), rows, scene)
-
-
 def approaching(places, velocities, pairs):
     """Returns the numbers in `pairs` of the pairs that approach, and the `impacts` of `collide` for them."""
     found = []
@@ -63,9 +57,9 @@ def impact(velocities, spins, angle, scene):
     velocities, spins = np.array(velocities, float), np.array(spins, float)
     rows = rows_of(velocities, spins, radius)
     n = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
-    closing = (velocities[0] - velocities[1]) @ n
+    closing = np.array([(velocities[0] - velocities[1]) @ n])
     assert closing >= 0
-    collide_pair(rows, n, closing, scene_arrays(scene))
+    collide((np.array([0]), np.array([1]), n[:1], n[1:], closing), np.zeros(1), rows, scene_arrays(scene))
     return motion_of(rows, radius)
 
 
@@ -76,22 +70,15 @@ def energy(velocities, spins, scene):
     return 0.5 * (mass[finite] * total[finite]).sum()
 
 
-def normal_between(scene, angle):
-    """Returns the unit normal of two touching balls on a table, from the centres in three dimensions."""
-    low, high = scene.balls.radius
-    rise = high - low if scene.balls.shape == "sphere" else 0.0
-    apart = math.sqrt((low + high) ** 2 - rise**2)
-    line = np.array([apart * math.cos(math.radians(angle)), apart * math.sin(math.radians(angle)), rise])
-    return line / np.linalg.norm(line)
-
-
 def three_dimensional(velocities, spins, angle, scene):
     """Computes the impact with vectors in three dimensions, and drops the vertical velocity.
 
-    Returns the velocities (2, 2) and the spins (2, 3) after it, and the normal impulse and the friction, kg m/s.
+    Returns the velocities (2, 2) and the spins (2, 3) after it.
     """
     physics, radius, mass = scene.physics, scene.balls.radius, np.array(scene.balls.mass)
-    n = normal_between(scene, angle)
+    rise = radius[1] - radius[0] if scene.balls.shape == "sphere" else 0.0
+    apart = math.sqrt(sum(radius) ** 2 - rise**2)
+    n = np.array([apart * math.cos(math.radians(angle)), apart * math.sin(math.radians(angle)), rise]) / sum(radius)
     h = np.array([*n[:2], 0.0]) / math.hypot(*n[:2])
     v, w = np.pad(np.array(velocities, float), ((0, 0), (0, 1))), np.array(spins, float)
     horizontal = (1 + physics.e_ball) * ((v[0] - v[1]) @ h) / (1 / mass).sum()
@@ -106,4 +93,4 @@ def three_dimensional(velocities, spins, angle, scene):
     v += np.stack([force, -force]) / mass[:, None]
     for k in range(2):
         w[k] += np.cross(radius[k] * n, force) / (0.4 * mass[k] * radius[k] ** 2)
-    return v[:, :2], w, normal, size
+    return v[:, :2], w

@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from hypothesis import strategies as st
 
 from billiards_env.scene import Balls, Scene
 from billiards_env.scene.outline import Corner, clearance, pieces
 from billiards_env.scene.table import Table
 from reference.stress.draw import outline_table as table
+from reference.stress.draw import star
 
 
 def with_corners(rectangle):
@@ -70,6 +72,9 @@ TABLES = {
     "pool_7ft": Table.named("pool_7ft"),
     "snooker_12ft": Table.named("snooker_12ft"),
 }
+
+ANY_TABLE = st.sampled_from(sorted(TABLES)).map(TABLES.__getitem__) | st.integers(0, 10**4).map(star)
+"""A strategy of hypothesis: one of `TABLES`, or a random outline."""
 
 
 def mirrored(a_table, mirror):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import itertools
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +30,7 @@ SQUARE = Table(64.0, 64.0)
 BALL_ARRAYS = ("positions", "velocities", "spins", "potted", "cushions", "cushions_before_hit")
 SCALARS = ("time", "n_events", "first_hit", "n_contact_rule")
 
+DTS = (1 / 15, 1 / 30, 1 / 60, 1 / 240)
 LAWS = ("ideal", "pool", "uk_pool")
 """Scenes with most of the laws. "ideal" and "pool" share a compiled engine."""
 
@@ -104,6 +107,12 @@ def outline_shot(table, rng, n=1, physics=SLIDING):
     return scene, places, velocities, rng.normal(size=(n, 3)) * 40 if physics is SLIDING else None
 
 
+def lattice(n, pitch):
+    """Returns the places (n, 2) of a lattice around the origin; the pitch, m, may differ along x and y."""
+    side = math.ceil(math.sqrt(n))
+    return pitch * (np.stack(np.divmod(np.arange(n), side), axis=1) - (side - 1) / 2)
+
+
 class Motion(NamedTuple):
     """The motion of n balls at an instant.
 
@@ -175,11 +184,21 @@ def with_physics(scene, physics, k):
     return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **numbers))
 
 
+def check_same(shot, other):
+    """Checks that two shots, and their records, are equal bit for bit."""
+    for name in (*BALL_ARRAYS, *SCALARS, "status", "events"):
+        assert np.array_equal(getattr(shot, name), getattr(other, name)), name
+    for array, twin in zip(shot.trajectory or (), other.trajectory or (), strict=True):
+        assert np.array_equal(array, twin)
+
+
 def run_both(scene, positions, velocities, spins=None, record=False, threads=None, **options) -> tuple[Any, list[Any]]:
     """Returns a batch and its shots run one by one, after a check that all results are equal bit for bit.
 
     Options that are arrays have one entry for each shot, and so has each number of `physics`.
     """
+    given: tuple[Any, ...] = positions, velocities, spins, options.get("in_play")
+    before = copy.deepcopy(given)
     engine, physics = options.pop("engine", PIC), options.pop("physics", {})
     arguments = {"spins": spins, "threads": threads, "record": record and engine == PIC, "engine": engine, **options}
     batch = simulation.simulate_batch(scene, positions, velocities, physics=physics, **arguments)
@@ -194,4 +213,5 @@ def run_both(scene, positions, velocities, spins=None, record=False, threads=Non
         assert np.array_equal(getattr(batch, name), [getattr(shot, name) for shot in singles])
     for name in (*SCALARS, "status"):
         assert getattr(batch, name).tolist() == [getattr(shot, name) for shot in singles]
+    assert all(np.array_equal(array, unchanged) for array, unchanged in zip(given, before, strict=True))
     return batch, singles

@@ -1,18 +1,20 @@
 """The friction of two balls in an impact. `tests/validation/test_collisions.py` compares throws with the formula."""
 
+import itertools
 import math
+from typing import Any, cast
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from billiards_env.engine.compile import scene_arrays
+from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.laws.balls import friction_coefficient
-from billiards_env.physics.state import UX, UY, VX, VY, WZ
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.scene import SHAPES
-from tests.helpers.impacts import collide_pair, energy, impact, rows_of, three_dimensional
+from tests.helpers.impacts import energy, impact, three_dimensional
 
 R = 0.028575
 SLOW, MEDIUM, FAST = 0.447, 1.341, 3.129  # m/s
@@ -28,14 +30,6 @@ def test_the_friction_of_balls_falls_with_the_sliding_speed():
     speeds = (0, 0.1, 0.25, 0.5, 0.75, 1, 1.5, 2, 3, 5)
     expected = (0.11795, 0.10682, 0.09223, 0.07264, 0.05771, 0.04634, 0.03107, 0.02221, 0.01408, 0.01042)
     assert [friction_coefficient(MU, speed) for speed in speeds] == pytest.approx(expected, abs=6e-6)
-
-
-def test_the_friction_of_balls_may_be_constant_and_has_a_multiplier():
-    constant = scene_arrays(pool(mu_ball=0.06)).numbers
-    assert [friction_coefficient(constant, speed) for speed in (0.0, 1.0)] == [0.06, 0.06]
-    for factor in (1.5, 2.5):
-        found = scene_arrays(pool(mu_ball_factor=factor)).numbers
-        assert friction_coefficient(found, 1.0) == pytest.approx(factor * friction_coefficient(MU, 1.0))
 
 
 # Angle; velocity and spin of both balls before; the same after
@@ -154,9 +148,10 @@ def impacts(draw):
 
 
 @given(impacts())
+@example((np.array([[1.0, 0.0], [0.0, 0.0]]), np.array([[3.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), 0.0, pool()))  # no slip
 def test_the_impact_is_that_of_spheres_in_three_dimensions(case):
     velocities, spins, _, scene = case
-    found, (expected_velocities, expected_spins, _, _) = impact(*case), three_dimensional(*case)
+    found, (expected_velocities, expected_spins) = impact(*case), three_dimensional(*case)
     assert found[0] == pytest.approx(expected_velocities, abs=1e-11)
     assert found[1] == pytest.approx(expected_spins, abs=1e-9)
     assert energy(*found, scene) <= energy(velocities, spins, scene) * (1 + 1e-12)
@@ -168,40 +163,18 @@ def test_the_impact_is_that_of_spheres_in_three_dimensions(case):
         assert not found[1][1].any()
 
 
-@given(impacts())
-def test_mirrored_and_renumbered_impacts_have_the_same_bits(case):
-    velocities, spins, angle, scene = case
-    arrays, radius = scene_arrays(scene), np.array(scene.balls.radius)
-    n = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
-    closing = n[0] * (velocities[0, 0] - velocities[1, 0]) + n[1] * (velocities[0, 1] - velocities[1, 1])
-    rows = rows_of(velocities, spins, radius)
-
-    def collided(rows, normal, arrays):
-        rows = rows.copy()
-        collide_pair(rows, normal, closing, arrays)
-        return rows
-
-    found = collided(rows, n, arrays)
-    for columns, mirror in (([VX, UX], [-1, 1]), ([VY, UY], [1, -1])):
-        mirrored = rows.copy()
-        mirrored[:, [*columns, WZ]] *= -1
-        again = collided(mirrored, n * mirror, arrays)
-        again[:, [*columns, WZ]] *= -1
-        assert np.array_equal(again, found)
-    names = ["radius", "inv_mass"] + ["spheres"] * (arrays.spheres is not None)
-    swapped = arrays._replace(**{name: getattr(arrays, name)[::-1].copy() for name in names})  # contiguous
-    assert np.array_equal(collided(rows[::-1].copy(), -n, swapped)[::-1], found)
+@given(st.floats(0.02, 0.08), st.floats(0.02, 0.08))
+def test_the_distance_at_contact_is_that_of_touching_spheres(first, second):
+    balls = Balls((first, second), (0.1, 0.1), shape="sphere")
+    expected = math.sqrt((first + second) ** 2 - (first - second) ** 2)
+    assert balls.contact_distances(0)[1] == pytest.approx(expected, rel=1e-15)
+    arrays, distance = scene_arrays(Scene(balls)), cast(Any, contact_distance)
+    for i, j in itertools.product(range(2), repeat=2):
+        found = distance.py_func(arrays.spheres, arrays.radius, i, j)
+        assert found == balls.contact_distances(i)[j] == balls.contact_distances(j)[i]
 
 
-def test_a_fixed_ball_throws_too():
-    fixed = Scene(Balls((R, R), (0.17, math.inf)), physics=Physics(ball_ball="frictional", e_ball=1.0))
-    velocities, spins = impact([(1, 0), (0, 0)], [(0, 0, 30.0), (0, 0, 0)], 0, fixed)
-    assert velocities[0, 0] == -1.0
-    assert velocities[0, 1] < -0.01
-    assert spins[0, 2] < 30
-
-
-def test_without_slip_the_impact_is_that_of_smooth_balls():
-    found = impact([(1, 0), (0, 0)], [(3, 0, 0), (0, 0, 0)], 0, pool())
-    assert found[0] == pytest.approx(np.array([(0.025, 0), (0.975, 0)]))
-    assert found[1] == pytest.approx(np.array([(3, 0, 0), (0, 0, 0)]))
+@pytest.mark.parametrize("shape", SHAPES)
+def test_disks_and_equal_spheres_need_no_array(shape):
+    assert scene_arrays(Scene(Balls((0.03, 0.03), (0.1, 0.2), shape=shape))).spheres is None
+    assert scene_arrays(Scene(Balls((0.03, 0.04), (0.1, 0.2)))).spheres is None

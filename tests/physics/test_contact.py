@@ -64,7 +64,7 @@ def test_touching_circles_with_tangential_velocity_meet_only_if_the_acceleration
 def test_the_known_root_at_zero_is_divided_out():
     # The circles move apart and meet again at 2 v / a.
     assert circle_time(0.5, 0.0, 1.0, 0.0, -4.0, 0.0, 0.5, 9.0) == pytest.approx(0.5, rel=1e-15)
-    assert circle_time(0.5, 0.0, 1e-9, 0.0, -4.0, 0.0, 0.5, 9.0) == pytest.approx(0.5e-9, rel=1e-12)
+    assert circle_time(0.5, 0.0, 1e-9, 0.0, -4.0, 0.0, 0.5, 9.0) == pytest.approx(0.5e-9, rel=1e-12, abs=0)
     assert circle_time(0.5, 0.0, 1.0, 0.0, -4.0, 0.0, 0.5, 0.49) == INF
 
 
@@ -159,4 +159,4 @@ def test_a_line_is_not_met_after_the_end_of_the_interval():
 def test_a_small_acceleration_loses_no_digits():
     assert line_time(1.0, 1.0, 1e-20, 9.0) == 1.0
     assert line_time(1.0, 1.0, -1e-20, 9.0) == 1.0
-    assert line_time(1e-18, 1.0, -4.0, 9.0) == pytest.approx(1e-18, rel=1e-15)
+    assert line_time(1e-18, 1.0, -4.0, 9.0) == pytest.approx(1e-18, rel=1e-15, abs=0)

@@ -13,16 +13,13 @@ from billiards_env.physics.geometry.walls import BOX_X, HALF_LINE, outline_array
 from billiards_env.physics.motion import Path
 from billiards_env.physics.state import VX, VY, WIDTH, State, X, Y
 from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.scene.outline import Corner, clearance, pieces
+from billiards_env.scene.outline import clearance, pieces
 from billiards_env.scene.table import Table
-from reference.stress.draw import star
-from tests.helpers.outlines import OCTAGON, SPLIT, TABLES, THROAT, free_places, joint_of, table, with_corners
+from tests.helpers.outlines import ANY_TABLE, TABLES, THROAT, free_places, joint_of, table, with_corners
 
 INF = math.inf
 R = 0.03
 NUMBERS = scene_arrays(Scene.named("pool", 0)).numbers  # only rectangles without an outline have their sides there
-
-tables = st.sampled_from(sorted(TABLES)).map(TABLES.__getitem__) | st.integers(0, 10**4).map(star)
 
 
 def arrays(a_table):
@@ -68,7 +65,7 @@ def check(path, a_table, end, radius=R):
 
 
 @settings(max_examples=150)
-@given(tables, st.integers(0, 2**32), st.sampled_from([0.0, 0.1, 2.0, 40.0]), st.sampled_from([0.01, 0.03]))
+@given(ANY_TABLE, st.integers(0, 2**32), st.sampled_from([0.0, 0.1, 2.0, 40.0]), st.sampled_from([0.01, 0.03]))
 def test_a_ball_stays_inside_until_it_touches_the_cushion_that_is_found(a_table, seed, force, radius):
     rng = np.random.default_rng(seed)
     place = free_places(a_table, radius, rng, 1)[0]
@@ -76,28 +73,6 @@ def test_a_ball_stays_inside_until_it_touches_the_cushion_that_is_found(a_table,
     velocity = direction / np.hypot(*direction) * 10.0 ** rng.uniform(-3, 1)
     acceleration = force * push / np.hypot(*push)
     check((*place, *velocity, *acceleration), a_table, 10.0 ** rng.uniform(-2, 1) if force else INF, radius)
-
-
-@settings(max_examples=80)
-@given(tables, st.integers(0, 2**32), st.sampled_from([0.0, 2.0]))
-def test_a_ball_that_touches_a_cushion_leaves_it(a_table, seed, force):
-    """After the reflection the contact at time 0 is not found again, and the ball does not pass the cushion."""
-    rng = np.random.default_rng(seed)
-    outline = arrays(a_table)
-    x, y = free_places(a_table, R, rng, 1)[0]
-    angle = rng.uniform(0, 2 * math.pi)
-    vx, vy, ax, ay = math.cos(angle), math.sin(angle), *(force * rng.normal(size=2))
-    for _ in range(10):
-        path, end = (x, y, vx, vy, ax, ay), 0.5 if force else INF
-        t, wall = wall_time(path, a_table, end)
-        assert gap(path, np.linspace(0.0, min(t, end), 500), a_table).min() > -1e-12
-        if t == INF:
-            break
-        x, y = position(path, t)
-        vx, vy = vx + t * ax, vy + t * ay
-        nx, ny = walls._outline_normal(x, y, wall, outline)
-        normal = nx * vx + ny * vy
-        vx, vy = vx - 2 * normal * nx, vy - 2 * normal * ny
 
 
 @pytest.mark.parametrize("name", ["pool_7ft", "snooker_12ft", "rectangle", "split"])
@@ -297,7 +272,7 @@ def test_a_ball_behind_the_continuation_of_a_cushion_comes_back_to_it():
 
 
 @settings(max_examples=100)
-@given(tables, st.integers(0, 2**32))
+@given(ANY_TABLE, st.integers(0, 2**32))
 @example(THROAT, 0)
 def test_a_ball_anywhere_overlaps_a_cushion_unless_it_is_on_the_table(a_table, seed):
     rng = np.random.default_rng(seed)
@@ -324,11 +299,3 @@ def test_a_ball_at_the_centre_of_an_arc_is_sent_to_the_middle_of_the_arc():
     beyond, nx, ny = walls.wall_overlap(tip.x, tip.y, R, len(outline.lines), NUMBERS, outline)
     assert beyond == pytest.approx(R + tip.radius)
     assert (nx, ny) == pytest.approx((math.sqrt(0.5), math.sqrt(0.5)))
-
-
-def test_the_cushions_have_the_numbers_of_the_pieces():
-    for a_table in (SPLIT, OCTAGON, THROAT):
-        outline, (lines, tips) = arrays(a_table), pieces(a_table.outline)
-        assert len(outline.lines) == len(lines)
-        assert [tuple(row[:3]) for row in outline.tips] == [tuple(tip[:3]) for tip in tips]
-    assert isinstance(SPLIT.outline[0], Corner)

@@ -1,6 +1,5 @@
 """The derivatives of shots agree with differences of the 50-digit simulator, and with each other."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -10,9 +9,10 @@ from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate, simulate_batch, strike
 from billiards_env import scene as scenes
-from billiards_env.scene import Balls
+from billiards_env.scene import Balls, layouts
 from billiards_env.scene.table import Pocket, Table
-from billiards_env.shots.gradients import OUTPUTS, physics_inputs
+from billiards_env.shots.gradients import OUTPUTS, UNIT_ROUNDOFF, physics_inputs
+from reference.oracle import run
 from tests.helpers.derivatives import SCENES, VARIABLE, directional_differences, recorded, start_of, tangent_of
 from tests.helpers.shots import draw_starts
 
@@ -191,31 +191,8 @@ def test_impacts_at_one_instant_count_as_successive():
     np.testing.assert_allclose(both.jacobian(), first.jacobian(), atol=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("name", "start", "reason"),
-    [
-        ("ideal", ([[0.0, 0.05715 * (1.0 - 1e-14)], [0.5, 0.0]], [[1.0, 0.0], [0.0, 0.0]]), "grazing"),
-        (
-            "pool",
-            ([[-1.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0 / 0.028575, 0.0], [0.0] * 3]),
-            "rolling",
-        ),
-    ],
-)
-def test_a_shot_without_a_derivative_names_the_event(name, start, reason):
-    scene = Scene.named(name)
-    shot = (
-        recorded(scene, start, max_time=2.0) if len(start) == 3 else simulate(scene, *start, record=True, max_time=2.0)
-    )
-    assert shot.nonsmooth().reason == reason
-
-
-def test_a_ball_that_grazes_a_pocket_has_no_derivative():
-    table = dataclasses.replace(Table(2.0, 1.0), pockets=(Pocket(0.0, 0.5, 0.1),))
-    scene = Scene(Balls.uniform(1), table, Scene.named("ideal").physics)
-    shot = simulate(scene, [[-0.5, 0.4 + 1e-15]], [1.0, 0.0], record=True, max_time=1.0)
-    assert shot.potted[0]
-    assert shot.nonsmooth() == (0, "lip")
+def test_the_derivative_of_the_time_of_a_fall_has_the_slope_of_the_rim():
+    scene = Scene(Balls.uniform(1), Table(2.0, 1.0, pockets=(Pocket(0.0, 0.5, 0.1),)), Scene.named("ideal").physics)
     deep = simulate(scene, [[-0.5, 0.45]], [1.0, 0.0], record=True, max_time=1.0)
     assert deep.nonsmooth() == (-1, "")
     assert not deep.jacobian("positions", "positions").any()
@@ -230,3 +207,34 @@ def test_an_act_of_the_contact_time_rule_has_no_derivative():
     found = batch.nonsmooth()
     assert (found.reason[batch.n_contact_rule > 0] != "").all()
     assert set(found.reason) <= {"", "rule", "simultaneous", "grazing"}
+
+
+@pytest.mark.parametrize("name", [name for name in SCENES if name != "ideal"])
+def test_the_sensitivity_is_the_derivative_of_the_final_positions(name):
+    scene = SCENES[name]
+    start = start_of(scene, 3)
+    shot = recorded(scene, start)
+    found = shot.sensitivity()
+    assert shot.n_events > 3
+    assert found.smooth
+    jacobian = np.concatenate([shot.jacobian("positions", by) for by in ("positions", "velocities", "spins")], axis=-1)
+    np.testing.assert_allclose(found.jacobian, jacobian, rtol=0, atol=1e-12 * np.abs(jacobian).max())
+    exact = run(scene, *start).positions
+    assert np.abs(shot.positions - np.array(exact, float)).max() < 10 * UNIT_ROUNDOFF * found.condition
+
+
+def test_each_collision_multiplies_the_condition():
+    scene = Scene.named("ideal", 15)
+    rng = np.random.default_rng(0)
+    shot = simulate(scene, layouts.draw("random", scene, rng), rng.normal(0.0, 1.0, (16, 2)), record=True, max_time=4.0)
+    early, late = shot.sensitivities([1.0, 4.0])
+    assert early.condition > 10.0
+    assert late.condition > 1e3 * early.condition
+
+
+def test_the_sensitivity_before_the_first_event_is_that_of_free_motion():
+    scene = Scene.named("ideal")
+    shot = simulate(scene, [[-1.0, 0.0], [0.0, 0.5]], [0.5, 0.25], record=True, max_time=1.0)
+    jacobian = shot.sensitivity(0.5).jacobian
+    np.testing.assert_array_equal(jacobian[0, :, 0], [[1, 0, 0.5, 0, 0, 0, 0], [0, 1, 0, 0.5, 0, 0, 0]])
+    np.testing.assert_array_equal(jacobian[0, :, 1], np.zeros((2, 7)))

@@ -101,16 +101,6 @@ def test_the_start_is_its_own_derivative():
         assert np.allclose(shot.vjp({name: value}, name, t=0.0), value, rtol=1e-15)
 
 
-def test_the_derivative_by_a_wrong_strike_is_refused():
-    scene, places = Scene.named("pool", 1), [[-0.5, 0.1], [0.2, 0.15]]
-    shot = simulate(scene, places, strike(scene, 1.5, 0.07, 0.2, -0.1), record=True)
-    with pytest.raises(ValueError, match="expected the strike of the shot, whose velocity and spin are"):
-        shot.jacobian("positions", "strike", strike=[1.5, 0.07, 0.2, 0.1, 0.0])
-    backwards = simulate(scene, places, strike(scene, -1.5, 0.07, 0.2), record=True)
-    with pytest.raises(ValueError, match=r"speed = -1.5: expected a number >= 0 for a derivative"):
-        backwards.jacobian("positions", "strike", strike=[-1.5, 0.07, 0.2, 0.0, 0.0])
-
-
 def test_balls_without_friction_do_not_rub():
     base = Scene.named("uk_pool", 1)
     balls = dataclasses.replace(base.balls, radius=(base.balls.radius[1],) * 2)

@@ -119,13 +119,6 @@ def test_a_miscue_deflects_the_ball_away_from_the_tip_and_gives_less_spin():
     assert abs(beyond.spin[2]) == pytest.approx(abs(edge.spin[2]) * math.cos(turned), rel=1e-12)
 
 
-def test_a_level_central_strike_has_the_speed_of_the_law_and_no_spin():
-    velocity, spin, miscue = strike(POOL, 2.0, 0.0)
-    assert velocity.tolist() == [2.0 * speed_gain(cue_numbers(POOL), 0.0), 0.0]
-    assert not spin.any()
-    assert not miscue
-
-
 @pytest.mark.parametrize("scene", [POOL, Scene.named("uk_pool"), Scene.named("pooltool_pool")])
 @pytest.mark.parametrize("seed", range(3))
 def test_derivative_of_the_strike(scene, seed):

@@ -15,7 +15,7 @@ from billiards_env.engine.compile import PIC, scene_fields, varied_fields
 from billiards_env.scene import PARAMETERS
 from billiards_env.shots import records
 from billiards_env.shots.gradients import physics_inputs
-from tests.helpers.shots import draw_starts, run_both, with_physics
+from tests.helpers.shots import check_same, draw_starts, run_both, with_physics
 
 SCENES: dict[str, Any] = {name: Scene.named(name, 2) for name in ("pool", "ideal", "real_pool", "snooker", "uk_pool")}
 SCENES["rolling"] = dataclasses.replace(
@@ -55,8 +55,7 @@ def varied(names, m, seed=0) -> dict[str, Any]:
 
 def same_record(shot, other):
     """Fails unless two recorded shots are equal bit for bit, with their scenes."""
-    assert shot.events.tobytes() == other.events.tobytes()
-    assert shot.trajectory.rows.tobytes() == other.trajectory.rows.tobytes()
+    check_same(shot, other)
     assert (shot.scene, shot.engine) == (other.scene, other.engine)
 
 

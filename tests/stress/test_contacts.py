@@ -9,7 +9,7 @@ import pytest
 
 from billiards_env.scene import CONTACT_GAP
 from billiards_env.shots.simulation import simulate
-from reference.stress.scenes import R, ideal, kinds, momentum, rough, run
+from reference.stress.scenes import R, ideal, kinds, rough, run
 
 INF = math.inf
 
@@ -53,7 +53,7 @@ def test_the_inelastic_collapse_of_a_row_ends(e):
     shot = run(ideal(*[1.0] * 12, e_ball=e, max_time=2.0), places, velocities)
     assert shot.status in ("rest", "max_time")
     assert shot.n_events < 50_000
-    assert momentum(ideal(*[1.0] * 12), shot.velocities) == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert shot.velocities.sum(axis=0) == pytest.approx([0.0, 0.0], abs=1e-12)  # the momentum
 
 
 def test_an_overlap_up_to_the_contact_gap_is_a_contact():

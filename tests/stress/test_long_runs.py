@@ -1,4 +1,4 @@
-"""Long runs: conservation laws, time reversal, the collisions that count digits of pi."""
+"""Long runs: conservation laws, time reversal, the collisions that count digits of pi, an unfolded path."""
 
 from __future__ import annotations
 
@@ -8,11 +8,17 @@ import numpy as np
 import pytest
 
 from reference.stress import measure
+from reference.stress.scenes import R, ideal, kinds, run
 
 PI_DIGITS = [math.floor(math.pi * 10**k) for k in range(6)]
 
 
-def check_drift(disks: int, collisions: int) -> None:
+slow = pytest.mark.slow
+
+
+@pytest.mark.parametrize("disks", [2, 16, 100])
+@pytest.mark.parametrize("collisions", [2000, pytest.param(1_000_000, marks=slow)])
+def test_elastic_collisions_conserve_energy_and_momentum(disks, collisions):
     found = measure.drift(disks, collisions)
     assert found["collisions"] >= collisions
     # Rounding adds up like a random walk; the limits also cover errors of one sign.
@@ -22,19 +28,9 @@ def check_drift(disks: int, collisions: int) -> None:
     assert found["deepest_overlap_m"] < 1e-14
 
 
-@pytest.mark.parametrize("disks", [2, 16, 100])
-def test_elastic_collisions_conserve_energy_and_momentum(disks):
-    check_drift(disks, 2000)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("disks", [2, 16, 100])
-def test_a_million_elastic_collisions_conserve_energy_and_momentum(disks):
-    check_drift(disks, 1_000_000)
-
-
-def check_reversal(seeds: range) -> None:
-    runs = [measure.reversal(seed) for seed in seeds]
+@pytest.mark.parametrize("count", [10, pytest.param(1000, marks=slow)])
+def test_reversed_gases_return_to_their_starts_up_to_amplified_roundoff(count):
+    runs = [measure.reversal(seed) for seed in range(count)]
     ratios = [run["error"] / run["predicted"] for run in runs if run["predicted"] < 1e-4]
     assert len(ratios) > 0.9 * len(runs)
     assert min(run["collisions"] for run in runs) > 10
@@ -42,23 +38,25 @@ def check_reversal(seeds: range) -> None:
     assert max(ratios) < 100
 
 
-def test_a_reversed_gas_returns_to_its_start_up_to_amplified_roundoff():
-    check_reversal(range(10))
-
-
-@pytest.mark.slow
-def test_a_thousand_reversed_gases_return_to_their_starts():
-    check_reversal(range(1000))
-
-
 @pytest.mark.parametrize("wall", ["cushion", "ball"])
-@pytest.mark.parametrize("k", [0, 1, 2, 3])
+@pytest.mark.parametrize("k", [0, 1, 2, 3, pytest.param(4, marks=slow), pytest.param(5, marks=slow)])
 def test_colliding_blocks_count_the_digits_of_pi(k, wall):
     assert measure.blocks(k, wall) == PI_DIGITS[k]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("wall", ["cushion", "ball"])
-@pytest.mark.parametrize("k", [4, 5])
-def test_colliding_blocks_count_more_digits_of_pi(k, wall):
-    assert measure.blocks(k, wall) == PI_DIGITS[k]
+def test_ten_thousand_bounces_follow_the_unfolded_straight_line():
+    """If the rectangle is mirrored at every bounce, the path is one straight line (unfolding of billiards)."""
+    scene = ideal(1.0, max_time=1e9)
+    rng = np.random.default_rng(3)
+    start, velocity = rng.uniform(-0.5, 0.5, 2), rng.uniform(0.5, 2.0, 2)
+    room = np.array([2.0, 1.0]) - R
+    # The number of bounces is the number of images of cushions that the line crosses.
+    time = 10_000 / (velocity / (2 * room)).sum()
+    shot = run(scene, [start], velocity, max_time=time)
+    line = start + velocity * time
+    folded = np.abs((line + room) % (4 * room) - 2 * room) - room
+    crossed = np.floor((line + room) / (2 * room)).sum()
+    assert 9_990 < crossed < 10_010
+    assert len(kinds(shot, "cushion")) == crossed
+    assert shot.positions[0] == pytest.approx(-folded, abs=1e-11)
+    assert np.abs(shot.velocities[0]) == pytest.approx(velocity, abs=0)
