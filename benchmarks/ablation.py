@@ -17,10 +17,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks import Count, machine, machine_line, parser_of, ratio, report, table
-from billiards_env.commands import ending
+from benchmarks import ROOT, machine, ratio, run_command, table
 
-ROOT = Path(__file__).resolve().parent.parent
 SHOTS = 1000  # in a pass
 
 
@@ -170,30 +168,26 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     rows, by_name = [], {row["name"]: row for row in result["rows"]}
     for row in result["rows"]:
         us, compiling = 1e6 * statistics.median(row["passes"]) / result["shots"], row["seconds"]["compile"]
-        cells = [row["name"], row["without"], f"{us:.2f}", "", f"{compiling:.1f}", ""]
-        counts = [f"{len(row[key])}" for key in ("functions", "modules")]
+        times, slower, counts = "", "", [f"{len(row[key])}" for key in ("functions", "modules")]
         if row["without"]:
             other = by_name[row["without"]]
-            cells[3] = ratio(statistics.median(a / b for a, b in zip(row["passes"], other["passes"], strict=True)))
-            cells[5] = ratio(compiling / other["seconds"]["compile"])
+            times = ratio(statistics.median(a / b for a, b in zip(row["passes"], other["passes"], strict=True)))
+            slower = ratio(compiling / other["seconds"]["compile"])
             counts = [f"+{len(set(row[key]) - set(other[key]))}" for key in ("functions", "modules")]
-        rows.append((*cells, f"{1000 * row['seconds']['start']:.0f}", *counts))
+        start = f"{1000 * row['seconds']['start']:.0f}"
+        rows.append((row["name"], row["without"], f"{us:.2f}", times, f"{compiling:.1f}", slower, start, *counts))
     head = ("scene with", "beside", "us/shot", "times", "compile, s", "times", "start, ms", "functions", "modules")
     return {
-        "machine": machine_line(result["machine"]),
         "how": f"A pass has {result['shots']:,} shots. Times of a shot are medians of {result['repeats']} interleaved "
         "passes on one core.",
         "parts": table(head, rows, left=2),
     }
 
 
-@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.ablation --help`."""
-    repeats = Count(31, "number of passes")
-    parser = parser_of("ablation", "Measure what the parts of a scene cost.", repeats=repeats)
-    args = parser.parse_args(arguments)
-    report(measure(args.repeats), blocks, args.output)
+    about, repeats = "Measure what the parts of a scene cost.", (31, "number of passes")
+    run_command("benchmarks.ablation", about, arguments, measure, blocks, {"repeats": repeats})
 
 
 if __name__ == "__main__":

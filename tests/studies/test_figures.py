@@ -54,9 +54,7 @@ def test_the_picture_of_a_shot_has_the_combination_of_its_title():
 
 
 def test_the_window_shows_an_aimed_shot_after_one_stroke():
-    shown = figures.window()
-    model = shown.model
-    shown.close()
+    model = figures.window()
     assert model.phase == "aiming"
     assert len(model.strokes) == 1
     assert model.preview is not None
