@@ -26,7 +26,7 @@ os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 from benchmarks import GREY, IMAGES, new_figure, parser_of, save, save_image
 from billiards_env.drawing.canvas import pixels
 from billiards_env.drawing.plot import draw_ball, legend_handles
-from billiards_env.drawing.style import INK, draw_table, looks, rail_width
+from billiards_env.drawing.style import INK, draw_table, looks
 from billiards_env.engine import Engine
 from billiards_env.files import replacing
 from billiards_env.games import History, Setup, opening
@@ -75,33 +75,21 @@ GAMES = {
 
 
 def tables() -> Figure:
-    """Returns a figure of all named tables at the same scale, the largest first."""
+    """Returns a figure of all named tables at the same scale, the largest first, with the balls of their games."""
     names = sorted(TABLES, key=lambda name: -Table.named(name).length)
-    figure = new_figure(9, 1.0 + 2.1 * math.ceil(len(names) / 2), dpi=120, facecolor="none", layout=None)
-    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    top = 0.0
-    for k in range(0, len(names), 2):
-        height = max(Table.named(name).width / 2 + rail_width(Table.named(name)) for name in names[k : k + 2])
-        for name, x in zip(names[k : k + 2], (0.0, 3.95), strict=False):
-            _draw_named_table(ax, name, np.array([x, top - height]))
-            ax.text(x, top + 0.06, name, fontsize=10, ha="center", va="bottom")
-        top -= 2 * height + 0.36
-    ax.set_xlim(-2.1, 5.7)
-    ax.set_ylim(top + 0.2, 0.32)
-    ax.set_aspect("equal")
-    ax.axis("off")
+    rows = math.ceil(len(names) / 2)
+    figure = new_figure(9, 2.7 * rows, dpi=120, facecolor="none")
+    for k, name in enumerate(names):
+        ax = figure.add_subplot(rows, 2, k + 1, title=name, aspect="equal", xlim=(-2.0, 2.0), ylim=(-1.1, 1.1))
+        ax.axis("off")
+        game, count, layout = GAMES.get(name, ("real_pool", 15, "tight_rack"))
+        scene = dataclasses.replace(Scene.named(game, count), table=Table.named(name))
+        for corners, colour in draw_table(scene.table):
+            ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="none"))
+        positions = layouts.draw(layout, scene, np.random.default_rng(0))
+        for radius, look, position in zip(scene.balls.radius, looks(scene), positions, strict=True):
+            draw_ball(ax, radius, look._replace(number=""), position, ghost=False)
     return figure
-
-
-def _draw_named_table(ax: Axes, name: str, centre: np.ndarray) -> None:
-    """Draws a named table with the balls of its game, with its centre at a point (2,), m."""
-    game, count, layout = GAMES.get(name, ("real_pool", 15, "tight_rack"))
-    scene = dataclasses.replace(Scene.named(game, count), table=Table.named(name))
-    for corners, colour in draw_table(scene.table):
-        ax.add_patch(Polygon(corners + centre, facecolor=colour, edgecolor="none"))
-    positions = layouts.draw(layout, scene, np.random.default_rng(0))
-    for radius, look, position in zip(scene.balls.radius, looks(scene), positions, strict=True):
-        draw_ball(ax, radius, look._replace(number=""), position + centre, ghost=False)
 
 
 MASSE = {"speed": 3.0, "heading": 0.0, "side": 0.3, "top": -0.2}

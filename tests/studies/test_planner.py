@@ -47,7 +47,12 @@ def test_each_experiment_is_measured_and_only_new_racks_are_played(tmp_path, mon
     printed = capsys.readouterr().out
     assert all(text in printed for text in blocks(first).values())
     assert {cell.experiment for cell in CELLS} == first["results"].keys()
-    assert [one["player"] for one in first["times"]["players"]] == ["planner:60", "search:2", planner.LEAST, planner.LEAST]
+    assert [one["player"] for one in first["times"]["players"]] == [
+        "planner:60",
+        "search:2",
+        planner.LEAST,
+        planner.LEAST,
+    ]
     main([*given, "--racks", "2"])
     found = json.loads(output.read_text())["results"]
     for experiment, noise, player, share in TINY:
