@@ -12,9 +12,11 @@ import functools
 import importlib.metadata
 import io
 import itertools
+import json
 import os
 import platform
 import signal
+import subprocess
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from multiprocessing.context import BaseContext
@@ -208,6 +210,35 @@ def processes(count: int, context: BaseContext | None = None) -> Iterator[Execut
         yield pool
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+@contextlib.contextmanager
+def worker(name: str, command: Sequence[str | Path], **options: Any) -> Iterator[Callable[..., Any]]:
+    """Starts a process that answers each line of JSON with one.
+
+    Args:
+        name: The name of the process, for the error.
+        command: The program and its arguments.
+        options: Further arguments of `subprocess.Popen`.
+
+    Yields:
+        A function that sends a value, if any is given, and returns the next answer. It raises a RuntimeError if the
+        process has ended.
+    """
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, **options) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        requests, answers = process.stdin, process.stdout
+
+        def ask(*values: Any) -> Any:
+            for value in values:
+                print(json.dumps(value), file=requests, flush=True)
+            line = answers.readline()
+            if not line:
+                raise RuntimeError(f"{name} ended; its message is above")
+            return json.loads(line)
+
+        yield ask
 
 
 def run_kinds(

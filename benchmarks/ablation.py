@@ -7,17 +7,16 @@ machine affects all of them equally. A row is compared with the row of the same 
 
 from __future__ import annotations
 
-import json
 import os
 import statistics
-import subprocess
 import sys
 import tempfile
-from contextlib import ExitStack
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks import ROOT, machine, ratio, run_command, table
+from benchmarks import ROOT, machine, ratio, run_command, table, worker
 
 SHOTS = 1000  # in a pass
 
@@ -108,39 +107,13 @@ for _ in sys.stdin:
 """
 
 
-class Process:
-    """The process of a row, with the folder of its cache; `found` is what its start printed."""
+def started(row: Row, cache: str | Path) -> AbstractContextManager[Callable[..., Any]]:
+    """Starts the process of a row, with the folder of its cache; see `worker`.
 
-    def __init__(self, row: Row, cache: str | Path) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", _SERVE.format(code=row.code)],
-            cwd=ROOT,
-            env=os.environ | {"NUMBA_CACHE_DIR": str(cache), "BILLIARDS_ENV_COMPILE": "1"},
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        self.found: dict[str, Any] = self._read()
-
-    def __enter__(self) -> Process:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.communicate()
-
-    def _read(self) -> Any:
-        assert self._process.stdout is not None
-        line = self._process.stdout.readline()
-        if not line:
-            raise RuntimeError(f"a process ended with {self._process.wait()}; its error is above")
-        return json.loads(line)
-
-    def play(self) -> float:
-        """Returns the duration of a pass, s."""
-        assert self._process.stdin is not None
-        self._process.stdin.write("\n")
-        self._process.stdin.flush()
-        return self._read()
+    The first answer holds what the row imports and compiles. The others are durations of passes, s.
+    """
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "BILLIARDS_ENV_COMPILE": "1"}
+    return worker(row.name, [sys.executable, "-c", _SERVE.format(code=row.code)], cwd=ROOT, env=environment)
 
 
 def measure(repeats: int, rows: tuple[Row, ...] = ROWS) -> dict[str, Any]:
@@ -154,11 +127,14 @@ def measure(repeats: int, rows: tuple[Row, ...] = ROWS) -> dict[str, Any]:
     on = machine()
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
-        processes = [stack.enter_context(Process(row, Path(folder) / str(k))) for k, row in enumerate(rows)]
-        passes = [[process.play() for process in processes] for _ in range(repeats)]
+        asks, starts = [], []
+        for k, row in enumerate(rows):
+            asks.append(stack.enter_context(started(row, Path(folder) / str(k))))
+            starts.append(asks[-1]())
+        passes = [[ask("play") for ask in asks] for _ in range(repeats)]
         entries = [
-            {"name": row.name, "without": row.without, **process.found, "passes": found}
-            for row, process, *found in zip(rows, processes, *passes, strict=True)
+            {"name": row.name, "without": row.without, **start, "passes": found}
+            for row, start, *found in zip(rows, starts, *passes, strict=True)
         ]
     return {"machine": on, "shots": SHOTS, "repeats": repeats, "rows": entries}
 

@@ -114,7 +114,7 @@ def follow(name: str, seed: int) -> dict[str, Any]:
     }
 
 
-def compare_outcomes(name: str, count: int, workers: int, bar: tqdm[Any]) -> dict[Engine, dict[str, float | int]]:
+def compare_outcomes(name: str, count: int, workers: int) -> dict[Engine, dict[str, float | int]]:
     """Compares the outcomes of PIT and PIC over the first shots of a problem.
 
     The outcome is the set of potted balls and the ball hit first. On a table without pockets it is the set of balls
@@ -143,7 +143,7 @@ def compare_outcomes(name: str, count: int, workers: int, bar: tqdm[Any]) -> dic
 
     exact = outcome(PIC)
     found: dict[Engine, dict[str, float | int]] = {}
-    for engine in PIT:
+    for engine in tqdm(PIT, f"outcomes of {name}", unit="engine"):
         here = outcome(engine)
         scoring = exact[1] | here[1]
         wrong = (here[0] != exact[0]).any(axis=1)
@@ -152,7 +152,6 @@ def compare_outcomes(name: str, count: int, workers: int, bar: tqdm[Any]) -> dic
             "wrong_scores": float(wrong[scoring].mean()) if scoring.any() else 0.0,
             "scoring_shots": int(scoring.sum()),
         }
-        bar.update()
     return found
 
 
@@ -211,9 +210,8 @@ def measure(shots: int, outcomes: int, passes: int, workers: int) -> dict[str, A
     on, seconds = machine(), seconds_per_shot(shots, passes)
     followed = run_kinds(follow, PROBLEMS, shots, workers)
     playable = [name for name, problem in PROBLEMS.items() if problem.scene.physics.motion != "ideal"]
-    with tqdm(desc="outcomes", total=len(playable) * len(PIT), unit="run") as bar:
-        counts = {name: outcomes // (BREAKS if "break" in name else 1) or 1 for name in playable}
-        wrong = {name: compare_outcomes(name, counts[name], workers, bar) for name in playable}
+    counts = {name: outcomes // (BREAKS if "break" in name else 1) or 1 for name in playable}
+    wrong = {name: compare_outcomes(name, counts[name], workers) for name in playable}
     scenes = {}
     for name, problem in PROBLEMS.items():
         times = {engine: seconds[name, engine] for engine in (PIC, *PIT)}

@@ -26,9 +26,7 @@ import contextlib
 import functools
 import importlib.metadata
 import importlib.util
-import json
 import math
-import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -38,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import ROOT, error_limit, machine, machine_line, metres, ratio, run_command, table
+from benchmarks import ROOT, error_limit, machine, machine_line, metres, ratio, run_command, table, worker
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate
 from reference.oracle import OracleError, run
@@ -147,18 +145,9 @@ def pymunk_space(scene: Scene, positions: Floats, velocity: Floats) -> tuple[Any
 
 
 @contextlib.contextmanager
-def pooltool(python: Path, worker: Path = WORKER) -> Iterator[tuple[str, list[Runner]]]:
+def pooltool(python: Path, program: Path = WORKER) -> Iterator[tuple[str, list[Runner]]]:
     """Yields the version of pooltool in another Python environment, and its runner for each of `POOLTOOL_GAPS`."""
-    with subprocess.Popen([python, worker], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        requests, replies = process.stdin, process.stdout
-
-        def reply() -> Any:
-            line = replies.readline()
-            if not line:
-                raise RuntimeError(f"{worker.name} ended; its message is above")
-            return json.loads(line)
+    with worker(program.name, [python, program]) as ask:
 
         def run_shot(gap: float, scene: Scene, positions: Floats, velocity: Floats, time: float | None) -> Outcome:
             physics, half_x, half_y = scene.physics, scene.table.length / 2, scene.table.width / 2
@@ -186,16 +175,14 @@ def pooltool(python: Path, worker: Path = WORKER) -> Iterator[tuple[str, list[Ru
                 "gap": gap,
                 "max_events": MAX_EVENTS,
             }
-            print(json.dumps(shot), file=requests, flush=True)
-            answer = reply()
+            answer = ask(shot)
             if answer["positions"] is None:
                 return Outcome(None, answer["seconds"], finished=False)
             found = np.array(answer["positions"])
             ours = np.column_stack((found[:, 1] - half_x, half_y - found[:, 0]))
             return Outcome(ours, answer["seconds"], answer["finished"])
 
-        yield reply(), [functools.partial(run_shot, gap) for gap in POOLTOOL_GAPS]
-        requests.close()
+        yield ask(), [functools.partial(run_shot, gap) for gap in POOLTOOL_GAPS]
 
 
 def nose_height(scene: Scene) -> float:
@@ -261,15 +248,12 @@ def measure(shots: int, passes: int) -> dict[str, Any]:
             simulators["elastic disks"] += [
                 ("pymunk", f"timestep 1/{steps} s", pymunk(steps)) for steps in PYMUNK_STEPS
             ]
-        with tqdm(total=len(LAWS) * len(KINDS), unit="comparison") as bar:
-            for laws, some in simulators.items():
-                kinds = {}
-                for kind in KINDS:
-                    kinds[kind] = compare(laws, kind, [runner for *_, runner in some], shots, passes)
-                    bar.update()
-                for k, (name, method, _) in enumerate(some):
-                    row = {"laws": laws, "simulator": name, "method": method}
-                    found["rows"].append({**row, **{kind: columns[k] for kind, columns in kinds.items()}})
+        for laws, some in tqdm(simulators.items(), unit="comparison"):
+            runners = [runner for *_, runner in some]
+            columns = {kind: compare(laws, kind, runners, shots, passes) for kind in KINDS}
+            for k, (name, method, _) in enumerate(some):
+                row = {"laws": laws, "simulator": name, "method": method}
+                found["rows"].append({**row, **{kind: column[k] for kind, column in columns.items()}})
     return found
 
 

@@ -36,9 +36,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import io
-import json
 import math
-import subprocess
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import as_completed
 from itertools import pairwise
@@ -49,7 +47,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import comparison, new_figure, run_command, save, table
+from benchmarks import comparison, new_figure, run_command, save, table, worker
 from billiards_env import Scene, simulate_batch
 from billiards_env.envs import BilliardsVectorEnv, make_model
 from billiards_env.evaluation import evaluation_seeds
@@ -141,15 +139,9 @@ def opened(name: str) -> Iterator[tuple[Play, Floats]]:
         with comparison.pooltool(comparison.POOLTOOL_PYTHON) as (_, (run, *_)):
             yield lambda *shots: play_in_pooltool(run, scene, *shots), np.zeros(1)
     else:
-        with subprocess.Popen([PYTHON, WORKER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as worker:
-
-            def answer(*request: Any) -> NDArray[Any]:
-                assert worker.stdout is not None
-                print(json.dumps(request), file=worker.stdin, flush=True)
-                return np.array(json.loads(worker.stdout.readline()))
-
-            delays = answer(world.simulator, world.dt, scene.to_dict())
-            yield lambda *shots: answer(*(numbers.tolist() for numbers in shots)), delays
+        with worker(WORKER.name, [PYTHON, WORKER]) as ask:
+            delays = np.array(ask([world.simulator, world.dt, scene.to_dict()]))
+            yield lambda *shots: np.array(ask([numbers.tolist() for numbers in shots])), delays
 
 
 class PlayedEnvs(BilliardsVectorEnv):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import benchmarks
-from benchmarks import ROOT, accuracy, accuracy_report, calibration, certain, error_limit, speed, stress, vector
+from benchmarks import ROOT, accuracy, accuracy_report, calibration, certain, error_limit, speed, stress
 from billiards_env.engine import PIC, Engine
 from billiards_env.scene import Scene, check_positions
 
@@ -88,17 +88,7 @@ def test_gases_of_all_sizes_have_the_same_density_and_no_overlaps(n):
     assert not np.array_equal(*case.positions)
 
 
-@pytest.mark.parametrize(
-    ("module", "option"),
-    [
-        (accuracy, "--passes"),
-        (calibration, "--repeats"),
-        (error_limit, "--shots"),
-        (speed, "--repeats"),
-        (stress, "--workers"),
-        (vector, "--repeats"),
-    ],
-)
+@pytest.mark.parametrize(("module", "option"), [(speed, "--repeats"), (stress, "--workers")])
 def test_counts_below_one_are_rejected(module, option, capsys):
     with pytest.raises(SystemExit):
         module.main([option, "0"])
