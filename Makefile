@@ -53,7 +53,7 @@ docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, war
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
 dist: $(INSTALLED)  ## build the source archive and the wheel in dist/, and try the wheel in an empty environment
-	$(BIN)/python -m release.dist --results build/dist.json
+	$(BIN)/python -m release.dist --output build/dist.json
 
 ci: test pythons tools web docs smoke dist  ## run the steps of .github/workflows/ci.yml locally
 

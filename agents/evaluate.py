@@ -1,21 +1,20 @@
 """Measures trained policies and random actions on new layouts: `python -m agents.evaluate runs/pot`.
 
 The command also measures players without training (`--players search:200`) and draws the learning curves (`--curve
-FILE.png`). With `--film FILE.mp4` it writes a film of the first policy instead, and with `--show` it opens a
-window (`agents.film`).
+FILE.png`). With `--film FILE.mp4` it writes a film of the first policy instead.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from agents.film import EPISODES, film
-from agents.ppo import deterministic, load_policy, make_vector
+from agents.ppo import deterministic, load_policy, make_env, make_vector
 from agents.train import learning_curve
 from billiards_env.checks import Range, integer, missing
 from billiards_env.commands import ending
@@ -26,6 +25,9 @@ from billiards_env.sb3.policy_player import playable
 
 LAYOUTS = 1000
 """The largest number of episodes of a player without training."""
+
+FILMED, PAUSE = 5, 0.7
+"""The number of episodes of a film, and the time that the balls stay at rest after an episode, s."""
 
 
 def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None) -> dict[str, Any]:
@@ -72,6 +74,47 @@ def evaluate_player(run_dir: Path, player: str, episodes: int | None = None, see
     return measure(player, {"noise": config.noise, **config.env}, noise, episodes, seed)
 
 
+def film(run_dir: Path, path: Path, episodes: int = FILMED, seed: int | None = None) -> list[dict[str, Any]]:
+    """Films the policy of a run, without exploration, on layouts that do not occur in training.
+
+    Args:
+        run_dir: The folder of a finished run.
+        path: The film, an MP4 file.
+        episodes: The number of episodes.
+        seed: The seed of the layouts; None for the seed of the configuration.
+
+    Returns:
+        The last `info` of each episode.
+
+    Raises:
+        FileNotFoundError: If `run_dir` holds no finished run, or the folder of the film does not exist.
+        ImportError: If the extra `render` is not installed.
+        ValueError: If `path` does not end in ".mp4".
+    """
+    target = check_path(path, ".mp4")
+    from billiards_env.drawing.film import mp4_writer
+
+    config, policy = load_policy(run_dir)
+    env: Any = make_env(config, "rgb_array_list")
+    infos, write = [], None
+    with contextlib.ExitStack() as stack:
+        stack.callback(env.close)
+        for number in evaluation_seeds(config.seed if seed is None else seed, episodes).tolist():
+            observation, info = env.reset(seed=number)
+            over, fps = False, env.metadata["render_fps"]
+            while True:
+                frames = env.render()
+                if write is None:
+                    write = stack.enter_context(mp4_writer(target, frames[0].shape[1::-1], fps))
+                for frame in frames + frames[-1:] * round(over * PAUSE * fps):
+                    write(frame)
+                if over:
+                    break
+                observation, _, over, _, info = env.step(policy.predict(observation, deterministic=True)[0])
+            infos.append(info)
+    return infos
+
+
 def draw_curves(runs: Sequence[Path], path: Path) -> None:
     """Draws the success on new layouts against the number of shots, with a line for each run.
 
@@ -100,40 +143,32 @@ def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m agents.evaluate --help`."""
     parser = argparse.ArgumentParser(
         prog="python -m agents.evaluate",
-        description="Measure trained policies and random actions on new layouts, or film or show the first policy.",
+        description="Measure trained policies and random actions on new layouts, or film the first policy.",
     )
     parser.add_argument("runs", type=Path, nargs="+", help="folders of finished runs of one task, e.g. runs/pot")
     parser.add_argument(
         "--players", nargs="*", default=(), help=f"players without training, measured on {LAYOUTS} layouts at most"
     )
     parser.add_argument("--curve", type=Path, metavar="FILE.png", help="draw the learning curves of the runs")
-    parser.add_argument(
-        "--episodes", type=int, help=f"number (default: as in the config; {EPISODES} with --film or --show)"
-    )
+    parser.add_argument("--episodes", type=int, help=f"number (default: as in the config; {FILMED} with --film)")
     parser.add_argument("--seed", type=int, help="seed of the layouts (default: as in the config)")
-    instead = parser.add_mutually_exclusive_group()
-    instead.add_argument("--film", type=Path, metavar="FILE.mp4", help="write a film of the policy instead")
-    instead.add_argument("--show", action="store_true", help="show the policy in a window instead")
+    parser.add_argument("--film", type=Path, metavar="FILE.mp4", help="write a film of the first policy instead")
     args = parser.parse_args(arguments)
     run_dir: Path = args.runs[0]
     with ending():
-        if args.film is not None or args.show:
-            infos = film(run_dir, args.film, EPISODES if args.episodes is None else args.episodes, args.seed)
+        if args.film is not None:
+            infos = film(run_dir, args.film, FILMED if args.episodes is None else args.episodes, args.seed)
             for k, info in enumerate(infos, 1):
                 print(f"episode {k}: {'success' if info['is_success'] else 'no success'}, score {info['score']}")
         else:
             if args.curve is not None:
                 draw_curves(args.runs, args.curve)
             torch.set_num_threads(1)  # small networks are faster on one thread
-            names = [run.resolve().name for run in args.runs]
-            if len(set(names)) < len(names):
-                names = [str(run) for run in args.runs]
-            names = ["policy"] if len(names) == 1 else names
-            show = row_printer([*names, "random", *args.players])
+            show = row_printer([*map(str, args.runs), "random", *args.players])
             results = []
-            for name, run in zip(names, args.runs, strict=True):
+            for run in args.runs:
                 results.append(evaluate(run, args.episodes, args.seed))
-                show(name, results[-1]["policy"])
+                show(str(run), results[-1]["policy"])
             show("random", results[0]["random"])
             for name in args.players:
                 show(name, evaluate_player(run_dir, name, args.episodes, args.seed))
@@ -156,7 +191,6 @@ def row_printer(names: Sequence[str]) -> Callable[[str, dict[str, Any]], None]:
 def print_commands(run_dir: Path) -> None:
     """Prints commands for the next step."""
     print(f"\nfilm:  python -m agents.evaluate {run_dir} --film {run_dir.resolve().name}.mp4")
-    print(f"watch: python -m agents.evaluate {run_dir} --show")
     if (rules := playable(run_dir)) is not None:
         game = f"--rules {rules} --scene {GAMES[rules].scene}"
         print(f"play:  python -m billiards_env.play {game} --players human,policy:{run_dir}")

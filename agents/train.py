@@ -281,23 +281,43 @@ def _save(model: PPO, path: Path) -> None:
     write_whole(path, buffer.getvalue())
 
 
+def train_command(
+    parser: argparse.ArgumentParser,
+    arguments: list[str] | None,
+    folder: Path,
+    work: Callable[[argparse.Namespace, Config, Path], None],
+) -> None:
+    """Runs a command that trains.
+
+    Args:
+        parser: The parser, with the options of this command alone.
+        arguments: The arguments of the command line; None for those of the process.
+        folder: The folder of the runs.
+        work: Trains a configuration in the folder of a run.
+    """
+    parser.add_argument("config", help="row of configs/learning.yaml, such as pot, or a YAML file")
+    parser.add_argument("--run-dir", type=Path, help=f"folder of the run (default: {folder}/NAME)")
+    parser.add_argument("--seed", type=number, help="default: the seed in the config")
+    parser.add_argument("--timesteps", type=number, help="number of shots (default: as in the config)")
+    parser.add_argument("--fresh", action="store_true", help="delete the run in the folder and start again")
+    args = parser.parse_args(arguments)
+    run_dir = args.run_dir or folder / Path(args.config).stem
+    changes = {name: getattr(args, name, None) for name in ("seed", "timesteps", "start_from")}
+    with ending("the same command resumes from the newest checkpoint"):
+        work(args, load(args.config, **{name: value for name, value in changes.items() if value is not None}), run_dir)
+    print(f"Next: python -m agents.evaluate {run_dir}")
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m agents.train --help`."""
     parser = argparse.ArgumentParser(prog="python -m agents.train", description="Train a policy on Billiards-v0.")
-    parser.add_argument("config", help="row of configs/learning.yaml, such as pot, or a YAML file")
-    parser.add_argument("--run-dir", type=Path, help="folder of the run (default: runs/NAME)")
-    parser.add_argument("--seed", type=number, help="default: the seed in the config")
-    parser.add_argument("--timesteps", type=number, help="number of shots (default: as in the config)")
     parser.add_argument("--start-from", metavar="RUN_DIR", help="folder of a finished run whose weights to start with")
-    parser.add_argument("--fresh", action="store_true", help="delete the run in the folder and start again")
-    args = parser.parse_args(arguments)
-    run_dir = args.run_dir or Path("runs") / Path(args.config).stem
-    changes = {name: getattr(args, name) for name in ("seed", "timesteps", "start_from")}
-    with ending("the same command resumes from the newest checkpoint"):
-        config = load(args.config, **{name: value for name, value in changes.items() if value is not None})
+
+    def work(args: argparse.Namespace, config: Config, run_dir: Path) -> None:
         open_run(config, run_dir, args.fresh)
         train(config, run_dir)
-    print(f"Next: python -m agents.evaluate {run_dir}")
+
+    train_command(parser, arguments, Path("runs"), work)
 
 
 if __name__ == "__main__":

@@ -1,35 +1,40 @@
 """Measurements of the engine: each module prints tables and writes its results to `benchmarks/results` as JSON.
 
-The function `blocks` of a module converts the results to Markdown blocks by name. The module prints these blocks, and
-`studies.readme` writes them into the README and the pages in `docs`.
+The function `blocks` of a module converts the results to Markdown blocks by name. `run_command` prints these blocks,
+and `studies.readme` writes them into the README and the pages in `docs`.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
 import importlib.metadata
 import io
 import itertools
+import json
 import os
 import platform
 import signal
+import subprocess
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from multiprocessing.context import BaseContext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
 from billiards_env.checks import Range, integer
+from billiards_env.commands import ending
 from billiards_env.files import write_json, write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from PIL.Image import Image
 
-RESULTS = Path(__file__).resolve().parent / "results"
-IMAGES = RESULTS.parents[1] / "docs" / "images"
+ROOT = Path(__file__).resolve().parent.parent
+IMAGES = ROOT / "docs" / "images"
 
 GREY = "#808080"
 """The colour of text in pictures without a background: readable on a light and on a dark page."""
@@ -67,11 +72,18 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> 
     return "\n".join(lines)
 
 
-def use_own_font() -> None:
-    """Selects the font that is part of matplotlib, so that pictures are the same on every machine."""
+def rows_table(columns: Mapping[str, str], rows: Iterable[Mapping[str, Any]], left: int = 1) -> str:
+    """Returns a table of mappings. A column is its head and the format of its cells, such as "{seconds:.1f}"."""
+    return table(list(columns), [[cell.format_map(row) for cell in columns.values()] for row in rows], left)
+
+
+def new_figure(width: float, height: float, **options: Any) -> Figure:
+    """Returns a figure with the font that is part of matplotlib, so that pictures are the same on every machine."""
     import matplotlib
+    from matplotlib.figure import Figure
 
     matplotlib.rcParams["font.family"] = "DejaVu Sans"
+    return Figure((width, height), **{"dpi": 110, "layout": "constrained", **options})
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -81,14 +93,21 @@ def save(figure: Figure, path: Path) -> None:
     background of a figure with the colour "none" is transparent.
     """
     from matplotlib.colors import to_rgba
-    from PIL import Image  # a dependency of matplotlib
+    from PIL.Image import open as open_image  # a dependency of matplotlib
 
-    buffer, small = io.BytesIO(), io.BytesIO()
+    buffer = io.BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": None})
     clear = to_rgba(figure.get_facecolor())[3] < 1
-    image = Image.open(buffer).convert("RGBA" if clear else "RGB")
-    method = Image.Quantize.FASTOCTREE if clear else None  # the only method that keeps opacity
-    image.quantize(256, method=method, dither=Image.Dither.NONE).save(small, format="png", optimize=True)
+    save_image(open_image(buffer).convert("RGBA" if clear else "RGB"), path, octree=clear)
+
+
+def save_image(image: Image, path: Path, octree: bool) -> None:
+    """Writes an image as PNG with a palette. An octree is the only method that keeps the opacity."""
+    from PIL.Image import Dither, Quantize
+
+    small = io.BytesIO()
+    method = Quantize.FASTOCTREE if octree else None
+    image.quantize(256, method=method, dither=Dither.NONE).save(small, format="png", optimize=True)
     write_whole(path, small.getvalue())
 
 
@@ -102,36 +121,84 @@ def ratio(value: float) -> str:
     return f"{value:.2f}" if value < 1 else f"{value:.1f}" if value < 10 else f"{value:,.0f}"
 
 
-class Count(NamedTuple):
-    """An option that is a whole number: its default, its help, and its least value."""
+def parser_of(command: str, description: str, **options: tuple[Any, str]) -> argparse.ArgumentParser:
+    """Returns the parser of a command. An option is its default value, which sets its type, and its help text.
 
-    default: int
-    text: str
-    least: int = 1
-
-
-def parser_of(name: str, description: str, output: bool = True, **counts: Count) -> argparse.ArgumentParser:
-    """Returns the parser of a benchmark, with its counts and, if it has an `output`, with its JSON file."""
-    parser = argparse.ArgumentParser(prog=f"python -m benchmarks.{name}", description=description)
-    for option, (default, text, least) in counts.items():
-
-        def count(given: str, option: str = option, least: int = least) -> int:
-            try:
-                return integer(f"--{option}", int(given), Range(least, None))
-            except ValueError as error:
-                raise argparse.ArgumentTypeError(str(error)) from error
-
-        parser.add_argument(f"--{option}", type=count, default=default, help=f"{text} (default: {default})")
-    if output:
-        parser.add_argument("--output", type=Path, default=RESULTS / f"{name}.json", help="JSON file")
+    A whole number is at least 1. An option with the default False is a switch.
+    """
+    parser = argparse.ArgumentParser(prog=f"python -m {command}", description=description)
+    for option, (default, text) in options.items():
+        if default is False:
+            parser.add_argument(f"--{option}", action="store_true", help=text)
+        else:
+            kind = functools.partial(_count, option) if isinstance(default, int) else type(default)
+            parser.add_argument(f"--{option}", type=kind, default=default, help=f"{text} (default: %(default)s)")
     return parser
 
 
-def workers() -> Count:
-    """Returns the default number of processes of a command."""
+def _count(option: str, given: str) -> int:
+    try:
+        return integer(f"--{option}", int(given), Range(1, None))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def workers() -> tuple[int, str]:
+    """Returns the option of a command that works in several processes."""
     from billiards_env.engine.threads import num_threads
 
-    return Count(num_threads(), "processes")
+    return num_threads(), "processes"
+
+
+def run_command(
+    command: str,
+    description: str,
+    arguments: Sequence[str] | None,
+    measure: Callable[..., Any],
+    blocks: Callable[[Any], Mapping[str, str]],
+    options: Mapping[str, tuple[Any, str]],
+    draw: Callable[[Any, Path], None] | None = None,
+) -> Any:
+    """Runs a command that measures: it writes a JSON file, draws pictures, prints blocks, and returns the results.
+
+    Args:
+        command: The module of the command, such as "benchmarks.speed".
+        description: One sentence for the help.
+        arguments: The arguments of the command line; None for those of the process.
+        measure: Returns the results. Its arguments are the values of `options`.
+        blocks: Returns the results as Markdown, by name.
+        options: The options, as in `parser_of`. Every command also has `output` and, with pictures, `images`.
+        draw: Draws the pictures of the results in a folder; None if there are none.
+    """
+    package, _, name = command.rpartition(".")
+    files: dict[str, tuple[Any, str]] = {"output": (ROOT / package / "results" / f"{name}.json", "JSON file")}
+    if draw is not None:
+        files["images"] = (IMAGES, "folder of the pictures")
+    with ending("the same command continues" if package == "studies" else ""):
+        args = parser_of(command, description, **{**files, **options}).parse_args(arguments)
+        result = measure(**{option: getattr(args, option) for option in options})
+        if draw is not None:
+            draw(result, args.images)
+        report(result, blocks, args.output)
+    return result
+
+
+def report(result: Any, blocks: Callable[[Any], Mapping[str, str]], path: Path) -> None:
+    """Writes results as JSON and prints their blocks."""
+    write_json(path, result)
+    print_blocks(result, blocks, path)
+
+
+def print_blocks(result: Any, blocks: Callable[[Any], Mapping[str, str]], *files: Path) -> None:
+    """Prints the blocks of results, and the files that hold them."""
+    print("\n\n".join(all_blocks(result, blocks).values()))
+    print("\nin", " and ".join(map(str, files)))
+
+
+def all_blocks(result: Any, blocks: Callable[[Any], Mapping[str, str]]) -> dict[str, str]:
+    """Returns the blocks of results, and the block "machine" if the results name one."""
+    machines = {"machine": machine_line(result["machine"])} if "machine" in result else {}
+    return machines | dict(blocks(result))
 
 
 @contextlib.contextmanager
@@ -145,6 +212,35 @@ def processes(count: int, context: BaseContext | None = None) -> Iterator[Execut
         pool.shutdown(cancel_futures=True)
 
 
+@contextlib.contextmanager
+def worker(name: str, command: Sequence[str | Path], **options: Any) -> Iterator[Callable[..., Any]]:
+    """Starts a process that answers each line of JSON with one.
+
+    Args:
+        name: The name of the process, for the error.
+        command: The program and its arguments.
+        options: Further arguments of `subprocess.Popen`.
+
+    Yields:
+        A function that sends a value, if any is given, and returns the next answer. It raises a RuntimeError if the
+        process has ended.
+    """
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, **options) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        requests, answers = process.stdin, process.stdout
+
+        def ask(*values: Any) -> Any:
+            for value in values:
+                print(json.dumps(value), file=requests, flush=True)
+            line = answers.readline()
+            if not line:
+                raise RuntimeError(f"{name} ended; its message is above")
+            return json.loads(line)
+
+        yield ask
+
+
 def run_kinds(
     work: Callable[[str, int], dict[str, Any]], kinds: Iterable[str], shots: int, workers: int
 ) -> dict[str, list[dict[str, Any]]]:
@@ -156,13 +252,6 @@ def run_kinds(
         for (kind, _), result in zip(tasks, results, strict=True):
             found[kind].append(result)
     return found
-
-
-def report(result: Any, blocks: Callable[[Any], Mapping[str, str]], path: Path) -> None:
-    """Writes a result as JSON and prints its blocks."""
-    write_json(path, result)
-    print("\n\n".join(blocks(result).values()))
-    print(f"\nWritten to {path}.")
 
 
 def _cpu_model() -> str:

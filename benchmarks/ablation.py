@@ -7,20 +7,17 @@ machine affects all of them equally. A row is compared with the row of the same 
 
 from __future__ import annotations
 
-import json
 import os
 import statistics
-import subprocess
 import sys
 import tempfile
-from contextlib import ExitStack
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks import Count, machine, machine_line, parser_of, ratio, report, table
-from billiards_env.commands import ending
+from benchmarks import ROOT, machine, ratio, run_command, table, worker
 
-ROOT = Path(__file__).resolve().parent.parent
 SHOTS = 1000  # in a pass
 
 
@@ -110,39 +107,13 @@ for _ in sys.stdin:
 """
 
 
-class Process:
-    """The process of a row, with the folder of its cache; `found` is what its start printed."""
+def started(row: Row, cache: str | Path) -> AbstractContextManager[Callable[..., Any]]:
+    """Starts the process of a row, with the folder of its cache; see `worker`.
 
-    def __init__(self, row: Row, cache: str | Path) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", _SERVE.format(code=row.code)],
-            cwd=ROOT,
-            env=os.environ | {"NUMBA_CACHE_DIR": str(cache), "BILLIARDS_ENV_COMPILE": "1"},
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        self.found: dict[str, Any] = self._read()
-
-    def __enter__(self) -> Process:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.communicate()
-
-    def _read(self) -> Any:
-        assert self._process.stdout is not None
-        line = self._process.stdout.readline()
-        if not line:
-            raise RuntimeError(f"a process ended with {self._process.wait()}; its error is above")
-        return json.loads(line)
-
-    def play(self) -> float:
-        """Returns the duration of a pass, s."""
-        assert self._process.stdin is not None
-        self._process.stdin.write("\n")
-        self._process.stdin.flush()
-        return self._read()
+    The first answer holds what the row imports and compiles. The others are durations of passes, s.
+    """
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "BILLIARDS_ENV_COMPILE": "1"}
+    return worker(row.name, [sys.executable, "-c", _SERVE.format(code=row.code)], cwd=ROOT, env=environment)
 
 
 def measure(repeats: int, rows: tuple[Row, ...] = ROWS) -> dict[str, Any]:
@@ -156,11 +127,14 @@ def measure(repeats: int, rows: tuple[Row, ...] = ROWS) -> dict[str, Any]:
     on = machine()
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
-        processes = [stack.enter_context(Process(row, Path(folder) / str(k))) for k, row in enumerate(rows)]
-        passes = [[process.play() for process in processes] for _ in range(repeats)]
+        asks, starts = [], []
+        for k, row in enumerate(rows):
+            asks.append(stack.enter_context(started(row, Path(folder) / str(k))))
+            starts.append(asks[-1]())
+        passes = [[ask("play") for ask in asks] for _ in range(repeats)]
         entries = [
-            {"name": row.name, "without": row.without, **process.found, "passes": found}
-            for row, process, *found in zip(rows, processes, *passes, strict=True)
+            {"name": row.name, "without": row.without, **start, "passes": found}
+            for row, start, *found in zip(rows, starts, *passes, strict=True)
         ]
     return {"machine": on, "shots": SHOTS, "repeats": repeats, "rows": entries}
 
@@ -170,30 +144,26 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     rows, by_name = [], {row["name"]: row for row in result["rows"]}
     for row in result["rows"]:
         us, compiling = 1e6 * statistics.median(row["passes"]) / result["shots"], row["seconds"]["compile"]
-        cells = [row["name"], row["without"], f"{us:.2f}", "", f"{compiling:.1f}", ""]
-        counts = [f"{len(row[key])}" for key in ("functions", "modules")]
+        times, slower, counts = "", "", [f"{len(row[key])}" for key in ("functions", "modules")]
         if row["without"]:
             other = by_name[row["without"]]
-            cells[3] = ratio(statistics.median(a / b for a, b in zip(row["passes"], other["passes"], strict=True)))
-            cells[5] = ratio(compiling / other["seconds"]["compile"])
+            times = ratio(statistics.median(a / b for a, b in zip(row["passes"], other["passes"], strict=True)))
+            slower = ratio(compiling / other["seconds"]["compile"])
             counts = [f"+{len(set(row[key]) - set(other[key]))}" for key in ("functions", "modules")]
-        rows.append((*cells, f"{1000 * row['seconds']['start']:.0f}", *counts))
+        start = f"{1000 * row['seconds']['start']:.0f}"
+        rows.append((row["name"], row["without"], f"{us:.2f}", times, f"{compiling:.1f}", slower, start, *counts))
     head = ("scene with", "beside", "us/shot", "times", "compile, s", "times", "start, ms", "functions", "modules")
     return {
-        "machine": machine_line(result["machine"]),
         "how": f"A pass has {result['shots']:,} shots. Times of a shot are medians of {result['repeats']} interleaved "
         "passes on one core.",
         "parts": table(head, rows, left=2),
     }
 
 
-@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.ablation --help`."""
-    repeats = Count(31, "number of passes")
-    parser = parser_of("ablation", "Measure what the parts of a scene cost.", repeats=repeats)
-    args = parser.parse_args(arguments)
-    report(measure(args.repeats), blocks, args.output)
+    about, repeats = "Measure what the parts of a scene cost.", (31, "number of passes")
+    run_command("benchmarks.ablation", about, arguments, measure, blocks, {"repeats": repeats})
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from benchmarks import machine_line, metres, ratio, save, table
+from benchmarks import metres, new_figure, ratio, save, table
 
 LEVELS = {"10 cm": 0.1, "1 cm": 1e-2, "1 mm": 1e-3, "0.1 mm": 1e-4}
 ENOUGH = 0.99
@@ -19,15 +19,6 @@ PIT_STYLES: dict[str, dict[str, Any]] = {
 FLOOR = 1e-17  # m, zero errors are drawn at this value
 
 
-def unpacked(result: dict[str, Any]) -> dict[str, Any]:
-    """Returns what `accuracy.json` holds, with the rows of each scene as mappings."""
-    scenes = {}
-    for name, scene in result["scenes"].items():
-        columns, rows = scene["methods"]["columns"], scene["methods"]["rows"]
-        scenes[name] = {**scene, "methods": [dict(zip(columns, row, strict=True)) for row in rows]}
-    return {**result, "scenes": scenes}
-
-
 def _pit(scene: dict[str, Any], fix: str) -> list[dict[str, Any]]:
     """Returns the rows of PIT with a fix, from the coarsest timestep to the finest."""
     return sorted((row for row in scene["methods"] if row["fix"] == fix), key=lambda row: row["steps_per_second"])
@@ -35,10 +26,6 @@ def _pit(scene: dict[str, Any], fix: str) -> list[dict[str, Any]]:
 
 def _pic(scene: dict[str, Any]) -> dict[str, Any]:
     return next(row for row in scene["methods"] if row["method"] == "PIC")
-
-
-def _error(scene: dict[str, Any], row: dict[str, Any]) -> float:
-    return row[f"median_error_{scene['error_at']}_m"]
 
 
 def _when(scene: dict[str, Any]) -> str:
@@ -60,12 +47,12 @@ def levels(scenes: dict[str, Any]) -> str:
             reach = []
             for fix in PIT_STYLES:
                 rows = _pit(scene, fix)
-                row = coarsest_from(rows, [_error(scene, r) <= level for r in rows])
+                row = coarsest_from(rows, [r["median_error_m"] <= level for r in rows])
                 reach += [] if row is None else [row]
             best = min(reach, key=lambda row: row["time_over_pic"], default=None)
             line.append("-" if best is None else f"{ratio(best['time_over_pic'])} (1/{best['steps_per_second']} s)")
-        least = min(_error(scene, row) for row in scene["methods"] if row["method"] == "PIT")
-        lines.append([*line, metres(least), metres(_error(scene, pic))])
+        least = min(row["median_error_m"] for row in scene["methods"] if row["method"] == "PIT")
+        lines.append([*line, metres(least), metres(pic["median_error_m"])])
     return table(["median error of PIT below", *LEVELS, "PIT's least error", "PIC's error"], lines)
 
 
@@ -108,30 +95,27 @@ def shots_line(result: dict[str, Any]) -> str:
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
-    scenes = unpacked(result)["scenes"]
+    scenes = result["scenes"]
     return {
-        "machine": machine_line(result["machine"]),
         "shots": shots_line(result),
         "levels": levels(scenes),
         "enough": enough(scenes),
     }
 
 
-def draw_pareto(result: dict[str, Any], path: Path) -> None:
+def draw(result: dict[str, Any], folder: Path) -> None:
     """Draws run time against error, one panel per scene."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.4, 10.5), dpi=110, layout="constrained")
+    figure = new_figure(8.4, 10.5)
     *panels, key = figure.subplots(4, 2, sharey=True).flat
     for (name, scene), axes in zip(result["scenes"].items(), panels, strict=True):
         curves = [(_pit(scene, fix), style) for fix, style in PIT_STYLES.items()]
         for rows, style in (*curves, ([_pic(scene)], PIC_STYLE)):
-            axes.loglog([r["us_per_shot"] for r in rows], [max(FLOOR, _error(scene, r)) for r in rows], **style)
+            axes.loglog([r["us_per_shot"] for r in rows], [max(FLOOR, r["median_error_m"]) for r in rows], **style)
         pit = _pit(scene, "push_apart")
         for row, side in ((pit[0], "left"), (pit[len(pit) // 2], "center"), (pit[-1], "right")):
             at, label = (row["us_per_shot"], 4), f"1/{row['steps_per_second']} s"
             axes.annotate(label, at, fontsize=8.5, ha=side, va="bottom", color="#444444")
-            axes.plot([at[0]] * 2, [_error(scene, row), at[1]], ":", color="#888888", linewidth=0.8)
+            axes.plot([at[0]] * 2, [row["median_error_m"], at[1]], ":", color="#888888", linewidth=0.8)
         axes.set_title(f"{name}, {_when(scene)}", fontsize=11)
         axes.set_ylim(FLOOR / 3, 600)
         axes.grid(alpha=0.3)
@@ -143,4 +127,4 @@ def draw_pareto(result: dict[str, Any], path: Path) -> None:
     for label, style in (("PIC", PIC_STYLE), *((f"PIT, {fix}", style) for fix, style in PIT_STYLES.items())):
         key.plot([], [], **style, label=label)
     key.legend(loc="center", frameon=False, title="left: faster, down: more exact")
-    save(figure, path)
+    save(figure, folder / "pareto.png")

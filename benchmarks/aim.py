@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import Count, machine, machine_line, parser_of, report, table
-from billiards_env.commands import ending
+from benchmarks import machine, rows_table, run_command, table
 from billiards_env.evaluation import measure as evaluate
 from billiards_env.players.aim import Leave, Pot, aim
 from billiards_env.scene import Scene, layouts
@@ -66,11 +65,11 @@ def search_solves(
     return False
 
 
-def measure(count: int, shots: int) -> dict[str, Any]:
-    """Aims at the goals of `count` layouts, and searches for them with `shots` random shots each."""
+def measure(layouts: int, shots: int, episodes: int) -> dict[str, Any]:
+    """Aims at the goals of layouts, and searches for them with `shots` random shots each. Then measures players."""
     on, scene, rng = machine(), Scene.named("pool", 1), np.random.default_rng(0)
     rows = []
-    for k in range(count + 1):
+    for k in range(layouts + 1):
         positions, pot, leave, direct = draw_goal(scene, rng)
         begin = time.process_time()
         found = aim(scene, positions, (pot, leave), max_speed=MAX_SPEED, seed=k)
@@ -78,7 +77,8 @@ def measure(count: int, shots: int) -> dict[str, Any]:
         if k > 0:  # the first one compiles
             searched = search_solves(scene, positions, pot, leave, shots, rng)
             rows.append([direct, found.solved, searched, 1e3 * seconds, found.residual])
-    return {"machine": on, "shots": shots, "columns": ["direct", "aim", "search", "ms", "residual"], "rows": rows}
+    columns, players = ["direct", "aim", "search", "ms", "residual"], measure_players(episodes)
+    return {"machine": on, "shots": shots, "columns": columns, "rows": rows, "players": players}
 
 
 def measure_players(episodes: int) -> list[list[Any]]:
@@ -96,44 +96,38 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     direct, solved, searched, ms, residual = (np.array(column) for column in zip(*result["rows"], strict=True))
     rows = []
     for name, chosen in (("all", direct | True), ("direct pots", direct), ("with cushions before the pot", ~direct)):
-        if not chosen.any():
-            continue
-        both = solved[chosen & searched]
-        rows.append(
-            (
-                name,
-                str(chosen.sum()),
-                f"{100 * searched[chosen].mean():.1f}%",
-                f"{100 * solved[chosen].mean():.1f}%",
-                f"{100 * both.mean():.1f}%" if len(both) else "",
-                f"{np.median(ms[chosen]):.1f}",
-                f"{np.quantile(ms[chosen], 0.9):.1f}",
-                f"{np.median(residual[chosen & solved]):.0e} m" if solved[chosen].any() else "",
-            )
-        )
-    head = ("goals", "layouts", "search", "aim", "aim, of those of search", "median ms", "90% ms", "median residual")
+        if (chosen & solved & searched).any():
+            both, residuals = solved[chosen & searched].mean(), residual[chosen & solved]
+            shares = {"search": searched[chosen].mean(), "aim": solved[chosen].mean(), "both": both}
+            times = {"ms": np.median(ms[chosen]), "most": np.quantile(ms[chosen], 0.9)}
+            rows.append({"name": name, "count": chosen.sum(), **shares, **times, "residual": np.median(residuals)})
+    columns = {
+        "goals": "{name}",
+        "layouts": "{count}",
+        "search": "{search:.1%}",
+        "aim": "{aim:.1%}",
+        "aim, of those of search": "{both:.1%}",
+        "median ms": "{ms:.1f}",
+        "90% ms": "{most:.1f}",
+        "median residual": "{residual:.0e} m",
+    }
     played = {(task, player): f"{100 * share:.1f}% ({ms:.1f} ms)" for task, player, share, ms in result["players"]}
     tasks = [(task, *(played[task, player] for player in PLAYERS)) for task in TASKS]
     return {
-        "machine": machine_line(result["machine"]),
         "how": f"Search: {result['shots']:,} random shots per layout. One core; processor times of `aim`.",
-        "solved": table(head, rows),
+        "solved": rows_table(columns, rows),
         "players": table(("task", *PLAYERS), tasks),
     }
 
 
-@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.aim --help`."""
-    parser = parser_of(
-        "aim",
-        "Measure how often aim reaches a goal.",
-        layouts=Count(1_000, "number of layouts"),
-        shots=Count(100_000, "random shots of the search per layout"),
-        episodes=Count(300, "episodes of each player in each task"),
-    )
-    args = parser.parse_args(arguments)
-    report({**measure(args.layouts, args.shots), "players": measure_players(args.episodes)}, blocks, args.output)
+    options = {
+        "layouts": (1_000, "number of layouts"),
+        "shots": (100_000, "random shots of the search per layout"),
+        "episodes": (300, "episodes of each player in each task"),
+    }
+    run_command("benchmarks.aim", "Measure how often aim reaches a goal.", arguments, measure, blocks, options)
 
 
 if __name__ == "__main__":

@@ -12,10 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import Count, machine, machine_line, parser_of, report, run_kinds, table, workers
+from benchmarks import machine, run_command, run_kinds, table, workers
 from billiards_env.calibration.calibrate import calibrate
 from billiards_env.calibration.tracks import Track, observed
-from billiards_env.commands import ending
 from billiards_env.intervals import success_rate
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate
@@ -94,7 +93,6 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         numbers = f"{row['truth']:.5g}", f"{row['mean']:.5g}", f"{row['std']:.2g}", f"{row['half']:.2g}"
         rows.append((f"`{row['number']}`", *numbers, share))
     return {
-        "machine": machine_line(result["machine"]),
         "how": f"{repeats} repeats with {SHOTS} shots of {len(FRAMES)} frames and noise of {1000 * NOISE:g} mm. "
         f"In {result['problems']} repeats a row was reported.",
         "coverage": table(
@@ -103,17 +101,11 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     }
 
 
-@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.calibration --help`."""
-    parser = parser_of(
-        "calibration",
-        "Count how often the intervals of a calibration contain the truth.",
-        repeats=Count(500, "number of repeats"),
-        workers=workers(),
-    )
-    args = parser.parse_args(arguments)
-    report(measure(args.repeats, args.workers), blocks, args.output)
+    about = "Count how often the intervals of a calibration contain the truth."
+    options = {"repeats": (500, "number of repeats"), "workers": workers()}
+    run_command("benchmarks.calibration", about, arguments, measure, blocks, options)
 
 
 if __name__ == "__main__":

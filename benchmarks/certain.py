@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import Count, machine, machine_line, parser_of, report, run_kinds, table, workers
+from benchmarks import machine, rows_table, run_command, run_kinds, workers
 from benchmarks.error_limit import KINDS
-from billiards_env.commands import ending
 from billiards_env.shots.simulation import simulate
 from reference.oracle import OracleError, run
 
@@ -61,26 +60,35 @@ def summary(shots: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     return {"shots": len(shots), **total, "median": float(np.median([shot["certain_contacts"] for shot in shots]))}
 
 
+def measure(shots: int, breaks: int, workers: int) -> dict[str, Any]:
+    """Checks `shots` of each of `SHOTS` and `breaks` of each of `BREAKS`."""
+    on, kinds = machine(), run_kinds(check, SHOTS, shots, workers) | run_kinds(check, BREAKS, breaks, workers)
+    return {"machine": on, "kinds": {kind: summary(found) for kind, found in kinds.items()}}
+
+
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
-    rows = []
-    for kind, s in result["kinds"].items():
-        outcomes, contacts = f"{s['certain']:,} of {s['shots']:,}", f"{s['certain_contacts'] / s['contacts']:.1%}"
-        rows.append((kind, outcomes, contacts, f"{s['median']:.0f}", str(s["false"])))
-    head = ("shots of a kind", "certain outcomes", "certain contacts", "certain contacts, median", "false")
-    return {"machine": machine_line(result["machine"]), "kinds": table(head, rows)}
+    columns = {
+        "shots of a kind": "{kind}",
+        "certain outcomes": "{certain:,} of {shots:,}",
+        "certain contacts": "{share:.1%}",
+        "certain contacts, median": "{median:.0f}",
+        "false": "{false}",
+    }
+    kinds = result["kinds"].items()
+    rows = [{"kind": kind, **s, "share": s["certain_contacts"] / s["contacts"]} for kind, s in kinds]
+    return {"kinds": rows_table(columns, rows)}
 
 
-@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.certain --help`."""
-    shots, breaks = Count(2350, "shots of each kind without a break"), Count(300, "breaks of each kind")
+    options = {
+        "shots": (2350, "shots of each kind without a break"),
+        "breaks": (300, "breaks of each kind"),
+        "workers": workers(),
+    }
     about = "Check the certain outcomes against the reference."
-    parser = parser_of("certain", about, shots=shots, breaks=breaks, workers=workers())
-    args, on = parser.parse_args(arguments), machine()
-    kinds = run_kinds(check, SHOTS, args.shots, args.workers) | run_kinds(check, BREAKS, args.breaks, args.workers)
-    found = {kind: summary(shots) for kind, shots in kinds.items()}
-    report({"machine": on, "kinds": found}, blocks, args.output)
+    run_command("benchmarks.certain", about, arguments, measure, blocks, options)
 
 
 if __name__ == "__main__":

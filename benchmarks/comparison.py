@@ -17,7 +17,7 @@ pooltool needs other versions of numba and llvmlite and has a Python environment
 A simulator that is not installed is left out.
 
     python -m benchmarks.comparison
-    python -m benchmarks.comparison --shots 10 --passes 1 --pooltool-python PATH
+    python -m benchmarks.comparison --shots 10 --passes 1
 """
 
 from __future__ import annotations
@@ -26,9 +26,7 @@ import contextlib
 import functools
 import importlib.metadata
 import importlib.util
-import json
 import math
-import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -38,17 +36,14 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import Count, error_limit, machine, machine_line, metres, parser_of, ratio, report, table
-from benchmarks.methods import PIC, timer
-from billiards_env.commands import ending
+from benchmarks import ROOT, error_limit, machine, machine_line, metres, ratio, run_command, table, worker
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate
 from reference.oracle import OracleError, run
 
 Floats = NDArray[np.float64]
-HERE = Path(__file__).resolve().parent
-POOLTOOL_PYTHON = HERE.parent / ".venv-pooltool" / "bin" / "python"
-WORKER = HERE / "pooltool_worker.py"
+POOLTOOL_PYTHON = ROOT / ".venv-pooltool" / "bin" / "python"
+WORKER = Path(__file__).with_name("pooltool_worker.py")
 
 MAX_EVENTS = 2000
 """Events after which pooltool stops a shot. In some breaks the same pair of balls collides again and again."""
@@ -150,18 +145,9 @@ def pymunk_space(scene: Scene, positions: Floats, velocity: Floats) -> tuple[Any
 
 
 @contextlib.contextmanager
-def pooltool(python: Path, worker: Path = WORKER) -> Iterator[tuple[str, list[Runner]]]:
+def pooltool(python: Path, program: Path = WORKER) -> Iterator[tuple[str, list[Runner]]]:
     """Yields the version of pooltool in another Python environment, and its runner for each of `POOLTOOL_GAPS`."""
-    with subprocess.Popen([python, worker], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        requests, replies = process.stdin, process.stdout
-
-        def reply() -> Any:
-            line = replies.readline()
-            if not line:
-                raise RuntimeError(f"{worker.name} ended; its message is above")
-            return json.loads(line)
+    with worker(program.name, [python, program]) as ask:
 
         def run_shot(gap: float, scene: Scene, positions: Floats, velocity: Floats, time: float | None) -> Outcome:
             physics, half_x, half_y = scene.physics, scene.table.length / 2, scene.table.width / 2
@@ -189,16 +175,14 @@ def pooltool(python: Path, worker: Path = WORKER) -> Iterator[tuple[str, list[Ru
                 "gap": gap,
                 "max_events": MAX_EVENTS,
             }
-            print(json.dumps(shot), file=requests, flush=True)
-            answer = reply()
+            answer = ask(shot)
             if answer["positions"] is None:
                 return Outcome(None, answer["seconds"], finished=False)
             found = np.array(answer["positions"])
             ours = np.column_stack((found[:, 1] - half_x, half_y - found[:, 0]))
             return Outcome(ours, answer["seconds"], answer["finished"])
 
-        yield reply(), [functools.partial(run_shot, gap) for gap in POOLTOOL_GAPS]
-        requests.close()
+        yield ask(), [functools.partial(run_shot, gap) for gap in POOLTOOL_GAPS]
 
 
 def nose_height(scene: Scene) -> float:
@@ -242,38 +226,34 @@ def exact_positions(scene: Scene, positions: Floats, velocity: Floats, time: flo
     return np.array(exact.positions, dtype=float)
 
 
-def measure(count: int, passes: int, python: Path | None) -> dict[str, Any]:
-    """Returns the results of all measurements: `count` shots of each kind, and their run times in `passes`.
-
-    `python` is the interpreter of the environment of pooltool; None leaves pooltool out.
-    """
-    found: dict[str, Any] = {"machine": machine(), "shots": count, "passes": passes, "versions": {}, "rows": []}
+def measure(shots: int, passes: int) -> dict[str, Any]:
+    """Returns the results of all measurements: `shots` of each kind, and their run times in `passes`."""
+    found: dict[str, Any] = {"machine": machine(), "shots": shots, "passes": passes, "versions": {}, "rows": []}
     # By the laws: name, method and runner of each simulator. billiards-env is the first one. It records the shots that
     # are compared with pooltool, because pooltool always records them.
     simulators: dict[str, list[tuple[str, str, Runner]]] = {
         laws: [("billiards-env", "event-driven", billiards_env(record=laws != "elastic disks"))] for laws in LAWS
     }
     with contextlib.ExitStack() as stack:
-        if python:
-            version, runners = stack.enter_context(pooltool(python))
+        if POOLTOOL_PYTHON.exists():
+            version, runners = stack.enter_context(pooltool(POOLTOOL_PYTHON))
             found["versions"]["pooltool"] = version
             ways = ("event-driven", *(f"event-driven, gap {1e9 * gap:g} nm" for gap in POOLTOOL_GAPS[1:]))
             for laws in ("friction and spin", "throw and jaws"):
                 simulators[laws] += [("pooltool", *way) for way in zip(ways, runners, strict=True)]
+        else:
+            print("pooltool is left out: there is no .venv-pooltool; `make bench` creates it")
         if importlib.util.find_spec("pymunk"):
             found["versions"]["pymunk"] = importlib.metadata.version("pymunk")
             simulators["elastic disks"] += [
                 ("pymunk", f"timestep 1/{steps} s", pymunk(steps)) for steps in PYMUNK_STEPS
             ]
-        with tqdm(total=len(LAWS) * len(KINDS), unit="comparison") as bar:
-            for laws, some in simulators.items():
-                kinds = {}
-                for kind in KINDS:
-                    kinds[kind] = compare(laws, kind, [runner for *_, runner in some], count, passes)
-                    bar.update()
-                for k, (name, method, _) in enumerate(some):
-                    row = {"laws": laws, "simulator": name, "method": method}
-                    found["rows"].append({**row, **{kind: columns[k] for kind, columns in kinds.items()}})
+        for laws, some in tqdm(simulators.items(), unit="comparison"):
+            runners = [runner for *_, runner in some]
+            columns = {kind: compare(laws, kind, runners, shots, passes) for kind in KINDS}
+            for k, (name, method, _) in enumerate(some):
+                row = {"laws": laws, "simulator": name, "method": method}
+                found["rows"].append({**row, **{kind: column[k] for kind, column in columns.items()}})
     return found
 
 
@@ -295,21 +275,16 @@ def compare(laws: str, kind: str, runners: Sequence[Runner], count: int, passes:
             seconds[k, repeat] = [outcome.seconds for outcome in outcomes]
             unfinished[k] = sum(not outcome.finished for outcome in outcomes)
     per_shot = np.median(seconds, axis=1)
-    found: list[dict[str, Any]] = [
+    return [
         {
             "us": 1e6 * float(np.median(times)),
             "ratio": float(np.median(times / per_shot[0])),
             "unfinished": not_done,
             "compared": len(off),
             "median_error_m": float(np.median(off)) if off else None,
-            "p90_error_m": float(np.quantile(off, 0.9)) if off else None,
         }
         for times, not_done, off in zip(per_shot, unfinished, errors, strict=True)
     ]
-    positions, velocities = (np.array(part) for part in zip(*shots, strict=True))
-    call = timer(scene, positions, velocities, PIC)
-    found[0]["us_in_a_batch"] = 1e6 * float(np.median([call() for _ in range(passes)]))
-    return found
 
 
 def _time(microseconds: float) -> str:
@@ -319,68 +294,29 @@ def _time(microseconds: float) -> str:
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
-    head = (
-        "laws",
-        "simulator",
-        "method",
-        "shot",
-        "time",
-        "ratio",
-        "unfinished",
-        "compared at",
-        "error",
-        "90%",
-        "shots",
-    )
-    short, long = [], []
+    rows = []
     for row in result["rows"]:
         ours = row["simulator"] == "billiards-env"
         name = "**billiards-env**" if ours else row["simulator"]
-        times = [_time(row[kind]["us"]) + ("" if ours else f" ({ratio(row[kind]['ratio'])}x)") for kind in KINDS]
-        if "gap" not in row["method"]:
-            short.append((row["laws"], name, row["method"], *times, metres(row["1 object ball"]["median_error_m"])))
-        for kind, (_, _, time) in KINDS.items():
-            measured = row[kind]
-            when = "end" if time is None else f"{time:g} s"
-            errors = [metres(measured[key]) for key in ("median_error_m", "p90_error_m")]
-            cells = (_time(measured["us"]), ratio(measured["ratio"]), f"{measured['unfinished']}", when)
-            cells += (*errors, f"{measured['compared']}")
-            long.append((row["laws"], row["simulator"], row["method"], kind, *cells))
-    batch = {
-        row["laws"]: " and ".join(f"{row[kind]['us_in_a_batch']:.3g} us" for kind in KINDS)
-        for row in result["rows"]
-        if row["simulator"] == "billiards-env"
-    }
-    versions = ", ".join(f"{name} {version}" for name, version in result["versions"].items())
+        cells = []
+        for kind in KINDS:
+            factor = "" if ours else f" ({ratio(row[kind]['ratio'])}x)"
+            cells += [_time(row[kind]["us"]) + factor, metres(row[kind]["median_error_m"])]
+        rows.append((row["laws"], name, row["method"], *cells))
+    head = ("laws", "simulator", "method", "1 object ball", "error", "break", "error after 0.5 s")
+    versions = "".join(f"; {name} {version}" for name, version in result["versions"].items())
     return {
-        "comparison": table(("laws", "simulator", "method", "1 object ball", "break", "error"), short, left=3),
+        "comparison": table(head, rows, left=3),
         "how": f"{result['shots']} shots of each kind; medians of {result['passes']} interleaved passes.",
-        "shots": table(
-            head,
-            sorted(long, key=lambda row: (list(LAWS).index(row[0]), list(KINDS).index(row[3]))),
-            left=4,
-        ),
-        "batch": "If one call runs all shots, billiards-env takes per shot (1 object ball and 15-ball break): "
-        + "; ".join(f"{times} with {laws}" for laws, times in batch.items())
-        + ".",
-        "machine": machine_line(result["machine"]) + (f"; {versions}" if versions else ""),
+        "machine": machine_line(result["machine"]) + versions,
     }
 
 
-@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.comparison --help`."""
-    shots, passes = Count(100, "shots of each kind"), Count(5, "repetitions of the run time measurement")
-    parser = parser_of("comparison", "Compare billiards-env with pooltool and pymunk.", shots=shots, passes=passes)
-    parser.add_argument("--pooltool-python", type=Path, help="Python with pooltool (default: .venv-pooltool, if any)")
-    args = parser.parse_args(arguments)
-    python = args.pooltool_python or POOLTOOL_PYTHON
-    if not python.exists():
-        if args.pooltool_python:
-            parser.error(f"--pooltool-python = {python}: expected a Python interpreter")
-        print("pooltool is left out: there is no .venv-pooltool; `make bench` creates it")
-        python = None
-    report(measure(args.shots, args.passes, python), blocks, args.output)
+    options = {"shots": (100, "shots of each kind"), "passes": (5, "repetitions of the run time measurement")}
+    about = "Compare billiards-env with pooltool and pymunk."
+    run_command("benchmarks.comparison", about, arguments, measure, blocks, options)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Published tasks for differentiable simulators, with the exact derivatives: `python -m benchmarks.differentiable`.
 
-The tasks come from DiffTaichi (Hu et al. 2020), DiffMJX (2026) and two reports about Nimble and MJX.
+The tasks come from DiffTaichi (Hu et al. 2020), DiffMJX (2026) and a report about Nimble.
 """
 
 from __future__ import annotations
@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import Count, machine, machine_line, parser_of, report, table
-from billiards_env.commands import ending
+from benchmarks import machine, run_command, table
 from billiards_env.scene import Balls, Physics, Scene, Table
 from billiards_env.shots.simulation import BatchResult, simulate, simulate_batch
 
@@ -137,26 +136,11 @@ class Push(NamedTuple):
             control = self.force * float(np.tan(heading - np.sum(slope * error) / np.sum(slope**2)))
         return {"iterations": None, "control": control, "distance": distance}
 
-    def gradient(self, control: float) -> dict[str, float]:
-        """Returns the derivative of the squared distance by the control, and a central difference."""
-
-        def squared(u: float) -> float:
-            shot = simulate(self.scene(), self.positions, self.impulse * np.array([self.force, u]))
-            return float(np.sum(shot.positions[1] ** 2))
-
-        shot = simulate(self.scene(), self.positions, self.impulse * np.array([self.force, control]), record=True)
-        by_velocity = shot.vjp({"positions": np.stack((np.zeros(2), 2 * shot.positions[1]))})
-        step = 1e-6
-        return {
-            "gradient": float(by_velocity[0, 1]) * self.impulse,
-            "difference": (squared(control + step) - squared(control - step)) / (2 * step),
-        }
-
 
 def diffmjx(tasks: int) -> dict[str, Any]:
-    """Solves `03_billiard` from evenly spaced controls, and differentiates it at one (MuJoCo issue 2237)."""
+    """Solves `03_billiard` from evenly spaced controls."""
     controls = np.linspace(-5.0, 5.0, tasks).tolist()
-    return {"starts": controls, "results": [Push().solve(u) for u in controls], **Push().gradient(0.5)}
+    return {"starts": controls, "results": [Push().solve(u) for u in controls]}
 
 
 def nimble() -> list[float]:
@@ -187,37 +171,26 @@ def blocks(found: dict[str, Any]) -> dict[str, str]:
         return text + (f", median {np.median(least):.0f}" if least else "")
 
     own, pushed = found["difftaichi"]["own"], found["diffmjx"]
+    first = f"{own['iterations']} iterations, {own['distance']:.0e} m from the goal"
     gradient = ", ".join(f"{value + 0.0:.2g}" for value in found["nimble"])
     rows = [
-        (
-            "DiffTaichi, billiards",
-            "200 iterations",
-            f"{own['iterations']} iterations, {own['distance']:.0e} m from the goal",
-        ),
+        ("DiffTaichi, billiards", "200 iterations", first),
         ("the same from other starts to other goals", "the loss rises", solved(found["difftaichi"]["random"], 10)),
         ("DiffMJX, `03_billiard`", "at most 30 iterations", solved(pushed["results"], 5)),
         ("Nimble, two balls on a line; exact: 1, 0, 1, 0", "0.75, 0.25, 0.91, 0.08", gradient),
-        (
-            "MJX, derivative of one push of a ball to another",
-            "NaN",
-            f"{pushed['gradient']:.10f}; central difference {pushed['difference']:.10f}",
-        ),
     ]
     shots = [result["shots"] for result in found["difftaichi"]["random"]]
     seconds = [result["seconds"] for result in found["difftaichi"]["random"]]
     return {
-        "machine": machine_line(found["machine"]),
         "cost": f"A random task takes {np.median(shots):,.0f} shots and {np.median(seconds):.1f} s (medians).",
         "tasks": table(("task", "published", "here"), rows, left=3),
     }
 
 
-@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.differentiable --help`."""
-    tasks = Count(100, "random tasks")
-    args = parser_of("differentiable", "Run published tasks with derivatives.", tasks=tasks).parse_args(arguments)
-    report(measure(args.tasks), blocks, args.output)
+    about, tasks = "Run published tasks with derivatives.", (100, "random tasks")
+    run_command("benchmarks.differentiable", about, arguments, measure, blocks, {"tasks": tasks})
 
 
 if __name__ == "__main__":

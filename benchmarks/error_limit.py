@@ -20,8 +20,7 @@ import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import IMAGES, Count, machine, machine_line, parser_of, report, run_kinds, save, table, workers
-from billiards_env.commands import ending
+from benchmarks import machine, new_figure, rows_table, run_command, run_kinds, save, workers
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.gradients import UNIT_ROUNDOFF
 from billiards_env.shots.simulation import simulate
@@ -146,11 +145,16 @@ def summary(results: Sequence[Mapping[str, float | bool | int]]) -> dict[str, fl
     }
 
 
-def draw(kinds: Mapping[str, Mapping[str, float | int]], path: Path) -> None:
-    """Draws the errors of each kind of shots over the unavoidable error: the median, 99 % and the largest."""
-    from matplotlib.figure import Figure
+def measure(shots: int, workers: int) -> dict[str, Any]:
+    """Compares `shots` of each of `KINDS`."""
+    on, found = machine(), run_kinds(compare, KINDS, shots, workers)
+    return {"machine": on, "kinds": {kind: summary(results) for kind, results in found.items()}}
 
-    figure = Figure(figsize=(7.2, 0.9 + 0.3 * len(kinds)), dpi=110, layout="constrained")
+
+def draw(result: dict[str, Any], folder: Path) -> None:
+    """Draws the errors of each kind of shots over the unavoidable error: the median, 99 % and the largest."""
+    kinds = result["kinds"]
+    figure = new_figure(7.2, 0.9 + 0.3 * len(kinds))
     axes, rows = figure.add_subplot(), range(len(kinds))
     columns = (("median_ratio", "o", "median"), ("p99_ratio", "|", "99 % of the shots"), ("max_ratio", "x", "largest"))
     values = {key: [kind[key] for kind in kinds.values()] for key, *_ in columns}
@@ -162,37 +166,30 @@ def draw(kinds: Mapping[str, Mapping[str, float | int]], path: Path) -> None:
     axes.set_yticks(rows, kinds)
     axes.grid(axis="x", alpha=0.3)
     figure.legend(fontsize=8, loc="outside upper center", ncols=4, frameon=False)
-    save(figure, path)
+    save(figure, folder / "error_limit.png")
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
-    columns: dict[str, Callable[[dict[str, Any]], str]] = {
-        "same events": lambda s: f"{s['same_events']} of {s['shots']}",
-        "to their end": lambda s: f"{s['to_end']}",
-        "events": lambda s: f"{s['events']:,}",
-        "condition": lambda s: f"{s['median_condition_m']:.2g} m",
-        "error": lambda s: f"{s['median_error_m']:.1e} m",
-        "ratio": lambda s: f"{s['median_ratio']:.2f}",
-        "99%": lambda s: f"{s['p99_ratio']:.1f}",
-        "largest": lambda s: f"{s['max_ratio']:.1f}",
+    columns = {
+        "shots of a kind": "{kind}",
+        "same events": "{same_events} of {shots}",
+        "to their end": "{to_end}",
+        "events": "{events:,}",
+        "condition": "{median_condition_m:.2g} m",
+        "error": "{median_error_m:.1e} m",
+        "ratio": "{median_ratio:.2f}",
+        "99%": "{p99_ratio:.1f}",
+        "largest": "{max_ratio:.1f}",
     }
-    rows = [(kind, *(cell(s) for cell in columns.values())) for kind, s in result["kinds"].items()]
-    return {"machine": machine_line(result["machine"]), "kinds": table(("shots of a kind", *columns), rows)}
+    return {"kinds": rows_table(columns, [{"kind": kind, **found} for kind, found in result["kinds"].items()])}
 
 
-@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.error_limit --help`."""
-    description, shots = "Compare the engine's error with the unavoidable error.", Count(1000, "shots of each kind")
-    parser = parser_of("error_limit", description, shots=shots, workers=workers())
-    parser.add_argument("--picture", type=Path, default=IMAGES / "error_limit.png", help="picture file")
-    args = parser.parse_args(arguments)
-    on, found = machine(), run_kinds(compare, KINDS, args.shots, args.workers)
-    kinds = {kind: summary(results) for kind, results in found.items()}
-    draw(kinds, args.picture)
-    report({"machine": on, "kinds": kinds}, blocks, args.output)
-    print(f"Condition, error and ratio are medians. The picture is {args.picture}.")
+    about = "Compare the engine's error with the unavoidable error; condition, error and ratio are medians."
+    options = {"shots": (1000, "shots of each kind"), "workers": workers()}
+    run_command("benchmarks.error_limit", about, arguments, measure, blocks, options, draw)
 
 
 if __name__ == "__main__":

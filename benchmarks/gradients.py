@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import Count, machine, machine_line, parser_of, report, table
+from benchmarks import machine, run_command, table
 from benchmarks.speed import Case, breaks, random_shots, seconds, summary
-from billiards_env.commands import ending
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
 
@@ -74,19 +73,18 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         for row in result["cases"]
     ]
     return {
-        "machine": machine_line(result["machine"]),
         "how": f"One core; medians of {result['repeats']} interleaved passes. The other columns are times "
         "divided by the time of the plain batch.",
         "cost": table(("shots", "us/shot", *PARTS), rows),
     }
 
 
-@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.gradients --help`."""
-    parser = parser_of("gradients", "Measure the cost of derivatives.", repeats=Count(11, "number of passes"))
-    args = parser.parse_args(arguments)
-    report(measure(args.repeats), blocks, args.output)
+    repeats = (11, "number of passes")
+    run_command(
+        "benchmarks.gradients", "Measure the cost of derivatives.", arguments, measure, blocks, {"repeats": repeats}
+    )
 
 
 if __name__ == "__main__":

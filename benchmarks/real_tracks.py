@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import machine, machine_line, parser_of, report, table
+from benchmarks import ROOT, machine, parser_of, report, table
 from billiards_env.calibration import Calibration, Track, calibrate, read_tracks
 from billiards_env.calibration.judge import CONTACTS, Judged, together
 from billiards_env.commands import ending
@@ -92,7 +92,6 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     least = min(result["laws"].values(), default=1.0)
     laws = [(f"`{law}`", f"{loss / least:.3f}") for law, loss in sorted(result["laws"].items(), key=lambda one: one[1])]
     return {
-        "machine": machine_line(result["machine"]),
         "how": f"{result['shots']} shots were fitted with `{result['cushion']}` cushions, in {result['seconds']:.0f} s "
         f"of processor time; {result['judged_shots']} shots were judged.",
         "summary": f"The numbers of the model are fitted to {result['shots']} recorded shots. In "
@@ -108,7 +107,11 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 @ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.real_tracks --help`."""
-    parser = parser_of("real_tracks", "Fit the physics to tracks of a real table, and judge it on others.")
+    output, about = (
+        ROOT / "benchmarks" / "results" / "real_tracks.json",
+        "Fit the physics to a real table, and judge it.",
+    )
+    parser = parser_of("benchmarks.real_tracks", about, output=(output, "JSON file"))
     parser.add_argument("fit", type=Path, help="a file of tracks, in any frame")
     parser.add_argument("--judge", type=Path, help="other shots on the same table (default: cross-validation)")
     parser.add_argument("--scene", default="match_carom", help="the scene (default: %(default)s)")

@@ -17,8 +17,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import Count, machine, machine_line, parser_of, report, table
-from billiards_env.commands import ending
+from benchmarks import machine, rows_table, run_command, table
 from billiards_env.engine.compile import MANY_BALLS
 from billiards_env.envs.actions import cue_strike
 from billiards_env.scene import Balls, Physics, Scene, layouts
@@ -145,28 +144,22 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
         if (outcome.status == "event_limit").any():
             raise RuntimeError(f"{case.name}: a shot reached the event limit, so its time is not valid")
 
-    # For each case and pass: seconds with one and with two threads.
-    batch: list[list[tuple[float, float]]] = [[] for _ in every]
-    calls: list[dict[str, float]] = []
-    for _ in range(repeats):
-        for k, case in enumerate(every):
-            batch[k].append((seconds(run, case), seconds(run, case, 2)))
-        calls.append(time_calls(every[0]))
-
+    passes = [[(seconds(run, case), seconds(run, case, 2)) for case in every] for _ in range(repeats)]
+    calls = [time_calls(every[0]) for _ in range(repeats)]
     rows = []
-    for case, passes, outcome in zip(every, batch, outcomes, strict=True):
-        m, events = len(case.positions), int(outcome.n_events.sum())
+    for case, outcome, times in zip(every, outcomes, np.moveaxis(np.array(passes), 0, 2), strict=True):
+        m, events, (one, two) = len(case.positions), int(outcome.n_events.sum()), times
         rows.append(
             {
                 "case": case.name,
                 "shots": m,
-                "shots_per_second": summary([m / one for one, _ in passes]),
+                "shots_per_second": summary(m / one),
                 "events_per_shot": events / m,
                 "most_events": int(outcome.n_events.max()),
                 "contact_rule_share": float((outcome.n_contact_rule > 0).mean()),
-                "microseconds_per_event": summary([1e6 * one / events for one, _ in passes]),
+                "microseconds_per_event": summary(1e6 * one / events),
                 "seconds_simulated_per_shot": float(outcome.time.mean()),
-                "two_threads_over_one": summary([one / two for one, two in passes]),
+                "two_threads_over_one": summary(one / two),
             }
         )
     return {
@@ -175,48 +168,25 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
         "max_speed": MAX_SPEED,
         "break_speed": BREAK_SPEED,
         "batch": rows,
-        "microseconds_per_call": {
-            name: {**summary([1e6 * t[name] for t in calls]), "fastest": min(1e6 * t[name] for t in calls)}
-            for name in calls[0]
-        },
-        "growth": measure_growth(repeats),
+        "microseconds_per_call": {name: summary([1e6 * t[name] for t in calls]) for name in calls[0]},
+        "growth": [time_gas(n, repeats) for n in DISKS],
     }
 
 
-def measure_growth(repeats: int) -> list[dict[str, float]]:
-    """Runs the shots of each of `DISKS` `repeats` times, those with many disks less often.
+def time_gas(n: int, repeats: int) -> dict[str, float]:
+    """Runs the shots of n disks `repeats` times, or less often if n is large.
 
     Returns:
-        For each number of `disks`: the `passes`, the `events_per_shot`, and the medians of `us_per_shot` and
-        `us_to_begin`, the time of the checks and of the first predictions.
+        `disks`; the `passes`, the `events_per_shot`, and the medians of `us_per_shot` and `us_to_begin`, the time of
+        the checks and of the first predictions.
     """
-    gases = [growing_gas(n, max(1, 4096 // n)) for n in DISKS]
-    at_once = [
-        gas._replace(scene=replace(gas.scene, physics=replace(gas.scene.physics, max_time=1e-9))) for gas in gases
-    ]
-    for gas in at_once:  # compiles
-        run(gas)
-    whole: list[list[float]] = [[] for _ in gases]
-    begins: list[list[float]] = [[] for _ in gases]
-    events = [0.0 for _ in gases]
-    for turn in range(repeats):
-        for k, n in enumerate(DISKS):
-            if turn and turn * n > 40_000 * repeats:
-                continue
-            begin = perf_counter()
-            events[k] = float(run(gases[k]).n_events.mean())
-            whole[k].append((perf_counter() - begin) / len(gases[k].positions))
-            begins[k].append(seconds(run, at_once[k]) / len(gases[k].positions))
-    return [
-        {
-            "disks": n,
-            "passes": len(whole[k]),
-            "events_per_shot": events[k],
-            "us_per_shot": 1e6 * float(np.median(whole[k])),
-            "us_to_begin": 1e6 * float(np.median(begins[k])),
-        }
-        for k, n in enumerate(DISKS)
-    ]
+    gas = growing_gas(n, max(1, 4096 // n))
+    at_once = gas._replace(scene=replace(gas.scene, physics=replace(gas.scene.physics, max_time=1e-9)))
+    run(at_once)  # compiles
+    passes, m = min(repeats, 1 + 40_000 * repeats // n), len(gas.positions)
+    whole, begin = (1e6 * float(np.median([seconds(run, case) for _ in range(passes)])) / m for case in (gas, at_once))
+    events = float(run(gas).n_events.mean())
+    return {"disks": n, "passes": passes, "events_per_shot": events, "us_per_shot": whole, "us_to_begin": begin}
 
 
 def time_calls(case: Case) -> dict[str, float]:
@@ -229,77 +199,59 @@ def time_calls(case: Case) -> dict[str, float]:
     stepping = 0.0
     for positions, action in zip(few.positions, actions, strict=True):
         env.reset(options={"positions": positions})
-        begin = perf_counter()
-        env.step(action)
-        stepping += perf_counter() - begin
+        stepping += seconds(env.step, action)
+    single = [(few.scene, *shot) for shot in zip(few.positions, few.velocities, strict=True)]
     return {
         "simulate_batch": seconds(run, few) / n,
-        "simulate": seconds(
-            lambda: [simulate(few.scene, p, v) for p, v in zip(few.positions, few.velocities, strict=True)]
-        )
-        / n,
+        "simulate": sum(seconds(simulate, *shot) for shot in single) / n,
         "env_step": stepping / n,
-        "env_reset": seconds(lambda: [env.reset() for _ in range(n)]) / n,
+        "env_reset": sum(seconds(env.reset) for _ in range(n)) / n,
     }
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
-    shots = [
-        (
-            row["case"],
-            f"{row['shots_per_second']['median']:,.0f}",
-            f"{row['events_per_shot']:.1f}",
-            f"{row['most_events']}",
-            f"{row['contact_rule_share']:.1%}",
-            f"{row['microseconds_per_event']['median']:.2f}",
-            f"{row['seconds_simulated_per_shot']:.1f}",
-        )
-        for row in result["batch"]
-    ]
-    per_call = result["microseconds_per_call"]
-    names = {
-        "simulate_batch": "simulate_batch, per shot",
-        "simulate": "simulate",
-        "env_step": "env.step",
-        "env_reset": "env.reset",
+    shots = {
+        "shots": "{case}",
+        "shots/s": "{shots_per_second[median]:,.0f}",
+        "events/shot": "{events_per_shot:.1f}",
+        "most": "{most_events}",
+        "contact rule": "{contact_rule_share:.1%}",
+        "us/event": "{microseconds_per_event[median]:.2f}",
+        "s simulated/shot": "{seconds_simulated_per_shot:.1f}",
     }
-    calls = []
-    for key, name in names.items():
-        row = [name]
-        for of in ("median", "fastest"):
-            above = "" if key == "env_reset" else f"{per_call[key][of] - per_call['simulate_batch'][of]:.1f}"
-            row += [f"{per_call[key][of]:.1f}", above]
-        calls.append(row)
-    growth = [
-        (
-            f"{g['disks']:,}",
-            f"{g['events_per_shot']:,.0f}",
-            f"{g['us_per_shot'] / g['events_per_shot']:,.2f}",
-            f"{g['us_to_begin'] / g['disks']:,.2f}",
-            f"{g['us_to_begin'] / 1e6:.2g}",
-        )
-        for g in result["growth"]
+    growth = {
+        "disks": "{disks:,}",
+        "events": "{events_per_shot:,.0f}",
+        "us/event": "{per_event:,.2f}",
+        "us/disk to begin": "{per_disk:,.2f}",
+        "s to begin": "{begin:.2g}",
+    }
+    gases = []
+    for g in result["growth"]:
+        per_event, per_disk = g["us_per_shot"] / g["events_per_shot"], g["us_to_begin"] / g["disks"]
+        gases.append({**g, "per_event": per_event, "per_disk": per_disk, "begin": g["us_to_begin"] / 1e6})
+    per_call = {name: times["median"] for name, times in result["microseconds_per_call"].items()}
+    names = {"simulate_batch": "simulate_batch, per shot", "simulate": "simulate", "env_step": "env.step"}
+    calls = [
+        (name, f"{per_call[key]:.1f}", f"{per_call[key] - per_call['simulate_batch']:.1f}")
+        for key, name in names.items()
     ]
+    calls.append(("env.reset", f"{per_call['env_reset']:.1f}", ""))
     per_second = result["batch"][0]["shots_per_second"]["median"]
     gains = [row["two_threads_over_one"]["median"] for row in result["batch"]]
     return {
-        "machine": machine_line(result["machine"]),
         "how": f"One core; medians of {result['repeats']} interleaved passes.",
-        "shots": table(
-            ("shots", "shots/s", "events/shot", "most", "contact rule", "us/event", "s simulated/shot"), shots
-        ),
-        "calls_of": "The table gives the time of a call that plays one shot of the first kind above, and the extra "
-        f"time over a shot in a batch, for the median and for the fastest of the passes of {N_SINGLES:,} calls.",
-        "calls": table(("call", "us/call", "more", "fastest, us/call", "more"), calls),
+        "shots": rows_table(shots, result["batch"]),
+        "calls": table(("call", "us/call", "more"), calls),
         "growth_of": f"These shots are {GROWTH_SECONDS:g} s of an elastic gas whose disks cover {SHARE:.0%} of the "
         f"table. With {MANY_BALLS} balls or more the engine uses the cells, and a heap for its events. A shot begins "
         "with the checks of its input and the first predictions.",
-        "growth": table(("disks", "events", "us/event", "us/disk to begin", "s to begin"), growth),
+        "growth": rows_table(growth, gases),
         "two_cores": f"Two threads run {min(gains):.2f} to {max(gains):.2f} times as many shots a second as one.",
         "summary": f"One core plays {rounded(per_second)} shots a second in a batch (one object ball): "
         f"{per_second * result['batch'][0]['seconds_simulated_per_shot'] / 1e6:.2g} million seconds of table time per "
-        f"second. A loop over `env.step` plays {rounded(1e6 / per_call['env_step']['median'])}.",
+        f"second. A loop over `env.step` plays {rounded(1e6 / per_call['env_step'])}.",
     }
 
 
@@ -308,13 +260,10 @@ def rounded(number: float) -> str:
     return f"{float(f'{number:.2g}'):,.0f}"
 
 
-@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.speed --help`."""
-    args = parser_of("speed", "Measure the speed of shots.", repeats=Count(11, "number of passes")).parse_args(
-        arguments
-    )
-    report(measure(args.repeats), blocks, args.output)
+    repeats = (11, "number of passes")
+    run_command("benchmarks.speed", "Measure the speed of shots.", arguments, measure, blocks, {"repeats": repeats})
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """The stress run: ten million random shots, each checked at every event, and very long runs of elastic gases.
 
-`python -m benchmarks.stress` takes 10 to 25 minutes on two cores. It prints its tables and writes them to
-`benchmarks/results/stress.json`. It ends with an error if any shot breaks a rule.
+`python -m benchmarks.stress` takes 10 to 25 minutes on two cores. It ends with an error if any shot
+breaks a rule.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ from typing import Any
 
 from tqdm import tqdm
 
-from benchmarks import RESULTS, machine, machine_line, parser_of, processes, report, table, workers
-from billiards_env.commands import ending
-from reference.stress import families, measure
+from benchmarks import machine, processes, rows_table, run_command, workers
+from billiards_env.checks import Range, real
+from reference.stress import families
+from reference.stress.measure import drift
 
 # Thousands of shots of each kind, and the number of shots in one task.
 SHOTS = {
@@ -69,79 +70,56 @@ def random_shots(pool: Executor, scale: float) -> dict[str, dict[str, Any]]:
     return total
 
 
-def blocks(data: dict[str, Any]) -> dict[str, str]:
-    """Returns the results as Markdown, by name."""
-    every = data["shots"].values()
-    shots, bad = sum(s["shots"] for s in every), sum(len(s["bad"]) for s in every)
-    worst = {key: max(s[key] for s in every) for key in WORST}
-    rules = sum(s["contact_rule"] for s in every)
-    rows = [(name, _row(s, len(s["bad"]))) for name, s in data["shots"].items()]
-    rows.append(("all", _row({**worst, "shots": shots, "contact_rule": rules}, bad)))
-    head = [
-        "random shots",
-        "shots",
-        "broke a rule",
-        "deepest overlap, m",
-        "farthest outside, m",
-        "energy up, relative",
-        "momentum off, relative",
-        "contact-time rule acted",
-        "most events",
-    ]
-    drift = [
-        (
-            f"{d['disks']} disks",
-            f"{d['collisions']:,}",
-            f"{d['energy_drift']:.1e}",
-            f"{d['momentum_drift']:.1e}",
-            f"{d['deepest_overlap_m']:.1e}",
-        )
-        for d in data["drift"]
-    ]
-    return {
-        "machine": machine_line(data["machine"]),
-        "summary": f"{bad:,} of {shots:,} shots broke a rule. The deepest overlap of two balls was "
-        f"{worst['overlap']:.1e} m, the largest relative rise of the energy {worst['rise']:.1e}.",
-        "shots": table(head, [(name, *cells) for name, cells in rows]),
-        "drift": table(("elastic gas", "collisions", "energy drift", "momentum drift", "deepest overlap, m"), drift),
-    }
-
-
-def _row(s: dict[str, Any], bad: int) -> tuple[str, ...]:
-    worst = (f"{s[key]:.1e}" for key in ("overlap", "outside", "rise", "momentum"))
-    return f"{s['shots']:,}", f"{bad}", *worst, f"{s['contact_rule']:,}", f"{s['most_events']:,}"
-
-
-@ending()
-def main(arguments: list[str] | None = None) -> None:
-    """Runs all measurements, prints and writes the results."""
-    parser = parser_of("stress", "Run and check millions of shots.", output=False, workers=workers())
-    parser.add_argument(
-        "--scale", type=float, default=1.0, help="share of the shots (1); nothing is written if it is less than 1"
-    )
-    args = parser.parse_args(arguments)
-    if not 0 < args.scale <= 1:
-        parser.error(f"--scale = {args.scale}: expected a number in (0, 1]")
+def measure(workers: int, scale: float) -> dict[str, Any]:
+    """Runs a share of the shots, and gases with a share of a million collisions."""
+    real("scale", scale, Range(1e-9, 1.0))
     for family in ("pool, 1 object ball", "pool, 5 object balls"):
         families.run(family, 0, 1)  # compiles the kernels once, for all processes
-    started = time.perf_counter()
-    with processes(args.workers) as pool:
-        shots = random_shots(pool, args.scale)
-        drifts = [pool.submit(measure.drift, n, round(1e6 * args.scale)) for n in (2, 16, 100)]
-        drift = [future.result() for future in drifts]
-    data = {
-        "command": "python -m benchmarks.stress",
-        "machine": machine(),
-        "minutes": round((time.perf_counter() - started) / 60, 1),
-        "shots": shots,
-        "drift": drift,
+    on, started = machine(), time.perf_counter()
+    with processes(workers) as pool:
+        shots = random_shots(pool, scale)
+        gases = [pool.submit(drift, n, round(1e6 * scale)) for n in (2, 16, 100)]
+        drifts = [gas.result() for gas in gases]
+    minutes = round((time.perf_counter() - started) / 60, 1)
+    return {"machine": on, "minutes": minutes, "shots": shots, "drift": drifts}
+
+
+def blocks(data: dict[str, Any]) -> dict[str, str]:
+    """Returns the results as Markdown, by name."""
+    kinds = [{"name": name, **found, "broke": len(found["bad"])} for name, found in data["shots"].items()]
+    total = {key: sum(kind[key] for kind in kinds) for key in (*ADDED, "broke")}
+    total |= {key: max(kind[key] for kind in kinds) for key in WORST}
+    columns = {
+        "random shots": "{name}",
+        "shots": "{shots:,}",
+        "broke a rule": "{broke}",
+        "deepest overlap, m": "{overlap:.1e}",
+        "farthest outside, m": "{outside:.1e}",
+        "energy up, relative": "{rise:.1e}",
+        "momentum off, relative": "{momentum:.1e}",
+        "contact-time rule acted": "{contact_rule:,}",
+        "most events": "{most_events:,}",
     }
-    if args.scale == 1:
-        report(data, blocks, RESULTS / "stress.json")
-    else:
-        print("\n\n".join(blocks(data).values()))
-    bad = sum(len(s["bad"]) for s in shots.values())
-    if bad:
+    gases = {
+        "elastic gas": "{disks} disks",
+        "collisions": "{collisions:,}",
+        "energy drift": "{energy_drift:.1e}",
+        "momentum drift": "{momentum_drift:.1e}",
+        "deepest overlap, m": "{deepest_overlap_m:.1e}",
+    }
+    return {
+        "summary": "{broke:,} of {shots:,} shots broke a rule. The deepest overlap of two balls was {overlap:.1e} m, "
+        "the largest relative rise of the energy {rise:.1e}.".format_map(total),
+        "shots": rows_table(columns, [*kinds, {"name": "all", **total}]),
+        "drift": rows_table(gases, data["drift"]),
+    }
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs the command line; see `python -m benchmarks.stress --help`."""
+    options = {"workers": workers(), "scale": (1.0, "share of the shots")}
+    data = run_command("benchmarks.stress", "Run and check millions of shots.", arguments, measure, blocks, options)
+    if bad := sum(len(found["bad"]) for found in data["shots"].values()):
         sys.exit(f"{bad} shots broke a rule; their (seed, index, status) are in the results")
 
 

@@ -15,13 +15,11 @@ from unittest.mock import patch
 import gymnasium as gym
 import numpy as np
 
-from benchmarks import Count, machine, machine_line, parser_of, report, table
+from benchmarks import machine, run_command, table
 from benchmarks.speed import seconds, summary
-from billiards_env.commands import ending
 from billiards_env.engine import run_shots_of
 from billiards_env.envs import episodes
 
-SAME_STEP = "SameStep"
 ENV_COUNTS = (1, 16, 256, 1024, 16_384)
 DOORS: dict[str, dict[str, Any]] = {
     "images of 84 x 84 pixels": {"observe": [("pixels", 84, 84)]},
@@ -63,8 +61,8 @@ def many(envs: Any, steps: int) -> Callable[[], object]:
 
 
 def native(count: int, **arguments: Any) -> Any:
-    """Returns the native vector environment with same-step resets, after a first reset."""
-    envs = gym.make_vec("Billiards-v0", num_envs=count, autoreset_mode=SAME_STEP, **arguments)
+    """Returns the native vector environment, after a first reset."""
+    envs = gym.make_vec("Billiards-v0", num_envs=count, **arguments)
     envs.reset(seed=0)
     return envs
 
@@ -104,7 +102,7 @@ def kinds(scale: float) -> list[tuple[str, int, Callable[[], object]]]:
 
     few = steps(4)  # for slow environments
     sync = gym.make_vec(
-        "Billiards-v0", num_envs=64, vectorization_mode="sync", vector_kwargs={"autoreset_mode": SAME_STEP}
+        "Billiards-v0", num_envs=64, vectorization_mode="sync", vector_kwargs={"autoreset_mode": "SameStep"}
     )
     sync.reset(seed=0)
     return [
@@ -143,7 +141,6 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     one = next(iter(rates.values()))
     outside = result["outside_engine"]["median"]
     return {
-        "machine": machine_line(result["machine"]),
         "how": f"Medians of {result['repeats']} interleaved passes. A step of 1,024 environments on one thread spends "
         f"{outside:.0%} of its time outside the engine.",
         "steps": table(
@@ -153,12 +150,12 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     }
 
 
-@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.vector --help`."""
-    parser = parser_of("vector", "Measure the speed of environments.", repeats=Count(11, "number of passes"))
-    args = parser.parse_args(arguments)
-    report(measure(args.repeats), blocks, args.output)
+    repeats = (11, "number of passes")
+    run_command(
+        "benchmarks.vector", "Measure the speed of environments.", arguments, measure, blocks, {"repeats": repeats}
+    )
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ the code only with the same versions (`billiards_env.jit.folders`).
 
 from __future__ import annotations
 
-import argparse
 import email
 import importlib.metadata
 import os
@@ -21,12 +20,10 @@ from pathlib import Path
 from time import time
 from typing import Any
 
-from benchmarks import machine, machine_line, report, table
+from benchmarks import ROOT, machine, run_command, table
 from billiards_env.jit.decorators import GENERIC
 from release.shots import ENVIRONMENTS
 
-ROOT = Path(__file__).resolve().parent.parent
-RESULTS = ROOT / "release" / "results" / "dist.json"
 FOLDER_OF_CODE = (
     "from billiards_env.jit import folders; print(folders.code_folder(), folders.cache_folder(), sep='\\n')"
 )
@@ -159,36 +156,29 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     rows = [(what, *(f"{s:.1f}" for s in both)) for what, both in result["seconds"].items()]
     same = "The wheel's machine code and newly compiled code give the same bits"
     return {
-        "machine": machine_line(result["machine"]),
         "files": f"It makes {files}. {same} in {result['environments']} environments.",
         "times": table(("start, wheel alone", "s", "processor s"), rows),
     }
 
 
+def measure(folder: Path, repeats: int) -> dict[str, Any]:
+    """Builds both in a folder, and tries the wheel with some starts."""
+    with tempfile.TemporaryDirectory() as name:
+        files = build(folder, Path(name))
+        print(*files, sep="\n", flush=True)
+        sizes = [file.stat().st_size for file in files]
+        return {
+            "machine": machine(),
+            "bytes": dict(zip(("the source archive", "a wheel"), sizes, strict=True)),
+            "environments": len(ENVIRONMENTS),
+            "seconds": try_wheel(files[1], Path(name), repeats),
+        }
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m release.dist --help`."""
-    parser = argparse.ArgumentParser(prog="python -m release.dist", description="Build and try the distributions.")
-    parser.add_argument("--output", type=Path, default=ROOT / "dist", help="folder of both (default: dist)")
-    parser.add_argument("--results", type=Path, default=RESULTS, help="JSON file of the measured times")
-    parser.add_argument("--repeats", type=int, default=5, help="starts to measure (default: %(default)s)")
-    args = parser.parse_args(arguments)
-    if args.repeats < 1:
-        parser.error(f"--repeats = {args.repeats}: expected at least 1")
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        try:
-            files = build(args.output, folder)
-            print(*files, sep="\n", flush=True)
-            sizes = [file.stat().st_size for file in files]
-            result = {
-                "machine": machine(),
-                "bytes": dict(zip(("the source archive", "a wheel"), sizes, strict=True)),
-                "environments": len(ENVIRONMENTS),
-                "seconds": try_wheel(files[1], folder, args.repeats),
-            }
-            report(result, blocks, args.results)
-        except RuntimeError as error:
-            sys.exit(f"error: {error}")
+    options = {"folder": (ROOT / "dist", "folder of both"), "repeats": (5, "starts to measure")}
+    run_command("release.dist", "Build and try the distributions.", arguments, measure, blocks, options)
 
 
 if __name__ == "__main__":

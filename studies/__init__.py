@@ -15,12 +15,13 @@ Modules:
     leaderboard: Verifies the files of the leaderboard and makes its tables.
     figures: Draws the pictures that show no measurement, and a film of a run-out of the planner.
     run_outs: Trains the network that computes the probability of a run-out from a position.
-    games: Makes the table of the games.
+    tables: Makes the tables of games, numbers, actions and features.
     readme: Writes the measured tables into the pages.
 """
 
 import argparse
 import contextlib
+import functools
 import html
 import json
 import multiprocessing
@@ -31,39 +32,25 @@ from typing import Any
 from urllib.parse import urlencode
 
 import numpy as np
+from tqdm import tqdm
 
 from agents import require
 from agents.cluster import RayExecutor
-from benchmarks import machine, processes
+from benchmarks import ROOT, machine, parser_of, print_blocks, processes
 from billiards_env.commands import ending
-from billiards_env.files import replacing
+from billiards_env.files import replacing, write_json
 
 require("plot", ("matplotlib",))
 
-RESULTS = Path(__file__).resolve().parent / "results"
+RESULTS = ROOT / "studies" / "results"
 
-RUNS = RESULTS.parents[1] / "runs"
+RUNS = ROOT / "runs"
 """The folder of training runs; git ignores it."""
-
-
-def parser_of(name: str, description: str, **options: tuple[Any, str]) -> argparse.ArgumentParser:
-    """Returns the parser of a command. An option is its default value, which sets its type, and its help text.
-
-    An option with the default False is a switch.
-    """
-    parser = argparse.ArgumentParser(prog=f"python -m studies.{name}", description=description)
-    for option, (default, text) in options.items():
-        if default is False:
-            parser.add_argument(f"--{option}", action="store_true", help=text)
-        else:
-            kind = type(default)
-            parser.add_argument(f"--{option}", type=kind, default=default, help=f"{text} (default: %(default)s)")
-    return parser
 
 
 def parser_of_runs(name: str, description: str) -> argparse.ArgumentParser:
     """Returns the parser of a command that trains, with its options for runs and files."""
-    parser = parser_of(name, description, jobs=(2, "runs at a time"))
+    parser = parser_of(f"studies.{name}", description, jobs=(2, "runs at a time"))
     parser.add_argument("--address", help='address of a Ray cluster that trains, e.g. "auto" (default: this machine)')
     parser.add_argument("--folder", type=Path, help=f"folder of all files (default: see `studies.{name}`)")
     return parser
@@ -89,6 +76,27 @@ def resumed(output: Path, settings: Mapping[str, Any], **empty: Any) -> dict[str
     settings = json.loads(json.dumps(settings))
     found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
     return found if found.get("settings") == settings else {"machine": machine(), "settings": settings, **empty}
+
+
+def fill(output: Path, found: dict[str, Any], jobs: Mapping[tuple[str, ...], Callable[[], Any]]) -> dict[str, Any]:
+    """Computes the missing entries of nested results, and writes the JSON file `output` after each of them.
+
+    Args:
+        output: The file.
+        found: The results so far.
+        jobs: The functions that compute the entries, by their keys.
+
+    Returns:
+        The results with all entries.
+    """
+    with tqdm(jobs.items(), unit="result") as bar:
+        for (*parents, last), work in bar:
+            place = functools.reduce(lambda inner, key: inner.setdefault(key, {}), parents, found)
+            if last not in place:
+                bar.set_description(", ".join((*parents, last)))
+                place[last] = work()
+                write_json(output, found)
+    return found
 
 
 def live_shot(scene: str, positions: Any, velocity: Any, steps: int) -> str:
@@ -126,6 +134,4 @@ def load_weights(path: Path) -> dict[str, Any]:
 def report(measure: Callable[[], Any], blocks: Callable[[Any], Mapping[str, str]], *outputs: Path) -> None:
     """Runs the work of a command, and prints its blocks and its files. After an error it prints one line."""
     with ending("the same command continues"):
-        found = measure()
-    print("\n\n".join(blocks(found).values()))
-    print("\nin", " and ".join(map(str, outputs)))
+        print_blocks(measure(), blocks, *outputs)

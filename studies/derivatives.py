@@ -25,40 +25,40 @@ results there, so it continues after an interruption.
 from __future__ import annotations
 
 import dataclasses
+import functools
+import itertools
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from torch import Tensor, nn
 from tqdm import tqdm
 
-from benchmarks import IMAGES, machine_line, save, table, use_own_font
+from benchmarks import new_figure, run_command, save, table
 from benchmarks.accuracy_report import PIT_STYLES
 from billiards_env.engine import PIC, Engine
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.envs import BilliardsVectorEnv, make_vector_env
 from billiards_env.evaluation import evaluation_seeds, play_together
-from billiards_env.files import write_json
 from billiards_env.intervals import as_percent, over_seeds
 from billiards_env.scene import Balls, Physics, Scene, layouts
 from billiards_env.scene.table import Table
 from billiards_env.shots.simulation import BatchResult, simulate_batch
 from billiards_env.torch import pot_margins
-from studies import RESULTS, parser_of, report, resumed
+from studies import RESULTS, fill, resumed
 
 OUTPUT = RESULTS / "derivatives.json"
 
 STEPS = (60, 240, 960, 3840, 15360)
 """Numbers of timesteps per second."""
 
-KINDS = {"one ball": (1, 0.3, 1.5, 1500), "one cushion": (0, 0.3, 2.5, 1500), "whole shots": (1, 0.5, 4.0, 2300)}
-"""The shots: the number of object balls, the least and the largest speed, m/s, and the number of drawn shots."""
+DRAWN, SLOWEST, FASTEST = 2300, 0.5, 4.0
+"""The number of drawn shots, and the least and the largest speed, m/s."""
 
 SMALL, LARGE = 1e-9, 1e-3
 """Changes of the velocity for the central differences, m/s."""
@@ -102,17 +102,15 @@ CELLS = {f"{fix} 1/{steps} s": pit(steps, fix) for steps in STEPS for fix in FIX
 """The engines with a timestep."""
 
 
-def draw_shots(kind: str) -> Shots:
-    """Returns random shots of a kind of `KINDS`. With an object ball the cue ball is aimed at it, at any cut."""
-    n, slow, fast, count = KINDS[kind]
-    scene, rng = Scene.named("pool", n), np.random.default_rng(SEED)
-    positions = np.array([layouts.draw("random", scene, rng) for _ in range(count)])
-    headings = rng.uniform(-np.pi, np.pi, count)
-    if n > 0:
-        x, y = (positions[:, 1] - positions[:, 0]).T
-        offset = rng.uniform(-0.95, 0.95, count) * sum(scene.balls.radius[:2])
-        headings = np.arctan2(y, x) + np.arcsin(offset / np.hypot(x, y))
-    speeds = rng.uniform(slow, fast, count)[:, None]
+def draw_shots() -> Shots:
+    """Returns random shots with one object ball. The cue ball is aimed at it, at any cut."""
+    scene, rng = Scene.named("pool", 1), np.random.default_rng(SEED)
+    positions = np.array([layouts.draw("random", scene, rng) for _ in range(DRAWN)])
+    rng.uniform(size=DRAWN)  # the published shots were drawn after these numbers
+    x, y = (positions[:, 1] - positions[:, 0]).T
+    offset = rng.uniform(-0.95, 0.95, DRAWN) * sum(scene.balls.radius[:2])
+    headings = np.arctan2(y, x) + np.arcsin(offset / np.hypot(x, y))
+    speeds = rng.uniform(SLOWEST, FASTEST, DRAWN)[:, None]
     return Shots(scene, positions, speeds * np.c_[np.cos(headings), np.sin(headings)])
 
 
@@ -138,23 +136,18 @@ def sizes(derivatives: Floats) -> Floats:
     return np.sqrt(np.square(derivatives).sum(axis=(1, 2, 3)))
 
 
-def choose(kind: str) -> dict[str, Any]:
-    """Chooses the drawn shots of a kind that are smooth and have the same contacts with each timestep.
+def choose() -> dict[str, Any]:
+    """Chooses the drawn shots that are smooth and have the same contacts with each timestep.
 
     Returns:
-        `numbers`: the numbers of the chosen shots. `smooth`: the number of smooth shots of this kind. `other`: the
-        share of them with contacts that the exact engine does not have, by fix and timestep.
+        `numbers`: the numbers of the chosen shots. `smooth`: the number of smooth shots. `other`: the share of them
+        with contacts that the exact engine does not have, by fix and timestep.
     """
-    shots = draw_shots(kind)
+    shots = draw_shots()
     exact = shots.run(record=True)
-    size, bounces = sizes(exact_derivatives(exact)), exact.cushions.sum(axis=1)
-    single = ~exact.potted.any(axis=1)
-    of_kind = {
-        "one ball": single & (exact.first_hit == 1) & (bounces == 0),
-        "one cushion": single & (bounces == 1),
-        "whole shots": exact.first_hit == 1,
-    }
-    smooth = np.flatnonzero(of_kind[kind] & (exact.nonsmooth().reason == "") & (size > 0.0) & (size < MOST))
+    size = sizes(exact_derivatives(exact))
+    hit, smooth = exact.first_hit == 1, exact.nonsmooth().reason == ""
+    smooth = np.flatnonzero(hit & smooth & (size > 0.0) & (size < MOST))
     part, same = shots.part(smooth), {}
     for cell, engine in CELLS.items():
         same[cell] = (outcomes(part.run(engine=engine)) == outcomes(exact)[smooth]).all(axis=1)
@@ -165,20 +158,26 @@ def choose(kind: str) -> dict[str, Any]:
     }
 
 
-def errors(shots: Shots, positions: Floats, derivatives: Floats, engine: Engine = PIC) -> dict[str, float]:
-    """Returns the median errors of an engine.
+def errors(found: Mapping[str, Any], cell: str) -> dict[str, float]:
+    """Returns the median errors of "exact" or of one of `CELLS` in the chosen shots.
 
     Args:
-        shots: The shots.
-        positions: (m, n, 2) the exact final positions, m.
-        derivatives: (m, n, 2, 2) the exact derivatives, s.
-        engine: The engine.
+        found: The results so far, with the output of `choose`.
+        cell: The engine.
 
     Returns:
         `position`, m: the distance of the final position, of the ball for which it is largest. `small` and `large`: the
         relative errors of the central differences with `SMALL` and `LARGE` (see `sizes`).
     """
-    found = {"position": np.linalg.norm(shots.run(engine=engine).positions - positions, axis=2).max(axis=1)}
+    return errors_of(draw_shots().part(found["chosen"]["numbers"]), CELLS.get(cell, PIC))
+
+
+def errors_of(shots: Shots, engine: Engine) -> dict[str, float]:
+    """Returns the median errors of an engine in shots, see `errors`."""
+    exact = shots.run(record=True)
+    derivatives = exact_derivatives(exact)
+    away = np.linalg.norm(shots.run(engine=engine).positions - exact.positions, axis=2)
+    found = {"position": away.max(axis=1)}
     for name, h in (("small", SMALL), ("large", LARGE)):
         found[name] = sizes(differences(shots, h, engine) - derivatives) / sizes(derivatives)
     return {name: float(np.median(values)) for name, values in found.items()}
@@ -446,13 +445,12 @@ def play_pots(network: Network, envs: BilliardsVectorEnv) -> Pots:
     return Pots(seen, pockets, speeds, actions, margins, slopes, (margins > 0) & ~succeeded)
 
 
-def learn_pots(seed: int, shots: int, episodes: int) -> float:
+def learn_pots(seed: int, shots: int) -> float:
     """Trains a network by the gradients of its pots and returns its success on new layouts.
 
     Args:
         seed: The seed of the training and of the layouts of the evaluation.
         shots: Number of shots of the training.
-        episodes: Number of layouts of the evaluation.
     """
     torch.manual_seed(seed)
     random = np.random.default_rng(seed)
@@ -472,8 +470,8 @@ def learn_pots(seed: int, shots: int, episodes: int) -> float:
     def actions(observations: Any) -> Any:
         return network.act(torch.as_tensor(envs.decode(observations)["positions"]))[2].numpy()
 
-    seeds = evaluation_seeds(seed, episodes).tolist()
-    return play_together(make_vector_env(episodes), actions, seeds)["success_rate"]
+    seeds = evaluation_seeds(seed, EPISODES).tolist()
+    return play_together(make_vector_env(EPISODES), actions, seeds)["success_rate"]
 
 
 def measure(output: Path) -> dict[str, Any]:
@@ -483,40 +481,25 @@ def measure(output: Path) -> dict[str, Any]:
         output: The JSON file of the results.
 
     Returns:
-        The content of the file: `machine`, `settings`, `chosen[kind]` (see `choose`), `errors[kind]`, by "exact" and by
-        fix and timestep (see `errors`), `goals[world][derivative][seed]` (see `learn_goals`), and `pots[shots][seed]`,
-        the success.
+        The content of the file: `machine`, `settings`, `chosen` (see `choose`), `errors`, by "exact" and by fix and
+        timestep (see `errors`), `goals[world][derivative][seed]` (see `learn_goals`), and `pots[shots][seed]`, the
+        success.
 
     Raises:
         OSError: If the file cannot be read or written.
         ValueError: If the file is not JSON.
     """
+    torch.set_num_threads(1)
     goals = {"updates": UPDATES, "batch": BATCH, "layouts": LAYOUTS, "rate": LEARNING_RATE, "longest": LONGEST}
-    settings = {"kinds": KINDS, "steps": STEPS, "fixes": FIXES, "seed": SEED, "goals": goals, "episodes": EPISODES}
-    found = resumed(output, settings, chosen={}, errors={}, goals={}, pots={})
-    cells = {"exact": PIC, **CELLS}
-    for kind in tqdm(KINDS, unit="kind"):
-        if kind not in found["chosen"]:
-            found["chosen"][kind] = choose(kind)
-        shots, results = draw_shots(kind).part(found["chosen"][kind]["numbers"]), found["errors"].setdefault(kind, {})
-        exact = shots.run(record=True)
-        for cell, engine in cells.items():
-            if cell not in results:
-                results[cell] = errors(shots, exact.positions, exact_derivatives(exact), engine)
-                write_json(output, found)
-    for world, derivative in tqdm(GOAL_RUNS, unit="cell"):
-        runs = found["goals"].setdefault(world, {}).setdefault(derivative, {})
-        for seed in map(str, GOAL_SEEDS):
-            if seed not in runs:
-                runs[seed] = learn_goals(world, derivative, int(seed))
-                write_json(output, found)
+    drawn = {"shots": [DRAWN, SLOWEST, FASTEST], "steps": STEPS, "fixes": FIXES, "seed": SEED}
+    found = resumed(output, {**drawn, "goals": goals, "episodes": EPISODES})
+    jobs: dict[tuple[str, ...], Callable[[], Any]] = {("chosen",): choose}
+    jobs |= {("errors", cell): functools.partial(errors, found, cell) for cell in ("exact", *CELLS)}
+    for seed, (world, derivative) in itertools.product(GOAL_SEEDS, GOAL_RUNS):
+        jobs["goals", world, derivative, str(seed)] = functools.partial(learn_goals, world, derivative, seed)
     for shots, seeds in POT_RUNS.items():
-        runs = found["pots"].setdefault(str(shots), {})
-        for seed in map(str, seeds):
-            if seed not in runs:
-                runs[seed] = learn_pots(int(seed), shots, EPISODES)
-                write_json(output, found)
-    return found
+        jobs |= {("pots", str(shots), str(seed)): functools.partial(learn_pots, seed, shots) for seed in seeds}
+    return fill(output, found, jobs)
 
 
 def percent(share: float) -> str:
@@ -529,7 +512,7 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     fixes, steps, chosen = found["settings"]["fixes"], found["settings"]["steps"], found["chosen"]
     dts = [f"1/{n} s" for n in steps]
     ends, some = (dts[0], dts[-1]), (dts[0], dts[len(dts) // 2], dts[-1])
-    rows, results, compared = [], found["errors"]["whole shots"], chosen["whole shots"]
+    rows, results = [], found["errors"]
     for fix in fixes:
         at = {dt: results[f"{fix} {dt}"] for dt in dts}
         positions = (f"{at[dt]['position']:.1e} m" for dt in ends)
@@ -539,7 +522,7 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     rows.append(("exact engine", "", "", percent(exact["small"]), "", "", percent(exact["large"]), ""))
     columns = (("position", ends), ("derivative", some), ("over 2 mm/s", ends))
     head = ("fix", *(f"{name}, {dt}" for name, at in columns for dt in at))
-    other = (f"{percent(compared['other'][f'time_of_impact {dt}'])} (timestep {dt})" for dt in dts)
+    other = (f"{percent(chosen['other'][f'time_of_impact {dt}'])} (timestep {dt})" for dt in dts)
     learned = []
     for world, derivatives in found["goals"].items():
         for derivative, runs in derivatives.items():
@@ -562,10 +545,9 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
         rates = list(runs.values())
         pots.append((f"{int(shots):,}", ", ".join(f"{rate:.1%}" for rate in rates), as_percent(over_seeds(rates))))
     return {
-        "machine": machine_line(found["machine"]),
         "errors": table(head, rows),
         "contacts": f"Shots in which `time_of_impact` makes other contacts: {', '.join(other)}.",
-        "shots": f"{len(compared['numbers'])} of {compared['smooth']:,} smooth shots are compared: those with the same "
+        "shots": f"{len(chosen['numbers'])} of {chosen['smooth']:,} smooth shots are compared: those with the same "
         "contacts for each fix and timestep.",
         "goals": table(in_worlds, learned, left=2),
         "size": f"{len(GOAL_SEEDS)} seeds for each row, {goals['updates'] * goals['batch']:,} shots of training, "
@@ -574,11 +556,16 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def draw(found: Mapping[str, Any], path: Path) -> None:
+def draw(found: Mapping[str, Any], folder: Path) -> None:
+    """Draws the errors of whole shots, and the reason for them."""
+    draw_errors(found, folder / "gradient_timestep.png")
+    draw_reason(folder / "gradient_timestep_reason.png")
+
+
+def draw_errors(found: Mapping[str, Any], path: Path) -> None:
     """Draws the errors of the positions and of the derivatives of whole shots against the timestep."""
-    use_own_font()
-    steps, results = found["settings"]["steps"], found["errors"]["whole shots"]
-    figure = Figure(figsize=(8.4, 4.0), dpi=120, layout="constrained")
+    steps, results = found["settings"]["steps"], found["errors"]
+    figure = new_figure(8.4, 4.0, dpi=120)
     left, right = figure.subplots(1, 2)
     for fix, style in STYLES.items():
         cells = [results[f"{fix} 1/{n} s"] for n in steps]
@@ -607,10 +594,9 @@ def bounces(speeds: Floats) -> Shots:
 
 def draw_reason(path: Path) -> None:
     """Draws the final position of `bounces` against the speed."""
-    use_own_font()
     speeds = np.linspace(1.4, 1.6, 2001)
     shots = bounces(speeds)
-    figure = Figure(figsize=(8.4, 3.4), dpi=120, layout="constrained")
+    figure = new_figure(8.4, 3.4, dpi=120)
     panels = figure.subplots(1, 2, sharey=True)
     titles = {60: "timestep 1/60 s", 240: "timestep 1/240 s: smaller jumps, the same slopes"}
     for (steps, title), axes in zip(titles.items(), panels, strict=True):
@@ -629,17 +615,8 @@ def draw_reason(path: Path) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.derivatives --help`."""
-    files = {"output": (OUTPUT, "JSON file"), "images": (IMAGES, "folder of the pictures")}
-    args = parser_of("derivatives", "Study derivatives of shots and learning by them.", **files).parse_args(arguments)
-    torch.set_num_threads(1)
-
-    def work() -> dict[str, Any]:
-        found = measure(args.output)
-        draw(found, args.images / "gradient_timestep.png")
-        draw_reason(args.images / "gradient_timestep_reason.png")
-        return found
-
-    report(work, blocks, args.output)
+    about, output = "Study derivatives of shots and learning by them.", (OUTPUT, "JSON file")
+    run_command("studies.derivatives", about, arguments, measure, blocks, {"output": output}, draw)
 
 
 if __name__ == "__main__":

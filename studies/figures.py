@@ -1,13 +1,12 @@
 """The pictures of the documentation that show no measurement: `python -m studies.figures`.
 
 They show a shot, the named tables, massé shots, the failures of a timestep, the window, and a film of a run-out of the
-planner. The window receives keyboard and mouse events on a dummy display.
+planner.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import io
 import itertools
 import math
 import os
@@ -19,22 +18,20 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
 from PIL import Image
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
-from benchmarks import GREY, IMAGES, save, use_own_font
-from billiards_env.drawing.canvas import pixels, pygame
+from benchmarks import GREY, IMAGES, new_figure, parser_of, save, save_image
+from billiards_env.drawing.canvas import pixels
 from billiards_env.drawing.plot import draw_ball, legend_handles
-from billiards_env.drawing.style import ARROW, ARROW_START, INK, draw_table, looks, rail_width
+from billiards_env.drawing.style import INK, draw_table, looks
 from billiards_env.engine import Engine
-from billiards_env.files import check_path, replacing, write_whole
+from billiards_env.files import replacing
 from billiards_env.games import History, Setup, opening
-from billiards_env.play.model import HUMAN, Model, aim_like, begin, set_tip, shoot, tick
+from billiards_env.play.model import HUMAN, Model, aim_like, begin, go, set_tip, shoot, tick
 from billiards_env.play.view import View
-from billiards_env.play.window import GameWindow
 from billiards_env.players.levels import with_noise
 from billiards_env.players.named import find_player
 from billiards_env.players.planner import Options, plan
@@ -43,11 +40,10 @@ from billiards_env.scene.table import TABLES, Table
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import simulate
 from billiards_env.shots.strikes import strike
-from studies import parser_of
 from studies.failures import FAILURES, Failure
 
 WINDOW: dict[str, Any] = {"seed": 3, "width": 1080, "english": (-0.25, 0.2)}
-"""The game in the window, its width in pixels, and the offset of the tip."""
+"""The seed of the game in the window, the width in pixels, and the offset of the tip."""
 
 SHOT = {"seed": 140, "degrees": 197.0, "speed": 2.8}
 """A random shot with a combination, a bank and two potted balls."""
@@ -55,7 +51,7 @@ SHOT = {"seed": 140, "degrees": 197.0, "speed": 2.8}
 
 def picture(shot: ShotResult, title: str) -> Figure:
     """Returns a figure of a recorded shot."""
-    figure = Figure(figsize=(9, 5.35), dpi=120, facecolor="none")
+    figure = new_figure(9, 5.35, dpi=120, facecolor="none", layout=None)
     shot.plot(figure.add_axes((0.01, 0.06, 0.98, 0.88)))
     figure.text(0.5, 0.965, title, fontsize=11.5, ha="center", va="center")
     place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.062), "handletextpad": 0.3, "columnspacing": 1.6}
@@ -79,33 +75,21 @@ GAMES = {
 
 
 def tables() -> Figure:
-    """Returns a figure of all named tables at the same scale, the largest first."""
+    """Returns a figure of all named tables at the same scale, the largest first, with the balls of their games."""
     names = sorted(TABLES, key=lambda name: -Table.named(name).length)
-    figure = Figure(figsize=(9, 1.0 + 2.1 * math.ceil(len(names) / 2)), dpi=120, facecolor="none")
-    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    top = 0.0
-    for k in range(0, len(names), 2):
-        height = max(Table.named(name).width / 2 + rail_width(Table.named(name)) for name in names[k : k + 2])
-        for name, x in zip(names[k : k + 2], (0.0, 3.95), strict=False):
-            _draw_named_table(ax, name, np.array([x, top - height]))
-            ax.text(x, top + 0.06, name, fontsize=10, ha="center", va="bottom")
-        top -= 2 * height + 0.36
-    ax.set_xlim(-2.1, 5.7)
-    ax.set_ylim(top + 0.2, 0.32)
-    ax.set_aspect("equal")
-    ax.axis("off")
+    rows = math.ceil(len(names) / 2)
+    figure = new_figure(9, 2.7 * rows, dpi=120, facecolor="none")
+    for k, name in enumerate(names):
+        ax = figure.add_subplot(rows, 2, k + 1, title=name, aspect="equal", xlim=(-2.0, 2.0), ylim=(-1.1, 1.1))
+        ax.axis("off")
+        game, count, layout = GAMES.get(name, ("real_pool", 15, "tight_rack"))
+        scene = dataclasses.replace(Scene.named(game, count), table=Table.named(name))
+        for corners, colour in draw_table(scene.table):
+            ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="none"))
+        positions = layouts.draw(layout, scene, np.random.default_rng(0))
+        for radius, look, position in zip(scene.balls.radius, looks(scene), positions, strict=True):
+            draw_ball(ax, radius, look._replace(number=""), position, ghost=False)
     return figure
-
-
-def _draw_named_table(ax: Axes, name: str, centre: np.ndarray) -> None:
-    """Draws a named table with the balls of its game, with its centre at a point (2,), m."""
-    game, count, layout = GAMES.get(name, ("real_pool", 15, "tight_rack"))
-    scene = dataclasses.replace(Scene.named(game, count), table=Table.named(name))
-    for corners, colour in draw_table(scene.table):
-        ax.add_patch(Polygon(corners + centre, facecolor=colour, edgecolor="none"))
-    positions = layouts.draw(layout, scene, np.random.default_rng(0))
-    for radius, look, position in zip(scene.balls.radius, looks(scene), positions, strict=True):
-        draw_ball(ax, radius, look._replace(number=""), position + centre, ghost=False)
 
 
 MASSE = {"speed": 3.0, "heading": 0.0, "side": 0.3, "top": -0.2}
@@ -117,41 +101,23 @@ ELEVATIONS = {20: "#0072b2", 40: "#009e73", 55: "#d55e00", 70: "#aa4499"}
 
 def masse() -> Figure:
     """Returns a figure of massé shots without squirt, with the final directions by the construction of Coriolis."""
-    table = Table(length=20.0, width=20.0)
-    scene = Scene(Balls.uniform(1), table, cue=Cue(end_mass=1e-8))
+    scene = Scene(Balls.uniform(1), Table(length=20.0, width=20.0), cue=Cue(end_mass=1e-8))
     reach = 1.6  # m; the paths end at this distance from their start
-    figure = Figure(figsize=(9, 7), dpi=110, facecolor="white")
-    ax = figure.add_axes((0.07, 0.08, 0.92, 0.9))
+    figure = new_figure(9, 7)
+    ax = figure.add_subplot(aspect="equal", xlim=(-0.1, 1.72), ylim=(-0.1, 1.45), xlabel="x, m", ylabel="y, m")
     for degrees, colour in ELEVATIONS.items():
         shot = simulate(scene, [[0.0, 0.0]], strike(scene, **MASSE, elevation=math.radians(degrees)), record=True)
         assert shot.events is not None
         end = shot.events[shot.events["kind"] == "sliding_rolling"]["time"][0]
         path = np.array([shot.at(t)[0] for t in np.linspace(0.0, shot.time, 2000)])
-        path = path[np.hypot(*path.T) < reach]
-        ax.plot(*path.T, color=colour, linewidth=2.2, zorder=3)
+        ax.plot(*path[np.hypot(*path.T) < reach].T, color=colour, linewidth=2.2, label=f"{degrees}°")
         ax.plot(*shot.at(end)[0], "o", color="white", markeredgecolor=colour, markeredgewidth=1.6, zorder=4)
-        ax.plot(
-            *zip((0.0, 0.0), 0.7 * reach * _coriolis(degrees), strict=True), "--", color=colour, linewidth=1.1, zorder=2
-        )
-        x, y = path[-1] / np.hypot(*path[-1]) * (reach + 0.03)
-        ax.text(x, y, f"{degrees}°", color=colour, fontsize=12, ha="left", va="center")
+        x, y = 0.7 * reach * _coriolis(degrees)
+        ax.plot((0.0, x), (0.0, y), "--", color=colour, linewidth=1.1)
     ax.add_patch(Circle((0.0, 0.0), scene.balls.radius[0], facecolor="white", edgecolor=INK, zorder=5))
-    arrow = {"arrowstyle": "-|>", "color": INK, "shrinkA": 0, "shrinkB": 0}
-    ax.annotate("", xy=(-0.04, 0.0), xytext=(-0.2, 0.0), arrowprops=arrow)
-    ax.text(-0.12, 0.025, "cue", color=INK, fontsize=11, ha="center", va="bottom")
-    lines: dict[str, dict[str, Any]] = {
-        "path": {"linestyle": "-"},
-        "end of the slide": {"linestyle": "none", "marker": "o"},
-        "construction of Coriolis": {"linestyle": "--"},
-    }
-    style: dict[str, Any] = {"color": INK, "markerfacecolor": "white", "linewidth": 1.6}
-    handles = [Line2D([], [], label=text, **style, **line) for text, line in lines.items()]
-    ax.legend(handles=handles, loc="upper right", frameon=False, fontsize=10.5)
-    ax.set_xlabel("x, m")
-    ax.set_ylabel("y, m")
-    ax.set_xlim(-0.28, 1.72)
-    ax.set_ylim(-0.1, 1.45)
-    ax.set_aspect("equal")
+    ax.plot([], [], "o", color="white", markeredgecolor=INK, label="end of the slide")
+    ax.plot([], [], "--", color=INK, label="construction of Coriolis")
+    ax.legend(loc="upper right", frameon=False, fontsize=10.5, title="elevation of the cue")
     ax.spines[["top", "right"]].set_visible(False)
     return figure
 
@@ -179,7 +145,7 @@ timestep."""
 
 def failures() -> Figure:
     """Returns a figure of the failures of a timestep: PIT on the left, PIC on the right, to scale."""
-    figure = Figure(figsize=(9, 11), dpi=110, facecolor="white", layout="constrained")
+    figure = new_figure(9, 11)
     for row, (name, (centre, half, ends)) in zip(figure.subplots(len(VIEWS), 2), VIEWS.items(), strict=True):
         case = FAILURES[name]
         start = case.scene, case.positions, case.velocities
@@ -220,39 +186,14 @@ def _draw_failure(
     ax.set_facecolor("#dfe9e2")
 
 
-def window() -> GameWindow:
-    """Returns a window with a nine ball game after the break; the mouse aims the shot of the geometric player."""
+def window() -> Model:
+    """Returns a nine ball game after the break: the aim is that of the geometric player, with an offset of the tip."""
     rng = np.random.default_rng(WINDOW["seed"])
     setup = Setup("nine_ball", Scene.named("real_pool", 9))
     model = begin(History(setup, opening(setup, rng), ()), (HUMAN, HUMAN), 8.0, 1 / 60)
-    shown = GameWindow(model, (None, None), rng, Path("game.json"), WINDOW["width"])
-    for phase in ("placing", "aiming", "rolling"):  # places the cue ball, shoots and skips to the end of the break
-        if shown.model.phase == phase:  # on a slow machine the break may have ended already
-            press(shown, pygame.K_SPACE)
-    model = shown.model
-    velocity = np.array(find_player("geometric", setup)(setup, model.game, 3.0, rng).velocity)
-    cue, speed = np.array(model.cue_position), float(np.hypot(*velocity))
-    drag(shown, cue, cue + velocity * (ARROW + ARROW_START * setup.scene.balls.radius[0] / speed))
-    shown.model = set_tip(shown.model, *WINDOW["english"])
-    return shown
-
-
-def press(shown: GameWindow, key: int) -> None:
-    """Presses a key and shows a frame."""
-    pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key, mod=0))
-    shown.frame()
-
-
-def drag(shown: GameWindow, start: np.ndarray, end: np.ndarray) -> None:
-    """Drags the mouse from one point, m, to another."""
-    (x0, y0), (x1, y1) = (np.round(shown.pixels_of(point)).astype(int).tolist() for point in (start, end))
-    for kind, more in (
-        (pygame.MOUSEBUTTONDOWN, {"pos": (x0, y0), "button": 1}),
-        (pygame.MOUSEMOTION, {"pos": (x1, y1), "rel": (x1 - x0, y1 - y0), "buttons": (1, 0, 0)}),
-        (pygame.MOUSEBUTTONUP, {"pos": (x1, y1), "button": 1}),
-    ):
-        pygame.event.post(pygame.event.Event(kind, more))
-    shown.frame()
+    model = go(go(go(model)))  # places the cue ball, shoots and skips to the end of the break
+    stroke = find_player("geometric", setup)(setup, model.game, 3.0, rng)
+    return set_tip(aim_like(model, stroke), *WINDOW["english"])
 
 
 FILM: dict[str, Any] = {"noise": (0.057, 0.02), "shots": 3000, "width": 480, "pace": 3.0, "frame": 0.12, "plan": 1.5}
@@ -291,20 +232,19 @@ def frames(models: Sequence[tuple[Model, str]]) -> Iterator[tuple[Image.Image, f
 
 def film(path: Path, models: Sequence[tuple[Model, str]]) -> None:
     """Writes a film, .gif, completely or not at all."""
-    target, images = check_path(path, ".gif"), list(frames(models))
+    images = list(frames(models))
     # All balls are in the first image. They have few pixels, and an octree keeps their colours.
     palette = images[0][0].quantize(96, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image, _ in images)
     times = [round(1000 * seconds) for _, seconds in images]
-    with replacing(target) as temporary:
+    with replacing(path) as temporary:
         first.save(temporary, save_all=True, append_images=others, duration=times, loop=0, optimize=False)
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.figures --help`."""
     folder = (IMAGES, "output folder")
-    args = parser_of("figures", "Draw the pictures in docs/images.", folder=folder).parse_args(arguments)
-    use_own_font()
+    args = parser_of("studies.figures", "Draw the pictures in docs/images.", folder=folder).parse_args(arguments)
     scene = Scene.named("pool", 4)
     shot = shot_of(scene, **SHOT)
     title = f"One action, one shot: {shot.n_events} events in {shot.time:.1f} s. Ball 2 pots ball 3 and is then potted"
@@ -313,11 +253,9 @@ def main(arguments: list[str] | None = None) -> None:
         save(tables(), args.folder / "tables.png")
     save(masse(), args.folder / "masse.png")
     save(failures(), args.folder / "failures.png")
-    shown, buffer = window(), io.BytesIO()
-    image = Image.fromarray(pixels(shown.frame()))
-    image.quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
-    shown.close()
-    write_whole(args.folder / "play.png", buffer.getvalue())
+    shown = window()
+    frame = View(shown.setup.scene, WINDOW["width"]).draw(shown)
+    save_image(Image.fromarray(pixels(frame)), args.folder / "play.png", octree=True)
     velocity = shot.recording().trajectory.velocity[0]
     rough = simulate(scene, shot.at(0.0), velocity, engine=Engine("pit", 1 / 60), record=True)
     shot.to_gif(args.folder / "shot.gif", fps=25, width=640, compare=rough)

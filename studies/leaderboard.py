@@ -1,7 +1,7 @@
 """Verifies the files in `leaderboard` and makes the table and the picture of the page: `python -m studies.leaderboard`.
 
 An entry is a file of `billiards bench` with the public layouts and the layouts of a second seed, `SEEDS`. The results
-are in `studies/results/leaderboard.json`. `--check` verifies files and writes nothing.
+are in `studies/results/leaderboard.json`.
 """
 
 from __future__ import annotations
@@ -11,20 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from benchmarks import save, table, use_own_font
+from benchmarks import ROOT, new_figure, run_command, save, table
 from billiards_env import bench
-from billiards_env.commands import ending
-from billiards_env.files import write_json
 from billiards_env.frozen import BENCH_TASKS
 from billiards_env.intervals import interquartile_mean
-from studies import RESULTS, parser_of
 
-OUTPUT = RESULTS / "leaderboard.json"
-ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "leaderboard"
-FIGURE = ROOT / "docs" / "images" / "leaderboard.png"
 
 SEEDS = (bench.SEED, 1)
 """The seeds of an entry: the seed of the public layouts and one more, because a player may be fitted to those."""
@@ -89,35 +82,18 @@ def _ordered(found: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
-    """Returns the tables for the page, by name."""
-    rows, more = [], []
+    """Returns the table for the page, by name."""
+    rows = []
     for entry in _ordered(found):
         scores, total = entry["scores"], aggregate(entry["scores"])
         cells = (f"{scores[task]['success']:.1%}" if task in scores else "-" for task in BENCH_TASKS)
         rows.append((entry["player"], "-" if total is None else f"{total:.3f}", *cells, entry["checked"]))
-        for task, score in scores.items():
-            low, high = score["success_interval"]
-            least, most = score["return_interval"]
-            scaled = score["normalised"]
-            more.append(
-                (
-                    entry["player"],
-                    task,
-                    f"{score['success']:.1%} ({100 * low:.1f} to {100 * high:.1f})",
-                    f"{score['mean_return']:.3f} ({least:.3f} to {most:.3f})",
-                    "-" if scaled is None else f"{scaled:.3f}",
-                )
-            )
-    return {
-        "table": table(("player", "aggregate", *BENCH_TASKS, "checked"), rows),
-        "details": table(("player", "task", "success", "mean return", "normalised"), more, left=2),
-    }
+    return {"table": table(("player", "aggregate", *BENCH_TASKS, "checked"), rows)}
 
 
-def picture(found: Mapping[str, Any]) -> Figure:
-    """Returns the success of each player in each task, with intervals."""
-    use_own_font()
-    figure = Figure(figsize=(8, 3.2), layout="constrained")
+def draw(found: Mapping[str, Any], folder: Path) -> None:
+    """Draws the success of each player in each task, with intervals."""
+    figure = new_figure(8, 3.2, dpi=100)
     ax = figure.add_subplot()
     ordered = _ordered(found)
     for k, entry in enumerate(ordered):
@@ -134,26 +110,13 @@ def picture(found: Mapping[str, Any]) -> Figure:
     ax.set_ylabel("success")
     ax.grid(axis="y", alpha=0.3)
     figure.legend(loc="outside right upper", frameon=False)
-    return figure
+    save(figure, folder / "leaderboard.png")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.leaderboard --help`."""
-    parser = parser_of(
-        "leaderboard",
-        "Verify the files of the leaderboard and make its page.",
-        folder=(FOLDER, "the files"),
-        output=(OUTPUT, "JSON file"),
-        figure=(FIGURE, "the picture, .png"),
-        check=(False, "verify the files and write nothing"),
-    )
-    args = parser.parse_args(arguments)
-    with ending("the same command continues"):
-        found = entries(args.folder)
-        if not args.check:
-            write_json(args.output, found)
-            save(picture(found), args.figure)
-        print("\n\n".join(blocks(found).values()))
+    about, folder = "Verify the files of the leaderboard and make its page.", (FOLDER, "the files")
+    run_command("studies.leaderboard", about, arguments, entries, blocks, {"folder": folder}, draw)
 
 
 if __name__ == "__main__":

@@ -20,13 +20,12 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from agents.config import LEARNING, load, read, rows
 from agents.ppo import deterministic, load_policy
 from agents.train import learning_curve, open_run, train, versions
-from benchmarks import IMAGES, machine, machine_line, save, table, use_own_font
+from benchmarks import IMAGES, machine, machine_line, new_figure, save, table
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json, write_whole
 from billiards_env.frozen import FROZEN, NAMESPACE
@@ -198,8 +197,7 @@ def _rival(known: Mapping[str, float]) -> str:
 
 def draw(found: Result, path: Path) -> None:
     """Draws the learning curves of the rows: the mean over the seeds and, thin, each seed."""
-    use_own_font()
-    figure = Figure(figsize=(9, 4.6), dpi=110, layout="constrained")
+    figure = new_figure(9, 4.6)
     axes = figure.add_subplot()
     for k, (name, result) in enumerate((name, row) for name, row in found.items() if row["runs"]):
         curves = np.array([[point[3] for point in run["curve"]] for run in runs(result)])

@@ -33,13 +33,10 @@ balls of the next shot there. Of 20,000 random shots with 1/120 s, 670 were pots
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import dataclasses
 import io
-import json
 import math
-import subprocess
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import as_completed
 from itertools import pairwise
@@ -47,18 +44,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import IMAGES, comparison, save, table, use_own_font
+from benchmarks import comparison, new_figure, run_command, save, table, worker
 from billiards_env import Scene, simulate_batch
 from billiards_env.envs import BilliardsVectorEnv, make_model
 from billiards_env.evaluation import evaluation_seeds
 from billiards_env.files import write_json
 from billiards_env.scene import Physics
 from examples import ppo
-from studies import RESULTS, parser_of, report, resumed, workers
+from studies import RESULTS, resumed, workers
 from studies.simulators_worker import DECAY, TIME
 from studies.timestep import LAYOUT_SEED, LAYOUTS, aims, aims_by_group, shots_of
 from studies.timestep_report import GROUPS, finished
@@ -133,7 +129,7 @@ def gaps_of(scene: Scene, places: Floats) -> Floats:
 
 
 @contextlib.contextmanager
-def opened(name: str, python: Path) -> Iterator[tuple[Play, Floats]]:
+def opened(name: str) -> Iterator[tuple[Play, Floats]]:
     """Yields the function that plays shots in a world, and delays of its contacts, s."""
     world = WORLDS[name]
     scene = SCENES[world.exact]
@@ -143,15 +139,9 @@ def opened(name: str, python: Path) -> Iterator[tuple[Play, Floats]]:
         with comparison.pooltool(comparison.POOLTOOL_PYTHON) as (_, (run, *_)):
             yield lambda *shots: play_in_pooltool(run, scene, *shots), np.zeros(1)
     else:
-        with subprocess.Popen([python, WORKER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as worker:
-
-            def answer(*request: Any) -> NDArray[Any]:
-                assert worker.stdout is not None
-                print(json.dumps(request), file=worker.stdin, flush=True)
-                return np.array(json.loads(worker.stdout.readline()))
-
-            delays = answer(world.simulator, world.dt, scene.to_dict())
-            yield lambda *shots: answer(*(numbers.tolist() for numbers in shots)), delays
+        with worker(WORKER.name, [PYTHON, WORKER]) as ask:
+            delays = np.array(ask([world.simulator, world.dt, scene.to_dict()]))
+            yield lambda *shots: np.array(ask([numbers.tolist() for numbers in shots])), delays
 
 
 class PlayedEnvs(BilliardsVectorEnv):
@@ -198,7 +188,7 @@ def aim_of(scene: Scene, positions: Floats, velocities: Floats, pockets: Any, de
     return aims_by_group(aimed._replace(predicted=predicted))["cut angle"]
 
 
-def train(name: str, seed: int, shots: int, layouts: int, python: Path) -> dict[str, Any]:
+def train(name: str, seed: int, shots: int, layouts: int) -> dict[str, Any]:
     """Trains a policy and plays it on new layouts.
 
     Returns:
@@ -209,7 +199,7 @@ def train(name: str, seed: int, shots: int, layouts: int, python: Path) -> dict[
     exact = WORLDS[name].exact
     scene, random = SCENES[exact], np.random.default_rng(seed)
     args = ppo.arguments(f"--shots {shots} --seed {seed} --episodes {min(layouts, 2000)}".split())
-    with opened(name, python) as (play, delays):
+    with opened(name) as (play, delays):
         with contextlib.redirect_stdout(io.StringIO()):
             policy, curve = ppo.train(args, make_vec=lambda _, num_envs, threads: PlayedEnvs(num_envs, scene, play))
         envs = PlayedEnvs(layouts, scene, play)
@@ -220,7 +210,7 @@ def train(name: str, seed: int, shots: int, layouts: int, python: Path) -> dict[
         success, predicted = {name: int(potted.sum())}, {}
         for other, world in WORLDS.items():
             if other != name and world.exact == exact and exact in (name, other):
-                with opened(other, python) as (play_there, late):
+                with opened(other) as (play_there, late):
                     success[other] = int((play_there(positions, velocities) >= 0).sum())
                 if name == exact:
                     shifted = delayed(positions, velocities, random.choice(late, layouts))
@@ -236,13 +226,13 @@ def train(name: str, seed: int, shots: int, layouts: int, python: Path) -> dict[
     }
 
 
-def measure(args: argparse.Namespace) -> dict[str, Any]:
-    """Trains what has no results, and writes the result of each run as soon as it ends. Then draws the picture."""
-    settings = {"shots": args.shots, "layouts": args.layouts, "decay": DECAY, "time": TIME}
-    found = resumed(args.output, settings, runs={})
-    with workers(args.jobs, None) as pool:
+def measure(output: Path, jobs: int, shots: int, layouts: int) -> dict[str, Any]:
+    """Trains what has no results, `jobs` policies at a time, and writes the result of each run as soon as it ends."""
+    settings = {"shots": shots, "layouts": layouts, "decay": DECAY, "time": TIME}
+    found = resumed(output, settings, runs={})
+    with workers(jobs, None) as pool:
         futures = {
-            pool.submit(train, name, seed, args.shots, args.layouts, args.python): key
+            pool.submit(train, name, seed, shots, layouts): key
             for name, world in WORLDS.items()
             for seed in range(11, 11 + world.seeds)
             if (key := f"{name}, seed {seed}") not in found["runs"]
@@ -250,8 +240,7 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
         }
         for future in tqdm(as_completed(futures), total=len(futures), unit="run"):
             found["runs"][futures[future]] = future.result()
-            write_json(args.output, found)
-    draw(found, args.picture)
+            write_json(output, found)
     return found
 
 
@@ -300,10 +289,9 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def draw(result: Mapping[str, Any], path: Path) -> None:
+def draw(result: Mapping[str, Any], folder: Path) -> None:
     """Draws the measured errors of the aim against the predicted ones."""
-    use_own_font()
-    figure = Figure(figsize=(7.2, 4.2), dpi=120, layout="constrained")
+    figure = new_figure(7.2, 4.2, dpi=120)
     axes = figure.add_subplot()
     for name, errors in aim_errors(result).items():
         _, measured, predicted = errors[errors[:, 0] >= 100].T
@@ -312,21 +300,19 @@ def draw(result: Mapping[str, Any], path: Path) -> None:
     axes.plot([end, 0.0], [end, 0.0], color="#777777", linewidth=0.8, zorder=0)
     axes.set(xlabel="predicted error of the aim (mm)", ylabel="measured error of the aim (mm)")
     axes.set_title("The error of the aim makes up for the delay of the contacts", loc="left", fontsize=11)
-    save(finished(figure), path)
+    save(finished(figure), folder / "other_simulators.png")
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.other_simulators --help`."""
     options = {
+        "output": (RESULTS / "other_simulators.json", "JSON file"),
         "jobs": (2, "policies that train at a time"),
         "shots": (400_000, "shots of a training"),
         "layouts": (LAYOUTS, "new layouts that each policy plays"),
-        "python": (PYTHON, "Python with the packages of studies/simulators.txt"),
-        "output": (RESULTS / "other_simulators.json", "JSON file"),
-        "picture": (IMAGES / "other_simulators.png", "picture"),
     }
-    args = parser_of("other_simulators", "Train policies in pymunk and in MuJoCo.", **options).parse_args(arguments)
-    report(lambda: measure(args), blocks, args.output, args.picture)
+    about = "Train policies in pymunk and in MuJoCo."
+    run_command("studies.other_simulators", about, arguments, measure, blocks, options, draw)
 
 
 if __name__ == "__main__":

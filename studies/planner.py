@@ -26,12 +26,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from benchmarks import machine_line, table, use_own_font
+from benchmarks import machine, machine_line, new_figure, run_command, save, table
 from billiards_env.evaluation import measure as play_alone
-from billiards_env.files import replacing, write_json
+from billiards_env.files import write_json
 from billiards_env.games import GAMES, GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
 from billiards_env.intervals import mean_interval, success_rate, wilson_interval
 from billiards_env.players.game_player import Player
@@ -39,7 +38,7 @@ from billiards_env.players.levels import LEVELS, with_noise
 from billiards_env.players.named import find_player
 from billiards_env.players.planner import Options, parse_budget, plan
 from billiards_env.scene import Scene
-from studies import RESULTS, parser_of, report, resumed
+from studies import RESULTS, resumed
 
 OUTPUT = RESULTS / "planner.json"
 RACKS, SEED, MAX_SPEED, MAX_SHOTS = 100, 30, 8.0, 200
@@ -66,6 +65,9 @@ EQUAL_TIME = "search:24000"
 
 LEAST = "planner:0.001ms"
 """A planner whose decisions take the least time."""
+
+LAYOUTS = 40
+"""The number of layouts in which the time of a decision is measured."""
 
 
 class Cell(NamedTuple):
@@ -122,39 +124,30 @@ def run_out(
     """Plays one rack until the turn is lost.
 
     Returns:
-        `success`, `strokes`, `break` ("nine", "kept" or "lost"; a nine ball on the break wins), and `chances`: the
-        probability of each shot after the break, as the planner expects it.
+        `success`, `strokes`, and `kept`: whether the turn goes on after the break.
     """
     setup = Setup(rules, Scene.named(scene, GAMES[rules].n_object_balls[1]))
-    game, rngs, strokes, after_break = opening(setup, rng), rng.spawn(2), 0, ""
-    chances: list[float] = []
+    game, rngs, strokes, kept = opening(setup, rng), rng.spawn(2), 0, False
     chosen = find_player(player, setup, noise=noise)
     if player.startswith("planner"):
-        chosen = _for_one_turn(player, noise, chances, english=scene != "pool")
+        chosen = _for_one_turn(player, noise, english=scene != "pool")
     while not game.state.over and game.state.player == 0:
         if fixed_break and strokes == 0:
             game = play(setup, game, with_noise(fixed_break, noise, MAX_SPEED, rngs[1])).game
         else:
             game = shoot(setup, game, chosen, noise, rngs).game
         strokes += 1
-        after_break = after_break or ("nine" if game.state.over else "kept" if game.state.player == 0 else "lost")
-    broken = 0 if fixed_break else 1
-    return {
-        "success": bool(game.state.winner == 0),
-        "strokes": strokes,
-        "break": after_break,
-        "chances": [round(chance, 3) for chance in chances[broken:]],
-    }
+        if strokes == 1:
+            kept = bool(game.state.over or game.state.player == 0)
+    return {"success": bool(game.state.winner == 0), "strokes": strokes, "kept": kept}
 
 
-def _for_one_turn(player: str, noise: tuple[float, float], chances: list[float], english: bool = True) -> Player:
-    """Returns a planner that plays for its present turn only. It appends the probability of each shot to `chances`."""
+def _for_one_turn(player: str, noise: tuple[float, float], english: bool = True) -> Player:
+    """Returns a planner that plays for its present turn only."""
     seconds, shots = parse_budget(player.partition(":")[2])
 
     def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
-        found = plan(setup, game, max_speed, rng, seconds, shots, noise, Options(run_out=True, english=english))
-        chances.append(found.probability)
-        return found.stroke
+        return plan(setup, game, max_speed, rng, seconds, shots, noise, Options(run_out=True, english=english)).stroke
 
     return stroke
 
@@ -171,7 +164,7 @@ def turn(
     """Plays one turn from random positions of all balls. Returns `points` and `strokes`."""
     setup = Setup(rules, Scene.named(scene, balls), target=target)
     game, rngs, strokes = opening(setup, rng, "random"), rng.spawn(2), 0
-    chosen = _for_one_turn(player, noise, [])
+    chosen = _for_one_turn(player, noise)
     while not game.state.over and game.state.player == 0 and strokes < MAX_POINTS:
         game, strokes = shoot(setup, game, chosen, noise, rngs).game, strokes + 1
     return {"points": int(game.state.scores[0]), "strokes": strokes}
@@ -219,7 +212,8 @@ EXPERIMENTS: dict[str, Callable[..., dict[str, Any]]] = {
 def measure(output: Path, racks: int) -> dict[str, Any]:
     """Plays the racks that are missing in `output`, and writes the results after each of them.
 
-    The JSON file `output` has `machine`, `settings`, and `results[experiment][noise][player]`: one entry for each rack.
+    The JSON file `output` has `machine`, `settings`, `results[experiment][noise][player]`: one entry for each rack, and
+    `times`, see `times`.
 
     Raises:
         OSError: If the file cannot be read or written.
@@ -241,6 +235,8 @@ def measure(output: Path, racks: int) -> dict[str, Any]:
                 played.append(EXPERIMENTS[experiment](player, noise, np.random.default_rng([SEED, len(played)])))
                 write_json(output, found)
                 bar.update()
+    if "times" not in found:
+        found["times"] = times()
     return found
 
 
@@ -256,8 +252,8 @@ def _name(noise: tuple[float, float]) -> str:
     return f"{noise[0]:g} degrees, {noise[1]:g} m/s"
 
 
-def times(layouts: int = 40) -> dict[str, tuple[float, float]]:
-    """Returns the median and the largest processor time of decisions, s.
+def times() -> dict[str, Any]:
+    """Returns `machine`, and for some `players` the median processor time of a decision, `seconds`.
 
     The layouts are random, in eight ball with 15 to 1 object balls.
     """
@@ -265,10 +261,10 @@ def times(layouts: int = 40) -> dict[str, tuple[float, float]]:
         Setup("eight_ball", Scene.named("real_pool", 15)),
         Setup("snooker", Scene.named("snooker", 21)),
     )
-    found = {}
+    found: dict[str, Any] = {"machine": machine(), "players": []}
     for setup, name in ((eight_ball, PLANNER), (eight_ball, EQUAL_TIME), (eight_ball, LEAST), (snooker, LEAST)):
         player, taken = find_player(name, setup, noise=OLYMPIAD), []
-        for k in range(-1, layouts):  # the first one compiles
+        for k in range(-1, LAYOUTS):  # the first one compiles
             rng = np.random.default_rng([SEED, k + 1])
             lying = {0, 8, *(1 + rng.permutation(15)[: 15 - k % 15]).tolist()}
             game = opening(setup, rng, "random")
@@ -277,12 +273,12 @@ def times(layouts: int = 40) -> dict[str, tuple[float, float]]:
             begin = time.thread_time()
             player(setup, game, MAX_SPEED, rng)
             taken.append(time.thread_time() - begin)
-        found[f"{name} in {setup.rules}"] = float(np.median(taken[1:])), max(taken[1:])
+        found["players"].append({"player": name, "game": setup.rules, "seconds": float(np.median(taken[1:]))})
     return found
 
 
 _HEADS = {
-    "run-outs": ("racks", "run-outs", "table kept after the break", "won on the break", "strokes", "expected success"),
+    "run-outs": ("racks", "run-outs", "turn kept after the break", "strokes"),
     "matches": ("racks", "racks won by the planner", "strokes"),
     "one ball": ("shots", "pots"),
     "levels": ("racks", "racks won against the level below", "strokes"),
@@ -293,7 +289,11 @@ _RUN_OUTS = "run-outs", "fixed break", "without english", "eight ball"
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     """Returns the tables for the pages, by name."""
-    made = {"machine": machine_line(found["machine"])}
+    timed = [
+        (t["player"], t["game"].replace("_", " "), f"{1e3 * t['seconds']:.3g} ms") for t in found["times"]["players"]
+    ]
+    made = {"times": table(("player", "game", "decision, median"), timed, left=2)}
+    made["times machine"] = machine_line(found["times"]["machine"])
     for experiment, noises in found["results"].items():
         rows = [
             (noise, player, *_row(experiment, played))
@@ -323,11 +323,7 @@ def _row(experiment: str, played: Sequence[Mapping[str, Any]]) -> tuple[str, ...
     share = _share(played, ONE_BALL if experiment == "one ball" else 1)
     if experiment not in _RUN_OUTS:
         return share if experiment == "one ball" else (*share, strokes)
-    breaks = [rack["break"] for rack in played]
-    kept, nine = 1 - breaks.count("lost") / len(played), breaks.count("nine") / len(played)
-    chances = [chance for rack in played for chance in rack.get("chances", ())]
-    expected = f"{np.mean(chances):.0%}" if chances else "-"
-    return (*share, f"{kept:.0%}", f"{nine:.0%}", strokes, expected)
+    return (*share, f"{np.mean([rack['kept'] for rack in played]):.0%}", strokes)
 
 
 def _share(played: Sequence[Mapping[str, Any]], of: int = 1) -> tuple[str, str]:
@@ -350,10 +346,9 @@ _FEWEST = 5
 _BUDGETS = (10, 30, 100, 300, 1000, 3000)
 
 
-def draw(found: Mapping[str, Any]) -> Figure:
-    """Returns the picture of the run-outs of nine ball against the time of a decision."""
-    use_own_font()
-    figure = Figure(figsize=(8.0, 4.2), layout="constrained")
+def draw(found: Mapping[str, Any], folder: Path) -> None:
+    """Draws the run-outs of nine ball against the time of a decision."""
+    figure = new_figure(8.0, 4.2)
     axes = figure.subplots()
     axes.spines[["top", "right"]].set_visible(False)
     for (label, low, high), colour in zip(PUBLISHED, ("0.85", "0.6", "0.4"), strict=True):
@@ -374,33 +369,13 @@ def draw(found: Mapping[str, Any]) -> Figure:
     axes.minorticks_off()
     axes.set(xlabel="processor time of a decision, ms", ylabel="break and run, %", ylim=(0, 100))
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=8)
-    return figure
+    save(figure, folder / "planner_budget.png")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.planner --help`."""
-    parser = parser_of(
-        "planner",
-        "Measure the planner under noise.",
-        racks=(RACKS, "racks of a row with a full share"),
-        output=(OUTPUT, "JSON file"),
-        times=(False, "only print the time of decisions: of the matches, and the least of the planner"),
-    )
-    parser.add_argument("--picture", type=Path, help="SVG file to draw")
-    args = parser.parse_args(arguments)
-    if args.times:
-        for name, (median, most) in times().items():
-            print(f"{name}: {1e3 * median:.3g} ms, at most {1e3 * most:.3g} ms")
-        return
-
-    def work() -> dict[str, Any]:
-        found = measure(args.output, args.racks)
-        if args.picture:
-            with replacing(args.picture) as temporary:
-                draw(found).savefig(temporary)
-        return found
-
-    report(work, blocks, args.output)
+    options = {"output": (OUTPUT, "JSON file"), "racks": (RACKS, "racks of a row with a full share")}
+    run_command("studies.planner", "Measure the planner under noise.", arguments, measure, blocks, options, draw)
 
 
 if __name__ == "__main__":

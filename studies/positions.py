@@ -2,7 +2,7 @@
 
 The set, `studies/position_set.json`, has positions of nine ball and of eight ball on `real_pool` with the
 stroke that the planner chooses. They come from games of the planner against itself under execution noise, after the
-break. `--make` plays these games again and writes the set.
+break. Commit 672a979 is the last one with the code that made the set.
 
 A player chooses one stroke in each position. The stroke is simulated with `SAMPLES` draws of noise, the same for all
 players. Its success is the share of the outcomes in which the player wins or keeps the turn, so a safety is not a
@@ -11,7 +11,6 @@ success. The scores are in `studies/results/positions.json`.
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import json
 import math
@@ -24,72 +23,27 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import machine, machine_line, table
-from billiards_env.files import write_json
-from billiards_env.games import GAMES, Call, GameState, Setup, Stroke, custom_opening, opening, to_dict
+from benchmarks import parser_of, table
+from billiards_env.games import GAMES, Call, GameState, Setup, Stroke, custom_opening
 from billiards_env.games.batch import play_batch
-from billiards_env.games.game import STATE_FIELDS
 from billiards_env.games.placement import cue_ball_point
 from billiards_env.intervals import as_percent, mean_interval
 from billiards_env.players.named import find_player
-from billiards_env.players.planner import add_noise, plan
+from billiards_env.players.planner import add_noise
 from billiards_env.scene import Scene
-from studies import RESULTS, parser_of, report
-from studies.planner import MAX_SPEED, OLYMPIAD, shoot
+from studies import RESULTS, fill, report, resumed
+from studies.planner import MAX_SPEED, OLYMPIAD
 
 SET = Path(__file__).with_name("position_set.json")
 OUTPUT = RESULTS / "positions.json"
 PLAYERS = ("planner:1000", "search:200", "geometric")
-COUNTS = {"nine_ball": 100, "eight_ball": 100}
-"""The number of positions of each game."""
-KEPT = 0.3
-"""Share of the positions of a game that go into the set."""
-PLAYS, ANSWERS = "planner:1000", 10_000
-"""The player of the games, and the number of simulated shots for the strokes in the set."""
+RULES = "nine_ball", "eight_ball"
 SAMPLES, SEED = 1000, 40
 
 
 def setup_of(rules: str) -> Setup:
     """Returns the setup of the positions of a game."""
     return Setup(rules, Scene.named("real_pool", GAMES[rules].n_object_balls[1]))
-
-
-def make(path: Path) -> None:
-    """Plays games and writes the set."""
-    found: list[dict[str, Any]] = []
-    with tqdm(total=sum(COUNTS.values()), unit="position") as bar:
-        for rules, count in COUNTS.items():
-            setup, end, seed = setup_of(rules), len(found) + count, 0
-            while len(found) < end:
-                some = _positions(setup, seed)[: end - len(found)]
-                found += some
-                seed += 1
-                bar.update(len(some))
-    write_json(path, {"noise": list(OLYMPIAD), "max_speed": MAX_SPEED, "positions": found})
-
-
-def _positions(setup: Setup, seed: int) -> list[dict[str, Any]]:
-    """Returns some positions of a game of the planner against itself, with the planner's strokes."""
-    rng = np.random.default_rng([SEED, seed])
-    game, rngs, found = opening(setup, rng), rng.spawn(3), []
-    player = find_player(PLAYS, setup, noise=OLYMPIAD)
-    for number in range(60):
-        if game.state.over:
-            break
-        if not game.state.break_shot and rngs[2].random() < KEPT:
-            state = {name: value for name, value in to_dict(game.state).items() if name in STATE_FIELDS}
-            entry = {"rules": setup.rules, "seed": seed, "stroke": number}
-            entry |= {"balls": game.positions.round(6).tolist(), "state": state}
-            with contextlib.suppress(ValueError):  # rounded balls that touched may overlap
-                found.append(entry | {"answer": _answer(setup, state_of(entry), rngs[2])})
-        game = shoot(setup, game, player, OLYMPIAD, rngs).game
-    return found
-
-
-def _answer(setup: Setup, game: GameState, rng: np.random.Generator) -> dict[str, Any]:
-    best = plan(setup, game, MAX_SPEED, rng, math.inf, ANSWERS, OLYMPIAD)
-    stroke = best.stroke._asdict() | {"call": best.stroke.call._asdict()}
-    return {**stroke, "probability": round(best.probability, 4), "value": round(best.value, 4)}
 
 
 def state_of(entry: Mapping[str, Any]) -> GameState:
@@ -138,61 +92,44 @@ def evaluate(entries: Sequence[Mapping[str, Any]], player: str, samples: int) ->
     return {"success": found, "seconds": seconds}
 
 
-def measure(path: Path, output: Path, players: Sequence[str], samples: int) -> dict[str, Any]:
+def measure(output: Path, players: Sequence[str], samples: int) -> dict[str, Any]:
     """Measures the players that have no scores yet, and writes the scores of each as soon as they are known.
 
     Returns:
-        The content of `output`: `machine`, `samples`, `rules` (of each position), and `scores` by player.
+        The content of `output`: `machine`, `settings`: `samples` and the `rules` of each position, and `scores` by
+        player.
 
     Raises:
         OSError: If a file cannot be read or written.
         ValueError: If a file is not JSON, or a player is unknown.
     """
-    entries = json.loads(path.read_text(encoding="utf-8"))["positions"]
-    rules = [entry["rules"] for entry in entries]
-    found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
-    if (found.get("samples"), found.get("rules")) != (samples, rules):
-        found = {"machine": machine(), "samples": samples, "rules": rules, "scores": {}}
-    for player in players:
-        if player not in found["scores"]:
-            found["scores"][player] = evaluate(entries, player, samples)
-            write_json(output, found)
-    return found
+    entries = json.loads(SET.read_text(encoding="utf-8"))["positions"]
+    found = resumed(output, {"samples": samples, "rules": [entry["rules"] for entry in entries]})
+    jobs = {("scores", player): functools.partial(evaluate, entries, player, samples) for player in players}
+    return fill(output, found, jobs)
 
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     """Returns the table for the page, by name."""
-    rules = np.array(found["rules"])
+    rules = np.array(found["settings"]["rules"])
     rows = []
     for player, score in found["scores"].items():
         success = np.array(score["success"])
         share = as_percent({"mean": success.mean(), "interval": mean_interval(score["success"])})
-        parts = (f"{success[rules == one].mean():.1%}" for one in COUNTS)
+        parts = (f"{success[rules == one].mean():.1%}" for one in RULES)
         taken = "-" if player == "answers" else f"{1e3 * score['seconds'] / len(success):.0f} ms"
         rows.append((player, *parts, share, taken))
-    head = ("player", *(rules.replace("_", " ") for rules in COUNTS), "all positions", "decision")
-    return {"machine": machine_line(found["machine"]), "table": table(head, rows)}
+    head = ("player", *(rules.replace("_", " ") for rules in RULES), "all positions", "decision")
+    return {"table": table(head, rows)}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.positions --help`."""
-    parser = parser_of(
-        "positions",
-        "Measure the strokes of players in a fixed set of positions.",
-        make=(False, "play the games and write the set"),
-        set=(SET, "the positions, JSON"),
-        output=(OUTPUT, "the scores, JSON"),
-        samples=(SAMPLES, "draws of noise for each stroke"),
-    )
+    options = {"output": (OUTPUT, "the scores, JSON"), "samples": (SAMPLES, "draws of noise for each stroke")}
+    parser = parser_of("studies.positions", "Measure the strokes of players in a fixed set of positions.", **options)
     parser.add_argument("players", nargs="*", help=f"players of games (default: answers, {', '.join(PLAYERS)})")
     args = parser.parse_args(arguments)
-
-    def work() -> dict[str, Any]:
-        if args.make:
-            make(args.set)
-        return measure(args.set, args.output, args.players or ("answers", *PLAYERS), args.samples)
-
-    report(work, blocks, args.output)
+    report(lambda: measure(args.output, args.players or ("answers", *PLAYERS), args.samples), blocks, args.output)
 
 
 if __name__ == "__main__":

@@ -11,20 +11,19 @@ import importlib
 import json
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks import ROOT, all_blocks, parser_of
 from billiards_env.commands import ending
 from billiards_env.files import write_whole
-from studies import parser_of
 
-ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", ROOT / "paper" / "paper.md", *sorted((ROOT / "docs").rglob("*.md")))
 
 
 SOURCES = {
-    re.split("[./]", command.removesuffix(".yaml"))[-1]: command
+    command.rpartition(".")[2]: command
     for command in (
         "benchmarks.ablation",
         "benchmarks.accuracy",
@@ -56,8 +55,8 @@ SOURCES = {
 }
 """The commands whose results the pages show, by the name of the results."""
 
-GENERATED = {"games": "studies.games", "scenes": "studies.scenes"}
-"""The modules of tables that need no measurement, by the name of the source."""
+GENERATED = {"tables": "studies.tables"}
+"""The module of the tables that need no measurement, by the name of the source."""
 
 _BEGIN, _END = re.compile(r"<!-- (\w+): (.+) -->"), "<!-- end -->"
 
@@ -66,11 +65,6 @@ def results(source: str, root: Path = ROOT) -> Path:
     """Returns the file of the results of a source, in the package of its command; `bench` reads the file of "tasks"."""
     package = "billiards_env" if source == "tasks" else SOURCES[source].partition(".")[0]
     return root / package / "results" / f"{source}.json"
-
-
-def blocks_of(source: str) -> Callable[[dict[str, Any]], dict[str, str]]:
-    """Returns the function that makes the blocks of a source."""
-    return importlib.import_module((SOURCES | GENERATED)[source].partition(" ")[0]).blocks
 
 
 def block(source: str, name: str, root: Path = ROOT) -> str:
@@ -87,7 +81,7 @@ def block(source: str, name: str, root: Path = ROOT) -> str:
         if not path.exists():
             return f"*Not measured yet: `python -m {SOURCES[source]}`.*"
         measured = json.loads(path.read_text(encoding="utf-8"))
-    found = blocks_of(source)(measured)
+    found = all_blocks(measured, importlib.import_module((SOURCES | GENERATED)[source]).blocks)
     if name not in found:
         raise ValueError(f"<!-- {source}: {name} -->: expected one of {', '.join(found)}")
     return found[name]

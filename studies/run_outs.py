@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from torch import nn
 from tqdm import tqdm
 
-from benchmarks import machine, machine_line, table
-from billiards_env.files import write_json
+from benchmarks import machine, rows_table, run_command
 from billiards_env.games import GAMES, GameState, Setup, custom_opening, opening, play
 from billiards_env.games.batch import PlayedBatch
 from billiards_env.games.placement import cue_ball_area, cue_ball_point
@@ -37,13 +36,12 @@ from billiards_env.players.levels import with_noise
 from billiards_env.players.planner import Options, plan
 from billiards_env.players.values import Values
 from billiards_env.scene import Scene
-from studies import RESULTS, RUNS, load_weights, parser_of, report, save_weights
+from studies import RUNS, load_weights, save_weights, workers
 from studies.planner import FIXED_BREAK, MAX_SPEED, OLYMPIAD
-from studies.timestep import workers
 
 Floats = NDArray[np.float64]
 
-OUTPUT, FOLDER = RESULTS / "run_outs.json", RUNS / "run_outs"
+FOLDER = RUNS / "run_outs"
 ROUNDS, PARTS, PART, SEED = 3, 5, 12, 60
 """Numbers of rounds, of parts of a cell in a round, and of racks in a part; the seed."""
 
@@ -174,13 +172,9 @@ def fit(inputs: NDArray[np.float32], won: NDArray[np.bool_]) -> run_outs.Weights
             loss.backward()
             optimiser.step()
             schedule.step()
-    found = {f"w{k}": layer.weight.detach().numpy().T for k, layer in enumerate(layers)}
-    return {
-        "mean": mean,
-        "scale": scale,
-        **found,
-        **{f"b{k}": layer.bias.detach().numpy() for k, layer in enumerate(layers)},
-    }
+    matrices = {f"w{k}": layer.weight.detach().numpy().T for k, layer in enumerate(layers)}
+    biases = {f"b{k}": layer.bias.detach().numpy() for k, layer in enumerate(layers)}
+    return {"mean": mean, "scale": scale, **matrices, **biases}
 
 
 def losses(positions: Positions) -> list[dict[str, Any]]:
@@ -206,8 +200,8 @@ def _loss(chance: Floats, won: NDArray[np.bool_]) -> float:
     return float(-np.log(np.clip(np.where(won, chance, 1.0 - chance), 1e-9, 1.0)).mean())
 
 
-def measure(output: Path, weights_file: Path, folder: Path, jobs: int) -> dict[str, Any]:
-    """Plays the racks that have no file, trains the network, writes its weights and the results.
+def measure(weights: Path, folder: Path, jobs: int) -> dict[str, Any]:
+    """Plays the racks that have no file, trains the network and writes its weights.
 
     Returns:
         `machine`, and `cells`, see `losses`.
@@ -219,13 +213,11 @@ def measure(output: Path, weights_file: Path, folder: Path, jobs: int) -> dict[s
     paths: list[Path] = []
     with workers(jobs, None) as pool, tqdm(total=ROUNDS * PARTS * len(CELLS), unit="part", smoothing=0) as bar:
         for number in range(ROUNDS):
-            weights = fit(*load(paths)[:2]) if paths else None
-            paths += play_round(pool, number, weights, folder, bar)
+            network = fit(*load(paths)[:2]) if paths else None
+            paths += play_round(pool, number, network, folder, bar)
     positions = load(paths)
-    found = {"machine": machine(), "cells": losses(positions)}
-    save_weights(weights_file, fit(positions.inputs, positions.won))
-    write_json(output, found)
-    return found
+    save_weights(weights, fit(positions.inputs, positions.won))
+    return {"machine": machine(), "cells": losses(positions)}
 
 
 def play_round(
@@ -247,41 +239,32 @@ def play_round(
 
 def blocks(found: dict[str, Any]) -> dict[str, str]:
     """Returns the table for the page, by name."""
-    rows = [
-        (
-            cell["rules"].replace("_", " "),
-            cell["scene"],
-            "{:g} degrees, {:g} m/s".format(*cell["noise"]),
-            f"{cell['positions']:,}",
-            f"{cell['run_outs'] / max(cell['positions'], 1):.0%}",
-            f"{cell['share']:.3f}",
-            f"{cell['network']:.3f}",
-        )
-        for cell in found["cells"]
-    ]
-    head = ("game", "scene", "noise", "positions", "run-outs", "baseline loss", "network loss")
-    return {"machine": machine_line(found["machine"]), "table": table(head, rows, left=3)}
+    columns = {
+        "game": "{game}",
+        "scene": "{scene}",
+        "noise": "{noise[0]:g} degrees, {noise[1]:g} m/s",
+        "positions": "{positions:,}",
+        "run-outs": "{won:.0%}",
+        "baseline loss": "{share:.3f}",
+        "network loss": "{network:.3f}",
+    }
+    rows = []
+    for cell in found["cells"]:
+        won = cell["run_outs"] / max(cell["positions"], 1)
+        rows.append({**cell, "game": cell["rules"].replace("_", " "), "won": won})
+    return {"table": rows_table(columns, rows, left=3)}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.run_outs --help`."""
-    parser = parser_of(
-        "run_outs",
-        "Train the network for the probability of a run-out.",
-        output=(OUTPUT, "JSON file"),
-        weights=(run_outs.WEIGHTS, "weights, .npz"),
-        folder=(FOLDER, "folder of the positions"),
-        jobs=(2, "processes"),
-    )
-    args = parser.parse_args(arguments)
+    options = {
+        "weights": (run_outs.WEIGHTS, "weights, .npz"),
+        "folder": (FOLDER, "folder of the positions"),
+        "jobs": (2, "processes"),
+    }
     torch.set_num_threads(1)
-    report(
-        lambda: measure(args.output, args.weights, args.folder, args.jobs),
-        blocks,
-        args.output,
-        args.weights,
-        args.folder,
-    )
+    about = "Train the network for the probability of a run-out."
+    run_command("studies.run_outs", about, arguments, measure, blocks, options)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ an interruption. If the layouts of a task change, it measures the task again.
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -15,24 +16,17 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from matplotlib.figure import Figure
 from matplotlib.image import imsave
-from tqdm import tqdm
 
-from benchmarks import save, table, use_own_font
+from benchmarks import new_figure, run_command, save, table
 from billiards_env import bench
-from billiards_env.envs.actions import ACTIONS
-from billiards_env.envs.observations import FEATURES
 from billiards_env.evaluation import evaluation_seeds
-from billiards_env.files import write_json
 from billiards_env.frozen import FROZEN, NAMESPACE, NOISE, Frozen
 from billiards_env.players.env_player import RULES_OF_TASKS
 from billiards_env.players.named import find_player
-from studies import RESULTS, parser_of, report
+from studies import RESULTS, fill
 
 OUTPUT = Path(bench.__file__).parent / "results" / "tasks.json"
-
-IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 
 PLAYERS = ("random", "geometric", "search:200", "aim", "planner:300")
 
@@ -54,22 +48,23 @@ def measure(output: Path) -> dict[str, Any]:
         layouts = bench.layouts_hash(task)
         if found.get(task, {}).get("layouts") != layouts:
             found[task] = {"layouts": layouts, "players": {}}
-    write_json(output, found)
-    cells = [(task, player) for task in FROZEN for player in PLAYERS if task in ONLY.get(player, FROZEN)]
-    with tqdm(cells, unit="player") as bar:
-        for task, player in bar:
-            bar.set_description(f"{task}, {player}")
-            players = found[task]["players"]
-            if player in players:
-                continue
-            (result,) = bench.play(player, [task]).results
-            players[player] = {"success": float(result.success.mean()), "return": float(result.returns.mean())}
-            write_json(output, found)
-    return found
+    jobs = {
+        (task, "players", player): functools.partial(play, player, task)
+        for task in FROZEN
+        for player in PLAYERS
+        if task in ONLY.get(player, FROZEN)
+    }
+    return fill(output, found, jobs)
+
+
+def play(player: str, task: str) -> dict[str, float]:
+    """Returns the mean success and the mean return of a player in the public layouts of a task."""
+    (result,) = bench.play(player, [task]).results
+    return {"success": float(result.success.mean()), "return": float(result.returns.mean())}
 
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
-    """Returns a table of all tasks, one of the player "random" in those without noise, and one of the features."""
+    """Returns a table of all tasks, and one of the player "random" in those without noise."""
     rows, chance = [], []
     for name, task in FROZEN.items():
         known, policy = found.get(name, {}).get("players", {}), learned(name)
@@ -81,23 +76,7 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     return {
         "table": table(("id", "solved from", *PLAYERS, "best learned"), rows),
         "random": table(("id", "success", "mean return"), chance),
-        "actions": table(
-            ("Action", "Shape", "Meaning"),
-            [
-                (f"`{name}`", "()" if name == "plan" else f"({entry.size})", entry.summary)
-                for name, entry in ACTIONS.items()
-            ],
-        ),
-        "features": table(("Feature", "Shape", "Values", "Meaning", "Needs"), [_feature(name) for name in FEATURES], 5),
     }
-
-
-def _feature(name: str) -> tuple[str, ...]:
-    """Returns the row of a feature."""
-    entry = FEATURES[name]
-    least, *others = np.atleast_1d(entry.low)
-    values = f"{least:g} to {entry.high}" + (f", {others[0]:g} to 1" if others else "")
-    return f"`{name}`", f"({', '.join(map(str, entry.shape))})", values, entry.summary, entry.needs
 
 
 def _percent(share: float | None) -> str:
@@ -188,9 +167,8 @@ def _spaces(task: Frozen) -> list[str]:
     ]
 
 
-def draw(folder: Path) -> None:
+def draw(_: Any, folder: Path) -> None:
     """Draws a shot of "search:200" in the first public layout of each task, and `tasks.png` with one of each kind."""
-    use_own_font()
     pictures = {}
     for name in dict.fromkeys(_picture(name) for name in FROZEN):
         env: Any = gym.make(f"{NAMESPACE}{name}-v0", render_mode="rgb_array")
@@ -202,7 +180,7 @@ def draw(folder: Path) -> None:
     for name, image in pictures.items():
         imsave(folder / "tasks" / f"{name}.jpg", image, pil_kwargs={"quality": 80, "optimize": True})
     kinds = [name for name in pictures if not name.endswith("Strike")]
-    figure = Figure(figsize=(8, 1.0 + 2.1 * ((len(kinds) + 1) // 2)), dpi=100, layout="constrained")
+    figure = new_figure(8, 1.0 + 2.1 * ((len(kinds) + 1) // 2), dpi=100)
     for k, name in enumerate(kinds):
         ax = figure.add_subplot((len(kinds) + 1) // 2, 2, k + 1)
         ax.imshow(pictures[name])
@@ -213,14 +191,8 @@ def draw(folder: Path) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.tasks --help`."""
-    files = {"output": (OUTPUT, "JSON file"), "images": (IMAGES, "folder of the pictures")}
-    args = parser_of("tasks", "Measure players without training in the frozen tasks.", **files).parse_args(arguments)
-
-    def work() -> dict[str, Any]:
-        draw(args.images)
-        return measure(args.output)
-
-    report(work, blocks, args.output)
+    about, output = "Measure players without training in the frozen tasks.", (OUTPUT, "JSON file")
+    run_command("studies.tasks", about, arguments, measure, blocks, {"output": output}, draw)
 
 
 if __name__ == "__main__":

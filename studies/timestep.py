@@ -28,7 +28,6 @@ from tqdm import tqdm
 
 from agents.train import versions
 from benchmarks import IMAGES, machine
-from billiards_env.commands import ending
 from billiards_env.engine import Engine
 from billiards_env.envs import BilliardsVectorEnv, make_vector_env
 from billiards_env.evaluation import evaluation_seeds, play_together
@@ -37,7 +36,7 @@ from billiards_env.sb3.aim_network import AimNetwork
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
 from examples import ppo
-from studies import RESULTS, load_weights, parser_of_runs, save_weights, timestep_report, workers
+from studies import RESULTS, load_weights, parser_of_runs, report, save_weights, timestep_report, workers
 from studies.timestep_report import GROUPS, blocks
 
 Floats = NDArray[np.float64]
@@ -402,11 +401,13 @@ def main(arguments: list[str] | None = None) -> None:
     parser = parser_of_runs("timestep", description)
     args = parser.parse_args(arguments)
     where = places(args.folder)
-    with ending("the same command continues"):
+
+    def work() -> dict[str, Any]:
         result = measure(where, args.jobs, args.address, LAYOUTS)
         timestep_report.draw(result, where.images)
-    print("\n\n".join(blocks(result).values()))
-    print(f"\nin {where.results}; pictures in {where.images}")
+        return result
+
+    report(work, blocks, where.results, where.images)
 
 
 if __name__ == "__main__":

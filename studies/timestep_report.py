@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benchmarks import machine_line, save, table, use_own_font
+from benchmarks import new_figure, save, table
 from billiards_env.intervals import bootstrap, interquartile_mean
 
 EXACT = "exact"
@@ -98,43 +98,38 @@ def blocks(result: Result) -> dict[str, str]:
     exact = rates(result, main[EXACT], EXACT)
     seconds = sum(run["curve"][-1]["seconds"] for run in result["runs"].values())
     numbers = [len(runs) for runs in main.values()]
-    found = {
-        "machine": machine_line(result["machine"]),
+    return {
         "size": f"{len(result['runs'])} runs, {numbers[0]} seeds in each world of the main part, "
         f"{result['layouts']:,} layouts, {seconds / 3600:.1f} hours of training on one core",
         "main": _main(result, main, exact),
         "aim": _aim(main),
         "new seeds": _new_seeds(main),
+        "control": _controls(result, {**of_part(result, "random"), **of_part(result, "move_back")}, exact),
+        "fine_tuning": _fine_tuning(result, main, of_part(result, "fine_tuning")),
+        "ablation": _ablation(result, of_part(result, "ablation"), main[EXACT]),
+        "games": _games(result, {name: of_part(result, name) for name in GAMES}),
+        "seeds": _seeds(result, (main[EXACT], of_part(result, "long")[EXACT])),
     }
-    if controls := {**of_part(result, "random"), **of_part(result, "move_back")}:
-        found["control"] = _controls(result, controls, exact)
-    if tuned := of_part(result, "fine_tuning"):
-        found["fine_tuning"] = _fine_tuning(result, main, tuned)
-    if without := of_part(result, "ablation"):
-        found["ablation"] = _ablation(result, without, main[EXACT])
-    found["games"] = _games(result, {name: of_part(result, name) for name in GAMES})
-    found["seeds"] = _seeds(result, {"main": main[EXACT], "long": of_part(result, "long")[EXACT]})
-    return found
+
+
+_COMPARED = ("success in its own world", "success in the exact world", "difference from exact training")
+
+
+def _compared(result: Result, runs: Sequence[Mapping[str, Any]], exact: Floats | None) -> tuple[str, str, str]:
+    """Returns the cells of `_COMPARED`, from the success of the runs that trained in the exact world."""
+    own, played = rates(result, runs, "own"), rates(result, runs, EXACT)
+    return share(own), share(played), "" if exact is None else points(played, exact)
 
 
 def _main(result: Result, main: Mapping[str, list[dict[str, Any]]], exact: Floats) -> str:
     rows = []
     for world, runs in main.items():
-        played = rates(result, runs, EXACT)
-        different = world != EXACT
-        rows.append(
-            (
-                _name(world),
-                share(rates(result, runs, "own")),
-                share(played),
-                points(played, exact) if different else "",
-                f"{improvement(played, exact):.0%}" if different else "",
-                share(false_shares(runs)) if different else "",
-                f"{min(run['curve'][-1]['seconds'] for run in runs):.0f} s",
-            )
-        )
-    head = ("trained in", "success in its own world", "success in the exact world", "difference from exact training")
-    return table((*head, "probability of beating exact training", "false successes", "fastest training"), rows)
+        compared = _compared(result, runs, None if world == EXACT else exact)
+        better, false = f"{improvement(rates(result, runs, EXACT), exact):.0%}", share(false_shares(runs))
+        seconds = f"{min(run['curve'][-1]['seconds'] for run in runs):.0f} s"
+        rows.append((_name(world), *compared, *(("", "") if world == EXACT else (better, false)), seconds))
+    more = ("probability of beating exact training", "false successes", "fastest training")
+    return table(("trained in", *_COMPARED, *more), rows)
 
 
 def _aim(main: Mapping[str, list[dict[str, Any]]]) -> str:
@@ -172,11 +167,9 @@ def _controls(result: Result, controls: Mapping[str, list[dict[str, Any]]], exac
     rows = []
     for world, runs in controls.items():
         name = "all timesteps, one drawn for each update" if world == "random" else f"{_name(world)}, `move_back`"
-        played = rates(result, runs, EXACT)
-        own = "" if world == "random" else share(rates(result, runs, "own"))
-        rows.append((name, own, share(played), points(played, exact)))
-    head = ("trained in", "success in its own world", "success in the exact world", "difference from exact training")
-    return table(head, rows)
+        own, *others = _compared(result, runs, exact)
+        rows.append((name, "" if world == "random" else own, *others))
+    return table(("trained in", *_COMPARED), rows)
 
 
 def _fine_tuning(
@@ -209,34 +202,30 @@ def _games(result: Result, games: Mapping[str, Mapping[str, list[dict[str, Any]]
     rows = []
     for name, worlds in games.items():
         for world, runs in worlds.items():
-            own, played = rates(result, runs, "own"), rates(result, runs, EXACT)
-            difference = "" if world == EXACT else points(played, rates(result, worlds[EXACT], EXACT))
+            exact = None if world == EXACT else rates(result, worlds[EXACT], EXACT)
             shots = f"{runs[0]['curve'][-1]['shots']:,}"
-            rows.append((GAMES[name], _name(world), shots, share(own), share(played), difference))
-    head = ("trained in", "shots", "success in its own world", "success in the exact world")
-    return table(("game", *head, "difference from exact training"), rows, left=2)
+            rows.append((GAMES[name], _name(world), shots, *_compared(result, runs, exact)))
+    return table(("game", "trained in", "shots", *_COMPARED), rows, left=2)
 
 
-def _seeds(result: Result, parts: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
+def _seeds(result: Result, parts: Sequence[Sequence[Mapping[str, Any]]]) -> str:
     rows = []
-    for runs in parts.values():
+    for runs in parts:
         values = rates(result, runs, EXACT)
         shots, seconds = runs[0]["curve"][-1]["shots"], min(run["curve"][-1]["seconds"] for run in runs)
-        shown = share(values) if len(values) > 1 else f"{values[0]:.1%}"
-        rows.append((f"{shots:,}", str(len(values)), shown, f"{np.ptp(values):.1%}", f"{shots / seconds:,.0f}"))
+        rows.append((f"{shots:,}", str(len(values)), share(values), f"{np.ptp(values):.1%}", f"{shots / seconds:,.0f}"))
     return table(("shots", "seeds", "success", "best less worst seed", "most shots/s, one core"), rows, left=0)
 
 
 def draw(result: Result, folder: Path) -> None:
     """Draws the pictures of the study: `timestep_success.png` and `timestep_aim.png`."""
-    use_own_font()
     main = of_part(result, "main")
     save(_draw_success(result, main), folder / "timestep_success.png")
     save(_draw_aim(main), folder / "timestep_aim.png")
 
 
 def _draw_success(result: Result, main: Mapping[str, list[dict[str, Any]]]) -> Figure:
-    figure = Figure(figsize=(7.2, 3.9), dpi=120, layout="constrained")
+    figure = new_figure(7.2, 3.9, dpi=120)
     axes, at = figure.add_subplot(), np.arange(len(main))
     for shift, tested, colour, label in (
         (0.06, "own", ORANGE, "played with the timestep of its training"),
@@ -255,7 +244,7 @@ def _draw_success(result: Result, main: Mapping[str, list[dict[str, Any]]]) -> F
 
 
 def _draw_aim(main: Mapping[str, list[dict[str, Any]]]) -> Figure:
-    figure = Figure(figsize=(7.2, 3.9), dpi=120, layout="constrained")
+    figure = new_figure(7.2, 3.9, dpi=120)
     axes = figure.add_subplot()
     limits = np.array(GROUPS["cut angle"][1])[:-1]  # few shots have a cut of more than 60 degrees
     at = 0.5 * (limits[:-1] + limits[1:])

@@ -6,17 +6,15 @@ and in the exact world. The page links each shot to the table in the browser, wh
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks import table
+from benchmarks import run_command, table
 from billiards_env.envs.actions import cue_strike
 from billiards_env.evaluation import evaluation_seeds
-from billiards_env.files import write_json
 from examples import ppo
-from studies import RESULTS, live_shot, load_weights, parser_of, report
+from studies import live_shot, load_weights
 from studies.timestep import (
     LAYOUT_SEED,
     SEEDS,
@@ -36,11 +34,8 @@ has the first layouts on which the exact policy pots the ball, and the coarse po
 but misses in exact physics."""
 
 
-def measure(policies: Path) -> dict[str, Any]:
+def measure() -> dict[str, Any]:
     """Returns the layouts (positions, m) and the shot of each world: its velocity and whether it pots the ball.
-
-    Args:
-        policies: The folder of the weights of the main part of the study.
 
     Raises:
         OSError: If the weights of the first seed are not there.
@@ -50,7 +45,7 @@ def measure(policies: Path) -> dict[str, Any]:
     positions, env = envs["exact"].positions, envs["exact"].single_env
     actions, potted = {}, {}
     for world, arguments in WORLDS.items():
-        weights = load_weights(policies / f"{Run('main', world, SEEDS[0], [arguments]).name}.npz")
+        weights = load_weights(places(None).policies / f"{Run('main', world, SEEDS[0], [arguments]).name}.npz")
         actions[world] = shots_of(policy_of(weights, ppo.arguments([])), envs[world], observations)
         potted[world] = play(actions[world], positions, {"own": envs[world], "exact": envs["exact"]})
     telling = potted["exact"]["exact"] & potted[COARSE]["own"] & ~potted[COARSE]["exact"]
@@ -96,16 +91,7 @@ def blocks(found: dict[str, Any]) -> dict[str, str]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.timestep_shots --help`."""
-    output = (RESULTS / "timestep_shots.json", "JSON file")
-    args = parser_of("timestep_shots", "Choose shots of the policies for the page.", output=output)
-    args = args.parse_args(arguments)
-
-    def work() -> dict[str, Any]:
-        found = measure(places(None).policies)
-        write_json(args.output, found)
-        return found
-
-    report(work, blocks, args.output)
+    run_command("studies.timestep_shots", "Choose shots of the policies for the page.", arguments, measure, blocks, {})
 
 
 if __name__ == "__main__":

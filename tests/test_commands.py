@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import importlib
 import json
 import re
@@ -17,6 +18,7 @@ from typing import Any
 
 import pytest
 
+import benchmarks
 from studies import readme
 from tests.helpers.imports import imported
 
@@ -36,16 +38,38 @@ def few_shots(patch: pytest.MonkeyPatch, module: Any) -> None:
     patch.setattr(module, "processes", ThreadPoolExecutor)
 
 
-def few_breaks(patch: pytest.MonkeyPatch, module: Any) -> None:
-    patch.setattr(module, "FRESH", 32)
+def two_kinds(patch: pytest.MonkeyPatch, module: Any) -> None:
+    patch.setattr(module, "KINDS", {name: module.KINDS[name] for name in ("carom", "gas of 16 disks")})
 
 
-TINY: dict[str, tuple[str, Callable[[pytest.MonkeyPatch, Any], None] | None]] = {
-    "benchmarks.differentiable": ("--tasks 2 --output {0}/differentiable.json", few_breaks),
+def few_steps(patch: pytest.MonkeyPatch, module: Any) -> None:
+    patch.setattr(module, "measure", functools.partial(module.measure, scale=0.001))
+    patch.setattr(module, "DISKS", (2, 16), raising=False)
+
+
+def few_engines(patch: pytest.MonkeyPatch, module: Any) -> None:
+    patch.setattr(module, "PIT", [engine for engine in module.PIT if round(1 / engine.dt) in (15, 60)])
+    patch.setattr(module, "run_kinds", lambda work, kinds, *_: {name: [work(name, 3)] for name in kinds})
+
+
+TINY: dict[str, tuple[str, Callable[[pytest.MonkeyPatch, Any], None]]] = {
+    "benchmarks.accuracy": ("--shots 4 --outcomes 40 --passes 1 --workers 1", few_engines),
+    "benchmarks.aim": ("--layouts 3 --shots 100 --episodes 2", lambda *_: None),
+    "benchmarks.differentiable": ("--tasks 2", lambda patch, module: patch.setattr(module, "FRESH", 32)),
+    "benchmarks.error_limit": ("--shots 1 --workers 1", two_kinds),
+    "benchmarks.gradients": ("--repeats 1", few_steps),
+    "benchmarks.speed": ("--repeats 1", few_steps),
     "benchmarks.stress": ("--scale 1e-9 --workers 1", few_shots),
-    "benchmarks.validation": ("--output {0}/validation.json --folder {0}", None),
+    "benchmarks.validation": ("", lambda *_: None),
+    "benchmarks.vector": ("--repeats 1", few_steps),
 }
-"""The other commands: their arguments, in which {0} is a folder, and a function that makes their work smaller."""
+"""Commands that measure: their arguments, and a function that makes their work smaller."""
+
+PICTURES = {
+    "benchmarks.accuracy": "pareto.png",
+    "benchmarks.error_limit": "error_limit.png",
+    "benchmarks.validation": "validation.png",
+}
 
 
 def module_of(command: str) -> Any:
@@ -67,19 +91,18 @@ def test_every_command_has_a_test():
 
 
 @pytest.mark.parametrize("command", TINY)
-def test_a_command_runs(command, tmp_path, monkeypatch, capsys):
+def test_a_command_writes_and_prints_its_results(command, tmp_path, monkeypatch, capsys):
     arguments, shrink = TINY[command]
     module = module_of(command)
-    if shrink is not None:
-        shrink(monkeypatch, module)
-    written = arguments.format(tmp_path).split()
+    shrink(monkeypatch, module)
+    monkeypatch.setattr(benchmarks, "processes", ThreadPoolExecutor)
     committed = {path: path.stat().st_mtime_ns for path in ROOT.glob("*/results/*.json")}
-    assert not module.main(written)
-    name = command.rpartition(".")[2]
-    if "--output" in written:
-        result = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))
-        printed = capsys.readouterr().out
-        assert all(block in printed for block in readme.blocks_of(name)(result).values())
+    pictures = ["--images", str(tmp_path)] if command in PICTURES else []
+    assert not module.main([*arguments.split(), "--output", str(tmp_path / "results.json"), *pictures])
+    result = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    printed, blocks = capsys.readouterr().out, importlib.import_module(command).blocks
+    assert all(block in printed for block in benchmarks.all_blocks(result, blocks).values())
+    assert {path.name for path in tmp_path.iterdir()} == {"results.json", *filter(None, [PICTURES.get(command)])}
     assert {path: path.stat().st_mtime_ns for path in committed} == committed
 
 

@@ -7,11 +7,11 @@ writes both to `web/results/check.json`. It needs `engine.wasm` of `make web`, t
 
 from __future__ import annotations
 
-import argparse
 import base64
 import contextlib
 import math
 import shutil
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from time import perf_counter
@@ -20,11 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import machine, machine_line, ratio, table
+from benchmarks import machine, ratio, rows_table, run_command
 from billiards_env.engine.compile import MODES, Engine, scene_fields
 from billiards_env.engine.log import KINDS, empty_log
 from billiards_env.engine.shots import STATUS, empty_shots
-from billiards_env.files import write_json
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate
 from web import build
@@ -198,71 +197,69 @@ def same(one: Floats, two: Floats) -> bool:
     return one.tobytes() == two.tobytes()
 
 
-def measure(engine: bytes, count: int) -> dict[str, Any]:
-    """Compares `count` shots of each kind and scene, and a tenth as many breaks.
+def measure(shots: int, engine: Path) -> dict[str, Any]:
+    """Compares `shots` of each kind and scene, and a tenth as many breaks, with the file `engine.wasm`.
 
     Returns:
         `rows`: a list with one entry for each scene and kind of shot, with the number of equal shots and the times of
         a recorded shot, s.
     """
-    rng, module, on, rows = np.random.default_rng(0), Wasmtime(engine), machine(), []
+    wasm = engine.read_bytes()
+    rng, module, on, rows = np.random.default_rng(0), Wasmtime(wasm), machine(), []
     with browser_page() as page:
         for name in SCENES:
             for case in CASES:
-                shots = random_shots(name, case, count // (10 if case == "break" else 1), rng)
-                _, found = browser_bits(page, engine, shots)
-                few = shots[:BATCH]
+                drawn = random_shots(name, case, shots // (10 if case == "break" else 1), rng)
+                _, found = browser_bits(page, wasm, drawn)
+                few = drawn[:BATCH]
                 rows.append(
                     {
                         "scene": name,
                         "case": case,
-                        "shots": len(shots),
-                        "browser": sum(same(row, python_bits(shot)) for row, shot in zip(found, shots, strict=True)),
-                        "wasmtime": sum(same(wasmtime_bits(module, shot), engine_bits(shot)) for shot in shots),
+                        "shots": len(drawn),
+                        "browser": sum(same(row, python_bits(shot)) for row, shot in zip(found, drawn, strict=True)),
+                        "wasmtime": sum(same(wasmtime_bits(module, shot), engine_bits(shot)) for shot in drawn),
                         "python_seconds": min(python_time(few) for _ in range(REPEATS)) / max(1, len(few)),
-                        "browser_seconds": min(browser_bits(page, engine, few)[0] for _ in range(REPEATS))
+                        "browser_seconds": min(browser_bits(page, wasm, few)[0] for _ in range(REPEATS))
                         / max(1, len(few)),
                     }
                 )
-                print(f"{name}, {case}: {rows[-1]['browser']} of {len(shots)} shots have the same bits", flush=True)
-    return {"machine": on, "engine_bytes": len(engine), "rows": rows}
+                print(f"{name}, {case}: {rows[-1]['browser']} of {len(drawn)} shots have the same bits", flush=True)
+    return {"machine": on, "engine_bytes": len(wasm), "rows": rows}
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
-    head = "scene", "shots", "number", "same bits in Chromium", "in wasmtime", "Python", "Chromium", "ratio"
-    rows = [
-        (
-            f"`{row['scene']}`",
-            row["case"],
-            *(f"{row[name]:,}" for name in ("shots", "browser", "wasmtime")),
-            *(f"{1e6 * row[f'{name}_seconds']:.0f} us" for name in ("python", "browser")),
-            ratio(row["browser_seconds"] / row["python_seconds"]),
-        )
-        for row in result["rows"]
-    ]
+    columns = {
+        "scene": "`{scene}`",
+        "shots": "{case}",
+        "number": "{shots:,}",
+        "same bits in Chromium": "{browser:,}",
+        "in wasmtime": "{wasmtime:,}",
+        "Python": "{python:.0f} us",
+        "Chromium": "{chromium:.0f} us",
+        "ratio": "{ratio}",
+    }
+    rows = []
+    for row in result["rows"]:
+        python, chromium = 1e6 * row["python_seconds"], 1e6 * row["browser_seconds"]
+        rows.append({**row, "python": python, "chromium": chromium, "ratio": ratio(chromium / python)})
     return {
-        "machine": machine_line(result["machine"]),
         "size": f"`engine.wasm` has {result['engine_bytes'] / 1000:.0f} kB.",
-        "bits": table(head, rows, left=2),
+        "bits": rows_table(columns, rows, left=2),
     }
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m web.check --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m web.check", description="Compare shots in a browser with those of Python."
-    )
-    parser.add_argument("--shots", type=int, default=1000, help="shots of each kind and scene; a tenth of it breaks")
-    parser.add_argument("--engine", type=Path, default=build.ROOT / "site" / "engine.wasm", help="the file to check")
-    parser.add_argument("--output", type=Path, default=build.HERE / "results" / "check.json", help="JSON file")
-    chosen = parser.parse_args(arguments)
-    result = measure(chosen.engine.read_bytes(), chosen.shots)
-    write_json(chosen.output, result)
-    print("\n\n".join(blocks(result).values()))
-    failed = sum(2 * row["shots"] - row["browser"] - row["wasmtime"] for row in result["rows"])
-    if failed:
-        raise SystemExit(f"{failed} shots have other bits")
+    options = {
+        "shots": (1000, "shots of each kind and scene; a tenth of it breaks"),
+        "engine": (build.ROOT / "site" / "engine.wasm", "the file to check"),
+    }
+    about = "Compare shots in a browser with those of Python."
+    result = run_command("web.check", about, arguments, measure, blocks, options)
+    if failed := sum(2 * row["shots"] - row["browser"] - row["wasmtime"] for row in result["rows"]):
+        sys.exit(f"{failed} shots have other bits")
 
 
 if __name__ == "__main__":

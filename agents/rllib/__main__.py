@@ -18,12 +18,10 @@ from pathlib import Path
 import numpy as np
 
 from agents.cluster import connect
-from agents.config import Config, load
+from agents.config import Config
 from agents.ppo import make_policy
 from agents.rllib.rollouts import as_tensors
-from agents.train import LearningCurve, locked, newest_checkpoint, one_fast_thread, open_run
-from billiards_env.checks import number
-from billiards_env.commands import ending
+from agents.train import LearningCurve, locked, newest_checkpoint, one_fast_thread, open_run, train_command
 from billiards_env.sb3.weights import save_policy
 
 
@@ -80,25 +78,18 @@ def _save(algorithm: object, folder: Path) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m agents.rllib --help`."""
     parser = argparse.ArgumentParser(prog="python -m agents.rllib", description="Train PPO with RLlib and Ray.")
-    parser.add_argument("config", help="row of configs/learning.yaml, such as pot, or a YAML file")
     parser.add_argument("--address", help='address of a Ray cluster, e.g. "auto" (default: this machine only)')
-    parser.add_argument("--run-dir", type=Path, help="folder of the run (default: runs/rllib/NAME)")
     parser.add_argument("--runners", type=int, default=2, help="number of processes that play (default: %(default)s)")
-    parser.add_argument("--seed", type=number, help="default: the seed in the config")
-    parser.add_argument("--timesteps", type=number, help="number of shots (default: as in the config)")
-    parser.add_argument("--fresh", action="store_true", help="delete the run in the folder and start again")
-    args = parser.parse_args(arguments)
-    run_dir = args.run_dir or Path("runs") / "rllib" / Path(args.config).stem
-    with ending("the same command resumes from the newest checkpoint"):
-        from agents.rllib.algorithm import algorithm_config as check  # imports Ray
 
-        changes = {name: value for name in ("seed", "timesteps") if (value := getattr(args, name)) is not None}
-        config = load(args.config, **changes)
+    def work(args: argparse.Namespace, config: Config, run_dir: Path) -> None:
+        from agents.rllib.algorithm import algorithm_config  # imports Ray
+
         connect(args.address, cpus=1 + args.runners)
-        check(config, args.runners)
+        algorithm_config(config, args.runners)  # raises an error before a file is written
         open_run(config, run_dir, args.fresh)
         train(config, run_dir, args.runners)
-    print(f"Next: python -m agents.evaluate {run_dir}")
+
+    train_command(parser, arguments, Path("runs") / "rllib", work)
 
 
 if __name__ == "__main__":

@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import benchmarks.validation as validation
-from benchmarks import IMAGES, parser_of, report, save
-from billiards_env.commands import ending
+from benchmarks import run_command
+from benchmarks.validation import blocks, measure, pictures
 
 
-@ending()
 def main(arguments: list[str] | None = None) -> None:
     """Measures, prints the tables, writes `benchmarks/results/validation.json` and draws the picture."""
-    parser = parser_of("validation", "Compare the laws of the package with measurements.")
-    parser.add_argument("--folder", type=Path, default=IMAGES, help="where the picture goes (default: docs/images)")
-    args = parser.parse_args(arguments)
-    report(validation.measure(), validation.blocks, args.output)
-    from benchmarks.validation import pictures
-
-    save(pictures.picture(), args.folder / "validation.png")
+    about = "Compare the laws of the package with measurements."
+    run_command("benchmarks.validation", about, arguments, measure, blocks, {}, pictures.draw)
 
 
 if __name__ == "__main__":

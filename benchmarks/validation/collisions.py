@@ -250,8 +250,8 @@ def _compared(value: float, found: float) -> list[str]:
     return [f"{value:.1f}", f"{found:.1f}", _signed(found - value)]
 
 
-def _signed(value: float, digits: int = 1) -> str:
-    return f"{round(value, digits) + 0.0:+.{digits}f}"
+def _signed(value: float) -> str:
+    return f"{round(value, 1) + 0.0:+.1f}"
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
@@ -269,24 +269,11 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         for (stroke, value), found in zip(FROZEN, result["frozen"]["directions"], strict=True)
     ]
     snooker = []
-    names = ("cue ball, m/s", "object ball, m/s", "cue ball, °", "object ball, °")
-    for k, name in enumerate(names):
-        digits = 3 if k < 2 else 1
-        for shot, found in zip(SNOOKER, result["snooker"], strict=True):
-            value = shot.measured[k]
-            relative = f"{100 * (found[k] / value - 1):+.0f}%" if k < 2 else ""
-            snooker.append(
-                [
-                    name,
-                    f"{shot.speed:.3f}",
-                    f"{shot.cut:.1f}",
-                    f"{value:.{digits}f}",
-                    f"{found[k]:.{digits}f}",
-                    _signed(found[k] - value, digits),
-                    relative,
-                    f"{shot.paper[k]:.{digits}f}",
-                ]
-            )
+    for shot, found in zip(SNOOKER, result["snooker"], strict=True):
+        *speeds, cue, ball = zip(shot.measured, found, shot.paper, strict=True)
+        cells = [f"{m:.3f}, {f:.3f} ({f / m - 1:+.0%}), {p:.3f}" for m, f, p in speeds]
+        cells += [f"{m:.1f}, {f:.1f} ({f - m:+.1f}), {p:.1f}" for m, f, p in (cue, ball)]
+        snooker.append((f"{shot.speed:.3f}", f"{shot.cut:.1f}", *cells))
     models = [
         ["Marlow's, 0.03 to 0.11" if mu is None else f"{mu}", f"{e}", f"{rms['throw']:.2f}°", f"{rms['scatter']:.1f}°"]
         for (mu, e), rms in zip(DOMENECH_MODELS, result["domenech"], strict=True)
@@ -299,17 +286,9 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "frozen ratio": f"After a full hit the cue ball has {result['frozen']['ratio']:.3f} times the speed of the"
         " object ball.",
         "snooker": table(
-            [
-                "after both balls roll",
-                "speed, m/s",
-                "cut, °",
-                "measured",
-                "model",
-                "difference",
-                "relative",
-                "paper's model",
-            ],
+            ("speed, m/s", "cut, °", "cue ball, m/s", "object ball, m/s", "cue ball, °", "object ball, °"),
             snooker,
+            left=0,
         ),
         "domenech": table(["friction between balls", "e_ball", "throw, rms", "cue ball, rms"], models),
         "paths": f"Without friction between elastic balls, the engine and the formula of Wallace and Schroeder differ"

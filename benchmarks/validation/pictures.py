@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from benchmarks import use_own_font
+from benchmarks import new_figure, save
 from benchmarks.validation import collisions, cushions
 
 # Okabe and Ito (2008): distinct with every kind of colour vision
@@ -16,10 +16,9 @@ COLOURS = ("#0072b2", "#009e73", "#d55e00")
 MEASURED: dict[str, Any] = {"linestyle": "none", "marker": "o", "color": "black", "markerfacecolor": "white"}
 
 
-def picture() -> Figure:
+def draw(_: Any, folder: Path) -> None:
     """Draws the throw, the path of a rolling cue ball, and the speed after a cushion, with the measured values."""
-    use_own_font()
-    figure = Figure(figsize=(10, 3.8), dpi=120, facecolor="white", layout="constrained")
+    figure = new_figure(10, 3.8, dpi=120)
     throw, paths, speeds = figure.subplots(1, 3)
     cuts = np.linspace(0.5, 85.0, 170)
     for (name, speed), colour in zip(collisions.SPEEDS.items(), COLOURS, strict=True):
@@ -40,7 +39,7 @@ def picture() -> Figure:
         speeds.plot(before, cushions.bounce(physics, 90.0, before)[0], color=colour, label=name)
     speeds.plot(*np.array(cushions.FIGURE_7A).T, **{**MEASURED, "markersize": 4})
     _dress(speeds, "Rolling into a cushion at 90°", "speed before (m/s)", "speed after (m/s)", 4, "upper left")
-    return figure
+    save(figure, folder / "validation.png")
 
 
 def _dress(axes: Axes, title: str, xlabel: str, ylabel: str, top: float, legend: Any) -> None:

@@ -5,7 +5,6 @@ from typing import cast
 
 import gymnasium as gym
 import numpy as np
-import pygame
 import pytest
 import torch
 from stable_baselines3 import PPO
@@ -56,13 +55,13 @@ def test_runs_random_shots_and_players_are_printed_side_by_side(trained, tmp_pat
     main([str(one), str(tmp_path / "two"), "--players", "search:5", "--curve", str(curve)])
     printed = capsys.readouterr().out
     rows = {line.split()[0]: line.split()[1:] for line in printed.splitlines() if "% to" in line}
-    assert list(rows) == ["one", "two", "random", "search:5"]
+    assert list(rows) == [str(one), str(tmp_path / "two"), "random", "search:5"]
     written = json.loads((one / "evaluation.json").read_text())
-    found = {"one": written["policy"], "random": written["random"]}
+    found = {str(one): written["policy"], "random": written["random"]}
     found["search:5"] = measure("search:5", load(one / "config.yaml").env, (0.0, 0.0), 20, 5)
     for name, result in found.items():
         assert rows[name][:2] == ["20", f"{result['success_rate']:.1%}"]
-    for options in (f"{one} --film one.mp4", f"{one} --show", f"human,policy:{one}", f"--logdir {one}"):
+    for options in (f"{one} --film one.mp4", f"human,policy:{one}", f"--logdir {one}"):
         assert f"{options}\n" in printed
     assert curve.read_bytes().startswith(b"\x89PNG")
     assert evaluate(one) == written
@@ -185,27 +184,3 @@ def test_a_film_holds_the_first_episodes_of_the_evaluation(trained, tmp_path, mo
     assert begun == evaluation_seeds(5, 20)[:2].tolist()
     assert [line.split(":")[0] for line in capsys.readouterr().out.splitlines()] == ["episode 1", "episode 2"]
     assert (tmp_path / "film.mp4").read_bytes()[4:8] == b"ftyp"
-
-
-@pytest.mark.parametrize("driver", ["dummy", "offscreen"])
-def test_show_plays_the_policy_in_a_window_or_reports_a_missing_display(driver, trained, monkeypatch, capsys):
-    shown = []
-
-    def step(self, shots):
-        pygame.display.init()
-        shown.append(self.render_mode)
-
-    monkeypatch.setenv("SDL_VIDEODRIVER", driver)
-    monkeypatch.setattr("billiards_env.envs.rendering.Renderer.step", step)
-    monkeypatch.setattr("agents.film.PAUSE", 0.0)
-    pygame.display.quit()
-    try:
-        if driver == "offscreen":
-            with pytest.raises(SystemExit, match="error: display = 'offscreen': expected one that shows a window"):
-                main([str(trained), "--show"])
-        else:
-            main([str(trained), "--show", "--episodes", "2"])
-            assert shown == ["human"] * 4  # a layout and a shot of each episode
-            assert "episode 2: " in capsys.readouterr().out
-    finally:
-        pygame.display.quit()

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from benchmarks import ablation
-from benchmarks.ablation import Process
+from benchmarks.ablation import started
 
 # The modules of parts, which a step without them does not import, and so no shot.
 UNUSED = (
@@ -54,8 +54,8 @@ def of(names, parts):
 def plain(tmp_path_factory):
     """Returns the row of a step that uses nothing, and what its process found. Its shots have spin and friction."""
     (row,) = (row for row in ablation.ROWS if row.name == "a step that uses nothing")
-    with Process(row, tmp_path_factory.mktemp("cache")) as process:
-        return {"name": "nothing", "without": "", **process.found, "passes": [process.play()]}
+    with started(row, tmp_path_factory.mktemp("cache")) as ask:
+        return {"name": "nothing", "without": "", **ask(), "passes": [ask("play")]}
 
 
 def test_a_plain_step_imports_no_part(plain):

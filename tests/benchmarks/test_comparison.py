@@ -92,9 +92,3 @@ def test_pymunk_is_compared(tmp_path):
     assert ours["ratio"] == 1.0
     assert theirs["us"] > 0
     assert theirs["median_error_m"] > ours["median_error_m"]
-
-
-def test_the_python_of_pooltool_must_exist(tmp_path, capsys):
-    with pytest.raises(SystemExit):
-        comparison.main(["--pooltool-python", str(tmp_path / "python")])
-    assert "expected a Python interpreter" in capsys.readouterr().err

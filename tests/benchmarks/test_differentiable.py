@@ -23,8 +23,5 @@ def test_a_push_of_diffmjx_is_found_in_five_iterations(control):
     assert found["distance"] < 1e-6
 
 
-def test_the_gradients_are_exact():
+def test_the_gradient_of_nimble_is_exact():
     assert differentiable.nimble() == pytest.approx([1.0, 0.0, 1.0, 0.0], abs=1e-15)
-    pushed = differentiable.Push().gradient(0.5)
-    assert pushed["gradient"] == pytest.approx(pushed["difference"], rel=1e-6)
-    assert pushed["gradient"] != 0.0

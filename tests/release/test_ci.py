@@ -4,7 +4,7 @@ import re
 
 import yaml
 
-from release.dist import ROOT
+from benchmarks import ROOT
 
 WORKFLOW = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8"))
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")

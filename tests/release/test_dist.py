@@ -77,7 +77,7 @@ def test_a_wheel_is_rejected_if_its_code_is_not_used_or_gives_other_results(tmp_
 
 @pytest.mark.slow
 def test_the_wheel_starts_without_compiling_in_an_empty_environment(tmp_path):
-    command = [sys.executable, "-m", "release.dist", "--output", str(tmp_path), "--results", str(tmp_path / "r.json")]
+    command = [sys.executable, "-m", "release.dist", "--folder", str(tmp_path), "--output", str(tmp_path / "r.json")]
     done = subprocess.run([*command, "--repeats", "1"], cwd=dist.ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     (wheel,) = tmp_path.glob("*.whl")

@@ -49,8 +49,8 @@ def test_the_study_trains_resumes_and_shows_its_results(tmp_path, monkeypatch, c
     monkeypatch.setattr(study, "WORKER", worker)
     monkeypatch.setattr(study, "WORLDS", worlds)
     monkeypatch.setattr(study, "workers", lambda *_: InThisProcess())
-    given = ["--shots", "4096", "--layouts", "300", "--output", str(tmp_path / "o.json"), "--python", sys.executable]
-    given += ["--picture", str(tmp_path / "o.png")]
+    monkeypatch.setattr(study, "PYTHON", sys.executable)
+    given = ["--shots", "4096", "--layouts", "300", "--output", str(tmp_path / "o.json"), "--images", str(tmp_path)]
     study.main(given)
     found = json.loads((tmp_path / "o.json").read_text())["runs"]
     assert found.keys() == {f"{name}, seed 11" for name in worlds}
@@ -61,7 +61,7 @@ def test_the_study_trains_resumes_and_shows_its_results(tmp_path, monkeypatch, c
     monkeypatch.setattr(study, "train", None)
     study.main(given)
     assert "| pymunk 1/240 s | 2.0 ms |" in capsys.readouterr().out
-    assert (tmp_path / "o.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "other_simulators.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_published_errors_have_the_predicted_sign_and_in_pymunk_the_predicted_size():
@@ -118,7 +118,7 @@ def test_a_shot_of_the_worker_does_not_depend_on_earlier_ones(module):
 @pytest.mark.skipif(not study.PYTHON.exists(), reason="the worker needs .venv-simulators")
 @pytest.mark.parametrize(("world", "delay"), [("pymunk 1/60 s", 1 / 120), ("MuJoCo 10 ms", 0.0051)])
 def test_the_process_of_the_worker_plays_shots(world, delay):
-    with study.opened(world, study.PYTHON) as (play, delays):
+    with study.opened(world) as (play, delays):
         assert delays.mean() == pytest.approx(delay, abs=1e-5)
         starts = np.stack([[[0.0, -0.2], [0.0, 0.4]]] * 5)
         found = play(starts, np.array([[0.0, s] for s in (0.0, 3.0, -1.0, 2.0, 0.1)]))

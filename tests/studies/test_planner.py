@@ -38,20 +38,29 @@ def test_each_experiment_is_measured_and_only_new_racks_are_played(tmp_path, mon
     monkeypatch.setattr(planner, "Setup", setup_with_compiled_physics)
     output = tmp_path / "planner.json"
     monkeypatch.setattr(planner, "MAX_POINTS", 2)
-    main(["--racks", "1", "--output", str(output), "--picture", str(tmp_path / "budget.svg")])
-    assert (tmp_path / "budget.svg").stat().st_size > 1000
+    monkeypatch.setattr(planner, "EQUAL_TIME", "search:2")
+    monkeypatch.setattr(planner, "LAYOUTS", 1)
+    given = ["--output", str(output), "--images", str(tmp_path)]
+    main([*given, "--racks", "1"])
+    assert (tmp_path / "planner_budget.png").stat().st_size > 1000
     first = json.loads(output.read_text())
     printed = capsys.readouterr().out
     assert all(text in printed for text in blocks(first).values())
     assert {cell.experiment for cell in CELLS} == first["results"].keys()
-    main(["--racks", "2", "--output", str(output)])
+    assert [one["player"] for one in first["times"]["players"]] == [
+        "planner:60",
+        "search:2",
+        planner.LEAST,
+        planner.LEAST,
+    ]
+    main([*given, "--racks", "2"])
     found = json.loads(output.read_text())["results"]
     for experiment, noise, player, share in TINY:
         played = found[experiment][f"{noise[0]:g} degrees, {noise[1]:g} m/s"][player]
         assert len(played) == 2 * share
         assert played[:1] == first["results"][experiment][f"{noise[0]:g} degrees, {noise[1]:g} m/s"][player]
     before = output.read_text()
-    main(["--racks", "2", "--output", str(output)])
+    main([*given, "--racks", "2"])
     assert output.read_text() == before
 
 
@@ -59,21 +68,6 @@ def test_a_turn_of_straight_pool_continues_with_a_new_rack(monkeypatch):
     monkeypatch.setattr(planner, "MAX_POINTS", 6)
     rng, turn = np.random.default_rng(0), functools.partial(planner.EXPERIMENTS["straight pool"], balls=2)
     assert turn("planner:300", (0.01, 0.0), rng)["points"] > 2
-
-
-def test_the_times_of_the_decisions_are_printed(monkeypatch, capsys):
-    monkeypatch.setattr(planner, "PLANNER", "planner:60")
-    monkeypatch.setattr(planner, "EQUAL_TIME", "search:2")
-    monkeypatch.setattr(planner, "times", functools.partial(planner.times, 1))
-    main(["--times"])
-    names = [line.rpartition(": ")[0] for line in capsys.readouterr().out.splitlines()]
-    least = planner.LEAST
-    assert names == [
-        "planner:60 in eight_ball",
-        "search:2 in eight_ball",
-        f"{least} in eight_ball",
-        f"{least} in snooker",
-    ]
 
 
 def test_a_file_that_cannot_be_read_is_reported(tmp_path):

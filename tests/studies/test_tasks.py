@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("matplotlib")
 pytest.importorskip("pygame")
 
+from benchmarks import IMAGES
 from billiards_env import bench
 from billiards_env.frozen import FROZEN
 from studies import tasks
@@ -42,7 +43,7 @@ def test_each_id_has_a_page(name):
     page, task = tasks.page(name), FROZEN[name]
     picture = re.search(r"\]\(\.\./(images/tasks/\w+\.jpg)\)", page)
     assert picture
-    assert (tasks.IMAGES.parent / picture[1]).exists()
+    assert (IMAGES.parent / picture[1]).exists()
     assert f'gym.make("Billiards/{name}")' in page
     assert all(re.search(rf"\n- \[?{part}\b.*: ", page) for part in ("Observation", "Action", "Reward", "Episode"))
     assert f"a mean return of {task.threshold:g}," in page

@@ -1,0 +1,61 @@
+"""The tables of games, numbers of the physics, actions and features in the documentation, from their entries."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from benchmarks import table
+from billiards_env.checks import RANGES
+from billiards_env.envs.actions import ACTIONS
+from billiards_env.envs.observations import FEATURES
+from billiards_env.games import GAMES
+from billiards_env.scene import PARAMETERS, Physics
+
+
+def blocks(_: Mapping[str, Any]) -> dict[str, str]:
+    """Returns the tables by name. They need no measurement."""
+    return {"games": games(), "physics": physics(), "actions": actions(), "features": features()}
+
+
+def games() -> str:
+    """Returns the table of the games."""
+    rows = []
+    for game in GAMES.values():
+        calls = [*(["ball and pocket, safety"] if game.callable else []), *(c.replace("_", " ") for c in game.choices)]
+        numbers = (" to ".join(map(str, dict.fromkeys(pair))) for pair in (game.n_players, game.n_object_balls))
+        rows.append((f"`{game.name}`", *numbers, game.won_by, ", ".join(calls) or "-"))
+    return table(("`rules`", "Players", "Object balls", "Won by", "Calls and choices"), rows, left=5)
+
+
+def physics() -> str:
+    """Returns the table of the numbers of `Physics`, whose docstring has their meanings."""
+    described = re.split(r"\n    (\w+): ", (inspect.getdoc(Physics) or "").partition("Attributes:")[2])
+    meanings = {name: " ".join(text.split()) for name, text in zip(described[1::2], described[2::2], strict=True)}
+    rows, defaults = [], Physics()
+    for name, parameter in PARAMETERS.items():
+        within = RANGES[parameter.within]
+        values = f"`{getattr(defaults, name)}`", f"{within.least:g} to {within.most:g} {within.unit}".strip()
+        rows.append((f"`physics.{name}`", *values, meanings[name], parameter.source))
+    return table(("Field", "Default", "Range", "Meaning", "Source"), rows, left=5)
+
+
+def actions() -> str:
+    """Returns the table of the actions."""
+    rows = [(f"`{k}`", "()" if k == "plan" else f"({action.size})", action.summary) for k, action in ACTIONS.items()]
+    return table(("Action", "Shape", "Meaning"), rows)
+
+
+def features() -> str:
+    """Returns the table of the features of observations."""
+    rows = []
+    for name, feature in FEATURES.items():
+        least, *others = np.atleast_1d(feature.low)
+        values = f"{least:g} to {feature.high}" + (f", {others[0]:g} to 1" if others else "")
+        shape = f"({', '.join(map(str, feature.shape))})"
+        rows.append((f"`{name}`", shape, values, feature.summary, feature.needs))
+    return table(("Feature", "Shape", "Values", "Meaning", "Needs"), rows, left=5)
