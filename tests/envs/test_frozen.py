@@ -115,14 +115,3 @@ def test_every_argument_with_an_effect_is_frozen():
     assert inspect.signature(make_model).parameters.keys() == given | free
     assert json.loads(json.dumps(FROZEN["Clear5-v0"].arguments)) == FROZEN["Clear5-v0"].arguments
     assert env.engine.mode == "pic"
-
-
-def test_noise_changes_the_shots_and_follows_the_seed():
-    def play(name, seed):
-        env = gym.make(f"Billiards/{name}-v0")
-        env.reset(seed=seed)
-        return env.step([0.5, 0.2])[4]["shot_time"]
-
-    assert play("Pot1Noise", 3) == play("Pot1Noise", 3) != play("Pot1", 3)
-    with pytest.raises(ValueError, match="task = 'pott'"):
-        gym.make("Billiards/Pot1Noise-v0", task="pott")

@@ -15,10 +15,14 @@ from tests.helpers.environments import SOFT, VARIANTS, VARIED, name_of, same
 
 MODES = tuple(AutoresetMode)
 modes = pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.value)
-variants = pytest.mark.parametrize(
-    ("kwargs", "mode"), [(kwargs, MODES[k % len(MODES)]) for k, kwargs in enumerate(VARIANTS)], ids=name_of
-)
-soft = pytest.mark.parametrize("kwargs", [SOFT, VARIED], ids=["soft", "varied"])
+NOISY: dict[str, Any] = {**VARIED, "noise": {"angle_std": 5.0, "speed_std": 0.5}}
+ACTIONS = [
+    {**SOFT, "action": "cut", "noise": {}},
+    {**SOFT, "action": "sum_to_three", "noise": {}, "max_speed": 4.5},
+    {**SOFT, "action": "plan", "noise": {}},
+    {"action": "plan", "noise": {}, "task": "nine_ball", "layout": "random"},
+]
+soft = pytest.mark.parametrize("kwargs", [SOFT, NOISY], ids=["soft", "varied and noisy"])
 
 
 def pair(num_envs, autoreset, threads=None, **kwargs):
@@ -31,17 +35,24 @@ def pair(num_envs, autoreset, threads=None, **kwargs):
 
 def compare(native, sync, steps, seed: Any = 0):
     """Plays the same random shots in both. In the mode "Disabled" a mask resets finished episodes."""
-    same(native.reset(seed=seed), sync.reset(seed=seed))
+    results = native.reset(seed=seed)
+    same(results, sync.reset(seed=seed))
     rng = np.random.default_rng(0)
     for _ in range(steps):
-        actions = rng.uniform(-1, 1, native.action_space.shape).astype(np.float32)
+        possible = results[-1].get("action_mask")
+        if possible is None:
+            actions = rng.uniform(-1, 1, native.action_space.shape).astype(np.float32)
+        else:
+            actions = (rng.random(possible.shape) * possible).argmax(axis=1)
         results = native.step(actions)
         same(results, sync.step(actions))
         if native.autoreset_mode is AutoresetMode.DISABLED and results[2].any():
             same(*(envs.reset(options={"reset_mask": results[2].copy()}) for envs in (native, sync)))
 
 
-@variants
+@pytest.mark.parametrize(
+    ("kwargs", "mode"), list(zip([*VARIANTS, *ACTIONS], itertools.cycle(MODES), strict=False)), ids=name_of
+)
 def test_results_equal_those_of_single_environments(kwargs, mode):
     compare(*pair(5, mode, **kwargs), steps=7, seed=11)
 

@@ -131,16 +131,6 @@ def test_carom_players_alternate_cue_balls():
         game = played.game
 
 
-def test_a_push_out_on_the_table_can_be_handed_back():  # 2.4
-    game = custom_opening(NINE, PLACES, {"choices": ["push_out"]})
-    pushed = play(NINE, game, Stroke((0.0, -0.5), call=Call(kind="push_out"))).game
-    assert (pushed.state.player, words(pushed.state).choices) == (1, ("hand_back",))
-    back = play(NINE, pushed, Stroke((0.0, 0.0), call=Call(kind="hand_back")))
-    assert (back.game.state.player, back.game.state.choices, back.shot.time) == (0, 0, 0.0)
-    assert back.game.positions.tobytes() == pushed.positions.tobytes()
-    assert play(NINE, pushed, Stroke((0.5, 0.0))).game.state.player == 0  # or the player plays the shot
-
-
 def test_straight_pool_a_rack_on_the_table():
     places = in_a_row(16, {0: (0.97, 0.335), 3: (1.07, 0.435), 8: (0.2, -0.4)})
     game = custom_opening(STRAIGHT, places, {"on_table": [0, 3, 8], "scores": [14, 2]})

@@ -97,19 +97,6 @@ def test_a_shot_of_version_1_is_read():
     assert records.from_json(changed(shot_text(), "version", 1)) == SHOTS["plain"]()
 
 
-def test_record_shot_rejects_what_simulate_rejects():
-    scene = Scene.named("pool")
-    for args, kwargs in [
-        (([[0.0, 0.0], [0.01, 0.0]], [1.0, 0.0]), {}),
-        ((POOL, [math.nan, 0.0]), {}),
-        (([POOL], [[1.0, 0.0]]), {}),
-        ((POOL, [1.0, 0.0]), {"engine": "pit"}),
-        ((POOL, [1.0, 0.0]), {"max_events": -1}),
-    ]:
-        with pytest.raises((TypeError, ValueError), match=r": expected"):
-            record_shot(scene, *args, **kwargs)
-
-
 def test_a_replay_with_another_result_raises():
     record = SHOTS["plain"]()
     (x, y), *others = record.end.positions

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.games import Call, Setup, Stroke, choices, custom_opening, opening, play
+from billiards_env.games import Call, Setup, Stroke, custom_opening, opening, play
 from billiards_env.games.placement import SPOT_GAP, cue_ball_point, placement_area, spot_colours
 from billiards_env.games.snooker import is_snookered, points_left
 from billiards_env.games.state import changed, set_of
@@ -383,18 +383,6 @@ def test_a_foul_that_leaves_a_snooker_gives_a_free_ball():  # 3.12
 
 
 MISS = Setup("snooker", SCENE, miss=True)
-OPEN = {"cue": (0.4, 0.5), "red": (1.5, 0.5)}
-
-
-def test_a_miss_can_be_replaced():  # 3.14
-    before = lying(OPEN, MISS)
-    missed = play(MISS, before, Stroke((0.0, 0.3))).game
-    assert choices(missed.state) == ("hand_back", "replace")
-    again = play(MISS, missed, Stroke((0.0, 0.0), call=Call(kind="replace"))).game
-    assert again.positions.tobytes() == before.positions.tobytes()
-    assert (again.state.player, choices(again.state)) == (0, ())
-    assert again.state.scores.tolist() == missed.state.scores.tolist() != [0, 0, 0, 0]
-    assert choices(play(SETUP, lying(OPEN), Stroke((0.0, 0.3))).game.state) == ("hand_back",)  # without the miss rule
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 import re
 import signal
-import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
@@ -221,15 +219,3 @@ def test_help_lists_the_values_of_each_option(capsys):
     shown = set(re.findall(r"\w+", capsys.readouterr().out))
     layouts = {name for rules in GAMES.values() for name in rules.layouts}
     assert {*GAMES, *layouts, *MODES, *KNOWN, *SCENES, *PALETTES, HUMAN} <= shown
-
-
-def test_without_pygame_the_error_names_the_package_to_install():
-    code = (
-        "import sys; sys.modules['pygame'] = None\n"
-        "from billiards_env.play.__main__ import main\n"
-        "main(['--rules', 'carom'])\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 1
-    assert done.stderr.startswith("error: pygame is not installed")
-    assert "pip install 'billiards-env[render]'" in done.stderr

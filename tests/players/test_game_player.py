@@ -1,7 +1,6 @@
 """Players of games: their shots are legal, they are found by name, and the strategies score points."""
 
 import importlib.metadata
-import subprocess
 import sys
 import types
 
@@ -142,22 +141,3 @@ def test_unknown_players_are_refused(text, rules, message, kind, monkeypatch):
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: importlib.metadata.EntryPoints([THEIRS]))
     with pytest.raises(kind, match=message):
         find_player(text, setup(rules), also=("human",))
-
-
-def test_a_trained_policy_needs_the_extra():
-    code = (
-        "import sys; sys.modules['stable_baselines3'] = None\n"
-        "from billiards_env.play.__main__ import main\n"
-        "main(['--players', 'human,policy:x'])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert "stable_baselines3 is not installed: expected the extra 'train'" in done.stderr
-    assert "Traceback" not in done.stderr
-
-
-def test_pytorch_is_loaded_only_for_a_trained_policy():
-    code = (
-        "import sys, billiards_env.players.game_player, billiards_env.evaluation, billiards_env.play.__main__\n"
-        "print(sorted({'torch', 'stable_baselines3', 'pygame'} & set(sys.modules)))"
-    )
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"

@@ -11,6 +11,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from billiards_env import Scene
 from billiards_env.sb3 import PPO_SETTINGS, AimPolicy, SameStepVecEnv
+from tests.helpers.errors import refusals
 
 GAMES: dict[str, dict[str, Any]] = {
     "pot": {},
@@ -121,43 +122,41 @@ def test_the_policy_gets_the_table_and_the_task_from_the_environment(tmp_path):
     assert loaded.game.scene == Scene.named("real_carom")
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
+def alone(env: dict[str, Any], action_space: Any = None, **arguments: Any) -> AimPolicy:
+    """Returns a policy for the spaces of an environment, without a model."""
+    made = gym.make("billiards_env:Billiards-v0", **env)
+    return AimPolicy(made.observation_space, action_space or made.action_space, lambda _: 1e-3, **arguments)
+
+
+EMPTY = {"task": "place", "n_object_balls": 0}
+FAST = {"env": {"scene": "real_pool", "max_speed": 3.0}}
+
+
+@refusals(
+    "make",
     [
-        (dict, "env: expected the arguments of the environment, whose scene is Scene"),
-        (lambda: {"scene": "real_pool", "max_speed": 3.0}, "env: expected .* whose max_speed is 4.0"),
+        (
+            lambda: PPO(AimPolicy, vector(scene="real_pool"), **SETTINGS, policy_kwargs={"env": {}}),
+            "env: expected the arguments of the environment, whose scene is Scene",
+        ),
+        (
+            lambda: PPO(AimPolicy, vector(scene="real_pool"), **SETTINGS, policy_kwargs=FAST),
+            "env: expected .* whose max_speed is 4.0",
+        ),
+        (
+            lambda: PPO(AimPolicy, VecNormalize(vector()), **SETTINGS).learn(32),
+            r"observations up to .*: expected .* from -1 to 1; a wrapper such as VecNorm",
+        ),
+        (
+            lambda: alone({}, gym.spaces.Box(-2.0, 2.0, (2,))),
+            r"action_space = Box\(-2.0, 2.0.*: expected Box\(-1.0, 1.0",
+        ),
+        (lambda: alone({}), "env = None: expected the arguments of the environment"),
+        (lambda: alone({}, env={"n_object_balls": 2}), r"expected the arguments .*, whose observation .* not \(6,\)"),
+        (lambda: alone({}, env={}, aim="pocket"), "aim = 'pocket': expected one of 'ball', 'layout'"),
+        (lambda: alone(EMPTY, env=EMPTY), "expected an object ball"),
     ],
 )
-def test_a_policy_for_another_world_is_refused(change, message):
-    with pytest.raises(ValueError, match=message):
-        PPO(AimPolicy, vector(scene="real_pool"), **SETTINGS, policy_kwargs={"env": change()})
-
-
-def test_wrappers_that_change_observations_or_actions_are_refused():
-    with pytest.raises(ValueError, match=r"observations up to .*: expected .* from -1 to 1; a wrapper such as VecNorm"):
-        PPO(AimPolicy, VecNormalize(vector()), **SETTINGS).learn(32)
-    with pytest.raises(ValueError, match=r"action_space = Box\(-2.0, 2.0.*: expected Box\(-1.0, 1.0"):
-        AimPolicy(vector().observation_space, gym.spaces.Box(-2.0, 2.0, (2,)), lambda _: 1e-3)
-    single = gym.make("billiards_env:Billiards-v0")
-    with pytest.raises(ValueError, match="env = None: expected the arguments of the environment"):
-        AimPolicy(single.observation_space, single.action_space, lambda _: 1e-3)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"env": {"n_object_balls": 2}}, r"expected the arguments of the environment, whose observation .* not \(6,\)"),
-        ({"env": {}, "aim": "pocket"}, "aim = 'pocket': expected one of 'ball', 'layout'"),
-    ],
-)
-def test_wrong_arguments_are_refused(arguments, message):
-    env = gym.make("billiards_env:Billiards-v0")
-    with pytest.raises(ValueError, match=message):
-        AimPolicy(env.observation_space, env.action_space, lambda _: 1e-3, **arguments)
-
-
-def test_an_environment_without_object_balls_is_refused():
-    env = {"task": "place", "n_object_balls": 0}
-    game = gym.make("billiards_env:Billiards-v0", **env)
-    with pytest.raises(ValueError, match="expected an object ball"):
-        AimPolicy(game.observation_space, game.action_space, lambda _: 1e-3, env=env)
+def test_a_wrong_world_or_argument_is_refused(make, message, kind):
+    with pytest.raises(kind, match=message):
+        make()
