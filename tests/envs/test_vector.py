@@ -8,7 +8,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from gymnasium.wrappers import vector as wrappers
 
 from billiards_env.envs import BilliardsVectorEnv, make_env, make_vector_env
 from tests.helpers.environments import SOFT, VARIANTS, VARIED, name_of, same
@@ -183,32 +182,7 @@ def test_make_vec(kwargs, mode):
     assert envs.single_observation_space == single.observation_space
     assert envs.single_action_space == single.action_space
     assert envs.reset(seed=1)[0] in envs.observation_space
-    envs.action_space.seed(0)
-    observations, rewards, terminated, truncated, _ = envs.step(envs.action_space.sample())
-    assert observations in envs.observation_space
-    assert (rewards.dtype, terminated.dtype, truncated.dtype) == (np.float64, np.bool_, np.bool_)
-    assert not truncated.any()
     envs.close()
-
-
-@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-def test_wrappers_of_gymnasium(mode):
-    logs = []
-    for plain in pair(4, mode, **SOFT):
-        envs: Any = wrappers.RecordEpisodeStatistics(plain)
-        if mode is AutoresetMode.NEXT_STEP:  # wrappers of observations support this mode only
-            envs = wrappers.FlattenObservation(envs)
-        envs = wrappers.DictInfoToList(wrappers.ClipReward(envs, -1.0, 0.5))
-        envs.reset(seed=0)
-        rng = np.random.default_rng(0)
-        log = []
-        for _ in range(6):
-            observations, rewards, _, _, infos = envs.step(rng.uniform(-1, 1, (4, 2)))
-            ended = [{**info["episode"], "t": 0} for info in infos if "episode" in info]
-            log.append((observations.tolist(), rewards.tolist(), [sorted(info) for info in infos], ended))
-        assert any(step[-1] for step in log)
-        logs.append(log)
-    assert logs[0] == logs[1]
 
 
 def test_a_layout_without_room_raises_from_a_thread(monkeypatch):

@@ -121,15 +121,6 @@ def test_an_impossible_stroke_is_named_by_its_index():
 # Files.
 
 
-def test_missing_files_and_folders_are_os_errors(tmp_path):
-    with pytest.raises(FileNotFoundError):
-        records.load(tmp_path / "none.json")
-    with pytest.raises(FileNotFoundError):
-        records.save(tmp_path / "none" / "a.json", SHOTS["plain"]())
-    with pytest.raises(OSError, match=re.escape(str(tmp_path))):
-        records.load(tmp_path)
-
-
 @pytest.mark.parametrize(("content", "message"), [(b"{", ""), (b"\xff\xfe\x00{", ".*utf-8")])
 def test_errors_contain_the_path(content, message, tmp_path):
     path = tmp_path / "shot.json"
@@ -188,14 +179,11 @@ SHOT_FAULTS = [
     ("max_events", 1.5, "max_events = 1.5"),
     ("scene", None, "scene = None"),
     ("scene.table.lenght", 2.0, "key of scene.table = 'lenght'.*did you mean 'length'"),
-    ("scene.table.length", 10**400, "table.length = 1000.*: expected a number from"),
-    ("scene.balls.mass", ["inf", 0.1], r"balls.mass\[0\] = inf"),
     (
         "scene.balls",
         {"radius": [0.03] * 2000, "mass": [0.1] * 2000, "colours": "pool", "shape": "disk"},
         "number of balls = 2000: expected a whole number from 1 to 1000",
     ),
-    ("scene.physics.motion", ["ideal"], "physics.motion"),
     ("end", None, "end = None"),
     ("end.status", "stop", "end.status = 'stop'"),
     ("end.time", "late", "end.time = 'late'"),

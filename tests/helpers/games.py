@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from billiards_env import Scene
-from billiards_env.games import CALLS, GAMES, IN_HAND, NO_CALL, Setup, referee, to_dict
+from billiards_env.games import CALLS, GAMES, IN_HAND, NO_CALL, Setup, custom_opening, referee, to_dict
 from billiards_env.games.facts import facts_of, pots_of
 from billiards_env.games.state import CALL, FACTS, STATE, Called, changed, row, set_of
 from billiards_env.shots.result import EVENT_DTYPE
@@ -19,6 +19,12 @@ def setup(rules, balls=None, **kwargs):
     if rules == "snooker":  # it runs the code that is compiled for the pool games
         scene = dataclasses.replace(scene, physics=Scene.named("real_pool").physics)
     return Setup(rules, **{"scene": scene, **kwargs})
+
+
+def hanging(**kwargs):
+    """Returns the settings of straight pool, and a state in which ball 1 hangs in pocket 3."""
+    game = setup("straight", 2, **kwargs)
+    return game, custom_opening(game, [[0.6, 0.1], [1.07, 0.435], [-0.5, 0.0]])
 
 
 def events(*rows, times=None):

@@ -344,10 +344,8 @@ def test_the_aimed_ball_and_pocket_are_called(make_model):
     assert safety.stroke.call == Call(kind="safety")
     assert after(safety, (actions.next_called, "ball")) is safety
     assert after(safety, actions.next_kind).call == model.call
-    model = make_model("straight", STRAIGHT)
-    assert (
-        after(model, (actions.next_called, "ball"), (actions.next_called, "pocket"), actions.next_kind).call == NO_CALL
-    )
+    model = after(make_model("straight", STRAIGHT), (actions.next_called, "ball"), (actions.next_called, "pocket"))
+    assert after(model, actions.next_kind).call == NO_CALL
 
 
 def test_a_push_out_is_handed_back(make_model):

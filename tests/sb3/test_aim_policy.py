@@ -22,12 +22,17 @@ GAMES: dict[str, dict[str, Any]] = {
 }
 
 
+SETTINGS = {**PPO_SETTINGS, "batch_size": 16}
+
+
+def vector(envs: int = 16, **arguments: Any) -> SameStepVecEnv:
+    return SameStepVecEnv(gym.make_vec("billiards_env:Billiards-v0", num_envs=envs, **arguments))
+
+
 def make(envs: int = 16, env: dict[str, Any] | None = None, **kwargs: Any) -> PPO:
     """Returns an untrained model with as many environments as shots of a minibatch."""
-    env = env or {}
-    vector = SameStepVecEnv(gym.make_vec("billiards_env:Billiards-v0", num_envs=envs, **env))
-    settings = {**PPO_SETTINGS, "batch_size": envs, "seed": 0}
-    return PPO(AimPolicy, vector, **settings, policy_kwargs={"env": env, **kwargs})
+    settings = {**SETTINGS, "batch_size": envs, "seed": 0}
+    return PPO(AimPolicy, vector(envs, **env or {}), **settings, policy_kwargs={"env": env or {}, **kwargs})
 
 
 def net(model: PPO) -> Any:
@@ -105,13 +110,6 @@ def test_the_densities_of_an_update_are_those_of_its_rollout():
     torch.testing.assert_close(weighted, entropy)  # its factor begins at 1
 
 
-def vector(**arguments: Any) -> SameStepVecEnv:
-    return SameStepVecEnv(gym.make_vec("billiards_env:Billiards-v0", num_envs=16, **arguments))
-
-
-SETTINGS = {**PPO_SETTINGS, "batch_size": 16}
-
-
 def test_the_policy_gets_the_table_and_the_task_from_the_environment(tmp_path):
     """Without `policy_kwargs` it once took every table for that of "pool"."""
     model = PPO(AimPolicy, vector(scene="real_carom", task="carom"), **SETTINGS)
@@ -122,10 +120,10 @@ def test_the_policy_gets_the_table_and_the_task_from_the_environment(tmp_path):
     assert loaded.game.scene == Scene.named("real_carom")
 
 
-def alone(env: dict[str, Any], action_space: Any = None, **arguments: Any) -> AimPolicy:
+def alone(of: dict[str, Any], **arguments: Any) -> AimPolicy:
     """Returns a policy for the spaces of an environment, without a model."""
-    made = gym.make("billiards_env:Billiards-v0", **env)
-    return AimPolicy(made.observation_space, action_space or made.action_space, lambda _: 1e-3, **arguments)
+    made = gym.make("billiards_env:Billiards-v0", **of)
+    return AimPolicy(made.observation_space, made.action_space, lambda _: 1e-3, **arguments)
 
 
 EMPTY = {"task": "place", "n_object_balls": 0}
@@ -148,7 +146,7 @@ FAST = {"env": {"scene": "real_pool", "max_speed": 3.0}}
             r"observations up to .*: expected .* from -1 to 1; a wrapper such as VecNorm",
         ),
         (
-            lambda: alone({}, gym.spaces.Box(-2.0, 2.0, (2,))),
+            lambda: AimPolicy(vector().observation_space, gym.spaces.Box(-2.0, 2.0, (2,)), lambda _: 1e-3),
             r"action_space = Box\(-2.0, 2.0.*: expected Box\(-1.0, 1.0",
         ),
         (lambda: alone({}), "env = None: expected the arguments of the environment"),
