@@ -143,8 +143,7 @@ def test_a_ball_in_the_jaws_is_observed_inside_the_box():
     assert observation.reshape(2, 2) * half == pytest.approx(np.array([[-0.5, 0.1], in_jaws]), abs=1e-6)
 
 
-BEHIND_THE_CUSHIONS = Scene.named("pool").to_dict()
-BEHIND_THE_CUSHIONS["table"]["pockets"] = [{"x": 1.3, "y": 0.65, "radius": 0.1}]
+BEHIND_THE_CUSHIONS = {"base": "pool", "table": {"pockets": [{"x": 1.3, "y": 0.65, "radius": 0.1}]}}
 
 
 @pytest.mark.parametrize(
@@ -165,8 +164,7 @@ def test_a_potted_ball_is_observed_at_its_pocket_inside_the_box(scene, cue, acti
     assert observation in env.observation_space
 
 
-WITH_AN_OBSTACLE = Scene.named("pool", 2).to_dict()
-WITH_AN_OBSTACLE["balls"]["mass"][2] = "inf"
+OBSTACLE = {"scene": {"base": "pool", "n_object_balls": 2, "balls": {"mass": [0.17, 0.17, "inf"]}}, "max_shots": 5}
 CAROMS = {"scene": "ideal", "task": "carom", "n_object_balls": 2, "max_shots": 3}
 POT, SCRATCH, APART = ([0.97, 0.335], [1.07, 0.435]), ([0.97, 0.335], [-0.5, 0.0]), ([0.0, 0.0], [0.5, 0.3])
 EPISODES = {  # the arguments, the balls, the shots, and after each: reward, whether it is over, success and score
@@ -175,12 +173,7 @@ EPISODES = {  # the arguments, the balls, the shots, and after each: reward, whe
     "a scratch before the last shot": ({"max_shots": 5}, SCRATCH, [INTO_THE_CORNER], [(-0.2, True, False, 0)]),
     "a pot": ({}, POT, [INTO_THE_CORNER], [(1.0, True, True, 1)]),
     "misses": ({"max_shots": 2}, APART, [[-0.1, 0.0]] * 2, [(0.0, False, False, 0), (0.0, True, False, 0)]),
-    "an obstacle is left": (
-        {"scene": WITH_AN_OBSTACLE, "max_shots": 5},
-        (*POT, [-0.6, -0.2]),
-        [INTO_THE_CORNER],
-        [(1.0, True, True, 1)],
-    ),
+    "an obstacle is left": (OBSTACLE, (*POT, [-0.6, -0.2]), [INTO_THE_CORNER], [(1.0, True, True, 1)]),
     "a carom does not end the episode": (
         CAROMS,
         CAROM,

@@ -126,29 +126,23 @@ def alone(of: dict[str, Any], **arguments: Any) -> AimPolicy:
     return AimPolicy(made.observation_space, made.action_space, lambda _: 1e-3, **arguments)
 
 
-EMPTY = {"task": "place", "n_object_balls": 0}
-FAST = {"env": {"scene": "real_pool", "max_speed": 3.0}}
+def learning(envs: Any, env: dict[str, Any] | None = None) -> PPO:
+    return PPO(AimPolicy, envs, **SETTINGS, policy_kwargs={"env": env})
+
+
+REAL, EMPTY, WIDE = {"scene": "real_pool"}, {"task": "place", "n_object_balls": 0}, gym.spaces.Box(-2.0, 2.0, (2,))
+TABLE = "env: expected the arguments of the environment, whose scene is Scene"
+NORMALIZED = r"observations up to .*: expected .* from -1 to 1; a wrapper such as VecNorm"
+SPACE = r"action_space = Box\(-2.0, 2.0.*: expected Box\(-1.0, 1.0"
 
 
 @refusals(
     "make",
     [
-        (
-            lambda: PPO(AimPolicy, vector(scene="real_pool"), **SETTINGS, policy_kwargs={"env": {}}),
-            "env: expected the arguments of the environment, whose scene is Scene",
-        ),
-        (
-            lambda: PPO(AimPolicy, vector(scene="real_pool"), **SETTINGS, policy_kwargs=FAST),
-            "env: expected .* whose max_speed is 4.0",
-        ),
-        (
-            lambda: PPO(AimPolicy, VecNormalize(vector()), **SETTINGS).learn(32),
-            r"observations up to .*: expected .* from -1 to 1; a wrapper such as VecNorm",
-        ),
-        (
-            lambda: AimPolicy(vector().observation_space, gym.spaces.Box(-2.0, 2.0, (2,)), lambda _: 1e-3),
-            r"action_space = Box\(-2.0, 2.0.*: expected Box\(-1.0, 1.0",
-        ),
+        (lambda: learning(vector(**REAL), {}), TABLE),
+        (lambda: learning(vector(**REAL), {**REAL, "max_speed": 3.0}), "env: expected .* whose max_speed is 4.0"),
+        (lambda: learning(VecNormalize(vector())).learn(32), NORMALIZED),
+        (lambda: AimPolicy(vector().observation_space, WIDE, lambda _: 1e-3), SPACE),
         (lambda: alone({}), "env = None: expected the arguments of the environment"),
         (lambda: alone({}, env={"n_object_balls": 2}), r"expected the arguments .*, whose observation .* not \(6,\)"),
         (lambda: alone({}, env={}, aim="pocket"), "aim = 'pocket': expected one of 'ball', 'layout'"),
