@@ -27,11 +27,6 @@ def make(**kwargs):
     return gym.make("Billiards-v0", **{**FAST, **kwargs})
 
 
-def random_layouts(count):
-    rng = np.random.default_rng(0)
-    return np.array([layouts.draw("random", POOL, rng) for _ in range(count)])
-
-
 # --- geometry ---------------------------------------------------------------------------------------------------------
 
 
@@ -46,7 +41,8 @@ def test_a_cut_passes_the_ball_at_the_given_distance(a0, a1, bearing, apart):
 
 
 def test_every_cut_hits_and_is_the_sine_of_the_cut_angle():
-    positions = random_layouts(500)
+    rng = np.random.default_rng(0)
+    positions = np.array([layouts.draw("random", POOL, rng) for _ in range(500)])
     offsets = np.random.default_rng(1).uniform(-1, 1, 500).astype(np.float32)
     largest = np.nextafter(np.float32(1), np.float32(0))
     offsets[:40] = np.tile([largest, -largest, 0, 0.999], 10)
