@@ -49,7 +49,8 @@ def test_a_render_mode_does_not_change_the_results(kwargs):
             while not over:
                 log.append(env.step(rng.uniform(-1, 1, 2)))
                 over = log[-1][2]
-                mode and env.render()
+                if mode:
+                    env.render()
         return log
 
     plain = played(None)
@@ -117,7 +118,8 @@ APART, MISSED = [[0.0, 0.0], [0.3, 0.0], [0.6, 0.1]], ("reward 0   score 0", "re
 def test_the_frames_are_those_of_the_shots_with_texts(kwargs, positions, speeds, results):
     from billiards_env.drawing.canvas import Canvas, Caption, pixels
 
-    env, single = (make_env(render_mode=mode, max_shots=3, **kwargs) for mode in ("rgb_array_list", "rgb_array"))
+    both: list[Any] = [make_env(render_mode=mode, max_shots=3, **kwargs) for mode in ("rgb_array_list", "rgb_array")]
+    env, single = both
     canvas, places, in_play, films = Canvas(env.scene), np.array(positions), np.ones(3, bool), []
 
     def add(shot, *texts):
@@ -126,11 +128,11 @@ def test_the_frames_are_those_of_the_shots_with_texts(kwargs, positions, speeds,
         films.extend(pixels(frame) for frame in film)
         assert np.array_equal(single.render(), films[-1])
 
-    for one in (env, single):
+    for one in both:
         one.reset(seed=0, options={"positions": positions})
     add(simulation.simulate(env.scene, positions, [0.0, 0.0], max_time=0.0, record=True), env.task)
     for number, (action, speed, result) in enumerate(zip((3.5 * SLOWLY, -SLOWLY), speeds, results, strict=True), 1):
-        for one in (env, single):
+        for one in both:
             one.step(action)
         velocity = env.max_speed * action.astype(float)
         shot = simulation.simulate(env.scene, places, velocity, in_play=in_play, record=True)

@@ -130,7 +130,8 @@ def learning(envs: Any, env: dict[str, Any] | None = None) -> PPO:
     return PPO(AimPolicy, envs, **SETTINGS, policy_kwargs={"env": env})
 
 
-REAL, EMPTY, WIDE = {"scene": "real_pool"}, {"task": "place", "n_object_balls": 0}, gym.spaces.Box(-2.0, 2.0, (2,))
+REAL: dict[str, Any] = {"scene": "real_pool"}
+EMPTY, WIDE = {"task": "place", "n_object_balls": 0}, gym.spaces.Box(-2.0, 2.0, (2,))
 TABLE = "env: expected the arguments of the environment, whose scene is Scene"
 NORMALIZED = r"observations up to .*: expected .* from -1 to 1; a wrapper such as VecNorm"
 SPACE = r"action_space = Box\(-2.0, 2.0.*: expected Box\(-1.0, 1.0"
