@@ -24,22 +24,10 @@ def test_wrong_arguments_are_rejected(arguments, message):
         dataset.write(*arguments[:3], seed=arguments[3] if len(arguments) > 3 else 0)
 
 
-WRONG_IDS = [
-    "",
-    "mydata",
-    "../../x-v0",
-    "a/../x-v0",
-    "/x/y-v0",
-    "x/y-v0",
-    "mine//x-v0",
-    "x-v01",
-    "x-v",
-    "-v0",
-    "x y-v0",
-]
+WRONG_IDS = ["mydata", "../../x-v0", "a/../x-v0", "/x/y-v0", "x/y-v0", "mine//x-v0", "x-v01", "x-v", "-v0"]
 
 
-@pytest.mark.parametrize("wrong", [*WRONG_IDS, "x-v0\n"])
+@pytest.mark.parametrize("wrong", ["", "x y-v0", "x-v0\n", *WRONG_IDS])
 def test_a_wrong_id_is_refused_before_an_episode(wrong, monkeypatch):
     monkeypatch.setattr(dataset, "find_player", None)
     with pytest.raises(ValueError, match=r"dataset_id = .*: expected words and a version, such as 'mine/clear-v0'"):

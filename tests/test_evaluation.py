@@ -39,7 +39,6 @@ def mine(tmp_path, monkeypatch):
     """A module with players."""
     (tmp_path / "my_players.py").write_text(
         "def full_hit(observation):\n    return (observation[2:4] - observation[:2]) * [0.5, 0.25]\n"
-        "def without_arguments():\n    return [0.0, 0.0]\n"
     )
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -51,22 +50,6 @@ def test_a_function_of_the_user_plays(mine):
     found = measure("my_players:full_hit", {"task": "carom", "max_shots": 3}, (0.0, 0.0), 20, 0)
     assert found["mean_shots"] >= 1
     assert found["episodes"] == 20
-
-
-@pytest.mark.parametrize(
-    ("player", "error", "message"),
-    [
-        ("geometrc", ValueError, r"player = 'geometrc': .*or module:function \(did you mean 'geometric'\?\)"),
-        ("my_players:nothing", ValueError, "player = 'my_players:nothing': .*has no attribute 'nothing'"),
-        ("my_players:without_arguments", TypeError, r"expected a function act\(observation\) that returns an action"),
-        ("policy:nowhere", FileNotFoundError, "nowhere"),
-    ],
-)
-def test_unknown_players_are_errors(mine, player, error, message):
-    if player.startswith("policy"):
-        pytest.importorskip("stable_baselines3")
-    with pytest.raises(error, match=message):
-        find_player(player, gym.make("Billiards-v0"))
 
 
 def test_the_command_measures_players_on_the_same_layouts(mine, capsys):

@@ -1,8 +1,12 @@
-"""Test modules import nothing from the tests except `tests.helpers`."""
+"""What modules import, what programs load, and the errors without an optional package."""
 
 import ast
 import re
+import subprocess
+import sys
 from pathlib import Path
+
+import pytest
 
 from tests.helpers.imports import imported
 
@@ -32,3 +36,46 @@ def test_only_tests_import_tests():
     for package in ("agents", "benchmarks", "billiards_env", "reference", "release", "studies"):
         for path in (root / package).rglob("*.py"):
             assert all(name.split(".")[0] != "tests" for name in imported(path)), path
+
+
+HEAVY = "torch jax stable_baselines3 pettingzoo pygame matplotlib PIL"
+SHOT = "import gymnasium as gym; env = gym.make('billiards_env:Billiards-v0', {}); env.reset(); env.step([0.1, 0.1])"
+GAME = "import billiards_env.games.billiards_v0 as v0; env = v0.raw_env('carom'); env.reset(0); env.step([0.1, 0.1])"
+LOADED = {  # programs, and what they do not load beside `HEAVY`
+    "the registration": ("import billiards_env, gymnasium; gymnasium.spec('Billiards-v0')", "numba"),
+    "a shot": (SHOT.format(""), "drawing envs.action_frames envs.plans players"),
+    "an image": (SHOT.format("observe=[('pixels', 9, 9)]"), "drawing.canvas drawing.spheres drawing.window"),
+    "a render mode": (SHOT.format("render_mode='rgb_array'"), "drawing.canvas"),
+    "records of games": ("import billiards_env.games.records", "play"),
+    "a game of PettingZoo": (GAME, "play"),
+    "the players": ("import billiards_env.players.game_player, billiards_env.evaluation", "sb3"),
+    "the command of the window": ("import billiards_env.play.__main__", "sb3"),
+    "the model of the window": ("import billiards_env.play.model, billiards_env.play.labels", "drawing.canvas"),
+    "the overview": ("from billiards_env.__main__ import main; main([])", "numba"),
+}
+
+
+@pytest.mark.parametrize("name", LOADED)
+def test_a_program_loads_only_what_it_needs(name):
+    code, others = LOADED[name]
+    unused = {*HEAVY.split(), *others.split(), *(f"billiards_env.{other}" for other in others.split())}
+    unused -= {"pettingzoo"} if "PettingZoo" in name else set()
+    program = f"import sys; {code}; assert not {unused} & set(sys.modules), {unused} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
+
+
+PLAY = "from billiards_env.play.__main__ import main; main(['--players', 'human,{}'])"
+MISSING = {
+    "pettingzoo": ("import billiards_env.games.billiards_v0", r"DependencyNotInstalled: .*billiards-env\[multi\]"),
+    "pygame": (PLAY.format("human"), r"^error: pygame is not installed.*pip install 'billiards-env\[render\]'"),
+    "stable_baselines3": (PLAY.format("policy:x"), "^error: .*stable_baselines3 is not installed.* extra 'train'"),
+}
+
+
+@pytest.mark.parametrize("package", MISSING)
+def test_without_an_optional_package_the_error_names_its_extra(package):
+    code, message = MISSING[package]
+    program = f"import sys; sys.modules[{package!r}] = None; {code}"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert re.search(message, done.stderr, re.DOTALL), done.stderr

@@ -25,7 +25,6 @@ from billiards_env.scene.layouts import LAYOUTS
 from studies import readme
 
 ROOT = Path(__file__).resolve().parent.parent
-DOCS = ROOT / "docs"
 README = ROOT / "README.md"
 PAGES = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in readme.PAGES}
 PAGES["CONTRIBUTING.md"] = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")

@@ -11,11 +11,8 @@ from billiards_env.shots.simulation import simulate
 pytest.importorskip("pygame")
 
 from billiards_env.drawing.canvas import Canvas, Caption, pixels, side_by_side
+from billiards_env.drawing.raster import rgb
 from billiards_env.drawing.style import CLOTH, POCKET, RAIL, looks, rail_width
-
-
-def rgb(colour):
-    return np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)])
 
 
 def near(frame, where, colour, tolerance=6, dx=0.0, dy=0.0):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.drawing.orientation import ERROR, VISIBLE, matrices, product, turn, turning
+from billiards_env.drawing.orientation import ERROR, VISIBLE, matrices, product, turning
 from billiards_env.shots.simulation import simulate
 
 
@@ -69,15 +69,6 @@ def test_the_angular_velocity_agrees_with_the_slip():
     wx, wy, wz = turns.spins(0, [end])[0]
     assert (wx, wy) == pytest.approx((-velocity[1] / radius, velocity[0] / radius))
     assert wz == pytest.approx(20.0 - 10.0 * end)
-
-
-def test_a_step_has_sixth_order():
-    spin, change = np.array([[3.0, -2.0, 5.0]]), np.array([[-4.0, 9.0, -10.0]])
-    errors = []
-    for lasts in (0.4, 0.2):
-        t = np.array([lasts])
-        errors.append(distance(turn(spin, change, t), reference(spin, change, lasts, 500))[0])
-    assert 90 < errors[0] / errors[1] < 160  # 2**7 for one step
 
 
 def test_the_error_of_an_orientation_is_below_the_limit():

@@ -8,6 +8,7 @@ import pytest
 from billiards_env import Scene
 from billiards_env.drawing.orientation import turning
 from billiards_env.drawing.page import make_page
+from billiards_env.drawing.raster import rgb
 from billiards_env.drawing.style import CLOTH, POCKET
 from billiards_env.shots.simulation import simulate
 from tests.helpers.pages import page_data
@@ -49,10 +50,6 @@ def player(tab, shot, tmp_path):
 
 def at(tab, t):
     return np.array(tab.evaluate(f"billiards.at({t!r})"))
-
-
-def rgb(colour):
-    return [int(colour[k : k + 2], 16) for k in (1, 3, 5)]
 
 
 def text(tab, selector):

@@ -6,6 +6,7 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.drawing import style
+from billiards_env.drawing.raster import rgb
 from billiards_env.scene import Balls
 from billiards_env.scene.outline import Corner, polygon
 from billiards_env.scene.table import Pocket, Table, six_pockets
@@ -32,7 +33,7 @@ HEXAGON = ((-1.0, 0.0), (-0.5, -0.75), (0.5, -0.75), (1.0, 0.0), (0.5, 0.75), (-
 
 
 def luminance(colour):
-    channels = np.array([int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)])
+    channels = np.array(rgb(colour)) / 255
     linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
     return linear @ [0.2126, 0.7152, 0.0722]
 
@@ -152,7 +153,7 @@ def test_the_colours_of_a_palette_differ():
             fills = [look.fill for look in style.looks(Scene.named(scene, n), palette)]
             assert len(set(fills)) == {"pool": 9, "snooker": 8, "carom": 3}[scene]
     realistic = style.looks(Scene.named("pool", 7), "realistic")
-    red, green, blue = (int(realistic[3].fill[k : k + 2], 16) for k in (1, 3, 5))
+    red, green, blue = rgb(realistic[3].fill)
     assert red > 3 * max(green, blue)  # the 3 is red
     with pytest.raises(ValueError, match="palette = 'real': expected one of"):
         style.looks(Scene.named("pool"), "real")

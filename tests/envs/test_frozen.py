@@ -3,13 +3,11 @@
 import hashlib
 import inspect
 import json
-import warnings
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
-from gymnasium.utils.env_checker import check_env
 
 from billiards_env.envs import make_env, make_model
 from billiards_env.frozen import FROZEN, NAMESPACE
@@ -81,14 +79,10 @@ def test_the_ids_are_the_tasks_their_strikes_and_both_with_noise():
 
 
 @pytest.mark.parametrize("name", FROZEN)
-def test_an_id_passes_the_checkers_and_plays_as_the_vector_environment(name):
+def test_an_environment_of_an_id_and_that_of_its_json_play_as_the_vector_environment(name):
     env = gym.make(NAMESPACE + name)
     assert env.spec is not None
     assert env.spec.reward_threshold == FROZEN[name].threshold
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # both checkers recommend symmetric ranges and the default render modes
-        check_env(env.unwrapped, skip_render_check=True)
-        pytest.importorskip("stable_baselines3.common.env_checker").check_env(env)
     again = gym.make(EnvSpec.from_json(env.spec.to_json()))
     assert again.spec == env.spec
     envs = gym.make_vec(NAMESPACE + name, 2)
@@ -115,14 +109,3 @@ def test_every_argument_with_an_effect_is_frozen():
     assert inspect.signature(make_model).parameters.keys() == given | free
     assert json.loads(json.dumps(FROZEN["Clear5-v0"].arguments)) == FROZEN["Clear5-v0"].arguments
     assert env.engine.mode == "pic"
-
-
-def test_noise_changes_the_shots_and_follows_the_seed():
-    def play(name, seed):
-        env = gym.make(f"Billiards/{name}-v0")
-        env.reset(seed=seed)
-        return env.step([0.5, 0.2])[4]["shot_time"]
-
-    assert play("Pot1Noise", 3) == play("Pot1Noise", 3) != play("Pot1", 3)
-    with pytest.raises(ValueError, match="task = 'pott'"):
-        gym.make("Billiards/Pot1Noise-v0", task="pott")

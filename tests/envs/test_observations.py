@@ -110,11 +110,6 @@ def test_the_argument_chooses_and_orders_the_features():
     assert env.decode(env.step([0.1, 0.0])[0])["shots_left"] == 0.5
 
 
-def planes_of(size, positions, **arguments):
-    envs = make_vector_env(len(positions), observe=[("planes", *size)], **arguments)
-    return envs.reset(options={"positions": positions})[0]
-
-
 @pytest.mark.parametrize("size", [(84, 84), (40, 90)])
 def test_images_contain_the_positions_to_half_a_pixel(size):
     envs = make_vector_env(200, task="place", observe=[("planes", *size), "positions"])
@@ -133,7 +128,8 @@ def test_images_contain_the_positions_to_half_a_pixel(size):
 def test_a_ball_that_moves_by_a_third_of_a_pixel_changes_the_image():
     step = 2.54 / 84 / 3
     moved = [[[0.3 + k * step, 0.1 + k * step * along], [-0.5, 0.0]] for k in range(9) for along in (0.0, 0.5)]
-    assert len(np.unique(planes_of((84, 84), moved), axis=0)) == 17
+    images, _ = make_vector_env(18, observe=[("planes", 84, 84)]).reset(options={"positions": moved})
+    assert len(np.unique(images, axis=0)) == 17
 
 
 def test_planes_show_the_legal_balls_and_pixels_the_colours():

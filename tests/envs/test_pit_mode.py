@@ -6,7 +6,6 @@ import pytest
 
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.envs import STATUS, make_env
-from studies.failures import FAILURES
 
 
 def test_without_a_fix_balls_may_overlap_before_the_next_shot():
@@ -59,17 +58,3 @@ def test_fix_and_dt_reach_the_engine_and_do_not_change_the_layouts():
     assert len(set(starts)) == 1
     assert ends[1:3] == [end for end, engine in zip(ends[1:], engines, strict=True) if engine["fix"] == "push_apart"]
     assert len(set(ends)) == 1 + 2 * len(FIXES)
-
-
-def test_a_missed_collision_costs_the_point():
-    # 6 m/s: at one timestep the cue ball is 12 cm before the other ball, at the next 12 cm behind it
-    case = FAILURES["missed_collision"]
-    rewards = []
-    for engine in ({}, {"mode": "pit", "dt": case.dt}):
-        env = gym.make(
-            "Billiards-v0", scene=case.scene.to_dict(), task="carom", layout="random", max_speed=6.0, **engine
-        )
-        env.reset(options={"positions": [[-0.42, 0.0], [-0.06, 0.0]]})
-        _, reward, *_ = env.step(np.array([1.0, 0.0], np.float32))
-        rewards.append(reward)
-    assert rewards == [1.0, 0.0]

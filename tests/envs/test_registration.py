@@ -4,21 +4,6 @@ from pathlib import Path
 import pytest
 
 import billiards_env
-from tests.helpers.environments import printed
-
-
-@pytest.mark.parametrize(
-    ("code", "words", "heavy"),
-    [
-        ("import billiards_env; print(gymnasium.spec('Billiards-v0').id)", "Billiards-v0", {"numba"}),
-        ("print(type(gymnasium.make('billiards_env:Billiards-v0').unwrapped).__name__)", "BilliardsEnv", set()),
-    ],
-)
-def test_registration_loads_nothing_heavy(code, words, heavy):
-    heavy |= {"torch", "jax", "pygame", "matplotlib"}
-    heavy |= {f"billiards_env.{name}" for name in ("drawing.raster", "envs.action_frames", "envs.plans", "players")}
-    code = f"import sys, gymnasium; {code}; print(*{heavy} & set(sys.modules))"
-    assert printed(code) == [words]
 
 
 def test_the_version_matches_pyproject():

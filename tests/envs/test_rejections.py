@@ -21,78 +21,66 @@ FLOOR = {"e_cushion": [0.5, 0.9], "e_cushion_floor": [0.4, 0.6]}
 NO_TIMESTEP = {"mode": "pit", "dt": 1 / 60, "randomize": {"dt": [0, 1]}}
 
 
-@refusals(
-    "arguments",
-    [
-        ({"scene": "pol"}, r"scene = 'pol': expected one of 'pool', .* \(did you mean 'pool'\?\)"),
-        ({"scene": 3}, "scene = 3: expected a name, a Scene, or a dict", TypeError),
-        ({"scene": {"ball": {}}}, "key of scene = 'ball': .*did you mean 'balls'"),
-        ({"scene": ONE_BALL, "n_object_balls": 2}, "n_object_balls = 2 with a scene without a name: expected None"),
-        ({"n_object_balls": 16}, "n_object_balls = 16: expected a whole number from 0 to 15"),
-        ({"n_object_balls": 0}, "task = 'pot' with a scene of the cue ball alone: expected at least one object ball"),
-        (
-            {"task": "sum_to_three", "scene": "pool"},
-            "'sum_to_three' with 1 object ball and 6 pockets: expected 1 object",
-        ),
-        (
-            {"task": "sum_to_three", "scene": "carom", "n_object_balls": 2},
-            "'sum_to_three' with 2 object balls and 0 pockets: expected 1 object ball and a table without",
-        ),
-        ({"task": "pott"}, "task = 'pott': expected one of 'pot', 'carom', .*did you mean 'pot'"),
-        ({"scene": "carom"}, "'pot' with 2 object balls and 0 pockets: expected object balls and a table with"),
-        ({"scene": ALL_FIXED}, "task = 'pot' with object balls of infinite mass only: expected one of finite mass"),
-        ({"mode": "pci"}, "mode = 'pci': expected"),
-        ({"dt": 0.1}, "dt = 0.1 with mode='pic': expected None"),
-        ({"layout": "racked"}, "layout = 'racked': expected one of .*did you mean 'rack'"),
-        ({"layout": "line", "n_object_balls": 2}, "layout = 'line' with 2 object balls: expected 1"),
-        ({"layout": None, "scene": "carom", "task": "carom", "n_object_balls": 3}, "'carom_opening' with 3"),
-        (
-            {"observe_shots_left": True},
-            "observe_shots_left = True: expected observe with 'shots_left' instead",
-            TypeError,
-        ),
-        ({"observe_shot": True}, "unexpected keyword argument 'observe_shot'", TypeError),
-        ({"observe": "positions"}, "observe = 'positions': expected a list", TypeError),
-        ({"observe": ["positon"]}, r"observe = 'positon': expected one of .* \(did you mean 'positions'\?\)"),
-        ({"observe": [3]}, "observe = 3: expected one of 'positions'"),
-        ({"observe": []}, r"observe = \[\]: expected at least one feature"),
-        ({"observe": ["potted", "potted"]}, r"observe = \['potted', 'potted'\]: .* each of them once"),
-        ({"observe": ["pixels"]}, r"observe = 'pixels': expected \('pixels', 'height', 'width'\)"),
-        ({"observe": [["positions", 84, 84]]}, r"observe = \('positions', 84, 84\): expected 'positions'"),
-        ({"observe": [["planes", 84, 4]]}, "width of 'planes' in observe = 4: expected"),
-        ({"action": "cute"}, r"action = 'cute': expected one of .* \(did you mean 'cut'\?\)"),
-        ({"action": "sum_to_three"}, "max_speed = 4.0 with action 'sum_to_three': expected at least 4.185"),
-        ({"action": "plan", "scene": "carom", "task": "carom"}, "action = 'plan': expected an object ball and a table"),
-        ({"observe": "goal"}, "observe = 'goal': expected a task with a goal"),
-        ({"observe": ["goal"]}, "observe = 'goal': expected a task with a goal"),
-        ({"observe": ["legal_balls"]}, "observe = 'legal_balls': expected a run-out"),
-        ({"observe": ["physics"]}, "observe = 'physics': expected numbers in randomize"),
-        (
-            {"observe": ["free_to_pockets"], "scene": "carom", "task": "carom"},
-            "a table with pockets in the environment",
-        ),
-        ({"render_mode": "ansi"}, "render_mode = 'ansi': expected one of 'human'"),
-        ({"action": "spin"}, "action = 'spin': expected one of 'velocity', 'strike'"),
-        (
-            {"scene": "ideal", "task": "carom", "action": "strike"},
-            "action = 'strike' with physics.motion = 'ideal': expected motion 'sliding'",
-        ),
-        ({"randomize": 3}, "randomize = 3: expected a mapping", TypeError),
-        ({"randomize": {"mu_rol": [1, 2]}}, "key of randomize = 'mu_rol': expected one of .*did you mean 'mu_roll'"),
-        ({"randomize": {"dt": [0.01, 0.02]}}, r"randomize\['dt'\] with mode='pic': expected mode='pit'"),
-        ({"randomize": {"mu_roll": 0.01}}, r"randomize\['mu_roll'\] = 0.01: expected \(low, high\)", TypeError),
-        ({"randomize": {"mu_roll": [0.01]}}, r"randomize\['mu_roll'\] = \[0.01\]: expected \(low, high\)"),
-        ({"randomize": {"mu_roll": [0.02, 0.01]}}, r"randomize\['mu_roll'\] = \[0.02, 0.01\]: .* with low < high"),
-        ({"randomize": {"mu_roll": ["a", 1]}}, r"randomize\['mu_roll'\] = 'a': expected a number, not str", TypeError),
-        ({"randomize": {"mu_roll": [-1, 1]}}, "randomize: physics.mu_roll = -1.0: expected a number from 1e-12 to 100"),
-        ({"randomize": FLOOR}, "randomize: physics.e_cushion_floor = 0.6: expected at most e_cushion = 0.5"),
-        (NO_TIMESTEP, "randomize: dt = 0.0 with mode='pit': expected the timestep"),
-        ({"noise": {"angle_std": -0.1}}, "angle_std = -0.1: expected a number from 0 to "),
-        ({"noise": {"angle": 0.1}}, "key of noise = 'angle': expected one of 'angle_std'"),
-        ({"noise": 0.1}, "noise = 0.1: expected a mapping", TypeError),
-        ({"noise_seed": -1}, "noise_seed = -1: expected a whole number >= 0"),
-    ],
-)
+WRONG: list[tuple[Any, ...]] = [
+    ({"scene": "pol"}, r"scene = 'pol': expected one of 'pool', .* \(did you mean 'pool'\?\)"),
+    ({"scene": 3}, "scene = 3: expected a name, a Scene, or a dict", TypeError),
+    ({"scene": ONE_BALL, "n_object_balls": 2}, "n_object_balls = 2 with a scene without a name: expected None"),
+    ({"n_object_balls": 16}, "n_object_balls = 16: expected a whole number from 0 to 15"),
+    ({"n_object_balls": 0}, "task = 'pot' with a scene of the cue ball alone: expected at least one object ball"),
+    ({"task": "sum_to_three", "scene": "pool"}, "'sum_to_three' with 1 object ball and 6 pockets: expected 1"),
+    (
+        {"task": "sum_to_three", "scene": "carom", "n_object_balls": 2},
+        "'sum_to_three' with 2 object balls and 0 pockets: expected 1 object ball and a table without",
+    ),
+    ({"task": "pott"}, "task = 'pott': expected one of 'pot', 'carom', .*did you mean 'pot'"),
+    ({"scene": "carom"}, "'pot' with 2 object balls and 0 pockets: expected object balls and a table with"),
+    ({"scene": ALL_FIXED}, "task = 'pot' with object balls of infinite mass only: expected one of finite mass"),
+    ({"mode": "pci"}, "mode = 'pci': expected"),
+    ({"dt": 0.1}, "dt = 0.1 with mode='pic': expected None"),
+    ({"layout": "racked"}, "layout = 'racked': expected one of .*did you mean 'rack'"),
+    ({"layout": "line", "n_object_balls": 2}, "layout = 'line' with 2 object balls: expected 1"),
+    ({"layout": None, "scene": "carom", "task": "carom", "n_object_balls": 3}, "'carom_opening' with 3"),
+    ({"observe_shots_left": True}, "expected observe with 'shots_left' instead", TypeError),
+    ({"observe_shot": True}, "unexpected keyword argument 'observe_shot'", TypeError),
+    ({"observe": "positions"}, "observe = 'positions': expected a list", TypeError),
+    ({"observe": ["positon"]}, r"observe = 'positon': expected one of .* \(did you mean 'positions'\?\)"),
+    ({"observe": [3]}, "observe = 3: expected one of 'positions'"),
+    ({"observe": []}, r"observe = \[\]: expected at least one feature"),
+    ({"observe": ["potted", "potted"]}, r"observe = \['potted', 'potted'\]: .* each of them once"),
+    ({"observe": ["pixels"]}, r"observe = 'pixels': expected \('pixels', 'height', 'width'\)"),
+    ({"observe": [["positions", 84, 84]]}, r"observe = \('positions', 84, 84\): expected 'positions'"),
+    ({"observe": [["planes", 84, 4]]}, "width of 'planes' in observe = 4: expected"),
+    ({"action": "cute"}, r"action = 'cute': expected one of .* \(did you mean 'cut'\?\)"),
+    ({"action": "sum_to_three"}, "max_speed = 4.0 with action 'sum_to_three': expected at least 4.185"),
+    ({"action": "plan", "scene": "carom", "task": "carom"}, "action = 'plan': expected an object ball and a table"),
+    ({"observe": "goal"}, "observe = 'goal': expected a task with a goal"),
+    ({"observe": ["goal"]}, "observe = 'goal': expected a task with a goal"),
+    ({"observe": ["legal_balls"]}, "observe = 'legal_balls': expected a run-out"),
+    ({"observe": ["physics"]}, "observe = 'physics': expected numbers in randomize"),
+    ({"observe": ["free_to_pockets"], "scene": "carom", "task": "carom"}, "a table with pockets in the environment"),
+    ({"render_mode": "ansi"}, "render_mode = 'ansi': expected one of 'human'"),
+    (
+        {"scene": "ideal", "task": "carom", "action": "strike"},
+        "action = 'strike' with physics.motion = 'ideal': expected motion 'sliding'",
+    ),
+    ({"randomize": 3}, "randomize = 3: expected a mapping", TypeError),
+    ({"randomize": {"mu_rol": [1, 2]}}, "key of randomize = 'mu_rol': expected one of .*did you mean 'mu_roll'"),
+    ({"randomize": {"dt": [0.01, 0.02]}}, r"randomize\['dt'\] with mode='pic': expected mode='pit'"),
+    ({"randomize": {"mu_roll": 0.01}}, r"randomize\['mu_roll'\] = 0.01: expected \(low, high\)", TypeError),
+    ({"randomize": {"mu_roll": [0.01]}}, r"randomize\['mu_roll'\] = \[0.01\]: expected \(low, high\)"),
+    ({"randomize": {"mu_roll": [0.02, 0.01]}}, r"randomize\['mu_roll'\] = \[0.02, 0.01\]: .* with low < high"),
+    ({"randomize": {"mu_roll": ["a", 1]}}, r"randomize\['mu_roll'\] = 'a': expected a number, not str", TypeError),
+    ({"randomize": {"mu_roll": [-1, 1]}}, "randomize: physics.mu_roll = -1.0: expected a number from 1e-12 to 100"),
+    ({"randomize": FLOOR}, "randomize: physics.e_cushion_floor = 0.6: expected at most e_cushion = 0.5"),
+    (NO_TIMESTEP, "randomize: dt = 0.0 with mode='pit': expected the timestep"),
+    ({"noise": {"angle_std": -0.1}}, "angle_std = -0.1: expected a number from 0 to "),
+    ({"noise": {"angle": 0.1}}, "key of noise = 'angle': expected one of 'angle_std'"),
+    ({"noise": 0.1}, "noise = 0.1: expected a mapping", TypeError),
+    ({"noise_seed": -1}, "noise_seed = -1: expected a whole number >= 0"),
+]
+
+
+@refusals("arguments", WRONG)
 def test_wrong_arguments(arguments, message, kind):
     for make in (make_env, make_vector_env):
         with pytest.raises(kind, match=message):
@@ -120,18 +108,12 @@ def test_wrong_arguments_of_the_vector_environment(arguments, message, kind):
         ({"position": []}, "key of options = 'position': expected one of 'positions', 'goal', .*did you mean 'pos"),
         ([1, 2], r"options = \[1, 2\]: expected a dict", TypeError),
         ({"positions": [[0, 0]]}, r"options\['positions'\] has shape \(1, 2\): expected \(2, 2\)"),
-        ({"positions": np.full((4, 2, 2), [[0], [0.5]])}, r"shape \(4, 2, 2\): expected \(2, 2\)"),
         ({"positions": [[0, 0], [0.01, 0]]}, "balls 0 and 1 are 0.01 m apart: expected at least 0.05715"),
-        ({"positions": [[0, 0], [2, 0]]}, r"ball 1 is at \[2.0, 0.0\]: .* inside the cushions"),
-        ({"positions": [[0, 0], [np.nan, 0]]}, r"ball 1 is at \[nan, 0.0\]: expected finite"),
-        ({"positions": [[0, 0], [1.24, 0.6]]}, r"ball 1 is at .*: expected a place outside pocket 3"),
         ({"goal": [[0, 0]]}, r"options\['goal'\] has shape \(1, 2\): expected \(2,\)"),
         (
             {"goal": [0, 0.62]},
-            r"options\['goal'\] as a position of the cue ball: .* at \[0.0, 0.62\]: .* inside the cushions",
+            r"options\['goal'\] as a position of the cue ball: .* at \[0.0, 0.62\]: .* inside",
         ),
-        ({"goal": [0, np.nan]}, "expected finite coordinates"),
-        ({"goal": [1.24, 0.6]}, "expected a place outside pocket 3"),
         ({"physics": 0.01}, r"options\['physics'\] = 0.01: expected a mapping", TypeError),
         ({"physics": {"g": 9.0}}, r"key of options\['physics'\] = 'g': expected one of 'mu_roll', 'e_ball'"),
         ({"physics": {"mu_roll": [0.01]}}, r"options\['physics'\]\['mu_roll'\] has shape \(1,\): expected \(\)"),
@@ -182,7 +164,7 @@ def test_after_a_wrong_reset_of_the_vector_environment_the_episodes_continue(sta
     assert np.array_equal(envs.step(np.zeros((2, 2)))[0], observations)
 
 
-THREE = {"num_envs": 3, "autoreset_mode": AutoresetMode.DISABLED}
+THREE, INFINITE = {"num_envs": 3, "autoreset_mode": "Disabled"}, [[0, 0], [np.inf, 0], [0, 0]]
 
 
 @refusals(
@@ -192,14 +174,10 @@ THREE = {"num_envs": 3, "autoreset_mode": AutoresetMode.DISABLED}
         (make_env, {}, [0.0, 0.0, 0.0], r"action has shape \(3,\): expected \(2,\)"),
         (make_env, {}, 0.5, r"action has shape \(\): expected \(2,\)"),
         (make_env, STRIKE, [0.1, 0.2], r"action has shape \(2,\): expected \(5,\)"),
+        (make_env, {"action": "cut"}, [0.0, np.inf], r"action = \[0.0, inf\]: expected finite numbers"),
         (make_vector_env, THREE, np.zeros((2, 2)), r"actions has shape \(2, 2\): expected \(3, 2\)"),
         (make_vector_env, THREE, np.zeros(2), r"actions has shape \(2,\): expected \(3, 2\)"),
-        (
-            make_vector_env,
-            {"num_envs": 3},
-            [[0, 0], [np.inf, 0], [0, 0]],
-            r"action of environment 1 = \[inf, 0.0\]: expected finite numbers",
-        ),
+        (make_vector_env, THREE, INFINITE, r"action of environment 1 = \[inf, 0.0\]: expected finite numbers"),
     ],
 )
 def test_a_wrong_action_changes_nothing(make, arguments, action, message, kind):

@@ -5,29 +5,16 @@ import numpy as np
 import pytest
 
 from billiards_env.engine import PIC, Engine
-from billiards_env.games import GAMES, Call, History, Stroke, custom_opening, opening, play
+from billiards_env.games import GAMES, Call, Stroke, custom_opening, opening, play
 from billiards_env.games.state import in_play, is_in
 from billiards_env.scene import check_positions, layouts
 from billiards_env.scene.layouts import MARGIN, draw
-from tests.helpers.games import in_a_row, setup, words
+from tests.helpers.games import in_a_row, random_game, setup, words
 
 PIT = Engine("pit", 1 / 240)
 TARGETS = {"carom": 2, "snooker": 40}  # scores that random players reach
 NINE, EIGHT, STRAIGHT = setup("nine_ball"), setup("eight_ball"), setup("straight", target=50, call_shot=True)
 PLACES = in_a_row(10)
-
-
-def random_game(settings, seed, shots=400):
-    rng = np.random.default_rng(seed)
-    game = opening(settings, rng)
-    start, strokes, log = game, [], []
-    while len(strokes) < shots and not game.state.over:
-        velocity = 12 * rng.random(2) - 6
-        place = None if not game.state.in_hand else tuple((3 * rng.random(2) - 1.5).tolist())
-        strokes.append(Stroke(tuple(velocity.tolist()), place))
-        log.append(play(settings, game, strokes[-1]))
-        game = log[-1].game
-    return History(settings, start, tuple(strokes)), log
 
 
 # Openings.
@@ -129,16 +116,6 @@ def test_carom_players_alternate_cue_balls():
         moved = np.flatnonzero((played.game.positions != game.positions).any(axis=1))
         assert moved[0] == cue
         game = played.game
-
-
-def test_a_push_out_on_the_table_can_be_handed_back():  # 2.4
-    game = custom_opening(NINE, PLACES, {"choices": ["push_out"]})
-    pushed = play(NINE, game, Stroke((0.0, -0.5), call=Call(kind="push_out"))).game
-    assert (pushed.state.player, words(pushed.state).choices) == (1, ("hand_back",))
-    back = play(NINE, pushed, Stroke((0.0, 0.0), call=Call(kind="hand_back")))
-    assert (back.game.state.player, back.game.state.choices, back.shot.time) == (0, 0, 0.0)
-    assert back.game.positions.tobytes() == pushed.positions.tobytes()
-    assert play(NINE, pushed, Stroke((0.5, 0.0))).game.state.player == 0  # or the player plays the shot
 
 
 def test_straight_pool_a_rack_on_the_table():

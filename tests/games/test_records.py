@@ -13,48 +13,40 @@ from hypothesis import strategies as st
 
 from billiards_env import Scene, __version__, simulate, strike
 from billiards_env.engine import Engine
-from billiards_env.games import GAMES, NO_CALL, Call, History, Stroke, opening, play, records, to_dict
+from billiards_env.games import GAMES, records, to_dict
 from billiards_env.scene import Balls
 from billiards_env.shots import records as shot_records
 from billiards_env.shots.records import record_shot
 from tests.helpers.errors import refusals
-from tests.helpers.games import setup
+from tests.helpers.games import random_game, setup
 
 POOL = [[-0.635, 0.0], [0.635, 0.3]]
 MASSES = Scene(Balls((0.03, 0.03, 0.04), (0.2, 0.1 + 0.2, math.inf)))
-SHOTS = {
-    "plain": lambda: record_shot(Scene.named("pool"), POOL, [2.0, 0.45]),
-    "numpy": lambda: record_shot(Scene.named("pool"), np.array(POOL), np.array([2.0, 0.45], np.float32)),
-    "spins": lambda: record_shot(Scene.named("pool"), POOL, [2.0, 0.45], spins=[1 / 3, -20.0, 30.1]),
-    "in_play": lambda: record_shot(Scene.named("pool"), POOL, [2.0, 0.45], in_play=[True, False]),
-    "pit": lambda: record_shot(
-        Scene.named("pool"), POOL, [2.0, 0.45], engine=Engine("pit", 1 / 60, "move_back"), max_time=np.float64(2.5)
-    ),
-    "masses": lambda: record_shot(MASSES, [[-0.5, 0.0], [0.1, 0.01], [0.7, -0.0]], [1.0, -0.0]),
-    "event_limit": lambda: record_shot(Scene.named("pool"), POOL, [2.0, 0.45], max_events=3),
-    **{
-        f"in {name}": (lambda name=name: record_shot(Scene.named(name, 1), [[-0.5, 0.1], [0.5, 0.1]], [1.7, 0.1]))
-        for name in ("ideal", "real_pool")
-    },
+SHOTS: dict[str, dict[str, Any]] = {  # what differs from a shot with a velocity alone
+    "plain": {},
+    "numpy": {"positions": np.array(POOL), "velocities": np.array([2.0, 0.45], np.float32)},
+    "spins": {"spins": [1 / 3, -20.0, 30.1]},
+    "in_play": {"in_play": [True, False]},
+    "pit": {"engine": Engine("pit", 1 / 60, "move_back"), "max_time": np.float64(2.5)},
+    "masses": {"scene": MASSES, "positions": [[-0.5, 0.0], [0.1, 0.01], [0.7, -0.0]], "velocities": [1.0, -0.0]},
+    "event_limit": {"max_events": 3},
+    "in ideal": {"scene": Scene.named("ideal")},
+    "in real_pool": {"scene": Scene.named("real_pool")},
 }
 
 
-def recorded_game(rules="nine_ball", seed=2, shots=12, **kwargs):
-    settings, rng = setup(rules, **kwargs), np.random.default_rng(seed)
-    game = start = opening(settings, rng)
-    strokes = []
-    while len(strokes) < shots and not game.state.over:
-        place = None if not game.state.in_hand else tuple((3 * rng.random(2) - 1.5).tolist())
-        spin, ball, pocket = 40 * rng.random(3) - 20, int(rng.integers(-1, 3)), int(rng.integers(-1, 6))
-        call = Call(ball, pocket) if GAMES[rules].pockets else NO_CALL
-        strokes.append(Stroke(tuple((12 * rng.random(2) - 6).tolist()), place, tuple(spin.tolist()), call))
-        game = play(settings, game, strokes[-1]).game
-    return records.record_game(History(settings, start, tuple(strokes)))
+def recorded_shot(name="plain"):
+    return record_shot(**{"scene": Scene.named("pool"), "positions": POOL, "velocities": [2.0, 0.45], **SHOTS[name]})
+
+
+def recorded_game(rules="nine_ball", shots=12, **kwargs):
+    history, _ = random_game(setup(rules, **kwargs), 2, shots)
+    return records.record_game(history)
 
 
 @functools.cache
 def shot_text():
-    return records.to_json(SHOTS["plain"]())
+    return records.to_json(recorded_shot())
 
 
 @functools.cache
@@ -63,9 +55,9 @@ def game_text():
 
 
 RECORDS = {
-    **SHOTS,
-    **{rules: (lambda rules=rules: recorded_game(rules)) for rules in GAMES},
-    "options": lambda: recorded_game("straight", shots=40, target=40, call_shot=True),
+    **{name: functools.partial(recorded_shot, name) for name in SHOTS},
+    **{rules: functools.partial(recorded_game, rules) for rules in GAMES},
+    "options": lambda: recorded_game("straight", 40, target=40, call_shot=True),
     "pit game": lambda: recorded_game(engine=Engine("pit", 1 / 100)),
 }
 
@@ -94,24 +86,11 @@ def test_a_record_survives_a_file_and_replays_bit_for_bit(name, tmp_path):
 
 
 def test_a_shot_of_version_1_is_read():
-    assert records.from_json(changed(shot_text(), "version", 1)) == SHOTS["plain"]()
-
-
-def test_record_shot_rejects_what_simulate_rejects():
-    scene = Scene.named("pool")
-    for args, kwargs in [
-        (([[0.0, 0.0], [0.01, 0.0]], [1.0, 0.0]), {}),
-        ((POOL, [math.nan, 0.0]), {}),
-        (([POOL], [[1.0, 0.0]]), {}),
-        ((POOL, [1.0, 0.0]), {"engine": "pit"}),
-        ((POOL, [1.0, 0.0]), {"max_events": -1}),
-    ]:
-        with pytest.raises((TypeError, ValueError), match=r": expected"):
-            record_shot(scene, *args, **kwargs)
+    assert records.from_json(changed(shot_text(), "version", 1)) == recorded_shot()
 
 
 def test_a_replay_with_another_result_raises():
-    record = SHOTS["plain"]()
+    record = recorded_shot()
     (x, y), *others = record.end.positions
     end = dataclasses.replace(record.end, positions=((float(np.nextafter(x, 1.0)), y), *others))
     wrong = dataclasses.replace(record, end=end)
@@ -134,15 +113,6 @@ def test_an_impossible_stroke_is_named_by_its_index():
 # Files.
 
 
-def test_missing_files_and_folders_are_os_errors(tmp_path):
-    with pytest.raises(FileNotFoundError):
-        records.load(tmp_path / "none.json")
-    with pytest.raises(FileNotFoundError):
-        records.save(tmp_path / "none" / "a.json", SHOTS["plain"]())
-    with pytest.raises(OSError, match=re.escape(str(tmp_path))):
-        records.load(tmp_path)
-
-
 @pytest.mark.parametrize(("content", "message"), [(b"{", ""), (b"\xff\xfe\x00{", ".*utf-8")])
 def test_errors_contain_the_path(content, message, tmp_path):
     path = tmp_path / "shot.json"
@@ -152,7 +122,7 @@ def test_errors_contain_the_path(content, message, tmp_path):
 
 
 def test_a_file_that_is_too_large_is_rejected(tmp_path, monkeypatch):
-    records.save(tmp_path / "shot.json", SHOTS["plain"]())
+    records.save(tmp_path / "shot.json", recorded_shot())
     monkeypatch.setattr(shot_records, "MAX_BYTES", 100)
     with pytest.raises(ValueError, match="more than 100 bytes"):
         records.load(tmp_path / "shot.json")
@@ -201,14 +171,11 @@ SHOT_FAULTS = [
     ("max_events", 1.5, "max_events = 1.5"),
     ("scene", None, "scene = None"),
     ("scene.table.lenght", 2.0, "key of scene.table = 'lenght'.*did you mean 'length'"),
-    ("scene.table.length", 10**400, "table.length = 1000.*: expected a number from"),
-    ("scene.balls.mass", ["inf", 0.1], r"balls.mass\[0\] = inf"),
     (
         "scene.balls",
         {"radius": [0.03] * 2000, "mass": [0.1] * 2000, "colours": "pool", "shape": "disk"},
         "number of balls = 2000: expected a whole number from 1 to 1000",
     ),
-    ("scene.physics.motion", ["ideal"], "physics.motion"),
     ("end", None, "end = None"),
     ("end.status", "stop", "end.status = 'stop'"),
     ("end.time", "late", "end.time = 'late'"),

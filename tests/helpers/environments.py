@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from typing import Any
 
 import numpy as np
@@ -93,8 +91,3 @@ def same(one: Any, other: Any) -> None:
             same(a, b)
     else:
         assert one == other
-
-
-def printed(code: str) -> list[str]:
-    """Returns the words that a program prints in a process of its own."""
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()

@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from billiards_env import Scene
-from billiards_env.games import CALLS, GAMES, IN_HAND, NO_CALL, Setup, referee, to_dict
+from billiards_env.games import CALLS, GAMES, IN_HAND, NO_CALL, Call, Setup, referee, to_dict
 from billiards_env.games.facts import facts_of, pots_of
+from billiards_env.games.game import History, Stroke, custom_opening, opening, play
 from billiards_env.games.state import CALL, FACTS, STATE, Called, changed, row, set_of
 from billiards_env.shots.result import EVENT_DTYPE
 
@@ -19,6 +20,27 @@ def setup(rules, balls=None, **kwargs):
     if rules == "snooker":  # it runs the code that is compiled for the pool games
         scene = dataclasses.replace(scene, physics=Scene.named("real_pool").physics)
     return Setup(rules, **{"scene": scene, **kwargs})
+
+
+def hanging(**kwargs):
+    """Returns the settings of straight pool, and a state in which ball 1 hangs in pocket 3."""
+    game = setup("straight", 2, **kwargs)
+    return game, custom_opening(game, [[0.6, 0.1], [1.07, 0.435], [-0.5, 0.0]])
+
+
+def random_game(settings, seed, shots=400):
+    """Returns the history of a random game, and its shots."""
+    rng = np.random.default_rng(seed)
+    game = start = opening(settings, rng)
+    strokes, log = [], []
+    while len(log) < shots and not game.state.over:
+        place = tuple((3 * rng.random(2) - 1.5).tolist()) if game.state.in_hand else None
+        spin, ball, pocket = 40 * rng.random(3) - 20, int(rng.integers(-1, 3)), int(rng.integers(-1, 6))
+        call = Call(ball, pocket) if settings.game_rules.pockets else NO_CALL
+        strokes.append(Stroke(tuple((12 * rng.random(2) - 6).tolist()), place, tuple(spin.tolist()), call))
+        log.append(play(settings, game, strokes[-1]))
+        game = log[-1].game
+    return History(settings, start, tuple(strokes)), log
 
 
 def events(*rows, times=None):

@@ -45,10 +45,8 @@ def test_the_prompt_uses_the_words_of_the_game(rules, state, words, make_model):
 
 
 def test_the_prompt_has_the_calls_and_the_choices(make_model):
-    assert (
-        labels.on(actions.next_called(make_model("snooker", SNOOKER, {"colour": True}), "ball"))
-        == "on: a colour: yellow"
-    )
+    snooker = actions.next_called(make_model("snooker", SNOOKER, {"colour": True}), "ball")
+    assert labels.on(snooker) == "on: a colour: yellow"
     model = make_model("eight_ball", EIGHT, call_shot=True)
     assert (labels.button(model), labels.choice(model)) == ("Shoot", "X: safety")
     model = actions.next_kind(make_model("nine_ball", EIGHT[:10], {"choices": ["push_out"]}, choices=True))
@@ -77,10 +75,8 @@ def test_the_result_of_a_shot(make_model):
     assert labels.result(potted) == "potted 1   1 : 0"
     missed = actions.go(actions.go(actions.turn_aim(potted, 90.0)))
     assert labels.result(missed) == "foul: no hit   0 : 0"
-    snooker = actions.go(
-        actions.go(actions.look_at(make_model("snooker", SNOOKER, {}, choices=True, miss=True), (0.3, -0.5)))
-    )
-    assert labels.result(snooker) == "foul and a miss: no hit, 4 points   0 : 4"
+    snooker = actions.look_at(make_model("snooker", SNOOKER, {}, choices=True, miss=True), (0.3, -0.5))
+    assert labels.result(actions.go(actions.go(snooker))) == "foul and a miss: no hit, 4 points   0 : 4"
 
 
 def test_each_game_has_a_page_of_rules(make_model):

@@ -308,13 +308,9 @@ def test_quitting_asks_if_the_game_is_not_saved(shown, tmp_path):
     press(shown, pygame.K_LEFT)  # any other key continues and has no other effect
     assert (shown.asking, shown.model.phase) == (False, "aiming")
     press(shown, pygame.K_q, pygame.K_s)
-    assert not shown.open
-    assert (tmp_path / "game.json").exists()
-
-
-def test_the_keys_are_not_larger_than_the_status_in_a_low_window(shown):
-    shown._view.resize(shown.model.setup.scene, (1600, 500))
-    assert 0.66 * shown._view._strip <= 0.55 * shown._view.canvas.size[0] / 24
+    assert (shown.open, shown.message) == (False, f"saved to {tmp_path / 'game.json'}")
+    record: Any = records.load(tmp_path / "game.json")
+    assert (record.strokes, len(record.strokes)) == (shown.model.strokes, 1)
 
 
 QUIT = {"kind": pygame.QUIT}
@@ -388,16 +384,6 @@ def test_a_game_whose_file_cannot_be_written_is_saved_elsewhere(shown, tmp_path,
     assert shown.message.endswith(f"'{tmp_path / 'gone'}' does not exist; saved to {tmp_path / 'game-2.json'}")
     assert isinstance(records.load(tmp_path / "game-2.json"), records.GameRecord)
     assert shown.saved
-
-
-def test_a_saved_game_contains_the_strokes_played(shown, tmp_path):
-    press(shown, pygame.K_SPACE, pygame.K_SPACE, pygame.K_LEFT, pygame.K_SPACE, pygame.K_s)
-    assert shown.message == f"saved to {tmp_path / 'game.json'}"
-    record = records.load(tmp_path / "game.json")
-    assert isinstance(record, records.GameRecord)
-    assert record.strokes == shown.model.strokes
-    assert len(record.strokes) == 2
-    assert (records.replay(record).positions == shown.model.game.positions).all()
 
 
 def test_a_game_that_cannot_be_saved_continues(shown, tmp_path, monkeypatch):
@@ -509,11 +495,3 @@ def test_the_ghost_is_visible_in_a_replay(make_model):
     x, y = np.round(view.canvas.pixels_of(comparison[1])).astype(int)
     assert differ[y - 12 : y + 13, x - 12 : x + 13].any()
     assert (pixels(view.draw(model)) == with_ghost).all()  # the film starts again
-
-
-@pytest.mark.parametrize("rules", ["straight", "eight_ball", "nine_ball", "carom", "three_cushion"])
-def test_every_game_can_be_played_to_the_next_turn(rules, make_model, window):
-    shown = window(make_model(rules))
-    for _ in range(6):
-        press(shown, pygame.K_SPACE)
-    assert len(shown.model.strokes) >= 2

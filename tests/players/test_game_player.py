@@ -1,19 +1,18 @@
 """Players of games: their shots are legal, they are found by name, and the strategies score points."""
 
 import importlib.metadata
-import subprocess
 import sys
 import types
 
 import numpy as np
 import pytest
 
+from billiards_env.envs import make_env
 from billiards_env.games import GAMES, Call, Stroke, custom_opening, opening, play
 from billiards_env.players.named import GROUP, find_player
 from tests.helpers.errors import refusals
-from tests.helpers.games import setup
+from tests.helpers.games import hanging, setup
 
-EASY = [[0.6, 0.1], [1.07, 0.435], [-0.5, 0.0]]
 RNG = np.random.default_rng
 
 
@@ -23,12 +22,14 @@ MOST_STROKES = 400  # a game takes 3 to 50
 
 @pytest.mark.parametrize("rules", list(GAMES))
 @pytest.mark.parametrize("name", NAMES)
-def test_every_player_plays_whole_games(name, rules):
+def test_every_player_plays_whole_games_and_a_seed_repeats_a_stroke(name, rules):
     """The random player only begins the game."""
-    game, rng = setup(rules), RNG(1)
+    balls = 9 if rules == "snooker" else None  # a frame with three reds is short
+    game, rng = setup(rules, balls, call_shot=rules == "eight_ball" and "planner" in name), RNG(1)
     if name == "geometric" and not game.game_rules.pockets:
         return
     player, table = find_player(name, game), opening(game, rng)
+    assert player(game, table, 6.0, RNG(2)) == player(game, table, 6.0, RNG(2))
     for _ in range(20 if name == "random" else MOST_STROKES):
         stroke = player(game, table, 6.0, rng)
         assert np.hypot(*stroke.velocity) <= 6.0 * (1 + 1e-12)
@@ -39,8 +40,7 @@ def test_every_player_plays_whole_games(name, rules):
 
 
 def test_a_strategy_calls_the_ball_that_it_pots():
-    game = setup("straight", 2, call_shot=True)
-    table = custom_opening(game, EASY)
+    game, table = hanging(call_shot=True)
     for name in ("geometric", "search:20"):
         stroke = find_player(name, game)(game, table, 4.0, RNG(0))
         assert (stroke.call, play(game, table, stroke).verdict.points) == (Call(1, 3), 1)
@@ -84,8 +84,8 @@ def test_the_random_player_shoots_in_any_direction_at_any_speed():
     assert 4.5 < max(speeds) <= 5.0 * (1 + 1e-12)
     assert len({stroke.place for stroke in strokes}) == 100
     assert player(game, table, 5.0, RNG(7)) == strokes[7]
-    straight = setup("straight", 2)
-    assert find_player("random", straight)(straight, custom_opening(straight, EASY), 5.0, RNG(0)).place is None
+    straight, table = hanging()
+    assert find_player("random", straight)(straight, table, 5.0, RNG(0)).place is None
 
 
 def own(setup, argument):
@@ -98,7 +98,7 @@ def own(setup, argument):
 def module(monkeypatch):
     """A module `mine` that can be imported."""
     made = types.ModuleType("mine")
-    vars(made).update(own=own, without_arguments=lambda: None, of_nothing=lambda setup, argument: lambda game: None)
+    vars(made).update(own=own, nullary=lambda: None, of_nothing=lambda setup, argument: lambda game: None)
     monkeypatch.setitem(sys.modules, "mine", made)
 
 
@@ -109,9 +109,8 @@ THEIRS = importlib.metadata.EntryPoint("theirs", "mine:own", GROUP)
 @pytest.mark.parametrize(("text", "speed"), [("mine:own", 1.0), ("mine:own:2.5", 2.5), ("theirs:3", 3.0)])
 def test_a_player_is_found_in_a_module_and_in_an_installed_package(text, speed, monkeypatch):
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: importlib.metadata.EntryPoints([THEIRS]))
-    game = setup("straight", 2)
-    player = find_player(text, game)
-    assert player(game, custom_opening(game, EASY), 8.0, RNG(0)) == Stroke((speed, 0.0))
+    game, table = hanging()
+    assert find_player(text, game)(game, table, 8.0, RNG(0)) == Stroke((speed, 0.0))
 
 
 ONE_OF = "expected one of 'aim', 'geometric', 'human', 'planner', 'policy', 'random', 'search', 'theirs', or module:"
@@ -119,7 +118,7 @@ ONE_OF = "expected one of 'aim', 'geometric', 'human', 'planner', 'policy', 'ran
 
 @pytest.mark.usefixtures("module")
 @refusals(
-    "text, rules",
+    "text, world",
     [
         ("nobody", "straight", "player = 'nobody': expected one of .*random.*, or module:function"),
         ("them", "straight", ONE_OF),
@@ -129,35 +128,16 @@ ONE_OF = "expected one of 'aim', 'geometric', 'human', 'planner', 'policy', 'ran
         ("", "straight", "player = ''"),
         ("geometric", "carom", "expected a game with pockets"),
         ("planner:fast", "carom", "player = 'planner:fast': expected a time such as 'planner:100ms' or a number"),
-        (
-            "mine:without_arguments",
-            "straight",
-            r"expected a function \(setup, argument\) that returns a player",
-            TypeError,
-        ),
+        ("mine:nullary", "straight", r"expected a function \(setup, argument\) that returns a player", TypeError),
         ("mine:of_nothing", "straight", r"that returns a player \(setup, game, max_speed, rng\)", TypeError),
+        ("geometrc", "env", r"player = 'geometrc': .*or module:function \(did you mean 'geometric'\?\)"),
+        ("search:0", "env", "player = 'search:0': expected 'search:K' with a whole number K >= 1"),
+        ("geometric:5", "env", "player = 'geometric:5': expected .* a name without ':'"),
+        ("mine:nothing", "env", "player = 'mine:nothing': .*has no attribute 'nothing'"),
+        ("mine:nullary", "env", r"expected a function act\(observation\) that returns an action", TypeError),
     ],
 )
-def test_unknown_players_are_refused(text, rules, message, kind, monkeypatch):
+def test_unknown_players_are_refused(text, world, message, kind, monkeypatch):
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: importlib.metadata.EntryPoints([THEIRS]))
     with pytest.raises(kind, match=message):
-        find_player(text, setup(rules), also=("human",))
-
-
-def test_a_trained_policy_needs_the_extra():
-    code = (
-        "import sys; sys.modules['stable_baselines3'] = None\n"
-        "from billiards_env.play.__main__ import main\n"
-        "main(['--players', 'human,policy:x'])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert "stable_baselines3 is not installed: expected the extra 'train'" in done.stderr
-    assert "Traceback" not in done.stderr
-
-
-def test_pytorch_is_loaded_only_for_a_trained_policy():
-    code = (
-        "import sys, billiards_env.players.game_player, billiards_env.evaluation, billiards_env.play.__main__\n"
-        "print(sorted({'torch', 'stable_baselines3', 'pygame'} & set(sys.modules)))"
-    )
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"
+        find_player(text, make_env() if world == "env" else setup(world), also=("human",))

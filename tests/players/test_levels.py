@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from billiards_env.evaluation import measure
-from billiards_env.games import Stroke, custom_opening
+from billiards_env.games import Stroke
 from billiards_env.players.levels import EXPECTED, LEVELS, expected, level_of, with_noise
 from billiards_env.players.named import find_player
-from tests.helpers.games import setup
+from tests.helpers.games import hanging
 
 RNG = np.random.default_rng
 
@@ -33,8 +33,7 @@ def test_the_errors_have_the_size_of_the_level():
 
 
 def test_a_game_and_an_environment_accept_a_level():
-    game = setup("straight", 2)
-    table = custom_opening(game, [[0.6, 0.1], [1.07, 0.435], [-0.5, 0.0]])
+    game, table = hanging()
     player: Any = find_player("planner:beginner", game)
     assert player(game, table, 4.0, RNG(0)) == player(game, table, 4.0, RNG(0))
     assert player(game, table, 4.0, RNG(0)) != player.intend(game, table, 4.0, RNG(0))

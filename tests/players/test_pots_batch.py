@@ -18,12 +18,8 @@ def tables(scene, m, seed=0):
     return drawn, np.zeros((m, scene.n_balls), np.bool_)
 
 
-def targets(scene):
-    return np.arange(scene.n_balls) > 0
-
-
 def pots_of(scene, positions, potted, **kwargs):
-    return find_pots(Tables(scene, targets(scene), positions, potted, MAX_SPEED), **kwargs)
+    return find_pots(Tables(scene, np.arange(scene.n_balls) > 0, positions, potted, MAX_SPEED), **kwargs)
 
 
 def changed(scene, **kwargs):

@@ -76,12 +76,6 @@ def test_the_search_player_is_at_least_as_good_as_the_geometric_one_and_repeatab
     assert search(task_situation(env), RNG(1), 100).tobytes() == search(task_situation(env), RNG(1), 100).tobytes()
 
 
-@pytest.mark.parametrize("name", ["serch", "search:0", "geometric:5", ""])
-def test_unknown_names_are_refused(name):
-    with pytest.raises(ValueError, match=r"player = .*: expected (one of|'search:K' with a whole number K >= 1)"):
-        find_strategy(name)
-
-
 def test_with_noise_the_search_plays_the_most_robust_of_the_best_shots():
     env, rated = at([[0.4, -0.235], [0.97, 0.335]]), []
 

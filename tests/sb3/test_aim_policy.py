@@ -11,6 +11,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from billiards_env import Scene
 from billiards_env.sb3 import PPO_SETTINGS, AimPolicy, SameStepVecEnv
+from tests.helpers.errors import refusals
 
 GAMES: dict[str, dict[str, Any]] = {
     "pot": {},
@@ -21,12 +22,17 @@ GAMES: dict[str, dict[str, Any]] = {
 }
 
 
+SETTINGS = {**PPO_SETTINGS, "batch_size": 16}
+
+
+def vector(envs: int = 16, **arguments: Any) -> SameStepVecEnv:
+    return SameStepVecEnv(gym.make_vec("billiards_env:Billiards-v0", num_envs=envs, **arguments))
+
+
 def make(envs: int = 16, env: dict[str, Any] | None = None, **kwargs: Any) -> PPO:
     """Returns an untrained model with as many environments as shots of a minibatch."""
-    env = env or {}
-    vector = SameStepVecEnv(gym.make_vec("billiards_env:Billiards-v0", num_envs=envs, **env))
-    settings = {**PPO_SETTINGS, "batch_size": envs, "seed": 0}
-    return PPO(AimPolicy, vector, **settings, policy_kwargs={"env": env, **kwargs})
+    settings = {**SETTINGS, "batch_size": envs, "seed": 0}
+    return PPO(AimPolicy, vector(envs, **env or {}), **settings, policy_kwargs={"env": env or {}, **kwargs})
 
 
 def net(model: PPO) -> Any:
@@ -104,13 +110,6 @@ def test_the_densities_of_an_update_are_those_of_its_rollout():
     torch.testing.assert_close(weighted, entropy)  # its factor begins at 1
 
 
-def vector(**arguments: Any) -> SameStepVecEnv:
-    return SameStepVecEnv(gym.make_vec("billiards_env:Billiards-v0", num_envs=16, **arguments))
-
-
-SETTINGS = {**PPO_SETTINGS, "batch_size": 16}
-
-
 def test_the_policy_gets_the_table_and_the_task_from_the_environment(tmp_path):
     """Without `policy_kwargs` it once took every table for that of "pool"."""
     model = PPO(AimPolicy, vector(scene="real_carom", task="carom"), **SETTINGS)
@@ -121,43 +120,36 @@ def test_the_policy_gets_the_table_and_the_task_from_the_environment(tmp_path):
     assert loaded.game.scene == Scene.named("real_carom")
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
+def alone(of: dict[str, Any], **arguments: Any) -> AimPolicy:
+    """Returns a policy for the spaces of an environment, without a model."""
+    made = gym.make("billiards_env:Billiards-v0", **of)
+    return AimPolicy(made.observation_space, made.action_space, lambda _: 1e-3, **arguments)
+
+
+def learning(envs: Any, env: dict[str, Any] | None = None) -> PPO:
+    return PPO(AimPolicy, envs, **SETTINGS, policy_kwargs={"env": env})
+
+
+REAL: dict[str, Any] = {"scene": "real_pool"}
+EMPTY, WIDE = {"task": "place", "n_object_balls": 0}, gym.spaces.Box(-2.0, 2.0, (2,))
+TABLE = "env: expected the arguments of the environment, whose scene is Scene"
+NORMALIZED = r"observations up to .*: expected .* from -1 to 1; a wrapper such as VecNorm"
+SPACE = r"action_space = Box\(-2.0, 2.0.*: expected Box\(-1.0, 1.0"
+
+
+@refusals(
+    "make",
     [
-        (dict, "env: expected the arguments of the environment, whose scene is Scene"),
-        (lambda: {"scene": "real_pool", "max_speed": 3.0}, "env: expected .* whose max_speed is 4.0"),
+        (lambda: learning(vector(**REAL), {}), TABLE),
+        (lambda: learning(vector(**REAL), {**REAL, "max_speed": 3.0}), "env: expected .* whose max_speed is 4.0"),
+        (lambda: learning(VecNormalize(vector())).learn(32), NORMALIZED),
+        (lambda: AimPolicy(vector().observation_space, WIDE, lambda _: 1e-3), SPACE),
+        (lambda: alone({}), "env = None: expected the arguments of the environment"),
+        (lambda: alone({}, env={"n_object_balls": 2}), r"expected the arguments .*, whose observation .* not \(6,\)"),
+        (lambda: alone({}, env={}, aim="pocket"), "aim = 'pocket': expected one of 'ball', 'layout'"),
+        (lambda: alone(EMPTY, env=EMPTY), "expected an object ball"),
     ],
 )
-def test_a_policy_for_another_world_is_refused(change, message):
-    with pytest.raises(ValueError, match=message):
-        PPO(AimPolicy, vector(scene="real_pool"), **SETTINGS, policy_kwargs={"env": change()})
-
-
-def test_wrappers_that_change_observations_or_actions_are_refused():
-    with pytest.raises(ValueError, match=r"observations up to .*: expected .* from -1 to 1; a wrapper such as VecNorm"):
-        PPO(AimPolicy, VecNormalize(vector()), **SETTINGS).learn(32)
-    with pytest.raises(ValueError, match=r"action_space = Box\(-2.0, 2.0.*: expected Box\(-1.0, 1.0"):
-        AimPolicy(vector().observation_space, gym.spaces.Box(-2.0, 2.0, (2,)), lambda _: 1e-3)
-    single = gym.make("billiards_env:Billiards-v0")
-    with pytest.raises(ValueError, match="env = None: expected the arguments of the environment"):
-        AimPolicy(single.observation_space, single.action_space, lambda _: 1e-3)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"env": {"n_object_balls": 2}}, r"expected the arguments of the environment, whose observation .* not \(6,\)"),
-        ({"env": {}, "aim": "pocket"}, "aim = 'pocket': expected one of 'ball', 'layout'"),
-    ],
-)
-def test_wrong_arguments_are_refused(arguments, message):
-    env = gym.make("billiards_env:Billiards-v0")
-    with pytest.raises(ValueError, match=message):
-        AimPolicy(env.observation_space, env.action_space, lambda _: 1e-3, **arguments)
-
-
-def test_an_environment_without_object_balls_is_refused():
-    env = {"task": "place", "n_object_balls": 0}
-    game = gym.make("billiards_env:Billiards-v0", **env)
-    with pytest.raises(ValueError, match="expected an object ball"):
-        AimPolicy(game.observation_space, game.action_space, lambda _: 1e-3, env=env)
+def test_a_wrong_world_or_argument_is_refused(make, message, kind):
+    with pytest.raises(kind, match=message):
+        make()

@@ -70,6 +70,8 @@ def test_a_policy_is_a_player_of_an_environment_made_without_gymnasium_but_of_no
 def test_a_folder_without_a_policy_is_refused(text):
     with pytest.raises(FileNotFoundError, match="expected 'policy:' and the folder of a finished run"):
         policy(setup("straight"), text)
+    with pytest.raises(FileNotFoundError, match=r"run_dir = .*: expected the folder of a finished run"):
+        find_player(f"policy:{text}", envs.make_env())
 
 
 def test_playable_returns_a_game_that_the_policy_can_play(trained, tmp_path):

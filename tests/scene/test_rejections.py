@@ -66,10 +66,7 @@ NAMES = [
     (of(from_dict, {"n_object_balls": 3}), "key of scene = 'n_object_balls': expected one of"),
 ]
 DATA = [
-    (
-        changed("tabel", to={}),
-        "key of scene = 'tabel': expected one of 'balls', 'table', 'physics', 'cue'",
-    ),
+    (changed("tabel", to={}), "key of scene = 'tabel': expected one of 'balls', 'table', 'physics', 'cue'"),
     (changed("physics", "mu_rol", to=0.1), "key of scene.physics = 'mu_rol': expected one of"),
     (changed("table", "widht", to=1.0), "key of scene.table = 'widht'"),
     (changed("table", "pockets", 0, "z", to=0.0), "key of scene.table.pockets[0] = 'z'"),
@@ -89,43 +86,28 @@ DATA = [
     (of(Table.from_dict, {"outline": [[0.0, 0.0]]}), "table.outline[0] = [0.0, 0.0]: expected a mapping"),
     (of(Table.from_dict, {"outline": [{"x": 0.0}]}), "table.outline[0].y is missing"),
     (of(Table.from_dict, {"outline": [{"x": 0.0, "y": 0.0, "r": 1.0}]}), "key of table.outline[0] = 'r'"),
-    (
-        of(Table.from_dict, {"outline": [{"x": 0.0, "y": 0.0, "radius": -1.0}]}),
-        "corner.radius = -1.0: expected",
-    ),
+    (of(Table.from_dict, {"outline": [{"x": 0.0, "y": 0.0, "radius": -1.0}]}), "corner.radius = -1.0: expected"),
     (of(Table.from_dict, 7), "table = 7: expected a mapping"),
     *map(incomplete, ("balls", "table", "physics", "cue")),
 ]
 FLOOR = {"cushion": "stronge", "e_cushion_loss": 0.1}
 ROUGH = {"motion": "rolling", "cushion": "restitution", "ball_ball": "frictional"}
 PARTS = [
-    (
-        of(physics, motion="slide"),
-        "physics.motion = 'slide': expected one of 'ideal', 'rolling', 'sliding' (did",
-    ),
+    (of(physics, motion="slide"), "physics.motion = 'slide': expected one of 'ideal', 'rolling', 'sliding' (did"),
     (
         of(physics, cushion="han"),
         "physics.cushion = 'han': expected one of 'restitution', 'han2005', 'stronge', 'mathavan2010', 'han2005_va",
     ),
     (of(physics, motion="ideal", cushion="restitution"), "physics.max_time = None: expected a number of seconds"),
-    (
-        of(physics, motion="rolling"),
-        "physics.cushion = 'han2005' with physics.motion = 'rolling': expected motion",
-    ),
-    (
-        of(physics, cushion="stronge", e_cushion=0.3),
-        "physics.e_cushion = 0.3 with physics.cushion = 'stronge'",
-    ),
+    (of(physics, motion="rolling"), "physics.cushion = 'han2005' with physics.motion = 'rolling': expected motion"),
+    (of(physics, cushion="stronge", e_cushion=0.3), "physics.e_cushion = 0.3 with physics.cushion = 'stronge'"),
     (of(physics, **FLOOR), "physics.e_cushion_floor = 0.0 with"),
     (of(physics, e_cushion_floor=0.9), "physics.e_cushion_floor = 0.9: expected at most e_cushion = 0.85"),
     (of(physics, cushion_frequency_ratio=2.5), "physics.cushion_frequency_ratio = 2.5: expected a number from 1 to 2"),
     (of(physics, **ROUGH), "physics.ball_ball = 'frictional'"),
     (of(physics, ball_ball="rough"), "physics.ball_ball = 'rough': expected one of 'frictionless', 'frictional'"),
     (of(physics, mu_ball=-0.1), "physics.mu_ball = -0.1: expected a number from 0 to 100"),
-    (
-        of(Table, pockets=[Pocket(1.0, 0.5, 0.05)]),
-        "table.pockets = [Pocket(x=1.0, y=0.5, radius=0.05)]: expected",
-    ),
+    (of(Table, pockets=[Pocket(1.0, 0.5, 0.05)]), "table.pockets = [Pocket(x=1.0, y=0.5, radius=0.05)]: expected"),
     (of(Table, pockets=((1.0, 0.5, 0.05),)), "table.pockets[0] = (1.0, 0.5, 0.05): expected a Pocket"),
     (of(Table, pockets=(Pocket(1.27, 0.0, 0.1), Pocket(1.4, 0.0, 0.1))), "table.pockets[1] = Pocket(x=1.4"),
     (of(Table, pockets=(Pocket(0, -0.75, 0.1),)), "... expected a circle that reaches the table (2.54 x 1.27 m"),
@@ -143,10 +125,7 @@ PARTS = [
         (of(Scene, **{"balls": Balls.uniform(1), name: value}), f"scene.{name} = {value!r}: expected a {kind}")
         for name, value, kind in (("balls", None, "Balls"), ("table", {}, "Table"), ("physics", "sliding", "Physics"))
     ),
-    (
-        of(Scene, Balls((R,), (1.0,)), Table(width=0.05)),
-        "scene.table of 2.54 x 0.05 m: expected room for a ball",
-    ),
+    (of(Scene, Balls((R,), (1.0,)), Table(width=0.05)), "scene.table of 2.54 x 0.05 m: expected room for a ball"),
     (
         of(Scene, Balls((2 * R, R), (1.0, 1.0)), Table(cushion_height=2.5 * R)),
         f"scene.table.cushion_height = {2.5 * R}: expected less than the diameter of ball 1 ({2 * R} m)",
@@ -212,10 +191,7 @@ POSITIONS = [
     (placed([0, 0], [0, 0.06]), "positions: balls 0 and 1 are 0.06 m apart: expected at least 0.0625 m"),
     (placed(CLEAR, CLEAR, [[0, 0], [9, 0]]), "positions: shot 2, ball 1 is at [9.0, 0.0]: expected |x|"),
     (placed([9, 0], [0, 0], name="spots"), "spots: ball 0 is at"),
-    (
-        placed(*[[[0, 0]] * 2] * 2, in_play=np.array([[True, True], [True, False]])),
-        "positions: shot 0, balls 0 and 1",
-    ),
+    (placed(*[[[0, 0]] * 2] * 2, in_play=np.array([[True, True], [True, False]])), "positions: shot 0, balls 0 and 1"),
     *(
         (of(positions, named(name), [[0, 0], [1e308, -1.7e308]]), "positions: ball 1 is at ")
         for name in ("pool", "real_pool")

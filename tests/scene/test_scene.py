@@ -14,34 +14,12 @@ from tests.helpers.scenes import CLEAR, SCENE, R
 # Defaults and named scenes
 
 
-def test_defaults_are_a_nine_foot_table_and_measured_constants():
+def test_the_defaults_are_a_nine_foot_table_and_pool_balls():  # those of `Physics` are in a table of docs/scenes.md
     scene = Scene(Balls.uniform(2))
-    assert (scene.table.length, scene.table.width) == (2.54, 1.27)
+    assert (scene.table.length, scene.table.width, scene.table.pockets) == (2.54, 1.27, ())
     assert scene.table.cushion_height == pytest.approx(0.635 * 0.05715)
-    assert scene.table.pockets == ()
     assert scene.balls == Balls((0.028575,) * 2, (0.170097,) * 2)
-    assert scene.physics == Physics(
-        motion="sliding",
-        cushion="han2005",
-        g=9.81,
-        mu_slide=0.2,
-        mu_roll=0.01,
-        spin_decay=10.0,
-        e_ball=0.95,
-        e_cushion=0.85,
-        mu_cushion=0.2,
-        max_time=None,
-    )
-
-
-@pytest.mark.parametrize(
-    ("name", "usual"),
-    [("pool", 1), ("blocked_pool", 2), ("carom", 2), ("ideal", 1), ("pooltool_carom", 2), ("sum_to_three", 1)],
-)
-def test_named_scenes_have_their_default_number_of_balls(name, usual):
-    assert Scene.named(name).n_balls == len(Scene.named(name).balls) == usual + 1
-    assert Scene.named(name, 0).n_balls == 1
-    assert Scene.named(name, n_object_balls=15).n_balls == 16
+    assert scene.physics == Physics()
 
 
 def test_blocked_pool_is_pool_with_ball_2_fixed():
@@ -53,12 +31,9 @@ def test_blocked_pool_is_pool_with_ball_2_fixed():
 def test_pool_has_six_pockets_on_the_cushion_line():
     pockets = Scene.named("pool").table.pockets
     assert pockets == six_pockets()
+    assert {(p.x, p.y) for p in six_pockets(2.0, 1.0)} == {(x, y) for x in (-1.0, 0.0, 1.0) for y in (-0.5, 0.5)}
     assert {(p.x, p.y) for p in pockets} == {(x, y) for x in (-1.27, 0.0, 1.27) for y in (-0.635, 0.635)}
     assert {(p.x == 0, round(p.radius, 6)) for p in pockets} == {(False, 0.057944), (True, 0.064294)}
-
-
-def test_six_pockets_of_another_table_lie_on_its_cushions():
-    assert {(p.x, p.y) for p in six_pockets(2.0, 1.0)} == {(x, y) for x in (-1.0, 0.0, 1.0) for y in (-0.5, 0.5)}
 
 
 def test_carom_scenes_have_a_match_table_without_pockets():
@@ -205,10 +180,10 @@ def test_a_scene_prints_its_table_balls_and_physics():
 def test_a_mapping_with_a_base_lists_the_changes_of_a_named_scene():
     base = Scene.named("real_pool", 9)
     changes = {"base": "real_pool", "n_object_balls": 9, "physics": {"mu_roll": 0.012}}
-    assert Scene.from_dict(changes) == dataclasses.replace(
-        base, physics=dataclasses.replace(base.physics, mu_roll=0.012)
-    )
+    faster = dataclasses.replace(base.physics, mu_roll=0.012)
+    assert Scene.from_dict(changes) == dataclasses.replace(base, physics=faster)
     assert Scene.from_dict({"base": "real_pool", "n_object_balls": 9}) == base
-    assert Scene.from_dict({"base": "pool", "table": "pool_7ft"}).table == Table.named("pool_7ft")
+    for start in ({"base": "pool"}, {"balls": {"radius": [0.03], "mass": [0.2]}}):
+        assert Scene.from_dict({**start, "table": "pool_7ft"}).table == Table.named("pool_7ft")
     heavy = Scene.from_dict({"base": "pool", "balls": {"mass": [0.1, 0.2]}})
     assert (heavy.balls.mass, heavy.balls.radius) == ((0.1, 0.2), Scene.named("pool").balls.radius)

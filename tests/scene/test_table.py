@@ -2,7 +2,6 @@ import dataclasses
 import json
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -123,14 +122,6 @@ def test_pooltool_scenes_have_the_balls_of_the_reference_shots(name, table):
     assert (physics.mu_slide, physics.mu_roll, physics.g) == (ball["mu_slide"], ball["mu_roll"], ball["g"])
     assert (physics.e_ball, physics.e_cushion, physics.mu_cushion) == (1.0, ball["e_cushion"], ball["mu_cushion"])
     assert physics.spin_decay == pytest.approx(5 * ball["mu_spin"] * ball["g"] / (2 * ball["radius"]))
-
-
-# A table from plain data
-
-
-def test_a_scene_from_plain_data_may_name_its_table():
-    data: Any = {"balls": {"radius": [0.03], "mass": [0.2]}, "table": "pool_9ft"}
-    assert Scene.from_dict(data).table == Table.named("pool_9ft")
 
 
 # Outlines
