@@ -11,17 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, empty_shots, run_shots_of
+from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, Shots, empty_shots, run_shots_of
 from billiards_env.engine.compile import varied_fields, varied_shot, vary
 from billiards_env.engine.frozen_strike import strike_frozen
+from billiards_env.engine.shots import arrays_in
 from billiards_env.envs.actions import ACTIONS, SIDE, Before, add_noise, clipped, shorten, strike_balls
 from billiards_env.envs.arguments import Model, cue_ball_alone
 from billiards_env.envs.arrays import BallArrays, EpisodeArrays, TaskNumbers
-from billiards_env.envs.info import InfoArrays, info_arrays, joined, starts_of
+from billiards_env.envs.info import InfoArrays, info_arrays, starts_of
 from billiards_env.envs.observations import Observer, Source
-from billiards_env.envs.state import State, StateArrays, array_of, arrays_of, parts, scene_hash, state_type
+from billiards_env.envs.state import State, StateArrays, parts, scene_hash, state_type
 from billiards_env.envs.tasks import TASKS, judge_pot, opening_of, write_legal_balls
-from billiards_env.jit import entry_point, specialised, streams
+from billiards_env.jit import Typed, entry_point, specialised, streams
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
 from billiards_env.scene import Scene, layouts
@@ -56,8 +57,7 @@ class Episodes:
         physics: The numbers of `BilliardsEnv.randomize` by name, (m,) each: columns of the state.
         of_shots: The arrays of `info` that change with each shot.
         of_episode: Those that do not change in an episode.
-        info: Both.
-        starts: Those at the starts of episodes.
+        starts: Those of `of_shots` at the starts of episodes.
         recorded: The last shot of the first `n_recorded` episodes with its trajectory, by episode.
     """
 
@@ -78,7 +78,9 @@ class Episodes:
             scratch_penalty=model.scratch_penalty,
         )
         self._numbers = tuple(numbers)
-        self._run_shots, self._score = run_shots_of(model.engine, scene.n_balls), scoring(model.task)
+        self._run_shots = Typed(run_shots_of(model.engine, scene.n_balls))
+        self._score, self._start, self._begin = map(Typed, (scoring(model.task), start_shots, begin_episodes))
+        self._fill, self._fill_goals = Typed(layouts.fill_tables), Typed(layouts.fill_tables)
         self._limit = scene.physics.max_time or math.inf
         make = ACTIONS[model.action].converter
         self._converter: Any = make and make(scene, model.max_speed)
@@ -95,14 +97,15 @@ class Episodes:
             state.in_play[:] = state.fresh[:] = state.over[:] = True
             for j, (low, _) in enumerate(model.randomize.values()):
                 state.physics[:, j] = low
-        self.starts = joined(starts_of(self.of_shots, model.max_shots), self.of_episode)
+        self.starts = starts_of(self.of_shots, model.max_shots)
         self._scene = varied_fields(scene, model.engine, self.physics, count)
 
     def _allocate(self, memory: NDArray[np.uint8]) -> None:
         """Sets the arrays of the episodes, with the state in `memory`."""
-        self.memory, self.state = memory, (state := arrays_of(self.kind, memory))
+        self.memory, self.state = memory, (state := StateArrays(*arrays_in(memory, self.kind)))
         count, n = state.in_play.shape
-        shots = empty_shots(count, n)._replace(positions=state.positions, in_play=state.in_play)
+        _, velocities, spins, _, *outcomes = empty_shots(count, n)
+        shots = Shots(state.positions, velocities, spins, state.in_play, *outcomes)
         potted_before = np.zeros((count, n), np.bool_)
         self.shots, self.balls = shots, BallArrays(*shots[:4], potted_before=potted_before)
         self.arrays = EpisodeArrays(
@@ -135,7 +138,6 @@ class Episodes:
         )
         self.of_episode = InfoArrays(self.physics, rows)
         self.of_shots = info_arrays(shots, self.arrays, self.actions, None if self._cue is None else self.miscues)
-        self.info = joined(self.of_shots, self.of_episode)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Episodes:
         twin = object.__new__(Episodes)
@@ -143,7 +145,6 @@ class Episodes:
         twin.recorded = dict(self.recorded)
         twin._allocate(self.memory.copy())
         twin.observer = self.observer.bound(twin.arrays, twin.physics)
-        twin.starts = joined(self.starts, twin.of_episode)
         if self.physics:
             twin._scene = (self._scene[0].copy(), *self._scene[1:])
         return twin
@@ -191,9 +192,9 @@ class Episodes:
         """
         state = self.state
         if balls:
-            layouts.draw_tables(self.plan, begin, end, mask, state.stream, state.positions)
+            layouts.draw_tables(self.plan, begin, end, mask, state.stream, state.positions, self._fill)
         if goals and self.goal_plan is not None:
-            layouts.draw_tables(self.goal_plan, begin, end, mask, state.stream, state.goals)
+            layouts.draw_tables(self.goal_plan, begin, end, mask, state.stream, state.goals, self._fill_goals)
         if self.physics:
             units, rows = np.empty((end - begin, len(self.physics))), np.flatnonzero(mask[begin:end])
             draw_units(begin, end, mask, state.stream, units)
@@ -220,7 +221,7 @@ class Episodes:
 
     def begin(self, begin: int, end: int, mask: Bools, observations: Any) -> None:
         """Begins the episodes in the mask (m,) with the balls where they are, and writes all observations."""
-        begin_episodes(begin, end, mask, self._numbers, self._arrays)
+        self._begin(begin, end, mask, self._numbers, self._arrays)
         if self.choices:
             self._write_mask(begin, end, mask, self.model.max_speed)
         self.observer.write(begin, end, observations)
@@ -253,7 +254,7 @@ class Episodes:
             actions = self.actions
         if model.noise is not None:
             add_noise(begin, end, over, actions, model.noise, self.state.noise_stream)
-        start_shots(begin, end, over, actions, max_speed, self._balls, self.actions)
+        self._start(begin, end, over, actions, float(max_speed), self._balls, self.actions)
         if self._cue is not None:
             strike_balls(begin, end, over, actions, self._cue, (balls.velocities, balls.spins, self.miscues))
             strike_frozen(model.scene, self._scene, self._shots[:4], begin=begin, end=end)
@@ -300,7 +301,7 @@ class Episodes:
         `before` is the memory before the step.
         """
         n_events, seconds = self.shots.n_events[k], self.shots.time[k]
-        start = array_of(self.kind, before, "positions")[k].tolist()
+        start = StateArrays(*arrays_in(before, self.kind)).positions[k].tolist()
         warnings.warn(
             f"the engine ended a shot at its limit, after {n_events} events and {seconds} s; "
             f"scene {self.scene_and_engine(k)[0].to_dict()}, positions {start}, action {self.actions[k].tolist()}",
