@@ -25,7 +25,7 @@ from billiards_env.envs.tasks import TASKS
 from billiards_env.jit import streams
 from billiards_env.scene import Scene
 
-_ONE, _FIRST = np.ones(1, np.bool_), np.zeros(1, np.int64)
+_ONE = np.ones(1, np.bool_)
 
 
 class BilliardsEnv(gym.Env[Any, Any]):
@@ -418,21 +418,11 @@ class BilliardsEnv(gym.Env[Any, Any]):
             self._np_random = None  # `np_random` makes it again from the stream
         if self.model.noise is not None and (seed is not None or not state.noise_stream[0, 3]):
             state.noise_stream[0] = noise_stream(self.np_random_seed, self.model.noise_seed)
-        if given.episode_seed is not None:
-            state.stream[0], state.noise_stream[0] = given.episode_seed[:4], given.episode_seed[4:]
-        episodes.keep_seeds(0, 1, _ONE)
-        episodes.draw(0, 1, _ONE, balls=given.positions is None, goals=given.goals is None)
+        observations = episodes.observer.new(1)
+        episodes.restart(0, 1, _ONE, observations, given)
         if self._np_random is not None:
             streams.write(self._np_random, state.stream[0])
-        if given.positions is not None:
-            state.positions[0] = given.positions
-        if given.goals is not None:
-            state.goals[0] = given.goals
-        if given.physics:
-            episodes.set_physics(_FIRST, given.physics)
         state.begun[0] = True
-        observations = episodes.observer.new(1)
-        episodes.begin(0, 1, _ONE, observations)
         if self._renderer is not None:
             self._renderer.begin([drawn_layout(episodes, 0)])
         return nth(observations, 0), single_info(self._first_info, self._first_rows, episodes.of_episode)
@@ -466,9 +456,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
         if episodes.shots.status.item() >= AT_EVENT_LIMIT:
             episodes.warn_cut_off(0, before)
         if self._renderer is not None:
-            self._renderer.step(
-                [drawn_shot(episodes, 0, episodes.actions[0], self.max_speed, reward.item(), episodes.state.goals[0])]
-            )
+            self._renderer.step([drawn_shot(episodes, 0, self.max_speed, reward.item(), episodes.state.goals[0])])
         return (
             nth(observations, 0),
             reward.item(),

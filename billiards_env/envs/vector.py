@@ -325,21 +325,10 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
                     self._seed(i, seeds[i])
         if not state.begun.all():
             self._seed_unseeded()
-        if given.episode_seed is not None:
-            state.stream[mask], state.noise_stream[mask] = np.split(given.episode_seed[mask], 2, axis=1)
-        if given.positions is not None:
-            state.positions[mask] = given.positions[mask]
-        if given.goals is not None:
-            state.goals[mask] = given.goals[mask]
         observations = episodes.observer.new(self.num_envs)
 
         def work(begin: int, end: int) -> None:
-            episodes.keep_seeds(begin, end, mask)
-            episodes.draw(begin, end, mask, balls=given.positions is None, goals=given.goals is None)
-            if given.physics:
-                rows = begin + np.flatnonzero(mask[begin:end])
-                episodes.set_physics(rows, {name: values[rows] for name, values in given.physics.items()})
-            episodes.begin(begin, end, mask, observations)
+            episodes.restart(begin, end, mask, observations, given)
 
         state.begun[mask] = False  # an interrupted reset has to be repeated
         parallel_for(work, self.num_envs, self.threads)
@@ -383,14 +372,10 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         def work(begin: int, end: int) -> None:
             episodes.shoot(begin, end, checked, max_speed, rewards, last)
             if resets:
-                episodes.keep_seeds(begin, end, skip)
-                episodes.draw(begin, end, skip)
-                episodes.begin(begin, end, skip, last)
+                episodes.restart(begin, end, skip, last)
             over[begin:end] = state.over[begin:end]
             if same_step:
-                episodes.keep_seeds(begin, end, over)
-                episodes.draw(begin, end, over)
-                episodes.begin(begin, end, over, observations)
+                episodes.restart(begin, end, over, observations)
 
         try:
             parallel_for(work, m, self.threads)
@@ -400,9 +385,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         if self._renderer is not None:
             self._renderer.step(
                 [
-                    drawn_layout(episodes, k)
-                    if skip[k]
-                    else drawn_shot(episodes, k, episodes.actions[k], max_speed, rewards[k], goals[k])
+                    drawn_layout(episodes, k) if skip[k] else drawn_shot(episodes, k, max_speed, rewards[k], goals[k])
                     for k in range(self._n_shown)
                 ]
             )
