@@ -1,11 +1,10 @@
-"""Tree search in Billiards: UCT over the plans of a position, in copies of the present position.
+"""Tree search in Billiards: UCT with random shots as actions, in copies of the present position.
 
     python -m examples.tree_search --episodes 5 --simulations 400
 
-`get_state` and `set_state` copy and restore a position in microseconds. With `action="plan"` an action is the choice of
-a pot and of a speed. Each simulation goes down the tree to a new position (selection by UCB1, Kocsis and Szepesvari
-2006), plays one shot there (expansion), and adds the points to the plans on its path. Execution noise makes a shot
-random, so each visit of a plan plays it again with new noise.
+`get_state` and `set_state` copy and restore a position in microseconds. Each simulation goes down the tree to a new
+position (selection by UCB1, Kocsis and Szepesvari 2006), plays one shot there (expansion), and adds the points to the
+shots on its path. Execution noise makes a shot random, so each visit of a shot plays it again with new noise.
 """
 
 from __future__ import annotations
@@ -18,41 +17,52 @@ import numpy as np
 
 import billiards_env  # noqa: F401  # registers the ids
 
+WIDTH, DEPTH = 24, 3  # shots that a node tries, and the most shots of a simulation
+
 
 class Node:
-    """A position: its plans, how often each was played, and the sum of the points from it on."""
+    """A position: shots, how often each was played, and the sum of the points from it on."""
 
-    def __init__(self, mask: np.ndarray) -> None:
-        self.plans = np.flatnonzero(mask)
-        self.visits, self.totals = np.zeros((2, len(self.plans)))
+    def __init__(self, env: Any, rng: np.random.Generator) -> None:
+        self.shots, (self.visits, self.totals) = _shots(env, rng), np.zeros((2, WIDTH))
         self.children: dict[int, Node] = {}
 
-    def simulate(self, env: Any, depth: int) -> float:
-        """Plays at most `depth` shots and returns their points. A plan that was never played comes first."""
-        visits = np.maximum(self.visits, 1e-9)
-        bounds = self.totals / visits + 2.0 * np.sqrt(np.log(self.visits.sum() + 1.0) / visits)
-        k = int(bounds.argmax() if self.visits.all() else self.visits.argmin())
-        _, points, over, _, info = env.step(self.plans[k])
+    def simulate(self, env: Any, rng: np.random.Generator, depth: int = DEPTH) -> float:
+        """Plays at most `depth` shots and returns their points. A shot that was never played comes first."""
+        k = int(self.visits.argmin())
+        if self.visits[k]:
+            k = int((self.totals / self.visits + 2.0 * np.sqrt(np.log(self.visits.sum()) / self.visits)).argmax())
+        _, points, over, _, _ = env.step(self.shots[k])
         if not over and depth > 1:
             if k in self.children:
-                points += self.children[k].simulate(env, depth - 1)
+                points += self.children[k].simulate(env, rng, depth - 1)
             else:
-                self.children[k] = Node(info["action_mask"])
+                self.children[k] = Node(env, rng)
         self.visits[k] += 1
         self.totals[k] += points
         return points
 
 
-def search(env: Any, mask: np.ndarray, simulations: int, rng: np.random.Generator) -> int:
-    """Returns the plan that was tried most often. The environment does not change."""
-    state, root = env.get_state(), Node(mask)
+def search(env: Any, simulations: int, rng: np.random.Generator) -> Any:
+    """Returns the shot that was tried most often. The environment does not change."""
+    state, root = env.get_state(), Node(env, rng)
     for _ in range(simulations):
         branch = state.copy()
         branch["noise_stream"] = rng.integers(0, 2**64, 4, np.uint64) | np.uint64(1)  # the future is not known
         env.set_state(branch)
-        root.simulate(env, depth=3)
+        root.simulate(env, rng)
     env.set_state(state)
-    return root.plans[root.visits.argmax()]
+    return root.shots[root.visits.argmax()]
+
+
+def _shots(env: Any, rng: np.random.Generator) -> Any:
+    """Returns shots that send legal balls towards pockets, at random speeds and with random errors."""
+    balls, radius = rng.choice(np.flatnonzero(env.legal_balls & ~env.potted), WIDTH), env.scene.balls.radius[0]
+    targets, pockets = env.positions[balls], np.array([(p.x, p.y) for p in env.scene.table.pockets])
+    line = targets - rng.choice(pockets, WIDTH)
+    ghosts = targets + 2 * radius * line / np.linalg.norm(line, axis=1, keepdims=True)  # the cue ball at the impact
+    way = ghosts + rng.normal(0.0, 0.1 * radius, (WIDTH, 2)) - env.positions[0]
+    return way / np.linalg.norm(way, axis=1, keepdims=True) * rng.uniform(0.1, 1.0, (WIDTH, 1))
 
 
 def main(arguments: list[str] | None = None) -> float:
@@ -61,14 +71,13 @@ def main(arguments: list[str] | None = None) -> float:
     parser.add_argument("--episodes", type=int, default=5)
     parser.add_argument("--simulations", type=int, default=400)
     options = parser.parse_args(arguments)
-    env: Any = gym.make("Billiards/NineBallNoise-v0", action="plan").unwrapped
+    env: Any = gym.make("Billiards/NineBallNoise-v0").unwrapped
     rng, scores = np.random.default_rng(0), []
     for seed in range(options.episodes):
         _, info = env.reset(seed=seed)
         over = False
         while not over:
-            plan = search(env, info["action_mask"], options.simulations, rng)
-            _, _, over, _, info = env.step(plan)
+            _, _, over, _, info = env.step(search(env, options.simulations, rng))
         scores.append(int(info["score"]))
         print(f"episode {seed}: {scores[-1]} points", flush=True)
     return float(np.mean(scores))
