@@ -43,7 +43,9 @@ BENCH = "billiards_env/bench"
 
 _FIELDS = ("format", "version", "written_by", "player", "results")
 _SEEDS = Range(0, 2**63 - 1)
-_NAME = r"[\w.:/+ -]{1,80}"  # no character with a meaning in HTML or in a table of Markdown
+# Patterns of texts, and what to expect. A name has no character with a meaning in HTML or in a table of Markdown.
+_NAME = r"[\w.:/+ -]{1,80}", "1 to 80 letters, digits and characters of '.:/+ -_'"
+_HASH = r"[0-9a-f]{64}", "64 hexadecimal digits"
 
 
 class Result(NamedTuple):
@@ -112,7 +114,7 @@ def play(
         integer("seed", seed, _SEEDS)
     if noise_seed is not None:
         integer("noise_seed", noise_seed, _SEEDS)
-    title = _name(player if name is None else name)
+    title = _text("player", player if name is None else name, *_NAME)
     keys = [(task, seed, noise_seed if FROZEN[task].noise else None) for task in names for seed in seeds]
     source = f"{hashlib.sha256(player.encode()).hexdigest()[:16]} {title}"[:80]  # one name can have several players
     found = {} if part is None or not part.exists() else _kept(part, source, keys)
@@ -296,7 +298,7 @@ def _bench_of(data: dict[str, Any]) -> Bench:
     pairs = [(result.task, result.seed) for result in results]
     if len(set(pairs)) < len(pairs):
         raise ValueError(f"results = {short(pairs)}: expected each task and seed once")
-    return Bench(_name(data["player"]), results)
+    return Bench(_text("player", data["player"], *_NAME), results)
 
 
 def _result_of(name: str, item: Any) -> Result:
@@ -315,19 +317,17 @@ def _result_of(name: str, item: Any) -> Result:
     actions = np.frombuffer(packed, "<f4").astype(np.float32).reshape(count, size)
     if not np.isfinite(actions).all():
         raise ValueError(f"{name}.actions: expected finite numbers")
-    won = data["success"]
-    if not isinstance(won, str) or not re.fullmatch(f"[01]{{{EPISODES}}}", won):
-        raise ValueError(f"{name}.success = {short(won)}: expected {EPISODES} digits 0 or 1")
+    won = _text(f"{name}.success", data["success"], f"[01]{{{EPISODES}}}", f"{EPISODES} digits 0 or 1")
     returns = records.items(f"{name}.returns", data["returns"], EPISODES)
     return Result(
         task=data["task"],
         seed=integer(f"{name}.seed", data["seed"], _SEEDS),
-        layouts=_hash(f"{name}.layouts", data["layouts"]),
+        layouts=_text(f"{name}.layouts", data["layouts"], *_HASH),
         shots=shots,
         actions=actions,
         success=np.array([digit == "1" for digit in won]),
         returns=np.array([real(f"{name}.returns[{i}]", value) for i, value in enumerate(returns)]),
-        digest=_hash(f"{name}.digest", data["digest"]),
+        digest=_text(f"{name}.digest", data["digest"], *_HASH),
         noise_seed=data["noise_seed"],
     )
 
@@ -361,15 +361,9 @@ def _bytes(name: str, value: Any, count: int) -> bytes:
         raise ValueError(f"{name} = {short(value)}: expected {count} bytes as base64") from None
 
 
-def _hash(name: str, value: Any) -> str:
-    if not isinstance(value, str) or not re.fullmatch("[0-9a-f]{64}", value):
-        raise ValueError(f"{name} = {short(value)}: expected 64 hexadecimal digits")
-    return value
-
-
-def _name(value: Any) -> str:
-    if not isinstance(value, str) or not re.fullmatch(_NAME, value):
-        raise ValueError(f"player = {short(value)}: expected 1 to 80 letters, digits and characters of '.:/+ -_'")
+def _text(name: str, value: Any, pattern: str, expected: str) -> str:
+    if not isinstance(value, str) or not re.fullmatch(pattern, value):
+        raise ValueError(f"{name} = {short(value)}: expected {expected}")
     return value
 
 

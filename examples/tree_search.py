@@ -4,14 +4,12 @@
 
 `get_state` and `set_state` copy and restore a position in microseconds. Each simulation goes down the tree to a new
 position (selection by UCB1, Kocsis and Szepesvari 2006), plays one shot there (expansion), and adds the points to the
-nodes on its path. Execution noise makes a shot random, so each visit of an action plays it again with new noise.
+shots on its path. Execution noise makes a shot random, so each visit of a shot plays it again with new noise.
 """
 
 from __future__ import annotations
 
 import argparse
-import dataclasses
-import math
 from typing import Any
 
 import gymnasium as gym
@@ -19,48 +17,42 @@ import numpy as np
 
 import billiards_env  # noqa: F401  # registers the ids
 
-WIDTH = 24  # shots that a node tries
+WIDTH, DEPTH = 24, 3  # shots that a node tries, and the most shots of a simulation
 
 
-@dataclasses.dataclass
 class Node:
-    """A shot from a position: how often it was played, and the sum of the points from it on."""
+    """A position: shots, how often each was played, and the sum of the points from it on."""
 
-    shot: Any
-    visits: int = 0
-    total: float = 0.0
-    children: list[Node] = dataclasses.field(default_factory=list)
+    def __init__(self, env: Any, rng: np.random.Generator) -> None:
+        self.shots, (self.visits, self.totals) = _shots(env, rng), np.zeros((2, WIDTH))
+        self.children: dict[int, Node] = {}
 
-    def best(self) -> Node:
-        """Returns the next shot to try: a new one first, then the one with the largest upper bound."""
-        return max(self.children, key=lambda child: _bound(child, self.visits))
+    def simulate(self, env: Any, rng: np.random.Generator, depth: int = DEPTH) -> float:
+        """Plays at most `depth` shots and returns their points. A shot that was never played comes first."""
+        k = int(self.visits.argmin())
+        if self.visits[k]:
+            k = int((self.totals / self.visits + 2.0 * np.sqrt(np.log(self.visits.sum()) / self.visits)).argmax())
+        _, points, over, _, _ = env.step(self.shots[k])
+        if not over and depth > 1:
+            if k in self.children:
+                points += self.children[k].simulate(env, rng, depth - 1)
+            else:
+                self.children[k] = Node(env, rng)
+        self.visits[k] += 1
+        self.totals[k] += points
+        return points
 
 
-def _bound(node: Node, visits: int) -> float:
-    return node.total / node.visits + 2.0 * math.sqrt(math.log(visits) / node.visits) if node.visits else math.inf
-
-
-def search(env: Any, simulations: int, rng: np.random.Generator, depth: int = 3) -> Any:
+def search(env: Any, simulations: int, rng: np.random.Generator) -> Any:
     """Returns the shot that was tried most often. The environment does not change."""
-    state, root = env.get_state(), Node(None)
+    state, root = env.get_state(), Node(env, rng)
     for _ in range(simulations):
-        branch, node, path, rewards = state.copy(), root, [root], []
+        branch = state.copy()
         branch["noise_stream"] = rng.integers(0, 2**64, 4, np.uint64) | np.uint64(1)  # the future is not known
         env.set_state(branch)
-        over, new = False, False
-        while not over and not new and len(rewards) < depth:
-            if not node.children:
-                node.children = [Node(shot) for shot in _shots(env, rng)]
-            node = node.best()
-            new = node.visits == 0
-            _, reward, over, _, _ = env.step(node.shot)
-            path.append(node)
-            rewards.append(reward)
-        for k, visited in enumerate(path):
-            visited.visits += 1
-            visited.total += sum(rewards[max(k - 1, 0) :])
+        root.simulate(env, rng)
     env.set_state(state)
-    return max(root.children, key=lambda child: child.visits).shot
+    return root.shots[root.visits.argmax()]
 
 
 def _shots(env: Any, rng: np.random.Generator) -> Any:

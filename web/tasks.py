@@ -17,7 +17,7 @@ from billiards_env.engine import frozen_strike, pic
 from billiards_env.engine.compile import scene_fields
 from billiards_env.envs import episodes, make_env
 from billiards_env.frozen import FROZEN
-from billiards_env.jit.decorators import EntryPoint
+from billiards_env.jit.decorators import EntryPoint, Typed
 
 COUNT = 9973
 """The number of episodes during the recording. No other number and no length of an array has this value."""
@@ -90,6 +90,7 @@ def _recorded() -> Iterator[list[Call]]:
 
     with ExitStack() as patches:
         patches.enter_context(patch.object(EntryPoint, "__call__", record, create=True))
+        patches.enter_context(patch.object(Typed, "__call__", lambda call, *arguments: record(call.entry, *arguments)))
         # True, because the shots are not drawn yet; `_drive`, which follows, changes no shots without frozen balls
         patches.enter_context(patch.object(frozen_strike, "_is_ahead", lambda *_: True))
         yield calls

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import functools
-import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,33 +77,32 @@ class Starts(NamedTuple):
     in_play: Bools
 
 
+def arrays_in(memory: NDArray[np.uint8], kind: np.dtype[np.void]) -> list[NDArray[Any]]:
+    """Returns the arrays (m, ...) of the fields of m rows of a type, one after the other in a block of memory.
+
+    The operating system provides one large block several times faster than its parts one by one: NumPy requests huge
+    pages only for large blocks, and the C library returns the smaller ones to the system after each batch.
+    """
+    m, names, fields = len(memory) // kind.itemsize, kind.names or (), kind.fields or {}
+    if m == 1:  # the block is the row, whose fields take half the time
+        row = np.ndarray(1, kind, memory)
+        return [row[name] for name in names]
+    places = map(fields.__getitem__, names)
+    return [np.ndarray((m, *field.shape), field.base, memory, m * at) for field, at, *_ in places]
+
+
 @functools.lru_cache(maxsize=64)
-def _places(m: int, n: int) -> tuple[list[tuple[tuple[int, ...], np.dtype, int]], int]:
-    """Returns the shape, the type and the offset of each array of `Shots` in one block, and the size of the block."""
-    kinds = (
-        ((m, n, 2), np.float64),
-        ((m, n, 2), np.float64),
-        ((m, n, 3), np.float64),
-        ((m, n), np.bool_),
-        ((m,), np.float64),
-        ((m, n), np.int32),
-        ((m, n), np.int32),
-        *[((m,), np.int64)] * 4,
-    )
-    places, size = [], 0
-    for shape, kind in kinds:
-        places.append((shape, np.dtype(kind), size))
-        size += -(-math.prod(shape) * np.dtype(kind).itemsize // 8) * 8
-    return places, size
+def _row_type(n: int) -> np.dtype[np.void]:
+    """Returns the type of a row of `Shots` of n balls."""
+    counts = ("f8", ("i4", n), ("i4", n), "i8", "i8", "i8", "i8")
+    kinds = (("f8", (n, 2)), ("f8", (n, 2)), ("f8", (n, 3)), ("?", n), *counts)
+    return np.dtype(list(zip(Shots._fields, kinds, strict=True)), align=True)
 
 
 def empty_shots(m: int, n: int) -> Shots:
     """Returns `Shots` for m shots of n balls, with undefined content."""
-    places, size = _places(m, n)
-    # The operating system provides one large block several times faster than its parts one by one: NumPy requests huge
-    # pages only for large blocks, and the C library returns the smaller ones to the system after each batch.
-    memory = np.empty(size, np.uint8)
-    return Shots(*[np.ndarray(shape, kind, memory, at) for shape, kind, at in places])
+    kind = _row_type(n)
+    return Shots(*arrays_in(np.empty(m * kind.itemsize, np.uint8), kind))
 
 
 @inlined

@@ -105,13 +105,13 @@ def make_model(
 
 
 class Options(NamedTuple):
-    """The options of a reset, for one environment or, with a leading axis, for m.
+    """The options of a reset of m environments.
 
     Attributes:
-        positions: (n, 2) positions of the balls, m; None to draw them.
-        goals: (1, 2) goals, m; None to draw them.
-        physics: Numbers of `randomize` by name; the others are drawn.
-        episode_seed: (8,) uint64, the random streams of the layouts and of the noise; None to continue those of now.
+        positions: (m, n, 2) positions of the balls, m; None to draw them.
+        goals: (m, 1, 2) goals, m; None to draw them.
+        physics: Numbers of `randomize` by name, (m,) each; the others are drawn.
+        episode_seed: (m, 8) uint64, the random streams of the layouts and of the noise; None to continue those of now.
     """
 
     positions: NDArray[np.float64] | None = None
@@ -120,7 +120,7 @@ class Options(NamedTuple):
     episode_seed: NDArray[np.uint64] | None = None
 
 
-_NO_OPTIONS = Options()
+NO_OPTIONS = Options()
 
 
 def cue_ball_alone(scene: Scene) -> Scene:
@@ -247,7 +247,7 @@ def check_options(model: Model, options: Mapping[str, Any] | None, mask: NDArray
         TypeError: If the options or their physics are not a mapping.
     """
     if options is None:
-        return _NO_OPTIONS
+        return NO_OPTIONS
     if not isinstance(options, Mapping):
         raise TypeError(f"options = {short(options)}: expected a dict")
     scene, goal_radius = model.scene, TASKS[model.task].goal_radius
@@ -260,10 +260,12 @@ def check_options(model: Model, options: Mapping[str, Any] | None, mask: NDArray
         name, shape = "options['positions']", (*many, scene.n_balls, 2)
         in_play = None if mask is None else np.broadcast_to(mask[:, None], shape[:2])
         positions = check_positions(scene, shaped(name, options["positions"], shape), name, in_play)
+        positions = positions.reshape(-1, *shape[-2:])
     if "goal" in options:
         goals = shaped("options['goal']", options["goal"], (*many, 2)).reshape(*many, 1, 2)
         in_play = None if mask is None else mask[:, None]
         goals = check_positions(cue_ball_alone(scene), goals, "options['goal'] as a position of the cue ball", in_play)
+        goals = goals.reshape(-1, 1, 2)
     if "episode_seed" in options:
         name, given = "options['episode_seed']", np.asarray(options["episode_seed"])
         if given.dtype != np.int64 or given.shape != (*many, 8):
@@ -271,7 +273,7 @@ def check_options(model: Model, options: Mapping[str, Any] | None, mask: NDArray
         odd = given[... if mask is None else mask].reshape(-1, 8)[:, 3 :: 4 if model.noise is not None else 8] % 2
         if not odd.all():
             raise ValueError(f"{name} = {short(given)}: expected an info['episode_seed'] of this task")
-        seeds = given.view(np.uint64)
+        seeds = given.view(np.uint64).reshape(-1, 8)
     return Options(positions, goals, _checked_physics(model.randomize, options.get("physics", {}), mask), seeds)
 
 
@@ -285,7 +287,8 @@ def _checked_physics(
     for key, values in given.items():
         one_of("key of options['physics']", key, tuple(ranges))
         name, (low, high) = f"options['physics'][{key!r}]", ranges[key]
-        array = found[key] = shaped(name, values, () if mask is None else mask.shape)
+        array = shaped(name, values, () if mask is None else mask.shape)
+        found[key] = np.atleast_1d(array)
         bad = array[(True if mask is None else mask) & ~((low <= array) & (array <= high))]
         if bad.size:
             raise ValueError(f"{name} = {bad.flat[0]}: expected a number from {low:g} to {high:g}, as in randomize")

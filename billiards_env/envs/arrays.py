@@ -33,31 +33,13 @@ class TaskNumbers(NamedTuple):
     scratch_penalty: float
 
 
-class BallArrays(NamedTuple):
-    """The balls of m episodes. The first four arrays belong to `engine.Shots`, which a shot overwrites.
-
-    Attributes:
-        positions: (m, n, 2) float64, m.
-        velocities: (m, n, 2) float64, m/s.
-        spins: (m, n, 3) float64, rad/s.
-        in_play: (m, n) bool.
-        potted_before: (m, n) bool: balls off the table before the last shot.
-    """
-
-    positions: Any
-    velocities: Any
-    spins: Any
-    in_play: Any
-    potted_before: Any
-
-
 class EpisodeArrays(NamedTuple):
     """m episodes after their last shots: the balls, what the shots did to them, and the results.
 
     Attributes:
-        positions: As in `BallArrays`.
-        in_play: As in `BallArrays`.
-        potted_before: As in `BallArrays`.
+        positions: As in `engine.Shots`.
+        in_play: As in `engine.Shots`.
+        potted_before: (m, n) bool: balls off the table before the last shot.
         potted: (m, n) bool: balls off the table after the last shot.
         cushions: As in `engine.Shots`.
         cushions_before_hit: As in `engine.Shots`.

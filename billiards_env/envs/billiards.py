@@ -20,12 +20,12 @@ from billiards_env.envs.goals import compute_reward
 from billiards_env.envs.info import single_info
 from billiards_env.envs.observations import decode, nth
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
-from billiards_env.envs.state import State, checked_state, copied
+from billiards_env.envs.state import SPACES, State, checked_state, copied
 from billiards_env.envs.tasks import TASKS
 from billiards_env.jit import streams
 from billiards_env.scene import Scene
 
-_ONE, _FIRST = np.ones(1, np.bool_), np.zeros(1, np.int64)
+_ONE = np.ones(1, np.bool_)
 
 
 class BilliardsEnv(gym.Env[Any, Any]):
@@ -315,8 +315,9 @@ class BilliardsEnv(gym.Env[Any, Any]):
         self.observation_space = self._episodes.observer.space
         if self.observe == "goal":  # other environments have no `compute_reward`
             self.compute_reward = functools.partial(compute_reward, TASKS[self.task].goal_radius, model.scratch_penalty)
-        self._rewards = np.empty(1)
-        self._shared = {*vars(self), "_np_random", "_shared", "_spec"} - {"_episodes", "_renderer", "_rewards"}
+        self._first_info = single_info({}, self._episodes.starts, self._episodes.of_episode)
+        self._first_rows = self._episodes.starts._replace(numbers={})
+        self._shared = {*vars(self), "_np_random", "_shared", "_spec"} - {"_episodes", "_renderer", *SPACES}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> BilliardsEnv:
         """Returns a copy that continues with the same bits. It shares what does not change, such as the scene."""
@@ -417,24 +418,14 @@ class BilliardsEnv(gym.Env[Any, Any]):
             self._np_random = None  # `np_random` makes it again from the stream
         if self.model.noise is not None and (seed is not None or not state.noise_stream[0, 3]):
             state.noise_stream[0] = noise_stream(self.np_random_seed, self.model.noise_seed)
-        if given.episode_seed is not None:
-            state.stream[0], state.noise_stream[0] = given.episode_seed[:4], given.episode_seed[4:]
-        state.episode_seed[0, :4], state.episode_seed[0, 4:] = state.stream[0], state.noise_stream[0]
-        episodes.draw(0, 1, _ONE, balls=given.positions is None, goals=given.goals is None)
+        observations = episodes.observer.new(1)
+        episodes.restart(0, 1, _ONE, observations, given)
         if self._np_random is not None:
             streams.write(self._np_random, state.stream[0])
-        if given.positions is not None:
-            state.positions[0] = given.positions
-        if given.goals is not None:
-            state.goals[0] = given.goals
-        if given.physics:
-            episodes.set_physics(_FIRST, given.physics)
         state.begun[0] = True
-        observations = episodes.observer.new(1)
-        episodes.begin(0, 1, _ONE, observations)
         if self._renderer is not None:
             self._renderer.begin([drawn_layout(episodes, 0)])
-        return nth(observations, 0), single_info(episodes.starts)
+        return nth(observations, 0), single_info(self._first_info, self._first_rows, episodes.of_episode)
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Plays one shot.
@@ -451,7 +442,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
             ResetNeeded: If the episode is over or has not begun.
             ValueError: If the action does not have the shape of the action space, or a number is not finite.
         """
-        episodes, reward = self._episodes, self._rewards
+        episodes, reward = self._episodes, np.empty(1)
         over = episodes.state.over
         if over[0]:
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
@@ -465,10 +456,14 @@ class BilliardsEnv(gym.Env[Any, Any]):
         if episodes.shots.status.item() >= AT_EVENT_LIMIT:
             episodes.warn_cut_off(0, before)
         if self._renderer is not None:
-            self._renderer.step(
-                [drawn_shot(episodes, 0, episodes.actions[0], self.max_speed, reward.item(), episodes.state.goals[0])]
-            )
-        return nth(observations, 0), reward.item(), over.item(), False, single_info(episodes.info)
+            self._renderer.step([drawn_shot(episodes, 0, self.max_speed, reward.item(), episodes.state.goals[0])])
+        return (
+            nth(observations, 0),
+            reward.item(),
+            over.item(),
+            False,
+            single_info(self._first_info, episodes.of_shots, episodes.of_episode),
+        )
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
         """Renders the shots, see the class.

@@ -11,17 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, empty_shots, run_shots_of
+from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, Shots, empty_shots, run_shots_of
 from billiards_env.engine.compile import varied_fields, varied_shot, vary
 from billiards_env.engine.frozen_strike import strike_frozen
+from billiards_env.engine.shots import Starts, arrays_in
 from billiards_env.envs.actions import ACTIONS, SIDE, Before, add_noise, clipped, shorten, strike_balls
-from billiards_env.envs.arguments import Model, cue_ball_alone
-from billiards_env.envs.arrays import BallArrays, EpisodeArrays, TaskNumbers
-from billiards_env.envs.info import InfoArrays, info_arrays, joined, starts_of
+from billiards_env.envs.arguments import NO_OPTIONS, Model, Options, cue_ball_alone
+from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
+from billiards_env.envs.info import InfoArrays, info_arrays, starts_of
 from billiards_env.envs.observations import Observer, Source
-from billiards_env.envs.state import State, StateArrays, array_of, arrays_of, parts, scene_hash, state_type
+from billiards_env.envs.state import State, StateArrays, parts, scene_hash, state_type
 from billiards_env.envs.tasks import TASKS, judge_pot, opening_of, write_legal_balls
-from billiards_env.jit import entry_point, specialised, streams
+from billiards_env.jit import Typed, entry_point, specialised, streams
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
 from billiards_env.scene import Scene, layouts
@@ -43,7 +44,6 @@ class Episodes:
         memory: The state of the episodes, one block.
         state: The arrays in `memory`.
         shots: The balls and, after `shoot`, the outcomes of the shots (see `engine.Shots`).
-        balls: The balls before and after the last shots. They are part of `shots`.
         arrays: The episodes after their last shots. Its arrays are those of `state` and `shots`, and the results.
         plan: The layout at the start of an episode.
         goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has
@@ -56,8 +56,7 @@ class Episodes:
         physics: The numbers of `BilliardsEnv.randomize` by name, (m,) each: columns of the state.
         of_shots: The arrays of `info` that change with each shot.
         of_episode: Those that do not change in an episode.
-        info: Both.
-        starts: Those at the starts of episodes.
+        starts: Those of `of_shots` at the starts of episodes.
         recorded: The last shot of the first `n_recorded` episodes with its trajectory, by episode.
     """
 
@@ -78,7 +77,9 @@ class Episodes:
             scratch_penalty=model.scratch_penalty,
         )
         self._numbers = tuple(numbers)
-        self._run_shots, self._score = run_shots_of(model.engine, scene.n_balls), scoring(model.task)
+        self._run_shots = Typed(run_shots_of(model.engine, scene.n_balls))
+        self._score, self._start, self._begin = map(Typed, (scoring(model.task), start_shots, begin_episodes))
+        self._fill, self._fill_goals = Typed(layouts.fill_tables), Typed(layouts.fill_tables)
         self._limit = scene.physics.max_time or math.inf
         make = ACTIONS[model.action].converter
         self._converter: Any = make and make(scene, model.max_speed)
@@ -95,47 +96,34 @@ class Episodes:
             state.in_play[:] = state.fresh[:] = state.over[:] = True
             for j, (low, _) in enumerate(model.randomize.values()):
                 state.physics[:, j] = low
-        self.starts = joined(starts_of(self.of_shots, model.max_shots), self.of_episode)
+        self.starts = starts_of(self.of_shots, model.max_shots)
         self._scene = varied_fields(scene, model.engine, self.physics, count)
 
     def _allocate(self, memory: NDArray[np.uint8]) -> None:
         """Sets the arrays of the episodes, with the state in `memory`."""
-        self.memory, self.state = memory, (state := arrays_of(self.kind, memory))
+        self.memory, self.state = memory, (state := StateArrays(*arrays_in(memory, self.kind)))
         count, n = state.in_play.shape
-        shots = empty_shots(count, n)._replace(positions=state.positions, in_play=state.in_play)
-        potted_before = np.zeros((count, n), np.bool_)
-        self.shots, self.balls = shots, BallArrays(*shots[:4], potted_before=potted_before)
-        self.arrays = EpisodeArrays(
-            positions=state.positions,
-            in_play=state.in_play,
-            potted_before=potted_before,
-            cushions=shots.cushions,
-            cushions_before_hit=shots.cushions_before_hit,
-            first_hit=shots.first_hit,
-            potted=np.zeros((count, n), np.bool_),
-            goals=state.goals,
-            states=state.game.reshape(-1),
-            legal_balls=state.legal_balls,
-            points=np.zeros(count, np.int64),
-            score=state.score,
-            shots_left=state.shots_left,
-            scratch=np.zeros(count, np.bool_),
-            is_success=state.is_success,
-            fresh=state.fresh,
-            over=state.over,
-        )
+        results = {
+            "potted_before": np.zeros((count, n), np.bool_),
+            "potted": np.zeros((count, n), np.bool_),
+            "points": np.zeros(count, np.int64),
+            "scratch": np.zeros(count, np.bool_),
+            "states": state.game.reshape(-1),
+        }
+        found = empty_shots(count, n)._asdict() | state._asdict() | results
+        self.shots = shots = Shots(*map(found.__getitem__, Shots._fields))
+        self.arrays = EpisodeArrays(*map(found.__getitem__, EpisodeArrays._fields))
         self.miscues = np.zeros(count, np.bool_)
         self.actions = np.zeros((count, ACTIONS[self.model.action].size))
         self.mask = np.zeros((count, self.choices), np.int8)
         # The entry points take plain tuples, see `envs.arrays`.
-        self._arrays, self._shots, self._balls = tuple(self.arrays), tuple(shots), tuple(self.balls)
+        self._arrays, self._shots = tuple(self.arrays), tuple(shots)
         self.physics = {name: state.physics[:, j] for j, name in enumerate(self.model.randomize)}
         rows = {"episode_seed": state.episode_seed.view(np.int64)} | (
             {"action_mask": self.mask} if self.choices else {}
         )
         self.of_episode = InfoArrays(self.physics, rows)
         self.of_shots = info_arrays(shots, self.arrays, self.actions, None if self._cue is None else self.miscues)
-        self.info = joined(self.of_shots, self.of_episode)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Episodes:
         twin = object.__new__(Episodes)
@@ -143,7 +131,6 @@ class Episodes:
         twin.recorded = dict(self.recorded)
         twin._allocate(self.memory.copy())
         twin.observer = self.observer.bound(twin.arrays, twin.physics)
-        twin.starts = joined(self.starts, twin.of_episode)
         if self.physics:
             twin._scene = (self._scene[0].copy(), *self._scene[1:])
         return twin
@@ -172,32 +159,53 @@ class Episodes:
         self.memory[:] = memory
         self.set_physics(slice(None), {})
 
-    def keep_seeds(self, begin: int, end: int, mask: Bools) -> None:
-        """Keeps the random streams of the episodes in the mask (m,) as their seeds. `draw` follows."""
-        keep_seeds(begin, end, mask, self.state.stream, self.state.noise_stream, self.state.episode_seed)
+    def restart(self, begin: int, end: int, mask: Bools, observations: Any, given: Options = NO_OPTIONS) -> None:
+        """Begins new episodes in the mask (m,), and writes all observations.
 
-    def draw(self, begin: int, end: int, mask: Bools, balls: bool = True, goals: bool = True) -> None:
+        Args:
+            begin: See the class.
+            end: See the class.
+            mask: (m,) bool.
+            observations: Out, memory from `Observer.new`.
+            given: The parts of the starting states that are not drawn.
+
+        Raises:
+            ValueError: If there is no free position for a ball.
+        """
+        state = self.state
+        if given.episode_seed is not None:
+            rows = begin + np.flatnonzero(mask[begin:end])
+            state.stream[rows], state.noise_stream[rows] = np.split(given.episode_seed[rows], 2, axis=1)
+        keep_seeds(begin, end, mask, state.stream, state.noise_stream, state.episode_seed)
+        self.draw(begin, end, mask, given)
+        self.begin(begin, end, mask, observations)
+
+    def draw(self, begin: int, end: int, mask: Bools, given: Options = NO_OPTIONS) -> None:
         """Draws positions of the balls, then goals if the task has any, then the physics of the episodes if it varies.
 
         Args:
             begin: See the class.
             end: See the class.
             mask: (m,) bool, the episodes to draw for.
-            balls: Whether to draw positions of the balls.
-            goals: Whether to draw goals.
+            given: What takes the place of the drawn positions, goals and numbers.
 
         Raises:
             ValueError: If there is no free position for a ball.
         """
         state = self.state
-        if balls:
-            layouts.draw_tables(self.plan, begin, end, mask, state.stream, state.positions)
-        if goals and self.goal_plan is not None:
-            layouts.draw_tables(self.goal_plan, begin, end, mask, state.stream, state.goals)
+        for array, values, plan, fill in (
+            (state.positions, given.positions, self.plan, self._fill),
+            (state.goals, given.goals, self.goal_plan, self._fill_goals),
+        ):
+            if values is not None:
+                np.copyto(array[begin:end], values[begin:end], where=mask[begin:end, None, None])
+            elif plan is not None:
+                layouts.draw_tables(plan, begin, end, mask, state.stream, array, fill)
         if self.physics:
             units, rows = np.empty((end - begin, len(self.physics))), np.flatnonzero(mask[begin:end])
             draw_units(begin, end, mask, state.stream, units)
-            self.set_physics(begin + rows, self.scaled(units[rows]))
+            numbers = {name: values[begin + rows] for name, values in given.physics.items()}
+            self.set_physics(begin + rows, self.scaled(units[rows]) | numbers)
 
     def scaled(self, units: Floats) -> dict[str, Floats]:
         """Returns numbers in the ranges of the physics that varies, by name, for draws (m, p) from [0, 1)."""
@@ -220,7 +228,7 @@ class Episodes:
 
     def begin(self, begin: int, end: int, mask: Bools, observations: Any) -> None:
         """Begins the episodes in the mask (m,) with the balls where they are, and writes all observations."""
-        begin_episodes(begin, end, mask, self._numbers, self._arrays)
+        self._begin(begin, end, mask, self._numbers, self._arrays)
         if self.choices:
             self._write_mask(begin, end, mask, self.model.max_speed)
         self.observer.write(begin, end, observations)
@@ -246,16 +254,16 @@ class Episodes:
             rewards: (m,) float64 out.
             observations: Out, memory from `Observer.new`.
         """
-        model, balls, over = self.model, self.balls, self.state.over
+        model, shots, over = self.model, self.shots, self.state.over
         if self._converter:
             rows = begin + np.flatnonzero(~over[begin:end])
             self.actions[rows] = self._converter.velocities(actions[rows], self._before(rows, max_speed)) / max_speed
             actions = self.actions
         if model.noise is not None:
             add_noise(begin, end, over, actions, model.noise, self.state.noise_stream)
-        start_shots(begin, end, over, actions, max_speed, self._balls, self.actions)
+        self._start(begin, end, actions, float(max_speed), self._shots[:4], self._arrays, self.actions)
         if self._cue is not None:
-            strike_balls(begin, end, over, actions, self._cue, (balls.velocities, balls.spins, self.miscues))
+            strike_balls(begin, end, over, actions, self._cue, (shots.velocities, shots.spins, self.miscues))
             strike_frozen(model.scene, self._scene, self._shots[:4], begin=begin, end=end)
         first = begin
         while first < end and first < self.n_recorded:
@@ -300,7 +308,7 @@ class Episodes:
         `before` is the memory before the step.
         """
         n_events, seconds = self.shots.n_events[k], self.shots.time[k]
-        start = array_of(self.kind, before, "positions")[k].tolist()
+        start = StateArrays(*arrays_in(before, self.kind)).positions[k].tolist()
         warnings.warn(
             f"the engine ended a shot at its limit, after {n_events} events and {seconds} s; "
             f"scene {self.scene_and_engine(k)[0].to_dict()}, positions {start}, action {self.actions[k].tolist()}",
@@ -351,20 +359,20 @@ def begin_episodes(begin, end, mask, numbers, arrays):
 
 
 @entry_point
-def start_shots(begin, end, over, actions, max_speed, balls, played):
+def start_shots(begin, end, actions, max_speed, starts, arrays, played):
     """Sets the velocities of the cue balls in the episodes with a shot, and all other velocities and spins to 0.
 
     Writes the actions, clipped, to `played`, (m, 2) or (m, 5); 0 in the episodes without a shot.
     """
-    balls = BallArrays(*balls)
+    balls, arrays = Starts(*starts), EpisodeArrays(*arrays)
     for k in range(begin, end):
-        for i in range(balls.in_play.shape[1]):
-            balls.potted_before[k, i] = not balls.in_play[k, i]
+        for i in range(arrays.in_play.shape[1]):
+            arrays.potted_before[k, i] = not arrays.in_play[k, i]
             for c in range(2):
                 balls.velocities[k, i, c] = 0.0
             for c in range(3):
                 balls.spins[k, i, c] = 0.0
-        if over[k]:
+        if arrays.over[k]:
             for c in range(played.shape[1]):
                 played[k, c] = 0.0
             continue

@@ -59,41 +59,40 @@ def starts_of(info: InfoArrays, max_shots: int) -> InfoArrays:
     return InfoArrays(starts(info.numbers), starts(info.rows))
 
 
-def joined(one: InfoArrays, other: InfoArrays) -> InfoArrays:
-    """Returns the arrays of both; those of `other` replace others of the same key."""
-    return InfoArrays(one.numbers | other.numbers, one.rows | other.rows)
+def single_info(kept: dict[str, Any], *some: InfoArrays) -> dict[str, Any]:
+    """Returns the `info` of a single episode: `kept` with the values of the given arrays in place of its own."""
+    info = kept.copy()  # a new dict would grow several times
+    for numbers, rows in some:
+        for key, values in numbers.items():
+            info[key] = values[0]
+        for key, values in rows.items():
+            info[key] = values[0].copy()
+    return info
 
 
-def single_info(arrays: InfoArrays) -> dict[str, Any]:
-    """Returns the `info` of a single episode."""
-    info = {key: values[0] for key, values in arrays.numbers.items()}
-    return info | {key: values[0].copy() for key, values in arrays.rows.items()}
-
-
-def copied_info(arrays: InfoArrays) -> dict[str, NDArray[Any]]:
+def copied_info(*some: InfoArrays) -> dict[str, NDArray[Any]]:
     """Returns copies of the arrays."""
-    return {key: values.copy() for key, values in (arrays.numbers | arrays.rows).items()}
+    return {key: values.copy() for arrays in some for part in arrays for key, values in part.items()}
 
 
-def with_starts(info: dict[str, NDArray[Any]], mask: NDArray[np.bool_], starts: InfoArrays) -> dict[str, NDArray[Any]]:
+def with_starts(info: dict[str, NDArray[Any]], mask: NDArray[np.bool_], *starts: InfoArrays) -> dict[str, NDArray[Any]]:
     """Returns the rows of `starts` in the mask, in new arrays, and those of `info` outside of it."""
     count = np.count_nonzero(mask)  # faster than `any` and `all`
     if count == 0:
         return info
-    if count == len(mask):
-        return copied_info(starts)
-    return {
-        key: np.where(mask if values.ndim == 1 else mask[:, None], values, info[key])
-        for key, values in (starts.numbers | starts.rows).items()
-    }
+    begun = copied_info(*starts)
+    if count < len(mask):
+        for key, values in begun.items():
+            np.copyto(values, info[key], where=~mask if values.ndim == 1 else ~mask[:, None])
+    return begun
 
 
 def masked_info(info: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> dict[str, Any]:
     """Returns the infos of the environments in the mask, in the format of `VectorEnv._add_info`."""
-    everywhere = np.count_nonzero(mask) == len(mask)
-    infos: dict[str, Any] = {}
-    for key, values in info.items():
-        zero = values.dtype.type(0)  # a product with the mask would have negative zeros
-        infos[key] = values if everywhere else np.where(mask if values.ndim == 1 else mask[:, None], values, zero)
+    infos = info.copy()
+    if np.count_nonzero(mask) < len(mask):
+        for key, values in info.items():  # False is a 0 of every type; a product with the mask has negative zeros
+            infos[key] = np.where(mask if values.ndim == 1 else mask[:, None], values, False)
+    for key in info:
         infos[f"_{key}"] = mask.copy()
     return infos

@@ -18,7 +18,6 @@ is a copy of the state. The block of one episode is also its row.
 from __future__ import annotations
 
 import copy
-import functools
 import hashlib
 import io
 import json
@@ -97,25 +96,6 @@ def state_type(model: Model) -> np.dtype[np.void]:
     return np.dtype(list(zip(StateArrays._fields, kinds, strict=True)))
 
 
-@functools.lru_cache(maxsize=64)
-def _places(kind: np.dtype[np.void]) -> list[tuple[tuple[int, ...], np.dtype[Any], int]]:
-    """Returns the shape, the type and the offset of each field in a row."""
-    fields: Any = kind.fields
-    return [(of.shape, of.base, at) for of, at, *_ in map(fields.__getitem__, StateArrays._fields)]
-
-
-def arrays_of(kind: np.dtype[np.void], memory: NDArray[np.uint8]) -> StateArrays:
-    """Returns the arrays of the state in a block of memory."""
-    m = len(memory) // kind.itemsize
-    return StateArrays(*[np.ndarray((m, *shape), base, memory, m * at) for shape, base, at in _places(kind)])
-
-
-def array_of(kind: np.dtype[np.void], memory: NDArray[np.uint8], name: str) -> NDArray[Any]:
-    """Returns one of the arrays of the state in a block of memory, in a fraction of the time of `arrays_of`."""
-    (of, at, *_), m = (kind.fields or {})[name], len(memory) // kind.itemsize
-    return np.ndarray((m, *of.shape), of.base, memory, m * at)
-
-
 @cached_by_scene
 def scene_hash(scene: Scene, names: tuple[str, ...]) -> int:
     """Returns a hash of a scene and of the names of the numbers that vary, the same in every process."""
@@ -172,20 +152,24 @@ def _check_rows(rows: State, kind: np.dtype[np.void], model: Model) -> None:
         raise ValueError("state['noise_stream'] is not seeded: expected a state of an environment with noise")
 
 
+SPACES = {prefix + name for prefix in ("", "single_") for name in ("action_space", "observation_space")}
+"""The attributes of environments that are spaces."""
+
+
 def copied(env: Any, shared: Set[str], memo: dict[int, Any]) -> Any:
     """Returns a deep copy of an environment that shares some attributes.
 
     The spaces have their own random numbers. Their arrays are shared.
     """
     twin = memo[id(env)] = object.__new__(type(env))
-    for name, value in vars(env).items():
+    twin.__dict__.update(vars(env))
+    for name in vars(env).keys() - shared:
+        value = twin.__dict__[name]
         if isinstance(value, gym.Space):
-            space = object.__new__(type(value))
+            space = twin.__dict__[name] = object.__new__(type(value))
             space.__dict__.update(value.__dict__, _np_random=copy.deepcopy(value._np_random))
-            value = space
-        elif name not in shared:
-            value = copy.deepcopy(value, memo)
-        twin.__dict__[name] = value
+        else:
+            twin.__dict__[name] = copy.deepcopy(value, memo)
     return twin
 
 

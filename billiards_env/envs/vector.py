@@ -23,7 +23,7 @@ from billiards_env.envs.episodes import Episodes, noise_stream
 from billiards_env.envs.info import copied_info, masked_info, with_starts
 from billiards_env.envs.observations import nth
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
-from billiards_env.envs.state import State, array_of, checked_state, copied
+from billiards_env.envs.state import SPACES, State, checked_state, copied
 from billiards_env.jit import streams
 
 Bools = NDArray[np.bool_]
@@ -156,7 +156,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         self._n_shown = 0 if self._renderer is None else self._renderer.n_shown
         self._episodes = Episodes(self.num_envs, model, self._n_shown)
         self._seeds = np.full(self.num_envs, -1, object)  # -1: not known
-        self._shared = {*vars(self), "_shared", "_spec"} - {"single_env", "_episodes", "_renderer", "_seeds"}
+        self._shared = {*vars(self), "_shared", "_spec"} - {"single_env", "_episodes", "_renderer", "_seeds", *SPACES}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> BilliardsVectorEnv:
         """Returns a copy that continues with the same bits. It shares what does not change, such as the scene."""
@@ -325,27 +325,16 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
                     self._seed(i, seeds[i])
         if not state.begun.all():
             self._seed_unseeded()
-        if given.episode_seed is not None:
-            state.stream[mask], state.noise_stream[mask] = np.split(given.episode_seed[mask], 2, axis=1)
-        if given.positions is not None:
-            state.positions[mask] = given.positions[mask]
-        if given.goals is not None:
-            state.goals[mask] = given.goals[mask]
         observations = episodes.observer.new(self.num_envs)
 
         def work(begin: int, end: int) -> None:
-            episodes.keep_seeds(begin, end, mask)
-            episodes.draw(begin, end, mask, balls=given.positions is None, goals=given.goals is None)
-            if given.physics:
-                rows = begin + np.flatnonzero(mask[begin:end])
-                episodes.set_physics(rows, {name: values[rows] for name, values in given.physics.items()})
-            episodes.begin(begin, end, mask, observations)
+            episodes.restart(begin, end, mask, observations, given)
 
         state.begun[mask] = False  # an interrupted reset has to be repeated
         parallel_for(work, self.num_envs, self.threads)
         state.begun[mask] = True
         self._draw_layouts()
-        return observations, masked_info(copied_info(episodes.starts), mask)
+        return observations, masked_info(copied_info(episodes.starts, episodes.of_episode), mask)
 
     def step(self, actions: ArrayLike) -> tuple[Any, NDArray[np.float64], Bools, Bools, dict[str, Any]]:
         """Plays one shot in every environment, except in those that this step resets.
@@ -370,7 +359,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
             raise ResetNeeded("The episodes have not begun: call reset() before step()")
         memory = episodes.memory.copy()
         skip, goals, physics, seeds = (
-            array_of(episodes.kind, memory, name) for name in ("over", "goals", "physics", "episode_seed")
+            array.copy() for array in (state.over, state.goals, state.physics, state.episode_seed)
         )  # before the step
         same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
         resets = np.count_nonzero(skip) > 0
@@ -383,14 +372,10 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         def work(begin: int, end: int) -> None:
             episodes.shoot(begin, end, checked, max_speed, rewards, last)
             if resets:
-                episodes.keep_seeds(begin, end, skip)
-                episodes.draw(begin, end, skip)
-                episodes.begin(begin, end, skip, last)
+                episodes.restart(begin, end, skip, last)
             over[begin:end] = state.over[begin:end]
             if same_step:
-                episodes.keep_seeds(begin, end, over)
-                episodes.draw(begin, end, over)
-                episodes.begin(begin, end, over, observations)
+                episodes.restart(begin, end, over, observations)
 
         try:
             parallel_for(work, m, self.threads)
@@ -400,15 +385,13 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         if self._renderer is not None:
             self._renderer.step(
                 [
-                    drawn_layout(episodes, k)
-                    if skip[k]
-                    else drawn_shot(episodes, k, episodes.actions[k], max_speed, rewards[k], goals[k])
+                    drawn_layout(episodes, k) if skip[k] else drawn_shot(episodes, k, max_speed, rewards[k], goals[k])
                     for k in range(self._n_shown)
                 ]
             )
         status = episodes.shots.status
-        if status.max() >= AT_EVENT_LIMIT:
-            for k in np.flatnonzero((status >= AT_EVENT_LIMIT) & ~skip)[:1]:
+        if np.count_nonzero(cut := status >= AT_EVENT_LIMIT):
+            for k in np.flatnonzero(cut & ~skip)[:1]:
                 episodes.warn_cut_off(k, memory)
         info = copied_info(episodes.of_shots)
         info |= {name: physics[:, j].copy() for j, name in enumerate(episodes.physics)}
@@ -416,8 +399,8 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         if episodes.choices:
             info["action_mask"] = episodes.mask * ~over[:, None]
         begun = over if same_step else skip  # the episodes that this step has begun
-        infos = masked_info(with_starts(info, begun, episodes.starts), np.ones(m, np.bool_))
-        if same_step and over.any():
+        infos = masked_info(with_starts(info, begun, episodes.starts, episodes.of_episode), np.ones(m, np.bool_))
+        if same_step and np.count_nonzero(over):
             infos["final_obs"], infos["final_info"] = _masked_rows(last, over), masked_info(info, over)
             infos["_final_obs"], infos["_final_info"] = over.copy(), over.copy()
         return observations, rewards, over, np.zeros(m, np.bool_), infos
@@ -512,11 +495,10 @@ def _checked_mask(mask: Any, num_envs: int) -> Bools:
 
 def _masked_rows(observations: Any, mask: Bools) -> NDArray[Any]:
     """Returns an object array of the observations in the mask, with None for the others."""
-    chosen, rows = np.flatnonzero(mask), np.full(len(mask), None)
     if isinstance(observations, dict):
-        rows[chosen] = [nth(observations, k) for k in chosen.tolist()]
-    elif len(chosen) == len(mask):
+        return np.array([nth(observations, k) if chosen else None for k, chosen in enumerate(mask.tolist())])
+    if np.count_nonzero(mask) == len(mask):
         return np.fromiter(observations, object, len(mask))
-    else:
-        rows[chosen] = np.fromiter(observations[chosen], dtype=object)
+    rows = np.full(len(mask), None)
+    rows[mask] = np.fromiter(observations[mask], object)
     return rows

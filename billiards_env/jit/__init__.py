@@ -1,6 +1,7 @@
 """Compilation with numba: decorators for kernels, Ctrl-C during long calls, and random streams for kernels."""
 
 from billiards_env.jit.decorators import (
+    Typed,
     allocating,
     allocating_entry_point,
     entry_point,
@@ -10,4 +11,13 @@ from billiards_env.jit.decorators import (
     specialised,
 )
 
-__all__ = ["allocating", "allocating_entry_point", "entry_point", "expanded", "inlined", "kernel", "specialised"]
+__all__ = [
+    "Typed",
+    "allocating",
+    "allocating_entry_point",
+    "entry_point",
+    "expanded",
+    "inlined",
+    "kernel",
+    "specialised",
+]

@@ -48,7 +48,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -243,6 +243,7 @@ def draw_tables(
     mask: NDArray[np.bool_],
     table_streams: NDArray[np.uint64],
     positions: Floats,
+    fill: Callable[..., int] | None = None,
 ) -> None:
     """Draws a layout for the tables `begin` to `end` that are in the mask, each from its own stream.
 
@@ -253,11 +254,12 @@ def draw_tables(
         mask: (m,) bool, the tables to draw for; the others do not change.
         table_streams: (m, 4), one stream per table, changed in place.
         positions: (m, n, 2) float64, m, changed in place.
+        fill: `jit.Typed` of `fill_tables`; None for `fill_tables`.
 
     Raises:
         ValueError: If a ball finds no free position.
     """
-    failed = fill_tables(plan, begin, end, mask, table_streams, positions)
+    failed = (fill or fill_tables)(plan, begin, end, mask, table_streams, positions)
     if failed >= 0:
         raise _no_room(LAYOUTS[plan.layout], failed, plan.radius[failed])
 

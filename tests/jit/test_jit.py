@@ -470,6 +470,17 @@ def test_each_function_calls_its_own_kernel():
     assert one.__qualname__ == "change_all_test_jit_add_one" != two.__qualname__  # their names on disk
 
 
+def test_a_typed_entry_point_finds_its_code_once():
+    values = np.zeros(2, np.int64)
+    entry: Any = jit.specialised(change_all, change=add_one)
+    typed = jit.Typed(entry)
+    typed(values)
+    entry.compile = entry.typeof_pyval = None  # later calls do not need them
+    typed(values)
+    assert values.tolist() == [2, 2]
+    assert jit.Typed(max)(1, 2) == 2  # without a compiler
+
+
 def test_only_the_kernel_in_use_is_compiled():
     @jit.kernel
     def unused(value):
