@@ -27,11 +27,13 @@ os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
 from benchmarks import GREY, IMAGES, save, use_own_font
 from billiards_env.drawing.canvas import pixels, pygame
+from billiards_env.drawing.film import write_gif
 from billiards_env.drawing.plot import draw_ball, legend_handles
 from billiards_env.drawing.style import ARROW, ARROW_START, INK, draw_table, looks, rail_width
 from billiards_env.engine import Engine
 from billiards_env.files import check_path, replacing, write_whole
 from billiards_env.games import History, Setup, opening
+from billiards_env.play import panel
 from billiards_env.play.model import HUMAN, Model, aim_like, begin, set_tip, shoot, tick
 from billiards_env.play.view import View
 from billiards_env.play.window import GameWindow
@@ -320,7 +322,7 @@ def main(arguments: list[str] | None = None) -> None:
     write_whole(args.folder / "play.png", buffer.getvalue())
     velocity = shot.recording().trajectory.velocity[0]
     rough = simulate(scene, shot.at(0.0), velocity, engine=Engine("pit", 1 / 60), record=True)
-    shot.to_gif(args.folder / "shot.gif", fps=25, width=640, compare=rough)
+    write_gif(args.folder / "shot.gif", shot.recording(), 25, 640, rough.recording(), (panel.PAPER, panel.INK))
     film(args.folder / "run_out.gif", next(filter(None, map(run_out, itertools.count()))))
     print(f"Written to {args.folder}.")
 
