@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from billiards_env import Scene, __version__
-from billiards_env.checks import Range, finite, integer, number, one_of, real
+from billiards_env.checks import MAX_SPEED, Range, finite, integer, number, one_of, real
 from billiards_env.commands import ending
 from billiards_env.export import WRITERS, table
 from billiards_env.files import check_path
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 _ANGLES = {"heading": Range(-360.0, 360.0, "degrees"), "elevation": Range(0.0, 90.0, "degrees")}
+_SPEED = Range(0.0, MAX_SPEED, "m/s")
 
 PACKAGES = ("numpy", "numba", "gymnasium", "pettingzoo", "pygame", "matplotlib", "stable-baselines3", "torch")
 """The distributions that `version` lists."""
@@ -259,7 +260,7 @@ def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tupl
         return args.velocity or velocity, args.spin
     if args.velocity or args.spin:
         raise ValueError("--speed with --velocity or --spin: expected the motion either of the cue or of the ball")
-    struck = strike(scene, args.speed, **{"heading": np.arctan2(aim[1], aim[0]), **given})
+    struck = strike(scene, real("--speed", args.speed, _SPEED), **{"heading": np.arctan2(aim[1], aim[0]), **given})
     if struck.miscue:
         print("the tip slips on the ball: a miscue")
     return struck, None

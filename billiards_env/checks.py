@@ -302,7 +302,7 @@ def missing(module: str, extra: str) -> ModuleNotFoundError:
 
 # From NumPy 2 on, repr(np.float64(1.0)) is "np.float64(1.0)" by default.
 _PLAIN_SCALARS: dict[str, Any] = {"legacy": "1.25"} if np.lib.NumpyVersion(np.__version__) >= "2.0.0" else {}
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|inf|nan)"
 _FINITE = Range(-sys.float_info.max, sys.float_info.max)
 
 

@@ -25,11 +25,13 @@ os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
 from benchmarks import GREY, IMAGES, new_figure, parser_of, save, save_image
 from billiards_env.drawing.canvas import pixels
+from billiards_env.drawing.film import write_gif
 from billiards_env.drawing.plot import draw_ball, legend_handles
 from billiards_env.drawing.style import INK, draw_table, looks
 from billiards_env.engine import Engine
 from billiards_env.files import replacing
 from billiards_env.games import History, Setup, opening
+from billiards_env.play import panel
 from billiards_env.play.model import HUMAN, Model, aim_like, begin, go, set_tip, shoot, tick
 from billiards_env.play.view import View
 from billiards_env.players.levels import with_noise
@@ -258,7 +260,7 @@ def main(arguments: list[str] | None = None) -> None:
     save_image(Image.fromarray(pixels(frame)), args.folder / "play.png", octree=True)
     velocity = shot.recording().trajectory.velocity[0]
     rough = simulate(scene, shot.at(0.0), velocity, engine=Engine("pit", 1 / 60), record=True)
-    shot.to_gif(args.folder / "shot.gif", fps=25, width=640, compare=rough)
+    write_gif(args.folder / "shot.gif", shot.recording(), 25, 640, rough.recording(), (panel.PAPER, panel.INK))
     film(args.folder / "run_out.gif", next(filter(None, map(run_out, itertools.count()))))
     print(f"Written to {args.folder}.")
 

@@ -38,8 +38,9 @@ from billiards_env.calibration.stages import (
 from billiards_env.calibration.starts import errors, evaluate, run
 from billiards_env.calibration.tracks import Track, check_tracks
 from billiards_env.checks import Range, finite, integer, one_of, real
-from billiards_env.files import read_text, write_json
+from billiards_env.files import write_json
 from billiards_env.scene import CUSHIONS, Scene, check_scene
+from billiards_env.shots import records
 from billiards_env.shots.gradients import physics_inputs
 
 FREE = (
@@ -185,7 +186,8 @@ class _State:
         self.path, self.key = None if path is None else Path(path), digest.hexdigest()
         self.data: dict[str, Any] = {}
         if self.path is not None and self.path.exists():
-            self.data = json.loads(read_text(self.path, _MOST_STATE, "the state of a calibration"))
+            what = "the state of a calibration"
+            self.data = records.read(self.path, lambda text: records.data_of(text, what), what, _MOST_STATE)
             if not isinstance(self.data, dict) or self.data.get("key") != self.key:
                 raise ValueError(
                     f"state = {str(self.path)!r}: expected the state of the same tracks, scene, numbers and options"

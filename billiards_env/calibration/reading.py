@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 import os
 import re
@@ -15,6 +14,7 @@ import numpy as np
 from billiards_env.calibration.tracks import Track
 from billiards_env.checks import RANGES, number, one_of, short
 from billiards_env.files import read_text
+from billiards_env.shots.records import data_of
 
 MAX_BYTES = 64 * 2**20
 """The largest file that is read: more than a million rows."""
@@ -78,7 +78,7 @@ def read_tracks(path: str | os.PathLike[str], unit: str = "m") -> list[Track]:
 def _from_json(path: str, text: str) -> dict[str, list[Row]]:
     found: dict[str, list[Row]] = {}
     try:
-        for shot in json.loads(text):
+        for shot in data_of(text, "tracks"):
             rows = found.setdefault(str(shot["id"]), [])
             for ball, lists in shot["balls"].items():
                 for t, x, y in zip(lists["t"], lists["x"], lists["y"], strict=True):

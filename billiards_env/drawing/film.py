@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,28 +14,34 @@ import numpy as np
 from billiards_env.checks import missing, real
 from billiards_env.drawing.canvas import Canvas, Caption, Frame, pixels
 from billiards_env.drawing.recording import Recording
+from billiards_env.drawing.style import INK, PAPER
 from billiards_env.files import check_path, replacing
 
 
 def frames(
-    recording: Recording, fps: float, width: int, compare: Recording | None = None
+    recording: Recording, fps: float, width: int, compare: Recording | None = None, around: Sequence[str] = (PAPER, INK)
 ) -> tuple[tuple[int, int], Iterator[Frame]]:
     """Returns the size (width, height) of a film, pixels, and its frames, (height, width, 3) uint8.
 
-    Another run of the shot, `compare`, is drawn as rings.
+    Another run of the shot, `compare`, is drawn as rings. `around` are the colours around the table and of the text.
 
     Raises:
         TypeError: If `fps` is not a number.
         ValueError: If `fps` or `width` is outside its range.
     """
     fps = real("fps", fps, "fps")
-    canvas = Canvas(recording.scene, width)
+    canvas = Canvas(recording.scene, width, *around)
     left = recording.label if compare is None else f"{recording.label}; rings: {compare.label}"
     return canvas.size, (pixels(frame) for frame in canvas.film(recording, fps, Caption(left), compare))
 
 
 def write_gif(
-    path: str | os.PathLike[str], recording: Recording, fps: float, width: int, compare: Recording | None
+    path: str | os.PathLike[str],
+    recording: Recording,
+    fps: float,
+    width: int,
+    compare: Recording | None,
+    around: Sequence[str] = (PAPER, INK),
 ) -> None:
     """Writes a shot as an animated GIF; the format stores the time of a frame in whole hundredths of a second."""
     try:
@@ -46,7 +52,7 @@ def write_gif(
     hundredths = max(2, round(100 / real("fps", fps, "fps")))  # viewers show shorter times slowly
 
     def draw() -> Iterator[Frame]:
-        return frames(recording, 100 / hundredths, width, compare)[1]
+        return frames(recording, 100 / hundredths, width, compare, around)[1]
 
     *_, last = draw()  # the last frame has the most colours
     # An octree keeps the colours of the balls, which have few pixels. The default method prefers the colours of the

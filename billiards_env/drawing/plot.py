@@ -104,11 +104,8 @@ def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording |
 
 def _draw_table(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None:
     """Draws the empty table and the potted balls under it, in metres."""
-    table = recording.scene.table
-    rail = rail_width(table)
-    for corners, colour in draw_table(table):
-        ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="none", zorder=1))
-    x, y, strip = table.length / 2 + 1.1 * rail, table.width / 2 + 1.1 * rail, strip_height(table)
+    table, strip = recording.scene.table, strip_height(recording.scene.table)
+    x, y = draw_empty(ax, table, strip)
     if table.pockets:
         radius, half, places = tray(recording.scene.n_balls, 2 * x, strip)
         corner, size = (-half, -y - strip / 2 - 1.35 * radius), (2 * half, 2.7 * radius)
@@ -117,10 +114,16 @@ def _draw_table(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None:
         ax.text(-half - radius, -y - strip / 2, POTTED, fontsize=8.5, ha="right", va="center_baseline")
         for ball, place in zip(np.flatnonzero(np.isfinite(recording.gone)).tolist(), places, strict=False):
             draw_ball(ax, radius, look[ball], (place, -y - strip / 2), ghost=False)
-    ax.set_xlim(-x, x)
-    ax.set_ylim(-y - strip, y)
-    ax.set_aspect("equal")
+
+
+def draw_empty(ax: Axes, table: Table, strip: float = 0.0) -> tuple[float, float]:
+    """Draws an empty table over a strip of a height, m. Returns the right and the upper end of the picture, m."""
+    for corners, colour in draw_table(table):
+        ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="none", zorder=1))
+    x, y = (side / 2 + 1.1 * rail_width(table) for side in (table.length, table.width))
+    ax.set(xlim=(-x, x), ylim=(-y - strip, y), aspect="equal")
     ax.axis("off")
+    return x, y
 
 
 def legend_handles() -> list[Line2D]:

@@ -13,12 +13,12 @@ from billiards_env.checks import missing
 
 try:
     from matplotlib.figure import Figure
-    from matplotlib.patches import Polygon
 except ModuleNotFoundError as error:
     raise missing("matplotlib", "plot") from error
 
+from billiards_env.drawing.plot import draw_empty
 from billiards_env.drawing.recording import Floats, Recording
-from billiards_env.drawing.style import CHALK, INK, draw_table, looks, rail_width
+from billiards_env.drawing.style import CHALK, INK, looks
 
 LEFT_OUT = "#ff9f1c"
 """The colour of rows that are not fitted."""
@@ -62,10 +62,9 @@ def draw_fit(shots: Mapping[str, tuple[Any, NDArray[np.bool_], Recording]], erro
 
 def _draw_shot(ax: Any, track: Any, used: NDArray[np.bool_], recording: Recording) -> None:
     """Draws the paths of a fitted shot and the rows of its track."""
-    scene, times = recording.scene, np.linspace(0.0, recording.time, 400)
-    for corners, colour in draw_table(scene.table):
-        ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="none", zorder=1))
-    for ball, look in enumerate(looks(scene)):
+    times = np.linspace(0.0, recording.time, 400)
+    draw_empty(ax, recording.scene.table)
+    for ball, look in enumerate(looks(recording.scene)):
         mine = track.balls == ball
         if not mine.any():
             continue
@@ -74,8 +73,3 @@ def _draw_shot(ax: Any, track: Any, used: NDArray[np.bool_], recording: Recordin
         dots = {"marker": "o", "linestyle": "none", "color": look.path, "markeredgecolor": INK, "markeredgewidth": 0.2}
         ax.plot(*track.positions[mine & used].T, markersize=2.6, zorder=4, **dots)
         ax.plot(*track.positions[mine & ~used].T, "x", color=LEFT_OUT, markersize=3.5, markeredgewidth=0.9, zorder=5)
-    x, y = scene.table.length / 2 + 1.1 * rail_width(scene.table), scene.table.width / 2 + 1.1 * rail_width(scene.table)
-    ax.set_xlim(-x, x)
-    ax.set_ylim(-y, y)
-    ax.set_aspect("equal")
-    ax.axis("off")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from billiards_env.games import Stroke
 from billiards_env.games.placement import Point
 from billiards_env.games.state import is_in, members, on_table
 from billiards_env.play.model import Model
@@ -30,11 +30,12 @@ def pot_at(model: Model, point: Point) -> Pot | None:
     return None
 
 
-def velocity_for(model: Model, pot: Pot) -> NDArray[np.float64] | None:
-    """Returns the velocity (2,) of the cue ball for a pot with a level cue, m/s; None if there is none."""
+def stroke_for(model: Model, pot: Pot) -> Stroke | None:
+    """Returns the stroke for a pot with a level cue and no english; None if there is none."""
     scene, positions = model.setup.scene, model.game.positions.copy()
     positions[model.cue] = model.cue_position
     in_play = is_in(on_table(model.game.state), scene.n_balls)
     goals, strike = (FirstTouch(pot.ball), pot), scene.physics.motion == "sliding"
     found = aim(scene, positions, goals, max_speed=model.max_speed, in_play=in_play, strike=strike, shots=SHOTS)
-    return found.velocity if found.solved else None
+    (x, y), (*_, place, call) = found.velocity.tolist(), model.aim
+    return Stroke((x, y), place, call=call) if found.solved else None

@@ -367,13 +367,6 @@ def aim_at(model: Model, point: Point) -> Model:
     return _aimed(model, angle=math.atan2(dy, dx), speed=(math.hypot(dx, dy) - ARROW_START * radius) / ARROW)
 
 
-@_only("aiming")
-def aim_along(model: Model, velocity: NDArray[np.float64]) -> Model:
-    """Aims at a velocity (2,) of the cue ball, m/s, with a level cue and no english."""
-    x, y = velocity.tolist()
-    return _aimed(model, angle=math.atan2(y, x), speed=math.hypot(x, y), tip=(0.0, 0.0), elevation=0.0)
-
-
 def aim_like(model: Model, made: Stroke) -> Model:
     """Places the cue ball in hand and aims for a stroke with a level cue; the clock starts again.
 

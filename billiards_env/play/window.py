@@ -25,7 +25,7 @@ from billiards_env.games import GameState, History, Stroke, opening, records
 from billiards_env.play import labels
 from billiards_env.play import model as actions
 from billiards_env.play.controls import STEEPEST
-from billiards_env.play.hint import pot_at, velocity_for
+from billiards_env.play.hint import pot_at, stroke_for
 from billiards_env.play.model import Model, begin, shoot, tick
 from billiards_env.play.pages import UNSAVED
 from billiards_env.play.panel import INK, PAPER
@@ -136,10 +136,10 @@ class _Thought(NamedTuple):
 
 
 class _Hint(NamedTuple):
-    """A shot that a thread computes for a state of the game: the velocity for a pot, or the plan of the best shot."""
+    """A shot that a thread computes for a state of the game: the stroke for a pot, or the plan of the best shot."""
 
     game: GameState
-    shot: _Work[NDArray[np.float64] | None] | _Work[Plan]
+    shot: _Work[Stroke | None] | _Work[Plan]
 
 
 class GameWindow:
@@ -298,7 +298,7 @@ class GameWindow:
         if pot is None:
             self.message = "point at a ball or a pocket"
         else:
-            self.message, self._hint = "", _Hint(model.game, _Work(lambda: velocity_for(model, pot)))
+            self.message, self._hint = "", _Hint(model.game, _Work(lambda: stroke_for(model, pot)))
 
     def _start_plan(self) -> None:
         """Starts a thread that finds the best shot for a person."""
@@ -318,7 +318,7 @@ class GameWindow:
             self._do(actions.aim_like, shot.stroke)
             self.message = labels.advice(self.model, shot)
         else:
-            self._do(actions.aim_along, shot)
+            self._do(actions.aim_like, shot)
 
     def _quit(self) -> None:
         """Closes the window, but asks first if the game is not saved. A second call closes it."""

@@ -194,9 +194,14 @@ def write(path: str | os.PathLike[str], text: str) -> None:
         temporary.write_bytes(content)
 
 
-def read(path: str | os.PathLike[str], build: Callable[[str], T], what: str = "a shot or a game") -> T:
-    """Returns what `build` makes of the text of a file; errors name the file and `what` it should hold."""
-    text = read_text(path, MAX_BYTES, what)
+def read(
+    path: str | os.PathLike[str], build: Callable[[str], T], what: str = "a shot or a game", most: int = MAX_BYTES
+) -> T:
+    """Returns what `build` makes of the text of a file; errors name the file and `what` it should hold.
+
+    The file has at most `most` bytes.
+    """
+    text = read_text(path, most, what)
     try:
         return build(text)
     except ValueError as error:
@@ -221,7 +226,7 @@ def scene_of(name: str, n_object_balls: int | None = None) -> Scene:
         raise ValueError(
             f"scene = {name!r} with a number of object balls: expected no number, the file lists the balls"
         )
-    data = read(name, json.loads, "a scene")
+    data = read(name, lambda text: data_of(text, "a scene"), "a scene")
     return Scene.from_dict(data["scene"] if isinstance(data, dict) and "scene" in data else data)
 
 
@@ -240,16 +245,21 @@ def plain(record: Any) -> dict[str, Any]:
     return {"scene": data.pop("scene").to_dict(), **dataclasses.asdict(data.pop("engine")), **data}
 
 
-def parse(text: str, kinds: Mapping[str, Callable[[dict[str, Any]], T]], what: str = "a shot or a game") -> T:
-    """Returns what the function of the file's kind builds from its data; errors name `what` it should hold."""
-    if len(text) > MAX_BYTES:
-        raise ValueError(f"a text of {len(text)} characters: expected at most {MAX_BYTES}")
+def data_of(text: str, what: str, **options: Any) -> Any:
+    """Returns the data of a JSON text, see `json.loads`; errors name `what` it should hold."""
     try:
-        data = json.loads(text, object_pairs_hook=_unique, parse_constant=_no_constant)
+        return json.loads(text, **options)
     except json.JSONDecodeError as error:
         raise ValueError(f"line {error.lineno}: expected the JSON of {what} ({error.msg})") from error
     except RecursionError:
         raise ValueError(f"nested too deeply: expected the JSON of {what}") from None
+
+
+def parse(text: str, kinds: Mapping[str, Callable[[dict[str, Any]], T]], what: str = "a shot or a game") -> T:
+    """Returns what the function of the file's kind builds from its data; errors name `what` it should hold."""
+    if len(text) > MAX_BYTES:
+        raise ValueError(f"a text of {len(text)} characters: expected at most {MAX_BYTES}")
+    data = data_of(text, what, object_pairs_hook=_unique, parse_constant=_no_constant)
     kind: Any = _mapping("the file", data).get("format")
     if kind not in tuple(kinds):
         raise ValueError(f"format = {short(kind)}: expected {' or '.join(map(repr, kinds))}")

@@ -326,6 +326,12 @@ def test_a_kernel_does_not_inherit_the_inlining_of_its_caller():
     assert [compiled(function).fndesc.inline for function in (inner, outer)] == [False, True]
 
 
+def test_a_kernel_is_compiled_once_for_all_constants_of_a_type():
+    inner: Any = jit.kernel(double)
+    assert jit.entry_point(lambda x: inner(1) + inner(2) + inner(x))(3) == 12
+    assert len(inner.overloads) == 1
+
+
 class Switches(NamedTuple):
     up: bool
     down: bool
