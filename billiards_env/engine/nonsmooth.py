@@ -251,10 +251,10 @@ def _judge(e, over):  # out: over
         return
     if events[e, RULE]:
         _find(time, e, BY_RULE, over)
-    speed = 0.0
+    speed, ball = 0.0, state_before(e, 0, over)
     for s in range(balls_of(events, e)):
-        ball = state_before(e, s, over)
-        speed += norm(ball.vx, ball.vy)
+        touching = state_before(e, s, over)
+        speed += norm(touching.vx, touching.vy)
         last, before_it = over.last[int(events[e, BALL + s])], segments[tape.previous[piece + s]]
         if last >= 0 and events[last, TIME] == time and events[last, KIND] <= BALL_POCKET:
             _find(time, e, SIMULTANEOUS, over)

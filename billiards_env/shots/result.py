@@ -174,7 +174,7 @@ class ShotResult(Differentiable):
 
         if self.trajectory is None or self.scene is None or self._log is None:
             raise ValueError(f"shot.{method}: expected a shot of simulate(..., record=True) by PIC")
-        segments = np.column_stack(self.trajectory)
+        segments: Floats = np.column_stack(self.trajectory).astype(np.float64)
         bounds = np.array([(0, 0), (len(self._log), len(segments))])
         return Record(self.scene, np.array([self.time]), [Part(0, 1, self._log, segments, bounds)])
 
