@@ -157,8 +157,13 @@ def empty_queue(scene):
 @kernel
 def _is_before(a, b, queue):
     """Returns whether ball a's next event comes before ball b's."""
-    hi, lo, rank = queue.hi, queue.lo, queue.rank
-    return (hi[a], lo[a], rank[a], a) < (hi[b], lo[b], rank[b], b)
+    if queue.hi[a] != queue.hi[b]:
+        return queue.hi[a] < queue.hi[b]
+    if queue.lo[a] != queue.lo[b]:
+        return queue.lo[a] < queue.lo[b]
+    if queue.rank[a] != queue.rank[b]:
+        return queue.rank[a] < queue.rank[b]
+    return a < b
 
 
 @kernel
@@ -282,26 +287,21 @@ def _predict_in_cell(i, c, r, state, scene, queue):  # out: queue
         j = queue.next[j]
 
 
-@inlined
-def _predict_in_cells(i, columns, rows, state, scene, queue):  # out: queue
-    """Predicts the meetings of ball i in the cells of columns and rows: the first ones and one past the last ones."""
-    for c in range(max(0, columns[0]), min(queue.head.shape[0], columns[1])):
-        for r in range(max(0, rows[0]), min(queue.head.shape[1], rows[1])):
+@kernel
+def _predict_neighbours(i, state, scene, queue):  # out: queue
+    """Predicts the meetings of ball i with the balls in its own and the neighbouring cells."""
+    queue.meeting_hi[i] = math.inf
+    columns, rows = queue.head.shape
+    for c in range(max(0, queue.column[i] - 1), min(columns, queue.column[i] + 2)):
+        for r in range(max(0, queue.row[i] - 1), min(rows, queue.row[i] + 2)):
             _predict_in_cell(i, c, r, state, scene, queue)
     _schedule(i, queue)
 
 
 @kernel
-def _predict_neighbours(i, state, scene, queue):  # out: queue
-    """Predicts the meetings of ball i with the balls in its own and the neighbouring cells."""
-    queue.meeting_hi[i] = math.inf
-    c, r = queue.column[i], queue.row[i]
-    _predict_in_cells(i, (c - 1, c + 2), (r - 1, r + 2), state, scene, queue)
-
-
-@kernel
 def _cross(i, state, scene, queue):  # out: queue
     """Moves ball i to the next cell, and predicts its meetings in the cells that have become neighbours."""
+    columns, rows = queue.head.shape
     _leave(i, queue)
     step = 2 * (queue.direction[i] % 2) - 1
     along_x = queue.direction[i] < 2
@@ -311,11 +311,17 @@ def _cross(i, state, scene, queue):  # out: queue
         queue.row[i] += step
     _enter(i, queue)
     _predict_crossing(i, Time(queue.hi[i], 0.0), state, scene, queue)
-    c, r = queue.column[i], queue.row[i]
     if along_x:
-        _predict_in_cells(i, (c + step, c + step + 1), (r - 1, r + 2), state, scene, queue)
+        c = queue.column[i] + step
+        if 0 <= c < columns:
+            for r in range(max(0, queue.row[i] - 1), min(rows, queue.row[i] + 2)):
+                _predict_in_cell(i, c, r, state, scene, queue)
     else:
-        _predict_in_cells(i, (c - 1, c + 2), (r + step, r + step + 1), state, scene, queue)
+        r = queue.row[i] + step
+        if 0 <= r < rows:
+            for c in range(max(0, queue.column[i] - 1), min(columns, queue.column[i] + 2)):
+                _predict_in_cell(i, c, r, state, scene, queue)
+    _schedule(i, queue)
 
 
 @kernel

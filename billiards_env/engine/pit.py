@@ -161,27 +161,27 @@ def _begin_phases(scene, work, log):  # out: work, log
     return count
 
 
-@inlined
-def _phase_end_of(i, work):
-    """Returns the `Time` at which ball i's phase ends."""
-    return Time(work.phase_end_hi[i], work.phase_end_lo[i])
+@kernel
+def _next_phase_end(work):
+    """Returns the earliest time at which a phase ends, s."""
+    end = math.inf
+    for i in range(len(work.phase_end_hi)):
+        end = min(end, work.phase_end_hi[i])
+    return end
 
 
 @kernel
-def _first_phase_end(work):
-    """Returns the ball whose phase ends first, and the time, s."""
+def _end_next_phase(k, scene, work, shots, log):  # out: work, shots, log
+    """Ends the phase that ends first, and begins the next one of that ball."""
+    state, phase = work.state, work.state.phase
     first = 0
-    for i in range(1, len(work.phase_end_hi)):
-        if before(_phase_end_of(i, work), _phase_end_of(first, work)):
+    for i in range(1, len(phase)):
+        if before(
+            Time(work.phase_end_hi[i], work.phase_end_lo[i]), Time(work.phase_end_hi[first], work.phase_end_lo[first])
+        ):
             first = i
-    return first, work.phase_end_hi[first]
-
-
-@kernel
-def _end_phase_of(first, k, scene, work, shots, log):  # out: work, shots, log
-    """Ends the phase of the ball `first`, and begins its next one."""
-    state, time = work.state, _phase_end_of(first, work)
-    kind = phase_end(state.phase[first])
+    kind = phase_end(phase[first])
+    time = Time(work.phase_end_hi[first], work.phase_end_lo[first])
     end_phase(state, first, time, scene.numbers)
     kind = phase_ended(kind, state.rows[first])
     begin_phase(state, first, scene.numbers)
@@ -370,11 +370,11 @@ def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
     shots.time[k] = 0.0
     steps_between_looks = _LOOK_AFTER // (n * n + 8) + 1
     pause = min(limit, dt * steps_between_looks)
-    step, count, first, next_end, changed, pending = 0, 0, 0, math.inf, True, 0
+    step, count, next_end, changed, pending = 0, 0, math.inf, True, 0
     while True:
         if changed:
             count = _begin_phases(scene, work, log)
-            (first, next_end), changed = _first_phase_end(work), False
+            next_end, changed = _next_phase_end(work), False
             pending += n * scene.numbers.cushion_work
             if pending > LOOK_AFTER:
                 pause, pending = 0.0, 0  # looks in this step
@@ -382,8 +382,8 @@ def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
         now = Time(step * dt, 0.0)
         until = min(now.hi, limit) if count > 0 else limit
         while next_end <= until and next_end < math.inf and shots.n_events[k] < max_events:
-            _end_phase_of(first, k, scene, work, shots, log)
-            (first, next_end), changed = _first_phase_end(work), True
+            _end_next_phase(k, scene, work, shots, log)
+            next_end, changed = _next_phase_end(work), True
         # In ideal motion balls move in a phase that has no end.
         in_motion = next_end < math.inf or (count > 0 and scene.numbers.motion == IDEAL)
         if shots.n_events[k] >= max_events and in_motion:

@@ -424,7 +424,13 @@ def strike_jacobians(cue, parameters, jacobians, states):  # out: jacobians, sta
         p = parameters[k]
         at = (p[SPEED], p[HEADING], p[SIDE], p[TOP], p[ELEVATION])
         for j in range(5):
-            unit = (float(j == SPEED), float(j == HEADING), float(j == SIDE), float(j == TOP), float(j == ELEVATION))
+            unit = (
+                1.0 if j == SPEED else 0.0,
+                1.0 if j == HEADING else 0.0,
+                1.0 if j == SIDE else 0.0,
+                1.0 if j == TOP else 0.0,
+                1.0 if j == ELEVATION else 0.0,
+            )
             after, change = _d_strike_by(cue, *at, *unit)
             for c in range(5):
                 states[k, c], jacobians[k, c, j] = after[:5][c], change[:5][c]
