@@ -25,7 +25,7 @@ from billiards_env.engine.predictions import (
     single_time,
 )
 from billiards_env.jit import allocating, inlined, kernel
-from billiards_env.physics.motion import Path
+from billiards_env.physics.motion import Path, difference, path_after, path_of
 from billiards_env.physics.state import AX, AY, T0, VX, VY, Time, X, Y, before, same
 
 MANY = 8
@@ -38,9 +38,8 @@ SOON = 1e-6
 
 
 # Rows of `Queue.paths`. A path starts at the ball's own time and ends at the time of the ball's next event alone. The
-# position and the velocity are those at its start.
-PATH_ROWS = 9
-PATH_X, PATH_Y, PATH_VX, PATH_VY, PATH_AX, PATH_AY, PATH_START, PATH_END, PATH_RADIUS = range(PATH_ROWS)
+# first rows are X to AY, as in `State.rows`, with the position and the velocity at its start.
+PATH_START, PATH_END, PATH_RADIUS, PATH_ROWS = 6, 7, 8, 9
 
 
 class Queue(NamedTuple):
@@ -123,9 +122,15 @@ def _copy_path(i, state, scene, singles, paths):  # out: paths
     if paths is None:
         return
     s = state.rows[i]
-    for c in range(PATH_START):  # X to AY are also the first columns of `State.rows`
+    for c in range(PATH_START):
         paths[c, i] = s[c]
     paths[PATH_START, i], paths[PATH_END, i], paths[PATH_RADIUS, i] = s[T0], singles.hi[i], scene.radius[i]
+
+
+@inlined
+def _path(paths, i):
+    """Returns the `Path` of ball i in `Queue.paths`."""
+    return Path(paths[X, i], paths[Y, i], paths[VX, i], paths[VY, i], paths[AX, i], paths[AY, i])
 
 
 @inlined
@@ -141,34 +146,16 @@ def screen(i, now, until, paths, apart):  # out: apart
     """
     if paths is None:
         return
-    x, y, vx, vy = paths[PATH_X, i], paths[PATH_Y, i], paths[PATH_VX, i], paths[PATH_VY, i]
-    ax, ay, radius = paths[PATH_AX, i], paths[PATH_AY, i], paths[PATH_RADIUS, i]
+    own, radius = _path(paths, i), paths[PATH_RADIUS, i]
     for j in range(len(apart)):
-        t = now - paths[PATH_START, j]
-        path = Path(
-            paths[PATH_X, j] + t * (paths[PATH_VX, j] + 0.5 * t * paths[PATH_AX, j]) - x,
-            paths[PATH_Y, j] + t * (paths[PATH_VY, j] + 0.5 * t * paths[PATH_AY, j]) - y,
-            paths[PATH_VX, j] + t * paths[PATH_AX, j] - vx,
-            paths[PATH_VY, j] + t * paths[PATH_AY, j] - vy,
-            paths[PATH_AX, j] - ax,
-            paths[PATH_AY, j] - ay,
-        )
+        path = difference(path_after(_path(paths, j), now - paths[PATH_START, j]), own)
         apart[j] = cannot_meet(path, radius + paths[PATH_RADIUS, j], min(until, paths[PATH_END, j]) - now)
 
 
 @inlined
 def _apart_now(i, j, now, until, state, scene, singles):
     """Returns whether balls i and j do not meet, as `screen` does for one ball j."""
-    s, r = state.rows[i], state.rows[j]
-    t = now - r[T0]
-    path = Path(
-        r[X] + t * (r[VX] + 0.5 * t * r[AX]) - s[X],
-        r[Y] + t * (r[VY] + 0.5 * t * r[AY]) - s[Y],
-        r[VX] + t * r[AX] - s[VX],
-        r[VY] + t * r[AY] - s[VY],
-        r[AX] - s[AX],
-        r[AY] - s[AY],
-    )
+    path = difference(path_after(path_of(state, j), now - state.rows[j, T0]), path_of(state, i))
     return cannot_meet(path, scene.radius[i] + scene.radius[j], min(until, singles.hi[j]) - now)
 
 

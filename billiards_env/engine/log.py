@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.state import ROLLING, SLIDING, VX, VY, WIDTH, X, Y
+from billiards_env.physics.state import ROLLING, SLIDING, T0, T0_LO, VX, VY, WIDTH, Time, X, Y
 
 KINDS = ("ball_ball", "cushion", "pocket", "sliding_rolling", "rolling_rest", "spinning_rest", "rolling_slower")
 """Names of the kinds of events."""
@@ -17,6 +17,20 @@ BALL_BALL, BALL_CUSHION, BALL_POCKET, SLIDING_ROLLING, ROLLING_REST, SPINNING_RE
 # Columns of `Log.events`.
 TIME, TIME_LO, KIND, BALL, OTHER, EVENT_X, EVENT_Y, SPEED, RULE = 0, 1, 2, 3, 4, 5, 6, 7, 8
 EVENT_WIDTH = 9
+
+EVENT_DTYPE = np.dtype(
+    [
+        ("time", "f8"),
+        ("kind", f"U{max(map(len, KINDS))}"),
+        ("ball", "i4"),
+        ("other", "i4"),
+        ("x", "f8"),
+        ("y", "f8"),
+        ("speed", "f8"),
+        ("rule", "?"),
+    ]
+)
+_COLUMNS = {"time": TIME, "ball": BALL, "other": OTHER, "x": EVENT_X, "y": EVENT_Y, "speed": SPEED, "rule": RULE}
 
 # Columns of `Log.segments`. From SEGMENT_ROW on they are those of `State.rows`.
 SEGMENT_BALL, SEGMENT_PHASE, SEGMENT_ROW = 0, 1, 2
@@ -54,6 +68,33 @@ def empty_log(n_events: int = 0, n_segments: int = 0, n_shots: int = 0) -> Log:
 
 NO_LOG = tuple(empty_log())
 """The log of shots that are not recorded. No kernel writes to it, so all threads share it."""
+
+
+def named_events(rows: Floats) -> NDArray[Any]:
+    """Returns rows of `Log.events` as an array of `EVENT_DTYPE`."""
+    events = np.empty(len(rows), EVENT_DTYPE)
+    events["kind"] = np.array(KINDS)[rows[:, KIND].astype(np.intp)]
+    for name, column in _COLUMNS.items():
+        events[name] = rows[:, column]
+    return events
+
+
+@inlined
+def event_time(events, e):
+    """Returns the `Time` of event e."""
+    return Time(events[e, TIME], events[e, TIME_LO])
+
+
+@inlined
+def balls_of(events, e):
+    """Returns the number of balls of event e."""
+    return 2 if events[e, KIND] == BALL_BALL else 1
+
+
+@inlined
+def begin_time(segment):
+    """Returns the `Time` at which a piece of a trajectory begins."""
+    return Time(segment[SEGMENT_ROW + T0], segment[SEGMENT_ROW + T0_LO])
 
 
 @inlined

@@ -18,86 +18,49 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.engine.gradients import (
+    LANE_WORK,
+    RecordedShot,
     RecordedShots,
     Tape,
-    apply_event,
     begin_lanes,
+    begin_pieces,
     empty_tape,
     flight_until,
     load,
-    store,
+    look_after,
+    push_event,
+    shot_of,
     trace,
 )
-from billiards_env.engine.log import (
-    BALL,
-    BALL_BALL,
-    BALL_CUSHION,
-    BALL_POCKET,
-    KIND,
-    OTHER,
-    SEGMENT_PHASE,
-    SEGMENT_ROW,
-    TIME,
-    TIME_LO,
+from billiards_env.engine.log import BALL, BALL_BALL, BALL_CUSHION, BALL_POCKET, KIND, OTHER, TIME, balls_of, event_time
+from billiards_env.engine.passing import (
+    AT_END,
+    AT_START,
+    Body,
+    nearest_to,
+    passing,
+    path_before,
+    touched_circle,
+    turn_time,
 )
 from billiards_env.jit import allocating_entry_point, inlined, kernel
-from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.derivatives import (
     BALL_WIDTH,
     D_RADIUS,
     D_TIME,
-    DVX,
-    DVY,
     DX,
     DY,
-    d_distance_of,
+    distance_change,
     flight_lane,
     wall_at,
 )
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.contact import contact_distance, misses_circle, sweep
-from billiards_env.physics.geometry.roots import bracketed_root, quartic
-from billiards_env.physics.geometry.walls import (
-    HALF_LINE,
-    JOINT,
-    LINE_X,
-    LINE_Y,
-    NX,
-    NY,
-    TIP_RADIUS,
-    TIP_X,
-    TIP_Y,
-    TX,
-    TY,
-    faces,
-    wall_time,
-)
-from billiards_env.physics.motion import Path, place_after, relative_to
-from billiards_env.physics.state import (
-    AX,
-    AY,
-    POCKET_RADIUS,
-    POCKET_X,
-    POCKET_Y,
-    POTTED,
-    T0,
-    T0_LO,
-    VX,
-    VY,
-    SceneArrays,
-    Time,
-    X,
-    Y,
-    before,
-    later,
-    law_numbers_of,
-    scene_of,
-    since,
-)
+from billiards_env.physics.geometry.contact import misses_circle
+from billiards_env.physics.geometry.walls import is_beside, wall_time
+from billiards_env.physics.motion import place_after
+from billiards_env.physics.state import Time, later, law_numbers_of
 
 _TOUCHING = 1e-9  # m; a gap that is less than minus this is not on the ball's side of a cushion
-
-_LOOK_AFTER = 10_000  # events between two calls of `interrupted`
 
 
 class MarginsOut(NamedTuple):
@@ -116,196 +79,103 @@ class MarginsOut(NamedTuple):
     slope: Any
 
 
-class Pair(NamedTuple):
-    """A ball and a body that it may touch: another ball, a pocket or a cushion.
+class Pass(NamedTuple):
+    """The pass over one shot.
 
     Attributes:
-        ball: The ball.
-        other: The other ball; -1 if the body is a pocket or a cushion.
-        column: The column of the body in `MarginsOut`.
-    """
-
-    ball: Any
-    other: Any
-    column: Any
-
-
-class Shot(NamedTuple):
-    """A shot during the pass.
-
-    Attributes:
-        segments: The pieces of its paths.
-        selected: (n, q) bool, the margins to compute.
-        inputs: (k, 9 n + NUMBER_INPUTS) the changes of its inputs.
-        tangent: (n, k, 7) the changes of the states at the beginning of the current pieces.
-        scene: The `SceneArrays`.
-        is_sphere: Whether the balls are spheres.
+        shot: The `RecordedShot`.
         tape: The `Tape`.
+        selected: (n, q) bool, the margins to compute.
+        inputs: (k, 9 n) or (k, 9 n + NUMBER_INPUTS) the changes of its inputs.
+        tangent: (n, k, 7) the changes of the states at the beginning of the current pieces.
         out: The `MarginsOut`.
     """
 
-    segments: Any
+    shot: RecordedShot
+    tape: Tape
     selected: Any
     inputs: Any
     tangent: Any
-    scene: SceneArrays
-    is_sphere: bool
-    tape: Tape
     out: MarginsOut
 
 
 @inlined
-def _turning(path):
-    """Returns the coefficients of half the derivative of the squared distance of a `Path` from the origin."""
-    x, y, vx, vy, ax, ay = path
-    return x * vx + y * vy, vx * vx + vy * vy + x * ax + y * ay, 1.5 * (vx * ax + vy * ay), 0.5 * (ax * ax + ay * ay)
+def _column(body, scene):
+    """Returns the column of a `Body` in `MarginsOut`."""
+    first = 0 if body.kind == BALL_BALL else len(scene.radius)
+    return first + body.other + (len(scene.pockets) if body.kind == BALL_CUSHION else 0)
 
 
 @kernel
-def nearest_time(path, end):
-    """Returns the time in [0, end] at which a `Path` is nearest to the origin, s."""
-    c1, c2, c3, c4 = _turning(path)
-    if c4 == 0.0:
-        return min(max(-c1 / c2, 0.0), end) if c2 > 0.0 else 0.0
-    # The roots of the derivative of this cubic, in order: the cubic is monotone between them.
-    disc, i1, i2 = c3 * c3 - 3.0 * c4 * c2, end, end
-    if disc > 0.0:
-        root = math.sqrt(disc)
-        i1, i2 = (-c3 - root) / (3.0 * c4), (-c3 + root) / (3.0 * c4)
-    best, least = 0.0, path.x * path.x + path.y * path.y
-    at, slope = 0.0, c1
-    for k in range(3):
-        to = min(i1 if k == 0 else (i2 if k == 1 else end), end)
-        if not to > at:
-            continue
-        slope_to, t = quartic(c1, c2, c3, c4, 0.0, to), to
-        if slope < 0.0 and slope_to > 0.0:
-            t = bracketed_root(c1, c2, c3, c4, 0.0, at, to)
-        x, y = place_after(path, t)
-        if x * x + y * y < least:
-            best, least = t, x * x + y * y
-        at, slope = to, slope_to
-    return best
-
-
-@kernel
-def turn_time(path):
-    """Returns the first time at which a `Path` that approaches the origin stops approaching it, s."""
-    c1, c2, c3, c4 = _turning(path)
-    if c1 >= 0.0:
-        return 0.0
-    end = -c1 / (path.vx * path.vx + path.vy * path.vy)
-    while quartic(c1, c2, c3, c4, 0.0, end) < 0.0:
-        end *= 2.0
-    return bracketed_root(c1, c2, c3, c4, 0.0, 0.0, end)
-
-
-@inlined
-def path_from(row, begin):
-    """Returns the `Path` of a ball with a row of `State.rows` from a `Time`."""
-    t = since(begin, Time(row[T0], row[T0_LO]))
-    vx, vy, ax, ay = row[VX], row[VY], row[AX], row[AY]
-    return Path(row[X] + t * (vx + 0.5 * t * ax), row[Y] + t * (vy + 0.5 * t * ay), vx + t * ax, vy + t * ay, ax, ay)
-
-
-@inlined
-def between(first, second, begin):
-    """Returns the `Path` of one ball relative to another from a `Time`, for their rows of `Log.segments`."""
-    a, b = path_from(first[SEGMENT_ROW:], begin), path_from(second[SEGMENT_ROW:], begin)
-    return Path(a.x - b.x, a.y - b.y, a.vx - b.vx, a.vy - b.vy, a.ax - b.ax, a.ay - b.ay)
-
-
-@kernel
-def _set(pair, margin, normal, rate, now, shot):  # out: shot
-    """Stores the margin of a pair.
+def _set(body, margin, normal, rate, now, over):  # out: over
+    """Stores the margin of a `Body`.
 
     Args:
-        pair: The `Pair`.
+        body: The `Body`.
         margin: m.
         normal: Unit vector (x, y) from the ball towards the body.
         rate: As in `MarginsOut`.
         now: The `Time` at which the two are nearest. The lanes then have the positions at this time.
-        shot: The `Shot`.
+        over: The `Pass`.
     """
-    (i, j, q), (nx, ny), out, tape, scene = pair, normal, shot.out, shot.tape, shot.scene
-    count, lanes, n = len(out.slope), tape.lanes, len(scene.radius)
+    (kind, i, j), (nx, ny), out, tape, shot = body, normal, over.out, over.tape, over.shot
+    count, lanes, q, changing = len(out.slope), tape.lanes, _column(body, shot.scene), shot.changing
     out.margin[i, q], out.time[i, q], out.rate[i, q] = margin, now.hi, rate
-    if count == 0:
-        return
-    numbers = law_numbers_of(scene.numbers)
+    numbers, radius = law_numbers_of(shot.scene.numbers), shot.scene.radius
     flight = flight_until(shot.segments, tape.current[i], now, numbers)
-    load(i, 0, count, shot.inputs, shot.tangent, lanes)
+    load(i, 0, over.inputs, over.tangent, lanes)
     for c in range(count):
         lane = lanes[c]
-        flight_lane(lane, 0, flight)
+        flight_lane(lane, 0, flight, changing)
         out.slope[c, i, q] = nx * lane[DX] + ny * lane[DY]
-    if j >= 0:
+        if kind == BALL_CUSHION:
+            out.slope[c, i, q] += lane[D_RADIUS]
+    if kind == BALL_BALL:
         flight = flight_until(shot.segments, tape.current[j], now, numbers)
-        load(j, 1, count, shot.inputs, shot.tangent, lanes)
-        radii = (scene.radius[i], scene.radius[j])
+        load(j, 1, over.inputs, over.tangent, lanes)
         for c in range(count):
             lane = lanes[c]
-            flight_lane(lane, BALL_WIDTH, flight)
-            out.slope[c, i, q] += d_distance_of(shot.is_sphere, *radii, lane[D_RADIUS], lane[D_RADIUS + 1])[1]
+            flight_lane(lane, BALL_WIDTH, flight, changing)
+            out.slope[c, i, q] += distance_change(lane, shot.is_sphere, (radius[i], radius[j]), changing)
             out.slope[c, i, q] -= nx * lane[BALL_WIDTH + DX] + ny * lane[BALL_WIDTH + DY]
-    elif q >= n + len(scene.pockets):
-        for c in range(count):
-            out.slope[c, i, q] += lanes[c, D_RADIUS]
 
 
 @kernel
-def _approach(pair, path, t, ends, begin, reach, shot):  # out: shot
-    """Stores the margin of a ball to a circle t seconds after `begin`, if it is the largest.
+def _approach(body, circle, t, ends, begin, over):  # out: over
+    """Stores the margin of a `Body` to a `Circle` t seconds after `begin`, if it is the largest.
 
     Args:
-        pair: The `Pair`.
-        path: The `Path` of the ball relative to the centre from `begin`.
+        body: The `Body`.
+        circle: The `Circle`; its path begins at `begin`.
         t: s.
         ends: Whether an event ends the approach then.
         begin: A `Time`.
-        reach: Distance of the centres at contact, m.
-        shot: The `Shot`.
+        over: The `Pass`.
     """
-    x, y = place_after(path, t)
+    path, (x, y) = circle.path, place_after(circle.path, t)
     distance = norm(x, y)
-    if reach - distance > shot.out.margin[pair.ball, pair.column] and distance > 0.0:
+    margin = circle.reach - distance
+    if margin > over.out.margin[body.ball, _column(body, over.shot.scene)] and distance > 0.0:
         nx, ny = -x / distance, -y / distance
         rate = nx * (path.vx + t * path.ax) + ny * (path.vy + t * path.ay) if ends else 0.0
-        _set(pair, reach - distance, (nx, ny), rate, later(begin, t), shot)
+        _set(body, margin, (nx, ny), rate, later(begin, t), over)
 
 
 @inlined
-def _pass_circle(pair, path, end, swept, begin, reach, shot):  # out: shot
-    """Stores the margin of a ball to a circle on a piece of its path, if it is the largest."""
-    i, q = pair.ball, pair.column
-    if shot.selected[i, q] and not misses_circle(path, swept, reach - shot.out.margin[i, q]):
-        t = nearest_time(path, end)
-        if t > 0.0:
-            _approach(pair, path, t, t == end, begin, reach, shot)
+def pass_circle(body, circle, swept, span, over):  # out: over
+    """Stores the margin of a `Body` to a `Circle` on a `Span` with a `Sweep`, if it is the largest."""
+    i, q = body.ball, _column(body, over.shot.scene)
+    if over.selected[i, q] and not misses_circle(circle.path, swept, circle.reach - over.out.margin[i, q]):
+        t, faces = nearest_to(circle, span)
+        if faces and (t > 0.0 or span.end == 0.0):
+            _approach(body, circle, t, t == span.end, span.begin, over)
 
 
 @inlined
-def touches_line(line, x, y):
-    """Returns whether the point of a straight cushion that is nearest to a ball lies between its ends."""
-    return abs(line[TX] * (x - line[LINE_X]) + line[TY] * (y - line[LINE_Y])) <= line[HALF_LINE] + JOINT
-
-
-@inlined
-def _pass_line(pair, path, end, begin, normal, room, line, shot):  # out: shot
-    """Stores the margin of a ball to a straight cushion on a piece of its path, if it is the largest.
-
-    Args:
-        pair: The `Pair`.
-        path: The `Path` of the ball.
-        end: Its end, s.
-        begin: The `Time` of its beginning.
-        normal: Unit normal (x, y) into the cushion.
-        room: Largest coordinate of the ball along the normal, m.
-        line: The row of `Outline.lines`; None for a side of a rectangle.
-        shot: The `Shot`.
-    """
-    (i, _, q), (nx, ny) = pair, normal
-    if not shot.selected[i, q]:
+def pass_side(body, side, path, span, over):  # out: over
+    """Stores the margin of a `Body` to a `Side` on a `Span` with a `Path`, if it is the largest."""
+    nx, ny, end, q = side.nx, side.ny, span.end, _column(body, over.shot.scene)
+    if not over.selected[body.ball, q]:
         return
     v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
     t = end
@@ -314,194 +184,80 @@ def _pass_line(pair, path, end, begin, normal, room, line, shot):  # out: shot
     elif v + 0.5 * end * a <= 0.0 < end:
         return  # it was nearer before
     x, y = place_after(path, t)
-    margin = nx * x + ny * y - room
-    if shot.out.margin[i, q] < margin <= _TOUCHING and (line is None or touches_line(line, x, y)):
-        _set(pair, margin, normal, v + t * a if t == end else 0.0, later(begin, t), shot)
+    margin = nx * x + ny * y - side.room
+    if over.out.margin[body.ball, q] < margin <= _TOUCHING and is_beside(side.line, x, y):
+        _set(body, margin, (nx, ny), v + t * a if t == end else 0.0, later(span.begin, t), over)
+
+
+pass_bodies = passing(pass_circle, pass_side, False)
 
 
 @inlined
-def _pass_cushions(outline, i, first, path, end, swept, begin, shot):  # out: shot
-    """Stores the margins of ball i to the cushions on a piece of its path; `first` is the column of cushion 0."""
-    radius, numbers = shot.scene.radius[i], shot.scene.numbers
-    if outline is None:
-        for wall in range(4):
-            sign, pair = 1.0 if wall % 2 else -1.0, Pair(i, -1, first + wall)
-            if wall < 2:
-                _pass_line(pair, path, end, begin, (sign, 0.0), numbers.half_length - radius, None, shot)
-            else:
-                _pass_line(pair, path, end, begin, (0.0, sign), numbers.half_width - radius, None, shot)
-    else:
-        _pass_outline(outline, i, first, path, end, swept, begin, shot)
-
-
-@kernel
-def _pass_outline(outline, i, first, path, end, swept, begin, shot):  # out: shot
-    """Implements `_pass_cushions` for an outline."""
-    radius, lines, tips = shot.scene.radius[i], outline.lines, outline.tips
-    for k in range(len(lines)):
-        line = lines[k]
-        room = line[NX] * line[LINE_X] + line[NY] * line[LINE_Y] - radius
-        _pass_line(Pair(i, -1, first + k), path, end, begin, (line[NX], line[NY]), room, line, shot)
-    for k in range(len(tips)):
-        tip, q = tips[k], first + len(lines) + k
-        from_tip, reach = relative_to(path, tip[TIP_X], tip[TIP_Y]), tip[TIP_RADIUS] + radius
-        if not shot.selected[i, q] or misses_circle(from_tip, swept, reach - shot.out.margin[i, q]):
-            continue
-        t = nearest_time(from_tip, end)
-        x, y = place_after(path, t)
-        if (t > 0.0 or end == 0.0) and faces(tip, x, y):
-            _approach(Pair(i, -1, q), from_tip, t, t == end, begin, reach, shot)
-
-
-@kernel
-def _pass_by(i, now, shot):  # out: shot
-    """Stores the margins of ball i to bodies that it is nearest to on its current piece until a `Time`."""
-    segments, scene, tape = shot.segments, shot.scene, shot.tape
-    piece, n = tape.current[i], len(scene.radius)
-    if segments[piece, SEGMENT_PHASE] == POTTED:
-        return
-    row = segments[piece, SEGMENT_ROW:]
-    begin = Time(row[T0], row[T0_LO])
-    path, end = path_from(row, begin), since(now, begin)
-    if end <= 0.0:
-        return
-    moves = path.vx != 0.0 or path.vy != 0.0
-    if moves:
-        swept = sweep(path, end)
-        for p in range(len(scene.pockets)):
-            pocket = scene.pockets[p]
-            from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
-            _pass_circle(Pair(i, -1, n + p), from_pocket, end, swept, begin, pocket[POCKET_RADIUS], shot)
-        _pass_cushions(scene.outline, i, n + len(scene.pockets), path, end, swept, begin, shot)
-    for k in range(n):
-        other = segments[tape.current[k]]
-        if k == i or other[SEGMENT_PHASE] == POTTED:
-            continue
-        low, high = min(i, k), max(i, k)
-        second = other[SEGMENT_ROW:]
-        if not shot.selected[low, high] or not (moves or second[VX] != 0.0 or second[VY] != 0.0):
-            continue
-        start = Time(second[T0], second[T0_LO])
-        if before(start, begin):
-            start = begin
-        end = since(now, start)
-        if end > 0.0:
-            path = between(segments[tape.current[low]], segments[tape.current[high]], start)
-            reach = contact_distance(scene.spheres, scene.radius, low, high)
-            _pass_circle(Pair(low, high, high), path, end, sweep(path, end), start, reach, shot)
-
-
-@kernel
-def _begin(shot):  # out: shot
-    """Stores the margins at the start of the shot."""
-    segments, scene, start = shot.segments, shot.scene, Time(0.0, 0.0)
-    n, selected = len(scene.radius), shot.selected
-    for i in range(n):
-        if segments[i, SEGMENT_PHASE] == POTTED:
-            continue
-        path = path_from(segments[i, SEGMENT_ROW:], start)
-        for j in range(i + 1, n):
-            if selected[i, j] and segments[j, SEGMENT_PHASE] != POTTED:
-                reach = contact_distance(scene.spheres, scene.radius, i, j)
-                _approach(Pair(i, j, j), between(segments[i], segments[j], start), 0.0, False, start, reach, shot)
-        for p in range(len(scene.pockets)):
-            pocket = scene.pockets[p]
-            if selected[i, n + p]:
-                from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
-                _approach(Pair(i, -1, n + p), from_pocket, 0.0, False, start, pocket[POCKET_RADIUS], shot)
-        _pass_cushions(scene.outline, i, n + len(scene.pockets), path, 0.0, sweep(path, 0.0), start, shot)
-
-
-@inlined
-def _enter_pocket(i, p, path, now, shot):  # out: shot
-    """Stores the margin of ball i that enters pocket p, on its continued `Path` from a `Time`.
+def _enter_pocket(body, circle, path, now, over):  # out: over
+    """Stores the margin of a ball that enters a pocket, on its continued `Path` from a `Time`.
 
     The path ends at the cushion behind the pocket, if the ball is not nearest to the centre before.
     """
-    scene, q = shot.scene, len(shot.scene.radius) + p
-    pocket, tape, out = scene.pockets[p], shot.tape, shot.out
-    from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
-    t, cut = turn_time(from_pocket), False
+    i, scene, out, q = body.ball, over.shot.scene, over.out, _column(body, over.shot.scene)
+    t, cut = turn_time(circle.path), False
     limit, wall = wall_time(path, scene.radius[i], t, scene.numbers, scene.outline)
     if limit < t:
         t, cut = limit, True
-    _approach(Pair(i, -1, q), from_pocket, t, cut, now, pocket[POCKET_RADIUS], shot)
+    _approach(body, circle, t, cut, now, over)
     if cut:
         x, y = place_after(path, t)
         nx, ny, _ = wall_at(x, y, wall, scene.radius[i], scene.outline)
         speed = nx * (path.vx + t * path.ax) + ny * (path.vy + t * path.ay)
         for c in range(len(out.slope)):
-            lane = tape.lanes[c]
+            lane = over.tape.lanes[c]
             out.slope[c, i, q] -= out.rate[i, q] * (nx * lane[DX] + ny * lane[DY] + lane[D_RADIUS]) / speed
     out.rate[i, q] = 0.0
 
 
 @inlined
-def _hit_cushion(outline, i, wall, piece, path, now, shot):  # out: shot
-    """Stores the margin of ball i that touches a cushion before a piece, on its continued `Path` from a `Time`."""
-    q = len(shot.scene.radius) + len(shot.scene.pockets) + wall
-    if outline is not None and wall >= len(outline.lines):
-        _hit_tip(outline.tips[wall - len(outline.lines)], i, q, path, now, shot)
-        return
-    state = shot.tape.before[piece]
-    nx, ny, _ = wall_at(state[DX], state[DY], wall, shot.scene.radius[i], outline)
+def _hit_side(body, normal, path, now, over):  # out: over
+    """Stores the margin of a ball that touches a straight cushion, on its continued `Path` from a `Time`."""
+    (nx, ny), i, q, out = normal, body.ball, _column(body, over.shot.scene), over.out
     v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
     if a >= 0.0:
-        out = shot.out
         out.margin[i, q], out.time[i, q], out.rate[i, q] = math.inf, now.hi, 0.0
         for c in range(len(out.slope)):
             out.slope[c, i, q] = 0.0
-    elif v > 0.0 and -0.5 * v * v / a > shot.out.margin[i, q]:
-        _set(Pair(i, -1, q), -0.5 * v * v / a, (nx, ny), 0.0, later(now, -v / a), shot)
-
-
-@inlined
-def _hit_tip(tip, i, q, path, now, shot):  # out: shot
-    """Implements `_hit_cushion` for a tip."""
-    from_tip = relative_to(path, tip[TIP_X], tip[TIP_Y])
-    reach = tip[TIP_RADIUS] + shot.scene.radius[i]
-    _approach(Pair(i, -1, q), from_tip, turn_time(from_tip), False, now, reach, shot)
+    elif v > 0.0 and -0.5 * v * v / a > out.margin[i, q]:
+        _set(body, -0.5 * v * v / a, normal, 0.0, later(now, -v / a), over)
 
 
 @kernel
-def _meet(e, events, shot):  # out: shot
+def _meet(e, over):  # out: over
     """Stores the margin of the contact at event e."""
-    segments, scene, tape = shot.segments, shot.scene, shot.tape
-    kind, i, other = int(events[e, KIND]), int(events[e, BALL]), int(events[e, OTHER])
-    now, piece = Time(events[e, TIME], events[e, TIME_LO]), tape.first[e]
-    row, a = segments[tape.current[i], SEGMENT_ROW:], tape.before[piece]
-    path = Path(a[DX], a[DY], a[DVX], a[DVY], row[AX], row[AY])
-    if kind == BALL_BALL and shot.selected[min(i, other), max(i, other)]:
-        second, b = segments[tape.current[other], SEGMENT_ROW:], tape.before[piece + 1]
-        sign = 1.0 if i < other else -1.0
-        between = Path(
-            sign * (a[DX] - b[DX]),
-            sign * (a[DY] - b[DY]),
-            sign * (a[DVX] - b[DVX]),
-            sign * (a[DVY] - b[DVY]),
-            sign * (row[AX] - second[AX]),
-            sign * (row[AY] - second[AY]),
-        )
-        low, high = min(i, other), max(i, other)
-        reach = contact_distance(scene.spheres, scene.radius, i, other)
-        _approach(Pair(low, high, high), between, turn_time(between), False, now, reach, shot)
-    elif kind == BALL_POCKET and shot.selected[i, len(scene.radius) + other]:
-        _enter_pocket(i, other, path, now, shot)
-    elif kind == BALL_CUSHION and shot.selected[i, len(scene.radius) + len(scene.pockets) + other]:
-        _hit_cushion(scene.outline, i, other, piece, path, now, shot)
+    events, scene = over.shot.events, over.shot.scene
+    kind, i, other, now = int(events[e, KIND]), int(events[e, BALL]), int(events[e, OTHER]), event_time(events, e)
+    if kind > BALL_POCKET:
+        return
+    body = Body(kind, min(i, other), max(i, other)) if kind == BALL_BALL else Body(kind, i, other)
+    if not over.selected[body.ball, _column(body, scene)]:
+        return
+    path, circle = path_before(e, 0, over), touched_circle(e, over)
+    if kind == BALL_POCKET:
+        _enter_pocket(body, circle, path, now, over)
+    elif circle.reach == math.inf:
+        nx, ny, _ = wall_at(path.x, path.y, other, scene.radius[i], scene.outline)
+        _hit_side(body, (nx, ny), path, now, over)
+    else:
+        _approach(body, circle, turn_time(circle.path), False, now, over)
 
 
 @inlined
-def _move_ends(i, shot):  # out: shot
+def _move_ends(i, over):  # out: over
     """Adds the change of an event's time to the changes of the margins of ball i that it ends."""
-    out = shot.out
+    out = over.out
     n = len(out.margin)
     for q in range(out.margin.shape[1]):
         low, high = (min(i, q), max(i, q)) if q < n else (i, q)
         rate = out.rate[low, high]
         if rate != 0.0:
             for c in range(len(out.slope)):
-                out.slope[c, low, high] += rate * shot.tape.lanes[c, D_TIME]
+                out.slope[c, low, high] += rate * over.tape.lanes[c, D_TIME]
             out.rate[low, high] = 0.0
 
 
@@ -514,60 +270,40 @@ def push_margins(begin, end, shots, times, inputs, selected, results):  # out: r
         end: One past the last.
         shots: The `gradients.RecordedShots`, as a plain tuple.
         times: (m,) float64, s: only the shot until then counts.
-        inputs: (m, k, 9 n + NUMBER_INPUTS) float64, the changes of the inputs.
+        inputs: (m, k, 9 n) or (m, k, 9 n + NUMBER_INPUTS) float64, the changes of the inputs.
         selected: (n, q) bool, the margins to compute; of two balls, those of the lower number to the higher.
         results: Three float64 output arrays, see `MarginsOut`: the margins (m, n, q), minus infinity where not
             selected; the times (m, n, q); the slopes (m, k, n, q).
     """
     shots, (margins, nearest, slopes) = RecordedShots(*shots), results
     _, n, bodies = margins.shape
-    is_sphere, count = shots.is_sphere, inputs.shape[1]
-    tape = empty_tape(begin, end, shots, max(count, 1))
-    tangent, rates, pending = np.empty((n, count, BALL_WIDTH)), np.empty((n, bodies)), 0
+    count, pending = inputs.shape[1], 0
+    tape, tangent, rates = empty_tape(begin, end, shots, count), np.empty((n, count, BALL_WIDTH)), np.empty((n, bodies))
     for k in range(begin, end):
-        arrays = scene_of(shots.scene, k)
-        at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
-        log, paths = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]]
-        trace(log, paths, arrays, is_sphere, tape)
-        out = MarginsOut(margins[k], nearest[k], rates, slopes[k])
-        shot = Shot(
-            segments=paths,
-            selected=selected,
-            inputs=inputs[k],
-            tangent=tangent,
-            scene=arrays,
-            is_sphere=is_sphere,
-            tape=tape,
-            out=out,
-        )
+        shot, out = shot_of(shots, k), MarginsOut(margins[k], nearest[k], rates, slopes[k])
+        trace(shot, tape)
+        over = Pass(shot, tape, selected, inputs[k], tangent, out)
         out.margin[:] = -math.inf
         out.time[:] = 0.0
         out.slope[:] = 0.0
-        begin_lanes(n, inputs[k], times[k], paths, arrays, tangent, tape)
-        _begin(shot)
-        out.rate[:] = 0.0
-        for e in range(len(log)):
-            if log[e, TIME] > times[k]:
-                break
-            balls = 2 if log[e, KIND] == BALL_BALL else 1
-            for s in range(balls):
-                _pass_by(int(log[e, BALL + s]), Time(log[e, TIME], log[e, TIME_LO]), shot)
-            _meet(e, log, shot)
-            if count:
-                for s in range(balls):
-                    load(int(log[e, BALL + s]), s, count, inputs[k], tangent, tape.lanes)
-                apply_event(e, count, log, paths, arrays, is_sphere, tape)
-            for s in range(balls):
-                i = int(log[e, BALL + s])
-                store(i, s, count, tape.lanes, tangent)
-                _move_ends(i, shot)
-                tape.current[i] = tape.first[e] + s
-            pending += (1 + count) * (1 + arrays.numbers.cushion_work)
-            if pending > _LOOK_AFTER:
-                end_call(interrupted())
-                pending = 0
+        begin_lanes(inputs[k], times[k], shot, tangent, tape)
         for i in range(n):
-            _pass_by(i, Time(times[k], 0.0), shot)
+            pass_bodies(i, Time(0.0, 0.0), AT_START, over)
+        out.rate[:] = 0.0
+        for e in range(len(shot.events)):
+            if shot.events[e, TIME] > times[k]:
+                break
+            for s in range(balls_of(shot.events, e)):
+                pass_bodies(int(shot.events[e, BALL + s]), event_time(shot.events, e), e, over)
+            _meet(e, over)
+            if count:
+                push_event(e, inputs[k], shot, tangent, tape)
+            for s in range(balls_of(shot.events, e)):
+                _move_ends(int(shot.events[e, BALL + s]), over)
+            begin_pieces(e, shot.events, tape)
+            pending = look_after(pending + LANE_WORK * (1 + count) * (1 + shot.scene.numbers.cushion_work))
+        for i in range(n):
+            pass_bodies(i, Time(times[k], 0.0), AT_END, over)
         for i in range(n):
             for j in range(i):
                 out.margin[i, j], out.time[i, j] = out.margin[j, i], out.time[j, i]

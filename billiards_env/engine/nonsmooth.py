@@ -11,7 +11,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.engine.gradients import RecordedShots, Tape, empty_tape, trace
+from billiards_env.engine.gradients import (
+    LANE_WORK,
+    RecordedShot,
+    RecordedShots,
+    Tape,
+    begin_pieces,
+    empty_tape,
+    look_after,
+    shot_of,
+    trace,
+)
 from billiards_env.engine.log import (
     BALL,
     BALL_BALL,
@@ -23,56 +33,38 @@ from billiards_env.engine.log import (
     SEGMENT_PHASE,
     SEGMENT_ROW,
     TIME,
-    TIME_LO,
+    balls_of,
+    begin_time,
+    event_time,
 )
-from billiards_env.engine.margins import between, nearest_time, path_from, touches_line, turn_time
+from billiards_env.engine.passing import (
+    AT_END,
+    nearest_to,
+    passing,
+    path_before,
+    state_before,
+    touched_circle,
+    turn_time,
+)
 from billiards_env.jit import allocating_entry_point, inlined, kernel
-from billiards_env.jit.interrupt import end_call, interrupted
-from billiards_env.physics.derivatives import DVX, DVY, DX, DY, ball_at, cushion_is_smooth, wall_at
+from billiards_env.physics.derivatives import cushion_is_smooth, wall_at
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.contact import contact_distance, misses_circle, sweep
-from billiards_env.physics.geometry.walls import (
-    BEGIN_TX,
-    BEGIN_TY,
-    END_TX,
-    END_TY,
-    HALF_LINE,
-    JOINT,
-    LINE_X,
-    LINE_Y,
-    NX,
-    NY,
-    TIP_RADIUS,
-    TIP_X,
-    TIP_Y,
-    TX,
-    TY,
-    faces,
-)
-from billiards_env.physics.motion import Path, place_after, relative_to
+from billiards_env.physics.geometry.contact import misses_circle
+from billiards_env.physics.geometry.walls import is_at_joint, is_beside
+from billiards_env.physics.motion import place_after
 from billiards_env.physics.state import (
-    AX,
-    AY,
     LASTS,
-    POCKET_RADIUS,
-    POCKET_X,
-    POCKET_Y,
     POTTED,
     REST,
     ROLLING,
     SLIDING,
     SLIDING_AND_ROLLING,
-    T0,
-    T0_LO,
     UX,
     UY,
     VX,
     VY,
-    SceneArrays,
     Time,
-    before,
     later,
-    scene_of,
     since,
 )
 from billiards_env.scene import CONTACT_GAP
@@ -105,16 +97,12 @@ ROUNDING = CONTACT_GAP, 1e-12
 
 _BETWEEN = -2  # in place of an event
 
-_LOOK_AFTER = 10_000  # pairs of an event and a ball between two calls of `interrupted`
-
 
 class Pass(NamedTuple):
     """The pass over one shot.
 
     Attributes:
-        events: Its events.
-        segments: The pieces of its paths.
-        scene: The `SceneArrays`.
+        shot: The `RecordedShot`.
         tape: The `Tape`.
         last: (n,) int64, the last event of each ball; -1 at the start.
         until: The `Time` at which the shot is cut.
@@ -123,9 +111,7 @@ class Pass(NamedTuple):
         within: (2,) float64: a gap, m, and a difference of times, divided by 1 s + time, that count as zero.
     """
 
-    events: Any
-    segments: Any
-    scene: SceneArrays
+    shot: RecordedShot
     tape: Tape
     last: Any
     until: Time
@@ -141,152 +127,66 @@ def _find(time, e, reason, over):  # out: over
         over.time[0], over.found[0], over.found[1] = time, e, reason
 
 
-class Approach(NamedTuple):
-    """A ball and a body on a piece of the ball's path.
-
-    Attributes:
-        begin: The `Time` of its beginning.
-        end: Its duration, s.
-        meets: Whether it begins with the impact of the two.
-        met_by: The reason to store if they touch at its end: SIMULTANEOUS, or IS_CUT at the end of the shot; -1 if it
-            ends with their impact.
-        reason: The reason to store if they touch but do not approach.
-    """
-
-    begin: Any
-    end: Any
-    meets: Any
-    met_by: Any
-    reason: Any
-
-
 @inlined
-def _touch(gap, along, speed, t, approach, over):  # out: over
-    """Stores a reason if two bodies touch.
+def _touch(gap, along, speed, t, body, span, over):  # out: over
+    """Stores a reason if a `Body` is touched on a `Span`.
 
     Args:
-        gap: Their least gap on a piece of their paths, m.
-        along: The part of their relative velocity along it, m/s.
-        speed: Their relative speed, m/s.
+        gap: The least gap, m.
+        along: The part of the relative velocity along it, m/s.
+        speed: The relative speed, m/s.
         t: The time of the least gap, s.
-        approach: The `Approach`.
+        body: The `Body`.
+        span: The `Span`.
         over: The `Pass`.
     """
-    if abs(gap) > over.within[0] or (approach.meets and t == 0.0):
+    if abs(gap) > over.within[0]:
         return
-    time = later(approach.begin, t).hi
+    (kind, i, other), events = body, over.shot.events
+    meets, met_by = False, SIMULTANEOUS if span.event >= 0 else IS_CUT  # at the beginning and at the end of the span
+    for k in (over.last[i], span.event):
+        if k >= 0 and events[k, KIND] == kind:
+            first, second = int(events[k, BALL]), int(events[k, OTHER])
+            if (first == i and second == other) or (kind == BALL_BALL and first == other and second == i):
+                if k == span.event:
+                    met_by = -1
+                elif kind != BALL_BALL or over.last[other] == k:
+                    meets = True
+    if meets and t == 0.0:
+        return
+    time = later(span.begin, t).hi
     if abs(along) <= GRAZE * speed:
-        _find(time, _BETWEEN, approach.reason, over)
-    elif t == approach.end and approach.met_by >= 0:
-        _find(time, _BETWEEN, approach.met_by, over)
+        _find(time, _BETWEEN, AT_LIP if kind == BALL_POCKET else GRAZING, over)
+    elif t == span.end and met_by >= 0:
+        _find(time, _BETWEEN, met_by, over)
 
 
 @inlined
-def _pass_circle(path, swept, reach, approach, over):  # out: over
-    """Looks for a touch of a circle about the origin with a radius `reach`, m, on a `Path` with its `Sweep`."""
+def pass_circle(body, circle, swept, span, over):  # out: over
+    """Looks for a touch of a `Circle` on a `Span` with a `Sweep`."""
+    path, reach = circle.path, circle.reach
     if misses_circle(path, swept, reach + over.within[0]):
         return
-    t = nearest_time(path, approach.end)
+    t, faces = nearest_to(circle, span)
     x, y = place_after(path, t)
     vx, vy, distance = path.vx + t * path.ax, path.vy + t * path.ay, norm(x, y)
-    if distance > 0.0:
-        _touch(distance - reach, (x * vx + y * vy) / distance, norm(vx, vy), t, approach, over)
+    if faces and distance > 0.0:
+        _touch(distance - reach, (x * vx + y * vy) / distance, norm(vx, vy), t, body, span, over)
 
 
 @inlined
-def _pass_line(path, normal, room, line, approach, over):  # out: over
-    """Looks for a touch of a straight cushion on a `Path`; see `margins._pass_line`."""
-    (nx, ny), end = normal, approach.end
+def pass_side(body, side, path, span, over):  # out: over
+    """Looks for a touch of a `Side` on a `Span` with a `Path`."""
+    nx, ny, end = side.nx, side.ny, span.end
     v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
     t = min(max(-v / a, 0.0), end) if a < 0.0 else (end if v + 0.5 * end * a > 0.0 else 0.0)
     x, y = place_after(path, t)
     vx, vy = path.vx + t * path.ax, path.vy + t * path.ay
-    if line is None or touches_line(line, x, y):
-        _touch(nx * x + ny * y - room, v + t * a, norm(vx, vy), t, approach, over)
+    if is_beside(side.line, x, y):
+        _touch(nx * x + ny * y - side.room, v + t * a, norm(vx, vy), t, body, span, over)
 
 
-@inlined
-def _approach_of(kind, i, other, span, begin, e, over):
-    """Returns the `Approach` of ball i to a body on `span` seconds from a `Time` to event e, or to the end (-1)."""
-    meets, met_by = False, SIMULTANEOUS if e >= 0 else IS_CUT
-    for k in (over.last[i], e):
-        if k >= 0 and over.events[k, KIND] == kind:
-            first, second = int(over.events[k, BALL]), int(over.events[k, OTHER])
-            if (first == i and second == other) or (kind == BALL_BALL and first == other and second == i):
-                if k == e:
-                    met_by = -1
-                elif kind != BALL_BALL or over.last[other] == k:
-                    meets = True
-    return Approach(begin, span, meets, met_by, AT_LIP if kind == BALL_POCKET else GRAZING)
-
-
-@inlined
-def _pass_cushions(outline, i, path, swept, whole, e, over):  # out: over
-    """Looks for touches of ball i and the cushions; `whole` is the `Approach` to any body on its `Path`."""
-    radius, numbers = over.scene.radius[i], over.scene.numbers
-    if outline is None:
-        for k in range(4):
-            sign, approach = 1.0 if k % 2 else -1.0, _approach_of(BALL_CUSHION, i, k, whole.end, whole.begin, e, over)
-            if k < 2:
-                _pass_line(path, (sign, 0.0), numbers.half_length - radius, None, approach, over)
-            else:
-                _pass_line(path, (0.0, sign), numbers.half_width - radius, None, approach, over)
-    else:
-        _pass_outline(outline, i, path, swept, whole, e, over)
-
-
-@kernel
-def _pass_outline(outline, i, path, swept, whole, e, over):  # out: over
-    """Implements `_pass_cushions` for an outline."""
-    radius, lines, tips = over.scene.radius[i], outline.lines, outline.tips
-    for k in range(len(lines)):
-        line = lines[k]
-        room = line[NX] * line[LINE_X] + line[NY] * line[LINE_Y] - radius
-        approach = _approach_of(BALL_CUSHION, i, k, whole.end, whole.begin, e, over)
-        _pass_line(path, (line[NX], line[NY]), room, line, approach, over)
-    for k in range(len(tips)):
-        tip = tips[k]
-        from_tip, reach = relative_to(path, tip[TIP_X], tip[TIP_Y]), tip[TIP_RADIUS] + radius
-        if not misses_circle(from_tip, swept, reach + over.within[0]):
-            x, y = place_after(from_tip, nearest_time(from_tip, whole.end))
-            if faces(tip, x + tip[TIP_X], y + tip[TIP_Y]):
-                approach = _approach_of(BALL_CUSHION, i, k + len(lines), whole.end, whole.begin, e, over)
-                _pass_circle(from_tip, swept, reach, approach, over)
-
-
-@kernel
-def _pass_by(i, e, now, over):  # out: over
-    """Looks for touches of ball i on its current piece until a `Time`, that of event e or that of the end (-1)."""
-    segments, scene, tape = over.segments, over.scene, over.tape
-    piece, n = tape.current[i], len(scene.radius)
-    row = segments[piece, SEGMENT_ROW:]
-    begin = Time(row[T0], row[T0_LO])
-    path, end = path_from(row, begin), since(now, begin)
-    if segments[piece, SEGMENT_PHASE] == POTTED or end < 0.0:
-        return
-    moves = path.vx != 0.0 or path.vy != 0.0
-    if moves:
-        swept = sweep(path, end)
-        for p in range(len(scene.pockets)):
-            pocket = scene.pockets[p]
-            from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
-            approach = _approach_of(BALL_POCKET, i, p, end, begin, e, over)
-            _pass_circle(from_pocket, swept, pocket[POCKET_RADIUS], approach, over)
-        _pass_cushions(scene.outline, i, path, swept, Approach(begin, end, False, -1, GRAZING), e, over)
-    for k in range(n):
-        other = segments[tape.current[k]]
-        second = other[SEGMENT_ROW:]
-        if k == i or other[SEGMENT_PHASE] == POTTED or not (moves or second[VX] != 0.0 or second[VY] != 0.0):
-            continue
-        start = Time(second[T0], second[T0_LO])
-        if before(start, begin):
-            start = begin
-        span = since(now, start)
-        if span >= 0.0:
-            path_to = between(segments[piece], other, start)
-            reach = contact_distance(scene.spheres, scene.radius, i, k)
-            approach = _approach_of(BALL_BALL, i, k, span, start, e, over)
-            _pass_circle(path_to, sweep(path_to, span), reach, approach, over)
+pass_bodies = passing(pass_circle, pass_side, True)
 
 
 @inlined
@@ -299,12 +199,12 @@ def _rolls(segment, numbers):
 
 
 @inlined
-def _is_smooth_cushion(i, wall, state, scene):
-    """Returns whether the impact of ball i with a state (7,) on a cushion has a derivative."""
+def _is_smooth_cushion(i, wall, ball, scene):
+    """Returns whether the impact of ball i with a `BallState` on a cushion has a derivative."""
     if not scene.numbers.cushion_rubs:
         return True
-    touched = wall_at(state[DX], state[DY], wall, scene.radius[i], scene.outline)
-    return cushion_is_smooth(ball_at(state, 0), touched, scene.radius[i], scene)
+    touched = wall_at(ball.x, ball.y, wall, scene.radius[i], scene.outline)
+    return cushion_is_smooth(ball, touched, scene.radius[i], scene)
 
 
 @inlined
@@ -317,44 +217,15 @@ def _grazes_circle(path, reach, speed, gap):
 
 
 @inlined
-def _path_before(s, piece, over):
-    """Returns the `Path` of the first (s = 0) or second (s = 1) ball of an event at its first piece, without it."""
-    state, row = over.tape.before[piece + s], over.segments[over.tape.previous[piece + s], SEGMENT_ROW:]
-    return Path(state[DX], state[DY], state[DVX], state[DVY], row[AX], row[AY])
-
-
-@inlined
-def _grazes(kind, i, other, piece, speed, over):
-    """Returns whether a contact of ball i hardly approaches, or hardly enters the other body if nothing stops it."""
-    scene, path, gap = over.scene, _path_before(0, piece, over), over.within[0]
-    if kind == BALL_BALL:
-        b = _path_before(1, piece, over)
-        path = Path(path.x - b.x, path.y - b.y, path.vx - b.vx, path.vy - b.vy, path.ax - b.ax, path.ay - b.ay)
-        return _grazes_circle(path, contact_distance(scene.spheres, scene.radius, i, other), speed, gap)
-    if kind == BALL_POCKET:
-        pocket = scene.pockets[other]
-        return _grazes_circle(relative_to(path, pocket[POCKET_X], pocket[POCKET_Y]), pocket[POCKET_RADIUS], speed, gap)
-    nx, ny, curvature = wall_at(path.x, path.y, other, scene.radius[i], scene.outline)
-    if curvature > 0.0:
-        reach = 1.0 / curvature
-        return _grazes_circle(relative_to(path, path.x + reach * nx, path.y + reach * ny), reach, speed, gap)
+def _grazes(e, speed, over):
+    """Returns whether a contact at event e hardly approaches, or hardly enters the other body if nothing stops it."""
+    circle, gap = touched_circle(e, over), over.within[0]
+    if circle.reach < math.inf:
+        return _grazes_circle(circle.path, circle.reach, speed, gap)
+    path, i, other = path_before(e, 0, over), int(over.shot.events[e, BALL]), int(over.shot.events[e, OTHER])
+    nx, ny, _ = wall_at(path.x, path.y, other, over.shot.scene.radius[i], over.shot.scene.outline)
     v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
     return v <= GRAZE * speed or (a < 0.0 and -0.5 * v * v / a <= gap)
-
-
-@inlined
-def _is_at_joint(outline, wall, state, gap):
-    """Returns whether a ball with a state (7,) touches a cushion where its curvature changes, up to a gap, m."""
-    if outline is None:
-        return False
-    near = 2.0 * JOINT + gap
-    if wall < len(outline.lines):
-        line = outline.lines[wall]
-        along = line[TX] * (state[DX] - line[LINE_X]) + line[TY] * (state[DY] - line[LINE_Y])
-        return abs(abs(along) - line[HALF_LINE]) <= near
-    tip = outline.tips[wall - len(outline.lines)]
-    dx, dy = state[DX] - tip[TIP_X], state[DY] - tip[TIP_Y]
-    return abs(dx * tip[BEGIN_TX] + dy * tip[BEGIN_TY]) <= near or abs(dx * tip[END_TX] + dy * tip[END_TY]) <= near
 
 
 @inlined
@@ -366,35 +237,36 @@ def _is_at_once(dt, time, over):
 @inlined
 def _left(segment, now):
     """Returns the time from a `Time` to the end of the phase of a piece, s."""
-    return segment[SEGMENT_ROW + LASTS] - since(now, Time(segment[SEGMENT_ROW + T0], segment[SEGMENT_ROW + T0_LO]))
+    return segment[SEGMENT_ROW + LASTS] - since(now, begin_time(segment))
 
 
 @kernel
 def _judge(e, over):  # out: over
     """Stores the reason why event e has no derivative."""
-    events, scene, tape = over.events, over.scene, over.tape
+    events, segments, scene, tape = over.shot.events, over.shot.segments, over.shot.scene, over.tape
     kind, i, other = int(events[e, KIND]), int(events[e, BALL]), int(events[e, OTHER])
-    time, piece = events[e, TIME], tape.first[e]
+    now, piece = event_time(events, e), tape.first[e]
+    time = now.hi
     if kind > BALL_POCKET:
         return
     if events[e, RULE]:
         _find(time, e, BY_RULE, over)
-    speed = 0.0
-    for s in range(2 if kind == BALL_BALL else 1):
-        speed += norm(tape.before[piece + s, DVX], tape.before[piece + s, DVY])
-        last = over.last[int(events[e, BALL + s])]
-        now, before_it = Time(time, events[e, TIME_LO]), over.segments[tape.previous[piece + s]]
+    speed, ball = 0.0, state_before(e, 0, over)
+    for s in range(balls_of(events, e)):
+        touching = state_before(e, s, over)
+        speed += norm(touching.vx, touching.vy)
+        last, before_it = over.last[int(events[e, BALL + s])], segments[tape.previous[piece + s]]
         if last >= 0 and events[last, TIME] == time and events[last, KIND] <= BALL_POCKET:
             _find(time, e, SIMULTANEOUS, over)
         if before_it[SEGMENT_PHASE] in (ROLLING, SLIDING) and _is_at_once(_left(before_it, now), time, over):
             _find(time, e, SIMULTANEOUS, over)
-        if _rolls(over.segments[piece + s], scene.numbers):
+        if _rolls(segments[piece + s], scene.numbers):
             _find(time, e, ROLLS, over)
-    if _grazes(kind, i, other, piece, speed, over):
+    if _grazes(e, speed, over):
         _find(time, e, AT_LIP if kind == BALL_POCKET else GRAZING, over)
-    elif kind == BALL_CUSHION and not _is_smooth_cushion(i, other, tape.before[piece], scene):
+    elif kind == BALL_CUSHION and not _is_smooth_cushion(i, other, ball, scene):
         _find(time, e, SLIPS, over)
-    elif kind == BALL_CUSHION and _is_at_joint(scene.outline, other, tape.before[piece], over.within[0]):
+    elif kind == BALL_CUSHION and is_at_joint(scene.outline, other, ball.x, ball.y, over.within[0]):
         _find(time, e, AT_JOINT, over)
 
 
@@ -403,15 +275,15 @@ def _cut(done, over):  # out: over
     """Looks for events at the instant at which a shot is cut, after its first `done` events."""
     rests = True
     for i in range(len(over.last)):
-        segment = over.segments[over.tape.current[i]]
+        segment = over.shot.segments[over.tape.current[i]]
         if segment[SEGMENT_PHASE] not in (REST, POTTED):
             rests = False
             if _is_at_once(_left(segment, over.until), over.until.hi, over):
                 _find(over.until.hi, _BETWEEN, IS_CUT, over)
     for e in (done - 1, done):
-        if rests or not 0 <= e < len(over.events):
+        if rests or not 0 <= e < len(over.shot.events):
             continue
-        if _is_at_once(over.events[e, TIME] - over.until.hi, over.until.hi, over):
+        if _is_at_once(over.shot.events[e, TIME] - over.until.hi, over.until.hi, over):
             _find(over.until.hi, _BETWEEN, IS_CUT, over)
 
 
@@ -430,48 +302,41 @@ def find_nonsmooth(begin, end, shots, times, within, results):  # out: results
             there is none. The start of the shot is event -1.
     """
     shots = RecordedShots(*shots)
-    tape, n, first, pending = empty_tape(begin, end, shots, 1), len(shots.scene[1]), np.empty(1), 0
+    tape, n, first, pending = empty_tape(begin, end, shots, 0), len(shots.scene[1]), np.empty(1), 0
     last = np.empty(n, np.int64)
     for k in range(begin, end):
-        scene = scene_of(shots.scene, k)
-        at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
-        log, paths, until = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]], Time(times[k], 0.0)
-        trace(log, paths, scene, shots.is_sphere, tape)
+        shot, at, until = shot_of(shots, k), shots.bounds[k - shots.first, 0], Time(times[k], 0.0)
+        log = shot.events
+        trace(shot, tape)
         over = Pass(
-            events=log,
-            segments=paths,
-            scene=scene,
+            shot=shot,
             tape=tape,
             last=last,
             until=until,
             time=first,
             found=results[k],
-            within=within[min(at[0], len(within) - 1)].copy(),
+            within=within[min(at, len(within) - 1)].copy(),
         )
         first[0], results[k, 0], results[k, 1] = math.inf, -1, -1
         last[:] = -1
         for i in range(n):
             tape.current[i] = i
-            if _rolls(paths[i], scene.numbers):
+            if _rolls(shot.segments[i], shot.scene.numbers):
                 _find(-1.0, -1, ROLLS, over)
         done = 0
         while done < len(log) and log[done, TIME] <= times[k]:
-            balls = 2 if log[done, KIND] == BALL_BALL else 1
-            over.within[:] = within[min(at[0] + done, len(within) - 1)]
+            over.within[:] = within[min(at + done, len(within) - 1)]
             _judge(done, over)
-            for s in range(balls):
-                _pass_by(int(log[done, BALL + s]), done, Time(log[done, TIME], log[done, TIME_LO]), over)
-            for s in range(balls):
-                i = int(log[done, BALL + s])
-                tape.current[i], last[i] = tape.first[done] + s, done
+            for s in range(balls_of(log, done)):
+                pass_bodies(int(log[done, BALL + s]), event_time(log, done), done, over)
+            for s in range(balls_of(log, done)):
+                last[int(log[done, BALL + s])] = done
+            begin_pieces(done, log, tape)
             done += 1
-            pending += n + scene.numbers.cushion_work
-            if pending > _LOOK_AFTER:
-                end_call(interrupted())
-                pending = 0
-        over.within[:] = within[min(at[0] + done, len(within) - 1)]
+            pending = look_after(pending + LANE_WORK * (n + shot.scene.numbers.cushion_work))
+        over.within[:] = within[min(at + done, len(within) - 1)]
         for i in range(n):
-            _pass_by(i, -1, until, over)
+            pass_bodies(i, until, AT_END, over)
         _cut(done, over)
         if results[k, 0] == _BETWEEN:
             results[k, 0] = -1

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import numbers
+from billiards_env.engine.log import SEGMENT_BALL, SEGMENT_PHASE, SEGMENT_ROW
 from billiards_env.physics.state import AX, AY, LASTS, POTTED, ROLLING, T0, T0_LO, VX, VY, X, Y
 
 Floats = NDArray[np.float64]
@@ -28,6 +29,12 @@ class Trajectory(NamedTuple):
     ball: NDArray[np.intp]
     phase: NDArray[np.intp]
     rows: Floats
+
+    @classmethod
+    def of(cls, segments: Floats) -> Trajectory:
+        """Returns the trajectory of rows of `Log.segments`."""
+        ball, phase = segments[:, [SEGMENT_BALL, SEGMENT_PHASE]].T.astype(np.intp)
+        return cls(ball, phase, segments[:, SEGMENT_ROW:].copy())
 
     @property
     def start(self) -> Floats:

@@ -56,9 +56,16 @@ def by_law(kernel: Callable[..., Any], *others: Callable[..., Any]) -> Callable[
     return call_first if others else call_last
 
 
-impact = by_law(*LAWS)
-"""Returns a ball's motion after an impact on a cushion with friction, by the law of the scene, see
-`cushion_han2005.han2005`. The arguments are `SceneArrays.cushion` and a tuple with the arguments of the law."""
+_impact = by_law(*LAWS)
+
+
+@inlined
+def impact(laws, before, others):
+    """Returns a ball's motion after an impact on a cushion with friction, by the law of the scene.
+
+    `laws` is `SceneArrays.cushion`; `before` and the tuple `others` are the arguments of `cushion_han2005.han2005`.
+    """
+    return _impact(laws, (before,) + others)  # noqa: RUF005  (numba has no stars here)
 
 
 @inlined
@@ -83,7 +90,7 @@ def reflect(state, i, nx, ny, rebound, scene):  # out: state
         radius = scene.radius[i]
         un, ut = nx * s[UX] + ny * s[UY], nx * s[UY] - ny * s[UX]
         before = CushionMotion(speed, vt, un, ut, radius * s[WZ])
-        (vn, vt, un, ut, rwz), raised = impact(scene.cushion, (before, radius, rebound, scene.numbers, None))
+        (vn, vt, un, ut, rwz), raised = impact(scene.cushion, before, (radius, rebound, scene.numbers, None))
         s[VX], s[VY] = nx * vn - ny * vt, ny * vn + nx * vt
         s[UX], s[UY] = nx * un - ny * ut, ny * un + nx * ut
         s[WZ] = rwz / radius
@@ -118,7 +125,7 @@ def hit_by(motion, n, share, rebound, radius, cushion, numbers, solution):
     rest = vn - share
     if numbers.cushion_rubs:
         before = CushionMotion(share, vt, un - rest, ut, rwz)
-        (after, vt, un, ut, rwz), raised = impact(cushion, (before, radius, rebound, numbers, solution))
+        (after, vt, un, ut, rwz), raised = impact(cushion, before, (radius, rebound, numbers, solution))
         after, un = after + rest, un + rest
     else:
         speed = cushion_restitution(share, numbers) * share

@@ -12,14 +12,14 @@ through the derivative of the jump there, and back to the fixed time.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
-from billiards_env.jit import entry_point, inlined, kernel
+from billiards_env.jit import entry_point, inlined
 from billiards_env.physics.cushion import CUSHIONS, LAWS, bounce, by_law, impact
-from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.walls import NX, NY, TIP_RADIUS, TIP_X, TIP_Y
-from billiards_env.physics.laws.balls import distance_of, meet, push_ball
-from billiards_env.physics.laws.cloth import SLIP_RATE, drive, fly, slip_of, spin_of
+from billiards_env.physics.geometry.walls import curvature_at, normal_at
+from billiards_env.physics.laws.balls import distance_of, meet
+from billiards_env.physics.laws.cloth import SLIP_RATE, drive, fly, slip_of, spin_after, spin_of
 from billiards_env.physics.laws.cushion import CushionMotion
 from billiards_env.physics.rules import SMOOTH
 from billiards_env.physics.state import (
@@ -38,54 +38,67 @@ from billiards_env.physics.state import (
     BallState,
     law_changes,
 )
-from billiards_env.physics.strike import (
-    ELEVATION,
-    HEADING,
-    SIDE,
-    SPEED,
-    TOP,
-    CueNumbers,
-    impulse_gain,
-    speed_gain,
-    squirt,
-    strike_by,
-    struck,
-)
+from billiards_env.physics.strike import ELEVATION, HEADING, SIDE, SPEED, TOP, CueNumbers, strike_by
 from billiards_env.physics.tangent import rule, tangent_of
 
 # Columns of a lane: the state of the first ball, and that of the second.
 DX, DY, DVX, DVY, DUX, DUY, DWZ = range(7)
 BALL_WIDTH = 7
-D_RADIUS = 14  # of both balls
-D_INV_MASS = 16
-D_NUMBERS = 18  # `LAW_NUMBERS`
-END_NUMBERS = D_NUMBERS + len(LAW_NUMBERS)
-D_TIME, D_PLACE_X, D_PLACE_Y, LANE_WIDTH = range(END_NUMBERS, END_NUMBERS + 4)  # results: time, s, and place, m
+D_TIME, D_PLACE_X, D_PLACE_Y = 14, 15, 16  # results: time, s, and place, m
+D_RADIUS = 17  # of both balls
+D_INV_MASS = 19
+D_NUMBERS = 21  # `LAW_NUMBERS`
+LANE_WIDTH = D_NUMBERS + len(LAW_NUMBERS)
 
 FLIGHT_NUMBERS = (D_NUMBERS, D_NUMBERS + len(CLOTH_NUMBERS))
 """The columns of the numbers of a flight: the first and one past the last."""
 PAIR_NUMBERS = (FLIGHT_NUMBERS[1], FLIGHT_NUMBERS[1] + len(BALL_NUMBERS))
 """The same for an impact of two balls."""
-CUSHION_NUMBERS = (PAIR_NUMBERS[1], END_NUMBERS)
+CUSHION_NUMBERS = (PAIR_NUMBERS[1], LANE_WIDTH)
 """The same for a cushion."""
 
+ONLY_STATES, ALSO_CONSTANTS = ((None, True),), ((True, None),)
+"""The argument `changing` of the kernels below: whether radii, masses and numbers change, or only the states of balls.
+
+Numba compiles only the tangents of one of the two, see `by_law`. Those of the states alone have fewer operations.
+"""
+
+
+def _tangent(function: Callable[..., Any], constant: Collection[str], constants: Collection[str]) -> Callable[..., Any]:
+    """Returns the tangent of a law as a kernel of `changing` and a tuple with the arguments of the tangent.
+
+    `constants` are the last arguments of the law that change; `ONLY_STATES` ignores their changes.
+    """
+    states, kept = tangent_of(function, constant=(*constant, *constants)), -len(constants)
+    return by_law(tangent_of(function, constant=constant), inlined(lambda *arguments: states(*arguments[:kept])))
+
+
+_OTHERS = ("radius", "rebound", "numbers", "solution")
 _d_law = by_law(*(tangent_of(law, constant=("rebound", "solution")) for law in LAWS))
+_d_law_of_states = by_law(*(tangent_of(law, constant=_OTHERS) for law in LAWS))
 
 
 @rule(impact, constant=("laws",))
 @inlined
-def d_impact(laws, arguments, d_arguments):
+def d_impact(laws, before, others, d_before, d_others):
     """Returns the result of `cushion.impact` and its change."""
-    d_before, d_radius, _, d_numbers, _ = d_arguments
-    return _d_law(laws, arguments + (d_before, d_radius, d_numbers))  # noqa: RUF005  (numba has no stars here)
+    d_radius, _, d_numbers, _ = d_others
+    return _d_law(laws, (before,) + others + (d_before, d_radius, d_numbers))  # noqa: RUF005  (numba has no stars here)
 
 
-tangent_of(push_ball, constant=("motion",))
-_d_drive, _d_fly = tangent_of(drive, constant=("phase",)), tangent_of(fly, constant=("phase", "t"))
-_d_slip_of, _d_spin_of = tangent_of(slip_of), tangent_of(spin_of)
-d_distance_of = tangent_of(distance_of, constant=("are_spheres",))
-_d_meet = tangent_of(meet, constant=("ball_friction", "are_spheres"))
-_d_bounce = tangent_of(bounce, constant=("cushion", "solution"))
+@rule(impact, constant=("laws", "others"))
+@inlined
+def _d_impact_of_states(laws, before, others, d_before):
+    return _d_law_of_states(laws, (before,) + others + (d_before,))  # noqa: RUF005
+
+
+_d_drive = _tangent(drive, ("phase",), ("numbers",))
+_d_fly = _tangent(fly, ("phase", "t"), ("numbers",))
+_d_spin_after = tangent_of(spin_after, constant=("t", "numbers"))
+_d_slip_of, _d_spin_of = _tangent(slip_of, (), ("radius",)), _tangent(spin_of, (), ("radius",))
+_d_distance_of = _tangent(distance_of, ("are_spheres",), ("radius_i", "radius_j"))
+_d_meet = _tangent(meet, ("ball_friction", "are_spheres"), ("bodies", "numbers"))
+_d_bounce = _tangent(bounce, ("cushion", "solution"), ("radius", "numbers"))
 
 
 @inlined
@@ -127,7 +140,13 @@ def put_ball(values, at, ball):  # out: values
 @inlined
 def _changes(lane):
     """Returns the change of the `LawNumbers` of a lane."""
-    return law_changes(lane[D_NUMBERS:END_NUMBERS])
+    return law_changes(lane[D_NUMBERS:LANE_WIDTH])
+
+
+@inlined
+def distance_change(lane, are_spheres, radii, changing):
+    """Returns the change of the distance of the centres of both balls of a lane when they touch, m."""
+    return _d_distance_of(changing, (are_spheres, radii[0], radii[1], lane[D_RADIUS], lane[D_RADIUS + 1]))[1]
 
 
 class Flight(NamedTuple):
@@ -147,10 +166,16 @@ class Flight(NamedTuple):
 
 
 @inlined
-def flight_lane(lane, at, flight):  # out: lane
+def flight_lane(lane, at, flight, changing):  # out: lane
     """Changes the state at column `at` of a lane by a `Flight`."""
     ball, phase, dt, numbers = flight
-    put_ball(lane, at, _d_fly(ball, phase, dt, numbers, ball_at(lane, at), _changes(lane))[1])
+    put_ball(lane, at, _d_fly(changing, (ball, phase, dt, numbers, ball_at(lane, at), _changes(lane)))[1])
+
+
+@inlined
+def spin_factor(flight):
+    """Returns the derivative of the spin about the vertical axis after a `Flight` by that before it."""
+    return _d_spin_after(flight.ball.wz, flight.dt, flight.numbers, 1.0)[1]
 
 
 @inlined
@@ -199,7 +224,7 @@ def settle_lane(lane, at, phase, numbers):  # out: lane
 
 
 @inlined
-def start_lane(lane, ball, phase, radius, numbers):  # out: lane
+def start_lane(lane, ball, phase, radius, numbers, changing):  # out: lane
     """Replaces the horizontal spin of the first ball of a lane by its slip, and settles it.
 
     Args:
@@ -208,24 +233,25 @@ def start_lane(lane, ball, phase, radius, numbers):  # out: lane
         phase: Its phase.
         radius: m.
         numbers: The `LawNumbers`.
+        changing: What changes.
     """
     change = ball_at(lane, 0)
     lane[DUX] = lane[DUY] = 0.0
     if numbers.motion == SLIDING_AND_ROLLING:
         wx, wy = spin_of(ball.vx, ball.vy, ball.ux, ball.uy, radius)
-        at, d_at = (ball.vx, ball.vy, wx, wy), (change.vx, change.vy, change.ux, change.uy)
-        lane[DUX], lane[DUY] = _d_slip_of(*at, radius, *d_at, lane[D_RADIUS])[1]
+        at = (ball.vx, ball.vy, wx, wy, radius, change.vx, change.vy, change.ux, change.uy, lane[D_RADIUS])
+        lane[DUX], lane[DUY] = _d_slip_of(changing, at)[1]
     settle_lane(lane, 0, phase, numbers)
 
 
 @inlined
-def end_lane(lane, ball, radius, numbers):  # out: lane
+def end_lane(lane, ball, radius, numbers, changing):  # out: lane
     """Replaces the slip of the first ball of a lane, in a `BallState`, by its horizontal spin; see `start_lane`."""
     change = ball_at(lane, 0)
     lane[DUX] = lane[DUY] = 0.0
     if numbers.motion == SLIDING_AND_ROLLING:
-        at, d_at = (ball.vx, ball.vy, ball.ux, ball.uy), (change.vx, change.vy, change.ux, change.uy)
-        lane[DUX], lane[DUY] = _d_spin_of(*at, radius, *d_at, lane[D_RADIUS])[1]
+        at = (ball.vx, ball.vy, ball.ux, ball.uy, radius, change.vx, change.vy, change.ux, change.uy, lane[D_RADIUS])
+        lane[DUX], lane[DUY] = _d_spin_of(changing, at)[1]
 
 
 @inlined
@@ -235,7 +261,7 @@ def _note(lane, dt, change):  # out: lane
 
 
 @inlined
-def phase_end_lane(lane, flight, before, after):  # out: lane
+def phase_end_lane(lane, flight, before, after, changing):  # out: lane
     """Changes a lane by a `Flight` and the event at the end of its phase.
 
     Args:
@@ -243,10 +269,11 @@ def phase_end_lane(lane, flight, before, after):  # out: lane
         flight: The `Flight`.
         before: The time derivative of the state before the event.
         after: The same after it.
+        changing: What changes.
     """
     ball, phase, _, numbers = flight
-    dt = _d_drive(ball, phase, numbers, ball_at(lane, 0), _changes(lane))[1][2]
-    flight_lane(lane, 0, flight)
+    dt = _d_drive(changing, (ball, phase, numbers, ball_at(lane, 0), _changes(lane)))[1][2]
+    flight_lane(lane, 0, flight, changing)
     change = _shifted(ball_at(lane, 0), before, dt)
     _note(lane, dt, change)
     put_ball(lane, 0, _shifted(change, after, -dt))
@@ -296,22 +323,8 @@ class Wall(NamedTuple):
 @inlined
 def wall_at(x, y, wall, radius, outline):
     """Returns the `Wall` with a number where a ball at (x, y) touches it."""
-    if outline is None:
-        sign = 1.0 if wall % 2 else -1.0
-        return Wall(sign, 0.0, 0.0) if wall < 2 else Wall(0.0, sign, 0.0)
-    return _outline_wall(x, y, wall, radius, outline)
-
-
-@kernel
-def _outline_wall(x, y, wall, radius, outline):
-    """Implements `wall_at` for an outline."""
-    lines, tips = outline.lines, outline.tips
-    if wall < len(lines):
-        return Wall(lines[wall, NX], lines[wall, NY], 0.0)
-    tip = tips[wall - len(lines)]
-    dx, dy = tip[TIP_X] - x, tip[TIP_Y] - y
-    distance = norm(dx, dy)
-    return Wall(dx / distance, dy / distance, 1.0 / (radius + tip[TIP_RADIUS]))
+    nx, ny = normal_at(x, y, wall, outline)
+    return Wall(nx, ny, curvature_at(wall, radius, outline))
 
 
 @inlined
@@ -340,7 +353,7 @@ def cushion_solution(ball, wall, radius, scene):
 
 
 @inlined
-def wall_lane(lane, wall, jump, cushion, numbers, solution):  # out: lane
+def wall_lane(lane, wall, jump, cushion, numbers, solution, changing):  # out: lane
     """Changes a lane by an impact on a cushion.
 
     Args:
@@ -350,6 +363,7 @@ def wall_lane(lane, wall, jump, cushion, numbers, solution):  # out: lane
         cushion: `SceneArrays.cushion`.
         numbers: The `LawNumbers`.
         solution: The result of `cushion_solution`.
+        changing: What changes.
     """
     nx, ny, ball, d_radius = wall.nx, wall.ny, jump.ball, lane[D_RADIUS]
     speed = nx * ball.vx + ny * ball.vy
@@ -358,13 +372,13 @@ def wall_lane(lane, wall, jump, cushion, numbers, solution):  # out: lane
     _note(lane, dt, change)
     turn = -wall.curvature * (nx * change.y - ny * change.x)  # at a tip the normal turns with the point of contact
     d_n = (-ny * turn, nx * turn)
-    at, d_at = (ball, (nx, ny), jump.radius), (change, d_n, d_radius)
-    change = _d_bounce(*at, cushion, numbers, solution, *d_at, _changes(lane))[1]
+    at = (ball, (nx, ny), jump.radius, cushion, numbers, solution, change, d_n, d_radius, _changes(lane))
+    change = _d_bounce(changing, at)[1]
     put_ball(lane, 0, _shifted(change, jump.after, -dt))
 
 
 @inlined
-def pair_lane(lane, one, two, are_spheres, ball_friction, numbers):  # out: lane
+def pair_lane(lane, one, two, are_spheres, ball_friction, numbers, changing):  # out: lane
     """Changes a lane by the impact of its two balls.
 
     Args:
@@ -374,24 +388,24 @@ def pair_lane(lane, one, two, are_spheres, ball_friction, numbers):  # out: lane
         are_spheres: Whether the balls are spheres.
         ball_friction: `SceneArrays.ball_friction`.
         numbers: The `LawNumbers`.
+        changing: What changes.
     """
     a, b, d_a, d_b = one.ball, two.ball, ball_at(lane, 0), ball_at(lane, BALL_WIDTH)
     bodies = (one.radius, two.radius, one.inv_mass, two.inv_mass)
     d_bodies = (lane[D_RADIUS], lane[D_RADIUS + 1], lane[D_INV_MASS], lane[D_INV_MASS + 1])
     dx, dy = b.x - a.x, b.y - a.y
     closing = dx * (b.vx - a.vx) + dy * (b.vy - a.vy)
-    late = d_distance_of(are_spheres, *bodies[:2], *d_bodies[:2])[1] * math.sqrt(dx * dx + dy * dy)
+    late = distance_change(lane, are_spheres, bodies, changing) * math.sqrt(dx * dx + dy * dy)
     late -= dx * (d_b.x - d_a.x) + dy * (d_b.y - d_a.y)
     dt = late * (1.0 / closing) if closing != 0.0 else 0.0
     d_a, d_b = _shifted(d_a, one.before, dt), _shifted(d_b, two.before, dt)
     _note(lane, dt, d_a)
-    d_a, d_b = _d_meet(ball_friction, are_spheres, a, b, bodies, numbers, d_a, d_b, d_bodies, _changes(lane))[1]
+    at = (ball_friction, are_spheres, a, b, bodies, numbers, d_a, d_b, d_bodies, _changes(lane))
+    d_a, d_b = _d_meet(changing, at)[1]
     put_ball(lane, 0, _shifted(d_a, one.after, -dt))
     put_ball(lane, BALL_WIDTH, _shifted(d_b, two.after, -dt))
 
 
-for _kernel in (impulse_gain, speed_gain, squirt, struck):
-    tangent_of(_kernel, constant=("cue",))
 _d_strike_by = tangent_of(strike_by, constant=("cue",))
 
 
@@ -417,7 +431,6 @@ def strike_jacobians(cue, parameters, jacobians, states):  # out: jacobians, sta
                 1.0 if j == TOP else 0.0,
                 1.0 if j == ELEVATION else 0.0,
             )
-            (vx, vy, wx, wy, wz, _), (d_vx, d_vy, d_wx, d_wy, d_wz, _) = _d_strike_by(cue, *at, *unit)
-            states[k, 0], states[k, 1], states[k, 2], states[k, 3], states[k, 4] = vx, vy, wx, wy, wz
-            jacobians[k, 0, j], jacobians[k, 1, j] = d_vx, d_vy
-            jacobians[k, 2, j], jacobians[k, 3, j], jacobians[k, 4, j] = d_wx, d_wy, d_wz
+            after, change = _d_strike_by(cue, *at, *unit)
+            for c in range(5):
+                states[k, c], jacobians[k, c, j] = after[:5][c], change[:5][c]

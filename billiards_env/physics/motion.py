@@ -65,6 +65,19 @@ def relative_to(path, x, y):
 
 
 @inlined
+def path_after(path, t):
+    """Returns the `Path` from t seconds later on."""
+    x, y, vx, vy, ax, ay = path
+    return Path(x + t * (vx + 0.5 * t * ax), y + t * (vy + 0.5 * t * ay), vx + t * ax, vy + t * ay, ax, ay)
+
+
+@inlined
+def difference(a, b):
+    """Returns the `Path` of one point relative to another."""
+    return Path(a.x - b.x, a.y - b.y, a.vx - b.vx, a.vy - b.vy, a.ax - b.ax, a.ay - b.ay)
+
+
+@inlined
 def place_after(path, t):
     """Returns the position (x, y) of a `Path` after t seconds, m."""
     return path.x + t * (path.vx + 0.5 * t * path.ax), path.y + t * (path.vy + 0.5 * t * path.ay)

@@ -54,4 +54,5 @@ def _d_known_end(end, *others):
     return end, 0.0  # the motion after the impact does not depend on this time in first order
 
 
-rule(rub, constant=("sign",))(tangent_of(rubbed, constant=("sign",)))
+for _constant in (("sign",), ("sign", "tilt")):
+    rule(rub, constant=_constant)(tangent_of(rubbed, constant=_constant))

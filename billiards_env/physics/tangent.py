@@ -3,7 +3,8 @@
 The tangent of `f(x, y) -> value` is `d_f(x, y, d_x, d_y) -> (value, d_value)`. The change `d_value` of the result
 belongs to the changes `d_x` and `d_y` of the arguments (forward mode, one direction; Griewank and Walther 2008, chapter
 3). A change of a tuple is a tuple, and that of a NamedTuple or of a record has the fields that the kernel reads.
-Arguments named in `constant` have no change. The tangent computes the value with the operations of the kernel.
+Arguments named in `constant` have no change. A call of another kernel leaves out the changes of what is constant there.
+The tangent computes the value with the operations of the kernel.
 
 A kernel may consist of:
 
@@ -28,20 +29,21 @@ import builtins
 import copy
 import functools
 import inspect
+import itertools
 import linecache
 import textwrap
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from typing import Any, NamedTuple, NoReturn
 
 from billiards_env.jit import inlined, kernel
 
 
-class _Entry(NamedTuple):
+class _Rule(NamedTuple):
     call: Callable[..., Any]
     constant: frozenset[str]
 
 
-_TANGENTS: dict[Any, _Entry] = {}  # by kernel
+_RULES: dict[Any, list[_Rule]] = {}  # by kernel
 
 
 class Tangent:
@@ -57,17 +59,20 @@ class Tangent:
         self.plain: Any = getattr(function, "py_func", function)
 
     @functools.cached_property
+    def _writer(self) -> _Writer:
+        return _Writer(self.plain, self.constant)
+
+    @property
     def source(self) -> str:
         """Its source."""
-        return _Writer(self.plain, self.constant).source
+        return self._writer.source
 
     @functools.cached_property
     def kernel(self) -> Any:
         """The compiled function."""
         source, file = self.source, f"<tangent of {self.plain.__module__}.{self.plain.__qualname__}>"
         linecache.cache[file] = len(source), None, source.splitlines(keepends=True), file  # for tracebacks
-        names = _names(self.plain) | {"__name__": self.plain.__module__}
-        names |= {f"d_{name}": _TANGENTS[value].call for name, value in names.items() if _is_kernel(value)}
+        names = _names(self.plain) | self._writer.tangents | {"__name__": self.plain.__module__}
         exec(compile(source, file, "exec"), names)
         options = getattr(self.function, "targetoptions", {})
         return (inlined if options.get("forceinline") else kernel)(names[f"d_{self.plain.__name__}"])
@@ -82,10 +87,10 @@ class Tangent:
 
 
 def rule(function: Callable[..., Any], *, constant: Collection[str] = ()) -> Callable[[Any], Any]:
-    """Returns a decorator that makes a kernel the tangent of `function`."""
+    """Returns a decorator that makes a kernel the tangent of `function`, if at least the arguments `constant` are."""
 
     def decorate(call: Any) -> Any:
-        _TANGENTS[function] = _Entry(call, frozenset(constant))
+        _RULES.setdefault(function, []).append(_Rule(call, frozenset(constant)))
         return call
 
     return decorate
@@ -100,17 +105,15 @@ def tangent_of(function: Callable[..., Any], *, constant: Collection[str] = ()) 
 
     Raises:
         SyntaxError: At the first compile, if the kernel contains something that has no tangent here.
-        ValueError: If the kernel already has a tangent with other constants.
     """
-    if function not in _TANGENTS:
-        rule(function, constant=constant)(Tangent(function, frozenset(constant)))
-    if constant and _TANGENTS[function].constant != frozenset(constant):
-        raise ValueError(f"constant = {sorted(constant)}: expected {sorted(_TANGENTS[function].constant)}, as before")
-    return _TANGENTS[function].call
+    return _tangent(function, frozenset(constant)).call
 
 
-def _is_kernel(value: Any) -> bool:
-    return callable(value) and value in _TANGENTS
+@functools.cache
+def _tangent(function: Any, constant: frozenset[str]) -> _Rule:
+    """Returns the rule of a kernel that leaves out the most of the changes of constants, or its tangent."""
+    rules = [rule for rule in _RULES.get(function, ()) if rule.constant <= constant]
+    return max(rules, key=lambda rule: len(rule.constant), default=_Rule(Tangent(function, constant), constant))
 
 
 def _names(plain: Any) -> dict[str, Any]:
@@ -125,6 +128,20 @@ def _is_plain(function: str) -> bool:
     return hasattr(builtins, function) or function.startswith("math.")
 
 
+def _names_in(target: Any) -> set[str]:
+    """Returns the names in the target of an assignment."""
+    return {part.id for part in ast.walk(target) if isinstance(part, ast.Name)} - {"_"}
+
+
+def _pairs(target: Any, value: Any) -> Iterator[tuple[Any, Any]]:
+    """Yields the parts of the target of an assignment with their values."""
+    if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple) and len(target.elts) == len(value.elts):
+        for one, other in zip(target.elts, value.elts, strict=True):
+            yield from _pairs(one, other)
+    else:
+        yield target, value
+
+
 class _Writer:
     """Writes the source of a tangent."""
 
@@ -132,6 +149,7 @@ class _Writer:
         lines, first = inspect.getsourcelines(plain)
         self.at = f"{plain.__code__.co_filename}:", first - 1
         self.globals, self.lines, self.depth, self.calls = _names(plain), [], 0, 0
+        self.tangents: dict[str, Any] = {}
         (definition,) = ast.parse(textwrap.dedent("".join(lines))).body
         if not isinstance(definition, ast.FunctionDef):
             self.refuse(definition)
@@ -160,10 +178,11 @@ class _Writer:
         """Returns the names that get a value that changes."""
         names: set[str] = set()
         for node in ast.walk(definition):
-            if isinstance(node, ast.Assign | ast.AugAssign) and self.changes(node.value):
+            if isinstance(node, ast.Assign | ast.AugAssign):
                 targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-                names |= {name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)}
-        return names - {"_"}
+                for part, value in itertools.chain(*(_pairs(target, node.value) for target in targets)):
+                    names |= _names_in(part) if self.changes(value) else set()
+        return names
 
     def changes(self, node: Any) -> bool:
         """Returns whether an expression changes."""
@@ -221,15 +240,23 @@ class _Writer:
                 self.refuse(node)
 
     def assign(self, target: Any, value: str, change: str | None, node: Any) -> None:
-        names = [name.id for name in ast.walk(target) if isinstance(name, ast.Name) and name.id != "_"]
+        names = _names_in(target)
         plain = all(isinstance(part, ast.Name | ast.Tuple | ast.Store) for part in ast.walk(target))
         if not plain or self.kept.intersection(names):
             self.refuse(target)
-        if not any(name in self.active for name in names):
+        if not names & self.active:
             self.write(f"{ast.unparse(target)} = {value}")
         else:
-            pattern = ast.unparse(target), ast.unparse(_renamed(target))
-            self.write(f"({pattern[0]}), ({pattern[1]}) = {value}, {change or self.zero(node)}")
+            zero = self.zero(target if isinstance(target, ast.Tuple) else node)
+            self.write(f"({ast.unparse(target)}), ({self.changed_part(target)}) = {value}, {change or zero}")
+
+    def changed_part(self, target: Any) -> str:
+        """Returns the target of an assignment for changes."""
+        if not _names_in(target) & self.active:
+            return "_"
+        if isinstance(target, ast.Tuple):
+            return f"({', '.join(map(self.changed_part, target.elts))})"
+        return f"d_{target.id}"
 
     # Expressions. -------------------------------------------------------------------------------------------------
 
@@ -328,19 +355,19 @@ class _Calls(ast.NodeTransformer):
             return node
         if called is None:
             writer.refuse(node)
-        tangent_of(called)
         names = inspect.signature(getattr(called, "py_func", called)).parameters
-        changing = [part for name, part in zip(names, node.args, strict=True) if name not in _TANGENTS[called].constant]
-        changes = [writer.change(part) or writer.zero(part) for part in changing]
-        result = f"_{writer.calls}"
+        parts = dict(zip(names, node.args, strict=True))
+        constant = frozenset(name for name, part in parts.items() if not writer.changes(part))
+        result, values = f"_{writer.calls}", ", ".join(map(ast.unparse, node.args))
         writer.calls += 1
-        writer.write(f"{result}, d_{result} = d_{function}({', '.join([*map(ast.unparse, node.args), *changes])})")
-        writer.active.add(result)
+        if len(constant) == len(parts):
+            writer.write(f"{result} = {function}({values})")
+        else:
+            tangent, d_function = _tangent(called, constant), f"d_{function}"
+            while writer.tangents.setdefault(d_function, tangent.call) is not tangent.call:
+                d_function += "_"
+            changing = [part for name, part in parts.items() if name not in tangent.constant]
+            changes = [writer.change(part) or writer.zero(part) for part in changing]
+            writer.write(f"{result}, d_{result} = {d_function}({', '.join([values, *changes])})")
+            writer.active.add(result)
         return ast.copy_location(ast.Name(result), node)
-
-
-def _renamed(target: Any) -> Any:
-    """Returns the target of an assignment for changes."""
-    if isinstance(target, ast.Tuple):
-        return ast.Tuple([_renamed(part) for part in target.elts])
-    return ast.Name("_" if target.id == "_" else f"d_{target.id}")

@@ -31,6 +31,12 @@ class Differentiable:
         """Returns results with a leading axis in the form of this object."""
         return found
 
+    def _find(self, method: str, *arguments: Any) -> Any:
+        """Returns the result of the function of `shots.gradients` with the name of a method."""
+        from billiards_env.shots import gradients
+
+        return self._of_each(getattr(gradients, method)(self._record(method), *arguments))
+
     def jvp(
         self,
         tangents: Mapping[str, ArrayLike],
@@ -67,9 +73,7 @@ class Differentiable:
             >>> shot.jvp({"velocities": [[0.0, 0.1]]}).tolist()
             [[0.0, 0.1]]
         """
-        from billiards_env.shots import gradients
-
-        return self._of_each(gradients.jvp(self._record("jvp"), tangents, of, t, strike, threads))
+        return self._find("jvp", tangents, of, t, strike, threads)
 
     def vjp(
         self,
@@ -101,9 +105,7 @@ class Differentiable:
             >>> shot.vjp({"positions": [[3.0, 4.0]]}, by=("velocities", "mass"))
             {'velocities': array([[3., 4.]]), 'mass': array([0.])}
         """
-        from billiards_env.shots import gradients
-
-        return self._of_each(gradients.vjp(self._record("vjp"), cotangents, by, t, strike, threads))
+        return self._find("vjp", cotangents, by, t, strike, threads)
 
     def jacobian(
         self,
@@ -132,9 +134,7 @@ class Differentiable:
             >>> shot.jacobian()[0, :, 0].tolist()
             [[1.0, 0.0], [0.0, 1.0]]
         """
-        from billiards_env.shots import gradients
-
-        return self._of_each(gradients.jacobian(self._record("jacobian"), of, by, t, strike, threads))
+        return self._find("jacobian", of, by, t, strike, threads)
 
     def nonsmooth(self, t: ArrayLike | None = None, threads: int | None = None) -> Nonsmooth:
         """Returns the first event at which the shot has no derivative, with the reason, see `gradients.Nonsmooth`.
@@ -146,9 +146,7 @@ class Differentiable:
         Raises:
             ValueError: If the shot was not recorded or not run by "pic", or t is negative or not finite.
         """
-        from billiards_env.shots import gradients
-
-        return self._of_each(gradients.nonsmooth(self._record("nonsmooth"), t, threads))
+        return self._find("nonsmooth", t, threads)
 
     def certain(self) -> Certain:
         """Returns the number of certain events and whether the outcome is certain, see `gradients.Certain`.
@@ -162,9 +160,7 @@ class Differentiable:
             >>> shot.certain().outcome
             True
         """
-        from billiards_env.shots import gradients
-
-        return self._of_each(gradients.certain(self._record("certain")))
+        return self._find("certain")
 
     def margins(self, t: ArrayLike | None = None, threads: int | None = None) -> Margins:
         """Returns the signed distances to changes of outcome: of balls to balls, to pockets and to cushions.
@@ -186,6 +182,4 @@ class Differentiable:
             >>> round(float(shot.margins().balls[0, 1]), 6)
             -0.003
         """
-        from billiards_env.shots import gradients
-
-        return self._of_each(gradients.margins(self._record("margins"), t, threads))
+        return self._find("margins", t, threads)

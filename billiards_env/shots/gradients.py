@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType, SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -36,7 +36,7 @@ from billiards_env.engine.log import BALL_POCKET, KIND, SEGMENT_ROW, TIME
 from billiards_env.engine.margins import push_margins
 from billiards_env.engine.nonsmooth import OVERFLOWS, REASONS, ROUNDING, find_nonsmooth
 from billiards_env.engine.threads import parallel_for
-from billiards_env.physics.derivatives import BALL_WIDTH
+from billiards_env.physics.derivatives import ALSO_CONSTANTS, BALL_WIDTH, ONLY_STATES
 from billiards_env.physics.state import LAW_NUMBERS, UX, UY, VX, VY, WZ, X, Y
 from billiards_env.scene import PARAMETERS, Physics, Scene, law_numbers
 from billiards_env.shots.strikes import strike_derivatives
@@ -228,7 +228,7 @@ class _Inputs(NamedTuple):
         return (self.scene.n_balls, *width)
 
     def push(self, name: str, change: Floats, inputs: Floats) -> None:
-        """Adds the changes by an input, (m, k, ...), to those of the engine's inputs, (m, k, 9 n + NUMBER_INPUTS)."""
+        """Adds the changes by an input, (m, k, ...), to those of the result of `_zeros`."""
         n = self.scene.n_balls
         balls = inputs[..., : BALL_INPUTS * n].reshape(*inputs.shape[:2], n, BALL_INPUTS)  # a view
         if name == "strike":
@@ -240,7 +240,7 @@ class _Inputs(NamedTuple):
             balls[..., _BALL_INPUTS[name]] += change * self.by_mass() if name == "mass" else change
 
     def pull(self, name: str, adjoint: Floats) -> Floats:
-        """Returns the adjoint of an input, (m, k, ...), from that of the engine's, (m, k, 9 n + NUMBER_INPUTS)."""
+        """Returns the adjoint of an input, (m, k, ...), from those of the engine's inputs, see `_zeros`."""
         n = self.scene.n_balls
         balls = adjoint[..., : BALL_INPUTS * n].reshape(*adjoint.shape[:2], n, BALL_INPUTS)
         if name == "strike":
@@ -289,6 +289,27 @@ def start_states(record: Record) -> Floats:
     return states
 
 
+_STATES = frozenset(("positions", "velocities", "spins", "strike"))
+
+
+def _zeros(record: Record, k: int, by: Iterable[str] = _STATES) -> Floats:
+    """Returns zeros for k changes of the inputs of the engine, (m, k, 9 n); + NUMBER_INPUTS if constants change.
+
+    `by` are the names of the inputs that change.
+    """
+    width = BALL_INPUTS * record.scene.n_balls + (0 if _STATES.issuperset(by) else NUMBER_INPUTS)
+    return np.zeros((len(record.time), k, width))
+
+
+def _unit_starts(record: Record, sizes: Floats) -> Floats:
+    """Returns the changes of the 7 numbers of the start of each ball by their sizes (7,), (m, 7 n, 9 n)."""
+    n = record.scene.n_balls
+    inputs = _zeros(record, 7 * n)
+    for i in range(n):
+        inputs[:, 7 * i : 7 * i + 7, BALL_INPUTS * i : BALL_INPUTS * i + 7] = np.diag(sizes)
+    return inputs
+
+
 def _times(record: Record, t: ArrayLike | None) -> Floats:
     """Returns the times (m,) of the outputs."""
     if t is None:
@@ -317,10 +338,20 @@ def _output_shape(record: Record, name: str) -> tuple[int, ...]:
     return (_most_events(record, (name,)) if name in _EVENT_OUTPUTS else record.scene.n_balls, *width)
 
 
-def _for_all(record: Record, run: Callable[..., Any], threads: int | None, *arrays: Any) -> None:
-    """Calls `push_lanes` or `pull_lanes` on pieces of the shots; `arrays` are its last arguments."""
+def _for_all(record: Record, run: Callable[..., Any], threads: int | None, inputs: Floats | None, *arrays: Any) -> None:
+    """Calls `push_lanes` or a similar function on pieces of the shots.
+
+    Args:
+        record: The record.
+        run: The function.
+        threads: Number of threads.
+        inputs: Its changes of the inputs, see `_zeros`; None if it has none.
+        *arrays: Its arguments after the shots.
+    """
     scene = record.scene
     fields, is_sphere = varied_fields(scene, PIC, record.varied, len(record.time)), scene.balls.shape == "sphere"
+    constants = inputs is not None and inputs.shape[-1] > BALL_INPUTS * scene.n_balls
+    changing = ALSO_CONSTANTS if constants else ONLY_STATES
     begins = [part.begin for part in record.parts]
 
     def work(begin: int, end: int) -> None:
@@ -328,7 +359,7 @@ def _for_all(record: Record, run: Callable[..., Any], threads: int | None, *arra
         while begin < end:
             part = record.parts[k]
             until = min(end, part.end)
-            shots = part.begin, fields, is_sphere, part.events, part.segments, part.bounds
+            shots = part.begin, part.bounds, part.events, part.segments, fields, changing, is_sphere
             run(begin, until, shots, *arrays)
             begin, k = until, k + 1
 
@@ -340,18 +371,8 @@ def _push(record: Record, times: Floats, inputs: Floats, most: int, threads: int
     m, k = inputs.shape[:2]
     outputs = np.empty((m, times.shape[1], k, record.scene.n_balls, BALL_WIDTH))
     results = outputs, np.empty((m, k, most, 3))
-    _for_all(record, push_lanes, threads, times, inputs, results)
+    _for_all(record, push_lanes, threads, inputs, times, inputs, results)
     return results
-
-
-def _pull(
-    record: Record, times: Floats, outputs: Floats, at_events: Floats, constants: bool, threads: int | None
-) -> Floats:
-    """Calls `pull_lanes`. Returns its result."""
-    m, k, n = outputs.shape[:3]
-    inputs = np.empty((m, k, BALL_INPUTS * n + NUMBER_INPUTS))
-    _for_all(record, pull_lanes, threads, times, outputs, at_events, constants, inputs)
-    return inputs
 
 
 def margin_columns(scene: Scene) -> dict[str, slice]:
@@ -377,7 +398,7 @@ def _push_margins(
     """Calls `push_margins`. Returns its outputs."""
     shape = (len(times), *selected.shape)
     results = np.empty(shape), np.empty(shape), np.empty((*inputs.shape[:2], *selected.shape))
-    _for_all(record, push_margins, threads, times, inputs, selected, results)
+    _for_all(record, push_margins, threads, inputs, times, inputs, selected, results)
     return results
 
 
@@ -402,22 +423,22 @@ def _by_columns(
     """Returns the Jacobians (m, k, ...) of outputs by name, with respect to the k numbers of an input."""
     m, shape = len(record.time), known.shape(by)
     k = math.prod(shape)
-    inputs = np.zeros((m, k, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
+    inputs = _zeros(record, k, (by,))
     known.push(by, np.broadcast_to(np.eye(k).reshape(k, *shape), (m, k, *shape)), inputs)
     return _forwards(record, names, inputs, times, threads)
 
 
 def margins(record: Record, t: ArrayLike | None, threads: int | None) -> Margins:
     """Implements `BatchResult.margins`."""
-    nothing = np.empty((len(record.time), 0, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
-    *arrays, _ = _push_margins(record, _times(record, t), nothing, _selected(record.scene, MARGINS), threads)
+    selected = _selected(record.scene, MARGINS)
+    *arrays, _ = _push_margins(record, _times(record, t), _zeros(record, 0), selected, threads)
     columns_of = margin_columns(record.scene).values()
     return Margins(*(array[..., column] for array in arrays for column in columns_of))
 
 
 def _cue_ball_inputs(record: Record) -> Floats:
-    """Returns unit changes (m, 2, 9 n + NUMBER_INPUTS) of the velocity of the cue ball."""
-    inputs = np.zeros((len(record.time), 2, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
+    """Returns unit changes (m, 2, 9 n) of the velocity of the cue ball."""
+    inputs = _zeros(record, 2)
     inputs[:, [0, 1], [2, 3]] = 1.0
     return inputs
 
@@ -483,7 +504,7 @@ def jvp(
     known, m, names = _inputs(record, strike), len(record.time), _names("of", of)
     if not isinstance(tangents, Mapping) or not tangents:
         raise ValueError(f"tangents = {short(tangents)}: expected a mapping from names of inputs to arrays")
-    inputs = np.zeros((m, 1, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
+    inputs = _zeros(record, 1, tangents)
     for name, value in tangents.items():
         change = _given("tangents", name, value, m, known.shape(name))
         known.push(name, change[:, None], inputs)
@@ -534,8 +555,9 @@ def _pull_of(
     at_events = np.zeros((m, k, _most_events(record, tuple(given)), 3))
     for name, value in given.items():
         _chosen(name, outputs, at_events)[...] = value
-    constants = bool(set(by) - {"positions", "velocities", "spins", "strike"})
-    return _pull(record, times, outputs, at_events, constants, threads)
+    inputs = _zeros(record, k, by)
+    _for_all(record, pull_lanes, threads, inputs, times, outputs, at_events, inputs)
+    return inputs
 
 
 def jacobian(
@@ -562,12 +584,12 @@ _FEW = 16  # events, after which no derivative is `_HUGE`: an impact that does n
 def nonsmooth(record: Record, t: ArrayLike | None, threads: int | None) -> Nonsmooth:
     """Implements `BatchResult.nonsmooth`."""
     found, times = np.empty((len(record.time), 2), np.int64), _times(record, t)
-    _for_all(record, find_nonsmooth, threads, times, np.array([ROUNDING]), found)
+    _for_all(record, find_nonsmooth, threads, None, times, np.array([ROUNDING]), found)
     most = _most_events(record, ("event_times",))
     if most > _FEW and (found[:, 1] < 0).any():
-        n = BALL_INPUTS * record.scene.n_balls
-        inputs = np.zeros((len(found), 1, n + NUMBER_INPUTS))
-        inputs[..., :n] = np.cos(np.arange(n))  # a change without a symmetry
+        inputs = _zeros(record, 1)
+        inputs[:] = np.cos(np.arange(inputs.shape[2]))  # a change without a symmetry
+        inputs.reshape(-1, BALL_INPUTS)[:, 7:] = 0.0  # of states alone
         outputs, at_events = _push(record, times[:, None], inputs, most, threads)
         huge = ~(np.abs(at_events[:, 0]).max(axis=2) <= _HUGE)
         ends = ~(np.abs(outputs).max(axis=(1, 2, 3, 4)) <= _HUGE)
@@ -592,7 +614,7 @@ def certain(record: Record) -> Certain:
         events = part.events[part.bounds[0, 0] : part.bounds[1, 0]]
         within = _error_bounds(shot, events)
         alone = shot._replace(parts=[part._replace(events=events, bounds=part.bounds - [[part.bounds[0, 0], 0]])])
-        _for_all(alone, find_nonsmooth, 1, shot.time, within, found)
+        _for_all(alone, find_nonsmooth, 1, None, shot.time, within, found)
         impacts = np.flatnonzero(events[:, KIND] <= BALL_POCKET)
         unordered = np.diff(events[impacts, TIME]) <= within[impacts[1:], 1]
         first = min([len(events), *impacts[:-1][unordered][:1]])
@@ -606,13 +628,10 @@ def _error_bounds(record: Record, events: Floats) -> Floats:
 
     The result is (l + 1, 2) float64, for the l events of one shot.
     """
-    n, states, radius = record.scene.n_balls, start_states(record)[0], min(record.scene.balls.radius)
+    states, radius = start_states(record)[0], min(record.scene.balls.radius)
     speed = max(np.abs(states[:, 2:4]).max(), radius * np.abs(states[:, 4:]).max())
     sizes = np.array([max(record.scene.half_extents)] * 2 + [speed] * 2 + [speed / radius] * 3)
-    inputs = np.zeros((1, n, 7, n * BALL_INPUTS + NUMBER_INPUTS))
-    for i in range(n):
-        inputs[0, i, :, BALL_INPUTS * i : BALL_INPUTS * i + 7] = np.diag(sizes)
-    inputs = inputs.reshape(1, 7 * n, -1)
+    inputs = _unit_starts(record, sizes)
     at = np.append(events[:, TIME], record.time)
     times, lengths, at_events = np.sort(np.append(np.nextafter(at, 0.0), at)), [], inputs
     for block in np.split(times, range(_TIMES, len(times), _TIMES)):
@@ -659,10 +678,7 @@ def _ball_jacobians(record: Record, times: Floats) -> Floats:
     They are (q, n, 2, n, 7) float64, with respect to (x, y, vx, vy, wx, wy, wz).
     """
     n = record.scene.n_balls
-    inputs = np.zeros((1, n, 7, n * BALL_INPUTS + NUMBER_INPUTS))
-    for i in range(n):
-        inputs[0, i, :, BALL_INPUTS * i : BALL_INPUTS * i + 7] = np.eye(7)
-    outputs, _ = _push(record, times[None], inputs.reshape(1, 7 * n, -1), 0, 1)
+    outputs, _ = _push(record, times[None], _unit_starts(record, np.ones(7)), 0, 1)
     return np.moveaxis(outputs[0, ..., :2], 1, 3).reshape(len(times), n, 2, n, 7)
 
 
@@ -685,7 +701,7 @@ def start_jacobians(record: Record, times: Floats, names: Sequence[str], threads
     (m, q), n = times.shape, record.scene.n_balls
     known = physics_inputs(record.scene.physics) if names else {}
     start = [BALL_INPUTS * i + axis for i in range(n) for axis in (0, 1)] + [2, 3, 4, 5, 6]
-    lanes = np.zeros((len(start) + len(names), BALL_INPUTS * n + NUMBER_INPUTS))
+    lanes = np.zeros((len(start) + len(names), BALL_INPUTS * n + (NUMBER_INPUTS if names else 0)))
     lanes[np.arange(len(start)), start] = 1.0
     for lane, name in zip(lanes[len(start) :], names, strict=True):
         lane[BALL_INPUTS * n :] = known[name]

@@ -12,23 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import numbers, short
 from billiards_env.engine.compile import Engine
-from billiards_env.engine.log import (
-    BALL,
-    EVENT_X,
-    EVENT_Y,
-    KIND,
-    KINDS,
-    N_EVENTS_LOGGED,
-    N_SEGMENTS_LOGGED,
-    OTHER,
-    RULE,
-    SEGMENT_BALL,
-    SEGMENT_PHASE,
-    SEGMENT_ROW,
-    SPEED,
-    TIME,
-    Log,
-)
+from billiards_env.engine.log import Log, named_events
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.scene import Scene
@@ -43,21 +27,6 @@ Floats = NDArray[np.float64]
 
 LONGEST_SHOWN = 20_000
 """Largest number of pieces in the trajectory of a shot that a notebook displays: a few megabytes."""
-
-EVENT_DTYPE = np.dtype(
-    [
-        ("time", "f8"),
-        ("kind", f"U{max(map(len, KINDS))}"),
-        ("ball", "i4"),
-        ("other", "i4"),
-        ("x", "f8"),
-        ("y", "f8"),
-        ("speed", "f8"),
-        ("rule", "?"),
-    ]
-)
-
-_COLUMNS = {"time": TIME, "ball": BALL, "other": OTHER, "x": EVENT_X, "y": EVENT_Y, "speed": SPEED, "rule": RULE}
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -205,9 +174,8 @@ class ShotResult(Differentiable):
 
         if self.trajectory is None or self.scene is None or self._log is None:
             raise ValueError(f"shot.{method}: expected a shot of simulate(..., record=True) by PIC")
-        ball, phase, rows = self.trajectory
-        segments: Floats = np.column_stack((ball, phase, rows)).astype(np.float64)
-        bounds = np.array([(0, 0), (len(self._log), len(rows))])
+        segments: Floats = np.column_stack(self.trajectory).astype(np.float64)
+        bounds = np.array([(0, 0), (len(self._log), len(segments))])
         return Record(self.scene, np.array([self.time]), [Part(0, 1, self._log, segments, bounds)])
 
     def plot(self, ax: Axes | None = None, compare: ShotResult | None = None) -> Axes:
@@ -335,19 +303,10 @@ def _recording(shot: ShotResult | None, method: str) -> Recording | None:
 
 def read_log(log: Log, scene: Scene, engine: Engine) -> dict[str, Any]:
     """Returns the fields of a `ShotResult` that only a recorded shot has."""
-    rows, segments = log.events[: log.used[N_EVENTS_LOGGED]], log.segments[: log.used[N_SEGMENTS_LOGGED]]
-    events = np.empty(len(rows), EVENT_DTYPE)
-    events["kind"] = np.array(KINDS)[rows[:, KIND].astype(np.intp)]
-    for name, column in _COLUMNS.items():
-        events[name] = rows[:, column]
-    trajectory = Trajectory(
-        segments[:, SEGMENT_BALL].astype(np.intp),
-        segments[:, SEGMENT_PHASE].astype(np.intp),
-        segments[:, SEGMENT_ROW:].copy(),
-    )
+    rows, segments = log.events[: log.used[0]], log.segments[: log.used[1]]
     return {
-        "events": events,
-        "trajectory": trajectory,
+        "events": named_events(rows),
+        "trajectory": Trajectory.of(segments),
         "scene": scene,
         "engine": str(engine),
         "_log": rows.copy() if engine.mode == "pic" else None,

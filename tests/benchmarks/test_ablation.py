@@ -15,6 +15,7 @@ UNUSED = (
     "drawing",
     "engine.gradients",
     "engine.margins",
+    "engine.passing",
     "envs.plans",
     "games.batch",
     "games.billiards_v0",

@@ -91,7 +91,7 @@ def test_a_plastic_full_hit_is_not_repeated():
     scene = ideal(0.2, 0.3, e_ball=0.0)
     for angle in np.random.default_rng(0).uniform(0.0, 2 * math.pi, 20):
         along = np.array([math.cos(angle), math.sin(angle)])
-        shot = simulate(scene, [-0.3 * along, [0.0, 0.0]], 2 * along, max_time=1.0)
+        shot = simulate(scene, np.stack((-0.3 * along, 0.0 * along)), 2 * along, max_time=1.0)
         assert shot.n_events <= 2
 
 

@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 
 from billiards_env import Scene
+from billiards_env.engine.log import EVENT_DTYPE
 from billiards_env.games import CALLS, GAMES, IN_HAND, NO_CALL, Call, Setup, referee, to_dict
 from billiards_env.games.facts import facts_of, pots_of
 from billiards_env.games.game import History, Stroke, custom_opening, opening, play
 from billiards_env.games.state import CALL, FACTS, STATE, Called, changed, row, set_of
-from billiards_env.shots.result import EVENT_DTYPE
 
 
 def setup(rules, balls=None, **kwargs):

@@ -23,7 +23,7 @@ POOL_R = 0.028575
 
 def impact(before, radius, rebound, scene):
     """Returns the motion after an impact on the cushions of a scene, and whether `rebound` raised it."""
-    return cushions.impact(scene.cushion, (before, radius, rebound, scene.numbers, None))
+    return cushions.impact(scene.cushion, before, (radius, rebound, scene.numbers, None))
 
 
 def pool_cushion(law, height=1.28, radius=POOL_R, **physics):

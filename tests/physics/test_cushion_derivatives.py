@@ -35,7 +35,7 @@ def scene_with(cushion, **physics):
 def rebound(motion, radius, scene):
     """Returns the motion (5,) after an impact."""
     arrays = scene_arrays(scene)
-    return np.array(impact(arrays.cushion, (CushionMotion(*motion), radius, 0.0, arrays.numbers, None))[0])
+    return np.array(impact(arrays.cushion, CushionMotion(*motion), (radius, 0.0, arrays.numbers, None))[0])
 
 
 def differences(motion, scene, step):
@@ -66,8 +66,8 @@ def derivative(motion, scene):
     numbers, zeros = law_numbers_of(arrays.numbers), LawNumbers(*np.zeros(len(LawNumbers._fields)))
     for unit in np.eye(6 + len(CONSTANTS)):
         change = zeros._replace(**dict(zip(CONSTANTS, unit[6:], strict=True)))
-        at, d_at = (before, RADIUS, 0.0, numbers, solution), (CushionMotion(*unit[:5]), unit[5], 0.0, change, 0.0)
-        columns.append(d_impact(arrays.cushion, at, d_at)[1][0])
+        at, d_at = (before, (RADIUS, 0.0, numbers, solution)), (CushionMotion(*unit[:5]), (unit[5], 0.0, change, 0.0))
+        columns.append(d_impact(arrays.cushion, *at, *d_at)[1][0])
     return np.array(columns).T
 
 

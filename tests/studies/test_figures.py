@@ -35,7 +35,7 @@ def test_pictures_are_small_and_reproducible(tmp_path, monkeypatch):
         assert len(content) < (1_500_000 if name == "shot.gif" else 200_000)
     with GifImageFile(tmp_path / "one" / "shot.gif") as film:
         assert film.n_frames > 100
-        assert max(film.convert("RGB").getpixel((1, 1))) < 64  # the front page may be dark
+        assert np.asarray(film.convert("RGB"))[1, 1].max() < 64  # the front page may be dark
 
 
 @pytest.mark.parametrize("count", [1, 5, 7])

@@ -73,6 +73,36 @@ class Outline(NamedTuple):
     ends: Any
 
 
+class Circle(NamedTuple):
+    """A circle that the centre of a ball may enter.
+
+    Attributes:
+        path: The `Path` of the ball relative to its centre.
+        reach: Its radius, m.
+        tip: The row of `Outline.tips`; None for a ball or a pocket.
+    """
+
+    path: Any
+    reach: Any
+    tip: Any
+
+
+class Side(NamedTuple):
+    """A straight cushion.
+
+    Attributes:
+        nx: Unit normal into the cushion along x.
+        ny: The same along y.
+        room: Largest coordinate of the ball along the normal, m.
+        line: The row of `Outline.lines`; None for a side of a rectangle.
+    """
+
+    nx: Any
+    ny: Any
+    room: Any
+    line: Any
+
+
 def outline_arrays(
     corners: Sequence[Corner], half_length: float, half_width: float, pockets: Sequence[Sequence[float]] = ()
 ) -> Outline:
@@ -243,7 +273,7 @@ def any_wall_time(path, radius, end, outline):
             first, number, end = t, k, t
     swept, noise = sweep(path, end), NOISE * norm(path.vx, path.vy)
     for k in range(len(tips)):
-        from_tip, reach = relative_to(path, tips[k, TIP_X], tips[k, TIP_Y]), tips[k, TIP_RADIUS] + radius
+        from_tip, reach, _ = tip_circle(path, tips[k], radius)
         if misses_circle(from_tip, swept, reach):
             continue
         t = circle_time(from_tip, reach, end, noise)
@@ -260,6 +290,55 @@ def faces(tip, x, y):
     """Returns whether the arc of a tip is the part of its circle that is nearest to a point."""
     dx, dy = x - tip[TIP_X], y - tip[TIP_Y]
     return dx * tip[BEGIN_TX] + dy * tip[BEGIN_TY] >= -JOINT and dx * tip[END_TX] + dy * tip[END_TY] <= JOINT
+
+
+@inlined
+def tip_circle(path, tip, radius):
+    """Returns the `Circle` of a tip for a ball with a `Path` and a radius, m."""
+    return Circle(relative_to(path, tip[TIP_X], tip[TIP_Y]), tip[TIP_RADIUS] + radius, tip)
+
+
+@inlined
+def is_on_arc(tip, x, y):
+    """Returns whether the arc of a tip is the part of its circle that is nearest to (x, y), relative to its centre."""
+    if tip is None:
+        return True
+    return faces(tip, tip[TIP_X] + x, tip[TIP_Y] + y)
+
+
+@inlined
+def rectangle_side(wall, radius, numbers):
+    """Returns the `Side` of a cushion of a rectangle for a ball with a radius, m."""
+    nx, ny = normal_at(0.0, 0.0, wall, None)
+    return Side(nx, ny, (numbers.half_length if wall < 2 else numbers.half_width) - radius, None)
+
+
+@inlined
+def line_side(line, radius):
+    """Returns the `Side` of a row of `Outline.lines` for a ball with a radius, m."""
+    return Side(line[NX], line[NY], line[NX] * line[LINE_X] + line[NY] * line[LINE_Y] - radius, line)
+
+
+@inlined
+def is_beside(line, x, y):
+    """Returns whether the point of a straight cushion that is nearest to a ball lies between its ends."""
+    if line is None:
+        return True
+    return abs(line[TX] * (x - line[LINE_X]) + line[TY] * (y - line[LINE_Y])) <= line[HALF_LINE] + JOINT
+
+
+@inlined
+def is_at_joint(outline, wall, x, y, gap):
+    """Returns whether a ball at (x, y) touches a cushion where its curvature changes, up to a gap, m."""
+    if outline is None:
+        return False
+    near = 2.0 * JOINT + gap
+    if wall < len(outline.lines):
+        line = outline.lines[wall]
+        return abs(abs(line[TX] * (x - line[LINE_X]) + line[TY] * (y - line[LINE_Y])) - line[HALF_LINE]) <= near
+    tip = outline.tips[wall - len(outline.lines)]
+    dx, dy = x - tip[TIP_X], y - tip[TIP_Y]
+    return abs(dx * tip[BEGIN_TX] + dy * tip[BEGIN_TY]) <= near or abs(dx * tip[END_TX] + dy * tip[END_TY]) <= near
 
 
 @inlined
@@ -291,17 +370,32 @@ def _segment_time(path, radius, end, line):
 
 
 @inlined
-def wall_normal(state, i, wall, outline):
-    """Returns the unit normal of a cushion at ball i, which points into the cushion."""
+def normal_at(x, y, wall, outline):
+    """Returns the unit normal of a cushion at a ball at (x, y), m, which points into the cushion."""
     if outline is None:
         sign = 1.0 if wall % 2 else -1.0
         return (sign, 0.0) if wall < 2 else (0.0, sign)
-    return _outline_normal(state.rows[i, X], state.rows[i, Y], wall, outline)
+    return _outline_normal(x, y, wall, outline)
+
+
+@inlined
+def wall_normal(state, i, wall, outline):
+    """Returns the same at ball i."""
+    return normal_at(state.rows[i, X], state.rows[i, Y], wall, outline)
+
+
+@inlined
+def curvature_at(wall, radius, outline):
+    """Returns the curvature of the line of the centres of balls that touch a cushion, 1/m; 0 for a straight one."""
+    if outline is None:
+        return 0.0
+    tip = wall - len(outline.lines)
+    return 0.0 if tip < 0 else 1.0 / (radius + outline.tips[tip, TIP_RADIUS])
 
 
 @kernel
 def _outline_normal(x, y, wall, outline):
-    """Implements `wall_normal` for an outline and a ball at (x, y), m."""
+    """Implements `normal_at` for an outline."""
     lines, tips = outline.lines, outline.tips
     if wall < len(lines):
         return lines[wall, NX], lines[wall, NY]
@@ -404,37 +498,24 @@ def _walls_around(path, dx, dy, wall, radius, outline):
 
 
 @inlined
-def _touches_line(x, y, line, radius):
-    """Returns whether a ball at (x, y), m, is nearer to a straight cushion than `CONTACT_GAP`."""
-    dx, dy = x - line[LINE_X], y - line[LINE_Y]
-    gap = -(line[NX] * dx + line[NY] * dy) - radius
-    return gap <= CONTACT_GAP and gap > -radius and abs(line[TX] * dx + line[TY] * dy) <= line[HALF_LINE] + JOINT
-
-
-@inlined
-def _touches_tip(x, y, tip, radius):
-    """Returns the same for a tip."""
+def _touches(x, y, wall, radius, outline):
+    """Returns whether a ball at (x, y), m, is nearer to a piece of an outline than `CONTACT_GAP`."""
+    if wall < len(outline.lines):
+        line = outline.lines[wall]
+        dx, dy = x - line[LINE_X], y - line[LINE_Y]
+        gap = -(line[NX] * dx + line[NY] * dy) - radius
+        return gap <= CONTACT_GAP and gap > -radius and abs(line[TX] * dx + line[TY] * dy) <= line[HALF_LINE] + JOINT
+    tip = outline.tips[wall - len(outline.lines)]
     dx, dy, reach = tip[TIP_X] - x, tip[TIP_Y] - y, tip[TIP_RADIUS] + radius + CONTACT_GAP
     return dx * dx + dy * dy <= reach * reach and faces(tip, x, y)
 
 
 @inlined
-def _touches(x, y, wall, radius, outline):
-    """Returns the same for a piece of an outline."""
-    lines = outline.lines
-    if wall < len(lines):
-        return _touches_line(x, y, lines[wall], radius)
-    return _touches_tip(x, y, outline.tips[wall - len(lines)], radius)
-
-
-@inlined
 def _touches_another(x, y, wall, radius, outline):
     """Returns whether a ball that touches `wall` touches another piece of an outline."""
-    lines, tips, found = outline.lines, outline.tips, False
-    for k in range(len(lines)):
-        found = found or (_touches_line(x, y, lines[k], radius) and k != wall)
-    for k in range(len(tips)):
-        found = found or (_touches_tip(x, y, tips[k], radius) and len(lines) + k != wall)
+    found = False
+    for k in range(len(outline.lines) + len(outline.tips)):
+        found = found or (k != wall and _touches(x, y, k, radius, outline))
     return found
 
 
@@ -463,8 +544,7 @@ def is_side(wall, side, outline):
     """Returns whether a cushion is straight and has the normal of cushion `side` of a rectangle."""
     if outline is None:
         return wall == side
-    sign, lines = 1.0 if side % 2 else -1.0, outline.lines
-    nx, ny = (sign, 0.0) if side < 2 else (0.0, sign)
+    (nx, ny), lines = normal_at(0.0, 0.0, side, None), outline.lines
     return wall < len(lines) and lines[wall, NX] == nx and lines[wall, NY] == ny
 
 

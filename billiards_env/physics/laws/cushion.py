@@ -44,26 +44,15 @@ class CushionMotion(NamedTuple):
 
 
 class Nose(NamedTuple):
-    """The contact of a ball with the nose of a cushion.
-
-    The nose touches the ball at the height h. The contact is at the angle theta above the ball's centre. The slip is
-    the velocity of the cushion relative to the ball, and friction on the ball acts along it.
+    """The place where the nose of a cushion touches a ball, at the angle theta above the ball's centre.
 
     Attributes:
-        sin: sin(theta) = h / R - 1.
+        sin: sin(theta) = h / R - 1, for a nose at the height h.
         cos: cos(theta).
-        sx: Slip along the tangent that points up, m/s.
-        sy: Slip along t, m/s.
-        rwn: Spin about n times the radius, m/s.
-        rwt: Spin about t times the radius, m/s.
     """
 
     sin: Any
     cos: Any
-    sx: Any
-    sy: Any
-    rwn: Any
-    rwt: Any
 
 
 @inlined
@@ -78,14 +67,26 @@ def cushion_restitution(speed, numbers):
 
 
 @inlined
-def nose_of(before, radius, numbers):
-    """Returns the `Nose` of a cushion for a ball with the `CushionMotion` `before`."""
-    vn, vt, un, ut, rwz = before
+def nose_of(radius, numbers):
+    """Returns the `Nose` of a cushion for a ball with a radius, m."""
     sin = numbers.cushion_height / radius - 1.0
-    cos = math.sqrt(1.0 - sin * sin)
-    # Spin in terms of slip: R omega_t = vn - un, R omega_n = ut - vt.
-    rwt, rwn = vn - un, ut - vt
-    return Nose(sin, cos, vn * sin + rwt, -vt - rwz * cos + rwn * sin, rwn, rwt)
+    return Nose(sin, math.sqrt(1.0 - sin * sin))
+
+
+@inlined
+def spins_of(motion):
+    """Returns the spins of a `CushionMotion` about n and about t, times the radius, m/s."""
+    return motion.ut - motion.vt, motion.vn - motion.un
+
+
+@inlined
+def slip_at(motion, nose):
+    """Returns the slip (sx, sy) of a `CushionMotion` at a `Nose`: along the tangent that points up, and along t, m/s.
+
+    It is the velocity of the cushion relative to the ball, and friction on the ball acts along it.
+    """
+    rwn, rwt = spins_of(motion)
+    return motion.vn * nose.sin + rwt, -motion.vt - motion.rwz * nose.cos + rwn * nose.sin
 
 
 @inlined
@@ -94,9 +95,9 @@ def leave(before, nose, vn, px, pxe, pye, pze):
 
     The impulses per mass are px (horizontal, into the cushion), the friction pxe (up) and pye (along t), pze (normal).
     """
-    sin, cos = nose.sin, nose.cos
+    (sin, cos), (rwn, rwt) = nose, spins_of(before)
     pz = pxe * cos - pze * sin
     vt = before.vt + pye
-    rwn = nose.rwn - 2.5 * pye * sin
-    rwt = nose.rwt + 2.5 * (px * sin - pz * cos)
+    rwn -= 2.5 * pye * sin
+    rwt += 2.5 * (px * sin - pz * cos)
     return CushionMotion(vn, vt, vn - rwt, vt + rwn, before.rwz + 2.5 * pye * cos)

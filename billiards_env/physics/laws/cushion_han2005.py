@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 
 from billiards_env.jit import inlined
-from billiards_env.physics.laws.cushion import Cushion, cushion_restitution, leave, nose_of
+from billiards_env.physics.laws.cushion import Cushion, cushion_restitution, leave, nose_of, slip_at
 
 STICK = 2.0 / 7.0
 """The ratio of the impulse per mass that stops a slip to the slip."""
 
 
 @inlined
-def _squeeze(needed, nose, mu, stick):
+def _squeeze(needed, nose, slips, mu, stick):
     """Returns the friction and the normal impulse (pxe, pye, pze), per mass, with the horizontal sum `needed`, m/s."""
-    sin, cos, sx, sy = nose.sin, nose.cos, nose.sx, nose.sy
+    (sin, cos), (sx, sy) = nose, slips
     slip = math.sqrt(sx * sx + sy * sy)
     resistance = cos + (mu * sin * (sx / slip) if slip > 0.0 else 0.0)
     pze = needed / resistance if resistance > 0.0 else math.inf
@@ -26,19 +26,19 @@ def _squeeze(needed, nose, mu, stick):
 
 
 @inlined
-def impact(before, nose, rebound, mu, e, stick):
+def impact(before, nose, slips, rebound, mu, e, stick):
     """Returns the result of `han2005` for a `Nose`.
 
     Args:
         before: As in `han2005`.
         nose: The `Nose`.
+        slips: The result of `slip_at`.
         rebound: As in `han2005`.
         mu: The friction.
         e: The restitution.
         stick: The ratio of the impulse per mass to the slip if friction does not limit the impulse: `STICK` or more.
     """
-    vn = before.vn
-    sin, cos, sx, sy = nose.sin, nose.cos, nose.sx, nose.sy
+    vn, (sin, cos), (sx, sy) = before.vn, nose, slips
     slip = math.sqrt(sx * sx + sy * sy)
     pze = (1.0 + e) * vn * cos  # impulses per mass
     pxe = pye = 0.0
@@ -50,7 +50,7 @@ def impact(before, nose, rebound, mu, e, stick):
     raised = vn + px > -rebound
     if raised:
         px = -(vn + rebound)
-        pxe, pye, pze = _squeeze(vn + rebound, nose, mu, stick)
+        pxe, pye, pze = _squeeze(vn + rebound, nose, slips, mu, stick)
     return leave(before, nose, -rebound if raised else vn + px, px, pxe, pye, pze), raised
 
 
@@ -75,8 +75,8 @@ def han2005(before, radius, rebound, numbers, solution):
         after: The `CushionMotion` after the impact, with vn <= -rebound.
         raised: Whether `rebound` raised the impulse.
     """
-    e = cushion_restitution(before.vn, numbers)
-    return impact(before, nose_of(before, radius, numbers), rebound, numbers.mu_cushion, e, STICK)
+    nose, e = nose_of(radius, numbers), cushion_restitution(before.vn, numbers)
+    return impact(before, nose, slip_at(before, nose), rebound, numbers.mu_cushion, e, STICK)
 
 
 CUSHION = Cushion(han2005)

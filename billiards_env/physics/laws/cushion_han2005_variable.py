@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 
 from billiards_env.jit import inlined
-from billiards_env.physics.laws.cushion import Cushion, cushion_restitution, nose_of
+from billiards_env.physics.laws.cushion import Cushion, cushion_restitution, nose_of, slip_at
 from billiards_env.physics.laws.cushion_han2005 import STICK, impact
 
 
@@ -28,12 +28,13 @@ def han2005_variable(before, radius, rebound, numbers, solution):
     square = vn * vn + vt * vt
     along = vt * vt / square if square > 0.0 else 0.0
     topspin = (vn - before.un) / vn if vn > 0.0 else 0.0  # 1 for a ball that rolls
-    nose = nose_of(before, radius, numbers)
-    slip = math.sqrt(nose.sx * nose.sx + nose.sy * nose.sy)
+    nose = nose_of(radius, numbers)
+    sx, sy = slip_at(before, nose)
+    slip = math.sqrt(sx * sx + sy * sy)
     mu = (numbers.mu_cushion + numbers.mu_cushion_angle * along) / (1.0 + numbers.mu_cushion_slip * slip)
     gain = numbers.e_cushion_topspin * min(1.0, max(0.0, topspin))
     e = min(1.0, cushion_restitution(vn, numbers) + gain)
-    return impact(before, nose, rebound, mu, e, STICK * (1.0 + numbers.e_cushion_tangent))
+    return impact(before, nose, (sx, sy), rebound, mu, e, STICK * (1.0 + numbers.e_cushion_tangent))
 
 
 CUSHION = Cushion(han2005_variable)

@@ -21,7 +21,7 @@ import math
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import arccosine, sine_cosine
-from billiards_env.physics.laws.cushion import Cushion, cushion_restitution, leave, nose_of
+from billiards_env.physics.laws.cushion import Cushion, cushion_restitution, leave, nose_of, slip_at
 
 _HALF_PI = 0.5 * math.pi
 _BETA = 3.5  # ratio of the tangential to the normal inverse mass of a sphere
@@ -126,27 +126,21 @@ def friction_impulse(slip, grip, e, omega, end):
 
 
 @inlined
-def _arguments(before, radius, numbers):
-    """Returns the `Nose`, the size of the slip and the restitution for a `CushionMotion`."""
-    nose = nose_of(before, radius, numbers)
-    return nose, math.sqrt(nose.sx * nose.sx + nose.sy * nose.sy), cushion_restitution(before.vn, numbers)
-
-
-@inlined
 def stronge(before, radius, rebound, numbers, solution):
     """Returns a ball's motion after an impact on a compliant cushion, as `cushion_han2005.han2005` does.
 
     The normal impulse is that of `han2005`; the friction is that of `friction_impulse`. If the ball would leave more
     slowly than `rebound`, a horizontal impulse through its centre, without friction, makes up for it.
     """
-    vn = before.vn
-    nose, slip, e = _arguments(before, radius, numbers)
+    vn, nose, e = before.vn, nose_of(radius, numbers), cushion_restitution(before.vn, numbers)
+    sx, sy = slip_at(before, nose)
+    slip = math.sqrt(sx * sx + sy * sy)
     pze = (1.0 + e) * vn * nose.cos
     pxe = pye = 0.0
     if slip > 0.0:
         grip = numbers.mu_cushion * vn * nose.cos
         friction = friction_impulse(slip, grip, e, numbers.cushion_frequency_ratio, solution)
-        pxe, pye = friction * (nose.sx / slip), friction * (nose.sy / slip)
+        pxe, pye = friction * (sx / slip), friction * (sy / slip)
     px = -pxe * nose.sin - pze * nose.cos
     raised = vn + px > -rebound
     return leave(before, nose, -rebound if raised else vn + px, px, pxe, pye, pze), raised
@@ -159,7 +153,9 @@ def end_of_stick(before, radius, numbers):
     It is constant for the derivatives, because the motion after the impact does not depend on it in first order. The
     derivatives need more digits of it than the motion, so it has one more step of Newton's method.
     """
-    nose, slip, e = _arguments(before, radius, numbers)
+    nose, e = nose_of(radius, numbers), cushion_restitution(before.vn, numbers)
+    sx, sy = slip_at(before, nose)
+    slip = math.sqrt(sx * sx + sy * sy)
     grip, omega = numbers.mu_cushion * before.vn * nose.cos, numbers.cushion_frequency_ratio
     if slip >= _gross_slip(grip, e, omega):
         return 0.0

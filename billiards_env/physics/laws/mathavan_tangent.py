@@ -15,7 +15,8 @@ from __future__ import annotations
 import math
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.laws.cushion_mathavan2010 import arguments_of
+from billiards_env.physics.laws.cushion import cushion_restitution
+from billiards_env.physics.laws.cushion_mathavan2010 import contact_of, motion_of
 from billiards_env.physics.laws.mathavan import (
     CushionNose,
     begin_slip,
@@ -85,8 +86,6 @@ def _rates(z, nose, tiny):
     return xi, yi, xc, yc, ax + bx, _normal(z, nose) * cos
 
 
-tangent_of(combine, constant=("h", "weights"))
-tangent_of(friction, constant=("tiny",))
 _d_start, _d_normal, _d_end = tangent_of(_start), tangent_of(_normal), tangent_of(_end)
 _d_rates = tangent_of(_rates, constant=("tiny",))
 _d_step = tangent_of(stepper(_rates), constant=("h", "tiny"))
@@ -240,9 +239,15 @@ def _d_integrate_impact(before, nose, e, d_before, d_nose, d_e):
     return after, d_after
 
 
+@rule(integrate_impact, constant=("nose",))
+@inlined
+def _d_integrate_impact_alone(before, nose, e, d_before, d_e):
+    return _d_integrate_impact(before, nose, e, d_before, CushionNose(0.0, 0.0, 0.0, 0.0), d_e)
+
+
 @kernel
 def is_smooth(before, radius, numbers):
     """Returns whether the law `mathavan2010` has a derivative."""
-    motion, nose, e = arguments_of(before, radius, numbers)
-    unmoved = (0.0, 0.0, 0.0, 0.0, 0.0)
-    return impact_change(motion, unmoved, nose, CushionNose(0.0, 0.0, 0.0, 0.0), e, 0.0)[2]
+    motion, unmoved, nose = motion_of(before), (0.0, 0.0, 0.0, 0.0, 0.0), contact_of(radius, numbers)
+    e, constant = cushion_restitution(before.vn, numbers), CushionNose(0.0, 0.0, 0.0, 0.0)
+    return impact_change(motion, unmoved, nose, constant, e, 0.0)[2]
