@@ -64,7 +64,7 @@ def success(model: PPO, episodes: int, **world: Any) -> float:
     return float(found["success_rate"])
 
 
-def run(steps: int, shots: int = 12, episodes: int = 2000) -> dict[str, float]:
+def run(steps: int, shots: int = 12, episodes: int = 1000) -> dict[str, float]:
     """Returns the success on the fitted table of the policy from there and of that from the default table."""
     result, intended = fitted_table(shots)
     print(result)
@@ -75,5 +75,5 @@ def run(steps: int, shots: int = 12, episodes: int = 2000) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    for name, share in run(400_000).items():
+    for name, share in run(100_000).items():
         print(f"trained on the {name} table: {share:.1%} of the shots on the fitted table score")
