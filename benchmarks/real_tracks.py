@@ -45,11 +45,15 @@ def _say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def measure(scene: Scene, tracks: list[Track], others: list[Track] | None, laws: tuple[str, ...]) -> dict[str, Any]:
-    """Fits and judges, and returns the figures."""
+def measure(
+    scene: Scene, tracks: list[Track], others: list[Track] | None, laws: tuple[str, ...], picture: Path | None = None
+) -> dict[str, Any]:
+    """Fits and judges, writes the picture of the fit, and returns the figures."""
     begun = time.process_time()
     result = fit(scene, tracks, laws)
-    seconds, judged = time.process_time() - begun, None
+    seconds = time.process_time() - begun
+    if picture is not None:
+        result.save(picture)
     if others is not None:
         judged = result.judge(others)
     else:
@@ -64,6 +68,7 @@ def measure(scene: Scene, tracks: list[Track], others: list[Track] | None, laws:
         "cushion": scene.physics.cushion,
         "shots": len(tracks),
         "judged_shots": len(judged.counted),
+        "parts": 1 if others is not None else PARTS,
         "seconds": seconds,
         "frame": result.frame._asdict(),
         "table": [result.scene.table.length, result.scene.table.width],
@@ -91,11 +96,14 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     numbers += [(f"`{name}`", "-", why) for name, why in result["kept"].items()]
     least = min(result["laws"].values(), default=1.0)
     laws = [(f"`{law}`", f"{loss / least:.3f}") for law, loss in sorted(result["laws"].items(), key=lambda one: one[1])]
+    parts, shots = result["parts"], result["shots"]
+    each = f", each of {parts} parts with the numbers of the other parts" if parts > 1 else ""
+    fitted = shots - shots // parts if parts > 1 else shots
     return {
-        "how": f"{result['shots']} shots were fitted with `{result['cushion']}` cushions, in {result['seconds']:.0f} s "
-        f"of processor time; {result['judged_shots']} shots were judged.",
-        "summary": f"The numbers of the model are fitted to {result['shots']} recorded shots. In "
-        f"{result['judged_shots']} other shots, of which only the starts are fitted, "
+        "how": f"{shots} shots were fitted with `{result['cushion']}` cushions, in {result['seconds']:.0f} s of "
+        f"processor time; {result['judged_shots']} shots were judged{each}.",
+        "summary": f"The numbers of the model are fitted to {fitted} recorded shots. In {result['judged_shots']} shots "
+        "that are not fitted, except for their starts, "
         f"{result['judged']['rows_5mm_contact2']:.1%} of the recorded positions are within 5 mm of the computed path "
         "until the second contact of the cue ball.",
         "judged": table(("", "judged shots", "fitted shots", "target"), rows),
@@ -107,15 +115,14 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 @ending()
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.real_tracks --help`."""
-    output, about = (
-        ROOT / "benchmarks" / "results" / "real_tracks.json",
-        "Fit the physics to a real table, and judge it.",
-    )
+    output = ROOT / "benchmarks" / "results" / "real_tracks.json"
+    about = "Fit the physics to a real table, and judge it."
     parser = parser_of("benchmarks.real_tracks", about, output=(output, "JSON file"))
     parser.add_argument("fit", type=Path, help="a file of tracks, in any frame")
     parser.add_argument("--judge", type=Path, help="other shots on the same table (default: cross-validation)")
     parser.add_argument("--scene", default="match_carom", help="the scene (default: %(default)s)")
     parser.add_argument("--cushion", help="the law of the cushions (default: that of the scene)")
+    parser.add_argument("--picture", type=Path, help="a file for the picture of the fit, such as fit.png")
     parser.add_argument("--laws", nargs="*", default=[], metavar="LAW", help="laws of cushions to compare")
     args = parser.parse_args(arguments)
     tracks = read_tracks(args.fit)
@@ -123,7 +130,7 @@ def main(arguments: list[str] | None = None) -> None:
     if args.cushion is not None:
         scene = dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, cushion=args.cushion))
     others = None if args.judge is None else read_tracks(args.judge)
-    report(measure(scene, tracks, others, tuple(args.laws)), blocks, args.output)
+    report(measure(scene, tracks, others, tuple(args.laws), args.picture), blocks, args.output)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -113,47 +113,38 @@ def prepare(scene: Scene, track: Track, noise: float) -> Shot:
     return Shot(whole, added, moving, contacts, begin, gap, end, exchanged)
 
 
+def _padded(arrays: Sequence[np.ndarray], mode: Literal["constant", "edge"] = "constant") -> Any:
+    """Returns arrays of different lengths as one, with zeros or their last entries at the end."""
+    most = max(map(len, arrays))
+    return np.array([np.pad(a, [(0, most - len(a)), *[(0, 0)] * (a.ndim - 1)], mode) for a in arrays])
+
+
 def rows_of(scene: Scene, shots: Sequence[Shot], noise: float) -> Rows:
     """Returns the rows of shots; all are used, with the scale of the noise."""
     n, m = scene.n_balls, len(shots)
-    at, frames = Layout(n), [np.unique(shot.track.times, return_inverse=True) for shot in shots]
-    r, q = max(len(shot.added) for shot in shots), max(len(times) for times, _ in frames)
-
-    def room(*shape: int, kind: type = np.float64) -> np.ndarray:
-        return np.zeros(shape, kind)
-
+    at, tracks = Layout(n), [shot.track for shot in shots]
+    frames = [np.unique(track.times, return_inverse=True) for track in tracks]
+    seen = _padded([np.ones(len(track.times), np.bool_) for track in tracks])
     rows = Rows(
-        ball=room(m, r, kind=np.int64),
-        frame=room(m, r, kind=np.int64),
-        places=room(m, r, 2),
-        seen=room(m, r, kind=np.bool_),
-        judged=room(m, r, kind=np.bool_),
-        used=room(m, r, kind=np.bool_),
-        scale=np.full((m, r), noise),
-        after=room(m, r, kind=np.int64),
-        times=room(m, q),
-        in_play=room(m, n, kind=np.bool_),
+        ball=_padded([track.balls for track in tracks]),
+        frame=_padded([frame for _, frame in frames]),
+        places=_padded([track.positions for track in tracks]),
+        seen=seen,
+        judged=_padded([shot.moving for shot in shots]),
+        used=seen.copy(),
+        scale=np.full(seen.shape, noise),
+        after=np.zeros(seen.shape, np.int64),
+        times=_padded([times - shot.begin for (times, _), shot in zip(frames, shots, strict=True)], "edge"),
+        in_play=np.array([np.isin(np.arange(n), track.balls) for track in tracks]),
         latest=np.array([shot.gap for shot in shots]),
         known=np.full((m, at.width), np.nan),
-        prior=Prior(room(m, 2 * n + 3, at.width), room(m, 2 * n + 3)),
+        prior=Prior(np.zeros((m, 2 * n + 3, at.width)), np.zeros((m, 2 * n + 3))),
     )
-    for k, (shot, (times, frame)) in enumerate(zip(shots, frames, strict=True)):
-        count = len(shot.added)
-        rows.ball[k, :count], rows.frame[k, :count], rows.places[k, :count] = (
-            shot.track.balls,
-            frame,
-            shot.track.positions,
-        )
-        rows.seen[k, :count] = rows.used[k, :count] = True
-        rows.judged[k, :count] = shot.moving
-        rows.times[k] = times[-1] - shot.begin
-        rows.times[k, : len(times)] = times - shot.begin
-        rows.in_play[k, shot.track.balls] = True
-        rows.known[k, at.instant] = np.nan if shot.gap > 0.0 else 0.0
-        if scene.physics.motion != "sliding":
-            rows.known[k, at.spin] = 0.0
-        contacts = [one.time - shot.begin for one in shot.cue_contacts()]
-        rows.after[k] = np.searchsorted(contacts, rows.time[k])
+    rows.known[:, at.instant] = np.where(rows.latest > 0.0, np.nan, 0.0)
+    if scene.physics.motion != "sliding":
+        rows.known[:, at.spin] = 0.0
+    for k, shot in enumerate(shots):
+        rows.after[k] = np.searchsorted([one.time - shot.begin for one in shot.cue_contacts()], rows.time[k])
         for ball in np.unique(shot.track.balls):
             mine = shot.track.balls == ball
             path = shot.track.positions[mine]
@@ -189,11 +180,12 @@ def check_against_table(scene: Scene, tracks: Sequence[Track], contacts: Sequenc
             farther than is possible.
     """
     reach, rolls = reach_of(scene), _ROLL * scene.physics.mu_roll * scene.physics.g
+    most = np.array(scene.half_extents) if scene.table.outline else reach  # the jaws of pockets are beyond the cushions
     for track in tracks:
         for ball in np.unique(track.balls):
             mine = track.balls == ball
             t, p = track.times[mine], track.positions[mine]
-            over = (np.abs(p) - reach).max(axis=1)
+            over = (np.abs(p) - most).max(axis=1)
             bad = over > _BEYOND + 4.0 * noise
             if bad.sum() > 2:
                 raise ValueError(

@@ -69,6 +69,15 @@ def test_contacts_are_found_without_a_model():
     assert np.median(off) < 0.002
 
 
+def test_balls_at_rest_near_each_other_have_no_contact():
+    late = 2.0 + 0.02 * np.arange(6)
+    places = np.concatenate(([[0.0, 0.0]], np.outer(late - 1.95, [-0.9, -0.6]), [[0.07, 0.0], [0.072, 0.0]]))
+    track = Track("s", np.concatenate(([0.0], late, [0.0, 3.0])), np.repeat([0, 1], (7, 2)), places)
+    shot = prepare(SCENE, track.rows(np.argsort(track.times, kind="stable")), 0.0)
+    assert shot.begin > 1.5
+    assert not shot.contacts
+
+
 def test_the_frame_is_fitted_from_rebounds_and_clipped_rows_are_left_out():
     tracks, clipped = drop_clipped(raw_tracks())
     assert clipped >= 8

@@ -41,6 +41,11 @@ def test_stable_baselines3_trains_and_writes_curves(tmp_path):
     assert list(tmp_path.rglob("events*"))
 
 
+def test_a_policy_trains_on_a_fitted_table():
+    found = load("calibrated_table", "stable_baselines3")["run"](512, shots=3, episodes=20)
+    assert all(0.0 <= share <= 1.0 for share in found.values())
+
+
 def test_tree_search_plays_an_episode():
     assert 0.0 <= load("tree_search")["main"](["--episodes", "1", "--simulations", "10"]) <= 9.0
 

@@ -1,0 +1,79 @@
+"""From tracks to a policy: it fits a table, trains there and on the default table, and plays both on the fitted one.
+
+    python examples/calibrated_table.py
+
+The tracks come from simulated shots on a table that the fit does not have; `read_tracks` reads those of a real table.
+The task is the opening shot of three-cushion billiards. Both policies play tables whose numbers are drawn from the
+intervals of the fit, with the noise of the strikes in the tracks.
+"""
+
+import dataclasses
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+
+from billiards_env import Scene, simulate
+from billiards_env.calibration import Calibration, calibrate, observed
+from billiards_env.evaluation import evaluation_seeds, play_together
+from billiards_env.sb3 import PPO_SETTINGS, AimPolicy, SameStepVecEnv
+from billiards_env.scene import Physics, layouts
+
+TABLE = Scene.named("match_carom")
+DEFAULT = dataclasses.replace(TABLE, physics=Physics(ball_ball="frictional"))
+FREE = ("mu_slide", "mu_roll", "e_ball", "e_cushion", "mu_cushion")
+TURN, SPEED = 0.002, 0.02
+"""Standard deviations of the errors of the strikes: rad, and m/s."""
+
+
+def fitted_table(shots: int) -> tuple[Calibration, np.ndarray]:
+    """Returns the fit of simulated shots, and the intended velocities of the cue ball (shots, 2), m/s."""
+    rng, tracks, intended = np.random.default_rng(0), [], []
+    for k in range(shots):
+        places = layouts.draw("random", TABLE, rng)
+        aim = places[1] - places[0]
+        aim *= rng.uniform(2.0, 4.0) / np.hypot(*aim)
+        turn, more = rng.normal(0.0, TURN), 1.0 + rng.normal(0.0, SPEED) / np.hypot(*aim)
+        velocity = more * (aim + turn * np.array([-aim[1], aim[0]]))
+        shot = simulate(TABLE, places, velocity, record=True)
+        tracks.append(observed(f"{k}", shot, np.arange(150) / 50.0, noise=0.0005, seed=k))
+        intended.append(aim)
+    return calibrate(DEFAULT, tracks, FREE, hold_back=False), np.array(intended)
+
+
+def environments(num_envs: int, **world: Any) -> Any:
+    """Returns environments with the opening shot, which `world` describes further."""
+    return gym.make_vec("billiards_env:Billiards-v0", num_envs=num_envs, task="three_cushion", max_shots=1, **world)
+
+
+def train(steps: int, **world: Any) -> PPO:
+    """Returns a policy that was trained for a number of shots."""
+    torch.set_num_threads(1)  # small networks are faster on one thread
+    envs = SameStepVecEnv(environments(512, **world))
+    return PPO(AimPolicy, envs, **PPO_SETTINGS, seed=0).learn(steps)
+
+
+def success(model: PPO, episodes: int, **world: Any) -> float:
+    """Returns the share of shots that score."""
+    seeds = evaluation_seeds(0, episodes).tolist()
+    found = play_together(
+        environments(episodes, **world), lambda seen: model.predict(seen, deterministic=True)[0], seeds
+    )
+    return float(found["success_rate"])
+
+
+def run(steps: int, shots: int = 12, episodes: int = 1000) -> dict[str, float]:
+    """Returns the success on the fitted table of the policy from there and of that from the default table."""
+    result, intended = fitted_table(shots)
+    print(result)
+    noise: Any = result.noise(intended)
+    there = {"scene": result.scene, "randomize": result.randomize(), "noise": noise}
+    policies = {"fitted": train(steps, **there), "default": train(steps, scene=DEFAULT, noise=noise)}
+    return {name: success(model, episodes, **there) for name, model in policies.items()}
+
+
+if __name__ == "__main__":
+    for name, share in run(100_000).items():
+        print(f"trained on the {name} table: {share:.1%} of the shots on the fitted table score")
