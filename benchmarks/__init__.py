@@ -122,9 +122,10 @@ def ratio(value: float) -> str:
 
 
 def parser_of(command: str, description: str, **options: tuple[Any, str]) -> argparse.ArgumentParser:
-    """Returns the parser of a command. An option is its default value, which sets its type, and its help text.
+    """Returns the parser of a command.
 
-    A whole number is at least 1. An option with the default False is a switch.
+    An option is a pair: its default value, which also sets its type, and its help text. A whole number is at least 1.
+    An option with the default False is a switch.
     """
     parser = argparse.ArgumentParser(prog=f"python -m {command}", description=description)
     for option, (default, text) in options.items():
@@ -214,7 +215,7 @@ def processes(count: int, context: BaseContext | None = None) -> Iterator[Execut
 
 @contextlib.contextmanager
 def worker(name: str, command: Sequence[str | Path], **options: Any) -> Iterator[Callable[..., Any]]:
-    """Starts a process that answers each line of JSON with one.
+    """Starts a process that reads lines of JSON and answers each of them with one.
 
     Args:
         name: The name of the process, for the error.

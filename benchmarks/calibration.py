@@ -24,7 +24,7 @@ NUMBERS = ("mu_slide", "mu_roll", "e_ball", "e_cushion", "mu_cushion", "mu_ball_
 LAWS = ("stronge", "han2005")
 """The laws of the cushions in the fits; the first is that of the tracks."""
 CLOTH = ("mu_slide", "mu_roll")
-"""The numbers that do not depend on the law of the cushions."""
+"""The numbers that do not belong to the law of the cushions."""
 APART = 0.1
 """s. Least time between two contacts, and before the first."""
 OFF = 0.1
@@ -98,7 +98,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     shown = ("truth", "mean", "standard deviation", "half of the interval", "truth in the 95% interval")
     return {
         "how": f"{result['repeats']} repeats with {SHOTS} shots of {len(FRAMES)} frames and noise of {1000 * NOISE:g} "
-        f"mm; the tracks have `{LAWS[0]}` cushions. In {result['problems']} fits a row was reported.",
+        f"mm; the tracks have `{LAWS[0]}` cushions. In {result['problems']} of the "
+        f"{len(LAWS) * result['repeats']} fits at least one row was reported as not fitting.",
         "coverage": table(("law", "number", *shown), rows),
     }
 

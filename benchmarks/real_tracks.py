@@ -97,13 +97,13 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     least = min(result["laws"].values(), default=1.0)
     laws = [(f"`{law}`", f"{loss / least:.3f}") for law, loss in sorted(result["laws"].items(), key=lambda one: one[1])]
     parts, shots = result["parts"], result["shots"]
-    each = f", each of {parts} parts with the numbers of the other parts" if parts > 1 else ""
+    each = f", each of {parts} parts with the numbers that were fitted to the others" if parts > 1 else ""
     fitted = shots - shots // parts if parts > 1 else shots
     return {
         "how": f"{shots} shots were fitted with `{result['cushion']}` cushions, in {result['seconds']:.0f} s of "
         f"processor time; {result['judged_shots']} shots were judged{each}.",
-        "summary": f"The numbers of the model are fitted to {fitted} recorded shots. In {result['judged_shots']} shots "
-        "that are not fitted, except for their starts, "
+        "summary": f"The numbers of the model are fitted to {fitted} recorded shots. For "
+        f"{result['judged_shots']} other shots only the starts are fitted. In these shots "
         f"{result['judged']['rows_5mm_contact2']:.1%} of the recorded positions are within 5 mm of the computed path "
         "until the second contact of the cue ball.",
         "judged": table(("", "judged shots", "fitted shots", "target"), rows),

@@ -1,10 +1,11 @@
-"""From tracks to a policy: it fits a table, trains there and on the default table, and plays both on the fitted one.
+"""From tracks to a policy: fits a table, trains one policy for it and one for the default table, and compares them.
 
     python examples/calibrated_table.py
 
-The tracks come from simulated shots on a table that the fit does not have; `read_tracks` reads those of a real table.
-The task is the opening shot of three-cushion billiards. Both policies play tables whose numbers are drawn from the
-intervals of the fit, with the noise of the strikes in the tracks.
+The tracks come from simulated shots on a table whose numbers the fit does not receive; `read_tracks` reads the tracks
+of a real table. The task is the opening shot of three-cushion billiards. One policy trains on tables with numbers drawn
+from the intervals of the fit, the other on the default table. Both are tested on tables drawn from these intervals,
+with the errors of the strikes in the tracks as noise.
 """
 
 import dataclasses
@@ -44,7 +45,7 @@ def fitted_table(shots: int) -> tuple[Calibration, np.ndarray]:
 
 
 def environments(num_envs: int, **world: Any) -> Any:
-    """Returns environments with the opening shot, which `world` describes further."""
+    """Returns environments that play the opening shot; `world` gives their other arguments."""
     return gym.make_vec("billiards_env:Billiards-v0", num_envs=num_envs, task="three_cushion", max_shots=1, **world)
 
 
@@ -65,13 +66,13 @@ def success(model: PPO, episodes: int, **world: Any) -> float:
 
 
 def run(steps: int, shots: int = 12, episodes: int = 1000) -> dict[str, float]:
-    """Returns the success on the fitted table of the policy from there and of that from the default table."""
+    """Returns the success, on the fitted table, of the policies trained for the fitted and for the default table."""
     result, intended = fitted_table(shots)
     print(result)
     noise: Any = result.noise(intended)
-    there = {"scene": result.scene, "randomize": result.randomize(), "noise": noise}
-    policies = {"fitted": train(steps, **there), "default": train(steps, scene=DEFAULT, noise=noise)}
-    return {name: success(model, episodes, **there) for name, model in policies.items()}
+    fitted = {"scene": result.scene, "randomize": result.randomize(), "noise": noise}
+    policies = {"fitted": train(steps, **fitted), "default": train(steps, scene=DEFAULT, noise=noise)}
+    return {name: success(model, episodes, **fitted) for name, model in policies.items()}
 
 
 if __name__ == "__main__":

@@ -106,7 +106,7 @@ def draw_shots() -> Shots:
     """Returns random shots with one object ball. The cue ball is aimed at it, at any cut."""
     scene, rng = Scene.named("pool", 1), np.random.default_rng(SEED)
     positions = np.array([layouts.draw("random", scene, rng) for _ in range(DRAWN)])
-    rng.uniform(size=DRAWN)  # the published shots were drawn after these numbers
+    rng.uniform(size=DRAWN)  # skips these numbers, so that the shots are the published ones
     x, y = (positions[:, 1] - positions[:, 0]).T
     offset = rng.uniform(-0.95, 0.95, DRAWN) * sum(scene.balls.radius[:2])
     headings = np.arctan2(y, x) + np.arcsin(offset / np.hypot(x, y))
@@ -166,8 +166,8 @@ def errors(found: Mapping[str, Any], cell: str) -> dict[str, float]:
         cell: The engine.
 
     Returns:
-        `position`, m: the distance of the final position, of the ball for which it is largest. `small` and `large`: the
-        relative errors of the central differences with `SMALL` and `LARGE` (see `sizes`).
+        `position`, m: the largest distance of a ball's final position. `small` and `large`: the relative
+        errors of the central differences with `SMALL` and `LARGE` (see `sizes`).
     """
     return errors_of(draw_shots().part(found["chosen"]["numbers"]), CELLS.get(cell, PIC))
 
@@ -475,7 +475,7 @@ def learn_pots(seed: int, shots: int) -> float:
 
 
 def measure(output: Path) -> dict[str, Any]:
-    """Measures what has no results, and writes each result as soon as it is measured.
+    """Measures the entries without a result, and writes each result as soon as it is measured.
 
     Args:
         output: The JSON file of the results.

@@ -227,7 +227,7 @@ def train(name: str, seed: int, shots: int, layouts: int) -> dict[str, Any]:
 
 
 def measure(output: Path, jobs: int, shots: int, layouts: int) -> dict[str, Any]:
-    """Trains what has no results, `jobs` policies at a time, and writes the result of each run as soon as it ends."""
+    """Trains the runs without a result, `jobs` at a time, and writes each result as soon as the run ends."""
     settings = {"shots": shots, "layouts": layouts, "decay": DECAY, "time": TIME}
     found = resumed(output, settings, runs={})
     with workers(jobs, None) as pool:

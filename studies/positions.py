@@ -93,7 +93,7 @@ def evaluate(entries: Sequence[Mapping[str, Any]], player: str, samples: int) ->
 
 
 def measure(output: Path, players: Sequence[str], samples: int) -> dict[str, Any]:
-    """Measures the players that have no scores yet, and writes the scores of each as soon as they are known.
+    """Measures the players that have no scores yet, and writes the scores of each as soon as they are measured.
 
     Returns:
         The content of `output`: `machine`, `settings`: `samples` and the `rules` of each position, and `scores` by

@@ -99,7 +99,7 @@ MOST_LANES = 2 * BALL_WIDTH + 4 + NUMBER_INPUTS
 _WHOLE, _MOTION = (0, BALL_WIDTH, -1), (DVX, BALL_WIDTH, -1)  # columns of a ball, see `_ball_columns`
 _LOOK_AFTER = 100_000  # events times lanes between two calls of `interrupted`
 LANE_WORK = 10
-"""Lanes without an impact that take as long as one unit of `Numbers.cushion_work`, which each lane repeats."""
+"""One unit of `Numbers.cushion_work` takes as long as this number of lanes without an impact. Each lane repeats it."""
 
 
 class RecordedShots(NamedTuple):
@@ -499,7 +499,7 @@ def _ball_columns(at, phase, columns, count, motion, column):  # out: column
     Args:
         at: The first column of the ball.
         phase: The phase.
-        columns: The first of its columns to append, one past the last, and one between them to leave out or -1.
+        columns: (first, end, skip): the columns first to end - 1 without `skip`; -1 skips none.
         count: Number of columns so far.
         motion: `Numbers.motion`.
         column: `Tape.column`.

@@ -36,7 +36,7 @@ from billiards_env.engine.log import BALL, BALL_BALL, BALL_CUSHION, BALL_POCKET,
 from billiards_env.engine.passing import (
     AT_END,
     AT_START,
-    Body,
+    Approach,
     nearest_to,
     passing,
     path_before,
@@ -101,17 +101,17 @@ class Pass(NamedTuple):
 
 @inlined
 def _column(body, scene):
-    """Returns the column of a `Body` in `MarginsOut`."""
+    """Returns the column of a `Approach` in `MarginsOut`."""
     first = 0 if body.kind == BALL_BALL else len(scene.radius)
     return first + body.other + (len(scene.pockets) if body.kind == BALL_CUSHION else 0)
 
 
 @kernel
 def _set(body, margin, normal, rate, now, over):  # out: over
-    """Stores the margin of a `Body`.
+    """Stores the margin of a `Approach`.
 
     Args:
-        body: The `Body`.
+        body: The `Approach`.
         margin: m.
         normal: Unit vector (x, y) from the ball towards the body.
         rate: As in `MarginsOut`.
@@ -142,10 +142,10 @@ def _set(body, margin, normal, rate, now, over):  # out: over
 
 @kernel
 def _approach(body, circle, t, ends, begin, over):  # out: over
-    """Stores the margin of a `Body` to a `Circle` t seconds after `begin`, if it is the largest.
+    """Stores the margin of a `Approach` to a `Circle` t seconds after `begin`, if it is the largest.
 
     Args:
-        body: The `Body`.
+        body: The `Approach`.
         circle: The `Circle`; its path begins at `begin`.
         t: s.
         ends: Whether an event ends the approach then.
@@ -163,7 +163,7 @@ def _approach(body, circle, t, ends, begin, over):  # out: over
 
 @inlined
 def pass_circle(body, circle, swept, span, over):  # out: over
-    """Stores the margin of a `Body` to a `Circle` on a `Span` with a `Sweep`, if it is the largest."""
+    """Stores the margin of a `Approach` to a `Circle` on a `Span` with a `Sweep`, if it is the largest."""
     i, q = body.ball, _column(body, over.shot.scene)
     if over.selected[i, q] and not misses_circle(circle.path, swept, circle.reach - over.out.margin[i, q]):
         t, faces = nearest_to(circle, span)
@@ -173,7 +173,7 @@ def pass_circle(body, circle, swept, span, over):  # out: over
 
 @inlined
 def pass_side(body, side, path, span, over):  # out: over
-    """Stores the margin of a `Body` to a `Side` on a `Span` with a `Path`, if it is the largest."""
+    """Stores the margin of a `Approach` to a `Side` on a `Span` with a `Path`, if it is the largest."""
     nx, ny, end, q = side.nx, side.ny, span.end, _column(body, over.shot.scene)
     if not over.selected[body.ball, q]:
         return
@@ -196,7 +196,7 @@ pass_bodies = passing(pass_circle, pass_side, False)
 def _enter_pocket(body, circle, path, now, over):  # out: over
     """Stores the margin of a ball that enters a pocket, on its continued `Path` from a `Time`.
 
-    The path ends at the cushion behind the pocket, if the ball is not nearest to the centre before.
+    The path ends at the cushion behind the pocket if the ball reaches it before the point nearest to the centre.
     """
     i, scene, out, q = body.ball, over.shot.scene, over.out, _column(body, over.shot.scene)
     t, cut = turn_time(circle.path), False
@@ -234,7 +234,7 @@ def _meet(e, over):  # out: over
     kind, i, other, now = int(events[e, KIND]), int(events[e, BALL]), int(events[e, OTHER]), event_time(events, e)
     if kind > BALL_POCKET:
         return
-    body = Body(kind, min(i, other), max(i, other)) if kind == BALL_BALL else Body(kind, i, other)
+    body = Approach(kind, min(i, other), max(i, other)) if kind == BALL_BALL else Approach(kind, i, other)
     if not over.selected[body.ball, _column(body, scene)]:
         return
     path, circle = path_before(e, 0, over), touched_circle(e, over)

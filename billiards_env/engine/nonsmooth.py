@@ -129,14 +129,14 @@ def _find(time, e, reason, over):  # out: over
 
 @inlined
 def _touch(gap, along, speed, t, body, span, over):  # out: over
-    """Stores a reason if a `Body` is touched on a `Span`.
+    """Stores a reason if a `Approach` is touched on a `Span`.
 
     Args:
         gap: The least gap, m.
         along: The part of the relative velocity along it, m/s.
         speed: The relative speed, m/s.
         t: The time of the least gap, s.
-        body: The `Body`.
+        body: The `Approach`.
         span: The `Span`.
         over: The `Pass`.
     """
@@ -218,7 +218,7 @@ def _grazes_circle(path, reach, speed, gap):
 
 @inlined
 def _grazes(e, speed, over):
-    """Returns whether a contact at event e hardly approaches, or hardly enters the other body if nothing stops it."""
+    """Returns whether the ball at event e approaches too slowly, or would enter too little, for a derivative."""
     circle, gap = touched_circle(e, over), over.within[0]
     if circle.reach < math.inf:
         return _grazes_circle(circle.path, circle.reach, speed, gap)

@@ -1,6 +1,6 @@
-"""The walk along the path of a ball between two events, past all bodies that it may touch.
+"""The visit of each body that a ball may touch on its path between two events.
 
-`engine.margins` and `engine.nonsmooth` pass over the log of a shot. Both look at each body on each piece of a path.
+`engine.margins` and `engine.nonsmooth` go through the log of a shot. Both look at each body on each piece of a path.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ from billiards_env.physics.state import (
 )
 
 AT_START, AT_END = -2, -1
-"""In place of the event at the end of a `Span`."""
+"""Values of `Span.event` at the start and at the end of a shot, where there is no event."""
 
 
-class Body(NamedTuple):
-    """A ball and a body that it may touch.
+class Approach(NamedTuple):
+    """A possible contact: a ball and what it may touch.
 
     Attributes:
         kind: The kind of event of their contact.
@@ -139,7 +139,7 @@ def state_before(e, s, over):
 
 @inlined
 def path_before(e, s, over):
-    """Returns the `Path` from event e on of the ball of `state_before`, as if there were no event."""
+    """Returns the `Path` of the ball of `state_before` after event e, as if the event did not happen."""
     segments, tape = over.shot.segments, over.tape
     row, ball = segments[tape.previous[tape.first[e] + s], SEGMENT_ROW:], state_before(e, s, over)
     return Path(ball.x, ball.y, ball.vx, ball.vy, row[AX], row[AY])
@@ -180,21 +180,21 @@ def nearest_to(circle, span):
 
 
 def passing(pass_circle: Callable[..., None], pass_side: Callable[..., None], at_once: bool) -> Callable[..., None]:
-    """Returns the kernel that passes all bodies along the current piece of a ball's path.
+    """Returns the kernel that visits all bodies along the current piece of a ball's path.
 
     Args:
-        pass_circle: (body, circle, swept, span, over), for a `Body`, its `Circle`, the path's `Sweep` and a `Span`.
+        pass_circle: (body, circle, swept, span, over), for a `Approach`, its `Circle`, the path's `Sweep` and a `Span`.
         pass_side: (body, side, path, span, over), for a `Side` and the `Path` of the ball.
-        at_once: Whether to pass the bodies on pieces without duration.
+        at_once: Whether to visit the bodies on pieces without duration.
     """
 
     @inlined
     def pass_cushions(outline, i, path, swept, span, over):  # out: over
-        """Passes the cushions."""
+        """Visits the cushions."""
         if outline is None:
             for wall in range(4):
                 side = rectangle_side(wall, over.shot.scene.radius[i], over.shot.scene.numbers)
-                pass_side(Body(BALL_CUSHION, i, wall), side, path, span, over)
+                pass_side(Approach(BALL_CUSHION, i, wall), side, path, span, over)
         else:
             pass_outline(outline, i, path, swept, span, over)
 
@@ -203,16 +203,16 @@ def passing(pass_circle: Callable[..., None], pass_side: Callable[..., None], at
         """Implements `pass_cushions` for an outline."""
         radius, lines, tips = over.shot.scene.radius[i], outline.lines, outline.tips
         for k in range(len(lines)):
-            pass_side(Body(BALL_CUSHION, i, k), line_side(lines[k], radius), path, span, over)
+            pass_side(Approach(BALL_CUSHION, i, k), line_side(lines[k], radius), path, span, over)
         for k in range(len(tips)):
-            pass_circle(Body(BALL_CUSHION, i, k + len(lines)), tip_circle(path, tips[k], radius), swept, span, over)
+            pass_circle(Approach(BALL_CUSHION, i, k + len(lines)), tip_circle(path, tips[k], radius), swept, span, over)
 
     @kernel
     def pass_bodies(i, until, event, over):  # out: over
-        """Passes all bodies on the current piece of ball i until a `Time`, that of an event, see `Span`.
+        """Visits all bodies on the current piece of ball i until a `Time`; `event` is the event then, as in `Span`.
 
-        `over` has the fields `shot`, a `gradients.RecordedShot`, and `tape`. At the start of the shot a ball passes the
-        balls with higher numbers, even if none moves.
+        `over` has the fields `shot`, a `gradients.RecordedShot`, and `tape`. At the start of the shot the
+        balls with higher numbers are visited, even if none moves.
         """
         segments, scene, tape = over.shot.segments, over.shot.scene, over.tape
         segment, starts = segments[tape.current[i]], event == AT_START
@@ -227,7 +227,7 @@ def passing(pass_circle: Callable[..., None], pass_side: Callable[..., None], at
                 pocket = scene.pockets[p]
                 from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
                 pass_circle(
-                    Body(BALL_POCKET, i, p), Circle(from_pocket, pocket[POCKET_RADIUS], None), swept, span, over
+                    Approach(BALL_POCKET, i, p), Circle(from_pocket, pocket[POCKET_RADIUS], None), swept, span, over
                 )
             pass_cushions(scene.outline, i, path, swept, span, over)
         for k in range(i + 1 if starts else 0, len(scene.radius)):
@@ -243,6 +243,6 @@ def passing(pass_circle: Callable[..., None], pass_side: Callable[..., None], at
                 one, two = path_from(segments[tape.current[low]], start), path_from(segments[tape.current[high]], start)
                 between, reach = difference(one, two), contact_distance(scene.spheres, scene.radius, low, high)
                 circle, span = Circle(between, reach, None), Span(start, end, event)
-                pass_circle(Body(BALL_BALL, low, high), circle, sweep(between, end), span, over)
+                pass_circle(Approach(BALL_BALL, low, high), circle, sweep(between, end), span, over)
 
     return pass_bodies

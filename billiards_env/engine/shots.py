@@ -84,7 +84,7 @@ def arrays_in(memory: NDArray[np.uint8], kind: np.dtype[np.void]) -> list[NDArra
     pages only for large blocks, and the C library returns the smaller ones to the system after each batch.
     """
     m, names, fields = len(memory) // kind.itemsize, kind.names or (), kind.fields or {}
-    if m == 1:  # the block is the row, whose fields take half the time
+    if m == 1:  # then the fields of a structured row take half the time
         row = np.ndarray(1, kind, memory)
         return [row[name] for name in names]
     places = map(fields.__getitem__, names)

@@ -111,7 +111,7 @@ class Options(NamedTuple):
         positions: (m, n, 2) positions of the balls, m; None to draw them.
         goals: (m, 1, 2) goals, m; None to draw them.
         physics: Numbers of `randomize` by name, (m,) each; the others are drawn.
-        episode_seed: (m, 8) uint64, the random streams of the layouts and of the noise; None to continue those of now.
+        episode_seed: (m, 8) uint64, the random streams of layouts and noise; None to continue the current ones.
     """
 
     positions: NDArray[np.float64] | None = None

@@ -61,7 +61,7 @@ def starts_of(info: InfoArrays, max_shots: int) -> InfoArrays:
 
 def single_info(kept: dict[str, Any], *some: InfoArrays) -> dict[str, Any]:
     """Returns the `info` of a single episode: `kept` with the values of the given arrays in place of its own."""
-    info = kept.copy()  # a new dict would grow several times
+    info = kept.copy()  # faster than a new dict, which is resized several times
     for numbers, rows in some:
         for key, values in numbers.items():
             info[key] = values[0]
@@ -91,7 +91,7 @@ def masked_info(info: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> dict[
     """Returns the infos of the environments in the mask, in the format of `VectorEnv._add_info`."""
     infos = info.copy()
     if np.count_nonzero(mask) < len(mask):
-        for key, values in info.items():  # False is a 0 of every type; a product with the mask has negative zeros
+        for key, values in info.items():  # False keeps the type; a product with the mask gives negative zeros
             infos[key] = np.where(mask if values.ndim == 1 else mask[:, None], values, False)
     for key in info:
         infos[f"_{key}"] = mask.copy()

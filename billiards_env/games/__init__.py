@@ -1,24 +1,30 @@
 """Games for two or more players: states, rules, the referee, and a PettingZoo environment in `games.billiards_v0`.
 
-Only `games.billiards_v0` imports PettingZoo.
+Only `games.billiards_v0` imports PettingZoo. The names of `games.game` are imported on first use: tasks need only the
+rules.
 """
 
-from billiards_env.games.game import (
-    NO_CALL,
-    Call,
-    GameState,
-    History,
-    PlayedShot,
-    Setup,
-    Stroke,
-    choices,
-    custom_opening,
-    opening,
-    play,
-    replay,
-)
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from billiards_env.games.referee import GAMES
 from billiards_env.games.state import CALL, CALLS, FACTS, FOULS, IN_HAND, STATE, VERDICT, members, to_dict
+
+if TYPE_CHECKING:
+    from billiards_env.games.game import (
+        NO_CALL,
+        Call,
+        GameState,
+        History,
+        PlayedShot,
+        Setup,
+        Stroke,
+        choices,
+        custom_opening,
+        opening,
+        play,
+        replay,
+    )
 
 __all__ = [
     "CALL",
@@ -44,3 +50,9 @@ __all__ = [
     "replay",
     "to_dict",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module("billiards_env.games.game"), name)

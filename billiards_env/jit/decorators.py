@@ -95,8 +95,8 @@ class EntryPoint(CPUDispatcher):
 class Typed:
     """An entry point whose arguments have the same types at each call.
 
-    Numba finds the machine code by the types of the arguments, which takes 40 ns for each array in a tuple. Here only
-    the first call does so. Arguments of other types in a later call are not detected.
+    Numba finds the machine code by the types of the arguments, which takes 40 ns for each array in a tuple. This class
+    looks up the code only in the first call. It does not check the types of later arguments.
     """
 
     def __init__(self, entry: Any) -> None:

@@ -60,14 +60,15 @@ CUSHION_NUMBERS = (PAIR_NUMBERS[1], LANE_WIDTH)
 ONLY_STATES, ALSO_CONSTANTS = ((None, True),), ((True, None),)
 """The argument `changing` of the kernels below: whether radii, masses and numbers change, or only the states of balls.
 
-Numba compiles only the tangents of one of the two, see `by_law`. Those of the states alone have fewer operations.
+For each value numba compiles only the tangents that it needs, see `by_law`. Those of the states alone have fewer
+operations.
 """
 
 
 def _tangent(function: Callable[..., Any], constant: Collection[str], constants: Collection[str]) -> Callable[..., Any]:
     """Returns the tangent of a law as a kernel of `changing` and a tuple with the arguments of the tangent.
 
-    `constants` are the last arguments of the law that change; `ONLY_STATES` ignores their changes.
+    `constants` names the last arguments of the law. With `ONLY_STATES` their changes are left out.
     """
     states, kept = tangent_of(function, constant=(*constant, *constants)), -len(constants)
     return by_law(tangent_of(function, constant=constant), inlined(lambda *arguments: states(*arguments[:kept])))

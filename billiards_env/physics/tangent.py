@@ -3,8 +3,8 @@
 The tangent of `f(x, y) -> value` is `d_f(x, y, d_x, d_y) -> (value, d_value)`. The change `d_value` of the result
 belongs to the changes `d_x` and `d_y` of the arguments (forward mode, one direction; Griewank and Walther 2008, chapter
 3). A change of a tuple is a tuple, and that of a NamedTuple or of a record has the fields that the kernel reads.
-Arguments named in `constant` have no change. A call of another kernel leaves out the changes of what is constant there.
-The tangent computes the value with the operations of the kernel.
+Arguments named in `constant` have no change. In a call of another kernel, the changes of
+arguments that are constant in this call are left out. The tangent computes the value with the operations of the kernel.
 
 A kernel may consist of:
 
@@ -87,7 +87,7 @@ class Tangent:
 
 
 def rule(function: Callable[..., Any], *, constant: Collection[str] = ()) -> Callable[[Any], Any]:
-    """Returns a decorator that makes a kernel the tangent of `function`, if at least the arguments `constant` are."""
+    """Returns a decorator that makes a kernel the tangent of `function` if the arguments `constant` do not change."""
 
     def decorate(call: Any) -> Any:
         _RULES.setdefault(function, []).append(_Rule(call, frozenset(constant)))
@@ -111,7 +111,7 @@ def tangent_of(function: Callable[..., Any], *, constant: Collection[str] = ()) 
 
 @functools.cache
 def _tangent(function: Any, constant: frozenset[str]) -> _Rule:
-    """Returns the rule of a kernel that leaves out the most of the changes of constants, or its tangent."""
+    """Returns the rule of a kernel that leaves out the most constants; without a rule the generated tangent."""
     rules = [rule for rule in _RULES.get(function, ()) if rule.constant <= constant]
     return max(rules, key=lambda rule: len(rule.constant), default=_Rule(Tangent(function, constant), constant))
 

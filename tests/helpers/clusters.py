@@ -90,7 +90,7 @@ def collided(places, rows, pairs, arrays, rebound: Any = 0.0):
 
 
 def check_order_and_side(rng, places, rows, pairs, arrays, rebound):
-    """Checks that other numbers of the balls and of the contacts, and mirrors, change no bit of `collided`."""
+    """Checks that new numbers of the balls and of the contacts, or a mirror, change no bit of `collided`."""
     found, _ = collided(places, rows, pairs, arrays, rebound)
     names, order = rng.permutation(len(places)), rng.permutation(len(pairs))
     back = np.argsort(names)

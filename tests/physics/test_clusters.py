@@ -154,7 +154,7 @@ def test_smooth_balls_separate_at_least_at_the_minimum_speed(seed, n, e):
 @kinds
 @given(SEEDS, st.integers(2, 30), st.floats(0, 1), FRICTION, st.booleans(), st.booleans())
 def test_impacts_have_no_preferred_order_or_side(kind, seed, n, e, mu, fixed, rebounds):
-    """The coupling of two contacts was once a product of factors whose order depended on the numbers of the balls."""
+    """The impulses do not depend on the numbers of the balls and contacts, nor on mirrors."""
     rng, places, rows, pairs, arrays = drawn(seed, kind, n, e, mu, fixed)
     check_order_and_side(rng, places, rows, pairs, arrays, rng.uniform(0, 0.1, len(pairs)) * rebounds)
 
