@@ -219,7 +219,10 @@ def flag(name: str, value: Any) -> bool:
 
 
 def numbers(name: str, value: ArrayLike | None) -> NDArray[np.float64]:
-    """Returns a float64 copy of an array or of lists of real numbers. Raises a ValueError for other values."""
+    """Returns a float64 copy of an array or of lists of real numbers. Raises a ValueError for other values.
+
+    The copy has the layout "C", which the entry points of `jit.Typed` do not check.
+    """
     try:
         given = np.array(value)
         # NumPy would also convert complex numbers, without their imaginary parts, texts and times.

@@ -117,7 +117,7 @@ def _hits(i: int, j: int, one: tuple[Floats, Floats], two: tuple[Floats, Floats]
         way = 0.5 * (times[k + 1] - times[k - 1]) * float(np.hypot(*w))
         starts = any(np.hypot(*line[1]) < 0.5 * _STARTS < 0.5 * np.hypot(*line[3]) for line in (first, second))
         least = _STARTS if starts else _KICK
-        rests = np.hypot(*w) < 0.5 * _STARTS  # one of two balls at rest is struck
+        rests = np.hypot(*w) < 0.5 * _STARTS  # the distance does not change, so the balls cannot hit
         if rests or distance[k] > reach + _NEAR + way or np.hypot(*(w_after - w)) < least:
             continue
         a, b, c = float(w @ w), float(at @ w), float(at @ at) - reach * reach

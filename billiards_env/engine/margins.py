@@ -36,7 +36,7 @@ from billiards_env.engine.log import BALL, BALL_BALL, BALL_CUSHION, BALL_POCKET,
 from billiards_env.engine.passing import (
     AT_END,
     AT_START,
-    Approach,
+    Meeting,
     nearest_to,
     passing,
     path_before,
@@ -100,26 +100,26 @@ class Pass(NamedTuple):
 
 
 @inlined
-def _column(body, scene):
-    """Returns the column of a `Approach` in `MarginsOut`."""
-    first = 0 if body.kind == BALL_BALL else len(scene.radius)
-    return first + body.other + (len(scene.pockets) if body.kind == BALL_CUSHION else 0)
+def _column(meeting, scene):
+    """Returns the column of a `Meeting` in `MarginsOut`."""
+    first = 0 if meeting.kind == BALL_BALL else len(scene.radius)
+    return first + meeting.other + (len(scene.pockets) if meeting.kind == BALL_CUSHION else 0)
 
 
 @kernel
-def _set(body, margin, normal, rate, now, over):  # out: over
-    """Stores the margin of a `Approach`.
+def _set(meeting, margin, normal, rate, now, over):  # out: over
+    """Stores the margin of a `Meeting`.
 
     Args:
-        body: The `Approach`.
+        meeting: The `Meeting`.
         margin: m.
-        normal: Unit vector (x, y) from the ball towards the body.
+        normal: Unit vector (x, y) from the ball towards the other body.
         rate: As in `MarginsOut`.
         now: The `Time` at which the two are nearest. The lanes then have the positions at this time.
         over: The `Pass`.
     """
-    (kind, i, j), (nx, ny), out, tape, shot = body, normal, over.out, over.tape, over.shot
-    count, lanes, q, changing = len(out.slope), tape.lanes, _column(body, shot.scene), shot.changing
+    (kind, i, j), (nx, ny), out, tape, shot = meeting, normal, over.out, over.tape, over.shot
+    count, lanes, q, changing = len(out.slope), tape.lanes, _column(meeting, shot.scene), shot.changing
     out.margin[i, q], out.time[i, q], out.rate[i, q] = margin, now.hi, rate
     numbers, radius = law_numbers_of(shot.scene.numbers), shot.scene.radius
     flight = flight_until(shot.segments, tape.current[i], now, numbers)
@@ -141,11 +141,11 @@ def _set(body, margin, normal, rate, now, over):  # out: over
 
 
 @kernel
-def _approach(body, circle, t, ends, begin, over):  # out: over
-    """Stores the margin of a `Approach` to a `Circle` t seconds after `begin`, if it is the largest.
+def _approach(meeting, circle, t, ends, begin, over):  # out: over
+    """Stores the margin of a `Meeting` to a `Circle` t seconds after `begin`, if it is the largest.
 
     Args:
-        body: The `Approach`.
+        meeting: The `Meeting`.
         circle: The `Circle`; its path begins at `begin`.
         t: s.
         ends: Whether an event ends the approach then.
@@ -155,27 +155,27 @@ def _approach(body, circle, t, ends, begin, over):  # out: over
     path, (x, y) = circle.path, place_after(circle.path, t)
     distance = norm(x, y)
     margin = circle.reach - distance
-    if margin > over.out.margin[body.ball, _column(body, over.shot.scene)] and distance > 0.0:
+    if margin > over.out.margin[meeting.ball, _column(meeting, over.shot.scene)] and distance > 0.0:
         nx, ny = -x / distance, -y / distance
         rate = nx * (path.vx + t * path.ax) + ny * (path.vy + t * path.ay) if ends else 0.0
-        _set(body, margin, (nx, ny), rate, later(begin, t), over)
+        _set(meeting, margin, (nx, ny), rate, later(begin, t), over)
 
 
 @inlined
-def pass_circle(body, circle, swept, span, over):  # out: over
-    """Stores the margin of a `Approach` to a `Circle` on a `Span` with a `Sweep`, if it is the largest."""
-    i, q = body.ball, _column(body, over.shot.scene)
+def pass_circle(meeting, circle, swept, span, over):  # out: over
+    """Stores the margin of a `Meeting` to a `Circle` on a `Span` with a `Sweep`, if it is the largest."""
+    i, q = meeting.ball, _column(meeting, over.shot.scene)
     if over.selected[i, q] and not misses_circle(circle.path, swept, circle.reach - over.out.margin[i, q]):
         t, faces = nearest_to(circle, span)
         if faces and (t > 0.0 or span.end == 0.0):
-            _approach(body, circle, t, t == span.end, span.begin, over)
+            _approach(meeting, circle, t, t == span.end, span.begin, over)
 
 
 @inlined
-def pass_side(body, side, path, span, over):  # out: over
-    """Stores the margin of a `Approach` to a `Side` on a `Span` with a `Path`, if it is the largest."""
-    nx, ny, end, q = side.nx, side.ny, span.end, _column(body, over.shot.scene)
-    if not over.selected[body.ball, q]:
+def pass_side(meeting, side, path, span, over):  # out: over
+    """Stores the margin of a `Meeting` to a `Side` on a `Span` with a `Path`, if it is the largest."""
+    nx, ny, end, q = side.nx, side.ny, span.end, _column(meeting, over.shot.scene)
+    if not over.selected[meeting.ball, q]:
         return
     v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
     t = end
@@ -185,25 +185,25 @@ def pass_side(body, side, path, span, over):  # out: over
         return  # it was nearer before
     x, y = place_after(path, t)
     margin = nx * x + ny * y - side.room
-    if over.out.margin[body.ball, q] < margin <= _TOUCHING and is_beside(side.line, x, y):
-        _set(body, margin, (nx, ny), v + t * a if t == end else 0.0, later(span.begin, t), over)
+    if over.out.margin[meeting.ball, q] < margin <= _TOUCHING and is_beside(side.line, x, y):
+        _set(meeting, margin, (nx, ny), v + t * a if t == end else 0.0, later(span.begin, t), over)
 
 
 pass_bodies = passing(pass_circle, pass_side, False)
 
 
 @inlined
-def _enter_pocket(body, circle, path, now, over):  # out: over
+def _enter_pocket(meeting, circle, path, now, over):  # out: over
     """Stores the margin of a ball that enters a pocket, on its continued `Path` from a `Time`.
 
     The path ends at the cushion behind the pocket if the ball reaches it before the point nearest to the centre.
     """
-    i, scene, out, q = body.ball, over.shot.scene, over.out, _column(body, over.shot.scene)
+    i, scene, out, q = meeting.ball, over.shot.scene, over.out, _column(meeting, over.shot.scene)
     t, cut = turn_time(circle.path), False
     limit, wall = wall_time(path, scene.radius[i], t, scene.numbers, scene.outline)
     if limit < t:
         t, cut = limit, True
-    _approach(body, circle, t, cut, now, over)
+    _approach(meeting, circle, t, cut, now, over)
     if cut:
         x, y = place_after(path, t)
         nx, ny, _ = wall_at(x, y, wall, scene.radius[i], scene.outline)
@@ -215,16 +215,16 @@ def _enter_pocket(body, circle, path, now, over):  # out: over
 
 
 @inlined
-def _hit_side(body, normal, path, now, over):  # out: over
+def _hit_side(meeting, normal, path, now, over):  # out: over
     """Stores the margin of a ball that touches a straight cushion, on its continued `Path` from a `Time`."""
-    (nx, ny), i, q, out = normal, body.ball, _column(body, over.shot.scene), over.out
+    (nx, ny), i, q, out = normal, meeting.ball, _column(meeting, over.shot.scene), over.out
     v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
     if a >= 0.0:
         out.margin[i, q], out.time[i, q], out.rate[i, q] = math.inf, now.hi, 0.0
         for c in range(len(out.slope)):
             out.slope[c, i, q] = 0.0
     elif v > 0.0 and -0.5 * v * v / a > out.margin[i, q]:
-        _set(body, -0.5 * v * v / a, normal, 0.0, later(now, -v / a), over)
+        _set(meeting, -0.5 * v * v / a, normal, 0.0, later(now, -v / a), over)
 
 
 @kernel
@@ -234,17 +234,17 @@ def _meet(e, over):  # out: over
     kind, i, other, now = int(events[e, KIND]), int(events[e, BALL]), int(events[e, OTHER]), event_time(events, e)
     if kind > BALL_POCKET:
         return
-    body = Approach(kind, min(i, other), max(i, other)) if kind == BALL_BALL else Approach(kind, i, other)
-    if not over.selected[body.ball, _column(body, scene)]:
+    meeting = Meeting(kind, min(i, other), max(i, other)) if kind == BALL_BALL else Meeting(kind, i, other)
+    if not over.selected[meeting.ball, _column(meeting, scene)]:
         return
     path, circle = path_before(e, 0, over), touched_circle(e, over)
     if kind == BALL_POCKET:
-        _enter_pocket(body, circle, path, now, over)
+        _enter_pocket(meeting, circle, path, now, over)
     elif circle.reach == math.inf:
         nx, ny, _ = wall_at(path.x, path.y, other, scene.radius[i], scene.outline)
-        _hit_side(body, (nx, ny), path, now, over)
+        _hit_side(meeting, (nx, ny), path, now, over)
     else:
-        _approach(body, circle, turn_time(circle.path), False, now, over)
+        _approach(meeting, circle, turn_time(circle.path), False, now, over)
 
 
 @inlined

@@ -128,21 +128,21 @@ def _find(time, e, reason, over):  # out: over
 
 
 @inlined
-def _touch(gap, along, speed, t, body, span, over):  # out: over
-    """Stores a reason if a `Approach` is touched on a `Span`.
+def _touch(gap, along, speed, t, meeting, span, over):  # out: over
+    """Stores a reason if a `Meeting` is touched on a `Span`.
 
     Args:
         gap: The least gap, m.
         along: The part of the relative velocity along it, m/s.
         speed: The relative speed, m/s.
         t: The time of the least gap, s.
-        body: The `Approach`.
+        meeting: The `Meeting`.
         span: The `Span`.
         over: The `Pass`.
     """
     if abs(gap) > over.within[0]:
         return
-    (kind, i, other), events = body, over.shot.events
+    (kind, i, other), events = meeting, over.shot.events
     meets, met_by = False, SIMULTANEOUS if span.event >= 0 else IS_CUT  # at the beginning and at the end of the span
     for k in (over.last[i], span.event):
         if k >= 0 and events[k, KIND] == kind:
@@ -162,7 +162,7 @@ def _touch(gap, along, speed, t, body, span, over):  # out: over
 
 
 @inlined
-def pass_circle(body, circle, swept, span, over):  # out: over
+def pass_circle(meeting, circle, swept, span, over):  # out: over
     """Looks for a touch of a `Circle` on a `Span` with a `Sweep`."""
     path, reach = circle.path, circle.reach
     if misses_circle(path, swept, reach + over.within[0]):
@@ -171,11 +171,11 @@ def pass_circle(body, circle, swept, span, over):  # out: over
     x, y = place_after(path, t)
     vx, vy, distance = path.vx + t * path.ax, path.vy + t * path.ay, norm(x, y)
     if faces and distance > 0.0:
-        _touch(distance - reach, (x * vx + y * vy) / distance, norm(vx, vy), t, body, span, over)
+        _touch(distance - reach, (x * vx + y * vy) / distance, norm(vx, vy), t, meeting, span, over)
 
 
 @inlined
-def pass_side(body, side, path, span, over):  # out: over
+def pass_side(meeting, side, path, span, over):  # out: over
     """Looks for a touch of a `Side` on a `Span` with a `Path`."""
     nx, ny, end = side.nx, side.ny, span.end
     v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
@@ -183,7 +183,7 @@ def pass_side(body, side, path, span, over):  # out: over
     x, y = place_after(path, t)
     vx, vy = path.vx + t * path.ax, path.vy + t * path.ay
     if is_beside(side.line, x, y):
-        _touch(nx * x + ny * y - side.room, v + t * a, norm(vx, vy), t, body, span, over)
+        _touch(nx * x + ny * y - side.room, v + t * a, norm(vx, vy), t, meeting, span, over)
 
 
 pass_bodies = passing(pass_circle, pass_side, True)

@@ -1,6 +1,6 @@
 """The visit of each body that a ball may touch on its path between two events.
 
-`engine.margins` and `engine.nonsmooth` go through the log of a shot. Both look at each body on each piece of a path.
+`engine.margins` and `engine.nonsmooth` go through the log of a shot. Both look at each meeting on each piece of a path.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ AT_START, AT_END = -2, -1
 """Values of `Span.event` at the start and at the end of a shot, where there is no event."""
 
 
-class Approach(NamedTuple):
+class Meeting(NamedTuple):
     """A possible contact: a ball and what it may touch.
 
     Attributes:
@@ -183,8 +183,8 @@ def passing(pass_circle: Callable[..., None], pass_side: Callable[..., None], at
     """Returns the kernel that visits all bodies along the current piece of a ball's path.
 
     Args:
-        pass_circle: (body, circle, swept, span, over), for a `Approach`, its `Circle`, the path's `Sweep` and a `Span`.
-        pass_side: (body, side, path, span, over), for a `Side` and the `Path` of the ball.
+        pass_circle: (meeting, circle, swept, span, over), for a `Meeting`, its `Circle`, a `Sweep` and a `Span`.
+        pass_side: (meeting, side, path, span, over), for a `Side` and the `Path` of the ball.
         at_once: Whether to visit the bodies on pieces without duration.
     """
 
@@ -194,7 +194,7 @@ def passing(pass_circle: Callable[..., None], pass_side: Callable[..., None], at
         if outline is None:
             for wall in range(4):
                 side = rectangle_side(wall, over.shot.scene.radius[i], over.shot.scene.numbers)
-                pass_side(Approach(BALL_CUSHION, i, wall), side, path, span, over)
+                pass_side(Meeting(BALL_CUSHION, i, wall), side, path, span, over)
         else:
             pass_outline(outline, i, path, swept, span, over)
 
@@ -203,9 +203,9 @@ def passing(pass_circle: Callable[..., None], pass_side: Callable[..., None], at
         """Implements `pass_cushions` for an outline."""
         radius, lines, tips = over.shot.scene.radius[i], outline.lines, outline.tips
         for k in range(len(lines)):
-            pass_side(Approach(BALL_CUSHION, i, k), line_side(lines[k], radius), path, span, over)
+            pass_side(Meeting(BALL_CUSHION, i, k), line_side(lines[k], radius), path, span, over)
         for k in range(len(tips)):
-            pass_circle(Approach(BALL_CUSHION, i, k + len(lines)), tip_circle(path, tips[k], radius), swept, span, over)
+            pass_circle(Meeting(BALL_CUSHION, i, k + len(lines)), tip_circle(path, tips[k], radius), swept, span, over)
 
     @kernel
     def pass_bodies(i, until, event, over):  # out: over
@@ -227,7 +227,7 @@ def passing(pass_circle: Callable[..., None], pass_side: Callable[..., None], at
                 pocket = scene.pockets[p]
                 from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
                 pass_circle(
-                    Approach(BALL_POCKET, i, p), Circle(from_pocket, pocket[POCKET_RADIUS], None), swept, span, over
+                    Meeting(BALL_POCKET, i, p), Circle(from_pocket, pocket[POCKET_RADIUS], None), swept, span, over
                 )
             pass_cushions(scene.outline, i, path, swept, span, over)
         for k in range(i + 1 if starts else 0, len(scene.radius)):
@@ -243,6 +243,6 @@ def passing(pass_circle: Callable[..., None], pass_side: Callable[..., None], at
                 one, two = path_from(segments[tape.current[low]], start), path_from(segments[tape.current[high]], start)
                 between, reach = difference(one, two), contact_distance(scene.spheres, scene.radius, low, high)
                 circle, span = Circle(between, reach, None), Span(start, end, event)
-                pass_circle(Approach(BALL_BALL, low, high), circle, sweep(between, end), span, over)
+                pass_circle(Meeting(BALL_BALL, low, high), circle, sweep(between, end), span, over)
 
     return pass_bodies

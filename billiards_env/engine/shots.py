@@ -94,8 +94,8 @@ def arrays_in(memory: NDArray[np.uint8], kind: np.dtype[np.void]) -> list[NDArra
 @functools.lru_cache(maxsize=64)
 def _row_type(n: int) -> np.dtype[np.void]:
     """Returns the type of a row of `Shots` of n balls."""
-    counts = ("f8", ("i4", n), ("i4", n), "i8", "i8", "i8", "i8")
-    kinds = (("f8", (n, 2)), ("f8", (n, 2)), ("f8", (n, 3)), ("?", n), *counts)
+    counts = ("f8", ("i4", (n,)), ("i4", (n,)), "i8", "i8", "i8", "i8")
+    kinds = (("f8", (n, 2)), ("f8", (n, 2)), ("f8", (n, 3)), ("?", (n,)), *counts)
     return np.dtype(list(zip(Shots._fields, kinds, strict=True)), align=True)
 
 

@@ -86,7 +86,9 @@ class Episodes:
         self.choices = self._converter.choices if self._converter else 0
         self._cue = tuple(cue_numbers(scene)) if model.action == "strike" else None
         self.kind = state_type(model)
-        self._allocate(np.zeros(count * self.kind.itemsize, np.uint8) if memory is None else memory)
+        self._allocate(
+            np.zeros(count * self.kind.itemsize, np.uint8) if memory is None else np.require(memory, None, "W")
+        )
         source = Source(scene, model.task, scene.half_extents, self.arrays, numbers, self.physics, model.randomize)
         self.observer = Observer(model.observe, source)
         if memory is None:

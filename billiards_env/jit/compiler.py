@@ -102,11 +102,12 @@ class ShortCompiler(Compiler):
         collects = gc.isenabled()
         gc.disable()  # numba keeps its objects; slowdown of the planner without this line: 1.1x
         timer.start()
+        resolve: Any = BaseFunction.get_call_type
         BaseFunction.get_call_type = _resolve_once  # only here, where numba's lock is held
         try:
             return super().compile_extra(func)
         finally:
-            BaseFunction.get_call_type = _resolve
+            BaseFunction.get_call_type = resolve
             timer.cancel()
             if collects:
                 gc.enable()

@@ -195,13 +195,13 @@ def write(path: str | os.PathLike[str], text: str) -> None:
 
 
 def read(
-    path: str | os.PathLike[str], build: Callable[[str], T], what: str = "a shot or a game", most: int = MAX_BYTES
+    path: str | os.PathLike[str], build: Callable[[str], T], what: str = "a shot or a game", most: int | None = None
 ) -> T:
     """Returns what `build` makes of the text of a file; errors name the file and `what` it should hold.
 
-    The file has at most `most` bytes.
+    The file has at most `most` bytes; None for `MAX_BYTES`.
     """
-    text = read_text(path, most, what)
+    text = read_text(path, MAX_BYTES if most is None else most, what)
     try:
         return build(text)
     except ValueError as error:

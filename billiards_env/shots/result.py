@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import numbers, short
 from billiards_env.engine.compile import Engine
-from billiards_env.engine.log import Log, named_events
+from billiards_env.engine.log import N_EVENTS_LOGGED, N_SEGMENTS_LOGGED, Log, named_events
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.scene import Scene
@@ -303,7 +303,7 @@ def _recording(shot: ShotResult | None, method: str) -> Recording | None:
 
 def read_log(log: Log, scene: Scene, engine: Engine) -> dict[str, Any]:
     """Returns the fields of a `ShotResult` that only a recorded shot has."""
-    rows, segments = log.events[: log.used[0]], log.segments[: log.used[1]]
+    rows, segments = log.events[: log.used[N_EVENTS_LOGGED]], log.segments[: log.used[N_SEGMENTS_LOGGED]]
     return {
         "events": named_events(rows),
         "trajectory": Trajectory.of(segments),
