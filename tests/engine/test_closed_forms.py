@@ -195,9 +195,18 @@ def add_cushions():
     start, after = (*frozen, [1.0, 0.5]), [[-1, 0.5]]
     case("a frozen ball bounces at once", start, [("cushion", 0, 1)], 0.5, times=[0], velocities=after)
     case("a frozen ball leaves the cushion", (*frozen, [-0.5, 0.0]), [], 1.0, velocities=[[-0.5, 0.0]])
+    slide, roll, limit = deceleration(0.2), deceleration(0.01), mpf(0.9)
+    rolls = limit - 2 / (7 * slide)
+    ways = {
+        "ideal": limit,
+        "rolling": limit - roll * limit**2 / 2,
+        "sliding": 12 / (49 * slide) + 5 * rolls / 7 - roll * rolls**2 / 2,
+    }
     for (name, law), side, (x, y) in itertools.product(MOTIONS.items(), (1, -1), ((1, 0), (0, 1))):
         start = world(1, law, SQUARE), [[side * x * (1 - R), side * y * (1 - R)]], [y, x]
-        case(f"a {name} ball moves along the cushion at ({side * x}, {side * y})", start, [], 0.9)
+        end = [[side * x * (1 - R) + y * ways[name], side * y * (1 - R) + x * ways[name]]]
+        what = f"a {name} ball moves along the cushion at ({side * x}, {side * y})"
+        case(what, start, [], 0.9, positions=end)
     for gap, e, (x, y) in itertools.product((0.0, 0.5), (0.0, 0.5, 1.0), itertools.product((-1.0, 1.0), repeat=2)):
         start = world(1, FREE, SQUARE, e_cushion=e), [[x * (1 - R - gap), y * (1 - R - gap)]], [x, y]
         both = [("cushion", 0, int(x > 0)), ("cushion", 0, 2 + int(y > 0))]

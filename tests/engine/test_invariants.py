@@ -24,6 +24,7 @@ from tests.helpers.outlines import MARBLES, TABLES, mirrored
 from tests.helpers.shots import (
     BALL_ARRAYS,
     DTS,
+    MOTIONS,
     OUTLINE_LAWS,
     aimed_shot,
     check_same,
@@ -33,6 +34,7 @@ from tests.helpers.shots import (
     motion_at,
     outline_shot,
     simulate,
+    world,
 )
 
 UK = Scene.named("uk_pool", 4)
@@ -216,3 +218,13 @@ def test_a_shot_without_velocity_has_no_events(n, layout):
         shot = simulate(scene, places, [0.0, 0.0], record=True, **arguments)
         assert (shot.status, shot.n_events, shot.time, len(shot.events)) == ("rest", 0, 0.0, 0)
         assert np.array_equal(shot.positions, places)
+
+
+@pytest.mark.parametrize("physics", MOTIONS.values(), ids=MOTIONS)
+def test_impacts_do_not_move_a_fixed_ball(physics):
+    places, velocities = [[-1.0, 0.0], [0.0, 0.01], [0.5, 0.0]], [[3.0, 0.0], [0.0, 0.0], [-3.0, 0.0]]
+    shot = simulate(world(3, physics, mass=(0.2, math.inf, 0.2)), places, velocities, record=True)
+    hits = shot.events[shot.events["kind"] == "ball_ball"][["ball", "other"]].tolist()
+    assert {(0, 1), (1, 2)} <= set(hits)
+    assert shot.positions[1].tolist() == places[1]
+    assert shot.velocities[1].tolist() == [0.0, 0.0]

@@ -1,4 +1,4 @@
-"""Shots on tables with outlines: both engines, and cases that are difficult near jaws."""
+"""Shots on tables with outlines: both engines, all queues, and cases that are difficult near jaws."""
 
 import dataclasses
 import math
@@ -13,7 +13,8 @@ from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.outline import clearance, pieces
 from billiards_env.scene.table import Pocket, Table
-from tests.helpers.outlines import ANY_TABLE, TABLES, beyond, with_corners
+from tests.helpers.outlines import ANY_TABLE, TABLES, beyond, table, with_corners
+from tests.helpers.queues import CELL_GRID, check
 from tests.helpers.shots import FREE, ROLLING, SLIDING, kinds, outline_shot, simulate
 from tests.helpers.shots import OUTLINE_LAWS as LAWS
 
@@ -62,6 +63,36 @@ def test_a_rectangle_as_an_outline_is_the_plain_rectangle(physics, pit):
             assert shot.positions == pytest.approx(same.positions, abs=1e-9)
 
 
+# Tips
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.004, 0.05])
+def test_a_tip_is_like_a_fixed_ball(radius):
+    a_table = table([(0, 0), (2, 0), (2, 0.8), (0.8, 0.8, radius), (0.8, 2), (0, 2)])
+    tip = pieces(a_table.outline)[1][0]
+    rng = np.random.default_rng(0)
+    fixed = max(radius, 1e-3)
+    hits = 0
+    for _ in range(200):
+        angle = rng.uniform(math.pi, 1.5 * math.pi)
+        start = np.array([tip.x, tip.y]) + 0.3 * np.array([math.cos(angle), math.sin(angle)])
+        aim = np.array([tip.x, tip.y]) - start + rng.uniform(-0.04, 0.04, 2)
+        physics = Physics(motion="rolling", cushion="restitution", e_ball=0.8, e_cushion=0.8)
+        shot = simulate(Scene(Balls.uniform(1, R), a_table, physics), [start], aim, record=True)
+        if kinds(shot)[0] != ("cushion", 0, 6):
+            continue
+        hits += 1
+        # A fixed ball of the same reach
+        balls = Balls((R - fixed + radius, fixed), (0.17, math.inf))
+        same = simulate(Scene(balls, Table(8.0, 8.0), physics), [start, [tip.x, tip.y]], aim, record=True)
+        assert kinds(same)[0] == ("ball_ball", 0, 1)
+        assert shot.events["time"][0] == pytest.approx(same.events["time"][0], abs=1e-14)
+        assert shot.events["speed"][0] == pytest.approx(same.events["speed"][0], abs=1e-13)
+        t = shot.events["time"][0] + 0.01
+        assert shot.at(t)[0] == pytest.approx(same.at(t)[0], abs=1e-14)
+    assert hits > 50
+
+
 # All shots
 
 
@@ -74,7 +105,43 @@ def test_no_ball_overlaps_the_outline(a_table, seed, law, n):
     assert beyond(scene, shot, 300) < 1e-12
 
 
+@pytest.mark.parametrize("name", TABLES)
+def test_all_queues_have_the_same_bits(name):
+    """The scene has the laws of UK pool, whose engines other tests compile too."""
+    rng = np.random.default_rng(3)
+    for n in (3, 4):
+        scene, places, velocities, spins = outline_shot(TABLES[name], rng, n)
+        assert spins is not None
+        balls = Balls((0.9 * R, *(R,) * (n - 1)), scene.balls.mass, shape="sphere")
+        scene = dataclasses.replace(scene, balls=balls, physics=Scene.named("uk_pool").physics)
+        check((scene, places[None], velocities[None], np.array([spins])), [CELL_GRID], record=True)
+
+
 # PIT
+
+
+@pytest.mark.parametrize(
+    ("name", "fix"),
+    [
+        ("octagon", "none"),
+        ("L", "push_apart"),
+        ("pool_7ft", "move_back"),
+        ("throat", "push_apart"),
+        ("pool_7ft", "time_of_impact"),
+    ],
+)
+def test_pit_approaches_pic_as_the_timestep_falls(name, fix):
+    rng = np.random.default_rng(0)
+    errors = {1e-3: [], 1e-5: []}
+    for _ in range(40):
+        scene, places, velocities, spins = outline_shot(TABLES[name], rng)
+        exact = simulate(scene, places, velocities, spins=spins, max_time=1.5)
+        for dt, found in errors.items():
+            shot = simulate(scene, places, velocities, spins=spins, max_time=1.5, engine=Engine("pit", dt, fix))
+            found.append(np.hypot(*(shot.positions - exact.positions)[0]))
+    coarse, fine = (np.median(found) for found in errors.values())
+    assert fine < 0.05 * coarse + 1e-12
+    assert fine < 1e-4
 
 
 @pytest.mark.parametrize("fix", FIXES)

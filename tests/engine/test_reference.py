@@ -10,6 +10,7 @@ import pytest
 from billiards_env import Scene
 from billiards_env.scene import Balls, Physics
 from billiards_env.scene.table import Table
+from billiards_env.shots.gradients import UNIT_ROUNDOFF
 from reference.oracle import run
 from tests.helpers.derivatives import FALLING
 from tests.helpers.outlines import MARBLES, TABLES, apart_places
@@ -102,6 +103,23 @@ def test_random_shots_agree_with_the_high_precision_simulator(name):
     for seed in range(20):
         compared += agrees(scene, *aimed_shot(scene, seed), 3.0 if name == "ideal" else None) is not None
     assert compared >= 8
+
+
+@pytest.mark.parametrize("name", [name for name in RANDOM if RANDOM[name].physics.ball_ball == "frictional"])
+def test_random_frictional_shots_have_the_error_of_their_condition(name):
+    scene, ratios = RANDOM[name], []
+    for seed in range(15):
+        places, start, spins = aimed_shot(scene, seed)
+        shot = simulate(scene, places, start, spins=spins, record=True)
+        condition = shot.sensitivity().condition
+        if condition < 1e6:
+            exact = run(scene, places, start, spins, digits=40)
+            assert kinds(shot) == [(e.kind, e.ball, e.other) for e in exact.events]
+            error = np.abs(shot.positions - np.array(exact.positions, float)).max()
+            ratios.append(error / (UNIT_ROUNDOFF * condition))
+    assert len(ratios) >= 8
+    assert np.median(ratios) <= 1.0
+    assert max(ratios) <= 20.0
 
 
 @pytest.mark.parametrize("name", [*TABLES, "pool_8ft"])

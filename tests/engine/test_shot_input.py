@@ -1,4 +1,4 @@
-"""The check of the input of shots with few and with many balls."""
+"""The arrays of shots, and the check of their input with few and with many balls."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 
 from billiards_env.engine.compile import MANY_BALLS, scene_fields
 from billiards_env.engine.shot_input import check_shot, is_valid_fast, is_valid_fast_of_many
+from billiards_env.engine.shots import Shots, empty_shots
 from billiards_env.scene import CONTACT_GAP, Balls, Physics, Scene, check_positions
 from billiards_env.scene.table import Table
 from tests.helpers.looks import looks
@@ -33,6 +34,16 @@ def first_overlap(scene, positions, in_play):
             if in_play[k, i] and in_play[k, j] and distance < reach - CONTACT_GAP:
                 return f"positions: shot {k}, balls {i} and {j} are {distance} m apart"
     return None
+
+
+@pytest.mark.parametrize("n", [1, 2])
+@pytest.mark.parametrize("m", [1, 3])
+def test_the_arrays_of_shots_have_one_entry_for_each_ball(m, n):
+    """NumPy 1.26 reads the type ("?", 1) as a scalar."""
+    of_balls = {"positions": (2,), "velocities": (2,), "spins": (3,)}
+    of_balls |= dict.fromkeys(("in_play", "cushions", "cushions_before_hit"), ())
+    for name, array in zip(Shots._fields, empty_shots(m, n), strict=True):
+        assert array.shape == ((m, n, *of_balls[name]) if name in of_balls else (m,)), name
 
 
 @pytest.mark.parametrize("shape", ["disk", "sphere"])

@@ -5,6 +5,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -223,6 +224,29 @@ def test_the_noise_follows_the_seeds_and_the_noise_seed():
     env.reset()
     assert shot(1) == shot(1)
     assert len({shot(1), shot(2), shot(1, noise_seed=1), shot(1, noise_seed=2), shot(None), shot(None)}) == 6
+
+
+@pytest.mark.parametrize("native", [True, False])
+def test_lists_of_seeds_and_masked_seeds_seed_the_noise(native):
+    def build() -> Any:
+        if native:
+            return make_vector_env(3, "Disabled", noise=NOISE, **FAST)
+        return SyncVectorEnv([lambda: make(noise=NOISE)] * 3, autoreset_mode=AutoresetMode.DISABLED)
+
+    def played(envs, seed=None, **options):
+        observations, _ = envs.reset(seed=seed, options=options or None)
+        return np.concatenate((observations, envs.step(np.array([[0.1, 0.2]] * 3, np.float32))[0]), axis=1)
+
+    envs, twin, second = build(), build(), np.array([False, True, False])
+    first = played(envs, [7, 8, 9])
+    assert played(envs, 7).tobytes() == first.tobytes()
+    assert played(envs, [7, None, 9])[[0, 2]].tobytes() == first[[0, 2]].tobytes()
+    for one in (envs, twin):
+        played(one, 7)
+        played(one)
+    again = played(envs, [7, 8, 9], reset_mask=second)
+    assert again[1].tobytes() == first[1].tobytes()
+    assert again.tobytes() == played(twin, [None, 8, None], reset_mask=second).tobytes()  # the others are not seeded
 
 
 @pytest.mark.parametrize("vector", [False, True])

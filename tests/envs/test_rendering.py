@@ -259,7 +259,9 @@ def test_record_video_raises_for_another_render_mode(tmp_path):
         RecordVideo(make("Billiards-v0", render_mode="rgb_array"), str(tmp_path))
 
 
-@pytest.mark.parametrize(("autoreset_mode", "mode"), [("NextStep", "rgb_array"), ("SameStep", "rgb_array_list")])
+@pytest.mark.parametrize(
+    ("autoreset_mode", "mode"), [("NextStep", "rgb_array"), ("SameStep", "rgb_array"), ("SameStep", "rgb_array_list")]
+)
 def test_the_vector_environment_renders_the_frames_of_each_environment(autoreset_mode, mode):
     game = {"task": "place", "render_mode": mode, "max_shots": 2, "n_object_balls": 2}
     envs = make_vec("Billiards-v0", num_envs=2, autoreset_mode=autoreset_mode, **game)

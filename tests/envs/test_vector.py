@@ -159,6 +159,28 @@ def test_returned_arrays_share_no_memory(mode, kwargs):
     assert not any(np.may_share_memory(a, b) for a in given for b in inner)
 
 
+FORMS = {
+    "Fortran-ordered": np.asfortranarray,
+    "big-endian": lambda actions: actions.astype(">f8"),
+    "integers": lambda actions: actions.astype(int),
+    "read-only": lambda actions: np.frombuffer(actions.tobytes(), actions.dtype).reshape(actions.shape),
+}
+
+
+@pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
+@pytest.mark.parametrize("vector", [False, True])
+def test_the_form_of_an_array_of_actions_changes_no_bit(vector, form):
+    def played(form):
+        envs: Any = make_vector_env(3, **SOFT) if vector else make_env(**SOFT)
+        rng, results = np.random.default_rng(0), []
+        for seed in range(4):
+            actions = rng.integers(-1, 2, (3, 2)).astype(np.float32)
+            results.append((envs.reset(seed=seed), envs.step(form(actions if vector else actions[0]))))
+        return results
+
+    same(played(form), played(lambda actions: actions))
+
+
 def test_next_step_resets_ignore_the_action():
     envs = make_vector_env(2, "NextStep")
     envs.reset(seed=0)

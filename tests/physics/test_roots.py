@@ -46,6 +46,23 @@ def test_the_first_root_from_plus_to_minus_is_found(roots, complex_pairs, leadin
         assert any(abs(found - r) <= tolerance[roots.count(r)] for r in wanted)
 
 
+@given(st.lists(st.floats(-10, 10), min_size=4, max_size=4), st.floats(1e-3, 10), st.integers(0, 4), st.floats(0.01, 5))
+def test_roots_agree_with_numpy(high, constant, degree, end):
+    coefficients = [constant, *(c if k < degree else 0.0 for k, c in enumerate(high))]
+    assume(all(c == 0 or abs(c) > 1e-3 for c in coefficients))
+    ascending = np.polynomial.Polynomial(coefficients)
+    slope = ascending.deriv()
+    found_roots = np.asarray(ascending.trim().roots() if degree else [], dtype=complex)
+    real = sorted(r.real for r in found_roots if abs(r.imag) < 1e-4 and 0 < r.real <= end + 1e-3)
+    assume(all(abs(slope(r)) > 1e-2 for r in real))  # rounding can neither add nor remove such roots
+    assume(not real or abs(real[0] - end) > 1e-6)
+    found = first_descent(*coefficients, end)
+    if not real or real[0] > end:
+        assert found == math.inf
+    else:
+        assert found == pytest.approx(real[0], abs=1e-10)
+
+
 @given(
     st.lists(st.floats(-4, 4).filter(lambda c: c == 0 or abs(c) > 1e-6), min_size=4, max_size=4),
     st.integers(-90, 90),

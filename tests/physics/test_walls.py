@@ -75,6 +75,28 @@ def test_a_ball_stays_inside_until_it_touches_the_cushion_that_is_found(a_table,
     check((*place, *velocity, *acceleration), a_table, 10.0 ** rng.uniform(-2, 1) if force else INF, radius)
 
 
+@settings(max_examples=80)
+@given(ANY_TABLE, st.integers(0, 2**32), st.sampled_from([0.0, 2.0]))
+def test_a_ball_that_touches_a_cushion_leaves_it(a_table, seed, force):
+    """After the reflection the contact at time 0 is not found again, and the ball does not pass the cushion."""
+    rng = np.random.default_rng(seed)
+    outline = arrays(a_table)
+    x, y = free_places(a_table, R, rng, 1)[0]
+    angle = rng.uniform(0, 2 * math.pi)
+    vx, vy, ax, ay = math.cos(angle), math.sin(angle), *(force * rng.normal(size=2))
+    for _ in range(10):
+        path, end = (x, y, vx, vy, ax, ay), 0.5 if force else INF
+        t, wall = wall_time(path, a_table, end)
+        assert gap(path, np.linspace(0.0, min(t, end), 500), a_table).min() > -1e-12
+        if t == INF:
+            break
+        x, y = position(path, t)
+        vx, vy = vx + t * ax, vy + t * ay
+        nx, ny = walls._outline_normal(x, y, wall, outline)
+        normal = nx * vx + ny * vy
+        vx, vy = vx - 2 * normal * nx, vy - 2 * normal * ny
+
+
 @pytest.mark.parametrize("name", ["pool_7ft", "snooker_12ft", "rectangle", "split"])
 def test_the_rectangle_without_cushions_is_only_a_short_cut(name):
     a_table = TABLES[name]

@@ -136,6 +136,21 @@ def test_the_probability_is_that_of_played_shots_with_errors():
         assert abs(share - found.probability) < 0.15
 
 
+def test_it_sinks_more_balls_under_noise_than_search():
+    game = setup("straight", 1)
+    points = {}
+    for name in ("planner:1500", "search:1500"):
+        player, rng, points[name] = find_player(name, game, noise=NOISE), RNG(3), 0
+        for _ in range(60):
+            table = opening(game, rng, "random")
+            stroke = player(game, table, 6.0, RNG(0))
+            errors = rng.standard_normal((1, 2)) * (np.radians(NOISE[0]), NOISE[1])
+            (v,), (w,) = add_noise(np.array([stroke.velocity]), np.array([stroke.spin]), errors, 6.0)
+            points[name] += play(game, table, stroke._replace(velocity=tuple(v), spin=tuple(w))).verdict.points
+    assert points["planner:1500"] >= points["search:1500"]
+    assert points["planner:1500"] > 35
+
+
 def test_it_leaves_the_cue_ball_for_the_next_pot():
     game = setup("nine_ball")
     rng, eases = RNG(0), {}

@@ -223,6 +223,19 @@ def test_the_sensitivity_is_the_derivative_of_the_final_positions(name):
     assert np.abs(shot.positions - np.array(exact, float)).max() < 10 * UNIT_ROUNDOFF * found.condition
 
 
+def test_the_sensitivity_after_a_mathavan_cushion_is_that_of_small_steps():
+    scene = Scene.named("snooker", 2)
+    places, velocities = np.array([[0.3, 0.1], [1.2, 0.5], [-1.2, 0.5]]), np.array([[0.2, 2.0], [0.0, 0.0], [0.0, 0.0]])
+    found = simulate(scene, places, velocities, record=True).sensitivity().jacobian[0, :, 0]
+    step = 1e-3
+    for k in range(4):
+        moved = [np.concatenate((places[0], velocities[0])) for _ in range(2)]
+        moved[0][k] += step
+        moved[1][k] -= step
+        ends = [simulate(scene, [m[:2], *places[1:]], m[2:]).positions[0] for m in moved]
+        assert found[:, k] == pytest.approx((ends[0] - ends[1]) / (2 * step), abs=2e-3)
+
+
 def test_each_collision_multiplies_the_condition():
     scene = Scene.named("ideal", 15)
     rng = np.random.default_rng(0)

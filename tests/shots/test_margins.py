@@ -97,6 +97,25 @@ def test_a_margin_passes_smoothly_through_zero(body):
     assert slope == pytest.approx(other, rel=1e-4)
 
 
+def test_a_margin_turns_a_miss_into_a_pot():
+    scene = Scene.named("real_pool", 1)
+    pocket = scene.table.pockets[3]
+    ball = np.array([0.4, 0.2])
+    line = np.array([pocket.x, pocket.y]) - ball
+    line /= np.hypot(*line)
+    ghost = ball - 2 * scene.balls.radius[0] * line
+    cue = ghost - 0.6 * np.array([np.cos(0.3), np.sin(0.3)]) @ np.array([line, [-line[1], line[0]]])
+    velocity = 3.0 * (ghost - cue) / np.hypot(*(ghost - cue))
+    velocity = velocity + 0.06 * np.array([-velocity[1], velocity[0]]) / 3.0
+    shot = simulate(scene, [cue, ball], velocity, record=True)
+    margin = shot.margins().pockets[1, 3]
+    assert not shot.potted[1]
+    assert margin < 0
+    slope = shot.jacobian("pocket_margins")[1, 3, 0]
+    aim = velocity + (0.01 - margin) * slope / (slope @ slope)  # one step to a margin of 1 cm
+    assert simulate(scene, [cue, ball], aim).potted[1]
+
+
 def test_a_batch_has_the_margins_of_its_shots_and_vjp_their_jacobian():
     scene, rng = Scene.named("pool", 2), np.random.default_rng(2)
     starts = [aimed(scene, seed) for seed in range(5)]
