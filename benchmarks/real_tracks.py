@@ -102,10 +102,9 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     return {
         "how": f"{shots} shots were fitted with `{result['cushion']}` cushions, in {result['seconds']:.0f} s of "
         f"processor time; {result['judged_shots']} shots were judged{each}.",
-        "summary": f"The numbers of the model are fitted to {fitted} recorded shots. For "
-        f"{result['judged_shots']} other shots only the starts are fitted. In these shots "
-        f"{result['judged']['rows_5mm_contact2']:.1%} of the recorded positions are within 5 mm of the computed path "
-        "until the second contact of the cue ball.",
+        "summary": f"{result['judged']['rows_5mm_contact2']:.0%} of the recorded positions are within 5 mm of the "
+        f"computed path until the second contact of the cue ball, in {result['judged_shots']} shots. The numbers of "
+        f"the model are fitted to {fitted} other shots, and only the start to the shot itself.",
         "judged": table(("", "judged shots", "fitted shots", "target"), rows),
         "numbers": table(("number", "fitted", "95% interval"), numbers),
         **({"laws": table(("law of cushions", "loss over the least"), laws)} if laws else {}),
