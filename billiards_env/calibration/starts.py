@@ -188,7 +188,8 @@ def allowed(scene: Scene, starts: Floats, rows: Rows) -> tuple[Floats, Bools]:
 
 def column_sizes(normal: Floats) -> Floats:
     """Returns the norms of the columns for normal equations (..., d, d); 1 for a column of zeros."""
-    size = np.sqrt(np.diagonal(normal, axis1=-2, axis2=-1))
+    # After an elimination of the starts, rounding can make an entry slightly negative.
+    size = np.sqrt(np.maximum(np.diagonal(normal, axis1=-2, axis2=-1), 0.0))
     return np.where(size > 0.0, size, 1.0)
 
 
