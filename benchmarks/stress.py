@@ -1,7 +1,6 @@
 """The stress run: ten million random shots, each checked at every event, and very long runs of elastic gases.
 
-`python -m benchmarks.stress` takes 10 to 25 minutes on two cores. It ends with an error if any shot
-breaks a rule.
+`python -m benchmarks.stress` takes 10 to 25 minutes on two cores. It ends with an error if any shot breaks a rule.
 """
 
 from __future__ import annotations
@@ -117,7 +116,7 @@ def blocks(data: dict[str, Any]) -> dict[str, str]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.stress --help`."""
-    options = {"workers": workers(), "scale": (1.0, "share of the shots")}
+    options = {"workers": workers(), "scale": (1.0, "share of the shots; for a trial with fewer give --output too")}
     data = run_command("benchmarks.stress", "Run and check millions of shots.", arguments, measure, blocks, options)
     if bad := sum(len(found["bad"]) for found in data["shots"].values()):
         sys.exit(f"{bad} shots broke a rule; their (seed, index, status) are in the results")
