@@ -81,7 +81,6 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.ablation
 	$(BIN)/python -m benchmarks.gradients
-	$(BIN)/python -m benchmarks.aim
 	$(BIN)/python -m benchmarks.differentiable
 	$(BIN)/python -m benchmarks.calibration
 	$(BIN)/python -m benchmarks.vector

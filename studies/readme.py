@@ -27,7 +27,6 @@ SOURCES = {
     for command in (
         "benchmarks.ablation",
         "benchmarks.accuracy",
-        "benchmarks.aim",
         "benchmarks.calibration",
         "benchmarks.certain",
         "benchmarks.comparison",

@@ -54,7 +54,6 @@ def few_engines(patch: pytest.MonkeyPatch, module: Any) -> None:
 
 TINY: dict[str, tuple[str, Callable[[pytest.MonkeyPatch, Any], None]]] = {
     "benchmarks.accuracy": ("--shots 4 --outcomes 40 --passes 1 --workers 1", few_engines),
-    "benchmarks.aim": ("--layouts 3 --shots 100 --episodes 2", lambda *_: None),
     "benchmarks.differentiable": ("--tasks 2", lambda patch, module: patch.setattr(module, "FRESH", 32)),
     "benchmarks.error_limit": ("--shots 1 --workers 1", two_kinds),
     "benchmarks.gradients": ("--repeats 1", few_steps),
