@@ -16,7 +16,6 @@ import yaml
 
 from billiards_env.checks import Range, fields_of, flag, integer, number, one_of, real, short
 from billiards_env.envs import make_model
-from billiards_env.envs.observations import check_old
 from billiards_env.envs.tasks import TASKS
 from billiards_env.frozen import FROZEN, NOISE
 from billiards_env.sb3 import PPO_SETTINGS
@@ -218,7 +217,6 @@ def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
     parameters = dict(inspect.signature(make_model).parameters)
     for name in ("noise", "noise_seed"):  # `noise` has its own section
         del parameters[name]
-    check_old("env.", given)
     for key in given:
         one_of("key of env", key, tuple(parameters))
     found = {name: given.get(name, parameter.default) for name, parameter in parameters.items()}

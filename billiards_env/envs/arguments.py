@@ -14,7 +14,6 @@ from billiards_env.checks import integer, one_of, real, shaped, short
 from billiards_env.engine import Engine
 from billiards_env.engine.compile import check_varied_name
 from billiards_env.envs.actions import ACTIONS, ELEVATION, SIDE, SPEED, TOP, TURN, check_action
-from billiards_env.envs.observations import without_old
 from billiards_env.envs.tasks import TASKS, task_targets
 from billiards_env.frozen import NOISE
 from billiards_env.scene import Balls, Scene, check_positions, check_ranges, layouts
@@ -54,7 +53,6 @@ class Model(NamedTuple):
     noise_seed: int | None
 
 
-@without_old
 def make_model(
     *,
     scene: str | Scene | Mapping[str, Any] | None = None,

@@ -14,10 +14,9 @@ Example:
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple, cast
 
 import gymnasium as gym
 import numpy as np
@@ -32,15 +31,10 @@ from billiards_env.physics.geometry.contact import distance_to_segment
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
 
-Make = TypeVar("Make", bound=Callable[..., Any])
-
 _LEEWAY = 1e-9  # m, by which a path may overlap a ball, because the positions of balls that touch are rounded
 
 USUAL = ("positions", "goal", "legal_balls")
 """The features of an environment without the argument `observe`, as far as its task has them."""
-
-OLD = {"observe_shots_left": "shots_left", "observe_physics": "physics"}
-"""Arguments of earlier versions, and the features that replace them."""
 
 
 class Source(NamedTuple):
@@ -495,21 +489,3 @@ def decode(observation: Any, features: Mapping[str, tuple[int, ...]]) -> dict[st
         found[name] = observation[..., first:last].reshape((*many, *shape))
         first = last
     return found
-
-
-def check_old(prefix: str, arguments: Mapping[str, Any]) -> None:
-    """Raises a TypeError for an argument of `OLD`. The message has the new spelling, and `prefix` before the name."""
-    for name in OLD.keys() & arguments:
-        expected = f"expected observe with {OLD[name]!r} instead, see envs.observations"
-        raise TypeError(f"{prefix}{name} = {short(arguments[name])}: {expected}")
-
-
-def without_old(make: Make) -> Make:
-    """Returns a function that raises a TypeError for an argument of `OLD`."""
-
-    @functools.wraps(make)
-    def checked(**arguments: Any) -> Any:
-        check_old("", arguments)
-        return make(**arguments)
-
-    return cast(Make, checked)

@@ -60,7 +60,6 @@ def test_a_configuration_survives_yaml_with_all_values(tmp_path):
         ({"timesteps": 1, "ppo": {"learning_rate": -1}}, "ppo.learning_rate = -1"),
         ({"timesteps": 1, "ppo": {"target_kl": "abc"}}, "ppo.target_kl = 'abc': expected a number"),
         ({"timesteps": 1, "ppo": {"normalize_advantage": 2}}, "ppo.normalize_advantage = 2: expected"),
-        ({"timesteps": 1, "env": {"observe_physics": True}}, "env.observe_physics = True: expected observe with"),
         ({"timesteps": 1, "n_envs": 4, "ppo": {"batch_size": 3}}, "ppo.batch_size = 3: expected a divisor of .* = 4"),
         ({"timesteps": 1, "ppo": {"leraning_rate": 1.0}}, "key of ppo = 'leraning_rate'.*did you mean 'learning_rate'"),
         ({"timesteps": 1, "policy": {"head": "pots"}}, "policy.head = 'pots': expected one of 'aim', 'gaussian'"),

@@ -40,7 +40,6 @@ WRONG: list[tuple[Any, ...]] = [
     ({"layout": "racked"}, "layout = 'racked': expected one of .*did you mean 'rack'"),
     ({"layout": "line", "n_object_balls": 2}, "layout = 'line' with 2 object balls: expected 1"),
     ({"layout": None, "scene": "carom", "task": "carom", "n_object_balls": 3}, "'carom_opening' with 3"),
-    ({"observe_shots_left": True}, "expected observe with 'shots_left' instead", TypeError),
     ({"observe_shot": True}, "unexpected keyword argument 'observe_shot'", TypeError),
     ({"observe": "positions"}, "observe = 'positions': expected a list", TypeError),
     ({"observe": ["positon"]}, r"observe = 'positon': expected one of .* \(did you mean 'positions'\?\)"),
