@@ -112,40 +112,16 @@ def level_strike(scene: Scene, velocity: ArrayLike, spin: ArrayLike) -> tuple[fl
     return speed / float(np.hypot(*one)), float(np.arctan2(y, x) - np.arctan2(one[1], one[0])), side, top
 
 
-def strike_derivative(
-    scene: Scene, speed: float, heading: float, side: float = 0.0, top: float = 0.0, elevation: float = 0.0
-) -> Floats:
-    """Returns the derivative of the velocity and spin of `strike` with respect to its five parameters.
-
-    The derivative of the final positions with respect to the parameters is `shot.jacobian(by="strike", strike=...)`.
+def strike_derivatives(scene: Scene, parameters: Floats) -> tuple[Floats, Floats]:
+    """Returns the derivatives (m, 5, 5) of m strikes, and the velocities and spins (vx, vy, wx, wy, wz), (m, 5).
 
     Args:
         scene: As in `strike`.
-        speed: As in `strike`.
-        heading: As in `strike`.
-        side: As in `strike`.
-        top: As in `strike`.
-        elevation: As in `strike`.
-
-    Returns:
-        (5, 5) float64: row i belongs to component i of (vx, vy, wx, wy, wz), column j to parameter j of (speed,
-        heading, side, top, elevation).
+        parameters: (m, 5) speed, heading, side, top and elevation.
 
     Raises:
-        ValueError: As in `strike`, or if the speed is negative or the tip slips. The derivative is not defined at the
+        ValueError: As in `strike`, or if a speed is negative or a tip slips. The derivative is not defined at the
             miscue offset and not implemented beyond it.
-    """
-    _, parameters = _checked(scene, speed, heading, side, top, elevation)
-    if parameters.ndim > 1:
-        raise ValueError(f"parameters of shape {parameters.shape[:-1]}: expected the numbers of one strike")
-    return strike_derivatives(scene, parameters[None])[0][0]
-
-
-def strike_derivatives(scene: Scene, parameters: Floats) -> tuple[Floats, Floats]:
-    """Returns the `strike_derivative` (m, 5, 5) of m strikes with parameters (m, 5), and (vx, vy, wx, wy, wz), (m, 5).
-
-    Raises:
-        ValueError: As in `strike_derivative`.
     """
     cue, checked = _checked(scene, *parameters.T)
     v, _, a, b, _ = checked.T

@@ -12,7 +12,6 @@ from billiards_env import Scene, simulate, simulate_batch, strike
 from billiards_env.calibration.tracks import Track, check_tracks
 from billiards_env.engine import PIC, Engine
 from billiards_env.scene import Balls, Cue, Physics
-from billiards_env.shots.strikes import strike_derivative
 
 POOL = Scene.named("pool")
 PLACES = [[-0.5, 0.0], [0.5, 0.0]]
@@ -162,7 +161,7 @@ DERIVATIVES = [
     (of_shot("at", 0.1, recorded=False), "shot.at: the shot was not recorded, expected simulate(..., record=True)"),
     *((of_shot("at", t), f"t = {t!r}: expected a finite number of seconds >= 0") for t in (-1e-9, NAN, math.inf)),
     (
-        lambda: strike_derivative(POOL, 1.0, 0.0, 0.6),
+        of_shot("jacobian", "positions", "strike", strike=[1, 0, 0.6, 0, 0]),
         "offset of the tip = 0.6: expected at most 0.5 ball radii, no miscue",
     ),
 ]
