@@ -76,7 +76,6 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m benchmarks.accuracy
 	$(BIN)/python -m benchmarks.comparison
 	$(BIN)/python -m benchmarks.error_limit
-	$(BIN)/python -m benchmarks.certain
 	$(BIN)/python -m benchmarks.validation
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.ablation

@@ -28,7 +28,6 @@ from billiards_env.scene import SCENES
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from billiards_env.bench import Bench
     from billiards_env.shots.result import ShotResult
 
     Floats = NDArray[np.float64]
@@ -155,8 +154,6 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
     text = "seed of the noise (default: the seed of the layouts; for verify a random one)"
     add("--noise-seed", type=int, metavar="N", help=text)
     add("--name", help="the name of the player in the file (default: the player)")
-    text = "also print the share of shots with a certain outcome in the first N episodes (`shot.certain`)"
-    add("--certain", type=int, metavar="N", help=text)
     text = "write the file, .json; FILE.part holds the finished tasks, and the same command resumes"
     add("--out", type=Path, metavar="FILE", help=text)
     add("--force", action="store_true", help="replace an existing file, and do not resume")
@@ -308,8 +305,6 @@ def bench(args: argparse.Namespace) -> None:
     """Runs the command `bench`."""
     from billiards_env import bench
 
-    if args.certain is not None:
-        integer("--certain", args.certain, Range(1, None))
     if args.player == "verify":
         if not args.file:
             raise ValueError("bench verify without a file: expected the files to verify")
@@ -317,7 +312,6 @@ def bench(args: argparse.Namespace) -> None:
         for path in args.file:
             found = bench.verify(path)
             print(f"{path}: accepted, {found.player}\n{bench.report(found)}", flush=True)
-            _print_certain(found, args.certain)
             other = bench.fresh(found, noise_seed)
             if other.results:
                 print(f"the same actions with the noise of seed {noise_seed}:\n{bench.report(other)}", flush=True)
@@ -343,21 +337,10 @@ def bench(args: argparse.Namespace) -> None:
 
     found = bench.play(args.player, args.tasks.split(","), args.seed, args.name, progress, args.noise_seed, part)
     print(bench.report(found), flush=True)
-    _print_certain(found, args.certain)
     if args.out is not None and part is not None:
         bench.save(args.out, found)
         part.unlink()
         print(f"wrote {args.out}")
-
-
-def _print_certain(found: Bench, episodes: int | None) -> None:
-    from billiards_env import bench
-
-    if episodes is None:
-        return
-    for one in found.results:
-        share = bench.certain_share(one, episodes)
-        print(f"{one.task}: {share:.1%} of the shots of {episodes} episodes have a certain outcome", flush=True)
 
 
 def dataset(args: argparse.Namespace) -> None:

@@ -378,18 +378,6 @@ def reference() -> dict[str, dict[str, Any]]:
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
 
 
-def certain_share(result: Result, episodes: int) -> float:
-    """Returns the share of shots with a certain outcome in the first episodes of a result, see `shot.certain`."""
-    env: Any = gym.make(NAMESPACE + result.task, **_noise(result.noise_seed)).unwrapped
-    env._episodes.n_recorded, actions, found = 1, iter(result.actions), []
-    for start, shots in zip(evaluation_seeds(result.seed, episodes).tolist(), result.shots.tolist(), strict=False):
-        env.reset(seed=start)
-        for _ in range(shots):
-            env.step(next(actions))
-            found.append(env._episodes.recorded[0].certain().outcome)
-    return float(np.mean(found))
-
-
 def score(results: Sequence[Result]) -> dict[str, Any]:
     """Returns the scores of results of one task: their episodes count together.
 

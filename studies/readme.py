@@ -28,7 +28,6 @@ SOURCES = {
         "benchmarks.ablation",
         "benchmarks.accuracy",
         "benchmarks.calibration",
-        "benchmarks.certain",
         "benchmarks.comparison",
         "benchmarks.differentiable",
         "benchmarks.error_limit",

@@ -40,11 +40,6 @@ def played(tmp_path):
     return path
 
 
-def test_the_share_of_certain_outcomes_is_that_of_the_shots(played):
-    result = bench.verify(played).results[0]
-    assert bench.certain_share(result, 3) == 1.0
-
-
 def test_a_file_is_accepted_and_holds_the_outcomes_of_single_environments(played):
     found = bench.verify(played)
     assert found.player == "geometric"

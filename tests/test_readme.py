@@ -270,7 +270,7 @@ def test_a_missing_result_is_marked_as_not_measured(page, tmp_path):
     [
         (
             "<!-- sped: shots -->\n<!-- end -->",
-            "expected one of ablation, accuracy, calibration, certain, comparison",
+            "expected one of ablation, accuracy, calibration, comparison, differentiable",
         ),
         ("<!-- speed: shot -->\n<!-- end -->", "expected one of machine, how, shots"),
         ("<!-- speed: shots -->\n", "no <!-- end --> follows"),

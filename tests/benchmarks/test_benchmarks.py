@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import benchmarks
-from benchmarks import ROOT, accuracy, accuracy_report, calibration, certain, error_limit, speed, stress
+from benchmarks import ROOT, accuracy, accuracy_report, calibration, error_limit, speed, stress
 from billiards_env.engine import PIC, Engine
 from billiards_env.scene import Scene, check_positions
 
@@ -110,19 +110,3 @@ def test_the_stress_table_has_sums_and_maxima():
     assert last[:3] == ["all", f"{sum(k['shots'] for k in kinds):,}", "1"]
     assert last[3] == f"{max(k['overlap'] for k in kinds):.1e}"
     assert found["summary"].startswith(f"1 of {last[1]} shots broke a rule")
-
-
-def test_certain_contacts_are_compared_with_the_reference(tmp_path, monkeypatch):
-    monkeypatch.setattr(certain, "SHOTS", ("1 object ball",))
-    monkeypatch.setattr(certain, "BREAKS", ("carom",))
-    monkeypatch.setattr(benchmarks, "processes", ThreadPoolExecutor)
-    written = tmp_path / "c.json"
-    given = ["--shots", "3", "--breaks", "1", "--workers", "1", "--output", str(written)]
-    certain.main(given)
-    kinds = json.loads(written.read_text())["kinds"]
-    assert {name: found["shots"] for name, found in kinds.items()} == {"1 object ball": 3, "carom": 1}
-    assert all(found["certain"] == found["shots"] and not found["false"] for found in kinds.values())
-    right = certain.run
-    moved = lambda scene, places, velocity, **kw: right(scene, places, [-v for v in velocity], **kw)  # noqa: E731
-    monkeypatch.setattr(certain, "run", moved)
-    assert certain.check("1 object ball", 0)["false"]

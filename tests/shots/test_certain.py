@@ -5,6 +5,7 @@ import pytest
 
 from billiards_env import Scene, simulate, simulate_batch
 from billiards_env.scene import layouts
+from reference.oracle import run
 
 IDEAL = Scene.named("ideal")
 REACH = 2 * IDEAL.balls.radius[0]
@@ -27,8 +28,13 @@ def test_a_doubt_grows_with_the_impacts_before_it():
     assert impacts >= 4
     assert 0 < found.events <= shot.n_events
     whole = simulate(scene, start, [1.0, 0.0], record=True, max_time=200.0, max_events=400)
-    assert found.events <= whole.certain().events < whole.n_events  # later the errors are as large as the table
-    assert not whole.certain().outcome
+    certain = whole.certain()
+    assert found.events <= certain.events < whole.n_events  # later the errors are as large as the table
+    assert not certain.outcome
+    assert whole.events is not None
+    ours, until = whole.events[: certain.events], whole.events["time"][[certain.events - 1, certain.events]].mean()
+    exact = run(scene, start, [1.0, 0.0], max_time=float(until))
+    assert [(e.kind, e.ball, e.other) for e in exact.events] == ours[["kind", "ball", "other"]].tolist()
 
 
 def test_contacts_at_one_time_have_no_certain_order():
