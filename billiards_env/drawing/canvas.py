@@ -405,23 +405,3 @@ def pixels(surface: Surface) -> Frame:
     for k, view in enumerate(planes):
         array[..., k] = view(surface).T
     return array
-
-
-def side_by_side(films: Sequence[Iterator[Surface]], gap: int = 4) -> Iterator[Surface]:
-    """Combines films of the same size into one, with a gap of some pixels.
-
-    A film that has ended shows its last frame. Each yielded frame is valid until the next one is drawn.
-    """
-    columns = math.ceil(math.sqrt(len(films)))
-    rows = math.ceil(len(films) / columns)
-    sheet: Surface | None = None
-    for frames in itertools.zip_longest(*films):
-        width, height = max(frame.get_size() for frame in frames if frame is not None)
-        if sheet is None:
-            even = [(side + 1) // 2 * 2 for side in (columns * (width + gap) - gap, rows * (height + gap) - gap)]
-            sheet = Surface(even, 0, 32)
-            sheet.fill(PAPER)
-        for k, frame in enumerate(frames):
-            if frame is not None:
-                sheet.blit(frame, (k % columns * (width + gap), k // columns * (height + gap)))
-        yield sheet

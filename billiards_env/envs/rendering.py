@@ -37,11 +37,8 @@ FPS = 30
 FPS_OF_SHOTS = 1
 """Frames per second of a video with one frame per shot, which the mode "rgb_array" gives."""
 
-WIDTH, WIDTH_OF_MANY = 800, 560
-"""Pixels. Width of a frame, and of each of several tables in one window."""
-
-MAX_SHOWN = 4
-"""Largest number of environments in one window."""
+WIDTH = 800
+"""Pixels. Width of a frame."""
 
 Circles = Sequence[tuple[float, float, float]]
 Image = NDArray[np.uint8]
@@ -103,12 +100,12 @@ class Renderer:
 
     Attributes:
         render_mode: One of `RENDER_MODES`.
-        n_shown: Number of environments that are drawn, the first ones: all, or those that the window shows.
+        n_shown: Number of environments that are drawn, the first ones: all, or one in a window.
     """
 
     def __init__(self, scene: Scene, render_mode: str, count: int = 1) -> None:
         self.render_mode = render_mode
-        self.n_shown = min(count, MAX_SHOWN) if render_mode == "human" else count
+        self.n_shown = 1 if render_mode == "human" else count
         self._scene = scene
         self._steps: list[Sequence[DrawnShot]] = []
         self._canvas: Canvas | None = None
@@ -132,13 +129,14 @@ class Renderer:
             self._steps = []
         self._steps.append(shots)
         if self.render_mode == "human":
-            self._show(shots)
+            self._show(shots[0])
 
-    def _show(self, shots: Sequence[DrawnShot]) -> None:
-        """Shows a step in the window, unless the user has closed it."""
+    def _show(self, shot: DrawnShot) -> None:
+        """Shows a shot in the window, unless the user has closed it."""
         if self._window is not None and not self._window.open:
             return
-        for frame in self._film(shots):
+        (film,) = self._films((shot,))
+        for frame in film:
             if self._window is None:
                 from billiards_env.drawing.window import Window
 
@@ -180,13 +178,6 @@ class Renderer:
             self._window.close()
             self._window = None
 
-    def _film(self, shots: Sequence[DrawnShot]) -> Iterator[Surface]:
-        """Returns the frames of a step for the window, with the environments side by side."""
-        films = self._films(shots)
-        from billiards_env.drawing.canvas import side_by_side
-
-        return films[0] if len(films) == 1 else side_by_side(films)
-
     def _films(self, shots: Sequence[DrawnShot], only_last: bool = False) -> list[Iterator[Surface]]:
         """Returns the frames of a step, one iterator for each environment."""
         try:
@@ -194,8 +185,7 @@ class Renderer:
         except ModuleNotFoundError as error:
             raise DependencyNotInstalled(f"render_mode = {self.render_mode!r}: {error}") from error
         if self._canvas is None:
-            tiled = self.render_mode == "human" and len(shots) > 1
-            self._canvas = Canvas(self._scene, WIDTH_OF_MANY if tiled else WIDTH)
+            self._canvas = Canvas(self._scene, WIDTH)
         films = []
         for shot, left, right, circles in shots:
             caption = Caption(left, right)

@@ -112,8 +112,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
 
     The render modes are as in `BilliardsEnv`. `render()` returns a tuple with one item for each environment: the
     result of `BilliardsEnv.render()`. Gymnasium's wrappers `gymnasium.wrappers.vector.RecordVideo` and `HumanRendering`
-    combine the frames of the mode `"rgb_array"`. In the mode `"human"` a window shows the first four environments side
-    by side.
+    combine the frames of the mode `"rgb_array"`. In the mode `"human"` a window shows the first environment.
 
     Attributes:
         single_env: A `BilliardsEnv` with the same arguments. It holds their checked values and is never stepped.

@@ -10,7 +10,7 @@ from billiards_env.shots.simulation import simulate
 
 pytest.importorskip("pygame")
 
-from billiards_env.drawing.canvas import Canvas, Caption, pixels, side_by_side
+from billiards_env.drawing.canvas import Canvas, Caption, pixels
 from billiards_env.drawing.raster import rgb
 from billiards_env.drawing.style import CLOTH, POCKET, RAIL, looks, rail_width
 
@@ -170,19 +170,3 @@ def test_tables_of_unusual_shape_fit():
             x, y = canvas.pixels_of(corner)
             assert 0 < x < canvas.size[0]
             assert 0 < y < canvas.size[1]
-
-
-def test_films_of_different_length_are_shown_side_by_side(shot):
-    scene = shot.scene
-    short = simulate(scene, shot.at(0.0), [0.1, 0.0], record=True)
-    canvas = Canvas(scene, width=320)
-    width, height = canvas.size
-    alone = [film(canvas, one) for one in (shot, short, shot)]
-    films = [canvas.film(one.recording(), 30) for one in (shot, short, shot)]
-    whole = [pixels(frame) for frame in side_by_side(films, gap=2)]
-    assert len(alone[1]) < len(alone[0]) == len(whole)
-    assert whole[0].shape == (2 * height + 2, 2 * width + 2, 3)
-    for k, frame in enumerate(whole):
-        for (y, x), frames in zip(((0, 0), (0, width + 2), (height + 2, 0)), alone, strict=True):
-            assert (frame[y : y + height, x : x + width] == frames[min(k, len(frames) - 1)]).all()
-        assert (frame[height + 2 :, width:] == 255).all()
