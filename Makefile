@@ -42,7 +42,7 @@ pythons:  ## test the core (shots, batches, the environment, commands) on each i
 	done; printf "$(CORE) on$$ran\n"; [ -z "$$failed" ]
 
 tools: $(TOOLS)  ## test the integrations with TorchRL, Minari, Optuna and JAX, which are installed in .venv-tools
-	.venv-tools/bin/pytest -q -m tools tests/tools tests/test_dataset.py tests/examples
+	.venv-tools/bin/pytest -q -m tools tests/tools tests/examples
 
 web: $(INSTALLED)  ## build the engines for browsers and the page play.html in site/, and compare their bits with Python's
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[web]'

@@ -54,7 +54,6 @@ def make_parser() -> argparse.ArgumentParser:
         (_add_simulate, simulate, "run one shot, print the result and write pictures or films"),
         (_add_evaluate, evaluate, "measure a player in the environment, next to other players"),
         (_add_bench, bench, "play frozen tasks and write a file that can be replayed, or replay it"),
-        (_add_dataset, dataset, "write episodes of a frozen task as a dataset of Minari"),
         (_add_replay, replay, "run a saved shot or game again, and show it"),
         (_add_calibrate, calibrate, "fit friction and other numbers to tracks of shots"),
         (_add_version, version, "print the versions of billiards-env and of the packages that it uses"),
@@ -157,16 +156,6 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
     text = "write the file, .json; FILE.part holds the finished tasks, and the same command resumes"
     add("--out", type=Path, metavar="FILE", help=text)
     add("--force", action="store_true", help="replace an existing file, and do not resume")
-
-
-def _add_dataset(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Play episodes of a frozen task and write them as a dataset of Minari (extra data)."
-    add = parser.add_argument
-    add("task", help="the task, such as Pot1-v0")
-    add("player", help="the player, as for 'evaluate', such as geometric")
-    add("episodes", type=int, help="number of episodes")
-    add("--seed", type=int, default=0, help="seed of the first layout and of the player (default: %(default)s)")
-    add("--id", help="id of the dataset (default: from the task and the player)")
 
 
 def _add_replay(parser: argparse.ArgumentParser) -> None:
@@ -341,15 +330,6 @@ def bench(args: argparse.Namespace) -> None:
         bench.save(args.out, found)
         part.unlink()
         print(f"wrote {args.out}")
-
-
-def dataset(args: argparse.Namespace) -> None:
-    """Runs the command `dataset`."""
-    from billiards_env.dataset import write
-
-    written = write(args.task, args.player, args.episodes, seed=args.seed, dataset_id=args.id)
-    print(f"{written.spec.dataset_id}: {written.total_episodes:,} episodes, {written.total_steps:,} shots")
-    print(f"wrote {written.spec.data_path}")
 
 
 def calibrate(args: argparse.Namespace) -> None:

@@ -1,20 +1,36 @@
-"""Behaviour cloning from a dataset of Minari: `python examples/dataset_cloning.py` (extras `data` and `train`).
+"""Behaviour cloning from a dataset of Minari: `python examples/dataset_cloning.py` (extra `train`).
 
-The policy observes the positions of the balls alone. `billiards dataset Pot1-v0 geometric 5000` writes the same
-dataset.
+`pip install 'minari[create,hdf5]'` installs Minari. The policy observes the positions of the balls alone.
 """
 
 import tempfile
 from unittest import mock
 
 import gymnasium as gym
+import minari  # pyright: ignore[reportMissingImports]
+import numpy as np
 import torch
 from stable_baselines3 import PPO
 
-from billiards_env import dataset
-from billiards_env.evaluation import evaluation_seeds, play, play_together
+from billiards_env.evaluation import evaluation_seeds, play, play_together, steps
+from billiards_env.frozen import FROZEN
 from billiards_env.players.named import find_player
 from billiards_env.sb3 import AimPolicy, SameStepVecEnv
+
+
+def record(task: str, player: str, episodes: int, dataset_id: str):
+    """Plays episodes of a frozen task, such as "Pot1-v0", and returns their dataset in the folder of Minari.
+
+    The actions are those of the player, without the noise of the task. Episode k has the seed k.
+    """
+    env = minari.DataCollector(gym.make(f"Billiards/{task}"))
+    act = find_player(player, env, FROZEN[task].execution_noise, seed=0)
+    for k in range(episodes):
+        for _ in steps(env, lambda seen: np.asarray(act(seen), np.float32), k):
+            pass
+    dataset = env.create_dataset(dataset_id, algorithm_name=player)
+    env.close()
+    return dataset
 
 
 def clone(data, epochs: int = 10) -> PPO:
@@ -37,7 +53,7 @@ def clone(data, epochs: int = 10) -> PPO:
 def run(shots: int, episodes: int = 1000) -> tuple[float, float]:
     """Writes a dataset into a temporary folder. Returns the success of the clone and of its teacher on new layouts."""
     with tempfile.TemporaryDirectory() as folder, mock.patch.dict("os.environ", MINARI_DATASETS_PATH=folder):
-        model = clone(dataset.write("Pot1-v0", "geometric", shots))
+        model = clone(record("Pot1-v0", "geometric", shots, "billiards/pot1/geometric-v0"))
     seeds, env = evaluation_seeds(0, episodes).tolist(), gym.make("Billiards/Pot1-v0")
     envs = gym.make_vec("Billiards/Pot1-v0", num_envs=episodes)
     cloned = play_together(envs, lambda seen: model.predict(seen, deterministic=True)[0], seeds)

@@ -1,5 +1,6 @@
 """The programs in `examples` run with small sizes."""
 
+import gc
 import importlib.util
 import json
 import re
@@ -86,9 +87,11 @@ def test_self_play_aims_at_the_nearest_ball_and_trains():
 
 
 @pytest.mark.tools
+@pytest.mark.filterwarnings("ignore")  # of Minari: unknown author; temporary folder
 def test_a_clone_pots_balls():
     clone, teacher = load("dataset_cloning")["run"](64, episodes=100)
     assert 0 <= clone < 0.8 < teacher
+    gc.collect()
 
 
 def test_the_notebook_runs_top_to_bottom(monkeypatch, capsys):
