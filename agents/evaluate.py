@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from agents.ppo import deterministic, load_policy, make_env, make_vector
 from agents.train import learning_curve
 from billiards_env.checks import Range, integer, missing
 from billiards_env.commands import ending
-from billiards_env.evaluation import evaluation_seeds, measure, play_together
+from billiards_env.evaluation import evaluation_seeds, measure, play_together, row_printer
 from billiards_env.files import check_path, replacing, write_json
 from billiards_env.games import GAMES
 from billiards_env.sb3.policy_player import playable
@@ -173,19 +173,6 @@ def main(arguments: list[str] | None = None) -> None:
             for name in args.players:
                 show(name, evaluate_player(run_dir, name, args.episodes, args.seed))
             print_commands(run_dir)
-
-
-def row_printer(names: Sequence[str]) -> Callable[[str, dict[str, Any]], None]:
-    """Prints the head of a table, and returns a function that prints the row of a player: its result of `play`."""
-    width = max(map(len, (*names, "player")))
-    print(f"{'player':{width}} {'layouts':>8} {'success':>8} {'95% interval':>17} {'score':>7}", flush=True)
-
-    def show(name: str, r: dict[str, Any]) -> None:
-        low, high = r["confidence_interval_95"]
-        rates = f"{r['success_rate']:8.1%} {f'{low:.1%} to {high:.1%}':>17}"
-        print(f"{name:{width}} {r['episodes']:>8,} {rates} {r['mean_score']:7.3f}", flush=True)
-
-    return show
 
 
 def print_commands(run_dir: Path) -> None:

@@ -256,7 +256,7 @@ def evaluate(args: argparse.Namespace) -> None:
     """Runs the command `evaluate`."""
     import gymnasium as gym
 
-    from billiards_env.evaluation import find_player, measure
+    from billiards_env.evaluation import find_player, measure, row_printer
     from billiards_env.shots.records import scene_of
 
     names = ("task", "scene", "n_object_balls", "layout", "action", "max_shots", "mode", "dt")
@@ -268,8 +268,7 @@ def evaluate(args: argparse.Namespace) -> None:
     env = gym.make("billiards_env:Billiards-v0", **arguments)
     for player in players:  # a wrong name is an error before the first player plays
         find_player(player, env)
-    width = max(map(len, players))
-    head = f"{'player':{width}}  success  95% interval  score  reward  shots  ms per shot"
+    show = row_printer(players, details=True)
     for player in players:
         shots = itertools.count(1)
 
@@ -278,16 +277,7 @@ def evaluate(args: argparse.Namespace) -> None:
             if sys.stderr.isatty() and number % 100 == 0:
                 print(f"{player}: {number:,} shots", end="\r", file=sys.stderr)
 
-        found = measure(player, arguments, tuple(args.noise), episodes, seed, progress)
-        low, high = found["confidence_interval_95"]
-        if player == players[0]:
-            print(head)
-        print(
-            f"{player:{width}}  {found['success_rate']:7.1%}  {f'{100 * low:.1f} to {100 * high:.1f}':>12}  "
-            f"{found['mean_score']:5.2f}  {found['mean_reward']:6.2f}  {found['mean_shots']:5.1f}  "
-            f"{found['ms_per_decision']:11.2f}",
-            flush=True,
-        )
+        show(player, measure(player, arguments, tuple(args.noise), episodes, seed, progress))
 
 
 def bench(args: argparse.Namespace) -> None:

@@ -152,3 +152,21 @@ def measure(
     result = play(env, act, evaluation_seeds(seed, episodes).tolist())
     env.close()
     return {**result, "mean_shots": len(times) / episodes, "ms_per_decision": 1e3 * float(np.median(times))}
+
+
+def row_printer(names: Sequence[str], details: bool = False) -> Callable[[str, dict[str, Any]], None]:
+    """Prints the head of a table, and returns a function that prints the row of a player: its result of `play`.
+
+    With `details` a row also has the mean return and what `measure` adds.
+    """
+    width = max(map(len, (*names, "player")))
+    more = "  reward  shots  ms per shot" if details else ""
+    print(f"{'player':{width}} {'layouts':>8} {'success':>8} {'95% interval':>17} {'score':>7}{more}", flush=True)
+
+    def show(name: str, r: dict[str, Any]) -> None:
+        low, high = r["confidence_interval_95"]
+        rates = f"{r['success_rate']:8.1%} {f'{low:.1%} to {high:.1%}':>17}"
+        more = f"{r['mean_reward']:8.2f} {r['mean_shots']:6.1f} {r['ms_per_decision']:12.2f}" if details else ""
+        print(f"{name:{width}} {r['episodes']:>8,} {rates} {r['mean_score']:7.3f}{more}", flush=True)
+
+    return show

@@ -55,7 +55,7 @@ def test_a_function_of_the_user_plays(mine):
 def test_the_command_measures_players_on_the_same_layouts(mine, capsys):
     main(["evaluate", "my_players:full_hit", "--beside", "random", "my_players:full_hit", "--episodes", "30"])
     head, *rows = capsys.readouterr().out.splitlines()
-    assert head.split()[:2] == ["player", "success"]
+    assert head.split()[:3] == ["player", "layouts", "success"]
     assert [row.split()[0] for row in rows] == ["my_players:full_hit", "random"]
 
 
