@@ -1,7 +1,7 @@
-"""Shots and environments as functions of JAX arrays. Needs JAX, which is in the extra `jax`.
+"""Shots as functions of JAX arrays. Needs JAX, which is in the extra `jax`.
 
-`simulate` is a differentiable function of the start of shots, and `PureEnv.step` a function of a state and an action.
-Both work under `jit`, `vmap` and `scan`. They call NumPy on the host (`jax.pure_callback`).
+`simulate` is a differentiable function of the start of shots. It works under `jit`, `vmap` and `scan`. It calls NumPy
+on the host (`jax.pure_callback`).
 
 Example:
     >>> import jax
@@ -17,16 +17,12 @@ Example:
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 
 from billiards_env.checks import missing
-from billiards_env.envs import BilliardsVectorEnv, make_env, make_vector_env
-from billiards_env.envs.state import State
 from billiards_env.scene import Scene
 from billiards_env.shots.functions import Shots
 from billiards_env.shots.gradients import MARGINS, margin_columns
@@ -103,7 +99,7 @@ def simulate(
     pull = _callback(
         on_host(lambda flat: shots.vjp(shots.run(flat[:k], True), flat[k:])),
         tuple(jax.ShapeDtypeStruct(lead + own[name], kind) for name in arrays),
-        _refused("second derivatives of shots: expected first derivatives"),
+        _refuse,
     )
     push = _callback(
         on_host(lambda flat: shots.values(shots.run(flat, record))),
@@ -114,88 +110,8 @@ def simulate(
     return outputs[of] if isinstance(of, str) else outputs
 
 
-class PureEnv:
-    """`Billiards-v0` as pure functions of a state, for rollouts in `jax.lax.scan`.
-
-    A state is the row of `get_state` as (..., b) uint8, so it does not depend on the precision of JAX. An episode that
-    is over begins again in the same step, as with the autoreset mode "SameStep".
-
-    Args:
-        **arguments: As in `BilliardsEnv`.
-
-    Attributes:
-        env: A single environment with these arguments, which is never stepped.
-
-    Example:
-        >>> env = PureEnv(n_object_balls=2, max_shots=3)
-        >>> state, observation = env.reset(seed=0, num_envs=4)
-        >>> shots = jax.numpy.zeros((10, 4, 2))
-        >>> state, rewards = jax.lax.scan(lambda state, shot: env.step(state, shot)[::2], state, shots)
-        >>> rewards.shape
-        (10, 4)
-    """
-
-    def __init__(self, **arguments: Any) -> None:
-        self.env = make_env(**arguments)
-        self._arguments, self._lock, self._envs = arguments, threading.Lock(), dict[int, BilliardsVectorEnv]()
-
-    def reset(self, seed: int, num_envs: int) -> tuple[Any, Any]:
-        """Returns the states (num_envs, b) and the observations of the first episodes. It is not traced."""
-        envs = self._of(num_envs)
-        observations, _ = envs.reset(seed=seed)
-        return jnp.asarray(_bytes(envs.get_state())), jax.tree.map(jnp.asarray, observations)
-
-    def step(self, state: Any, action: Any) -> tuple[Any, Any, Any, Any]:
-        """Plays one shot in each environment.
-
-        Args:
-            state: (..., b) uint8.
-            action: (..., k), with the axes (...) of `state`.
-
-        Returns:
-            The next state, the observation, the reward and whether the episode ended with this shot.
-
-        Raises:
-            NotImplementedError: For a derivative: `simulate` has derivatives.
-        """
-        lead, number = state.shape[:-1], jnp.result_type(float)
-
-        def play(state: Any, action: Any) -> Any:
-            rows, axes = np.ascontiguousarray(state), np.shape(state)[:-1]
-            with self._lock:
-                envs = self._of(rows.size // rows.shape[-1])
-                envs.set_state(rows.view(envs.get_state().dtype).reshape(-1))
-                shape: Any = envs.single_action_space.shape
-                observations, rewards, over, *_ = envs.step(np.reshape(action, (envs.num_envs, *shape)))
-                found = _bytes(envs.get_state()), observations, rewards.astype(number), over
-            return jax.tree.map(lambda array: array.reshape((*axes, *array.shape[1:])), found)
-
-        def struct(shape: Any, kind: Any) -> Any:
-            return jax.ShapeDtypeStruct((*lead, *shape), kind)
-
-        space: Any = self.env.observation_space
-        parts = space.spaces if isinstance(space, gym.spaces.Dict) else {"": space}
-        seen = {key: struct(part.shape, part.dtype) for key, part in parts.items()}
-        found = struct(state.shape[-1:], state.dtype), seen if len(seen) > 1 else seen.popitem()[1]
-        refuse = _refused("derivatives of a step: expected those of billiards_env.jax.simulate")
-        return _callback(play, (*found, struct((), number), struct((), bool)), refuse)(state, jnp.asarray(action))
-
-    def _of(self, count: int) -> BilliardsVectorEnv:
-        """Returns the environment with `count` episodes."""
-        if count not in self._envs:
-            self._envs[count] = make_vector_env(count, **self._arguments)
-        return self._envs[count]
-
-
-def _bytes(states: State) -> np.ndarray[Any, np.dtype[np.uint8]]:
-    return states.view(np.uint8).reshape(len(states), -1)
-
-
-def _refused(text: str) -> Callable[..., Any]:
-    def refuse(*_: Any) -> Any:
-        raise NotImplementedError(text)
-
-    return refuse
+def _refuse(*_: Any) -> Any:
+    raise NotImplementedError("second derivatives of shots: expected first derivatives")
 
 
 def _callback(function: Callable[..., Any], shapes: Any, pull: Callable[..., Any]) -> Any:

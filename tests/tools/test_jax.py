@@ -1,4 +1,4 @@
-"""Shots and environments as functions of JAX arrays."""
+"""Shots as functions of JAX arrays."""
 
 import doctest
 
@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate_batch
-from billiards_env.envs import make_vector_env
 from tests.helpers.derivatives import aimed
 
 jax = pytest.importorskip("jax")
 jax.config.update("jax_enable_x64", True)
 module = pytest.importorskip("billiards_env.jax")
-simulate, PureEnv = module.simulate, module.PureEnv
+simulate = module.simulate
 
 pytestmark = pytest.mark.tools
 SCENE, OUTPUTS = Scene.named("real_pool", 2), ("positions", "spins", "pocket_margins")
@@ -60,36 +59,8 @@ def test_shots_run_in_a_scan_and_have_the_type_of_the_velocities():
     assert simulate(SCENE, places.astype("f4"), moving.astype("f4"), max_time=0.2).dtype == "float32"
 
 
-def test_steps_in_a_scan_are_those_of_the_vector_environment():
-    arguments = {"n_object_balls": 2, "max_shots": 3, "observe": [["planes", 9, 9], "positions"], "noise": {}}
-    envs, pure = make_vector_env(4, **arguments), PureEnv(**arguments)
-    actions = np.random.default_rng(0).uniform(-1, 1, (10, 4, 2))
-    state, first = pure.reset(seed=0, num_envs=4)
-    observations = [envs.reset(seed=0)[0]]
-    expected = []
-    for action in actions:
-        observation, reward, over, *_ = envs.step(action)
-        observations.append(observation)
-        expected.append((reward, over))
-    step = jax.vmap(pure.step)
-
-    def play(state, action):
-        state, *found = step(state, action)
-        return state, found
-
-    last, (seen, found, ends) = jax.jit(lambda *given: jax.lax.scan(play, *given))(state, actions)
-    assert np.array_equal(np.stack((found, ends), 1), expected)
-    assert np.asarray(last).tobytes() == envs.get_state().tobytes()
-    for key, values in first.items():
-        assert np.array_equal(np.concatenate((values[None], seen[key])), [row[key] for row in observations])
-
-
 def test_what_has_no_derivative_is_refused():
     places, moving, mu_roll = (array[0] for array in start())
-    pure = PureEnv()
-    state, _ = pure.reset(0, 1)
-    with pytest.raises(NotImplementedError, match="derivatives of a step: expected those of billiards_env"):
-        jax.grad(lambda action: pure.step(state, action)[2].sum())(np.zeros((1, 2)))
     with pytest.raises(NotImplementedError, match="second derivatives of shots"):
         jax.grad(lambda x: jax.grad(loss)(x, moving, mu_roll).sum())(places)
     with pytest.raises(TypeError, match="forward-mode"):
