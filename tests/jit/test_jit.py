@@ -11,7 +11,6 @@ import gymnasium as gym
 import numba
 import numpy as np
 import pytest
-from numba.core.codegen import JITCPUCodegen
 from numba.core.errors import TypingError
 
 from billiards_env.jit import compiler, folders
@@ -19,7 +18,6 @@ from billiards_env.jit import decorators as jit
 from billiards_env.physics import elementary
 
 ROOT = Path(jit.__file__).parents[2]
-KERNELS = [jit.kernel, jit.inlined, jit.allocating]
 
 
 @pytest.fixture
@@ -77,12 +75,6 @@ def calling(inner):
     return jit.allocating_entry_point(lambda x: inner(x) + 1)
 
 
-def compiled(function: Any) -> Any:
-    """Returns what numba knows of a function that is compiled once."""
-    (only,) = function.overloads.values()
-    return only
-
-
 @pytest.mark.parametrize(
     ("name", "text", "changes"),
     [
@@ -105,7 +97,7 @@ def test_an_edit_changes_the_hash_if_it_is_of_a_kernel_or_its_constants(package,
 
 def test_every_module_with_a_decorator_is_hashed():
     """A module that uses a decorator has it, or `jit`, in its namespace, whatever the form of its import."""
-    decorators = [*KERNELS, jit.entry_point, jit.allocating_entry_point]
+    decorators = [jit.kernel, jit.inlined, jit.allocating, jit.entry_point, jit.allocating_entry_point]
     hashed = folders.kernel_sources()
     for path in (ROOT / "billiards_env").resolve().rglob("*.py"):
         if path.name == "__init__.py":  # has its submodules in its namespace, and no functions
@@ -288,50 +280,6 @@ def test_damaged_code_of_the_package_is_replaced_in_the_cache_with_one_line(ship
     assert capsys.readouterr().err == ""
 
 
-@pytest.mark.parametrize("decorate", KERNELS)
-def test_only_the_callers_of_a_kernel_have_machine_code(decorate):
-    """The function of a kernel and its wrapper for Python are compiled only if Python calls it."""
-    inner = decorate(double)
-    caller = calling(inner)
-    assert caller(3) == 7
-    for function, expected in ((inner, False), (caller, True)):
-        one = compiled(function)
-        assert one.library._codegen._engine.is_symbol_defined(one.fndesc.llvm_func_name) is expected
-        names = [f.name for f in one.library.get_defined_functions()]
-        assert any("cpython" in name for name in names) is expected
-        assert not any("cfunc" in name for name in names)
-    assert inner(3) == 6
-
-
-@pytest.mark.parametrize("decorate", [jit.kernel, jit.inlined])
-def test_only_entry_points_are_optimised(monkeypatch, decorate):
-    calls, original = [], JITCPUCodegen._module_pass_manager
-
-    def counted(self, **options):
-        calls.append("cost" in options)  # numba's cheaper pass comes before the other one
-        return original(self, **options)
-
-    calling(decorate(half))(8)  # the first use of `range` compiles functions of numba
-    monkeypatch.setattr(JITCPUCodegen, "_module_pass_manager", counted)
-    function: Any = decorate(half)
-    assert calling(function)(8) == 2.0
-    assert calls == [True, False]
-    assert ("alwaysinline" in compiled(function).library.get_llvm_str()) == (decorate is jit.inlined)
-
-
-def test_a_kernel_does_not_inherit_the_inlining_of_its_caller():
-    inner: Any = jit.kernel(half)
-    outer: Any = jit.inlined(lambda x: inner(x))
-    calling(outer)(8)
-    assert [compiled(function).fndesc.inline for function in (inner, outer)] == [False, True]
-
-
-def test_a_kernel_is_compiled_once_for_all_constants_of_a_type():
-    inner: Any = jit.kernel(double)
-    assert jit.entry_point(lambda x: inner(1) + inner(2) + inner(x))(3) == 12
-    assert len(inner.overloads) == 1
-
-
 class Switches(NamedTuple):
     up: bool
     down: bool
@@ -474,25 +422,3 @@ def test_each_function_calls_its_own_kernel():
     two(values)
     assert values.tolist() == [5, 5]
     assert one.__qualname__ == "change_all_test_jit_add_one" != two.__qualname__  # their names on disk
-
-
-def test_a_typed_entry_point_finds_its_code_once():
-    values = np.zeros(2, np.int64)
-    entry: Any = jit.specialised(change_all, change=add_one)
-    typed = jit.Typed(entry)
-    typed(values)
-    entry.compile = entry.typeof_pyval = None  # later calls do not need them
-    typed(values)
-    assert values.tolist() == [2, 2]
-    assert jit.Typed(max)(1, 2) == 2  # without a compiler
-
-
-def test_only_the_kernel_in_use_is_compiled():
-    @jit.kernel
-    def unused(value):
-        return value
-
-    jit.specialised(change_all, change=unused)  # not called
-    jit.specialised(change_all, change=add_one)(np.zeros(1))
-    never: Any = unused
-    assert not never.overloads
