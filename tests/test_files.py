@@ -1,8 +1,6 @@
 import errno
 import os
 import stat
-import sys
-from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -75,42 +73,6 @@ def test_nan_is_not_written_as_json(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-def test_a_link_with_a_guessed_temporary_name_is_not_followed(tmp_path):
-    """The name was once predictable, so the target of a link with that name was overwritten."""
-    path, victim = tmp_path / "game.json", tmp_path / "victim"
-    victim.write_text("precious")
-    for name in (f".game.{os.getpid()}.json", f"game.json.{os.getpid()}", ".game.json.tmp"):
-        (tmp_path / name).symlink_to(victim)
-    write_json(path, 1)
-    assert path.read_text() == "1\n"
-    assert victim.read_text() == "precious"
-
-
-def test_threads_that_write_one_path_do_not_interfere(tmp_path):
-    """They once shared a temporary file, and 307 of 800 writes failed."""
-    path = tmp_path / "file"
-
-    def save(k):
-        write_whole(path, bytes([k]) * 1000)
-
-    with ThreadPoolExecutor(4) as pool:
-        list(pool.map(save, [1, 2, 3, 4] * 50))
-    content = path.read_bytes()
-    assert content == content[:1] * 1000
-    assert os.listdir(tmp_path) == ["file"]
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no umask")
-@pytest.mark.parametrize("mask", [0o022, 0o027])
-def test_file_permissions_follow_the_umask(tmp_path, mask):
-    before = os.umask(mask)
-    try:
-        write_whole(tmp_path / "file", b"new")
-    finally:
-        os.umask(before)
-    assert stat.S_IMODE((tmp_path / "file").stat().st_mode) == 0o666 & ~mask
-
-
 def test_a_link_is_followed_and_stays(tmp_path):
     """It was once replaced by a file, and the file at its end kept the old content."""
     (tmp_path / "folder").mkdir()
@@ -137,15 +99,6 @@ def test_what_is_no_regular_file_is_refused_and_stays(make, tmp_path):
         with pytest.raises(OSError, match=rf"(expected a regular file, this is a device|symbolic links: '{path}')"):
             write(path)
     assert path.lstat() == before
-
-
-def test_a_read_only_place_is_refused_before_the_work(tmp_path, monkeypatch):
-    path = tmp_path / "file.json"
-    path.write_text("old")
-    for closed, message in ((path, "a file that can be written, it is read-only"), (tmp_path, "is read-only")):
-        monkeypatch.setattr(os, "access", lambda place, mode, closed=closed: place != closed)
-        with pytest.raises(PermissionError, match=message):
-            check_path(path, ".json")
 
 
 def test_an_error_of_a_full_disk_names_the_file(tmp_path):
