@@ -64,68 +64,22 @@ def make(tmp_path):
     for name in ("Makefile", "pyproject.toml", "constraints.txt"):
         shutil.copy(ROOT / name, tmp_path)
 
-    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        path = {"PATH": f"{tmp_path}:/usr/bin:/bin"}
-        return subprocess.run(
-            ["make", *arguments], cwd=tmp_path, env=path, capture_output=True, text=True, timeout=60, check=False
-        )
+    def run(*arguments: str) -> str:
+        return subprocess.run(["make", *arguments], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
 
     return run
 
 
-def add_python(path: Path, version: tuple[int, int]) -> None:
-    """Writes a program that runs Python with another `sys.version_info`."""
-    code = f"import sys; sys.version_info = {version}; exec(sys.argv[2])"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(f"#!/bin/sh\nexec {sys.executable} -c '{code}' \"$@\"\n", encoding="utf-8")
-    path.chmod(0o755)
-
-
 @needs_make
-def test_a_python_that_is_too_old_is_rejected(make, tmp_path):
-    add_python(tmp_path / "python3", (3, 9))
-    made, message = (
-        make("train"),
-        "PYTHON = python3: expected Python 3.10 or later, such as: make PYTHON=python3.12 train",
+def test_make_installs_what_it_needs_with_the_pinned_versions(make):
+    commands = make("-n", "test", f"PYTHON={sys.executable}").splitlines()
+    wanted = (
+        rf"{sys.executable} -m venv --clear \.venv",
+        r".*pip install -c constraints\.txt -e '\.\[train,render,plot,multi,dev,docs\]'.*",
+        r"\.venv/bin/pytest .*",
     )
-    assert made.returncode != 0
-    assert made.stdout.startswith(message)
-    assert not (tmp_path / ".venv").exists()
-
-
-@needs_make
-@pytest.mark.parametrize(
-    ("complete", "arguments", "rebuilt_with"),
-    [
-        (True, [], []),
-        (True, ["PYTHON=python3.11"], []),
-        (True, ["PYTHON=python3.12"], ["python3.12"]),
-        (False, [], ["python3"]),
-    ],
-    ids=["complete", "the same Python", "another Python", "incomplete"],
-)
-def test_an_incomplete_environment_or_another_python_rebuilds_it(make, tmp_path, complete, arguments, rebuilt_with):
-    for name, version in (("python3", (3, 13)), ("python3.11", (3, 11)), ("python3.12", (3, 12))):
-        add_python(tmp_path / name, version)
-    add_python(tmp_path / ".venv" / "bin" / "python", (3, 11))
-    if complete:
-        (tmp_path / ".venv" / ".installed-3.11").touch()
-    commands = make("-n", "format", *arguments).stdout
-    assert re.findall(r"^(\S+) -m venv --clear \.venv$", commands, re.MULTILINE) == rebuilt_with
-    assert ".venv/bin/ruff format ." in commands
-
-
-@needs_make
-def test_a_link_to_another_environment_is_replaced_and_its_target_kept(make, tmp_path):
-    other = tmp_path / "other"
-    other.mkdir()
-    (other / "kept").touch()
-    (tmp_path / ".venv").symlink_to(other)
-    (tmp_path / "python3").write_text(f'#!/bin/sh\n[ $1 = -c ] && exec {sys.executable} "$@"\ntouch .venv\n')
-    (tmp_path / "python3").chmod(0o755)
-    make("format")
-    assert not (tmp_path / ".venv").is_symlink()
-    assert [path.name for path in other.iterdir()] == ["kept"]
+    places = [next(k for k, line in enumerate(commands) if re.fullmatch(text, line)) for text in wanted]
+    assert places == sorted(places)
 
 
 @needs_make
@@ -133,33 +87,6 @@ def test_clean_removes_what_make_builds_and_keeps_trained_runs(make, tmp_path):
     built, kept = (".venv", "build", "site", "tests/__pycache__"), ("runs/pot", "tests")
     for name in (*built, *kept):
         (tmp_path / name).mkdir(parents=True, exist_ok=True)
-    assert make("clean").returncode == 0
+    make("clean")
     assert not any((tmp_path / name).exists() for name in built)
     assert all((tmp_path / name).exists() for name in kept)
-
-
-PIP = """#!/bin/sh
-echo 'Obtaining file:///billiards-env'
-echo '  Installing build dependencies: started'
-echo 'Collecting torch==2.13.0 (from billiards-env==0.1.0)'
-echo '  Downloading torch-2.13.0.whl (190.5 MB)'
-echo 'Processing /wheels/numpy-2.4.6-cp311.whl (from billiards-env==0.1.0)'
-echo 'Installing collected packages: numpy, torch'
-"""
-
-
-@needs_make
-@pytest.mark.parametrize("exit_status", [0, 1])
-def test_the_installation_shows_its_packages_and_a_failed_one_is_repeated(make, tmp_path, exit_status):
-    (tmp_path / "pip").write_text(f"{PIP}exit {exit_status}\n", encoding="utf-8")
-    (tmp_path / "pip").chmod(0o755)
-    script = "case $2 in *print*) echo 3.12 ;; venv) mkdir -p .venv/bin; cp pip .venv/bin ;; esac"
-    (tmp_path / "python3").write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
-    (tmp_path / "python3").chmod(0o755)
-    made = make(".venv/.installed-3.12")
-    assert made.stdout.splitlines() == [
-        "Installing the packages of constraints.txt for Python 3.12 in .venv",
-        "torch (190.5 MB) numpy ",
-        "Installing these packages",
-    ]
-    assert (made.returncode, (tmp_path / ".venv" / ".installed-3.12").exists()) == (2 * exit_status, not exit_status)

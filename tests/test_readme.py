@@ -87,49 +87,6 @@ def test_every_block_of_python_is_run_or_listed():
     assert left == NOT_RUN
 
 
-STEPS = re.findall(r"^\d\. (.*?)(?=^\d\. |^\n|\Z)", PAGES["CONTRIBUTING.md"], re.MULTILINE | re.DOTALL)
-
-
-MODULES = "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "billiards_env").rglob("*.py")))
-
-
-@pytest.mark.parametrize("step", STEPS)
-def test_the_names_in_a_recipe_are_in_its_files_or_the_package(step):
-    quoted = re.findall(r"`([^`]+)`", step)
-    paths = [ROOT / name for name in quoted if "/" in name]
-    assert [path for path in paths if not path.exists()] == []
-    text = "".join(path.read_text(encoding="utf-8") for path in paths if path.is_file())
-    words = {word for name in quoted if "/" not in name for word in re.findall(r"\w+", name)}
-    assert [word for word in words if not re.search(rf"\b{word}\b", text + MODULES)] == []
-
-
-def test_the_recipes_are_found():
-    assert len(STEPS) > 20
-
-
-def test_the_folders_and_modules_of_the_layout_exist():
-    (tree,) = re.findall(r"^```text\n(.*?)^```", PAGES["CONTRIBUTING.md"], re.MULTILINE | re.DOTALL)
-    for line in tree.splitlines():
-        path = ROOT / ("billiards_env" if line.startswith(" ") else "") / line.split()[0]
-        assert path.exists(), line
-
-
-def test_every_constant_with_a_point_has_a_comment_or_a_docstring():
-    for path in sorted((ROOT / "billiards_env").rglob("*.py")):
-        lines = path.read_text(encoding="utf-8").splitlines()
-        body = ast.parse("\n".join(lines)).body
-        for statement, after in zip(body, [*body[1:], None], strict=True):
-            value = statement.value if isinstance(statement, ast.Assign) else None
-            numbers = value.elts if isinstance(value, ast.Tuple) else [value]
-            if not all(isinstance(number, ast.Constant) and isinstance(number.value, float) for number in numbers):
-                continue
-            first = statement.lineno - 1
-            while "=" in lines[first - 1]:  # a comment stands above a group
-                first -= 1
-            explained = "#" in "".join(lines[first - 1 : statement.end_lineno])
-            assert explained or (after and ast.get_docstring(ast.Module([after], []))), f"{path}:{statement.lineno}"
-
-
 def test_every_default_of_a_scene_has_a_source():
     """0, 1 and None switch a law off."""
     rows = tuple(re.findall(r"^(\w+\.\w+) +\S.* \S", scenes.__doc__ or "", re.MULTILINE))
