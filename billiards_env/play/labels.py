@@ -25,7 +25,7 @@ _HINTS = {
     "thinking": "undo: U   save: S   quit: Q   keys: H   rules: F1",
     "rolling": "skip: click, space   slower, faster: - +   undo: U   quit: Q   keys: H",
     "replaying": "continue: space   again: R   ghost: G   slower, faster: - +   keys: H",
-    "over": "new game: N   undo, redo: U Y   replay: R   save: S   quit: Q   keys: H",
+    "over": "new game: N   undo: U   replay: R   save: S   quit: Q   keys: H",
 }
 
 

@@ -94,7 +94,6 @@ class Model:
         opening: The state before the first stroke.
         choices: Whether people are offered choices other than a shot, such as to pass, `State.choices`.
         turns: The strokes up to now.
-        undone: The strokes that were undone, the next one first.
         phase: One of the phases in the module's docstring.
         aim: The aim.
         preview: The preview of the aimed shot; None in other phases.
@@ -115,7 +114,6 @@ class Model:
     opening: GameState
     choices: bool = False
     turns: tuple[Turn, ...] = ()
-    undone: tuple[Turn, ...] = ()
     phase: str = "thinking"
     aim: StrokeInput = dataclasses.field(default_factory=StrokeInput)
     preview: Preview | None = None
@@ -261,7 +259,6 @@ def shoot(model: Model, stroke: Stroke, aim: StrokeInput | None = None) -> Model
         model,
         aim=aim,
         turns=(*model.turns, Turn(stroke, play(model.setup, model.game, stroke), aim)),
-        undone=(),
         comparison=None,
         phase="rolling",
         preview=None,
@@ -465,25 +462,10 @@ def undo(model: Model) -> Model:
     """Returns the model before the last shot of a person, with the aim of this shot; unchanged if there is none."""
     for k in range(len(model.turns) - 1, -1, -1):
         if model.players[model.games[k].state.player] == HUMAN:
-            return _restored(model, model.turns[:k], model.turns[k:] + model.undone)
+            aim = model.turns[k].aim
+            model = _next_turn(dataclasses.replace(model, turns=model.turns[:k], comparison=None))
+            return model if aim.call.kind in NO_SHOT else _aimed(model, **aim._asdict())
     return model
-
-
-def redo(model: Model) -> Model:
-    """Restores undone strokes up to the next turn of a person; returns the same model if there are none."""
-    while model.undone:
-        model = _restored(model, model.turns + model.undone[:1], model.undone[1:])
-        if model.phase != "thinking":
-            break
-    return model
-
-
-def _restored(model: Model, turns: tuple[Turn, ...], undone: tuple[Turn, ...]) -> Model:
-    """Returns the model at the start of a turn of the past, with the aim of the undone stroke of a person."""
-    model = _next_turn(dataclasses.replace(model, turns=turns, undone=undone, comparison=None))
-    if model.phase not in ("placing", "aiming") or not undone or undone[0].aim.call.kind in NO_SHOT:
-        return model
-    return _aimed(model, **undone[0].aim._asdict())
 
 
 def replay(model: Model) -> Model:

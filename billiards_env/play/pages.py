@@ -26,7 +26,7 @@ KEYS: Page = (
     ("P", "move the cue ball in hand again"),
     ("B, K", "call the next ball, the next pocket"),
     ("X", "the next choice: safety, push out, hand back, replace"),
-    ("U or Z, Y", "undo and redo a person's shot; the aim of the shot is kept"),
+    ("U or Z", "undo a person's shot; the aim of the shot is kept"),
     ("R, G", "replay the last shot; with or without the other engine as rings"),
     ("-, +", "show shots slower, faster"),
     ("S, N, Q", "save the game; a new game when one is over; quit"),

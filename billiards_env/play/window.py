@@ -51,7 +51,6 @@ COMMANDS: dict[int, tuple[Any, ...]] = {
     pygame.K_x: (actions.next_kind,),
     pygame.K_b: (actions.next_called, "ball"),
     pygame.K_k: (actions.next_called, "pocket"),
-    pygame.K_y: (actions.redo,),
     pygame.K_z: (actions.undo,),
     **dict.fromkeys(SLOWER_KEYS, (actions.slow_down,)),
     **dict.fromkeys(FASTER_KEYS, (actions.speed_up,)),

@@ -232,34 +232,6 @@ def test_undo_keeps_the_aim_of_the_shot(make_model):
     assert after(loaded, actions.undo).stroke.velocity == pytest.approx(start.stroke.velocity)
 
 
-def test_redo_restores_what_was_undone(make_model):
-    start = make_model(positions=STRAIGHT)
-    done = after(start, *[actions.go] * 4)
-    undone = after(done, actions.undo, actions.undo)
-    assert undone.strokes == ()
-    one = after(undone, actions.redo)
-    assert one.strokes == done.strokes[:1]
-    two = after(one, actions.redo)
-    assert same(two, done)
-    assert two.phase == done.phase
-    assert (two.last_shot.shot.positions == done.last_shot.shot.positions).all()
-    assert after(two, actions.redo) is two
-    other = after(one, *[actions.go] * 2)  # a new shot discards the undone ones
-    assert len(other.strokes) == 2
-    assert after(other, actions.redo) is other
-
-
-def test_redo_includes_the_strokes_of_programs(make_model):
-    model = make_model(positions=STRAIGHT, players=("human", "random"))
-    model = after(model, (actions.turn_aim, 90.0), actions.go, actions.go)
-    thinking = after(model, actions.undo, actions.redo)
-    assert (thinking.phase, thinking.strokes) == ("thinking", model.strokes)
-    model = after(shoot(model, Stroke((0.1, 0.1))), actions.go)
-    again = after(model, actions.undo, actions.redo)
-    assert same(again, model)
-    assert again.undone == ()
-
-
 def test_undo_returns_to_the_last_shot_of_a_person(make_model):
     model = make_model(positions=STRAIGHT, players=("human", "random"))
     model = after(model, (actions.turn_aim, 90.0), actions.go, actions.go)
