@@ -190,8 +190,8 @@ class Physics:
             that rolls.
         mu_cushion_slip: Decrease of the friction of "han2005_variable" cushions with the slip, s/m: the friction is
             divided by 1 + mu_cushion_slip * slip.
-        e_cushion_tangent: Share of the slip at the nose that "han2005_variable" cushions reverse if their friction is
-            large enough, 0 to 1.
+        e_cushion_tangent: Share of the slip along the cushion that "han2005_variable" cushions reverse if their
+            friction is large enough, 0 to 1.
         mu_roll_speed: Gain of the rolling resistance per speed, s/m, see `physics.laws.cloth`; 0.004 on a match table.
         max_time: Time limit of a shot, s; None for no limit. "ideal" motion needs a limit.
     """
