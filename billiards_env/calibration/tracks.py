@@ -23,6 +23,7 @@ from billiards_env.scene import Scene
 from billiards_env.shots.result import ShotResult
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 COLUMNS = ("shot", "time", "ball", "x", "y")
 
@@ -47,6 +48,14 @@ class Track(NamedTuple):
     def rows(self, some: Any) -> Track:
         """Returns the track with some of its rows, in the order of `some`: indices or bools."""
         return Track(self.name, self.times[some], self.balls[some], self.positions[some])
+
+    def paths(self) -> dict[int, tuple[Floats, Floats]]:
+        """Returns the times (k,), s, and the places (k, 2), m, of each ball."""
+        return {
+            int(i): (self.times[mine], self.positions[mine])
+            for i in np.unique(self.balls)
+            for mine in [self.balls == i]
+        }
 
 
 def observed(name: str, shot: ShotResult, times: ArrayLike, noise: float = 0.0, seed: int = 0) -> Track:
