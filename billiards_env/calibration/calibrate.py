@@ -14,7 +14,7 @@ import json
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,7 +33,7 @@ from billiards_env.calibration.frame import Frame, check_frame, fit_frame
 from billiards_env.calibration.judge import judge
 from billiards_env.calibration.problems import find_problems
 from billiards_env.calibration.report import Calibration
-from billiards_env.calibration.shot import SPIN, VELOCITY, Shot, drop_clipped, noise_of, prepare
+from billiards_env.calibration.shot import SPIN, VELOCITY, drop_clipped, noise_of, prepare
 from billiards_env.calibration.tracks import Track, check_tracks
 from billiards_env.checks import Range, finite, integer, one_of, real
 from billiards_env.files import write_json
@@ -125,9 +125,8 @@ def calibrate(
     digest = hashlib.sha256(json.dumps([scene.to_dict(), names, error, contacts, hold_back], sort_keys=True).encode())
     for array in (known, *(array for track in tracks for array in track[1:])):
         digest.update(np.ascontiguousarray(array).tobytes())
-    kept = _State(None if state is None else Path(state), digest.hexdigest())
-    fit = Fit(scene, names, scene, some, {}, np.zeros((0, 0)))
-    fit, share = _fit_stages(fit, contacts, error, kept, progress)
+    path, fit = None if state is None else Path(state), Fit(scene, names, scene, some, {}, np.zeros((0, 0)))
+    fit, share = _fit_stages(fit, contacts, error, path, digest.hexdigest(), progress)
     warnings = [f"{clipped} rows at the border of the picture are left out"] if clipped else []
     predicted, losses = None, {}
     if share < _ENOUGH:
@@ -166,37 +165,20 @@ def calibrate(
     )
 
 
-class _State(NamedTuple):
-    """A file with the last finished stage of a fit, or None, and a digest of what is fitted."""
-
-    path: Path | None
-    key: str
-
-    def read(self) -> dict[str, Any]:
-        """Returns the finished stage, {} if there is none."""
-        if self.path is None or not self.path.exists():
-            return {}
-        what = "the state of a calibration"
-        data = records.read(self.path, lambda text: records.data_of(text, what), what, _MOST_STATE)
-        if not isinstance(data, dict) or data.get("key") != self.key:
-            raise ValueError(
-                f"state = {str(self.path)!r}: expected the state of the same tracks, scene, numbers and options"
-            )
-        return data
-
-    def write(self, contact: int, numbers: list[float], shots: Sequence[Shot]) -> None:
-        """Writes a finished stage."""
-        if self.path is not None:
-            starts = [shot.starts[0].tolist() for shot in shots]
-            write_json(self.path, {"key": self.key, "contact": contact, "numbers": numbers, "starts": starts})
-
-
 def _fit_stages(
-    fit: Fit, contacts: int, noise: float, state: _State, progress: Callable[[str], None] | None
+    fit: Fit, contacts: int, noise: float, path: Path | None, key: str, progress: Callable[[str], None] | None
 ) -> tuple[Fit, float]:
-    """Returns the fit until the last contact, and the share of the rows near their paths until the second one."""
-    done, share = state.read(), 1.0
-    if done:
+    """Returns the fit until the last contact, and the share of the rows near their paths until the second one.
+
+    Each finished stage is written to `path`, with the key of what is fitted. The fit resumes from this file.
+    """
+    done, share, what = {}, 1.0, "the state of a calibration"
+    if path is not None and path.exists():
+        done = records.read(path, lambda text: records.data_of(text, what), what, _MOST_STATE)
+        if not isinstance(done, dict) or done.get("key") != key:
+            raise ValueError(
+                f"state = {str(path)!r}: expected the state of the same tracks, scene, numbers and options"
+            )
         fit = fit._replace(scene=with_numbers(fit.scene, fit.names, np.array(done["numbers"])))
         shots = [shot._replace(starts=np.array([row])) for shot, row in zip(fit.shots, done["starts"], strict=True)]
         fit = fit._replace(shots=near_rows(fit.scene, shots, done["contact"], noise))
@@ -208,8 +190,9 @@ def _fit_stages(
         part = sum((some & used).sum() for some, used in rows) / max(1, sum(some.sum() for some, _ in rows))
         numbers = numbers_of(fit.scene, fit.names).tolist()
         share = float(part) if contact == 2 else share
-        if share >= _ENOUGH:
-            state.write(contact, numbers, fit.shots)
+        if path is not None and share >= _ENOUGH:
+            starts = [shot.starts[0].tolist() for shot in fit.shots]
+            write_json(path, {"key": key, "contact": contact, "numbers": numbers, "starts": starts})
         if progress is not None:
             text = ", ".join(f"{name} {value:.5g}" for name, value in zip(fit.names, numbers, strict=True))
             progress(f"until contact {contact}: {part:.1%} of the rows, {text}")

@@ -28,11 +28,9 @@ MANY = 8
 _STEPS, _FOLLOW = 25, 4  # most steps of a fit, and steps of the starts in each
 _CONVERGED, _JUMP = 1e-6, 5.0  # relative change of the loss, and the most that one shot counts
 _RANK = 1e-12  # smallest eigenvalue of the scaled normal equations of a start that counts
-_UNDETERMINED = 1e-9  # the same of the shared numbers
 _USUAL = 0.5, 0.05  # the standard deviation of a number over its start, and at least: that of other tables
 _FAR, _LEAST = 8.0, 0.02  # a row is far from its path: over the typical error, and m
 _RUN, _OF = 3, 4  # a track has left its path where 3 of 4 consecutive rows of a ball are far from it
-_EXACT = 1e-7  # m, the least scale
 _WIDE = 0.5  # half of an interval over the number, above which the rows do not determine it
 _EDGE = 1e-6  # of the range of a number, where it is at its bound
 _SHARED = 8.0  # rows that those between two contacts count as, if the laws have errors
@@ -98,6 +96,11 @@ def bounds_of(names: Sequence[str]) -> Floats:
     return np.array([RANGES[PARAMETERS[name].within][:2] for name in names], np.float64).T
 
 
+def usual_of(fit: Fit) -> Floats:
+    """Returns the standard deviations of the numbers on other tables, (s,)."""
+    return np.maximum(_USUAL[0] * np.abs(numbers_of(fit.start, fit.names)), _USUAL[1])
+
+
 def fit_shared(fit: Fit, contact: int) -> tuple[Fit, float]:
     """Fits the shared numbers and the starts of all shots to the rows that are used until a contact of the cue ball.
 
@@ -108,7 +111,7 @@ def fit_shared(fit: Fit, contact: int) -> tuple[Fit, float]:
     """
     scene, names = fit.scene, fit.names
     numbers, begun, low_high, damping = numbers_of(scene, names), numbers_of(fit.start, names), bounds_of(names), 1e-3
-    usual = np.maximum(_USUAL[0] * np.abs(begun), _USUAL[1])
+    usual = usual_of(fit)
     shots = [shot.until(contact) for shot in fit.shots]
     found = [settle(scene, shot.starts, shot, names) for shot in shots]
     for _ in range(_STEPS):
@@ -170,9 +173,9 @@ def near_rows(scene: Scene, shots: list[Shot], contact: int, noise: float) -> li
     off = np.hypot(*np.concatenate([errors(scene, shot) for shot in shots]).T)
     after = np.concatenate([shot.after for shot in shots])
     some = np.concatenate([shot.until(contact).used & shot.moving for shot in shots])
-    typical = np.full(len(off), max(noise, _EXACT))
+    typical = np.full(len(off), noise)
     for k in np.unique(after[some]):  # the median distance of Gaussian errors in two coordinates is 1.1774
-        typical[after == k] = max(noise, _EXACT, float(np.median(off[some & (after == k)])) / 1.1774)
+        typical[after == k] = max(noise, float(np.median(off[some & (after == k)])) / 1.1774)
     found, begins = [], np.cumsum([len(shot.time) for shot in shots])[:-1]
     for shot, distance, error in zip(shots, np.split(off, begins), np.split(typical, begins), strict=True):
         before = shot.time < shot.end(contact)
@@ -201,29 +204,24 @@ def leaves_at(shot: Shot, far: Bools) -> tuple[float, int]:
     return min(found)
 
 
-def covariance(scene: Scene, names: Sequence[str], shots: Sequence[Shot]) -> Floats:
-    """Returns the covariance (s, s) of the shared numbers; inf for a number that the rows do not determine.
+def covariance(fit: Fit, shots: Sequence[Shot]) -> Floats:
+    """Returns the covariance (s, s) of the shared numbers; that of other tables if the rows do not determine them.
 
     From `MANY` shots on it is that of the jackknife: the numbers without one shot, in the linear approximation (Bell
     and McCaffrey 2002). It includes errors of the laws, which the rows of a shot share. The spread over fewer shots is
     too uncertain, so the errors of their rows count as independent. The weights change with the residuals; the factor
     `bend` accounts for this (Huber 1964).
     """
-    parts = [reduced(evaluate(scene, shot.starts, shot, names), shot.starts.size) for shot in shots]
-    square = np.concatenate([np.square(errors(scene, shot) / shot.scale[:, None])[shot.used] for shot in shots])
-    weight, m = 1.0 / (1.0 + square), len(shots)
+    parts = [reduced(evaluate(fit.scene, shot.starts, shot, fit.names), shot.starts.size) for shot in shots]
+    square = np.concatenate([np.square(errors(fit.scene, shot) / shot.scale[:, None])[shot.used] for shot in shots])
+    weight, m, prior = 1.0 / (1.0 + square), len(shots), np.diag(1.0 / usual_of(fit) ** 2)
     bend = ((1.0 - square) * weight * weight).mean() / weight.mean()
-    matrices = np.array([part.matrix for part in parts])
-    matrix = matrices.sum(axis=0)
-    size = column_sizes(matrix)
-    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
-    if values[0] < _UNDETERMINED:
-        return np.diag(np.where(np.abs(vectors[:, 0]) > 0.5, np.inf, 0.0))
+    matrices, slopes = np.array([part.matrix for part in parts]), np.array([part.slope for part in parts])
+    inverse = np.linalg.inv(matrices.sum(axis=0) + prior)
     if m < MANY:
-        spread = (weight * weight * square).mean() / weight.mean() / bend**2
-        return spread * np.linalg.inv(matrix / np.outer(size, size)) / np.outer(size, size)
-    change = damped(matrix - matrices, np.array([part.slope for part in parts]), 0.0) / bend
-    return (m - 1) / m * change.T @ change
+        return inverse * (weight * weight * square).mean() / weight.mean() / bend**2 + inverse @ prior @ inverse
+    change = damped(matrices.sum(axis=0) + prior - matrices, slopes, 0.0) / bend
+    return (m - 1) / m * change.T @ change + inverse @ prior @ inverse
 
 
 def half_widths(spread: Floats, shots: int) -> Floats:
@@ -236,7 +234,7 @@ def determined(fit: Fit, contact: int) -> Fit:
     while True:
         names, numbers, begun = fit.names, numbers_of(fit.scene, fit.names), numbers_of(fit.start, fit.names)
         shots = [shot for shot in (shot.until(contact) for shot in fit.shots) if shot.used.any()]
-        spread = covariance(fit.scene, names, shots)
+        spread = covariance(fit, shots)
         wide = half_widths(spread, len(shots)) / np.maximum(np.maximum(np.abs(numbers), np.abs(begun)), 1e-9)
         edge = np.abs(numbers - bounds_of(names)) <= _EDGE * np.maximum(np.abs(numbers), 1e-3)
         wide[edge.any(axis=0)] = np.inf

@@ -70,11 +70,8 @@ class Calibration:
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
         """The 95% intervals, by name."""
-        half = half_widths(self.covariance, len(self.tracks))
-        return {
-            name: (value - float(h), value + float(h))
-            for (name, value), h in zip(self.values.items(), half, strict=True)
-        }
+        half = half_widths(self.covariance, len(self.shots)).tolist()
+        return {name: (value - h, value + h) for (name, value), h in zip(self.values.items(), half, strict=True)}
 
     @property
     def tracks(self) -> list[Track]:
@@ -141,11 +138,8 @@ class Calibration:
         aim = finite("intended", intended, self.velocities.shape)
         x, y = self.velocities.T
         turn = np.degrees(np.arctan2(aim[:, 0] * y - aim[:, 1] * x, aim[:, 0] * x + aim[:, 1] * y))
-        faster = np.hypot(x, y) - np.hypot(*aim.T)
-        return {
-            name: float(off.std(ddof=1)) if len(off) > 1 else np.nan
-            for name, off in (("angle_std", turn), ("speed_std", faster))
-        }
+        off = {"angle_std": turn, "speed_std": np.hypot(x, y) - np.hypot(*aim.T)}
+        return {name: float(one.std(ddof=1)) if len(one) > 1 else np.nan for name, one in off.items()}
 
     def randomize(self) -> dict[str, tuple[float, float]]:
         """Returns the argument `randomize` of `Billiards-v0`: the intervals within the ranges of the numbers.
@@ -166,19 +160,18 @@ class Calibration:
             rows.append((name, f"{start:.5g}", fitted, interval, unit))
         lines = [*_aligned(rows), ""]
         for text, judged in (("shots", self.judged), ("shots that were not fitted", self.predicted)):
-            if judged is None:
-                continue
-            table = [(f"{judged.shots} {text}: rows until contact", "within 5 mm", "within 10 mm", "median, mm")]
-            for k in CONTACTS:
-                close, near = (f"{judged.within(k, most):.1%}" for most in _CLOSE)
-                table.append((str(k), close, near, f"{1e3 * judged.median(k):.2f}"))
-            lines += [*_aligned(table), ""]
+            if judged is not None:
+                table = [(f"{judged.shots} {text}: rows until contact", "within 5 mm", "within 10 mm", "median, mm")]
+                for k in CONTACTS:
+                    close, near = (f"{judged.within(k, most):.1%}" for most in _CLOSE)
+                    table.append((str(k), close, near, f"{1e3 * judged.median(k):.2f}"))
+                lines += [*_aligned(table), ""]
         if self.laws:
             best = min(self.laws.values())
             each = [f"{law} {loss / best:.3f}" for law, loss in sorted(self.laws.items(), key=lambda one: one[1])]
             lines += [f"loss with each law of cushions over the least: {', '.join(each)}", ""]
-        count = sum(int(used.sum()) for used in self.fitted), sum(map(len, self.fitted))
-        lines += [f"{count[0]} of {count[1]} rows fitted, noise of {1e3 * self.row_noise:.3g} mm"]
+        used = np.concatenate(self.fitted)
+        lines += [f"{used.sum()} of {used.size} rows fitted, noise of {1e3 * self.row_noise:.3g} mm"]
         lines += [f"warning: {text}" for text in self.warnings]
         lines += ["", "rms of the residuals of each shot, mm"]
         each = [f"{track.name}: {1e3 * rms:.2f}" for track, rms in zip(self.tracks, self.rms, strict=True)]
@@ -218,12 +211,14 @@ class Calibration:
         """
         from billiards_env.drawing.tracks import draw_fit
 
-        order = sorted(range(len(self.tracks)), key=lambda k: -np.nan_to_num(self.rms[k]))
+        rms, tracks, fitted = np.nan_to_num(self.rms), self.tracks, self.fitted
+        order = np.argsort(-rms, kind="stable").tolist()
         half = len(order) // 2
         some = order if len(order) <= _DRAWN else order[: _DRAWN // 2] + order[half : half + _DRAWN // 2]
-        names = {k: f"{self.tracks[k].name}, {1000 * np.nan_to_num(self.rms[k]):.1f} mm" for k in some}
-        shots = {names[k]: (self.tracks[k], self.fitted[k], self.shot(k).recording()) for k in some}
-        return draw_fit(shots, {k: self.judged.errors[k] for k in CONTACTS})
+        shots = {
+            f"{tracks[k].name}, {1000 * rms[k]:.1f} mm": (tracks[k], fitted[k], self.shot(k).recording()) for k in some
+        }
+        return draw_fit(shots, self.judged.errors)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the report as JSON, or the picture, completely or not at all.
@@ -239,9 +234,9 @@ class Calibration:
         target = check_out(path)
         if target.suffix == ".json":
             write_json(target, self.to_dict())
-            return
-        with replacing(target) as temporary:
-            self.plot().savefig(temporary, dpi=150)
+        else:
+            with replacing(target) as temporary:
+                self.plot().savefig(temporary, dpi=150)
 
 
 def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:

@@ -21,6 +21,7 @@ CAUCHY = 2.385
 1977)."""
 
 _BEFORE = 1e-6  # s, a row at a contact is after it
+_EXACT = 1e-7  # m, the noise of exact tracks
 _MOVED = 0.004  # m, from a place of rest
 _REST = 1e-3  # m, the error of a place of rest
 _WINDOWS = (
@@ -112,7 +113,10 @@ def drop_clipped(tracks: Sequence[Track]) -> tuple[list[Track], int]:
 
 
 def noise_of(tracks: Sequence[Track]) -> float:
-    """Returns the standard deviation of a coordinate, m, from third differences of rows at equal steps (median)."""
+    """Returns the standard deviation of a coordinate, m, from third differences of rows at equal steps (median).
+
+    It is at least `_EXACT`.
+    """
     found = [np.zeros(0)]
     for t, p in (path for track in tracks for path in track.paths().values() if len(path[0]) > 3):
         steps = np.lib.stride_tricks.sliding_window_view(np.diff(t), 3)
@@ -120,7 +124,7 @@ def noise_of(tracks: Sequence[Track]) -> float:
         found.append(np.abs(np.diff(p, 3, axis=0)[even]).ravel())
     sizes = np.concatenate(found)
     sizes = sizes[sizes > 0.0]
-    return float(np.median(sizes)) / 0.6745 / np.sqrt(20.0) if sizes.size > 20 else 0.0
+    return max(_EXACT, float(np.median(sizes)) / 0.6745 / np.sqrt(20.0)) if sizes.size > 20 else _EXACT
 
 
 def prepare(scene: Scene, track: Track, noise: float, given: Floats | None = None) -> Shot:
