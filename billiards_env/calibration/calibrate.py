@@ -19,16 +19,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from billiards_env.calibration.fit import (
-    MANY,
-    Fit,
-    determined,
-    fit_shared,
-    fit_stage,
-    near_rows,
-    numbers_of,
-    with_numbers,
-)
+from billiards_env.calibration.fit import ENOUGH, MANY, Fit, determined, fit_shared, fit_stages, numbers_of
 from billiards_env.calibration.frame import Frame, check_frame, fit_frame
 from billiards_env.calibration.judge import judge
 from billiards_env.calibration.problems import find_problems
@@ -36,9 +27,7 @@ from billiards_env.calibration.report import Calibration
 from billiards_env.calibration.shot import SPIN, VELOCITY, drop_clipped, noise_of, prepare
 from billiards_env.calibration.tracks import Track, check_tracks
 from billiards_env.checks import Range, finite, integer, one_of, real
-from billiards_env.files import write_json
 from billiards_env.scene import CUSHIONS, Scene, check_scene
-from billiards_env.shots import records
 from billiards_env.shots.gradients import physics_inputs
 
 FREE = (
@@ -54,8 +43,6 @@ FRICTION_CUSHIONS = tuple(name for name in CUSHIONS if name != "restitution")
 _NOISE = Range(1e-9, 1.0, "m")
 _CONTACTS = Range(2, 9)
 _EACH, _FEWEST = 5, 10  # every fifth shot is held back, of ten or more
-_ENOUGH = 0.5  # least share of the rows until the second contact that are near their paths
-_MOST_STATE = 64 * 2**20  # bytes
 
 
 def calibrate(
@@ -122,26 +109,21 @@ def calibrate(
         check_frame(scene, [shot.track for shot in prepared], found, error)
     held = (np.arange(len(tracks)) % _EACH == _EACH - 1) & (len(tracks) >= _FEWEST) & hold_back
     some, rest = ([prepared[k] for k in np.flatnonzero(mine)] for mine in (~held, held))
-    digest = hashlib.sha256(json.dumps([scene.to_dict(), names, error, contacts, hold_back], sort_keys=True).encode())
-    for array in (known, *(array for track in tracks for array in track[1:])):
-        digest.update(np.ascontiguousarray(array).tobytes())
-    path, fit = None if state is None else Path(state), Fit(scene, names, scene, some, {}, np.zeros((0, 0)))
-    fit, share = _fit_stages(fit, contacts, error, path, digest.hexdigest(), progress)
+    data = [[array.tolist() for array in track[1:]] for track in tracks]
+    settings = json.dumps([scene.to_dict(), names, error, contacts, hold_back, known.tolist(), data])
+    key, path = hashlib.sha256(settings.encode()).hexdigest(), None if state is None else Path(state)
+    fit = Fit(scene, names, scene, some, {}, np.zeros((0, 0)))
+    fit, share = fit_stages(fit, contacts, error, progress, path, key)
     warnings = [f"{clipped} rows at the border of the picture are left out"] if clipped else []
     predicted, losses = None, {}
-    if share < _ENOUGH:
+    if rest and share >= ENOUGH:
+        predicted, some = judge(determined(fit, contacts).scene, rest), prepared
+        fit, share = fit_stages(fit._replace(shots=prepared), contacts, error, progress)
+    if share < ENOUGH:
         warnings.append(f"only {share:.0%} of the rows until the second contact fit: no numbers")
         fit = fit._replace(scene=scene, names=())
     else:
         fit = determined(fit, contacts)
-        if rest:
-            predicted = judge(fit.scene, rest)
-            others = fit._replace(names=(), shots=rest)
-            for contact in range(1, contacts + 1):
-                others = fit_stage(others, contact, error)
-            done = {shot.track.name: shot for shot in (*fit.shots, *others.shots)}
-            fit = fit._replace(shots=[done[track.name] for track in tracks])
-            fit, some = determined(fit_stage(fit, contacts, error, again=False), contacts), prepared
         if len(some) < MANY:
             warnings.append(f"fewer than {MANY} shots: the intervals hold only if the laws are right")
         for law in laws:
@@ -163,42 +145,6 @@ def calibrate(
         laws=losses,
         warnings=warnings,
     )
-
-
-def _fit_stages(
-    fit: Fit, contacts: int, noise: float, path: Path | None, key: str, progress: Callable[[str], None] | None
-) -> tuple[Fit, float]:
-    """Returns the fit until the last contact, and the share of the rows near their paths until the second one.
-
-    Each finished stage is written to `path`, with the key of what is fitted. The fit resumes from this file.
-    """
-    done, share, what = {}, 1.0, "the state of a calibration"
-    if path is not None and path.exists():
-        done = records.read(path, lambda text: records.data_of(text, what), what, _MOST_STATE)
-        if not isinstance(done, dict) or done.get("key") != key:
-            raise ValueError(
-                f"state = {str(path)!r}: expected the state of the same tracks, scene, numbers and options"
-            )
-        fit = fit._replace(scene=with_numbers(fit.scene, fit.names, np.array(done["numbers"])))
-        shots = [shot._replace(starts=np.array([row])) for shot, row in zip(fit.shots, done["starts"], strict=True)]
-        fit = fit._replace(shots=near_rows(fit.scene, shots, done["contact"], noise))
-    else:
-        fit = fit_stage(fit, 1, noise)
-    for contact in range(done.get("contact", 1) + 1, contacts + 1):
-        fit = fit_stage(fit, contact, noise)
-        rows = [(shot.moving & (shot.time < shot.end(contact)), shot.used) for shot in fit.shots]
-        part = sum((some & used).sum() for some, used in rows) / max(1, sum(some.sum() for some, _ in rows))
-        numbers = numbers_of(fit.scene, fit.names).tolist()
-        share = float(part) if contact == 2 else share
-        if path is not None and share >= _ENOUGH:
-            starts = [shot.starts[0].tolist() for shot in fit.shots]
-            write_json(path, {"key": key, "contact": contact, "numbers": numbers, "starts": starts})
-        if progress is not None:
-            text = ", ".join(f"{name} {value:.5g}" for name, value in zip(fit.names, numbers, strict=True))
-            progress(f"until contact {contact}: {part:.1%} of the rows, {text}")
-        if share < _ENOUGH:
-            break
-    return fit, share
 
 
 def _check_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:

@@ -7,17 +7,20 @@ bundles of rays (Triggs et al. 2000, section 6). The loss is that of `starts.Nor
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from billiards_env.calibration.shot import CAUCHY, Shot
-from billiards_env.calibration.starts import Normal, allowed, column_sizes, damped, errors, evaluate, search, settle
+from billiards_env.calibration.starts import Normal, allowed, damped, errors, evaluate, search, settle
 from billiards_env.calibration.tracks import Bools, Floats
 from billiards_env.checks import RANGES
+from billiards_env.files import write_json
 from billiards_env.intervals import t_quantile
 from billiards_env.scene import PARAMETERS, Scene
+from billiards_env.shots import records
 
 FIRST = 0.005
 """m, the scale of the errors of rows after a contact before they are fitted for the first time."""
@@ -25,15 +28,19 @@ FIRST = 0.005
 MANY = 8
 """Number of shots from which on intervals come from the spread over the shots."""
 
+ENOUGH = 0.5
+"""The least share of the rows until the second contact that are near their paths."""
+
 _STEPS, _FOLLOW = 25, 4  # most steps of a fit, and steps of the starts in each
 _CONVERGED, _JUMP = 1e-6, 5.0  # relative change of the loss, and the most that one shot counts
-_RANK = 1e-12  # smallest eigenvalue of the scaled normal equations of a start that counts
+_RIDGE = 1e-10  # damping of the elimination of a start, for numbers that its rows do not determine
 _USUAL = 0.5, 0.05  # the standard deviation of a number over its start, and at least: that of other tables
 _FAR, _LEAST = 8.0, 0.02  # a row is far from its path: over the typical error, and m
 _RUN, _OF = 3, 4  # a track has left its path where 3 of 4 consecutive rows of a ball are far from it
 _WIDE = 0.5  # half of an interval over the number, above which the rows do not determine it
 _EDGE = 1e-6  # of the range of a number, where it is at its bound
 _SHARED = 8.0  # rows that those between two contacts count as, if the laws have errors
+_MOST_STATE = 64 * 2**20  # bytes
 _ROUNDS = 2  # fits in each stage, each with the rows that are near the paths of the one before
 
 
@@ -74,9 +81,8 @@ class Reduced(NamedTuple):
 def reduced(normal: Normal, width: int) -> Reduced:
     """Returns the normal equations with the only start (width,) eliminated."""
     slope, matrix = normal.slope[0], normal.matrix[0]
-    both, size = matrix[:width, width:], column_sizes(matrix[:width, :width])
-    inverse = np.linalg.pinv(matrix[:width, :width] / np.outer(size, size), rcond=_RANK, hermitian=True)
-    follow = -inverse / np.outer(size, size) @ both
+    both = matrix[:width, width:]
+    follow = -damped(matrix[None, :width, :width], both.T, _RIDGE).T
     return Reduced(slope[width:] + follow.T @ slope[:width], matrix[width:, width:] + follow.T @ both, follow)
 
 
@@ -143,21 +149,19 @@ def fit_shared(fit: Fit, contact: int) -> tuple[Fit, float]:
     return fit._replace(scene=scene, shots=done), float(sum(normal.loss[0] for _, normal in found))
 
 
-def fit_stage(fit: Fit, contact: int, noise: float, again: bool = True) -> Fit:
-    """Fits the rows until a contact of the cue ball.
+def fit_stage(fit: Fit, contact: int, noise: float) -> Fit:
+    """Fits the rows until a contact of the cue ball, from an earlier fit; the numbers only from the second contact on.
 
     Args:
-        fit: An earlier fit; without names the numbers stay as they are.
+        fit: The earlier fit.
         contact: The number of the contact.
         noise: The least error of a coordinate, m.
-        again: Whether other spins of the starts are tried.
     """
     for _ in range(_ROUNDS):
-        if again:
-            found = [(search(fit.scene, shot.wide(contact, FIRST)), shot) for shot in fit.shots]
-            shots = [one._replace(used=shot.used, scale=shot.scale) for one, shot in found]
-            fit = fit._replace(shots=near_rows(fit.scene, shots, contact, noise))
-        if fit.names:
+        found = [(search(fit.scene, shot.wide(contact, FIRST)), shot) for shot in fit.shots]
+        shots = [one._replace(used=shot.used, scale=shot.scale) for one, shot in found]
+        fit = fit._replace(shots=near_rows(fit.scene, shots, contact, noise))
+        if contact > 1:
             fit, _ = fit_shared(fit, contact)
             fit = fit._replace(shots=near_rows(fit.scene, fit.shots, contact, noise))
     return fit
@@ -247,3 +251,48 @@ def determined(fit: Fit, contact: int) -> Fit:
             raise ValueError(f"free = {list(kept)}: the rows do not determine any of them, expected more shots")
         scene = with_numbers(fit.scene, names[worst : worst + 1], begun[worst : worst + 1])
         fit, _ = fit_shared(fit._replace(scene=scene, names=left, kept=kept), contact)
+
+
+def fit_stages(
+    fit: Fit,
+    contacts: int,
+    noise: float,
+    progress: Callable[[str], None] | None = None,
+    path: Path | None = None,
+    key: str = "",
+) -> tuple[Fit, float]:
+    """Fits the rows until the first contact of the cue ball, then until the second, and so on.
+
+    Each finished stage is written to the file `path`, with the key of what is fitted. The fit resumes from this file.
+
+    Returns:
+        The fit, and the share of the rows near their paths until the second contact. If it is less than `ENOUGH`, the
+        fit ends there.
+    """
+    done, share, what = {}, 1.0, "the state of a calibration"
+    if path is not None and path.exists():
+        done = records.read(path, lambda text: records.data_of(text, what), what, _MOST_STATE)
+        if not isinstance(done, dict) or done.get("key") != key:
+            raise ValueError(
+                f"state = {str(path)!r}: expected the state of the same tracks, scene, numbers and options"
+            )
+        fit = fit._replace(scene=with_numbers(fit.scene, fit.names, np.array(done["numbers"])))
+        shots = [shot._replace(starts=np.array([row])) for shot, row in zip(fit.shots, done["starts"], strict=True)]
+        fit = fit._replace(shots=near_rows(fit.scene, shots, done["contact"], noise))
+    else:
+        fit = fit_stage(fit, 1, noise)
+    for contact in range(done.get("contact", 1) + 1, contacts + 1):
+        fit = fit_stage(fit, contact, noise)
+        rows = [(shot.moving & (shot.time < shot.end(contact)), shot.used) for shot in fit.shots]
+        part = sum((some & used).sum() for some, used in rows) / max(1, sum(some.sum() for some, _ in rows))
+        numbers = numbers_of(fit.scene, fit.names).tolist()
+        share = float(part) if contact == 2 else share
+        if path is not None and share >= ENOUGH:
+            starts = [shot.starts[0].tolist() for shot in fit.shots]
+            write_json(path, {"key": key, "contact": contact, "numbers": numbers, "starts": starts})
+        if progress is not None:
+            text = ", ".join(f"{name} {value:.5g}" for name, value in zip(fit.names, numbers, strict=True))
+            progress(f"until contact {contact}: {part:.1%} of the rows, {text}")
+        if share < ENOUGH:
+            break
+    return fit, share

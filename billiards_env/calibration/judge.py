@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from billiards_env.calibration.contacts import CUSHION
 from billiards_env.calibration.shot import Shot
-from billiards_env.calibration.starts import errors, run, search
+from billiards_env.calibration.starts import errors, search, simulated
 from billiards_env.calibration.tracks import Bools, Floats
 from billiards_env.scene import Scene
 
@@ -43,19 +43,19 @@ class Judged(NamedTuple):
 
     def within(self, contact: int, distance: float) -> float:
         """Returns the share of the rows until a contact that are nearer than a distance, m."""
-        return _mean(self.errors[contact] < distance)
+        return _of(np.mean, self.errors[contact] < distance)
 
     def median(self, contact: int) -> float:
         """Returns the median error of the rows until a contact, m."""
-        return _median(self.errors[contact])
+        return _of(np.median, self.errors[contact])
 
     def to_dict(self) -> dict[str, float | None]:
         """Returns the figures as plain data for JSON: shares, and errors in mm; None for a figure without rows."""
         found = {"rows_5mm_contact2": self.within(2, 0.005)}
         found |= {f"rows_{round(1e3 * d)}mm_contact3": self.within(3, d) for d in (0.005, 0.01)}
         found |= {f"median_mm_contact{k}": 1e3 * self.median(k) for k in (3, 4)}
-        found |= {f"predicted_mm_{ahead:g}s": 1e3 * _median(off) for ahead, off in self.predicted.items()}
-        found["sequence"] = _mean(self.sequence)
+        found |= {f"predicted_mm_{ahead:g}s": 1e3 * _of(np.median, off) for ahead, off in self.predicted.items()}
+        found["sequence"] = _of(np.mean, self.sequence)
         return {name: None if np.isnan(value) else value for name, value in found.items()}
 
 
@@ -94,27 +94,22 @@ def _judge_shot(scene: Scene, shot: Shot) -> Judged:
         last = cushions[2]
         end = min(contacts[last - 1].time - shot.begin + _AFTER, shot.end(last + 1))
         shot = search(scene, shot._replace(used=shot.time < end))
-        events = run(scene, shot.starts, shot, 2.0)[0].events
+        events = simulated(scene, shot).events
         same = np.array([_sequence(events)[:last] == [one.other for one in contacts[:last]]])
     return Judged(found, predicted, same, 1)
 
 
 def _sequence(events: Any) -> list[int]:
     """Returns the partners of the cue ball in the contacts of a shot, `CUSHION` for a cushion."""
-    found: list[tuple[str, int]] = []
-    times: list[float] = []
+    found, last = [], {}
     cue = (events["ball"] == 0) | ((events["kind"] == "ball_ball") & (events["other"] == 0))
     for event in events[cue & np.isin(events["kind"], ("ball_ball", "cushion"))]:
-        one, time = (str(event["kind"]), int(max(event["ball"], event["other"]))), float(event["time"])
-        if not any(time - before < _ONE and one == other for before, other in zip(times, found, strict=True)):
-            found.append(one)
-            times.append(time)
-    return [CUSHION if kind == "cushion" else partner for kind, partner in found]
+        kind, other, time = str(event["kind"]), int(max(event["ball"], event["other"])), float(event["time"])
+        if time - last.get((kind, other), -np.inf) > _ONE:
+            found.append(CUSHION if kind == "cushion" else other)
+        last[kind, other] = time
+    return found
 
 
-def _median(values: Floats) -> float:
-    return float(np.median(values)) if values.size else float("nan")
-
-
-def _mean(values: Floats | Bools) -> float:
-    return float(values.mean()) if values.size else float("nan")
+def _of(statistic: Callable[[Any], Any], values: Floats | Bools) -> float:
+    return float(statistic(values)) if values.size else np.nan

@@ -55,9 +55,8 @@ def find_problems(scene: Scene, shot: Shot) -> list[Problem]:
     if np.isfinite(leave):
         ball = shot.leaves[1]
         kind, why = _contact(scene, shot, ball, leave)
-        found.append(
-            Problem(name, kind, ball, leave, last, f"the track of ball {ball} leaves the model at {leave:.3f} s{why}")
-        )
+        text = f"the track of ball {ball} leaves the model at {leave:.3f} s{why}"
+        found.append(Problem(name, kind, ball, leave, last, text))
     i, j, begin, end = shot.exchanged
     if np.isfinite(begin):
         until = f"to {end:.3f} s" if np.isfinite(end) else "on"
@@ -75,11 +74,9 @@ def _contact(scene: Scene, shot: Shot, ball: int, leave: float) -> tuple[str, st
     near = np.isin(kinds, list(CONTACTS)) & (leave - _BEFORE <= times) & (times <= leave + _AFTER)
     some, corner = np.flatnonzero(mine & near), _corner(scene, *shot.track.paths()[ball], leave)
     if not some.size:
-        return (
-            ("other path", "")
-            if corner is None
-            else ("extra contact", f": only the track has a contact at {corner:.3f} s")
-        )
+        if corner is None:
+            return "other path", ""
+        return "extra contact", f": only the track has a contact at {corner:.3f} s"
     k = min(some, key=lambda event: abs(times[event] - (leave if corner is None else corner)))
     kind, what = ("missed contact", "only the model has") if corner is None else ("other path", "after")
     return kind, f": {what} a contact with {CONTACTS[str(kinds[k])].format(partner[k])} at {times[k]:.3f} s"

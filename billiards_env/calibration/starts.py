@@ -51,15 +51,15 @@ class Normal(NamedTuple):
     matrix: Floats
 
 
-def run(scene: Scene, starts: Floats, shot: Shot, more: float = 0.0) -> BatchResult:
-    """Simulates a shot from starts (g, width) until its last row that is used, and `more` seconds."""
+def run(scene: Scene, starts: Floats, shot: Shot) -> BatchResult:
+    """Simulates a shot from starts (g, width) until its last row that is used."""
     return simulate_batch(
         scene,
         starts[:, PLACES].reshape(len(starts), -1, 2),
         starts[:, VELOCITY],
         spins=starts[:, SPIN] if scene.physics.motion == "sliding" else None,
         in_play=shot.in_play,
-        max_time=max(1e-3, float(shot.time.max(initial=0.0, where=shot.used))) + more,
+        max_time=max(1e-3, float(shot.time.max(initial=0.0, where=shot.used))),
         record=True,
         threads=1,  # a call takes a millisecond
     )
@@ -83,24 +83,20 @@ def _motion(record: Record, times: Floats) -> tuple[Floats, Floats]:
     return motion[0].reshape(*times.shape, n, 2), motion[1].reshape(*times.shape, n, 2)
 
 
-def _clock(record: Record, starts: Floats, times: Floats) -> Floats:
-    """Returns times (q,) after `Shot.begin` as times (g, q) of the simulated shots, which begin at the strike."""
-    return np.clip(times - starts[:, INSTANT, None], 0.0, record.time[:, None])
-
-
 def errors(scene: Scene, shot: Shot) -> Floats:
     """Returns the places of the model less those of all rows, (r, 2) m."""
-    record = run(scene, shot.starts, shot._replace(used=np.ones_like(shot.used)))._record("errors")
-    places, _ = _motion(record, _clock(record, shot.starts, shot.time))
-    return places[0, np.arange(len(shot.time)), shot.track.balls] - shot.track.positions
+    places = simulated(scene, shot).at(np.maximum(shot.time - shot.starts[0, INSTANT], 0.0))
+    return places[np.arange(len(places)), shot.track.balls] - shot.track.positions
 
 
 def evaluate(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = ()) -> Normal:
     """Returns the `Normal` of starts (g, width), with the derivatives by numbers of `Physics` by name."""
     record, some = run(scene, starts, shot)._record("evaluate"), np.flatnonzero(shot.used)
     times, frame = np.unique(np.append(0.0, shot.time[some]), return_inverse=True)
-    frame = frame[1:]
-    clock, ball, g = _clock(record, starts, times), shot.track.balls[some], len(starts)
+    frame, ball, g = frame[1:], shot.track.balls[some], len(starts)
+    clock = np.clip(
+        times - starts[:, INSTANT, None], 0.0, record.time[:, None]
+    )  # the simulated shots begin at the strike
     places, velocities = (array[:, frame, ball] for array in _motion(record, clock))
     rates = start_jacobians(record, clock, names, 1)[np.arange(g)[:, None], frame, :, ball]  # (g, r, lanes, 2)
     by_instant = np.where((shot.time[some] > starts[:, INSTANT, None])[..., None], -velocities, 0.0)
@@ -164,18 +160,12 @@ def allowed(scene: Scene, starts: Floats, shot: Shot) -> tuple[Floats, Bools]:
 
 def damped(matrix: Floats, slope: Floats, damping: Floats | float) -> Floats:
     """Returns the steps (..., d) of damped normal equations (..., d, d) (Levenberg 1944, Marquardt 1963)."""
-    size = column_sizes(matrix)
-    scaled = matrix / (size[..., None] * size[..., None, :]) + np.asarray(damping)[..., None, None] * np.eye(
-        size.shape[-1]
-    )
-    return np.linalg.solve(scaled, (slope / size)[..., None])[..., 0] / size
-
-
-def column_sizes(matrix: Floats) -> Floats:
-    """Returns the norms of the columns for normal equations (..., d, d); 1 for a column of zeros."""
     # After an elimination of the starts, rounding can make an entry slightly negative.
     size = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 0.0))
-    return np.where(size > 0.0, size, 1.0)
+    size = np.where(size > 0.0, size, 1.0)
+    ridge = np.asarray(damping)[..., None, None] * np.eye(size.shape[-1])
+    scaled = matrix / (size[..., None] * size[..., None, :]) + ridge
+    return np.linalg.solve(scaled, (slope / size)[..., None])[..., 0] / size
 
 
 def settle(
@@ -201,10 +191,8 @@ def settle(
         tried = np.where(fine[:, None], tried, starts)
         then = evaluate(scene, tried, shot, names)
         better = then.loss < here.loss
-        starts = np.where(better[:, None], tried, starts)
-        here = Normal(
-            *(np.where(better.reshape(-1, *[1] * (a.ndim - 1)), b, a) for a, b in zip(here, then, strict=True))
-        )
+        starts = np.where(better, tried.T, starts.T).T
+        here = Normal(*(np.where(better, new.T, old.T).T for old, new in zip(here, then, strict=True)))
         damping = np.where(better, np.maximum(damping / 10.0, 1e-9), damping * 10.0)
         promised = (step * slope).sum(axis=1)  # the gain of the loss
         if np.all((promised <= _CONVERGED * here.loss + _EXACT) | (damping > 1e4)):
