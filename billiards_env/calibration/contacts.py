@@ -100,10 +100,10 @@ def _hits(i: int, j: int, one: tuple[Floats, Floats], two: tuple[Floats, Floats]
         (w, *speeds), (at, _, _) = before.reshape(2, 3, 2)
         (w_after, *then), _ = after.reshape(2, 3, 2)
         starts = any(np.hypot(*u) < 0.5 * _STARTS < 0.5 * np.hypot(*v) for u, v in zip(speeds, then, strict=True))
-        way = 0.5 * (times[k + 1] - times[k - 1]) * float(np.hypot(*w))
-        rests = np.hypot(*w) < 0.5 * _STARTS  # the distance does not change, so the balls cannot hit
-        kick = float(np.hypot(*(w_after - w)))
-        if rests or distance[k] > reach + _NEAR + way or kick < (_STARTS if starts else _KICK):
+        speed, kick = np.hypot(*w), np.hypot(*(w_after - w))
+        way = 0.5 * (times[k + 1] - times[k - 1]) * speed
+        # Two balls whose distance does not change cannot hit.
+        if speed < 0.5 * _STARTS or distance[k] > reach + _NEAR + way or kick < (_STARTS if starts else _KICK):
             continue
         root = (at @ w) ** 2 - (w @ w) * (at @ at - reach * reach)  # abs(at + w t) = reach, or least
         since = -(at @ w + np.sqrt(max(root, 0.0))) / (w @ w)

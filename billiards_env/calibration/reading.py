@@ -140,25 +140,17 @@ def _finite(name: str, cell: Any) -> float:
 
 def _track(shot: str, rows: list[Row], index: dict[str, int] | None) -> Track:
     """Returns the track of a shot, in which the cue ball is ball 0. Balls without numbers have the index None."""
+    names = sorted({row[1] for row in rows})
     times, places = np.array([row[0] for row in rows]), np.array([row[2:] for row in rows])
-    names = [row[1] for row in rows]
+    track = Track(shot, times, np.array([names.index(row[1]) for row in rows]), places)
+    order = np.lexsort((track.times, track.balls))
+    ordered, keep = track.rows(order), np.ones(len(rows), np.bool_)
+    again = (np.diff(ordered.balls) == 0) & (np.diff(ordered.times) < _SAME)
+    keep[order[1:][again]] = False  # the ball was found twice in a frame
+    keep[order[:-1][again & (np.hypot(*np.diff(ordered.positions, axis=0).T) > _MOVES)]] = False  # at two places
     if index is None:
-        begins = {name: _moves_at(times, places, np.array(names) == name) for name in dict.fromkeys(names)}
-        first = min(begins, key=lambda name: (begins[name], name))
-        index = {name: k for k, name in enumerate([first, *sorted(begins.keys() - {first})])}
-    balls = np.array([index[name] for name in names])
-    order = np.lexsort((times, balls))
-    again = np.concatenate(([False], (np.diff(balls[order]) == 0) & (np.diff(times[order]) < _SAME)))
-    apart = np.hypot(*np.diff(places[order], axis=0, prepend=0.0).T)
-    keep = np.ones(len(rows), np.bool_)
-    keep[order[again]] = False  # the ball was found twice in a frame
-    keep[order[:-1][(again & (apart > _MOVES))[1:]]] = False  # at two places
-    return Track(shot, times[keep], balls[keep], places[keep])
-
-
-def _moves_at(times: Any, places: Any, mine: Any) -> float:
-    order = np.argsort(times[mine], kind="stable")
-    path = places[mine][order]
-    far = np.hypot(*(path - path[0]).T)
-    moved = far > max(_MOVES, 1e-3 * float(np.abs(places).max()))
-    return float(times[mine][order][moved.argmax()]) if moved.any() else math.inf
+        least = max(_MOVES, 1e-3 * float(np.abs(places).max()))
+        begins = [np.append(t[np.hypot(*(p - p[0]).T) > least], np.inf)[0] for t, p in ordered.paths().values()]
+        first = names[int(np.argmin(begins))]
+        index = {name: k for k, name in enumerate(sorted(names, key=lambda name: name != first))}
+    return track._replace(balls=np.array([index[name] for name in names])[track.balls]).rows(keep)
