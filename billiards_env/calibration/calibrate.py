@@ -84,7 +84,7 @@ def calibrate(
         progress: A function that is called with a line of text after each stage.
 
     Returns:
-        The numbers with their covariance, the residuals, the errors of the shots and the problems of the tracks.
+        The numbers with their covariance, the fitted shots, their errors and the problems of the tracks.
 
     Raises:
         ValueError: If a number is unknown, a track is invalid or does not lie on the table, or the rows do not

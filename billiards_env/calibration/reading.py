@@ -64,11 +64,10 @@ def read_tracks(path: str | os.PathLike[str], unit: str = "m") -> list[Track]:
     shots: dict[str, list[Row]] = {}
     for shot, row in (_from_json if text.lstrip()[:1] in ("[", "{") else _from_csv)(name, text, unit):
         shots.setdefault(shot, []).append(row)
-    index, values = None, {row[1]: number(row[1]) for rows in shots.values() for row in rows}
-    if all(isinstance(value, float) and value.is_integer() for value in values.values()):
-        index = (
-            {ball: int(value) for ball, value in values.items()} if min(values.values(), default=1.0) <= 0.0 else None
-        )
+    values = {row[1]: number(row[1]) for rows in shots.values() for row in rows}
+    whole = all(isinstance(value, float) and value.is_integer() for value in values.values())
+    numbered = whole and min(values.values(), default=1.0) <= 0.0
+    index = {ball: int(value) for ball, value in values.items()} if numbered else None
     most = int(RANGES["balls"].most or 0)
     for ball, k in (index or {}).items():
         if not 0 <= k < most:
