@@ -96,7 +96,7 @@ def calibrate(
     for law in laws:
         one_of("laws", law, FRICTION_CUSHIONS)
     tracks, clipped = drop_clipped(check_tracks(scene, shots, 4 if velocities is None else 1))
-    scene, of_tracks = _framed(scene, tracks, frame)
+    scene, of_tracks = _framed(scene, tracks, frame, contacts)
     tracks = [of_tracks.apply(track) for track in tracks]
     error = noise_of(tracks) if noise is None else real("noise", noise, _NOISE)
     known = np.full((len(tracks), 2 * scene.n_balls + 6), np.nan)
@@ -162,12 +162,12 @@ def _check_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
     return names
 
 
-def _framed(scene: Scene, tracks: list[Track], frame: Frame | str | None) -> tuple[Scene, Frame]:
+def _framed(scene: Scene, tracks: list[Track], frame: Frame | str | None, contacts: int) -> tuple[Scene, Frame]:
     """Returns the scene, whose table may be larger, and the frame of the tracks."""
     if not isinstance(frame, str):
         return scene, Frame() if frame is None else frame
     one_of("frame", frame, ("fit",))
-    found, give = fit_frame(scene, tracks)
+    found, give = fit_frame(scene, tracks, contacts)
     if not scene.table.outline and not scene.table.pockets:
         size = {"length": scene.table.length + 2.0 * give, "width": scene.table.width + 2.0 * give}
         scene = dataclasses.replace(scene, table=dataclasses.replace(scene.table, **size))

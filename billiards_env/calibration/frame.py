@@ -48,7 +48,7 @@ class Lines(NamedTuple):
         at: (4,) m, abs(x) or abs(y) at a speed of 0, at each of `_CUSHIONS`; NaN with few rebounds.
         counts: (4,) int, the rebounds.
         turn: rad, by which the lines are turned.
-        give: m, how far the cushions give way at the median normal speed.
+        give: s, how far a cushion gives way for each m/s of normal speed.
     """
 
     at: Floats
@@ -78,17 +78,22 @@ def find_lines(contacts: Sequence[Contact]) -> Lines:
         weight = 1.0 / np.sqrt(1.0 + np.square((design @ found - sign * at) / _NEAR))
     *lines, turn, give = found.tolist()
     counts = np.bincount(side, minlength=4)
-    return Lines(np.where(counts < _LEAST, np.nan, lines), counts, turn, give * float(np.median(speed)))
+    return Lines(np.where(counts < _LEAST, np.nan, lines), counts, turn, give)
 
 
-def fit_frame(scene: Scene, tracks: Sequence[Track]) -> tuple[Frame, float]:
+def fit_frame(scene: Scene, tracks: Sequence[Track], contacts: int) -> tuple[Frame, float]:
     """Fits the frame of a file in any unit, with any origin.
 
     The first guess of the frame comes from the extreme rows. The rebounds then give the lines that the centres of balls
     reach at a speed of 0. A contact takes some milliseconds, so a cushion yields to a fast ball.
 
+    Args:
+        scene: The scene.
+        tracks: The tracks.
+        contacts: The contact of the cue ball until which rows are fitted.
+
     Returns:
-        The frame, and how far the cushions give way at the median normal speed, m.
+        The frame, and how far the cushions give way at the mean normal speed of the rebounds until that contact, m.
 
     Raises:
         ValueError: If there are fewer than five rebounds at a cushion.
@@ -98,7 +103,8 @@ def fit_frame(scene: Scene, tracks: Sequence[Track]) -> tuple[Frame, float]:
     offset, scale, angle = (least + most) / 2.0, 2.0 * reach / np.maximum(most - least, 1e-12), 0.0
     for _ in range(_ROUNDS):
         frame = Frame(tuple(offset.tolist()), tuple(scale.tolist()), angle)
-        lines = find_lines([one for track in tracks for one in find_contacts(scene, with_rest(frame.apply(track))[0])])
+        each = [find_contacts(scene, with_rest(frame.apply(track))[0]) for track in tracks]
+        lines = find_lines([one for found in each for one in found])
         if np.isnan(lines.at).any():
             counts = ", ".join(f"{n} at {name}" for n, name in zip(lines.counts, _CUSHIONS, strict=True))
             raise ValueError(
@@ -107,7 +113,12 @@ def fit_frame(scene: Scene, tracks: Sequence[Track]) -> tuple[Frame, float]:
         plus, minus = lines.at[::2], -lines.at[1::2]
         offset = offset + (plus + minus) / 2.0 / scale
         scale = scale * 2.0 * reach / (plus - minus)
-        angle, give = angle + lines.turn, lines.give
+        angle = angle + lines.turn
+        speeds = []
+        for found in each:
+            end = [one.time for one in found if one.ball == 0][contacts - 1 : contacts]
+            speeds += [one.speed for one in found if one.other == CUSHION and one.time < min([*end, np.inf])]
+        give = lines.give * float(np.mean(speeds))
     return Frame(tuple(offset.tolist()), tuple(scale.tolist()), angle), give
 
 

@@ -22,10 +22,10 @@ MOST_SPIN = 1.5
 """Largest component of the cue ball's spin over the largest spin of a level strike, see `spin_of_cue`. More than 1,
 because an elevated cue gives more, and because the ball may slow down before the first row."""
 
-SIDES = (-0.8, -0.56, -0.28, 0.28, 0.56, 0.8)
+SIDES = (-0.9, -0.6, -0.3, 0.02, 0.3, 0.6, 0.9)
 """The side spins of the guesses, over the largest of a level strike. At 0 the derivative by the side spin is 0."""
 
-ROLLS = (1.0, 0.0, -1.0)
+ROLLS = (1.2, 0.8, 0.3, 0.0, -0.8)
 """The spins of the guesses about a horizontal axis, over that of a ball that rolls."""
 
 SPINS = (0.1, 0.7, 0.7)
@@ -33,7 +33,7 @@ SPINS = (0.1, 0.7, 0.7)
 the vertical, over v / R: wide for the last two, which players choose."""
 
 _STEPS = 30  # most steps of `settle`
-_HALVES = (8, 3), (4, 4), (2, 6), (1, 6)  # the starts that a search keeps, after some steps each
+_HALVES = (10, 3), (5, 4), (3, 8), (1, 6)  # the starts that a search keeps, after some steps each
 _CONVERGED, _EXACT = 1e-6, 1e-14  # relative and absolute change of the loss
 
 

@@ -80,7 +80,7 @@ def test_balls_at_rest_near_each_other_have_no_contact():
 def test_the_frame_is_fitted_from_rebounds_and_clipped_rows_are_left_out():
     tracks, clipped = drop_clipped(raw_tracks())
     assert clipped >= 8
-    frame, give = fit_frame(SCENE, tracks)
+    frame, give = fit_frame(SCENE, tracks, 4)
     assert frame.offset == pytest.approx(FRAME.offset, abs=0.002)
     assert frame.scale == pytest.approx(FRAME.scale, rel=0.002)
     assert abs(frame.angle) < 0.001
@@ -88,7 +88,7 @@ def test_the_frame_is_fitted_from_rebounds_and_clipped_rows_are_left_out():
     with pytest.raises(
         ValueError, match=r"frame = 'fit': rebounds: \d+ at \+x, .*: expected 5 or more at each cushion"
     ):
-        fit_frame(SCENE, tracks[:1])
+        fit_frame(SCENE, tracks[:1], 4)
 
 
 def test_the_noise_is_estimated():
