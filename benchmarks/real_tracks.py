@@ -67,7 +67,7 @@ def measure(
         "machine": machine(),
         "cushion": scene.physics.cushion,
         "shots": len(tracks),
-        "judged_shots": len(judged.counted),
+        "judged_shots": judged.shots,
         "parts": 1 if others is not None else PARTS,
         "seconds": seconds,
         "frame": result.frame._asdict(),

@@ -4,9 +4,9 @@ Modules:
     calibrate: Fits numbers of `Physics` to tracks.
     report: The result.
     tracks, reading: Tracks and their files.
-    frame: From coordinates of a file to the table.
-    contacts, prepare: Contacts in the tracks, without a model, and checks of the tracks against the table.
-    rows, starts, shared, stages: The fit.
+    contacts: Contacts in the tracks, without a model.
+    frame: From coordinates of a file to the table, and checks of the tracks against it.
+    shot, starts, fit: Tracks that are ready for the fit, the fit of their starts, and that of the numbers.
     judge: The errors of the result.
     problems: The rows that do not fit.
 """

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from billiards_env.calibration.tracks import Track
+from billiards_env.calibration.tracks import Floats, Track
 from billiards_env.scene import Scene
-
-Floats = NDArray[np.float64]
 
 CUSHION = -1
 """The partner of a ball in a contact with a cushion."""
@@ -19,6 +18,7 @@ _ROWS = 3  # rows before and after a contact
 _TURN = 0.1  # m/s, the least change of the normal velocity at a cushion
 _KICK = 0.35  # m/s, the least change of the relative velocity of two balls that move; friction gives 0.2 in 0.1 s
 _STARTS = 0.04  # m/s, the least speed of a ball that begins to move
+_CLOSE = 0.2  # m, two bodies that are farther apart in all frames have no contact
 _NEAR = 0.015  # m, a contact is at most this far from the bodies, besides the way in half a frame
 _JUMP = 0.15  # s, the longest time between two frames in which the names of balls are exchanged
 _ONE = 0.05  # s, two corners of a ball at one body within this time are one contact
@@ -51,99 +51,80 @@ def find_contacts(scene: Scene, track: Track) -> list[Contact]:
     not exist.
     """
     half = np.array([scene.table.length, scene.table.width]) / 2.0
-    paths = {
-        int(i): (track.times[mine], track.positions[mine])
-        for i in np.unique(track.balls)
-        for mine in [track.balls == i]
-    }
+    paths = track.paths()
     found = [one for i, path in paths.items() for one in _rebounds(i, *path, half - scene.balls.radius[i])]
-    for i in paths:
-        for j in paths:
-            if i < j:
-                found += _hits(i, j, paths[i], paths[j], float(scene.balls.contact_distances(i)[j]))
+    for i, j in itertools.combinations(paths, 2):
+        found += _hits(i, j, paths[i], paths[j], float(scene.balls.contact_distances(i)[j]))
     return sorted(found, key=lambda one: one.time)
 
 
-def _slopes(times: Floats, values: Floats, k: int) -> tuple[Floats, Floats, Floats, Floats] | None:
-    """Returns the means and slopes of the rows before and after row k; None without enough rows."""
-    before, after = slice(max(0, k - _ROWS), k), slice(k + 1, k + 1 + _ROWS)
-    if len(times[before]) < 2 or len(times[after]) < 2:
-        return None
-    lines = [np.polyfit(times[some] - times[k], values[some], 1) for some in (before, after)]
-    return lines[0][1], lines[0][0], lines[1][1], lines[1][0]
+def _corners(times: Floats, gap: Floats, values: Floats) -> Iterator[tuple[int, Floats, Floats]]:
+    """Yields the rows at which a gap is small and least, and two lines through `values` (r, c): before and after.
+
+    A line is the slopes, and the values at the row, (2, c).
+    """
+    least = (gap[1:-1] <= gap[:-2]) & (gap[1:-1] <= gap[2:]) & (gap[1:-1] < _CLOSE)
+    for k in (1 + np.flatnonzero(least)).tolist():
+        sides = slice(max(0, k - _ROWS), k), slice(k + 1, k + 1 + _ROWS)
+        if all(len(times[side]) > 1 for side in sides):
+            before, after = (np.polyfit(times[side] - times[k], values[side], 1) for side in sides)
+            yield k, before, after
 
 
 def _rebounds(ball: int, times: Floats, places: Floats, reach: Floats) -> list[Contact]:
     """Returns the contacts with the cushions; the centre reaches to abs(x), abs(y) = `reach`, m."""
     found: list[Contact] = []
-    for axis in (0, 1):
-        for sign in (1.0, -1.0):
-            d = sign * places[:, axis]
-            peaks = 1 + np.flatnonzero((d[1:-1] >= d[:-2]) & (d[1:-1] >= d[2:]) & (d[1:-1] > 0.93 * reach[axis]))
-            for k in peaks.tolist():
-                lines = _slopes(times, np.column_stack((d, places[:, 1 - axis])), k)
-                if lines is None:
-                    continue
-                (at, along), (v, w), (at_after, _), (v_after, _) = lines
-                way = 0.5 * (times[k + 1] - times[k - 1]) * (v - v_after)
-                if v < 0.25 * _TURN or v_after > 0.0 or v - v_after < _TURN or d[k] < reach[axis] - _NEAR - way:
-                    continue
-                since = float(
-                    np.clip((at_after - at) / (v - v_after), times[k - 1] - times[k], times[k + 1] - times[k])
-                )
-                time = float(times[k]) + since
-                if found and found[-1].axis == axis and abs(time - found[-1].time) < _ONE:
-                    continue
-                place = np.empty(2)
-                place[axis], place[1 - axis] = sign * (at + v * since), along + w * since
-                found.append(Contact(time, ball, CUSHION, place, float(v), axis))
+    for axis, sign in itertools.product((0, 1), (1.0, -1.0)):
+        d = sign * places[:, axis]
+        values = np.column_stack((d, places[:, 1 - axis]))
+        for k, ((v, w), (at, along)), ((v_after, _), (at_after, _)) in _corners(times, reach[axis] - d, values):
+            way = 0.5 * (times[k + 1] - times[k - 1]) * (v - v_after)
+            if v < 0.25 * _TURN or v_after > 0.0 or v - v_after < _TURN or d[k] < reach[axis] - _NEAR - way:
+                continue
+            time = float(np.clip(times[k] + (at_after - at) / (v - v_after), times[k - 1], times[k + 1]))
+            if found and found[-1].axis == axis and abs(time - found[-1].time) < _ONE:
+                continue
+            since = time - times[k]
+            place = np.array([sign * (at + v * since), along + w * since])
+            found.append(Contact(time, ball, CUSHION, place[::-1] if axis else place, float(v), axis))
     return found
 
 
 def _hits(i: int, j: int, one: tuple[Floats, Floats], two: tuple[Floats, Floats], reach: float) -> list[Contact]:
     """Returns the contacts of two balls, whose centres are then `reach` apart, m."""
     times = np.unique(np.concatenate((one[0], two[0])))
-    paths = [np.column_stack([np.interp(times, t, p[:, axis]) for axis in (0, 1)]) for t, p in (one, two)]
-    apart = paths[1] - paths[0]
-    distance = np.hypot(*apart.T)
+    a, b = (np.column_stack([np.interp(times, t, x) for x in p.T]) for t, p in (one, two))
+    distance = np.hypot(*(b - a).T)
     found: list[Contact] = []
-    near = 1 + np.flatnonzero((distance[1:-1] <= distance[:-2]) & (distance[1:-1] <= distance[2:]))
-    for k in near.tolist():
-        lines = [_slopes(times, path, k) for path in (apart, *paths)]
-        relative, first, second = lines
-        if relative is None or first is None or second is None:
+    for k, before, after in _corners(times, distance - reach, np.stack((b - a, a, b), axis=1).reshape(len(times), 6)):
+        (w, *speeds), (at, _, _) = before.reshape(2, 3, 2)
+        (w_after, *then), _ = after.reshape(2, 3, 2)
+        starts = any(np.hypot(*u) < 0.5 * _STARTS < 0.5 * np.hypot(*v) for u, v in zip(speeds, then, strict=True))
+        speed, kick = np.hypot(*w), np.hypot(*(w_after - w))
+        way = 0.5 * (times[k + 1] - times[k - 1]) * speed
+        # Two balls whose distance does not change cannot hit.
+        if speed < 0.5 * _STARTS or distance[k] > reach + _NEAR + way or kick < (_STARTS if starts else _KICK):
             continue
-        at, w, _, w_after = relative
-        way = 0.5 * (times[k + 1] - times[k - 1]) * float(np.hypot(*w))
-        starts = any(np.hypot(*line[1]) < 0.5 * _STARTS < 0.5 * np.hypot(*line[3]) for line in (first, second))
-        least = _STARTS if starts else _KICK
-        rests = np.hypot(*w) < 0.5 * _STARTS  # the distance does not change, so the balls cannot hit
-        if rests or distance[k] > reach + _NEAR + way or np.hypot(*(w_after - w)) < least:
-            continue
-        a, b, c = float(w @ w), float(at @ w), float(at @ at) - reach * reach
-        root = b * b - a * c
-        since = float(-b / a if root < 0.0 else (-b - np.sqrt(root)) / a) if a > 0.0 else 0.0
-        time = float(times[k] + np.clip(since, times[k - 1] - times[k], times[k + 1] - times[k]))
+        root = (at @ w) ** 2 - (w @ w) * (at @ at - reach * reach)  # abs(at + w t) = reach, or least
+        since = -(at @ w + np.sqrt(max(root, 0.0))) / (w @ w)
+        time = float(np.clip(times[k] + since, times[k - 1], times[k + 1]))
         if not found or time - found[-1].time > _ONE:
-            found.append(Contact(time, i, j, paths[0][k], 0.0, -1))
+            found.append(Contact(time, i, j, a[k], 0.0, -1))
     return found
 
 
-def find_exchange(scene: Scene, track: Track) -> tuple[int, int, float, float] | None:
-    """Returns two balls whose names are exchanged, and the times from and until which they are (inf), or None.
+def find_exchange(scene: Scene, track: Track) -> tuple[int, int, float, float]:
+    """Returns two balls whose names are exchanged, and the times from and until which they are, s; inf for none.
 
     Between two frames each jumps to where the other was.
     """
-    balls = [int(ball) for ball in np.unique(track.balls)]
-    for i in balls:
-        for j in (ball for ball in balls if ball > i):
-            one, two = (track.rows(track.balls == ball) for ball in (i, j))
-            times, first, second = np.intersect1d(one.times, two.times, return_indices=True)
-            a, b = one.positions[first], two.positions[second]
-            stay = np.square(np.diff(a, axis=0)).sum(axis=1) + np.square(np.diff(b, axis=0)).sum(axis=1)
-            jump = np.square(b[1:] - a[:-1]).sum(axis=1) + np.square(a[1:] - b[:-1]).sum(axis=1)
-            found = (jump < 0.5 * stay) & (stay > 2.0 * min(scene.balls.radius) ** 2) & (np.diff(times) < _JUMP)
-            at = np.flatnonzero(found)
-            if at.size:
-                return i, j, float(times[at[0] + 1]), float(times[at[1]]) if at.size > 1 else np.inf
-    return None
+    for (i, one), (j, two) in itertools.combinations(track.paths().items(), 2):
+        times, first, second = np.intersect1d(one[0], two[0], return_indices=True)
+        a, b = one[1][first], two[1][second]
+        stay = np.square(np.diff(a, axis=0)).sum(axis=1) + np.square(np.diff(b, axis=0)).sum(axis=1)
+        jump = np.square(b[1:] - a[:-1]).sum(axis=1) + np.square(a[1:] - b[:-1]).sum(axis=1)
+        found = (jump < 0.5 * stay) & (stay > 2.0 * min(scene.balls.radius) ** 2) & (np.diff(times) < _JUMP)
+        at = np.flatnonzero(found)
+        if at.size:
+            return i, j, float(times[at[0] + 1]), float(times[at[1]]) if at.size > 1 else np.inf
+    return -1, -1, np.inf, np.inf

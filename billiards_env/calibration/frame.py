@@ -9,13 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.calibration.contacts import CUSHION, Contact, find_contacts
-from billiards_env.calibration.rows import Floats
-from billiards_env.calibration.tracks import Track, with_rest
+from billiards_env.calibration.tracks import Floats, Track, with_rest
 from billiards_env.scene import Scene
 
 _LEAST = 5  # rebounds at a cushion
 _NEAR = 1.5e-3  # m, the error of a place of a rebound
 _ROUNDS = 4
+_BEYOND, _SHORT = 0.01, 0.006  # m, a row beyond the cushions, and a line of rebounds before or behind them
+_FASTEST = 20.0  # m/s
+_ROLL = 0.1  # the least of mu_roll over its start, for the longest way of a ball
+_CUSHIONS = ("+x", "-x", "+y", "-y")
 
 
 class Frame(NamedTuple):
@@ -42,20 +45,16 @@ class Lines(NamedTuple):
     """The lines that the centres of balls reach at the cushions, from rebounds.
 
     Attributes:
-        at: (4,) m, abs(x) or abs(y) at a speed of 0: +x, -x, +y, -y. NaN with few rebounds.
-        error: (4,) m, their standard deviations.
+        at: (4,) m, abs(x) or abs(y) at a speed of 0, at each of `_CUSHIONS`; NaN with few rebounds.
         counts: (4,) int, the rebounds.
         turn: rad, by which the lines are turned.
         give: s, how far a cushion gives way for each m/s of normal speed.
-        speed: m/s, the median normal speed.
     """
 
     at: Floats
-    error: Floats
     counts: NDArray[np.intp]
     turn: float
     give: float
-    speed: float
 
 
 def reach_of(scene: Scene) -> Floats:
@@ -66,56 +65,105 @@ def reach_of(scene: Scene) -> Floats:
 def find_lines(contacts: Sequence[Contact]) -> Lines:
     """Returns the `Lines` of rebounds: one least-squares fit with Cauchy weights for all four cushions."""
     some = [one for one in contacts if one.other == CUSHION]
-    side = np.array([2 * one.axis + (one.place[one.axis] < 0.0) for one in some], np.intp)
-    place = np.array([one.place for one in some]).reshape(-1, 2)
-    sign, axis = 1.0 - 2.0 * (side % 2), side // 2
-    at = place[np.arange(len(some)), axis]
-    along = place[np.arange(len(some)), 1 - axis]
-    speed = np.array([one.speed for one in some])
-    counts = np.bincount(side, minlength=4)
+    if not some:
+        return Lines(np.full(4, np.nan), np.zeros(4, np.intp), 0.0, 0.0)
+    axis, speed = np.array([one.axis for one in some]), np.array([one.speed for one in some])
+    at, along = np.array([one.place[:: 1 - 2 * one.axis] for one in some]).T
+    side, sign = 2 * axis + (at < 0.0), np.sign(at)
     # Turned by a small angle, x = at - angle y at the ends of the table and y = at + angle x at its sides.
-    design = np.column_stack((np.eye(4)[side], np.where(axis == 0, -along, along) * sign, speed))
+    design = np.column_stack((np.eye(4)[side], (2 * axis - 1) * along * sign, speed))
     weight, found = np.ones(len(some)), np.zeros(6)
     for _ in range(20):
         found = np.linalg.lstsq(design * weight[:, None], sign * at * weight, rcond=None)[0]
         weight = 1.0 / np.sqrt(1.0 + np.square((design @ found - sign * at) / _NEAR))
-    few = counts < _LEAST
-    return Lines(
-        np.where(few, np.nan, found[:4]),
-        np.where(few, np.inf, _NEAR / np.sqrt(np.maximum(counts, 1))),
-        counts,
-        float(found[4]),
-        float(found[5]),
-        float(np.median(speed)) if some else 0.0,
-    )
+    *lines, turn, give = found.tolist()
+    counts = np.bincount(side, minlength=4)
+    return Lines(np.where(counts < _LEAST, np.nan, lines), counts, turn, give)
 
 
-def fit_frame(scene: Scene, tracks: Sequence[Track]) -> tuple[Frame, float]:
+def fit_frame(scene: Scene, tracks: Sequence[Track], contacts: int) -> tuple[Frame, float]:
     """Fits the frame of a file in any unit, with any origin.
 
     The first guess of the frame comes from the extreme rows. The rebounds then give the lines that the centres of balls
     reach at a speed of 0. A contact takes some milliseconds, so a cushion yields to a fast ball.
 
+    Args:
+        scene: The scene.
+        tracks: The tracks.
+        contacts: The contact of the cue ball until which rows are fitted.
+
     Returns:
-        The frame, and how far the cushions give way at the median normal speed, m.
+        The frame, and how far the cushions give way at the mean normal speed of the rebounds until that contact, m.
 
     Raises:
         ValueError: If there are fewer than five rebounds at a cushion.
     """
-    rows, reach = np.concatenate([track.positions for track in tracks]), reach_of(scene)
+    rows, reach, give = np.concatenate([track.positions for track in tracks]), reach_of(scene), 0.0
     least, most = np.percentile(rows, (0.1, 99.9), axis=0)
     offset, scale, angle = (least + most) / 2.0, 2.0 * reach / np.maximum(most - least, 1e-12), 0.0
-    give = 0.0
     for _ in range(_ROUNDS):
         frame = Frame(tuple(offset.tolist()), tuple(scale.tolist()), angle)
-        lines = find_lines([one for track in tracks for one in find_contacts(scene, with_rest(frame.apply(track))[0])])
+        each = [find_contacts(scene, with_rest(frame.apply(track))[0]) for track in tracks]
+        lines = find_lines([one for found in each for one in found])
         if np.isnan(lines.at).any():
-            counts = ", ".join(f"{n} at {name}" for n, name in zip(lines.counts, ("+x", "-x", "+y", "-y"), strict=True))
+            counts = ", ".join(f"{n} at {name}" for n, name in zip(lines.counts, _CUSHIONS, strict=True))
             raise ValueError(
                 f"frame = 'fit': rebounds: {counts}: expected {_LEAST} or more at each cushion, or a Frame"
             )
         plus, minus = lines.at[::2], -lines.at[1::2]
         offset = offset + (plus + minus) / 2.0 / scale
         scale = scale * 2.0 * reach / (plus - minus)
-        angle, give = angle + lines.turn, lines.give * lines.speed
+        angle = angle + lines.turn
+        speeds = []
+        for found in each:
+            end = [one.time for one in found if one.ball == 0][contacts - 1 : contacts]
+            speeds += [one.speed for one in found if one.other == CUSHION and one.time < min([*end, np.inf])]
+        give = lines.give * float(np.mean(speeds))
     return Frame(tuple(offset.tolist()), tuple(scale.tolist()), angle), give
+
+
+def check_frame(scene: Scene, tracks: Sequence[Track], contacts: Sequence[Contact], noise: float) -> None:
+    """Checks that tracks lie on the table, in metres and seconds.
+
+    Raises:
+        ValueError: If rows lie beyond the cushions, balls turn before or behind them, or a ball moves faster or rolls
+            farther than is possible.
+    """
+    reach, rolls = reach_of(scene), _ROLL * scene.physics.mu_roll * scene.physics.g
+    most = np.array(scene.half_extents) if scene.table.outline else reach  # the jaws of pockets are beyond the cushions
+    for name, ball, t, p in ((track.name, ball, *path) for track in tracks for ball, path in track.paths().items()):
+        over = (np.abs(p) - most).max(axis=1)
+        bad, where = over > _BEYOND + 4.0 * noise, f"shot {name}, ball {ball}"
+        if bad.sum() > 2:
+            where += f": {bad.sum()} rows up to {over.max():.2g} m beyond the cushion"
+            raise ValueError(f"{where}: {_guess_frame(reach, tracks)}")
+        if len(t) < 4:
+            continue
+        steps, way = np.hypot(*np.diff(p, axis=0).T), float(np.hypot(*(p[-1] - p[0])))
+        speeds, moves = steps / np.maximum(np.diff(t), 1e-9), steps > 4.0 * noise + 1e-3
+        usual, fast = float(np.median(speeds[moves])) if moves.any() else 0.0, float(np.sort(speeds)[-3])
+        if usual > _FASTEST:
+            expected = f"expected at most {_FASTEST:g}; are the times in seconds?"
+            raise ValueError(f"{where}: {usual:.3g} m/s: {expected}")
+        if way > 0.1 and fast * fast < 2.0 * rolls * way:
+            what = "a ball does not roll that far; are the times in seconds (not the numbers of frames)?"
+            raise ValueError(f"{where}: {way:.2g} m at {fast:.2g} m/s or less: {what}")
+    lines = find_lines(contacts)
+    error = _SHORT + 4.0 * _NEAR / np.sqrt(np.maximum(lines.counts, 1)) + noise
+    for name, off, most in zip(_CUSHIONS, lines.at - np.repeat(reach, 2), error, strict=True):
+        if abs(off) > most:
+            where = f"{abs(off):.3f} m {'before' if off < 0.0 else 'behind'} the cushion at {name}"
+            raise ValueError(f"balls turn {where}: expected metres from the centre of the table, or frame='fit'")
+
+
+def _guess_frame(reach: Floats, tracks: Sequence[Track]) -> str:
+    """Returns a question about the frame of tracks that do not lie on the table."""
+    places = np.concatenate([track.positions for track in tracks])
+    least, most = np.percentile(places, (1.0, 99.0), axis=0)
+    if np.abs(places).max() > 20.0 * reach.max():
+        return "are the coordinates pixels or millimetres?"
+    if (least > -_BEYOND).all() and (most < 2.0 * reach + 0.1).all():
+        return "is the origin a corner of the table, not its centre?"
+    if (np.maximum(most, -least) < reach[::-1] + 0.05).all():
+        return "are x and y exchanged?"
+    return "is the file in metres of the playing surface?"

@@ -6,7 +6,7 @@ import csv
 import math
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,8 +25,8 @@ UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "inch": 0.0254, "px": 1
 _SECONDS = {"s": 1.0, "ms": 1e-3}
 _NAMES = {
     "shot": ("shot", "id", "trial"),
-    "time": ("time", "t", "seconds"),
     "ball": ("ball", "name", "colour", "color"),
+    "time": ("time", "t", "seconds"),
     "x": ("x",),
     "y": ("y",),
 }
@@ -61,63 +61,60 @@ def read_tracks(path: str | os.PathLike[str], unit: str = "m") -> list[Track]:
     """
     one_of("unit", unit, tuple(UNITS))
     name, text = os.fspath(path), read_text(path, MAX_BYTES, "tracks")
-    if text.lstrip()[:1] in ("[", "{"):
-        shots, scale = _from_json(name, text), UNITS[unit]
-    else:
-        shots, scale = _from_csv(name, text, unit), 1.0
-    numbers = {row[1]: number(row[1]) for rows in shots.values() for row in rows}
-    whole = {k: int(v) for k, v in numbers.items() if isinstance(v, (int, float)) and float(v).is_integer()}
-    index = whole if len(whole) == len(numbers) and min(whole.values(), default=1) <= 0 else None
+    shots: dict[str, list[Row]] = {}
+    for shot, row in (_from_json if text.lstrip()[:1] in ("[", "{") else _from_csv)(name, text, unit):
+        shots.setdefault(shot, []).append(row)
+    values = {row[1]: number(row[1]) for rows in shots.values() for row in rows}
+    whole = all(isinstance(value, float) and value.is_integer() for value in values.values())
+    numbered = whole and min(values.values(), default=1.0) <= 0.0
+    index = {ball: int(value) for ball, value in values.items()} if numbered else None
     most = int(RANGES["balls"].most or 0)
     for ball, k in (index or {}).items():
         if not 0 <= k < most:
             raise ValueError(f"{name}: ball = {ball}: expected a whole number from 0 to {most}")
-    return [_track(shot, rows, scale, index) for shot, rows in shots.items()]
+    return [_track(shot, rows, index) for shot, rows in shots.items()]
 
 
-def _from_json(path: str, text: str) -> dict[str, list[Row]]:
-    found: dict[str, list[Row]] = {}
+def _from_json(path: str, text: str, unit: str) -> Iterator[tuple[str, Row]]:
+    """Yields the name of a shot and a row."""
     try:
         for shot in data_of(text, "tracks"):
-            rows = found.setdefault(str(shot["id"]), [])
             for ball, lists in shot["balls"].items():
-                for t, x, y in zip(lists["t"], lists["x"], lists["y"], strict=True):
-                    rows.append((_finite("t", t), str(ball), _finite("x", x), _finite("y", y)))
+                for cells in zip(lists["t"], lists["x"], lists["y"], strict=True):
+                    t, x, y = map(_finite, ("t", "x", "y"), cells)
+                    yield str(shot["id"]), (t, str(ball), UNITS[unit] * x, UNITS[unit] * y)
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(
             f"{path}: expected a list of shots with 'id' and 'balls' of 't', 'x', 'y': {error!r}"
         ) from error
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
-    return found
 
 
-def _from_csv(path: str, text: str, unit: str) -> dict[str, list[Row]]:
-    found: dict[str, list[Row]] = {}
+def _from_csv(path: str, text: str, unit: str) -> Iterator[tuple[str, Row]]:
+    """Yields the name of a shot and a row."""
     lines = [one for one in enumerate(text.splitlines(), 1) if one[1].strip(" \t;,") and one[1][0] != "#"]
     line, first = lines[0] if lines else (1, "")
     mark = next((mark for mark in ("\t", ";") if mark in first), ",")
     try:
         table = ([cell.strip() for cell in cells] for cells in csv.reader((text for _, text in lines), delimiter=mark))
         head = next(table, [""])
-        at, (time, x, y) = _columns(head, unit)
+        at, units = _columns(head, unit)
         for (line, _), cells in zip(lines[1:], table, strict=True):  # noqa: B007
             if len(cells) != len(head):
                 raise ValueError(f"{len(cells)} cells: expected {len(head)}")
-            shot, t, ball, *place = (cells[k] if k >= 0 else "" for k in at)
-            if any(cell == "" or cell.lower() == "nan" for cell in place):
+            shot, ball, *given = (cells[k] if k >= 0 else "" for k in at)
+            if any(cell == "" or cell.lower() == "nan" for cell in given[1:]):
                 continue
-            if mark != ",":
-                t, *place = (cell.replace(",", ".") for cell in (t, *place))
-            row = _finite("time", t) * time, ball, _finite("x", place[0]) * x, _finite("y", place[1]) * y
-            found.setdefault(shot, []).append(row)
+            given = [cell.replace(",", ".") if mark != "," else cell for cell in given]
+            t, x, y = (_finite(*cell) * one for *cell, one in zip(("time", "x", "y"), given, units, strict=True))
+            yield shot, (t, ball, x, y)
     except (ValueError, csv.Error) as error:
         raise ValueError(f"{path}, line {line}: {error}") from error
-    return found
 
 
 def _columns(head: Sequence[str], unit: str) -> tuple[list[int], tuple[float, float, float]]:
-    """Returns the columns of shot (or -1), time, ball, x and y, and the units of time, x and y."""
+    """Returns the columns of shot (or -1), ball, time, x and y, and the units of time, x and y."""
     split = [re.match(r"\s*(.*?)\s*(?:[\[(]\s*(\w*)\s*[\])])?\s*$", cell.lower()) for cell in head]
     names, units = zip(*((m[1], m[2] or "") for m in split if m), strict=True)
     at: list[int] = []
@@ -126,7 +123,7 @@ def _columns(head: Sequence[str], unit: str) -> tuple[list[int], tuple[float, fl
         if len(places) != 1 and not (column == "shot" and not places):
             raise ValueError(f"head = {short(','.join(head))}: expected one column {column!r}")
         at.append(places[0] if places else -1)
-    _, time, _, x, y = (units[k] if k >= 0 else "" for k in at)
+    time, x, y = (units[k] for k in at[2:])
     one_of("unit of time", time or "s", tuple(_SECONDS))
     for one in (x, y):
         one_of("unit", one or unit, tuple(UNITS))
@@ -140,27 +137,19 @@ def _finite(name: str, cell: Any) -> float:
     return float(value)
 
 
-def _track(shot: str, rows: list[Row], scale: float, index: dict[str, int] | None) -> Track:
+def _track(shot: str, rows: list[Row], index: dict[str, int] | None) -> Track:
     """Returns the track of a shot, in which the cue ball is ball 0. Balls without numbers have the index None."""
-    times, places = np.array([row[0] for row in rows]), scale * np.array([row[2:] for row in rows])
-    names = [row[1] for row in rows]
+    names = sorted({row[1] for row in rows})
+    times, places = np.array([row[0] for row in rows]), np.array([row[2:] for row in rows])
+    track = Track(shot, times, np.array([names.index(row[1]) for row in rows]), places)
+    order = np.lexsort((track.times, track.balls))
+    ordered, keep = track.rows(order), np.ones(len(rows), np.bool_)
+    again = (np.diff(ordered.balls) == 0) & (np.diff(ordered.times) < _SAME)
+    keep[order[1:][again]] = False  # the ball was found twice in a frame
+    keep[order[:-1][again & (np.hypot(*np.diff(ordered.positions, axis=0).T) > _MOVES)]] = False  # at two places
     if index is None:
-        begins = {name: _moves_at(times, places, np.array(names) == name) for name in dict.fromkeys(names)}
-        first = min(begins, key=lambda name: (begins[name], name))
-        index = {name: k for k, name in enumerate([first, *sorted(begins.keys() - {first})])}
-    balls = np.array([index[name] for name in names])
-    order = np.lexsort((times, balls))
-    again = np.concatenate(([False], (np.diff(balls[order]) == 0) & (np.diff(times[order]) < _SAME)))
-    apart = np.hypot(*np.diff(places[order], axis=0, prepend=0.0).T)
-    keep = np.ones(len(rows), np.bool_)
-    keep[order[again]] = False  # the ball was found twice in a frame
-    keep[order[:-1][(again & (apart > _MOVES))[1:]]] = False  # at two places
-    return Track(shot, times[keep], balls[keep], places[keep])
-
-
-def _moves_at(times: Any, places: Any, mine: Any) -> float:
-    order = np.argsort(times[mine], kind="stable")
-    path = places[mine][order]
-    far = np.hypot(*(path - path[0]).T)
-    moved = far > max(_MOVES, 1e-3 * float(np.abs(places).max()))
-    return float(times[mine][order][moved.argmax()]) if moved.any() else math.inf
+        least = max(_MOVES, 1e-3 * float(np.abs(places).max()))
+        begins = [np.append(t[np.hypot(*(p - p[0]).T) > least], np.inf)[0] for t, p in ordered.paths().values()]
+        first = names[int(np.argmin(begins))]
+        index = {name: k for k, name in enumerate(sorted(names, key=lambda name: name != first))}
+    return track._replace(balls=np.array([index[name] for name in names])[track.balls]).rows(keep)

@@ -11,18 +11,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from billiards_env.calibration.fit import bounds_of, half_widths
 from billiards_env.calibration.frame import Frame
 from billiards_env.calibration.judge import CONTACTS, Judged, judge
-from billiards_env.calibration.prepare import drop_clipped, prepare, rows_of
 from billiards_env.calibration.problems import Problem
-from billiards_env.calibration.rows import Bools, Floats, Layout
-from billiards_env.calibration.shared import bounds_of, half_widths
-from billiards_env.calibration.tracks import Track
+from billiards_env.calibration.shot import INSTANT, PLACES, SPIN, VELOCITY, Shot, drop_clipped, prepare
+from billiards_env.calibration.starts import errors, simulated
+from billiards_env.calibration.tracks import Bools, Floats, Track
 from billiards_env.checks import RANGES, finite, one_of
 from billiards_env.files import check_path, replacing, write_json
 from billiards_env.scene import PARAMETERS, Scene
 from billiards_env.shots.result import ShotResult
-from billiards_env.shots.simulation import simulate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,14 +42,10 @@ class Calibration:
         start: The numbers before the fit, by name.
         values: The fitted numbers, by name.
         kept: Why the other numbers keep their start, by name.
-        covariance: (s, s) float64, of the numbers in the order of `values`, see `shared.covariance`.
+        covariance: (s, s) float64, of the numbers in the order of `values`, see `fit.covariance`.
         row_noise: Standard deviation of a coordinate of a row, m.
         frame: The frame of the given tracks.
-        tracks: The m tracks in the frame of the scene, with their rows in the order of time.
-        residuals: m arrays (k, 2) float64: the model less the rows, m.
-        fitted: m arrays (k,) bool: whether a row is fitted.
-        starts: (m, 2 n + 6) float64: the starts, see `Layout`.
-        strikes: (m,) s, the times of the starts, as in the tracks.
+        shots: The m fitted shots.
         problems: The rows that are reported, and not fitted.
         judged: The errors of the fitted shots.
         predicted: The errors of the shots that were held back before they were fitted too; None for few shots.
@@ -65,11 +60,7 @@ class Calibration:
     covariance: Floats
     row_noise: float
     frame: Frame
-    tracks: list[Track]
-    residuals: list[Floats]
-    fitted: list[Bools]
-    starts: Floats
-    strikes: Floats
+    shots: list[Shot]
     problems: list[Problem]
     judged: Judged
     predicted: Judged | None
@@ -79,59 +70,67 @@ class Calibration:
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
         """The 95% intervals, by name."""
-        half = half_widths(self.covariance, len(self.tracks))
-        return {
-            name: (value - float(h), value + float(h))
-            for (name, value), h in zip(self.values.items(), half, strict=True)
-        }
+        half = half_widths(self.covariance, len(self.shots)).tolist()
+        return {name: (value - h, value + h) for (name, value), h in zip(self.values.items(), half, strict=True)}
+
+    @property
+    def tracks(self) -> list[Track]:
+        """The m tracks in the frame of the scene, with their rows in the order of time."""
+        return [shot.track.rows(~shot.added) for shot in self.shots]
+
+    @property
+    def fitted(self) -> list[Bools]:
+        """The rows of each track that are fitted, (k,) bool."""
+        return [shot.used[~shot.added] for shot in self.shots]
+
+    @property
+    def starts(self) -> Floats:
+        """(m, 2 n + 6), the starts, see `calibration.shot`."""
+        return np.concatenate([shot.starts for shot in self.shots])
+
+    @property
+    def strikes(self) -> Floats:
+        """(m,) s, the times of the starts, as in the tracks."""
+        return np.array([shot.begin for shot in self.shots]) + self.starts[:, INSTANT]
 
     @property
     def positions(self) -> Floats:
         """(m, n, 2) m, the balls at the starts."""
-        return self.starts[:, Layout(self.scene.n_balls).places].reshape(len(self.starts), -1, 2)
+        return self.starts[:, PLACES].reshape(len(self.shots), -1, 2)
 
     @property
     def velocities(self) -> Floats:
         """(m, 2) m/s, of the cue ball at the starts."""
-        return self.starts[:, Layout(self.scene.n_balls).velocity]
+        return self.starts[:, VELOCITY]
 
     @property
     def spins(self) -> Floats:
         """(m, 3) rad/s, of the cue ball at the starts."""
-        return self.starts[:, Layout(self.scene.n_balls).spin]
+        return self.starts[:, SPIN]
 
     @property
     def rms(self) -> Floats:
         """(m,) m, the root mean square of the fitted residuals of each shot; NaN for a shot without fitted rows."""
-        squares = [np.square(off[used]) for off, used in zip(self.residuals, self.fitted, strict=True)]
+        squares = [np.square(errors(self.scene, shot)[shot.used & ~shot.added]) for shot in self.shots]
         return np.array([np.sqrt(square.mean()) if square.size else np.nan for square in squares])
 
     def shot(self, k: int) -> ShotResult:
         """Returns the fitted shot of track k, recorded to its last row. It starts at `strikes[k]`."""
-        track = self.tracks[k]
-        return simulate(
-            self.scene,
-            self.positions[k],
-            self.velocities[k],
-            spins=self.spins[k] if self.scene.physics.motion == "sliding" else None,
-            in_play=np.isin(np.arange(self.scene.n_balls), track.balls),
-            max_time=float(track.times.max() - self.strikes[k]),
-            record=True,
-        )
+        return simulated(self.scene, self.shots[k])
 
     def judge(self, tracks: Sequence[Track]) -> Judged:
         """Returns the errors of other shots, in the frame of the given tracks, with the fitted numbers."""
-        shots = [prepare(self.scene, self.frame.apply(track), self.row_noise) for track in drop_clipped(tracks)[0]]
-        return judge(self.scene, shots, rows_of(self.scene, shots, self.row_noise))
+        some = [self.frame.apply(track) for track in drop_clipped(tracks)[0]]
+        return judge(self.scene, [prepare(self.scene, track, self.row_noise) for track in some])
 
-    def strike_errors(self, intended: ArrayLike) -> dict[str, tuple[float, float]]:
-        """Returns the errors of the strikes: the fitted velocities of the cue ball against the intended ones.
+    def noise(self, intended: ArrayLike) -> dict[str, float]:
+        """Returns the argument `noise` of `Billiards-v0`: the spread of the fitted velocities around intended ones.
 
         Args:
             intended: (m, 2) m/s, the intended velocities at the starts.
 
         Returns:
-            The mean and the standard deviation of the errors of "direction", degrees, and of "speed", m/s.
+            The standard deviations of the direction, degrees, and of the speed, m/s.
 
         Raises:
             ValueError: If the array has another shape or a number is not finite.
@@ -139,13 +138,8 @@ class Calibration:
         aim = finite("intended", intended, self.velocities.shape)
         x, y = self.velocities.T
         turn = np.degrees(np.arctan2(aim[:, 0] * y - aim[:, 1] * x, aim[:, 0] * x + aim[:, 1] * y))
-        off = {"direction": turn, "speed": np.hypot(x, y) - np.hypot(*aim.T)}
-        return {name: (float(e.mean()), float(e.std(ddof=1)) if len(e) > 1 else np.nan) for name, e in off.items()}
-
-    def noise(self, intended: ArrayLike) -> dict[str, float]:
-        """Returns the argument `noise` of `Billiards-v0`, from the intended velocities (m, 2), m/s."""
-        errors = self.strike_errors(intended)
-        return {"angle_std": errors["direction"][1], "speed_std": errors["speed"][1]}
+        off = {"angle_std": turn, "speed_std": np.hypot(x, y) - np.hypot(*aim.T)}
+        return {name: float(one.std(ddof=1)) if len(one) > 1 else np.nan for name, one in off.items()}
 
     def randomize(self) -> dict[str, tuple[float, float]]:
         """Returns the argument `randomize` of `Billiards-v0`: the intervals within the ranges of the numbers.
@@ -153,11 +147,7 @@ class Calibration:
         The intervals come from the spread over the shots, so they contain the tables that are consistent with the
         shots.
         """
-        low_high = bounds_of(tuple(self.values)).T
-        return {
-            name: (max(low, float(least)), min(high, float(most)))
-            for (name, (low, high)), (least, most) in zip(self.intervals.items(), low_high, strict=True)
-        }
+        return {name: tuple(np.clip(ends, *bounds_of([name])[:, 0]).tolist()) for name, ends in self.intervals.items()}
 
     def __str__(self) -> str:
         """Returns the report."""
@@ -170,19 +160,18 @@ class Calibration:
             rows.append((name, f"{start:.5g}", fitted, interval, unit))
         lines = [*_aligned(rows), ""]
         for text, judged in (("shots", self.judged), ("shots that were not fitted", self.predicted)):
-            if judged is None:
-                continue
-            table = [(f"{len(judged.counted)} {text}: rows until contact", "within 5 mm", "within 10 mm", "median, mm")]
-            for k in CONTACTS:
-                close, near = (f"{judged.within(k, most):.1%}" for most in _CLOSE)
-                table.append((str(k), close, near, f"{1e3 * judged.median(k):.2f}"))
-            lines += [*_aligned(table), ""]
+            if judged is not None:
+                table = [(f"{judged.shots} {text}: rows until contact", "within 5 mm", "within 10 mm", "median, mm")]
+                for k in CONTACTS:
+                    close, near = (f"{judged.within(k, most):.1%}" for most in _CLOSE)
+                    table.append((str(k), close, near, f"{1e3 * judged.median(k):.2f}"))
+                lines += [*_aligned(table), ""]
         if self.laws:
             best = min(self.laws.values())
             each = [f"{law} {loss / best:.3f}" for law, loss in sorted(self.laws.items(), key=lambda one: one[1])]
             lines += [f"loss with each law of cushions over the least: {', '.join(each)}", ""]
-        count = sum(int(used.sum()) for used in self.fitted), sum(map(len, self.fitted))
-        lines += [f"{count[0]} of {count[1]} rows fitted, noise of {1e3 * self.row_noise:.3g} mm"]
+        used = np.concatenate(self.fitted)
+        lines += [f"{used.sum()} of {used.size} rows fitted, noise of {1e3 * self.row_noise:.3g} mm"]
         lines += [f"warning: {text}" for text in self.warnings]
         lines += ["", "rms of the residuals of each shot, mm"]
         each = [f"{track.name}: {1e3 * rms:.2f}" for track, rms in zip(self.tracks, self.rms, strict=True)]
@@ -222,12 +211,14 @@ class Calibration:
         """
         from billiards_env.drawing.tracks import draw_fit
 
-        order = sorted(range(len(self.tracks)), key=lambda k: -np.nan_to_num(self.rms[k]))
+        rms, tracks, fitted = np.nan_to_num(self.rms), self.tracks, self.fitted
+        order = np.argsort(-rms, kind="stable").tolist()
         half = len(order) // 2
         some = order if len(order) <= _DRAWN else order[: _DRAWN // 2] + order[half : half + _DRAWN // 2]
-        names = {k: f"{self.tracks[k].name}, {1000 * np.nan_to_num(self.rms[k]):.1f} mm" for k in some}
-        shots = {names[k]: (self.tracks[k], self.fitted[k], self.shot(k).recording()) for k in some}
-        return draw_fit(shots, {k: np.concatenate(self.judged.errors[k]) for k in CONTACTS})
+        shots = {
+            f"{tracks[k].name}, {1000 * rms[k]:.1f} mm": (tracks[k], fitted[k], self.shot(k).recording()) for k in some
+        }
+        return draw_fit(shots, self.judged.errors)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the report as JSON, or the picture, completely or not at all.
@@ -243,9 +234,9 @@ class Calibration:
         target = check_out(path)
         if target.suffix == ".json":
             write_json(target, self.to_dict())
-            return
-        with replacing(target) as temporary:
-            self.plot().savefig(temporary, dpi=150)
+        else:
+            with replacing(target) as temporary:
+                self.plot().savefig(temporary, dpi=150)
 
 
 def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:

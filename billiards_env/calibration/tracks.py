@@ -23,6 +23,7 @@ from billiards_env.scene import Scene
 from billiards_env.shots.result import ShotResult
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 COLUMNS = ("shot", "time", "ball", "x", "y")
 
@@ -47,6 +48,14 @@ class Track(NamedTuple):
     def rows(self, some: Any) -> Track:
         """Returns the track with some of its rows, in the order of `some`: indices or bools."""
         return Track(self.name, self.times[some], self.balls[some], self.positions[some])
+
+    def paths(self) -> dict[int, tuple[Floats, Floats]]:
+        """Returns the times (k,), s, and the places (k, 2), m, of each ball."""
+        return {
+            int(i): (self.times[mine], self.positions[mine])
+            for i in np.unique(self.balls)
+            for mine in [self.balls == i]
+        }
 
 
 def observed(name: str, shot: ShotResult, times: ArrayLike, noise: float = 0.0, seed: int = 0) -> Track:
@@ -81,10 +90,8 @@ def write_tracks(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
     for track in tracks:
-        for time, ball, (x, y) in zip(
-            track.times.tolist(), track.balls.tolist(), track.positions.tolist(), strict=True
-        ):
-            table.writerow((track.name, time, ball, x, y))
+        columns = track.times.tolist(), track.balls.tolist(), *track.positions.T.tolist()
+        table.writerows((track.name, *row) for row in zip(*columns, strict=True))
     write_whole(Path(path), text.getvalue().encode())
 
 
@@ -131,38 +138,27 @@ _PLACE = 0.004  # m, two places of a ball at rest
 _SLOW = 0.6  # the speed over a gap, over that after it, of a ball that rested first
 
 
-def with_rest(track: Track) -> tuple[Track, NDArray[np.bool_]]:
+def with_rest(track: Track) -> tuple[Track, Bools]:
     """Adds rows of balls at rest: many programs write a row only after a ball has moved.
 
     Returns:
         The track with its rows in the order of time, and whether a row was added.
     """
-    frame = frame_time(track)
-    step = _STEP * frame
-    times, balls, places = [track.times], [track.balls], [track.positions]
-    end = float(track.times.max())
-    for ball in np.unique(track.balls):
-        mine = track.balls == ball
-        t, p = track.times[mine], track.positions[mine]
+    steps, end, parts = np.diff(np.unique(track.times)), float(track.times.max()), [track]
+    frame = float(np.median(steps[steps > _APART])) if (steps > _APART).any() else 1.0
+    for ball, (t, p) in track.paths().items():
+        speeds = np.append(np.hypot(*np.diff(p, axis=0).T) / np.diff(t), (0.0, 0.0))
         for k in np.flatnonzero(np.diff(t, append=end) > _GAP * frame).tolist():
-            until = end
+            begin, until = float(t[k]), end
             if k + 1 < len(t):
-                way, gap = float(np.hypot(*(p[k + 1] - p[k]))), t[k + 1] - t[k]
-                after = float(np.hypot(*(p[k + 2] - p[k + 1])) / (t[k + 2] - t[k + 1])) if k + 2 < len(t) else 0.0
-                if way > _PLACE and way > _SLOW * after * gap:
+                gap = float(t[k + 1]) - begin
+                moves = speeds[k] * gap / max(speeds[k + 1], 1e-12) if speeds[k] * gap > _PLACE else 0.0  # s
+                if moves > _SLOW * gap:
                     continue  # it moved all the time
-                until = t[k + 1] - (way / after if way > _PLACE else 0.0) - 0.5 * frame
-            more = np.arange(float(t[k]) + step, float(until), step)
-            times.append(more)
-            balls.append(np.full(len(more), ball))
-            places.append(np.repeat(p[k][None], len(more), axis=0))
-    found = Track(track.name, np.concatenate(times), np.concatenate(balls), np.concatenate(places))
-    order = np.argsort(found.times, kind="stable")
-    added = (np.arange(len(order)) >= len(track.times))[order]
-    return found.rows(order), added
-
-
-def frame_time(track: Track) -> float:
-    """Returns the time between two frames, s."""
-    steps = np.diff(np.unique(track.times))
-    return float(np.median(steps[steps > _APART])) if (steps > _APART).any() else 1.0
+                until = begin + gap - float(moves) - 0.5 * frame
+            more = np.arange(begin + _STEP * frame, until, _STEP * frame)
+            parts.append(Track("", more, np.full(len(more), ball), np.tile(p[k], (len(more), 1))))
+    arrays = zip(*(part[1:] for part in parts), strict=True)
+    whole = Track(track.name, *(np.concatenate(array) for array in arrays))
+    order = np.argsort(whole.times, kind="stable")
+    return whole.rows(order), order >= len(track.times)

@@ -90,7 +90,10 @@ class Trajectory(NamedTuple):
 
     def velocities(self, ball: int, times: Floats) -> Floats:
         """Returns the velocities of a ball, (m, 2) m/s, at times (m,), s; at an event the velocity after it."""
-        pieces = self._pieces(ball, times)
+        return self.velocities_on(self._pieces(ball, times), times)
+
+    def velocities_on(self, pieces: NDArray[np.intp], times: Floats) -> Floats:
+        """Returns the velocities on some pieces (m,) at some times (m,), s, (m, 2) m/s."""
         since, rows = self._since(pieces, times), self.rows[pieces]
         moves = self.moving[pieces] & (since < rows[:, LASTS])
         return np.where(moves[:, None], rows[:, [VX, VY]] + since[:, None] * rows[:, [AX, AY]], 0.0)

@@ -190,8 +190,8 @@ class Physics:
             that rolls.
         mu_cushion_slip: Decrease of the friction of "han2005_variable" cushions with the slip, s/m: the friction is
             divided by 1 + mu_cushion_slip * slip.
-        e_cushion_tangent: Share of the slip at the nose that "han2005_variable" cushions reverse if their friction is
-            large enough, 0 to 1.
+        e_cushion_tangent: Share of the slip along the cushion that "han2005_variable" cushions reverse if their
+            friction is large enough, 0 to 1.
         mu_roll_speed: Gain of the rolling resistance per speed, s/m, see `physics.laws.cloth`; 0.004 on a match table.
         max_time: Time limit of a shot, s; None for no limit. "ideal" motion needs a limit.
     """
@@ -579,13 +579,19 @@ def _match_carom(n_balls: int) -> Scene:
     """
     physics = Physics(
         ball_ball="frictional",
-        mu_slide=0.189,
-        mu_roll=0.0046,
-        spin_decay=1.0,
-        e_ball=0.914,
-        e_cushion=0.847,
-        mu_cushion=0.252,
-        mu_ball_factor=3.8,
+        cushion="han2005_variable",
+        mu_slide=0.192,
+        mu_roll=0.0031,
+        mu_roll_speed=0.0029,
+        spin_decay=1.6,
+        e_ball=0.95,
+        mu_ball_factor=4.1,
+        e_cushion=0.845,
+        e_cushion_loss=0.01,
+        e_cushion_topspin=0.053,
+        e_cushion_tangent=0.18,
+        mu_cushion=0.207,
+        mu_cushion_angle=0.067,
     )
     return dataclasses.replace(_carom(n_balls), physics=physics)
 

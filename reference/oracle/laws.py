@@ -307,17 +307,17 @@ def _restitution(world: World, speed: Real) -> Real:
 def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real, reversed_share: Real = 0) -> Vector:
     """Returns the state after a cushion by Han (2005), Dynamics in Carom and Three Cushion Billiards.
 
-    The mass is 1, and x points into the cushion. Friction that stops the slip reverses a share of the slip.
+    The mass is 1, and x points into the cushion. Friction that stops the slip reverses a share of that along the cushion.
     """
     radius = world.radius[ball]
     sin = world.cushion_height / radius - 1
     cos = mpmath.sqrt(1 - sin * sin)
     sx = vx * sin + radius * wy
-    sy = -vy - radius * wz * cos + radius * wx * sin
+    sy = (1 + reversed_share) * (-vy - radius * wz * cos + radius * wx * sin)
     slipping = norm((sx, sy))
 
     def friction(normal: Real) -> Vector:
-        stops = 2 * (1 + reversed_share) / mpmath.mpf(7)
+        stops = 2 / mpmath.mpf(7)
         if stops * slipping <= world.mu_cushion * normal:
             return stops * sx, stops * sy
         return tuple(world.mu_cushion * normal * s / slipping for s in (sx, sy))

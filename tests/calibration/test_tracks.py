@@ -77,7 +77,7 @@ def test_columns_may_have_any_order_and_cells_may_be_empty(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", r"tracks.csv, line 1: head = '': expected one column 'time'"),
+        ("", r"tracks.csv, line 1: head = '': expected one column 'ball'"),
         ("shot,time,ball,x\n", "line 1: head = 'shot,time,ball,x': expected one column 'y'"),
         ("shot,time,ball,x,y,x\n", "line 1: head = .*: expected one column 'x'"),
         (HEAD + "a,0,0,1,2\na,0,0,1\n", "line 3: 4 cells: expected 5"),

@@ -6,11 +6,10 @@ import functools
 import numpy as np
 import pytest
 
-from billiards_env.calibration import Frame, Track, calibrate, stages
+from billiards_env.calibration import Frame, Track, calibrate, fit
 from billiards_env.calibration.contacts import CUSHION, find_contacts
 from billiards_env.calibration.frame import fit_frame
-from billiards_env.calibration.prepare import drop_clipped, noise_of, prepare, rows_of
-from billiards_env.calibration.problems import leaves_at
+from billiards_env.calibration.shot import drop_clipped, noise_of, prepare
 from billiards_env.calibration.tracks import with_rest
 from billiards_env.checks import RANGES, Range
 from tests.helpers.tracks import FRAME, LATE, SCENE, raw_tracks, whole_tracks
@@ -37,7 +36,7 @@ def test_whole_shots_give_the_numbers_and_the_instants_of_the_strikes():
     assert found().judged.within(2, 0.005) > 0.95
     predicted = found().predicted
     assert predicted is not None
-    assert len(predicted.counted) == 2
+    assert predicted.shots == 2
     assert predicted.within(2, 0.005) > 0.9
 
 
@@ -81,7 +80,7 @@ def test_balls_at_rest_near_each_other_have_no_contact():
 def test_the_frame_is_fitted_from_rebounds_and_clipped_rows_are_left_out():
     tracks, clipped = drop_clipped(raw_tracks())
     assert clipped >= 8
-    frame, give = fit_frame(SCENE, tracks)
+    frame, give = fit_frame(SCENE, tracks, 4)
     assert frame.offset == pytest.approx(FRAME.offset, abs=0.002)
     assert frame.scale == pytest.approx(FRAME.scale, rel=0.002)
     assert abs(frame.angle) < 0.001
@@ -89,7 +88,7 @@ def test_the_frame_is_fitted_from_rebounds_and_clipped_rows_are_left_out():
     with pytest.raises(
         ValueError, match=r"frame = 'fit': rebounds: \d+ at \+x, .*: expected 5 or more at each cushion"
     ):
-        fit_frame(SCENE, tracks[:1])
+        fit_frame(SCENE, tracks[:1], 4)
 
 
 def test_the_noise_is_estimated():
@@ -107,14 +106,13 @@ def test_a_ball_without_rows_rests_where_it_was():
 
 
 def test_one_far_row_never_ends_a_track():
-    shots = [prepare(SCENE, track, 0.0005) for track in whole_tracks()[:2]]
-    rows = rows_of(SCENE, shots, 0.0005)
-    far = np.zeros(rows.seen.shape, np.bool_)
-    mine = np.flatnonzero(rows.seen[0] & (rows.ball[0] == 0))
-    far[0, mine[[3, 8, 9, 20]]] = True
-    assert (leaves_at(rows, far)[0] == np.inf).all()
-    far[0, mine[30:33]] = True
-    assert leaves_at(rows, far)[0].tolist() == [rows.time[0, mine[30]], np.inf]
+    shot = prepare(SCENE, whole_tracks()[0], 0.0005)
+    far = np.zeros(len(shot.time), np.bool_)
+    mine = np.flatnonzero(shot.track.balls == 0)
+    far[mine[[3, 8, 9, 20]]] = True
+    assert fit.leaves_at(shot, far) == (np.inf, -1)
+    far[mine[30:33]] = True
+    assert fit.leaves_at(shot, far) == (shot.time[mine[30]], 0)
 
 
 @pytest.mark.parametrize(
@@ -164,11 +162,10 @@ def test_a_fit_goes_on_after_an_interrupt(tmp_path):
     assert [text[:15] for text in texts] == ["until contact 3"]
     whole = calibrate(OFF, some, ("mu_slide", "e_cushion"), contacts=3)
     assert again.values == pytest.approx(whole.values, rel=1e-3)
-    for names, noise in ((("mu_slide",), None), (("mu_slide", "e_cushion"), 0.01)):
+    both = ("mu_slide", "e_cushion")
+    for names, noise, contacts in ((("mu_slide",), None, 3), (both, 0.01, 3), (both, None, 2)):
         with pytest.raises(ValueError, match="expected the state of the same tracks, scene, numbers and options"):
-            calibrate(OFF, some, names, noise=noise, state=state)
-    with pytest.raises(ValueError, match="contacts = 2: expected 3 or more, as in the file of the state"):
-        calibrate(OFF, some, ("mu_slide", "e_cushion"), contacts=2, state=state)
+            calibrate(OFF, some, names, noise=noise, contacts=contacts, state=state)
 
 
 def test_numbers_that_are_not_determined_or_end_at_a_bound_are_kept(monkeypatch):
@@ -182,8 +179,8 @@ def test_numbers_that_are_not_determined_or_end_at_a_bound_are_kept(monkeypatch)
 
 
 def test_there_are_no_numbers_if_few_rows_fit(monkeypatch):
-    monkeypatch.setattr(stages, "_FAR", 0.01)
-    monkeypatch.setattr(stages, "_LEAST", 0.0)
+    monkeypatch.setattr(fit, "_FAR", 0.01)
+    monkeypatch.setattr(fit, "_LEAST", 0.0)
     result = calibrate(OFF, whole_tracks()[:3], ("mu_slide",), contacts=2)
     assert result.values == {}
     assert result.scene == OFF

@@ -12,45 +12,44 @@ STICK = 2.0 / 7.0
 
 
 @inlined
-def _squeeze(needed, nose, slips, mu, stick):
+def _squeeze(needed, nose, slips, mu):
     """Returns the friction and the normal impulse (pxe, pye, pze), per mass, with the horizontal sum `needed`, m/s."""
     (sin, cos), (sx, sy) = nose, slips
     slip = math.sqrt(sx * sx + sy * sy)
     resistance = cos + (mu * sin * (sx / slip) if slip > 0.0 else 0.0)
     pze = needed / resistance if resistance > 0.0 else math.inf
-    if slip * stick <= mu * pze and mu > 0.0:  # friction sticks
-        return sx * stick, sy * stick, max(0.0, (needed - sx * stick * sin) / cos)
+    if slip * STICK <= mu * pze and mu > 0.0:  # friction sticks
+        return sx * STICK, sy * STICK, max(0.0, (needed - sx * STICK * sin) / cos)
     if slip > 0.0:
         return mu * pze * (sx / slip), mu * pze * (sy / slip), pze
     return 0.0, 0.0, pze
 
 
 @inlined
-def impact(before, nose, slips, rebound, mu, e, stick):
+def impact(before, nose, slips, rebound, mu, e):
     """Returns the result of `han2005` for a `Nose`.
 
     Args:
         before: As in `han2005`.
         nose: The `Nose`.
-        slips: The result of `slip_at`.
+        slips: The slips that the friction stops if it is large enough: the result of `slip_at`, or more.
         rebound: As in `han2005`.
         mu: The friction.
         e: The restitution.
-        stick: The ratio of the impulse per mass to the slip if friction does not limit the impulse: `STICK` or more.
     """
     vn, (sin, cos), (sx, sy) = before.vn, nose, slips
     slip = math.sqrt(sx * sx + sy * sy)
     pze = (1.0 + e) * vn * cos  # impulses per mass
     pxe = pye = 0.0
-    if slip * stick <= mu * pze and mu > 0.0:
-        pxe, pye = sx * stick, sy * stick
+    if slip * STICK <= mu * pze and mu > 0.0:
+        pxe, pye = sx * STICK, sy * STICK
     elif slip > 0.0:
         pxe, pye = mu * pze * (sx / slip), mu * pze * (sy / slip)
     px = -pxe * sin - pze * cos
     raised = vn + px > -rebound
     if raised:
         px = -(vn + rebound)
-        pxe, pye, pze = _squeeze(vn + rebound, nose, slips, mu, stick)
+        pxe, pye, pze = _squeeze(vn + rebound, nose, slips, mu)
     return leave(before, nose, -rebound if raised else vn + px, px, pxe, pye, pze), raised
 
 
@@ -76,7 +75,7 @@ def han2005(before, radius, rebound, numbers, solution):
         raised: Whether `rebound` raised the impulse.
     """
     nose, e = nose_of(radius, numbers), cushion_restitution(before.vn, numbers)
-    return impact(before, nose, slip_at(before, nose), rebound, numbers.mu_cushion, e, STICK)
+    return impact(before, nose, slip_at(before, nose), rebound, numbers.mu_cushion, e)
 
 
 CUSHION = Cushion(han2005)

@@ -1,15 +1,16 @@
 """The impact on a cushion by Han (2005), with friction and restitution that depend on the motion.
 
 In fits of recorded three-cushion shots (the tracks of the simulator tailuge/billiards), friction grows with the angle
-to the normal and falls with the slip, restitution grows with the topspin, and the impulse reverses part of the slip.
-The law is a simple form of these effects:
+to the normal, restitution grows with the topspin, and the impulse reverses part of the slip along the cushion. The law
+is a simple form of these effects:
 
     mu = (mu_cushion + mu_cushion_angle sin^2(phi)) / (1 + mu_cushion_slip s)
     e = e(v_n) + e_cushion_topspin min(1, max(0, R omega_t / v_n))
 
 Here phi is the angle between the velocity and the normal, s is the slip at the nose, omega_t is the spin along the
 cushion (v_n / R for a ball that rolls), and e(v_n) is the restitution of the other cushions. If mu does not limit the
-friction, the impact reverses the share e_cushion_tangent of the slip, as with a compliant nose (Stronge 2000).
+friction, the impact stops the slip up or down the nose and reverses the share e_cushion_tangent of the slip along the
+cushion, as with a nose that yields sideways (Stronge 2000).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import math
 
 from billiards_env.jit import inlined
 from billiards_env.physics.laws.cushion import Cushion, cushion_restitution, nose_of, slip_at
-from billiards_env.physics.laws.cushion_han2005 import STICK, impact
+from billiards_env.physics.laws.cushion_han2005 import impact
 
 
 @inlined
@@ -34,7 +35,7 @@ def han2005_variable(before, radius, rebound, numbers, solution):
     mu = (numbers.mu_cushion + numbers.mu_cushion_angle * along) / (1.0 + numbers.mu_cushion_slip * slip)
     gain = numbers.e_cushion_topspin * min(1.0, max(0.0, topspin))
     e = min(1.0, cushion_restitution(vn, numbers) + gain)
-    return impact(before, nose, (sx, sy), rebound, mu, e, STICK * (1.0 + numbers.e_cushion_tangent))
+    return impact(before, nose, (sx, sy * (1.0 + numbers.e_cushion_tangent)), rebound, mu, e)
 
 
 CUSHION = Cushion(han2005_variable)

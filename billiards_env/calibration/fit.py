@@ -1,0 +1,298 @@
+"""The fit of numbers that all shots share, together with the starts of the shots.
+
+The normal equations of the shared numbers have the starts eliminated (Schur complement), as in the adjustment of
+bundles of rays (Triggs et al. 2000, section 6). The loss is that of `starts.Normal`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from billiards_env.calibration.shot import CAUCHY, Shot
+from billiards_env.calibration.starts import Normal, allowed, damped, errors, evaluate, search, settle
+from billiards_env.calibration.tracks import Bools, Floats
+from billiards_env.checks import RANGES
+from billiards_env.files import write_json
+from billiards_env.intervals import t_quantile
+from billiards_env.scene import PARAMETERS, Scene
+from billiards_env.shots import records
+
+FIRST = 0.005
+"""m, the scale of the errors of rows after a contact before they are fitted for the first time."""
+
+MANY = 8
+"""Number of shots from which on intervals come from the spread over the shots."""
+
+ENOUGH = 0.5
+"""The least share of the rows until the second contact that are near their paths."""
+
+_STEPS, _FOLLOW = 25, 4  # most steps of a fit, and steps of the starts in each
+_CONVERGED, _JUMP = 1e-6, 5.0  # relative change of the loss, and the most that one shot counts
+_RIDGE = 1e-10  # damping of the elimination of a start, for numbers that its rows do not determine
+_USUAL = 0.5, 0.05  # the standard deviation of a number over its start, and at least: that of other tables
+_FAR, _LEAST = 8.0, 0.02  # a row is far from its path: over the typical error, and m
+_RUN, _OF = 3, 4  # a track has left its path where 3 of 4 consecutive rows of a ball are far from it
+_WIDE = 0.5  # half of an interval over the number, above which the rows do not determine it
+_EDGE = 1e-6  # of the range of a number, where it is at its bound
+_SHARED = 8.0  # rows that those between two contacts count as, if the laws have errors
+_MOST_STATE = 64 * 2**20  # bytes
+_ROUNDS = 2  # fits in each stage, each with the rows that are near the paths of the one before
+
+
+class Fit(NamedTuple):
+    """A fit of shots.
+
+    Attributes:
+        scene: The scene with the fitted numbers.
+        names: The fitted numbers.
+        start: The scene with the numbers before the fit.
+        shots: The m shots with their starts; the rows that are used are near their paths.
+        kept: Why the other free numbers keep their start, by name.
+        covariance: (s, s) of the numbers.
+    """
+
+    scene: Scene
+    names: tuple[str, ...]
+    start: Scene
+    shots: list[Shot]
+    kept: dict[str, str]
+    covariance: Floats
+
+
+class Reduced(NamedTuple):
+    """Normal equations of the shared numbers, with the start of a shot eliminated; see `Normal`.
+
+    Attributes:
+        slope: (s,).
+        matrix: (s, s).
+        follow: (width, s), the derivative of the start by the numbers.
+    """
+
+    slope: Floats
+    matrix: Floats
+    follow: Floats
+
+
+def reduced(normal: Normal, width: int) -> Reduced:
+    """Returns the normal equations with the only start (width,) eliminated."""
+    slope, matrix = normal.slope[0], normal.matrix[0]
+    both = matrix[:width, width:]
+    follow = -damped(matrix[None, :width, :width], both.T, _RIDGE).T
+    return Reduced(slope[width:] + follow.T @ slope[:width], matrix[width:, width:] + follow.T @ both, follow)
+
+
+def numbers_of(scene: Scene, names: Sequence[str]) -> Floats:
+    """Returns numbers of the physics of a scene, (s,)."""
+    return np.array([getattr(scene.physics, name) for name in names], np.float64)
+
+
+def with_numbers(scene: Scene, names: Sequence[str], values: Floats) -> Scene:
+    """Returns a scene with other numbers of its physics."""
+    changes = dict(zip(names, values.tolist(), strict=True))
+    return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **changes))
+
+
+def bounds_of(names: Sequence[str]) -> Floats:
+    """Returns the least and the largest values of numbers, (2, s)."""
+    return np.array([RANGES[PARAMETERS[name].within][:2] for name in names], np.float64).T
+
+
+def usual_of(fit: Fit) -> Floats:
+    """Returns the standard deviations of the numbers on other tables, (s,)."""
+    return np.maximum(_USUAL[0] * np.abs(numbers_of(fit.start, fit.names)), _USUAL[1])
+
+
+def fit_shared(fit: Fit, contact: int) -> tuple[Fit, float]:
+    """Fits the shared numbers and the starts of all shots to the rows that are used until a contact of the cue ball.
+
+    The numbers before the fit count as one measurement. A number that the rows do not determine stays near them.
+
+    Returns:
+        The fit, and the loss of the rows.
+    """
+    scene, names = fit.scene, fit.names
+    numbers, begun, low_high, damping = numbers_of(scene, names), numbers_of(fit.start, names), bounds_of(names), 1e-3
+    usual = usual_of(fit)
+    shots = [shot.until(contact) for shot in fit.shots]
+    found = [settle(scene, shot.starts, shot, names) for shot in shots]
+    for _ in range(_STEPS):
+        parts = [reduced(normal, start.size) for start, normal in found]
+        matrix = sum(part.matrix for part in parts) + np.diag(1.0 / usual**2)
+        slope = sum(part.slope for part in parts) + (numbers - begun) / usual**2
+        tried = np.clip(numbers - damped(matrix, slope, damping), *low_high)
+        try:
+            changed = with_numbers(scene, names, tried)
+        except ValueError:  # numbers that `Physics` does not allow together
+            damping *= 10.0
+            continue
+        then = []
+        for (start, _), part, shot in zip(found, parts, shots, strict=True):
+            moved, fine = allowed(scene, start + part.follow @ (tried - numbers), shot)
+            then.append(settle(changed, np.where(fine[:, None], moved, start), shot, names, _FOLLOW))
+        # A shot in which a contact appears or disappears jumps to another minimum; it does not decide alone.
+        losses, others = (np.concatenate([normal.loss for _, normal in each]) for each in (found, then))
+        away = (np.square((numbers - begun) / usual) - np.square((tried - begun) / usual)).sum()
+        gain = np.clip(losses - others, -_JUMP, _JUMP).sum() + away
+        if gain > 0.0:
+            scene, numbers, found, damping = changed, tried, then, max(damping / 10.0, 1e-9)
+        else:
+            damping *= 10.0
+        if 0.0 < gain < _CONVERGED * losses.sum() or damping > 1e3:
+            break
+    found = [settle(scene, start, shot) for (start, _), shot in zip(found, shots, strict=True)]
+    done = [shot._replace(starts=start) for shot, (start, _) in zip(fit.shots, found, strict=True)]
+    return fit._replace(scene=scene, shots=done), float(sum(normal.loss[0] for _, normal in found))
+
+
+def fit_stage(fit: Fit, contact: int, noise: float) -> Fit:
+    """Fits the rows until a contact of the cue ball, from an earlier fit; the numbers only from the second contact on.
+
+    Args:
+        fit: The earlier fit.
+        contact: The number of the contact.
+        noise: The least error of a coordinate, m.
+    """
+    for _ in range(_ROUNDS):
+        found = [(search(fit.scene, shot.wide(contact, FIRST)), shot) for shot in fit.shots]
+        shots = [one._replace(used=shot.used, scale=shot.scale) for one, shot in found]
+        fit = fit._replace(shots=near_rows(fit.scene, shots, contact, noise))
+        if contact > 1:
+            fit, _ = fit_shared(fit, contact)
+            fit = fit._replace(shots=near_rows(fit.scene, fit.shots, contact, noise))
+    return fit
+
+
+def near_rows(scene: Scene, shots: list[Shot], contact: int, noise: float) -> list[Shot]:
+    """Returns shots with other rows that are used and other scales, from the errors of a fit until a contact.
+
+    The scale of a row comes from the typical error of rows after as many contacts of the cue ball. The part above the
+    noise is an error of the laws, which the rows of a shot between two contacts share. Together these rows count as
+    `_SHARED` rows.
+    """
+    off = np.hypot(*np.concatenate([errors(scene, shot) for shot in shots]).T)
+    after = np.concatenate([shot.after for shot in shots])
+    some = np.concatenate([shot.until(contact).used & shot.moving for shot in shots])
+    typical = np.full(len(off), noise)
+    for k in np.unique(after[some]):  # the median distance of Gaussian errors in two coordinates is 1.1774
+        typical[after == k] = max(noise, float(np.median(off[some & (after == k)])) / 1.1774)
+    found, begins = [], np.cumsum([len(shot.time) for shot in shots])[:-1]
+    for shot, distance, error in zip(shots, np.split(off, begins), np.split(typical, begins), strict=True):
+        before = shot.time < shot.end(contact)
+        far = before & (distance > np.maximum(_LEAST, _FAR * error))
+        leaves = leaves_at(shot, far)
+        used = ~far & (shot.time < leaves[0])
+        rows = np.bincount(shot.after[used & before & shot.moving], minlength=shot.after.max() + 1)[shot.after]
+        of_laws = (np.square(error) - noise**2) * np.maximum(rows / _SHARED, 1.0)
+        scale = CAUCHY * np.sqrt(of_laws + noise**2)
+        scale = np.where(before, scale, np.maximum(FIRST, scale))
+        found.append(shot._replace(scale=scale, used=used, far=far, leaves=leaves))
+    return found
+
+
+def leaves_at(shot: Shot, far: Bools) -> tuple[float, int]:
+    """Returns the time from which on the track of a ball leaves its path, s, and the ball; inf and -1 if none does.
+
+    It is the first run of far rows: `_RUN` of `_OF` consecutive rows of a ball. Later rows do not matter.
+    """
+    found = [(np.inf, -1)]
+    for ball in np.unique(shot.track.balls[far]):
+        mine = np.flatnonzero(shot.track.balls == ball)
+        ahead = np.convolve(far[mine], np.ones(_OF))[_OF - 1 :]
+        first = mine[far[mine] & (ahead >= _RUN)][:1]
+        found += [(float(time), int(ball)) for time in shot.time[first]]
+    return min(found)
+
+
+def covariance(fit: Fit, shots: Sequence[Shot]) -> Floats:
+    """Returns the covariance (s, s) of the shared numbers; that of other tables if the rows do not determine them.
+
+    From `MANY` shots on it is that of the jackknife: the numbers without one shot, in the linear approximation (Bell
+    and McCaffrey 2002). It includes errors of the laws, which the rows of a shot share. The spread over fewer shots is
+    too uncertain, so the errors of their rows count as independent. The weights change with the residuals; the factor
+    `bend` accounts for this (Huber 1964).
+    """
+    parts = [reduced(evaluate(fit.scene, shot.starts, shot, fit.names), shot.starts.size) for shot in shots]
+    square = np.concatenate([np.square(errors(fit.scene, shot) / shot.scale[:, None])[shot.used] for shot in shots])
+    weight, m, prior = 1.0 / (1.0 + square), len(shots), np.diag(1.0 / usual_of(fit) ** 2)
+    bend = ((1.0 - square) * weight * weight).mean() / weight.mean()
+    matrices, slopes = np.array([part.matrix for part in parts]), np.array([part.slope for part in parts])
+    inverse = np.linalg.inv(matrices.sum(axis=0) + prior)
+    if m < MANY:
+        return inverse * (weight * weight * square).mean() / weight.mean() / bend**2 + inverse @ prior @ inverse
+    change = damped(matrices.sum(axis=0) + prior - matrices, slopes, 0.0) / bend
+    return (m - 1) / m * change.T @ change + inverse @ prior @ inverse
+
+
+def half_widths(spread: Floats, shots: int) -> Floats:
+    """Returns half of the 95% intervals (s,) of numbers with a covariance (s, s) (Student for many shots)."""
+    return t_quantile(shots - 1 if shots >= MANY else 10**6) * np.sqrt(np.diag(spread))
+
+
+def determined(fit: Fit, contact: int) -> Fit:
+    """Returns a fit with its covariance, without numbers that end at a bound or that the rows do not determine."""
+    while True:
+        names, numbers, begun = fit.names, numbers_of(fit.scene, fit.names), numbers_of(fit.start, fit.names)
+        shots = [shot for shot in (shot.until(contact) for shot in fit.shots) if shot.used.any()]
+        spread = covariance(fit, shots)
+        wide = half_widths(spread, len(shots)) / np.maximum(np.maximum(np.abs(numbers), np.abs(begun)), 1e-9)
+        edge = np.abs(numbers - bounds_of(names)) <= _EDGE * np.maximum(np.abs(numbers), 1e-3)
+        wide[edge.any(axis=0)] = np.inf
+        worst = int(np.argmax(wide))
+        if wide[worst] <= _WIDE:
+            return fit._replace(covariance=spread)
+        why = "it ends at the bound of its range" if edge[:, worst].any() else "the rows do not determine it"
+        kept, left = fit.kept | {names[worst]: why}, names[:worst] + names[worst + 1 :]
+        if not left:
+            raise ValueError(f"free = {list(kept)}: the rows do not determine any of them, expected more shots")
+        scene = with_numbers(fit.scene, names[worst : worst + 1], begun[worst : worst + 1])
+        fit, _ = fit_shared(fit._replace(scene=scene, names=left, kept=kept), contact)
+
+
+def fit_stages(
+    fit: Fit,
+    contacts: int,
+    noise: float,
+    progress: Callable[[str], None] | None = None,
+    path: Path | None = None,
+    key: str = "",
+) -> tuple[Fit, float]:
+    """Fits the rows until the first contact of the cue ball, then until the second, and so on.
+
+    Each finished stage is written to the file `path`, with the key of what is fitted. The fit resumes from this file.
+
+    Returns:
+        The fit, and the share of the rows near their paths until the second contact. If it is less than `ENOUGH`, the
+        fit ends there.
+    """
+    done, share, what = {}, 1.0, "the state of a calibration"
+    if path is not None and path.exists():
+        done = records.read(path, lambda text: records.data_of(text, what), what, _MOST_STATE)
+        if not isinstance(done, dict) or done.get("key") != key:
+            raise ValueError(
+                f"state = {str(path)!r}: expected the state of the same tracks, scene, numbers and options"
+            )
+        fit = fit._replace(scene=with_numbers(fit.scene, fit.names, np.array(done["numbers"])))
+        shots = [shot._replace(starts=np.array([row])) for shot, row in zip(fit.shots, done["starts"], strict=True)]
+        fit = fit._replace(shots=near_rows(fit.scene, shots, done["contact"], noise))
+    else:
+        fit = fit_stage(fit, 1, noise)
+    for contact in range(done.get("contact", 1) + 1, contacts + 1):
+        fit = fit_stage(fit, contact, noise)
+        rows = [(shot.moving & (shot.time < shot.end(contact)), shot.used) for shot in fit.shots]
+        part = sum((some & used).sum() for some, used in rows) / max(1, sum(some.sum() for some, _ in rows))
+        numbers = numbers_of(fit.scene, fit.names).tolist()
+        share = float(part) if contact == 2 else share
+        if path is not None and share >= ENOUGH:
+            starts = [shot.starts[0].tolist() for shot in fit.shots]
+            write_json(path, {"key": key, "contact": contact, "numbers": numbers, "starts": starts})
+        if progress is not None:
+            text = ", ".join(f"{name} {value:.5g}" for name, value in zip(fit.names, numbers, strict=True))
+            progress(f"until contact {contact}: {part:.1%} of the rows, {text}")
+        if share < ENOUGH:
+            break
+    return fit, share

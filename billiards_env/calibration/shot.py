@@ -1,0 +1,188 @@
+"""Shots for the fit: what moves or rests in a track, where contacts are, when the strike is, and a first guess."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.calibration.contacts import Contact, find_contacts, find_exchange
+from billiards_env.calibration.tracks import Bools, Floats, Track, with_rest
+from billiards_env.scene import Scene
+
+PLACES, VELOCITY, SPIN, SIDE, INSTANT = slice(None, -6), slice(-6, -4), slice(-4, -1), -2, -1
+"""Where the numbers of a start are in an array (..., 2 n + 6): x and y of each ball, m; the cue ball's velocity, m/s,
+its spin, rad/s, and that about the vertical axis; and the instant of the strike, s after `Shot.begin`."""
+
+CAUCHY = 2.385
+"""The scale of the loss over the standard deviation of a residual: 95% efficient for Gaussian noise (Holland and Welsch
+1977)."""
+
+_BEFORE = 1e-6  # s, a row at a contact is after it
+_EXACT = 1e-7  # m, the noise of exact tracks
+_MOVED = 0.004  # m, from a place of rest
+_REST = 1e-3  # m, the error of a place of rest
+_WINDOWS = (
+    (1, 8),
+    (0, 2),
+)  # rows of the cue ball for guesses of its velocity: the first after its rest, and their number
+_CLIPPED = 8, 2.0  # rows at an extreme coordinate, and their number over that at the next one
+
+
+class Shot(NamedTuple):
+    """A track that is ready for the fit, and its fit.
+
+    Attributes:
+        track: The track in the order of time, with rows of balls at rest.
+        added: (r,) bool, the rows that `with_rest` added.
+        moving: (r,) bool, whether the ball has begun to move and has not come to rest.
+        contacts: The contacts that were found without a model.
+        begin: s, the last time at which the cue ball rested, or its first row.
+        gap: s, the strike is at most this much later; 0 if the cue ball moves at the first row.
+        exchanged: The result of `find_exchange`; later rows are not fitted.
+        in_play: (n,) bool, whether the ball has rows.
+        known: (width,), the numbers of the start that are not fitted; NaN for the others.
+        prior: (p, width). What is known of the start besides rows: `prior` @ start has the mean `target`, and a
+            standard deviation of 1. The last three are for the spin; they are 0 before the first fit.
+        target: (p,).
+        starts: (g, width), guesses of the start, or one start after a fit.
+        scale: (r,) m, the error of a coordinate above which the loss grows slowly.
+        used: (r,) bool, whether the row is fitted.
+        far: (r,) bool, whether the row is far from its path.
+        leaves: s after `begin`, from which on a ball leaves its path, or inf, and the ball.
+    """
+
+    track: Track
+    added: Bools
+    moving: Bools
+    contacts: list[Contact]
+    begin: float
+    gap: float
+    exchanged: tuple[int, int, float, float]
+    in_play: Bools
+    known: Floats
+    prior: Floats
+    target: Floats
+    starts: Floats
+    scale: Floats
+    used: Bools
+    far: Bools
+    leaves: tuple[float, int] = (np.inf, -1)
+
+    @property
+    def time(self) -> Floats:
+        """(r,) s, the times of the rows after `begin`."""
+        return self.track.times - self.begin
+
+    @property
+    def cue_contacts(self) -> list[Contact]:
+        """The contacts of the cue ball."""
+        return [one for one in self.contacts if one.ball == 0]
+
+    @property
+    def after(self) -> NDArray[np.intp]:
+        """(r,) The number of contacts of the cue ball before each row."""
+        return np.searchsorted([one.time for one in self.cue_contacts], self.track.times)
+
+    def end(self, contact: int) -> float:
+        """Returns the time of a contact of the cue ball, s after `begin`; without it that of the last row to fit."""
+        times = [one.time for one in self.cue_contacts[contact - 1 : contact]]
+        return min(*times, self.exchanged[2], np.inf) - _BEFORE - self.begin
+
+    def until(self, contact: int) -> Shot:
+        """Returns the shot with the rows that are used before a contact of the cue ball."""
+        return self._replace(used=self.used & (self.time < self.end(contact)))
+
+    def wide(self, contact: int, scale: float) -> Shot:
+        """Returns the shot with all rows before a contact of the cue ball, and a least scale, m."""
+        return self._replace(used=self.time < self.end(contact), scale=np.maximum(self.scale, scale))
+
+
+def drop_clipped(tracks: Sequence[Track]) -> tuple[list[Track], int]:
+    """Returns tracks without rows at the border of a picture, many at one extreme coordinate, and their number."""
+    places = np.concatenate([track.positions for track in tracks])
+    clipped = np.zeros(len(places), np.bool_)
+    for values in (*places.T, *-places.T):
+        extremes, counts = np.unique(values, return_counts=True)
+        if len(extremes) > 1 and counts[-1] >= max(_CLIPPED[0], _CLIPPED[1] * counts[-2]):
+            clipped |= values == extremes[-1]
+    parts = np.split(~clipped, np.cumsum([len(track.times) for track in tracks])[:-1])
+    return [track.rows(kept) for track, kept in zip(tracks, parts, strict=True)], int(clipped.sum())
+
+
+def noise_of(tracks: Sequence[Track]) -> float:
+    """Returns the standard deviation of a coordinate, m, from third differences of rows at equal steps (median).
+
+    It is at least `_EXACT`.
+    """
+    found = [np.zeros(0)]
+    for t, p in (path for track in tracks for path in track.paths().values() if len(path[0]) > 3):
+        steps = np.lib.stride_tricks.sliding_window_view(np.diff(t), 3)
+        even = np.ptp(steps, axis=1) < 0.1 * steps.mean(axis=1)
+        found.append(np.abs(np.diff(p, 3, axis=0)[even]).ravel())
+    sizes = np.concatenate(found)
+    sizes = sizes[sizes > 0.0]
+    return max(_EXACT, float(np.median(sizes)) / 0.6745 / np.sqrt(20.0)) if sizes.size > 20 else _EXACT
+
+
+def prepare(scene: Scene, track: Track, noise: float, given: Floats | None = None) -> Shot:
+    """Returns a track that is ready for the fit.
+
+    Args:
+        scene: The scene.
+        track: The track.
+        noise: Standard deviation of a coordinate, m.
+        given: (width,), the numbers of the start that are known; NaN for the others.
+    """
+    whole, added = with_rest(track)
+    n, paths, exchanged, least = scene.n_balls, whole.paths(), find_exchange(scene, track), max(_MOVED, 4.0 * noise)
+    contacts = find_contacts(scene, whole.rows(whole.times < exchanged[2]))
+    moving, rest, rests = np.zeros(len(added), np.bool_), np.full((n, 2), np.nan), {}
+    for ball, (_, path) in paths.items():
+        begun, ends = (np.hypot(*(path - path[k]).T) > least for k in (0, -1))
+        rests[ball] = int(begun.argmax()) if begun.any() else len(path)
+        rest[ball] = np.median(path[: rests[ball]], axis=0)
+        moving[np.flatnonzero(whole.balls == ball)[rests[ball] : len(path) - int(ends[::-1].argmax()) + 1]] = True
+
+    (t, p), last = paths[0], rests[0] - 1
+    begin, gap, hit = float(t[0]), 0.0, min((one.time for one in contacts if one.ball == 0), default=np.inf)
+    starts = np.zeros((len(_WINDOWS), 2 * n + 6))
+    places = starts[:, PLACES].reshape(-1, n, 2)  # a view
+    places[:] = np.nan_to_num(rest)
+    for start, place, (first, count) in zip(starts, places[:, 0], _WINDOWS, strict=True):
+        some = slice(last + first, max(last + first + 2, min(last + first + count, int(np.searchsorted(t, hit)))))
+        if len(t[some]) > 1:
+            start[VELOCITY], place[:] = np.polyfit(t[some] - t[last], p[some], 1)
+            speed = max(float(np.hypot(*start[VELOCITY])), 1e-6)
+            start[INSTANT] = (rest[0] - place) @ start[VELOCITY] / speed**2  # the path passes the place of rest
+            if last > 0 or (start[INSTANT] > 0.05 * (t[1] - t[0]) and start[INSTANT] * speed > least):
+                begin, gap = float(t[last]), float(t[last + 1] - t[last])
+    known = np.full(2 * n + 6, np.nan) if given is None else given.copy()
+    if gap > 0.0:
+        places[:, 0] = rest[0]
+    else:
+        known[INSTANT], rest[0] = 0.0, np.nan
+    if scene.physics.motion != "sliding":
+        known[SPIN] = 0.0
+    weight = ~np.isnan(rest.ravel()) / max(_REST, noise)
+    prior = np.zeros((2 * n + 3, 2 * n + 6))
+    prior[:-3, PLACES] = np.diag(weight)
+    return Shot(
+        track=whole,
+        added=added,
+        moving=moving & ~added,
+        contacts=contacts,
+        begin=begin,
+        gap=gap,
+        exchanged=exchanged,
+        in_play=np.isin(np.arange(n), track.balls),
+        known=known,
+        prior=prior,
+        target=np.append(weight * np.nan_to_num(rest).ravel(), np.zeros(3)),
+        starts=np.where(np.isnan(known), starts, known),
+        scale=np.full(len(added), CAUCHY * noise),
+        used=np.ones(len(added), np.bool_),
+        far=np.zeros(len(added), np.bool_),
+    )
