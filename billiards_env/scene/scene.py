@@ -570,28 +570,28 @@ def _real_carom(n_balls: int) -> Scene:
 
 
 def _match_carom(n_balls: int) -> Scene:
-    """Returns the scene fitted to 60 shots of three-cushion billiards on a match table, see docs/validation.md.
+    """Returns the scene fitted to 90 shots of three-cushion billiards on a match table, see docs/validation.md.
 
     The tracks are those of the simulator tailuge/billiards, at 50 Hz. With their 95% intervals, the numbers are:
-    mu_slide 0.182 to 0.197, mu_roll 0.0038 to 0.0054, spin_decay at most 2.1 rad/s^2, e_ball 0.897 to 0.930, e_cushion
-    0.840 to 0.854, mu_cushion 0.242 to 0.262 and mu_ball_factor 3.3 to 4.3. The command is `python -m
-    benchmarks.real_tracks`. The cushions have the law of Han (2005).
+    mu_slide 0.180 to 0.201, mu_roll 0.0029 to 0.0036, mu_roll_speed 0.0023 to 0.0050 s/m, e_ball 0.920 to 0.958,
+    mu_ball_factor 3.8 to 4.6, e_cushion 0.834 to 0.863, e_cushion_topspin 0.029 to 0.056, e_cushion_tangent 0.09 to
+    0.13 and mu_cushion 0.222 to 0.237. The shots do not determine spin_decay and e_cushion_loss. The command is `python
+    -m benchmarks.real_tracks`. Its table is larger, by as much as the cushions yield.
     """
     physics = Physics(
         ball_ball="frictional",
         cushion="han2005_variable",
-        mu_slide=0.192,
-        mu_roll=0.0031,
-        mu_roll_speed=0.0029,
+        mu_slide=0.19,
+        mu_roll=0.0032,
+        mu_roll_speed=0.0037,
         spin_decay=1.6,
-        e_ball=0.95,
-        mu_ball_factor=4.1,
-        e_cushion=0.845,
+        e_ball=0.939,
+        mu_ball_factor=4.2,
+        e_cushion=0.849,
         e_cushion_loss=0.01,
-        e_cushion_topspin=0.053,
-        e_cushion_tangent=0.18,
-        mu_cushion=0.207,
-        mu_cushion_angle=0.067,
+        e_cushion_topspin=0.042,
+        e_cushion_tangent=0.11,
+        mu_cushion=0.23,
     )
     return dataclasses.replace(_carom(n_balls), physics=physics)
 
