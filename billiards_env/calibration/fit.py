@@ -1,7 +1,7 @@
 """The fit of numbers that all shots share, together with the starts of the shots.
 
-The normal equations of the shared numbers have the starts eliminated (Schur complement), as in the adjustment of
-bundles of rays (Triggs et al. 2000, section 6). The loss is that of `starts.Normal`.
+The starts are eliminated from the normal equations (Schur complement), as in bundle adjustment (Triggs et al. 2000,
+section 6). The loss is that of `starts.Normal`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from billiards_env.scene import PARAMETERS, Scene
 from billiards_env.shots import records
 
 FIRST = 0.005
-"""m, the scale of the errors of rows after a contact before they are fitted for the first time."""
+"""m, the least scale of rows that no fit has used yet."""
 
 MANY = 8
 """Number of shots from which on intervals come from the spread over the shots."""
@@ -32,16 +32,16 @@ ENOUGH = 0.5
 """The least share of the rows until the second contact that are near their paths."""
 
 _STEPS, _FOLLOW = 25, 4  # most steps of a fit, and steps of the starts in each
-_CONVERGED, _JUMP = 1e-6, 5.0  # relative change of the loss, and the most that one shot counts
+_CONVERGED, _JUMP = 1e-6, 5.0  # relative change of the loss, and the most that one shot adds
 _RIDGE = 1e-10  # damping of the elimination of a start, for numbers that its rows do not determine
-_USUAL = 0.5, 0.05  # the standard deviation of a number over its start, and at least: that of other tables
-_FAR, _LEAST = 8.0, 0.02  # a row is far from its path: over the typical error, and m
+_USUAL = 0.5, 0.05  # standard deviation of the prior of a number: a share of its start, and at least this
+_FAR, _LEAST = 8.0, 0.02  # least error of a far row: in typical errors, and in m
 _RUN, _OF = 3, 4  # a track has left its path where 3 of 4 consecutive rows of a ball are far from it
-_WIDE = 0.5  # half of an interval over the number, above which the rows do not determine it
-_EDGE = 1e-6  # of the range of a number, where it is at its bound
-_SHARED = 8.0  # rows that those between two contacts count as, if the laws have errors
+_WIDE = 0.5  # largest half-interval over the number; above it, the number is not determined
+_EDGE = 1e-6  # relative distance to a bound, within which a number is at it
+_SHARED = 8.0  # the rows between two contacts count as at most this many
 _MOST_STATE = 64 * 2**20  # bytes
-_ROUNDS = 2  # fits in each stage, each with the rows that are near the paths of the one before
+_ROUNDS = 2  # fits in each stage, each with the rows near the paths of the previous fit
 
 
 class Fit(NamedTuple):
@@ -103,7 +103,7 @@ def bounds_of(names: Sequence[str]) -> Floats:
 
 
 def usual_of(fit: Fit) -> Floats:
-    """Returns the standard deviations of the numbers on other tables, (s,)."""
+    """Returns the prior standard deviations of the numbers, (s,)."""
     return np.maximum(_USUAL[0] * np.abs(numbers_of(fit.start, fit.names)), _USUAL[1])
 
 
@@ -134,7 +134,7 @@ def fit_shared(fit: Fit, contact: int) -> tuple[Fit, float]:
         for (start, _), part, shot in zip(found, parts, shots, strict=True):
             moved, fine = allowed(scene, start + part.follow @ (tried - numbers), shot)
             then.append(settle(changed, np.where(fine[:, None], moved, start), shot, names, _FOLLOW))
-        # A shot in which a contact appears or disappears jumps to another minimum; it does not decide alone.
+        # If a contact appears or disappears, a shot jumps to another minimum; `_JUMP` limits its effect.
         losses, others = (np.concatenate([normal.loss for _, normal in each]) for each in (found, then))
         away = (np.square((numbers - begun) / usual) - np.square((tried - begun) / usual)).sum()
         gain = np.clip(losses - others, -_JUMP, _JUMP).sum() + away
@@ -150,7 +150,7 @@ def fit_shared(fit: Fit, contact: int) -> tuple[Fit, float]:
 
 
 def fit_stage(fit: Fit, contact: int, noise: float) -> Fit:
-    """Fits the rows until a contact of the cue ball, from an earlier fit; the numbers only from the second contact on.
+    """Fits the starts to the rows until a contact of the cue ball; from the second contact on, the numbers too.
 
     Args:
         fit: The earlier fit.
@@ -168,11 +168,11 @@ def fit_stage(fit: Fit, contact: int, noise: float) -> Fit:
 
 
 def near_rows(scene: Scene, shots: list[Shot], contact: int, noise: float) -> list[Shot]:
-    """Returns shots with other rows that are used and other scales, from the errors of a fit until a contact.
+    """Returns shots with new used rows and new scales, from the errors of a fit until a contact.
 
-    The scale of a row comes from the typical error of rows after as many contacts of the cue ball. The part above the
-    noise is an error of the laws, which the rows of a shot between two contacts share. Together these rows count as
-    `_SHARED` rows.
+    The scale of a row comes from the typical error of rows after the same number of contacts. The part above the
+    noise is an error of the laws, which the rows of a shot between two contacts share. Together these rows count as at
+    most `_SHARED` rows.
     """
     off = np.hypot(*np.concatenate([errors(scene, shot) for shot in shots]).T)
     after = np.concatenate([shot.after for shot in shots])
@@ -195,9 +195,9 @@ def near_rows(scene: Scene, shots: list[Shot], contact: int, noise: float) -> li
 
 
 def leaves_at(shot: Shot, far: Bools) -> tuple[float, int]:
-    """Returns the time from which on the track of a ball leaves its path, s, and the ball; inf and -1 if none does.
+    """Returns the time at which a track first leaves its path, s, and the ball; inf and -1 if none does.
 
-    It is the first run of far rows: `_RUN` of `_OF` consecutive rows of a ball. Later rows do not matter.
+    There, at least `_RUN` of `_OF` consecutive rows of a ball are far.
     """
     found = [(np.inf, -1)]
     for ball in np.unique(shot.track.balls[far]):
@@ -209,7 +209,7 @@ def leaves_at(shot: Shot, far: Bools) -> tuple[float, int]:
 
 
 def covariance(fit: Fit, shots: Sequence[Shot]) -> Floats:
-    """Returns the covariance (s, s) of the shared numbers; that of other tables if the rows do not determine them.
+    """Returns the covariance (s, s) of the shared numbers; that of the prior if the rows do not determine them.
 
     From `MANY` shots on it is that of the jackknife: the numbers without one shot, in the linear approximation (Bell
     and McCaffrey 2002). It includes errors of the laws, which the rows of a shot share. The spread over fewer shots is

@@ -118,7 +118,7 @@ def fit_frame(scene: Scene, tracks: Sequence[Track], contacts: int) -> tuple[Fra
         for found in each:
             end = [one.time for one in found if one.ball == 0][contacts - 1 : contacts]
             speeds += [one.speed for one in found if one.other == CUSHION and one.time < min([*end, np.inf])]
-        give = lines.give * float(np.mean(speeds))
+        give = lines.give * float(np.mean(speeds)) if speeds else 0.0
     return Frame(tuple(offset.tolist()), tuple(scale.tolist()), angle), give
 
 
@@ -146,13 +146,13 @@ def check_frame(scene: Scene, tracks: Sequence[Track], contacts: Sequence[Contac
             expected = f"expected at most {_FASTEST:g}; are the times in seconds?"
             raise ValueError(f"{where}: {usual:.3g} m/s: {expected}")
         if way > 0.1 and fast * fast < 2.0 * rolls * way:
-            what = "a ball does not roll that far; are the times in seconds (not the numbers of frames)?"
+            what = "a ball does not roll that far; are the times in seconds (not frame numbers)?"
             raise ValueError(f"{where}: {way:.2g} m at {fast:.2g} m/s or less: {what}")
     lines = find_lines(contacts)
     error = _SHORT + 4.0 * _NEAR / np.sqrt(np.maximum(lines.counts, 1)) + noise
     for name, off, most in zip(_CUSHIONS, lines.at - np.repeat(reach, 2), error, strict=True):
         if abs(off) > most:
-            where = f"{abs(off):.3f} m {'before' if off < 0.0 else 'behind'} the cushion at {name}"
+            where = f"{abs(off):.3f} m {'short of' if off < 0.0 else 'beyond'} the cushion at {name}"
             raise ValueError(f"balls turn {where}: expected metres from the centre of the table, or frame='fit'")
 
 

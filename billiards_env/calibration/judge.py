@@ -33,7 +33,7 @@ class Judged(NamedTuple):
         predicted: For each of `AHEAD`, the errors of the cue ball, m, of the shots with rows then.
         sequence: (k,) bool, whether the cue ball has the contacts of the track until its third cushion, of the shots
             with three cushions.
-        shots: m.
+        shots: The number m of shots.
     """
 
     errors: dict[int, Floats]

@@ -66,7 +66,7 @@ def find_problems(scene: Scene, shot: Shot) -> list[Problem]:
 
 
 def _contact(scene: Scene, shot: Shot, ball: int, leave: float) -> tuple[str, str]:
-    """Returns the kind of the problem of a track that leaves the model, and what is there and when."""
+    """Returns the kind of problem of a track that leaves the model, and a text with the contact and its time."""
     events: Any = simulated(scene, shot).events
     kinds, times = events["kind"], events["time"] + shot.begin + shot.starts[0, INSTANT]
     partner = np.where(events["ball"] == ball, events["other"], events["ball"])

@@ -101,7 +101,7 @@ class Shot(NamedTuple):
 
 
 def drop_clipped(tracks: Sequence[Track]) -> tuple[list[Track], int]:
-    """Returns tracks without rows at the border of a picture, many at one extreme coordinate, and their number."""
+    """Returns tracks without rows clipped at the border of a picture, and the number of clipped rows."""
     places = np.concatenate([track.positions for track in tracks])
     clipped = np.zeros(len(places), np.bool_)
     for values in (*places.T, *-places.T):

@@ -33,7 +33,7 @@ SPINS = (0.1, 0.7, 0.7)
 the vertical, over v / R: wide for the last two, which players choose."""
 
 _STEPS = 30  # most steps of `settle`
-_HALVES = (10, 3), (5, 4), (3, 8), (1, 6)  # the starts that a search keeps, after some steps each
+_HALVES = (10, 3), (5, 4), (3, 8), (1, 6)  # starts that a search keeps, and the steps before that
 _CONVERGED, _EXACT = 1e-6, 1e-14  # relative and absolute change of the loss
 
 
@@ -137,9 +137,11 @@ def allowed(scene: Scene, starts: Floats, shot: Shot) -> tuple[Floats, Bools]:
     spins, places = moved[:, SPIN], moved[:, PLACES].reshape(len(moved), -1, 2)  # views
     np.clip(spins, -most, most, out=spins, where=np.isnan(shot.known[SPIN]))
     both = shot.in_play[:, None] & shot.in_play & ~np.eye(len(radius), dtype=np.bool_)
+    order = np.sign(np.subtract.outer(np.arange(len(radius)), np.arange(len(radius))))  # for balls at one place
     bad = np.zeros(len(moved), np.bool_)
     for _ in range(20):
         line = places[:, :, None] - places[:, None]
+        line[..., 0] += 1e-9 * order * (line == 0.0).all(axis=-1)
         distance = np.maximum(np.hypot(*np.moveaxis(line, -1, 0)), 1e-9)
         close = shot.in_play & (scene.table.clearance(places) < radius)
         overlap = both & (distance < reach)
@@ -210,7 +212,7 @@ def _with_spin_prior(scene: Scene, shot: Shot) -> Shot:
 
 
 def search(scene: Scene, shot: Shot) -> Shot:
-    """Returns a shot with the best start: fits from its starts, and from the same starts with other spins.
+    """Returns a shot with its best start, fitted from its starts and from copies with other spins.
 
     The loss has several minima over the spin: the ball may slip or stick at each of its contacts. The worse half of the
     fits ends after a few steps (successive halving).

@@ -93,7 +93,7 @@ class Trajectory(NamedTuple):
         return self.velocities_on(self._pieces(ball, times), times)
 
     def velocities_on(self, pieces: NDArray[np.intp], times: Floats) -> Floats:
-        """Returns the velocities on some pieces (m,) at some times (m,), s, (m, 2) m/s."""
+        """Returns the velocities (m, 2), m/s, on pieces (m,) at times (m,), s."""
         since, rows = self._since(pieces, times), self.rows[pieces]
         moves = self.moving[pieces] & (since < rows[:, LASTS])
         return np.where(moves[:, None], rows[:, [VX, VY]] + since[:, None] * rows[:, [AX, AY]], 0.0)

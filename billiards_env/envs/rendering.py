@@ -100,7 +100,7 @@ class Renderer:
 
     Attributes:
         render_mode: One of `RENDER_MODES`.
-        n_shown: Number of environments that are drawn, the first ones: all, or one in a window.
+        n_shown: Number of environments that are drawn: one in a window, otherwise all.
     """
 
     def __init__(self, scene: Scene, render_mode: str, count: int = 1) -> None:

@@ -576,7 +576,7 @@ def _match_carom(n_balls: int) -> Scene:
     mu_slide 0.180 to 0.201, mu_roll 0.0029 to 0.0036, mu_roll_speed 0.0023 to 0.0050 s/m, e_ball 0.920 to 0.958,
     mu_ball_factor 3.8 to 4.6, e_cushion 0.834 to 0.863, e_cushion_topspin 0.029 to 0.056, e_cushion_tangent 0.09 to
     0.13 and mu_cushion 0.222 to 0.237. The shots do not determine spin_decay and e_cushion_loss. The command is `python
-    -m benchmarks.real_tracks`. Its table is larger, by as much as the cushions yield.
+    -m benchmarks.real_tracks`. The fitted table is larger, by as much as the cushions yield.
     """
     physics = Physics(
         ball_ball="frictional",

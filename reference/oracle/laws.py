@@ -307,8 +307,8 @@ def _restitution(world: World, speed: Real) -> Real:
 def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real, reversed_share: Real = 0) -> Vector:
     """Returns the state after a cushion by Han (2005), Dynamics in Carom and Three Cushion Billiards.
 
-    The mass is 1, and x points into the cushion. Friction that stops the slip reverses a share of the slip along the
-    cushion.
+    The mass is 1, and x points into the cushion. Friction that is large enough stops the slip up or
+    down the nose and reverses `reversed_share` of the slip along the cushion.
     """
     radius = world.radius[ball]
     sin = world.cushion_height / radius - 1

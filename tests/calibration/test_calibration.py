@@ -103,11 +103,11 @@ def free_shot(scene, given=None):
 
 def test_overlapping_balls_and_balls_in_a_cushion_are_moved():
     scene = Scene.named("real_pool", 1)
-    start = np.zeros((2, 10))
-    start[:, PLACES] = [0.0, 0.0, 0.04, 0.0], [0.5, 0.0, 0.3, 0.6349]
+    start = np.zeros((3, 10))
+    start[:, PLACES] = [0.0, 0.0, 0.04, 0.0], [0.5, 0.0, 0.3, 0.6349], [0.1, 0.1, 0.1, 0.1]
     moved, fine = allowed(scene, start, free_shot(scene))
     assert fine.all()
-    check_positions(scene, moved[:, PLACES].reshape(2, 2, 2))
+    check_positions(scene, moved[:, PLACES].reshape(3, 2, 2))
     assert np.abs(moved - start).max() < 0.05
 
 

@@ -32,7 +32,7 @@ def impact(before, nose, slips, rebound, mu, e):
     Args:
         before: As in `han2005`.
         nose: The `Nose`.
-        slips: The slips that the friction stops if it is large enough: the result of `slip_at`, or more.
+        slips: The changes of the slip if the friction is large enough: the result of `slip_at`, or larger.
         rebound: As in `han2005`.
         mu: The friction.
         e: The restitution.

@@ -10,7 +10,8 @@ is a simple form of these effects:
 Here phi is the angle between the velocity and the normal, s is the slip at the nose, omega_t is the spin along the
 cushion (v_n / R for a ball that rolls), and e(v_n) is the restitution of the other cushions. If mu does not limit the
 friction, the impact stops the slip up or down the nose and reverses the share e_cushion_tangent of the slip along the
-cushion, as with a nose that yields sideways (Stronge 2000).
+cushion, as with a nose that yields sideways (Stronge 2000). If mu limits the friction, it has the direction of this
+impulse.
 """
 
 from __future__ import annotations
