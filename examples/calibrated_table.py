@@ -23,9 +23,17 @@ from billiards_env.sb3 import PPO_SETTINGS, AimPolicy, SameStepVecEnv
 from billiards_env.scene import Physics, layouts
 
 DEFAULT = dataclasses.replace(Scene.named("carom"), physics=Physics(ball_ball="frictional"))
-NUMBERS = {"mu_slide": 0.19, "mu_roll": 0.0046, "spin_decay": 1.0, "e_ball": 0.914, "mu_ball_factor": 3.8}
-CUSHIONS = {"e_cushion": 0.847, "mu_cushion": 0.252}
-TABLE = dataclasses.replace(DEFAULT, physics=Physics(ball_ball="frictional", **NUMBERS, **CUSHIONS))
+NUMBERS = Physics(
+    ball_ball="frictional",
+    mu_slide=0.19,
+    mu_roll=0.0046,
+    spin_decay=1.0,
+    e_ball=0.914,
+    mu_ball_factor=3.8,
+    e_cushion=0.847,
+    mu_cushion=0.252,
+)
+TABLE = dataclasses.replace(DEFAULT, physics=NUMBERS)
 """A table whose cloth is faster, and whose balls have more friction, than those of `DEFAULT`."""
 FREE = ("mu_slide", "mu_roll", "e_ball", "e_cushion", "mu_cushion")
 TURN, SPEED = 0.002, 0.02
