@@ -129,7 +129,7 @@ def test_one_far_row_never_ends_a_track():
         (lambda t, p: (t, p[:, ::-1]), "beyond the cushion: are x and y exchanged"),
         (
             lambda t, p: (50.0 * t, p),
-            r"a ball does not roll that far; are the times in seconds \(not the numbers of frames\)",
+            r"a ball does not roll that far; are the times in seconds \(not frame numbers\)",
         ),
         (lambda t, p: (t / 50.0, p), r"m/s: expected at most 20; are the times in seconds"),
     ],
