@@ -197,7 +197,7 @@ def test_pot_margins_of_other_shots_are_refused():
     pit = gym.make("billiards_env:Billiards-v0", mode="pit", dt=0.01)
     for env, text in (
         (strikes, r"env\.action = 'strike': expected 'velocity'"),
-        (pit, r"env\.engine = PIT, dt = 10 ms: expected PIC"),
+        (pit, r"env\.engine = PIT, dt = 1/100 s: expected PIC"),
     ):
         with pytest.raises(ValueError, match=text):
             pot_margins(env, torch.zeros(1, 2, 2), torch.zeros(1, 2))

@@ -86,8 +86,11 @@ class Engine:
         object.__setattr__(self, "dt", float(dt))
 
     def __str__(self) -> str:
-        timestep = "" if self.dt is None else f", dt = {1000 * self.dt:.4g} ms"
-        return self.mode.upper() + timestep + (f", {self.fix}" if self.fix else "")
+        if self.dt is None:
+            return self.mode.upper()
+        steps = round(1.0 / self.dt)
+        dt = f"1/{steps}" if steps > 1 and 1.0 / steps == self.dt else f"{self.dt:.4g}"
+        return f"{self.mode.upper()}, dt = {dt} s" + (f", {self.fix}" if self.fix else "")
 
 
 PIC = Engine()

@@ -39,14 +39,14 @@ def test_moves_is_true_only_for_moving_balls(shot):
 
 
 def test_the_label_names_the_engine(shot, pit, unrecorded):
-    assert (shot.engine, pit.engine) == ("PIC", "PIT, dt = 16.67 ms")
+    assert (shot.engine, pit.engine) == ("PIC", "PIT, dt = 1/60 s")
     assert shot.scene is not None
     assert shot.scene.n_balls == 5
     assert (unrecorded.engine, unrecorded.scene) == ("", None)
     back = simulate(
         Scene.named("pool", 0), [[0.0, 0.0]], [1.0, 0.2], engine=Engine("pit", 0.001, "move_back"), record=True
     )
-    assert back.engine == "PIT, dt = 1 ms, move_back"
+    assert back.engine == "PIT, dt = 1/1000 s, move_back"
 
 
 def test_a_film_ends_when_the_shot_does():

@@ -92,7 +92,7 @@ BATCHES = [
     (many(max_events=1.5), "max_events = 1.5: expected a whole number from 0 to 1000000000"),
     (many(engine="pit"), "engine = 'pit': expected an Engine, such as Engine('pit', dt=1/60)"),
     (many(max_time=-1), "max_time = -1: expected a number from 0 to 1e+12 s"),
-    (many(engine=Engine("pit", 0.01), record=True), "record = True with engine PIT, dt = 10 ms: expected PIC"),
+    (many(engine=Engine("pit", 0.01), record=True), "record = True with engine PIT, dt = 1/100 s: expected PIC"),
     (lambda: many()()[2], "batch[2]: expected an index from -2 to 1"),
     (many(physics={"mu_rol": [1, 1]}), "key of physics = 'mu_rol': expected one of "),
     (many(physics={"mu_roll": [0.1]}), "physics['mu_roll'] has shape (1,): expected (2,)"),
