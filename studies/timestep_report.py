@@ -1,8 +1,7 @@
 """Summarizes the timestep study: statistics over the seeds, tables and pictures.
 
 The statistics follow Agarwal et al. (2021), Deep Reinforcement Learning at the Edge of the Statistical Precipice:
-interquartile means with 95% bootstrap intervals over the seeds, and probabilities of improvement.
-The layouts are the same for all policies.
+interquartile means with 95% bootstrap intervals over the seeds. The layouts are the same for all policies.
 """
 
 from __future__ import annotations
@@ -63,12 +62,6 @@ def gap(a: Floats, b: Floats) -> Any:
     return interquartile_mean(a) - interquartile_mean(b)
 
 
-def improvement(a: Floats, b: Floats) -> Any:
-    """Returns the probability that a run of a is better than one of b; equal runs count half."""
-    a, b = a[..., :, None], b[..., None, :]
-    return ((a > b) + 0.5 * (a == b)).mean((-1, -2))
-
-
 def share(values: Floats) -> str:
     """Returns the interquartile mean of shares and its interval as text."""
     low, high = bootstrap(interquartile_mean, values)
@@ -125,11 +118,8 @@ def _main(result: Result, main: Mapping[str, list[dict[str, Any]]], exact: Float
     rows = []
     for world, runs in main.items():
         compared = _compared(result, runs, None if world == EXACT else exact)
-        better, false = f"{improvement(rates(result, runs, EXACT), exact):.0%}", share(false_shares(runs))
-        seconds = f"{min(run['curve'][-1]['seconds'] for run in runs):.0f} s"
-        rows.append((_name(world), *compared, *(("", "") if world == EXACT else (better, false)), seconds))
-    more = ("probability of beating exact training", "false successes", "fastest training")
-    return table(("trained in", *_COMPARED, *more), rows)
+        rows.append((_name(world), *compared, "" if world == EXACT else share(false_shares(runs))))
+    return table(("trained in", *_COMPARED, "false successes"), rows)
 
 
 def _aim(main: Mapping[str, list[dict[str, Any]]]) -> str:
@@ -214,7 +204,7 @@ def _seeds(result: Result, parts: Sequence[Sequence[Mapping[str, Any]]]) -> str:
         values = rates(result, runs, EXACT)
         shots, seconds = runs[0]["curve"][-1]["shots"], min(run["curve"][-1]["seconds"] for run in runs)
         rows.append((f"{shots:,}", str(len(values)), share(values), f"{np.ptp(values):.1%}", f"{shots / seconds:,.0f}"))
-    return table(("shots", "seeds", "success", "best less worst seed", "most shots/s, one core"), rows, left=0)
+    return table(("shots", "seeds", "success", "spread over seeds", "peak shots/s, one core"), rows, left=0)
 
 
 def draw(result: Result, folder: Path) -> None:

@@ -196,8 +196,6 @@ def test_the_predicted_error_makes_up_for_the_timestep_on_average(degrees):
 
 
 def test_the_statistics_of_the_report():
-    a, b = np.array([0.5, 0.6, 0.7]), np.array([0.5, 0.4])
-    assert timestep_report.improvement(a, b) == (0.5 + 5) / 6
     assert timestep_report.gap(np.array([[0.1, 0.2], [0.3, 0.4]]), np.array([0.1])).round(9).tolist() == [0.05, 0.25]
     runs = [
         {"aim": {"cut angle": [[1, 2.0, 4.0], [0, 0.0, 0.0]]}},
