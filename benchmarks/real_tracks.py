@@ -102,9 +102,9 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     return {
         "how": f"{shots} shots were fitted with `{result['cushion']}` cushions, in {result['seconds']:.0f} s of "
         f"processor time; {result['judged_shots']} shots were judged{each}.",
-        "summary": f"{result['judged']['rows_5mm_contact2']:.0%} of the recorded positions are within 5 mm of the "
-        f"computed path until the second contact of the cue ball, in {result['judged_shots']} shots. The numbers of "
-        f"the model are fitted to {fitted} other shots, and only the start to the shot itself.",
+        "summary": f"Until the second contact of the cue ball, {result['judged']['rows_5mm_contact2']:.0%} of the "
+        f"recorded positions of {result['judged_shots']} shots are within 5 mm of the computed path. For each shot the "
+        f"constants of the model are fitted to {fitted} other shots. Only the start is fitted to the shot itself.",
         "judged": table(("", "judged shots", "fitted shots", "target"), rows),
         "numbers": table(("number", "fitted", "95% interval"), numbers),
         **({"laws": table(("law of cushions", "loss over the least"), laws)} if laws else {}),

@@ -157,12 +157,12 @@ def blocks(found: Result) -> dict[str, str]:
         "machine": machine_line(runs(pot)[0]["machine"]),
         "table": table(head, lines, left=2),
         "solved": _solved(found, others),
-        "summary": f"`make train` trains for {max(run['curve'][-1][1] for run in runs(pot)):.0f} s on one core. The "
-        f"policy learns from the positions of the balls alone. It then pots the ball on "
-        f"{as_percent(over_seeds(mean_rates(pot, 'Pot1-v0')))} of new layouts (mean of {len(runs(pot))} seeds, 95% "
-        f'interval), before the training on {first:.1%}. After as many shots `PPO("MlpPolicy")` pots '
-        f"{np.mean(mean_rates(usual, 'Pot1-v0')):.1%}. Random shots pot {others['Pot1-v0']['random']:.1%}, and a "
-        f"search of 200 shots for each layout {others['Pot1-v0']['search:200']:.1%}.",
+        "summary": f"The training takes at most {max(run['curve'][-1][1] for run in runs(pot)):.0f} s on one core. The "
+        f"policy then pots the ball on {as_percent(over_seeds(mean_rates(pot, 'Pot1-v0')))} of new layouts (mean of "
+        f"{len(runs(pot))} seeds, 95% interval), up from {first:.1%} before the training. With as many shots "
+        f'`PPO("MlpPolicy")` reaches {np.mean(mean_rates(usual, "Pot1-v0")):.1%}. Random shots pot '
+        f"{others['Pot1-v0']['random']:.1%}, and a search of 200 shots for each layout "
+        f"{others['Pot1-v0']['search:200']:.1%}.",
     }
 
 
