@@ -24,7 +24,7 @@ import numpy as np
 
 from billiards_env.checks import missing
 from billiards_env.scene import Scene
-from billiards_env.shots.functions import Shots
+from billiards_env.shots.functions import ShotFunction
 from billiards_env.shots.gradients import MARGINS, margin_columns
 
 try:
@@ -84,7 +84,7 @@ def simulate(
     own = {name: starts.get(name, ()) for name in arrays}  # the axes of one shot
     lead = jnp.broadcast_shapes(*(array.shape[: array.ndim - len(own[name])] for name, array in arrays.items()))
     arrays = {name: jnp.broadcast_to(array, lead + own[name]) for name, array in arrays.items()}
-    shots = Shots(scene, tuple(arrays), names, {"in_play": in_play, "max_time": max_time, "threads": threads})
+    shots = ShotFunction(scene, tuple(arrays), names, {"in_play": in_play, "max_time": max_time, "threads": threads})
     sizes = starts | {name: (n, columns.stop - columns.start) for name, columns in margin_columns(scene).items()}
 
     def on_host(work: Callable[[list[Any]], list[Any]]) -> Callable[..., Any]:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from billiards_env.checks import missing
 from billiards_env.engine import PIC
 from billiards_env.scene import Scene
-from billiards_env.shots.functions import STARTS, Shots
+from billiards_env.shots.functions import STARTS, ShotFunction
 from billiards_env.shots.gradients import MARGINS
 from billiards_env.shots.simulation import BatchResult
 
@@ -99,7 +99,7 @@ def simulate(
     constants = {"radius": radius, "mass": mass, **numbers}
     tensors |= {name: tensor for name, tensor in constants.items() if tensor is not None}
     options = {"physics": varied, "in_play": in_play, "max_time": max_time, "threads": threads}
-    shots = _Shots(scene, tuple(tensors), names, options)
+    shots = _TensorShots(scene, tuple(tensors), names, options)
     shots.record = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors.values())
     found = cast(tuple[Tensor, ...], _Simulate.apply(shots, *tensors.values()))
     outputs = {name: output[0] if single else output for name, output in zip(names, found, strict=True)}
@@ -150,7 +150,7 @@ def pot_margins(
 
 
 @dataclasses.dataclass
-class _Shots(Shots):
+class _TensorShots(ShotFunction):
     """Shots as a function of tensors.
 
     Attributes:
@@ -179,7 +179,7 @@ class _Shots(Shots):
         if np.ndim(in_play) == 2:
             in_play = np.tile(in_play, (size, 1))
         varied = {name: np.tile(values, size) for name, values in (self.options["physics"] or {}).items()}
-        return _Shots(
+        return _TensorShots(
             self.scene, self.inputs, self.outputs, {**self.options, "physics": varied, "in_play": in_play}
         ), *out
 
@@ -193,7 +193,7 @@ def _tensors(arrays: Sequence[Any], like: Tensor) -> tuple[Tensor, ...]:
 
 
 class _OfShots(Function):
-    """A function whose first argument is a `_Shots`. The other arguments and the results are tensors.
+    """A function whose first argument is a `_TensorShots`. The other arguments and the results are tensors.
 
     All tensors but the constants of the scene have an axis of shots, so `vmap` runs its batches as one batch.
     """
@@ -226,7 +226,7 @@ class _Simulate(_OfShots):
     """Inputs to outputs."""
 
     @staticmethod
-    def forward(shots: _Shots, *inputs: Tensor) -> tuple[Tensor, ...]:
+    def forward(shots: _TensorShots, *inputs: Tensor) -> tuple[Tensor, ...]:
         has_margins = bool(set(shots.outputs) & set(MARGINS))
         batch = shots.run(list(map(_array, inputs)), shots.record or has_margins)
         shots.batch = batch if shots.record else None
@@ -251,7 +251,7 @@ class _Vjp(_OfShots):
     """Inputs, and cotangents of the outputs, to cotangents of the inputs of each shot."""
 
     @staticmethod
-    def forward(shots: _Shots, *tensors: Tensor) -> tuple[Tensor, ...]:
+    def forward(shots: _TensorShots, *tensors: Tensor) -> tuple[Tensor, ...]:
         k = len(shots.inputs)
         return _tensors(shots.vjp(shots.recorded(tensors[:k]), list(map(_array, tensors[k:]))), tensors[1])
 
@@ -260,6 +260,6 @@ class _Jvp(_OfShots):
     """Inputs, and tangents of the inputs of each shot, to tangents of the outputs."""
 
     @staticmethod
-    def forward(shots: _Shots, *tensors: Tensor) -> tuple[Tensor, ...]:
+    def forward(shots: _TensorShots, *tensors: Tensor) -> tuple[Tensor, ...]:
         k = len(shots.inputs)
         return _tensors(shots.jvp(shots.recorded(tensors[:k]), list(map(_array, tensors[k:]))), tensors[1])

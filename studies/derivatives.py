@@ -76,7 +76,7 @@ STYLES: dict[str, dict[str, Any]] = {
 Floats = NDArray[np.float64]
 
 
-class Shots(NamedTuple):
+class SceneShots(NamedTuple):
     """Shots of n balls in one scene: positions (m, n, 2), m, and velocities of the cue ball (m, 2), m/s."""
 
     scene: Scene
@@ -88,9 +88,9 @@ class Shots(NamedTuple):
         moving = self.velocities + change
         return simulate_batch(self.scene, self.positions, moving, engine=engine, record=record, threads=1)
 
-    def part(self, chosen: Any) -> Shots:
+    def part(self, chosen: Any) -> SceneShots:
         """Returns some of the shots."""
-        return Shots(self.scene, self.positions[chosen], self.velocities[chosen])
+        return SceneShots(self.scene, self.positions[chosen], self.velocities[chosen])
 
 
 def pit(steps: int, fix: str) -> Engine:
@@ -102,7 +102,7 @@ CELLS = {f"{fix} 1/{steps} s": pit(steps, fix) for steps in STEPS for fix in FIX
 """The engines with a timestep."""
 
 
-def draw_shots() -> Shots:
+def draw_shots() -> SceneShots:
     """Returns random shots with one object ball. The cue ball is aimed at it, at any cut."""
     scene, rng = Scene.named("pool", 1), np.random.default_rng(SEED)
     positions = np.array([layouts.draw("random", scene, rng) for _ in range(DRAWN)])
@@ -111,7 +111,7 @@ def draw_shots() -> Shots:
     offset = rng.uniform(-0.95, 0.95, DRAWN) * sum(scene.balls.radius[:2])
     headings = np.arctan2(y, x) + np.arcsin(offset / np.hypot(x, y))
     speeds = rng.uniform(SLOWEST, FASTEST, DRAWN)[:, None]
-    return Shots(scene, positions, speeds * np.c_[np.cos(headings), np.sin(headings)])
+    return SceneShots(scene, positions, speeds * np.c_[np.cos(headings), np.sin(headings)])
 
 
 def outcomes(batch: BatchResult) -> NDArray[np.int64]:
@@ -124,7 +124,7 @@ def exact_derivatives(batch: BatchResult) -> Floats:
     return batch.jacobian("positions", "velocities", threads=1)[:, :, :, 0]
 
 
-def differences(shots: Shots, h: float, engine: Engine = PIC) -> Floats:
+def differences(shots: SceneShots, h: float, engine: Engine = PIC) -> Floats:
     """Returns central differences with a change of `h`, m/s, in each direction, shaped as `exact_derivatives`."""
     changes = h * np.eye(2)
     ends = [shots.run(change, engine).positions - shots.run(-change, engine).positions for change in changes]
@@ -172,7 +172,7 @@ def errors(found: Mapping[str, Any], cell: str) -> dict[str, float]:
     return errors_of(draw_shots().part(found["chosen"]["numbers"]), CELLS.get(cell, PIC))
 
 
-def errors_of(shots: Shots, engine: Engine) -> dict[str, float]:
+def errors_of(shots: SceneShots, engine: Engine) -> dict[str, float]:
     """Returns the median errors of an engine in shots, see `errors`."""
     exact = shots.run(record=True)
     derivatives = exact_derivatives(exact)
@@ -253,17 +253,17 @@ def velocities(network: nn.Module, layouts: Floats) -> Tensor:
     return speeds[:, None] * torch.stack((headings.cos(), headings.sin()), 1)
 
 
-def shots_of(network: nn.Module, layouts: Floats) -> Shots:
+def shots_of(network: nn.Module, layouts: Floats) -> SceneShots:
     """Returns the shots of a network."""
-    return Shots(SCENE, layouts[:, :2], velocities(network, layouts).detach().numpy())
+    return SceneShots(SCENE, layouts[:, :2], velocities(network, layouts).detach().numpy())
 
 
-def misses(shots: Shots, layouts: Floats, world: str) -> Floats:
+def misses(shots: SceneShots, layouts: Floats, world: str) -> Floats:
     """Returns the vectors from the goals to the object balls at the end of the shots in a world, (m, 2), m."""
     return shots.run(engine=WORLDS[world]).positions[:, 1] - layouts[:, 2]
 
 
-def slopes(shots: Shots, layouts: Floats, world: str, derivative: str) -> Floats:
+def slopes(shots: SceneShots, layouts: Floats, world: str, derivative: str) -> Floats:
     """Returns the gradients of the squared distances by the velocities, (m, 2), m s, with the length `LONGEST` at most.
 
     Args:
@@ -282,7 +282,7 @@ def slopes(shots: Shots, layouts: Floats, world: str, derivative: str) -> Floats
     return found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True) / LONGEST, 1.0)
 
 
-def same_signs(shots: Shots, layouts: Floats, world: str, derivative: str) -> float:
+def same_signs(shots: SceneShots, layouts: Floats, world: str, derivative: str) -> float:
     """Returns the share of shots whose `slopes` along the velocity have the sign of those in exact physics."""
     along = (
         (slopes(shots, layouts, *of) * shots.velocities).sum(1) for of in ((world, derivative), ("exact", "exact"))
@@ -313,7 +313,7 @@ def learn_goals(world: str, derivative: str, seed: int) -> dict[str, Any]:
     for _ in range(0 if derivative == UNTRAINED else UPDATES):
         layouts = draw_layouts(BATCH, rng)
         actions = velocities(network, layouts)
-        shots = Shots(SCENE, layouts[:, :2], actions.detach().numpy())
+        shots = SceneShots(SCENE, layouts[:, :2], actions.detach().numpy())
         optimiser.zero_grad()
         (actions * torch.as_tensor(slopes(shots, layouts, world, derivative))).sum(1).mean().backward()
         optimiser.step()
@@ -336,7 +336,7 @@ WIDTH, LINEAR = 0.03, 0.03
 """m, the scale of the loss of a margin, and the largest change of an action for which a margin counts as linear."""
 
 
-class Pots(NamedTuple):
+class PotBatch(NamedTuple):
     """Shots of a batch.
 
     Attributes:
@@ -417,7 +417,7 @@ def _layers(inputs: int, hidden: int, outputs: int) -> nn.Sequential:
     return nn.Sequential(*layers, nn.Linear(hidden, outputs))
 
 
-def loss_of(network: Network, played: Pots) -> Tensor:
+def loss_of(network: Network, played: PotBatch) -> Tensor:
     """Returns the loss of shots. Its gradient by an action has at most length 1, and is 0 far from the shot."""
     directions, logits = network(played.positions, played.pockets)
     actions = torch.tensor(SPEEDS)[played.speeds, None] * directions
@@ -432,7 +432,7 @@ def loss_of(network: Network, played: Pots) -> Tensor:
     return ((0.1 * error - (actions * push).sum(1)) * (change.norm(dim=1) < LINEAR)).mean()
 
 
-def play_pots(network: Network, envs: BilliardsVectorEnv) -> Pots:
+def play_pots(network: Network, envs: BilliardsVectorEnv) -> PotBatch:
     """Plays a shot in a new layout of each environment."""
     seen = torch.as_tensor(envs.decode(envs.reset()[0])["positions"])
     positions = torch.as_tensor(envs.positions)
@@ -442,7 +442,7 @@ def play_pots(network: Network, envs: BilliardsVectorEnv) -> Pots:
     (slopes,) = torch.autograd.grad(margins.sum(), actions)
     actions, margins = actions.detach(), margins.detach()
     succeeded = torch.as_tensor(envs.step(actions.numpy())[-1]["final_info"]["is_success"])
-    return Pots(seen, pockets, speeds, actions, margins, slopes, (margins > 0) & ~succeeded)
+    return PotBatch(seen, pockets, speeds, actions, margins, slopes, (margins > 0) & ~succeeded)
 
 
 def learn_pots(seed: int, shots: int) -> float:
@@ -456,7 +456,7 @@ def learn_pots(seed: int, shots: int) -> float:
     random = np.random.default_rng(seed)
     envs = make_vector_env(POT_BATCH, threads=1)
     envs.reset(seed=POT_BATCH * seed)
-    network, memory = Network(envs.single_env.scene), deque[Pots](maxlen=MEMORY)
+    network, memory = Network(envs.single_env.scene), deque[PotBatch](maxlen=MEMORY)
     optimiser, steps = torch.optim.Adam(network.parameters()), max(1, shots // POT_BATCH)
     for k in tqdm(range(steps), unit="batch", desc=f"{shots:,} shots, seed {seed}", leave=False):
         for group in optimiser.param_groups:
@@ -585,11 +585,11 @@ def draw_errors(found: Mapping[str, Any], path: Path) -> None:
     save(figure, path)
 
 
-def bounces(speeds: Floats) -> Shots:
+def bounces(speeds: Floats) -> SceneShots:
     """Returns shots of 1 s in which a ball bounces off a cushion at right angles, without friction and without loss."""
     physics = Physics(motion="ideal", cushion="restitution", e_cushion=1.0, max_time=1.0)
     scene = Scene(Balls((0.03,), (0.2,)), Table(2.0, 1.0), physics)
-    return Shots(scene, np.zeros((len(speeds), 1, 2)), np.c_[speeds, np.zeros_like(speeds)])
+    return SceneShots(scene, np.zeros((len(speeds), 1, 2)), np.c_[speeds, np.zeros_like(speeds)])
 
 
 def draw_reason(path: Path) -> None:

@@ -32,7 +32,7 @@ from billiards_env.engine import Engine
 from billiards_env.files import replacing
 from billiards_env.games import History, Setup, opening
 from billiards_env.play import panel
-from billiards_env.play.model import HUMAN, Model, aim_like, begin, go, set_tip, shoot, tick
+from billiards_env.play.model import HUMAN, WindowModel, aim_like, begin, go, set_tip, shoot, tick
 from billiards_env.play.view import View
 from billiards_env.players.levels import with_noise
 from billiards_env.players.named import find_player
@@ -188,7 +188,7 @@ def _draw_failure(
     ax.set_facecolor("#dfe9e2")
 
 
-def window() -> Model:
+def window() -> WindowModel:
     """Returns a nine ball game after the break: the aim is that of the geometric player, with an offset of the tip."""
     rng = np.random.default_rng(WINDOW["seed"])
     setup = Setup("nine_ball", Scene.named("real_pool", 9))
@@ -203,7 +203,7 @@ FILM: dict[str, Any] = {"noise": (0.057, 0.02), "shots": 3000, "width": 480, "pa
 (pixels), the playback speed, and how long it shows a frame and a plan, s."""
 
 
-def run_out(seed: int) -> list[tuple[Model, str]] | None:
+def run_out(seed: int) -> list[tuple[WindowModel, str]] | None:
     """Plays a rack of nine ball with the planner.
 
     Returns:
@@ -220,7 +220,7 @@ def run_out(seed: int) -> list[tuple[Model, str]] | None:
     return [*plans, (model, "")] if model.game.state.winner == 0 else None
 
 
-def frames(models: Sequence[tuple[Model, str]]) -> Iterator[tuple[Image.Image, float]]:
+def frames(models: Sequence[tuple[WindowModel, str]]) -> Iterator[tuple[Image.Image, float]]:
     """Yields the images of a film and their durations, s: each plan, and the shot that follows."""
     view = View(models[0][0].setup.scene, FILM["width"])
     for (model, text), (following, _) in itertools.pairwise(models):
@@ -232,7 +232,7 @@ def frames(models: Sequence[tuple[Model, str]]) -> Iterator[tuple[Image.Image, f
     yield Image.fromarray(pixels(view.draw(models[-1][0]))), 2 * FILM["plan"]
 
 
-def film(path: Path, models: Sequence[tuple[Model, str]]) -> None:
+def film(path: Path, models: Sequence[tuple[WindowModel, str]]) -> None:
     """Writes a film, .gif, completely or not at all."""
     images = list(frames(models))
     # All balls are in the first image. They have few pixels, and an octree keeps their colours.

@@ -143,7 +143,7 @@ def throw_formula(speed: float, cut: ArrayLike, side: ArrayLike = 0.0, roll: Arr
     return np.degrees(np.arctan(np.where(slip > 0, tangent, 0.0)))
 
 
-class Frozen(NamedTuple):
+class FrozenPair(NamedTuple):
     """A cue ball that is frozen to an object ball and struck.
 
     Attributes:
@@ -155,13 +155,13 @@ class Frozen(NamedTuple):
     ratio: float
 
 
-def frozen(speed: float) -> Frozen:
+def frozen(speed: float) -> FrozenPair:
     """Returns the shots of a cue that moves at `speed`, in the directions of `FROZEN`."""
     scene, angles = Scene(Balls.uniform(2), TABLE, FRICTIONAL), np.radians([angle for angle, _ in FROZEN])
     positions = np.broadcast_to([[0.0, 0.0], [2 * POOL_RADIUS, 0.0]], (len(FROZEN), 2, 2))
     velocities = simulate_batch(scene, positions, strike(scene, speed, -angles), max_time=INSTANT).velocities
     full = np.hypot(*velocities[0].T)
-    return Frozen((-direction(velocities[:, 0])).tolist(), float(full[0] / full[1]))
+    return FrozenPair((-direction(velocities[:, 0])).tolist(), float(full[0] / full[1]))
 
 
 def frozen_pair(speed: float) -> float:

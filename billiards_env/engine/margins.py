@@ -79,7 +79,7 @@ class MarginsOut(NamedTuple):
     slope: Any
 
 
-class Pass(NamedTuple):
+class MarginPass(NamedTuple):
     """The pass over one shot.
 
     Attributes:
@@ -116,7 +116,7 @@ def _set(meeting, margin, normal, rate, now, over):  # out: over
         normal: Unit vector (x, y) from the ball towards the other body.
         rate: As in `MarginsOut`.
         now: The `Time` at which the two are nearest. The lanes then have the positions at this time.
-        over: The `Pass`.
+        over: The `MarginPass`.
     """
     (kind, i, j), (nx, ny), out, tape, shot = meeting, normal, over.out, over.tape, over.shot
     count, lanes, q, changing = len(out.slope), tape.lanes, _column(meeting, shot.scene), shot.changing
@@ -150,7 +150,7 @@ def _approach(meeting, circle, t, ends, begin, over):  # out: over
         t: s.
         ends: Whether an event ends the approach then.
         begin: A `Time`.
-        over: The `Pass`.
+        over: The `MarginPass`.
     """
     path, (x, y) = circle.path, place_after(circle.path, t)
     distance = norm(x, y)
@@ -282,7 +282,7 @@ def push_margins(begin, end, shots, times, inputs, selected, results):  # out: r
     for k in range(begin, end):
         shot, out = shot_of(shots, k), MarginsOut(margins[k], nearest[k], rates, slopes[k])
         trace(shot, tape)
-        over = Pass(shot, tape, selected, inputs[k], tangent, out)
+        over = MarginPass(shot, tape, selected, inputs[k], tangent, out)
         out.margin[:] = -math.inf
         out.time[:] = 0.0
         out.slope[:] = 0.0

@@ -47,7 +47,7 @@ SUM_TO_THREE_GAIN = 1.395
 A0, A1 = 0, 1
 
 
-class Frame:
+class ActionFrame:
     """Converts the actions of an action frame to velocities of the cue ball.
 
     Args:

@@ -69,9 +69,9 @@ class Action(NamedTuple):
 
 def _frame(name: str) -> Callable[[Scene, float], Any]:
     def converter(scene: Scene, max_speed: float) -> Any:
-        from billiards_env.envs.action_frames import Frame
+        from billiards_env.envs.action_frames import ActionFrame
 
-        return Frame(name, scene, max_speed)
+        return ActionFrame(name, scene, max_speed)
 
     return converter
 

@@ -102,7 +102,7 @@ def make_model(
     )
 
 
-class Options(NamedTuple):
+class ResetOptions(NamedTuple):
     """The options of a reset of m environments.
 
     Attributes:
@@ -118,7 +118,7 @@ class Options(NamedTuple):
     episode_seed: NDArray[np.uint64] | None = None
 
 
-NO_OPTIONS = Options()
+NO_OPTIONS = ResetOptions()
 
 
 def cue_ball_alone(scene: Scene) -> Scene:
@@ -230,7 +230,9 @@ json_spec: Any = property(lambda env: env._spec, _set_spec)
 """The attribute `spec` of an environment. A `Scene` in its arguments becomes a dict, which JSON can hold."""
 
 
-def check_options(model: Model, options: Mapping[str, Any] | None, mask: NDArray[np.bool_] | None = None) -> Options:
+def check_options(
+    model: Model, options: Mapping[str, Any] | None, mask: NDArray[np.bool_] | None = None
+) -> ResetOptions:
     """Returns the options of a reset, after a check.
 
     Args:
@@ -272,7 +274,7 @@ def check_options(model: Model, options: Mapping[str, Any] | None, mask: NDArray
         if not odd.all():
             raise ValueError(f"{name} = {short(given)}: expected an info['episode_seed'] of this task")
         seeds = given.view(np.uint64).reshape(-1, 8)
-    return Options(positions, goals, _checked_physics(model.randomize, options.get("physics", {}), mask), seeds)
+    return ResetOptions(positions, goals, _checked_physics(model.randomize, options.get("physics", {}), mask), seeds)
 
 
 def _checked_physics(

@@ -20,7 +20,7 @@ from billiards_env.envs.goals import compute_reward
 from billiards_env.envs.info import single_info
 from billiards_env.envs.observations import decode, nth
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
-from billiards_env.envs.state import SPACES, State, checked_state, copied
+from billiards_env.envs.state import SPACES, EpisodeState, checked_state, copied
 from billiards_env.envs.tasks import TASKS
 from billiards_env.jit import streams
 from billiards_env.scene import Scene
@@ -342,12 +342,12 @@ class BilliardsEnv(gym.Env[Any, Any]):
         if self._np_random is not None:
             self._episodes.state.stream[0] = streams.read(self._np_random)
 
-    def get_state(self) -> State:
+    def get_state(self) -> EpisodeState:
         """Returns the state: all that a step may read or change, a structured array of shape (), see `envs.state`."""
         self._write_stream()
         return np.ndarray((), self._episodes.kind, self._episodes.memory.copy())
 
-    def set_state(self, state: State) -> None:
+    def set_state(self, state: EpisodeState) -> None:
         """Continues from a state of this environment, or of another one with the same scene and task, bit for bit.
 
         Args:

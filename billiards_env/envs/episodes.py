@@ -16,11 +16,11 @@ from billiards_env.engine.compile import varied_fields, varied_shot, vary
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shots import Starts, arrays_in
 from billiards_env.envs.actions import ACTIONS, SIDE, Before, add_noise, clipped, shorten, strike_balls
-from billiards_env.envs.arguments import NO_OPTIONS, Model, Options, cue_ball_alone
+from billiards_env.envs.arguments import NO_OPTIONS, Model, ResetOptions, cue_ball_alone
 from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays, info_arrays, starts_of
 from billiards_env.envs.observations import Observer, Source
-from billiards_env.envs.state import State, StateArrays, parts, scene_hash, state_type
+from billiards_env.envs.state import EpisodeState, StateArrays, parts, scene_hash, state_type
 from billiards_env.envs.tasks import TASKS, judge_pot, opening_of, write_legal_balls
 from billiards_env.jit import Typed, entry_point, specialised, streams
 from billiards_env.physics.state import CUE_BALL, X, Y
@@ -140,7 +140,7 @@ class Episodes:
     def __reduce__(self) -> tuple[Any, ...]:
         return Episodes, (len(self.state.over), self.model, self.n_recorded, self.memory)
 
-    def put(self, rows: NDArray[np.int64] | None, given: State) -> None:
+    def put(self, rows: NDArray[np.int64] | None, given: EpisodeState) -> None:
         """Replaces the state of some episodes, None for all, by the rows of `given`, one for each or one for all."""
         for part in parts(len(self.state.over) if rows is None else len(rows)):
             chosen, values = part if rows is None else rows[part], given[part] if len(given) > 1 else given
@@ -148,7 +148,7 @@ class Episodes:
                 array[chosen] = values[name]
         self.set_physics(slice(None) if rows is None else rows, {})
 
-    def take(self, rows: NDArray[np.int64] | None) -> State:
+    def take(self, rows: NDArray[np.int64] | None) -> EpisodeState:
         """Returns a copy of the state of some episodes, None for all: one row for each."""
         taken = np.empty(len(self.state.over) if rows is None else len(rows), self.kind)
         for part in parts(len(taken)):
@@ -161,7 +161,7 @@ class Episodes:
         self.memory[:] = memory
         self.set_physics(slice(None), {})
 
-    def restart(self, begin: int, end: int, mask: Bools, observations: Any, given: Options = NO_OPTIONS) -> None:
+    def restart(self, begin: int, end: int, mask: Bools, observations: Any, given: ResetOptions = NO_OPTIONS) -> None:
         """Begins new episodes in the mask (m,), and writes all observations.
 
         Args:
@@ -182,7 +182,7 @@ class Episodes:
         self.draw(begin, end, mask, given)
         self.begin(begin, end, mask, observations)
 
-    def draw(self, begin: int, end: int, mask: Bools, given: Options = NO_OPTIONS) -> None:
+    def draw(self, begin: int, end: int, mask: Bools, given: ResetOptions = NO_OPTIONS) -> None:
         """Draws positions of the balls, then goals if the task has any, then the physics of the episodes if it varies.
 
         Args:

@@ -39,7 +39,7 @@ from billiards_env.files import check_path, write_whole
 from billiards_env.games.state import STATE, check_players
 from billiards_env.scene import Scene
 
-State = NDArray[np.void]
+EpisodeState = NDArray[np.void]
 
 
 class StateArrays(NamedTuple):
@@ -103,7 +103,7 @@ def scene_hash(scene: Scene, names: tuple[str, ...]) -> int:
     return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "big")
 
 
-def checked_state(state: Any, kind: np.dtype[np.void], model: Model, count: int) -> State:
+def checked_state(state: Any, kind: np.dtype[np.void], model: Model, count: int) -> EpisodeState:
     """Returns the rows of a state, (1,) or (count,), after a check.
 
     Raises:
@@ -125,7 +125,7 @@ def parts(count: int) -> Iterator[slice]:
     return (slice(at, at + 2048) for at in range(0, count, 2048))
 
 
-def _check_rows(rows: State, kind: np.dtype[np.void], model: Model) -> None:
+def _check_rows(rows: EpisodeState, kind: np.dtype[np.void], model: Model) -> None:
     own = {"task": model.task.encode(), "scene": scene_hash(model.scene, tuple(model.randomize))}
     for name, value in own.items():
         if np.count_nonzero(bad := rows[name] != value):
@@ -173,7 +173,7 @@ def copied(env: Any, shared: Set[str], memo: dict[int, Any]) -> Any:
     return twin
 
 
-def save_state(path: str | os.PathLike[str], state: State) -> None:
+def save_state(path: str | os.PathLike[str], state: EpisodeState) -> None:
     """Writes a state to a file `.npz`, completely or not at all.
 
     Raises:
@@ -185,7 +185,7 @@ def save_state(path: str | os.PathLike[str], state: State) -> None:
     write_whole(check_path(path, ".npz"), content.getvalue())
 
 
-def load_state(path: str | os.PathLike[str]) -> State:
+def load_state(path: str | os.PathLike[str]) -> EpisodeState:
     """Reads a state that `save_state` wrote. The file cannot run code. `set_state` checks its content.
 
     Raises:

@@ -23,7 +23,7 @@ from billiards_env.envs.episodes import Episodes, noise_stream
 from billiards_env.envs.info import copied_info, masked_info, with_starts
 from billiards_env.envs.observations import nth
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
-from billiards_env.envs.state import SPACES, State, checked_state, copied
+from billiards_env.envs.state import SPACES, EpisodeState, checked_state, copied
 from billiards_env.jit import streams
 
 Bools = NDArray[np.bool_]
@@ -161,7 +161,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         """Returns a copy that continues with the same bits. It shares what does not change, such as the scene."""
         return copied(self, self._shared, memo)
 
-    def get_state(self, rows: Any = None) -> State:
+    def get_state(self, rows: Any = None) -> EpisodeState:
         """Returns the states of environments: all that a step may read or change.
 
         Args:
@@ -175,7 +175,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         """
         return self._episodes.take(self._rows(rows))
 
-    def set_state(self, state: State, rows: Any = None) -> None:
+    def set_state(self, state: EpisodeState, rows: Any = None) -> None:
         """Sets the states of environments, which continue from them bit for bit.
 
         Args:

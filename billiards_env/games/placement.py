@@ -210,7 +210,7 @@ def spot_colours(scene: Scene, positions: NDArray[Any], on_table: Iterable[int],
 
 
 def rack_again(scene: Scene, positions: NDArray[Any], on_table: Iterable[int], cue: int) -> int:
-    """Racks the object balls of straight pool again (WPA 4.4, 4.8). Changes `positions`; returns `State.in_hand`.
+    """Racks the object balls of straight pool again (WPA 4.4, 4.8). Changes `positions`; returns `RulesState.in_hand`.
 
     The potted balls are placed in a tight rack, in the order of their numbers. The apex is left out if one object ball
     is on the table. A ball is in the rack if it overlaps one of the places of the rack. If the last ball is in the

@@ -25,7 +25,7 @@ from billiards_env.games.state import (
     NOT_IN_HAND,
     RERACK_ALL,
     VERDICT,
-    State,
+    RulesState,
     check_players,
     row,
     set_of,
@@ -107,11 +107,11 @@ def play(
 def first_state(game: str, n_balls: int, **fields: Any) -> Any:
     """Returns the state at the opening of a game, a row of `STATE`: player 0 breaks.
 
-    In games with pockets the cue ball is in hand. `fields` are other fields of `State`.
+    In games with pockets the cue ball is in hand. `fields` are other fields of `RulesState`.
     """
     entry = GAMES[game]
     first, second = entry.cue_balls[0], entry.cue_balls[-1]
-    usual = State(
+    usual = RulesState(
         balls=set_of(range(1, n_balls)),
         object_balls=set_of(ball for ball in range(n_balls) if ball != first),
         cue_balls=(first, second),

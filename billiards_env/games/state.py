@@ -1,9 +1,9 @@
 """The state of a game, the facts of a shot, the call and the verdict: one structured type each.
 
 `STATE`, `FACTS`, `CALL` and `VERDICT` are the types of arrays of m games or shots; a single game is a row. The classes
-`State`, `Facts`, `Called` and `Verdict` describe their fields, and `row(State(player=1))` makes a row. Compiled code
-reads and changes rows. Sets of balls are bit masks: bit i is ball i. `to_dict` converts a row to a dict of names and
-tuples.
+`RulesState`, `Facts`, `Called` and `Verdict` describe their fields, and `row(RulesState(player=1))` makes a row.
+Compiled code reads and changes rows. Sets of balls are bit masks: bit i is ball i. `to_dict` converts a row to a dict
+of names and tuples.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ CALLS = ("shot", "safety", "push_out", "hand_back", "replace")
 * "replace": no shot; the balls return to their positions before the foul, and the previous player plays again (WPBSA
   3.14).
 
-`State.choices` lists those of the last three that a player has.
+`RulesState.choices` lists those of the last three that a player has.
 """
 SHOT, SAFETY, PUSH_OUT, HAND_BACK, REPLACE = range(len(CALLS))
 
@@ -52,7 +52,7 @@ one on the table (WPA 4.4)."""
 NO_RERACK, RERACK_ALL, RERACK_REST = range(len(RERACKS))
 
 
-class State(NamedTuple):
+class RulesState(NamedTuple):
     """The state of the rules between two shots: everything except the positions of the balls.
 
     Attributes:
@@ -139,7 +139,7 @@ class Facts(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """The judgement of a shot. The next `State` has the consequences for the next shot.
+    """The judgement of a shot. The next `RulesState` has the consequences for the next shot.
 
     Attributes:
         foul: Index in `FOULS`.
@@ -165,14 +165,14 @@ def _row_type(fields: type) -> np.dtype[Any]:
     return np.dtype((np.record, np.dtype(types, align=True)))
 
 
-STATE, CALL, FACTS, VERDICT = (_row_type(fields) for fields in (State, Called, Facts, Verdict))
-_TYPES = {State: STATE, Called: CALL, Facts: FACTS, Verdict: VERDICT}
+STATE, CALL, FACTS, VERDICT = (_row_type(fields) for fields in (RulesState, Called, Facts, Verdict))
+_TYPES = {RulesState: STATE, Called: CALL, Facts: FACTS, Verdict: VERDICT}
 
 _NAMES = {"foul": FOULS, "in_hand": IN_HAND, "rack": RERACKS, "kind": CALLS, "choices": CALLS}
 _SETS = {"balls", "object_balls", "choices", "first", "potted", "first_potted", "driven", "spotted"}
 
 
-def row(fields: State | Called | Facts | Verdict) -> Any:
+def row(fields: RulesState | Called | Facts | Verdict) -> Any:
     """Returns a row of a structured array."""
     return np.array([fields], _TYPES[type(fields)])[0]
 

@@ -15,7 +15,7 @@ from billiards_env.drawing.style import PALETTES
 from billiards_env.engine.compile import MODES, PIC, Engine
 from billiards_env.files import check_path, free_path
 from billiards_env.games import GAMES, History, Setup, opening, records
-from billiards_env.play.model import HUMAN, PACES, Model, begin
+from billiards_env.play.model import HUMAN, PACES, WindowModel, begin
 from billiards_env.players.levels import LEVELS
 from billiards_env.players.named import find_player
 from billiards_env.scene import SCENES, Scene, layouts
@@ -132,7 +132,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         one_of("palette", args.palette, tuple(PALETTES))
         pace = real("speed", args.speed, PACES)
 
-        def prepare() -> Model:
+        def prepare() -> WindowModel:
             model = begin(history, names, args.max_speed, args.dt, pace, args.choices)
             compile_engines(model.setup.scene, model.ghost_dt)
             return model

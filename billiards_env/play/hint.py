@@ -7,7 +7,7 @@ import numpy as np
 from billiards_env.games import Stroke
 from billiards_env.games.placement import Point
 from billiards_env.games.state import is_in, members, on_table
-from billiards_env.play.model import Model
+from billiards_env.play.model import WindowModel
 from billiards_env.players.aim import FirstTouch, Pot, aim
 
 REACH = 1.5
@@ -17,7 +17,7 @@ SHOTS = 3_000
 """The largest number of random shots to begin with. Around a rack of 15 balls they take some seconds."""
 
 
-def pot_at(model: Model, point: Point) -> Pot | None:
+def pot_at(model: WindowModel, point: Point) -> Pot | None:
     """Returns the pot at a point, m: a ball there into any pocket, or the ball that is aimed at into a pocket there."""
     scene, positions = model.setup.scene, model.game.positions
     for number, pocket in enumerate(scene.table.pockets):
@@ -30,7 +30,7 @@ def pot_at(model: Model, point: Point) -> Pot | None:
     return None
 
 
-def stroke_for(model: Model, pot: Pot) -> Stroke | None:
+def stroke_for(model: WindowModel, pot: Pot) -> Stroke | None:
     """Returns the stroke for a pot with a level cue and no english; None if there is none."""
     scene, positions = model.setup.scene, model.game.positions.copy()
     positions[model.cue] = model.cue_position

@@ -7,7 +7,7 @@ import numpy as np
 from billiards_env.drawing.style import colour_names
 from billiards_env.games import FOULS, choices
 from billiards_env.games.state import BEHIND
-from billiards_env.play.model import HUMAN, Model
+from billiards_env.play.model import HUMAN, WindowModel
 from billiards_env.players.levels import LEVELS
 from billiards_env.players.planner import Plan
 from billiards_env.scene import Scene
@@ -29,7 +29,7 @@ _HINTS = {
 }
 
 
-def key_hint(model: Model) -> str:
+def key_hint(model: WindowModel) -> str:
     """Returns the keys of the model's phase, and in a replay the engines of the shown shots."""
     if model.page:
         return "close: space, escape"
@@ -40,14 +40,14 @@ def key_hint(model: Model) -> str:
     return f"{runs}   {_HINTS[model.phase]}"
 
 
-def button(model: Model) -> str:
+def button(model: WindowModel) -> str:
     """Returns the text of the button, which names the action of space."""
     if model.phase == "aiming" and model.aim.call.kind != "shot":
         return model.aim.call.kind.capitalize().replace("_", " ")
     return BUTTONS.get(model.phase, "")
 
 
-def choice(model: Model) -> str:
+def choice(model: WindowModel) -> str:
     """Returns the key of the next kind of call, if there are several."""
     kinds = model.kinds
     if len(kinds) == 1 or model.phase != "aiming":
@@ -56,7 +56,7 @@ def choice(model: Model) -> str:
     return f"X: {following.replace('_', ' ')}"
 
 
-def player_name(model: Model, player: int) -> str:
+def player_name(model: WindowModel, player: int) -> str:
     """Returns the label of a player."""
     kind = model.players[player]
     if kind == HUMAN:
@@ -73,7 +73,7 @@ def ball_name(scene: Scene, ball: int) -> str:
     return str(ball) if numbered else colour_names(scene)[ball]
 
 
-def status(model: Model) -> str:
+def status(model: WindowModel) -> str:
     """Returns the player whose turn it is and the present action."""
     state, setup, scene = model.game.state, model.setup, model.setup.scene
     if model.phase in ("rolling", "replaying"):
@@ -97,7 +97,7 @@ def status(model: Model) -> str:
     return f"{player}: {kinds.get(model.aim.call.kind) or on(model)}"
 
 
-def on(model: Model) -> str:
+def on(model: WindowModel) -> str:
     """Returns which balls the player may touch first."""
     setup, state = model.setup, model.game.state
     scene, legal = setup.scene, setup.legal(state)
@@ -123,7 +123,7 @@ def on(model: Model) -> str:
     return groups[legal[0] > 8]
 
 
-def cushions(model: Model, time: float = np.inf) -> str:
+def cushions(model: WindowModel, time: float = np.inf) -> str:
     """Returns how often the cue ball hits cushions before the second ball in three cushion, up to a time, s."""
     if not model.setup.game_rules.cushions or model.last_shot is None:
         return ""
@@ -139,7 +139,7 @@ def cushions(model: Model, time: float = np.inf) -> str:
     return f"{count} cushion{'s' * (count != 1)}"
 
 
-def advice(model: Model, plan: Plan) -> str:
+def advice(model: WindowModel, plan: Plan) -> str:
     """Returns what a planned shot does, and how often it keeps the turn with the noise of a player."""
     if plan.ball < 0 and plan.probability < 0.1 and model.setup.game_rules.pockets:
         return "a safety: no shot is likely to pot a ball"
@@ -153,7 +153,7 @@ def advice(model: Model, plan: Plan) -> str:
     return f"{what}, {plan.probability:.0%} with the errors of a good player"
 
 
-def aim(model: Model) -> str:
+def aim(model: WindowModel) -> str:
     """Returns the speed and the direction of the aim, and the offset of the cue's tip."""
     (side, top), degrees = model.aim.tip, round(np.degrees(model.aim.angle), 2) + 0.0  # converts -0 to 0
     parts = [f"{model.aim.speed:.2f} m/s", f"{degrees:.2f}°"]
@@ -162,13 +162,13 @@ def aim(model: Model) -> str:
     return "   ".join(parts)
 
 
-def score(model: Model) -> str:
+def score(model: WindowModel) -> str:
     """Returns the scores of a game with points."""
     setup = model.setup
     return " : ".join(map(str, model.game.state.scores[: setup.n_players])) if setup.target is not None else ""
 
 
-def result(model: Model) -> str:
+def result(model: WindowModel) -> str:
     """Returns the result of the last shot and the scores."""
     parts = []
     if model.last_shot is not None:

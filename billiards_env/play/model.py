@@ -1,4 +1,6 @@
-"""The state of the game window as plain data. Actions, such as `go`, and `tick` take a `Model` and return the next one.
+"""The state of the game window as plain data.
+
+Actions, such as `go`, and `tick` take a `WindowModel` and return the next one.
 
 The phases of a model are:
 
@@ -83,7 +85,7 @@ class Turn(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Model:
+class WindowModel:
     """The state of a game in the window.
 
     Attributes:
@@ -92,7 +94,7 @@ class Model:
         max_speed: Speed of the fastest shot, m/s.
         ghost_dt: The timestep of PIT for the ghost, s. If the game itself uses PIT, the ghost uses PIC.
         opening: The state before the first stroke.
-        choices: Whether people are offered choices other than a shot, such as to pass, `State.choices`.
+        choices: Whether people are offered choices other than a shot, such as to pass, `RulesState.choices`.
         turns: The strokes up to now.
         phase: One of the phases in the module's docstring.
         aim: The aim.
@@ -213,8 +215,8 @@ def begin(
     ghost_dt: float,
     pace: float = 1.0,
     choices: bool = False,
-) -> Model:
-    """Returns the model of a new or continued game; `Model` describes the arguments.
+) -> WindowModel:
+    """Returns the model of a new or continued game; `WindowModel` describes the arguments.
 
     Raises:
         ValueError: If the number of players is wrong, a stroke cannot be played, or a number is outside its range.
@@ -225,13 +227,13 @@ def begin(
     pace = real("pace", pace, PACES)
     if len(players) != setup.n_players:
         raise ValueError(f"players = {', '.join(players)}: expected {setup.n_players} players")
-    model = Model(setup, players, max_speed, ghost_dt, history.opening, choices, pace=pace)
+    model = WindowModel(setup, players, max_speed, ghost_dt, history.opening, choices, pace=pace)
     for stroke in history.strokes:
         model = shoot(model, stroke)
     return _next_turn(model)
 
 
-def tick(model: Model, seconds: float) -> Model:
+def tick(model: WindowModel, seconds: float) -> WindowModel:
     """Returns the model `seconds` later; the same object if nothing changes. An open page pauses a shown shot."""
     if model.phase == "thinking":
         return dataclasses.replace(model, clock=model.clock + seconds)
@@ -246,7 +248,7 @@ def tick(model: Model, seconds: float) -> Model:
     return model if model.clock == model.duration else dataclasses.replace(model, clock=model.duration)
 
 
-def shoot(model: Model, stroke: Stroke, aim: StrokeInput | None = None) -> Model:
+def shoot(model: WindowModel, stroke: Stroke, aim: StrokeInput | None = None) -> WindowModel:
     """Plays a stroke and returns the model in phase "rolling". The stroke of a person comes with its aim.
 
     Until the shot is over, the model has the aim of the stroke, so the controls show the stroke.
@@ -267,7 +269,7 @@ def shoot(model: Model, stroke: Stroke, aim: StrokeInput | None = None) -> Model
     )
 
 
-def _next_turn(model: Model) -> Model:
+def _next_turn(model: WindowModel) -> WindowModel:
     """Returns the model at the start of the next turn; the first aim is full on the nearest legal ball."""
     state = model.game.state
     model = dataclasses.replace(model, aim=StrokeInput(speed=_first_speed(model)), preview=None, clock=0.0)
@@ -281,14 +283,14 @@ def _next_turn(model: Model) -> Model:
     return _aimed(model, angle=_first_angle(model))
 
 
-def _first_speed(model: Model) -> float:
+def _first_speed(model: WindowModel) -> float:
     rules = model.setup.game_rules
     if model.game.state.break_shot and rules.pockets and not rules.has_spots:
         return BREAK_SHARE * model.max_speed
     return min(USUAL_SPEED, model.max_speed)
 
 
-def _first_angle(model: Model) -> float:
+def _first_angle(model: WindowModel) -> float:
     state = model.game.state
     balls = list(model.setup.legal(state))
     offsets = model.game.positions[balls] - model.cue_position
@@ -296,7 +298,7 @@ def _first_angle(model: Model) -> float:
     return math.atan2(y, x)
 
 
-def _aimed(model: Model, **changes: Any) -> Model:
+def _aimed(model: WindowModel, **changes: Any) -> WindowModel:
     """Returns the model in phase "aiming" with changes of the aim, and its preview."""
     aim = model.aim._replace(**changes)
     speed = min(max(aim.speed, LEAST_SPEED), model.max_speed)
@@ -305,12 +307,12 @@ def _aimed(model: Model, **changes: Any) -> Model:
     return dataclasses.replace(model, aim=aim, preview=make_preview(model.setup, model.game, model.stroke))
 
 
-def _only(phase: str) -> Callable[[Callable[..., Model]], Callable[..., Model]]:
+def _only(phase: str) -> Callable[[Callable[..., WindowModel]], Callable[..., WindowModel]]:
     """Returns a decorator of an action that has no effect in other phases."""
 
-    def decorate(action: Callable[..., Model]) -> Callable[..., Model]:
+    def decorate(action: Callable[..., WindowModel]) -> Callable[..., WindowModel]:
         @functools.wraps(action)
-        def act(model: Model, *args: Any) -> Model:
+        def act(model: WindowModel, *args: Any) -> WindowModel:
             return action(model, *args) if model.phase == phase else model
 
         return act
@@ -319,52 +321,52 @@ def _only(phase: str) -> Callable[[Callable[..., Model]], Callable[..., Model]]:
 
 
 @_only("placing")
-def move_to(model: Model, point: Point) -> Model:
+def move_to(model: WindowModel, point: Point) -> WindowModel:
     """Moves the cue ball in hand to the free point nearest to a point, m."""
     positions, state, _ = model.game
     point = cue_ball_point(model.setup.scene, positions, state, point)
     return dataclasses.replace(model, aim=model.aim._replace(place=point))
 
 
-def move_by(model: Model, offset: Point) -> Model:
+def move_by(model: WindowModel, offset: Point) -> WindowModel:
     """Moves the cue ball in hand by an offset, m."""
     return move_to(model, tuple(np.add(model.cue_position, offset).tolist()))
 
 
 @_only("aiming")
-def turn_aim(model: Model, degrees: float) -> Model:
+def turn_aim(model: WindowModel, degrees: float) -> WindowModel:
     """Turns the aim counterclockwise."""
     return _aimed(model, angle=model.aim.angle + math.radians(degrees))
 
 
 @_only("aiming")
-def change_speed(model: Model, change: float) -> Model:
+def change_speed(model: WindowModel, change: float) -> WindowModel:
     """Increases the speed of the shot by `change`, m/s."""
     return _aimed(model, speed=model.aim.speed + change)
 
 
 @_only("aiming")
-def set_speed(model: Model, share: float) -> Model:
+def set_speed(model: WindowModel, share: float) -> WindowModel:
     """Sets the speed of the shot to a share of the largest speed."""
     return _aimed(model, speed=share * model.max_speed)
 
 
 @_only("aiming")
-def look_at(model: Model, point: Point) -> Model:
+def look_at(model: WindowModel, point: Point) -> WindowModel:
     """Aims at a point, m, with the same speed."""
     dx, dy = np.subtract(point, model.cue_position).tolist()
     return _aimed(model, angle=math.atan2(dy, dx))
 
 
 @_only("aiming")
-def aim_at(model: Model, point: Point) -> Model:
+def aim_at(model: WindowModel, point: Point) -> WindowModel:
     """Moves the tip of the aiming arrow to a point, m."""
     dx, dy = np.subtract(point, model.cue_position).tolist()
     radius = model.setup.scene.balls.radius[model.cue]
     return _aimed(model, angle=math.atan2(dy, dx), speed=(math.hypot(dx, dy) - ARROW_START * radius) / ARROW)
 
 
-def aim_like(model: Model, made: Stroke) -> Model:
+def aim_like(model: WindowModel, made: Stroke) -> WindowModel:
     """Places the cue ball in hand and aims for a stroke with a level cue; the clock starts again.
 
     While a program chooses its shot, this shows the shot that it will play.
@@ -376,7 +378,7 @@ def aim_like(model: Model, made: Stroke) -> Model:
     return dataclasses.replace(model, phase=phase, aim=_level_aim(model, made), preview=preview, clock=0.0)
 
 
-def _level_aim(model: Model, made: Stroke) -> StrokeInput:
+def _level_aim(model: WindowModel, made: Stroke) -> StrokeInput:
     """Returns the aim of a stroke with a level cue."""
     (x, y), place, _, call = made
     speed, heading, tip = math.hypot(x, y), math.atan2(y, x), [0.0, 0.0]
@@ -387,7 +389,7 @@ def _level_aim(model: Model, made: Stroke) -> StrokeInput:
 
 
 @_only("aiming")
-def set_tip(model: Model, side: float, top: float) -> Model:
+def set_tip(model: WindowModel, side: float, top: float) -> WindowModel:
     """Sets the offset of the cue's tip, to the left and up, in ball radii, limited to where the tip does not slip."""
     if not model.has_spin:
         return model
@@ -395,13 +397,13 @@ def set_tip(model: Model, side: float, top: float) -> Model:
     return _aimed(model, tip=tip)
 
 
-def move_tip(model: Model, side: float, top: float) -> Model:
+def move_tip(model: WindowModel, side: float, top: float) -> WindowModel:
     """Moves the cue's tip by an offset to the left and up, in ball radii."""
     return set_tip(model, *np.add(model.aim.tip, (side, top)).tolist())
 
 
 @_only("aiming")
-def set_elevation(model: Model, degrees: float) -> Model:
+def set_elevation(model: WindowModel, degrees: float) -> WindowModel:
     """Sets the elevation of the cue."""
     if not model.has_spin:
         return model
@@ -409,13 +411,13 @@ def set_elevation(model: Model, degrees: float) -> Model:
 
 
 @_only("aiming")
-def level(model: Model) -> Model:
+def level(model: WindowModel) -> WindowModel:
     """Levels the cue and moves its tip to the centre of the ball."""
     return _aimed(model, tip=(0.0, 0.0), elevation=0.0)
 
 
 @_only("aiming")
-def next_kind(model: Model) -> Model:
+def next_kind(model: WindowModel) -> WindowModel:
     """Selects the next kind of call that the player has."""
     kinds = model.kinds
     kind = kinds[(kinds.index(model.aim.call.kind) + 1) % len(kinds)]
@@ -423,7 +425,7 @@ def next_kind(model: Model) -> Model:
 
 
 @_only("aiming")
-def next_called(model: Model, name: str) -> Model:
+def next_called(model: WindowModel, name: str) -> WindowModel:
     """Calls the next "ball" that may be called or nominated, or the next "pocket", if the game has such a call."""
     state, call, setup = model.game.state, model.aim.call, model.setup
     balls = ()
@@ -439,7 +441,7 @@ def next_called(model: Model, name: str) -> Model:
     return dataclasses.replace(model, aim=model.aim._replace(call=call._replace(**{name: following})))
 
 
-def go(model: Model) -> Model:
+def go(model: WindowModel) -> WindowModel:
     """Places the cue ball, shoots, skips to the end of the shot, ends the replay, or closes a page."""
     if model.page:
         return toggle_page(model, model.page)
@@ -453,12 +455,12 @@ def go(model: Model) -> Model:
 
 
 @_only("aiming")
-def place(model: Model) -> Model:
+def place(model: WindowModel) -> WindowModel:
     """Takes the cue ball in hand again."""
     return model if model.aim.place is None else dataclasses.replace(model, phase="placing", preview=None)
 
 
-def undo(model: Model) -> Model:
+def undo(model: WindowModel) -> WindowModel:
     """Returns the model before the last shot of a person, with the aim of this shot; unchanged if there is none."""
     for k in range(len(model.turns) - 1, -1, -1):
         if model.players[model.games[k].state.player] == HUMAN:
@@ -468,7 +470,7 @@ def undo(model: Model) -> Model:
     return model
 
 
-def replay(model: Model) -> Model:
+def replay(model: WindowModel) -> WindowModel:
     """Shows the last shot again, with the same shot by the other engine."""
     if model.last_shot is None:
         return model
@@ -480,26 +482,26 @@ def replay(model: Model) -> Model:
     return dataclasses.replace(model, comparison=comparison, phase="replaying", aim=aim, preview=None, clock=0.0)
 
 
-def toggle_ghost(model: Model) -> Model:
+def toggle_ghost(model: WindowModel) -> WindowModel:
     """Shows or hides the shot by the other engine in replays."""
     return dataclasses.replace(model, ghost=not model.ghost)
 
 
-def toggle_page(model: Model, page: str) -> Model:
+def toggle_page(model: WindowModel, page: str) -> WindowModel:
     """Shows or hides the page "keys" or "rules"."""
     return dataclasses.replace(model, page="" if model.page == page else page)
 
 
-def toggle_zoom(model: Model) -> Model:
+def toggle_zoom(model: WindowModel) -> WindowModel:
     """Switches the enlarged view of the ball that the aimed shot touches first."""
     return dataclasses.replace(model, zoom=not model.zoom)
 
 
-def slow_down(model: Model) -> Model:
+def slow_down(model: WindowModel) -> WindowModel:
     """Slows the playback down."""
     return dataclasses.replace(model, pace=slower(model.pace))
 
 
-def speed_up(model: Model) -> Model:
+def speed_up(model: WindowModel) -> WindowModel:
     """Speeds the playback up."""
     return dataclasses.replace(model, pace=faster(model.pace))

@@ -10,7 +10,7 @@ import pygame
 from billiards_env.drawing.text import text_image
 from billiards_env.play import labels
 from billiards_env.play.controls import STEEPEST, Box, Controls
-from billiards_env.play.model import Model
+from billiards_env.play.model import WindowModel
 
 PAPER, INK, SOFT = "#14181a", "#eceae2", "#9aa3a0"
 """Colours of the window around the table, of its texts and of the hints."""
@@ -32,14 +32,14 @@ class Panel:
         self._key: object = None
         self._image = pygame.Surface(self._size)
 
-    def draw(self, frame: pygame.Surface, model: Model) -> None:
+    def draw(self, frame: pygame.Surface, model: WindowModel) -> None:
         """Draws the controls for a model; controls that have no effect are faint."""
         key = model.phase, model.aim, model.kinds, model.max_speed
         if key != self._key:
             self._key, self._image = key, self._paint(model)
         frame.blit(self._image, (round(self._row.x), round(self._row.y)))
 
-    def _paint(self, model: Model) -> pygame.Surface:
+    def _paint(self, model: WindowModel) -> pygame.Surface:
         places, row = self._places, self._row
         large = pygame.Surface((ZOOM * self._size[0], ZOOM * self._size[1]), pygame.SRCALPHA, 32)
         large.fill((*pygame.Color(PAPER)[:3], 0))

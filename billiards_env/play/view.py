@@ -16,7 +16,7 @@ from billiards_env.drawing.style import CHALK
 from billiards_env.drawing.text import text_image
 from billiards_env.games.state import BEHIND, is_in, members, on_table
 from billiards_env.play import controls, labels
-from billiards_env.play.model import NO_SHOT, Model
+from billiards_env.play.model import NO_SHOT, WindowModel
 from billiards_env.play.pages import KEYS, rules_page
 from billiards_env.play.panel import INK, LEVEL, PAPER, SOFT, Panel
 from billiards_env.scene import Scene
@@ -92,7 +92,7 @@ class View:
             return self._inset[1].point_of((pixel[0] - self._inset[0].x, pixel[1] - self._inset[0].y))
         return self.canvas.point_of((pixel[0] - self._corner[0], pixel[1] - self._corner[1]))
 
-    def draw(self, model: Model, message: str = "", question: Sequence[tuple[str, str]] = ()) -> Surface:
+    def draw(self, model: WindowModel, message: str = "", question: Sequence[tuple[str, str]] = ()) -> Surface:
         """Returns the frame of a model, valid until the next call.
 
         A `message` replaces the hint on the keys. A `question` covers the table; each of its rows has two texts.
@@ -123,7 +123,7 @@ class View:
             self._draw_end(model)
         return self._frame
 
-    def _draw_turn(self, model: Model, canvas: Canvas, frame: Surface) -> None:
+    def _draw_turn(self, model: WindowModel, canvas: Canvas, frame: Surface) -> None:
         """Draws the balls at rest on the frame of a canvas, with the aim if a person has the turn."""
         frame.blit(canvas.table, (0, 0))
         game, cue, preview, table = model.game, model.cue, model.preview, model.setup.scene.table
@@ -157,7 +157,7 @@ class View:
             aim = model.aim.speed * np.array([math.cos(model.aim.angle), math.sin(model.aim.angle)])
             canvas.draw_arrow(frame, cue, np.array(model.cue_position), aim)
 
-    def _draw_inset(self, model: Model) -> tuple[pygame.Rect, Canvas]:
+    def _draw_inset(self, model: WindowModel) -> tuple[pygame.Rect, Canvas]:
         """Draws the ball that the aimed shot touches first enlarged, in the corner that is farthest from the shot."""
         assert model.preview is not None
         table, ball = model.setup.scene.table, model.game.positions[model.preview.ball]
@@ -186,7 +186,7 @@ class View:
             x = width - edge - image.get_width() if at_end else edge
             frame.blit(image, (x, canvas.size[1] - (bar + image.get_height()) // 2))
 
-    def _draw_cue(self, model: Model) -> None:
+    def _draw_cue(self, model: WindowModel) -> None:
         """Draws the cue behind the cue ball, drawn back over the speed; a raised cue is shorter."""
         canvas, radius = self.canvas, model.setup.scene.balls.radius[model.cue]
         along = np.array([math.cos(model.aim.angle), math.sin(model.aim.angle)])
@@ -211,7 +211,7 @@ class View:
             pygame.draw.polygon(large, colour, (PATH_ZOOM * (corners - corner)).tolist())
         self._table.blit(pygame.transform.smoothscale(large, side.tolist()), corner.tolist())
 
-    def _draw_shot(self, model: Model) -> None:
+    def _draw_shot(self, model: WindowModel) -> None:
         """Draws the shown shots at the model's clock."""
         time = model.clock
         same = self._shots is not None and all(map(operator.is_, self._shots, model.shown_shots))
@@ -221,7 +221,7 @@ class View:
         result = labels.result(model) if time >= model.duration - RESULT_SHOWN else ""
         self._draw_bar(f"{labels.status(model)}   {time:.2f} s", result, self._motion.potted(time))
 
-    def _start_paths(self, model: Model) -> None:
+    def _start_paths(self, model: WindowModel) -> None:
         """Draws the table at the start of the shown shots."""
         self._shots = shot, ghost = model.shown_shots
         recording, rings = shot.recording(), None if ghost is None else ghost.recording()
@@ -244,7 +244,7 @@ class View:
                 image = text_image(text, size, colour, round((end - x) * width))
                 page.blit(image, (round(x * width), top + k * row + (row - image.get_height()) // 2))
 
-    def _draw_end(self, model: Model) -> None:
+    def _draw_end(self, model: WindowModel) -> None:
         """Draws the result of a game over the table."""
         width, height = self.canvas.size
         board = Surface((round(0.56 * width), round(0.4 * height)), pygame.SRCALPHA, 32)

@@ -26,7 +26,7 @@ from billiards_env.play import labels
 from billiards_env.play import model as actions
 from billiards_env.play.controls import STEEPEST
 from billiards_env.play.hint import pot_at, stroke_for
-from billiards_env.play.model import Model, begin, shoot, tick
+from billiards_env.play.model import WindowModel, begin, shoot, tick
 from billiards_env.play.pages import UNSAVED
 from billiards_env.play.panel import INK, PAPER
 from billiards_env.play.view import FPS, View
@@ -155,7 +155,7 @@ class GameWindow:
 
     def __init__(
         self,
-        model: Model,
+        model: WindowModel,
         players: Sequence[Player | None],
         rng: np.random.Generator,
         save: Path,
@@ -420,7 +420,7 @@ class GameWindow:
         history = History(model.setup, opening(model.setup, self._rng), ())
         self.model = begin(history, model.players, model.max_speed, model.ghost_dt, model.pace, model.choices)
 
-    def _do(self, action: Callable[..., Model], *args: Any) -> None:
+    def _do(self, action: Callable[..., WindowModel], *args: Any) -> None:
         self.model = action(self.model, *args)
 
     def _move(self, x: int, y: int, modifiers: int) -> None:

@@ -20,7 +20,7 @@ STARTS = ("positions", "velocities", "spins")
 
 
 @dataclasses.dataclass
-class Shots:
+class ShotFunction:
     """m shots as a function of arrays.
 
     Attributes:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from billiards_env import simulate_batch
 from billiards_env.envs import make_env, make_vector_env
-from billiards_env.envs.action_frames import Frame, aim, cut, nearest_ball, sum_to_three
+from billiards_env.envs.action_frames import ActionFrame, aim, cut, nearest_ball, sum_to_three
 from billiards_env.envs.actions import ACTIONS, Before, add_noise
 from billiards_env.envs.arguments import check_noise
 from billiards_env.envs.episodes import noise_stream
@@ -49,7 +49,7 @@ def test_every_cut_hits_and_is_the_sine_of_the_cut_angle():
     offsets[:40] = np.tile([largest, -largest, 0, 0.999], 10)
     actions = np.column_stack((offsets, np.ones(500)))
     playable = np.array([[False, True]] * 500)
-    velocities = Frame("cut", POOL, 4.0).velocities(actions, Before(positions, playable, playable, 4.0))
+    velocities = ActionFrame("cut", POOL, 4.0).velocities(actions, Before(positions, playable, playable, 4.0))
     pocketless = Scene(POOL.balls)
     assert (simulate_batch(pocketless, positions, velocities).first_hit == 1).all()
 

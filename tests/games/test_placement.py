@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from billiards_env.games import placement
-from billiards_env.games.state import IN_HAND, State, row, set_of
+from billiards_env.games.state import IN_HAND, RulesState, row, set_of
 from billiards_env.scene import Balls, Scene, check_positions
 from billiards_env.scene.layouts import MARGIN, layout_plan
 from billiards_env.scene.table import Table
@@ -18,7 +18,7 @@ AWAY = np.array([[-1.2 + 0.1 * i, 0.55] for i in range(16)])
 
 def place(point, on_table=(), in_hand="anywhere", positions=AWAY):
     """Returns the place of a cue ball in hand."""
-    state = row(State(object_balls=set_of(on_table), in_hand=IN_HAND.index(in_hand)))
+    state = row(RulesState(object_balls=set_of(on_table), in_hand=IN_HAND.index(in_hand)))
     return placement.cue_ball_point(SCENE, positions, state, point)
 
 

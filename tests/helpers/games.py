@@ -67,7 +67,7 @@ def words(row):
 def state(rules, *, on_table=None, players=2, **fields):
     """Returns a state in the middle of a game, with all balls or the cue ball and the object balls of `on_table`.
 
-    The other fields are those of `State` in words.
+    The other fields are those of `RulesState` in words.
     """
     n, cues = 1 + GAMES[rules].n_object_balls[1], fields.pop("cue_balls", GAMES[rules].cue_balls)
     balls = range(n) if on_table is None else on_table

@@ -12,7 +12,7 @@ from billiards_env.envs import make_vector_env
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
 from studies import derivatives as study
-from studies.derivatives import Shots, blocks, draw_layouts, errors, errors_of, main, pit, shots_of, slopes, ways
+from studies.derivatives import SceneShots, blocks, draw_layouts, errors, errors_of, main, pit, shots_of, slopes, ways
 
 PUSHED, IMPACT = "push_apart 1/60 s", "time_of_impact 1/60 s"
 
@@ -85,7 +85,7 @@ def test_a_hit_at_the_cut_angle_sends_the_ball_towards_the_goal(goals):
     assert ((far > 0.2) & (far < 0.8) & (near > 0.2) & (np.cos(cut) > np.cos(np.radians(50.0)))).all()
     ghost = goals[:, 1] - np.c_[np.cos(heading + cut), np.sin(heading + cut)] * sum(study.SCENE.balls.radius)
     aim = ghost - goals[:, 0]
-    shots = Shots(study.SCENE, goals[:, :2], 3.0 * aim / np.linalg.norm(aim, axis=1)[:, None])
+    shots = SceneShots(study.SCENE, goals[:, :2], 3.0 * aim / np.linalg.norm(aim, axis=1)[:, None])
     ends = [simulate_batch(*shots, max_time=t).positions for t in np.linspace(0.0, 2.0, 400)]
     ways_of_ball = [places[:, 1] - goals[:, 2] for places in ends]
     assert np.linalg.norm(ways_of_ball, axis=2).min(axis=0).max() < 0.02
@@ -149,7 +149,7 @@ def test_a_step_along_the_gradient_brings_pots_nearer_and_a_scratch_lowers_the_c
     after = (network.radius[played.pockets] - played.margins - (played.slopes * change).sum(-1)).abs()
     assert 0 < change.norm(dim=-1).max() < study.LINEAR
     assert after.mean() < before.mean()
-    two = study.Pots(*(part[:2] for part in played))
+    two = study.PotBatch(*(part[:2] for part in played))
     two = two._replace(margins=torch.tensor([0.01, 0.01]), scratches=torch.tensor([False, True]))
     old = network(two.positions, two.pockets)[1].detach()
     network.zero_grad()
