@@ -5,7 +5,7 @@
 The tracks come from simulated shots on a table whose numbers the fit does not receive; `read_tracks` reads the tracks
 of a real table. The task is the opening shot of three-cushion billiards. One policy trains on tables with numbers drawn
 from the intervals of the fit, the other on the default table. Both are tested on tables drawn from these intervals,
-with the errors of the strikes in the tracks as noise.
+with the noise of the strikes in the tracks.
 """
 
 import dataclasses
@@ -37,7 +37,7 @@ TABLE = dataclasses.replace(DEFAULT, physics=NUMBERS)
 """A table whose cloth is faster, and whose balls have more friction, than those of `DEFAULT`."""
 FREE = ("mu_slide", "mu_roll", "e_ball", "e_cushion", "mu_cushion")
 TURN, SPEED = 0.002, 0.02
-"""Standard deviations of the errors of the strikes: rad, and m/s."""
+"""Standard deviations of the noise of the strikes: rad, and m/s."""
 
 
 def fitted_table(shots: int) -> tuple[Calibration, np.ndarray]:

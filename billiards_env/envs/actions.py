@@ -189,7 +189,7 @@ def perturb(actions: ArrayLike, noise: ArrayLike) -> NDArray[np.float64]:
             stays zero.
 
     Returns:
-        The actions with the noise. An action that is not finite stays as it is; an environment refuses it.
+        The actions with the noise. An action that is not finite stays as it is; an environment raises an error for it.
 
     Raises:
         ValueError: If the shapes differ.

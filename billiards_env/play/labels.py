@@ -150,7 +150,7 @@ def advice(model: WindowModel, plan: Plan) -> str:
         side = "middle" if abs(pocket.x) < table.length / 4 else "left" if pocket.x < 0 else "right"
         ball = ball_name(model.setup.scene, plan.ball)
         what = f"ball {ball} into the {'upper' if pocket.y > 0 else 'lower'} {side} pocket"
-    return f"{what}, {plan.probability:.0%} with the errors of a good player"
+    return f"{what}, {plan.probability:.0%} with the noise of a good player"
 
 
 def aim(model: WindowModel) -> str:

@@ -103,7 +103,7 @@ def load_policy(
 
     Returns:
         The arguments of `gym.make("Billiards-v0", ...)`, and the policy. `policy.predict` returns actions of this
-        environment. The value function of the policy is untrained.
+        environment. The value function of the head "gaussian" is untrained.
 
     Raises:
         FileNotFoundError: If the folder holds no finished run.
@@ -162,7 +162,7 @@ def _check_world(folder: Path, trained: BilliardsEnv, played: BilliardsEnv, froz
 
 
 def save_policy(policy: BasePolicy, path: Path) -> None:
-    """Writes the weights of a policy without its value function."""
+    """Writes the weights of a policy; with the head "gaussian" without the value function."""
     weights = {name: tensor for name, tensor in policy.state_dict().items() if not _is_value(name)}
     buffer = io.BytesIO()
     torch.save(weights, buffer)
@@ -170,7 +170,7 @@ def save_policy(policy: BasePolicy, path: Path) -> None:
 
 
 def load_weights(policy: BasePolicy, path: Path) -> None:
-    """Sets the weights of a policy, without its value function, from a file of `save_policy`.
+    """Sets the weights of a policy from a file of `save_policy`.
 
     Raises:
         OSError: If the file cannot be read.
@@ -216,5 +216,5 @@ def whole_archive(path: Path, content: str) -> Iterator[None]:
 
 
 def _is_value(name: str) -> bool:
-    """Returns whether weights of this name belong to the value function."""
+    """Returns whether weights of this name belong to the value function of the head "gaussian"."""
     return "value_net" in name

@@ -212,7 +212,7 @@ def test_shift_and_the_key_aim_for_the_best_shot(shown, monkeypatch):
     while shown._hint is not None:
         shown.frame()
     assert shown.model.phase == "aiming"
-    assert re.fullmatch(r"ball \S+ into the \w+ \w+ pocket, \d+% with the errors of a good player", shown.message)
+    assert re.fullmatch(r"ball \S+ into the \w+ \w+ pocket, \d+% with the noise of a good player", shown.message)
     assert shot_of(shown.model).potted.any()
 
 
