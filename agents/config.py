@@ -156,11 +156,11 @@ def rows() -> dict[str, dict[str, Any]]:
 
     Each has the values of `defaults`, and `plays`: the frozen tasks in which `studies.learning` measures the policy.
     """
-    found = read(LEARNING)
-    defaults = found["defaults"]
+    content = read(LEARNING)
+    defaults = content["defaults"]
     return {
         name: {"plays": [row["task"]], **defaults, **row, "env": {**defaults["env"], **row.get("env", {})}}
-        for name, row in found["rows"].items()
+        for name, row in content["rows"].items()
     }
 
 
@@ -221,9 +221,9 @@ def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
         del parameters[name]
     for key in given:
         one_of("key of env", key, tuple(parameters))
-    found = {name: given.get(name, parameter.default) for name, parameter in parameters.items()}
-    if isinstance(found["task"], str) and found["task"] in TASKS:
-        task = TASKS[found["task"]]
+    arguments = {name: given.get(name, parameter.default) for name, parameter in parameters.items()}
+    if isinstance(arguments["task"], str) and arguments["task"] in TASKS:
+        task = TASKS[arguments["task"]]
         of_task = {"scene": task.scene, "layout": task.layout, "max_shots": task.max_shots}
-        found |= {name: default for name, default in of_task.items() if found[name] is None}
-    return found
+        arguments |= {name: default for name, default in of_task.items() if arguments[name] is None}
+    return arguments

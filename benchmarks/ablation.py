@@ -133,8 +133,8 @@ def measure(repeats: int, rows: tuple[Row, ...] = ROWS) -> dict[str, Any]:
             starts.append(asks[-1]())
         passes = [[ask("play") for ask in asks] for _ in range(repeats)]
         entries = [
-            {"name": row.name, "without": row.without, **start, "passes": found}
-            for row, start, *found in zip(rows, starts, *passes, strict=True)
+            {"name": row.name, "without": row.without, **start, "passes": rates}
+            for row, start, *rates in zip(rows, starts, *passes, strict=True)
         ]
     return {"machine": on, "shots": SHOTS, "repeats": repeats, "rows": entries}
 

@@ -102,8 +102,8 @@ def follow(name: str, seed: int) -> dict[str, Any]:
     if complete or (time is not None and time < known_until):
         places = np.array(exact.positions if time is None else exact.positions_at(time), dtype=float)
         shots = (simulate(scene, positions, velocities, record=True, engine=engine) for engine in (PIC, *PIT))
-        found = np.array([shot.positions if time is None else shot.at(time) for shot in shots])
-        errors = np.sqrt(((found - places) ** 2).sum(axis=2).mean(axis=1)).tolist()
+        ends = np.array([shot.positions if time is None else shot.at(time) for shot in shots])
+        errors = np.sqrt(((ends - places) ** 2).sum(axis=2).mean(axis=1)).tolist()
     hits = [e.other for e in exact.events if e.kind == "ball_ball" and e.ball == 0 and float(e.time) < known_until]
     return {
         "complete": complete,
@@ -142,17 +142,17 @@ def compare_outcomes(name: str, count: int, workers: int) -> dict[Engine, dict[s
         return made[:, None], made, np.column_stack((touched, batch.first_hit))
 
     exact = outcome(PIC)
-    found: dict[Engine, dict[str, float | int]] = {}
+    agreement: dict[Engine, dict[str, float | int]] = {}
     for engine in tqdm(PIT, f"outcomes of {name}", unit="engine"):
         here = outcome(engine)
         scoring = exact[1] | here[1]
         wrong = (here[0] != exact[0]).any(axis=1)
-        found[engine] = {
+        agreement[engine] = {
             "wrong_outcomes": float((here[2] != exact[2]).any(axis=1).mean()),
             "wrong_scores": float(wrong[scoring].mean()) if scoring.any() else 0.0,
             "scoring_shots": int(scoring.sum()),
         }
-    return found
+    return agreement
 
 
 def timer(scene: Scene, positions: Floats, velocities: Floats, engine: Engine) -> Callable[[], float]:

@@ -33,9 +33,9 @@ OFF = 0.1
 
 def shots(seed: int) -> list[Any]:
     """Returns the shots: random layouts, the cue ball hits ball 1 with a random cut and spin."""
-    scene, rng, found = Scene.named(SCENE, 1), np.random.default_rng(seed), []
+    scene, rng, recorded = Scene.named(SCENE, 1), np.random.default_rng(seed), []
     radius = scene.balls.radius[0]
-    while len(found) < SHOTS:
+    while len(recorded) < SHOTS:
         positions = layouts.draw("random", scene, rng)
         ahead = positions[1] - positions[0]
         aim = ahead + rng.uniform(-1.0, 1.0) * radius * np.array([-ahead[1], ahead[0]]) / np.hypot(*ahead)
@@ -45,8 +45,8 @@ def shots(seed: int) -> list[Any]:
         shot: Any = simulate(scene, positions, velocity, spins=spin, record=True)
         contacts = shot.events["time"][np.isin(shot.events["kind"], ("ball_ball", "cushion"))]
         if shot.first_hit == 1 and np.diff(contacts, prepend=0.0).min() > APART:
-            found.append(shot)
-    return found
+            recorded.append(shot)
+    return recorded
 
 
 def tracks(seed: int) -> list[Track]:
@@ -60,19 +60,19 @@ def one(law: str, seed: int) -> dict[str, Any]:
     begin = {name: getattr(scene.physics, name) * (1.0 + OFF * rng.uniform(-1.0, 1.0)) for name in NUMBERS}
     begin = {name: min(value, 0.99) if name.startswith("e_") else value for name, value in begin.items()}
     physics = dataclasses.replace(scene.physics, **begin, cushion=law)
-    found = calibrate(dataclasses.replace(scene, physics=physics), tracks(seed), NUMBERS, hold_back=False)
-    return {"values": found.values, "intervals": found.intervals, "problems": len(found.problems)}
+    result = calibrate(dataclasses.replace(scene, physics=physics), tracks(seed), NUMBERS, hold_back=False)
+    return {"values": result.values, "intervals": result.intervals, "problems": len(result.problems)}
 
 
 def measure(repeats: int, workers: int) -> dict[str, Any]:
     """Runs all repeats and returns their summary. A number that a repeat does not determine has no interval there."""
     rows, problems = [], 0
-    for law, found in run_kinds(one, LAWS, repeats, workers).items():
-        problems += sum(repeat["problems"] > 0 for repeat in found)
+    for law, fits in run_kinds(one, LAWS, repeats, workers).items():
+        problems += sum(repeat["problems"] > 0 for repeat in fits)
         for name in NUMBERS if law == LAWS[0] else CLOTH:
             truth = getattr(Scene.named(SCENE).physics, name)
-            values = np.array([repeat["values"][name] for repeat in found if name in repeat["values"]])
-            ends = np.array([repeat["intervals"][name] for repeat in found if name in repeat["values"]]).reshape(-1, 2)
+            values = np.array([repeat["values"][name] for repeat in fits if name in repeat["values"]])
+            ends = np.array([repeat["intervals"][name] for repeat in fits if name in repeat["values"]]).reshape(-1, 2)
             rows.append(
                 {
                     "law": law,

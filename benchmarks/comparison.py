@@ -178,8 +178,8 @@ def pooltool(python: Path, program: Path = WORKER) -> Iterator[tuple[str, list[R
             answer = ask(shot)
             if answer["positions"] is None:
                 return Outcome(None, answer["seconds"], finished=False)
-            found = np.array(answer["positions"])
-            ours = np.column_stack((found[:, 1] - half_x, half_y - found[:, 0]))
+            theirs = np.array(answer["positions"])
+            ours = np.column_stack((theirs[:, 1] - half_x, half_y - theirs[:, 0]))
             return Outcome(ours, answer["seconds"], answer["finished"])
 
         yield ask(), [functools.partial(run_shot, gap) for gap in POOLTOOL_GAPS]
@@ -228,7 +228,7 @@ def exact_positions(scene: Scene, positions: Floats, velocity: Floats, time: flo
 
 def measure(shots: int, passes: int) -> dict[str, Any]:
     """Returns the results of all measurements: `shots` of each kind, and their run times in `passes`."""
-    found: dict[str, Any] = {"machine": machine(), "shots": shots, "passes": passes, "versions": {}, "rows": []}
+    result: dict[str, Any] = {"machine": machine(), "shots": shots, "passes": passes, "versions": {}, "rows": []}
     # By the laws: name, method and runner of each simulator. billiards-env is the first one. It records the shots that
     # are compared with pooltool, because pooltool always records them.
     simulators: dict[str, list[tuple[str, str, Runner]]] = {
@@ -237,14 +237,14 @@ def measure(shots: int, passes: int) -> dict[str, Any]:
     with contextlib.ExitStack() as stack:
         if POOLTOOL_PYTHON.exists():
             version, runners = stack.enter_context(pooltool(POOLTOOL_PYTHON))
-            found["versions"]["pooltool"] = version
+            result["versions"]["pooltool"] = version
             ways = ("event-driven", *(f"event-driven, gap {1e9 * gap:g} nm" for gap in POOLTOOL_GAPS[1:]))
             for laws in ("friction and spin", "throw and jaws"):
                 simulators[laws] += [("pooltool", *way) for way in zip(ways, runners, strict=True)]
         else:
             print("pooltool is left out: there is no .venv-pooltool; `make bench` creates it")
         if importlib.util.find_spec("pymunk"):
-            found["versions"]["pymunk"] = importlib.metadata.version("pymunk")
+            result["versions"]["pymunk"] = importlib.metadata.version("pymunk")
             simulators["elastic disks"] += [
                 ("pymunk", f"timestep 1/{steps} s", pymunk(steps)) for steps in PYMUNK_STEPS
             ]
@@ -253,8 +253,8 @@ def measure(shots: int, passes: int) -> dict[str, Any]:
             columns = {kind: compare(laws, kind, runners, shots, passes) for kind in KINDS}
             for k, (name, method, _) in enumerate(some):
                 row = {"laws": laws, "simulator": name, "method": method}
-                found["rows"].append({**row, **{kind: column[k] for kind, column in columns.items()}})
-    return found
+                result["rows"].append({**row, **{kind: column[k] for kind, column in columns.items()}})
+    return result
 
 
 def compare(laws: str, kind: str, runners: Sequence[Runner], count: int, passes: int) -> list[dict[str, Any]]:

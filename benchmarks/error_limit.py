@@ -147,8 +147,8 @@ def summary(results: Sequence[Mapping[str, float | bool | int]]) -> dict[str, fl
 
 def measure(shots: int, workers: int) -> dict[str, Any]:
     """Compares `shots` of each of `KINDS`."""
-    on, found = machine(), run_kinds(compare, KINDS, shots, workers)
-    return {"machine": on, "kinds": {kind: summary(results) for kind, results in found.items()}}
+    on, by_kind = machine(), run_kinds(compare, KINDS, shots, workers)
+    return {"machine": on, "kinds": {kind: summary(results) for kind, results in by_kind.items()}}
 
 
 def draw(result: dict[str, Any], folder: Path) -> None:
@@ -182,7 +182,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "99%": "{p99_ratio:.1f}",
         "largest": "{max_ratio:.1f}",
     }
-    return {"kinds": rows_table(columns, [{"kind": kind, **found} for kind, found in result["kinds"].items()])}
+    return {"kinds": rows_table(columns, [{"kind": kind, **row} for kind, row in result["kinds"].items()])}
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -59,13 +59,13 @@ def random_shots(pool: Executor, scale: float) -> dict[str, dict[str, Any]]:
     }
     with tqdm(total=sum(chunk for *_, chunk in tasks), unit="shot", unit_scale=True, smoothing=0.02) as bar:
         for future in as_completed(futures):
-            found, sums = future.result(), total[futures[future]]
+            counts, sums = future.result(), total[futures[future]]
             for key in ADDED:
-                sums[key] += found.get(key, 0)
+                sums[key] += counts.get(key, 0)
             for key in WORST:
-                sums[key] = max(sums[key], found.get(key, 0))
-            sums["bad"] += found["bad"]
-            bar.update(found["shots"])
+                sums[key] = max(sums[key], counts.get(key, 0))
+            sums["bad"] += counts["bad"]
+            bar.update(counts["shots"])
     return total
 
 
@@ -85,7 +85,7 @@ def measure(workers: int, scale: float) -> dict[str, Any]:
 
 def blocks(data: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
-    kinds = [{"name": name, **found, "broke": len(found["bad"])} for name, found in data["shots"].items()]
+    kinds = [{"name": name, **counts, "broke": len(counts["bad"])} for name, counts in data["shots"].items()]
     total = {key: sum(kind[key] for kind in kinds) for key in (*ADDED, "broke")}
     total |= {key: max(kind[key] for kind in kinds) for key in WORST}
     columns = {
@@ -118,7 +118,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.stress --help`."""
     options = {"workers": workers(), "scale": (1.0, "share of the shots; for a trial with fewer give --output too")}
     data = run_command("benchmarks.stress", "Run and check millions of shots.", arguments, measure, blocks, options)
-    if bad := sum(len(found["bad"]) for found in data["shots"].values()):
+    if bad := sum(len(counts["bad"]) for counts in data["shots"].values()):
         sys.exit(f"{bad} shots broke a rule; their (seed, index, status) are in the results")
 
 

@@ -131,7 +131,7 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
         play()
     passes = [[outside(), *(steps / seconds(play) for _, steps, play in every)] for _ in range(repeats)]
     shares, *rates = zip(*passes, strict=True)
-    rows = [{"kind": name, "per_second": summary(found)} for (name, _, _), found in zip(every, rates, strict=True)]
+    rows = [{"kind": name, "per_second": summary(values)} for (name, _, _), values in zip(every, rates, strict=True)]
     return {"machine": on, "repeats": repeats, "steps": rows, "outside_engine": summary(shares)}
 
 

@@ -289,12 +289,12 @@ def bench(args: argparse.Namespace) -> None:
             raise ValueError("bench verify without a file: expected the files to verify")
         noise_seed = secrets.randbits(63) if args.noise_seed is None else args.noise_seed
         for path in args.file:
-            found = bench.verify(path)
-            print(f"{path}: accepted, {found.player}\n{bench.report(found)}", flush=True)
-            other = bench.fresh(found, noise_seed)
+            verified = bench.verify(path)
+            print(f"{path}: accepted, {verified.player}\n{bench.report(verified)}", flush=True)
+            other = bench.fresh(verified, noise_seed)
             if other.results:
                 print(f"the same actions with the noise of seed {noise_seed}:\n{bench.report(other)}", flush=True)
-            noisy = {one.task for one in found.results if FROZEN[one.task].noise}
+            noisy = {one.task for one in verified.results if FROZEN[one.task].noise}
             for task in sorted(noisy - {one.task for one in other.results}):
                 print(f"{task}: replayed only, the player may have computed the noise beforehand", flush=True)
         return
@@ -314,10 +314,10 @@ def bench(args: argparse.Namespace) -> None:
         if sys.stderr.isatty() and episodes % 10 == 0:
             print(f"{task}: {episodes:,} of {bench.EPISODES:,} episodes", end="\r", file=sys.stderr)
 
-    found = bench.play(args.player, args.tasks.split(","), args.seed, args.name, progress, args.noise_seed, part)
-    print(bench.report(found), flush=True)
+    played = bench.play(args.player, args.tasks.split(","), args.seed, args.name, progress, args.noise_seed, part)
+    print(bench.report(played), flush=True)
     if args.out is not None and part is not None:
-        bench.save(args.out, found)
+        bench.save(args.out, played)
         part.unlink()
         print(f"wrote {args.out}")
 

@@ -117,13 +117,13 @@ def play(
     title = _text("player", player if name is None else name, *_NAME)
     keys = [(task, seed, noise_seed if FROZEN[task].noise else None) for task in names for seed in seeds]
     source = f"{hashlib.sha256(player.encode()).hexdigest()[:16]} {title}"[:80]  # one name can have several players
-    found = {} if part is None or not part.exists() else _kept(part, source, keys)
+    results = {} if part is None or not part.exists() else _kept(part, source, keys)
     for key in keys:
-        if key not in found:
-            found[key] = _play(player, *key, progress)
+        if key not in results:
+            results[key] = _play(player, *key, progress)
             if part is not None:
-                save(part, Bench(source, tuple(found.values())))
-    return Bench(title, tuple(found[key] for key in dict.fromkeys(keys)))
+                save(part, Bench(source, tuple(results.values())))
+    return Bench(title, tuple(results[key] for key in dict.fromkeys(keys)))
 
 
 _Key = tuple[str, int, int | None]
@@ -132,10 +132,10 @@ _Key = tuple[str, int, int | None]
 def _kept(part: Path, player: str, keys: Sequence[_Key]) -> dict[_Key, Result]:
     """Returns the results in a file by task, seed and seed of the noise; raises a ValueError for other results."""
     bench = verify(part)
-    found = {(result.task, result.seed, result.noise_seed): result for result in bench.results}
-    if bench.player != player or not found.keys() <= set(keys):
+    results = {(result.task, result.seed, result.noise_seed): result for result in bench.results}
+    if bench.player != player or not results.keys() <= set(keys):
         raise ValueError(f"{part} holds results of another command: expected none, move it or delete it")
-    return found
+    return results
 
 
 def _play(player: str, task: str, seed: int, noise_seed: int | None, progress: Callable[[str, int], object]) -> Result:
@@ -406,14 +406,14 @@ def report(bench: Bench) -> str:
     lines = [f"{'task':{width}}  seed  success  95% interval  return  95% interval    normalised"]
     normalised = []
     for result in bench.results:
-        found = score((result,))
-        low, high = found["success_interval"]
-        least, most = found["return_interval"]
-        scaled = found["normalised"]
+        scores = score((result,))
+        low, high = scores["success_interval"]
+        least, most = scores["return_interval"]
+        scaled = scores["normalised"]
         normalised += [] if scaled is None else [scaled]
         lines.append(
-            f"{result.task:{width}}  {result.seed:4}  {found['success']:7.1%}  "
-            f"{f'{100 * low:.1f} to {100 * high:.1f}':>12}  {found['mean_return']:6.3f}  "
+            f"{result.task:{width}}  {result.seed:4}  {scores['success']:7.1%}  "
+            f"{f'{100 * low:.1f} to {100 * high:.1f}':>12}  {scores['mean_return']:6.3f}  "
             f"{f'{least:.3f} to {most:.3f}':>14}  {'-' if scaled is None else f'{scaled:.3f}':>10}"
         )
     if normalised:

@@ -207,8 +207,8 @@ def suggestion(name: str, choices: Sequence[str]) -> str:
     """
     lower = {choice.lower(): choice for choice in choices}
     same_letters = [choice for choice in lower if sorted(choice) == sorted(name.lower())]
-    found = same_letters or difflib.get_close_matches(name.lower(), lower, 1)
-    return f" (did you mean {lower[found[0]]!r}?)" if found else ""
+    close = same_letters or difflib.get_close_matches(name.lower(), lower, 1)
+    return f" (did you mean {lower[close[0]]!r}?)" if close else ""
 
 
 def flag(name: str, value: Any) -> bool:

@@ -138,15 +138,15 @@ _STRIKES = {"scene": "real_pool", "action": "strike"}
 
 
 def _entries() -> dict[str, Frozen]:
-    found = {}
+    entries = {}
     for name, (arguments, summary, thresholds) in _TASKS.items():
         for k, threshold in enumerate(thresholds):
             strike, noise = k >= 2, k % 2 == 1
             text = summary + strike * " The table has real pockets, and an action is a strike of the cue."
             text += noise * " The environment adds noise to each shot."
             given = _COMMON | arguments | (_STRIKES if strike else {})
-            found[f"{name}{'Strike' * strike}{'Noise' * noise}-v0"] = Frozen(given, threshold, text, noise)
-    return found
+            entries[f"{name}{'Strike' * strike}{'Noise' * noise}-v0"] = Frozen(given, threshold, text, noise)
+    return entries
 
 
 FROZEN = _entries()

@@ -101,8 +101,8 @@ def simulate(
     options = {"physics": varied, "in_play": in_play, "max_time": max_time, "threads": threads}
     shots = _TensorShots(scene, tuple(tensors), names, options)
     shots.record = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors.values())
-    found = cast(tuple[Tensor, ...], _Simulate.apply(shots, *tensors.values()))
-    outputs = {name: output[0] if single else output for name, output in zip(names, found, strict=True)}
+    results = cast(tuple[Tensor, ...], _Simulate.apply(shots, *tensors.values()))
+    outputs = {name: output[0] if single else output for name, output in zip(names, results, strict=True)}
     return outputs[of] if isinstance(of, str) else outputs
 
 
@@ -141,12 +141,12 @@ def pot_margins(
     varied = {name: values.repeat(shots) for name, values in base._episodes.physics.items()}
     exact, of = actions.double(), ("ball_margins", "pocket_margins")  # the velocities have the same bits as in `step`
     velocities = exact * (single.max_speed / exact.norm(dim=-1, keepdim=True).clamp(min=1.0))
-    found = simulate(single.scene, positions, velocities, of=of, varied=varied, in_play=in_play, threads=threads)
-    gaps = -found["ball_margins"].clamp(max=0.0)
+    margins = simulate(single.scene, positions, velocities, of=of, varied=varied, in_play=in_play, threads=threads)
+    gaps = -margins["ball_margins"].clamp(max=0.0)
     apart = gaps[:, 0]
     for _ in range(single.scene.n_balls - 2):  # one more ball in the chains (Bellman-Ford)
         apart = torch.minimum(apart, (apart[:, :, None] + gaps).amin(1))
-    return (found["pocket_margins"] - apart[..., None])[:, 1:].to(actions.dtype)
+    return (margins["pocket_margins"] - apart[..., None])[:, 1:].to(actions.dtype)
 
 
 @dataclasses.dataclass
@@ -209,8 +209,8 @@ class _OfShots(Function):
         cls, info: Any, in_dims: Sequence[int | None], *arguments: Any
     ) -> Any:
         shots, *tensors = arguments
-        found = cls.apply(*shots.folded(info.batch_size, in_dims[1:], tensors))
-        outputs = tuple(output.unflatten(0, (info.batch_size, -1)) for output in found)
+        results = cls.apply(*shots.folded(info.batch_size, in_dims[1:], tensors))
+        outputs = tuple(output.unflatten(0, (info.batch_size, -1)) for output in results)
         return outputs, (0,) * len(outputs)
 
     @staticmethod
@@ -234,8 +234,8 @@ class _Simulate(_OfShots):
 
     @staticmethod
     def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
-        found = _Vjp.apply(ctx.shots, *ctx.saved_tensors, *grad_outputs)
-        sums = (x if name in STARTS else x.sum(0) for name, x in zip(ctx.shots.inputs, found, strict=True))
+        gradients = _Vjp.apply(ctx.shots, *ctx.saved_tensors, *grad_outputs)
+        sums = (x if name in STARTS else x.sum(0) for name, x in zip(ctx.shots.inputs, gradients, strict=True))
         return None, *sums
 
     @staticmethod

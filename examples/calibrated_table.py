@@ -70,10 +70,10 @@ def train(steps: int, **world: Any) -> PPO:
 def success(model: PPO, episodes: int, **world: Any) -> float:
     """Returns the share of shots that score."""
     seeds = evaluation_seeds(0, episodes).tolist()
-    found = play_together(
+    played = play_together(
         environments(episodes, **world), lambda seen: model.predict(seen, deterministic=True)[0], seeds
     )
-    return float(found["success_rate"])
+    return float(played["success_rate"])
 
 
 def run(steps: int, shots: int = 12, episodes: int = 1000) -> dict[str, float]:

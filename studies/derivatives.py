@@ -154,22 +154,22 @@ def choose() -> dict[str, Any]:
     return {
         "numbers": smooth[np.all(list(same.values()), axis=0)].tolist(),
         "smooth": len(smooth),
-        "other": {cell: 1.0 - float(found.mean()) for cell, found in same.items()},
+        "other": {cell: 1.0 - float(agrees.mean()) for cell, agrees in same.items()},
     }
 
 
-def errors(found: Mapping[str, Any], cell: str) -> dict[str, float]:
+def errors(results: Mapping[str, Any], cell: str) -> dict[str, float]:
     """Returns the median errors of "exact" or of one of `CELLS` in the chosen shots.
 
     Args:
-        found: The results so far, with the output of `choose`.
+        results: The results so far, with the output of `choose`.
         cell: The engine.
 
     Returns:
         `position`, m: the largest distance of a ball's final position. `small` and `large`: the relative
         errors of the central differences with `SMALL` and `LARGE` (see `sizes`).
     """
-    return errors_of(draw_shots().part(found["chosen"]["numbers"]), CELLS.get(cell, PIC))
+    return errors_of(draw_shots().part(results["chosen"]["numbers"]), CELLS.get(cell, PIC))
 
 
 def errors_of(shots: SceneShots, engine: Engine) -> dict[str, float]:
@@ -177,10 +177,10 @@ def errors_of(shots: SceneShots, engine: Engine) -> dict[str, float]:
     exact = shots.run(record=True)
     derivatives = exact_derivatives(exact)
     away = np.linalg.norm(shots.run(engine=engine).positions - exact.positions, axis=2)
-    found = {"position": away.max(axis=1)}
+    relative = {"position": away.max(axis=1)}
     for name, h in (("small", SMALL), ("large", LARGE)):
-        found[name] = sizes(differences(shots, h, engine) - derivatives) / sizes(derivatives)
-    return {name: float(np.median(values)) for name, values in found.items()}
+        relative[name] = sizes(differences(shots, h, engine) - derivatives) / sizes(derivatives)
+    return {name: float(np.median(values)) for name, values in relative.items()}
 
 
 POOL = Scene.named("pool", 1)
@@ -220,13 +220,13 @@ STEEPEST = np.radians(50.0)
 def draw_layouts(count: int, rng: np.random.Generator) -> Floats:
     """Returns places of the cue ball, the object ball and the goal, (count, 3, 2), m, that need no cushion."""
     room = np.array(SCENE.half_extents) - 2.0 * SCENE.balls.radius[0]
-    found = np.empty((0, 3, 2))
-    while len(found) < count:
+    suitable = np.empty((0, 3, 2))
+    while len(suitable) < count:
         drawn = rng.uniform(-room, room, (20 * count, 3, 2))
         near, far, _, cut = ways(drawn)
         suits = (near > LEAST) & (far > LEAST) & (far < FARTHEST) & (np.cos(cut) > np.cos(STEEPEST))
-        found = np.concatenate((found, drawn[suits]))
-    return found[:count]
+        suitable = np.concatenate((suitable, drawn[suits]))
+    return suitable[:count]
 
 
 def ways(layouts: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -278,8 +278,8 @@ def slopes(shots: SceneShots, layouts: Floats, world: str, derivative: str) -> F
         derivatives = differences(shots, LARGE, WORLDS[world])
     else:
         derivatives = differences(shots, SMALL, WORLDS[derivative])
-    found = 2.0 * np.einsum("mi,mij->mj", misses(shots, layouts, world), derivatives[:, 1])
-    return found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True) / LONGEST, 1.0)
+    gradients = 2.0 * np.einsum("mi,mij->mj", misses(shots, layouts, world), derivatives[:, 1])
+    return gradients / np.maximum(np.linalg.norm(gradients, axis=1, keepdims=True) / LONGEST, 1.0)
 
 
 def same_signs(shots: SceneShots, layouts: Floats, world: str, derivative: str) -> float:
@@ -492,14 +492,14 @@ def measure(output: Path) -> dict[str, Any]:
     torch.set_num_threads(1)
     goals = {"updates": UPDATES, "batch": BATCH, "layouts": LAYOUTS, "rate": LEARNING_RATE, "longest": LONGEST}
     drawn = {"shots": [DRAWN, SLOWEST, FASTEST], "steps": STEPS, "fixes": FIXES, "seed": SEED}
-    found = resumed(output, {**drawn, "goals": goals, "episodes": EPISODES})
+    results = resumed(output, {**drawn, "goals": goals, "episodes": EPISODES})
     jobs: dict[tuple[str, ...], Callable[[], Any]] = {("chosen",): choose}
-    jobs |= {("errors", cell): functools.partial(errors, found, cell) for cell in ("exact", *CELLS)}
+    jobs |= {("errors", cell): functools.partial(errors, results, cell) for cell in ("exact", *CELLS)}
     for seed, (world, derivative) in itertools.product(GOAL_SEEDS, GOAL_RUNS):
         jobs["goals", world, derivative, str(seed)] = functools.partial(learn_goals, world, derivative, seed)
     for shots, seeds in POT_RUNS.items():
         jobs |= {("pots", str(shots), str(seed)): functools.partial(learn_pots, seed, shots) for seed in seeds}
-    return fill(output, found, jobs)
+    return fill(output, results, jobs)
 
 
 def percent(share: float) -> str:
@@ -507,12 +507,12 @@ def percent(share: float) -> str:
     return "< 0.001%" if 0.0 < share < 1e-5 else f"{100 * share:.2g}%"
 
 
-def blocks(found: Mapping[str, Any]) -> dict[str, str]:
+def blocks(measured: Mapping[str, Any]) -> dict[str, str]:
     """Returns the tables for the pages, by name."""
-    fixes, steps, chosen = found["settings"]["fixes"], found["settings"]["steps"], found["chosen"]
+    fixes, steps, chosen = measured["settings"]["fixes"], measured["settings"]["steps"], measured["chosen"]
     dts = [f"1/{n} s" for n in steps]
     ends, some = (dts[0], dts[-1]), (dts[0], dts[len(dts) // 2], dts[-1])
-    rows, results = [], found["errors"]
+    rows, results = [], measured["errors"]
     for fix in fixes:
         at = {dt: results[f"{fix} {dt}"] for dt in dts}
         positions = (f"{at[dt]['position']:.1e} m" for dt in ends)
@@ -524,7 +524,7 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     head = ("fix", *(f"{name}, {dt}" for name, at in columns for dt in at))
     other = (f"{percent(chosen['other'][f'time_of_impact {dt}'])} (timestep {dt})" for dt in dts)
     learned = []
-    for world, derivatives in found["goals"].items():
+    for world, derivatives in measured["goals"].items():
         for derivative, runs in derivatives.items():
             of = {name: [run[name] for run in runs.values()] for name in next(iter(runs.values()))}
             shares = (as_percent(over_seeds(of[name])) for name in ("own", "exact"))
@@ -539,9 +539,9 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
         "success in the exact world",
         "median miss",
     )
-    goals = found["settings"]["goals"]
+    goals = measured["settings"]["goals"]
     pots = []
-    for shots, runs in found["pots"].items():
+    for shots, runs in measured["pots"].items():
         rates = list(runs.values())
         pots.append((f"{int(shots):,}", ", ".join(f"{rate:.1%}" for rate in rates), as_percent(over_seeds(rates))))
     return {
@@ -556,15 +556,15 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def draw(found: Mapping[str, Any], folder: Path) -> None:
+def draw(measured: Mapping[str, Any], folder: Path) -> None:
     """Draws the errors of whole shots, and the reason for them."""
-    draw_errors(found, folder / "gradient_timestep.png")
+    draw_errors(measured, folder / "gradient_timestep.png")
     draw_reason(folder / "gradient_timestep_reason.png")
 
 
-def draw_errors(found: Mapping[str, Any], path: Path) -> None:
+def draw_errors(measured: Mapping[str, Any], path: Path) -> None:
     """Draws the errors of the positions and of the derivatives of whole shots against the timestep."""
-    steps, results = found["settings"]["steps"], found["errors"]
+    steps, results = measured["settings"]["steps"], measured["errors"]
     figure = new_figure(8.4, 4.0, dpi=120)
     left, right = figure.subplots(1, 2)
     for fix, style in STYLES.items():

@@ -47,7 +47,7 @@ def entries(folder: Path, read: Callable[[Path], bench.Bench] = bench.verify) ->
     Raises:
         ValueError: If a file is refused, has other tasks than the leaderboard, or lacks a seed.
     """
-    found = {}
+    checked_entries = {}
     for path in sorted(folder.glob("*.json")):
         one = read(path)
         scores = {}
@@ -60,8 +60,8 @@ def entries(folder: Path, read: Callable[[Path], bench.Bench] = bench.verify) ->
                 )
             scores[task] = bench.score(results)
         checked = "player run by the maintainers" if path.stem in RUN else "replayed only"
-        found[path.stem] = {"player": one.player, "checked": checked, "scores": scores}
-    return found
+        checked_entries[path.stem] = {"player": one.player, "checked": checked, "scores": scores}
+    return checked_entries
 
 
 def aggregate(scores: Mapping[str, Any]) -> float | None:
@@ -70,7 +70,7 @@ def aggregate(scores: Mapping[str, Any]) -> float | None:
     return None if None in normalised else interquartile_mean(np.array(normalised))
 
 
-def _ordered(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _ordered(entries: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Returns the entries by their aggregate; without one by the mean score, in which a missing task counts 0."""
 
     def key(entry: Mapping[str, Any]) -> float:
@@ -78,24 +78,24 @@ def _ordered(found: Mapping[str, Any]) -> list[dict[str, Any]]:
         known = sum(score["normalised"] or 0.0 for score in entry["scores"].values())
         return known / len(BENCH_TASKS) if total is None else total
 
-    return sorted(found.values(), key=key, reverse=True)
+    return sorted(entries.values(), key=key, reverse=True)
 
 
-def blocks(found: Mapping[str, Any]) -> dict[str, str]:
+def blocks(entries: Mapping[str, Any]) -> dict[str, str]:
     """Returns the table for the page, by name."""
     rows = []
-    for entry in _ordered(found):
+    for entry in _ordered(entries):
         scores, total = entry["scores"], aggregate(entry["scores"])
         cells = (f"{scores[task]['success']:.1%}" if task in scores else "-" for task in BENCH_TASKS)
         rows.append((entry["player"], "-" if total is None else f"{total:.3f}", *cells, entry["checked"]))
     return {"table": table(("player", "aggregate", *BENCH_TASKS, "checked"), rows)}
 
 
-def draw(found: Mapping[str, Any], folder: Path) -> None:
+def draw(entries: Mapping[str, Any], folder: Path) -> None:
     """Draws the success of each player in each task, with intervals."""
     figure = new_figure(8, 3.2, dpi=100)
     ax = figure.add_subplot()
-    ordered = _ordered(found)
+    ordered = _ordered(entries)
     for k, entry in enumerate(ordered):
         tasks = [task for task in BENCH_TASKS if task in entry["scores"]]
         scores = [entry["scores"][task] for task in tasks]

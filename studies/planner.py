@@ -190,8 +190,8 @@ def level_match(player: str, noise: tuple[float, float], rng: np.random.Generato
 
 def one_ball(player: str, noise: tuple[float, float], rng: np.random.Generator) -> dict[str, Any]:
     """Plays `ONE_BALL` episodes of `Billiards-v0`. Returns `success`, the number of pots, and `strokes`."""
-    found = play_alone(player, {}, noise, ONE_BALL, int(rng.integers(2**31)))
-    return {"success": found["successes"], "strokes": ONE_BALL}
+    played = play_alone(player, {}, noise, ONE_BALL, int(rng.integers(2**31)))
+    return {"success": played["successes"], "strokes": ONE_BALL}
 
 
 EXPERIMENTS: dict[str, Callable[..., dict[str, Any]]] = {
@@ -219,25 +219,25 @@ def measure(output: Path, racks: int) -> dict[str, Any]:
         OSError: If the file cannot be read or written.
         ValueError: If the file is not JSON.
     """
-    found = resumed(output, {"seed": SEED, "max_speed": MAX_SPEED}, results={})
+    data = resumed(output, {"seed": SEED, "max_speed": MAX_SPEED}, results={})
     numbers = [
-        len(found["results"].get(cell.experiment, {}).get(_name(cell.noise), {}).get(cell.player, [])) for cell in CELLS
+        len(data["results"].get(cell.experiment, {}).get(_name(cell.noise), {}).get(cell.player, [])) for cell in CELLS
     ]
     missing = [max(0, math.ceil(racks * cell.share) - n) for cell, n in zip(CELLS, numbers, strict=True)]
     with tqdm(total=sum(missing), unit="rack") as bar:
         for rack, cell in itertools.product(range(racks), CELLS):
             experiment, noise, player, share = cell
             name = _name(noise)
-            played = found["results"].setdefault(experiment, {}).setdefault(name, {}).setdefault(player, [])
+            played = data["results"].setdefault(experiment, {}).setdefault(name, {}).setdefault(player, [])
             if len(played) < math.ceil((rack + 1) * share):
                 bar.set_description(f"{experiment}, {name}, {player}")
                 _compile(experiment)
                 played.append(EXPERIMENTS[experiment](player, noise, np.random.default_rng([SEED, len(played)])))
-                write_json(output, found)
+                write_json(output, data)
                 bar.update()
-    if "times" not in found:
-        found["times"] = times()
-    return found
+    if "times" not in data:
+        data["times"] = times()
+    return data
 
 
 @functools.cache
@@ -261,7 +261,7 @@ def times() -> dict[str, Any]:
         Setup("eight_ball", Scene.named("real_pool", 15)),
         Setup("snooker", Scene.named("snooker", 21)),
     )
-    found: dict[str, Any] = {"machine": machine(), "players": []}
+    result: dict[str, Any] = {"machine": machine(), "players": []}
     for setup, name in ((eight_ball, PLANNER), (eight_ball, EQUAL_TIME), (eight_ball, LEAST), (snooker, LEAST)):
         player, taken = find_player(name, setup, noise=OLYMPIAD), []
         for k in range(-1, LAYOUTS):  # the first one compiles
@@ -273,8 +273,8 @@ def times() -> dict[str, Any]:
             begin = time.thread_time()
             player(setup, game, MAX_SPEED, rng)
             taken.append(time.thread_time() - begin)
-        found["players"].append({"player": name, "game": setup.rules, "seconds": float(np.median(taken[1:]))})
-    return found
+        result["players"].append({"player": name, "game": setup.rules, "seconds": float(np.median(taken[1:]))})
+    return result
 
 
 _HEADS = {
@@ -287,14 +287,14 @@ _HEADS = {
 _RUN_OUTS = "run-outs", "fixed break", "without english", "eight ball"
 
 
-def blocks(found: Mapping[str, Any]) -> dict[str, str]:
+def blocks(data: Mapping[str, Any]) -> dict[str, str]:
     """Returns the tables for the pages, by name."""
     timed = [
-        (t["player"], t["game"].replace("_", " "), f"{1e3 * t['seconds']:.3g} ms") for t in found["times"]["players"]
+        (t["player"], t["game"].replace("_", " "), f"{1e3 * t['seconds']:.3g} ms") for t in data["times"]["players"]
     ]
     made = {"times": table(("player", "game", "decision, median"), timed, left=2)}
-    made["times machine"] = machine_line(found["times"]["machine"])
-    for experiment, noises in found["results"].items():
+    made["times machine"] = machine_line(data["times"]["machine"])
+    for experiment, noises in data["results"].items():
         rows = [
             (noise, player, *_row(experiment, played))
             for noise, players in noises.items()
@@ -346,14 +346,14 @@ _FEWEST = 5
 _BUDGETS = (10, 30, 100, 300, 1000, 3000)
 
 
-def draw(found: Mapping[str, Any], folder: Path) -> None:
+def draw(data: Mapping[str, Any], folder: Path) -> None:
     """Draws the run-outs of nine ball against the time of a decision."""
     figure = new_figure(8.0, 4.2)
     axes = figure.subplots()
     axes.spines[["top", "right"]].set_visible(False)
     for (label, low, high), colour in zip(PUBLISHED, ("0.85", "0.6", "0.4"), strict=True):
         axes.axhspan(100 * low, 100 * high, color=colour, alpha=0.6, label=label, linewidth=0)
-    for noise, players in found["results"]["run-outs"].items():
+    for noise, players in data["results"]["run-outs"].items():
         ends = []
         for player, played in players.items():
             if player.startswith("planner") and len(played) >= _FEWEST:

@@ -79,10 +79,10 @@ def block(source: str, name: str, root: Path = ROOT) -> str:
         if not path.exists():
             return f"*Not measured yet: `python -m {SOURCES[source]}`.*"
         measured = json.loads(path.read_text(encoding="utf-8"))
-    found = all_blocks(measured, importlib.import_module((SOURCES | GENERATED)[source]).blocks)
-    if name not in found:
-        raise ValueError(f"<!-- {source}: {name} -->: expected one of {', '.join(found)}")
-    return found[name]
+    texts = all_blocks(measured, importlib.import_module((SOURCES | GENERATED)[source]).blocks)
+    if name not in texts:
+        raise ValueError(f"<!-- {source}: {name} -->: expected one of {', '.join(texts)}")
+    return texts[name]
 
 
 def fill(text: str, root: Path = ROOT) -> str:

@@ -124,7 +124,7 @@ def play(dt: float, scene: Any, place: Any, step: Any, positions: Any, velocitie
     table, diameter = scene["table"], 2.0 * scene["balls"]["radius"][0]
     pockets = np.array([complex(pocket["x"], pocket["y"]) for pocket in table["pockets"]])
     radii = np.array([pocket["radius"] for pocket in table["pockets"]])
-    found, begun = np.full(len(positions), -1), 0
+    dropped, begun = np.full(len(positions), -1), 0
     shot, age = np.full(SLOTS, -1), np.zeros(SLOTS)  # by table: the number of its shot, or -1; s
     while True:
         for k in np.flatnonzero(shot < 0)[: len(positions) - begun]:
@@ -132,7 +132,7 @@ def play(dt: float, scene: Any, place: Any, step: Any, positions: Any, velocitie
             shot[k], age[k] = begun, 0.0
             begun += 1
         if (shot < 0).all():
-            return found
+            return dropped
         x, v = step()
         age += dt
         gaps = abs(x[..., None] - pockets) - radii
@@ -141,7 +141,7 @@ def play(dt: float, scene: Any, place: Any, step: Any, positions: Any, velocitie
         ends |= gap < 0.0
         still = (paths.sum(1) < abs(x[:, 1] - x[:, 0]) - diameter) & (paths[:, 1] < gap[:, 1])
         potted = (shot >= 0) & (gap[:, 1] < 0.0)
-        found[shot[potted]] = gaps[potted, 1].argmin(1)
+        dropped[shot[potted]] = gaps[potted, 1].argmin(1)
         shot[ends[:, 1] | (ends[:, 0] & (v[:, 1] == 0.0)) | still | (age >= TIME)] = -1
 
 

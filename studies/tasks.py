@@ -43,18 +43,18 @@ def measure(output: Path) -> dict[str, Any]:
     Returns:
         The content of the file, see `bench.reference`.
     """
-    found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
+    results: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
     for task in FROZEN:
         layouts = bench.layouts_hash(task)
-        if found.get(task, {}).get("layouts") != layouts:
-            found[task] = {"layouts": layouts, "players": {}}
+        if results.get(task, {}).get("layouts") != layouts:
+            results[task] = {"layouts": layouts, "players": {}}
     jobs = {
         (task, "players", player): functools.partial(play, player, task)
         for task in FROZEN
         for player in PLAYERS
         if task in ONLY.get(player, FROZEN)
     }
-    return fill(output, found, jobs)
+    return fill(output, results, jobs)
 
 
 def play(player: str, task: str) -> dict[str, float]:
@@ -63,11 +63,11 @@ def play(player: str, task: str) -> dict[str, float]:
     return {"success": float(result.success.mean()), "return": float(result.returns.mean())}
 
 
-def blocks(found: Mapping[str, Any]) -> dict[str, str]:
+def blocks(results: Mapping[str, Any]) -> dict[str, str]:
     """Returns a table of all tasks, and one of the player "random" in those without noise."""
     rows, chance = [], []
     for name, task in FROZEN.items():
-        known, policy = found.get(name, {}).get("players", {}), learned(name)
+        known, policy = results.get(name, {}).get("players", {}), learned(name)
         shares = [known[player]["success"] if player in known else None for player in PLAYERS]
         cells = [_percent(share) for share in (*shares, policy and policy.success)]
         rows.append((f"`{NAMESPACE}{name}`", f"{task.threshold:g}", *cells))
@@ -98,7 +98,7 @@ def learned(name: str) -> Learned | None:
     over the seeds.
     """
     entries = json.loads((RESULTS / "leaderboard.json").read_text(encoding="utf-8")).values()
-    found = [
+    candidates = [
         Learned(entry["player"], entry["scores"][name]["success"], "leaderboard.md")
         for entry in entries
         if entry["player"] not in PLAYERS and name in entry["scores"]
@@ -106,8 +106,8 @@ def learned(name: str) -> Learned | None:
     for row, result in json.loads((RESULTS / "learning.json").read_text(encoding="utf-8")).items():
         rates = [run["tasks"][name]["success_rate"] for run in result["runs"].values() if name in run["tasks"]]
         if rates:
-            found.append(Learned(row, float(np.mean(rates)), "training.md"))
-    return max(found, key=lambda one: one.success, default=None)
+            candidates.append(Learned(row, float(np.mean(rates)), "training.md"))
+    return max(candidates, key=lambda one: one.success, default=None)
 
 
 def page(name: str) -> str:

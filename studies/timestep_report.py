@@ -38,12 +38,12 @@ Floats = NDArray[np.float64]
 
 def of_part(result: Result, part: str) -> dict[str, list[dict[str, Any]]]:
     """Returns the runs of a part by world, from the results of `studies.timestep`."""
-    found: dict[str, list[dict[str, Any]]] = {}
+    by_world: dict[str, list[dict[str, Any]]] = {}
     for run in result["runs"].values():
         if run["part"] == part:
-            found.setdefault(run["world"], []).append(run)
+            by_world.setdefault(run["world"], []).append(run)
     order = list(next(iter(result["runs"].values()))["success"])  # the worlds, with the smallest timestep first
-    return {world: found[world] for world in sorted(found, key=lambda w: order.index(w) if w in order else -1)}
+    return {world: by_world[world] for world in sorted(by_world, key=lambda w: order.index(w) if w in order else -1)}
 
 
 def rates(result: Result, runs: Sequence[Mapping[str, Any]], tested: str) -> Floats:
@@ -76,8 +76,8 @@ def points(a: Floats, b: Floats) -> str:
 
 def mean_errors(runs: Sequence[Mapping[str, Any]], group: str) -> Floats:
     """Returns the mean error of the aim and its mean prediction, mm, over all shots of runs: (groups, 2)."""
-    found = np.array([run["aim"][group] for run in runs])
-    return (found[..., :1] * found[..., 1:]).sum(0) / np.maximum(found[..., :1].sum(0), 1)
+    aims = np.array([run["aim"][group] for run in runs])
+    return (aims[..., :1] * aims[..., 1:]).sum(0) / np.maximum(aims[..., :1].sum(0), 1)
 
 
 def success_after(run: Mapping[str, Any], shots: int) -> float:

@@ -210,14 +210,14 @@ def measure(shots: int, engine: Path) -> dict[str, Any]:
         for name in SCENES:
             for case in CASES:
                 drawn = random_shots(name, case, shots // (10 if case == "break" else 1), rng)
-                _, found = browser_bits(page, wasm, drawn)
+                _, bits = browser_bits(page, wasm, drawn)
                 few = drawn[:BATCH]
                 rows.append(
                     {
                         "scene": name,
                         "case": case,
                         "shots": len(drawn),
-                        "browser": sum(same(row, python_bits(shot)) for row, shot in zip(found, drawn, strict=True)),
+                        "browser": sum(same(row, python_bits(shot)) for row, shot in zip(bits, drawn, strict=True)),
                         "wasmtime": sum(same(wasmtime_bits(module, shot), engine_bits(shot)) for shot in drawn),
                         "python_seconds": min(python_time(few) for _ in range(REPEATS)) / max(1, len(few)),
                         "browser_seconds": min(browser_bits(page, wasm, few)[0] for _ in range(REPEATS))

@@ -188,10 +188,10 @@ class ArrayPPO(PPO):
         if not self.config.num_env_runners:
             parts.append(self.env_runner.sample(weights=weights, steps=steps, seed=seed))
         while (have := sum(len(part[1]["advantages"]) for part in parts)) < wanted:
-            found = self.env_runner_group.foreach_env_runner(
+            collected = self.env_runner_group.foreach_env_runner(
                 "sample", kwargs={"weights": weights, "steps": steps + have, "seed": seed}, local_env_runner=False
             )
-            parts += sorted(found, key=lambda part: part[0])
+            parts += sorted(collected, key=lambda part: part[0])
             seed = False
             self.restore_env_runners(self.env_runner_group)
         self.successes = tuple(success for part in parts for success in part[2])

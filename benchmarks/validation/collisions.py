@@ -245,9 +245,9 @@ def scatter_of_stun(cut: float) -> float:
     return float(cut - direction(impact(Physics(), 1.0, [cut]).velocities[0, 0]))
 
 
-def _compared(value: float, found: float) -> list[str]:
+def _compared(value: float, model: float) -> list[str]:
     """Returns the cells of a measured and a computed angle, and of their difference."""
-    return [f"{value:.1f}", f"{found:.1f}", _signed(found - value)]
+    return [f"{value:.1f}", f"{model:.1f}", _signed(model - value)]
 
 
 def _signed(value: float) -> str:
@@ -257,20 +257,20 @@ def _signed(value: float) -> str:
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
     points = [
-        [f"{cut:g}° cut, {'roll' if roll else 'stun'}, {speed}", *_compared(value, found)]
-        for (cut, value, speed, roll), found in zip(THROW_POINTS, result["throw_points"], strict=True)
+        [f"{cut:g}° cut, {'roll' if roll else 'stun'}, {speed}", *_compared(value, model)]
+        for (cut, value, speed, roll), model in zip(THROW_POINTS, result["throw_points"], strict=True)
     ]
     points += [
-        [f"frozen pair, 45°, {name}", *_compared(value, found)]
-        for (name, value), found in zip(FROZEN_PAIR.items(), result["frozen_pair"].values(), strict=True)
+        [f"frozen pair, 45°, {name}", *_compared(value, model)]
+        for (name, value), model in zip(FROZEN_PAIR.items(), result["frozen_pair"].values(), strict=True)
     ]
     frozen_rows = [
-        [f"{stroke}°", f"{value}", f"{found:.1f}", _signed(found - value)]
-        for (stroke, value), found in zip(FROZEN, result["frozen"]["directions"], strict=True)
+        [f"{stroke}°", f"{value}", f"{model:.1f}", _signed(model - value)]
+        for (stroke, value), model in zip(FROZEN, result["frozen"]["directions"], strict=True)
     ]
     snooker = []
-    for shot, found in zip(SNOOKER, result["snooker"], strict=True):
-        *speeds, cue, ball = zip(shot.measured, found, shot.paper, strict=True)
+    for shot, model in zip(SNOOKER, result["snooker"], strict=True):
+        *speeds, cue, ball = zip(shot.measured, model, shot.paper, strict=True)
         cells = [f"{m:.3f}, {f:.3f} ({f / m - 1:+.0%}), {p:.3f}" for m, f, p in speeds]
         cells += [f"{m:.1f}, {f:.1f} ({f - m:+.1f}), {p:.1f}" for m, f, p in (cue, ball)]
         snooker.append((f"{shot.speed:.3f}", f"{shot.cut:.1f}", *cells))

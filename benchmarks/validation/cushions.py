@@ -101,13 +101,13 @@ def bank(physics: Physics, start: ArrayLike, aim: ArrayLike, speed: float) -> Fl
     positions = np.zeros((len(aim), len(IN_PLAY), 2))
     positions[:, 0, 0], positions[:, 0, 1] = aim * DIAMOND, reach
     velocities = speed * way / np.hypot(*way.T)[:, None]
-    found = []
+    places = []
     for position, velocity in zip(positions, velocities, strict=True):
         shot = simulate(scene, position, velocity, in_play=IN_PLAY, record=True)
         assert shot.events is not None
         contacts = shot.events[shot.events["kind"] == "cushion"]
-        found.append(contacts["x"][1] / DIAMOND if len(contacts) > 1 else np.nan)
-    return np.array(found)
+        places.append(contacts["x"][1] / DIAMOND if len(contacts) > 1 else np.nan)
+    return np.array(places)
 
 
 # Results
@@ -147,8 +147,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         for name, (rms, most) in result["figure_7a"].items()
     ]
     banks = [
-        [name, *(f"{off:+.2f}" for off in found)]
-        for name, found in (("measured (the system)", [0.0] * len(BANKS)), *result["banks"].items())
+        [name, *(f"{off:+.2f}" for off in misses)]
+        for name, misses in (("measured (the system)", [0.0] * len(BANKS)), *result["banks"].items())
     ]
     return {
         "figure 7a": table(["law", "rms difference, m/s", "largest, m/s", "slope of a line, 0.28 to 3.5 m/s"], fits),

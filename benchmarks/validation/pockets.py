@@ -89,25 +89,25 @@ def outcomes(board: Table, pocket: str, speed: float, angle: Floats, offset: Flo
     patience = 1.2 * (WAY + 0.25) / speed + 0.5
     batch = simulate_batch(scene, start[free][:, None], velocities, spins=spins, max_time=patience)
     near = np.hypot(*(batch.positions[:, 0] - [aim.x, aim.y]).T) < 0.25
-    found = np.full(len(start), np.nan)
+    results = np.full(len(start), np.nan)
     clean = batch.cushions[:, 0] == 0
-    found[free] = np.where(batch.potted[:, 0] & near, np.where(clean, CLEAN, TOUCHED), MISSED)
-    return found
+    results[free] = np.where(batch.potted[:, 0] & near, np.where(clean, CLEAN, TOUCHED), MISSED)
+    return results
 
 
 def opening(board: Table, pocket: str, speed: float, angle: float) -> tuple[float, float]:
     """Returns the widths of the offsets that end in the pocket and of those without a touch, inches."""
     offsets = np.linspace(-4, 4, 801)
-    found = outcomes(board, pocket, speed, np.full(len(offsets), angle), offsets)
+    results = outcomes(board, pocket, speed, np.full(len(offsets), angle), offsets)
     step = offsets[1] - offsets[0]
-    return float((found >= TOUCHED).sum() * step), float((found == CLEAN).sum() * step)
+    return float((results >= TOUCHED).sum() * step), float((results == CLEAN).sum() * step)
 
 
 def steepest(board: Table, speed: float) -> float:
     """Returns the largest angle at which some path ends in the side pocket, degrees."""
     angles, offsets = np.meshgrid(np.arange(48.0, 75.0, 0.1), np.linspace(-1.5, 1.5, 401))
-    found = outcomes(board, "side", speed, angles.ravel(), offsets.ravel()).reshape(angles.shape)
-    return float(angles[0][(found >= TOUCHED).any(axis=0)].max())
+    results = outcomes(board, "side", speed, angles.ravel(), offsets.ravel()).reshape(angles.shape)
+    return float(angles[0][(results >= TOUCHED).any(axis=0)].max())
 
 
 def measure() -> dict[str, Any]:
@@ -145,8 +145,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         )
     head = ["opening, in", "published, slow", "model, slow", "difference", "without a touch", "model, fast"]
     steep = [
-        [speed, f"{value}", f"{found:.1f}", f"{found - value:+.1f}", f"{other:.1f}"]
-        for (speed, value), found, other in zip(
+        [speed, f"{value}", f"{model:.1f}", f"{model - value:+.1f}", f"{other:.1f}"]
+        for (speed, value), model, other in zip(
             STEEPEST, result["steepest"]["papers"], result["steepest"]["pool_9ft"], strict=True
         )
     ]

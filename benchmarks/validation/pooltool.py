@@ -38,24 +38,24 @@ def compare(shot: dict[str, Any]) -> dict[str, Any]:
     in_play = [k < n for k in range(n + spare)]
     result = simulate(scene, positions, shot["velocity"], spins=shot["spin"], in_play=in_play, record=True)
     assert result.events is not None
-    found = [
+    ours = [
         (time, kind, [ball, other] if kind == "ball_ball" else [ball])
         for time, kind, ball, other, *_ in result.events.tolist()
         if kind in KINDS
     ]
     # Some events of pooltool's file lack a ball.
-    same = len(found) == len(shot["events"]) and all(
+    same = len(ours) == len(shot["events"]) and all(
         mine[1] == theirs[1] and set(theirs[2]) <= set(mine[2])
-        for mine, theirs in zip(found, shot["events"], strict=True)
+        for mine, theirs in zip(ours, shot["events"], strict=True)
     )
     final = shot["final"]
     rests = [k for k in range(n) if final[k] is not None]
     off = [np.hypot(*(result.positions[k] - final[k])) for k in rests]
-    late = [abs(mine[0] - theirs[0]) for mine, theirs in zip(found, shot["events"], strict=True)] if same else [np.inf]
+    late = [abs(mine[0] - theirs[0]) for mine, theirs in zip(ours, shot["events"], strict=True)] if same else [np.inf]
     return {
         "scene": scene_name,
         "balls": n,
-        "contacts": len(found),
+        "contacts": len(ours),
         "same_contacts": same,
         "same_potted": result.potted[:n].tolist() == [place is None for place in final],
         "potted": int(result.potted[:n].sum()),

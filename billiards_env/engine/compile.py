@@ -129,12 +129,12 @@ def cached_by_scene(function: Callable[[Scene, Any], Any]) -> Callable[[Scene, A
     @functools.wraps(function)
     def call(scene: Scene, argument: Any) -> Any:
         key = id(scene), argument
-        found = kept.get(key)
-        if found is None:
+        cached = kept.get(key)
+        if cached is None:
             if len(kept) >= _KEPT:
                 kept.clear()
-            found = kept[key] = scene, by_value(scene, argument)  # the scene stays alive, so no other one gets its id
-        return found[1]
+            cached = kept[key] = scene, by_value(scene, argument)  # the scene stays alive, so no other one gets its id
+        return cached[1]
 
     return call
 

@@ -283,13 +283,13 @@ def _checked_physics(
     """Returns the physics in the options of a reset, after a check."""
     if not isinstance(given, Mapping):
         raise TypeError(f"options['physics'] = {short(given)}: expected a mapping from names of randomize to numbers")
-    found = {}
+    checked = {}
     for key, values in given.items():
         one_of("key of options['physics']", key, tuple(ranges))
         name, (low, high) = f"options['physics'][{key!r}]", ranges[key]
         array = shaped(name, values, () if mask is None else mask.shape)
-        found[key] = np.atleast_1d(array)
+        checked[key] = np.atleast_1d(array)
         bad = array[(True if mask is None else mask) & ~((low <= array) & (array <= high))]
         if bad.size:
             raise ValueError(f"{name} = {bad.flat[0]}: expected a number from {low:g} to {high:g}, as in randomize")
-    return found
+    return checked

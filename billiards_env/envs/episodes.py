@@ -112,9 +112,9 @@ class Episodes:
             "scratch": np.zeros(count, np.bool_),
             "states": state.game.reshape(-1),
         }
-        found = empty_shots(count, n)._asdict() | state._asdict() | results
-        self.shots = shots = Shots(*map(found.__getitem__, Shots._fields))
-        self.arrays = EpisodeArrays(*map(found.__getitem__, EpisodeArrays._fields))
+        by_name = empty_shots(count, n)._asdict() | state._asdict() | results
+        self.shots = shots = Shots(*map(by_name.__getitem__, Shots._fields))
+        self.arrays = EpisodeArrays(*map(by_name.__getitem__, EpisodeArrays._fields))
         self.miscues = np.zeros(count, np.bool_)
         self.actions = np.zeros((count, ACTIONS[self.model.action].size))
         self.mask = np.zeros((count, self.choices), np.int8)

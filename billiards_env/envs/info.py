@@ -53,8 +53,8 @@ def starts_of(info: InfoArrays, max_shots: int) -> InfoArrays:
     """Returns the constant arrays of the keys of `info_arrays` at the starts of episodes."""
     first = {"first_hit": -1, "shots_left": max_shots}  # the others are 0 or False
 
-    def starts(found: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-        return {key: np.full_like(values, first.get(key, 0)) for key, values in found.items()}
+    def starts(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        return {key: np.full_like(values, first.get(key, 0)) for key, values in arrays.items()}
 
     return InfoArrays(starts(info.numbers), starts(info.rows))
 

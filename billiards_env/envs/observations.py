@@ -483,9 +483,9 @@ def decode(observation: Any, features: Mapping[str, tuple[int, ...]]) -> dict[st
     *many, size = observation.shape
     if size != (expected := sum(map(math.prod, features.values()))):
         raise ValueError(f"observation has {size} numbers: expected {expected}, of {', '.join(features)}")
-    found, first = {}, 0
+    decoded, first = {}, 0
     for name, shape in features.items():
         last = first + math.prod(shape)
-        found[name] = observation[..., first:last].reshape((*many, *shape))
+        decoded[name] = observation[..., first:last].reshape((*many, *shape))
         first = last
-    return found
+    return decoded

@@ -50,27 +50,27 @@ class Plans:
         if bad.size:
             raise ValueError(f"action = {bad[0]:g}: expected a whole number from 0 to {self.choices - 1}")
         every = np.arange(len(plans))
-        found = self._pots(before).reshape(-1, self.choices, 2)[every, plans.astype(np.int64)]
+        chosen = self._pots(before).reshape(-1, self.choices, 2)[every, plans.astype(np.int64)]
         ways = before.positions - before.positions[:, :1]
         apart = np.where(before.playable, np.hypot(*np.moveaxis(ways, -1, 0)), np.inf)
         nearest = apart.argmin(axis=1)
         speeds = before.max_speed * (plans % len(SPEEDS) + 1.0) / len(SPEEDS)
         full = (speeds / np.maximum(apart[every, nearest], 1e-300))[:, None] * ways[every, nearest]
-        return np.where(found.any(axis=1, keepdims=True), found, full)
+        return np.where(chosen.any(axis=1, keepdims=True), chosen, full)
 
     def mask(self, before: Before) -> NDArray[np.int8]:
         """Returns the plans that are pots, (k, choices): 1 or 0."""
-        found = self._pots(before).any(axis=-1).reshape(-1, self.choices)
-        return (found | ~found.any(axis=1, keepdims=True)).astype(np.int8)
+        possible = self._pots(before).any(axis=-1).reshape(-1, self.choices)
+        return (possible | ~possible.any(axis=1, keepdims=True)).astype(np.int8)
 
     def _pots(self, before: Before) -> Floats:
         """Returns the velocities (k, *shape, 2) of the cue ball of each plan, 0 for a plan that is no pot."""
         targets = np.arange(self._scene.n_balls) > 0
         pots = find_pots(Tables(self._scene, targets, before.positions, ~before.in_play, before.max_speed))
-        found = np.zeros((len(before.positions), *self.shape, 2))
+        by_choice = np.zeros((len(before.positions), *self.shape, 2))
         for j in range(pots.ball.shape[1])[::-1]:  # of several banks the one with the largest tolerance comes last
             which = np.flatnonzero(j < pots.count)
             shots = pots.shots[which, j]
             velocities = shots[..., SPEED, None] * shots[..., DX : DY + 1]
-            found[which, pots.ball[which, j] - 1, pots.pocket[which, j]] = velocities
-        return found * before.playable[:, 1:, None, None, None]
+            by_choice[which, pots.ball[which, j] - 1, pots.pocket[which, j]] = velocities
+        return by_choice * before.playable[:, 1:, None, None, None]

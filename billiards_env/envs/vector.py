@@ -284,9 +284,9 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
             return self.render() or (None,) * self.num_envs
         if name == "get_wrapper_attr":
             return self.get_attr(*args, **kwargs)
-        if not callable(found := getattr(self.single_env, name)):
+        if not callable(method := getattr(self.single_env, name)):
             return self.get_attr(name)
-        return (found(*args, **kwargs),) * self.num_envs
+        return (method(*args, **kwargs),) * self.num_envs
 
     def reset(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

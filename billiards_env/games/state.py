@@ -191,7 +191,7 @@ def to_dict(row: Any) -> dict[str, Any]:
     A state has the scores and fouls of its players, each cue ball once, and also `on_table`: the balls on the table
     including the cue balls; a cue ball in hand counts.
     """
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for name in row.dtype.names:
         value, names = row[name].tolist(), _NAMES.get(name)
         if name in _SETS:
@@ -200,10 +200,10 @@ def to_dict(row: Any) -> dict[str, Any]:
             value = tuple(value[: row["n_players"]] if len(value) == MOST_PLAYERS else dict.fromkeys(value))
         if names is not None:
             value = tuple(names[i] for i in value) if name in _SETS else names[value]
-        found[name] = value
-    if "object_balls" in found:
-        found["on_table"] = members(on_table(row))
-    return found
+        values[name] = value
+    if "object_balls" in values:
+        values["on_table"] = members(on_table(row))
+    return values
 
 
 def set_of(numbers: Iterable[int]) -> int:

@@ -23,10 +23,10 @@ def kernel_sources() -> list[Path]:
     for path in _PACKAGE.rglob("*.py"):
         modules = [_PACKAGE.joinpath(*name.split(".")) for name in _IMPORT.findall(path.read_text(encoding="utf-8"))]
         imports[path] = {m / "__init__.py" if m.is_dir() else m.with_suffix(".py") for m in modules}
-    found = [path for path in imports if _PACKAGE / "jit" / "__init__.py" in imports[path]]
-    for path in found:
-        found += [other for other in imports[path] if other in imports and other not in found]
-    return sorted(found)
+    sources = [path for path in imports if _PACKAGE / "jit" / "__init__.py" in imports[path]]
+    for path in sources:
+        sources += [other for other in imports[path] if other in imports and other not in sources]
+    return sorted(sources)
 
 
 def source_hash() -> str:
@@ -56,12 +56,12 @@ def cache_folder() -> Path | None:
     user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "billiards_env"
     folders = [*([Path(chosen)] if chosen else []), _PACKAGE / "__pycache__", user]
     name = f"kernels-{source_hash()}"
-    found = next((folder / name for folder in folders if _writable(folder / name)), None)
-    if found is None or (chosen and found.parent != Path(chosen)):
-        so = f"billiards_env writes its compiled code to {found}" if found else "every process compiles billiards_env"
+    cache = next((folder / name for folder in folders if _writable(folder / name)), None)
+    if cache is None or (chosen and cache.parent != Path(chosen)):
+        so = f"billiards_env writes its compiled code to {cache}" if cache else "every process compiles billiards_env"
         message = f"NUMBA_CACHE_DIR = {chosen!r}: expected a folder that can be written; {so}"
         warnings.warn(message, RuntimeWarning, stacklevel=2)
-    return found
+    return cache
 
 
 def code_folder() -> Path:

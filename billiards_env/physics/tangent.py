@@ -158,8 +158,8 @@ class _Writer:
                 self.refuse(name)
         arguments = [argument.arg for argument in definition.args.args]
         self.kept, self.active = constant, set(arguments) - constant
-        while (found := self.active | self.changed(definition)) != self.active:
-            self.active = found
+        while (larger := self.active | self.changed(definition)) != self.active:
+            self.active = larger
         changes = [f"d_{name}" for name in arguments if name not in constant]
         self.write(f"def d_{definition.name}({', '.join(arguments + changes)}):")
         self.block(definition.body)

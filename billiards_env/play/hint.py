@@ -36,6 +36,6 @@ def stroke_for(model: WindowModel, pot: Pot) -> Stroke | None:
     positions[model.cue] = model.cue_position
     in_play = is_in(on_table(model.game.state), scene.n_balls)
     goals, strike = (FirstTouch(pot.ball), pot), scene.physics.motion == "sliding"
-    found = aim(scene, positions, goals, max_speed=model.max_speed, in_play=in_play, strike=strike, shots=SHOTS)
-    (x, y), (*_, place, call) = found.velocity.tolist(), model.aim
-    return Stroke((x, y), place, call=call) if found.solved else None
+    aimed = aim(scene, positions, goals, max_speed=model.max_speed, in_play=in_play, strike=strike, shots=SHOTS)
+    (x, y), (*_, place, call) = aimed.velocity.tolist(), model.aim
+    return Stroke((x, y), place, call=call) if aimed.solved else None

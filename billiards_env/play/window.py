@@ -113,14 +113,14 @@ def wait_for(work: Callable[[], T], text: str, width: int) -> T:
     frame.fill(PAPER)
     image = text_image(text, width // 30, INK, width)
     frame.blit(image, image.get_rect(center=frame.get_rect().center))
-    found = _Work(work)
+    running = _Work(work)
     try:
-        while not found.done():
+        while not running.done():
             if pygame.event.get(pygame.QUIT):
                 raise SystemExit
             screen.show(frame)
             screen.wait(FPS)
-        return found.result()
+        return running.result()
     except BaseException:
         screen.close()
         raise
@@ -303,8 +303,8 @@ class GameWindow:
         """Starts a thread that finds the best shot for a person."""
         model, (rng,) = self.model, self._rng.spawn(1)
         if model.phase in ("placing", "aiming"):
-            found = _Work(lambda: plan(model.setup, model.game, model.max_speed, rng, HINT_TIME, noise=EXPECTED))
-            self.message, self._hint = "thinking", _Hint(model.game, found)
+            running = _Work(lambda: plan(model.setup, model.game, model.max_speed, rng, HINT_TIME, noise=EXPECTED))
+            self.message, self._hint = "thinking", _Hint(model.game, running)
 
     def _take_hint(self, hint: _Hint) -> None:
         """Aims as the thread has found, unless the game went on."""

@@ -214,19 +214,19 @@ def aim(
     Example:
         >>> from billiards_env import Scene
         >>> from billiards_env.players.aim import Leave, Pot, aim
-        >>> found = aim(Scene.named("pool"), [[-0.6, 0.0], [0.6, 0.3]], [Pot(1, 3), Leave((0.5, -0.3))])
-        >>> found.solved, found.shot.potted.tolist(), found.residual < 1e-9
+        >>> aimed = aim(Scene.named("pool"), [[-0.6, 0.0], [0.6, 0.3]], [Pot(1, 3), Leave((0.5, -0.3))])
+        >>> aimed.solved, aimed.shot.potted.tolist(), aimed.residual < 1e-9
         (True, [False, True], True)
     """
     problem = _checked(scene, positions, goals, max_speed, in_play, flag("strike", strike))
     integer("shots", shots, Range(0, None))
-    rng, found = np.random.default_rng(seed), []
+    rng, rounds = np.random.default_rng(seed), []
     for velocities in _starts(problem, shots, rng):
-        starts = _STARTS if not found else max(_STARTS, int(_SHARE * len(velocities)))
-        found.append(_solve(problem, _try(problem, velocities).best(starts)))
-        if found[-1].solved.any():
+        starts = _STARTS if not rounds else max(_STARTS, int(_SHARE * len(velocities)))
+        rounds.append(_solve(problem, _try(problem, velocities).best(starts)))
+        if rounds[-1].solved.any():
             break
-    tried = _Tried(*(np.concatenate(arrays) for arrays in zip(*found, strict=True)))
+    tried = _Tried(*(np.concatenate(arrays) for arrays in zip(*rounds, strict=True)))
     order = np.lexsort((-_room(problem, tried), np.maximum(tried.off, _EXACT), tried.missed, ~tried.solved))
     best, others = order[0], order[1:][tried.solved[order[1:]]]
     velocity = tried.velocities[best]
@@ -310,15 +310,15 @@ def _pots(problem: _Problem, goal: Pot) -> Floats:
     tables = Tables(problem.scene, targets, problem.positions[None], ~problem.in_play[None], problem.max_speed)
     pots = find_pots(tables, banks=True)
     chosen = np.flatnonzero((goal.pocket is None) | (pots.pocket[0, : pots.count[0]] == goal.pocket))[:_POTS]
-    found = []
+    velocities = []
     for shots, tolerance in zip(pots.shots[0, chosen], pots.rows[0, chosen, TOLERANCE], strict=True):
         known = shots[shots[:, SPEED] > 0]
         speeds = np.interp(_SPEEDS, (0.0, 1.0), (known[0, SPEED], known[-1, SPEED]))
         directions = np.arctan2(known[:, 1], known[:, 0])
         headings = np.interp(speeds, known[:, SPEED], np.unwrap(directions))
         angles = headings[:, None] + tolerance * _TURNS
-        found.append((speeds[:, None, None] * np.stack((np.cos(angles), np.sin(angles)), axis=-1)).reshape(-1, 2))
-    return np.concatenate((*found, np.empty((0, 2))))
+        velocities.append((speeds[:, None, None] * np.stack((np.cos(angles), np.sin(angles)), axis=-1)).reshape(-1, 2))
+    return np.concatenate((*velocities, np.empty((0, 2))))
 
 
 def _hits(problem: _Problem, ball: int) -> Floats:
@@ -460,6 +460,6 @@ def _room(problem: _Problem, tried: _Tried) -> Floats:
     room, solved = np.zeros(len(tried.missed)), np.flatnonzero(tried.solved)
     if _leaves(problem) or not len(solved):
         return room
-    found, _ = _margins(problem, _run(problem, tried.velocities[solved], record=True))
-    room[solved] = found.min(axis=1)
+    margins, _ = _margins(problem, _run(problem, tried.velocities[solved], record=True))
+    room[solved] = margins.min(axis=1)
     return room

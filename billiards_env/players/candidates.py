@@ -174,8 +174,8 @@ def _pots(
         share = len(tips) * (pots * success(ways.tolerance, noise) + _LEAST_SHARE)
         nothing = np.zeros(len(share), np.int64)
         parts.append((nothing, nothing, ways.target, ways.shots, ways.tolerance, share))
-    found = _Pots(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
-    return found if len(found.place) else None
+    joined = _Pots(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    return joined if len(joined.place) else None
 
 
 def _near(

@@ -106,13 +106,13 @@ def rewards(env: BilliardsEnv, actions: Floats) -> Floats:
     The environment does not change. Its execution noise is left out.
     """
     m = len(actions)
-    episodes, found = Episodes(m, env.model._replace(noise=None)), np.empty(m)
+    episodes, earned = Episodes(m, env.model._replace(noise=None)), np.empty(m)
     episodes.put(None, env.get_state()[None])
     episodes.state.over[:] = False
     observations = episodes.observer.new(m)
 
     def work(begin: int, end: int) -> None:
-        episodes.shoot(begin, end, actions, env.max_speed, found, observations)
+        episodes.shoot(begin, end, actions, env.max_speed, earned, observations)
 
     parallel_for(work, m)
-    return found
+    return earned

@@ -32,8 +32,8 @@ _PLACES = 30  # random places for a cue ball in hand
 def planning(setup: Setup, argument: str, noise: tuple[float, float]) -> Player:
     """Returns the planner for a budget or a level."""
     level = level_of(argument)
-    found = expected(noise, level)
-    return LevelPlayer(planner(setup, level.budget, found if any(found) else NOISE), level.noise)
+    expected_noise = expected(noise, level)
+    return LevelPlayer(planner(setup, level.budget, expected_noise if any(expected_noise) else NOISE), level.noise)
 
 
 def strategic(setup: Setup, text: str, noise: tuple[float, float]) -> Player:
@@ -65,7 +65,7 @@ def game_situation(setup: Setup, game: GameState, max_speed: float) -> Situation
         lengths = np.maximum(np.hypot(actions[:, 0], actions[:, 1]), 1.0)
         return _ratings(state.player, play_batch(setup, game, max_speed * actions / lengths[:, None]))
 
-    found = Situation(
+    situation = Situation(
         setup.scene,
         game.positions,
         ~is_in(on_table(state), len(balls)),
@@ -74,12 +74,12 @@ def game_situation(setup: Setup, game: GameState, max_speed: float) -> Situation
         rate,
         int(state.cue_balls[0]),
     )
-    targets = np.flatnonzero(found.targets & ~found.off_table).tolist()
+    targets = np.flatnonzero(situation.targets & ~situation.off_table).tolist()
     goals = carom_goals(targets, cushions=setup.game_rules.cushions)
     if setup.game_rules.pockets:  # the pots of a break depend on rounding
         goals = () if state.break_shot else tuple((FirstTouch(ball), Pot(ball)) for ball in targets)
     strike = setup.scene.physics.motion == "sliding"
-    return found._replace(tried_first=full_hit(found)[None], goals=goals, strike=strike)
+    return situation._replace(tried_first=full_hit(situation)[None], goals=goals, strike=strike)
 
 
 def make_stroke(velocity: Floats, max_speed: float, place: Point | None) -> Stroke:

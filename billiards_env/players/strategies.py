@@ -138,7 +138,7 @@ def aim(situation: Situation, rng: np.random.Generator, noise: tuple[float, floa
 
     Of the shots with the highest rating the first one has the largest margins.
     """
-    found = [np.empty((0, situation.action_size))]
+    candidates = [np.empty((0, situation.action_size))]
     shots = AIM_SHOTS if len(situation.goals) <= AIM_WAYS else 0
     for goals in situation.goals if situation.cue == 0 else ():
         aimed = aim_at(
@@ -152,8 +152,8 @@ def aim(situation: Situation, rng: np.random.Generator, noise: tuple[float, floa
         )
         if aimed.solved:
             velocities = np.concatenate((aimed.velocity[None], aimed.alternatives))
-            found.append(with_numbers(velocities / situation.max_speed, situation.action_size))
-    actions = np.concatenate(found)
+            candidates.append(with_numbers(velocities / situation.max_speed, situation.action_size))
+    actions = np.concatenate(candidates)
     ratings = situation.rate(actions)
     return actions[np.argmax(ratings)] if ratings.max(initial=0.0) > 0.0 else search(situation, rng, noise=noise)
 

@@ -64,8 +64,8 @@ def arguments_of(env: BilliardsEnv) -> dict[str, Any]:
     """Returns arguments of `gym.make("Billiards-v0", ...)` that make an environment like `env`, without its noise."""
     names = ("task", "action", "max_shots", "max_speed", "layout", "scratch_penalty", "randomize")
     scene = {"scene": env.scene.to_dict(), "n_object_balls": None}
-    found = scene | dataclasses.asdict(env.engine) | {"observe": env.observe}
-    return found | {name: getattr(env.model, name) for name in names}
+    arguments = scene | dataclasses.asdict(env.engine) | {"observe": env.observe}
+    return arguments | {name: getattr(env.model, name) for name in names}
 
 
 def by_value(log_prob: Tensor, values: Tensor) -> Tensor:

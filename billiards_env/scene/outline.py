@@ -214,8 +214,8 @@ def extents(corners: tuple[Corner, ...], pockets: tuple[Circle, ...], radius: fl
             curves.append(Line(line.x0 + nx, line.y0 + ny, line.x1 + nx, line.y1 + ny))
     curves += [(tip.x, tip.y, tip.radius + radius) for tip in tips]
     curves += pockets
-    found = [point for a, b in itertools.combinations(curves, 2) for point in _intersections(a, b)]
-    places = np.array(found).reshape(-1, 2)
+    crossings = [point for a, b in itertools.combinations(curves, 2) for point in _intersections(a, b)]
+    places = np.array(crossings).reshape(-1, 2)
     free = clearance(corners, places) >= radius - TOUCH
     for px, py, pocket in pockets:
         free &= np.hypot(places[:, 0] - px, places[:, 1] - py) >= pocket - TOUCH
@@ -253,12 +253,12 @@ def runs(corners: Sequence[Corner]) -> list[Floats]:
     path = _path(corners)
     into_table = {(tip.x1, tip.y1) for tip in pieces(corners)[1]}
     begins = [i for i, (_, piece) in enumerate(path) if isinstance(piece, Line) and piece[:2] not in into_table]
-    found = []
+    polylines = []
     for begin, end in zip(begins, [*begins[1:], begins[0] + len(path)], strict=True):
         run = [path[i % len(path)][1] for i in range(begin, end)]
         points = [point for piece in run for point in _points(piece)]
-        found.append(np.array([*points, (run[-1].x1, run[-1].y1)]))
-    return found
+        polylines.append(np.array([*points, (run[-1].x1, run[-1].y1)]))
+    return polylines
 
 
 def _path(corners: Sequence[Corner]) -> list[tuple[int, Line | Tip]]:

@@ -674,7 +674,7 @@ def _first_overlap(
     along = int(np.ptp(places[..., 1]) > np.ptp(places[..., 0])) if places.size else 0
     x = np.where(playing.reshape(-1, len(balls)), places[..., along], np.inf)
     order = np.argsort(x, axis=1)
-    x, places, found = x[shots, order], places[shots, order], []
+    x, places, overlaps = x[shots, order], places[shots, order], []
     for k in range(1, len(balls)):
         with np.errstate(invalid="ignore"):  # inf - inf, of balls that are not in play
             at, a = np.nonzero(x[:, k:] - x[:, :-k] < 2.0 * max(balls.radius))
@@ -683,10 +683,10 @@ def _first_overlap(
         i, j = np.sort((order[at, a], order[at, a + k]), axis=0)
         distance, reach = np.hypot(*(places[at, a + k] - places[at, a]).T), balls.contact_distances(i, j)
         bad = distance < reach - CONTACT_GAP
-        found += zip(i[bad], at[bad], j[bad], distance[bad], reach[bad], strict=True)
-    if not found:
+        overlaps += zip(i[bad], at[bad], j[bad], distance[bad], reach[bad], strict=True)
+    if not overlaps:
         return None
-    i, at, j, distance, reach = min(found)
+    i, at, j, distance, reach = min(overlaps)
     return at, i, j, distance, reach
 
 

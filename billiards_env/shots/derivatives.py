@@ -27,9 +27,9 @@ class Differentiable:
         """Returns what the derivatives need; `method` is the caller, for the message of the ValueError."""
         raise NotImplementedError
 
-    def _of_each(self, found: Any) -> Any:
+    def _of_each(self, result: Any) -> Any:
         """Returns results with a leading axis in the form of this object."""
-        return found
+        return result
 
     def _find(self, method: str, *arguments: Any) -> Any:
         """Returns the result of the function of `shots.gradients` with the name of a method."""

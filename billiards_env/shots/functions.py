@@ -60,19 +60,19 @@ class ShotFunction:
 
     def values(self, batch: BatchResult) -> list[Floats]:
         """Returns the outputs of shots, which are recorded if an output is a margin."""
-        found = {name: getattr(batch, name) for name in STARTS}
+        by_name = {name: getattr(batch, name) for name in STARTS}
         if set(self.outputs) & set(MARGINS):
-            found |= zip(MARGINS, batch.margins(threads=self.options.get("threads")), strict=False)
-        return [found[name] for name in self.outputs]
+            by_name |= zip(MARGINS, batch.margins(threads=self.options.get("threads")), strict=False)
+        return [by_name[name] for name in self.outputs]
 
     def vjp(self, batch: BatchResult, cotangents: Sequence[Floats]) -> list[Floats]:
         """Returns the gradients of recorded shots with respect to the inputs of each shot."""
         of = dict(zip(self.outputs, cotangents, strict=True))
-        found = batch.vjp(of, self.inputs, threads=self.options.get("threads"))
-        return [found[name] for name in self.inputs]
+        by_name = batch.vjp(of, self.inputs, threads=self.options.get("threads"))
+        return [by_name[name] for name in self.inputs]
 
     def jvp(self, batch: BatchResult, tangents: Sequence[Floats]) -> list[Floats]:
         """Returns the derivatives of the outputs of recorded shots, for tangents of the inputs of each shot."""
         by = dict(zip(self.inputs, tangents, strict=True))
-        found = batch.jvp(by, self.outputs, threads=self.options.get("threads"))
-        return [found[name] for name in self.outputs]
+        by_name = batch.jvp(by, self.outputs, threads=self.options.get("threads"))
+        return [by_name[name] for name in self.outputs]

@@ -185,14 +185,14 @@ def _constant_rates(physics: Physics) -> dict[str, Floats]:
 
 def _rates_by(p: Any) -> dict[str, Floats]:
     """Implements `physics_inputs` for an object with the fields of a `Physics`."""
-    found, step = {}, 1e-30j  # the derivatives of products by complex steps are exact
+    derivatives, step = {}, 1e-30j  # the derivatives of products by complex steps are exact
     for name in PARAMETERS:
         if getattr(p, name) is not None:
             moved = SimpleNamespace(**{**vars(p), name: getattr(p, name) + step})
             made = law_numbers(moved, 0.0)
             rates = [np.imag(made[number]) / step.imag for number in LAW_NUMBERS]
-            found[name] = np.stack(np.broadcast_arrays(*rates), axis=-1)
-    return found
+            derivatives[name] = np.stack(np.broadcast_arrays(*rates), axis=-1)
+    return derivatives
 
 
 class _Inputs(NamedTuple):
@@ -248,8 +248,8 @@ class _Inputs(NamedTuple):
             return np.einsum("mij,mki->mkj", self.strike, balls[:, :, 0, 2:7])
         if name in self.numbers:
             return (adjoint[..., BALL_INPUTS * n :] * self.numbers[name][..., None, :]).sum(-1)
-        found = balls[..., _BALL_INPUTS[name]]
-        return found * self.by_mass() if name == "mass" else found
+        gradient = balls[..., _BALL_INPUTS[name]]
+        return gradient * self.by_mass() if name == "mass" else gradient
 
     def by_mass(self) -> Floats:
         """Returns the derivative of the inverse masses by the masses, (n,)."""
@@ -510,10 +510,10 @@ def jvp(
         known.push(name, change[:, None], inputs)
     for name in names:
         one_of("of", name, (*OUTPUTS, *MARGINS))
-    found = {
+    results = {
         name: change[:, 0] for name, change in _forwards(record, names, inputs, _times(record, t), threads).items()
     }
-    return found[of] if isinstance(of, str) else found
+    return results[of] if isinstance(of, str) else results
 
 
 def vjp(
@@ -536,14 +536,14 @@ def vjp(
     }
     times, to_margins = _times(record, t), {name: given.pop(name) for name in MARGINS if name in given}
     inputs = _pull_of(record, given, times, 1, names, threads)
-    found = {name: known.pull(name, inputs)[:, 0] for name in names}
+    results = {name: known.pull(name, inputs)[:, 0] for name in names}
     for name in names if to_margins else ():  # forwards: a margin has a time of its own
         by_columns = _by_columns(record, known, tuple(to_margins), name, times, threads)
         for of, cotangent in to_margins.items():
-            found[name] = found[name] + np.einsum("mjk,mijk->mi", cotangent[:, 0], by_columns[of]).reshape(
+            results[name] = results[name] + np.einsum("mjk,mijk->mi", cotangent[:, 0], by_columns[of]).reshape(
                 m, *known.shape(name)
             )
-    return found[by] if isinstance(by, str) else found
+    return results[by] if isinstance(by, str) else results
 
 
 def _pull_of(
@@ -568,13 +568,13 @@ def jacobian(
     left, right = _output_shape(record, of), known.shape(by)
     rows, cols = math.prod(left), math.prod(right)
     if cols <= rows or of in MARGINS:
-        found = _by_columns(record, known, (of,), by, times, threads)[of]
-        found = np.moveaxis(found.reshape(m, cols, rows), 1, 2)
+        jacobians = _by_columns(record, known, (of,), by, times, threads)[of]
+        jacobians = np.moveaxis(jacobians.reshape(m, cols, rows), 1, 2)
     else:
         unit = np.broadcast_to(np.eye(rows).reshape(rows, *left), (m, rows, *left))
         inputs = _pull_of(record, {of: unit}, times, rows, (by,), threads)
-        found = known.pull(by, inputs)
-    return np.ascontiguousarray(found.reshape(m, *left, *right))
+        jacobians = known.pull(by, inputs)
+    return np.ascontiguousarray(jacobians.reshape(m, *left, *right))
 
 
 _HUGE = 1e100  # a derivative that overflows in the next impacts
@@ -583,21 +583,21 @@ _FEW = 16  # events, after which no derivative is `_HUGE`: an impact that does n
 
 def nonsmooth(record: Record, t: ArrayLike | None, threads: int | None) -> Nonsmooth:
     """Implements `BatchResult.nonsmooth`."""
-    found, times = np.empty((len(record.time), 2), np.int64), _times(record, t)
-    _for_all(record, find_nonsmooth, threads, None, times, np.array([ROUNDING]), found)
+    first_nonsmooth, times = np.empty((len(record.time), 2), np.int64), _times(record, t)
+    _for_all(record, find_nonsmooth, threads, None, times, np.array([ROUNDING]), first_nonsmooth)
     most = _most_events(record, ("event_times",))
-    if most > _FEW and (found[:, 1] < 0).any():
+    if most > _FEW and (first_nonsmooth[:, 1] < 0).any():
         inputs = _zeros(record, 1)
         inputs[:] = np.cos(np.arange(inputs.shape[2]))  # a change without a symmetry
         inputs.reshape(-1, BALL_INPUTS)[:, 7:] = 0.0  # of states alone
         outputs, at_events = _push(record, times[:, None], inputs, most, threads)
         huge = ~(np.abs(at_events[:, 0]).max(axis=2) <= _HUGE)
         ends = ~(np.abs(outputs).max(axis=(1, 2, 3, 4)) <= _HUGE)
-        overflows = (found[:, 1] < 0) & (ends | huge.any(axis=1))
+        overflows = (first_nonsmooth[:, 1] < 0) & (ends | huge.any(axis=1))
         last = np.count_nonzero(at_events[:, 0].any(axis=2), axis=1) - 1
         event = np.where(huge.any(axis=1), huge.argmax(axis=1), last)
-        found[overflows] = np.stack((event, np.full_like(event, OVERFLOWS)), axis=1)[overflows]
-    return Nonsmooth(found[:, 0], np.array((*REASONS, ""))[found[:, 1]])
+        first_nonsmooth[overflows] = np.stack((event, np.full_like(event, OVERFLOWS)), axis=1)[overflows]
+    return Nonsmooth(first_nonsmooth[:, 0], np.array((*REASONS, ""))[first_nonsmooth[:, 1]])
 
 
 SAFETY = 100.0
@@ -606,7 +606,7 @@ SAFETY = 100.0
 
 def certain(record: Record) -> Certain:
     """Implements `ShotResult.certain`."""
-    m, found = len(record.time), np.empty((1, 2), np.int64)
+    m, first_nonsmooth = len(record.time), np.empty((1, 2), np.int64)
     counts, outcomes = np.empty(m, np.int64), np.empty(m, np.bool_)
     for k in range(m):
         shot = _shots(record, k, k + 1)
@@ -614,12 +614,12 @@ def certain(record: Record) -> Certain:
         events = part.events[part.bounds[0, 0] : part.bounds[1, 0]]
         within = _error_bounds(shot, events)
         alone = shot._replace(parts=[part._replace(events=events, bounds=part.bounds - [[part.bounds[0, 0], 0]])])
-        _for_all(alone, find_nonsmooth, 1, None, shot.time, within, found)
+        _for_all(alone, find_nonsmooth, 1, None, shot.time, within, first_nonsmooth)
         impacts = np.flatnonzero(events[:, KIND] <= BALL_POCKET)
         unordered = np.diff(events[impacts, TIME]) <= within[impacts[1:], 1]
         first = min([len(events), *impacts[:-1][unordered][:1]])
-        outcomes[k] = found[0, 1] < 0 and first == len(events)
-        counts[k] = first if found[0, 1] < 0 else min(first, max(found[0, 0], 0))
+        outcomes[k] = first_nonsmooth[0, 1] < 0 and first == len(events)
+        counts[k] = first if first_nonsmooth[0, 1] < 0 else min(first, max(first_nonsmooth[0, 0], 0))
     return Certain(counts, outcomes)
 
 
@@ -705,15 +705,15 @@ def start_jacobians(record: Record, times: Floats, names: Sequence[str], threads
     lanes[np.arange(len(start)), start] = 1.0
     for lane, name in zip(lanes[len(start) :], names, strict=True):
         lane[BALL_INPUTS * n :] = known[name]
-    found = np.empty((m, q, len(lanes), n, 2))
+    jacobians = np.empty((m, q, len(lanes), n, 2))
     step = max(1, _BLOCK // (q * len(lanes) * n * BALL_WIDTH))
     for begin in range(0, m, step):
         some = slice(begin, begin + step)
         part = _shots(record, begin, min(begin + step, m))
         inputs = np.repeat(lanes[None], len(part.time), axis=0)  # not read-only: numba would compile `push_lanes` again
         outputs, _ = _push(part, times[some], inputs, 0, threads)
-        found[some] = outputs[..., :2]
-    return found
+        jacobians[some] = outputs[..., :2]
+    return jacobians
 
 
 def _shots(record: Record, begin: int, end: int) -> Record:

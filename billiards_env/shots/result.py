@@ -134,8 +134,8 @@ class ShotResult(Differentiable):
         if not (np.isfinite(times) & (times >= 0)).all():
             raise ValueError(f"t = {short(t)}: expected a finite number of seconds >= 0")
         until = np.minimum(times, self.time).ravel()
-        found = np.stack([value(ball, until) for ball in range(len(self.potted))], axis=1)
-        return found.reshape(*times.shape, *found.shape[1:])
+        values = np.stack([value(ball, until) for ball in range(len(self.potted))], axis=1)
+        return values.reshape(*times.shape, *values.shape[1:])
 
     def sensitivity(self, t: float | None = None) -> Sensitivity:
         """Returns the derivative of the positions at time t with respect to the initial state of the balls.
@@ -161,13 +161,13 @@ class ShotResult(Differentiable):
 
         return gradients.sensitivities(self._record("sensitivity"), times)
 
-    def _of_each(self, found: Any) -> Any:
+    def _of_each(self, result: Any) -> Any:
         """Returns the results of the first shot."""
-        if isinstance(found, dict):
-            return {name: array[0] for name, array in found.items()}
-        if isinstance(found, tuple):
-            return type(found)(*(array[0] if array.ndim > 1 else array[0].item() for array in found))
-        return found[0]
+        if isinstance(result, dict):
+            return {name: array[0] for name, array in result.items()}
+        if isinstance(result, tuple):
+            return type(result)(*(array[0] if array.ndim > 1 else array[0].item() for array in result))
+        return result[0]
 
     def _record(self, method: str) -> Record:
         from billiards_env.shots.gradients import Part, Record

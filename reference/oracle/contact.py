@@ -116,13 +116,13 @@ def wall_contact(world: World, ball: int, a: Segment, number: int, base: Real, h
         if after:
             gap[0] = mpmath.mpf(0)
         if not after and abs(gap[0]) <= touch and wall.holds(a.position_at(base), world.tiny):
-            found = next_contact(gap, rounding, touch, high)
+            contact = next_contact(gap, rounding, touch, high)
         else:  # the ball may be behind a line, or inside a circle, that the cushion is only a part of
             time = first_entry(gap, high - after)
-            found = None if time is None else (after + time, False)
-        if found is None or wall.holds(a.position_at(base + found[0]), world.tiny):
-            return found
-        after = found[0]  # the path enters the circle beyond the arc
+            contact = None if time is None else (after + time, False)
+        if contact is None or wall.holds(a.position_at(base + contact[0]), world.tiny):
+            return contact
+        after = contact[0]  # the path enters the circle beyond the arc
         if isinstance(wall, Line):
             return None
 
@@ -134,8 +134,8 @@ def pocket_contact(world: World, ball: int, a: Segment, pocket: int, base: Real,
     velocity = a.velocity_at(base)
     rounding = (0, 2 * radius * (a.noise + world.tiny * norm(velocity)), 0, 0, 0)
     gap = pair_gap((px - x, py - y), velocity, a.acceleration, radius)
-    found = next_contact(gap, rounding, mpmath.mpf(0), high)
-    return None if found is None else (found[0], False)
+    contact = next_contact(gap, rounding, mpmath.mpf(0), high)
+    return None if contact is None else (contact[0], False)
 
 
 class FloatMotion:
@@ -160,8 +160,8 @@ class FloatMotion:
 
 def _bound(gap: Sequence[float], margin: float, high: float) -> float | None:
     """Returns a lower bound for the time of an entry, s, from a gap as a polynomial in the share of `high` seconds."""
-    found = first_possible_entry(gap, margin)
-    return None if found is None else found * high
+    entry = first_possible_entry(gap, margin)
+    return None if entry is None else entry * high
 
 
 def possible_pair_contact(a: FloatMotion, b: FloatMotion, reach: float, high: float) -> float | None:

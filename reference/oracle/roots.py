@@ -83,10 +83,10 @@ def _search(b: list[float], margin: float, low: float, width: float, depth: int)
     c012, c123, c234 = (c01 + c12) / 2, (c12 + c23) / 2, (c23 + c34) / 2
     c0123, c1234 = (c012 + c123) / 2, (c123 + c234) / 2
     middle = (c0123 + c1234) / 2
-    found = _search([b[0], c01, c012, c0123, middle], margin, low, width / 2, depth - 1)
-    if found is None:
-        found = _search([middle, c1234, c234, c34, b[4]], margin, low + width / 2, width / 2, depth - 1)
-    return found
+    root = _search([b[0], c01, c012, c0123, middle], margin, low, width / 2, depth - 1)
+    if root is None:
+        root = _search([middle, c1234, c234, c34, b[4]], margin, low + width / 2, width / 2, depth - 1)
+    return root
 
 
 def _derivative(coefficients: Sequence[Real]) -> list[Real]:

@@ -346,12 +346,12 @@ class _Table:
         world, a = self.world, self.current[p.ball]
         if p.kind == BALL:
             high = self.end(p.ball, p.other) - base
-            found = contact.pair_contact(world, p.ball, a, p.other, self.current[p.other], base, high)
+            prediction = contact.pair_contact(world, p.ball, a, p.other, self.current[p.other], base, high)
         else:
             kind = contact.pocket_contact if p.kind == POCKET else contact.wall_contact
-            found = kind(world, p.ball, a, p.other, base, self.end(p.ball) - base)
-        if found is not None:
-            delay, resting = found
+            prediction = kind(world, p.ball, a, p.other, base, self.end(p.ball) - base)
+        if prediction is not None:
+            delay, resting = prediction
             kind = RESTING if resting else p.kind
             heapq.heappush(self.queue, p._replace(time=base + delay, kind=kind, base=None))
 

@@ -89,8 +89,8 @@ def layouts(scene: Scene, rng: np.random.Generator, m: int, frozen: float = 0.0)
     order = np.argsort(-np.array(scene.balls.radius), kind="stable")
     out = np.zeros((m, scene.n_balls, 2))
     arrays = scene_arrays(scene)
-    found = _scatter(rng, order, frozen, arrays, arrays.outline, out)
-    return out if found == m else None
+    drawn = _scatter(rng, order, frozen, arrays, arrays.outline, out)
+    return out if drawn == m else None
 
 
 def cue_shots(scene: Scene, rng: np.random.Generator, m: int) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
