@@ -265,8 +265,8 @@ class _Callback(BaseCallback):
         self.measure()
         if self.next_checkpoint:
             _save(cast(PPO, self.model), self.curve.run_dir / "checkpoints" / f"{self.num_timesteps:09d}.zip")
-        every = self.curve.config.checkpoint_every
-        self.next_checkpoint = (self.num_timesteps // every + 1) * every
+        interval = self.curve.config.checkpoint_every
+        self.next_checkpoint = (self.num_timesteps // interval + 1) * interval
         # Unfinished episodes are dropped.
         restart(cast(PPO, self.model), training_seed(self.curve.config, self.num_timesteps))
 

@@ -173,8 +173,8 @@ def seconds_per_shot(shots: int, passes: int) -> dict[tuple[str, Engine], list[f
     """Returns the mean time of a shot by problem and engine, one entry per pass; engines take turns on one core."""
     calls = {}
     for name, problem in PROBLEMS.items():
-        few = shots_of(name, min(shots, TIMED))
-        calls |= {(name, engine): timer(problem.scene, *few, engine) for engine in (PIC, *PIT)}
+        timed = shots_of(name, min(shots, TIMED))
+        calls |= {(name, engine): timer(problem.scene, *timed, engine) for engine in (PIC, *PIT)}
     times = [[call() for call in calls.values()] for _ in tqdm(range(passes), "times", unit="pass")]
     return dict(zip(calls, map(list, zip(*times, strict=True)), strict=True))
 

@@ -248,10 +248,10 @@ def measure(shots: int, passes: int) -> dict[str, Any]:
             simulators["elastic disks"] += [
                 ("pymunk", f"timestep 1/{steps} s", pymunk(steps)) for steps in PYMUNK_STEPS
             ]
-        for laws, some in tqdm(simulators.items(), unit="comparison"):
-            runners = [runner for *_, runner in some]
+        for laws, group in tqdm(simulators.items(), unit="comparison"):
+            runners = [runner for *_, runner in group]
             columns = {kind: compare(laws, kind, runners, shots, passes) for kind in KINDS}
-            for k, (name, method, _) in enumerate(some):
+            for k, (name, method, _) in enumerate(group):
                 row = {"laws": laws, "simulator": name, "method": method}
                 result["rows"].append({**row, **{kind: column[k] for kind, column in columns.items()}})
     return result

@@ -42,9 +42,9 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
     Returns:
         `cases`: a list with one entry per case.
     """
-    on, every, rows = machine(), cases(scale), []
-    passes = np.array([[time_parts(case) for case in every] for _ in range(repeats + 1)])[1:]  # the first one compiles
-    for k, case in enumerate(every):
+    on, all_cases, rows = machine(), cases(scale), []
+    passes = np.array([[time_parts(case) for case in all_cases] for _ in range(repeats + 1)])[1:]  # the first compiles
+    for k, case in enumerate(all_cases):
         plain, *parts = passes[:, k].T
         record, jvp, vjp = (part / plain for part in parts)
         ratios = zip(PARTS, (record, jvp, vjp, record + jvp, record + vjp), strict=True)

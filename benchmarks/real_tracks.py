@@ -60,8 +60,8 @@ def measure(
         parts = np.arange(len(tracks)) % PARTS
         each: list[Judged] = []
         for part in range(PARTS):
-            some = fit(scene, [tracks[k] for k in np.flatnonzero(parts != part)])
-            each.append(some.judge([tracks[k] for k in np.flatnonzero(parts == part)]))
+            fitted = fit(scene, [tracks[k] for k in np.flatnonzero(parts != part)])
+            each.append(fitted.judge([tracks[k] for k in np.flatnonzero(parts == part)]))
         judged = together(each)
     return {
         "machine": machine(),

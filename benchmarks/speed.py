@@ -138,16 +138,16 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
         `growth`: a list with one entry for each of `DISKS`.
     """
     on = machine()
-    every = cases(scale)
-    outcomes = [run(case) for case in every]  # compiles the kernels
-    for case, outcome in zip(every, outcomes, strict=True):
+    all_cases = cases(scale)
+    outcomes = [run(case) for case in all_cases]  # compiles the kernels
+    for case, outcome in zip(all_cases, outcomes, strict=True):
         if (outcome.status == "event_limit").any():
             raise RuntimeError(f"{case.name}: a shot reached the event limit, so its time is not valid")
 
-    passes = [[(seconds(run, case), seconds(run, case, 2)) for case in every] for _ in range(repeats)]
-    calls = [time_calls(every[0]) for _ in range(repeats)]
+    passes = [[(seconds(run, case), seconds(run, case, 2)) for case in all_cases] for _ in range(repeats)]
+    calls = [time_calls(all_cases[0]) for _ in range(repeats)]
     rows = []
-    for case, outcome, times in zip(every, outcomes, np.moveaxis(np.array(passes), 0, 2), strict=True):
+    for case, outcome, times in zip(all_cases, outcomes, np.moveaxis(np.array(passes), 0, 2), strict=True):
         m, events, (one, two) = len(case.positions), int(outcome.n_events.sum()), times
         rows.append(
             {
@@ -191,18 +191,18 @@ def time_gas(n: int, repeats: int) -> dict[str, float]:
 
 def time_calls(case: Case) -> dict[str, float]:
     """Returns the seconds per shot in a batch, in `simulate` and in `env.step`, and the seconds of `env.reset`."""
-    few = case._replace(positions=case.positions[:N_SINGLES], velocities=case.velocities[:N_SINGLES])
-    n, actions = len(few.positions), (few.velocities / MAX_SPEED).astype(np.float32)
+    subset = case._replace(positions=case.positions[:N_SINGLES], velocities=case.velocities[:N_SINGLES])
+    n, actions = len(subset.positions), (subset.velocities / MAX_SPEED).astype(np.float32)
     env = gym.make("Billiards-v0", max_speed=MAX_SPEED)
     env.reset(seed=0)
     env.step(actions[0])
     stepping = 0.0
-    for positions, action in zip(few.positions, actions, strict=True):
+    for positions, action in zip(subset.positions, actions, strict=True):
         env.reset(options={"positions": positions})
         stepping += seconds(env.step, action)
-    single = [(few.scene, *shot) for shot in zip(few.positions, few.velocities, strict=True)]
+    single = [(subset.scene, *shot) for shot in zip(subset.positions, subset.velocities, strict=True)]
     return {
-        "simulate_batch": seconds(run, few) / n,
+        "simulate_batch": seconds(run, subset) / n,
         "simulate": sum(seconds(simulate, *shot) for shot in single) / n,
         "env_step": stepping / n,
         "env_reset": sum(seconds(env.reset) for _ in range(n)) / n,

@@ -100,13 +100,13 @@ def kinds(scale: float) -> list[tuple[str, int, Callable[[], object]]]:
     def steps(count: int) -> int:
         return max(1, round(20_000 * scale / count))
 
-    few = steps(4)  # for slow environments
+    short = steps(4)  # for slow environments
     sync = gym.make_vec(
         "Billiards-v0", num_envs=64, vectorization_mode="sync", vector_kwargs={"autoreset_mode": "SameStep"}
     )
     sync.reset(seed=0)
     return [
-        ("single environment", few, single(few)),
+        ("single environment", short, single(short)),
         ("SyncVectorEnv of 64", 64 * steps(256), many(sync, steps(256))),
         *((f"native, {n:,}", n * steps(n), many(native(n), steps(n))) for n in ENV_COUNTS),
         ("native, 1,024, one thread", 1024 * steps(1024), many(native(1024, threads=1), steps(1024))),
@@ -125,13 +125,13 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
         environments on one thread.
     """
     on = machine()
-    every, outside = kinds(scale), outside_engine(1024, max(1, round(20 * scale)))
+    played, outside = kinds(scale), outside_engine(1024, max(1, round(20 * scale)))
     outside()
-    for _, _, play in every:  # compiles the kernels
+    for _, _, play in played:  # compiles the kernels
         play()
-    passes = [[outside(), *(steps / seconds(play) for _, steps, play in every)] for _ in range(repeats)]
+    passes = [[outside(), *(steps / seconds(play) for _, steps, play in played)] for _ in range(repeats)]
     shares, *rates = zip(*passes, strict=True)
-    rows = [{"kind": name, "per_second": summary(values)} for (name, _, _), values in zip(every, rates, strict=True)]
+    rows = [{"kind": name, "per_second": summary(values)} for (name, _, _), values in zip(played, rates, strict=True)]
     return {"machine": on, "repeats": repeats, "steps": rows, "outside_engine": summary(shares)}
 
 

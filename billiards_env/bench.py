@@ -217,8 +217,8 @@ def fresh(bench: Bench, noise_seed: int) -> Bench:
     Returns:
         The results of these tasks; none if the file has no such task.
     """
-    some = [one for one in bench.results if FROZEN[one.task].noise and FROZEN[one.task].arguments["max_shots"] == 1]
-    return bench._replace(results=tuple(replay(one.task, one.seed, one.shots, one.actions, noise_seed) for one in some))
+    rows = [one for one in bench.results if FROZEN[one.task].noise and FROZEN[one.task].arguments["max_shots"] == 1]
+    return bench._replace(results=tuple(replay(one.task, one.seed, one.shots, one.actions, noise_seed) for one in rows))
 
 
 def layouts_hash(task: str) -> str:

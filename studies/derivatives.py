@@ -511,16 +511,16 @@ def blocks(measured: Mapping[str, Any]) -> dict[str, str]:
     """Returns the tables for the pages, by name."""
     fixes, steps, chosen = measured["settings"]["fixes"], measured["settings"]["steps"], measured["chosen"]
     dts = [f"1/{n} s" for n in steps]
-    ends, some = (dts[0], dts[-1]), (dts[0], dts[len(dts) // 2], dts[-1])
+    ends, shown = (dts[0], dts[-1]), (dts[0], dts[len(dts) // 2], dts[-1])
     rows, results = [], measured["errors"]
     for fix in fixes:
         at = {dt: results[f"{fix} {dt}"] for dt in dts}
         positions = (f"{at[dt]['position']:.1e} m" for dt in ends)
-        small, large = (percent(at[dt]["small"]) for dt in some), (percent(at[dt]["large"]) for dt in ends)
+        small, large = (percent(at[dt]["small"]) for dt in shown), (percent(at[dt]["large"]) for dt in ends)
         rows.append((f"`{fix}`", *positions, *small, *large))
     exact = results["exact"]
     rows.append(("exact engine", "", "", percent(exact["small"]), "", "", percent(exact["large"]), ""))
-    columns = (("position", ends), ("derivative", some), ("over 2 mm/s", ends))
+    columns = (("position", ends), ("derivative", shown), ("over 2 mm/s", ends))
     head = ("fix", *(f"{name}, {dt}" for name, at in columns for dt in at))
     other = (f"{percent(chosen['other'][f'time_of_impact {dt}'])} (timestep {dt})" for dt in dts)
     learned = []

@@ -189,8 +189,8 @@ def plain_task(task: tasks.Program) -> dict[str, Any]:
             return {"scene": task.arguments["scene"], "balls": task.arguments["n_object_balls"] + 1, "changes": changes}
         return [argument(item) for item in value]
 
-    def calls(some: Sequence[tasks.Call]) -> list[Any]:
-        return [[entry_points()[key_of(*call)][0], [argument(value) for value in call[1]]] for call in some]
+    def calls(listed: Sequence[tasks.Call]) -> list[Any]:
+        return [[entry_points()[key_of(*call)][0], [argument(value) for value in call[1]]] for call in listed]
 
     return {
         "scene": task.arguments["scene"],
@@ -275,8 +275,8 @@ def length(number: int) -> bytes:
 
 def play_page(engine: bytes) -> str:
     """Returns `play.html`, which contains the engines, the module and the drawings of the tables."""
-    few = {name: Scene.named(name) for name in SCENES if not Scene.named(name).table.pockets}  # balls of carom
-    shown = scenes() | few
+    carom_scenes = {name: Scene.named(name) for name in SCENES if not Scene.named(name).table.pockets}  # balls of carom
+    shown = scenes() | carom_scenes
     drawn = {
         "tables": {name: page.table_data(scene) | {"length": scene.table.length} for name, scene in shown.items()},
         "games": {

@@ -211,7 +211,7 @@ def measure(shots: int, engine: Path) -> dict[str, Any]:
             for case in CASES:
                 drawn = random_shots(name, case, shots // (10 if case == "break" else 1), rng)
                 _, bits = browser_bits(page, wasm, drawn)
-                few = drawn[:BATCH]
+                timed = drawn[:BATCH]
                 rows.append(
                     {
                         "scene": name,
@@ -219,9 +219,9 @@ def measure(shots: int, engine: Path) -> dict[str, Any]:
                         "shots": len(drawn),
                         "browser": sum(same(row, python_bits(shot)) for row, shot in zip(bits, drawn, strict=True)),
                         "wasmtime": sum(same(wasmtime_bits(module, shot), engine_bits(shot)) for shot in drawn),
-                        "python_seconds": min(python_time(few) for _ in range(REPEATS)) / max(1, len(few)),
-                        "browser_seconds": min(browser_bits(page, wasm, few)[0] for _ in range(REPEATS))
-                        / max(1, len(few)),
+                        "python_seconds": min(python_time(timed) for _ in range(REPEATS)) / max(1, len(timed)),
+                        "browser_seconds": min(browser_bits(page, wasm, timed)[0] for _ in range(REPEATS))
+                        / max(1, len(timed)),
                     }
                 )
                 print(f"{name}, {case}: {rows[-1]['browser']} of {len(drawn)} shots have the same bits", flush=True)

@@ -59,10 +59,10 @@ def starts_of(info: InfoArrays, max_shots: int) -> InfoArrays:
     return InfoArrays(starts(info.numbers), starts(info.rows))
 
 
-def single_info(kept: dict[str, Any], *some: InfoArrays) -> dict[str, Any]:
+def single_info(kept: dict[str, Any], *parts: InfoArrays) -> dict[str, Any]:
     """Returns the `info` of a single episode: `kept` with the values of the given arrays in place of its own."""
     info = kept.copy()  # faster than a new dict, which is resized several times
-    for numbers, rows in some:
+    for numbers, rows in parts:
         for key, values in numbers.items():
             info[key] = values[0]
         for key, values in rows.items():
@@ -70,9 +70,9 @@ def single_info(kept: dict[str, Any], *some: InfoArrays) -> dict[str, Any]:
     return info
 
 
-def copied_info(*some: InfoArrays) -> dict[str, NDArray[Any]]:
+def copied_info(*parts: InfoArrays) -> dict[str, NDArray[Any]]:
     """Returns copies of the arrays."""
-    return {key: values.copy() for arrays in some for part in arrays for key, values in part.items()}
+    return {key: values.copy() for arrays in parts for part in arrays for key, values in part.items()}
 
 
 def with_starts(info: dict[str, NDArray[Any]], mask: NDArray[np.bool_], *starts: InfoArrays) -> dict[str, NDArray[Any]]:

@@ -49,13 +49,13 @@ class Plans:
         bad = plans[(plans % 1 != 0) | (plans < 0) | (plans >= self.choices)]
         if bad.size:
             raise ValueError(f"action = {bad[0]:g}: expected a whole number from 0 to {self.choices - 1}")
-        every = np.arange(len(plans))
-        chosen = self._pots(before).reshape(-1, self.choices, 2)[every, plans.astype(np.int64)]
+        rows = np.arange(len(plans))
+        chosen = self._pots(before).reshape(-1, self.choices, 2)[rows, plans.astype(np.int64)]
         ways = before.positions - before.positions[:, :1]
         apart = np.where(before.playable, np.hypot(*np.moveaxis(ways, -1, 0)), np.inf)
         nearest = apart.argmin(axis=1)
         speeds = before.max_speed * (plans % len(SPEEDS) + 1.0) / len(SPEEDS)
-        full = (speeds / np.maximum(apart[every, nearest], 1e-300))[:, None] * ways[every, nearest]
+        full = (speeds / np.maximum(apart[rows, nearest], 1e-300))[:, None] * ways[rows, nearest]
         return np.where(chosen.any(axis=1, keepdims=True), chosen, full)
 
     def mask(self, before: Before) -> NDArray[np.int8]:

@@ -157,15 +157,15 @@ def _pots(
     tables = Tables(setup.scene, targets, positions, potted, max_speed, int(state.cue_balls[0]))
     parts, many = [], targets.sum() > _MANY  # the banks of many balls take too long
     for tip, offset in enumerate(tips):
-        for some in budget.pieces(len(places), _POT_TIME, first=tip == 0):
-            part = tables._replace(positions=positions[some], off_table=potted[some])
+        for piece in budget.pieces(len(places), _POT_TIME, first=tip == 0):
+            part = tables._replace(positions=positions[piece], off_table=potted[piece])
             pots = find_pots(part, most=12, offset=offset, banks=None if many else tip == 0)
             place, k = np.nonzero(np.arange(pots.ball.shape[1]) < pots.count[:, None])
             tolerance = pots.rows[place, k, TOLERANCE]
             target = np.column_stack((pots.ball[place, k], pots.pocket[place, k]))
             share = success(tolerance, noise) + _LEAST_SHARE
             shots = pots.shots[place, k]
-            parts.append((some.start + place, np.full(len(k), tip), target, shots, tolerance, share))
+            parts.append((piece.start + place, np.full(len(k), tip), target, shots, tolerance, share))
     easiest = max((part[-1].max(initial=0.0) for part in parts), default=0.0)
     if not state.in_hand and setup.engine == PIC and easiest < _SURE and most:
         potted = np.arange(n) if setup.game_rules.pots_any else np.flatnonzero(targets)

@@ -240,26 +240,26 @@ def _corrected(setup: Setup, game: GameState, chains: _Chains, max_speed: float,
     wanted = np.zeros((n, margin_columns(scene)["cushion_margins"].stop), bool)
     wanted[row, column] = True
     best, kept, slopes = np.full(len(chain), -np.inf), angles.copy(), np.ones(len(chain))
-    for some in budget.pieces(len(chain), TIME):
-        every = np.arange(some.stop - some.start)
+    for piece in budget.pieces(len(chain), TIME):
+        rows = np.arange(piece.stop - piece.start)
         for _ in range(_STEPS):
-            velocities = speed[some, None] * np.column_stack((np.cos(angles[some]), np.sin(angles[some])))
-            places = np.broadcast_to(game.positions, (len(every), n, 2))
+            velocities = speed[piece, None] * np.column_stack((np.cos(angles[piece]), np.sin(angles[piece])))
+            places = np.broadcast_to(game.positions, (len(rows), n, 2))
             strokes = strike_with(velocities) if scene.physics.motion == "sliding" else velocities
             batch = simulate_batch(scene, places, strokes, in_play=in_play, record=True, threads=1)
             margins, by = margins_by_cue_ball(batch._record("jacobian"), wanted)
-            margin, by = margins[every, row[some], column[some]], by[every, :, row[some], column[some]]
+            margin, by = margins[rows, row[piece], column[piece]], by[rows, :, row[piece], column[piece]]
             slope = -velocities[:, 1] * by[:, 0] + velocities[:, 0] * by[:, 1]
-            better = margin > best[some]
-            for array, new in ((best, margin), (kept, angles[some]), (slopes, slope)):
-                array[some] = np.where(better, new, array[some])
+            better = margin > best[piece]
+            for array, new in ((best, margin), (kept, angles[piece]), (slopes, slope)):
+                array[piece] = np.where(better, new, array[piece])
             moves = np.isfinite(margin) & (np.abs(slope) > 1e-6)
-            step = np.where(moves, (deepest[some] - margin) / np.where(moves, slope, 1.0), 0.0)
-            angles[some] = kept[some] + np.where(better, np.clip(step, -_LONGEST, _LONGEST), 0.0)
+            step = np.where(moves, (deepest[piece] - margin) / np.where(moves, slope, 1.0), 0.0)
+            angles[piece] = kept[piece] + np.where(better, np.clip(step, -_LONGEST, _LONGEST), 0.0)
     works = (best > 0.0).reshape(k, -1)
     shots[:, : len(speeds), DX], shots[:, : len(speeds), DY] = (f(kept).reshape(k, -1) for f in (np.cos, np.sin))
     shots[:, : len(speeds), SPEED] = np.where(works, speeds, 0.0)
     tolerance = np.where(works, (deepest / np.maximum(np.abs(slopes), 1e-6)).reshape(k, -1), 0.0).max(axis=1)
     tolerance = np.minimum(tolerance, _WIDER * chains.tolerance)
-    some = works.any(axis=1)
-    return Ways(chains.target[some], shots[some], tolerance[some])
+    useful = works.any(axis=1)
+    return Ways(chains.target[useful], shots[useful], tolerance[useful])

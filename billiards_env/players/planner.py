@@ -191,8 +191,8 @@ def plan(
         finalists, totals = _halved(search, finalists)
     leaves = np.full((FINALISTS, *game.positions.shape), np.nan)
     if options.leaves:
-        few = finalists.take(slice(FINALISTS))
-        leaves = play_batch(setup, game, few.velocities, few.spins, few.places, few.targets, threads=1).positions
+        top = finalists.take(slice(FINALISTS))
+        leaves = play_batch(setup, game, top.velocities, top.spins, top.places, top.targets, threads=1).positions
     plans = []
     for k, leave in enumerate(leaves[: len(finalists.velocities)]):
         ball, pocket = finalists.targets[k].tolist()

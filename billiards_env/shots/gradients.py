@@ -708,11 +708,11 @@ def start_jacobians(record: Record, times: Floats, names: Sequence[str], threads
     jacobians = np.empty((m, q, len(lanes), n, 2))
     step = max(1, _BLOCK // (q * len(lanes) * n * BALL_WIDTH))
     for begin in range(0, m, step):
-        some = slice(begin, begin + step)
+        piece = slice(begin, begin + step)
         part = _shots(record, begin, min(begin + step, m))
         inputs = np.repeat(lanes[None], len(part.time), axis=0)  # not read-only: numba would compile `push_lanes` again
-        outputs, _ = _push(part, times[some], inputs, 0, threads)
-        jacobians[some] = outputs[..., :2]
+        outputs, _ = _push(part, times[piece], inputs, 0, threads)
+        jacobians[piece] = outputs[..., :2]
     return jacobians
 
 
