@@ -236,17 +236,17 @@ def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tupl
 
     aim = positions[min(1, scene.n_balls - 1)] - positions[0]
     stroke = {name: getattr(args, name) for name in ("heading", "side", "top", "elevation")}
-    given = {name: value for name, value in stroke.items() if value is not None}
-    for name in _ANGLES.keys() & given.keys():
-        given[name] = np.deg2rad(real(f"--{name}", given[name], _ANGLES[name]))
+    cue = {name: value for name, value in stroke.items() if value is not None}
+    for name in _ANGLES.keys() & cue.keys():
+        cue[name] = np.deg2rad(real(f"--{name}", cue[name], _ANGLES[name]))
     if args.speed is None:
-        if given:
-            raise ValueError(f"--{next(iter(given))} without --speed: expected the speed of the cue")
+        if cue:
+            raise ValueError(f"--{next(iter(cue))} without --speed: expected the speed of the cue")
         velocity = 2.0 * aim / np.hypot(*aim) if aim.any() else (2.0, 0.0)
         return args.velocity or velocity, args.spin
     if args.velocity or args.spin:
         raise ValueError("--speed with --velocity or --spin: expected the motion either of the cue or of the ball")
-    struck = strike(scene, real("--speed", args.speed, _SPEED), **{"heading": np.arctan2(aim[1], aim[0]), **given})
+    struck = strike(scene, real("--speed", args.speed, _SPEED), **{"heading": np.arctan2(aim[1], aim[0]), **cue})
     if struck.miscue:
         print("the tip slips on the ball: a miscue")
     return struck, None

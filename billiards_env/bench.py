@@ -183,9 +183,9 @@ def replay(
     layouts = hashlib.sha256(observations.tobytes()).hexdigest()
     for k in range(int(shots.max())):
         playing = shots > k
-        given = np.zeros((m, actions.shape[1]), np.float32)  # in a finished environment the shots have no speed
-        given[playing] = actions[first[playing] + k]
-        observations, rewards, over, _, infos = envs.step(given)
+        sent = np.zeros((m, actions.shape[1]), np.float32)  # in a finished environment the shots have no speed
+        sent[playing] = actions[first[playing] + k]
+        observations, rewards, over, _, infos = envs.step(sent)
         returns[playing] += rewards[playing]
         wrong = np.flatnonzero(playing & (over != (shots == k + 1)))
         if len(wrong):

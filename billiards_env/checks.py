@@ -224,10 +224,10 @@ def numbers(name: str, value: ArrayLike | None) -> NDArray[np.float64]:
     The copy has the layout "C", which the entry points of `jit.Typed` do not check.
     """
     try:
-        given = np.array(value)
+        array = np.array(value)
         # NumPy would also convert complex numbers, without their imaginary parts, texts and times.
-        if given.dtype.kind in "biuf" or (given.dtype == object and all(isinstance(x, Real) for x in given.flat)):
-            return given.astype(np.float64, order="C", copy=False)
+        if array.dtype.kind in "biuf" or (array.dtype == object and all(isinstance(x, Real) for x in array.flat)):
+            return array.astype(np.float64, order="C", copy=False)
     except (OverflowError, TypeError, ValueError):  # a number beyond float64, or lists of several lengths
         pass
     raise ValueError(f"{name} = {short(value)}: expected finite numbers in an array")

@@ -117,10 +117,10 @@ def turning(recording: Recording, faces: ArrayLike | None = None, error: float =
     start, spin = start + since, spin + since[:, None] * change
     first = np.searchsorted(ball[index], np.arange(n + 1))
     turns = turn(spin, change, lasts)
-    given = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)) if faces is None else np.asarray(faces, np.float64)
+    quaternions = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)) if faces is None else np.asarray(faces, np.float64)
     chain = []
     for k in range(n):
-        w, x, y, z = given[k].tolist()
+        w, x, y, z = quaternions[k].tolist()
         for a, b, c, d in turns[first[k] : first[k + 1]].tolist():
             chain.append((w, x, y, z))
             w, x, y, z = (

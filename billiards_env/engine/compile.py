@@ -173,9 +173,9 @@ def varied_shot(scene: Scene, engine: Engine, varied: Varied, k: int) -> tuple[S
     """Returns the scene and the engine of shot k."""
     if not varied:
         return scene, engine
-    given = {name: values[k].item() for name, values in varied.items()}
-    engine = dataclasses.replace(engine, dt=given.pop("dt", engine.dt))
-    return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **given)), engine
+    numbers = {name: values[k].item() for name, values in varied.items()}
+    engine = dataclasses.replace(engine, dt=numbers.pop("dt", engine.dt))
+    return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **numbers)), engine
 
 
 def physics_of_shots(physics: Physics, varied: Varied) -> Any:

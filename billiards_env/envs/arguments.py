@@ -173,14 +173,14 @@ def check_randomize(
     ranges = {}
     if randomize is not None and not isinstance(randomize, Mapping):
         raise TypeError(f"randomize = {short(randomize)}: expected a mapping from names of numbers to (low, high)")
-    for key, given in (randomize or {}).items():
+    for key, limits in (randomize or {}).items():
         check_varied_name("randomize", key, engine)
         name = f"randomize[{key!r}]"
-        if not isinstance(given, (list, tuple)):
-            raise TypeError(f"{name} = {short(given)}: expected (low, high) with low < high")
-        pair = tuple(real(name, end) for end in given)
+        if not isinstance(limits, (list, tuple)):
+            raise TypeError(f"{name} = {short(limits)}: expected (low, high) with low < high")
+        pair = tuple(real(name, end) for end in limits)
         if len(pair) != 2 or pair[0] >= pair[1]:
-            raise ValueError(f"{name} = {short(given)}: expected (low, high) with low < high")
+            raise ValueError(f"{name} = {short(limits)}: expected (low, high) with low < high")
         ranges[key] = pair
     try:
         check_ranges(scene.physics, {key: pair for key, pair in ranges.items() if key != "dt"})
@@ -212,11 +212,11 @@ def check_noise(
         raise TypeError(f"noise = {short(noise)}: expected a mapping from {', '.join(NOISE)} to numbers")
     for key in noise:
         one_of("key of noise", key, tuple(NOISE))
-    given = {name: real(name, value, name) for name, value in {**NOISE, **noise}.items()}
+    stds = {name: real(name, value, name) for name, value in {**NOISE, **noise}.items()}
     scales = np.empty(5)
-    scales[TURN], scales[SPEED] = given["angle_std"] / 180.0, given["speed_std"] / max_speed
-    scales[[SIDE, TOP]] = given["offset_std"] / (scene.cue.miscue_offset * scene.balls.radius[0])
-    scales[ELEVATION] = given["elevation_std"] / 90.0
+    scales[TURN], scales[SPEED] = stds["angle_std"] / 180.0, stds["speed_std"] / max_speed
+    scales[[SIDE, TOP]] = stds["offset_std"] / (scene.cue.miscue_offset * scene.balls.radius[0])
+    scales[ELEVATION] = stds["elevation_std"] / 90.0
     return scales[: ACTIONS[action].size]
 
 
@@ -267,24 +267,24 @@ def check_options(
         goals = check_positions(cue_ball_alone(scene), goals, "options['goal'] as a position of the cue ball", in_play)
         goals = goals.reshape(-1, 1, 2)
     if "episode_seed" in options:
-        name, given = "options['episode_seed']", np.asarray(options["episode_seed"])
-        if given.dtype != np.int64 or given.shape != (*many, 8):
-            raise ValueError(f"{name} = {short(given)}: expected int64 of shape {(*many, 8)}, as in info")
-        odd = given[... if mask is None else mask].reshape(-1, 8)[:, 3 :: 4 if model.noise is not None else 8] % 2
+        name, array = "options['episode_seed']", np.asarray(options["episode_seed"])
+        if array.dtype != np.int64 or array.shape != (*many, 8):
+            raise ValueError(f"{name} = {short(array)}: expected int64 of shape {(*many, 8)}, as in info")
+        odd = array[... if mask is None else mask].reshape(-1, 8)[:, 3 :: 4 if model.noise is not None else 8] % 2
         if not odd.all():
-            raise ValueError(f"{name} = {short(given)}: expected an info['episode_seed'] of this task")
-        seeds = given.view(np.uint64).reshape(-1, 8)
+            raise ValueError(f"{name} = {short(array)}: expected an info['episode_seed'] of this task")
+        seeds = array.view(np.uint64).reshape(-1, 8)
     return ResetOptions(positions, goals, _checked_physics(model.randomize, options.get("physics", {}), mask), seeds)
 
 
 def _checked_physics(
-    ranges: Mapping[str, tuple[float, float]], given: Any, mask: NDArray[np.bool_] | None
+    ranges: Mapping[str, tuple[float, float]], numbers: Any, mask: NDArray[np.bool_] | None
 ) -> dict[str, NDArray[np.float64]]:
     """Returns the physics in the options of a reset, after a check."""
-    if not isinstance(given, Mapping):
-        raise TypeError(f"options['physics'] = {short(given)}: expected a mapping from names of randomize to numbers")
+    if not isinstance(numbers, Mapping):
+        raise TypeError(f"options['physics'] = {short(numbers)}: expected a mapping from names of randomize to numbers")
     checked = {}
-    for key, values in given.items():
+    for key, values in numbers.items():
         one_of("key of options['physics']", key, tuple(ranges))
         name, (low, high) = f"options['physics'][{key!r}]", ranges[key]
         array = shaped(name, values, () if mask is None else mask.shape)

@@ -410,7 +410,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
             TypeError: If the options are not a mapping.
         """
         episodes, state = self._episodes, self._episodes.state
-        given = check_options(episodes.model, options)
+        checked = check_options(episodes.model, options)
         super().reset(seed=int(seed) if isinstance(seed, np.integer) else seed)
         if self._np_random is not None or not state.stream[0, 3]:
             state.stream[0] = streams.read(self.np_random)
@@ -419,7 +419,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
         if self.model.noise is not None and (seed is not None or not state.noise_stream[0, 3]):
             state.noise_stream[0] = noise_stream(self.np_random_seed, self.model.noise_seed)
         observations = episodes.observer.new(1)
-        episodes.restart(0, 1, _ONE, observations, given)
+        episodes.restart(0, 1, _ONE, observations, checked)
         if self._np_random is not None:
             streams.write(self._np_random, state.stream[0])
         state.begun[0] = True

@@ -140,10 +140,10 @@ class Episodes:
     def __reduce__(self) -> tuple[Any, ...]:
         return Episodes, (len(self.state.over), self.model, self.n_recorded, self.memory)
 
-    def put(self, rows: NDArray[np.int64] | None, given: EpisodeState) -> None:
-        """Replaces the state of some episodes, None for all, by the rows of `given`, one for each or one for all."""
+    def put(self, rows: NDArray[np.int64] | None, states: EpisodeState) -> None:
+        """Replaces the state of some episodes, None for all, by the rows of `states`, one for each or one for all."""
         for part in parts(len(self.state.over) if rows is None else len(rows)):
-            chosen, values = part if rows is None else rows[part], given[part] if len(given) > 1 else given
+            chosen, values = part if rows is None else rows[part], states[part] if len(states) > 1 else states
             for name, array in zip(StateArrays._fields, self.state, strict=True):
                 array[chosen] = values[name]
         self.set_physics(slice(None) if rows is None else rows, {})
@@ -161,7 +161,7 @@ class Episodes:
         self.memory[:] = memory
         self.set_physics(slice(None), {})
 
-    def restart(self, begin: int, end: int, mask: Bools, observations: Any, given: ResetOptions = NO_OPTIONS) -> None:
+    def restart(self, begin: int, end: int, mask: Bools, observations: Any, options: ResetOptions = NO_OPTIONS) -> None:
         """Begins new episodes in the mask (m,), and writes all observations.
 
         Args:
@@ -169,35 +169,35 @@ class Episodes:
             end: See the class.
             mask: (m,) bool.
             observations: Out, memory from `Observer.new`.
-            given: The parts of the starting states that are not drawn.
+            options: The parts of the starting states that are not drawn.
 
         Raises:
             ValueError: If there is no free position for a ball.
         """
         state = self.state
-        if given.episode_seed is not None:
+        if options.episode_seed is not None:
             rows = begin + np.flatnonzero(mask[begin:end])
-            state.stream[rows], state.noise_stream[rows] = np.split(given.episode_seed[rows], 2, axis=1)
+            state.stream[rows], state.noise_stream[rows] = np.split(options.episode_seed[rows], 2, axis=1)
         keep_seeds(begin, end, mask, state.stream, state.noise_stream, state.episode_seed)
-        self.draw(begin, end, mask, given)
+        self.draw(begin, end, mask, options)
         self.begin(begin, end, mask, observations)
 
-    def draw(self, begin: int, end: int, mask: Bools, given: ResetOptions = NO_OPTIONS) -> None:
+    def draw(self, begin: int, end: int, mask: Bools, options: ResetOptions = NO_OPTIONS) -> None:
         """Draws positions of the balls, then goals if the task has any, then the physics of the episodes if it varies.
 
         Args:
             begin: See the class.
             end: See the class.
             mask: (m,) bool, the episodes to draw for.
-            given: What takes the place of the drawn positions, goals and numbers.
+            options: What takes the place of the drawn positions, goals and numbers.
 
         Raises:
             ValueError: If there is no free position for a ball.
         """
         state = self.state
         for array, values, plan, fill in (
-            (state.positions, given.positions, self.plan, self._fill),
-            (state.goals, given.goals, self.goal_plan, self._fill_goals),
+            (state.positions, options.positions, self.plan, self._fill),
+            (state.goals, options.goals, self.goal_plan, self._fill_goals),
         ):
             if values is not None:
                 np.copyto(array[begin:end], values[begin:end], where=mask[begin:end, None, None])
@@ -206,7 +206,7 @@ class Episodes:
         if self.physics:
             units, rows = np.empty((end - begin, len(self.physics))), np.flatnonzero(mask[begin:end])
             draw_units(begin, end, mask, state.stream, units)
-            numbers = {name: values[begin + rows] for name, values in given.physics.items()}
+            numbers = {name: values[begin + rows] for name, values in options.physics.items()}
             self.set_physics(begin + rows, self.scaled(units[rows]) | numbers)
 
     def scaled(self, units: Floats) -> dict[str, Floats]:

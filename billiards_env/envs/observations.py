@@ -376,12 +376,12 @@ class Observer:
         names = tuple(tuple(name) if isinstance(name, list) else name for name in sequence("observe", observe))
         self.names: Any = "goal" if self._has_goal else names
         self.features = dict[str, tuple[int, ...]]()
-        for given in names:
-            name, *sides = cast(Any, given if isinstance(given, tuple) and given else (given,))
+        for entry in names:
+            name, *sides = cast(Any, entry if isinstance(entry, tuple) and entry else (entry,))
             one_of("observe", name, tuple(FEATURES))
             if len(sides) != (2 if is_image(name) else 0):
                 right = (name, "height", "width") if is_image(name) else name
-                raise ValueError(f"observe = {short(given)}: expected {right!r}")
+                raise ValueError(f"observe = {short(entry)}: expected {right!r}")
             for side, size in zip(("height", "width"), sides, strict=False):
                 sizes[side] = integer(f"{side} of {name!r} in observe", size, SIDES)
             shape = tuple(size if isinstance(size, int) else sizes[size] for size in FEATURES[name].shape)

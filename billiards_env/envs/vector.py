@@ -313,7 +313,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
             mask = _checked_mask(options["reset_mask"], self.num_envs)
             options = {key: value for key, value in options.items() if key != "reset_mask"}
         episodes, state = self._episodes, self._episodes.state
-        given = check_options(episodes.model, options, mask)
+        checked = check_options(episodes.model, options, mask)
         if not (state.begun | mask).all():
             raise ResetNeeded(
                 "reset_mask leaves out environments that have never been reset: reset all environments first"
@@ -327,7 +327,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         observations = episodes.observer.new(self.num_envs)
 
         def work(begin: int, end: int) -> None:
-            episodes.restart(begin, end, mask, observations, given)
+            episodes.restart(begin, end, mask, observations, checked)
 
         state.begun[mask] = False  # an interrupted reset has to be repeated
         parallel_for(work, self.num_envs, self.threads)
