@@ -17,10 +17,9 @@ import yaml
 from billiards_env.checks import Range, fields_of, flag, integer, number, one_of, real, short
 from billiards_env.envs import make_model
 from billiards_env.envs.tasks import TASKS
-from billiards_env.files import read_text
 from billiards_env.frozen import FROZEN, NOISE
 from billiards_env.sb3 import PPO_SETTINGS
-from billiards_env.settings import plain_yaml
+from billiards_env.settings import read_settings
 
 ENV_ID = "Billiards-v0"
 
@@ -34,7 +33,6 @@ _PPO = (
     *("normalize_advantage", "ent_coef", "vf_coef", "max_grad_norm", "target_kl"),
 )
 _POLICY = {"aim": ("head", "arguments"), "gaussian": ("head", "hidden", "activation")}
-_MOST_BYTES = 100_000  # of a file of settings
 _COUNTS = ("n_steps", "batch_size", "n_epochs")
 _SHARES = ("learning_rate", "gamma", "gae_lambda")
 _OPTIONAL = ("clip_range_vf", "target_kl")  # None: no limit
@@ -190,7 +188,7 @@ def read(path: Path) -> Any:
         OSError: If it cannot be read.
     """
     try:
-        return plain_yaml(read_text(path, _MOST_BYTES, "settings"))
+        return read_settings(path, "settings")
     except (yaml.YAMLError, ValueError) as error:
         raise ValueError(f"config = {str(path)!r}: expected valid YAML ({' '.join(str(error).split())})") from error
 

@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import yaml
 
+from billiards_env.files import read_text
 
-def plain_yaml(text: str) -> Any:
-    """Returns the data of a YAML text without aliases.
+_MOST_BYTES = 100_000  # of a file, which has about 1000
+
+
+def read_settings(path: Path, what: str) -> Any:
+    """Returns the data of a YAML file without aliases.
 
     A few lines with aliases can stand for gigabytes of data.
 
+    Args:
+        path: The file.
+        what: What the file should hold, for the messages.
+
     Raises:
+        OSError, ValueError: As in `read_text`.
         yaml.YAMLError: If the text is not YAML, has an alias, or is nested too deeply.
     """
+    text = read_text(path, _MOST_BYTES, what)
     if text.count("[") + text.count("{") > 1000:  # the time to read nested lists grows with the square of the depth
         raise yaml.YAMLError("more than 1000 lists and mappings in brackets")
     try:

@@ -86,11 +86,9 @@ class Engine:
         object.__setattr__(self, "dt", float(dt))
 
     def __str__(self) -> str:
-        if self.dt is None:
-            return self.mode.upper()
-        steps = round(1.0 / self.dt)
-        dt = f"1/{steps}" if steps > 1 and 1.0 / steps == self.dt else f"{self.dt:.4g}"
-        return f"{self.mode.upper()}, dt = {dt} s" + (f", {self.fix}" if self.fix else "")
+        steps = 0 if self.dt is None else round(1.0 / self.dt)
+        dt = f"1/{steps}" if steps > 1 and 1.0 / steps == self.dt else self.dt
+        return self.mode.upper() + (f", dt = {dt} s" if dt else "") + (f", {self.fix}" if self.fix else "")
 
 
 PIC = Engine()

@@ -18,19 +18,16 @@ from torch import Tensor
 
 from billiards_env.checks import Range, integer, one_of, sequence, short
 from billiards_env.envs import BilliardsEnv
-from billiards_env.files import read_text, write_whole
+from billiards_env.files import write_whole
 from billiards_env.frozen import FROZEN
 from billiards_env.sb3.aim_network import OBSERVED
 from billiards_env.sb3.aim_policy import AimPolicy, find_game
-from billiards_env.settings import plain_yaml
+from billiards_env.settings import read_settings
 
 AIM_ARGUMENTS = tuple(inspect.signature(AimPolicy).parameters)[4:-1]
 """The arguments of `AimPolicy` in the section `policy.arguments` of a configuration: those after `env`."""
 
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU, "silu": torch.nn.SiLU}
-
-_MOST_BYTES = 100_000  # of a config.yaml, which has about 1000
-
 
 POLICIES: dict[str, type[ActorCriticPolicy]] = {"aim": AimPolicy, "gaussian": ActorCriticPolicy}
 """The policies, by `policy.head` of a configuration."""
@@ -117,7 +114,7 @@ def load_policy(
     check_finished(folder)
     settings, weights = folder / "config.yaml", folder / "policy.pt"
     try:
-        config = plain_yaml(read_text(settings, _MOST_BYTES, "the settings of a run"))
+        config = read_settings(settings, "the settings of a run")
         arguments, description = {**config["env"], **(env or {})}, dict(config["policy"])
         trained, task = find_game(config["env"]), str(config.get("task"))
         if description["head"] == "aim":  # the networks observe what they observed in the training
