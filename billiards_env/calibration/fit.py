@@ -263,19 +263,22 @@ def fit_stages(
 ) -> tuple[Fit, float]:
     """Fits the rows until the first contact of the cue ball, then until the second, and so on.
 
-    Each finished stage is written to the file `path`, with the key of what is fitted. The fit resumes from this file.
+    Each finished stage is written to the file `path`, with the key of what is fitted and the number of shots. The fit
+    resumes from this file.
 
     Returns:
         The fit, and the share of the rows near their paths until the second contact. If it is less than `ENOUGH`, the
         fit ends there.
     """
-    done, share, what = {}, 1.0, "the state of a calibration"
+    saved, share, what, which = {"key": key}, 1.0, "the state of a calibration", str(len(fit.shots))
     if path is not None and path.exists():
-        done = records.read(path, lambda text: records.data_of(text, what), what, _MOST_STATE)
-        if not isinstance(done, dict) or done.get("key") != key:
+        saved = records.read(path, lambda text: records.data_of(text, what), what, _MOST_STATE)
+        if not isinstance(saved, dict) or saved.get("key") != key:
             raise ValueError(
                 f"state = {str(path)!r}: expected the state of the same tracks, scene, numbers and options"
             )
+    done = saved.get(which, {})
+    if done:
         fit = fit._replace(scene=with_numbers(fit.scene, fit.names, np.array(done["numbers"])))
         shots = [shot._replace(starts=np.array([row])) for shot, row in zip(fit.shots, done["starts"], strict=True)]
         fit = fit._replace(shots=near_rows(fit.scene, shots, done["contact"], noise))
@@ -289,7 +292,8 @@ def fit_stages(
         share = float(part) if contact == 2 else share
         if path is not None and share >= ENOUGH:
             starts = [shot.starts[0].tolist() for shot in fit.shots]
-            write_json(path, {"key": key, "contact": contact, "numbers": numbers, "starts": starts})
+            saved |= {which: {"contact": contact, "numbers": numbers, "starts": starts}}
+            write_json(path, saved)
         if progress is not None:
             text = ", ".join(f"{name} {value:.5g}" for name, value in zip(fit.names, numbers, strict=True))
             progress(f"until contact {contact}: {part:.1%} of the rows, {text}")
