@@ -35,7 +35,6 @@ NUMBERS = Physics(
 )
 TABLE = dataclasses.replace(DEFAULT, physics=NUMBERS)
 """A table whose cloth is faster, and whose balls have more friction, than those of `DEFAULT`."""
-FREE = ("mu_slide", "mu_roll", "e_ball", "e_cushion", "mu_cushion")
 TURN, SPEED = 0.002, 0.02
 """Standard deviations of the noise of the strikes: rad, and m/s."""
 
@@ -52,7 +51,7 @@ def fitted_table(shots: int) -> tuple[Calibration, np.ndarray]:
         shot = simulate(TABLE, places, velocity, record=True)
         tracks.append(observed(f"{k}", shot, np.arange(150) / 50.0, noise=0.0005, seed=k))
         intended.append(aim)
-    return calibrate(DEFAULT, tracks, FREE, hold_back=False), np.array(intended)
+    return calibrate(DEFAULT, tracks, hold_back=False), np.array(intended)
 
 
 def environments(num_envs: int, **world: Any) -> Any:

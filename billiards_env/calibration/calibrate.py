@@ -118,7 +118,7 @@ def calibrate(
     predicted, losses = None, {}
     if rest and share >= ENOUGH:
         predicted, some = judge(determined(fit, contacts).scene, rest), prepared
-        fit, share = fit_stages(fit._replace(shots=prepared), contacts, error, progress)
+        fit, share = fit_stages(fit._replace(shots=prepared, stages=()), contacts, error, progress, path, key)
     if share < ENOUGH:
         warnings.append(f"only {share:.0%} of the rows until the second contact fit: no numbers")
         fit = fit._replace(scene=scene, names=())

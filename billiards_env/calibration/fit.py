@@ -41,6 +41,7 @@ _WIDE = 0.5  # largest half-interval over the number; above it, the number is no
 _EDGE = 1e-6  # relative distance to a bound, within which a number is at it
 _SHARED = 8.0  # the rows between two contacts count as at most this many
 _MOST_STATE = 64 * 2**20  # bytes
+_SHIFT = 2.0  # standard deviations, the largest shift of a number between two stages that is no error of the laws
 _ROUNDS = 2  # fits in each stage, each with the rows near the paths of the previous fit
 
 
@@ -54,6 +55,7 @@ class Fit(NamedTuple):
         shots: The m shots with their starts; the rows that are used are near their paths.
         kept: Why the other free numbers keep their start, by name.
         covariance: (s, s) of the numbers.
+        stages: The numbers of earlier stages and their variances, by name.
     """
 
     scene: Scene
@@ -62,6 +64,7 @@ class Fit(NamedTuple):
     shots: list[Shot]
     kept: dict[str, str]
     covariance: Floats
+    stages: tuple[dict[str, tuple[float, float]], ...] = ()
 
 
 class Reduced(NamedTuple):
@@ -208,14 +211,17 @@ def leaves_at(shot: Shot, far: Bools) -> tuple[float, int]:
     return min(found)
 
 
-def covariance(fit: Fit, shots: Sequence[Shot]) -> Floats:
-    """Returns the covariance (s, s) of the shared numbers; that of the prior if the rows do not determine them.
+def covariance(fit: Fit, contact: int) -> Floats:
+    """Returns the covariance (s, s) of the shared numbers from the rows that are used until a contact.
+
+    It is that of the prior if the rows do not determine them.
 
     From `MANY` shots on it is that of the jackknife: the numbers without one shot, in the linear approximation (Bell
     and McCaffrey 2002). It includes errors of the laws, which the rows of a shot share. The spread over fewer shots is
     too uncertain, so the errors of their rows count as independent. The weights change with the residuals; the factor
     `bend` accounts for this (Huber 1964).
     """
+    shots = [shot for shot in (shot.until(contact) for shot in fit.shots) if shot.used.any()]
     parts = [reduced(evaluate(fit.scene, shot.starts, shot, fit.names), shot.starts.size) for shot in shots]
     square = np.concatenate([np.square(errors(fit.scene, shot) / shot.scale[:, None])[shot.used] for shot in shots])
     weight, m, prior = 1.0 / (1.0 + square), len(shots), np.diag(1.0 / usual_of(fit) ** 2)
@@ -228,6 +234,20 @@ def covariance(fit: Fit, shots: Sequence[Shot]) -> Floats:
     return (m - 1) / m * change.T @ change + inverse @ prior @ inverse
 
 
+def unexplained_shifts(fit: Fit, spread: Floats) -> Floats:
+    """Returns the squares of the largest shifts of the numbers (s,) since earlier stages that are too large for chance.
+
+    With the right laws, the variance of a shift is the difference of the variances of the two stages (Hausman 1978).
+    """
+    found = np.zeros(len(fit.names))
+    for stage in fit.stages:
+        values, variances = np.array([stage[name] for name in fit.names]).T
+        shift = np.square(values - numbers_of(fit.scene, fit.names))
+        large = shift > _SHIFT**2 * np.maximum(variances - np.diag(spread), 0.0)
+        found = np.where(large, np.maximum(found, shift), found)
+    return found
+
+
 def half_widths(spread: Floats, shots: int) -> Floats:
     """Returns half of the 95% intervals (s,) of numbers with a covariance (s, s) (Student for many shots)."""
     return t_quantile(shots - 1 if shots >= MANY else 10**6) * np.sqrt(np.diag(spread))
@@ -237,14 +257,13 @@ def determined(fit: Fit, contact: int) -> Fit:
     """Returns a fit with its covariance, without numbers that end at a bound or that the rows do not determine."""
     while True:
         names, numbers, begun = fit.names, numbers_of(fit.scene, fit.names), numbers_of(fit.start, fit.names)
-        shots = [shot for shot in (shot.until(contact) for shot in fit.shots) if shot.used.any()]
-        spread = covariance(fit, shots)
-        wide = half_widths(spread, len(shots)) / np.maximum(np.maximum(np.abs(numbers), np.abs(begun)), 1e-9)
+        spread = covariance(fit, contact)
+        wide = half_widths(spread, len(fit.shots)) / np.maximum(np.maximum(np.abs(numbers), np.abs(begun)), 1e-9)
         edge = np.abs(numbers - bounds_of(names)) <= _EDGE * np.maximum(np.abs(numbers), 1e-3)
         wide[edge.any(axis=0)] = np.inf
         worst = int(np.argmax(wide))
         if wide[worst] <= _WIDE:
-            return fit._replace(covariance=spread)
+            return fit._replace(covariance=spread + np.diag(unexplained_shifts(fit, spread)))
         why = "it ends at the bound of its range" if edge[:, worst].any() else "the rows do not determine it"
         kept, left = fit.kept | {names[worst]: why}, names[:worst] + names[worst + 1 :]
         if not left:
@@ -263,33 +282,40 @@ def fit_stages(
 ) -> tuple[Fit, float]:
     """Fits the rows until the first contact of the cue ball, then until the second, and so on.
 
-    Each finished stage is written to the file `path`, with the key of what is fitted. The fit resumes from this file.
+    Each finished stage is written to the file `path`, with the key of what is fitted and the number of shots. The fit
+    resumes from this file.
 
     Returns:
         The fit, and the share of the rows near their paths until the second contact. If it is less than `ENOUGH`, the
         fit ends there.
     """
-    done, share, what = {}, 1.0, "the state of a calibration"
+    saved, share, what, which = {"key": key}, 1.0, "the state of a calibration", str(len(fit.shots))
     if path is not None and path.exists():
-        done = records.read(path, lambda text: records.data_of(text, what), what, _MOST_STATE)
-        if not isinstance(done, dict) or done.get("key") != key:
+        saved = records.read(path, lambda text: records.data_of(text, what), what, _MOST_STATE)
+        if not isinstance(saved, dict) or saved.get("key") != key:
             raise ValueError(
                 f"state = {str(path)!r}: expected the state of the same tracks, scene, numbers and options"
             )
+    done = saved.get(which, {})
+    if done:
         fit = fit._replace(scene=with_numbers(fit.scene, fit.names, np.array(done["numbers"])))
         shots = [shot._replace(starts=np.array([row])) for shot, row in zip(fit.shots, done["starts"], strict=True)]
-        fit = fit._replace(shots=near_rows(fit.scene, shots, done["contact"], noise))
+        fit = fit._replace(shots=near_rows(fit.scene, shots, done["contact"], noise), stages=tuple(done["stages"]))
     else:
         fit = fit_stage(fit, 1, noise)
     for contact in range(done.get("contact", 1) + 1, contacts + 1):
         fit = fit_stage(fit, contact, noise)
+        numbers = numbers_of(fit.scene, fit.names).tolist()
+        variances = np.diag(covariance(fit, contact)).tolist()
+        stage = dict(zip(fit.names, zip(numbers, variances, strict=True), strict=True))
+        fit = fit._replace(stages=(*fit.stages, stage))
         rows = [(shot.moving & (shot.time < shot.end(contact)), shot.used) for shot in fit.shots]
         part = sum((some & used).sum() for some, used in rows) / max(1, sum(some.sum() for some, _ in rows))
-        numbers = numbers_of(fit.scene, fit.names).tolist()
         share = float(part) if contact == 2 else share
         if path is not None and share >= ENOUGH:
             starts = [shot.starts[0].tolist() for shot in fit.shots]
-            write_json(path, {"key": key, "contact": contact, "numbers": numbers, "starts": starts})
+            saved |= {which: {"contact": contact, "numbers": numbers, "starts": starts, "stages": fit.stages}}
+            write_json(path, saved)
         if progress is not None:
             text = ", ".join(f"{name} {value:.5g}" for name, value in zip(fit.names, numbers, strict=True))
             progress(f"until contact {contact}: {part:.1%} of the rows, {text}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -22,10 +23,10 @@ MOST_SPIN = 1.5
 """Largest component of the cue ball's spin over the largest spin of a level strike, see `spin_of_cue`. More than 1,
 because an elevated cue gives more, and because the ball may slow down before the first row."""
 
-SIDES = (-0.9, -0.6, -0.3, 0.02, 0.3, 0.6, 0.9)
+SIDES = (-0.7, -0.35, 0.02, 0.35, 0.7)
 """The side spins of the guesses, over the largest of a level strike. At 0 the derivative by the side spin is 0."""
 
-ROLLS = (1.2, 0.8, 0.3, 0.0, -0.8)
+ROLLS = (1.2, 0.7, 0.2, -0.6)
 """The spins of the guesses about a horizontal axis, over that of a ball that rolls."""
 
 SPINS = (0.1, 0.7, 0.7)
@@ -33,7 +34,7 @@ SPINS = (0.1, 0.7, 0.7)
 the vertical, over v / R: wide for the last two, which players choose."""
 
 _STEPS = 30  # most steps of `settle`
-_HALVES = (10, 3), (5, 4), (3, 8), (1, 6)  # starts that a search keeps, and the steps before that
+_HALVES = (20, 4), (8, 8), (3, 10), (1, 10)  # starts that a search keeps, and the steps before that
 _CONVERGED, _EXACT = 1e-6, 1e-14  # relative and absolute change of the loss
 
 
@@ -224,12 +225,12 @@ def search(scene: Scene, shot: Shot) -> Shot:
         shot = _with_spin_prior(scene, shot)
     tried = shot.starts
     if scene.physics.motion == "sliding":
-        sides, rolls = (np.repeat(tried, len(some), axis=0) for some in (SIDES, ROLLS))
-        x, y = tried[:, VELOCITY].T
-        sides[:, SIDE] = np.outer(spin_of_cue(scene, np.hypot(x, y)), SIDES).ravel()
-        turning = np.column_stack((-y, x, 0.0 * x)) / scene.balls.radius[0]
-        rolls[:, SPIN] = np.kron(turning, np.array([ROLLS]).T) + rolls[:, SPIN] * (0.0, 0.0, 1.0)
-        tried = np.concatenate((tried, sides, rolls))
+        others, spins = np.repeat(tried, len(SIDES) * len(ROLLS), axis=0), list(itertools.product(SIDES, ROLLS))
+        side, roll = np.tile(spins, (len(tried), 1)).T
+        x, y = others[:, VELOCITY].T
+        others[:, SPIN] = np.column_stack((-roll * y, roll * x, 0.0 * x)) / scene.balls.radius[0]
+        others[:, SIDE] = side * spin_of_cue(scene, np.hypot(x, y))
+        tried = np.concatenate((tried, others))
     tried, fine = allowed(scene, np.where(np.isnan(shot.known), tried, shot.known), shot)
     if not fine.any():
         raise ValueError(f"shot {shot.track.name} begins with balls that overlap or lie outside of the table")
