@@ -185,15 +185,9 @@ def run_command(
 
 
 def report(result: Any, blocks: Callable[[Any], Mapping[str, str]], path: Path) -> None:
-    """Writes results as JSON and prints their blocks."""
+    """Writes results as JSON and prints their blocks and the path of the file."""
     write_json(path, result)
-    print_blocks(result, blocks, path)
-
-
-def print_blocks(result: Any, blocks: Callable[[Any], Mapping[str, str]], *files: Path) -> None:
-    """Prints the blocks of results, and the files that hold them."""
-    print("\n\n".join(all_blocks(result, blocks).values()))
-    print("\nin", " and ".join(map(str, files)))
+    print(*all_blocks(result, blocks).values(), f"in {path}", sep="\n\n")
 
 
 def all_blocks(result: Any, blocks: Callable[[Any], Mapping[str, str]]) -> dict[str, str]:

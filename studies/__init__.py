@@ -19,16 +19,15 @@ Modules:
     readme: Writes the measured tables into the pages.
 """
 
-import argparse
 import contextlib
 import functools
 import html
 import json
 import multiprocessing
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor
+from concurrent.futures import Executor, as_completed
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from urllib.parse import urlencode
 
 import numpy as np
@@ -36,8 +35,7 @@ from tqdm import tqdm
 
 from agents import require
 from agents.cluster import RayExecutor
-from benchmarks import ROOT, machine, parser_of, print_blocks, processes
-from billiards_env.commands import ending
+from benchmarks import ROOT, machine, processes
 from billiards_env.files import replacing, write_json
 
 require("plot", ("matplotlib",))
@@ -48,22 +46,36 @@ RUNS = ROOT / "runs"
 """The folder of training runs; git ignores it."""
 
 
-def parser_of_runs(name: str, description: str) -> argparse.ArgumentParser:
-    """Returns the parser of a command that trains, with its options for runs and files."""
-    parser = parser_of(f"studies.{name}", description, jobs=(2, "runs at a time"))
-    parser.add_argument("--address", help='address of a Ray cluster that trains, e.g. "auto" (default: this machine)')
-    parser.add_argument("--folder", type=Path, help=f"folder of all files (default: see `studies.{name}`)")
-    return parser
+JOBS: dict[str, tuple[Any, str]] = {
+    "jobs": (2, "runs at a time"),
+    "address": ("", "address of a Ray cluster that trains, such as auto; without one this machine trains"),
+}
+"""The options of a command that trains, see `benchmarks.run_command`."""
+
+K = TypeVar("K")
 
 
 @contextlib.contextmanager
-def workers(jobs: int, address: str | None) -> Iterator[Executor]:
+def workers(jobs: int, address: str = "") -> Iterator[Executor]:
     """Yields processes of this machine, or the nodes of the Ray cluster at an address."""
-    if address is not None:
+    if address:
         yield RayExecutor(address)
     else:
         with processes(jobs, multiprocessing.get_context("spawn")) as pool:
             yield pool
+
+
+def completed(pool: Executor, calls: Mapping[K, tuple[Any, ...]], done: int = 0) -> Iterator[tuple[K, Any]]:
+    """Makes calls in a pool, and yields the key and the result of each as soon as it ends.
+
+    Args:
+        pool: The pool.
+        calls: The function and the arguments of each call, by its key.
+        done: The number of results that are already known, for the progress bar.
+    """
+    futures = {pool.submit(*call): key for key, call in calls.items()}
+    for future in tqdm(as_completed(futures), total=done + len(calls), initial=done, unit="run", smoothing=0):
+        yield futures[future], future.result()
 
 
 def resumed(output: Path, settings: Mapping[str, Any], **empty: Any) -> dict[str, Any]:
@@ -129,9 +141,3 @@ def load_weights(path: Path) -> dict[str, Any]:
     """
     with np.load(path, allow_pickle=False) as file:
         return dict(file)
-
-
-def report(measure: Callable[[], Any], blocks: Callable[[Any], Mapping[str, str]], *outputs: Path) -> None:
-    """Runs the work of a command, and prints its blocks and its files. After an error it prints one line."""
-    with ending("the same command continues"):
-        print_blocks(measure(), blocks, *outputs)

@@ -7,32 +7,31 @@ the frozen tasks of its row without exploration. The results are
 * `studies/results/policies/ROW`: the policy of the first seed, with its configuration,
 * `docs/images/learning.png`: the learning curves.
 
-The command skips the seeds that have results with the same settings. A training that was interrupted continues.
+The command skips the seeds that have results with the same settings. A training that was interrupted continues. With
+`--output FILE` the policies are in the folder `policies` beside this file.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from concurrent.futures import as_completed
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from tqdm import tqdm
 
 from agents.config import LEARNING, load, read, rows
 from agents.ppo import deterministic, load_policy
 from agents.train import learning_curve, open_run, train, versions
-from benchmarks import IMAGES, machine, machine_line, new_figure, save, table
+from benchmarks import machine, machine_line, new_figure, run_command, save, table
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json, write_whole
 from billiards_env.frozen import FROZEN, NAMESPACE
 from billiards_env.intervals import as_percent, over_seeds
-from studies import RESULTS, RUNS, parser_of_runs, report, tasks, workers
+from studies import JOBS, RESULTS, RUNS, completed, tasks, workers
 
-OUTPUT, POLICIES, PICTURE = RESULTS / "learning.json", RESULTS / "policies", IMAGES / "learning.png"
+OUTPUT = RESULTS / "learning.json"
 
 EPISODES = 10_000
 """The number of layouts of each task and seed."""
@@ -63,22 +62,14 @@ def run_row(name: str, seed: int, folder: Path, episodes: int) -> tuple[dict[str
     return {"curve": curve, "tasks": found, "machine": machine(), "versions": versions()}, files
 
 
-class Places(NamedTuple):
-    """The JSON file of the results, the folder of the policies of the first seed, and the picture of the curves."""
-
-    results: Path
-    policies: Path
-    picture: Path
-
-
-def measure(where: Places, folder: Path, jobs: int, address: str | None) -> dict[str, Any]:
+def measure(output: Path, folder: Path, jobs: int, address: str) -> dict[str, Any]:
     """Trains what has no results, and writes the result of each seed as soon as it is known.
 
     Args:
-        where: The files of the results.
+        output: The JSON file of the results. The policies of the first seed are in the folder `policies` beside it.
         folder: The folder of the runs.
         jobs: The number of trainings at a time.
-        address: The address of a Ray cluster that trains; None for this machine.
+        address: As in `studies.workers`.
 
     Returns:
         The content of the file: for each row its `settings` and its `runs` by seed, see `run_row`.
@@ -87,26 +78,23 @@ def measure(where: Places, folder: Path, jobs: int, address: str | None) -> dict
         OSError: If a file cannot be read or written.
         ValueError: If a row is impossible.
     """
-    old = json.loads(where.results.read_text(encoding="utf-8")) if where.results.exists() else {}
+    old = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
     seeds, found = read(LEARNING)["seeds"], {}
     for name, settings in rows().items():
         known = old.get(name, {})
         found[name] = {"settings": settings, "runs": known["runs"] if known.get("settings") == settings else {}}
     order = [(seed, name) for seed in seeds for name in rows()]
-    waiting = [(seed, name) for seed, name in order if str(seed) not in found[name]["runs"]]
-    with workers(jobs, address) as pool, tqdm(total=len(order), initial=len(order) - len(waiting), unit="run") as bar:
-        waits = {
-            pool.submit(run_row, name, seed, folder / name / f"seed{seed}", EPISODES): (seed, name)
-            for seed, name in waiting
-        }
-        for done in as_completed(waits):
-            seed, name = waits[done]
-            result, files = done.result()
+    calls = {
+        (seed, name): (run_row, name, seed, folder / name / f"seed{seed}", EPISODES)
+        for seed, name in order
+        if str(seed) not in found[name]["runs"]
+    }
+    with workers(jobs, address) as pool:
+        for (seed, name), (result, files) in completed(pool, calls, len(order) - len(calls)):
             found[name]["runs"] = dict(sorted({**found[name]["runs"], str(seed): result}.items()))
-            write_json(where.results, found)
+            write_json(output, found)
             for file, content in files.items() if seed == seeds[0] else ():
-                write_whole(where.policies / name / file, content)
-            bar.update()
+                write_whole(output.parent / "policies" / name / file, content)
     return found
 
 
@@ -195,7 +183,7 @@ def _rival(known: Mapping[str, float]) -> str:
     return f"{known[name]:.1%} (`{name}`)"
 
 
-def draw(found: Result, path: Path) -> None:
+def draw(found: Result, folder: Path) -> None:
     """Draws the learning curves of the rows: the mean over the seeds and, thin, each seed."""
     figure = new_figure(9, 4.6)
     axes = figure.add_subplot()
@@ -208,22 +196,14 @@ def draw(found: Result, path: Path) -> None:
     axes.set(xlabel="million shots", ylabel="success on new layouts (%)", ylim=(0, 102))
     axes.grid(alpha=0.3)
     figure.legend(loc="outside right upper", fontsize=9, frameon=False)
-    save(figure, path)
+    save(figure, folder / "learning.png")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.learning --help`."""
-    args = parser_of_runs("learning", "Train the rows of configs/learning.yaml and measure them.").parse_args(arguments)
-    folder = args.folder or RUNS / "learning"
-    published = Places(OUTPUT, POLICIES, PICTURE)
-    where = published if args.folder is None else Places(folder / "learning.json", folder, folder / "learning.png")
-
-    def work() -> Result:
-        found = measure(where, folder, args.jobs, args.address)
-        draw(found, where.picture)
-        return found
-
-    report(work, blocks, where.results, where.picture)
+    options = {"output": (OUTPUT, "JSON file"), "folder": (RUNS / "learning", "folder of the runs"), **JOBS}
+    about = "Train the rows of configs/learning.yaml and measure them."
+    run_command("studies.learning", about, arguments, measure, blocks, options, draw)
 
 
 if __name__ == "__main__":

@@ -38,14 +38,12 @@ import dataclasses
 import io
 import math
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import as_completed
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from benchmarks import comparison, new_figure, run_command, save, table, worker
 from billiards_env import Scene, simulate_batch
@@ -54,7 +52,7 @@ from billiards_env.evaluation import evaluation_seeds
 from billiards_env.files import write_json
 from billiards_env.scene import Physics
 from examples import ppo
-from studies import RESULTS, resumed, workers
+from studies import RESULTS, completed, resumed, workers
 from studies.simulators_worker import DECAY, TIME
 from studies.timestep import LAYOUT_SEED, LAYOUTS, aims, aims_by_group, shots_of
 from studies.timestep_report import GROUPS, finished
@@ -230,16 +228,16 @@ def measure(output: Path, jobs: int, shots: int, layouts: int) -> dict[str, Any]
     """Trains the runs without a result, `jobs` at a time, and writes each result as soon as the run ends."""
     settings = {"shots": shots, "layouts": layouts, "decay": DECAY, "time": TIME}
     found = resumed(output, settings, runs={})
-    with workers(jobs, None) as pool:
-        futures = {
-            pool.submit(train, name, seed, shots, layouts): key
-            for name, world in WORLDS.items()
-            for seed in range(11, 11 + world.seeds)
-            if (key := f"{name}, seed {seed}") not in found["runs"]
-            and (world.exact != "exact, pooltool" or comparison.POOLTOOL_PYTHON.exists())
-        }
-        for future in tqdm(as_completed(futures), total=len(futures), unit="run"):
-            found["runs"][futures[future]] = future.result()
+    calls = {
+        key: (train, name, seed, shots, layouts)
+        for name, world in WORLDS.items()
+        for seed in range(11, 11 + world.seeds)
+        if (key := f"{name}, seed {seed}") not in found["runs"]
+        and (world.exact != "exact, pooltool" or comparison.POOLTOOL_PYTHON.exists())
+    }
+    with workers(jobs) as pool:
+        for key, result in completed(pool, calls):
+            found["runs"][key] = result
             write_json(output, found)
     return found
 

@@ -34,9 +34,9 @@ from billiards_env.files import write_json
 from billiards_env.games import GAMES, GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
 from billiards_env.intervals import mean_interval, success_rate, wilson_interval
 from billiards_env.players.game_player import Player
-from billiards_env.players.levels import LEVELS, with_noise
+from billiards_env.players.levels import LEVELS, planning, with_noise
 from billiards_env.players.named import find_player
-from billiards_env.players.planner import Options, parse_budget, plan
+from billiards_env.players.planner import Options, parse_budget
 from billiards_env.scene import Scene
 from studies import RESULTS, resumed
 
@@ -144,12 +144,7 @@ def run_out(
 
 def _for_one_turn(player: str, noise: tuple[float, float], english: bool = True) -> Player:
     """Returns a planner that plays for its present turn only."""
-    seconds, shots = parse_budget(player.partition(":")[2])
-
-    def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
-        return plan(setup, game, max_speed, rng, seconds, shots, noise, Options(run_out=True, english=english)).stroke
-
-    return stroke
+    return planning(player.partition(":")[2], noise, Options(run_out=True, english=english))
 
 
 def turn(

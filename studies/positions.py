@@ -1,4 +1,4 @@
-"""A fixed set of positions, and the success of a player's strokes in them: `python -m studies.positions PLAYER ...`.
+"""A fixed set of positions, and the success of a player's strokes in them: `python -m studies.positions`.
 
 The set, `studies/position_set.json`, has positions of nine ball and of eight ball on `real_pool` with the
 stroke that the planner chooses. They come from games of the planner against itself under execution noise, after the
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import parser_of, table
+from benchmarks import run_command, table
 from billiards_env.games import GAMES, Call, GameState, Setup, Stroke, custom_opening
 from billiards_env.games.batch import play_batch
 from billiards_env.games.placement import cue_ball_point
@@ -31,12 +31,12 @@ from billiards_env.intervals import as_percent, mean_interval
 from billiards_env.players.named import find_player
 from billiards_env.players.planner import add_noise
 from billiards_env.scene import Scene
-from studies import RESULTS, fill, report, resumed
+from studies import RESULTS, fill, resumed
 from studies.planner import MAX_SPEED, OLYMPIAD
 
 SET = Path(__file__).with_name("position_set.json")
 OUTPUT = RESULTS / "positions.json"
-PLAYERS = ("planner:1000", "search:200", "geometric")
+PLAYERS = "answers,planner:1000,search:200,geometric"
 RULES = "nine_ball", "eight_ball"
 SAMPLES, SEED = 1000, 40
 
@@ -92,8 +92,10 @@ def evaluate(entries: Sequence[Mapping[str, Any]], player: str, samples: int) ->
     return {"success": found, "seconds": seconds}
 
 
-def measure(output: Path, players: Sequence[str], samples: int) -> dict[str, Any]:
+def measure(output: Path, players: str, samples: int) -> dict[str, Any]:
     """Measures the players that have no scores yet, and writes the scores of each as soon as they are measured.
+
+    `players` are names for `evaluate`, separated by commas.
 
     Returns:
         The content of `output`: `machine`, `settings`: `samples` and the `rules` of each position, and `scores` by
@@ -105,7 +107,7 @@ def measure(output: Path, players: Sequence[str], samples: int) -> dict[str, Any
     """
     entries = json.loads(SET.read_text(encoding="utf-8"))["positions"]
     found = resumed(output, {"samples": samples, "rules": [entry["rules"] for entry in entries]})
-    jobs = {("scores", player): functools.partial(evaluate, entries, player, samples) for player in players}
+    jobs = {("scores", player): functools.partial(evaluate, entries, player, samples) for player in players.split(",")}
     return fill(output, found, jobs)
 
 
@@ -125,11 +127,13 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.positions --help`."""
-    options = {"output": (OUTPUT, "the scores, JSON"), "samples": (SAMPLES, "draws of noise for each stroke")}
-    parser = parser_of("studies.positions", "Measure the strokes of players in a fixed set of positions.", **options)
-    parser.add_argument("players", nargs="*", help=f"players of games (default: answers, {', '.join(PLAYERS)})")
-    args = parser.parse_args(arguments)
-    report(lambda: measure(args.output, args.players or ("answers", *PLAYERS), args.samples), blocks, args.output)
+    options = {
+        "output": (OUTPUT, "JSON file"),
+        "players": (PLAYERS, "players of games, separated by commas"),
+        "samples": (SAMPLES, "draws of noise for each stroke"),
+    }
+    about = "Measure the strokes of players in a fixed set of positions."
+    run_command("studies.positions", about, arguments, measure, blocks, options)
 
 
 if __name__ == "__main__":

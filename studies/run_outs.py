@@ -13,9 +13,10 @@ the results in `studies/results/run_outs.json`. A decision has a time limit, so 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,7 +24,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
-from tqdm import tqdm
 
 from benchmarks import machine, rows_table, run_command
 from billiards_env.games import GAMES, GameState, Setup, custom_opening, opening, play
@@ -36,7 +36,7 @@ from billiards_env.players.levels import with_noise
 from billiards_env.players.planner import Options, plan
 from billiards_env.players.values import Values
 from billiards_env.scene import Scene
-from studies import RUNS, load_weights, save_weights, workers
+from studies import RUNS, completed, load_weights, save_weights, workers
 from studies.planner import FIXED_BREAK, MAX_SPEED, OLYMPIAD
 
 Floats = NDArray[np.float64]
@@ -211,30 +211,23 @@ def measure(weights: Path, folder: Path, jobs: int) -> dict[str, Any]:
     """
     folder.mkdir(parents=True, exist_ok=True)
     paths: list[Path] = []
-    with workers(jobs, None) as pool, tqdm(total=ROUNDS * PARTS * len(CELLS), unit="part", smoothing=0) as bar:
+    with workers(jobs) as pool:
         for number in range(ROUNDS):
             network = fit(*load(paths)[:2]) if paths else None
-            paths += play_round(pool, number, network, folder, bar)
+            paths += play_round(pool, number, network, folder)
     positions = load(paths)
     save_weights(weights, fit(positions.inputs, positions.won))
     return {"machine": machine(), "cells": losses(positions)}
 
 
-def play_round(
-    pool: Executor, number: int, weights: run_outs.Weights | None, folder: Path, bar: tqdm[Any]
-) -> list[Path]:
+def play_round(pool: Executor, number: int, weights: run_outs.Weights | None, folder: Path) -> list[Path]:
     """Plays the parts of a round that have no file. Returns the paths of all its parts."""
-    paths, futures = [], []
-    for part in range(number * PARTS, (number + 1) * PARTS):
-        for cell in range(len(CELLS)):
-            paths.append(folder / f"{part:03d}_{cell}.npz")
-            if not paths[-1].exists():
-                futures.append(pool.submit(play_part, cell, part, weights, paths[-1]))
-    bar.update(len(paths) - len(futures))
-    for future in as_completed(futures):
-        future.result()
-        bar.update()
-    return paths
+    parts = itertools.product(range(number * PARTS, (number + 1) * PARTS), range(len(CELLS)))
+    calls = {folder / f"{part:03d}_{cell}.npz": (play_part, cell, part, weights) for part, cell in parts}
+    missing = {path: (*call, path) for path, call in calls.items() if not path.exists()}
+    for _ in completed(pool, missing, len(calls) - len(missing)):
+        pass  # each call writes its file
+    return list(calls)
 
 
 def blocks(found: dict[str, Any]) -> dict[str, str]:

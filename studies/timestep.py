@@ -4,8 +4,8 @@
 balls move in steps of dt. Then every policy plays the same new layouts in every world, without exploration noise. A
 shot is a false success if it succeeds in the world of the training and fails in the exact one.
 
-The results of all runs are in `studies/results/timestep.json`, and the weights of the main part in
-`studies/results/policies/timestep`. Each run is written there when it ends. The command skips runs that have results,
+The results of all runs are in `studies/results/timestep.json`, and the weights of the main part in the folder
+`policies/timestep` beside this file. Each run is written there when it ends. The command skips runs that have results,
 so it continues after an interruption. At the end it prints the tables and draws the pictures of the study.
 """
 
@@ -16,7 +16,6 @@ import functools
 import io
 import json
 from collections.abc import Mapping
-from concurrent.futures import as_completed
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,10 +23,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from agents.train import versions
-from benchmarks import IMAGES, machine
+from benchmarks import machine, run_command
 from billiards_env.engine import Engine
 from billiards_env.envs import BilliardsVectorEnv, make_vector_env
 from billiards_env.evaluation import evaluation_seeds, play_together
@@ -36,8 +34,8 @@ from billiards_env.sb3.aim_network import AimNetwork
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
 from examples import ppo
-from studies import RESULTS, load_weights, parser_of_runs, report, save_weights, timestep_report, workers
-from studies.timestep_report import GROUPS, blocks
+from studies import JOBS, RESULTS, completed, load_weights, save_weights, workers
+from studies.timestep_report import GROUPS, blocks, draw
 
 Floats = NDArray[np.float64]
 Weights = dict[str, NDArray[np.float16]]
@@ -77,6 +75,8 @@ GAMES: dict[str, tuple[dict[str, Any], str]] = {
 WORLDS_OF_GAMES = ("exact", "1/240", "1/60", "1/15")
 
 LAYOUTS, LAYOUT_SEED = 10_000, 20_261
+
+OUTPUT = RESULTS / "timestep.json"
 
 
 class Run(NamedTuple):
@@ -336,22 +336,12 @@ def policy_of(weights: Weights, args: Any) -> AimNetwork:
     return policy
 
 
-class Places(NamedTuple):
-    """The JSON file of the results, the folder of the weights, and the folder of the pictures."""
-
-    results: Path
-    policies: Path
-    images: Path
+def policies(output: Path) -> Path:
+    """Returns the folder of the weights that belong to a JSON file of results."""
+    return output.parent / "policies" / "timestep"
 
 
-def places(folder: Path | None) -> Places:
-    """Returns the places of the published study, or those in a folder."""
-    if folder is None:
-        return Places(RESULTS / "timestep.json", RESULTS / "policies" / "timestep", IMAGES)
-    return Places(folder / "timestep.json", folder / "policies", folder)
-
-
-def measure(where: Places, jobs: int, address: str | None, layouts: int) -> dict[str, Any]:
+def measure(output: Path, jobs: int, address: str) -> dict[str, Any]:
     """Trains what has no results, and writes the result of each run as soon as it ends.
 
     `jobs` runs are trained at a time, on this machine or on the Ray cluster at `address`.
@@ -363,29 +353,28 @@ def measure(where: Places, jobs: int, address: str | None, layouts: int) -> dict
         OSError: If a file cannot be read or written.
         RuntimeError: If a run fails on the cluster.
     """
-    found: dict[str, Any] = json.loads(where.results.read_text(encoding="utf-8")) if where.results.exists() else {}
-    if found.get("layouts") != layouts:
-        found = {"machine": machine(), "versions": versions(), "layouts": layouts, "runs": {}}
-    missing = {part: [run for run in runs if not is_result(found, run)] for part, runs in PARTS.items()}
-    if not any(missing.values()):
-        return found
-    where.policies.mkdir(parents=True, exist_ok=True)
-    with (
-        workers(jobs, address) as pool,
-        tqdm(total=sum(map(len, PARTS.values())), initial=len(found["runs"]), unit="run", smoothing=0) as bar,
-    ):
-        for part, runs in missing.items():
-            starts = [None if run.start is None else load_weights(where.policies / f"{run.start}.npz") for run in runs]
-            futures = [pool.submit(train, run, start, layouts) for run, start in zip(runs, starts, strict=True)]
-            for future in as_completed(futures):
-                result, weights = future.result()
-                name = runs[futures.index(future)].name
+    found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
+    if found.get("layouts") != LAYOUTS:
+        found = {"machine": machine(), "versions": versions(), "layouts": LAYOUTS, "runs": {}}
+    folder = policies(output)
+    folder.mkdir(parents=True, exist_ok=True)
+    with workers(jobs, address) as pool:
+        for part, runs in PARTS.items():
+            calls = {
+                run.name: (
+                    train,
+                    run,
+                    None if run.start is None else load_weights(folder / f"{run.start}.npz"),
+                    LAYOUTS,
+                )
+                for run in runs
+                if not is_result(found, run)
+            }
+            for name, (result, weights) in completed(pool, calls, len(runs) - len(calls)):
                 if part in SAVED:
-                    save_weights(where.policies / f"{name}.npz", weights)
+                    save_weights(folder / f"{name}.npz", weights)
                 found["runs"][name] = result
-                write_json(where.results, found)
-                bar.update()
-                bar.set_postfix_str(f"{name}: {result['success']['exact'] / layouts:.1%} in the exact world")
+                write_json(output, found)
     return found
 
 
@@ -397,17 +386,8 @@ def is_result(found: Mapping[str, Any], run: Run) -> bool:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.timestep --help`."""
-    description = "Train policies in the exact world and in worlds with a timestep, and compare them."
-    parser = parser_of_runs("timestep", description)
-    args = parser.parse_args(arguments)
-    where = places(args.folder)
-
-    def work() -> dict[str, Any]:
-        result = measure(where, args.jobs, args.address, LAYOUTS)
-        timestep_report.draw(result, where.images)
-        return result
-
-    report(work, blocks, where.results, where.images)
+    about = "Train policies in the exact world and in worlds with a timestep, and compare them."
+    run_command("studies.timestep", about, arguments, measure, blocks, {"output": (OUTPUT, "JSON file"), **JOBS}, draw)
 
 
 if __name__ == "__main__":

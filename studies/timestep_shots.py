@@ -17,13 +17,14 @@ from examples import ppo
 from studies import live_shot, load_weights
 from studies.timestep import (
     LAYOUT_SEED,
+    OUTPUT,
     SEEDS,
     WORLDS,
     Run,
     direct_pots,
     make_worlds,
-    places,
     play,
+    policies,
     policy_of,
     shots_of,
 )
@@ -45,7 +46,7 @@ def measure() -> dict[str, Any]:
     positions, env = envs["exact"].positions, envs["exact"].single_env
     actions, potted = {}, {}
     for world, arguments in WORLDS.items():
-        weights = load_weights(places(None).policies / f"{Run('main', world, SEEDS[0], [arguments]).name}.npz")
+        weights = load_weights(policies(OUTPUT) / f"{Run('main', world, SEEDS[0], [arguments]).name}.npz")
         actions[world] = shots_of(policy_of(weights, ppo.arguments([])), envs[world], observations)
         potted[world] = play(actions[world], positions, {"own": envs[world], "exact": envs["exact"]})
     telling = potted["exact"]["exact"] & potted[COARSE]["own"] & ~potted[COARSE]["exact"]

@@ -26,8 +26,8 @@ from billiards_env.games.game import opening_state
 from billiards_env.games.state import NOT_IN_HAND, changed, set_of
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
-from billiards_env.players.levels import expected, level_of, with_noise
-from billiards_env.players.planner import NOISE, Options, parse_budget, plan
+from billiards_env.players.levels import planning
+from billiards_env.players.planner import Options
 from billiards_env.players.strategies import Situation
 from billiards_env.shots.strikes import level_strike, strike
 
@@ -72,25 +72,21 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
     Args:
         env: The environment.
         argument: The budget of the player, such as "100ms", or the name of a level in `players.levels.LEVELS`.
-        noise: The execution noise that it expects, see `planner.plan`.
+        noise: The execution noise that it expects, see `levels.planning`.
         rng: The generator to draw from.
 
     Raises:
         ValueError: If the planner cannot play the task, or there is no such budget.
     """
     one_of("task of the player 'planner'", env.task, tuple(RULES_OF_TASKS))
-    level = level_of(argument)
-    seconds, shots = parse_budget(level.budget)
     setup = Setup(RULES_OF_TASKS[env.task], env.episode_scene)
     lying = set_of(np.flatnonzero(~env.potted).tolist()) & ~set_of([CUE_BALL])
     plain = changed(opening_state(setup), break_shot=False, in_hand=NOT_IN_HAND, object_balls=lying)
     of_task = np.atleast_1d(env.get_state()["game"])  # (0,) if the task is no game
     game, run_out = GameState(env.positions, next(iter(of_task), plain)), env.task != "clear"
-    both = expected(noise, level)
     english = env.action == "strike"
-    deviations, options = both if any(both) else NOISE, Options(run_out, english, leaves=False)
-    stroke = plan(setup, game, env.max_speed, rng, seconds, shots, deviations, options).stroke
-    stroke = with_noise(stroke, level.noise, env.max_speed, rng)
+    player = planning(argument, noise, Options(run_out, english, leaves=False))
+    stroke = player(setup, game, env.max_speed, rng)
     if not english:
         return np.array(stroke.velocity) / env.max_speed
     scene = env.episode_scene

@@ -1,4 +1,4 @@
-"""The strategies and the planner as players of games, see `players.named`.
+"""The strategies as players of games, see `players.named`.
 
 In a game with called shots, a strategy simulates its shot and calls the first ball that the shot pots and that may be
 called. No strategy plays a safety or a push out, or hands a shot back.
@@ -18,8 +18,6 @@ from billiards_env.games.batch import PlayedBatch, best_call, play_batch
 from billiards_env.games.placement import Point, cue_ball_area, cue_ball_point
 from billiards_env.games.state import is_in, on_table
 from billiards_env.players.aim import FirstTouch, Pot, carom_goals
-from billiards_env.players.levels import LevelPlayer, expected, level_of
-from billiards_env.players.planner import NOISE, planner
 from billiards_env.players.pots import PotShots
 from billiards_env.players.strategies import Situation, find_strategy, full_hit
 
@@ -27,13 +25,6 @@ Floats = NDArray[np.float64]
 Player = Callable[[Setup, GameState, float, np.random.Generator], Stroke]
 
 _PLACES = 30  # random places for a cue ball in hand
-
-
-def planning(setup: Setup, argument: str, noise: tuple[float, float]) -> Player:
-    """Returns the planner for a budget or a level."""
-    level = level_of(argument)
-    expected_noise = expected(noise, level)
-    return LevelPlayer(planner(setup, level.budget, expected_noise if any(expected_noise) else NOISE), level.noise)
 
 
 def strategic(setup: Setup, text: str, noise: tuple[float, float]) -> Player:

@@ -16,8 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from billiards_env.checks import real
 from billiards_env.games import GameState, Setup, Stroke
-from billiards_env.players.planner import Noise, add_noise, parse_budget
+from billiards_env.players.planner import NOISE, Noise, Options, add_noise, parse_budget, plan
 
 
 class Level(NamedTuple):
@@ -61,6 +62,32 @@ class LevelPlayer(NamedTuple):
         return with_noise(self.intend(setup, game, max_speed, rng), self.noise, max_speed, rng)
 
 
+_STROKE_ONLY = Options(leaves=False)
+
+
+def planning(argument: str, noise: Noise, options: Options = _STROKE_ONLY) -> LevelPlayer:
+    """Returns the planner as a player of games.
+
+    Args:
+        argument: The name of a level, or the budget of a decision: its time, such as "100ms" or "1s", or a number of
+            simulated shots, such as "5000". With a number of shots a seed repeats a game on every machine. An empty
+            text is "100ms".
+        noise: The execution noise that it expects beside its own: standard deviations of the direction, degrees, and of
+            the speed, m/s. Without any noise it expects `planner.NOISE`.
+        options: The options of `planner.plan`.
+
+    Raises:
+        ValueError: If the argument is neither a level nor a budget, or a number of `noise` is impossible.
+    """
+    level = level_of(argument)
+    deviations, (seconds, shots) = expected(noise, level), parse_budget(level.budget)
+
+    def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
+        return plan(setup, game, max_speed, rng, seconds, shots, deviations, options).stroke
+
+    return LevelPlayer(stroke, level.noise)
+
+
 def level_of(argument: str) -> Level:
     """Returns the level for an argument of the planner. If the argument is a budget, the level has no noise.
 
@@ -78,9 +105,9 @@ def level_of(argument: str) -> Level:
 
 def expected(noise: Noise, level: Level) -> Noise:
     """Returns the standard deviations that a level plans for, from the noise of the environment and its own noise."""
-    own = map(min, level.noise, EXPECTED)
-    degrees, speed = map(math.hypot, noise, own)
-    return degrees, speed
+    given = real("noise[0]", noise[0], "angle_std"), real("noise[1]", noise[1], "speed_std")
+    degrees, speed = map(math.hypot, given, map(min, level.noise, EXPECTED))
+    return (degrees, speed) if degrees or speed else NOISE
 
 
 def with_noise(stroke: Stroke, noise: Noise, max_speed: float, rng: np.random.Generator) -> Stroke:

@@ -30,7 +30,8 @@ from numpy.typing import NDArray
 from billiards_env.checks import suggestion
 from billiards_env.games import Setup
 from billiards_env.players.env_player import planned, task_situation
-from billiards_env.players.game_player import Player, planning, strategic
+from billiards_env.players.game_player import Player, strategic
+from billiards_env.players.levels import planning
 from billiards_env.players.strategies import STRATEGIES, find_strategy
 
 Act = Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]
@@ -74,7 +75,7 @@ def find_player(
         return lambda observation: strategy(task_situation(host.unwrapped), rng)
     if name == "planner":
         if in_game:
-            return planning(host, argument, noise)
+            return planning(argument, noise)
         return lambda observation: planned(host.unwrapped, argument, noise, rng)
     if name == "policy":
         policies = importlib.import_module("billiards_env.sb3.policy_player")

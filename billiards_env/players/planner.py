@@ -25,7 +25,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import real
 from billiards_env.games import NO_CALL, Call, GameState, Setup, Stroke, choices
 from billiards_env.games.batch import PlayedBatch, play_batch
 from billiards_env.players import run_outs
@@ -112,27 +111,6 @@ class Options(NamedTuple):
 
 
 _USUAL = Options()
-
-
-def planner(setup: Setup, argument: str = "", noise: Noise = NOISE) -> Callable[..., Stroke]:
-    """Returns a player for games.
-
-    Args:
-        setup: The game.
-        argument: The time of a decision, such as "100ms" or "1s", or a number of simulated shots, such as "5000". With
-            a number of shots a seed repeats a game on every machine. The default is "100ms".
-        noise: The noise that it expects: standard deviations of the direction, degrees, and of the speed, m/s.
-
-    Raises:
-        ValueError: If the argument is neither a time nor a number.
-    """
-    seconds, shots = parse_budget(argument)
-    noise = real("noise[0]", noise[0], "angle_std"), real("noise[1]", noise[1], "speed_std")
-
-    def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
-        return plan(setup, game, max_speed, rng, seconds, shots, noise, Options(leaves=False)).stroke
-
-    return stroke
 
 
 def parse_budget(text: str) -> tuple[float, float]:

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from benchmarks import differentiable
 
 
 def test_a_break_of_difftaichi_is_moved_to_the_goal():
-    task, rng = differentiable.Break(), np.random.default_rng(0)
-    assert task.rack().shape == (10, 2)
-    found = task.solve(np.array(task.home), np.array(task.goal), rng)
+    found = differentiable.difftaichi(0)["own"]
     assert found["iterations"] <= 10
     assert found["distance"] < 1e-6
 
 
 @pytest.mark.parametrize("control", [-5.0, -2.0, 0.1, 3.0])
 def test_a_push_of_diffmjx_is_found_in_five_iterations(control):
-    found = differentiable.Push().solve(control)
+    found = differentiable.solve_push(control)
     assert found["iterations"] <= 5
     assert found["distance"] < 1e-6
 

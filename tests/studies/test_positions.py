@@ -45,12 +45,12 @@ def test_the_command_measures_players_without_scores(tmp_path, monkeypatch, caps
     path.write_text(json.dumps({"positions": [ENTRIES[0], ENTRIES[1], ENTRIES[-1]]}))
     monkeypatch.setattr(positions, "SET", path)
     arguments = ["--output", str(output), "--samples", "20"]
-    main(["answers", "geometric", *arguments])
+    main(["--players", "answers,geometric", *arguments])
     found = json.loads(output.read_text())
     assert list(found["scores"]) == ["answers", "geometric"]
     found["scores"]["geometric"]["success"] = [0.25, 0.25, 1.0]  # stays: it is measured
     output.write_text(json.dumps(found))
-    main(["planner:club", *arguments])
+    main(["--players", "planner:club", *arguments])
     found = json.loads(output.read_text())
     assert list(found["scores"]) == ["answers", "geometric", "planner:club"]
     text = capsys.readouterr().out

@@ -46,20 +46,26 @@ def shrink(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(timestep_report, "SHOTS_OF_FINE_TUNING", (0, 1024, 2048))
 
 
+def arguments(folder):
+    return ["--output", str(folder / "timestep.json"), "--images", str(folder)]
+
+
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     """The folder and the results of a tiny study."""
     folder = tmp_path_factory.mktemp("study")
     with pytest.MonkeyPatch.context() as patch:
         shrink(patch)
-        timestep.main(["--folder", str(folder)])
+        timestep.main(arguments(folder))
     return folder, json.loads((folder / "timestep.json").read_text())
 
 
 def test_the_results_have_all_runs(study):
     folder, found = study
     assert found["runs"].keys() == {run.name for runs in PARTS.values() for run in runs}
-    assert {path.stem for path in (folder / "policies").iterdir()} == {run.name for run in PARTS["main"]}
+    assert {path.stem for path in timestep.policies(folder / "timestep.json").iterdir()} == {
+        run.name for run in PARTS["main"]
+    }
     for run in found["runs"].values():
         assert run["curve"][-1]["shots"] == 2048
         assert run["success"].keys() == WORLDS.keys()
@@ -76,7 +82,7 @@ def test_runs_with_results_are_not_trained_again(study, monkeypatch, capsys):
     shrink(monkeypatch)
     with monkeypatch.context() as patch:
         patch.setattr(timestep, "train", None)
-        timestep.main(["--folder", str(folder)])
+        timestep.main(arguments(folder))
     printed = capsys.readouterr().out
     assert all(block in printed for block in timestep_report.blocks(found).values())
     assert (folder / "timestep_aim.png").read_bytes().startswith(b"\x89PNG")
@@ -93,7 +99,7 @@ def test_runs_with_results_are_not_trained_again(study, monkeypatch, capsys):
         patch.setattr(timestep, "train", train)
         patch.setattr(timestep.json, "loads", lambda _: changed)
         with pytest.raises(SystemExit) as stopped:
-            timestep.main(["--folder", str(folder)])
+            timestep.main(arguments(folder))
     assert stopped.value.code == 130
     assert trained == ["main_1-60_6"]
     assert not timestep.is_result(changed, PARTS["random"][0])
@@ -102,7 +108,7 @@ def test_runs_with_results_are_not_trained_again(study, monkeypatch, capsys):
 def test_the_committed_weights_play_as_measured(study):
     folder, found = study
     args = timestep.ppo.arguments(TINY.split())
-    policy = timestep.policy_of(timestep.load_weights(folder / "policies" / "main_1-60_5.npz"), args)
+    policy = timestep.policy_of(timestep.load_weights(folder / "policies" / "timestep" / "main_1-60_5.npz"), args)
     envs: Any = gym.make_vec(timestep.ppo.ENV_ID, num_envs=200, **timestep.WORLDS["1/60"])
     seed = timestep.LAYOUT_SEED
     assert timestep.ppo.success(policy, envs, seed) == found["runs"]["main_1-60_5"]["own"] / 200
@@ -210,7 +216,7 @@ def test_the_results_of_the_project_are_those_of_its_runs():
     found = json.loads(results("timestep").read_text(encoding="utf-8"))
     assert all(timestep.is_result(found, run) for runs in timestep.PARTS.values() for run in runs)
     assert len(found["runs"]) == sum(map(len, timestep.PARTS.values()))
-    policies = timestep.places(None).policies
+    policies = timestep.policies(timestep.OUTPUT)
     assert {path.stem for path in policies.iterdir()} == {r.name for p in timestep.SAVED for r in timestep.PARTS[p]}
     assert "Not measured" not in fill("<!-- timestep: main -->\n<!-- end -->")
 
