@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -289,7 +289,8 @@ def fit_stages(
         The fit, and the share of the rows near their paths until the second contact. If it is less than `ENOUGH`, the
         fit ends there.
     """
-    saved, share, what, which = {"key": key}, 1.0, "the state of a calibration", str(len(fit.shots))
+    saved: Any = {"key": key}
+    share, what, which = 1.0, "the state of a calibration", str(len(fit.shots))
     if path is not None and path.exists():
         saved = records.read(path, lambda text: records.data_of(text, what), what, _MOST_STATE)
         if not isinstance(saved, dict) or saved.get("key") != key:

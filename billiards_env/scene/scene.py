@@ -179,6 +179,8 @@ class Physics:
         mu_cushion: Coefficient of friction between ball and cushion; "restitution" cushions do not use it.
         mu_ball: Coefficient of friction between balls; None for `MARLOW`, which depends on the sliding speed.
         mu_ball_factor: Multiplier of the friction between balls: about 1.5 for dirty balls, 2.5 for balls that cling.
+        mu_ball_limit: Coefficient of friction between balls that slide fast, if `mu_ball` is None, before the factor.
+        mu_ball_decay: How fast the friction between balls falls with the sliding speed, s/m, if `mu_ball` is None.
         cushion_frequency_ratio: Ratio of the tangential to the normal frequency of "stronge" cushions, 1 to 2.
         e_cushion_loss: Loss of the cushions' restitution per speed above `e_cushion_onset`, s/m. The restitution at the
             normal speed v is max(e_cushion_floor, e_cushion - e_cushion_loss * max(0, v - e_cushion_onset)).
@@ -212,6 +214,8 @@ class Physics:
     mu_cushion: float = _number(0.2, "mu_cushion", "cushion", "Han (2005): 0.14 to 0.2")
     mu_ball: float | None = _number(None, "mu_ball", "", "Alciatore (2019), TP A.14: a fit of Marlow (1995), Table 10")
     mu_ball_factor: float = _number(1.0, "mu_ball", "")
+    mu_ball_limit: float = _number(MARLOW[0], "mu_ball", "", "as `mu_ball`")
+    mu_ball_decay: float = _number(MARLOW[2], "speed_loss", "", "as `mu_ball`")
     cushion_frequency_ratio: float = _number(
         1.8, "frequency_ratio", "cushion", "the default of the simulator pooltool 0.6"
     )
@@ -324,8 +328,8 @@ class Cue:
 
 def ball_friction(physics: Physics) -> tuple[float, float, float]:
     """Returns (a, b, c) of the coefficient of friction a + b exp(-c v) between balls that slide at v m/s."""
-    a, b, c = MARLOW if physics.mu_ball is None else (physics.mu_ball, 0.0, 0.0)
-    return physics.mu_ball_factor * a, physics.mu_ball_factor * b, c
+    a, b = (physics.mu_ball_limit, MARLOW[1]) if physics.mu_ball is None else (physics.mu_ball, 0.0)
+    return physics.mu_ball_factor * a, physics.mu_ball_factor * b, physics.mu_ball_decay
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
