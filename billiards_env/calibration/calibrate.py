@@ -33,7 +33,7 @@ from billiards_env.shots.gradients import physics_inputs
 FREE = (
     *("mu_slide", "mu_roll", "spin_decay", "e_ball", "e_cushion", "mu_cushion", "mu_ball_factor"),
     *("e_cushion_loss", "mu_cushion_angle", "e_cushion_topspin", "mu_cushion_slip", "e_cushion_tangent"),
-    *("mu_ball_limit", "mu_ball_decay", "mu_roll_speed"),
+    *("mu_ball_decay", "mu_roll_speed"),
 )
 """The numbers that `calibrate` fits by default, if they are not 0 and enter the laws of the scene."""
 
@@ -154,7 +154,7 @@ def _check_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
         matter = set(FREE) if physics.motion == "sliding" else {"mu_roll", "mu_roll_speed", "e_ball", "e_cushion"}
         matter -= {"mu_ball_factor"} if physics.ball_ball == "frictionless" else set()
         if physics.ball_ball == "frictionless" or physics.mu_ball is not None:
-            matter -= {"mu_ball_limit", "mu_ball_decay"}
+            matter -= {"mu_ball_decay"}
         return tuple(name for name in FREE if name in matter and getattr(physics, name) > 0.0)
     names = (free,) if isinstance(free, str) else tuple(free)
     if not names or len(set(names)) < len(names):

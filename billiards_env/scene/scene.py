@@ -179,7 +179,6 @@ class Physics:
         mu_cushion: Coefficient of friction between ball and cushion; "restitution" cushions do not use it.
         mu_ball: Coefficient of friction between balls; None for `MARLOW`, which depends on the sliding speed.
         mu_ball_factor: Multiplier of the friction between balls: about 1.5 for dirty balls, 2.5 for balls that cling.
-        mu_ball_limit: Coefficient of friction between balls that slide fast, if `mu_ball` is None, before the factor.
         mu_ball_decay: How fast the friction between balls falls with the sliding speed, s/m, if `mu_ball` is None.
         cushion_frequency_ratio: Ratio of the tangential to the normal frequency of "stronge" cushions, 1 to 2.
         e_cushion_loss: Loss of the cushions' restitution per speed above `e_cushion_onset`, s/m. The restitution at the
@@ -214,7 +213,6 @@ class Physics:
     mu_cushion: float = _number(0.2, "mu_cushion", "cushion", "Han (2005): 0.14 to 0.2")
     mu_ball: float | None = _number(None, "mu_ball", "", "Alciatore (2019), TP A.14: a fit of Marlow (1995), Table 10")
     mu_ball_factor: float = _number(1.0, "mu_ball", "")
-    mu_ball_limit: float = _number(MARLOW[0], "mu_ball", "", "as `mu_ball`")
     mu_ball_decay: float = _number(MARLOW[2], "speed_loss", "", "as `mu_ball`")
     cushion_frequency_ratio: float = _number(
         1.8, "frequency_ratio", "cushion", "the default of the simulator pooltool 0.6"
@@ -328,7 +326,7 @@ class Cue:
 
 def ball_friction(physics: Physics) -> tuple[float, float, float]:
     """Returns (a, b, c) of the coefficient of friction a + b exp(-c v) between balls that slide at v m/s."""
-    a, b = (physics.mu_ball_limit, MARLOW[1]) if physics.mu_ball is None else (physics.mu_ball, 0.0)
+    a, b = MARLOW[:2] if physics.mu_ball is None else (physics.mu_ball, 0.0)
     return physics.mu_ball_factor * a, physics.mu_ball_factor * b, physics.mu_ball_decay
 
 
@@ -585,16 +583,17 @@ def _match_carom(n_balls: int) -> Scene:
     physics = Physics(
         ball_ball="frictional",
         cushion="han2005_variable",
-        mu_slide=0.19,
-        mu_roll=0.0032,
-        mu_roll_speed=0.0037,
-        spin_decay=1.6,
-        e_ball=0.939,
-        mu_ball_factor=4.2,
-        e_cushion=0.849,
-        e_cushion_loss=0.01,
+        mu_slide=0.192,
+        mu_roll=0.0035,
+        mu_roll_speed=0.003,
+        spin_decay=2.7,
+        e_ball=0.957,
+        mu_ball_factor=1.2,
+        mu_ball_decay=0.25,
+        e_cushion=0.851,
+        e_cushion_loss=0.013,
         e_cushion_topspin=0.042,
-        e_cushion_tangent=0.11,
+        e_cushion_tangent=0.12,
         mu_cushion=0.23,
     )
     return dataclasses.replace(_carom(n_balls), physics=physics)

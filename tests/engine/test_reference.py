@@ -90,7 +90,7 @@ RANDOM = {
     "rolling": dataclasses.replace(Scene.named("pool", 4), physics=Physics(motion="rolling", cushion="restitution")),
     "frictional pool": real("pool", 2),
     "frictional pool of six": real("pool", 5),
-    "carom with cling": real("carom", 2, mu_ball_factor=2.5, mu_ball_limit=0.015, mu_ball_decay=0.8),
+    "carom with cling": real("carom", 2, mu_ball_factor=2.5, mu_ball_decay=0.8),
     "carom with falling restitution": real("carom", 2, **FALLING),
     "UK pool": Scene.named("uk_pool", 4),
     "marbles": MARBLES,

@@ -7,7 +7,7 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.engine import Engine
-from billiards_env.envs.action_frames import Frame
+from billiards_env.envs.action_frames import ActionFrame
 from billiards_env.envs.actions import Before
 from billiards_env.players.pots import Tables, pot_shots
 from billiards_env.scene import check_positions
@@ -47,7 +47,7 @@ def test_spheres_may_be_nearer_than_the_sum_of_their_radii():
 
 def test_a_cut_is_the_sine_of_the_cut_angle():
     scene = Scene.named("uk_pool", 2)
-    frame, playable = Frame("cut", scene, 4.0), np.array([[False, True, False]])
+    frame, playable = ActionFrame("cut", scene, 4.0), np.array([[False, True, False]])
     places = np.array([[-0.3, 0.1], [0.1, -0.05], [0.5, 0.3]])
     for cut in (-0.9, 0.3, 0.999):
         (velocity,) = frame.velocities([[cut, 0.0]], Before(places[None], playable, playable, 4.0))

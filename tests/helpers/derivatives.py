@@ -91,12 +91,12 @@ def changed_constant(name, tangent, scene):
         if name == "mass":
             inverse = tuple(i / (1 + i * STEP * x) for i, x in zip(world.inverse_mass, tangent, strict=True))
             return dataclasses.replace(world, inverse_mass=inverse)
-        if name in ("mu_ball", "mu_ball_factor", "mu_ball_limit", "mu_ball_decay"):
+        if name in ("mu_ball", "mu_ball_factor", "mu_ball_decay"):
             a, b, c = world.ball_friction
             if name == "mu_ball_decay":
                 return dataclasses.replace(world, ball_friction=(a, b, c + STEP * tangent))
             factor = mpmath.mpf(scene.physics.mu_ball_factor)
-            if name in ("mu_ball", "mu_ball_limit"):
+            if name == "mu_ball":
                 return dataclasses.replace(world, ball_friction=(a + factor * STEP * tangent, b, c))
             share = STEP * tangent / factor
             return dataclasses.replace(world, ball_friction=(a + a * share, b + b * share, c))

@@ -87,11 +87,8 @@ def three_dimensional(velocities, spins, angle, scene):
     surface = v[0] + np.cross(w[0], radius[0] * n) - v[1] - np.cross(w[1], -radius[1] * n)
     slip = surface - (surface @ n) * n
     speed, normal = np.linalg.norm(slip), horizontal / (n @ h)
-    mu = (
-        physics.mu_ball_limit + 0.108 * math.exp(-physics.mu_ball_decay * speed)
-        if physics.mu_ball is None
-        else physics.mu_ball
-    )
+    falling = 0.009951 + 0.108 * math.exp(-physics.mu_ball_decay * speed)
+    mu = falling if physics.mu_ball is None else physics.mu_ball
     size = min(mu * physics.mu_ball_factor * normal, speed / (3.5 * (1 / mass).sum()))
     force = -size * slip / speed if speed > 0 else np.zeros(3)
     v += np.stack([force, -force]) / mass[:, None]

@@ -36,7 +36,7 @@ def inputs_of(scene):
     if p.e_cushion_loss:
         names += ["e_cushion_loss", "e_cushion_onset", "e_cushion_floor"]
     if p.ball_ball == "frictional":
-        names += ["mu_ball_factor", *(["mu_ball_limit", "mu_ball_decay"] if p.mu_ball is None else ["mu_ball"])]
+        names += ["mu_ball_factor", *(["mu_ball_decay"] if p.mu_ball is None else ["mu_ball"])]
     return names
 
 
