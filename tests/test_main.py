@@ -105,7 +105,6 @@ def test_replay_of_a_game_prints_its_state_and_a_shot(capsys, game, tmp_path):
 
 def test_replay_in_a_window(monkeypatch, game):
     pytest.importorskip("pygame")
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     shown = []
     monkeypatch.setattr("billiards_env.drawing.window.Window.show", lambda self, frame, fps: shown.append(fps))
     main(["replay", game, "--window"])

@@ -1,7 +1,5 @@
 """The examples in the README and in the documentation run, and their tables and commands agree with the code."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import importlib.util

@@ -30,8 +30,10 @@ def test_the_arguments_of_ppo_are_those_of_the_settings_and_change_during_the_tr
 
 def test_a_configuration_survives_yaml_with_all_values(tmp_path):
     changes = {"noise": {"angle_std": 1}, "start_from": "runs/other", "policy": {"arguments": {"points": 4}}}
-    config = Config.from_dict({"timesteps": "1e3", "env": {"mode": "pit", "dt": "1/60"}, **changes})
+    env = {"mode": "pit", "dt": "1/60", "randomize": {"dt": ["1/240", "1e-1"]}}
+    config = Config.from_dict({"timesteps": "1e3", "env": env, **changes})
     assert (config.timesteps, config.env["dt"], config.env["scene"]) == (1000, 1 / 60, "pool")
+    assert config.env["randomize"] == {"dt": [1 / 240, 0.1]}
     assert "render_mode" not in config.env
     path = tmp_path / "config.yaml"
     path.write_text(config.to_yaml())

@@ -1,5 +1,3 @@
-import os
-
 import numpy as np
 import pytest
 
@@ -7,9 +5,6 @@ from billiards_env import Scene
 from billiards_env.engine import Engine
 from billiards_env.scene import layouts
 from billiards_env.shots.simulation import simulate
-
-os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
-os.environ.setdefault("MPLBACKEND", "Agg")
 
 SCENE = Scene.named("pool", 4)
 PLACES = layouts.draw("random", SCENE, np.random.default_rng(140))

@@ -13,8 +13,8 @@ from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.outline import clearance, pieces
 from billiards_env.scene.table import Pocket, Table
+from tests.helpers.engine_runs import CELL_GRID, check
 from tests.helpers.outlines import ANY_TABLE, TABLES, beyond, table, with_corners
-from tests.helpers.queues import CELL_GRID, check
 from tests.helpers.shots import FREE, ROLLING, SLIDING, kinds, outline_shot, simulate
 from tests.helpers.shots import OUTLINE_LAWS as LAWS
 

@@ -459,6 +459,30 @@ def test_balls_that_move_side_by_side_along_a_cushion_are_pushed_apart_within_it
     assert shot.positions[:, 0] == pytest.approx([place - 2 * R, place], abs=1e-12)
 
 
+# Spheres of different size
+
+UK = Scene.named("uk_pool", 4)
+APART = 2 * math.sqrt(UK.balls.radius[0] * UK.balls.radius[1])
+"""m. The distance of the cue ball and an object ball that touch."""
+
+
+@pytest.mark.parametrize("fix", ["push_apart", "move_back"])
+def test_pit_moves_balls_to_the_distance_of_spheres(fix):
+    places = np.array([[-0.5, 0.01], [0.0, 0.0], [0.5, 0.3], [0.5, -0.3], [0.7, 0.0]])
+    shot = simulate(UK, places, [1.0, 0.0], engine=Engine("pit", 0.02, fix), record=True, max_time=1.0)
+    hit = shot.events[shot.events["kind"] == "ball_ball"][0]
+    where = shot.at(float(hit["time"]))
+    tolerance = 1e-14 if fix == "push_apart" else 1e-5  # the paths are curved, and balls are moved back on tangents
+    assert math.dist(where[0], where[1]) == pytest.approx(APART, abs=tolerance)
+
+
+def test_no_fix_of_pit_acts_on_spheres_that_do_not_overlap():
+    gap = 0.5 * (APART + UK.balls.radius[0] + UK.balls.radius[1])
+    places = np.array([[0.0, 0.0], [gap, 0.0], [0.5, 0.3], [0.5, -0.3], [0.7, 0.0]])
+    shot = simulate(UK, places, [0.0, 0.5], engine=Engine("pit", 1e-3), max_time=0.1, record=True)
+    assert "ball_ball" not in shot.events["kind"]
+
+
 # Limits and errors
 
 

@@ -1,7 +1,5 @@
 """The number of threads follows the process: its processors, its control groups and one setting."""
 
-from __future__ import annotations
-
 import os
 import threading
 import time

@@ -15,14 +15,13 @@ from billiards_env.engine import run_shots_of
 from billiards_env.envs import RecordVideo, episodes, make_env
 from billiards_env.envs.rendering import FPS, RENDER_MODES
 from billiards_env.envs.tasks import TASKS
+from billiards_env.games import billiards_v0
 from billiards_env.shots import simulation
 from tests.helpers.environments import same
 
 make: Any = gym.make  # Any: the type of the result of `render` depends on the render mode
 make_vec: Any = gym.make_vec
 BilliardsEnv: Any = billiards_envs.BilliardsEnv
-
-os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
 INTO_THE_CORNER = {"positions": [[0.97, 0.335], [1.07, 0.435]]}
 SLOWLY = np.array([0.1, 0.1], np.float32)
@@ -319,10 +318,11 @@ def test_a_window_shows_the_first_environment(pygame):
     assert not pygame.display.get_init()
 
 
-def test_rendering_without_a_render_mode_warns():
-    env: Any = make_env()
+@pytest.mark.parametrize("make", [make_env, billiards_v0.env], ids=["an environment", "a game"])
+def test_rendering_without_a_render_mode_warns(make):
+    env: Any = make()
     env.reset(seed=0)
-    with pytest.warns(UserWarning, match="without a render mode draws nothing"):
+    with pytest.warns(UserWarning, match="without a render.mode"):
         assert env.render() is None
     env.close()
 

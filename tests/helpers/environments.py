@@ -1,7 +1,5 @@
 """Variants of the environment for the tests of all variants, and comparisons of results bit for bit."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

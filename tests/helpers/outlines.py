@@ -1,7 +1,5 @@
 """Tables with outlines, and the room that balls have on them, for tests."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scenes, random shots and checks for the tests of the engines."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import itertools

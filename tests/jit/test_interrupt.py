@@ -1,7 +1,5 @@
 """Ctrl-C interrupts long calls. The calls run in a separate process, whose program is this file."""
 
-from __future__ import annotations
-
 import contextlib
 import copy
 import dataclasses

@@ -17,8 +17,7 @@ from billiards_env.physics.state import VX, VY, WIDTH
 from billiards_env.scene import Balls, Physics, Scene
 from reference.oracle import laws
 from reference.oracle.laws import World
-from tests.helpers.clusters import KINDS, arrays_of, check_order_and_side, collided, drawn, energy, triangle
-from tests.helpers.impacts import motion_of
+from tests.helpers.impacts import KINDS, arrays_of, check_order_and_side, collided, drawn, energy, motion_of, triangle
 
 SEEDS = st.integers(0, 2**32)
 FRICTION = st.sampled_from([None, 0.06, 0.5, 5.0])

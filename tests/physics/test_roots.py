@@ -1,3 +1,4 @@
+import itertools
 import math
 from fractions import Fraction
 from typing import Any
@@ -10,10 +11,20 @@ from hypothesis import strategies as st
 
 from billiards_env.physics.geometry import roots
 from billiards_env.physics.geometry.roots import bracketed_root
-from tests.helpers.polynomials import expand
 
 first_descent: Any = roots.first_descent
 quartic: Any = roots.quartic
+
+
+def expand(leading, roots, pairs=()):
+    """Returns the exact coefficients, constant first, of leading (t - r) ... ((t - a)^2 + b) ... for pairs (a, b)."""
+    coefficients = [Fraction(leading)]
+    for factor in [*([-Fraction(r), 1] for r in roots), *([a * a + b, -2 * a, 1] for a, b in pairs)]:
+        product = [Fraction(0)] * (len(coefficients) + len(factor) - 1)
+        for (i, x), (j, y) in itertools.product(enumerate(coefficients), enumerate(factor)):
+            product[i + j] += x * y
+        coefficients = product
+    return coefficients
 
 
 def value(coefficients, t):

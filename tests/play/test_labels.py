@@ -12,11 +12,6 @@ SNOOKER = [[0.0, 0.0], *([-1.5 + 0.12 * i, 0.5] for i in range(21))]
 CAROM = [[-0.5, 0.3], [0.5, 0.0], [-0.5, 0.0]]
 
 
-def test_a_level_of_the_planner_is_the_name_of_the_player(make_model):
-    model = make_model("straight", EIGHT, players=("planner:club", "planner:100ms"))
-    assert [labels.player_name(model, k) for k in (0, 1)] == ["Player 1 (club)", "Player 2 (planner)"]
-
-
 @pytest.mark.parametrize(
     ("rules", "state", "words"),
     [
@@ -87,8 +82,10 @@ def test_each_game_has_a_page_of_rules(make_model):
 
 
 def test_each_player_has_a_label(make_model):
-    model = make_model(positions=EIGHT[:3], players=("human", "search:500", "mine.players:geometric"))
-    assert [labels.player_name(model, i) for i in range(3)] == ["Player 1", "Player 2 (search)", "Player 3 (geometric)"]
+    labels_of = {"search:500": "search", "mine:geometric": "geometric", "planner:club": "club", "planner:1s": "planner"}
+    model = make_model(positions=EIGHT[:3], players=tuple(labels_of))
+    for k, label in enumerate(labels_of.values()):
+        assert labels.player_name(model, k) == f"Player {k + 1} ({label})"
 
 
 def test_a_replay_shows_the_engines(make_model):

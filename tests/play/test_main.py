@@ -68,7 +68,7 @@ def test_the_default_games():
 
 
 def test_arguments_describe_the_game():
-    given = history("--rules", "straight", "--balls", "3", "--target", "2", "--players", "human,random,random")
+    given = history("--rules", "straight", "--balls", "3", "--target", "2", "--players", "human, random,random")
     assert (given.setup.scene.n_balls, given.setup.target, given.setup.n_players) == (4, 2, 3)
     pit = history("--rules", "carom", "--mode", "pit", "--dt", "1/240").setup
     assert (pit.engine, pit.scene) == (Engine("pit", 1 / 240), Scene.named("carom"))
@@ -151,11 +151,6 @@ def test_a_saved_game_is_continued_and_saved_again(frames, saved, tmp_path, caps
     assert (shown.model.game.positions == model.game.positions).all()
     assert capsys.readouterr().out.endswith(f"\nsaved to {tmp_path / 'again.json'}\n")
     assert records.load(tmp_path / "again.json") == records.load(path)
-
-
-def test_spaces_between_players_are_ignored(frames):
-    main(["--scene", "pool", "--players", "human, geometric", "--seed", "1"])
-    assert len(frames) > 0
 
 
 @pytest.mark.parametrize("dt", [1 / 60, 1 / 240])

@@ -1,5 +1,6 @@
 """The window, driven by mouse and keyboard events on a dummy display."""
 
+import itertools
 import math
 import re
 import signal
@@ -18,6 +19,8 @@ import pygame
 from billiards_env import simulate
 from billiards_env.drawing.canvas import Canvas, pixels
 from billiards_env.games import Stroke, records
+from billiards_env.play.controls import height_of
+from billiards_env.play.controls import place as place_controls
 from billiards_env.play.model import go, replay, slow_down, tick, toggle_ghost, turn_aim
 from billiards_env.play.view import View
 from billiards_env.play.window import GameWindow
@@ -137,6 +140,19 @@ def test_a_shot_by_mouse(shown):
     assert shown.model.phase == "rolling"
     click(shown, (0.8, -0.4))
     assert shown.model.phase == "aiming"
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 900), (320, 240), (401, 777), (900, 300)])
+def test_controls_do_not_overlap(width, height):
+    row = height_of((width, height))
+    controls = place_controls(5, 400, width - 10, row)
+    for box in controls:
+        assert box.x >= 5
+        assert box.x + box.width <= width - 5
+        assert box.y >= 400
+        assert box.y + box.height <= 400 + row
+    for one, two in itertools.combinations(controls, 2):
+        assert one.x + one.width <= two.x
 
 
 def test_the_controls_set_the_tip_the_elevation_and_the_speed(shown):

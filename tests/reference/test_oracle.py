@@ -1,7 +1,5 @@
 """The 50-digit simulator: its roots, conservation laws and refusals. `test_closed_forms.py` has its closed forms."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 

@@ -19,6 +19,7 @@ GAMES: dict[str, dict[str, Any]] = {
     "position": {"task": "position", "action": "strike"},
     "carom": {"task": "carom", "layout": "random"},
     "run-out": {"task": "nine_ball"},
+    "varied physics": {"randomize": {"mu_roll": [0.004, 0.02]}, "observe": ("positions", "physics")},
 }
 
 

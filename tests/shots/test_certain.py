@@ -1,10 +1,8 @@
 """Certain events agree with exact arithmetic, and doubtful events are not certain."""
 
-import numpy as np
 import pytest
 
-from billiards_env import Scene, simulate, simulate_batch
-from billiards_env.scene import layouts
+from billiards_env import Scene, simulate
 from reference.oracle import run
 
 IDEAL = Scene.named("ideal")
@@ -45,14 +43,3 @@ def test_contacts_at_one_time_have_no_certain_order():
         shot = simulate(scene, start, velocities, record=True, max_time=1.0)
         assert shot.certain().outcome == certain
         assert shot.certain().events == (2 if certain else 0)
-
-
-def test_a_batch_has_the_certain_events_of_its_shots():
-    scene, rng = Scene.named("ideal", 3), np.random.default_rng(1)
-    places = np.array([layouts.draw("random", scene, rng) for _ in range(6)])
-    batch = simulate_batch(scene, places, rng.normal(size=(6, 2)), record=True)
-    found = batch.certain()
-    assert found.events.tolist() == [batch[k].certain().events for k in range(6)]
-    assert found.outcome.tolist() == [batch[k].certain().outcome for k in range(6)]
-    with pytest.raises(ValueError, match=r"shot\.certain: expected a shot of"):
-        simulate(scene, places[0], [1.0, 0.0]).certain()

@@ -111,7 +111,7 @@ def test_a_batch_has_the_bits_of_single_shots(name, arrangement, threads):
     pushed = batch.jvp(tangents, ("velocities", "event_times"), t=1.0, threads=threads)
     pulled = batch.vjp(cotangents, ("velocities", "mu_roll"), threads=threads)
     jacobian = batch.jacobian("positions", "radius", threads=threads)
-    found = batch.nonsmooth(threads=threads)
+    found, certain, margins = batch.nonsmooth(threads=threads), batch.certain(), batch.margins(t=1.0)
     for k in range(len(places)):
         shot = simulate(scene, places[k], starts[k], spins=spins[k], record=True)
         alone = shot.jvp({key: value[k] for key, value in tangents.items()}, ("velocities", "event_times"), t=1.0)
@@ -123,6 +123,9 @@ def test_a_batch_has_the_bits_of_single_shots(name, arrangement, threads):
         assert pulled["mu_roll"][k] == gradient["mu_roll"]
         assert np.array_equal(jacobian[k], shot.jacobian("positions", "radius"))
         assert (found.event[k], found.reason[k]) == shot.nonsmooth()
+        assert (certain.events[k], certain.outcome[k]) == shot.certain()
+        for whole, one in zip(margins, shot.margins(t=1.0), strict=True):
+            assert np.array_equal(whole[k], one)
 
 
 def test_a_batch_whose_log_is_too_small_runs_the_other_shots_again():

@@ -1,7 +1,5 @@
 """Balls in contact: racks, cradles, wedges, pressed balls. All shots end and keep momentum, energy and symmetry."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

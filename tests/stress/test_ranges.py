@@ -1,7 +1,5 @@
 """Shots with numbers at the ends of their ranges end with balls on the table and finite numbers."""
 
-from __future__ import annotations
-
 import functools
 import math
 from typing import Any

@@ -1,7 +1,5 @@
 """The failures of Warkari and Jamsandekar: the results of PIC and PIT."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
