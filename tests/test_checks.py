@@ -117,19 +117,19 @@ def test_values_that_are_not_numbers_are_rejected(value):
         integer("x", value, Range(1, 9))
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (np.float64(0.5), "0.5"),
-        (np.float32(0.5), "0.5"),
-        (np.int64(3), "3"),
-        (np.bool_(True), "True"),
-        (np.str_("pool"), "'pool'"),
-        ([np.float64(-0.5), (np.int8(1),)], "[-0.5, (1,)]"),
-        ({"velocity": np.float64(1.5)}, "{'velocity': 1.5}"),
-        (np.array([0.5, 1.0]), "array([0.5, 1. ])"),
-    ],
-)
+TEXTS = [
+    (np.float64(0.5), "0.5"),
+    (np.float32(0.5), "0.5"),
+    (np.int64(3), "3"),
+    (np.bool_(True), "True"),
+    (np.str_("pool"), "'pool'"),
+    ([np.float64(-0.5), (np.int8(1),)], "[-0.5, (1,)]"),
+    ({"velocity": np.float64(1.5)}, "{'velocity': 1.5}"),
+    (np.array([0.5, 1.0]), "array([0.5, 1. ])"),
+]
+
+
+@pytest.mark.parametrize(("value", "text"), TEXTS)
 def test_numpy_scalars_look_like_numbers_of_python_in_messages(value, text):
     assert short(value) == text
 
@@ -205,50 +205,50 @@ def stroke(*arguments: Any) -> Any:
     return lambda: play(*new_game(), Stroke(*arguments))
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (shot("poool"), "scene = 'poool': expected one of 'pool', "),
-        (lambda: simulate_batch(cast("Any", None), [PLACES], [[1, 0]]), "scene = None: expected a Scene"),
-        (shot(POOL, "rack"), "positions = 'rack': expected finite numbers in an array"),
-        (shot(POOL, PLACES, None), "velocities = None: expected finite numbers in an array"),
-        (shot(in_play=[0, 5]), "in_play = [0, 5]: expected True or False for each"),
-        (shot(record="yes"), "record = 'yes': expected True or False"),
-        (lambda: Scene(cast("Any", "pool")), "scene.balls = 'pool': expected a Balls; Scene.named(name) returns"),
-        (lambda: Setup("nine_ball", cast("Any", "pool")), "scene = 'pool': expected a Scene"),
-        (lambda: shot(record=True)().save("no/shot.json"), "path = 'no/shot.json': expec"),
-        (lambda: records.to_json(shot()()), "record = ShotResult: 2 balls, rest aft"),
-        (made(layout=["rack"]), "layout = ['rack']: expected one of 'random', 'rack'"),
-        (lambda: made()().unwrapped.step("go"), "The episode is over or has not begun"),
-        (lambda: gym.make_vec("Billiards-v0", 2).reset(seed=cast("Any", 1.5)), "seed = 1.5: expected a whole number"),
-        (lambda: begun("Billiards-v0").step(COMPLEX), "action = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
-        (lambda: begun("Billiards-v0", vector=True).step([COMPLEX] * 2), "actions = [array([0.5+1.j, 0. +0.j]), array"),
-        (lambda: begun("Billiards-v0", action="strike").step(np.zeros(5, complex)), "action = array("),
-        (shot(POOL, PLACES, COMPLEX), "velocities = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
-        (shot(spins=np.zeros(3, complex)), "spins = array("),
-        (shot(max_time=ONE), "max_time = (1+0j): expected a number"),
-        (lambda: shot(record=True)().at(ONE), "t = (1+0j): expected finite numbers"),
-        (lambda: shot(record=True)().trajectory.path(0, COMPLEX), "times = array("),
-        (lambda: simulate_batch(POOL, [PLACES], [COMPLEX]), "velocities = [array("),
-        (lambda: strike(POOL, COMPLEX, 0.0), "speed = array("),
-        (lambda: strike(POOL, np.float64(2e3), 0.0), "speed = 2000.0: expected numbers from "),
-        (lambda: aimed_strikes(POOL, [COMPLEX], [[0, 0]]), "actions = [array("),
-        (lambda: perturb([0, 0], COMPLEX), "noise = array("),
-        (lambda: play_batch(*new_game(), [COMPLEX]), "velocities = [array("),
-        (stroke((ONE, 0.0), (-0.8, 0.0)), "stroke.velocity[0] = (1+0j): expected a number"),
-        (stroke((0.0, 1e200), (-0.8, 0.0)), "stroke.velocity[1] = 1e+200: expected a number from -1000 to 1000 m/s"),
-        (stroke((1.0, 0.0), (math.nan, 0.0)), "stroke.place[0] = nan: expected a number from -1e+06 to 1e+06 m"),
-        (stroke((1.0, 0.0), (np.float64(0.5),)), "stroke.place = (0.5,): expected "),
-        (lambda: Engine(dt=np.float64(0.5)), "dt = 0.5 with mode='pic'"),
-        (lambda: Engine(np.str_("pci")), "mode = 'pci': expected one of"),
-        (lambda: Setup("nine_ball", NINE, target=cast("Any", np.int64(3))), "target = 3 with rules 'nine_ball'"),
-        (
-            made(max_speed=np.float64(2), action="sum_to_three"),
-            "max_speed = 2.0 with action 'sum_to_three': expected at",
-        ),
-        (lambda: make_vector_env(2).reset(options={"positions": "abc"}), "options['positions'] = 'abc': expected"),
-    ],
-)
+WRONG_TYPES = [
+    (shot("poool"), "scene = 'poool': expected one of 'pool', "),
+    (lambda: simulate_batch(cast("Any", None), [PLACES], [[1, 0]]), "scene = None: expected a Scene"),
+    (shot(POOL, "rack"), "positions = 'rack': expected finite numbers in an array"),
+    (shot(POOL, PLACES, None), "velocities = None: expected finite numbers in an array"),
+    (shot(in_play=[0, 5]), "in_play = [0, 5]: expected True or False for each"),
+    (shot(record="yes"), "record = 'yes': expected True or False"),
+    (lambda: Scene(cast("Any", "pool")), "scene.balls = 'pool': expected a Balls; Scene.named(name) returns"),
+    (lambda: Setup("nine_ball", cast("Any", "pool")), "scene = 'pool': expected a Scene"),
+    (lambda: shot(record=True)().save("no/shot.json"), "path = 'no/shot.json': expec"),
+    (lambda: records.to_json(shot()()), "record = ShotResult: 2 balls, rest aft"),
+    (made(layout=["rack"]), "layout = ['rack']: expected one of 'random', 'rack'"),
+    (lambda: made()().unwrapped.step("go"), "The episode is over or has not begun"),
+    (lambda: gym.make_vec("Billiards-v0", 2).reset(seed=cast("Any", 1.5)), "seed = 1.5: expected a whole number"),
+    (lambda: begun("Billiards-v0").step(COMPLEX), "action = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
+    (lambda: begun("Billiards-v0", vector=True).step([COMPLEX] * 2), "actions = [array([0.5+1.j, 0. +0.j]), array"),
+    (lambda: begun("Billiards-v0", action="strike").step(np.zeros(5, complex)), "action = array("),
+    (shot(POOL, PLACES, COMPLEX), "velocities = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
+    (shot(spins=np.zeros(3, complex)), "spins = array("),
+    (shot(max_time=ONE), "max_time = (1+0j): expected a number"),
+    (lambda: shot(record=True)().at(ONE), "t = (1+0j): expected finite numbers"),
+    (lambda: shot(record=True)().trajectory.path(0, COMPLEX), "times = array("),
+    (lambda: simulate_batch(POOL, [PLACES], [COMPLEX]), "velocities = [array("),
+    (lambda: strike(POOL, COMPLEX, 0.0), "speed = array("),
+    (lambda: strike(POOL, np.float64(2e3), 0.0), "speed = 2000.0: expected numbers from "),
+    (lambda: aimed_strikes(POOL, [COMPLEX], [[0, 0]]), "actions = [array("),
+    (lambda: perturb([0, 0], COMPLEX), "noise = array("),
+    (lambda: play_batch(*new_game(), [COMPLEX]), "velocities = [array("),
+    (stroke((ONE, 0.0), (-0.8, 0.0)), "stroke.velocity[0] = (1+0j): expected a number"),
+    (stroke((0.0, 1e200), (-0.8, 0.0)), "stroke.velocity[1] = 1e+200: expected a number from -1000 to 1000 m/s"),
+    (stroke((1.0, 0.0), (math.nan, 0.0)), "stroke.place[0] = nan: expected a number from -1e+06 to 1e+06 m"),
+    (stroke((1.0, 0.0), (np.float64(0.5),)), "stroke.place = (0.5,): expected "),
+    (lambda: Engine(dt=np.float64(0.5)), "dt = 0.5 with mode='pic'"),
+    (lambda: Engine(np.str_("pci")), "mode = 'pci': expected one of"),
+    (lambda: Setup("nine_ball", NINE, target=cast("Any", np.int64(3))), "target = 3 with rules 'nine_ball'"),
+    (
+        made(max_speed=np.float64(2), action="sum_to_three"),
+        "max_speed = 2.0 with action 'sum_to_three': expected at",
+    ),
+    (lambda: make_vector_env(2).reset(options={"positions": "abc"}), "options['positions'] = 'abc': expected"),
+]
+
+
+@pytest.mark.parametrize(("call", "message"), WRONG_TYPES)
 def test_a_wrong_type_is_named(call, message):
     with pytest.raises((TypeError, ValueError, OSError, gym.error.ResetNeeded)) as error:
         call()

@@ -5,7 +5,7 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.drawing.orientation import ERROR, VISIBLE, matrices, product, turning
-from billiards_env.shots.simulation import simulate
+from tests.helpers.shots import simulate
 
 
 def distance(one, other):
@@ -60,7 +60,6 @@ def test_the_angular_velocity_agrees_with_the_slip():
     """While a ball slides, its lowest point moves at v + R z x w; at the end of the slide it rests."""
     scene = Scene.named("pool", 0)
     shot = simulate(scene, [[-0.8, 0.0]], [2.0, 0.0], spins=[30.0, -40.0, 20.0], record=True)
-    assert shot.events is not None
     (end,) = shot.events["time"][shot.events["kind"] == "sliding_rolling"][:1]
     turns, radius = turning(shot.recording()), scene.balls.radius[0]
     assert turns.spins(0, [0.0])[0] == pytest.approx([30.0, -40.0, 20.0])

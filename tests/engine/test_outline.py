@@ -120,16 +120,16 @@ def test_all_queues_have_the_same_bits(name):
 # PIT
 
 
-@pytest.mark.parametrize(
-    ("name", "fix"),
-    [
-        ("octagon", "none"),
-        ("L", "push_apart"),
-        ("pool_7ft", "move_back"),
-        ("throat", "push_apart"),
-        ("pool_7ft", "time_of_impact"),
-    ],
-)
+FIXES_BY_TABLE = [
+    ("octagon", "none"),
+    ("L", "push_apart"),
+    ("pool_7ft", "move_back"),
+    ("throat", "push_apart"),
+    ("pool_7ft", "time_of_impact"),
+]
+
+
+@pytest.mark.parametrize(("name", "fix"), FIXES_BY_TABLE)
 def test_pit_approaches_pic_as_the_timestep_falls(name, fix):
     rng = np.random.default_rng(0)
     errors = {1e-3: [], 1e-5: []}

@@ -263,22 +263,17 @@ def test_the_time_of_impact_leaves_the_rest_of_the_step_for_the_new_velocity():
 # Timesteps
 
 
+CONTACTS = {
+    "a collision within a timestep is missed": ([[-1.0, 0.0], [0.0, 0.0]], 2.0, 0.4, []),
+    # The centre of ball 0 is 0.01 m beyond that of ball 1 then.
+    "overlapping balls that separate do not collide": ([[-1.0, 0.0], [0.0, 0.0]], 2.0, 0.505, []),
+    "balls in contact collide at the first timestep": ([[0.0, 0.0], [2 * R, 0.0]], 0.02, 0.25, [0.25]),
+    "balls at rest need no timesteps": ([[0.0, 0.0], [2 * R, 0.0]], 0.0, 1e-9, []),
+}
+
+
 @fixes
-@pytest.mark.parametrize(
-    ("places", "speed", "dt", "times"),
-    [
-        ([[-1.0, 0.0], [0.0, 0.0]], 2.0, 0.4, []),
-        ([[-1.0, 0.0], [0.0, 0.0]], 2.0, 0.505, []),  # the centre of ball 0 is 0.01 m beyond that of ball 1 then
-        ([[0.0, 0.0], [2 * R, 0.0]], 0.02, 0.25, [0.25]),
-        ([[0.0, 0.0], [2 * R, 0.0]], 0.0, 1e-9, []),
-    ],
-    ids=[
-        "a collision within a timestep is missed",
-        "overlapping balls that separate do not collide",
-        "balls in contact collide at the first timestep",
-        "balls at rest need no timesteps",
-    ],
-)
+@pytest.mark.parametrize(("places", "speed", "dt", "times"), CONTACTS.values(), ids=CONTACTS)
 def test_contacts_are_found_at_timesteps(places, speed, dt, times, fix):
     shot = pit(world(2, FREE), places, [speed, 0.0], dt=dt, fix=fix, max_time=1.0, record=True)
     assert kinds(shot) == [("ball_ball", 0, 1)] * len(times)

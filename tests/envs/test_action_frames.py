@@ -305,16 +305,16 @@ def test_the_noise_follows_the_seeds_and_the_noise_seed():
     assert len({shot(1), shot(2), shot(1, noise_seed=1), shot(1, noise_seed=2), shot(None), shot(None)}) == 6
 
 
+CLIPPED = [
+    ([3.0, 0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]),
+    ([0.3, 0.4, 0.0, 0.0, -1.0], [0.3, 0.4, 0.0, 0.0, 0.0]),
+    ([0.3, 0.4, 5.0, 0.0, 0.0], [0.3, 0.4, 1.0, 0.0, 0.0]),
+    ([0.3, 0.4, 0.5, -9.0, 2.0], [0.3, 0.4, 0.5, -1.0, 1.0]),
+]
+
+
 @pytest.mark.parametrize("vector", [False, True])
-@pytest.mark.parametrize(
-    ("action", "clipped"),
-    [
-        ([3.0, 0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]),
-        ([0.3, 0.4, 0.0, 0.0, -1.0], [0.3, 0.4, 0.0, 0.0, 0.0]),
-        ([0.3, 0.4, 5.0, 0.0, 0.0], [0.3, 0.4, 1.0, 0.0, 0.0]),
-        ([0.3, 0.4, 0.5, -9.0, 2.0], [0.3, 0.4, 0.5, -1.0, 1.0]),
-    ],
-)
+@pytest.mark.parametrize(("action", "clipped"), CLIPPED)
 def test_equal_shots_have_equal_noise(action, clipped, vector):
     def times(chosen):
         """Returns the durations of three equal shots."""

@@ -14,7 +14,6 @@ from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import SCENES, Scene, check_positions, layouts
 from tests.helpers.environments import RUN_OUTS, VARIANTS, name_of
 
-variants = pytest.mark.parametrize("kwargs", VARIANTS, ids=name_of)
 INFO_TABLE = (BilliardsEnv.__doc__ or "").partition("## Info")[2].partition("Stable-Baselines3")[0]
 DOCUMENTED_INFO = {
     key: (kind, start)
@@ -43,10 +42,6 @@ DIAGONAL = 2 * Scene.named("ideal").balls.radius[0] * np.sqrt(0.5)
 CAROM = [[-0.3, 0.0], [DIAGONAL, -DIAGONAL], [0.3, 0.3]]
 
 
-def make(**kwargs):
-    return gym.make("Billiards-v0", **kwargs)
-
-
 @pytest.mark.parametrize(
     "kwargs", [*VARIANTS, *({"action": action, "max_speed": 4.5} for action in (*FRAMES, "plan"))], ids=name_of
 )
@@ -54,8 +49,8 @@ def test_environment_checkers_pass(kwargs):
     sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(make(**kwargs).unwrapped, skip_render_check=kwargs not in VARIANTS[::5])
-        sb3.check_env(make(**kwargs).unwrapped, warn=True)  # wrappers hide `compute_reward`
+        check_env(gym.make("Billiards-v0", **kwargs).unwrapped, skip_render_check=kwargs not in VARIANTS[::5])
+        sb3.check_env(gym.make("Billiards-v0", **kwargs).unwrapped, warn=True)  # wrappers hide `compute_reward`
 
 
 def test_every_task_scene_layout_and_feature_is_in_a_variant():
@@ -67,7 +62,7 @@ def test_every_task_scene_layout_and_feature_is_in_a_variant():
     assert {name if isinstance(name, str) else name[0] for name in observed} == {*FEATURES}
 
 
-@variants
+@pytest.mark.parametrize("kwargs", VARIANTS, ids=name_of)
 def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
     env = make_env(**kwargs)
     n = env.scene.n_balls
@@ -135,15 +130,14 @@ def test_a_ball_in_the_jaws_is_observed_inside_the_box():
 BEHIND_THE_CUSHIONS = {"base": "pool", "table": {"pockets": [{"x": 1.3, "y": 0.65, "radius": 0.1}]}}
 
 
-@pytest.mark.parametrize(
-    ("scene", "cue", "action", "pocket"),
-    [
-        ("pool", [0.0, 0.3], [0.0, 0.2], [0.0, 1.0]),  # a side pocket
-        ("real_pool", [0.0, 0.3], [0.0, 0.2], [0.0, 1.0]),
-        (BEHIND_THE_CUSHIONS, STRAIGHT_INTO_THE_CORNER, INTO_THE_CORNER, [1.0, 1.0]),
-    ],
-    ids=["pool", "with jaws", "behind the cushions"],
-)
+POTTED = {
+    "a side pocket": ("pool", [0.0, 0.3], [0.0, 0.2], [0.0, 1.0]),
+    "with jaws": ("real_pool", [0.0, 0.3], [0.0, 0.2], [0.0, 1.0]),
+    "behind the cushions": (BEHIND_THE_CUSHIONS, STRAIGHT_INTO_THE_CORNER, INTO_THE_CORNER, [1.0, 1.0]),
+}
+
+
+@pytest.mark.parametrize(("scene", "cue", "action", "pocket"), POTTED.values(), ids=POTTED)
 def test_a_potted_ball_is_observed_at_its_pocket_inside_the_box(scene, cue, action, pocket):
     env = make_env(scene=scene, max_shots=2)
     env.reset(options={"positions": [cue, [-0.5, 0.0]]})
@@ -238,15 +232,14 @@ def test_random_shots_of_sum_to_three_score_the_same_as_in_pooltool():
     assert abs(score.mean() - 1.340) < 3 * np.hypot(error, 0.019)
 
 
-@pytest.mark.parametrize(
-    ("kwargs", "seeds"),
-    [
-        ({"noise": {}}, (4, None, None)),
-        ({"mode": "pit", "dt": 1 / 15}, (4, None, None)),
-        ({"randomize": {"mu_roll": [0.004, 0.02]}}, (4, 5)),  # the numbers are drawn after the first layout
-    ],
-    ids=name_of,
-)
+WITHOUT_EFFECT = [
+    ({"noise": {}}, (4, None, None)),
+    ({"mode": "pit", "dt": 1 / 15}, (4, None, None)),
+    ({"randomize": {"mu_roll": [0.004, 0.02]}}, (4, 5)),  # the numbers are drawn after the first layout
+]
+
+
+@pytest.mark.parametrize(("kwargs", "seeds"), WITHOUT_EFFECT, ids=name_of)
 def test_noise_the_engine_and_the_physics_do_not_change_the_layouts(kwargs, seeds):
     plain, other = make_env(task="place"), make_env(task="place", **kwargs)
     for seed in seeds:
@@ -282,20 +275,20 @@ def test_positions_and_goals_from_options_are_not_drawn():
     assert env.goals.tolist() != [goal]
 
 
-@pytest.mark.parametrize(
-    ("task", "scene", "n_object_balls", "layout"),
-    [
-        ("pot", "pool", 1, "random"),
-        ("carom", "carom", 2, "carom_opening"),
-        ("three_cushion", "carom", 2, "carom_opening"),
-        ("sum_to_three", "sum_to_three", 1, "line"),
-        ("place", "pool", 1, "random"),
-        ("position", "pool", 1, "random"),
-        ("clear", "pool", 1, "random"),
-        ("nine_ball", "pool", 9, "nine_ball"),
-        ("eight_ball", "pool", 15, "eight_ball"),
-    ],
-)
+OF_TASKS = [
+    ("pot", "pool", 1, "random"),
+    ("carom", "carom", 2, "carom_opening"),
+    ("three_cushion", "carom", 2, "carom_opening"),
+    ("sum_to_three", "sum_to_three", 1, "line"),
+    ("place", "pool", 1, "random"),
+    ("position", "pool", 1, "random"),
+    ("clear", "pool", 1, "random"),
+    ("nine_ball", "pool", 9, "nine_ball"),
+    ("eight_ball", "pool", 15, "eight_ball"),
+]
+
+
+@pytest.mark.parametrize(("task", "scene", "n_object_balls", "layout"), OF_TASKS)
 def test_a_task_has_its_own_scene_and_layout(task, scene, n_object_balls, layout):
     env = make_env(task=task)
     assert (env.scene, env.model.layout) == (Scene.named(scene, n_object_balls), layout)

@@ -86,16 +86,16 @@ def test_wrong_arguments(arguments, message, kind):
             make(**arguments)
 
 
-@refusals(
-    "arguments",
-    [
-        ({"num_envs": 0}, "num_envs = 0: expected a whole number from 1 to 10000000"),
-        ({"threads": 0}, "threads = 0: expected a whole number from 1 to 1024"),
-        ({"autoreset_mode": "SameStp"}, "autoreset_mode = 'SameStp': .*did you mean 'SameStep'"),
-        ({"max_shot": 1}, "max_shot", TypeError),
-        ({"max_episode_steps": 5}, "max_episode_steps = 5: expected max_shots, one step is one shot"),
-    ],
-)
+WRONG_OF_VECTOR = [
+    ({"num_envs": 0}, "num_envs = 0: expected a whole number from 1 to 10000000"),
+    ({"threads": 0}, "threads = 0: expected a whole number from 1 to 1024"),
+    ({"autoreset_mode": "SameStp"}, "autoreset_mode = 'SameStp': .*did you mean 'SameStep'"),
+    ({"max_shot": 1}, "max_shot", TypeError),
+    ({"max_episode_steps": 5}, "max_episode_steps = 5: expected max_shots, one step is one shot"),
+]
+
+
+@refusals("arguments", WRONG_OF_VECTOR)
 def test_wrong_arguments_of_the_vector_environment(arguments, message, kind):
     with pytest.raises(kind, match=message):
         make_vector_env(**arguments)
@@ -141,15 +141,15 @@ def two():
     return make_vector_env(2, "NextStep", task="place")
 
 
-@refusals(
-    "make, start",
-    [
-        *((varied, {"options": options}, *rest) for options, *rest in OPTIONS),
-        *((two, start, *rest) for start, *rest in RESETS_OF_TWO),
-        (make_env, {"options": {"goal": [0, 0]}}, "key of options = 'goal': expected one of 'positions'"),
-        (make_env, {"options": {"physics": [0, 0]}}, "key of options = 'physics': expected one of 'positions'"),
-    ],
-)
+RESETS = [
+    *((varied, {"options": options}, *rest) for options, *rest in OPTIONS),
+    *((two, start, *rest) for start, *rest in RESETS_OF_TWO),
+    (make_env, {"options": {"goal": [0, 0]}}, "key of options = 'goal': expected one of 'positions'"),
+    (make_env, {"options": {"physics": [0, 0]}}, "key of options = 'physics': expected one of 'positions'"),
+]
+
+
+@refusals("make, start", RESETS)
 def test_after_a_wrong_reset_the_episodes_continue(make, start, message, kind):
     env = make()
     observations, _ = env.reset(seed=0)
@@ -163,19 +163,19 @@ def test_after_a_wrong_reset_the_episodes_continue(make, start, message, kind):
 THREE, INFINITE = {"num_envs": 3, "autoreset_mode": "Disabled"}, [[0, 0], [np.inf, 0], [0, 0]]
 
 
-@refusals(
-    "make, arguments, action",
-    [
-        (make_env, {}, [np.nan, 0.0], r"action = \[nan, 0.0\]: expected finite numbers"),
-        (make_env, {}, [0.0, 0.0, 0.0], r"action has shape \(3,\): expected \(2,\)"),
-        (make_env, {}, 0.5, r"action has shape \(\): expected \(2,\)"),
-        (make_env, STRIKE, [0.1, 0.2], r"action has shape \(2,\): expected \(5,\)"),
-        (make_env, {"action": "cut"}, [0.0, np.inf], r"action = \[0.0, inf\]: expected finite numbers"),
-        (make_vector_env, THREE, np.zeros((2, 2)), r"actions has shape \(2, 2\): expected \(3, 2\)"),
-        (make_vector_env, THREE, np.zeros(2), r"actions has shape \(2,\): expected \(3, 2\)"),
-        (make_vector_env, THREE, INFINITE, r"action of environment 1 = \[inf, 0.0\]: expected finite numbers"),
-    ],
-)
+WRONG_ACTIONS = [
+    (make_env, {}, [np.nan, 0.0], r"action = \[nan, 0.0\]: expected finite numbers"),
+    (make_env, {}, [0.0, 0.0, 0.0], r"action has shape \(3,\): expected \(2,\)"),
+    (make_env, {}, 0.5, r"action has shape \(\): expected \(2,\)"),
+    (make_env, STRIKE, [0.1, 0.2], r"action has shape \(2,\): expected \(5,\)"),
+    (make_env, {"action": "cut"}, [0.0, np.inf], r"action = \[0.0, inf\]: expected finite numbers"),
+    (make_vector_env, THREE, np.zeros((2, 2)), r"actions has shape \(2, 2\): expected \(3, 2\)"),
+    (make_vector_env, THREE, np.zeros(2), r"actions has shape \(2,\): expected \(3, 2\)"),
+    (make_vector_env, THREE, INFINITE, r"action of environment 1 = \[inf, 0.0\]: expected finite numbers"),
+]
+
+
+@refusals("make, arguments, action", WRONG_ACTIONS)
 def test_a_wrong_action_changes_nothing(make, arguments, action, message, kind):
     env, twin = make(**arguments), make(**arguments)
     for one in (env, twin):

@@ -100,20 +100,19 @@ OBSTACLE = {"base": "pool", "balls": {"radius": [0.03, 0.05, 0.03], "mass": [0.2
 APART, MISSED = [[0.0, 0.0], [0.3, 0.0], [0.6, 0.1]], ("reward 0   score 0", "reward 0   score 0")
 
 
-@pytest.mark.parametrize(
-    ("kwargs", "positions", "speeds", "results"),
-    [
-        (
-            {"n_object_balls": 2},  # the second shot begins without the ball of the first
-            [*INTO_THE_CORNER["positions"], [-0.5, -0.3]],
-            ("1.98", "0.57"),
-            ("reward 1   score 1", "reward 0   score 1"),
-        ),
-        ({"scene": OBSTACLE, "task": "carom", "max_speed": 1.0}, APART, ("0.49", "0.14"), MISSED),
-        ({"n_object_balls": 2, "task": "place", "max_speed": 1.0}, APART, ("0.49", "0.14"), MISSED),
-    ],
-    ids=["a ball was potted before", "an obstacle", "a goal"],
-)
+FILMS = {
+    "a ball was potted before": (
+        {"n_object_balls": 2},
+        [*INTO_THE_CORNER["positions"], [-0.5, -0.3]],
+        ("1.98", "0.57"),
+        ("reward 1   score 1", "reward 0   score 1"),
+    ),
+    "an obstacle": ({"scene": OBSTACLE, "task": "carom", "max_speed": 1.0}, APART, ("0.49", "0.14"), MISSED),
+    "a goal": ({"n_object_balls": 2, "task": "place", "max_speed": 1.0}, APART, ("0.49", "0.14"), MISSED),
+}
+
+
+@pytest.mark.parametrize(("kwargs", "positions", "speeds", "results"), FILMS.values(), ids=FILMS)
 def test_the_frames_are_those_of_the_shots_with_texts(kwargs, positions, speeds, results):
     from billiards_env.drawing.canvas import Canvas, Caption, pixels
 

@@ -105,14 +105,14 @@ def test_a_masked_reset_does_not_change_the_others(mode, kwargs):
         same(native.step(actions), sync.step(actions))
 
 
-@pytest.mark.parametrize(
-    ("kwargs", "name", "values"),
-    [
-        ({}, "positions", [[[0.1, 0.2], [-0.3, -0.4]], [[0.5, 0.0], [-0.5, 0.0]]]),
-        ({"task": "place"}, "goal", [[0.1, 0.2], [-0.3, 0.4]]),
-        (VARIED, "physics", [0.004, 0.02]),
-    ],
-)
+OPTIONS = [
+    ({}, "positions", [[[0.1, 0.2], [-0.3, -0.4]], [[0.5, 0.0], [-0.5, 0.0]]]),
+    ({"task": "place"}, "goal", [[0.1, 0.2], [-0.3, 0.4]]),
+    (VARIED, "physics", [0.004, 0.02]),
+]
+
+
+@pytest.mark.parametrize(("kwargs", "name", "values"), OPTIONS)
 def test_options_are_those_of_single_environments(kwargs, name, values):
     envs, single, values = make_vector_env(2, **kwargs), make_env(**kwargs), np.array(values)
 

@@ -51,17 +51,17 @@ def test_tree_search_plays_an_episode():
     assert 0.0 <= load("tree_search")["main"](["--episodes", "1", "--simulations", "10"]) <= 9.0
 
 
+PROGRAMS = [
+    pytest.param("optuna_sweep", "optuna", 2048, {"episodes": 50}, 0.0, 1.0, marks=pytest.mark.tools),
+    pytest.param("torchrl_collector", "torchrl", 2048, {}, -0.2, 0.2, marks=pytest.mark.tools),
+    ("rllib_ppo", "ray", 2048, {"num_envs": 32}, -0.3, 0.3),
+    ("goals", "stable_baselines3", 1100, {"episodes": 100}, 0.0, 1.0),
+    ("plans", "stable_baselines3", 1100, {"episodes": 100}, 0.0, 1.0),
+]
+
+
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(
-    ("name", "package", "steps", "arguments", "least", "most"),
-    [
-        pytest.param("optuna_sweep", "optuna", 2048, {"episodes": 50}, 0.0, 1.0, marks=pytest.mark.tools),
-        pytest.param("torchrl_collector", "torchrl", 2048, {}, -0.2, 0.2, marks=pytest.mark.tools),
-        ("rllib_ppo", "ray", 2048, {"num_envs": 32}, -0.3, 0.3),
-        ("goals", "stable_baselines3", 1100, {"episodes": 100}, 0.0, 1.0),
-        ("plans", "stable_baselines3", 1100, {"episodes": 100}, 0.0, 1.0),
-    ],
-)
+@pytest.mark.parametrize(("name", "package", "steps", "arguments", "least", "most"), PROGRAMS)
 def test_a_program_returns_a_number_in_its_range(name, package, steps, arguments, least, most):
     found = load(name, package)["run"](steps, **arguments)
     chance, found = found if isinstance(found, tuple) else (0.5, getattr(found, "best_value", found))

@@ -215,20 +215,20 @@ def test_an_invalid_file_is_rejected_with_the_reason(text, path, value, message,
         records.from_json(changed(text(), path, value))
 
 
-@refusals(
-    "damage",
-    [
-        (lambda _: "", "Expecting value"),
-        (lambda _: "null", "the file = None: expected a mapping"),
-        (lambda _: "NaN", "NaN: expected a finite number"),
-        (lambda _: "[" * 100_000 + "]" * 100_000, "nested too deeply"),
-        (lambda text: text.replace("{", '{"format": "billiards_env/shot", ', 1), "key 'format' appears twice"),
-        (lambda text: text.replace('"version": ', '"version": ' + "9" * 5000), "."),
-        (lambda text: text.replace("[[-0.635,", "[[1e999,"), r"positions\[0\]\[0\] = inf: expected a finite number"),
-        (lambda text: text[: len(text) // 2], "."),
-        (lambda text: text + "x", "Extra data"),
-    ],
-)
+DAMAGES = [
+    (lambda _: "", "Expecting value"),
+    (lambda _: "null", "the file = None: expected a mapping"),
+    (lambda _: "NaN", "NaN: expected a finite number"),
+    (lambda _: "[" * 100_000 + "]" * 100_000, "nested too deeply"),
+    (lambda text: text.replace("{", '{"format": "billiards_env/shot", ', 1), "key 'format' appears twice"),
+    (lambda text: text.replace('"version": ', '"version": ' + "9" * 5000), "."),
+    (lambda text: text.replace("[[-0.635,", "[[1e999,"), r"positions\[0\]\[0\] = inf: expected a finite number"),
+    (lambda text: text[: len(text) // 2], "."),
+    (lambda text: text + "x", "Extra data"),
+]
+
+
+@refusals("damage", DAMAGES)
 def test_a_text_that_is_not_a_record_is_rejected(damage, message, kind):
     with pytest.raises(kind, match=message):
         records.from_json(damage(shot_text()))
@@ -299,11 +299,8 @@ def test_changed_bytes_are_either_valid_or_a_value_error(tmp_path_factory, data)
 def test_loading_does_not_simulate(monkeypatch):
     texts = shot_text(), game_text()
 
-    def fail(*args, **kwargs):
-        raise AssertionError("a shot was run")
-
-    monkeypatch.setattr(shot_records, "simulate", fail)
-    monkeypatch.setattr(records, "play", fail)
+    for module, name in ((shot_records, "simulate"), (records, "play")):
+        monkeypatch.setattr(module, name, lambda *_, **__: pytest.fail("a shot was run"))
     for text in texts:
         records.from_json(text)
 

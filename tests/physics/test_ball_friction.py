@@ -102,16 +102,16 @@ def rolled(velocity, spin, radius):
     return 5 / 7 * velocity + 2 / 7 * radius * np.array([spin[1], -spin[0]])
 
 
-@pytest.mark.parametrize(
-    ("speed", "spin", "cut", "cue", "object_ball", "cue_angle", "object_angle"),
-    [
-        (1.539, 58.63, 33.83, 0.9141, 0.8306, 31.95, 32.23),
-        (1.032, 39.31, 26.36, 0.5199, 0.5990, 32.48, 25.09),
-        (1.364, 51.96, 40.52, 0.9168, 0.6762, 29.94, 38.64),
-        (1.731, 65.94, 46.50, 1.2774, 0.7796, 27.34, 44.39),
-        (0.942, 35.89, 18.05, 0.3834, 0.5789, 29.51, 17.17),
-    ],
-)
+MATHAVAN = [
+    (1.539, 58.63, 33.83, 0.9141, 0.8306, 31.95, 32.23),
+    (1.032, 39.31, 26.36, 0.5199, 0.5990, 32.48, 25.09),
+    (1.364, 51.96, 40.52, 0.9168, 0.6762, 29.94, 38.64),
+    (1.731, 65.94, 46.50, 1.2774, 0.7796, 27.34, 44.39),
+    (0.942, 35.89, 18.05, 0.3834, 0.5789, 29.51, 17.17),
+]
+
+
+@pytest.mark.parametrize(("speed", "spin", "cut", "cue", "object_ball", "cue_angle", "object_angle"), MATHAVAN)
 def test_impacts_of_snooker_balls_by_mathavan_2014(speed, spin, cut, cue, object_ball, cue_angle, object_angle):
     """Mathavan, Jackson and Parkin (2014) also compute the friction on the cloth during the impact.
 

@@ -174,14 +174,14 @@ def test_compliant_impacts_of_another_simulator(slip, after):
     assert 3.5 * friction_impulse(slip, 0.2, 0.7, 1.7, None) - slip == pytest.approx(after, abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("velocity", "spin", "change", "change_of_spin"),
-    [
-        ((0.5, 1), (0, 0, -10), (-0.06819102304, -1.7), (0, 0, -5.205421606)),
-        ((0.2, 1), (0, 0, -2), (-0.0516068981, -1.7), (0, 0, -3.939457867)),
-        ((0, 1), (-5, 0, 0), (0, -1.7), (4.909064176, 0, 0)),
-    ],
-)
+REBOUNDS = [
+    ((0.5, 1), (0, 0, -10), (-0.06819102304, -1.7), (0, 0, -5.205421606)),
+    ((0.2, 1), (0, 0, -2), (-0.0516068981, -1.7), (0, 0, -3.939457867)),
+    ((0, 1), (-5, 0, 0), (0, -1.7), (4.909064176, 0, 0)),
+]
+
+
+@pytest.mark.parametrize(("velocity", "spin", "change", "change_of_spin"), REBOUNDS)
 def test_compliant_rebounds_of_another_simulator(velocity, spin, change, change_of_spin):
     """The nose of its cushion is at the height of the ball's centre. Its z axis points down."""
     scene = pool_cushion("stronge", 1.0, 0.03275, e_cushion=0.7, cushion_frequency_ratio=1.7)
@@ -195,17 +195,17 @@ def test_compliant_rebounds_of_another_simulator(velocity, spin, change, change_
 TOPSPIN = {"mu_cushion_angle": 0.1, "e_cushion_topspin": 0.04}
 
 
-@pytest.mark.parametrize(
-    ("motion", "numbers", "height", "e", "mu"),
-    [
-        ((1.0, 0.0, 0.0, 0.0, 0.3), TOPSPIN, 1.28, 0.84, 0.2),  # rolls along the normal
-        ((1.0, 1.0, 1.0, 1.0, 0.0), TOPSPIN, 1.28, 0.8, 0.25),  # slides at 45 degrees
-        ((1.0, -1.0, 0.5, -1.0, 0.2), TOPSPIN, 1.28, 0.82, 0.25),  # half of the topspin of rolling
-        ((1.0, 0.0, -3.0, 0.5, 0.1), TOPSPIN, 1.28, 0.84, 0.2),  # more topspin than rolling
-        ((1.0, 0.0, 2.0, 0.5, 0.1), TOPSPIN, 1.28, 0.8, 0.2),  # backspin
-        ((1.0, 1.0, 0.0, 0.0, 0.0), {"mu_cushion_slip": 0.5}, 1.0, 0.8, 0.2 / (1 + 0.5 * math.sqrt(2))),  # slip sqrt(2)
-    ],
-)
+VARIABLE = [
+    ((1.0, 0.0, 0.0, 0.0, 0.3), TOPSPIN, 1.28, 0.84, 0.2),  # rolls along the normal
+    ((1.0, 1.0, 1.0, 1.0, 0.0), TOPSPIN, 1.28, 0.8, 0.25),  # slides at 45 degrees
+    ((1.0, -1.0, 0.5, -1.0, 0.2), TOPSPIN, 1.28, 0.82, 0.25),  # half of the topspin of rolling
+    ((1.0, 0.0, -3.0, 0.5, 0.1), TOPSPIN, 1.28, 0.84, 0.2),  # more topspin than rolling
+    ((1.0, 0.0, 2.0, 0.5, 0.1), TOPSPIN, 1.28, 0.8, 0.2),  # backspin
+    ((1.0, 1.0, 0.0, 0.0, 0.0), {"mu_cushion_slip": 0.5}, 1.0, 0.8, 0.2 / (1 + 0.5 * math.sqrt(2))),  # slip sqrt(2)
+]
+
+
+@pytest.mark.parametrize(("motion", "numbers", "height", "e", "mu"), VARIABLE)
 def test_a_variable_cushion_has_the_friction_and_the_restitution_of_the_motion(motion, numbers, height, e, mu):
     scene = pool_cushion("han2005_variable", height, e_cushion=0.8, mu_cushion=0.2, **numbers)
     plain = pool_cushion("han2005", height, e_cushion=e, mu_cushion=mu)
@@ -366,14 +366,14 @@ def euler_impact(angle, steps, sin, mu, mu_cloth, e=0.98):
 BELOW_THE_CENTRE = [(-0.3, 0.8, 0.2), (-0.85, 0.8, 0.5), (-0.2, 0.3, 1.0)]
 
 
-@pytest.mark.parametrize(
-    ("angle", "sin", "mu", "mu_cloth"),
-    [
-        (35, 0.4, 0.14, 0.212),
-        (80, 0.4, 0.14, 0.212),
-        *((angle, *nose) for angle in (50, 90) for nose in BELOW_THE_CENTRE),
-    ],
-)
+SMALL_STEPS = [
+    (35, 0.4, 0.14, 0.212),
+    (80, 0.4, 0.14, 0.212),
+    *((angle, *nose) for angle in (50, 90) for nose in BELOW_THE_CENTRE),
+]
+
+
+@pytest.mark.parametrize(("angle", "sin", "mu", "mu_cloth"), SMALL_STEPS)
 def test_the_impact_is_the_limit_of_many_small_steps(angle, sin, mu, mu_cloth):
     """A nose below the centre lifts the ball, which does not press on the cloth.
 
@@ -428,14 +428,14 @@ def test_each_cushion_of_a_scene_has_its_own_law():
     assert len(set(ends.values())) == len(scenes.CUSHIONS)
 
 
-@pytest.mark.parametrize(
-    ("names", "physics"),
-    [
-        ("MOTIONS", {"motion": "new", "cushion": "restitution"}),
-        ("CUSHIONS", {"cushion": "new"}),
-        ("BALL_BALL", {"ball_ball": "new"}),
-    ],
-)
+NEW_NAMES = [
+    ("MOTIONS", {"motion": "new", "cushion": "restitution"}),
+    ("CUSHIONS", {"cushion": "new"}),
+    ("BALL_BALL", {"ball_ball": "new"}),
+]
+
+
+@pytest.mark.parametrize(("names", "physics"), NEW_NAMES)
 def test_a_name_without_a_law_is_an_error(monkeypatch, names, physics):
     """A new cushion once ran as han2005, and a new contact of balls without friction."""
     monkeypatch.setattr(scenes, names, (*getattr(scenes, names), "new"))

@@ -1,4 +1,3 @@
-import itertools
 import math
 from fractions import Fraction
 from typing import Any
@@ -11,20 +10,10 @@ from hypothesis import strategies as st
 
 from billiards_env.physics.geometry import roots
 from billiards_env.physics.geometry.roots import bracketed_root
+from tests.helpers.polynomials import expand
 
 first_descent: Any = roots.first_descent
 quartic: Any = roots.quartic
-
-
-def expand(leading, roots, pairs=()):
-    """Returns the exact coefficients, constant first, of leading (t - r) ... ((t - a)^2 + b) ... for pairs (a, b)."""
-    coefficients = [Fraction(leading)]
-    for factor in [*([-Fraction(r), 1] for r in roots), *([a * a + b, -2 * a, 1] for a, b in pairs)]:
-        product = [Fraction(0)] * (len(coefficients) + len(factor) - 1)
-        for (i, x), (j, y) in itertools.product(enumerate(coefficients), enumerate(factor)):
-            product[i + j] += x * y
-        coefficients = product
-    return coefficients
 
 
 def value(coefficients, t):
@@ -94,16 +83,16 @@ def test_tiny_leading_coefficients_are_harmless(leading):
     assert first_descent(1.0, 0.0, leading, leading, leading, 3.0) == math.inf
 
 
-@pytest.mark.parametrize(
-    "coefficients",
-    [
-        (1.0, -1.0, 0.0, 0.0, 0.0),
-        (1.0, 0.0, -1.0, 0.0, 0.0),
-        (1.0, 0.0, 0.0, -1.0, 0.0),
-        (1.0, 0.0, 0.0, 0.0, -1.0),
-        (1.0, -3.0, 3.0, -1.0, 0.0),  # (1 - t)^3
-    ],
-)
+ROOT_AT_1 = [
+    (1.0, -1.0, 0.0, 0.0, 0.0),
+    (1.0, 0.0, -1.0, 0.0, 0.0),
+    (1.0, 0.0, 0.0, -1.0, 0.0),
+    (1.0, 0.0, 0.0, 0.0, -1.0),
+    (1.0, -3.0, 3.0, -1.0, 0.0),  # (1 - t)^3
+]
+
+
+@pytest.mark.parametrize("coefficients", ROOT_AT_1)
 def test_a_root_at_the_end_of_the_interval_counts_and_a_later_root_does_not(coefficients):
     assert first_descent(*coefficients, 1.0) == pytest.approx(1.0, abs=1e-5)
     assert first_descent(*coefficients, 0.999) == math.inf

@@ -329,19 +329,16 @@ def test_quitting_asks_if_the_game_is_not_saved(shown, tmp_path):
     assert (record.strokes, len(record.strokes)) == (shown.model.strokes, 1)
 
 
-QUIT = {"kind": pygame.QUIT}
+QUIT, Q = {"kind": pygame.QUIT}, {"kind": pygame.KEYDOWN, "key": pygame.K_q}
+QUITS = {
+    "the game is saved": (pygame.K_s, True, [QUIT]),
+    "it is saved afterwards": (None, False, [QUIT]),
+    "the window is closed twice": (None, True, [QUIT, QUIT]),
+    "the answer is to quit": (None, True, [QUIT, Q]),
+}
 
 
-@pytest.mark.parametrize(
-    ("key", "ask", "events"),
-    [
-        (pygame.K_s, True, [QUIT]),
-        (None, False, [QUIT]),
-        (None, True, [QUIT, QUIT]),
-        (None, True, [QUIT, {"kind": pygame.KEYDOWN, "key": pygame.K_q}]),
-    ],
-    ids=["the game is saved", "it is saved afterwards", "the window is closed twice", "the answer is to quit"],
-)
+@pytest.mark.parametrize(("key", "ask", "events"), QUITS.values(), ids=QUITS)
 def test_quitting(key, ask, events, shown, tmp_path):
     shown.ask = ask
     press(shown, pygame.K_SPACE, pygame.K_SPACE, *([key] if key else []))

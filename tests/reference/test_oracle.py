@@ -285,20 +285,20 @@ FIXED = ideal(1.0, math.inf)
 PLACES = [[0.0, 0.0], [0.5, 0.0]]
 
 
-@pytest.mark.parametrize(
-    ("start", "message"),
-    [
-        ((FIXED, PLACES, [[0.0, 0.0]] * 3), "velocities"),
-        ((FIXED, PLACES, [math.nan, 0.0]), "velocities"),
-        ((FIXED, PLACES, [1.0, 0.0], [[0.0, 0.0]]), "spins"),
-        ((FIXED, PLACES, [[0.0, 0.0], [1.0, 0.0]]), "infinite mass"),
-        ((ideal(1.0, 1.0), [[0.0, 0.0], [R, 0.0]], [1.0, 0.0]), "balls 0 and 1"),
-        (
-            (Scene.named("snooker", 0), [(0.0, 0.0)], [(1.0, 0.0)]),
-            r"physics\.cushion = 'mathavan2010': expected cushions with a closed form",
-        ),
-    ],
-)
+WRONG = [
+    ((FIXED, PLACES, [[0.0, 0.0]] * 3), "velocities"),
+    ((FIXED, PLACES, [math.nan, 0.0]), "velocities"),
+    ((FIXED, PLACES, [1.0, 0.0], [[0.0, 0.0]]), "spins"),
+    ((FIXED, PLACES, [[0.0, 0.0], [1.0, 0.0]]), "infinite mass"),
+    ((ideal(1.0, 1.0), [[0.0, 0.0], [R, 0.0]], [1.0, 0.0]), "balls 0 and 1"),
+    (
+        (Scene.named("snooker", 0), [(0.0, 0.0)], [(1.0, 0.0)]),
+        r"physics\.cushion = 'mathavan2010': expected cushions with a closed form",
+    ),
+]
+
+
+@pytest.mark.parametrize(("start", "message"), WRONG)
 def test_bad_input_is_refused(start, message):
     with pytest.raises(ValueError, match=message):
         run(*start)

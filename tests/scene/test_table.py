@@ -17,17 +17,17 @@ JAWS = [name for name in TABLES if Table.named(name).outline]
 # Presets
 
 
-@pytest.mark.parametrize(
-    ("name", "length", "width"),
-    [
-        ("pool_7ft", 1.9812, 0.9906),
-        ("pool_8ft", 92 * 0.0254, 46 * 0.0254),
-        ("pool_9ft", 2.54, 1.27),
-        ("snooker_12ft", 3.569, 1.778),
-        ("uk_7ft", 1.8288, 0.9144),
-        ("carom_10ft", 2.84, 1.42),
-    ],
-)
+SIZES = [
+    ("pool_7ft", 1.9812, 0.9906),
+    ("pool_8ft", 92 * 0.0254, 46 * 0.0254),
+    ("pool_9ft", 2.54, 1.27),
+    ("snooker_12ft", 3.569, 1.778),
+    ("uk_7ft", 1.8288, 0.9144),
+    ("carom_10ft", 2.84, 1.42),
+]
+
+
+@pytest.mark.parametrize(("name", "length", "width"), SIZES)
 def test_presets_have_the_size_of_real_tables(name, length, width):
     table = Table.named(name)
     assert (table.length, table.width) == (length, width)

@@ -87,9 +87,6 @@ def test_a_batch_may_have_no_shots():
     assert batch.time.shape == (0,)
 
 
-CLEAR = [[-0.5, 0.0], [0.5, 0.0]]
-
-
 @pytest.mark.parametrize("m", [0, 1, 31, 64, 1000])
 @pytest.mark.parametrize("threads", [None, 1, 2, 7])
 def test_pieces_cover_every_shot_once(m, threads):
@@ -181,7 +178,7 @@ def test_an_error_in_any_piece_is_raised_and_the_threads_continue():
     for _ in range(10):
         with pytest.raises(ValueError, match="piece of 500"):
             parallel_for(work, 1000, 3)
-    batch = simulate_batch(Scene.named("pool"), [CLEAR] * 100, [[1.0, 0.0]] * 100, threads=3)
+    batch = simulate_batch(Scene.named("pool"), [[[-0.5, 0.0], [0.5, 0.0]]] * 100, [[1.0, 0.0]] * 100, threads=3)
     assert batch.first_hit.tolist() == [1] * 100
 
 

@@ -9,8 +9,6 @@ from billiards_env.scene import CONTACT_GAP
 from billiards_env.shots.simulation import simulate
 from reference.stress.scenes import R, ideal, kinds, rough, run
 
-INF = math.inf
-
 
 @pytest.mark.parametrize("where", [[2.0 - R, 0.0], [2.0 - R, 1.0 - R], [0.0, R - 1.0]])
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
@@ -26,7 +24,7 @@ def test_a_hit_on_a_ball_frozen_to_cushions_ends_at_rest(where, e):
 @pytest.mark.parametrize("e_ball", [0.0, 0.3, 0.95, 1.0])
 @pytest.mark.parametrize("e_cushion", [0.0, 0.5, 1.0])
 def test_a_shot_with_a_ball_between_a_fixed_ball_and_a_cushion_ends(e_ball, e_cushion):
-    scene = ideal(1.0, INF, e_ball=e_ball, e_cushion=e_cushion)
+    scene = ideal(1.0, math.inf, e_ball=e_ball, e_cushion=e_cushion)
     shot = run(scene, [[2.0 - R, 0.0], [2.0 - 3 * R, 0.0]], [1.0, 0.25])
     assert shot.status in ("rest", "max_time")
     assert shot.n_events < 3000

@@ -119,21 +119,21 @@ def test_a_task_has_the_outcomes_of_python(task, engine, tab, monkeypatch):
     assert [found["layouts"], found["digest"]] == [result.layouts, result.digest]
 
 
+WRONG = [
+    ("'pol', [[0, 0]], [1, 0]", "scene = pol: expected one of pool, "),
+    ("'pool', [[0, 0], [0.01, 0]], [1, 0]", "positions: expected balls that lie on the table"),
+    ("'pool', [[0, 0], [0.5, NaN]], [1, 0]", "positions = .*: expected 2 finite numbers for each of 2 balls"),
+    ("'pool', [[0, 0]], [1, 0], {mode: 'pit'}", 'dt = null: expected a timestep in s for "pit"'),
+    ("'pool', [[0, 0]], [1, 0], {dt: 0.1}", "dt = 0.1: expected a timestep in s for"),
+    ("'pool', [[0, 0]], [1, 0], {mode: 'pit', dt: 0.1, fix: 'x'}", "fix = x: expected one of push_apart"),
+    ("'pool', [[0, 0]], [1, 0], {numbers: {mass: 1}}", "number mass: expected one of slide, roll, "),
+    ("'pool', [[0, 0]], [1, 0], {inPlay: []}", r"inPlay = \[\]: expected true or false for each of 1 balls"),
+    ("'pool', Array.from({length: 17}, () => [0, 0]), [1, 0]", "positions has 17 balls: expected at most 16"),
+]
+
+
 @needs_extra
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        ("'pol', [[0, 0]], [1, 0]", "scene = pol: expected one of pool, "),
-        ("'pool', [[0, 0], [0.01, 0]], [1, 0]", "positions: expected balls that lie on the table"),
-        ("'pool', [[0, 0], [0.5, NaN]], [1, 0]", "positions = .*: expected 2 finite numbers for each of 2 balls"),
-        ("'pool', [[0, 0]], [1, 0], {mode: 'pit'}", 'dt = null: expected a timestep in s for "pit"'),
-        ("'pool', [[0, 0]], [1, 0], {dt: 0.1}", "dt = 0.1: expected a timestep in s for"),
-        ("'pool', [[0, 0]], [1, 0], {mode: 'pit', dt: 0.1, fix: 'x'}", "fix = x: expected one of push_apart"),
-        ("'pool', [[0, 0]], [1, 0], {numbers: {mass: 1}}", "number mass: expected one of slide, roll, "),
-        ("'pool', [[0, 0]], [1, 0], {inPlay: []}", r"inPlay = \[\]: expected true or false for each of 1 balls"),
-        ("'pool', Array.from({length: 17}, () => [0, 0]), [1, 0]", "positions has 17 balls: expected at most 16"),
-    ],
-)
+@pytest.mark.parametrize(("call", "message"), WRONG)
 def test_the_module_rejects_wrong_input(engine, tab, call, message):
     check.browser_bits(tab, engine, [])
     found = tab.evaluate(f"() => {{ try {{ engine.simulate({call}); }} catch (error) {{ return error.message; }} }}")
