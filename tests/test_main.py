@@ -52,10 +52,10 @@ def test_simulate_prints_the_result_and_writes_a_page_and_a_record(capsys, tmp_p
     assert (tmp_path / "again.html").read_text() == page.read_text()
 
 
-@pytest.mark.parametrize(
-    ("suffix", "module", "start"),
-    [("png", "matplotlib", b"\x89PNG"), ("svg", "matplotlib", b"<?xml"), ("gif", "pygame", b"GIF8")],
-)
+FORMATS = [("png", "matplotlib", b"\x89PNG"), ("svg", "matplotlib", b"<?xml"), ("gif", "pygame", b"GIF8")]
+
+
+@pytest.mark.parametrize(("suffix", "module", "start"), FORMATS)
 def test_the_suffix_selects_the_format(suffix, module, start, tmp_path):
     pytest.importorskip(module)
     path = tmp_path / f"shot.{suffix}"

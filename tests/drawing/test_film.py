@@ -1,7 +1,5 @@
 import math
 import os
-import re
-import subprocess
 
 import numpy as np
 import pytest
@@ -10,21 +8,10 @@ pytest.importorskip("PIL.Image")
 pytest.importorskip("imageio_ffmpeg")
 pytest.importorskip("pygame")
 
-import imageio_ffmpeg as ffmpeg
 from PIL.GifImagePlugin import GifImageFile
 
 from billiards_env.drawing.canvas import Canvas, Caption, pixels
-
-
-def read_mp4(path):
-    """Returns the frames per second and the frames."""
-    ask = [ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-i", str(path)]
-    data = subprocess.run([*ask, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True).stdout
-    about = subprocess.run(ask, capture_output=True, text=True).stderr
-    assert "h264" in about
-    assert "yuv420p" in about
-    width, height = map(int, re.findall(r" (\d+)x(\d+)[ ,]", about)[0])
-    return float(re.findall(r"([\d.]+) fps", about)[0]), np.frombuffer(data, np.uint8).reshape(-1, height, width, 3)
+from tests.helpers.films import read_mp4
 
 
 def drawn(shot, fps, width):

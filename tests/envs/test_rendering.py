@@ -1,7 +1,6 @@
 import math
 import os
 import re
-import subprocess
 import sys
 from typing import Any
 
@@ -18,6 +17,7 @@ from billiards_env.envs.tasks import TASKS
 from billiards_env.games import billiards_v0
 from billiards_env.shots import simulation
 from tests.helpers.environments import same
+from tests.helpers.films import read_mp4
 
 make: Any = gym.make  # Any: the type of the result of `render` depends on the render mode
 make_vec: Any = gym.make_vec
@@ -203,13 +203,6 @@ def test_keys_change_the_pace_of_a_window(pygame, monkeypatch):
     window.close()
 
 
-def film_of(path):
-    ffmpeg = pytest.importorskip("imageio_ffmpeg")
-    options = f"-loglevel error -i {path} -f rawvideo -pix_fmt rgb24 -".split()
-    data = subprocess.run([ffmpeg.get_ffmpeg_exe(), *options], capture_output=True, check=True).stdout
-    return np.frombuffer(data, np.uint8).reshape(-1, 462, 800, 3)
-
-
 def test_record_video_films_every_frame_of_every_shot(tmp_path):
     pytest.importorskip("moviepy")
     env = make("Billiards-v0", render_mode="rgb_array_list", max_shots=2)
@@ -229,7 +222,7 @@ def test_record_video_films_every_frame_of_every_shot(tmp_path):
     env.close()
     assert sorted(os.listdir(tmp_path / "films")) == ["rl-video-episode-0.mp4", "rl-video-episode-2.mp4"]
     for episode in (0, 2):
-        film = film_of(tmp_path / "films" / f"rl-video-episode-{episode}.mp4")
+        _, film = read_mp4(tmp_path / "films" / f"rl-video-episode-{episode}.mp4")
         assert len(film) == len(expected[episode])
         for one, other in zip(film[::25], expected[episode][::25], strict=True):
             assert np.abs(one.astype(int) - other).mean() < 4
@@ -248,7 +241,7 @@ def test_record_video_by_length(tmp_path):
         lengths.append(1 + n_frames(info))  # the starting state and the shot
     env.close()
     assert os.listdir(tmp_path / "films") == ["rl-video-step-1.mp4"]
-    assert len(film_of(tmp_path / "films" / "rl-video-step-1.mp4")) == lengths[1]  # a shot is not cut short
+    assert len(read_mp4(tmp_path / "films" / "rl-video-step-1.mp4")[1]) == lengths[1]  # a shot is not cut short
 
 
 @pytest.mark.filterwarnings("ignore:Exception ignored in. .function RecordVideo")  # the destructor of Gymnasium 1.2

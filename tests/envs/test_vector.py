@@ -265,6 +265,6 @@ def test_attributes_of_each_environment(kwargs):
     assert native.get_attr("max_speed") == (1.0, 1.0, 1.0)
     with pytest.raises(ValueError, match=r"max_speed = \[1.0, 2.0, 3.0\]: expected one value for all 3"):
         native.set_attr("max_speed", [1.0, 2.0, 3.0])
-    for name in ("reset", "set_state"):
+    for name in ("reset", "step", "set_state"):
         with pytest.raises(ValueError, match=rf"call\('{name}'\): expected the method of the vector environment"):
             native.call(name)

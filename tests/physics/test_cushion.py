@@ -326,15 +326,12 @@ SNOOKER = [
 SNOOKER_R = 0.02625
 
 
-def snooker_cushion():
-    return pool_cushion("mathavan2010", 1.4, SNOOKER_R, mu_slide=0.212, mu_cushion=0.14, e_cushion=0.98)
-
-
 @pytest.mark.parametrize(("angle", "side", "roll", "velocity", "spin"), SNOOKER)
 def test_snooker_cushions_by_mathavan_2010(angle, side, roll, velocity, spin):
     """The expected values have an error of up to 5e-4, as the impact has 5000 steps of first order."""
+    cushion = pool_cushion("mathavan2010", 1.4, SNOOKER_R, mu_slide=0.212, mu_cushion=0.14, e_cushion=0.98)
     before, (wx, wy, wz) = rolling(angle, side, SNOOKER_R)
-    found = rebound_of(snooker_cushion(), before, (roll * wx, roll * wy, wz))
+    found = rebound_of(cushion, before, (roll * wx, roll * wy, wz))
     assert found[0] == pytest.approx(velocity, abs=5.5e-4)
     assert SNOOKER_R * found[1] == pytest.approx(spin, abs=5.5e-4)
 

@@ -82,7 +82,12 @@ def test_each_game_has_a_page_of_rules(make_model):
 
 
 def test_each_player_has_a_label(make_model):
-    labels_of = {"search:500": "search", "mine:geometric": "geometric", "planner:club": "club", "planner:1s": "planner"}
+    labels_of = {
+        "search:500": "search",
+        "my.own:geometric": "geometric",
+        "planner:club": "club",
+        "planner:1s": "planner",
+    }
     model = make_model(positions=EIGHT[:3], players=tuple(labels_of))
     for k, label in enumerate(labels_of.values()):
         assert labels.player_name(model, k) == f"Player {k + 1} ({label})"

@@ -201,11 +201,10 @@ TRACKS = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [*ONE_SHOT, *BATCHES, *TIMESTEPS, *DERIVATIVES, *STRIKES, *TRACKS],
-    ids=lambda x: x if isinstance(x, str) else "",
-)
+WRONG = [*ONE_SHOT, *BATCHES, *TIMESTEPS, *DERIVATIVES, *STRIKES, *TRACKS]
+
+
+@pytest.mark.parametrize(("call", "message"), WRONG, ids=[message for _, message in WRONG])
 def test_a_wrong_argument_is_refused(call, message):
     with pytest.raises((IndexError, TypeError, ValueError), match=re.escape(message)) as error:
         call()
