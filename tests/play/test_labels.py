@@ -82,14 +82,9 @@ def test_each_game_has_a_page_of_rules(make_model):
 
 
 def test_each_player_has_a_label(make_model):
-    labels_of = {
-        "search:500": "search",
-        "my.own:geometric": "geometric",
-        "planner:club": "club",
-        "planner:1s": "planner",
-    }
-    model = make_model(positions=EIGHT[:3], players=tuple(labels_of))
-    for k, label in enumerate(labels_of.values()):
+    players = "search:500", "my.own:geometric", "planner:club", "planner:1s"
+    model = make_model(positions=EIGHT[:3], players=players)
+    for k, label in enumerate(("search", "geometric", "club", "planner")):
         assert labels.player_name(model, k) == f"Player {k + 1} ({label})"
 
 
