@@ -9,17 +9,14 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from billiards_env import Engine, simulate, simulate_batch, strike
 from billiards_env.checks import RANGES, Range, fits, integer, numbers, one_of, real, short
-from billiards_env.engine import Engine
 from billiards_env.engine.pit import MAX_STEPS
 from billiards_env.envs import BilliardsVectorEnv, make_vector_env
 from billiards_env.envs.actions import aimed_strikes, perturb
 from billiards_env.games import GameState, Setup, Stroke, opening, play, records
 from billiards_env.games.batch import play_batch
-from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.scene.table import Pocket, Table
-from billiards_env.shots.simulation import simulate, simulate_batch
-from billiards_env.shots.strikes import strike
+from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
 from tests.helpers.errors import rejected
 
 PLACES = [[-0.6, 0.0], [0.6, 0.3]]
@@ -240,10 +237,7 @@ WRONG_TYPES = [
     (lambda: Engine(dt=np.float64(0.5)), "dt = 0.5 with mode='pic'"),
     (lambda: Engine(np.str_("pci")), "mode = 'pci': expected one of"),
     (lambda: Setup("nine_ball", NINE, target=cast("Any", np.int64(3))), "target = 3 with rules 'nine_ball'"),
-    (
-        made(max_speed=np.float64(2), action="sum_to_three"),
-        "max_speed = 2.0 with action 'sum_to_three': expected at",
-    ),
+    (made(max_speed=np.float64(2), action="sum_to_three"), "max_speed = 2.0 with action 'sum_to_three': expected at"),
     (lambda: make_vector_env(2).reset(options={"positions": "abc"}), "options['positions'] = 'abc': expected"),
 ]
 

@@ -9,17 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from billiards_env import Scene, simulate
+from billiards_env import Scene, simulate, strike
 from billiards_env.__main__ import main
 from billiards_env.engine.compile import MODES
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.games import Setup, Stroke, opening, records
-from billiards_env.games.game import History
+from billiards_env.games import History, Setup, Stroke, opening, records
 from billiards_env.jit.folders import source_hash
 from billiards_env.scene import SCENES
 from billiards_env.scene.layouts import LAYOUTS
 from billiards_env.shots import records as shot_records
-from billiards_env.shots.strikes import strike
 
 SHOT = ["simulate", "--positions", "-0.635", "0", "0.635", "0.3", "--velocity", "2", "0.45"]
 

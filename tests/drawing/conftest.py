@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
 
-from billiards_env import Scene
-from billiards_env.engine import Engine
+from billiards_env import Engine, Scene, simulate
 from billiards_env.scene import layouts
-from billiards_env.shots.simulation import simulate
 
 SCENE = Scene.named("pool", 4)
 PLACES = layouts.draw("random", SCENE, np.random.default_rng(140))

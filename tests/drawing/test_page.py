@@ -5,12 +5,11 @@ import shutil
 import numpy as np
 import pytest
 
-from billiards_env import Scene
+from billiards_env import Scene, simulate
 from billiards_env.drawing.orientation import turning
 from billiards_env.drawing.page import make_page
 from billiards_env.drawing.raster import rgb
 from billiards_env.drawing.style import CLOTH, POCKET
-from billiards_env.shots.simulation import simulate
 from tests.helpers.pages import page_data
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)

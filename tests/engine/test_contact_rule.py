@@ -7,8 +7,7 @@ import pytest
 
 from billiards_env.engine.contact_rule import longest_run
 from billiards_env.jit import kernel
-from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.scene.table import Table
+from billiards_env.scene import Balls, Physics, Scene, Table
 from reference.stress.scenes import R, ideal, rough
 from tests.helpers.shots import simulate
 
@@ -140,12 +139,7 @@ PRESSED_TOGETHER = [
     (((0, 150, 0), (0, 0, 0)), 0.0, 0.17, ((0.9443434818, 0.0), (1.0014934818, 0.0))),
     (((0, 100, 50), (0, 0, 0)), 0.0, 0.17, ((-0.1358473420, 0.0), (-0.0786973420, 0.0))),
     (((-5, 60, 0), (0, 0, 0)), 0.0, 0.17, ((-0.6701475358, 0.0729656496), (-0.6433481565, -0.0140658770))),
-    (
-        ((-60, 60, 30), (0, 0, 0)),
-        math.pi / 4,
-        0.17,
-        ((-0.5600452931, 0.1571119944), (-0.5196341406, 0.1975231469)),
-    ),
+    (((-60, 60, 30), (0, 0, 0)), math.pi / 4, 0.17, ((-0.5600452931, 0.1571119944), (-0.5196341406, 0.1975231469))),
     (((0, 100, 0), (0, -60, 0)), 0.0, 0.17, ((-0.8617355743, 0.0), (-0.8045855743, 0.0))),
     (((0, 120, 0), (0, 0, 0)), 0.0, 0.34, ((-0.4807942513, 0.0), (-0.4236442513, 0.0))),
     (((0, 100, 0), (0, 0, 0)), 0.0, 0.085, ((0.5718430967, 0.0), (0.6289930967, 0.0))),

@@ -15,8 +15,7 @@ from billiards_env.engine.log import N_EVENTS_LOGGED, N_SEGMENTS_LOGGED, SEGMENT
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_REST, Shots
 from billiards_env.physics.state import T0
-from billiards_env.scene import Balls, Physics, layouts
-from billiards_env.scene.table import Table
+from billiards_env.scene import Balls, Physics, Table, layouts
 from reference import plain
 from reference.stress import checks, families
 from reference.stress.draw import star

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 
 from billiards_env.engine import PIC, Engine
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.scene import Balls, Physics, Scene
+from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
 from billiards_env.scene.outline import clearance, pieces
-from billiards_env.scene.table import Pocket, Table
 from tests.helpers.engine_runs import CELL_GRID, check
 from tests.helpers.outlines import ANY_TABLE, TABLES, beyond, table, with_corners
 from tests.helpers.shots import FREE, ROLLING, SLIDING, kinds, outline_shot, simulate

@@ -8,11 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from billiards_env import Scene, simulate_batch
-from billiards_env.engine import Engine
+from billiards_env import Engine, Scene, simulate_batch
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.scene import Balls, Physics, layouts
-from billiards_env.scene.table import Pocket, Table
+from billiards_env.scene import Balls, Physics, Pocket, Table, layouts
 from tests.helpers.shots import (
     DTS,
     FREE,

@@ -8,8 +8,7 @@ import pytest
 from billiards_env import Scene
 from billiards_env.engine import pic
 from billiards_env.engine.compile import MANY_BALLS, PIC, run_shots_of
-from billiards_env.scene import Balls, Physics
-from billiards_env.scene.table import Table
+from billiards_env.scene import Balls, Physics, Table
 from reference.stress import families
 from tests.helpers.engine_runs import CELL_GRID, ORDINARY, PLAIN, check
 from tests.helpers.shots import lattice

@@ -9,8 +9,7 @@ import pytest
 from billiards_env.engine.compile import MANY_BALLS, scene_fields
 from billiards_env.engine.shot_input import check_shot, is_valid_fast, is_valid_fast_of_many
 from billiards_env.engine.shots import Shots, empty_shots
-from billiards_env.scene import CONTACT_GAP, Balls, Physics, Scene, check_positions
-from billiards_env.scene.table import Table
+from billiards_env.scene import CONTACT_GAP, Balls, Physics, Scene, Table, check_positions
 from tests.helpers.looks import looks
 from tests.helpers.shots import lattice
 

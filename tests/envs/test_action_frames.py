@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from billiards_env import simulate_batch, strike
-from billiards_env.engine import Engine
+from billiards_env import Engine, simulate_batch, strike
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.envs import make_env, make_vector_env
 from billiards_env.envs.action_frames import Frame, aim, cut, nearest_ball, sum_to_three

@@ -108,10 +108,7 @@ OPTIONS: list[tuple[Any, ...]] = [
     ({"positions": [[0, 0]]}, r"options\['positions'\] has shape \(1, 2\): expected \(2, 2\)"),
     ({"positions": [[0, 0], [0.01, 0]]}, "balls 0 and 1 are 0.01 m apart: expected at least 0.05715"),
     ({"goal": [[0, 0]]}, r"options\['goal'\] has shape \(1, 2\): expected \(2,\)"),
-    (
-        {"goal": [0, 0.62]},
-        r"options\['goal'\] as a position of the cue ball: .* at \[0.0, 0.62\]: .* inside",
-    ),
+    ({"goal": [0, 0.62]}, r"options\['goal'\] as a position of the cue ball: .* at \[0.0, 0.62\]: .* inside"),
     ({"physics": 0.01}, r"options\['physics'\] = 0.01: expected a mapping", TypeError),
     ({"physics": {"g": 9.0}}, r"key of options\['physics'\] = 'g': expected one of 'mu_roll', 'e_ball'"),
     ({"physics": {"mu_roll": [0.01]}}, r"options\['physics'\]\['mu_roll'\] has shape \(1,\): expected \(\)"),

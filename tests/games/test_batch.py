@@ -37,9 +37,8 @@ def one_by_one(settings, game, velocities, spins, places):
     return played
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_a_batch_has_the_verdicts_states_and_positions_of_single_shots(case):
-    rules, layout, state = CASES[case]
+@pytest.mark.parametrize(("rules", "layout", "state"), CASES.values(), ids=CASES)
+def test_a_batch_has_the_verdicts_states_and_positions_of_single_shots(rules, layout, state):
     settings = setup(rules, call_shot=state.get("call_shot", False))
     game = opening(settings, np.random.default_rng(1), layout)
     game = game._replace(state=changed(game.state, **{"in_hand": 0, **state}))  # a break with the cue ball in place

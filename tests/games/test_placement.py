@@ -5,9 +5,8 @@ import pytest
 
 from billiards_env.games import placement
 from billiards_env.games.state import IN_HAND, State, row, set_of
-from billiards_env.scene import Balls, Scene, check_positions
+from billiards_env.scene import Balls, Scene, Table, check_positions
 from billiards_env.scene.layouts import MARGIN, layout_plan
-from billiards_env.scene.table import Table
 
 SCENE = Scene.named("pool", 15)
 R = SCENE.balls.radius[0]

@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from billiards_env import Scene, __version__, simulate, strike
-from billiards_env.engine import Engine
+from billiards_env import Engine, Scene, __version__, simulate, strike
 from billiards_env.games import GAMES, records, to_dict
 from billiards_env.scene import Balls
 from billiards_env.shots import records as shot_records

@@ -120,10 +120,7 @@ CALLS = [
     (lambda: opening(setup("carom"), RNG(0), "rack"), "layout = 'rack' with rules 'carom': expected one of '"),
     (lambda: custom_opening(setup("nine_ball"), PLACES[:9]), r"positions has shape \(9, 2\)"),
     (lambda: custom_opening(setup("nine_ball"), PLACES[[0, 1, 1, *range(3, 10)]]), "balls 1 and 2"),
-    (
-        lambda: setup("nine_ball").callable(opening(setup("nine_ball"), RNG(0)).state),
-        "game = 'nine_ball'",
-    ),
+    (lambda: setup("nine_ball").callable(opening(setup("nine_ball"), RNG(0)).state), "game = 'nine_ball'"),
     (lambda: begun(rules="one_pocket"), "rules = 'one_pocket'"),
     (lambda: begun(rules="eight_ball", n_object_balls=9), "9 object balls: expected 15"),
     (lambda: begun(layout="line"), "layout = 'line'"),

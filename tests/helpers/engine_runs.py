@@ -2,11 +2,9 @@
 
 import numpy as np
 
-from billiards_env.engine import pic
-from billiards_env.engine.compile import PIC, Engine, scene_fields
+from billiards_env.engine import PIC, Engine, Shots, empty_shots, pic, scene_fields
 from billiards_env.engine.log import empty_log
 from billiards_env.engine.shot_input import check_shot
-from billiards_env.engine.shots import Shots, empty_shots
 from reference import plain
 from reference.stress import families
 
@@ -22,15 +20,8 @@ def run(run_shots, shots, record=False, max_time=None, max_events=MAX_EVENTS, dt
     shots = Shots(*given[:4], *empty_shots(m, n)[4:])
     log = empty_log(LOG_EVENTS, 4 * LOG_EVENTS) if record else empty_log()
     log.events[:], log.segments[:] = 0.0, 0.0
-    run_shots(
-        0,
-        m,
-        scene_fields(scene, PIC if dt is None else Engine("pit", dt, fix)),
-        given.limit,
-        max_events,
-        tuple(shots),
-        tuple(log),
-    )
+    fields = scene_fields(scene, PIC if dt is None else Engine("pit", dt, fix))
+    run_shots(0, m, fields, given.limit, max_events, tuple(shots), tuple(log))
     return [*shots, *log]
 
 

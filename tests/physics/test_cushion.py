@@ -12,9 +12,8 @@ from billiards_env.physics.laws.cushion import CushionMotion, cushion_restitutio
 from billiards_env.physics.laws.cushion_stronge import friction_impulse
 from billiards_env.physics.laws.mathavan import CushionNose, integrate_impact
 from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, State
-from billiards_env.scene import Balls, Physics, Scene
+from billiards_env.scene import Balls, Physics, Scene, Table
 from billiards_env.scene import scene as scenes
-from billiards_env.scene.table import Table
 from billiards_env.shots.simulation import simulate
 from tests.helpers.outlines import with_corners
 

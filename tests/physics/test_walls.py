@@ -12,9 +12,8 @@ from billiards_env.physics.geometry import walls
 from billiards_env.physics.geometry.walls import BOX_X, HALF_LINE, outline_arrays
 from billiards_env.physics.motion import Path
 from billiards_env.physics.state import VX, VY, WIDTH, State, X, Y
-from billiards_env.scene import Balls, Physics, Scene
+from billiards_env.scene import Balls, Physics, Scene, Table
 from billiards_env.scene.outline import clearance, pieces
-from billiards_env.scene.table import Table
 from tests.helpers.outlines import ANY_TABLE, TABLES, THROAT, free_places, joint_of, table, with_corners
 
 INF = math.inf

@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env.engine import Engine
-
 pytest.importorskip("pygame")
 
 import pygame
 
-from billiards_env import simulate
+from billiards_env import Engine, simulate
 from billiards_env.drawing.canvas import Canvas, pixels
 from billiards_env.games import Stroke, records
 from billiards_env.play.controls import height_of

@@ -7,8 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from billiards_env import Scene
-from billiards_env.engine import Engine
+from billiards_env import Engine, Scene, strike
 from billiards_env.evaluation import measure
 from billiards_env.games import GameState, Setup, Stroke, choices, custom_opening, opening, play
 from billiards_env.games.batch import play_batch
@@ -19,7 +18,6 @@ from billiards_env.players.levels import EXPECTED, LEVELS, expected, level_of, w
 from billiards_env.players.named import find_player
 from billiards_env.players.planner import Options, _draw_noise, add_noise, plan
 from billiards_env.players.values import Values, success
-from billiards_env.shots.strikes import strike
 from tests.helpers.games import hanging, setup
 
 RNG = np.random.default_rng

@@ -7,8 +7,7 @@ from billiards_env import Scene, simulate
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.physics.laws.cloth import arrival, launch, travel_time
 from billiards_env.players.pots import Tables, pot_shots
-from billiards_env.scene import Balls, Physics
-from billiards_env.scene.table import Table
+from billiards_env.scene import Balls, Physics, Table
 from tests.helpers.layouts import at
 
 POOL = Scene.named("pool")

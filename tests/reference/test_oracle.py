@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import mpf
 
-from billiards_env.scene import Balls, Physics, Scene, layouts
-from billiards_env.scene.table import Table
+from billiards_env.scene import Balls, Physics, Scene, Table, layouts
 from reference.oracle import OracleShot, RestingContactError, contact, laws, run
 from reference.oracle.roots import Real, first_entry, first_possible_entry, real_roots
 from reference.stress.scenes import R, ideal

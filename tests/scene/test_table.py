@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from billiards_env.scene import CONTACT_GAP, SCENES, Balls, Scene, check_positions
+from billiards_env.scene import CONTACT_GAP, SCENES, TABLES, Balls, Pocket, Scene, Table, check_positions
 from billiards_env.scene.outline import clearance, pieces, polygon
-from billiards_env.scene.table import TABLES, Pocket, Table
 from tests.helpers.errors import rejected
 from tests.helpers.scenes import HEXAGON, SQUARE, custom, outline
 

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate, simulate_batch, strike
-from billiards_env.engine import PIC, Engine
+from billiards_env.engine import PIC, Engine, parallel_for
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.engine.threads import parallel_for
 from billiards_env.scene import Physics
 from tests.helpers.shots import LAWS, draw_starts, run_both
 
@@ -31,9 +30,8 @@ BATCHES: dict[str, tuple[Scene, str, dict[str, Any]]] = {
 
 
 @pytest.mark.parametrize("fix", [None, *FIXES])
-@pytest.mark.parametrize("name", BATCHES)
-def test_a_batch_equals_single_shots_bit_for_bit(name, fix):
-    scene, arrangement, options = BATCHES[name]
+@pytest.mark.parametrize(("scene", "arrangement", "options"), BATCHES.values(), ids=BATCHES)
+def test_a_batch_equals_single_shots_bit_for_bit(scene, arrangement, options, fix):
     engine = PIC if fix is None else Engine("pit", 1 / 60, fix)
     places, starts, spins = draw_starts(scene, 70, arrangement)
     turning = spins if scene.physics.motion == "sliding" else None

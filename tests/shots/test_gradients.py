@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate_batch, strike
 from billiards_env import scene as scenes
-from billiards_env.scene import Balls, layouts
-from billiards_env.scene.table import Pocket, Table
+from billiards_env.scene import Balls, Pocket, Table, layouts
 from billiards_env.shots.gradients import OUTPUTS, UNIT_ROUNDOFF, physics_inputs
 from reference.oracle import run
 from tests.helpers.derivatives import SCENES, VARIABLE, directional_differences, recorded, start_of, tangent_of

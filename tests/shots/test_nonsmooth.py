@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate_batch, strike
 from billiards_env.engine.nonsmooth import REASONS
-from billiards_env.scene import Balls, layouts
-from billiards_env.scene.table import Pocket, Table
+from billiards_env.scene import Balls, Pocket, Table, layouts
 from billiards_env.shots.gradients import physics_inputs
 from reference.oracle import run
 from tests.helpers.derivatives import start_of

@@ -154,10 +154,7 @@ DERIVATIVES = [
     (of_shot("certain", recorded=False), f"shot.certain: {RECORDED}"),
     (of_shot("sensitivity", recorded=False), f"shot.sensitivity: {RECORDED}"),
     (of_shot("sensitivity", engine=Engine("pit", 0.1)), f"shot.sensitivity: {RECORDED}"),
-    (
-        lambda: many()().vjp({"positions": 1.0}),
-        "batch.vjp: expected a batch of simulate_batch(..., record=True) by",
-    ),
+    (lambda: many()().vjp({"positions": 1.0}), "batch.vjp: expected a batch of simulate_batch(..., record=True) by"),
     (
         of_shot("sensitivities", [1.0, 0.5]),
         "times = [1.0, 0.5]: expected finite numbers of seconds >= 0 in ascending order",

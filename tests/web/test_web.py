@@ -10,8 +10,7 @@ import numba
 import numpy as np
 import pytest
 
-from billiards_env import Scene, bench, simulate
-from billiards_env.shots.strikes import strike
+from billiards_env import Scene, bench, simulate, strike
 from web import build, check, tasks
 
 needs_extra = pytest.mark.skipif(
