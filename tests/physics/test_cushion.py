@@ -359,13 +359,10 @@ def euler_impact(angle, steps, sin, mu, mu_cloth, e=0.98):
     return np.array([vx, vy])
 
 
-BELOW_THE_CENTRE = [(-0.3, 0.8, 0.2), (-0.85, 0.8, 0.5), (-0.2, 0.3, 1.0)]
-
-
 SMALL_STEPS = [
     (35, 0.4, 0.14, 0.212),
     (80, 0.4, 0.14, 0.212),
-    *((angle, *nose) for angle in (50, 90) for nose in BELOW_THE_CENTRE),
+    *((angle, *nose) for angle in (50, 90) for nose in ((-0.3, 0.8, 0.2), (-0.85, 0.8, 0.5), (-0.2, 0.3, 1.0))),
 ]
 
 

@@ -174,12 +174,8 @@ def test_a_ball_grazes_a_tip_or_passes_it(offset, meets):
     outwards = np.array([-1.0, -1.0]) / math.sqrt(2)
     nearest = np.array([tip.x, tip.y]) + (reach + offset) * outwards
     for force in (0.0, 0.5):  # the second path bends away from the tip
-        path = (*(nearest - 0.3 * direction), *direction, *(force * outwards))
-        path = (
-            *(nearest - 0.3 * direction + 0.045 * force * outwards),
-            *(direction - 0.3 * force * outwards),
-            *path[4:],
-        )
+        bend = force * outwards
+        path = (*(nearest - 0.3 * direction + 0.045 * bend), *(direction - 0.3 * bend), *bend)
         t, wall = wall_time(path, TABLES["L"], 0.5)
         if force and abs(offset) < 1e-13:
             continue  # the rounding of the path is larger
