@@ -73,13 +73,8 @@ def test_the_angular_velocity_agrees_with_the_slip():
 def test_the_error_of_an_orientation_is_below_the_limit():
     """English, draw and a masse: the axis of the ball turns."""
     scene = Scene.named("pool", 0)
-    shots = (
-        ([0.9, 0.0], [0.0, -60.0, 80.0]),
-        ([1.2, 0.3], [-120.0, -30.0, 60.0]),
-        ([0.5, 0.0], [3.0, 17.0, -15.0]),
-    )
     turns, ends = [], []
-    for velocity, spins in shots:
+    for *velocity, spins in ((0.9, 0, (0, -60, 80)), (1.2, 0.3, (-120, -30, 60)), (0.5, 0, (3, 17, -15))):
         shot = simulate(scene, [[-0.5, 0.0]], velocity, spins=spins, record=True)
         recording = shot.recording()
         turns.append(turning(recording))

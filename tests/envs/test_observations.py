@@ -177,10 +177,8 @@ def test_hindsight_replay_of_stable_baselines3_accepts_goals():
     from billiards_env.sb3 import SameStepVecEnv
 
     envs = SameStepVecEnv(make_vector_env(4, task="place", observe="goal", max_shots=2))
-    buffer = sb3.HerReplayBuffer
-    model = sb3.SAC(
-        "MultiInputPolicy", envs, replay_buffer_class=buffer, learning_starts=20, batch_size=8, device="cpu"
-    )
+    options = {"replay_buffer_class": sb3.HerReplayBuffer, "learning_starts": 20, "batch_size": 8, "device": "cpu"}
+    model = sb3.SAC("MultiInputPolicy", envs, **options)
     assert model.learn(40).num_timesteps == 40
     assert not hasattr(make_env(task="place"), "compute_reward")
 

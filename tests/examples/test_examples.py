@@ -13,15 +13,6 @@ FOLDER = Path(__file__).resolve().parents[2] / "examples"
 PAGE = (FOLDER.parent / "docs" / "examples.md").read_text(encoding="utf-8")
 
 
-@pytest.fixture(autouse=True)
-def one_thread():
-    torch = pytest.importorskip("torch")
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
-
-
 def load(name, *packages):
     """Returns the functions of a program, or skips the test without its packages."""
     for package in packages:
