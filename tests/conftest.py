@@ -8,6 +8,8 @@ from hypothesis import settings
 from billiards_env.jit import decorators
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # threads of PyTorch that wait for a core cost processor time
+os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+os.environ.setdefault("MPLBACKEND", "Agg")
 
 # The examples are the same in every run. No test fails because a machine is slow or a kernel is compiled.
 settings.register_profile("repeatable", derandomize=True, deadline=None)

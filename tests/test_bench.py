@@ -183,9 +183,8 @@ HOSTILE = {
 }
 
 
-@pytest.mark.parametrize("case", HOSTILE)
-def test_a_wrong_file_is_refused_with_the_reason(case, played, capsys):
-    change, message = HOSTILE[case]
+@pytest.mark.parametrize(("change", "message"), HOSTILE.values(), ids=HOSTILE)
+def test_a_wrong_file_is_refused_with_the_reason(change, message, played, capsys):
     changed = change(text())
     assert changed != text()
     played.write_text(changed, encoding="utf-8")

@@ -1,7 +1,5 @@
 """Every command runs with tiny sizes, and the Makefile and the pages use commands and options that exist."""
 
-from __future__ import annotations
-
 import argparse
 import functools
 import importlib

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import billiards_env
 from tests.helpers.imports import imported
 
 TESTS = Path(__file__).parent
@@ -36,6 +37,16 @@ def test_only_tests_import_tests():
     for package in ("agents", "benchmarks", "billiards_env", "reference", "release", "studies"):
         for path in (root / package).rglob("*.py"):
             assert all(name.split(".")[0] != "tests" for name in imported(path)), path
+
+
+def test_the_package_imports_the_engine_on_first_use():
+    from billiards_env.shots.simulation import simulate, simulate_batch
+
+    assert billiards_env.simulate is simulate
+    assert billiards_env.simulate_batch is simulate_batch
+    assert {"Scene", "simulate", "simulate_batch"} <= set(dir(billiards_env))
+    with pytest.raises(AttributeError, match="module 'billiards_env' has no attribute 'simulat'"):
+        billiards_env.simulat  # noqa: B018
 
 
 HEAVY = "torch jax stable_baselines3 pettingzoo pygame matplotlib PIL"

@@ -1,7 +1,5 @@
 """The installation: the pinned versions, the metadata of the package, and the virtual environment that make builds."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import re
 import shutil
@@ -13,6 +11,8 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
+
+import billiards_env
 
 ROOT = Path(__file__).resolve().parent.parent
 METADATA = importlib.metadata.metadata("billiards-env")
@@ -38,7 +38,9 @@ def pins(python: str, file: str = "constraints.txt") -> dict[str, str]:
     return {name: version.removeprefix("==") for name, version in applicable}
 
 
-def test_the_metadata_lists_the_tried_versions_of_python():
+def test_the_metadata_has_the_version_of_the_package_and_the_tried_versions_of_python():
+    pyproject = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert f'\nversion = "{billiards_env.__version__}"\n' in pyproject
     listed = re.findall(r"Python :: (3\.\d+)$", "\n".join(METADATA.get_all("Classifier") or []), re.MULTILINE)
     assert listed == [version.rpartition(".")[0] for version in TRIED]
     requires = SpecifierSet(METADATA["Requires-Python"])

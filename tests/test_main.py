@@ -9,17 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from billiards_env import Scene, simulate
+from billiards_env import Scene, simulate, strike
 from billiards_env.__main__ import main
 from billiards_env.engine.compile import MODES
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.games import Setup, Stroke, opening, records
-from billiards_env.games.game import History
+from billiards_env.games import History, Setup, Stroke, opening, records
 from billiards_env.jit.folders import source_hash
 from billiards_env.scene import SCENES
 from billiards_env.scene.layouts import LAYOUTS
 from billiards_env.shots import records as shot_records
-from billiards_env.shots.strikes import strike
 
 SHOT = ["simulate", "--positions", "-0.635", "0", "0.635", "0.3", "--velocity", "2", "0.45"]
 
@@ -52,10 +50,10 @@ def test_simulate_prints_the_result_and_writes_a_page_and_a_record(capsys, tmp_p
     assert (tmp_path / "again.html").read_text() == page.read_text()
 
 
-@pytest.mark.parametrize(
-    ("suffix", "module", "start"),
-    [("png", "matplotlib", b"\x89PNG"), ("svg", "matplotlib", b"<?xml"), ("gif", "pygame", b"GIF8")],
-)
+FORMATS = [("png", "matplotlib", b"\x89PNG"), ("svg", "matplotlib", b"<?xml"), ("gif", "pygame", b"GIF8")]
+
+
+@pytest.mark.parametrize(("suffix", "module", "start"), FORMATS)
 def test_the_suffix_selects_the_format(suffix, module, start, tmp_path):
     pytest.importorskip(module)
     path = tmp_path / f"shot.{suffix}"
@@ -105,7 +103,6 @@ def test_replay_of_a_game_prints_its_state_and_a_shot(capsys, game, tmp_path):
 
 def test_replay_in_a_window(monkeypatch, game):
     pytest.importorskip("pygame")
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     shown = []
     monkeypatch.setattr("billiards_env.drawing.window.Window.show", lambda self, frame, fps: shown.append(fps))
     main(["replay", game, "--window"])
@@ -199,49 +196,49 @@ def test_cache_compiles_what_is_named(capsys):
 PIT = "simulate --mode pit"
 
 
-@pytest.mark.parametrize(
-    ("command", "message"),
-    [
-        ("simulate --mode pci", "mode = 'pci': expected one of 'pic', 'pit' (did you mean 'pic'?)"),
-        (f"{PIT} --dt abc", "dt = 'abc' with mode='pit': expected the timestep, a number from"),
-        (f"{PIT} --dt 0.1 --fix push", "fix = 'push': expected one of 'push_apart', "),
-        ("simulate --max-time abc", "max_time = 'abc': expected a number, not str"),
-        ("simulate --velocity 2 fast", "velocities = [2.0, 'fast']: expected finite numbers in an array"),
-        ("simulate --side 0.3", "--side without --speed: expected the speed of the cue"),
-        ("simulate --speed 2 --spin 0 0 9", "--speed with --velocity or --spin: expected the motion"),
-        ("simulate --speed 2 --heading east", "--heading = 'east': expected a number, not str"),
-        ("simulate --speed -1", "--speed = -1.0: expected a number from 0 to 1000 m/s"),
-        ("simulate --max-time nan", "max_time = nan: expected a number from 0 to 1e+12 s"),
-        ("simulate --speed 2 --heading 900", "--heading = 900.0: expected a number from -360 to 360 degrees"),
-        ("simulate --speed 2 --elevation 100", "--elevation = 100.0: expected a number from 0 to 90 degrees"),
-        ("simulate --positions nan 0 0 0", "--positions = [nan, 0.0, 0.0, 0.0]: expected finite numbers"),
-        ("cache pol", "part = 'pol': expected one of 'pool', "),
-        ("simulate --scene no.json", "path = 'no.json': expected a file of a scene, but it does not exist"),
-        ("evaluate __main__ --beside", "player = '__main__': expected one of"),
-        ("simulate --scene pol", "scene = 'pol': expected one of 'pool', "),
-        ("simulate --layout rak", "layout = 'rak': expected one of 'random', "),
-        ("simulate --seed -3", "--seed = -3: expected a whole number >= 0"),
-        ("simulate --positions 0 0", "--positions with 2 numbers: expected 4, x and y of 2 balls"),
-        ("simulate --out shot.txt", "--out = 'shot.txt': expected a name that ends in one of .html .png"),
-        ("simulate --out no/shot.png", "path = 'no/shot.png': expected an existing folder"),
-        ("replay no.json", "path = 'no.json': expected a file of a shot or a game, but it does not exist"),
-        ("replay .", "path = '.': expected a file of a shot or a game, but it is a folder"),
-        ("replay shot.json --out copy.json", "--out = 'copy.json': expected a name that ends in"),
-        ("bench random --tasks Pot-v0", "task = 'Pot-v0': expected one of 'Pot1-v0'"),
-        ("bench random --seed -1", "seed = -1: expected a whole number"),
-        ("bench random --noise-seed -1", "noise_seed = -1: expected a whole number"),
-        ("bench random --name <b>", "player = '<b>': expected 1 to 80 letters"),
-        ("bench random --out x.txt", "path = 'x.txt': expected a name that ends in '.json'"),
-        ("bench random --out no/x.json", "path = 'no/x.json': expected an existing folder"),
-        ("bench random x.json", "file = 'x.json' after a player: expected the word verify"),
-        ("bench verify", "bench verify without a file"),
-        ("bench verify no.json", "path = 'no.json': expected a file of a benchmark, but it does not exist"),
-        ("bench nobody --tasks Pot1-v0", "player = 'nobody': expected one of"),
-        ("evaluate nobody:nothing --beside", "player = 'nobody:nothing': "),
-        ("evaluate random --task pott --beside", "task = 'pott': expected one of 'pot'"),
-        ("evaluate random --episodes 0 --beside", "--episodes = 0: expected a whole number >= 1"),
-    ],
-)
+ERRORS = [
+    ("simulate --mode pci", "mode = 'pci': expected one of 'pic', 'pit' (did you mean 'pic'?)"),
+    (f"{PIT} --dt abc", "dt = 'abc' with mode='pit': expected the timestep, a number from"),
+    (f"{PIT} --dt 0.1 --fix push", "fix = 'push': expected one of 'push_apart', "),
+    ("simulate --max-time abc", "max_time = 'abc': expected a number, not str"),
+    ("simulate --velocity 2 fast", "velocities = [2.0, 'fast']: expected finite numbers in an array"),
+    ("simulate --side 0.3", "--side without --speed: expected the speed of the cue"),
+    ("simulate --speed 2 --spin 0 0 9", "--speed with --velocity or --spin: expected the motion"),
+    ("simulate --speed 2 --heading east", "--heading = 'east': expected a number, not str"),
+    ("simulate --speed -1", "--speed = -1.0: expected a number from 0 to 1000 m/s"),
+    ("simulate --max-time nan", "max_time = nan: expected a number from 0 to 1e+12 s"),
+    ("simulate --speed 2 --heading 900", "--heading = 900.0: expected a number from -360 to 360 degrees"),
+    ("simulate --speed 2 --elevation 100", "--elevation = 100.0: expected a number from 0 to 90 degrees"),
+    ("simulate --positions nan 0 0 0", "--positions = [nan, 0.0, 0.0, 0.0]: expected finite numbers"),
+    ("cache pol", "part = 'pol': expected one of 'pool', "),
+    ("simulate --scene no.json", "path = 'no.json': expected a file of a scene, but it does not exist"),
+    ("evaluate __main__ --beside", "player = '__main__': expected one of"),
+    ("simulate --scene pol", "scene = 'pol': expected one of 'pool', "),
+    ("simulate --layout rak", "layout = 'rak': expected one of 'random', "),
+    ("simulate --seed -3", "--seed = -3: expected a whole number >= 0"),
+    ("simulate --positions 0 0", "--positions with 2 numbers: expected 4, x and y of 2 balls"),
+    ("simulate --out shot.txt", "--out = 'shot.txt': expected a name that ends in one of .html .png"),
+    ("simulate --out no/shot.png", "path = 'no/shot.png': expected an existing folder"),
+    ("replay no.json", "path = 'no.json': expected a file of a shot or a game, but it does not exist"),
+    ("replay .", "path = '.': expected a file of a shot or a game, but it is a folder"),
+    ("replay shot.json --out copy.json", "--out = 'copy.json': expected a name that ends in"),
+    ("bench random --tasks Pot-v0", "task = 'Pot-v0': expected one of 'Pot1-v0'"),
+    ("bench random --seed -1", "seed = -1: expected a whole number"),
+    ("bench random --noise-seed -1", "noise_seed = -1: expected a whole number"),
+    ("bench random --name <b>", "player = '<b>': expected 1 to 80 letters"),
+    ("bench random --out x.txt", "path = 'x.txt': expected a name that ends in '.json'"),
+    ("bench random --out no/x.json", "path = 'no/x.json': expected an existing folder"),
+    ("bench random x.json", "file = 'x.json' after a player: expected the word verify"),
+    ("bench verify", "bench verify without a file"),
+    ("bench verify no.json", "path = 'no.json': expected a file of a benchmark, but it does not exist"),
+    ("bench nobody --tasks Pot1-v0", "player = 'nobody': expected one of"),
+    ("evaluate nobody:nothing --beside", "player = 'nobody:nothing': "),
+    ("evaluate random --task pott --beside", "task = 'pott': expected one of 'pot'"),
+    ("evaluate random --episodes 0 --beside", "--episodes = 0: expected a whole number >= 1"),
+]
+
+
+@pytest.mark.parametrize(("command", "message"), ERRORS)
 def test_errors_are_one_line(command, message):
     with pytest.raises(SystemExit) as exit:
         main(command.split())

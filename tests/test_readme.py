@@ -1,7 +1,5 @@
 """The examples in the README and in the documentation run, and their tables and commands agree with the code."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import importlib.util
@@ -222,19 +220,19 @@ def test_a_missing_result_is_marked_as_not_measured(page, tmp_path):
     assert "*Not measured yet: `python -m benchmarks.speed`.*" in readme.fill(page.read_text(), tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        (
-            "<!-- sped: shots -->\n<!-- end -->",
-            "expected one of ablation, accuracy, calibration, comparison, differentiable",
-        ),
-        ("<!-- speed: shot -->\n<!-- end -->", "expected one of machine, how, shots"),
-        ("<!-- speed: shots -->\n", "no <!-- end --> follows"),
-        ("<!-- speed: shots -->\n<!-- speed: calls -->\n<!-- end -->", "expected before <!-- speed: calls -->"),
-        ("<!-- end -->", "ends nothing"),
-    ],
-)
+WRONG_MARKERS = [
+    (
+        "<!-- sped: shots -->\n<!-- end -->",
+        "expected one of ablation, accuracy, calibration, comparison, differentiable",
+    ),
+    ("<!-- speed: shot -->\n<!-- end -->", "expected one of machine, how, shots"),
+    ("<!-- speed: shots -->\n", "no <!-- end --> follows"),
+    ("<!-- speed: shots -->\n<!-- speed: calls -->\n<!-- end -->", "expected before <!-- speed: calls -->"),
+    ("<!-- end -->", "ends nothing"),
+]
+
+
+@pytest.mark.parametrize(("wrong", "message"), WRONG_MARKERS)
 def test_wrong_markers_are_rejected(page, wrong, message):
     page.write_text(wrong)
     with pytest.raises(SystemExit, match=message):

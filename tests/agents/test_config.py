@@ -30,8 +30,10 @@ def test_the_arguments_of_ppo_are_those_of_the_settings_and_change_during_the_tr
 
 def test_a_configuration_survives_yaml_with_all_values(tmp_path):
     changes = {"noise": {"angle_std": 1}, "start_from": "runs/other", "policy": {"arguments": {"points": 4}}}
-    config = Config.from_dict({"timesteps": "1e3", "env": {"mode": "pit", "dt": "1/60"}, **changes})
+    env = {"mode": "pit", "dt": "1/60", "randomize": {"dt": ["1/240", "1e-1"]}}
+    config = Config.from_dict({"timesteps": "1e3", "env": env, **changes})
     assert (config.timesteps, config.env["dt"], config.env["scene"]) == (1000, 1 / 60, "pool")
+    assert config.env["randomize"] == {"dt": [1 / 240, 0.1]}
     assert "render_mode" not in config.env
     path = tmp_path / "config.yaml"
     path.write_text(config.to_yaml())
@@ -39,47 +41,47 @@ def test_a_configuration_survives_yaml_with_all_values(tmp_path):
     assert {field.name for field in dataclasses.fields(Config)} == set(inspect.signature(Config).parameters)
 
 
-@pytest.mark.parametrize(
-    ("data", "message"),
-    [
-        (None, "the settings = None: expected a mapping"),
-        ({"seed": 1}, "the settings.timesteps is missing"),
-        ({"timestep": 1}, "key of the settings = 'timestep': expected one of .*did you mean 'timesteps'"),
-        ({"timesteps": 1.5}, "timesteps = 1.5: expected a whole number"),
-        ({"timesteps": 1, "seed": -1}, "seed = -1: expected a whole number"),
-        ({"timesteps": 1, "task": "Pot-v0"}, "task = 'Pot-v0': expected one of .*did you mean"),
-        ({"timesteps": 1, "env": {"max_shot": 2}}, "key of env = 'max_shot'.*did you mean 'max_shots'"),
-        ({"timesteps": 1, "env": {"max_speed": -1.0}}, "max_speed = -1.0: expected a number from"),
-        ({"timesteps": 1, "noise": {"angle": 1}}, "key of noise = 'angle'"),
-        ({"timesteps": 1, "noise": {"speed_std": -0.1}}, "speed_std = -0.1: expected a number from"),
-        ({"timesteps": 1, "policy": "aim"}, "policy = 'aim': expected a mapping"),
-        ({"timesteps": 1, "policy": {"haed": "aim"}}, r"key of policy \(aim\) = 'haed': expected one of .*'head'"),
-        ({"timesteps": 1, "policy": {"hidden": [8]}}, r"key of policy \(aim\) = 'hidden'"),
-        ({"timesteps": 1, "ppo": {"n_steps": "abc"}}, "ppo.n_steps = 'abc': expected a whole number"),
-        ({"timesteps": 1, "ppo": {"gamma": 2.0}}, "ppo.gamma = 2.0: expected a number from 0"),
-        ({"timesteps": 1, "ppo": {"learning_rate": -1}}, "ppo.learning_rate = -1"),
-        ({"timesteps": 1, "ppo": {"target_kl": "abc"}}, "ppo.target_kl = 'abc': expected a number"),
-        ({"timesteps": 1, "ppo": {"normalize_advantage": 2}}, "ppo.normalize_advantage = 2: expected"),
-        ({"timesteps": 1, "n_envs": 4, "ppo": {"batch_size": 3}}, "ppo.batch_size = 3: expected a divisor of .* = 4"),
-        ({"timesteps": 1, "ppo": {"leraning_rate": 1.0}}, "key of ppo = 'leraning_rate'.*did you mean 'learning_rate'"),
-        ({"timesteps": 1, "policy": {"head": "pots"}}, "policy.head = 'pots': expected one of 'aim', 'gaussian'"),
-        ({"timesteps": 1, "policy": {"arguments": {"aims": 1}}}, "policy.arguments = 'aims': expected one of"),
-    ],
-)
+WRONG = [
+    (None, "the settings = None: expected a mapping"),
+    ({"seed": 1}, "the settings.timesteps is missing"),
+    ({"timestep": 1}, "key of the settings = 'timestep': expected one of .*did you mean 'timesteps'"),
+    ({"timesteps": 1.5}, "timesteps = 1.5: expected a whole number"),
+    ({"timesteps": 1, "seed": -1}, "seed = -1: expected a whole number"),
+    ({"timesteps": 1, "task": "Pot-v0"}, "task = 'Pot-v0': expected one of .*did you mean"),
+    ({"timesteps": 1, "env": {"max_shot": 2}}, "key of env = 'max_shot'.*did you mean 'max_shots'"),
+    ({"timesteps": 1, "env": {"max_speed": -1.0}}, "max_speed = -1.0: expected a number from"),
+    ({"timesteps": 1, "noise": {"angle": 1}}, "key of noise = 'angle'"),
+    ({"timesteps": 1, "noise": {"speed_std": -0.1}}, "speed_std = -0.1: expected a number from"),
+    ({"timesteps": 1, "policy": "aim"}, "policy = 'aim': expected a mapping"),
+    ({"timesteps": 1, "policy": {"haed": "aim"}}, r"key of policy \(aim\) = 'haed': expected one of .*'head'"),
+    ({"timesteps": 1, "policy": {"hidden": [8]}}, r"key of policy \(aim\) = 'hidden'"),
+    ({"timesteps": 1, "ppo": {"n_steps": "abc"}}, "ppo.n_steps = 'abc': expected a whole number"),
+    ({"timesteps": 1, "ppo": {"gamma": 2.0}}, "ppo.gamma = 2.0: expected a number from 0"),
+    ({"timesteps": 1, "ppo": {"learning_rate": -1}}, "ppo.learning_rate = -1"),
+    ({"timesteps": 1, "ppo": {"target_kl": "abc"}}, "ppo.target_kl = 'abc': expected a number"),
+    ({"timesteps": 1, "ppo": {"normalize_advantage": 2}}, "ppo.normalize_advantage = 2: expected"),
+    ({"timesteps": 1, "n_envs": 4, "ppo": {"batch_size": 3}}, "ppo.batch_size = 3: expected a divisor of .* = 4"),
+    ({"timesteps": 1, "ppo": {"leraning_rate": 1.0}}, "key of ppo = 'leraning_rate'.*did you mean 'learning_rate'"),
+    ({"timesteps": 1, "policy": {"head": "pots"}}, "policy.head = 'pots': expected one of 'aim', 'gaussian'"),
+    ({"timesteps": 1, "policy": {"arguments": {"aims": 1}}}, "policy.arguments = 'aims': expected one of"),
+]
+
+
+@pytest.mark.parametrize(("data", "message"), WRONG)
 def test_unknown_keys_and_impossible_values_are_refused(data, message):
     with pytest.raises((TypeError, ValueError), match=f"^{message}"):
         make_policy(Config.from_dict(data))
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (b"ppo: [1", "expected valid YAML"),
-        (b"\xff\xfe\x00", "expected valid YAML"),
-        (b"timesteps: !!python/object/apply:os.getcwd []", "could not determine a constructor"),  # runs no code
-        (b"", "expected settings, the file has none"),
-    ],
-)
+WRONG_FILES = [
+    (b"ppo: [1", "expected valid YAML"),
+    (b"\xff\xfe\x00", "expected valid YAML"),
+    (b"timesteps: !!python/object/apply:os.getcwd []", "could not determine a constructor"),  # runs no code
+    (b"", "expected settings, the file has none"),
+]
+
+
+@pytest.mark.parametrize(("content", "message"), WRONG_FILES)
 def test_a_file_without_settings_is_refused(tmp_path, content, message):
     path = tmp_path / "config.yaml"
     with pytest.raises(FileNotFoundError, match=r"config.yaml': expected a file of settings, but it does not exist"):

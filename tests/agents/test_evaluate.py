@@ -156,16 +156,16 @@ def test_a_policy_file_that_is_damaged_or_holds_other_objects_runs_no_code(train
         main([str(run)])
 
 
-@pytest.mark.parametrize(
-    ("option", "value", "message"),
-    [
-        ("episodes", "0", "episodes = 0: expected a whole number"),
-        ("seed", "-1", "seed = -1: expected a whole number"),
-        ("film", "film.avi", "path = 'film.avi': expected a name that ends in '.mp4'"),
-        ("curve", "curve.pdf", "path = 'curve.pdf': expected a name that ends in '.png'"),
-        ("players", "nobody", "player = 'nobody': expected one of"),
-    ],
-)
+WRONG = [
+    ("episodes", "0", "episodes = 0: expected a whole number"),
+    ("seed", "-1", "seed = -1: expected a whole number"),
+    ("film", "film.avi", "path = 'film.avi': expected a name that ends in '.mp4'"),
+    ("curve", "curve.pdf", "path = 'curve.pdf': expected a name that ends in '.png'"),
+    ("players", "nobody", "player = 'nobody': expected one of"),
+]
+
+
+@pytest.mark.parametrize(("option", "value", "message"), WRONG)
 def test_bad_arguments_are_refused_with_a_message(trained, option, value, message):
     with pytest.raises(SystemExit, match=f"error: {message}"):
         main([str(trained), f"--{option}", value])

@@ -1,7 +1,5 @@
 """A scene compiles and imports nothing of the parts that it does not use."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

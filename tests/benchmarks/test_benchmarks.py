@@ -1,7 +1,5 @@
 """The benchmarks measure the documented quantities. No test compares times."""
 
-from __future__ import annotations
-
 import json
 from concurrent.futures import ThreadPoolExecutor
 
@@ -9,7 +7,7 @@ import numpy as np
 import pytest
 
 import benchmarks
-from benchmarks import ROOT, accuracy, accuracy_report, calibration, error_limit, speed, stress
+from benchmarks import ROOT, accuracy, accuracy_report, calibration, differentiable, error_limit, speed, stress, vector
 from billiards_env.engine import PIC, Engine
 from billiards_env.scene import Scene, check_positions
 
@@ -110,3 +108,34 @@ def test_the_stress_table_has_sums_and_maxima():
     assert last[:3] == ["all", f"{sum(k['shots'] for k in kinds):,}", "1"]
     assert last[3] == f"{max(k['overlap'] for k in kinds):.1e}"
     assert found["summary"].startswith(f"1 of {last[1]} shots broke a rule")
+
+
+def test_every_step_of_every_environment_plays_a_shot_and_draws_a_layout():
+    envs = vector.native(16)
+    last = envs.reset(seed=0)[0]
+    for action in vector.actions_for(16):
+        observations, _, terminated, _, infos = envs.step(action)
+        assert terminated.all()
+        assert infos["final_info"]["_n_events"].all()
+        assert not (observations == last).any()
+        last = observations
+
+
+# The published tasks are solved with the exact derivatives.
+
+
+def test_a_break_of_difftaichi_is_moved_to_the_goal():
+    found = differentiable.difftaichi(0)["own"]
+    assert found["iterations"] <= 10
+    assert found["distance"] < 1e-6
+
+
+@pytest.mark.parametrize("control", [-5.0, -2.0, 0.1, 3.0])
+def test_a_push_of_diffmjx_is_found_in_five_iterations(control):
+    found = differentiable.solve_push(control)
+    assert found["iterations"] <= 5
+    assert found["distance"] < 1e-6
+
+
+def test_the_gradient_of_nimble_is_exact():
+    assert differentiable.nimble() == pytest.approx([1.0, 0.0, 1.0, 0.0], abs=1e-15)

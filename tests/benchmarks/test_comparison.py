@@ -1,7 +1,5 @@
 """The comparison with other simulators measures and shows what it says; no time is asserted."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Training with RLlib and Ray tasks on a cluster of two nodes on this machine: `make rllib`."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -1,15 +1,8 @@
-import os
-
 import numpy as np
 import pytest
 
-from billiards_env import Scene
-from billiards_env.engine import Engine
+from billiards_env import Engine, Scene, simulate
 from billiards_env.scene import layouts
-from billiards_env.shots.simulation import simulate
-
-os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
-os.environ.setdefault("MPLBACKEND", "Agg")
 
 SCENE = Scene.named("pool", 4)
 PLACES = layouts.draw("random", SCENE, np.random.default_rng(140))

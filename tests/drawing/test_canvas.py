@@ -3,10 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from billiards_env import Scene
-from billiards_env.scene import Balls
-from billiards_env.scene.table import Table
-from billiards_env.shots.simulation import simulate
+from billiards_env import Scene, simulate
+from billiards_env.scene import Balls, Table
 
 pytest.importorskip("pygame")
 

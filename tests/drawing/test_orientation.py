@@ -5,7 +5,7 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.drawing.orientation import ERROR, VISIBLE, matrices, product, turning
-from billiards_env.shots.simulation import simulate
+from tests.helpers.shots import simulate
 
 
 def distance(one, other):
@@ -60,7 +60,6 @@ def test_the_angular_velocity_agrees_with_the_slip():
     """While a ball slides, its lowest point moves at v + R z x w; at the end of the slide it rests."""
     scene = Scene.named("pool", 0)
     shot = simulate(scene, [[-0.8, 0.0]], [2.0, 0.0], spins=[30.0, -40.0, 20.0], record=True)
-    assert shot.events is not None
     (end,) = shot.events["time"][shot.events["kind"] == "sliding_rolling"][:1]
     turns, radius = turning(shot.recording()), scene.balls.radius[0]
     assert turns.spins(0, [0.0])[0] == pytest.approx([30.0, -40.0, 20.0])
@@ -74,13 +73,8 @@ def test_the_angular_velocity_agrees_with_the_slip():
 def test_the_error_of_an_orientation_is_below_the_limit():
     """English, draw and a masse: the axis of the ball turns."""
     scene = Scene.named("pool", 0)
-    shots = (
-        ([0.9, 0.0], [0.0, -60.0, 80.0]),
-        ([1.2, 0.3], [-120.0, -30.0, 60.0]),
-        ([0.5, 0.0], [3.0, 17.0, -15.0]),
-    )
     turns, ends = [], []
-    for velocity, spins in shots:
+    for *velocity, spins in ((0.9, 0, (0, -60, 80)), (1.2, 0.3, (-120, -30, 60)), (0.5, 0, (3, 17, -15))):
         shot = simulate(scene, [[-0.5, 0.0]], velocity, spins=spins, record=True)
         recording = shot.recording()
         turns.append(turning(recording))

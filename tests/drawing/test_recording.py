@@ -3,10 +3,8 @@ import re
 import numpy as np
 import pytest
 
-from billiards_env import Scene
+from billiards_env import Engine, Scene, simulate
 from billiards_env.drawing.recording import frame_times
-from billiards_env.engine import Engine
-from billiards_env.shots.simulation import simulate
 
 
 @pytest.mark.parametrize("name", ["shot", "pit", "elsewhere"])

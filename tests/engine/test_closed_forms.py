@@ -1,7 +1,5 @@
 """Shots with results in closed form. The engine has them up to rounding, the 50-digit simulator to 40 digits."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

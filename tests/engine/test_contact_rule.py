@@ -7,10 +7,9 @@ import pytest
 
 from billiards_env.engine.contact_rule import longest_run
 from billiards_env.jit import kernel
-from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.scene.table import Table
-from billiards_env.shots.simulation import simulate
+from billiards_env.scene import Balls, Physics, Scene, Table
 from reference.stress.scenes import R, ideal, rough
+from tests.helpers.shots import simulate
 
 INF = math.inf
 
@@ -81,7 +80,6 @@ def test_only_impacts_that_the_rule_changes_are_counted(e):
     free = simulate(scene, [[0.0, 0.0]], [1.0, 0.2], record=True)
     assert free.n_contact_rule == 0
     pressed = simulate(scene, [[1.0 - R, 0.0]], [0.0, 0.0], spins=[0.0, 50.0, 0.0], record=True)
-    assert pressed.events is not None
     hits = pressed.events[pressed.events["kind"] == "cushion"]
     assert pressed.n_contact_rule == hits["rule"].sum() > 0
 
@@ -110,3 +108,50 @@ def test_inelastic_balls_in_contact_come_to_rest():
     ]
     shot = simulate(scene, places, velocities, max_events=2000)
     assert shot.status == "rest"
+
+
+# Balls that their spin presses against a cushion or another ball move as with a contact that stays closed. The final
+# positions were integrated with a closed contact, independently of the engine. They do not depend on the restitution.
+
+POOL_R = Balls.uniform(1).radius[0]
+ROOM = 0.635 - POOL_R  # m, from the centre of the table to a ball at a long cushion
+
+
+PRESSED_BY_SPIN = [
+    ((-100.0, 0.0, -80.0), "han2005", -0.1583546093),
+    ((-150.0, 0.0, 100.0), "han2005", 0.3084820493),
+    ((-60.0, 30.0, 60.0), "han2005", 0.6454237320),
+    ((-60.0, 30.0, 60.0), "restitution", 0.3582176894),
+    ((-100.0, 0.0, 30.0), "restitution", 0.0),
+]
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, 0.85, 1.0])
+@pytest.mark.parametrize(("spin", "cushion", "end"), PRESSED_BY_SPIN)
+def test_a_ball_pressed_against_a_cushion(spin, cushion, end, e):
+    scene = Scene(Balls.uniform(1), physics=Physics(cushion=cushion, e_cushion=e))
+    for side in (1.0, -1.0):
+        shot = simulate(scene, [[0.0, side * ROOM]], [0.0, 0.0], spins=[side * spin[0], side * spin[1], spin[2]])
+        assert shot.positions[0] == pytest.approx([side * end, side * ROOM], abs=1e-4)
+
+
+PRESSED_TOGETHER = [
+    (((0, 150, 0), (0, 0, 0)), 0.0, 0.17, ((0.9443434818, 0.0), (1.0014934818, 0.0))),
+    (((0, 100, 50), (0, 0, 0)), 0.0, 0.17, ((-0.1358473420, 0.0), (-0.0786973420, 0.0))),
+    (((-5, 60, 0), (0, 0, 0)), 0.0, 0.17, ((-0.6701475358, 0.0729656496), (-0.6433481565, -0.0140658770))),
+    (((-60, 60, 30), (0, 0, 0)), math.pi / 4, 0.17, ((-0.5600452931, 0.1571119944), (-0.5196341406, 0.1975231469))),
+    (((0, 100, 0), (0, -60, 0)), 0.0, 0.17, ((-0.8617355743, 0.0), (-0.8045855743, 0.0))),
+    (((0, 120, 0), (0, 0, 0)), 0.0, 0.34, ((-0.4807942513, 0.0), (-0.4236442513, 0.0))),
+    (((0, 100, 0), (0, 0, 0)), 0.0, 0.085, ((0.5718430967, 0.0), (0.6289930967, 0.0))),
+    (((20, 60, 0), (0, 0, 0)), 0.0, math.inf, ((-0.7664492790, -0.3220069319), (-0.94285, 0.0))),
+]
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, 0.95, 1.0])
+@pytest.mark.parametrize(("spins", "angle", "mass", "ends"), PRESSED_TOGETHER)
+def test_a_ball_pressed_against_another(spins, angle, mass, ends, e):
+    scene = Scene(Balls((POOL_R, POOL_R), (0.17, mass)), physics=Physics(e_ball=e))
+    along = np.array([math.cos(angle), math.sin(angle)])
+    cue = np.array([-1.0, -0.4 * along[1]])
+    shot = simulate(scene, [cue, cue + 2 * POOL_R * along], [0.0, 0.0], spins=np.array(spins, float))
+    assert np.abs(shot.positions - ends).max() < 1e-3

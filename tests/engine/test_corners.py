@@ -6,15 +6,13 @@ import math
 import numpy as np
 import pytest
 
-from billiards_env import Scene
-from billiards_env.engine import Engine
+from billiards_env import Engine, Scene
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.jit import allocating_entry_point
 from billiards_env.physics.state import UX, UY, VX, VY, X, Y, empty_state
 from billiards_env.players.paths import follow
-from billiards_env.scene import Balls, Physics
-from billiards_env.scene.table import Table
+from billiards_env.scene import Balls, Physics, Table
 from reference.oracle import run
 from tests.helpers.outlines import table, with_corners
 from tests.helpers.shots import FREE, SLIDING, instants, kinds, kinetic_energy, simulate

@@ -1,7 +1,5 @@
 """What all shots of both engines keep: mirror images, numbers of the balls, energy, momentum, limits."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import Any
@@ -12,14 +10,17 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from billiards_env import Scene
-from billiards_env.engine import Engine
+from billiards_env.engine import Engine, pic, pit
+from billiards_env.engine.log import N_EVENTS_LOGGED, N_SEGMENTS_LOGGED, SEGMENT_ROW, TIME, Log
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.engine.shots import AT_EVENT_LIMIT
-from billiards_env.scene import Balls, Physics, layouts
-from billiards_env.scene.table import Table
-from reference.stress import checks
+from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_REST, Shots
+from billiards_env.physics.state import T0
+from billiards_env.scene import Balls, Physics, Table, layouts
+from reference import plain
+from reference.stress import checks, families
 from reference.stress.draw import star
-from tests.helpers.clusters import cluster
+from tests.helpers.engine_runs import run
+from tests.helpers.impacts import cluster
 from tests.helpers.outlines import MARBLES, TABLES, mirrored
 from tests.helpers.shots import (
     BALL_ARRAYS,
@@ -119,15 +120,6 @@ def renumbered(shot, order):
     return dataclasses.replace(scene, balls=balls), positions[order], velocities[order], spins
 
 
-def check_renumbering(shot, options, order):
-    """Checks that the numbers of the balls change no bit of the result."""
-    found, other = play(shot, options), play(renumbered(shot, order), options)
-    for name in BALL_ARRAYS if order[0] == 0 else BALL_ARRAYS[:-1]:  # the last one is of hits by the cue ball
-        assert np.array_equal(getattr(other, name), getattr(found, name)[order])
-    for name in ("time", "n_events", "n_contact_rule"):
-        assert getattr(other, name) == getattr(found, name)
-
-
 @engines_and_worlds
 @settings(max_examples=30)
 @given(seed=SEEDS)
@@ -135,7 +127,12 @@ def test_the_numbers_of_the_balls_change_no_bit(engine, world, seed):
     """Simultaneous impacts on cushions were once resolved in the order of the balls."""
     shot, rng = WORLDS[world](seed), np.random.default_rng(seed)
     order = np.r_[0, 1 + rng.permutation(shot[0].n_balls - 1)] if seed % 2 else rng.permutation(shot[0].n_balls)
-    check_renumbering(shot, options_of(engine, shot[0], seed), order)
+    options = options_of(engine, shot[0], seed)
+    found, other = play(shot, options), play(renumbered(shot, order), options)
+    for name in BALL_ARRAYS if order[0] == 0 else BALL_ARRAYS[:-1]:  # the last one is of hits by the cue ball
+        assert np.array_equal(getattr(other, name), getattr(found, name)[order])
+    for name in ("time", "n_events", "n_contact_rule"):
+        assert getattr(other, name) == getattr(found, name)
 
 
 @pytest.mark.parametrize("world", [world for world in WORLDS if world != "outlines"])  # `test_outline.py` has those
@@ -228,3 +225,55 @@ def test_impacts_do_not_move_a_fixed_ball(physics):
     assert {(0, 1), (1, 2)} <= set(hits)
     assert shot.positions[1].tolist() == places[1]
     assert shot.velocities[1].tolist() == [0.0, 0.0]
+
+
+FAMILIES = ("pool, 1 object ball", "UK pool, 5 object balls", "15-ball break, tight rack", "ideal gas of 16 disks")
+
+
+def arrays_of(engine, shot, **options):
+    """Returns the `Shots` of one shot, its events and its segments."""
+    arrays = run(engine, shot, record=True, **options)
+    shots, log = Shots(*arrays[: len(Shots._fields)]), Log(*arrays[len(Shots._fields) :])
+    return shots, log.events[: log.used[N_EVENTS_LOGGED]], log.segments[: log.used[N_SEGMENTS_LOGGED]]
+
+
+def check_cuts(engine, shot, rng, **options):
+    """Cuts a shot at random times, at the times of events and at numbers of events."""
+    whole, events, segments = arrays_of(engine, shot, **options)
+    if len(events) == 0:
+        return
+    times = events[rng.integers(len(events), size=3), TIME]
+    limits = np.concatenate((rng.uniform(0, events[-1, TIME], 3), times, np.nextafter(times, 0)))
+    for limit in limits:
+        _, some, pieces = arrays_of(engine, shot, max_time=limit, **options)
+        assert np.array_equal(some, events[events[:, TIME] <= limit])
+        assert np.array_equal(pieces, segments[: len(pieces)])
+        assert (segments[len(pieces) :, SEGMENT_ROW + T0] >= limit).all()
+    if whole.status[0] == AT_REST:
+        assert arrays_of(engine, shot, max_events=len(events), **options)[0].status[0] == AT_REST
+    for most in rng.integers(len(events), size=3):
+        shots, some, pieces = arrays_of(engine, shot, max_events=most, **options)
+        assert most <= len(some) == shots.n_events[0]
+        assert shots.status[0] == AT_EVENT_LIMIT or len(some) == len(events)
+        assert shots.time[0] == (some[-1, TIME] if len(some) else 0.0)
+        assert np.count_nonzero(some[:, TIME] < shots.time[0]) < max(most, 1)  # it ends with the instant of the limit
+        assert np.array_equal(some, events[: len(some)])
+        assert np.array_equal(pieces, segments[: len(pieces)])
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@settings(max_examples=8)
+@given(seed=SEEDS, dt=st.sampled_from((1 / 15, 1 / 60, 1 / 240)), fix=st.sampled_from(FIXES))
+def test_a_shot_that_is_cut_is_a_prefix_of_the_whole_shot(family, seed, dt, fix):
+    rng = np.random.default_rng(seed)
+    shot = families.FAMILIES[family](rng, 1)
+    assert shot is not None
+    engines = [pic.run_shots]
+    if shot[0].balls.shape == "disk":  # for spheres they are not compiled
+        engines += [pic.run_shots_of_many, plain.run_shots]
+    if shot[0].n_balls <= 2:
+        engines.append(pic.run_shots_of_at_most_two)
+    for engine in engines:
+        check_cuts(engine, shot, rng)
+    if seed % 2:
+        check_cuts(pit.run_shots, shot, rng, dt=dt, fix=fix)

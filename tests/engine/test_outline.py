@@ -10,11 +10,10 @@ from hypothesis import strategies as st
 
 from billiards_env.engine import PIC, Engine
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.scene import Balls, Physics, Scene
+from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
 from billiards_env.scene.outline import clearance, pieces
-from billiards_env.scene.table import Pocket, Table
+from tests.helpers.engine_runs import CELL_GRID, check
 from tests.helpers.outlines import ANY_TABLE, TABLES, beyond, table, with_corners
-from tests.helpers.queues import CELL_GRID, check
 from tests.helpers.shots import FREE, ROLLING, SLIDING, kinds, outline_shot, simulate
 from tests.helpers.shots import OUTLINE_LAWS as LAWS
 
@@ -120,16 +119,16 @@ def test_all_queues_have_the_same_bits(name):
 # PIT
 
 
-@pytest.mark.parametrize(
-    ("name", "fix"),
-    [
-        ("octagon", "none"),
-        ("L", "push_apart"),
-        ("pool_7ft", "move_back"),
-        ("throat", "push_apart"),
-        ("pool_7ft", "time_of_impact"),
-    ],
-)
+FIXES_BY_TABLE = [
+    ("octagon", "none"),
+    ("L", "push_apart"),
+    ("pool_7ft", "move_back"),
+    ("throat", "push_apart"),
+    ("pool_7ft", "time_of_impact"),
+]
+
+
+@pytest.mark.parametrize(("name", "fix"), FIXES_BY_TABLE)
 def test_pit_approaches_pic_as_the_timestep_falls(name, fix):
     rng = np.random.default_rng(0)
     errors = {1e-3: [], 1e-5: []}

@@ -8,11 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from billiards_env import Scene, simulate_batch
-from billiards_env.engine import Engine
+from billiards_env import Engine, Scene, simulate_batch
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.scene import Balls, Physics, layouts
-from billiards_env.scene.table import Pocket, Table
+from billiards_env.scene import Balls, Physics, Pocket, Table, layouts
 from tests.helpers.shots import (
     DTS,
     FREE,
@@ -263,22 +261,17 @@ def test_the_time_of_impact_leaves_the_rest_of_the_step_for_the_new_velocity():
 # Timesteps
 
 
+CONTACTS = {
+    "a collision within a timestep is missed": ([[-1.0, 0.0], [0.0, 0.0]], 2.0, 0.4, []),
+    # The centre of ball 0 is 0.01 m beyond that of ball 1 then.
+    "overlapping balls that separate do not collide": ([[-1.0, 0.0], [0.0, 0.0]], 2.0, 0.505, []),
+    "balls in contact collide at the first timestep": ([[0.0, 0.0], [2 * R, 0.0]], 0.02, 0.25, [0.25]),
+    "balls at rest need no timesteps": ([[0.0, 0.0], [2 * R, 0.0]], 0.0, 1e-9, []),
+}
+
+
 @fixes
-@pytest.mark.parametrize(
-    ("places", "speed", "dt", "times"),
-    [
-        ([[-1.0, 0.0], [0.0, 0.0]], 2.0, 0.4, []),
-        ([[-1.0, 0.0], [0.0, 0.0]], 2.0, 0.505, []),  # the centre of ball 0 is 0.01 m beyond that of ball 1 then
-        ([[0.0, 0.0], [2 * R, 0.0]], 0.02, 0.25, [0.25]),
-        ([[0.0, 0.0], [2 * R, 0.0]], 0.0, 1e-9, []),
-    ],
-    ids=[
-        "a collision within a timestep is missed",
-        "overlapping balls that separate do not collide",
-        "balls in contact collide at the first timestep",
-        "balls at rest need no timesteps",
-    ],
-)
+@pytest.mark.parametrize(("places", "speed", "dt", "times"), CONTACTS.values(), ids=CONTACTS)
 def test_contacts_are_found_at_timesteps(places, speed, dt, times, fix):
     shot = pit(world(2, FREE), places, [speed, 0.0], dt=dt, fix=fix, max_time=1.0, record=True)
     assert kinds(shot) == [("ball_ball", 0, 1)] * len(times)
@@ -457,6 +450,30 @@ def test_balls_that_move_side_by_side_along_a_cushion_are_pushed_apart_within_it
     shot = pit(scene, places, velocities, dt=1 / 32, max_time=2.0, record=True)
     assert kinds(shot) == [("ball_ball", 0, 1), ("cushion", 1, 1)]
     assert shot.positions[:, 0] == pytest.approx([place - 2 * R, place], abs=1e-12)
+
+
+# Spheres of different size
+
+UK = Scene.named("uk_pool", 4)
+APART = 2 * math.sqrt(UK.balls.radius[0] * UK.balls.radius[1])
+"""m. The distance of the cue ball and an object ball that touch."""
+
+
+@pytest.mark.parametrize("fix", ["push_apart", "move_back"])
+def test_pit_moves_balls_to_the_distance_of_spheres(fix):
+    places = np.array([[-0.5, 0.01], [0.0, 0.0], [0.5, 0.3], [0.5, -0.3], [0.7, 0.0]])
+    shot = simulate(UK, places, [1.0, 0.0], engine=Engine("pit", 0.02, fix), record=True, max_time=1.0)
+    hit = shot.events[shot.events["kind"] == "ball_ball"][0]
+    where = shot.at(float(hit["time"]))
+    tolerance = 1e-14 if fix == "push_apart" else 1e-5  # the paths are curved, and balls are moved back on tangents
+    assert math.dist(where[0], where[1]) == pytest.approx(APART, abs=tolerance)
+
+
+def test_no_fix_of_pit_acts_on_spheres_that_do_not_overlap():
+    gap = 0.5 * (APART + UK.balls.radius[0] + UK.balls.radius[1])
+    places = np.array([[0.0, 0.0], [gap, 0.0], [0.5, 0.3], [0.5, -0.3], [0.7, 0.0]])
+    shot = simulate(UK, places, [0.0, 0.5], engine=Engine("pit", 1e-3), max_time=0.1, record=True)
+    assert "ball_ball" not in shot.events["kind"]
 
 
 # Limits and errors

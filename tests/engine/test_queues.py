@@ -1,7 +1,5 @@
 """PIC has the same results, bit for bit, with both of its queues and with the simple queue of `reference.plain`."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -10,10 +8,9 @@ import pytest
 from billiards_env import Scene
 from billiards_env.engine import pic
 from billiards_env.engine.compile import MANY_BALLS, PIC, run_shots_of
-from billiards_env.scene import Balls, Physics
-from billiards_env.scene.table import Table
+from billiards_env.scene import Balls, Physics, Table
 from reference.stress import families
-from tests.helpers.queues import CELL_GRID, ORDINARY, PLAIN, check
+from tests.helpers.engine_runs import CELL_GRID, ORDINARY, PLAIN, check
 from tests.helpers.shots import lattice
 
 UK = "UK pool, 5 object balls"  # the plain engine is not compiled for it

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.scene import Balls, Physics
-from billiards_env.scene.table import Table
+from billiards_env.scene import Balls, Physics, Table
 from billiards_env.shots.gradients import UNIT_ROUNDOFF
 from reference.oracle import run
 from tests.helpers.derivatives import FALLING
@@ -134,14 +133,9 @@ def test_random_shots_on_outlines_agree_with_the_high_precision_simulator(name, 
     for seed in range(12):
         rng = np.random.default_rng(seed)
         places = apart_places(table, radius, rng, n)
-        while seed % 2 and is_inside(places[0], table, 0.05):
+        while seed % 2 and (np.abs(places[0]) < np.array([table.length, table.width]) / 2 - 0.05).all():
             places = apart_places(table, radius, rng, n)
         angle = rng.uniform(0, 2 * np.pi)
         start = rng.uniform(0.3, 4) * np.array([np.cos(angle), np.sin(angle)])
         compared += agrees(scene, places, start, rng.normal(size=3) * 30) is not None
     assert compared >= 3
-
-
-def is_inside(place, table, margin):
-    """Returns whether a place is inside the playing surface and not within a margin of its sides."""
-    return bool((np.abs(place) < np.array([table.length, table.width]) / 2 - margin).all())

@@ -1,7 +1,5 @@
 """The number of threads follows the process: its processors, its control groups and one setting."""
 
-from __future__ import annotations
-
 import os
 import threading
 import time
@@ -94,9 +92,8 @@ GROUPS = {
 }
 
 
-@pytest.mark.parametrize("name", GROUPS)
-def test_a_quota_of_processor_time_is_a_limit(name, tmp_path):
-    groups, quotas, expected = GROUPS[name]
+@pytest.mark.parametrize(("groups", "quotas", "expected"), GROUPS.values(), ids=GROUPS)
+def test_a_quota_of_processor_time_is_a_limit(groups, quotas, expected, tmp_path):
     files = {"proc/self/cgroup": groups, **{f"sys/fs/cgroup/{name}": f"{text}\n" for name, text in quotas.items()}}
     for path, text in files.items():
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)

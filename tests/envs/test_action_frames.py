@@ -1,21 +1,25 @@
-"""Kinds of actions and execution noise: their geometry, in single and vector environments."""
+"""Velocities, strikes and other kinds of actions, and execution noise, in single and vector environments."""
 
 from typing import Any
 
 import gymnasium as gym
+import mpmath
 import numpy as np
 import pytest
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from hypothesis import given
 from hypothesis import strategies as st
 
-from billiards_env import simulate_batch
+from billiards_env import Engine, simulate_batch, strike
+from billiards_env.engine.overlaps import FIXES
 from billiards_env.envs import make_env, make_vector_env
 from billiards_env.envs.action_frames import ActionFrame, aim, cut, nearest_ball, sum_to_three
-from billiards_env.envs.actions import ACTIONS, Before, add_noise
+from billiards_env.envs.actions import ACTIONS, Before, add_noise, cos_sin, cue_strike, perturb
 from billiards_env.envs.arguments import check_noise
 from billiards_env.envs.episodes import noise_stream
+from billiards_env.physics.strike import cue_numbers, speed_gain
 from billiards_env.scene import Scene, layouts
+from tests.helpers.environments import STRIKE
+from tests.helpers.shots import kinds, simulate
 
 POOL = Scene.named("pool")
 REACH = 2 * POOL.balls.radius[0]
@@ -26,6 +30,63 @@ shares = st.floats(-1.0, 1.0)
 
 def make(**kwargs):
     return gym.make("Billiards-v0", **{**FAST, **kwargs})
+
+
+# --- velocities and strikes -------------------------------------------------------------------------------------------
+
+
+def test_an_action_is_a_fraction_of_max_speed_and_has_length_1_at_most():
+    assert cue_strike(np.array([0.5, -0.25], np.float32), POOL, 4.0).velocity.tolist() == [2.0, -1.0]
+    assert cue_strike([0, 1], POOL, 3.0).velocity.tolist() == [0.0, 3.0]
+    for action in ([1, 1], [3.0, -4.0], [1e300, 1e300], [1e-320, 5.0]):
+        velocity = cue_strike(action, POOL, 2.0).velocity
+        assert np.linalg.norm(velocity) == pytest.approx(2.0, rel=1e-15)
+        np.testing.assert_allclose(velocity / velocity[1], np.divide(action, action[1]), rtol=1e-15)
+
+
+@given(st.floats(-5.0, 5.0))
+def test_cosine_and_sine_have_errors_of_the_last_bits_only(turns):
+    c, s = cos_sin(turns)
+    assert abs(c - float(mpmath.cospi(turns))) <= 2.3e-16
+    assert abs(s - float(mpmath.sinpi(turns))) <= 2.3e-16
+    assert cos_sin(-turns) == (c, -s)
+
+
+def test_an_action_of_five_numbers_is_a_strike():
+    action = [0.3, -0.4, 0.5, -0.25, 0.5]
+    speed = 0.5 * 4.0 / speed_gain(cue_numbers(POOL), 0.0)
+    expected = strike(POOL, speed, np.arctan2(-0.4, 0.3), 0.25, -0.125, np.pi / 4)
+    found = cue_strike(action, POOL, 4.0)
+    np.testing.assert_allclose(found.velocity, expected.velocity, rtol=1e-14)
+    np.testing.assert_allclose(found.spin, expected.spin, rtol=1e-14)
+    assert not found.miscue
+    assert cue_strike([0.3, 0.4, 0.8, 0.8, 0.0], POOL, 4.0).miscue
+    assert cue_strike([0.3, 0.4, 9.0, 0.0, -5.0], POOL, 4.0).spin.tolist() == (
+        cue_strike([0.3, 0.4, 1.0, 0.0, 0.0], POOL, 4.0).spin.tolist()
+    )
+
+
+@given(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), st.floats(-1, 0))
+def test_a_level_central_strike_is_the_velocity_bit_for_bit(velocity, elevation):
+    found = cue_strike([*velocity, 0.0, 0.0, elevation], POOL, 4.0)
+    assert found.velocity.tolist() == cue_strike(velocity, POOL, 4.0).velocity.tolist()
+    assert not found.spin.any()
+
+
+@pytest.mark.parametrize("options", [{}, *({"mode": "pit", "dt": 1 / 240, "fix": fix} for fix in (None, *FIXES))])
+def test_the_environment_plays_the_strike(options):
+    places = [[-0.5, 0.1], [0.2, 0.15], [0.6, -0.3]]
+    env = gym.make("Billiards-v0", **{**STRIKE, **options})
+    assert env.action_space == gym.spaces.Box(-1, 1, (5,), np.float32)
+    env.reset(seed=0, options={"positions": places})
+    action = [0.4, 0.03, 0.5, -0.6, 0.05]
+    *_, info = env.step(action)
+    scene = Scene.named("pool", 2)
+    expected = simulate(scene, places, cue_strike(action, scene, 4.0), engine=Engine(**options))
+    assert env.get_wrapper_attr("positions").tolist() == expected.positions.tolist()
+    assert not info["miscue"]
+    *_, info = env.step([0.4, 0.03, 0.9, -0.6, 0.05])
+    assert info["miscue"]
 
 
 # --- geometry ---------------------------------------------------------------------------------------------------------
@@ -59,6 +120,21 @@ def test_every_cut_hits_and_is_the_sine_of_the_cut_angle():
         if after[1].any() and not cushions.any():
             sine = (v[0] * after[1, 1] - v[1] * after[1, 0]) / np.hypot(*v) / np.hypot(*after[1])
             assert sine == pytest.approx(offset, abs=1e-9)
+
+
+def test_a_cut_of_spheres_of_different_size_is_the_sine_of_the_cut_angle():
+    scene = Scene.named("uk_pool", 2)
+    apart = 2 * np.sqrt(scene.balls.radius[0] * scene.balls.radius[1])
+    frame, playable = ActionFrame("cut", scene, 4.0), np.array([[False, True, False]])
+    places = np.array([[-0.3, 0.1], [0.1, -0.05], [0.5, 0.3]])
+    for offset in (-0.9, 0.3, 0.999):
+        (velocity,) = frame.velocities([[offset, 0.0]], Before(places[None], playable, playable, 4.0))
+        shot = simulate(scene, places, velocity, record=True)
+        assert ("ball_ball", 0, 1) in kinds(shot)[:2]
+        hit = shot.events[shot.events["kind"] == "ball_ball"][0]
+        where = shot.at(float(hit["time"]))
+        way, line = velocity / np.linalg.norm(velocity), where[1] - where[0]
+        assert (line[1] * way[0] - line[0] * way[1]) / apart == pytest.approx(offset, abs=1e-9)
 
 
 @given(shares, shares, st.floats(-2.0, 2.0), st.floats(-1.0, 1.0))
@@ -162,24 +238,33 @@ def test_the_executed_action_repeats_the_shot():
             assert np.allclose(twin.step(info["played_action"])[0], observation, atol=1e-6)
 
 
-@pytest.mark.parametrize("vector", [False, True])
-def test_what_an_environment_returns_can_be_modified(vector):
-    places, shot = [[0.97, 0.335], [-0.5, 0.1], [-0.2, 0.4]], [0.2, 0.2]  # the cue ball drops in the corner pocket
-    env: Any = make_vector_env(1, "Disabled", **FAST) if vector else make_env(**FAST)
-    env.reset(options={"positions": [places] if vector else places})
-    assert env.positions.reshape(3, 2).tolist() == places
-    assert not env.potted.any()
-    info = env.step([shot] if vector else shot)[4]
-    for _ in range(2):
-        assert env.positions.reshape(3, 2).tolist() == [[1.27, 0.635], *places[1:]]
-        assert env.potted.reshape(3).tolist() == [True, False, False]
-        env.positions[:], env.potted[:], info["potted"][:], info["cushions"][:] = 0.0, False, False, 9
-    env.reset()
-    env.step([shot] if vector else shot)
-    assert (info["cushions"] == 9).all()
-
-
 # --- noise ------------------------------------------------------------------------------------------------------------
+
+
+def test_perturb_turns_and_speeds_up_an_action():
+    aimed = np.array([[0.3, -0.4], [0.0, 0.0], [30.0, 40.0], [0.1, 0.0], [1.0, 0.0], [1e300, 0.0]])
+    same = perturb(aimed, np.zeros((6, 2)))
+    np.testing.assert_array_equal(same[[0, 1, 3, 4]], aimed[[0, 1, 3, 4]])
+    np.testing.assert_allclose(same[[2, 5]], [[0.6, 0.8], [1.0, 0.0]], rtol=1e-15)
+    speeds = np.hypot(*perturb(aimed, np.full((6, 2), (0.3, 0.25))).T)
+    np.testing.assert_allclose(speeds, [0.75, 0.0, 1.0, 0.35, 1.0, 1.0], rtol=1e-15)
+    slower = np.hypot(*perturb(aimed, np.full((6, 2), (-0.3, -0.25))).T)
+    np.testing.assert_allclose(slower, [0.25, 0.0, 0.75, 0.0, 0.75, 0.75], rtol=1e-15)
+    np.testing.assert_allclose(perturb([0.5, 0.0], [0.5, 0.0]), [0.0, 0.5], atol=1e-16)
+    with pytest.raises(ValueError, match=r"action has shape \(3,\): expected \(2,\)"):
+        perturb([1.0, 0.0, 0.0], [0.0, 0.0])
+
+
+def test_perturb_clips_first_and_adds_errors_to_the_cue():
+    errors = [0.0, 0.1, -0.1, 0.2, 0.3]
+    expected = perturb([0.5, 0.0, 1.0, -1.0, 0.0], errors)
+    np.testing.assert_allclose(expected, [0.6, 0.0, 0.9, -0.8, 0.3], rtol=1e-14)
+    assert perturb([0.5, 0.0, 7.0, -1.5, -1.0], errors).tolist() == expected.tolist()
+
+
+def test_perturb_leaves_actions_that_are_not_finite():
+    found = perturb([[np.nan, 0.5], [0.5, np.inf], [0.5, 0.0]], np.full((3, 2), 0.25))
+    assert np.isfinite(found).all(axis=1).tolist() == [False, False, True]
 
 
 def noisy_shots(count, seed=0, action=(0.0, 0.5)):
@@ -206,13 +291,6 @@ def test_noise_has_the_given_standard_deviations(action):
     assert noisy_shots(10, seed=1, action=aimed).tobytes() != shots[:10].tobytes()
 
 
-def test_noise_does_not_change_the_layouts():
-    plain, noisy = make(max_shots=1), make(max_shots=1, noise={})
-    for seed in (4, None, None):
-        assert plain.reset(seed=seed)[0].tobytes() == noisy.reset(seed=seed)[0].tobytes()
-        assert plain.step([0.5, 0.1])[4]["shot_time"] != noisy.step([0.5, 0.1])[4]["shot_time"]
-
-
 def test_the_noise_follows_the_seeds_and_the_noise_seed():
     def shot(seed, **arguments):
         env: Any = make(noise=NOISE, **arguments).unwrapped
@@ -226,39 +304,16 @@ def test_the_noise_follows_the_seeds_and_the_noise_seed():
     assert len({shot(1), shot(2), shot(1, noise_seed=1), shot(1, noise_seed=2), shot(None), shot(None)}) == 6
 
 
-@pytest.mark.parametrize("native", [True, False])
-def test_lists_of_seeds_and_masked_seeds_seed_the_noise(native):
-    def build() -> Any:
-        if native:
-            return make_vector_env(3, "Disabled", noise=NOISE, **FAST)
-        return SyncVectorEnv([lambda: make(noise=NOISE)] * 3, autoreset_mode=AutoresetMode.DISABLED)
-
-    def played(envs, seed=None, **options):
-        observations, _ = envs.reset(seed=seed, options=options or None)
-        return np.concatenate((observations, envs.step(np.array([[0.1, 0.2]] * 3, np.float32))[0]), axis=1)
-
-    envs, twin, second = build(), build(), np.array([False, True, False])
-    first = played(envs, [7, 8, 9])
-    assert played(envs, 7).tobytes() == first.tobytes()
-    assert played(envs, [7, None, 9])[[0, 2]].tobytes() == first[[0, 2]].tobytes()
-    for one in (envs, twin):
-        played(one, 7)
-        played(one)
-    again = played(envs, [7, 8, 9], reset_mask=second)
-    assert again[1].tobytes() == first[1].tobytes()
-    assert again.tobytes() == played(twin, [None, 8, None], reset_mask=second).tobytes()  # the others are not seeded
+CLIPPED = [
+    ([3.0, 0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]),
+    ([0.3, 0.4, 0.0, 0.0, -1.0], [0.3, 0.4, 0.0, 0.0, 0.0]),
+    ([0.3, 0.4, 5.0, 0.0, 0.0], [0.3, 0.4, 1.0, 0.0, 0.0]),
+    ([0.3, 0.4, 0.5, -9.0, 2.0], [0.3, 0.4, 0.5, -1.0, 1.0]),
+]
 
 
 @pytest.mark.parametrize("vector", [False, True])
-@pytest.mark.parametrize(
-    ("action", "clipped"),
-    [
-        ([3.0, 0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]),
-        ([0.3, 0.4, 0.0, 0.0, -1.0], [0.3, 0.4, 0.0, 0.0, 0.0]),
-        ([0.3, 0.4, 5.0, 0.0, 0.0], [0.3, 0.4, 1.0, 0.0, 0.0]),
-        ([0.3, 0.4, 0.5, -9.0, 2.0], [0.3, 0.4, 0.5, -1.0, 1.0]),
-    ],
-)
+@pytest.mark.parametrize(("action", "clipped"), CLIPPED)
 def test_equal_shots_have_equal_noise(action, clipped, vector):
     def times(chosen):
         """Returns the durations of three equal shots."""

@@ -80,17 +80,16 @@ def test_a_deep_copy_has_its_own_renderer():
 SCENE = Scene.from_dict({"base": "real_pool", "n_object_balls": 2, "physics": {"mu_roll": 0.012}})
 
 
+SPECS = [
+    *((kwargs, kwargs) for kwargs in VARIANTS[::5]),
+    ({"scene": SCENE}, {"scene": SCENE.to_dict()}),
+    ({"randomize": {"mu_roll": (0.004, 0.02)}}, {"randomize": {"mu_roll": [0.004, 0.02]}}),
+    ({"render_mode": "rgb_array"}, {"render_mode": "rgb_array"}),
+]
+
+
 @pytest.mark.parametrize("vector", [False, True], ids=["single", "vector"])
-@pytest.mark.parametrize(
-    ("kwargs", "written"),
-    [
-        *((kwargs, kwargs) for kwargs in VARIANTS[::5]),
-        ({"scene": SCENE}, {"scene": SCENE.to_dict()}),
-        ({"randomize": {"mu_roll": (0.004, 0.02)}}, {"randomize": {"mu_roll": [0.004, 0.02]}}),
-        ({"render_mode": "rgb_array"}, {"render_mode": "rgb_array"}),
-    ],
-    ids=name_of,
-)
+@pytest.mark.parametrize(("kwargs", "written"), SPECS, ids=name_of)
 def test_a_spec_recreates_its_environment_from_json_and_pickle(kwargs, written, vector):
     env: Any = gym.make_vec("Billiards-v0", num_envs=3, **kwargs) if vector else gym.make("Billiards-v0", **kwargs)
     assert written.items() <= json.loads(env.spec.to_json())["kwargs"].items()

@@ -99,15 +99,15 @@ def test_mirrored_tables_have_mirrored_features_bit_for_bit():
 
 
 def test_the_argument_chooses_and_orders_the_features():
-    names = ("shots_left", "goal", "potted", "positions")
-    env, usual = (make_env(task="place", max_shots=2, observe=observe) for observe in (names, None))
-    observation, seen = env.reset(seed=1)[0], usual.decode(usual.reset(seed=1)[0])
-    assert tuple(env.features) == names
-    assert env.features == {"shots_left": (), "goal": (1, 2), "potted": (2,), "positions": (2, 2)}
-    assert observation.tolist() == [1.0, *seen["goal"][0], 0.0, 0.0, *seen["positions"].flat]
+    env = make_env(task="place", max_shots=2, observe=("shots_left", "goal", "potted", "positions"))
+    start = {"positions": [[0.635, -0.3175], [-0.127, 0.508]], "goal": [0.0, 0.127]}
+    seen = np.array([0.0, 0.2, 0.0, 0.0, 0.5, -0.5, -0.1, 0.8], np.float32).tolist()  # relative to half the table
+    assert env.reset(options=start)[0].tolist() == [1.0, *seen]
+    assert env.step(np.zeros(2))[0].tolist() == [0.5, *seen]
+    shapes = {"shots_left": (), "goal": (1, 2), "potted": (2,), "positions": (2, 2)}
+    assert list(env.features.items()) == list(shapes.items())
     low: Any = vars(env.observation_space)["low"]
     assert low.tolist() == [0, -1, -1, 0, 0, -1, -1, -1, -1]
-    assert env.decode(env.step([0.1, 0.0])[0])["shots_left"] == 0.5
 
 
 @pytest.mark.parametrize("size", [(84, 84), (40, 90)])
@@ -177,10 +177,8 @@ def test_hindsight_replay_of_stable_baselines3_accepts_goals():
     from billiards_env.sb3 import SameStepVecEnv
 
     envs = SameStepVecEnv(make_vector_env(4, task="place", observe="goal", max_shots=2))
-    buffer = sb3.HerReplayBuffer
-    model = sb3.SAC(
-        "MultiInputPolicy", envs, replay_buffer_class=buffer, learning_starts=20, batch_size=8, device="cpu"
-    )
+    options = {"replay_buffer_class": sb3.HerReplayBuffer, "learning_starts": 20, "batch_size": 8, "device": "cpu"}
+    model = sb3.SAC("MultiInputPolicy", envs, **options)
     assert model.learn(40).num_timesteps == 40
     assert not hasattr(make_env(task="place"), "compute_reward")
 

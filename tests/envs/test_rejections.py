@@ -86,99 +86,93 @@ def test_wrong_arguments(arguments, message, kind):
             make(**arguments)
 
 
-@refusals(
-    "arguments",
-    [
-        ({"num_envs": 0}, "num_envs = 0: expected a whole number from 1 to 10000000"),
-        ({"threads": 0}, "threads = 0: expected a whole number from 1 to 1024"),
-        ({"autoreset_mode": "SameStp"}, "autoreset_mode = 'SameStp': .*did you mean 'SameStep'"),
-        ({"max_shot": 1}, "max_shot", TypeError),
-        ({"max_episode_steps": 5}, "max_episode_steps = 5: expected max_shots, one step is one shot"),
-    ],
-)
+WRONG_OF_VECTOR = [
+    ({"num_envs": 0}, "num_envs = 0: expected a whole number from 1 to 10000000"),
+    ({"threads": 0}, "threads = 0: expected a whole number from 1 to 1024"),
+    ({"autoreset_mode": "SameStp"}, "autoreset_mode = 'SameStp': .*did you mean 'SameStep'"),
+    ({"max_shot": 1}, "max_shot", TypeError),
+    ({"max_episode_steps": 5}, "max_episode_steps = 5: expected max_shots, one step is one shot"),
+]
+
+
+@refusals("arguments", WRONG_OF_VECTOR)
 def test_wrong_arguments_of_the_vector_environment(arguments, message, kind):
     with pytest.raises(kind, match=message):
         make_vector_env(**arguments)
 
 
-@refusals(
-    "options",
-    [
-        ({"position": []}, "key of options = 'position': expected one of 'positions', 'goal', .*did you mean 'pos"),
-        ([1, 2], r"options = \[1, 2\]: expected a dict", TypeError),
-        ({"positions": [[0, 0]]}, r"options\['positions'\] has shape \(1, 2\): expected \(2, 2\)"),
-        ({"positions": [[0, 0], [0.01, 0]]}, "balls 0 and 1 are 0.01 m apart: expected at least 0.05715"),
-        ({"goal": [[0, 0]]}, r"options\['goal'\] has shape \(1, 2\): expected \(2,\)"),
-        (
-            {"goal": [0, 0.62]},
-            r"options\['goal'\] as a position of the cue ball: .* at \[0.0, 0.62\]: .* inside",
-        ),
-        ({"physics": 0.01}, r"options\['physics'\] = 0.01: expected a mapping", TypeError),
-        ({"physics": {"g": 9.0}}, r"key of options\['physics'\] = 'g': expected one of 'mu_roll', 'e_ball'"),
-        ({"physics": {"mu_roll": [0.01]}}, r"options\['physics'\]\['mu_roll'\] has shape \(1,\): expected \(\)"),
-        ({"physics": {"mu_roll": 0.03}}, r"'mu_roll'\] = 0.03: expected a number from 0.004 to 0.02, as in randomize"),
-    ],
-)
-def test_after_wrong_options_the_episode_continues(options, message, kind):
-    env = make_env(task="place", randomize=RANGES)
-    observation, _ = env.reset(seed=0)
-    with pytest.raises(kind, match=message):
-        env.reset(options=options)
-    assert np.array_equal(env.step(np.zeros(2))[0], observation)
-
-
-@pytest.mark.parametrize("name", ["goal", "physics"])
-def test_an_option_that_does_not_fit_the_environment(name):
-    with pytest.raises(ValueError, match=f"key of options = '{name}': expected one of 'positions'"):
-        make_env().reset(options={name: [0, 0]})
-
-
 APART, CLOSE = [[0.0, 0.0], [0.5, 0.0]], [[0.0, 0.0], [0.01, 0.0]]
+OPTIONS: list[tuple[Any, ...]] = [
+    ({"position": []}, "key of options = 'position': expected one of 'positions', 'goal', .*did you mean 'pos"),
+    ([1, 2], r"options = \[1, 2\]: expected a dict", TypeError),
+    ({"positions": [[0, 0]]}, r"options\['positions'\] has shape \(1, 2\): expected \(2, 2\)"),
+    ({"positions": [[0, 0], [0.01, 0]]}, "balls 0 and 1 are 0.01 m apart: expected at least 0.05715"),
+    ({"goal": [[0, 0]]}, r"options\['goal'\] has shape \(1, 2\): expected \(2,\)"),
+    ({"goal": [0, 0.62]}, r"options\['goal'\] as a position of the cue ball: .* at \[0.0, 0.62\]: .* inside"),
+    ({"physics": 0.01}, r"options\['physics'\] = 0.01: expected a mapping", TypeError),
+    ({"physics": {"g": 9.0}}, r"key of options\['physics'\] = 'g': expected one of 'mu_roll', 'e_ball'"),
+    ({"physics": {"mu_roll": [0.01]}}, r"options\['physics'\]\['mu_roll'\] has shape \(1,\): expected \(\)"),
+    ({"physics": {"mu_roll": 0.03}}, r"'mu_roll'\] = 0.03: expected a number from 0.004 to 0.02, as in randomize"),
+]
+RESETS_OF_TWO: list[tuple[Any, ...]] = [
+    ({"seed": -1}, "seed of environment 0 = -1: expected a whole number >= 0"),
+    ({"seed": [1, 2.0]}, "seed of environment 1 = 2.0: expected a whole number"),
+    ({"seed": np.float64(3)}, r"seed = 3.0: expected a whole number", TypeError),
+    ({"seed": [1]}, "seed has 1 entries: expected 2"),
+    ({"options": [1]}, r"options = \[1\]: expected a dict", TypeError),
+    ({"options": {"position": 1}}, "did you mean 'positions'"),
+    ({"options": {"positions": APART}}, r"shape \(2, 2\): expected \(2, 2, 2\)"),
+    ({"options": {"goal": [0.1, 0.2]}}, r"has shape \(2,\): expected \(2, 2\)"),
+    ({"options": {"positions": [APART, CLOSE]}}, "shot 1, balls 0 and 1 are 0.01 m apart"),
+    ({"options": {"reset_mask": [True, True]}}, "expected a NumPy array of bool", TypeError),
+    ({"options": {"reset_mask": np.ones(3, bool)}}, r"has shape \(3,\): expected \(2,\)"),
+    ({"options": {"reset_mask": np.zeros(2, bool)}}, "expected at least one environment to reset"),
+]
 
 
-@refusals(
-    "start",
-    [
-        ({"seed": -1}, "seed of environment 0 = -1: expected a whole number >= 0"),
-        ({"seed": [1, 2.0]}, "seed of environment 1 = 2.0: expected a whole number"),
-        ({"seed": np.float64(3)}, r"seed = 3.0: expected a whole number", TypeError),
-        ({"seed": [1]}, "seed has 1 entries: expected 2"),
-        ({"options": [1]}, r"options = \[1\]: expected a dict", TypeError),
-        ({"options": {"position": 1}}, "did you mean 'positions'"),
-        ({"options": {"positions": APART}}, r"shape \(2, 2\): expected \(2, 2, 2\)"),
-        ({"options": {"goal": [0.1, 0.2]}}, r"has shape \(2,\): expected \(2, 2\)"),
-        ({"options": {"positions": [APART, CLOSE]}}, "shot 1, balls 0 and 1 are 0.01 m apart"),
-        ({"options": {"reset_mask": [True, True]}}, "expected a NumPy array of bool", TypeError),
-        ({"options": {"reset_mask": np.ones(3, bool)}}, r"has shape \(3,\): expected \(2,\)"),
-        ({"options": {"reset_mask": np.zeros(2, bool)}}, "expected at least one environment to reset"),
-    ],
-)
-def test_after_a_wrong_reset_of_the_vector_environment_the_episodes_continue(start, message, kind):
-    envs = make_vector_env(2, "NextStep", task="place")
-    observations, _ = envs.reset(seed=0)
-    state = envs.get_state()
+def varied():
+    return make_env(task="place", randomize=RANGES)
+
+
+def two():
+    return make_vector_env(2, "NextStep", task="place")
+
+
+RESETS = [
+    *((varied, {"options": options}, *rest) for options, *rest in OPTIONS),
+    *((two, start, *rest) for start, *rest in RESETS_OF_TWO),
+    (make_env, {"options": {"goal": [0, 0]}}, "key of options = 'goal': expected one of 'positions'"),
+    (make_env, {"options": {"physics": [0, 0]}}, "key of options = 'physics': expected one of 'positions'"),
+]
+
+
+@refusals("make, start", RESETS)
+def test_after_a_wrong_reset_the_episodes_continue(make, start, message, kind):
+    env = make()
+    observations, _ = env.reset(seed=0)
+    state = env.get_state()
     with pytest.raises(kind, match=message):
-        envs.reset(**start)
-    assert (envs.get_state() == state).all()
-    assert np.array_equal(envs.step(np.zeros((2, 2)))[0], observations)
+        env.reset(**start)
+    assert (env.get_state() == state).all()
+    assert np.array_equal(env.step(np.zeros(env.action_space.shape))[0], observations)
 
 
 THREE, INFINITE = {"num_envs": 3, "autoreset_mode": "Disabled"}, [[0, 0], [np.inf, 0], [0, 0]]
 
 
-@refusals(
-    "make, arguments, action",
-    [
-        (make_env, {}, [np.nan, 0.0], r"action = \[nan, 0.0\]: expected finite numbers"),
-        (make_env, {}, [0.0, 0.0, 0.0], r"action has shape \(3,\): expected \(2,\)"),
-        (make_env, {}, 0.5, r"action has shape \(\): expected \(2,\)"),
-        (make_env, STRIKE, [0.1, 0.2], r"action has shape \(2,\): expected \(5,\)"),
-        (make_env, {"action": "cut"}, [0.0, np.inf], r"action = \[0.0, inf\]: expected finite numbers"),
-        (make_vector_env, THREE, np.zeros((2, 2)), r"actions has shape \(2, 2\): expected \(3, 2\)"),
-        (make_vector_env, THREE, np.zeros(2), r"actions has shape \(2,\): expected \(3, 2\)"),
-        (make_vector_env, THREE, INFINITE, r"action of environment 1 = \[inf, 0.0\]: expected finite numbers"),
-    ],
-)
+WRONG_ACTIONS = [
+    (make_env, {}, [np.nan, 0.0], r"action = \[nan, 0.0\]: expected finite numbers"),
+    (make_env, {}, [0.0, 0.0, 0.0], r"action has shape \(3,\): expected \(2,\)"),
+    (make_env, {}, 0.5, r"action has shape \(\): expected \(2,\)"),
+    (make_env, STRIKE, [0.1, 0.2], r"action has shape \(2,\): expected \(5,\)"),
+    (make_env, {"action": "cut"}, [0.0, np.inf], r"action = \[0.0, inf\]: expected finite numbers"),
+    (make_vector_env, THREE, np.zeros((2, 2)), r"actions has shape \(2, 2\): expected \(3, 2\)"),
+    (make_vector_env, THREE, np.zeros(2), r"actions has shape \(2,\): expected \(3, 2\)"),
+    (make_vector_env, THREE, INFINITE, r"action of environment 1 = \[inf, 0.0\]: expected finite numbers"),
+]
+
+
+@refusals("make, arguments, action", WRONG_ACTIONS)
 def test_a_wrong_action_changes_nothing(make, arguments, action, message, kind):
     env, twin = make(**arguments), make(**arguments)
     for one in (env, twin):

@@ -1,7 +1,6 @@
 import math
 import os
 import re
-import subprocess
 import sys
 from typing import Any
 
@@ -15,14 +14,14 @@ from billiards_env.engine import run_shots_of
 from billiards_env.envs import RecordVideo, episodes, make_env
 from billiards_env.envs.rendering import FPS, RENDER_MODES
 from billiards_env.envs.tasks import TASKS
+from billiards_env.games import billiards_v0
 from billiards_env.shots import simulation
 from tests.helpers.environments import same
+from tests.helpers.films import read_mp4
 
 make: Any = gym.make  # Any: the type of the result of `render` depends on the render mode
 make_vec: Any = gym.make_vec
 BilliardsEnv: Any = billiards_envs.BilliardsEnv
-
-os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
 INTO_THE_CORNER = {"positions": [[0.97, 0.335], [1.07, 0.435]]}
 SLOWLY = np.array([0.1, 0.1], np.float32)
@@ -101,20 +100,19 @@ OBSTACLE = {"base": "pool", "balls": {"radius": [0.03, 0.05, 0.03], "mass": [0.2
 APART, MISSED = [[0.0, 0.0], [0.3, 0.0], [0.6, 0.1]], ("reward 0   score 0", "reward 0   score 0")
 
 
-@pytest.mark.parametrize(
-    ("kwargs", "positions", "speeds", "results"),
-    [
-        (
-            {"n_object_balls": 2},  # the second shot begins without the ball of the first
-            [*INTO_THE_CORNER["positions"], [-0.5, -0.3]],
-            ("1.98", "0.57"),
-            ("reward 1   score 1", "reward 0   score 1"),
-        ),
-        ({"scene": OBSTACLE, "task": "carom", "max_speed": 1.0}, APART, ("0.49", "0.14"), MISSED),
-        ({"n_object_balls": 2, "task": "place", "max_speed": 1.0}, APART, ("0.49", "0.14"), MISSED),
-    ],
-    ids=["a ball was potted before", "an obstacle", "a goal"],
-)
+FILMS = {
+    "a ball was potted before": (
+        {"n_object_balls": 2},
+        [*INTO_THE_CORNER["positions"], [-0.5, -0.3]],
+        ("1.98", "0.57"),
+        ("reward 1   score 1", "reward 0   score 1"),
+    ),
+    "an obstacle": ({"scene": OBSTACLE, "task": "carom", "max_speed": 1.0}, APART, ("0.49", "0.14"), MISSED),
+    "a goal": ({"n_object_balls": 2, "task": "place", "max_speed": 1.0}, APART, ("0.49", "0.14"), MISSED),
+}
+
+
+@pytest.mark.parametrize(("kwargs", "positions", "speeds", "results"), FILMS.values(), ids=FILMS)
 def test_the_frames_are_those_of_the_shots_with_texts(kwargs, positions, speeds, results):
     from billiards_env.drawing.canvas import Canvas, Caption, pixels
 
@@ -205,13 +203,6 @@ def test_keys_change_the_pace_of_a_window(pygame, monkeypatch):
     window.close()
 
 
-def film_of(path):
-    ffmpeg = pytest.importorskip("imageio_ffmpeg")
-    options = f"-loglevel error -i {path} -f rawvideo -pix_fmt rgb24 -".split()
-    data = subprocess.run([ffmpeg.get_ffmpeg_exe(), *options], capture_output=True, check=True).stdout
-    return np.frombuffer(data, np.uint8).reshape(-1, 462, 800, 3)
-
-
 def test_record_video_films_every_frame_of_every_shot(tmp_path):
     pytest.importorskip("moviepy")
     env = make("Billiards-v0", render_mode="rgb_array_list", max_shots=2)
@@ -231,7 +222,7 @@ def test_record_video_films_every_frame_of_every_shot(tmp_path):
     env.close()
     assert sorted(os.listdir(tmp_path / "films")) == ["rl-video-episode-0.mp4", "rl-video-episode-2.mp4"]
     for episode in (0, 2):
-        film = film_of(tmp_path / "films" / f"rl-video-episode-{episode}.mp4")
+        _, film = read_mp4(tmp_path / "films" / f"rl-video-episode-{episode}.mp4")
         assert len(film) == len(expected[episode])
         for one, other in zip(film[::25], expected[episode][::25], strict=True):
             assert np.abs(one.astype(int) - other).mean() < 4
@@ -250,7 +241,7 @@ def test_record_video_by_length(tmp_path):
         lengths.append(1 + n_frames(info))  # the starting state and the shot
     env.close()
     assert os.listdir(tmp_path / "films") == ["rl-video-step-1.mp4"]
-    assert len(film_of(tmp_path / "films" / "rl-video-step-1.mp4")) == lengths[1]  # a shot is not cut short
+    assert len(read_mp4(tmp_path / "films" / "rl-video-step-1.mp4")[1]) == lengths[1]  # a shot is not cut short
 
 
 @pytest.mark.filterwarnings("ignore:Exception ignored in. .function RecordVideo")  # the destructor of Gymnasium 1.2
@@ -319,10 +310,11 @@ def test_a_window_shows_the_first_environment(pygame):
     assert not pygame.display.get_init()
 
 
-def test_rendering_without_a_render_mode_warns():
-    env: Any = make_env()
+@pytest.mark.parametrize("make", [make_env, billiards_v0.env], ids=["an environment", "a game"])
+def test_rendering_without_a_render_mode_warns(make):
+    env: Any = make()
     env.reset(seed=0)
-    with pytest.warns(UserWarning, match="without a render mode draws nothing"):
+    with pytest.warns(UserWarning, match="without a render.mode"):
         assert env.render() is None
     env.close()
 

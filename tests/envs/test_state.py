@@ -146,23 +146,23 @@ def changed(**values: Any) -> np.ndarray:
     return state
 
 
-@refusals(
-    "state",
-    [
-        (lambda: [1, 2], r"state = \[1, 2\]: expected an array that get_state returned", TypeError),
-        (lambda: np.zeros(2), "expected an array that get_state returned", TypeError),
-        (lambda: changed()[[0, 1, 0]], "state has 3 rows: expected 2 or 1"),
-        (lambda: changed(task="carom"), r"state\['task'\] = b'carom': expected b'pot', the task of"),
-        (lambda: make_vector_env(2, scene="ideal", task="place").get_state(), r"state\['task'\]"),
-        (lambda: make_vector_env(2, scene="uk_pool").get_state(), r"state\['scene'\] = .* the scene of"),
-        (lambda: make_vector_env(2, n_object_balls=2).get_state(), r"state\['scene'\]"),
-        (lambda: make_vector_env(2, randomize={"g": (9, 10)}).get_state(), r"state\['scene'\]"),
-        (lambda: changed(positions=np.nan), r"state\['positions'\] has numbers that are not finite"),
-        (lambda: changed(positions=0.1), "positions: shot 1, balls 0 and 1 are 0.0 m apart: expected"),
-        (lambda: changed(positions=[[0, 0], [9, 0]]), r"positions: shot 1, ball 1 is at \[9.0, 0.0\]"),
-        (lambda: changed(fresh=False, shots_left=2), r"state\['shots_left'\] = .*expected 1 to max_shots = 1"),
-    ],
-)
+WRONG_STATES = [
+    (lambda: [1, 2], r"state = \[1, 2\]: expected an array that get_state returned", TypeError),
+    (lambda: np.zeros(2), "expected an array that get_state returned", TypeError),
+    (lambda: changed()[[0, 1, 0]], "state has 3 rows: expected 2 or 1"),
+    (lambda: changed(task="carom"), r"state\['task'\] = b'carom': expected b'pot', the task of"),
+    (lambda: make_vector_env(2, scene="ideal", task="place").get_state(), r"state\['task'\]"),
+    (lambda: make_vector_env(2, scene="uk_pool").get_state(), r"state\['scene'\] = .* the scene of"),
+    (lambda: make_vector_env(2, n_object_balls=2).get_state(), r"state\['scene'\]"),
+    (lambda: make_vector_env(2, randomize={"g": (9, 10)}).get_state(), r"state\['scene'\]"),
+    (lambda: changed(positions=np.nan), r"state\['positions'\] has numbers that are not finite"),
+    (lambda: changed(positions=0.1), "positions: shot 1, balls 0 and 1 are 0.0 m apart: expected"),
+    (lambda: changed(positions=[[0, 0], [9, 0]]), r"positions: shot 1, ball 1 is at \[9.0, 0.0\]"),
+    (lambda: changed(fresh=False, shots_left=2), r"state\['shots_left'\] = .*expected 1 to max_shots = 1"),
+]
+
+
+@refusals("state", WRONG_STATES)
 def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(state, message, kind):
     envs = make_vector_env(2)
     envs.reset(seed=0)
@@ -174,14 +174,14 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(state, message
     assert (envs.get_state() == before).all()
 
 
-@refusals(
-    "kwargs, values",
-    [
-        (NINE, {"player": 10**9}, "player = .*1000000000.* of .*2.* players: expected 0 to the number less 1"),
-        (NINE, {"n_players": 0}, "expected 0 to the number less 1"),
-        (VARIED, {"physics": -1.0}, r"state\['physics'\], mu_roll = .*: expected numbers from 0.004 to 0.02, as in"),
-    ],
-)
+WRONG_NUMBERS = [
+    (NINE, {"player": 10**9}, "player = .*1000000000.* of .*2.* players: expected 0 to the number less 1"),
+    (NINE, {"n_players": 0}, "expected 0 to the number less 1"),
+    (VARIED, {"physics": -1.0}, r"state\['physics'\], mu_roll = .*: expected numbers from 0.004 to 0.02, as in"),
+]
+
+
+@refusals("kwargs, values", WRONG_NUMBERS)
 def test_numbers_that_no_episode_has_are_refused(kwargs, values, message, kind):
     env = make_env(**kwargs)
     env.reset(seed=0)

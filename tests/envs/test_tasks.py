@@ -158,20 +158,16 @@ def test_the_points_of_a_shot(judge, shot, result):
 # --- run-outs ---------------------------------------------------------------------------------------------------------
 
 
-def run_out(task, before=(), potted=(), first=1, cushion=5, **fields):
-    """Returns the result of a shot of a run-out, and the legal balls after it.
+def run_out(task, before=(), potted=(), first=1, **fields):
+    """Returns the result of a shot of a run-out in which ball 5 touches a cushion, and the legal balls after it.
 
-    `cushion` is the ball that touches a cushion after the hit, or -1. `fields` are fields of the state before the shot.
+    `fields` are fields of the state before the shot.
     """
     n = RUN_OUTS[task] + 1
     was, off, legal = (np.zeros((1, n), np.bool_) for _ in range(3))
     was[0, list(before)] = off[0, list(before)] = off[0, list(potted)] = True
-    cushions = np.zeros((1, n), np.int32)
-    if cushion >= 0:
-        cushions[0, cushion] = 1
-    before_hit = np.full((1, n), -1)
-    if first >= 0:
-        before_hit[0, first] = 0
+    cushions, before_hit = np.zeros((1, n), np.int32), np.full((1, n), -1)
+    cushions[0, 5], before_hit[0, first] = 1, 0
     result = judged(
         tasks.TASKS[task].judge,
         np.zeros(n, np.bool_),
@@ -186,21 +182,19 @@ def run_out(task, before=(), potted=(), first=1, cushion=5, **fields):
     return result, set(np.flatnonzero(legal[0]).tolist())
 
 
-@pytest.mark.parametrize(
-    ("shot", "result", "on"),
-    [
-        ({"potted": [1]}, (1, False, False), {2}),
-        ({"potted": [1, 3]}, (2, False, False), {2}),
-        ({"potted": [4]}, (1, False, False), {1}),
-        ({}, (0, True, False), {1}),  # a miss
-        ({"potted": [2], "first": 2}, (0, True, False), {1}),  # the wrong ball first
-        ({"first": -1, "cushion": -1}, (0, True, False), {1}),
-        ({"potted": [1], "cushion": -1}, (1, False, False), {2}),  # a potted ball needs no cushion
-        ({"potted": [9]}, (9, True, True), {1}),  # a combination
-        ({"potted": [9, 0]}, (0, True, False), {1}),
-        ({"before": range(1, 9), "potted": [9], "first": 9}, (1, True, True), set()),
-    ],
-)
+NINE_BALL = [
+    ({"potted": [1]}, (1, False, False), {2}),
+    ({"potted": [1, 3]}, (2, False, False), {2}),
+    ({"potted": [4]}, (1, False, False), {1}),
+    ({}, (0, True, False), {1}),  # a miss
+    ({"potted": [2], "first": 2}, (0, True, False), {1}),  # the wrong ball first
+    ({"potted": [9]}, (9, True, True), {1}),  # a combination
+    ({"potted": [9, 0]}, (0, True, False), {1}),
+    ({"before": range(1, 9), "potted": [9], "first": 9}, (1, True, True), set()),
+]
+
+
+@pytest.mark.parametrize(("shot", "result", "on"), NINE_BALL)
 def test_nine_ball(shot, result, on):
     assert run_out("nine_ball", **shot) == (result, on)
 
@@ -208,46 +202,44 @@ def test_nine_ball(shot, result, on):
 ALL, SOLIDS, STRIPES = set(range(1, 16)), set(range(1, 8)), set(range(9, 16))
 
 
-@pytest.mark.parametrize(
-    ("shot", "result", "on"),
-    [
-        # The break
-        ({"break_shot": True, "potted": [3, 11]}, (2, False, False), ALL - {3, 8, 11}),
-        ({"break_shot": True}, (0, True, False), ALL - {8}),
-        ({"break_shot": True, "potted": [8]}, (0, True, False), ALL - {8}),
-        # An open table
-        ({"potted": [11], "first": 2}, (1, False, False), STRIPES - {11}),
-        ({"potted": [2, 3, 11], "first": 11}, (1, False, False), STRIPES - {11}),
-        ({"potted": [2], "first": 8}, (0, True, False), ALL - {2, 8}),  # a foul decides no group
-        ({}, (0, True, False), ALL - {8}),
-        # A group
-        ({"solids": 0, "potted": [2]}, (1, False, False), SOLIDS - {2}),
-        ({"solids": 0, "potted": [2, 11]}, (1, False, False), SOLIDS - {2}),
-        ({"solids": 0, "potted": [11]}, (0, True, False), SOLIDS),
-        ({"solids": 0, "potted": [2], "first": 11}, (0, True, False), SOLIDS - {2}),
-        ({"solids": 0, "potted": [2, 8]}, (1, True, False), SOLIDS - {2}),
-        ({"solids": 0, "before": SOLIDS - {3}, "potted": [3], "first": 3}, (1, False, False), {8}),
-        # The eight ball
-        ({"solids": 0, "before": SOLIDS, "potted": [8], "first": 8}, (1, True, True), {8}),
-        ({"solids": 0, "before": SOLIDS, "potted": [8, 0], "first": 8}, (0, True, False), {8}),
-        ({"solids": 0, "before": SOLIDS, "first": 8}, (0, True, False), {8}),
-    ],
-)
+EIGHT_BALL = [
+    # The break
+    ({"break_shot": True, "potted": [3, 11]}, (2, False, False), ALL - {3, 8, 11}),
+    ({"break_shot": True}, (0, True, False), ALL - {8}),
+    ({"break_shot": True, "potted": [8]}, (0, True, False), ALL - {8}),
+    # An open table
+    ({"potted": [11], "first": 2}, (1, False, False), STRIPES - {11}),
+    ({"potted": [2, 3, 11], "first": 11}, (1, False, False), STRIPES - {11}),
+    ({}, (0, True, False), ALL - {8}),
+    # A group
+    ({"solids": 0, "potted": [2]}, (1, False, False), SOLIDS - {2}),
+    ({"solids": 0, "potted": [2, 11]}, (1, False, False), SOLIDS - {2}),
+    ({"solids": 0, "potted": [11]}, (0, True, False), SOLIDS),
+    ({"solids": 0, "potted": [2], "first": 11}, (0, True, False), SOLIDS - {2}),
+    ({"solids": 0, "potted": [2, 8]}, (1, True, False), SOLIDS - {2}),
+    ({"solids": 0, "before": SOLIDS - {3}, "potted": [3], "first": 3}, (1, False, False), {8}),
+    # The eight ball
+    ({"solids": 0, "before": SOLIDS, "potted": [8], "first": 8}, (1, True, True), {8}),
+    ({"solids": 0, "before": SOLIDS, "potted": [8, 0], "first": 8}, (0, True, False), {8}),
+]
+
+
+@pytest.mark.parametrize(("shot", "result", "on"), EIGHT_BALL)
 def test_eight_ball(shot, result, on):
     assert run_out("eight_ball", **shot) == (result, on)
 
 
-@pytest.mark.parametrize(
-    ("task", "layout", "legal"),
-    [
-        ("eight_ball", "eight_ball", ALL),
-        ("eight_ball", "tight_rack", ALL),
-        ("eight_ball", "random", ALL - {8}),
-        ("nine_ball", "nine_ball", {1}),
-        ("nine_ball", "random", {1}),
-        ("pot", "random", set()),
-    ],
-)
+LEGAL = [
+    ("eight_ball", "eight_ball", ALL),
+    ("eight_ball", "tight_rack", ALL),
+    ("eight_ball", "random", ALL - {8}),
+    ("nine_ball", "nine_ball", {1}),
+    ("nine_ball", "random", {1}),
+    ("pot", "random", set()),
+]
+
+
+@pytest.mark.parametrize(("task", "layout", "legal"), LEGAL)
 def test_the_legal_balls_of_the_first_shot(task, layout, legal):
     env = make_env(task=task, layout=layout)
     env.reset(seed=0)

@@ -105,58 +105,65 @@ def test_a_masked_reset_does_not_change_the_others(mode, kwargs):
         same(native.step(actions), sync.step(actions))
 
 
-@pytest.mark.parametrize(
-    ("task", "name", "values"),
-    [
-        ("pot", "positions", [[[0.1, 0.2], [-0.3, -0.4]], [[0.5, 0.0], [-0.5, 0.0]]]),
-        ("place", "goal", [[0.1, 0.2], [-0.3, 0.4]]),
-    ],
-)
-def test_options_are_those_of_single_environments(task, name, values):
-    envs, single, values = make_vector_env(2, task=task), make_env(task=task), np.array(values)
-    observations, _ = envs.reset(seed=3, options={name: values})
+OPTIONS = [
+    ({}, "positions", [[[0.1, 0.2], [-0.3, -0.4]], [[0.5, 0.0], [-0.5, 0.0]]]),
+    ({"task": "place"}, "goal", [[0.1, 0.2], [-0.3, 0.4]]),
+    (VARIED, "physics", [0.004, 0.02]),
+]
+
+
+@pytest.mark.parametrize(("kwargs", "name", "values"), OPTIONS)
+def test_options_are_those_of_single_environments(kwargs, name, values):
+    envs, single, values = make_vector_env(2, **kwargs), make_env(**kwargs), np.array(values)
+
+    def options(values):
+        return {name: {"mu_roll": values} if name == "physics" else values}
+
+    observations, _ = envs.reset(seed=3, options=options(values))
     later, _ = envs.reset()
     for i, value in enumerate(values):
-        assert np.array_equal(observations[i], single.reset(seed=3 + i, options={name: value})[0])
+        assert np.array_equal(observations[i], single.reset(seed=3 + i, options=options(value))[0])
         assert np.array_equal(later[i], single.reset()[0])
     second = {"reset_mask": np.array([False, True])}
     values[0] = 9.0  # not in the mask, so not used
-    again, _ = envs.reset(options={name: values, **second})
+    again, _ = envs.reset(options={**options(values), **second})
     assert np.array_equal(again[0], later[0])
-    assert np.array_equal(again[1], single.reset(options={name: values[1]})[0])
+    assert np.array_equal(again[1], single.reset(options=options(values[1]))[0])
+
+
+def arrays(results):
+    """Yields the arrays of numbers in nested tuples and dicts."""
+    for value in results.values() if isinstance(results, dict) else results:
+        if isinstance(value, (dict, tuple)):
+            yield from arrays(value)
+        elif isinstance(value, np.ndarray) and value.dtype != object:
+            yield value
 
 
 @modes
 @soft
 def test_returned_arrays_share_no_memory(mode, kwargs):
-    envs = make_vector_env(40, autoreset_mode=mode, **kwargs)
+    envs, twin, env = (*(make_vector_env(40, mode, **kwargs) for _ in range(2)), make_env(**kwargs))
     rng = np.random.default_rng(0)
-
-    def arrays(results):
-        for value in results.values() if isinstance(results, dict) else results:
-            if isinstance(value, dict):
-                yield from arrays(value)
-            elif isinstance(value, np.ndarray) and value.dtype != object:
-                yield value
-
-    twin = make_vector_env(40, autoreset_mode=mode, **kwargs)
     twin.reset(seed=0)
-    given = list(arrays(envs.reset(seed=0)))
+    given = [*arrays(envs.reset(seed=0)), *arrays(env.reset(seed=0))]
     for _ in range(4):
         actions = rng.uniform(-1, 1, (40, 2))
         kept = actions.copy()
         results = envs.step(actions)
         assert np.array_equal(actions, kept)
-        given += list(arrays(results))
         same(results, twin.step(actions))
+        given += arrays((results, (envs.positions, envs.potted, envs.goals), (env.positions, env.potted, env.goals)))
         if mode is AutoresetMode.DISABLED and results[2].any():
             mask = results[2].copy()
-            given += list(arrays(envs.reset(options={"reset_mask": mask})))
+            given += arrays(envs.reset(options={"reset_mask": mask}))
             twin.reset(options={"reset_mask": mask})
+        given += arrays((env.step(0.05 * actions[0]), env.reset()))
     for a, b in itertools.combinations(given, 2):
         assert not np.may_share_memory(a, b)
-    inner = [envs._episodes.memory, *envs._episodes.shots, *envs._episodes.arrays]
-    assert not any(np.may_share_memory(a, b) for a in given for b in inner)
+    for of in (envs._episodes, env._episodes):
+        inner = [of.memory, *of.shots, *of.arrays]
+        assert not any(np.may_share_memory(a, b) for a in given for b in inner)
 
 
 FORMS = {
@@ -258,6 +265,6 @@ def test_attributes_of_each_environment(kwargs):
     assert native.get_attr("max_speed") == (1.0, 1.0, 1.0)
     with pytest.raises(ValueError, match=r"max_speed = \[1.0, 2.0, 3.0\]: expected one value for all 3"):
         native.set_attr("max_speed", [1.0, 2.0, 3.0])
-    for name in ("reset", "set_state"):
+    for name in ("reset", "step", "set_state"):
         with pytest.raises(ValueError, match=rf"call\('{name}'\): expected the method of the vector environment"):
             native.call(name)

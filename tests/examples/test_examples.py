@@ -13,15 +13,6 @@ FOLDER = Path(__file__).resolve().parents[2] / "examples"
 PAGE = (FOLDER.parent / "docs" / "examples.md").read_text(encoding="utf-8")
 
 
-@pytest.fixture(autouse=True)
-def one_thread():
-    torch = pytest.importorskip("torch")
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
-
-
 def load(name, *packages):
     """Returns the functions of a program, or skips the test without its packages."""
     for package in packages:
@@ -51,17 +42,17 @@ def test_tree_search_plays_an_episode():
     assert 0.0 <= load("tree_search")["main"](["--episodes", "1", "--simulations", "10"]) <= 9.0
 
 
+PROGRAMS = [
+    pytest.param("optuna_sweep", "optuna", 2048, {"episodes": 50}, 0.0, 1.0, marks=pytest.mark.tools),
+    pytest.param("torchrl_collector", "torchrl", 2048, {}, -0.2, 0.2, marks=pytest.mark.tools),
+    ("rllib_ppo", "ray", 2048, {"num_envs": 32}, -0.3, 0.3),
+    ("goals", "stable_baselines3", 1100, {"episodes": 100}, 0.0, 1.0),
+    ("plans", "stable_baselines3", 1100, {"episodes": 100}, 0.0, 1.0),
+]
+
+
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(
-    ("name", "package", "steps", "arguments", "least", "most"),
-    [
-        pytest.param("optuna_sweep", "optuna", 2048, {"episodes": 50}, 0.0, 1.0, marks=pytest.mark.tools),
-        pytest.param("torchrl_collector", "torchrl", 2048, {}, -0.2, 0.2, marks=pytest.mark.tools),
-        ("rllib_ppo", "ray", 2048, {"num_envs": 32}, -0.3, 0.3),
-        ("goals", "stable_baselines3", 1100, {"episodes": 100}, 0.0, 1.0),
-        ("plans", "stable_baselines3", 1100, {"episodes": 100}, 0.0, 1.0),
-    ],
-)
+@pytest.mark.parametrize(("name", "package", "steps", "arguments", "least", "most"), PROGRAMS)
 def test_a_program_returns_a_number_in_its_range(name, package, steps, arguments, least, most):
     found = load(name, package)["run"](steps, **arguments)
     chance, found = found if isinstance(found, tuple) else (0.5, getattr(found, "best_value", found))

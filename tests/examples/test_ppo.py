@@ -13,21 +13,17 @@ PATH = Path(__file__).resolve().parents[2] / "examples" / "ppo.py"
 ppo = SimpleNamespace(**runpy.run_path(str(PATH)))
 
 
-@pytest.fixture(autouse=True)
-def settings_of_torch():
-    """Restores the settings of PyTorch that the program changes."""
-    threads = torch.get_num_threads()
-    yield
-    torch.set_num_threads(threads)
-    torch.set_flush_denormal(False)
+SIZES = {"envs": 1024, "minibatch": 256, "epochs": 2, "hidden": 64, "episodes": 500, "evaluate-every": 32768}
 
 
-SIZES = "--envs 1024 --minibatch 256 --epochs 2 --hidden 64 --episodes 500 --evaluate-every 32768"
+def train(**options):
+    """Returns the policy and the curve of a short training."""
+    return ppo.train(ppo.arguments([f"--{name}={value}" for name, value in {**SIZES, **options}.items()]))
 
 
 def test_a_short_training_learns(tmp_path):
     weights = tmp_path / "policy.pt"
-    policy, curve = ppo.train(ppo.arguments([*SIZES.split(), "--shots", "65536", "--policy", str(weights)]))
+    policy, curve = train(shots=65536, policy=weights)
     assert [point["shots"] for point in curve] == [32768, 65536]
     assert curve[-1]["success"] > 0.15  # a random shot pots the ball once in a hundred times
     saved = torch.load(weights, weights_only=True)
@@ -36,12 +32,10 @@ def test_a_short_training_learns(tmp_path):
 
 def test_a_short_training_learns_to_make_caroms():
     env = {"task": "carom", "layout": "random", "max_speed": 6.0}
-    given = [*SIZES.split(), "--shots", "32768", "--aim", "layout", "--rate", "4e-3", "--env", json.dumps([env])]
-    _, curve = ppo.train(ppo.arguments(given))
+    _, curve = train(shots=32768, aim="layout", rate=4e-3, env=json.dumps([env]))
     assert curve[-1]["success"] > 0.08  # before the training it is about 0.03
 
 
 def test_a_short_training_learns_to_pot_two_balls():
-    given = [*SIZES.split(), "--shots", "65536", "--env", '[{"n_object_balls": 2, "max_shots": 4}]', "--rate", "4e-3"]
-    _, curve = ppo.train(ppo.arguments(given))
+    _, curve = train(shots=65536, rate=4e-3, env='[{"n_object_balls": 2, "max_shots": 4}]')
     assert curve[-1]["success"] > 0.15

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from billiards_env.games import GAMES, Call, Stroke, opening, play
+from billiards_env.games import CALL, FACTS, FOULS, GAMES, STATE, Call, Stroke, opening, play, referee
 from billiards_env.games.batch import best_call, play_batch
 from billiards_env.games.state import changed, in_play, members, set_of
-from tests.helpers.games import setup
+from tests.helpers.games import setup, state
 
 CASES = {f"{rules} {layout}": (rules, layout, {}) for rules in GAMES for layout in (GAMES[rules].layouts[0], "random")}
 CASES |= {
@@ -37,9 +37,8 @@ def one_by_one(settings, game, velocities, spins, places):
     return played
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_a_batch_has_the_verdicts_states_and_positions_of_single_shots(case):
-    rules, layout, state = CASES[case]
+@pytest.mark.parametrize(("rules", "layout", "state"), CASES.values(), ids=CASES)
+def test_a_batch_has_the_verdicts_states_and_positions_of_single_shots(rules, layout, state):
     settings = setup(rules, call_shot=state.get("call_shot", False))
     game = opening(settings, np.random.default_rng(1), layout)
     game = game._replace(state=changed(game.state, **{"in_hand": 0, **state}))  # a break with the cue ball in place
@@ -72,3 +71,29 @@ def test_a_call_counts_if_its_ball_drops_in_its_pocket():
         assert three.verdicts["continues"].tolist() == [True, False, False]
         call = Call(ball, pocket)
         assert play(settings, game, Stroke(tuple(velocities[k].tolist()), call=call)).verdict.continues
+
+
+# Arrays of states and of facts
+
+
+def test_a_shot_without_a_known_order_of_pots_chooses_the_group_that_was_touched_first():
+    states, calls = np.array([state("eight_ball")] * 2, STATE), np.zeros(2, CALL)
+    facts = np.zeros(2, FACTS)
+    facts["potted"], facts["cushion_after"], facts["first"] = 1 << 2 | 1 << 11, True, [1 << 3, 1 << 12]
+    assert referee.play("eight_ball", states, facts, calls)[0]["solids"].tolist() == [0, 1]
+    facts["first_potted"] = [1 << 11, 1 << 2]
+    assert referee.play("eight_ball", states, facts, calls)[0]["solids"].tolist() == [1, 0]
+
+
+def test_wrong_arrays_are_refused():
+    states, facts, calls = np.zeros(2, STATE), np.zeros(2, FACTS), np.zeros(3, CALL)
+    with pytest.raises(ValueError, match=r"lengths \(2, 2, 3\): expected one length"):
+        referee.play("carom", states, facts, calls)
+    with pytest.raises(ValueError, match="game = 'croquet': expected one of"):
+        referee.play("croquet", states, facts, calls[:2])
+    states["n_players"] = 2
+    assert [FOULS[k] for k in referee.play("nine_ball", states, facts, calls[:2])[1]["foul"]] == ["no_hit"] * 2
+    assert not states["player"].any()  # the states before the shots do not change
+    states["player"] = [1, 2]
+    with pytest.raises(ValueError, match=r"player = .*2.* of .* players: expected 0 to the number less 1"):
+        referee.play("nine_ball", states, facts, calls[:2])

@@ -92,9 +92,8 @@ def test_pettingzoos_api_test(kwargs, capsys):
     assert "Passed" in capsys.readouterr().out
 
 
-def test_pettingzoos_render_test(monkeypatch):
+def test_pettingzoos_render_test():
     pytest.importorskip("pygame")
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     # Slow shots are short, and a window shows films in real time.
     render_test(
         lambda render_mode="human": make(render_mode=render_mode, max_speed=0.02),
@@ -248,13 +247,6 @@ def test_frames():
     assert abs(len(frames) - env.infos["player_0"]["shot_time"] * films.metadata["render_fps"]) <= 2
     assert films.render() == []
     env.close()
-
-
-def test_render_without_a_render_mode_warns():
-    env = make()
-    env.reset(seed=0)
-    with pytest.warns(UserWarning, match="render_mode"):
-        assert env.render() is None
 
 
 def test_pettingzoo_makes_the_environment_by_name_and_clips_actions():

@@ -5,9 +5,8 @@ import pytest
 
 from billiards_env.games import placement
 from billiards_env.games.state import IN_HAND, RulesState, row, set_of
-from billiards_env.scene import Balls, Scene, check_positions
+from billiards_env.scene import Balls, Scene, Table, check_positions
 from billiards_env.scene.layouts import MARGIN, layout_plan
-from billiards_env.scene.table import Table
 
 SCENE = Scene.named("pool", 15)
 R = SCENE.balls.radius[0]
@@ -30,16 +29,16 @@ def on_axis(*xs):
     return positions, range(1, len(xs) + 1)
 
 
-@pytest.mark.parametrize(
-    ("balls", "x"),
-    [
-        ([], FOOT),
-        ([FOOT], FOOT + 2 * R),  # behind a blocked foot spot and frozen to the ball on it (WPA 1.4)
-        ([FOOT, FOOT + 3.9 * R], FOOT + 5.9 * R),  # the gap is too small
-        ([FOOT, FOOT + 4 * R], FOOT + 2 * R),
-        ([FOOT + k * REACH for k in range(11)], FOOT - 2 * R),  # no room behind the foot spot
-    ],
-)
+SPOTTED = [
+    ([], FOOT),
+    ([FOOT], FOOT + 2 * R),  # behind a blocked foot spot and frozen to the ball on it (WPA 1.4)
+    ([FOOT, FOOT + 3.9 * R], FOOT + 5.9 * R),  # the gap is too small
+    ([FOOT, FOOT + 4 * R], FOOT + 2 * R),
+    ([FOOT + k * REACH for k in range(11)], FOOT - 2 * R),  # no room behind the foot spot
+]
+
+
+@pytest.mark.parametrize(("balls", "x"), SPOTTED)
 def test_a_ball_is_spotted_on_the_long_string(balls, x):
     positions, lying = on_axis(*balls)
     positions[15] = placement.spotted_point(SCENE, positions, lying, 15, 0)

@@ -21,25 +21,25 @@ def judged(rules, fields, log, *call):
 # facts_of
 
 
-@pytest.mark.parametrize(
-    ("log", "found"),
-    [
-        ("", {"first": (), "touched": 0, "potted": (), "driven": (), "cushion_after": False, "cue_driven": False}),
-        ("sliding_rolling 0, rolling_rest 0, spinning_rest 0", {"first": (), "driven": ()}),
-        ("hit 2 3, cushion 3", {"first": (), "driven": (3,)}),  # a contact between other balls
-        ("hit 0 1, pocket 7 2, pocket 0 4", {"potted": (7,), "scratch": True, "driven": (7,), "cue_driven": True}),
-        ("hit 0 1, pocket 7, cushion 4, cushion 4, pocket 2", {"potted": (2, 7), "driven": (2, 4, 7)}),
-        ("pocket 0, pocket 7, pocket 2", {"first_potted": (7,)}),
-        ("cushion 0, hit 3 0, hit 3 5, hit 0 5", {"first": (3,)}),
-        ("cushion 0, hit 0 2, cushion 0, hit 2 0, cushion 0, hit 1 0", {"touched": 2, "cushions_before_last": 3}),
-        ("cushion 0, cushion 0", {"cushion_after": False, "cue_driven": True}),
-        ("cushion 0, hit 0 1", {"cushion_after": False}),
-        ("hit 0 1, cushion 0", {"cushion_after": True}),
-        ("hit 0 1, cushion 1", {"cushion_after": True}),
-        ("hit 0 1, hit 1 2, cushion 2", {"cushion_after": True}),
-        ("hit 0 1, pocket 1", {"cushion_after": True}),
-    ],
-)
+FACTS = [
+    ("", {"first": (), "touched": 0, "potted": (), "driven": (), "cushion_after": False, "cue_driven": False}),
+    ("sliding_rolling 0, rolling_rest 0, spinning_rest 0", {"first": (), "driven": ()}),
+    ("hit 2 3, cushion 3", {"first": (), "driven": (3,)}),  # a contact between other balls
+    ("hit 0 1, pocket 7 2, pocket 0 4", {"potted": (7,), "scratch": True, "driven": (7,), "cue_driven": True}),
+    ("hit 0 1, pocket 7, cushion 4, cushion 4, pocket 2", {"potted": (2, 7), "driven": (2, 4, 7)}),
+    ("pocket 0, pocket 7, pocket 2", {"first_potted": (7,)}),
+    ("cushion 0, hit 3 0, hit 3 5, hit 0 5", {"first": (3,)}),
+    ("cushion 0, hit 0 2, cushion 0, hit 2 0, cushion 0, hit 1 0", {"touched": 2, "cushions_before_last": 3}),
+    ("cushion 0, cushion 0", {"cushion_after": False, "cue_driven": True}),
+    ("cushion 0, hit 0 1", {"cushion_after": False}),
+    ("hit 0 1, cushion 0", {"cushion_after": True}),
+    ("hit 0 1, cushion 1", {"cushion_after": True}),
+    ("hit 0 1, hit 1 2, cushion 2", {"cushion_after": True}),
+    ("hit 0 1, pocket 1", {"cushion_after": True}),
+]
+
+
+@pytest.mark.parametrize(("log", "found"), FACTS)
 def test_facts(log, found):
     facts = words(facts_of(log_of(log)))
     assert {name: getattr(facts, name) for name in found} == found
@@ -70,20 +70,20 @@ def test_facts_of_a_real_shot():
 # Legal balls
 
 
-@pytest.mark.parametrize(
-    ("rules", "fields", "player", "legal"),
-    [
-        ("nine_ball", {}, 0, {1}),
-        ("nine_ball", {"on_table": (9, 4, 7)}, 1, {4}),
-        ("eight_ball", {}, 0, SOLIDS | STRIPES),
-        ("eight_ball", {"break_shot": True}, 0, SOLIDS | {8} | STRIPES),
-        ("eight_ball", {"solids": 0}, 0, SOLIDS),
-        ("eight_ball", {"solids": 0}, 1, STRIPES),
-        ("eight_ball", {"solids": 1, "on_table": (3, 8, 12)}, 0, {12}),
-        ("eight_ball", {"solids": 1, "on_table": (3, 8)}, 0, {8}),  # the eight ball after the group
-        ("eight_ball", {"on_table": (8,)}, 0, {8}),
-    ],
-)
+LEGAL = [
+    ("nine_ball", {}, 0, {1}),
+    ("nine_ball", {"on_table": (9, 4, 7)}, 1, {4}),
+    ("eight_ball", {}, 0, SOLIDS | STRIPES),
+    ("eight_ball", {"break_shot": True}, 0, SOLIDS | {8} | STRIPES),
+    ("eight_ball", {"solids": 0}, 0, SOLIDS),
+    ("eight_ball", {"solids": 0}, 1, STRIPES),
+    ("eight_ball", {"solids": 1, "on_table": (3, 8, 12)}, 0, {12}),
+    ("eight_ball", {"solids": 1, "on_table": (3, 8)}, 0, {8}),  # the eight ball after the group
+    ("eight_ball", {"on_table": (8,)}, 0, {8}),
+]
+
+
+@pytest.mark.parametrize(("rules", "fields", "player", "legal"), LEGAL)
 def test_legal_balls(rules, fields, player, legal):
     assert set(setup(rules).legal(state(rules, **fields), player)) == legal
     if rules == "eight_ball":
@@ -99,33 +99,33 @@ def test_any_ball_may_be_called_in_straight_pool():
 GROUP_POTTED = {"solids": 0, "on_table": (8, 9)}
 
 
-@pytest.mark.parametrize(
-    ("rules", "fields", "log", "foul"),
-    [
-        ("nine_ball", {}, "hit 0 1, cushion 1", ""),
-        ("nine_ball", {}, "hit 0 1, pocket 1", ""),
-        ("nine_ball", {}, "", "no_hit"),
-        ("nine_ball", {}, "hit 0 2, hit 0 1, cushion 1", "wrong_ball"),
-        ("nine_ball", {"on_table": (2, 9)}, "hit 0 2, cushion 2", ""),
-        ("nine_ball", {"on_table": (2, 9)}, "hit 0 9, cushion 2", "wrong_ball"),
-        ("nine_ball", {}, "hit 0 1", "no_cushion"),
-        ("nine_ball", {}, "hit 0 1, cushion 1, pocket 0", "scratch"),
-        ("nine_ball", {}, "pocket 0", "scratch"),
-        ("nine_ball", {}, "hit 0 2, pocket 0", "scratch"),
-        ("eight_ball", {}, "hit 0 5, cushion 5", ""),
-        ("eight_ball", {}, "hit 0 8, cushion 8", "wrong_ball"),
-        ("eight_ball", {}, "hit 0 3, pocket 3, pocket 0", "scratch"),  # a foul decides no groups
-        ("eight_ball", {"solids": 0}, "hit 0 7, cushion 7", ""),
-        ("eight_ball", {"solids": 0}, "hit 0 9, cushion 9", "wrong_ball"),
-        ("eight_ball", {"solids": 1}, "hit 0 7, cushion 7", "wrong_ball"),
-        ("eight_ball", {"solids": 1}, "hit 0 9, cushion 9", ""),
-        ("eight_ball", {"solids": 0}, "hit 0 8, cushion 8", "wrong_ball"),
-        ("eight_ball", GROUP_POTTED, "hit 0 8, cushion 8", ""),
-        ("eight_ball", GROUP_POTTED, "hit 0 8, pocket 0", "scratch"),  # does not lose
-        ("eight_ball", {"solids": 0}, "hit 0 7", "no_cushion"),
-        ("eight_ball", {"solids": 0}, "hit 0 7, pocket 7, pocket 0", "scratch"),
-    ],
-)
+FOULS = [
+    ("nine_ball", {}, "hit 0 1, cushion 1", ""),
+    ("nine_ball", {}, "hit 0 1, pocket 1", ""),
+    ("nine_ball", {}, "", "no_hit"),
+    ("nine_ball", {}, "hit 0 2, hit 0 1, cushion 1", "wrong_ball"),
+    ("nine_ball", {"on_table": (2, 9)}, "hit 0 2, cushion 2", ""),
+    ("nine_ball", {"on_table": (2, 9)}, "hit 0 9, cushion 2", "wrong_ball"),
+    ("nine_ball", {}, "hit 0 1", "no_cushion"),
+    ("nine_ball", {}, "hit 0 1, cushion 1, pocket 0", "scratch"),
+    ("nine_ball", {}, "pocket 0", "scratch"),
+    ("nine_ball", {}, "hit 0 2, pocket 0", "scratch"),
+    ("eight_ball", {}, "hit 0 5, cushion 5", ""),
+    ("eight_ball", {}, "hit 0 8, cushion 8", "wrong_ball"),
+    ("eight_ball", {}, "hit 0 3, pocket 3, pocket 0", "scratch"),  # a foul decides no groups
+    ("eight_ball", {"solids": 0}, "hit 0 7, cushion 7", ""),
+    ("eight_ball", {"solids": 0}, "hit 0 9, cushion 9", "wrong_ball"),
+    ("eight_ball", {"solids": 1}, "hit 0 7, cushion 7", "wrong_ball"),
+    ("eight_ball", {"solids": 1}, "hit 0 9, cushion 9", ""),
+    ("eight_ball", {"solids": 0}, "hit 0 8, cushion 8", "wrong_ball"),
+    ("eight_ball", GROUP_POTTED, "hit 0 8, cushion 8", ""),
+    ("eight_ball", GROUP_POTTED, "hit 0 8, pocket 0", "scratch"),  # does not lose
+    ("eight_ball", {"solids": 0}, "hit 0 7", "no_cushion"),
+    ("eight_ball", {"solids": 0}, "hit 0 7, pocket 7, pocket 0", "scratch"),
+]
+
+
+@pytest.mark.parametrize(("rules", "fields", "log", "foul"), FOULS)
 def test_fouls(rules, fields, log, foul):
     in_hand, continues = "anywhere" if foul else "no", "pocket" in log and not foul
     expected = ruling(foul, continues=continues, in_hand=in_hand, solids=fields.get("solids", -1))
@@ -303,34 +303,34 @@ LAST_SOLID, LAST_STRIPE = {"solids": 0, "on_table": (1, 8, 9)}, {"solids": 1, "o
 CALLED_EIGHT = {**CALLED_SOLIDS, "on_table": (8, 9)}
 
 
-@pytest.mark.parametrize(
-    "case",
-    [
-        ("nine_ball", {"player": 1}, "hit 0 1, hit 1 9, pocket 9", "", 1),
-        ("nine_ball", {"on_table": (9,)}, "hit 0 9, pocket 9", "", 0),
-        ("nine_ball", {"fouls": (2, 0)}, "", "no_hit", 1),  # 2.8, 6.14
-        ("eight_ball", LAST_STRIPE, "hit 0 8, pocket 8", "", 0),
-        ("eight_ball", LAST_STRIPE, "hit 0 8, pocket 2, pocket 8", "", 0),
-        ("eight_ball", {"solids": 0}, "hit 0 1, hit 1 8, pocket 8", "", 1),  # before the group is potted
-        ("eight_ball", {}, "hit 0 1, hit 1 8, pocket 8", "", 1),  # with the table open
-        ("eight_ball", LAST_SOLID, "hit 0 1, pocket 1, pocket 8", "", 1),  # in the shot of the last ball of the group
-        ("eight_ball", LAST_SOLID, "hit 0 1, pocket 8, pocket 1", "", 1),
-        ("eight_ball", GROUP_POTTED, "hit 0 8, pocket 8, pocket 0", "scratch", 1),
-        ("eight_ball", GROUP_POTTED, "hit 0 9, hit 9 8, pocket 8", "wrong_ball", 1),
-        ("eight_ball", CALLED_EIGHT, "hit 0 8, pocket 8 2", "", 0, Call(8, 2)),
-        ("eight_ball", CALLED_EIGHT, "hit 0 8, pocket 8 2", "", 1, Call(8, 3)),  # 3.8 c
-        ("eight_ball", CALLED_EIGHT, "hit 0 8, pocket 8 2", "", 1),
-        ("eight_ball", CALLED_EIGHT, "hit 0 8, pocket 8 2", "", 1, Call(8, 2, "safety")),
-        ("eight_ball", CALLED_SOLIDS, "hit 0 3, pocket 8 2", "", 1, Call(8, 2)),  # 3.8 b
-        ("straight", {"scores": (6, 5), "on_table": (7,)}, "hit 0 7, pocket 7", "", 0),
-        ("straight", {"scores": (3, 6), "on_table": (7,)}, "hit 0 7, pocket 7", "", 1),
-        ("straight", {"scores": (4, 5), "on_table": (7,)}, "hit 0 7, pocket 7", "", -1),
-        ("straight", {"scores": (-4, -2), "on_table": (7,)}, "hit 0 7, pocket 7", "", 1),  # fouls cost points
-        ("straight", {"scores": (1, 2), "target": 3}, "hit 0 7, pocket 7, pocket 8", "", 0),
-        ("straight", LAST_TWO | {"scores": (49, 0)}, POT_3, "", 0, Call(3, 5)),
-        ("carom", {"scores": (9, 9), "target": 10}, "hit 0 2, hit 0 1", "", 0),
-    ],
-)
+ENDS = [
+    ("nine_ball", {"player": 1}, "hit 0 1, hit 1 9, pocket 9", "", 1),
+    ("nine_ball", {"on_table": (9,)}, "hit 0 9, pocket 9", "", 0),
+    ("nine_ball", {"fouls": (2, 0)}, "", "no_hit", 1),  # 2.8, 6.14
+    ("eight_ball", LAST_STRIPE, "hit 0 8, pocket 8", "", 0),
+    ("eight_ball", LAST_STRIPE, "hit 0 8, pocket 2, pocket 8", "", 0),
+    ("eight_ball", {"solids": 0}, "hit 0 1, hit 1 8, pocket 8", "", 1),  # before the group is potted
+    ("eight_ball", {}, "hit 0 1, hit 1 8, pocket 8", "", 1),  # with the table open
+    ("eight_ball", LAST_SOLID, "hit 0 1, pocket 1, pocket 8", "", 1),  # in the shot of the last ball of the group
+    ("eight_ball", LAST_SOLID, "hit 0 1, pocket 8, pocket 1", "", 1),
+    ("eight_ball", GROUP_POTTED, "hit 0 8, pocket 8, pocket 0", "scratch", 1),
+    ("eight_ball", GROUP_POTTED, "hit 0 9, hit 9 8, pocket 8", "wrong_ball", 1),
+    ("eight_ball", CALLED_EIGHT, "hit 0 8, pocket 8 2", "", 0, Call(8, 2)),
+    ("eight_ball", CALLED_EIGHT, "hit 0 8, pocket 8 2", "", 1, Call(8, 3)),  # 3.8 c
+    ("eight_ball", CALLED_EIGHT, "hit 0 8, pocket 8 2", "", 1),
+    ("eight_ball", CALLED_EIGHT, "hit 0 8, pocket 8 2", "", 1, Call(8, 2, "safety")),
+    ("eight_ball", CALLED_SOLIDS, "hit 0 3, pocket 8 2", "", 1, Call(8, 2)),  # 3.8 b
+    ("straight", {"scores": (6, 5), "on_table": (7,)}, "hit 0 7, pocket 7", "", 0),
+    ("straight", {"scores": (3, 6), "on_table": (7,)}, "hit 0 7, pocket 7", "", 1),
+    ("straight", {"scores": (4, 5), "on_table": (7,)}, "hit 0 7, pocket 7", "", -1),
+    ("straight", {"scores": (-4, -2), "on_table": (7,)}, "hit 0 7, pocket 7", "", 1),  # fouls cost points
+    ("straight", {"scores": (1, 2), "target": 3}, "hit 0 7, pocket 7, pocket 8", "", 0),
+    ("straight", LAST_TWO | {"scores": (49, 0)}, POT_3, "", 0, Call(3, 5)),
+    ("carom", {"scores": (9, 9), "target": 10}, "hit 0 2, hit 0 1", "", 0),
+]
+
+
+@pytest.mark.parametrize("case", ENDS)
 def test_the_end_of_a_game(case):
     rules, fields, log, foul, winner, *call = case
     verdict = judged(rules, fields, log, *call)
@@ -343,28 +343,28 @@ ALL = tuple(range(16))
 THREE_FOULS = {"target": 50, "scores": (3, 9), "fouls": (2, 0)}
 
 
-@pytest.mark.parametrize(
-    ("rules", "fields", "log", "after"),
-    [
-        ("nine_ball", {"break_shot": True}, "hit 0 1, pocket 2", {"break_shot": False, "player": 0, **PUSH}),
-        ("nine_ball", {}, "hit 0 2, pocket 9, pocket 2", {"on_table": (0, 1, *range(3, 10))}),
-        ("nine_ball", {"fouls": (2, 1)}, "hit 0 1, cushion 1", {"fouls": (0, 1)}),  # 6.14
-        ("eight_ball", BREAK, "hit 0 1, pocket 3", {"solids": -1, "in_hand": "no"}),
-        ("eight_ball", BREAK, "hit 0 1, pocket 8, pocket 0", {"on_table": ALL, **BEHIND}),
-        ("eight_ball", {}, "hit 0 3, pocket 3, pocket 0", {"on_table": (0, 1, 2, *range(4, 16)), **ANYWHERE}),
-        ("eight_ball", {}, "pocket 0, pocket 8", {"on_table": (*range(8), *range(9, 16)), "over": True, "winner": 1}),
-        ("eight_ball", CALLED_SOLIDS, POT_3, {"on_table": (0, 1, 2, *range(4, 16))}),  # 3.6: without a call
-        ("straight", {"scores": (3, 5)}, "hit 0 4, pocket 4, pocket 11", {"player": 0, "scores": (5, 5)}),
-        ("straight", {}, "hit 0 4, pocket 4, pocket 11", {"object_balls": (1, 2, 3, *range(5, 11), *range(12, 16))}),
-        ("straight", {"players": 3, "player": 2}, "hit 0 4, cushion 4", {"player": 0}),
-        ("straight", {"scores": (0, 2), "player": 1}, "pocket 9, pocket 0", {"scores": (0, 1), "player": 0, **BEHIND}),
-        ("straight", {}, "hit 0 9, pocket 9, pocket 0, pocket 2", {"on_table": ALL}),
-        ("straight", {}, "pocket 0", {"scores": (-1, 0)}),
-        ("straight", {"fouls": (0, 0), "break_shot": True}, "hit 0 1", {"fouls": (0, 0)}),  # 4.11: a breaking foul
-        ("straight", THREE_FOULS, "", {"player": 0, "scores": (-13, 9), "fouls": (0, 0), "break_shot": True}),
-        ("carom", {}, "hit 0 1", {"player": 1, "cue_balls": (2, 0), "object_balls": (0, 1)}),
-    ],
-)
+NEXT_STATES = [
+    ("nine_ball", {"break_shot": True}, "hit 0 1, pocket 2", {"break_shot": False, "player": 0, **PUSH}),
+    ("nine_ball", {}, "hit 0 2, pocket 9, pocket 2", {"on_table": (0, 1, *range(3, 10))}),
+    ("nine_ball", {"fouls": (2, 1)}, "hit 0 1, cushion 1", {"fouls": (0, 1)}),  # 6.14
+    ("eight_ball", BREAK, "hit 0 1, pocket 3", {"solids": -1, "in_hand": "no"}),
+    ("eight_ball", BREAK, "hit 0 1, pocket 8, pocket 0", {"on_table": ALL, **BEHIND}),
+    ("eight_ball", {}, "hit 0 3, pocket 3, pocket 0", {"on_table": (0, 1, 2, *range(4, 16)), **ANYWHERE}),
+    ("eight_ball", {}, "pocket 0, pocket 8", {"on_table": (*range(8), *range(9, 16)), "over": True, "winner": 1}),
+    ("eight_ball", CALLED_SOLIDS, POT_3, {"on_table": (0, 1, 2, *range(4, 16))}),  # 3.6: without a call
+    ("straight", {"scores": (3, 5)}, "hit 0 4, pocket 4, pocket 11", {"player": 0, "scores": (5, 5)}),
+    ("straight", {}, "hit 0 4, pocket 4, pocket 11", {"object_balls": (1, 2, 3, *range(5, 11), *range(12, 16))}),
+    ("straight", {"players": 3, "player": 2}, "hit 0 4, cushion 4", {"player": 0}),
+    ("straight", {"scores": (0, 2), "player": 1}, "pocket 9, pocket 0", {"scores": (0, 1), "player": 0, **BEHIND}),
+    ("straight", {}, "hit 0 9, pocket 9, pocket 0, pocket 2", {"on_table": ALL}),
+    ("straight", {}, "pocket 0", {"scores": (-1, 0)}),
+    ("straight", {"fouls": (0, 0), "break_shot": True}, "hit 0 1", {"fouls": (0, 0)}),  # 4.11: a breaking foul
+    ("straight", THREE_FOULS, "", {"player": 0, "scores": (-13, 9), "fouls": (0, 0), "break_shot": True}),
+    ("carom", {}, "hit 0 1", {"player": 1, "cue_balls": (2, 0), "object_balls": (0, 1)}),
+]
+
+
+@pytest.mark.parametrize(("rules", "fields", "log", "after"), NEXT_STATES)
 def test_the_state_follows_from_the_verdict(rules, fields, log, after):
     now = words(judge(rules, state(rules, **fields), log)[0])
     assert {name: getattr(now, name) for name in after} == after

@@ -40,24 +40,25 @@ def balls_on(state, player=None):
 
 
 def pot(ball):
-    return f"hit 0 {ball}, pocket {ball} 0"
+    """Returns the events of a shot that hits and pots a ball."""
+    return f"hit 0 {ball}, pocket {ball}"
 
 
 # Balls on.
 
 
-@pytest.mark.parametrize(
-    ("fields", "player", "on"),
-    [
-        ({}, 0, set(range(1, 16))),
-        ({"colour": True}, 0, set(COLOURS)),
-        ({"colour": True}, 1, set(range(1, 16))),  # a red after a turn
-        ({"on_table": COLOURS}, 0, {YELLOW}),
-        ({"on_table": (BLUE, PINK, BLACK)}, 0, {BLUE}),
-        ({"on_table": COLOURS, "colour": True}, 0, set(COLOURS)),  # after the last red
-        ({"free_ball": True}, 0, set(range(1, 22))),
-    ],
-)
+BALLS_ON = [
+    ({}, 0, set(range(1, 16))),
+    ({"colour": True}, 0, set(COLOURS)),
+    ({"colour": True}, 1, set(range(1, 16))),  # a red after a turn
+    ({"on_table": COLOURS}, 0, {YELLOW}),
+    ({"on_table": (BLUE, PINK, BLACK)}, 0, {BLUE}),
+    ({"on_table": COLOURS, "colour": True}, 0, set(COLOURS)),  # after the last red
+    ({"free_ball": True}, 0, set(range(1, 22))),
+]
+
+
+@pytest.mark.parametrize(("fields", "player", "on"), BALLS_ON)
 def test_the_balls_on(fields, player, on):  # 3.3
     assert balls_on(frame(**fields), player) == on
 
@@ -71,27 +72,22 @@ def scored(points, *spotted, colour=False):
     return ruling(points=points, continues=True, spotted=spotted, colour=colour)
 
 
-def pots(log):
-    """Returns the events of shots that hit and pot a ball."""
-    return f"hit 0 {log}, pocket {log}"
-
-
 WITHOUT_FOUL = [
-    ({}, pots(4), scored(1, colour=True)),  # 3.3 d
-    ({}, f"{pots(4)}, pocket 9", scored(2, colour=True)),
+    ({}, pot(4), scored(1, colour=True)),  # 3.3 d
+    ({}, f"{pot(4)}, pocket 9", scored(2, colour=True)),
     ({}, "hit 0 3", ruling()),  # a miss needs no cushion
     ({"colour": True}, f"hit 0 {BLUE}", ruling()),
     ({"on_table": (BLACK,)}, f"hit 0 {BLACK}", ruling()),
     # A colour scores its value and is spotted (3.3 e).
-    *(({"colour": True}, pots(ball), scored(ball - 14, ball)) for ball in COLOURS),
-    *(({"colour": True}, pots(ball), scored(ball - 14, ball), Call(ball)) for ball in COLOURS),
+    *(({"colour": True}, pot(ball), scored(ball - 14, ball)) for ball in COLOURS),
+    *(({"colour": True}, pot(ball), scored(ball - 14, ball), Call(ball)) for ball in COLOURS),
     # A free ball counts as a red and is spotted (3.12 a, c, e), or scores the value of the ball on (3.12 a, d, e).
     (FREE, "hit 0 1", ruling()),
-    (FREE, pots(1), scored(1, colour=True)),
-    (FREE, pots(GREEN), scored(1, GREEN, colour=True)),
-    (FREE, pots(GREEN), scored(1, GREEN, colour=True), Call(GREEN)),
-    (FREE, f"{pots(GREEN)}, pocket 4", scored(2, GREEN, colour=True)),
-    (LAST_THREE, pots(BLACK), scored(5, BLACK)),
+    (FREE, pot(1), scored(1, colour=True)),
+    (FREE, pot(GREEN), scored(1, GREEN, colour=True)),
+    (FREE, pot(GREEN), scored(1, GREEN, colour=True), Call(GREEN)),
+    (FREE, f"{pot(GREEN)}, pocket 4", scored(2, GREEN, colour=True)),
+    (LAST_THREE, pot(BLACK), scored(5, BLACK)),
     (LAST_THREE, f"hit 0 {BLACK}, pocket {BLUE}", scored(5)),
     (LAST_THREE, f"hit 0 {BLACK}, pocket {BLUE}, pocket {BLACK}", scored(5, BLACK)),
 ]
@@ -121,33 +117,33 @@ def test_the_colours_are_potted_in_order_and_stay_down():  # 3.3 f
 # Fouls.
 
 
-@pytest.mark.parametrize(
-    ("fields", "log", "call", "foul", "penalty"),
-    [
-        ({}, "", Call(), "no_hit", 4),  # 3.10 a
-        ({}, "hit 0 1, pocket 0", Call(), "scratch", 4),
-        ({}, f"hit 0 {YELLOW}", Call(), "wrong_ball", 4),
-        ({}, f"hit 0 {BLUE}", Call(), "wrong_ball", 5),  # 3.10 b
-        ({}, f"hit 0 {BLACK}, pocket 0", Call(), "scratch", 7),
-        ({}, f"hit 0 1, pocket {PINK}", Call(), "wrong_pot", 6),
-        ({}, f"hit 0 1, pocket 1, pocket {GREEN}", Call(), "wrong_pot", 4),
-        ({}, f"hit 0 {BLUE}, pocket {BLACK}", Call(), "wrong_ball", 7),
-        ({"colour": True}, f"hit 0 {BLUE}, pocket 0", Call(), "scratch", 5),
-        ({"colour": True}, f"hit 0 {YELLOW}, pocket 0", Call(), "scratch", 4),
-        ({"colour": True}, f"hit 0 {BLUE}, pocket 3", Call(), "wrong_pot", 5),
-        ({"colour": True}, f"hit 0 {BLUE}", Call(PINK), "wrong_ball", 6),
-        ({"colour": True}, f"hit 0 {BLACK}", Call(PINK), "wrong_ball", 7),
-        ({"colour": True}, f"hit 0 {PINK}, pocket {BLUE}", Call(PINK), "wrong_pot", 6),
-        ({"colour": True}, "", Call(YELLOW), "no_hit", 4),
-        ({"colour": True}, "", Call(), "no_hit", 7),  # 3.10 d: a foul before a colour is nominated
-        ({"colour": True}, "hit 0 3", Call(), "wrong_ball", 7),  # 3.10 d: two reds in succession
-        ({"on_table": (PINK, BLACK)}, "", Call(), "no_hit", 6),
-        ({"on_table": (PINK, BLACK)}, f"hit 0 {PINK}, pocket {BLACK}", Call(), "wrong_pot", 7),
-        ({"on_table": (BROWN, BLUE, PINK, BLACK)}, f"hit 0 {BLUE}", Call(), "wrong_ball", 5),
-        ({"free_ball": True}, "hit 0 1", Call(BLUE), "wrong_ball", 4),  # 3.12 b: the nominated ball first
-        ({"free_ball": True}, "", Call(), "no_hit", 4),
-    ],
-)
+FOULS = [
+    ({}, "", Call(), "no_hit", 4),  # 3.10 a
+    ({}, "hit 0 1, pocket 0", Call(), "scratch", 4),
+    ({}, f"hit 0 {YELLOW}", Call(), "wrong_ball", 4),
+    ({}, f"hit 0 {BLUE}", Call(), "wrong_ball", 5),  # 3.10 b
+    ({}, f"hit 0 {BLACK}, pocket 0", Call(), "scratch", 7),
+    ({}, f"hit 0 1, pocket {PINK}", Call(), "wrong_pot", 6),
+    ({}, f"{pot(1)}, pocket {GREEN}", Call(), "wrong_pot", 4),
+    ({}, f"hit 0 {BLUE}, pocket {BLACK}", Call(), "wrong_ball", 7),
+    ({"colour": True}, f"hit 0 {BLUE}, pocket 0", Call(), "scratch", 5),
+    ({"colour": True}, f"hit 0 {YELLOW}, pocket 0", Call(), "scratch", 4),
+    ({"colour": True}, f"hit 0 {BLUE}, pocket 3", Call(), "wrong_pot", 5),
+    ({"colour": True}, f"hit 0 {BLUE}", Call(PINK), "wrong_ball", 6),
+    ({"colour": True}, f"hit 0 {BLACK}", Call(PINK), "wrong_ball", 7),
+    ({"colour": True}, f"hit 0 {PINK}, pocket {BLUE}", Call(PINK), "wrong_pot", 6),
+    ({"colour": True}, "", Call(YELLOW), "no_hit", 4),
+    ({"colour": True}, "", Call(), "no_hit", 7),  # 3.10 d: a foul before a colour is nominated
+    ({"colour": True}, "hit 0 3", Call(), "wrong_ball", 7),  # 3.10 d: two reds in succession
+    ({"on_table": (PINK, BLACK)}, "", Call(), "no_hit", 6),
+    ({"on_table": (PINK, BLACK)}, f"hit 0 {PINK}, pocket {BLACK}", Call(), "wrong_pot", 7),
+    ({"on_table": (BROWN, BLUE, PINK, BLACK)}, f"hit 0 {BLUE}", Call(), "wrong_ball", 5),
+    ({"free_ball": True}, "hit 0 1", Call(BLUE), "wrong_ball", 4),  # 3.12 b: the nominated ball first
+    ({"free_ball": True}, "", Call(), "no_hit", 4),
+]
+
+
+@pytest.mark.parametrize(("fields", "log", "call", "foul", "penalty"), FOULS)
 def test_fouls_and_their_values(fields, log, call, foul, penalty):
     in_hand = "behind" if foul == "scratch" else "no"
     verdict = snooker(frame(**fields), log, call)
@@ -164,7 +160,7 @@ def test_after_a_foul():  # 3.3 h, 3.7, 3.10: reds stay down, colours are spotte
 
 @pytest.mark.parametrize("fields", [{"colour": True}, {"on_table": (BLUE, PINK, BLACK)}])
 def test_the_colour_that_is_on_is_spotted_after_a_foul(fields):  # 3.7
-    verdict = snooker(frame(**fields), f"hit 0 {BLUE}, pocket {BLUE}, pocket 0")
+    verdict = snooker(frame(**fields), f"{pot(BLUE)}, pocket 0")
     assert (verdict.foul, verdict.penalty, verdict.spotted) == ("scratch", 5, (BLUE,))
 
 
@@ -187,21 +183,21 @@ def test_a_free_ball_lasts_for_one_shot():
 LAST, TO_40 = {"on_table": (BLACK,)}, {"target": 40}
 
 
-@pytest.mark.parametrize(
-    ("fields", "scores", "log", "winner"),
-    [
-        (LAST, (50, 40), pot(BLACK), 0),
-        (LAST, (40, 46), pot(BLACK), 0),
-        (LAST, (30, 46), pot(BLACK), 1),
-        (LAST, (50, 40), "", 0),
-        (LAST, (43, 40), "", 1),
-        (LAST, (50, 40), f"hit 0 {BLACK}, pocket {BLACK}, pocket 0", 0),
-        (TO_40, (39, 0), pot(4), 0),
-        (TO_40, (0, 36), "", 1),
-        (TO_40, (39, 36), "", 1),
-        (TO_40, (38, 35), "", -1),
-    ],
-)
+ENDS = [
+    (LAST, (50, 40), pot(BLACK), 0),
+    (LAST, (40, 46), pot(BLACK), 0),
+    (LAST, (30, 46), pot(BLACK), 1),
+    (LAST, (50, 40), "", 0),
+    (LAST, (43, 40), "", 1),
+    (LAST, (50, 40), f"{pot(BLACK)}, pocket 0", 0),
+    (TO_40, (39, 0), pot(4), 0),
+    (TO_40, (0, 36), "", 1),
+    (TO_40, (39, 36), "", 1),
+    (TO_40, (38, 35), "", -1),
+]
+
+
+@pytest.mark.parametrize(("fields", "scores", "log", "winner"), ENDS)
 def test_the_end_of_the_frame(fields, scores, log, winner):
     verdict = snooker(frame(**fields, scores=scores), log)
     assert (verdict.over, verdict.winner) == (winner >= 0, winner)
@@ -236,16 +232,16 @@ def spot(balls, reds):
     return positions[list(balls)]
 
 
-@pytest.mark.parametrize(
-    ("spotted", "blocked", "places"),
-    [
-        (COLOURS, (), COLOURS),  # 3.7 a
-        ((YELLOW,), (YELLOW,), (BLACK,)),  # 3.7 e: the highest free spot
-        ((YELLOW,), (YELLOW, BLACK, PINK), (BLUE,)),
-        ((YELLOW, BLUE), (YELLOW, BLUE), (PINK, BLACK)),  # 3.7 f: the colour of the highest value is first
-        ((PINK,), (1,), (PINK,)),  # 3.7 i: the first red at the start does not touch the pink
-    ],
-)
+SPOTTED = [
+    (COLOURS, (), COLOURS),  # 3.7 a
+    ((YELLOW,), (YELLOW,), (BLACK,)),  # 3.7 e: the highest free spot
+    ((YELLOW,), (YELLOW, BLACK, PINK), (BLUE,)),
+    ((YELLOW, BLUE), (YELLOW, BLUE), (PINK, BLACK)),  # 3.7 f: the colour of the highest value is first
+    ((PINK,), (1,), (PINK,)),  # 3.7 i: the first red at the start does not touch the pink
+]
+
+
+@pytest.mark.parametrize(("spotted", "blocked", "places"), SPOTTED)
 def test_a_colour_is_placed_on_its_spot_or_the_highest_free_one(spotted, blocked, places):
     assert spot(spotted, SPOTS[list(blocked)]).tolist() == SPOTS[list(places)].tolist()
 
@@ -303,20 +299,20 @@ def is_hidden(positions, balls, **fields):
     return is_snookered(SCENE, positions, state, set_of(SETUP.legal(state)))
 
 
-@pytest.mark.parametrize(
-    ("places", "snookered"),
-    [
-        ({"red": (1.0, 0.0)}, False),
-        ({"red": (1.0, 0.0), "blue": (0.5, 0.0)}, True),
-        ({"red": (1.0, 0.0), "blue": (0.5, 0.06)}, True),  # the left edge is covered
-        ({"red": (1.0, 0.0), "blue": (0.5, 0.08)}, False),
-        ({"red": (1.0, 0.0), "blue": (1.2, 0.0)}, False),  # behind the red
-        ({"red": (1.0, 0.0), "blue": (-0.2, 0.0)}, False),
-        ({"red": (1.0, 0.0), "red2": (0.0, 0.5), "blue": (0.5, 0.0)}, False),  # the other red is clear
-        ({"red": (1.0, 0.0), "red2": (0.5, 0.0), "blue": (0.0, 0.5)}, False),  # a red does not hide a red
-        ({"red": (2 * R, 0.0), "blue": (0.0, 2.1 * R)}, False),  # touching
-    ],
-)
+SNOOKERS = [
+    ({"red": (1.0, 0.0)}, False),
+    ({"red": (1.0, 0.0), "blue": (0.5, 0.0)}, True),
+    ({"red": (1.0, 0.0), "blue": (0.5, 0.06)}, True),  # the left edge is covered
+    ({"red": (1.0, 0.0), "blue": (0.5, 0.08)}, False),
+    ({"red": (1.0, 0.0), "blue": (1.2, 0.0)}, False),  # behind the red
+    ({"red": (1.0, 0.0), "blue": (-0.2, 0.0)}, False),
+    ({"red": (1.0, 0.0), "red2": (0.0, 0.5), "blue": (0.5, 0.0)}, False),  # the other red is clear
+    ({"red": (1.0, 0.0), "red2": (0.5, 0.0), "blue": (0.0, 0.5)}, False),  # a red does not hide a red
+    ({"red": (2 * R, 0.0), "blue": (0.0, 2.1 * R)}, False),  # touching
+]
+
+
+@pytest.mark.parametrize(("places", "snookered"), SNOOKERS)
 def test_a_snooker_hides_an_edge_of_every_ball_on(places, snookered):  # section 2, 17
     positions, balls = positions_of(cue=(0.0, 0.0), **places)
     assert is_hidden(positions, balls) == snookered
@@ -331,17 +327,17 @@ EDGE = math.asin(2 * R / 0.6)
 """The angle between the paths to the middle and to an edge of a red at a distance of 0.6 m."""
 
 
-@pytest.mark.parametrize(
-    ("distance", "blue", "snookered"),
-    [
-        (0.6, math.pi, False),  # behind the path
-        (0.6, 0.0, True),  # in front of the red
-        (0.6, 1.0, True),  # covers the left edge
-        (0.6, EDGE + math.pi / 2, False),  # next to the path
-        (0.6, EDGE + math.pi / 2 - 1e-4, True),
-        (2 * R, math.pi / 2, False),  # the red touches the cue ball
-    ],
-)
+FROZEN = [
+    (0.6, math.pi, False),  # behind the path
+    (0.6, 0.0, True),  # in front of the red
+    (0.6, 1.0, True),  # covers the left edge
+    (0.6, EDGE + math.pi / 2, False),  # next to the path
+    (0.6, EDGE + math.pi / 2 - 1e-4, True),
+    (2 * R, math.pi / 2, False),  # the red touches the cue ball
+]
+
+
+@pytest.mark.parametrize(("distance", "blue", "snookered"), FROZEN)
 def test_a_ball_frozen_to_the_cue_ball_obstructs_only_paths_towards_it(distance, blue, snookered):  # section 2, 17
     """The result is the same in mirrored layouts and with coordinates changed by one ulp."""
     cue, rng = (0.1, -0.2), np.random.default_rng(0)
@@ -384,39 +380,30 @@ def test_a_foul_that_leaves_a_snooker_gives_a_free_ball():  # 3.12
 MISS = Setup("snooker", SCENE, miss=True)
 
 
-@pytest.mark.parametrize(
-    ("log", "miss"),
-    [
-        ("", True),
-        ("pocket 0", True),  # a scratch does not hide the miss
-        (f"hit 0 {YELLOW}", True),
-        (f"hit 0 {YELLOW}, pocket 0", True),
-        (f"hit 0 {YELLOW}, pocket {BLUE}", True),
-        ("hit 0 1, pocket 0", False),
-        (f"hit 0 1, pocket {BLUE}", False),
-    ],
-)
-def test_a_shot_that_touches_no_ball_on_first_is_a_miss(log, miss):  # 3.14
-    assert is_miss(frame(on_table=(1, *COLOURS)), log) == miss
+MISSES = [
+    ({}, "", True),
+    ({}, "pocket 0", True),  # a scratch does not hide the miss
+    ({}, f"hit 0 {YELLOW}", True),
+    ({}, f"hit 0 {YELLOW}, pocket 0", True),
+    ({}, f"hit 0 {YELLOW}, pocket {BLUE}", True),
+    ({}, "hit 0 1, pocket 0", False),
+    ({}, f"hit 0 1, pocket {BLUE}", False),
+    ({"scores": (0, 31)}, "", True),  # 35 points are left, and the foul costs four
+    ({"scores": (0, 32)}, "", False),
+    ({"scores": (35, 0)}, "", True),
+    ({"scores": (36, 0)}, "", False),
+]
+
+
+@pytest.mark.parametrize(("fields", "log", "miss"), MISSES)
+def test_a_shot_that_touches_no_ball_on_first_is_a_miss_if_nobody_needs_penalty_points(fields, log, miss):  # 3.14
+    assert is_miss(frame(on_table=(1, *COLOURS), **fields), log) == miss
 
 
 def is_miss(before, log, *call):
     """Returns whether the balls may be replaced after a shot with the miss rule; never without this rule."""
     assert "replace" not in snooker(before, log, *call).choices
     return "replace" in snooker(changed(before, miss=True), log, *call).choices
-
-
-@pytest.mark.parametrize(
-    ("scores", "miss"),
-    [
-        ((0, 31), True),  # 35 points are left, and the foul costs four
-        ((0, 32), False),
-        ((35, 0), True),
-        ((36, 0), False),
-    ],
-)
-def test_there_is_no_miss_if_a_player_needs_penalty_points(scores, miss):  # 3.14
-    assert is_miss(frame(on_table=(1, *COLOURS), scores=scores), "") == miss
 
 
 def test_a_nominated_ball_that_is_not_touched_first_is_a_miss():  # 3.14

@@ -9,8 +9,7 @@ import mpmath
 import numpy as np
 
 from billiards_env import Scene, simulate
-from billiards_env.scene import Balls, Physics, layouts
-from billiards_env.scene.table import Table
+from billiards_env.scene import Balls, Physics, Table, layouts
 from reference.oracle import run
 from reference.oracle.laws import World
 from tests.helpers.outlines import MARBLES

@@ -1,11 +1,12 @@
 """Runs any of the engines without the checks and conversions of `simulate`, for comparisons bit for bit."""
 
-from __future__ import annotations
+import numpy as np
 
-from billiards_env.engine.compile import PIC, Engine, scene_fields
+from billiards_env.engine import PIC, Engine, Shots, empty_shots, pic, scene_fields
 from billiards_env.engine.log import empty_log
 from billiards_env.engine.shot_input import check_shot
-from billiards_env.engine.shots import Shots, empty_shots
+from reference import plain
+from reference.stress import families
 
 LOG_EVENTS = 2_000
 MAX_EVENTS = 20_000  # of a shot; `reference.plain` needs too long for more
@@ -19,13 +20,22 @@ def run(run_shots, shots, record=False, max_time=None, max_events=MAX_EVENTS, dt
     shots = Shots(*given[:4], *empty_shots(m, n)[4:])
     log = empty_log(LOG_EVENTS, 4 * LOG_EVENTS) if record else empty_log()
     log.events[:], log.segments[:] = 0.0, 0.0
-    run_shots(
-        0,
-        m,
-        scene_fields(scene, PIC if dt is None else Engine("pit", dt, fix)),
-        given.limit,
-        max_events,
-        tuple(shots),
-        tuple(log),
-    )
+    fields = scene_fields(scene, PIC if dt is None else Engine("pit", dt, fix))
+    run_shots(0, m, fields, given.limit, max_events, tuple(shots), tuple(log))
     return [*shots, *log]
+
+
+# UK pool has all features of scenes that the queues use: outlines, friction between balls, and spheres.
+ORDINARY = [name for name in families.FAMILIES if not name.startswith(("wild", "real", "7-foot", "snooker", "jaws"))]
+
+CELL_GRID, PLAIN = pic.run_shots_of_many, plain.run_shots
+
+
+def check(shots, engines=(CELL_GRID, PLAIN), **options):
+    """Checks that these engines, and the one for two balls, have the same results and logs as `pic.run_shots`."""
+    expected = run(pic.run_shots, shots, **options)
+    if shots[0].n_balls <= 2:
+        engines = (*engines, pic.run_shots_of_at_most_two)
+    for engine in engines:
+        for found, array in zip(run(engine, shots, **options), expected, strict=True):
+            assert np.array_equal(found, array)

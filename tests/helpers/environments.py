@@ -1,7 +1,5 @@
 """Variants of the environment for the tests of all variants, and comparisons of results bit for bit."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -14,11 +12,7 @@ RUN_OUTS = {name: task.n_object_balls[0] for name, task in TASKS.items() if task
 LONG = {"max_shots": 3, "observe": ["positions", "shots_left"]}
 SOFT = {"n_object_balls": 2, "max_shots": 3, "max_speed": 2.0}
 """Some episodes end with a scratch, some at the limit."""
-VARIED = {
-    **SOFT,
-    "randomize": {"mu_roll": [0.004, 0.02], "g": [5.0, 15.0]},
-    "observe": ["positions", "physics"],
-}
+VARIED = {**SOFT, "randomize": {"mu_roll": [0.004, 0.02], "g": [5.0, 15.0]}, "observe": ["positions", "physics"]}
 STRIKE = {"n_object_balls": 2, "action": "strike", "max_shots": 3, "scratch_penalty": 0.3}
 # Each task, scene, layout, engine, fix and feature is in at least one variant.
 VARIANTS: list[dict[str, Any]] = [

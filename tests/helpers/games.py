@@ -43,20 +43,15 @@ def random_game(settings, seed, shots=400):
     return History(settings, start, tuple(strokes)), log
 
 
-def events(*rows, times=None):
-    """Returns events one second apart from rows: ("hit", a, b), ("cushion", ball) or ("pocket", ball, pocket)."""
-    log = np.zeros(len(rows), EVENT_DTYPE)
-    for k, (kind, ball, *other) in enumerate(rows):
-        log[k]["time"] = k if times is None else times[k]
-        log[k]["kind"] = "ball_ball" if kind == "hit" else kind
-        log[k]["ball"], log[k]["other"] = ball, other[0] if other else 0
-    return log
-
-
 def log_of(text, times=None):
-    """Returns the events of a text such as "hit 0 1, cushion 1, pocket 1 5", see `events`."""
-    rows = [event.split() for event in text.split(",") if event]
-    return events(*((kind, *map(int, balls)) for kind, *balls in rows), times=times)
+    """Returns the events of a text such as "hit 0 1, cushion 1, pocket 1 5", one second apart or at the given times."""
+    events = [event.split() for event in text.split(",") if event]
+    log = np.zeros(len(events), EVENT_DTYPE)
+    log["time"] = np.arange(len(events)) if times is None else times
+    for event, (kind, ball, *other) in zip(log, events, strict=True):
+        event["kind"], event["ball"] = "ball_ball" if kind == "hit" else kind, int(ball)
+        event["other"] = int(other[0]) if other else 0
+    return log
 
 
 def words(row):

@@ -1,6 +1,8 @@
-"""Impacts of balls."""
+"""Impacts of two balls, and clusters of balls in contact with impacts of several pairs at one instant."""
 
+import itertools
 import math
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +11,7 @@ from billiards_env.jit import allocating_entry_point
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch
 from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, State
+from billiards_env.scene import Balls, Physics, Scene
 
 
 @allocating_entry_point
@@ -63,13 +66,6 @@ def impact(velocities, spins, angle, scene):
     return motion_of(rows, radius)
 
 
-def energy(velocities, spins, scene):
-    mass, radius = np.array(scene.balls.mass), np.array(scene.balls.radius)
-    finite = np.isfinite(mass)
-    total = (velocities**2).sum(1) + 0.4 * radius**2 * (spins**2).sum(1)
-    return 0.5 * (mass[finite] * total[finite]).sum()
-
-
 def three_dimensional(velocities, spins, angle, scene):
     """Computes the impact with vectors in three dimensions, and drops the vertical velocity.
 
@@ -95,3 +91,105 @@ def three_dimensional(velocities, spins, angle, scene):
     for k in range(2):
         w[k] += np.cross(radius[k] * n, force) / (0.4 * mass[k] * radius[k] ** 2)
     return v[:, :2], w
+
+
+KINDS = ("smooth", "rubbing", "spheres")
+"""Balls without friction, balls with it, and spheres of different size with it."""
+
+
+def triangle(rows):
+    """Returns the places (n, 2) of a frozen rack, in diameters, and the pairs in contact.
+
+    From four rows on there are more contacts than degrees of freedom.
+    """
+    places = np.array([(c - r / 2, r * math.sqrt(0.75)) for r in range(rows) for c in range(r + 1)])
+    pairs = itertools.combinations(range(len(places)), 2)
+    return places, [(i, j) for i, j in pairs if math.dist(places[i], places[j]) < 1.01]
+
+
+def cluster(rng, n):
+    """Returns the radii (n,) and places (n, 2) of balls, each in contact with others, and the pairs in contact, m."""
+    radius = rng.uniform(0.01, 0.04, n)
+    places = [np.zeros(2)]
+    while len(places) < n:
+        k = len(places)
+        a, b = rng.integers(k), rng.integers(k)
+        reach, other = radius[a] + radius[k], radius[b] + radius[k]
+        angle = rng.uniform(0, 2 * math.pi)
+        place = places[a] + reach * np.array([math.cos(angle), math.sin(angle)])
+        if a != b and rng.random() < 0.9:
+            line = places[b] - places[a]
+            distance = math.hypot(*line)
+            if abs(reach - other) < distance < reach + other:  # one of the two places in contact with both
+                along = (distance**2 + reach**2 - other**2) / (2 * distance)
+                across = math.sqrt(max(0.0, reach**2 - along**2)) * rng.choice([-1, 1])
+                place = places[a] + (along * line + across * np.array([-line[1], line[0]])) / distance
+        if all(math.dist(place, q) > radius[k] + radius[m] - 1e-12 for m, q in enumerate(places)):
+            places.append(place)
+    places = np.array(places)
+    gaps = np.hypot(*(places[:, None] - places).transpose(2, 0, 1)) - radius[:, None] - radius
+    return radius, places, [(i, j) for i, j in itertools.combinations(range(n), 2) if gaps[i, j] < 1e-12]
+
+
+def arrays_of(kind, e, mu, radius, inverse):
+    """Returns the `SceneArrays` of balls of a kind with these radii and inverse masses (n,)."""
+    rubs = "frictionless" if kind == "smooth" else "frictional"
+    physics = Physics(ball_ball=rubs, cushion="restitution", mu_ball=mu, e_ball=e)
+    arrays = scene_arrays(Scene(Balls.uniform(1), physics=physics))
+    return arrays._replace(radius=radius, inv_mass=inverse, spheres=radius if kind == "spheres" else None)
+
+
+def drawn(seed, kind, n, e=0.95, mu=None, fixed=False, equal=False):
+    """Returns a generator, places, random rows, the pairs in contact and the arrays of a cluster.
+
+    Some of the balls move. Ball 0 may have an infinite mass; balls of equal mass have 170 g.
+    """
+    rng = np.random.default_rng(seed)
+    _, places, pairs = cluster(rng, n)
+    spread = 2 if kind == "smooth" else 1  # friction between very different masses converges slowly in 50 digits
+    inverse = np.full(n, 1 / 0.17) if equal else 10.0 ** rng.uniform(-spread, spread, n)
+    if fixed:
+        inverse[0] = 0.0
+    radius = 0.1 * 10.0 ** -rng.random(n) if kind == "spheres" else rng.uniform(0.02, 0.04, n)
+    rows = np.zeros((n, WIDTH))
+    moving = (rng.random((n, 1)) < 0.6) & (inverse[:, None] > 0)
+    rows[:, VX : VY + 1] = rng.normal(size=(n, 2)) * moving
+    rows[:, UX : UY + 1] = rows[:, VX : VY + 1] + rng.normal(size=(n, 2)) * moving
+    rows[:, WZ] = rng.normal(size=n) * 30 * moving[:, 0]
+    return rng, places, rows, pairs, arrays_of(kind, e, mu, radius, inverse)
+
+
+def collided(places, rows, pairs, arrays, rebound: Any = 0.0):
+    """Returns the rows after the impacts of those pairs that approach, and the number of these pairs.
+
+    `rebound` is the least speed of separation, m/s, of all pairs or of each.
+    """
+    chosen, impacts = approaching(places, rows[:, VX : VY + 1], pairs)
+    rows = rows.copy()
+    if len(chosen):
+        collide(impacts, np.broadcast_to(rebound, len(pairs))[chosen], rows, arrays)
+    return rows, len(chosen)
+
+
+def check_order_and_side(rng, places, rows, pairs, arrays, rebound):
+    """Checks that new numbers of the balls and of the contacts, or a mirror, change no bit of `collided`."""
+    found, _ = collided(places, rows, pairs, arrays, rebound)
+    names, order = rng.permutation(len(places)), rng.permutation(len(pairs))
+    back = np.argsort(names)
+    renamed = [tuple(sorted((int(back[pairs[k][0]]), int(back[pairs[k][1]])))) for k in order]
+    of_balls = [name for name in ("radius", "inv_mass", "spheres") if getattr(arrays, name) is not None]
+    other = arrays._replace(**{name: getattr(arrays, name)[names] for name in of_balls})
+    assert np.array_equal(collided(places[names], rows[names], renamed, other, rebound[order])[0], found[names])
+    for columns, mirror in (([VX, UX, WZ], [-1, 1]), ([VY, UY, WZ], [1, -1])):
+        signs = np.ones(WIDTH)
+        signs[columns] = -1
+        assert np.array_equal(collided(places * mirror, rows * signs, pairs, arrays, rebound)[0], found * signs)
+
+
+def energy(rows, arrays):
+    """Returns the kinetic energy of translation and rotation; fixed balls have none."""
+    finite = arrays.inv_mass > 0
+    mass = 1 / arrays.inv_mass[finite]
+    r, radius = rows[finite], arrays.radius[finite]
+    rotation = (r[:, UX] - r[:, VX]) ** 2 + (r[:, UY] - r[:, VY]) ** 2 + (radius * r[:, WZ]) ** 2
+    return 0.5 * float(mass @ (r[:, VX] ** 2 + r[:, VY] ** 2 + 0.4 * rotation))

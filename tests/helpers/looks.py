@@ -1,7 +1,5 @@
 """Counts how often compiled code looks for signals, the measure of its work between two chances for Ctrl-C."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

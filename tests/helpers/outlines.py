@@ -1,15 +1,12 @@
 """Tables with outlines, and the room that balls have on them, for tests."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
 from hypothesis import strategies as st
 
-from billiards_env.scene import Balls, Scene
+from billiards_env.scene import Balls, Scene, Table
 from billiards_env.scene.outline import Corner, clearance, pieces
-from billiards_env.scene.table import Table
 from reference.stress.draw import outline_table as table
 from reference.stress.draw import star
 

@@ -3,9 +3,8 @@
 import dataclasses
 import math
 
-from billiards_env.scene import Balls, Physics, Scene
+from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
 from billiards_env.scene.outline import Corner
-from billiards_env.scene.table import Pocket, Table
 
 R = 0.03125
 SCENE = Scene(Balls((R, R), (1.0, 1.0)), Table(2.0, 1.0, 0.03, (Pocket(1.0, 0.5, 0.1),)), Physics(max_time=1.0))

@@ -1,7 +1,5 @@
 """Scenes, random shots and checks for the tests of the engines."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import itertools
@@ -13,8 +11,7 @@ import numpy as np
 from billiards_env import Scene
 from billiards_env.engine import PIC
 from billiards_env.physics import state as columns
-from billiards_env.scene import Balls, Physics, layouts
-from billiards_env.scene.table import Table
+from billiards_env.scene import Balls, Physics, Table, layouts
 from billiards_env.shots import simulation
 from tests.helpers.outlines import apart_places, with_corners
 

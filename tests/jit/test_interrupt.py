@@ -1,7 +1,5 @@
 """Ctrl-C interrupts long calls. The calls run in a separate process, whose program is this file."""
 
-from __future__ import annotations
-
 import contextlib
 import copy
 import dataclasses
@@ -20,12 +18,11 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from billiards_env.engine import Engine
+from billiards_env import Engine, simulate, simulate_batch
 from billiards_env.engine.compile import MANY_BALLS
 from billiards_env.engine.runner import LOOK_AFTER
 from billiards_env.physics.cushion import CUSHIONS
 from billiards_env.scene import Scene, layouts
-from billiards_env.shots.simulation import simulate, simulate_batch
 from reference.stress import measure
 from tests.helpers.environments import same
 from tests.helpers.looks import looks

@@ -75,18 +75,18 @@ def calling(inner):
     return jit.allocating_entry_point(lambda x: inner(x) + 1)
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "changes"),
-    [
-        ("jit/decorators.py", "# more\n", True),
-        ("kernels.py", "# more\n", True),
-        ("engine.py", "# more\n", True),
-        ("constants.py", "# more\n", True),
-        ("more.py", "from billiards_env.jit import kernel\n", True),
-        ("other.py", "x = 2\n", False),
-        ("jit/notes.txt", "x", False),
-    ],
-)
+EDITS = [
+    ("jit/decorators.py", "# more\n", True),
+    ("kernels.py", "# more\n", True),
+    ("engine.py", "# more\n", True),
+    ("constants.py", "# more\n", True),
+    ("more.py", "from billiards_env.jit import kernel\n", True),
+    ("other.py", "x = 2\n", False),
+    ("jit/notes.txt", "x", False),
+]
+
+
+@pytest.mark.parametrize(("name", "text", "changes"), EDITS)
 def test_an_edit_changes_the_hash_if_it_is_of_a_kernel_or_its_constants(package, name, text, changes):
     before = folders.source_hash()
     assert folders.source_hash() == before
@@ -194,18 +194,18 @@ def test_a_cache_that_cannot_be_written_prints_a_line_and_the_call_succeeds(cach
     assert "disk full" in line
 
 
-@pytest.mark.parametrize(
-    ("change", "found"),
-    [
-        (lambda patch: None, True),
-        (lambda patch: patch.setenv("BILLIARDS_ENV_COMPILE", "0"), True),
-        (lambda patch: patch.setenv("BILLIARDS_ENV_COMPILE", "1"), False),
-        (lambda patch: patch.setattr(folders.numba, "__version__", "0.0"), False),
-        (lambda patch: patch.setattr(folders.llvmlite, "__version__", "0.0"), False),
-        (lambda patch: patch.setattr(sys.implementation, "cache_tag", "cpython-30"), False),
-        (lambda patch: (folders._PACKAGE / "kernels.py").write_text("from billiards_env.jit import kernel"), False),
-    ],
-)
+CHANGES = [
+    (lambda patch: None, True),
+    (lambda patch: patch.setenv("BILLIARDS_ENV_COMPILE", "0"), True),
+    (lambda patch: patch.setenv("BILLIARDS_ENV_COMPILE", "1"), False),
+    (lambda patch: patch.setattr(folders.numba, "__version__", "0.0"), False),
+    (lambda patch: patch.setattr(folders.llvmlite, "__version__", "0.0"), False),
+    (lambda patch: patch.setattr(sys.implementation, "cache_tag", "cpython-30"), False),
+    (lambda patch: (folders._PACKAGE / "kernels.py").write_text("from billiards_env.jit import kernel"), False),
+]
+
+
+@pytest.mark.parametrize(("change", "found"), CHANGES)
 def test_the_code_of_the_package_is_found_with_its_versions_and_its_source(package, monkeypatch, change, found):
     assert folders.shipped_folder() is None
     expected = folders.code_folder()

@@ -125,27 +125,27 @@ def test_a_path_that_reaches_a_circle_is_not_excluded(x, v, a):
 # Lines
 
 
-@pytest.mark.parametrize(
-    ("gap", "v", "a", "t"),
-    [
-        (1.0, 2.0, 0.0, 0.5),
-        (1.0, -2.0, 0.0, INF),
-        (1.0, 0.0, 2.0, 1.0),
-        (1.0, 2.0, -2.0, 1.0),  # stops at the line
-        (1.0, 1.99, -2.0, INF),  # stops before the line
-        (0.75, 2.0, -2.0, 0.5),  # the first of two crossings
-        (1.5, -1.0, 1.0, 3.0),  # away and back
-        (1.0, -2.0, -1.0, INF),
-        (0.0, 1.0, 0.0, 0.0),
-        (0.0, 0.0, 1.0, 0.0),  # pressed against it
-        (0.0, 0.0, 0.0, INF),  # parallel to it
-        (0.0, 0.0, -1.0, INF),
-        (0.0, -1.0, 0.0, INF),
-        (0.0, -1.0, 4.0, 0.5),  # away and back: the root at 0 is divided out
-        (-1e-16, 0.0, 0.0, INF),
-        (-1e-16, 1.0, -9.0, 0.0),
-    ],
-)
+LINES = [
+    (1.0, 2.0, 0.0, 0.5),
+    (1.0, -2.0, 0.0, INF),
+    (1.0, 0.0, 2.0, 1.0),
+    (1.0, 2.0, -2.0, 1.0),  # stops at the line
+    (1.0, 1.99, -2.0, INF),  # stops before the line
+    (0.75, 2.0, -2.0, 0.5),  # the first of two crossings
+    (1.5, -1.0, 1.0, 3.0),  # away and back
+    (1.0, -2.0, -1.0, INF),
+    (0.0, 1.0, 0.0, 0.0),
+    (0.0, 0.0, 1.0, 0.0),  # pressed against it
+    (0.0, 0.0, 0.0, INF),  # parallel to it
+    (0.0, 0.0, -1.0, INF),
+    (0.0, -1.0, 0.0, INF),
+    (0.0, -1.0, 4.0, 0.5),  # away and back: the root at 0 is divided out
+    (-1e-16, 0.0, 0.0, INF),
+    (-1e-16, 1.0, -9.0, 0.0),
+]
+
+
+@pytest.mark.parametrize(("gap", "v", "a", "t"), LINES)
 def test_the_contact_time_with_a_line_is_exact(gap, v, a, t):
     assert line_time(gap, v, a, 10.0) == t
 

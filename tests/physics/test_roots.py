@@ -83,16 +83,16 @@ def test_tiny_leading_coefficients_are_harmless(leading):
     assert first_descent(1.0, 0.0, leading, leading, leading, 3.0) == math.inf
 
 
-@pytest.mark.parametrize(
-    "coefficients",
-    [
-        (1.0, -1.0, 0.0, 0.0, 0.0),
-        (1.0, 0.0, -1.0, 0.0, 0.0),
-        (1.0, 0.0, 0.0, -1.0, 0.0),
-        (1.0, 0.0, 0.0, 0.0, -1.0),
-        (1.0, -3.0, 3.0, -1.0, 0.0),  # (1 - t)^3
-    ],
-)
+ROOT_AT_1 = [
+    (1.0, -1.0, 0.0, 0.0, 0.0),
+    (1.0, 0.0, -1.0, 0.0, 0.0),
+    (1.0, 0.0, 0.0, -1.0, 0.0),
+    (1.0, 0.0, 0.0, 0.0, -1.0),
+    (1.0, -3.0, 3.0, -1.0, 0.0),  # (1 - t)^3
+]
+
+
+@pytest.mark.parametrize("coefficients", ROOT_AT_1)
 def test_a_root_at_the_end_of_the_interval_counts_and_a_later_root_does_not(coefficients):
     assert first_descent(*coefficients, 1.0) == pytest.approx(1.0, abs=1e-5)
     assert first_descent(*coefficients, 0.999) == math.inf

@@ -135,18 +135,18 @@ def changed_constant(x, k):
     return k
 
 
-@pytest.mark.parametrize(
-    ("function", "line", "source"),
-    [
-        (power, 2, r"y \*\* 2"),
-        (call_within_a_condition, 1, r"halves\(x, y\)"),
-        (changed_range, 2, "for part in x"),
-        (written_array, 1, r"y\[0\]"),
-        (keyword_of_a_kernel, 1, r"halves\(x, y=1.0\)"),
-        (changed_counter, 2, "for x in"),
-        (changed_constant, 1, "k"),
-    ],
-)
+OTHER_SOURCE = [
+    (power, 2, r"y \*\* 2"),
+    (call_within_a_condition, 1, r"halves\(x, y\)"),
+    (changed_range, 2, "for part in x"),
+    (written_array, 1, r"y\[0\]"),
+    (keyword_of_a_kernel, 1, r"halves\(x, y=1.0\)"),
+    (changed_counter, 2, "for x in"),
+    (changed_constant, 1, "k"),
+]
+
+
+@pytest.mark.parametrize(("function", "line", "source"), OTHER_SOURCE)
 def test_other_source_is_refused_with_its_line(function, line, source):
     at = function.__code__.co_firstlineno + line
     with pytest.raises(SyntaxError, match=rf"test_tangent.py:{at}: {source}"):

@@ -12,9 +12,8 @@ from billiards_env.physics.geometry import walls
 from billiards_env.physics.geometry.walls import BOX_X, HALF_LINE, outline_arrays
 from billiards_env.physics.motion import Path
 from billiards_env.physics.state import VX, VY, WIDTH, State, X, Y
-from billiards_env.scene import Balls, Physics, Scene
+from billiards_env.scene import Balls, Physics, Scene, Table
 from billiards_env.scene.outline import clearance, pieces
-from billiards_env.scene.table import Table
 from tests.helpers.outlines import ANY_TABLE, TABLES, THROAT, free_places, joint_of, table, with_corners
 
 INF = math.inf
@@ -175,12 +174,8 @@ def test_a_ball_grazes_a_tip_or_passes_it(offset, meets):
     outwards = np.array([-1.0, -1.0]) / math.sqrt(2)
     nearest = np.array([tip.x, tip.y]) + (reach + offset) * outwards
     for force in (0.0, 0.5):  # the second path bends away from the tip
-        path = (*(nearest - 0.3 * direction), *direction, *(force * outwards))
-        path = (
-            *(nearest - 0.3 * direction + 0.045 * force * outwards),
-            *(direction - 0.3 * force * outwards),
-            *path[4:],
-        )
+        bend = force * outwards
+        path = (*(nearest - 0.3 * direction + 0.045 * bend), *(direction - 0.3 * bend), *bend)
         t, wall = wall_time(path, TABLES["L"], 0.5)
         if force and abs(offset) < 1e-13:
             continue  # the rounding of the path is larger

@@ -1,13 +1,9 @@
-import os
-
 import numpy as np
 import pytest
 
 from billiards_env import Scene
 from billiards_env.games import GAMES, History, Setup, custom_opening, opening
 from billiards_env.play.model import HUMAN, begin
-
-os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
 
 @pytest.fixture(scope="session")

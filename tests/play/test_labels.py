@@ -12,33 +12,28 @@ SNOOKER = [[0.0, 0.0], *([-1.5 + 0.12 * i, 0.5] for i in range(21))]
 CAROM = [[-0.5, 0.3], [0.5, 0.0], [-0.5, 0.0]]
 
 
-def test_a_level_of_the_planner_is_the_name_of_the_player(make_model):
-    model = make_model("straight", EIGHT, players=("planner:club", "planner:100ms"))
-    assert [labels.player_name(model, k) for k in (0, 1)] == ["Player 1 (club)", "Player 2 (planner)"]
+PROMPTS = [
+    ("eight_ball", {"break_shot": True}, "break"),
+    ("eight_ball", {}, "open table: any ball but the 8"),
+    ("eight_ball", {"solids": 0}, "solids"),
+    ("eight_ball", {"solids": 1}, "stripes"),
+    ("eight_ball", {"solids": 0, "on_table": [0, 8, 9, 10]}, "on: the 8"),
+    ("nine_ball", {"on_table": [0, 4, 7, 9]}, "on: the 4"),
+    ("straight", {}, "any ball"),
+    ("snooker", {"break_shot": True}, "on: red"),
+    ("snooker", {"colour": True}, "on: a colour"),
+    ("snooker", {"on_table": [0, *range(17, 22)]}, "on: green"),
+    ("snooker", {"free_ball": True}, "free ball, any ball"),
+    ("snooker", {"in_hand": "behind"}, "cue ball in the D"),
+    ("nine_ball", {"in_hand": "behind"}, "cue ball behind the line"),
+    ("nine_ball", {"in_hand": "anywhere"}, "cue ball anywhere"),
+    ("carom", {}, "white cue ball, red and yellow"),
+    ("three_cushion", {"cue_balls": [2, 0]}, "yellow cue ball, white and red, 3 cushions"),
+    ("three_cushion", {"break_shot": True}, "white cue ball, red first, 3 cushions"),
+]
 
 
-@pytest.mark.parametrize(
-    ("rules", "state", "words"),
-    [
-        ("eight_ball", {"break_shot": True}, "break"),
-        ("eight_ball", {}, "open table: any ball but the 8"),
-        ("eight_ball", {"solids": 0}, "solids"),
-        ("eight_ball", {"solids": 1}, "stripes"),
-        ("eight_ball", {"solids": 0, "on_table": [0, 8, 9, 10]}, "on: the 8"),
-        ("nine_ball", {"on_table": [0, 4, 7, 9]}, "on: the 4"),
-        ("straight", {}, "any ball"),
-        ("snooker", {"break_shot": True}, "on: red"),
-        ("snooker", {"colour": True}, "on: a colour"),
-        ("snooker", {"on_table": [0, *range(17, 22)]}, "on: green"),
-        ("snooker", {"free_ball": True}, "free ball, any ball"),
-        ("snooker", {"in_hand": "behind"}, "cue ball in the D"),
-        ("nine_ball", {"in_hand": "behind"}, "cue ball behind the line"),
-        ("nine_ball", {"in_hand": "anywhere"}, "cue ball anywhere"),
-        ("carom", {}, "white cue ball, red and yellow"),
-        ("three_cushion", {"cue_balls": [2, 0]}, "yellow cue ball, white and red, 3 cushions"),
-        ("three_cushion", {"break_shot": True}, "white cue ball, red first, 3 cushions"),
-    ],
-)
+@pytest.mark.parametrize(("rules", "state", "words"), PROMPTS)
 def test_the_prompt_uses_the_words_of_the_game(rules, state, words, make_model):
     balls = {"snooker": SNOOKER, "nine_ball": EIGHT[:10], "carom": CAROM, "three_cushion": CAROM}.get(rules, EIGHT)
     assert labels.status(make_model(rules, balls, state)) == f"Player 1: {words}"
@@ -87,8 +82,10 @@ def test_each_game_has_a_page_of_rules(make_model):
 
 
 def test_each_player_has_a_label(make_model):
-    model = make_model(positions=EIGHT[:3], players=("human", "search:500", "mine.players:geometric"))
-    assert [labels.player_name(model, i) for i in range(3)] == ["Player 1", "Player 2 (search)", "Player 3 (geometric)"]
+    players = "search:500", "my.own:geometric", "planner:club", "planner:1s"
+    model = make_model(positions=EIGHT[:3], players=players)
+    for k, label in enumerate(("search", "geometric", "club", "planner")):
+        assert labels.player_name(model, k) == f"Player {k + 1} ({label})"
 
 
 def test_a_replay_shows_the_engines(make_model):

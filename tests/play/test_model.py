@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env import Scene, simulate, strike
+from billiards_env import Scene, strike
 from billiards_env.drawing.pace import PACES
 from billiards_env.engine import PIC, Engine
 from billiards_env.games import NO_CALL, Call, History, Setup, Stroke, custom_opening, play, to_dict
@@ -14,6 +14,7 @@ from billiards_env.play import model as actions
 from billiards_env.play.model import LEAST_SPEED, begin, shoot, tick
 from billiards_env.play.preview import make_preview
 from billiards_env.scene import Physics
+from tests.helpers.shots import simulate
 
 STRAIGHT = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
 NINE = [[0.0, 0.0], *([-1.0 + 0.12 * i, -0.5] for i in range(9))]
@@ -119,7 +120,6 @@ def test_the_preview_ends_at_the_first_contact_of_the_engine(make_model, engine)
     model = after(make_model(positions=STRAIGHT, engine=engine), (actions.turn_aim, 1.5))
     preview = model.preview
     shot = simulate(model.setup.scene, STRAIGHT, model.stroke.velocity, record=True)
-    assert shot.events is not None
     hit = shot.events[shot.events["kind"] == "ball_ball"][0]
     assert preview.ball == 1
     assert preview.path[0].tolist() == STRAIGHT[0]
@@ -151,7 +151,6 @@ def test_the_preview_has_the_throw_and_the_spin_of_the_engine(make_model):
         scene, turned.aim.speed / strike(scene, 1.0, 0.0).velocity[0], turned.aim.angle, side, top, math.radians(10)
     )
     shot = simulate(scene, STRAIGHT, made, record=True)
-    assert shot.events is not None
     times = shot.events["time"][shot.events["kind"] == "ball_ball"]
     assert turned.preview.path[-1] == pytest.approx(shot.at(times[0])[0], abs=1e-12)
     assert turned.stroke.velocity == tuple(made.velocity)

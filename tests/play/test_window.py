@@ -1,5 +1,6 @@
 """The window, driven by mouse and keyboard events on a dummy display."""
 
+import itertools
 import math
 import re
 import signal
@@ -9,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env.engine import Engine
-
 pytest.importorskip("pygame")
 
 import pygame
 
-from billiards_env import simulate
+from billiards_env import Engine, simulate
 from billiards_env.drawing.canvas import Canvas, pixels
 from billiards_env.games import Stroke, records
+from billiards_env.play.controls import height_of
+from billiards_env.play.controls import place as place_controls
 from billiards_env.play.model import go, replay, slow_down, tick, toggle_ghost, turn_aim
 from billiards_env.play.view import View
 from billiards_env.play.window import GameWindow
@@ -137,6 +138,19 @@ def test_a_shot_by_mouse(shown):
     assert shown.model.phase == "rolling"
     click(shown, (0.8, -0.4))
     assert shown.model.phase == "aiming"
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 900), (320, 240), (401, 777), (900, 300)])
+def test_controls_do_not_overlap(width, height):
+    row = height_of((width, height))
+    controls = place_controls(5, 400, width - 10, row)
+    for box in controls:
+        assert box.x >= 5
+        assert box.x + box.width <= width - 5
+        assert box.y >= 400
+        assert box.y + box.height <= 400 + row
+    for one, two in itertools.combinations(controls, 2):
+        assert one.x + one.width <= two.x
 
 
 def test_the_controls_set_the_tip_the_elevation_and_the_speed(shown):
@@ -313,19 +327,16 @@ def test_quitting_asks_if_the_game_is_not_saved(shown, tmp_path):
     assert (record.strokes, len(record.strokes)) == (shown.model.strokes, 1)
 
 
-QUIT = {"kind": pygame.QUIT}
+QUIT, Q = {"kind": pygame.QUIT}, {"kind": pygame.KEYDOWN, "key": pygame.K_q}
+QUITS = {
+    "the game is saved": (pygame.K_s, True, [QUIT]),
+    "it is saved afterwards": (None, False, [QUIT]),
+    "the window is closed twice": (None, True, [QUIT, QUIT]),
+    "the answer is to quit": (None, True, [QUIT, Q]),
+}
 
 
-@pytest.mark.parametrize(
-    ("key", "ask", "events"),
-    [
-        (pygame.K_s, True, [QUIT]),
-        (None, False, [QUIT]),
-        (None, True, [QUIT, QUIT]),
-        (None, True, [QUIT, {"kind": pygame.KEYDOWN, "key": pygame.K_q}]),
-    ],
-    ids=["the game is saved", "it is saved afterwards", "the window is closed twice", "the answer is to quit"],
-)
+@pytest.mark.parametrize(("key", "ask", "events"), QUITS.values(), ids=QUITS)
 def test_quitting(key, ask, events, shown, tmp_path):
     shown.ask = ask
     press(shown, pygame.K_SPACE, pygame.K_SPACE, *([key] if key else []))

@@ -144,19 +144,19 @@ def test_equal_arguments_give_equal_bits():
     np.testing.assert_array_equal(first.alternatives, second.alternatives)
 
 
-@pytest.mark.parametrize(
-    ("goals", "text"),
-    [
-        ([], r"goals = \[\]: expected goals"),
-        (Pot(2), r"Pot.ball = 2: expected 1"),
-        (Pot(1, 6), r"Pot.pocket = 6: expected a whole number from 0 to 5"),
-        ([Cushions(3, before=5)], r"Cushions.before = 5: expected"),
-        (Leave((np.nan, 0.0)), r"Leave.position = \[nan, 0.0\]: expected"),
-        (Leave((0.0, 0.0), radius=-0.1), r"Leave.radius = -0.1: expected a number from 0 to 10000 m"),
-        ([Cushions(-1)], r"Cushions.least = -1: expected a whole number >= 0"),
-        (Touch(0), r"Touch.ball = 0: expected 1"),
-    ],
-)
+WRONG_GOALS = [
+    ([], r"goals = \[\]: expected goals"),
+    (Pot(2), r"Pot.ball = 2: expected 1"),
+    (Pot(1, 6), r"Pot.pocket = 6: expected a whole number from 0 to 5"),
+    ([Cushions(3, before=5)], r"Cushions.before = 5: expected"),
+    (Leave((np.nan, 0.0)), r"Leave.position = \[nan, 0.0\]: expected"),
+    (Leave((0.0, 0.0), radius=-0.1), r"Leave.radius = -0.1: expected a number from 0 to 10000 m"),
+    ([Cushions(-1)], r"Cushions.least = -1: expected a whole number >= 0"),
+    (Touch(0), r"Touch.ball = 0: expected 1"),
+]
+
+
+@pytest.mark.parametrize(("goals", "text"), WRONG_GOALS)
 def test_wrong_goals_are_errors(goals, text):
     with pytest.raises(ValueError, match=text):
         aim(POOL, PLACES, goals)

@@ -116,27 +116,27 @@ def test_a_player_is_found_in_a_module_and_in_an_installed_package(text, speed, 
 ONE_OF = "expected one of 'aim', 'geometric', 'human', 'planner', 'policy', 'random', 'search', 'theirs', or module:"
 
 
+WRONG = [
+    ("nobody", "straight", "player = 'nobody': expected one of .*random.*, or module:function"),
+    ("them", "straight", ONE_OF),
+    ("mine:nothing", "straight", "player = 'mine:nothing': .*has no attribute"),
+    ("mine:own:bad", "straight", "it cannot be had"),
+    ("random:3", "straight", "player = 'random:3': expected .* a name without ':'"),
+    ("", "straight", "player = ''"),
+    ("geometric", "carom", "expected a game with pockets"),
+    ("planner:fast", "carom", "player = 'planner:fast': expected a time such as 'planner:100ms' or a number"),
+    ("mine:nullary", "straight", r"expected a function \(setup, argument\) that returns a player", TypeError),
+    ("mine:of_nothing", "straight", r"that returns a player \(setup, game, max_speed, rng\)", TypeError),
+    ("geometrc", "env", r"player = 'geometrc': .*or module:function \(did you mean 'geometric'\?\)"),
+    ("search:0", "env", "player = 'search:0': expected 'search:K' with a whole number K >= 1"),
+    ("geometric:5", "env", "player = 'geometric:5': expected .* a name without ':'"),
+    ("mine:nothing", "env", "player = 'mine:nothing': .*has no attribute 'nothing'"),
+    ("mine:nullary", "env", r"expected a function act\(observation\) that returns an action", TypeError),
+]
+
+
 @pytest.mark.usefixtures("module")
-@refusals(
-    "text, world",
-    [
-        ("nobody", "straight", "player = 'nobody': expected one of .*random.*, or module:function"),
-        ("them", "straight", ONE_OF),
-        ("mine:nothing", "straight", "player = 'mine:nothing': .*has no attribute"),
-        ("mine:own:bad", "straight", "it cannot be had"),
-        ("random:3", "straight", "player = 'random:3': expected .* a name without ':'"),
-        ("", "straight", "player = ''"),
-        ("geometric", "carom", "expected a game with pockets"),
-        ("planner:fast", "carom", "player = 'planner:fast': expected a time such as 'planner:100ms' or a number"),
-        ("mine:nullary", "straight", r"expected a function \(setup, argument\) that returns a player", TypeError),
-        ("mine:of_nothing", "straight", r"that returns a player \(setup, game, max_speed, rng\)", TypeError),
-        ("geometrc", "env", r"player = 'geometrc': .*or module:function \(did you mean 'geometric'\?\)"),
-        ("search:0", "env", "player = 'search:0': expected 'search:K' with a whole number K >= 1"),
-        ("geometric:5", "env", "player = 'geometric:5': expected .* a name without ':'"),
-        ("mine:nothing", "env", "player = 'mine:nothing': .*has no attribute 'nothing'"),
-        ("mine:nullary", "env", r"expected a function act\(observation\) that returns an action", TypeError),
-    ],
-)
+@refusals("text, world", WRONG)
 def test_unknown_players_are_refused(text, world, message, kind, monkeypatch):
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: importlib.metadata.EntryPoints([THEIRS]))
     with pytest.raises(kind, match=message):

@@ -11,27 +11,24 @@ from billiards_env.players.pots import DX, DY, SPEED
 from billiards_env.shots.strikes import strike_with
 from tests.helpers.games import setup
 
-R = 0.028575  # m
-FAR = [[-1.15 + 0.08 * k, -0.55] for k in range(9)]  # places of balls that take no part
-
 
 def table(**balls):
     """Returns nine ball with the cue ball and some balls in given places, and the others not on the table."""
-    places = np.array([[0.0, 0.0], *FAR])
+    places = np.array([[0.0, 0.0], *([-1.15 + 0.08 * k, -0.55] for k in range(9))])
     for name, place in balls.items():
         places[int(name[1:])] = place
     game, lying = setup("nine_ball"), [0, 9, *(int(name[1:]) for name in balls if name != "b0")]
     return game, custom_opening(game, places, {"on_table": sorted(set(lying))})
 
 
-@pytest.mark.parametrize(
-    ("balls", "target"),
-    [
-        ({"b0": (0.2, 0.0), "b1": (0.6, 0.1), "b9": (1.0, 0.4)}, (9, 3)),  # ball 1 hits ball 9
-        ({"b0": (0.2, -0.1), "b1": (0.7, 0.05), "b9": (1.1, -0.45)}, (9, 2)),  # off ball 1 to ball 9
-        ({"b0": (0.0, 0.44), "b1": (0.5, 0.448), "b9": (1.0, 0.4)}, (1, 3)),  # ball 1 off ball 9
-    ],
-)
+COMBINATIONS = [
+    ({"b0": (0.2, 0.0), "b1": (0.6, 0.1), "b9": (1.0, 0.4)}, (9, 3)),  # ball 1 hits ball 9
+    ({"b0": (0.2, -0.1), "b1": (0.7, 0.05), "b9": (1.1, -0.45)}, (9, 2)),  # off ball 1 to ball 9
+    ({"b0": (0.0, 0.44), "b1": (0.5, 0.448), "b9": (1.0, 0.4)}, (1, 3)),  # ball 1 off ball 9
+]
+
+
+@pytest.mark.parametrize(("balls", "target"), COMBINATIONS)
 def test_combinations_and_caroms_are_found(balls, target):
     game, state = table(**balls)
     ways = find_indirect(game, state, np.arange(1, 10), 6.0)
@@ -48,7 +45,7 @@ def test_kicks_reach_a_ball_behind_another_one():
 
 def test_a_cue_drives_a_ball_that_it_touches():
     """Two of these ways fail without the cue, where the first impact is an ordinary one."""
-    touching = np.array([0.524, 0.114]) + 2 * R * np.array([np.cos(3.0443), np.sin(3.0443)])
+    touching = np.array([0.524, 0.114]) + 0.05715 * np.array([np.cos(3.0443), np.sin(3.0443)])
     game, state = table(b0=touching, b1=(0.524, 0.114), b9=(-0.319, 0.281))
     ways = find_indirect(game, state, np.arange(1, 10), 6.0)
     assert (1, 4) in [tuple(row) for row in ways.target.tolist()]

@@ -10,10 +10,9 @@ from billiards_env.players.strategies import FINALISTS, REPEATS, find_strategy, 
 from tests.helpers.layouts import NAMED_POTS, at
 
 RNG = np.random.default_rng
-named = pytest.mark.parametrize(("positions", "pocket"), NAMED_POTS.values(), ids=NAMED_POTS)
 
 
-@named
+@pytest.mark.parametrize(("positions", "pocket"), NAMED_POTS.values(), ids=NAMED_POTS)
 def test_the_geometric_player_pots_the_ball(positions, pocket):
     env = at(positions)
     pots = task_situation(env).pots()

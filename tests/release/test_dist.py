@@ -1,7 +1,5 @@
 """The distributions: the machine code in the wheel, and their trial. The test of the whole build is slow."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -19,6 +19,7 @@ GAMES: dict[str, dict[str, Any]] = {
     "position": {"task": "position", "action": "strike"},
     "carom": {"task": "carom", "layout": "random"},
     "run-out": {"task": "nine_ball"},
+    "varied physics": {"randomize": {"mu_roll": [0.004, 0.02]}, "observe": ("positions", "physics")},
 }
 
 
@@ -137,19 +138,19 @@ NORMALIZED = r"observations up to .*: expected .* from -1 to 1; a wrapper such a
 SPACE = r"action_space = Box\(-2.0, 2.0.*: expected Box\(-1.0, 1.0"
 
 
-@refusals(
-    "make",
-    [
-        (lambda: learning(vector(**REAL), {}), TABLE),
-        (lambda: learning(vector(**REAL), {**REAL, "max_speed": 3.0}), "env: expected .* whose max_speed is 4.0"),
-        (lambda: learning(VecNormalize(vector())).learn(32), NORMALIZED),
-        (lambda: AimPolicy(vector().observation_space, WIDE, lambda _: 1e-3), SPACE),
-        (lambda: alone({}), "env = None: expected the arguments of the environment"),
-        (lambda: alone({}, env={"n_object_balls": 2}), r"expected the arguments .*, whose observation .* not \(6,\)"),
-        (lambda: alone({}, env={}, aim="pocket"), "aim = 'pocket': expected one of 'ball', 'layout'"),
-        (lambda: alone(EMPTY, env=EMPTY), "expected an object ball"),
-    ],
-)
+WRONG = [
+    (lambda: learning(vector(**REAL), {}), TABLE),
+    (lambda: learning(vector(**REAL), {**REAL, "max_speed": 3.0}), "env: expected .* whose max_speed is 4.0"),
+    (lambda: learning(VecNormalize(vector())).learn(32), NORMALIZED),
+    (lambda: AimPolicy(vector().observation_space, WIDE, lambda _: 1e-3), SPACE),
+    (lambda: alone({}), "env = None: expected the arguments of the environment"),
+    (lambda: alone({}, env={"n_object_balls": 2}), r"expected the arguments .*, whose observation .* not \(6,\)"),
+    (lambda: alone({}, env={}, aim="pocket"), "aim = 'pocket': expected one of 'ball', 'layout'"),
+    (lambda: alone(EMPTY, env=EMPTY), "expected an object ball"),
+]
+
+
+@refusals("make", WRONG)
 def test_a_wrong_world_or_argument_is_refused(make, message, kind):
     with pytest.raises(kind, match=message):
         make()

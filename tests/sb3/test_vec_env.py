@@ -122,9 +122,6 @@ def test_attributes_and_methods_belong_to_all_environments():
     assert native.env_is_wrapped(Monitor) == [True] * 3  # the infos have `episode`
     assert native.env_is_wrapped(gym.wrappers.TimeLimit, [1]) == [False]
     assert native.env_method("get_wrapper_attr", "task") == dummy.env_method("get_wrapper_attr", "task")
-    for call in (lambda: native.env_method("reset"), lambda: native.env_method("step", [0.0, 0.0])):
-        with pytest.raises(ValueError, match="expected the method of the vector environment"):
-            call()
     with pytest.raises(ValueError, match=r"set_attr\('max_speed'\) for environments \[1\]: expected all 3"):
         native.set_attr("max_speed", 1.0, indices=1)
     assert native.env_method("get_wrapper_attr", "task", indices=[0, 2]) == ["pot"] * 2

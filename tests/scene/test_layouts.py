@@ -117,14 +117,14 @@ def places_in_rack(name, n_object_balls, count):
     return np.array(found)
 
 
-@pytest.mark.parametrize(
-    ("game", "fixed", "random"),
-    [
-        ("nine_ball", {1: 0, 9: 4}, [1, 2, 3, 5, 6, 7, 8]),
-        ("ten_ball", {1: 0, 10: 4}, [1, 2, 3, 5, 6, 7, 8, 9]),
-        ("eight_ball", {8: 4}, [0, 10, 14]),
-    ],
-)
+RACK_PLACES = [
+    ("nine_ball", {1: 0, 9: 4}, [1, 2, 3, 5, 6, 7, 8]),
+    ("ten_ball", {1: 0, 10: 4}, [1, 2, 3, 5, 6, 7, 8, 9]),
+    ("eight_ball", {8: 4}, [0, 10, 14]),
+]
+
+
+@pytest.mark.parametrize(("game", "fixed", "random"), RACK_PLACES)
 def test_the_rack_of_a_game(game, fixed, random):
     """Some balls have a place, and every other ball is at the random places equally often."""
     n = len(layouts.RACKS[game].balls)

@@ -222,11 +222,10 @@ LAYOUTS = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [*NAMES, *DATA, *PARTS, *OUTLINES, *POSITIONS, *LAYOUTS],
-    ids=lambda value: value if isinstance(value, str) else "",
-)
+WRONG = [*NAMES, *DATA, *PARTS, *OUTLINES, *POSITIONS, *LAYOUTS]
+
+
+@pytest.mark.parametrize(("call", "message"), WRONG, ids=[message for _, message in WRONG])
 def test_a_wrong_scene_is_refused(call, message):
     """The message begins as given, or contains what follows the dots."""
     with pytest.raises((TypeError, ValueError)) as error:

@@ -70,27 +70,15 @@ def test_named_scenes_survive_strict_json(name):
     assert Scene.from_dict(json.loads(json.dumps(scene.to_dict(), allow_nan=False))) == scene
 
 
-def test_an_infinite_mass_survives_strict_json():
-    scene = Scene(Balls((R, 0.75 * R), (0.2, math.inf)))
-    data = json.loads(json.dumps(scene.to_dict(), allow_nan=False))
-    assert data["balls"]["mass"] == [0.2, "inf"]
-    assert Scene.from_dict(data) == scene
-
-
 def test_to_dict_returns_only_plain_types():
-    def check(value):
-        if isinstance(value, dict):
-            assert all(type(key) is str for key in value)
-            value = list(value.values())
-        if isinstance(value, list):
-            for item in value:
-                check(item)
-        else:
-            assert value is None or type(value) in (str, float)
-
     g: Any = np.float32(9.75)
-    check(Scene.named("pool", 2).to_dict())
-    check(Scene(Balls((R,), (0.2,)), Table(length=np.float64(2), width=3), Physics(g=g)).to_dict())
+    for scene in (
+        Scene.named("pool", 2),
+        Scene(Balls((R,), (0.2,)), Table(length=np.float64(2), width=3), Physics(g=g)),
+    ):
+        data = scene.to_dict()
+        assert repr(data) == repr(json.loads(json.dumps(data)))
+    assert Scene.named("blocked_pool").to_dict()["balls"]["mass"] == [0.170097, 0.170097, "inf"]
 
 
 def test_fields_with_a_default_are_optional():

@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from billiards_env.scene import CONTACT_GAP, SCENES, Balls, Scene, check_positions
+from billiards_env.scene import CONTACT_GAP, SCENES, TABLES, Balls, Pocket, Scene, Table, check_positions
 from billiards_env.scene.outline import clearance, pieces, polygon
-from billiards_env.scene.table import TABLES, Pocket, Table
 from tests.helpers.errors import rejected
 from tests.helpers.scenes import HEXAGON, SQUARE, custom, outline
 
@@ -17,17 +16,17 @@ JAWS = [name for name in TABLES if Table.named(name).outline]
 # Presets
 
 
-@pytest.mark.parametrize(
-    ("name", "length", "width"),
-    [
-        ("pool_7ft", 1.9812, 0.9906),
-        ("pool_8ft", 92 * 0.0254, 46 * 0.0254),
-        ("pool_9ft", 2.54, 1.27),
-        ("snooker_12ft", 3.569, 1.778),
-        ("uk_7ft", 1.8288, 0.9144),
-        ("carom_10ft", 2.84, 1.42),
-    ],
-)
+SIZES = [
+    ("pool_7ft", 1.9812, 0.9906),
+    ("pool_8ft", 92 * 0.0254, 46 * 0.0254),
+    ("pool_9ft", 2.54, 1.27),
+    ("snooker_12ft", 3.569, 1.778),
+    ("uk_7ft", 1.8288, 0.9144),
+    ("carom_10ft", 2.84, 1.42),
+]
+
+
+@pytest.mark.parametrize(("name", "length", "width"), SIZES)
 def test_presets_have_the_size_of_real_tables(name, length, width):
     table = Table.named(name)
     assert (table.length, table.width) == (length, width)

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate, simulate_batch, strike
-from billiards_env.engine import PIC, Engine
+from billiards_env.engine import PIC, Engine, parallel_for
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.engine.threads import parallel_for
 from billiards_env.scene import Physics
 from tests.helpers.shots import LAWS, draw_starts, run_both
 
@@ -31,9 +30,8 @@ BATCHES: dict[str, tuple[Scene, str, dict[str, Any]]] = {
 
 
 @pytest.mark.parametrize("fix", [None, *FIXES])
-@pytest.mark.parametrize("name", BATCHES)
-def test_a_batch_equals_single_shots_bit_for_bit(name, fix):
-    scene, arrangement, options = BATCHES[name]
+@pytest.mark.parametrize(("scene", "arrangement", "options"), BATCHES.values(), ids=BATCHES)
+def test_a_batch_equals_single_shots_bit_for_bit(scene, arrangement, options, fix):
     engine = PIC if fix is None else Engine("pit", 1 / 60, fix)
     places, starts, spins = draw_starts(scene, 70, arrangement)
     turning = spins if scene.physics.motion == "sliding" else None
@@ -85,9 +83,6 @@ def test_a_batch_may_have_no_shots():
     batch = simulate_batch(Scene.named("pool"), np.empty((0, 2, 2)), np.empty((0, 2)))
     assert batch.positions.shape == (0, 2, 2)
     assert batch.time.shape == (0,)
-
-
-CLEAR = [[-0.5, 0.0], [0.5, 0.0]]
 
 
 @pytest.mark.parametrize("m", [0, 1, 31, 64, 1000])
@@ -181,7 +176,7 @@ def test_an_error_in_any_piece_is_raised_and_the_threads_continue():
     for _ in range(10):
         with pytest.raises(ValueError, match="piece of 500"):
             parallel_for(work, 1000, 3)
-    batch = simulate_batch(Scene.named("pool"), [CLEAR] * 100, [[1.0, 0.0]] * 100, threads=3)
+    batch = simulate_batch(Scene.named("pool"), [[[-0.5, 0.0], [0.5, 0.0]]] * 100, [[1.0, 0.0]] * 100, threads=3)
     assert batch.first_hit.tolist() == [1] * 100
 
 

@@ -7,14 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from billiards_env import Scene, simulate, simulate_batch, strike
+from billiards_env import Scene, simulate_batch, strike
 from billiards_env import scene as scenes
-from billiards_env.scene import Balls, layouts
-from billiards_env.scene.table import Pocket, Table
+from billiards_env.scene import Balls, Pocket, Table, layouts
 from billiards_env.shots.gradients import OUTPUTS, UNIT_ROUNDOFF, physics_inputs
 from reference.oracle import run
 from tests.helpers.derivatives import SCENES, VARIABLE, directional_differences, recorded, start_of, tangent_of
-from tests.helpers.shots import draw_starts
+from tests.helpers.shots import draw_starts, simulate
 
 
 def inputs_of(scene):
@@ -111,7 +110,7 @@ def test_a_batch_has_the_bits_of_single_shots(name, arrangement, threads):
     pushed = batch.jvp(tangents, ("velocities", "event_times"), t=1.0, threads=threads)
     pulled = batch.vjp(cotangents, ("velocities", "mu_roll"), threads=threads)
     jacobian = batch.jacobian("positions", "radius", threads=threads)
-    found = batch.nonsmooth(threads=threads)
+    found, certain, margins = batch.nonsmooth(threads=threads), batch.certain(), batch.margins(t=1.0)
     for k in range(len(places)):
         shot = simulate(scene, places[k], starts[k], spins=spins[k], record=True)
         alone = shot.jvp({key: value[k] for key, value in tangents.items()}, ("velocities", "event_times"), t=1.0)
@@ -123,6 +122,9 @@ def test_a_batch_has_the_bits_of_single_shots(name, arrangement, threads):
         assert pulled["mu_roll"][k] == gradient["mu_roll"]
         assert np.array_equal(jacobian[k], shot.jacobian("positions", "radius"))
         assert (found.event[k], found.reason[k]) == shot.nonsmooth()
+        assert (certain.events[k], certain.outcome[k]) == shot.certain()
+        for whole, one in zip(margins, shot.margins(t=1.0), strict=True):
+            assert np.array_equal(whole[k], one)
 
 
 def test_a_batch_whose_log_is_too_small_runs_the_other_shots_again():
@@ -186,7 +188,6 @@ def test_impacts_at_one_instant_count_as_successive():
     both = simulate(scene, [[-0.5, 0.0], [0.0, y], [0.0, -y]], [1.0, 0.0], record=True, max_time=0.5)
     assert both.nonsmooth() == (1, "simultaneous")
     first = simulate(scene, [[-0.5, 0.0], [0.0, y], [1e-9, -y]], [1.0, 0.0], record=True, max_time=0.5)
-    assert first.events is not None
     assert first.events["other"][:2].tolist() == [1, 2]
     np.testing.assert_allclose(both.jacobian(), first.jacobian(), atol=1e-5)
 

@@ -116,19 +116,15 @@ def test_a_margin_turns_a_miss_into_a_pot():
     assert simulate(scene, [cue, ball], aim).potted[1]
 
 
-def test_a_batch_has_the_margins_of_its_shots_and_vjp_their_jacobian():
+def test_the_vjp_of_margins_is_that_of_their_jacobian():
     scene, rng = Scene.named("pool", 2), np.random.default_rng(2)
     starts = [aimed(scene, seed) for seed in range(5)]
     batch = simulate_batch(scene, *map(np.array, zip(*starts, strict=True)), record=True)
-    margins, jacobian = batch.margins(t=1.0), batch.jacobian("pocket_margins", t=1.0)
+    jacobian = batch.jacobian("pocket_margins", t=1.0)
     cotangent = rng.normal(size=(5, 3, 6))
     by = batch.vjp({"pocket_margins": cotangent, "positions": np.ones((5, 3, 2))}, t=1.0)
     at_positions = batch.vjp({"positions": np.ones((5, 3, 2))}, t=1.0)
     np.testing.assert_allclose(by - at_positions, np.einsum("mip,mipjk->mjk", cotangent, jacobian), atol=1e-9)
-    for k, (places, velocities) in enumerate(starts):
-        shot = simulate(scene, places, velocities, record=True)
-        for whole, one in zip(margins, shot.margins(t=1.0), strict=True):
-            np.testing.assert_array_equal(whole[k], one)
 
 
 def test_balls_that_are_not_in_play_have_no_margin():

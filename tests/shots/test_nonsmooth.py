@@ -4,19 +4,19 @@ import dataclasses
 import math
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from billiards_env import Scene, simulate, simulate_batch, strike
+from billiards_env import Scene, simulate_batch, strike
 from billiards_env.engine.nonsmooth import REASONS
-from billiards_env.scene import Balls, layouts
-from billiards_env.scene.table import Pocket, Table
+from billiards_env.scene import Balls, Pocket, Table, layouts
 from billiards_env.shots.gradients import physics_inputs
+from reference.oracle import run
 from tests.helpers.derivatives import start_of
+from tests.helpers.shots import simulate
 
 IDEAL = Scene.named("ideal").physics
 
@@ -54,7 +54,6 @@ def test_the_shots_between_two_outcomes_have_no_derivative(name, seed):
     def shot(angle):
         start = [speed * math.cos(angle), speed * math.sin(angle)]
         one = simulate(scene, places, start, record=True, max_time=2.5)
-        assert one.events is not None
         events = one.events[["ball", "kind", "other"]].tolist()
         return one, sorted(events, key=lambda event: event[0])  # events of two balls may change places
 
@@ -86,9 +85,8 @@ def test_a_shot_that_is_cut_at_an_event_has_no_derivative():
         assert simulate(scene, places, [1.0, 0.0], record=True, max_time=time).nonsmooth().reason == "cut"
         assert whole.nonsmooth(time).reason == "cut"
     pool = Scene.named("pool", 1)
-    shot: Any = simulate(pool, places, [0.5, 0.01], record=True)
+    shot = simulate(pool, places, [0.5, 0.01], record=True)
     assert shot.nonsmooth().reason == ""  # the natural end
-    assert shot.events is not None
     rolls = shot.events["time"][shot.events["kind"] == "sliding_rolling"][0]
     assert shot.nonsmooth(rolls).reason == "cut"
 
@@ -120,7 +118,6 @@ def test_a_derivative_that_overflows_has_no_value():
     event, reason = shot.nonsmooth()
     assert not np.isfinite(turned).all()
     assert reason == "overflow"
-    assert shot.events is not None
     assert np.isfinite(shot.jvp({"velocities": np.eye(11, 2)}, t=shot.events["time"][event])).all()
     assert shot.nonsmooth(5.0).reason == ""
 
@@ -189,7 +186,7 @@ def test_a_derivative_without_a_reason_agrees_with_differences(name, seed):
     scene = draw_scene(SCENES[name], rng)
     start = dict(zip(("positions", "velocities", "spins"), start_of(scene, seed), strict=True))
     time, spins = float(rng.uniform(0.2, 1.5)), start["spins"] if scene.physics.motion == "sliding" else None
-    shot: Any = simulate(scene, start["positions"], start["velocities"], spins=spins, record=True, max_time=time)
+    shot = simulate(scene, start["positions"], start["velocities"], spins=spins, record=True, max_time=time)
     assume(shot.nonsmooth().reason == "" and shot.n_events < 30)
     numbers = [key for key in RANGES if key in physics_inputs(scene.physics)]
     number = str(rng.choice(numbers)) if rng.random() < 0.5 and name != "ideal" else None
@@ -209,3 +206,41 @@ def test_a_derivative_without_a_reason_agrees_with_differences(name, seed):
             off.append(float(np.abs(expected - found).max()) / size)
     assume(min(off) < math.inf)
     assert min(off) < 2e-5
+
+
+# Certain events agree with exact arithmetic, and doubtful events are not certain.
+
+
+@pytest.mark.parametrize(
+    ("gap", "certain"), [(0.0, False), (1e-13, False), (-1e-13, False), (1e-9, True), (-1e-9, True)]
+)
+def test_a_ball_that_barely_passes_is_not_certain(gap, certain):
+    scene = Scene.named("ideal")
+    shot = simulate(scene, [[-0.5, 2 * scene.balls.radius[0] + gap], [0.0, 0.0]], [1.0, 0.0], record=True, max_time=0.9)
+    assert shot.certain().outcome == certain
+
+
+def test_a_doubt_grows_with_the_impacts_before_it():
+    scene = Scene.named("ideal", 3)
+    start = [[-0.9, 0.0], [-0.8, 0.04], [-0.6, -0.3], [0.6, 0.3]]
+    shot = simulate(scene, start, [1.0, 0.0], record=True, max_time=8.0)
+    found, impacts = shot.certain(), (shot.events["kind"] == "ball_ball").sum()
+    assert impacts >= 4
+    assert 0 < found.events <= shot.n_events
+    whole = simulate(scene, start, [1.0, 0.0], record=True, max_time=200.0, max_events=400)
+    certain = whole.certain()
+    assert found.events <= certain.events < whole.n_events  # later the errors are as large as the table
+    assert not certain.outcome
+    ours, until = whole.events[: certain.events], whole.events["time"][[certain.events - 1, certain.events]].mean()
+    exact = run(scene, start, [1.0, 0.0], max_time=float(until))
+    assert [(e.kind, e.ball, e.other) for e in exact.events] == ours[["kind", "ball", "other"]].tolist()
+
+
+def test_contacts_at_one_time_have_no_certain_order():
+    scene = Scene.named("ideal", 2)
+    start = [[-1.0, 0.0], [0.5, 0.2], [0.5, -0.2]]
+    for second, certain in (([1.0, 0.0], False), ([1.01, 0.0], True)):
+        velocities = [[0.0, 0.0], [1.0, 0.0], second]
+        shot = simulate(scene, start, velocities, record=True, max_time=1.0)
+        assert shot.certain().outcome == certain
+        assert shot.certain().events == (2 if certain else 0)

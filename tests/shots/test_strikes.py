@@ -35,15 +35,15 @@ def test_strikes_of_pooltool(table):
 
 # Alciatore (2008), TP A.30, for a ball of 0.3 times the mass of the cue: speed of the ball over that of the cue at the
 # offsets 0, 0.1, ... 0.5, by the efficiency of a central impact.
-@pytest.mark.parametrize(
-    ("efficiency", "gains"),
-    [
-        (1.0, [1.5385, 1.5094, 1.4286, 1.3115, 1.1765, 1.0390]),
-        (0.95, [1.4500, 1.4209, 1.3397, 1.2220, 1.0862, 0.9476]),
-        (0.888, [1.3211, 1.2912, 1.2078, 1.0861, 0.9438, 0.7950]),
-        (0.87, [1.2775, 1.2472, 1.1623, 1.0376, 0.8901, 0.7310]),
-    ],
-)
+GAINS = [
+    (1.0, [1.5385, 1.5094, 1.4286, 1.3115, 1.1765, 1.0390]),
+    (0.95, [1.4500, 1.4209, 1.3397, 1.2220, 1.0862, 0.9476]),
+    (0.888, [1.3211, 1.2912, 1.2078, 1.0861, 0.9438, 0.7950]),
+    (0.87, [1.2775, 1.2472, 1.1623, 1.0376, 0.8901, 0.7310]),
+]
+
+
+@pytest.mark.parametrize(("efficiency", "gains"), GAINS)
 def test_speed_of_the_ball_by_offset(efficiency, gains):
     restitution = math.sqrt((1.3 * efficiency - 1) / 0.3)
     cue = CueNumbers(mass_ratio=0.3, end_ratio=20.2, restitution=restitution, miscue=0.6, radius=R)
@@ -51,14 +51,14 @@ def test_speed_of_the_ball_by_offset(efficiency, gains):
 
 
 # Alciatore (2007), TP A.31: degrees at the offsets 0.1 to 0.5, by the mass of the ball over that of the end.
-@pytest.mark.parametrize(
-    ("end_ratio", "angles"),
-    [
-        (12, [0.92, 1.82, 2.68, 3.47, 4.16]),
-        (20.2, [0.602, 1.189, 1.746, 2.253, 2.686]),
-        (40, [0.328, 0.647, 0.947, 1.218, 1.446]),
-    ],
-)
+SQUIRTS = [
+    (12, [0.92, 1.82, 2.68, 3.47, 4.16]),
+    (20.2, [0.602, 1.189, 1.746, 2.253, 2.686]),
+    (40, [0.328, 0.647, 0.947, 1.218, 1.446]),
+]
+
+
+@pytest.mark.parametrize(("end_ratio", "angles"), SQUIRTS)
 def test_squirt_by_offset(end_ratio, angles):
     cue = CueNumbers(0.3, end_ratio, 0.73, 0.6, R)
     found = [math.degrees(math.atan2(*squirt(cue, 0.1 * i))) for i in range(1, 6)]

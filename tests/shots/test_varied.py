@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from billiards_env import Scene, simulate, simulate_batch
-from billiards_env.engine import Engine
+from billiards_env import Engine, Scene, simulate, simulate_batch
 from billiards_env.engine.compile import PIC, scene_fields, varied_fields
 from billiards_env.scene import PARAMETERS
 from billiards_env.shots import records
@@ -61,10 +60,7 @@ def same_record(shot, other):
 
 @settings(max_examples=25, deadline=None)
 @given(
-    st.sampled_from(sorted(SCENES)),
-    st.sets(st.sampled_from([*PARAMETERS]), min_size=1),
-    st.integers(0, 9),
-    st.data(),
+    st.sampled_from(sorted(SCENES)), st.sets(st.sampled_from([*PARAMETERS]), min_size=1), st.integers(0, 9), st.data()
 )
 def test_each_shot_equals_a_single_shot_with_its_physics_bit_for_bit(name, names, seed, data):
     scene, m = SCENES[name], 3

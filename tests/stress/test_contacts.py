@@ -1,7 +1,5 @@
 """Balls in contact: racks, cradles, wedges, pressed balls. All shots end and keep momentum, energy and symmetry."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -10,8 +8,6 @@ import pytest
 from billiards_env.scene import CONTACT_GAP
 from billiards_env.shots.simulation import simulate
 from reference.stress.scenes import R, ideal, kinds, rough, run
-
-INF = math.inf
 
 
 @pytest.mark.parametrize("where", [[2.0 - R, 0.0], [2.0 - R, 1.0 - R], [0.0, R - 1.0]])
@@ -28,7 +24,7 @@ def test_a_hit_on_a_ball_frozen_to_cushions_ends_at_rest(where, e):
 @pytest.mark.parametrize("e_ball", [0.0, 0.3, 0.95, 1.0])
 @pytest.mark.parametrize("e_cushion", [0.0, 0.5, 1.0])
 def test_a_shot_with_a_ball_between_a_fixed_ball_and_a_cushion_ends(e_ball, e_cushion):
-    scene = ideal(1.0, INF, e_ball=e_ball, e_cushion=e_cushion)
+    scene = ideal(1.0, math.inf, e_ball=e_ball, e_cushion=e_cushion)
     shot = run(scene, [[2.0 - R, 0.0], [2.0 - 3 * R, 0.0]], [1.0, 0.25])
     assert shot.status in ("rest", "max_time")
     assert shot.n_events < 3000

@@ -1,7 +1,5 @@
 """Situations in which other simulators are known to fail."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

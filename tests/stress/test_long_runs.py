@@ -1,7 +1,5 @@
 """Long runs: conservation laws, time reversal, the collisions that count digits of pi, an unfolded path."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

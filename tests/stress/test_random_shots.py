@@ -1,14 +1,12 @@
 """Random shots in all scenes end and pass all checks at every event."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reference.stress import checks, draw, families
-from tests.helpers.queues import ORDINARY
+from tests.helpers.engine_runs import ORDINARY
 
 
 @pytest.mark.parametrize("name", ORDINARY)

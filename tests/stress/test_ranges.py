@@ -1,7 +1,5 @@
 """Shots with numbers at the ends of their ranges end with balls on the table and finite numbers."""
 
-from __future__ import annotations
-
 import functools
 import math
 from typing import Any
@@ -9,14 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from billiards_env import Engine, simulate
 from billiards_env.checks import RANGES
-from billiards_env.engine import Engine
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.runner import LOOK_AFTER
 from billiards_env.physics.cushion import CUSHIONS
-from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.scene.table import Table
-from billiards_env.shots.simulation import simulate
+from billiards_env.scene import Balls, Physics, Scene, Table
 from tests.helpers.looks import looks
 from tests.helpers.outlines import with_corners
 

@@ -7,10 +7,9 @@ import pytest
 import torch
 from torch import nn
 
+from billiards_env import Scene, simulate_batch
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.envs import make_vector_env
-from billiards_env.scene import Scene
-from billiards_env.shots.simulation import simulate_batch
 from studies import derivatives as study
 from studies.derivatives import SceneShots, blocks, draw_layouts, errors, errors_of, main, pit, shots_of, slopes, ways
 

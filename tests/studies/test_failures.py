@@ -1,7 +1,5 @@
 """The failures of Warkari and Jamsandekar: the results of PIC and PIT."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -11,16 +9,13 @@ from billiards_env.engine import PIC, Engine
 from billiards_env.shots import simulation
 from reference import oracle
 from studies.failures import FAILURES, Failure
+from tests.helpers.shots import kinds
 
 
 def play(case: Failure, fix: str | None = None) -> Any:
     """Returns the recorded shot, by PIC without a fix and by PIT with one."""
     engine = PIC if fix is None else Engine("pit", case.dt, fix)
     return simulation.simulate(case.scene, case.positions, case.velocities, engine=engine, record=True)
-
-
-def hits(shot: Any) -> list[tuple[str, int, int]]:
-    return [(str(e["kind"]), int(e["ball"]), int(e["other"])) for e in shot.events]
 
 
 def degrees_between(a: Any, b: Any) -> Any:
@@ -32,7 +27,7 @@ def degrees_between(a: Any, b: Any) -> Any:
 def test_pic_agrees_with_the_reference(name):
     case = FAILURES[name]
     shot, true = play(case), oracle.run(case.scene, case.positions, case.velocities)
-    assert hits(shot) == [(e.kind, e.ball, e.other) for e in true.events]
+    assert kinds(shot) == [(e.kind, e.ball, e.other) for e in true.events]
     assert shot.events["time"] == pytest.approx([float(e.time) for e in true.events], abs=1e-14)
     assert shot.positions == pytest.approx(np.array(true.positions, dtype=float), abs=1e-13)
     assert shot.velocities == pytest.approx(np.array(true.velocities, dtype=float), abs=1e-12)
@@ -41,14 +36,14 @@ def test_pic_agrees_with_the_reference(name):
 def test_pit_misses_the_collision():
     case = FAILURES["missed_collision"]
     shot = play(case, "push_apart")
-    assert hits(shot) == []
+    assert kinds(shot) == []
     assert shot.velocities.tolist() == [list(v) for v in case.velocities]
 
 
 @pytest.mark.parametrize(("name", "wrong"), [("penetration", [30.51, 30.51]), ("wrong_bounce", [61.02, 0.0])])
 def test_pit_uses_a_late_line_of_centres(name, wrong):
     shot, exact = play(FAILURES[name], "push_apart"), play(FAILURES[name])
-    assert hits(shot) == hits(exact)
+    assert kinds(shot) == kinds(exact)
     assert shot.events["time"] == pytest.approx([0.2])
     assert degrees_between(shot.velocities, exact.velocities) == pytest.approx(wrong, abs=0.005)
 
@@ -56,8 +51,8 @@ def test_pit_uses_a_late_line_of_centres(name, wrong):
 def test_pit_misses_the_second_collision():
     case = FAILURES["multiple_collisions"]
     shot, exact = play(case, "push_apart"), play(case)
-    assert hits(shot) == [("ball_ball", 0, 1), ("cushion", 1, 1)]
-    assert hits(exact) == [*hits(shot), ("ball_ball", 0, 1)]
+    assert kinds(shot) == [("ball_ball", 0, 1), ("cushion", 1, 1)]
+    assert kinds(exact) == [*kinds(shot), ("ball_ball", 0, 1)]
     assert set(np.floor(exact.events["time"] / case.dt)) == {5.0}
     # In PIT ball 1 comes back instead of ball 0.
     assert exact.velocities[0, 0] < -1.5 < 0 < shot.velocities[0, 0]
@@ -67,6 +62,6 @@ def test_pit_misses_the_second_collision():
 @pytest.mark.parametrize("name", ["penetration", "wrong_bounce"])
 def test_a_fix_with_the_true_line_of_centres_has_the_right_velocities(name):
     shot, exact = play(FAILURES[name], "time_of_impact"), play(FAILURES[name])
-    assert hits(shot) == hits(exact)
+    assert kinds(shot) == kinds(exact)
     assert shot.velocities == pytest.approx(exact.velocities, abs=1e-12)
     assert shot.positions == pytest.approx(exact.positions, abs=1e-13)

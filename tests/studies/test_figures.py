@@ -5,17 +5,14 @@ import itertools
 import numpy as np
 import pytest
 
-from billiards_env.engine import Engine
-
 pytest.importorskip("PIL.Image")
 pytest.importorskip("matplotlib")
 pytest.importorskip("pygame")
 
 from PIL.GifImagePlugin import GifImageFile
 
+from billiards_env import Engine, Scene, simulate
 from billiards_env.games import members
-from billiards_env.scene import Scene
-from billiards_env.shots.simulation import simulate
 from studies import figures
 from studies.failures import FAILURES
 

@@ -60,14 +60,14 @@ def test_the_text_about_a_task_fits_it():
     assert "- Episode: 5 shots." in tasks.page("SumToThree-v0")
 
 
-@pytest.mark.parametrize(
-    ("name", "policy"),
-    [
-        ("Pot3Noise-v0", "three_balls"),  # trained without noise
-        ("EightBall-v0", None),
-        ("NineBall-v0", "distilled"),
-    ],
-)
+LEARNED = [
+    ("Pot3Noise-v0", "three_balls"),  # trained without noise
+    ("EightBall-v0", None),
+    ("NineBall-v0", "distilled"),
+]
+
+
+@pytest.mark.parametrize(("name", "policy"), LEARNED)
 def test_a_learned_policy_is_one_of_the_same_task(name, policy):
     found = tasks.learned(name)
     assert (found and found.policy) == policy

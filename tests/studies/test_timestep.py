@@ -1,7 +1,5 @@
 """The study of timesteps: its runs, what it measures, its statistics, and its page."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

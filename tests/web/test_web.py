@@ -10,20 +10,17 @@ import numba
 import numpy as np
 import pytest
 
-from billiards_env import Scene, bench, simulate
-from billiards_env.shots.strikes import strike
+from billiards_env import Scene, bench, simulate, strike
 from web import build, check, tasks
 
-needs_extra = pytest.mark.skipif(
-    any(importlib.util.find_spec(name) is None for name in ("wasmtime", "ziglang")),
-    reason="the extra web is not installed",
-)
 ENTRY = build.ROOT / "leaderboard" / "aim.json"
 CASES = [("pool", "random"), ("pool", "break"), ("pool", "timestep"), ("ideal", "random"), ("real_pool", "random")]
 
 
 @pytest.fixture(scope="module")
 def engine():
+    if any(importlib.util.find_spec(name) is None for name in ("wasmtime", "ziglang")):
+        pytest.skip("the extra web is not installed")
     return build.engine_file()
 
 
@@ -35,44 +32,45 @@ def tab():
         yield page
 
 
+@pytest.fixture
+def page(engine, tab):
+    """A page of the browser with the engine."""
+    check.browser_bits(tab, engine, [])
+    return tab
+
+
 @pytest.fixture(scope="module")
 def shots():
     rng = np.random.default_rng(1)
     return [shot for name, case in CASES for shot in check.random_shots(name, case, 3, rng)]
 
 
-@needs_extra
 def test_wasmtime_computes_the_bits_of_python(engine, shots):
     module = check.Wasmtime(engine)
     for shot in shots:
         assert check.same(check.wasmtime_bits(module, shot), check.engine_bits(shot)), shot
 
 
-@needs_extra
 def test_a_browser_computes_the_bits_of_python(engine, tab, shots):
     _, rows = check.browser_bits(tab, engine, shots)
     for shot, row in zip(shots, rows, strict=True):
         assert check.same(row, check.python_bits(shot)), shot
 
 
-@needs_extra
-def test_a_strike_has_the_bits_of_python(engine, tab):
-    check.browser_bits(tab, engine, [])
+def test_a_strike_has_the_bits_of_python(page):
     parameters = {"speed": 2.5, "heading": 0.7, "side": 0.3, "top": -0.2, "elevation": 0.2}
-    found = tab.evaluate("parameters => engine.strike('real_pool', parameters)", parameters)
+    found = page.evaluate("parameters => engine.strike('real_pool', parameters)", parameters)
     expected = strike(Scene.named("real_pool"), **parameters)
     assert found == {"velocity": expected.velocity.tolist(), "spin": expected.spin.tolist(), "miscue": False}
 
 
-@needs_extra
 @pytest.mark.parametrize("name", ["pool", "real_pool"])
-def test_a_strike_drives_a_frozen_ball_as_in_python(name, engine, tab):
-    check.browser_bits(tab, engine, [])
+def test_a_strike_drives_a_frozen_ball_as_in_python(name, page):
     scene = Scene.named(name)
     positions = [[0.0, 0.0], [2 * scene.balls.radius[0], 0.0]]
     parameters = {"speed": 2.0, "heading": 0.2, "side": 0.1, "top": 0.2}
     call = "engine.simulate(name, positions, engine.strike(name, parameters)).positions"
-    found = tab.evaluate(f"([name, positions, parameters]) => {call}", [name, positions, parameters])
+    found = page.evaluate(f"([name, positions, parameters]) => {call}", [name, positions, parameters])
     struck = strike(scene, **parameters)
     assert found == simulate(scene, positions, struck).positions.tolist()
     assert (
@@ -80,24 +78,22 @@ def test_a_strike_drives_a_frozen_ball_as_in_python(name, engine, tab):
     )
 
 
-def verdicts(tab, text):
+def verdicts(page, text):
     """Returns the task, `verified` and the reason of each result in a file."""
     each = "for await (const result of engine.verify(text)) found.push([result.task, result.verified, result.reason])"
-    return tab.evaluate(f"async text => {{ const found = []; {each}; return found; }}", text)
+    return page.evaluate(f"async text => {{ const found = []; {each}; return found; }}", text)
 
 
-@needs_extra
-def test_a_leaderboard_file_is_verified(engine, tab):
-    check.browser_bits(tab, engine, [])
+def test_a_leaderboard_file_is_verified(page):
     file = json.loads(ENTRY.read_text(encoding="utf-8"))
-    found = verdicts(tab, json.dumps(file))
+    found = verdicts(page, json.dumps(file))
     assert found == [[task, True, ""] for task in ("Pot1-v0", "Pot1-v0", "ThreeCushion-v0", "ThreeCushion-v0")]
     one, two, three, four = file["results"]
     one["returns"][3] += 0.1
     two["actions"] = "A" + two["actions"][1:]  # the last bits of the first number
     three["shots"] = "AA" + three["shots"][2:]
     four["task"] = "Pot1Noise-v0"
-    assert verdicts(tab, json.dumps(file)) == [
+    assert verdicts(page, json.dumps(file)) == [
         ["Pot1-v0", False, "returns: differs from the result of the actions"],
         ["Pot1-v0", False, "digest: differs from the result of the actions"],
         ["ThreeCushion-v0", False, "shots: expected 1000 numbers from 1 to 1"],
@@ -105,53 +101,46 @@ def test_a_leaderboard_file_is_verified(engine, tab):
     ]
 
 
-@needs_extra
 @pytest.mark.parametrize("task", tasks.TASKS)
-def test_a_task_has_the_outcomes_of_python(task, engine, tab, monkeypatch):
-    check.browser_bits(tab, engine, [])
+def test_a_task_has_the_outcomes_of_python(task, page, monkeypatch):
     monkeypatch.setattr(bench, "EPISODES", 4)
     (result,) = bench.play("random", [task], [7]).results
     given = {"task": task, "seed": 7, "shots": result.shots.tolist(), "actions": result.actions.ravel().tolist()}
     played = "result => engine.replay({ ...result, actions: Float32Array.from(result.actions) })"
-    found = tab.evaluate(played, given)
+    found = page.evaluate(played, given)
     assert found["success"] == "".join(str(int(won)) for won in result.success)
     assert found["returns"] == result.returns.tolist()
     assert [found["layouts"], found["digest"]] == [result.layouts, result.digest]
 
 
-@needs_extra
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        ("'pol', [[0, 0]], [1, 0]", "scene = pol: expected one of pool, "),
-        ("'pool', [[0, 0], [0.01, 0]], [1, 0]", "positions: expected balls that lie on the table"),
-        ("'pool', [[0, 0], [0.5, NaN]], [1, 0]", "positions = .*: expected 2 finite numbers for each of 2 balls"),
-        ("'pool', [[0, 0]], [1, 0], {mode: 'pit'}", 'dt = null: expected a timestep in s for "pit"'),
-        ("'pool', [[0, 0]], [1, 0], {dt: 0.1}", "dt = 0.1: expected a timestep in s for"),
-        ("'pool', [[0, 0]], [1, 0], {mode: 'pit', dt: 0.1, fix: 'x'}", "fix = x: expected one of push_apart"),
-        ("'pool', [[0, 0]], [1, 0], {numbers: {mass: 1}}", "number mass: expected one of slide, roll, "),
-        ("'pool', [[0, 0]], [1, 0], {inPlay: []}", r"inPlay = \[\]: expected true or false for each of 1 balls"),
-        ("'pool', Array.from({length: 17}, () => [0, 0]), [1, 0]", "positions has 17 balls: expected at most 16"),
-    ],
-)
-def test_the_module_rejects_wrong_input(engine, tab, call, message):
-    check.browser_bits(tab, engine, [])
-    found = tab.evaluate(f"() => {{ try {{ engine.simulate({call}); }} catch (error) {{ return error.message; }} }}")
+WRONG = [
+    ("'pol', [[0, 0]], [1, 0]", "scene = pol: expected one of pool, "),
+    ("'pool', [[0, 0], [0.01, 0]], [1, 0]", "positions: expected balls that lie on the table"),
+    ("'pool', [[0, 0], [0.5, NaN]], [1, 0]", "positions = .*: expected 2 finite numbers for each of 2 balls"),
+    ("'pool', [[0, 0]], [1, 0], {mode: 'pit'}", 'dt = null: expected a timestep in s for "pit"'),
+    ("'pool', [[0, 0]], [1, 0], {dt: 0.1}", "dt = 0.1: expected a timestep in s for"),
+    ("'pool', [[0, 0]], [1, 0], {mode: 'pit', dt: 0.1, fix: 'x'}", "fix = x: expected one of push_apart"),
+    ("'pool', [[0, 0]], [1, 0], {numbers: {mass: 1}}", "number mass: expected one of slide, roll, "),
+    ("'pool', [[0, 0]], [1, 0], {inPlay: []}", r"inPlay = \[\]: expected true or false for each of 1 balls"),
+    ("'pool', Array.from({length: 17}, () => [0, 0]), [1, 0]", "positions has 17 balls: expected at most 16"),
+]
+
+
+@pytest.mark.parametrize(("call", "message"), WRONG)
+def test_the_module_rejects_wrong_input(page, call, message):
+    found = page.evaluate(f"() => {{ try {{ engine.simulate({call}); }} catch (error) {{ return error.message; }} }}")
     assert re.match(message, found)
 
 
-@needs_extra
-def test_the_files_are_small_and_the_module_reads_a_long_log(engine, tab):
+def test_the_files_are_small_and_the_module_reads_a_long_log(engine, page):
     assert len(engine) <= 600_000
     assert len((build.HERE / "engine.js").read_text(encoding="utf-8").splitlines()) <= 400
     positions = [[-0.5, 0.0], [0.5, 0.0]]
-    check.browser_bits(tab, engine, [])
     call = f"engine.simulate('ideal', {positions}, [7, 3], {{maxTime: 3000}})"
-    found = tab.evaluate(f"() => {call}.events.length")
+    found = page.evaluate(f"() => {call}.events.length")
     assert found == simulate(Scene.named("ideal"), positions, [7.0, 3.0], max_time=3000.0).n_events > 10_000
 
 
-@needs_extra
 def test_the_page_plays_a_shot_and_its_address_holds_it(engine, tab, tmp_path):
     (tmp_path / "play.html").write_text(build.play_page(engine), encoding="utf-8")
     address = (tmp_path / "play.html").as_uri()
@@ -202,11 +191,10 @@ def test_another_version_of_numba_is_refused(monkeypatch):
         build.engine_file()
 
 
-@needs_extra
-def test_the_commands_write_and_check_the_files(tab, tmp_path, monkeypatch, capsys):
+def test_the_commands_write_and_check_the_files(page, tmp_path, monkeypatch, capsys):
     build.main(["--output", str(tmp_path)])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["engine.js", "engine.wasm", "play.html"]
-    monkeypatch.setattr(check, "browser_page", lambda: contextlib.nullcontext(tab))
+    monkeypatch.setattr(check, "browser_page", lambda: contextlib.nullcontext(page))
     monkeypatch.setattr(check, "SCENES", ("pool",))
     output = tmp_path / "check.json"
     check.main(["--shots", "10", "--engine", str(tmp_path / "engine.wasm"), "--output", str(output)])
