@@ -174,6 +174,14 @@ def test_a_fit_goes_on_after_an_interrupt(tmp_path, monkeypatch):
             calibrate(OFF, some, names, noise=noise, contacts=contacts, state=state)
 
 
+def test_an_interval_includes_a_shift_between_stages_that_chance_does_not_explain():
+    spread = np.diag([1e-6])
+    for value, variance, expected in ((0.21, 1.2e-6, 1e-4), (0.205, 9e-6, 0.0)):
+        stages = ({"mu_slide": (value, variance)},)
+        one = fit.Fit(SCENE, ("mu_slide",), SCENE, [], {}, spread, stages)
+        assert fit.unexplained_shifts(one, spread) == pytest.approx([expected])
+
+
 def test_numbers_that_are_not_determined_or_end_at_a_bound_are_kept(monkeypatch):
     result = calibrate(OFF, whole_tracks()[:3], ("mu_slide", "mu_ball_factor"), contacts=2)
     assert result.kept == {"mu_ball_factor": "the rows do not determine it"}
