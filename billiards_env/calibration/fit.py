@@ -41,7 +41,7 @@ _WIDE = 0.5  # largest half-interval over the number; above it, the number is no
 _EDGE = 1e-6  # relative distance to a bound, within which a number is at it
 _SHARED = 8.0  # the rows between two contacts count as at most this many
 _MOST_STATE = 64 * 2**20  # bytes
-_SHIFT = 2.0  # standard deviations, the largest shift of a number between two stages that is no error of the laws
+_SHIFT = 2.0  # standard deviations; a larger shift of a number between two stages counts as an error of the laws
 _ROUNDS = 2  # fits in each stage, each with the rows near the paths of the previous fit
 
 
@@ -55,7 +55,7 @@ class Fit(NamedTuple):
         shots: The m shots with their starts; the rows that are used are near their paths.
         kept: Why the other free numbers keep their start, by name.
         covariance: (s, s) of the numbers.
-        stages: The numbers of earlier stages and their variances, by name.
+        stages: The numbers of each stage and their variances, by name.
     """
 
     scene: Scene
@@ -240,7 +240,7 @@ def unexplained_shifts(fit: Fit, spread: Floats) -> Floats:
     With the right laws, the variance of a shift is the difference of the variances of the two stages (Hausman 1978).
     """
     found = np.zeros(len(fit.names))
-    for stage in fit.stages:
+    for stage in fit.stages[:-1]:
         values, variances = np.array([stage[name] for name in fit.names]).T
         shift = np.square(values - numbers_of(fit.scene, fit.names))
         large = shift > _SHIFT**2 * np.maximum(variances - np.diag(spread), 0.0)
@@ -254,7 +254,10 @@ def half_widths(spread: Floats, shots: int) -> Floats:
 
 
 def determined(fit: Fit, contact: int) -> Fit:
-    """Returns a fit with its covariance, without numbers that end at a bound or that the rows do not determine."""
+    """Returns a fit with its covariance, without numbers that end at a bound or that the rows do not determine.
+
+    The covariance includes the `unexplained_shifts`, with which an interval may be wider than `_WIDE` allows.
+    """
     while True:
         names, numbers, begun = fit.names, numbers_of(fit.scene, fit.names), numbers_of(fit.start, fit.names)
         spread = covariance(fit, contact)

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import json
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -263,6 +264,14 @@ def test_the_shots_of_pooltool_give_its_numbers():
 def test_bad_numbers_are_rejected(free, message):
     with pytest.raises(ValueError, match=message):
         calibrate(SCENE, tracks(), free)
+
+
+def test_the_decay_of_the_friction_between_balls_is_fitted_only_where_it_has_an_effect():
+    names: Any = import_module("billiards_env.calibration.calibrate")._check_names
+    frictional = changed(SCENE, ball_ball="frictional")
+    assert "mu_ball_decay" in names(frictional, None)
+    assert "mu_ball_decay" not in names(changed(frictional, mu_ball=0.05), None)
+    assert "mu_ball_decay" not in names(changed(SCENE, ball_ball="frictionless"), None)
 
 
 def test_errors_of_strikes():

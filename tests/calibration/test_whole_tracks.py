@@ -177,7 +177,7 @@ def test_a_fit_goes_on_after_an_interrupt(tmp_path, monkeypatch):
 def test_an_interval_includes_a_shift_between_stages_that_chance_does_not_explain():
     spread = np.diag([1e-6])
     for value, variance, expected in ((0.21, 1.2e-6, 1e-4), (0.205, 9e-6, 0.0)):
-        stages = ({"mu_slide": (value, variance)},)
+        stages = {"mu_slide": (value, variance)}, {"mu_slide": (0.3, 1e-6)}  # the last one does not count
         one = fit.Fit(SCENE, ("mu_slide",), SCENE, [], {}, spread, stages)
         assert fit.unexplained_shifts(one, spread) == pytest.approx([expected])
 

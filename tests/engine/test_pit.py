@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from billiards_env import Engine, Scene, simulate_batch
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.scene import Balls, Physics, Pocket, Table, layouts
+from billiards_env.scene import Balls, Physics, Pocket, Table, check_positions, layouts
 from tests.helpers.shots import (
     DTS,
     FREE,
@@ -467,6 +467,16 @@ def test_pit_moves_balls_to_the_distance_of_spheres(fix):
     where = shot.at(float(hit["time"]))
     tolerance = 1e-14 if fix == "push_apart" else 1e-5  # the paths are curved, and balls are moved back on tangents
     assert math.dist(where[0], where[1]) == pytest.approx(APART, abs=tolerance)
+
+
+def test_spheres_may_be_nearer_than_the_sum_of_their_radii():
+    places = np.array([[0.0, 0.0], [APART, 0.0], [0.5, 0.3], [0.5, -0.3], [0.7, 0.0]])
+    assert np.array_equal(check_positions(UK, places), places)
+    simulate(UK, places, [1.0, 0.0])
+    places[1, 0] = APART - 1e-9
+    for function in (lambda: check_positions(UK, places), lambda: simulate(UK, places, [1.0, 0.0])):
+        with pytest.raises(ValueError, match=r"balls 0 and 1 are .* m apart: expected at least .* at which they touch"):
+            function()
 
 
 def test_no_fix_of_pit_acts_on_spheres_that_do_not_overlap():

@@ -158,16 +158,20 @@ def test_the_points_of_a_shot(judge, shot, result):
 # --- run-outs ---------------------------------------------------------------------------------------------------------
 
 
-def run_out(task, before=(), potted=(), first=1, **fields):
-    """Returns the result of a shot of a run-out in which ball 5 touches a cushion, and the legal balls after it.
+def run_out(task, before=(), potted=(), first=1, cushion=5, **fields):
+    """Returns the result of a shot of a run-out, and the legal balls after it.
 
+    `first` is the ball that is touched first, and `cushion` the ball that touches a cushion after that; -1 for none.
     `fields` are fields of the state before the shot.
     """
     n = RUN_OUTS[task] + 1
     was, off, legal = (np.zeros((1, n), np.bool_) for _ in range(3))
     was[0, list(before)] = off[0, list(before)] = off[0, list(potted)] = True
     cushions, before_hit = np.zeros((1, n), np.int32), np.full((1, n), -1)
-    cushions[0, 5], before_hit[0, first] = 1, 0
+    if cushion >= 0:
+        cushions[0, cushion] = 1
+    if first >= 0:
+        before_hit[0, first] = 0
     result = judged(
         tasks.TASKS[task].judge,
         np.zeros(n, np.bool_),
@@ -188,6 +192,8 @@ NINE_BALL = [
     ({"potted": [4]}, (1, False, False), {1}),
     ({}, (0, True, False), {1}),  # a miss
     ({"potted": [2], "first": 2}, (0, True, False), {1}),  # the wrong ball first
+    ({"first": -1, "cushion": -1}, (0, True, False), {1}),
+    ({"potted": [1], "cushion": -1}, (1, False, False), {2}),  # a potted ball needs no cushion
     ({"potted": [9]}, (9, True, True), {1}),  # a combination
     ({"potted": [9, 0]}, (0, True, False), {1}),
     ({"before": range(1, 9), "potted": [9], "first": 9}, (1, True, True), set()),
@@ -210,6 +216,7 @@ EIGHT_BALL = [
     # An open table
     ({"potted": [11], "first": 2}, (1, False, False), STRIPES - {11}),
     ({"potted": [2, 3, 11], "first": 11}, (1, False, False), STRIPES - {11}),
+    ({"potted": [2], "first": 8}, (0, True, False), ALL - {2, 8}),  # a foul decides no group
     ({}, (0, True, False), ALL - {8}),
     # A group
     ({"solids": 0, "potted": [2]}, (1, False, False), SOLIDS - {2}),
@@ -221,6 +228,7 @@ EIGHT_BALL = [
     # The eight ball
     ({"solids": 0, "before": SOLIDS, "potted": [8], "first": 8}, (1, True, True), {8}),
     ({"solids": 0, "before": SOLIDS, "potted": [8, 0], "first": 8}, (0, True, False), {8}),
+    ({"solids": 0, "before": SOLIDS, "first": 8}, (0, True, False), {8}),
 ]
 
 
