@@ -184,11 +184,12 @@ def _rival(known: Mapping[str, float]) -> str:
 
 
 def draw(found: Result, folder: Path) -> None:
-    """Draws the learning curves of the rows: the mean over the seeds and, thin, each seed."""
+    """Draws the learning curves of the rows, in their first tasks: the mean over the seeds and, thin, each seed."""
     figure = new_figure(9, 4.6)
     axes = figure.add_subplot()
     for k, (name, result) in enumerate((name, row) for name, row in found.items() if row["runs"]):
-        curves = np.array([[point[3] for point in run["curve"]] for run in runs(result)])
+        task = result["settings"]["plays"][0]
+        curves = np.array([[share_of(task, *point[3:5]) for point in run["curve"]] for run in runs(result)])
         steps = np.array([point[0] for point in runs(result)[0]["curve"]]) / 1e6
         style: dict[str, Any] = {"color": f"C{k % 10}", "linestyle": "-" if k < 10 else "--"}
         axes.plot(steps, 100 * curves.mean(0), linewidth=2, label=name, **style)
