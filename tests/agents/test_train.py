@@ -169,7 +169,7 @@ def test_wrong_settings_and_folders_are_refused_and_unchanged(command, tmp_path)
     (run / "model.zip").unlink()
     with module.locked(run), pytest.raises(SystemExit, match=r"error: .*lock.* could not be acquired"):
         command()
-    with pytest.raises(SystemExit, match=r"error: .*No such file"):
+    with pytest.raises(SystemExit, match=r"error: path = .*expected a file of settings"):
         module.main([str(tmp_path / "none.yaml")])
 
 

@@ -70,7 +70,7 @@ def test_exact_tracks_give_the_numbers_and_the_starts():
     found = calibrate(OFF, tracks(0.0), FREE)
     assert found.values == pytest.approx(TRUTH, rel=1e-6)
     assert found.positions == pytest.approx(np.array([places for places, _, _ in STRIKES]), abs=1e-6)
-    assert found.velocities == pytest.approx(np.array([v for _, v, _ in STRIKES]), abs=1e-5)
+    assert found.velocities == pytest.approx(np.array([v for _, v, _ in STRIKES]), rel=1e-5, abs=1e-5)
     again = found.shot(0)
     assert again.at(1.0) == pytest.approx(shots()[0].at(1.0), abs=1e-6)
 

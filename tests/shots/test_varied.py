@@ -30,6 +30,7 @@ RANGES = {
     "mu_cushion": (0.0, 0.3),
     "mu_ball": (0.0, 0.2),
     "mu_ball_factor": (0.5, 2.0),
+    "mu_ball_decay": (0.2, 2.0),
     "cushion_frequency_ratio": (1.5, 2.0),
     "e_cushion_loss": (0.0, 0.2),
     "e_cushion_onset": (0.0, 2.0),
