@@ -72,8 +72,8 @@ def planning(argument: str, noise: Noise, options: Options = _STROKE_ONLY) -> Le
         argument: The name of a level, or the budget of a decision: its time, such as "100ms" or "1s", or a number of
             simulated shots, such as "5000". With a number of shots a seed repeats a game on every machine. An empty
             text is "100ms".
-        noise: The execution noise that it expects in addition to its own: standard deviations of the direction, degrees, and of
-            the speed, m/s. Without any noise it expects `planner.NOISE`.
+        noise: The execution noise that it expects in addition to its own: standard deviations of the direction,
+            degrees, and of the speed, m/s. Without any noise it expects `planner.NOISE`.
         options: The options of `planner.plan`.
 
     Raises:
