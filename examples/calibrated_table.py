@@ -62,7 +62,7 @@ def environments(num_envs: int, **world: Any) -> Any:
 def train(steps: int, **world: Any) -> PPO:
     """Returns a policy that was trained for a number of shots."""
     torch.set_num_threads(1)  # small networks are faster on one thread
-    envs = SameStepVecEnv(environments(512, **world))
+    envs = SameStepVecEnv(environments(2048, **world))
     return PPO(AimPolicy, envs, **PPO_SETTINGS, seed=0).learn(steps)
 
 
@@ -86,5 +86,5 @@ def run(steps: int, shots: int = 12, episodes: int = 1000) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    for name, share in run(100_000).items():
+    for name, share in run(300_000).items():
         print(f"trained on the {name} table: {share:.1%} of the shots on the fitted table score")

@@ -120,6 +120,15 @@ def renumbered(shot, order):
     return dataclasses.replace(scene, balls=balls), positions[order], velocities[order], spins
 
 
+def check_renumbering(shot, options, order):
+    """Checks that the numbers of the balls change no bit of the result."""
+    found, other = play(shot, options), play(renumbered(shot, order), options)
+    for name in BALL_ARRAYS if order[0] == 0 else BALL_ARRAYS[:-1]:  # the last one is of hits by the cue ball
+        assert np.array_equal(getattr(other, name), getattr(found, name)[order])
+    for name in ("time", "n_events", "n_contact_rule"):
+        assert getattr(other, name) == getattr(found, name)
+
+
 @engines_and_worlds
 @settings(max_examples=30)
 @given(seed=SEEDS)
@@ -127,12 +136,13 @@ def test_the_numbers_of_the_balls_change_no_bit(engine, world, seed):
     """Simultaneous impacts on cushions were once resolved in the order of the balls."""
     shot, rng = WORLDS[world](seed), np.random.default_rng(seed)
     order = np.r_[0, 1 + rng.permutation(shot[0].n_balls - 1)] if seed % 2 else rng.permutation(shot[0].n_balls)
-    options = options_of(engine, shot[0], seed)
-    found, other = play(shot, options), play(renumbered(shot, order), options)
-    for name in BALL_ARRAYS if order[0] == 0 else BALL_ARRAYS[:-1]:  # the last one is of hits by the cue ball
-        assert np.array_equal(getattr(other, name), getattr(found, name)[order])
-    for name in ("time", "n_events", "n_contact_rule"):
-        assert getattr(other, name) == getattr(found, name)
+    check_renumbering(shot, options_of(engine, shot[0], seed), order)
+
+
+@pytest.mark.xfail(strict=True, reason="in an ideal rack the rounding of impacts depends on the numbers of the balls")
+def test_the_numbers_of_the_balls_change_no_bit_of_an_ideal_rack():
+    shot, rng = WORLDS["racks and scattered balls"](428), np.random.default_rng(428)
+    check_renumbering(shot, options_of("pic", shot[0], 428), rng.permutation(shot[0].n_balls))
 
 
 @pytest.mark.parametrize("world", [world for world in WORLDS if world != "outlines"])  # `test_outline.py` has those
