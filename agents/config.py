@@ -52,6 +52,8 @@ class Config:
             it has all of them.
         noise: The argument `noise` of `Billiards-v0`; None for no noise, "task" for the noise of `task`. After the
             construction it is None or has all numbers.
+        curriculum: `goal_radius`, m, and `shots`: at the start of the training the goals have this radius. It falls
+            geometrically to that of the environment during these shots. None for goals of the same radius throughout.
         start_from: The folder of a finished run. The training starts with its weights. None for new weights.
         n_envs: The number of environments that are stepped together.
         seed: The seed of all random numbers; equal seeds give equal runs.
@@ -72,6 +74,7 @@ class Config:
     task: str | None = None
     env: dict[str, Any] = dataclasses.field(default_factory=dict)
     noise: Any = "task"
+    curriculum: dict[str, Any] | None = None
     start_from: str | None = None
     n_envs: int = 4096
     seed: int = 0
@@ -108,6 +111,8 @@ class Config:
             one_of("key of ppo", name, _PPO)
         self._set("ppo", {**ppo, **_numbers(self.ppo)})
         self._check_ppo()
+        if self.curriculum is not None:
+            self._set("curriculum", _curriculum(self.curriculum, self.env["goal_radius"]))
 
     def _check_ppo(self) -> None:
         ppo = self.ppo
@@ -122,6 +127,14 @@ class Config:
         rollout, batch = self.n_envs * ppo.get("n_steps", 2048), ppo.get("batch_size", 64)
         if rollout % min(batch, rollout):
             raise ValueError(f"ppo.batch_size = {batch}: expected a divisor of n_envs * ppo.n_steps = {rollout}")
+
+    def goal_radius(self, timesteps: int) -> float | None:
+        """Returns the radius of the goals after `timesteps` steps of the training, m; None without goals."""
+        last = self.env["goal_radius"]
+        if self.curriculum is None:
+            return last
+        first, shots = self.curriculum["goal_radius"], self.curriculum["shots"]
+        return first * (last / first) ** min(timesteps / shots, 1.0)
 
     def _set(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, value)
@@ -193,6 +206,18 @@ def read(path: Path) -> Any:
         raise ValueError(f"config = {str(path)!r}: expected valid YAML ({' '.join(str(error).split())})") from error
 
 
+def _curriculum(value: Any, goal_radius: float | None) -> dict[str, Any]:
+    """Returns the curriculum of an environment after a check."""
+    if goal_radius is None:
+        raise ValueError(f"curriculum = {short(value)}: expected None in a task without a goal")
+    if not isinstance(value, Mapping) or value.keys() != {"goal_radius", "shots"}:
+        raise ValueError(f"curriculum = {short(value)}: expected a mapping with the keys goal_radius and shots")
+    return {
+        "goal_radius": real("curriculum.goal_radius", number(value["goal_radius"]), "length"),
+        "shots": integer("curriculum.shots", _whole(value["shots"]), Range(1, None)),
+    }
+
+
 def _is_pair(value: Any) -> TypeGuard[list[Any]]:
     return isinstance(value, list) and len(value) == 2
 
@@ -223,5 +248,6 @@ def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(arguments["task"], str) and arguments["task"] in TASKS:
         task = TASKS[arguments["task"]]
         of_task = {"scene": task.scene, "layout": task.layout, "max_shots": task.max_shots}
+        of_task["goal_radius"] = task.goal_radius or None
         arguments |= {name: default for name, default in of_task.items() if arguments[name] is None}
     return arguments

@@ -42,15 +42,16 @@ def make_env(config: Config, render_mode: str | None = None) -> gym.Env[NDArray[
     return gym.make(ENV_ID, render_mode=render_mode, noise=config.noise, **config.env)
 
 
-def make_vector(config: Config, num_envs: int, threads: int | None = None) -> VectorEnv[Any, Any, Any]:
+def make_vector(config: Config, num_envs: int, threads: int | None = None, **env: Any) -> VectorEnv[Any, Any, Any]:
     """Returns a vector of `num_envs` environments as in `make_env`.
 
     Args:
         config: The configuration.
         num_envs: The number of environments.
         threads: The number of threads that play; None for one per core.
+        env: Arguments that replace those in `config.env`.
     """
-    return gym.make_vec(ENV_ID, num_envs=num_envs, threads=threads, noise=config.noise, **config.env)
+    return gym.make_vec(ENV_ID, num_envs=num_envs, threads=threads, noise=config.noise, **{**config.env, **env})
 
 
 def make_vec_env(config: Config, threads: int | None = None) -> VecEnv:
@@ -71,9 +72,22 @@ def make_model(config: Config, envs: VecEnv) -> PPO:
     )
 
 
-def restart(model: PPO, seed: int) -> None:
-    """Seeds all random generators and begins new episodes. What follows depends only on the weights and the seed."""
-    assert model.env is not None
+def restart(model: PPO, config: Config, timesteps: int, first: int = 0) -> None:
+    """Seeds all random generators and begins new episodes, with the goals of the curriculum.
+
+    What follows depends only on the weights and the arguments.
+
+    Args:
+        model: The model.
+        config: The configuration of the training.
+        timesteps: The number of steps of the training so far.
+        first: The index of the first environment of the model among all environments of the training.
+    """
+    seed = training_seed(config, timesteps) + first
+    assert isinstance(model.env, SameStepVecEnv)
+    if config.curriculum is not None:
+        old: Any = model.env.envs.unwrapped
+        model.env.envs = make_vector(config, model.n_envs, old.threads, goal_radius=config.goal_radius(timesteps))
     set_random_seed(seed)
     model.env.seed(seed)
     model._last_obs = cast(Any, model.env.reset())

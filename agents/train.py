@@ -36,7 +36,7 @@ from stable_baselines3.common.utils import safe_mean
 
 import billiards_env
 from agents.config import Config, load
-from agents.ppo import deterministic, make_model, make_policy, make_vec_env, make_vector, restart, training_seed
+from agents.ppo import deterministic, make_model, make_policy, make_vec_env, make_vector, restart
 from billiards_env.checks import number
 from billiards_env.commands import ending
 from billiards_env.evaluation import evaluation_seeds, play_together
@@ -268,7 +268,7 @@ class _Callback(BaseCallback):
         interval = self.curve.config.checkpoint_every
         self.next_checkpoint = (self.num_timesteps // interval + 1) * interval
         # Unfinished episodes are dropped.
-        restart(cast(PPO, self.model), training_seed(self.curve.config, self.num_timesteps))
+        restart(cast(PPO, self.model), self.curve.config, self.num_timesteps)
 
     def _on_step(self) -> bool:
         return True

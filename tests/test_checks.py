@@ -47,6 +47,7 @@ FIELDS = {
     "physics.max_time": ("max_time", lambda v: Physics(max_time=v)),
     "max_speed": ("max_speed", lambda v: gym.make("Billiards-v0", max_speed=v)),
     "max_shots": ("max_shots", lambda v: gym.make("Billiards-v0", max_shots=v)),
+    "goal_radius": ("length", lambda v: gym.make("Billiards-v0", task="place", goal_radius=v)),
     "scratch_penalty": ("scratch_penalty", lambda v: gym.make("Billiards-v0", scratch_penalty=v)),
     "dt": ("dt", lambda v: gym.make("Billiards-v0", mode="pit", dt=v)),
     "max_events": ("max_events", lambda v: simulate(Scene.named("pool"), PLACES, [0.0, 0.0], max_events=v)),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from agents.config import Config
-from agents.ppo import make_model, make_vec_env, restart, training_seed
+from agents.ppo import make_model, make_vec_env, restart
 
 COLUMNS = dict(
     obs="observations", actions="actions", action_logp="log_probs", advantages="advantages", value_targets="returns"
@@ -44,7 +44,7 @@ class Rollouts:
 
     def seed(self, steps: int) -> None:
         """Seeds all generators of this process for the training after `steps` steps, and begins new episodes."""
-        restart(self.model, training_seed(self.config, steps) + self.first)
+        restart(self.model, self.config, steps, self.first)
         self.seeded = True
 
     def play(self, weights: dict[str, Tensor]) -> tuple[dict[str, NDArray[Any]], list[bool]]:

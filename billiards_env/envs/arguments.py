@@ -32,6 +32,7 @@ class Model(NamedTuple):
         max_speed: The speed of an action of length 1, m/s.
         layout: The layout at the start of an episode.
         observe: As in `BilliardsEnv`.
+        goal_radius: m. As in `Task`; None for a task without a goal.
         scratch_penalty: Reward subtracted for a scratch.
         randomize: The ranges (low, high) of the numbers that each episode draws, by name.
         noise: The standard deviations of the noise of `actions.perturb`, one per number of an action; None for none.
@@ -47,6 +48,7 @@ class Model(NamedTuple):
     max_speed: float
     layout: str
     observe: Sequence[Any] | None
+    goal_radius: float | None
     scratch_penalty: float
     randomize: dict[str, tuple[float, float]]
     noise: NDArray[np.float64] | None
@@ -66,6 +68,7 @@ def make_model(
     max_speed: float = 4.0,
     layout: str | None = None,
     observe: Sequence[Any] | None = None,
+    goal_radius: float | None = None,
     scratch_penalty: float = 0.1,
     randomize: Mapping[str, Sequence[float]] | None = None,
     noise: Mapping[str, float] | None = None,
@@ -85,6 +88,8 @@ def make_model(
     layout = entry.layout if layout is None else layout
     layouts.draw(layout, board, np.random.default_rng(0))  # an impossible layout raises here, not in `reset`
     speed = real("max_speed", max_speed, "max_speed")
+    if goal_radius is not None and not entry.goal_radius:
+        raise ValueError(f"goal_radius = {short(goal_radius)} with task = {task!r}: expected a task with a goal")
     return Model(
         scene=board,
         task=task,
@@ -95,6 +100,7 @@ def make_model(
         max_speed=speed,
         layout=layout,
         observe=observe,
+        goal_radius=(entry.goal_radius or None) if goal_radius is None else real("goal_radius", goal_radius, "length"),
         scratch_penalty=real("scratch_penalty", scratch_penalty, "scratch_penalty"),
         randomize=check_randomize(randomize, board, engine),
         noise=check_noise(noise, board, action, speed),
@@ -250,8 +256,8 @@ def check_options(
         return NO_OPTIONS
     if not isinstance(options, Mapping):
         raise TypeError(f"options = {short(options)}: expected a dict")
-    scene, goal_radius = model.scene, TASKS[model.task].goal_radius
-    known = "positions", *["goal"] * bool(goal_radius), *["physics"] * bool(model.randomize), "episode_seed"
+    scene = model.scene
+    known = "positions", *["goal"] * bool(model.goal_radius), *["physics"] * bool(model.randomize), "episode_seed"
     for key in options:
         one_of("key of options", key, known)
     many = () if mask is None else (len(mask),)

@@ -21,7 +21,6 @@ from billiards_env.envs.info import single_info
 from billiards_env.envs.observations import decode, nth
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.state import SPACES, EpisodeState, checked_state, copied
-from billiards_env.envs.tasks import TASKS
 from billiards_env.jit import streams
 from billiards_env.scene import Scene
 
@@ -109,10 +108,10 @@ class BilliardsEnv(gym.Env[Any, Any]):
       touches the last object ball for the first time.
     - `task="sum_to_three"`: 1 point if the cue ball touches the object ball and the two balls together have exactly
       three cushion contacts, before or after they touch.
-    - `task="place"`: 1 point if the cue ball touches an object ball, is not potted, and comes to rest at most 0.15 m
-      from the goal. If no object ball is on the table, the cue ball does not have to touch one.
+    - `task="place"`: 1 point if the cue ball touches an object ball, is not potted, and comes to rest at most
+      `goal_radius` (0.15 m) from the goal. If no object ball is on the table, the cue ball does not have to touch one.
     - `task="position"`: 1 point if an object ball is potted, the cue ball is not, and the cue ball comes to rest at
-      most 0.3 m from the goal.
+      most `goal_radius` (0.3 m) from the goal.
     - `task="clear"`: 1 point if the last object ball is potted and the cue ball is not.
     - `task="nine_ball"`: 1 point for each ball potted without a foul. The nine ball also scores 1 point for each ball
       that is left on the table, so a run-out scores 9 points.
@@ -242,6 +241,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
     | `max_speed`       | float         | `4.0`        | speed of the fastest shot, m/s                        |
     | `layout`          | str or None   | `None`       | starting positions; None for the task's               |
     | `observe`         | list or None  | `None`       | features of the observation; None for the usual ones  |
+    | `goal_radius`     | float or None | `None`       | m, largest distance from the goal; None for the task's |
     | `scratch_penalty` | float         | `0.1`        | reward subtracted for a scratch                       |
     | `randomize`       | dict or None  | `None`       | ranges of physics that each episode draws             |
     | `noise`           | dict or None  | `None`       | standard deviations of the execution noise, see below |
@@ -314,7 +314,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
             self.action_space = gym.spaces.Discrete(self._episodes.choices)
         self.observation_space = self._episodes.observer.space
         if self.observe == "goal":  # other environments have no `compute_reward`
-            self.compute_reward = functools.partial(compute_reward, TASKS[self.task].goal_radius, model.scratch_penalty)
+            self.compute_reward = functools.partial(compute_reward, model.goal_radius, model.scratch_penalty)
         self._first_info = single_info({}, self._episodes.starts, self._episodes.of_episode)
         self._first_rows = self._episodes.starts._replace(numbers={})
         self._shared = {*vars(self), "_np_random", "_shared", "_spec"} - {"_episodes", "_renderer", *SPACES}

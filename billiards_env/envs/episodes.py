@@ -61,18 +61,18 @@ class Episodes:
     """
 
     def __init__(self, count: int, model: Model, n_recorded: int = 0, memory: NDArray[np.uint8] | None = None) -> None:
-        scene, task = model.scene, TASKS[model.task]
+        scene = model.scene
         self.model, self.n_recorded = model, n_recorded
         self.recorded: dict[int, ShotResult] = {}
         self.plan = layouts.layout_plan(model.layout, scene)
-        self.goal_plan = layouts.layout_plan("random", cue_ball_alone(scene)) if task.goal_radius else None
+        self.goal_plan = layouts.layout_plan("random", cue_ball_alone(scene)) if model.goal_radius else None
         opening, legal = opening_of(model.task, scene, model.layout)
         numbers = TaskNumbers(
             targets=model.targets,
             bits=np.left_shift(1, np.arange(scene.n_balls)),
             opening=opening,
             legal=legal,
-            goal_radius=task.goal_radius,
+            goal_radius=model.goal_radius or 0.0,
             max_shots=model.max_shots,
             scratch_penalty=model.scratch_penalty,
         )

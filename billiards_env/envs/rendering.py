@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import ShotInput
 from billiards_env.envs.actions import cue_strike
+from billiards_env.envs.arguments import Model
 from billiards_env.envs.episodes import Episodes
-from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import Scene
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
@@ -72,7 +72,7 @@ def balls_at_rest(
 def drawn_layout(episodes: Episodes, k: int) -> DrawnShot:
     """Returns the balls and goals of episode k for drawing."""
     model, state = episodes.model, episodes.state
-    circles = _goal_circles(model.task, state.goals[k])
+    circles = _goal_circles(model, state.goals[k])
     return balls_at_rest(model.scene, state.positions[k], state.in_play[k], model.task, circles)
 
 
@@ -82,12 +82,12 @@ def drawn_shot(episodes: Episodes, k: int, max_speed: float, reward: float, goal
     number = model.max_shots - state.shots_left[k]
     speed = math.hypot(*cue_strike(episodes.actions[k], model.scene, max_speed).velocity)
     left = f"{model.task}   shot {number} of {model.max_shots}   {speed:.2f} m/s"
-    return DrawnShot(shot, left, f"reward {reward:g}   score {state.score[k]}", _goal_circles(model.task, goals))
+    return DrawnShot(shot, left, f"reward {reward:g}   score {state.score[k]}", _goal_circles(model, goals))
 
 
-def _goal_circles(task: str, goals: NDArray[np.float64]) -> Circles:
+def _goal_circles(model: Model, goals: NDArray[np.float64]) -> Circles:
     """Returns the circles in which the cue ball has to come to rest, for (g, 2) goals."""
-    return [(x, y, TASKS[task].goal_radius) for x, y in goals.tolist()]
+    return [(x, y, model.goal_radius) for x, y in goals.tolist()]
 
 
 class Renderer:

@@ -88,7 +88,7 @@ def state_type(model: Model) -> np.dtype[np.void]:
     """Returns the type of a row. The fields of 8 bytes come first, so that all arrays of a block are aligned."""
     n, task = model.scene.n_balls, TASKS[model.task]
     kinds = (
-        *("u8", ("u8", 4), ("u8", 4), ("u8", 8), ("f8", (n, 2)), ("f8", (1 if task.goal_radius else 0, 2))),
+        *("u8", ("u8", 4), ("u8", 4), ("u8", 8), ("f8", (n, 2)), ("f8", (1 if model.goal_radius else 0, 2))),
         *(("f8", (len(model.randomize),)), STATE if task.is_game else (STATE, (0,)), "i8", "i8"),
         *(("?", (n,)), ("?", (n if task.is_game else 0,))),
         *("?", "?", "?", "?", "S24"),

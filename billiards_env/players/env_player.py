@@ -56,7 +56,7 @@ def _goals(env: BilliardsEnv, balls: list[int]) -> tuple[tuple[Goal, ...], ...]:
     task = TASKS[env.task]
     if task.cushions is not None:
         return carom_goals(balls, task.cushions)
-    leave = tuple(Leave((x, y), task.goal_radius) for x, y in env.goals.tolist())
+    leave = tuple(Leave((x, y), env.model.goal_radius) for x, y in env.goals.tolist())
     if task.pockets:
         return tuple((FirstTouch(ball), Pot(ball), *leave) for ball in balls)
     return (tuple((Touch(ball), *leave) for ball in balls) or (leave,)) if leave else ()

@@ -58,12 +58,13 @@ class Mixture(NamedTuple):
 
     def sample(self) -> Tensor:
         """Returns a random action of each mixture, (m, 2) or (m, 5)."""
-        numbers = 2 + self.tip.shape[1]
-        return self._action(torch.multinomial(self.log_weight.exp(), 1), torch.randn(numbers, len(self.log_weight)))
+        errors = torch.randn(2 + self.tip.shape[1], len(self.log_weight), device=self.log_weight.device)
+        return self._action(torch.multinomial(self.log_weight.exp(), 1), errors)
 
     def mode(self) -> Tensor:
         """Returns the mean of the Gaussian with the largest weight, (m, 2) or (m, 5)."""
-        return self._action(self.log_weight.argmax(1, keepdim=True), torch.zeros(2 + self.tip.shape[1], 1))
+        errors = self.log_weight.new_zeros(2 + self.tip.shape[1], 1)
+        return self._action(self.log_weight.argmax(1, keepdim=True), errors)
 
     def _action(self, component: Tensor, errors: Tensor) -> Tensor:
         """Returns the actions of components (m, 1); `errors` are in standard deviations."""

@@ -102,7 +102,7 @@ def test_an_environment_of_an_id_and_that_of_its_json_play_as_the_vector_environ
 def test_every_argument_with_an_effect_is_frozen():
     """A change of a default then changes no id."""
     env = make_env()
-    free = {"dt", "fix", "noise", "noise_seed"}  # the ids set `noise`
+    free = {"dt", "fix", "noise", "noise_seed", "goal_radius"}  # the ids set `noise`, and the task the radius
     given = {"scene", "task", "n_object_balls", "mode", "action", "max_shots", "max_speed", "layout"}
     given |= {"observe", "scratch_penalty", "randomize"}
     assert all(set(task.arguments) == given for task in FROZEN.values())

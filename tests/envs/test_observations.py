@@ -9,6 +9,7 @@ from billiards_env.drawing.raster import rgb
 from billiards_env.drawing.style import rail_width
 from billiards_env.envs import make_env, make_vector_env
 from billiards_env.envs.observations import FEATURES, Feature, decode
+from billiards_env.envs.tasks import TASKS
 
 WAYS = ("cue_to_balls", "balls_to_pockets", "free_to_balls", "free_to_pockets")
 
@@ -153,9 +154,9 @@ def test_stable_baselines3_accepts_images():
         assert model.learn(8).num_timesteps == 8
 
 
-@pytest.mark.parametrize("task", ["place", "position"])
-def test_the_reward_of_goals_is_that_of_the_shots(task):
-    envs = make_vector_env(4000, "Disabled", task=task, observe="goal", scratch_penalty=0.3)
+@pytest.mark.parametrize(("task", "radius"), [("place", None), ("position", None), ("position", 1.0)])
+def test_the_reward_of_goals_is_that_of_the_shots(task, radius):
+    envs = make_vector_env(4000, "Disabled", task=task, observe="goal", scratch_penalty=0.3, goal_radius=radius)
     first, _ = envs.reset(seed=0)
     assert first["achieved_goal"].tolist() == [[x, y, 0.0] for x, y in envs.positions[:, 0].tolist()]
     assert first["desired_goal"].tolist() == [[x, y, 1.0] for ((x, y),) in envs.goals.tolist()]
@@ -168,6 +169,8 @@ def test_the_reward_of_goals_is_that_of_the_shots(task):
     met = infos["potted"][:, 1] if task == "position" else infos["first_hit"] == 1
     assert np.array_equal(achieved[:, 2], np.where(infos["scratch"], -1, met))
     assert {-0.3, 1.0} <= set(rewards.tolist())
+    distance = np.hypot(*(achieved - desired)[:, :2].T)
+    assert np.array_equal(rewards == 1.0, met & ~infos["scratch"] & (distance <= (radius or TASKS[task].goal_radius)))
     scratch = np.where(infos["scratch"], -0.3, 1.0)  # every other shot reaches its own goal
     assert np.array_equal(reward(achieved, achieved), scratch)
 

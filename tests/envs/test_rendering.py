@@ -13,7 +13,6 @@ from billiards_env import envs as billiards_envs
 from billiards_env.engine import run_shots_of
 from billiards_env.envs import RecordVideo, episodes, make_env
 from billiards_env.envs.rendering import FPS, RENDER_MODES
-from billiards_env.envs.tasks import TASKS
 from billiards_env.games import billiards_v0
 from billiards_env.shots import simulation
 from tests.helpers.environments import same
@@ -108,7 +107,12 @@ FILMS = {
         ("reward 1   score 1", "reward 0   score 1"),
     ),
     "an obstacle": ({"scene": OBSTACLE, "task": "carom", "max_speed": 1.0}, APART, ("0.49", "0.14"), MISSED),
-    "a goal": ({"n_object_balls": 2, "task": "place", "max_speed": 1.0}, APART, ("0.49", "0.14"), MISSED),
+    "a goal": (
+        {"n_object_balls": 2, "task": "place", "max_speed": 1.0, "goal_radius": 0.2},
+        APART,
+        ("0.49", "0.14"),
+        MISSED,
+    ),
 }
 
 
@@ -121,7 +125,7 @@ def test_the_frames_are_those_of_the_shots_with_texts(kwargs, positions, speeds,
     canvas, places, in_play, films = Canvas(env.scene), np.array(positions), np.ones(3, bool), []
 
     def add(shot, *texts):
-        circles = [(*goal, TASKS[env.task].goal_radius) for goal in env.goals.tolist()]
+        circles = [(*goal, 0.2) for goal in env.goals.tolist()]
         film = canvas.film(shot.recording(), FPS, Caption(*texts), circles=circles)
         films.extend(pixels(frame) for frame in film)
         assert np.array_equal(single.render(), films[-1])
