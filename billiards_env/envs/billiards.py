@@ -241,7 +241,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
     | `max_speed`       | float         | `4.0`        | speed of the fastest shot, m/s                        |
     | `layout`          | str or None   | `None`       | starting positions; None for the task's               |
     | `observe`         | list or None  | `None`       | features of the observation; None for the usual ones  |
-    | `goal_radius`     | float or None | `None`       | m, largest distance from the goal; None for the task's |
+    | `goal_radius`     | float or None | `None`       | largest distance from the goal, m; None: the task's   |
     | `scratch_penalty` | float         | `0.1`        | reward subtracted for a scratch                       |
     | `randomize`       | dict or None  | `None`       | ranges of physics that each episode draws             |
     | `noise`           | dict or None  | `None`       | standard deviations of the execution noise, see below |

@@ -118,3 +118,11 @@ def test_the_density_of_strikes_is_that_of_their_samples():
         torch.stack((strikes[:, 2], torch.ones(50_000)), 1), torch.atan2(strikes[:, 1], strikes[:, 0])[:, None]
     ).solution[0]
     assert slope.item() == pytest.approx(-0.3, abs=0.02)
+
+
+def test_all_tensors_are_on_the_device_of_the_weights(form):
+    balls, net = form
+    mixture, values = net.to("meta")(**{name: feature.to("meta") for name, feature in layouts_of(balls).items()})
+    for actions in (mixture.mode(), mixture.sample()):
+        assert actions.device == mixture.log_prob(actions).device == mixture.entropy().device == values.device
+        assert values.device.type == "meta"
