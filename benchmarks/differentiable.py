@@ -140,7 +140,7 @@ def measure(tasks: int) -> dict[str, Any]:
     return {"machine": on, "difftaichi": difftaichi(tasks), "diffmjx": pushes, "nimble": nimble()}
 
 
-def blocks(found: dict[str, Any]) -> dict[str, str]:
+def blocks(measured: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
 
     def solved(results: list[dict[str, Any]], budget: int) -> str:
@@ -148,13 +148,13 @@ def blocks(found: dict[str, Any]) -> dict[str, str]:
         text = f"{len(least)} of {len(results)} solved in at most {budget} iterations"
         return text + (f", median {np.median(least):.0f}" if least else "")
 
-    own, others = found["difftaichi"]["own"], found["difftaichi"]["random"]
+    own, others = measured["difftaichi"]["own"], measured["difftaichi"]["random"]
     first = f"{own['iterations']} iterations, {own['distance']:.0e} m from the goal"
-    gradient = ", ".join(f"{value + 0.0:.2g}" for value in found["nimble"])
+    gradient = ", ".join(f"{value + 0.0:.2g}" for value in measured["nimble"])
     rows = [
         ("DiffTaichi, billiards", "200 iterations", first),
         ("the same from other starts to other goals", "the loss rises", solved(others, 10)),
-        ("DiffMJX, `03_billiard`", "at most 30 iterations", solved(found["diffmjx"], 5)),
+        ("DiffMJX, `03_billiard`", "at most 30 iterations", solved(measured["diffmjx"], 5)),
         ("Nimble, two balls on a line; exact: 1, 0, 1, 0", "0.75, 0.25, 0.91, 0.08", gradient),
     ]
     shots, seconds = (np.median([result[key] for result in others]) for key in ("shots", "seconds"))

@@ -184,9 +184,9 @@ def time_gas(n: int, repeats: int) -> dict[str, float]:
     at_once = gas._replace(scene=replace(gas.scene, physics=replace(gas.scene.physics, max_time=1e-9)))
     run(at_once)  # compiles
     passes, m = min(repeats, 1 + 40_000 * repeats // n), len(gas.positions)
-    whole, begin = (1e6 * float(np.median([seconds(run, case) for _ in range(passes)])) / m for case in (gas, at_once))
+    to_end, begin = (1e6 * float(np.median([seconds(run, case) for _ in range(passes)])) / m for case in (gas, at_once))
     events = float(run(gas).n_events.mean())
-    return {"disks": n, "passes": passes, "events_per_shot": events, "us_per_shot": whole, "us_to_begin": begin}
+    return {"disks": n, "passes": passes, "events_per_shot": events, "us_per_shot": to_end, "us_to_begin": begin}
 
 
 def time_calls(case: Case) -> dict[str, float]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from billiards_env.files import replacing, write_whole
+from billiards_env.files import replacing, write_atomically
 
 if TYPE_CHECKING:
     from billiards_env.shots.result import ShotResult
@@ -43,7 +43,7 @@ def _rows(shot: ShotResult, path: Path) -> None:
     lines = ["time,ball,x,y,vx,vy,wx,wy,wz"]
     for time, balls in zip(times.tolist(), values, strict=True):
         lines += [",".join(map(repr, (time, ball, *row))) for ball, row in enumerate(balls)]
-    write_whole(path, ("\n".join(lines) + "\n").encode())
+    write_atomically(path, ("\n".join(lines) + "\n").encode())
 
 
 SHOWN = 40

@@ -154,12 +154,12 @@ def earliest(state, scene, queue, limit):
 
 
 @kernel
-def due(event, queue, found):
+def due(event, queue, balls):
     """Finds the balls that an event of single balls concerns. Returns their number."""
     count = 0
     for i in range(len(queue.hi)):
         if same(single_time(queue.singles, i), event.time) and rank_of(queue.singles.kind[i]) == event.rank:
-            found[count] = i
+            balls[count] = i
             count += 1
     return count
 

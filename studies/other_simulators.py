@@ -227,25 +227,25 @@ def train(name: str, seed: int, shots: int, layouts: int) -> dict[str, Any]:
 def measure(output: Path, jobs: int, shots: int, layouts: int) -> dict[str, Any]:
     """Trains the runs without a result, `jobs` at a time, and writes each result as soon as the run ends."""
     settings = {"shots": shots, "layouts": layouts, "decay": DECAY, "time": TIME}
-    found = resumed(output, settings, runs={})
+    content = resumed(output, settings, runs={})
     calls = {
         key: (train, name, seed, shots, layouts)
         for name, world in WORLDS.items()
         for seed in range(11, 11 + world.seeds)
-        if (key := f"{name}, seed {seed}") not in found["runs"]
+        if (key := f"{name}, seed {seed}") not in content["runs"]
         and (world.exact != "exact, pooltool" or comparison.POOLTOOL_PYTHON.exists())
     }
     with workers(jobs) as pool:
         for key, result in completed(pool, calls):
-            found["runs"][key] = result
-            write_json(output, found)
-    return found
+            content["runs"][key] = result
+            write_json(output, content)
+    return content
 
 
 def by_world(result: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
     """Returns the runs of each world with results, in the order of `WORLDS`."""
-    found = {name: [run for run in result["runs"].values() if run["world"] == name] for name in WORLDS}
-    return {name: runs for name, runs in found.items() if runs}
+    grouped = {name: [run for run in result["runs"].values() if run["world"] == name] for name in WORLDS}
+    return {name: runs for name, runs in grouped.items() if runs}
 
 
 def aim_errors(result: Mapping[str, Any]) -> dict[str, Floats]:
@@ -254,12 +254,12 @@ def aim_errors(result: Mapping[str, Any]) -> dict[str, Floats]:
     The columns are the number of pots, the error of the aim minus the error of exact policies, mm, and its prediction,
     mm.
     """
-    found = {}
+    pooled = {}
     for name, runs in by_world(result).items():
         counts, means = np.split(np.array([run["aim"] for run in runs]), [1], axis=2)
-        found[name] = np.hstack((counts.sum(0), (counts * means).sum(0) / np.maximum(counts.sum(0), 1)))
-    base = {name: found.get(WORLDS[name].exact, np.zeros(3)) * (0, 1, 0) for name in found}
-    return {name: errors - base[name] for name, errors in found.items() if name != WORLDS[name].exact}
+        pooled[name] = np.hstack((counts.sum(0), (counts * means).sum(0) / np.maximum(counts.sum(0), 1)))
+    base = {name: pooled.get(WORLDS[name].exact, np.zeros(3)) * (0, 1, 0) for name in pooled}
+    return {name: errors - base[name] for name, errors in pooled.items() if name != WORLDS[name].exact}
 
 
 def blocks(result: Mapping[str, Any]) -> dict[str, str]:

@@ -17,7 +17,7 @@ from typing import Any
 
 from benchmarks import ROOT, all_blocks, parser_of
 from billiards_env.commands import ending
-from billiards_env.files import write_whole
+from billiards_env.files import write_atomically
 
 PAGES = (ROOT / "README.md", ROOT / "paper" / "paper.md", *sorted((ROOT / "docs").rglob("*.md")))
 
@@ -121,7 +121,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             sys.exit(f"not up to date: {', '.join(path.name for path in old)}; run python -m studies.readme")
         return
     for path in old:
-        write_whole(path, pages[path].encode())
+        write_atomically(path, pages[path].encode())
     print(f"Written: {', '.join(path.name for path in old) or 'nothing, all is up to date'}.")
 
 

@@ -124,8 +124,8 @@ def play_part(cell: int, part: int, weights: run_outs.Weights | None, path: Path
     """Plays `PART` racks of a cell and writes their positions."""
     rng, inputs, won, racks = np.random.default_rng([SEED, cell, part]), [], [], []
     for rack in range(PART):
-        some, ends = play_rack(CELLS[cell], weights, rng)
-        inputs += some
+        rows, ends = play_rack(CELLS[cell], weights, rng)
+        inputs += rows
         won += ends
         racks += [rack] * len(ends)
     arrays = {"inputs": np.array(inputs, np.float32), "won": np.array(won), "rack": np.array(racks)}
@@ -183,13 +183,13 @@ def losses(positions: Positions) -> list[dict[str, Any]]:
     `network` is the loss in the cross-validation, and `share` the loss of a constant, the share of run-outs in the
     cell.
     """
-    found, fold = np.empty(len(positions.won)), positions.rack % FOLDS
+    chances, fold = np.empty(len(positions.won)), positions.rack % FOLDS
     for k in range(FOLDS):
         weights = fit(positions.inputs[fold != k], positions.won[fold != k])
-        found[fold == k] = run_outs.chances(weights, positions.inputs[fold == k].astype(float))
+        chances[fold == k] = run_outs.chances(weights, positions.inputs[fold == k].astype(float))
     rows = []
     for cell in range(len(CELLS)):
-        won, chance = positions.won[positions.cell == cell], found[positions.cell == cell]
+        won, chance = positions.won[positions.cell == cell], chances[positions.cell == cell]
         both = {"network": _loss(chance, won), "share": _loss(np.full(len(won), won.mean()), won)}
         rows.append({**CELLS[cell]._asdict(), "positions": len(won), "run_outs": int(won.sum()), **both})
     return rows
@@ -230,7 +230,7 @@ def play_round(pool: Executor, number: int, weights: run_outs.Weights | None, fo
     return list(calls)
 
 
-def blocks(found: dict[str, Any]) -> dict[str, str]:
+def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the table for the page, by name."""
     columns = {
         "game": "{game}",
@@ -242,7 +242,7 @@ def blocks(found: dict[str, Any]) -> dict[str, str]:
         "network loss": "{network:.3f}",
     }
     rows = []
-    for cell in found["cells"]:
+    for cell in result["cells"]:
         won = cell["run_outs"] / max(cell["positions"], 1)
         rows.append({**cell, "game": cell["rules"].replace("_", " "), "won": won})
     return {"table": rows_table(columns, rows, left=3)}

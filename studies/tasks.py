@@ -123,7 +123,7 @@ def page(name: str) -> str:
     ]
     if policy:
         rows.append((f"best learned: [{policy.policy}](../{policy.page})", _percent(policy.success), ""))
-    given = ", ".join(f"`{key}={value!r}`" for key, value in task.arguments.items())
+    arguments = ", ".join(f"`{key}={value!r}`" for key, value in task.arguments.items())
     noise = ", ".join(f"`{key}={value!r}`" for key, value in NOISE.items())
     parts = [
         f"# {name.removesuffix('-v0')}",
@@ -136,7 +136,7 @@ def page(name: str) -> str:
         table(("player", "success", "mean return"), rows),
         "The players without training play the 1,000 public layouts of [`billiards bench`](../leaderboard.md).",
         "## Arguments",
-        f"The id stands for `Billiards-v0` with these arguments: {given}."
+        f"The id stands for `Billiards-v0` with these arguments: {arguments}."
         + task.noise * f" [Execution noise](../environment.md#action-frames-and-noise): {noise}.",
         "## Versions",
         "\n".join(f"- {line}" for line in task.history),

@@ -139,11 +139,11 @@ SAVED = ("main",)
 
 def play(actions: Floats, positions: Floats, envs: Mapping[str, Any]) -> dict[str, NDArray[np.bool_]]:
     """Returns which shots succeed in each world, (m,), for actions (m, 2) and positions (m, 2, 2) in m."""
-    found = {}
+    successes = {}
     for world, env in envs.items():
         env.reset(options={"positions": positions})
-        found[world] = env.step(actions)[-1]["is_success"]
-    return found
+        successes[world] = env.step(actions)[-1]["is_success"]
+    return successes
 
 
 def direct_pots(
@@ -227,14 +227,14 @@ def _speed_after(speed: Floats, path: Floats, scene: Scene) -> Floats:
 
 def aims_by_group(aimed: Aims) -> dict[str, list[list[float]]]:
     """Returns the number of shots, their mean error and the mean of its prediction, mm, for each of `GROUPS`."""
-    found: dict[str, list[list[float]]] = {}
+    rows: dict[str, list[list[float]]] = {}
     for (name, (_, edges)), values in zip(GROUPS.items(), (aimed.cut, aimed.distance, aimed.speed), strict=True):
-        found[name] = []
+        rows[name] = []
         for low, high in pairwise(edges):
             group = (values >= low) & (values < high)
             means = [1e3 * float(part[group].mean()) if group.any() else 0.0 for part in aimed[:2]]
-            found[name].append([int(group.sum()), *means])
-    return found
+            rows[name].append([int(group.sum()), *means])
+    return rows
 
 
 def train(run: Run, start: Weights | None, layouts: int) -> tuple[dict[str, Any], Weights]:
@@ -250,8 +250,8 @@ def train(run: Run, start: Weights | None, layouts: int) -> tuple[dict[str, Any]
         the training (see `ppo.train`); the output of `compare`, or of `compare_in_game` in a part of `GAMES`; and in
         the main part `aim`, the output of `aim_of`.
     """
-    given = f"{run.options} --seed {run.seed} --episodes {min(layouts, 2000)}".split()
-    args = ppo.arguments([*given, "--env", json.dumps(run.envs)])
+    options = f"{run.options} --seed {run.seed} --episodes {min(layouts, 2000)}".split()
+    args = ppo.arguments([*options, "--env", json.dumps(run.envs)])
     with contextlib.redirect_stdout(io.StringIO()):
         policy, curve = ppo.train(args, None if start is None else policy_of(start, args))
     weights = {name: value.numpy().astype(np.float16) for name, value in policy.state_dict().items()}
@@ -353,9 +353,9 @@ def measure(output: Path, jobs: int, address: str) -> dict[str, Any]:
         OSError: If a file cannot be read or written.
         RuntimeError: If a run fails on the cluster.
     """
-    found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
-    if found.get("layouts") != LAYOUTS:
-        found = {"machine": machine(), "versions": versions(), "layouts": LAYOUTS, "runs": {}}
+    content: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
+    if content.get("layouts") != LAYOUTS:
+        content = {"machine": machine(), "versions": versions(), "layouts": LAYOUTS, "runs": {}}
     folder = policies(output)
     folder.mkdir(parents=True, exist_ok=True)
     with workers(jobs, address) as pool:
@@ -368,19 +368,19 @@ def measure(output: Path, jobs: int, address: str) -> dict[str, Any]:
                     LAYOUTS,
                 )
                 for run in runs
-                if not is_result(found, run)
+                if not is_result(content, run)
             }
             for name, (result, weights) in completed(pool, calls, len(runs) - len(calls)):
                 if part in SAVED:
                     save_weights(folder / f"{name}.npz", weights)
-                found["runs"][name] = result
-                write_json(output, found)
-    return found
+                content["runs"][name] = result
+                write_json(output, content)
+    return content
 
 
-def is_result(found: Mapping[str, Any], run: Run) -> bool:
+def is_result(content: Mapping[str, Any], run: Run) -> bool:
     """Returns whether the results have a run with these settings."""
-    result = found["runs"].get(run.name)
+    result = content["runs"].get(run.name)
     return result is not None and all(result[key] == value for key, value in run._asdict().items())
 
 

@@ -68,7 +68,7 @@ def measure() -> dict[str, Any]:
     }
 
 
-def blocks(found: dict[str, Any]) -> dict[str, str]:
+def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
     says = {True: "potted", False: "missed"}
 
@@ -82,8 +82,8 @@ def blocks(found: dict[str, Any]) -> dict[str, str]:
         return f'<a href="{address(layout, world)}" target="shot">{text}</a>'
 
     head = "layout", *(world if world == "exact" else f"{world} s" for world in WORLDS)
-    rows = [[str(k), *(cell(layout, world) for world in WORLDS)] for k, layout in enumerate(found["layouts"], 1)]
-    frame = address(found["layouts"][0], COARSE)
+    rows = [[str(k), *(cell(layout, world) for world in WORLDS)] for k, layout in enumerate(result["layouts"], 1)]
+    frame = address(result["layouts"][0], COARSE)
     return {
         "table": table(head, rows),
         "frame": f'<iframe name="shot" src="{frame}" title="A shot of the table" class="live"></iframe>',

@@ -200,11 +200,11 @@ def test_only_text_between_markers_is_replaced(page):
     readme.main([])
     result = json.loads(readme.results("speed").read_text())
     calls = speed.blocks(result)["calls"]
-    whole = f"# Title\n\n<!-- speed: calls -->\n\n{calls}\n\n<!-- end -->\n\nText.\n"
-    assert page.read_text() == whole
+    filled = f"# Title\n\n<!-- speed: calls -->\n\n{calls}\n\n<!-- end -->\n\nText.\n"
+    assert page.read_text() == filled
     assert [path.name for path in page.parent.iterdir()] == ["page.md"]
     readme.main([])
-    assert page.read_text() == whole
+    assert page.read_text() == filled
 
 
 def test_an_outdated_page_is_reported_and_not_changed(page):

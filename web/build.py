@@ -46,7 +46,7 @@ from billiards_env.engine.log import KINDS, empty_log
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.shot_input import is_valid_fast
 from billiards_env.engine.shots import STATUS, empty_shots
-from billiards_env.files import write_whole
+from billiards_env.files import write_atomically
 from billiards_env.jit.compiler import Kernel
 from billiards_env.jit.folders import source_hash
 from billiards_env.physics.strike import cue_numbers, many_strikes
@@ -258,7 +258,7 @@ def compile_engines(path: Path) -> None:
         exported = [f"--export={name}" for name in exports]
         subprocess.run([*zig, "wasm-ld", *options, *exported, *objects, "-o", str(linked)], check=True)
         content = linked.read_bytes() + section(SECTION, zlib.compress(json.dumps(data()).encode(), 9))
-    write_whole(path, content)
+    write_atomically(path, content)
 
 
 def section(name: str, content: bytes) -> bytes:
@@ -330,7 +330,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--output", type=Path, default=ROOT / "site", help="the folder of the files")
     folder = parser.parse_args(arguments).output
     for name, content in files().items():
-        write_whole(folder / name, content)
+        write_atomically(folder / name, content)
         print(f"{folder / name}: {len(content) / 1000:.0f} kB")
 
 

@@ -237,15 +237,15 @@ def earliest(state, scene, queue, limit):
 
 
 @inlined
-def due(event, queue, found):  # out: found
-    """Lists in `found`, in order, the balls with a single-ball event of the time and rank of `event`.
+def due(event, queue, balls):  # out: balls
+    """Lists in `balls`, in order, the balls with a single-ball event of the time and rank of `event`.
 
     Returns their number.
     """
     count = 0
     for i in range(event.first, event.last + 1):
         if same(single_time(queue.singles, i), event.time) and rank_of(queue.singles.kind[i]) == event.rank:
-            found[count] = i
+            balls[count] = i
             count += 1
     return count
 

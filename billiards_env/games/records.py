@@ -187,8 +187,8 @@ def _game(data: dict[str, Any]) -> GameRecord:
     end = fields("end", data["end"], _GAME_END)
     result = GameEnd(
         positions=rows_of("end.positions", end["positions"], n, 2),
-        on_table=_whole_numbers("end.on_table", end["on_table"], Range(0, n - 1)),
-        scores=_whole_numbers("end.scores", end["scores"], Range(-(2**62), 2**62)),
+        on_table=_integers("end.on_table", end["on_table"], Range(0, n - 1)),
+        scores=_integers("end.scores", end["scores"], Range(-(2**62), 2**62)),
         player=integer("end.player", end["player"], Range(0, setup.n_players - 1)),
         over=flag("end.over", end["over"]),
         winner=integer("end.winner", end["winner"], Range(-1, setup.n_players - 1)),
@@ -196,7 +196,7 @@ def _game(data: dict[str, Any]) -> GameRecord:
     return GameRecord(setup, positions, state, tuple(strokes), result)
 
 
-def _whole_numbers(name: str, values: Any, within: Range) -> tuple[int, ...]:
+def _integers(name: str, values: Any, within: Range) -> tuple[int, ...]:
     return tuple(integer(f"{name}[{i}]", value, within) for i, value in enumerate(items(name, values)))
 
 

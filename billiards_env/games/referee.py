@@ -155,9 +155,9 @@ judge, legal = pool.straight, pool.any_ball  # `specialised` puts the kernels of
 
 def _judge_shots(states, facts, calls, verdicts):
     for k in range(len(states)):
-        found, row = judged(judge, states[k], facts[k], calls[k]), verdicts[k]
-        row.foul, row.points, row.penalty, row.continues = found.foul, found.points, found.penalty, found.continues
-        row.spotted, row.rack = found.spotted, found.rack
+        verdict, row = judged(judge, states[k], facts[k], calls[k]), verdicts[k]
+        row.foul, row.points, row.penalty = verdict.foul, verdict.points, verdict.penalty
+        row.continues, row.spotted, row.rack = verdict.continues, verdict.spotted, verdict.rack
 
 
 def _write_legal_balls(states, players, balls):

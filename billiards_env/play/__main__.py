@@ -126,7 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         names = (HUMAN,) * history.setup.n_players
         if args.players:
             names = tuple(name.strip() for name in args.players.split(","))
-        players = [None if name == HUMAN else find_player(name, history.setup, also=(HUMAN,)) for name in names]
+        players = [None if name == HUMAN else find_player(name, history.setup, others=(HUMAN,)) for name in names]
         from billiards_env.play.window import GameWindow, wait_for
 
         one_of("palette", args.palette, tuple(PALETTES))

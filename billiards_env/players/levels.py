@@ -105,8 +105,8 @@ def level_of(argument: str) -> Level:
 
 def expected(noise: Noise, level: Level) -> Noise:
     """Returns the standard deviations that a level plans for, from the noise of the environment and its own noise."""
-    given = real("noise[0]", noise[0], "angle_std"), real("noise[1]", noise[1], "speed_std")
-    degrees, speed = map(math.hypot, given, map(min, level.noise, EXPECTED))
+    of_env = real("noise[0]", noise[0], "angle_std"), real("noise[1]", noise[1], "speed_std")
+    degrees, speed = map(math.hypot, of_env, map(min, level.noise, EXPECTED))
     return (degrees, speed) if degrees or speed else NOISE
 
 

@@ -526,9 +526,9 @@ def _snookered_plan(name: str, scene: Scene) -> LayoutPlan:
 
 def _expect_object_balls(scene: Scene, layout: str, low: int, high: int) -> None:
     if not low <= scene.n_balls - 1 <= high:
-        wanted = str(low) if low == high else f"{low} to {high}"
+        allowed = str(low) if low == high else f"{low} to {high}"
         balls = f"{scene.n_balls - 1} object ball{'s' * (scene.n_balls != 2)}"
-        raise ValueError(f"layout = {layout!r} with {balls}: expected {wanted}")
+        raise ValueError(f"layout = {layout!r} with {balls}: expected {allowed}")
 
 
 def _no_room(layout: str, ball: int, radius: float) -> ValueError:

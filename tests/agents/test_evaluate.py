@@ -57,9 +57,9 @@ def test_runs_random_shots_and_players_are_printed_side_by_side(trained, tmp_pat
     rows = {line.split()[0]: line.split()[1:] for line in printed.splitlines() if "% to" in line}
     assert list(rows) == [str(one), str(tmp_path / "two"), "random", "search:5"]
     written = json.loads((one / "evaluation.json").read_text())
-    found = {str(one): written["policy"], "random": written["random"]}
-    found["search:5"] = measure("search:5", load(one / "config.yaml").env, (0.0, 0.0), 20, 5)
-    for name, result in found.items():
+    results = {str(one): written["policy"], "random": written["random"]}
+    results["search:5"] = measure("search:5", load(one / "config.yaml").env, (0.0, 0.0), 20, 5)
+    for name, result in results.items():
         assert rows[name][:2] == ["20", f"{result['success_rate']:.1%}"]
     for options in (f"{one} --film one.mp4", f"human,policy:{one}", f"--logdir {one}"):
         assert f"{options}\n" in printed
@@ -138,14 +138,14 @@ def test_the_usual_policy_is_not_loaded_for_another_number_of_balls(trained):
 def test_a_policy_file_that_is_damaged_or_holds_other_objects_runs_no_code(trained, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run = shutil.copytree(trained, tmp_path / "run")
-    whole, weights = (run / "policy.pt").read_bytes(), torch.load(trained / "policy.pt")
+    content, weights = (run / "policy.pt").read_bytes(), torch.load(trained / "policy.pt")
     for value in ({**weights, "log_std": Pickled("ran")}, Pickled("ran"), "text"):
         torch.save(value, run / "policy.pt")
         with pytest.raises(ValueError, match=r"policy.pt does not hold a policy's weights: expected a whole") as error:
             load_policy(run)
         assert "weights_only" not in "".join(traceback.format_exception(error.value))
     assert not (tmp_path / "ran").exists()
-    (run / "policy.pt").write_bytes(whole[:-10])
+    (run / "policy.pt").write_bytes(content[:-10])
     with pytest.raises(SystemExit, match=r"error: .*run.policy.pt does not hold a policy's weights"):
         main([str(run)])
     torch.save({**weights, "another": torch.zeros(1)}, run / "policy.pt")

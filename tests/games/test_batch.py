@@ -46,11 +46,11 @@ def test_a_batch_has_the_verdicts_states_and_positions_of_single_shots(rules, la
     places = np.repeat(game.positions[None, game.state.cue_balls[0]], len(spins), axis=0)
     if layout == "random":
         places[:, 1] += np.linspace(-1e-3, 1e-3, len(spins))
-    found = play_batch(settings, game, velocities, spins, places if layout == "random" else None)
+    batch = play_batch(settings, game, velocities, spins, places if layout == "random" else None)
     single = one_by_one(settings, game, velocities, spins, places)
-    assert found.verdicts.tolist() == [played.verdict.tolist() for played in single]
-    assert not state or found.verdicts["continues"].any()
-    for after, positions, played in zip(found.states, found.positions, single, strict=True):
+    assert batch.verdicts.tolist() == [played.verdict.tolist() for played in single]
+    assert not state or batch.verdicts["continues"].any()
+    for after, positions, played in zip(batch.states, batch.positions, single, strict=True):
         np.testing.assert_equal(after.tolist(), changed(played.game.state, free_ball=False).tolist())
         if not played.verdict.spotted and not played.verdict.rack:  # a batch does not look for a free place
             lying = list(members(in_play(after)))

@@ -46,13 +46,13 @@ def test_the_command_measures_players_without_scores(tmp_path, monkeypatch, caps
     monkeypatch.setattr(positions, "SET", path)
     arguments = ["--output", str(output), "--samples", "20"]
     main(["--players", "answers,geometric", *arguments])
-    found = json.loads(output.read_text())
-    assert list(found["scores"]) == ["answers", "geometric"]
-    found["scores"]["geometric"]["success"] = [0.25, 0.25, 1.0]  # stays: it is measured
-    output.write_text(json.dumps(found))
+    content = json.loads(output.read_text())
+    assert list(content["scores"]) == ["answers", "geometric"]
+    content["scores"]["geometric"]["success"] = [0.25, 0.25, 1.0]  # stays: it is measured
+    output.write_text(json.dumps(content))
     main(["--players", "planner:club", *arguments])
-    found = json.loads(output.read_text())
-    assert list(found["scores"]) == ["answers", "geometric", "planner:club"]
+    content = json.loads(output.read_text())
+    assert list(content["scores"]) == ["answers", "geometric", "planner:club"]
     text = capsys.readouterr().out
-    assert positions.blocks(found)["table"] in text
+    assert positions.blocks(content)["table"] in text
     assert "25.0% |     100.0% |" in text

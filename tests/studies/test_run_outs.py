@@ -27,11 +27,11 @@ def test_the_command_plays_what_is_missing_and_the_network_learns(tmp_path, monk
     output, weights, folder = tmp_path / "run_outs.json", tmp_path / "run_outs.npz", tmp_path / "positions"
     arguments = ["--output", str(output), "--weights", str(weights), "--folder", str(folder)]
     run_outs.main(arguments)
-    found = json.loads(output.read_text())
-    assert run_outs.blocks(found)["table"] in capsys.readouterr().out
+    content = json.loads(output.read_text())
+    assert run_outs.blocks(content)["table"] in capsys.readouterr().out
     files = sorted(folder.iterdir())
     assert len(files) == run_outs.ROUNDS * len(CELLS)
-    assert sum(cell["positions"] for cell in found["cells"]) == sum(len(load_weights(file)["won"]) for file in files)
+    assert sum(cell["positions"] for cell in content["cells"]) == sum(len(load_weights(file)["won"]) for file in files)
     everything = run_outs.load(files)
     chances = run_outs.run_outs.chances(load_weights(weights), everything.inputs.astype(float))
     assert chances[everything.won].mean() > chances[~everything.won].mean() + 0.1
