@@ -36,7 +36,7 @@ from stable_baselines3.common.utils import safe_mean
 
 import billiards_env
 from agents.config import Config, load
-from agents.ppo import deterministic, make_model, make_policy, make_vec_env, make_vector, restart, training_seed
+from agents.ppo import deterministic, make_policy, make_ppo, make_vec_env, make_vector, restart, training_seed
 from billiards_env.checks import number
 from billiards_env.commands import ending
 from billiards_env.evaluation import evaluation_seeds, play_together
@@ -108,7 +108,7 @@ def train(config: Config, run_dir: Path) -> None:
         print(f"{run_dir} is trained already ({config.timesteps:,} shots); --fresh starts again")
         return
     with locked(run_dir), one_fast_thread(), closing(make_vec_env(config)) as envs:
-        model = make_model(config, envs)
+        model = make_ppo(config, envs)
         model.set_logger(configure(str(run_dir / "tensorboard"), ["tensorboard"]))
         if (checkpoint := newest_checkpoint(run_dir)) is not None:
             _resume(model, checkpoint)

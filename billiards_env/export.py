@@ -20,7 +20,7 @@ def _picture(shot: ShotResult, path: Path) -> None:
         figure.savefig(temporary, dpi=150)
 
 
-def table(shot: ShotResult) -> str:
+def shot_text(shot: ShotResult) -> str:
     """Returns the final positions and the first `SHOWN` events of a recorded shot as text."""
     from billiards_env.drawing.style import KINDS, cushion_names
 
@@ -47,7 +47,7 @@ def _rows(shot: ShotResult, path: Path) -> None:
 
 
 SHOWN = 40
-"""The largest number of events in `table`."""
+"""The largest number of events in `shot_text`."""
 
 WRITERS: dict[str, Callable[[ShotResult, Path], object]] = {
     ".html": lambda shot, path: shot.to_html(path),

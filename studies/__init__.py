@@ -56,7 +56,7 @@ K = TypeVar("K")
 
 
 @contextlib.contextmanager
-def workers(jobs: int, address: str = "") -> Iterator[Executor]:
+def executor(jobs: int, address: str = "") -> Iterator[Executor]:
     """Yields processes of this machine, or the nodes of the Ray cluster at an address."""
     if address:
         yield RayExecutor(address)
@@ -126,13 +126,13 @@ def live_shot(scene: str, positions: Any, velocity: Any, steps: int) -> str:
     return html.escape("play.html#" + urlencode(shot, safe=",;"))
 
 
-def save_weights(path: Path, weights: Mapping[str, Any]) -> None:
+def save_arrays(path: Path, weights: Mapping[str, Any]) -> None:
     """Writes arrays by name, completely or not at all."""
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **weights)
 
 
-def load_weights(path: Path) -> dict[str, Any]:
+def load_arrays(path: Path) -> dict[str, Any]:
     """Returns the arrays in a file, by name. This runs no code from the file.
 
     Raises:

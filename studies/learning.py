@@ -22,14 +22,14 @@ import gymnasium as gym
 import numpy as np
 
 from agents.config import LEARNING, load, read, rows
-from agents.ppo import deterministic, load_policy
+from agents.ppo import deterministic, load_run
 from agents.train import learning_curve, open_run, train, versions
 from benchmarks import machine, machine_line, new_figure, run_command, save, table
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_atomically, write_json
 from billiards_env.frozen import FROZEN, NAMESPACE
 from billiards_env.intervals import as_percent, over_seeds
-from studies import JOBS, RESULTS, RUNS, completed, tasks, workers
+from studies import JOBS, RESULTS, RUNS, completed, executor, tasks
 
 OUTPUT = RESULTS / "learning.json"
 
@@ -54,7 +54,7 @@ def run_row(name: str, seed: int, folder: Path, episodes: int) -> tuple[dict[str
     train(config, folder)
     for task in rows()[name]["plays"]:
         envs = gym.make_vec(NAMESPACE + task, num_envs=episodes, autoreset_mode="SameStep")
-        policy = load_policy(folder, FROZEN[task].arguments)[1]
+        policy = load_run(folder, FROZEN[task].arguments)[1]
         played[task] = play_together(envs, deterministic(policy), evaluation_seeds(seed, episodes).tolist())
         envs.close()
     files = {file: (folder / file).read_bytes() for file in ("config.yaml", "policy.pt")}
@@ -89,7 +89,7 @@ def measure(output: Path, folder: Path, jobs: int, address: str) -> dict[str, An
         for seed, name in order
         if str(seed) not in measured[name]["runs"]
     }
-    with workers(jobs, address) as pool:
+    with executor(jobs, address) as pool:
         for (seed, name), (result, files) in completed(pool, calls, len(order) - len(calls)):
             measured[name]["runs"] = dict(sorted({**measured[name]["runs"], str(seed): result}.items()))
             write_json(output, measured)

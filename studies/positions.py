@@ -29,7 +29,7 @@ from billiards_env.games.batch import play_batch
 from billiards_env.games.placement import cue_ball_point
 from billiards_env.intervals import as_percent, mean_interval
 from billiards_env.players.named import find_player
-from billiards_env.players.planner import add_noise
+from billiards_env.players.planner import noisy_strokes
 from billiards_env.scene import Scene
 from studies import RESULTS, fill, resumed
 from studies.planner import MAX_SPEED, OLYMPIAD
@@ -57,11 +57,11 @@ def stroke_of(answer: Mapping[str, Any]) -> Stroke:
     return Stroke(tuple(answer["velocity"]), place, tuple(answer["spin"]), Call(**answer["call"]))
 
 
-def success(setup: Setup, game: GameState, stroke: Stroke, samples: int, rng: np.random.Generator) -> float:
+def success_share(setup: Setup, game: GameState, stroke: Stroke, samples: int, rng: np.random.Generator) -> float:
     """Returns the share of the noisy outcomes of a stroke in which the player wins or keeps the turn."""
     drawn = rng.standard_normal((samples, 2)) * (math.radians(OLYMPIAD[0]), OLYMPIAD[1])
     motions: NDArray[np.float64] = np.repeat([[*stroke.velocity, *stroke.spin]], samples, axis=0)
-    velocities, spins = add_noise(motions[:, :2], motions[:, 2:], drawn, MAX_SPEED)
+    velocities, spins = noisy_strokes(motions[:, :2], motions[:, 2:], drawn, MAX_SPEED)
     places = None
     if game.state.in_hand:
         assert stroke.place is not None
@@ -71,7 +71,7 @@ def success(setup: Setup, game: GameState, stroke: Stroke, samples: int, rng: np
     return float((played.verdicts["continues"] | (played.states["winner"] == game.state.player)).mean())
 
 
-def evaluate(entries: Sequence[Mapping[str, Any]], player: str, samples: int) -> dict[str, Any]:
+def play_all(entries: Sequence[Mapping[str, Any]], player: str, samples: int) -> dict[str, Any]:
     """Returns the `success` of a player in each position, and the processor time of all decisions, `seconds`.
 
     Args:
@@ -88,14 +88,14 @@ def evaluate(entries: Sequence[Mapping[str, Any]], player: str, samples: int) ->
         begin = time.process_time()
         stroke = decide(setup, game, MAX_SPEED, np.random.default_rng([SEED, number, 1]))
         seconds += time.process_time() - begin
-        successes.append(success(setup, game, stroke, samples, np.random.default_rng([SEED, number])))
+        successes.append(success_share(setup, game, stroke, samples, np.random.default_rng([SEED, number])))
     return {"success": successes, "seconds": seconds}
 
 
 def measure(output: Path, players: str, samples: int) -> dict[str, Any]:
     """Measures the players that have no scores yet, and writes the scores of each as soon as they are measured.
 
-    `players` are names for `evaluate`, separated by commas.
+    `players` are names for `play_all`, separated by commas.
 
     Returns:
         The content of `output`: `machine`, `settings`: `samples` and the `rules` of each position, and `scores` by
@@ -107,7 +107,7 @@ def measure(output: Path, players: str, samples: int) -> dict[str, Any]:
     """
     entries = json.loads(SET.read_text(encoding="utf-8"))["positions"]
     content = resumed(output, {"samples": samples, "rules": [entry["rules"] for entry in entries]})
-    jobs = {("scores", player): functools.partial(evaluate, entries, player, samples) for player in players.split(",")}
+    jobs = {("scores", player): functools.partial(play_all, entries, player, samples) for player in players.split(",")}
     return fill(output, content, jobs)
 
 

@@ -49,7 +49,7 @@ def measure(output: Path) -> dict[str, Any]:
         if results.get(task, {}).get("layouts") != layouts:
             results[task] = {"layouts": layouts, "players": {}}
     jobs = {
-        (task, "players", player): functools.partial(play, player, task)
+        (task, "players", player): functools.partial(scores_of, player, task)
         for task in FROZEN
         for player in PLAYERS
         if task in ONLY.get(player, FROZEN)
@@ -57,7 +57,7 @@ def measure(output: Path) -> dict[str, Any]:
     return fill(output, results, jobs)
 
 
-def play(player: str, task: str) -> dict[str, float]:
+def scores_of(player: str, task: str) -> dict[str, float]:
     """Returns the mean success and the mean return of a player in the public layouts of a task."""
     (result,) = bench.play(player, [task]).results
     return {"success": float(result.success.mean()), "return": float(result.returns.mean())}

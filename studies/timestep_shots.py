@@ -14,19 +14,19 @@ from benchmarks import run_command, table
 from billiards_env.envs.actions import cue_strike
 from billiards_env.evaluation import evaluation_seeds
 from examples import ppo
-from studies import live_shot, load_weights
+from studies import live_shot, load_arrays
 from studies.timestep import (
     LAYOUT_SEED,
     OUTPUT,
     SEEDS,
     WORLDS,
     Run,
+    actions_of,
     direct_pots,
     make_worlds,
-    play,
-    policies,
+    policy_folder,
     policy_of,
-    shots_of,
+    successes,
 )
 
 SHOWN, DRAWN, COARSE = 6, 500, "1/60"
@@ -46,9 +46,9 @@ def measure() -> dict[str, Any]:
     positions, env = envs["exact"].positions, envs["exact"].single_env
     actions, potted = {}, {}
     for world, arguments in WORLDS.items():
-        weights = load_weights(policies(OUTPUT) / f"{Run('main', world, SEEDS[0], [arguments]).name}.npz")
-        actions[world] = shots_of(policy_of(weights, ppo.arguments([])), envs[world], observations)
-        potted[world] = play(actions[world], positions, {"own": envs[world], "exact": envs["exact"]})
+        weights = load_arrays(policy_folder(OUTPUT) / f"{Run('main', world, SEEDS[0], [arguments]).name}.npz")
+        actions[world] = actions_of(policy_of(weights, ppo.arguments([])), envs[world], observations)
+        potted[world] = successes(actions[world], positions, {"own": envs[world], "exact": envs["exact"]})
     telling = potted["exact"]["exact"] & potted[COARSE]["own"] & ~potted[COARSE]["exact"]
     telling &= direct_pots(actions[COARSE], positions, env.scene, env.max_speed, WORLDS[COARSE])[0]
     return {

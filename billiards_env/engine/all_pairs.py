@@ -14,7 +14,7 @@ import numpy as np
 from billiards_env.engine.pic_events import add_contact
 from billiards_env.engine.predictions import (
     PAIR_RANK,
-    Event,
+    NextEvent,
     Singles,
     can_meet,
     cannot_meet,
@@ -217,7 +217,7 @@ def predict(changed, count, now, state, scene, queue):  # out: queue
 
 @inlined
 def earliest(state, scene, queue, limit):
-    """Returns the next `Event`."""
+    """Returns the next `NextEvent`."""
     singles = queue.singles
     time, rank, first, last = Time(math.inf, 0.0), PAIR_RANK, 0, -1
     for i in range(len(queue.nearest)):
@@ -233,7 +233,7 @@ def earliest(state, scene, queue, limit):
             time, rank, first, last = single, r, i, i
         elif single.lo == time.lo and r == rank:
             last = i
-    return Event(time, rank, first, last)
+    return NextEvent(time, rank, first, last)
 
 
 @inlined

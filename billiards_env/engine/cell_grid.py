@@ -23,7 +23,7 @@ from billiards_env.engine.pic_events import add_contact
 from billiards_env.engine.predictions import (
     CROSSING_RANK,
     PAIR_RANK,
-    Event,
+    NextEvent,
     Singles,
     can_meet,
     empty_singles,
@@ -350,7 +350,7 @@ def predict(changed, count, now, state, scene, queue):  # out: queue
 
 @kernel
 def earliest(state, scene, queue, limit):  # out: queue
-    """Returns the next `Event`. Moves balls to their next cells and replaces invalid meetings on the way to it."""
+    """Returns the next `NextEvent`. Moves balls to their next cells and replaces invalid meetings on the way to it."""
     while True:
         i = queue.heap[0]
         if queue.hi[i] > limit or queue.hi[i] == math.inf:
@@ -361,7 +361,7 @@ def earliest(state, scene, queue, limit):  # out: queue
             _predict_neighbours(i, state, scene, queue)
         else:
             break
-    return Event(Time(queue.hi[i], queue.lo[i]), queue.rank[i], i, i)
+    return NextEvent(Time(queue.hi[i], queue.lo[i]), queue.rank[i], i, i)
 
 
 @kernel

@@ -18,7 +18,7 @@ import numpy as np
 
 from billiards_env.checks import real
 from billiards_env.games import GameState, Setup, Stroke
-from billiards_env.players.planner import NOISE, Noise, Options, add_noise, parse_budget, plan
+from billiards_env.players.planner import NOISE, Noise, Options, noisy_strokes, parse_budget, plan
 
 
 class Level(NamedTuple):
@@ -120,5 +120,5 @@ def with_noise(stroke: Stroke, noise: Noise, max_speed: float, rng: np.random.Ge
     if not any(noise) or not any(stroke.velocity):
         return stroke
     drawn = rng.standard_normal((1, 2)) * (math.radians(noise[0]), noise[1])
-    (velocity,), (spin,) = add_noise(np.array([stroke.velocity]), np.array([stroke.spin]), drawn, max_speed)
+    (velocity,), (spin,) = noisy_strokes(np.array([stroke.velocity]), np.array([stroke.spin]), drawn, max_speed)
     return stroke._replace(velocity=tuple(velocity.tolist()), spin=tuple(spin.tolist()))

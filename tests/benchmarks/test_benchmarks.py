@@ -57,7 +57,7 @@ def test_another_velocity_exceeds_the_error_limit(monkeypatch):
 @pytest.mark.parametrize("name", ["1 object ball", "carom", "2 elastic disks"])
 def test_pic_is_exact_and_pit_is_not(name):
     engines = (PIC, *accuracy.PIT)
-    shots = [accuracy.follow(name, seed) for seed in range(3)]
+    shots = [accuracy.follow_shot(name, seed) for seed in range(3)]
     errors = dict(zip(engines, np.max([shot["errors"] for shot in shots], axis=0), strict=True))
     assert all(shot["complete"] and shot["outcome_as_oracle"] for shot in shots)
     assert errors[PIC] < 1e-9
@@ -66,7 +66,7 @@ def test_pic_is_exact_and_pit_is_not(name):
 
 def test_a_shot_is_compared_up_to_the_end_of_the_reference(monkeypatch):
     monkeypatch.setattr(accuracy, "PIT", [])
-    shots = [accuracy.follow("15-ball break", seed) for seed in range(4)]
+    shots = [accuracy.follow_shot("15-ball break", seed) for seed in range(4)]
     assert 0 < sum(shot["complete"] for shot in shots) < 4
     assert all(shot["errors"] for shot in shots if shot["complete"])
     assert max(shot["errors"][0] for shot in shots if shot["errors"]) < 1e-9

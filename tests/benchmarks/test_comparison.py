@@ -33,13 +33,13 @@ def test_an_error_that_is_not_known_has_an_empty_cell():
 @pytest.mark.parametrize("laws", comparison.LAWS)
 @pytest.mark.parametrize("kind", comparison.KINDS)
 def test_shots_are_repeatable(laws, kind):
-    for shot, again in zip(*(comparison.shots_of(laws, kind, 2) for _ in range(2)), strict=True):
+    for shot, again in zip(*(comparison.draw_shots(laws, kind, 2) for _ in range(2)), strict=True):
         assert all(np.array_equal(a, b) for a, b in zip(shot, again, strict=True))
 
 
 def test_a_worker_runs_shots_in_the_frame_of_the_scene(worker):
     laws, kind = "friction and spin", "15-ball break"
-    scene, (shot,) = comparison.scene_of(laws, kind), comparison.shots_of(laws, kind, 1)
+    scene, (shot,) = comparison.scene_of_kind(laws, kind), comparison.draw_shots(laws, kind, 1)
     with comparison.pooltool(Path(sys.executable), worker) as (version, runners):
         assert version == "1.2"
         for gap, runner in zip(comparison.POOLTOOL_GAPS, runners, strict=True):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from billiards_env import Engine, simulate_batch, strike
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.envs import make_env, make_vector_env
-from billiards_env.envs.action_frames import ActionFrame, aim, cut, nearest_ball, sum_to_three
+from billiards_env.envs.action_frames import ActionFrame, cut, nearest_ball, passing_direction, sum_to_three
 from billiards_env.envs.actions import ACTIONS, Before, add_noise, cos_sin, cue_strike, perturb
 from billiards_env.envs.arguments import check_noise
 from billiards_env.envs.episodes import noise_stream
@@ -164,10 +164,10 @@ def test_sum_to_three_solves_the_equation_of_the_cut_angle(a0, a1, bearing, apar
 
 
 def test_aim_returns_a_unit_vector_for_touching_and_coinciding_balls():
-    assert aim(0.0, 0.0, REACH, 1.0) == (1.0, 0.0)
+    assert passing_direction(0.0, 0.0, REACH, 1.0) == (1.0, 0.0)
     for offset in (-1.0, 0.5, 1.0):
         for distance in (REACH, REACH * (1 - 1e-11), 1e-300):
-            assert np.hypot(*aim(distance, 0.0, REACH, offset)) == pytest.approx(1.0, rel=1e-15)
+            assert np.hypot(*passing_direction(distance, 0.0, REACH, offset)) == pytest.approx(1.0, rel=1e-15)
 
 
 def test_the_target_is_the_nearest_playable_ball():

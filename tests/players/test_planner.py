@@ -16,8 +16,8 @@ from billiards_env.players import candidates, indirect, planner
 from billiards_env.players.candidates import TIPS, _with_spin
 from billiards_env.players.levels import EXPECTED, LEVELS, expected, level_of, with_noise
 from billiards_env.players.named import find_player
-from billiards_env.players.planner import Options, _draw_noise, add_noise, plan
-from billiards_env.players.values import Values, success
+from billiards_env.players.planner import Options, _draw_noise, noisy_strokes, plan
+from billiards_env.players.values import Values, pot_probability
 from tests.helpers.games import hanging, setup
 
 RNG = np.random.default_rng
@@ -129,7 +129,7 @@ def test_the_probability_is_that_of_played_shots_with_errors():
         decision = plan(game, table, 6.0, RNG(0), np.inf, 4000, NOISE)
         errors = RNG(1).standard_normal((200, 2)) * (np.radians(NOISE[0]), NOISE[1])
         stroke = np.array([decision.stroke.velocity]).repeat(200, 0), np.array([decision.stroke.spin]).repeat(200, 0)
-        velocities, spins = (array.tolist() for array in add_noise(*stroke, errors, 6.0))
+        velocities, spins = (array.tolist() for array in noisy_strokes(*stroke, errors, 6.0))
         kept = [
             play(game, table, decision.stroke._replace(velocity=tuple(v), spin=tuple(w)))
             for v, w in zip(velocities, spins, strict=True)
@@ -147,7 +147,7 @@ def test_it_sinks_more_balls_under_noise_than_search():
             table = opening(game, rng, "random")
             stroke = player(game, table, 6.0, RNG(0))
             errors = rng.standard_normal((1, 2)) * (np.radians(NOISE[0]), NOISE[1])
-            (v,), (w,) = add_noise(np.array([stroke.velocity]), np.array([stroke.spin]), errors, 6.0)
+            (v,), (w,) = noisy_strokes(np.array([stroke.velocity]), np.array([stroke.spin]), errors, 6.0)
             points[name] += play(game, table, stroke._replace(velocity=tuple(v), spin=tuple(w))).verdict.points
     assert points["planner:1500"] >= points["search:1500"]
     assert points["planner:1500"] > 35
@@ -193,7 +193,7 @@ def test_errors_are_normal_and_stratified():
 
 
 def test_the_success_of_a_pot_is_that_of_a_normal_error():
-    assert success(np.array([1.0]), 1.0)[0] == pytest.approx(0.6827, abs=1e-3)
+    assert pot_probability(np.array([1.0]), 1.0)[0] == pytest.approx(0.6827, abs=1e-3)
 
 
 @pytest.mark.slow

@@ -27,7 +27,7 @@ def small(tmp_path, monkeypatch):
     steps = (60, 240, 960)
     changes = {
         "STEPS": steps,
-        "CELLS": {f"{fix} 1/{n} s": pit(n, fix) for n in steps for fix in FIXES},
+        "ENGINES": {f"{fix} 1/{n} s": pit(n, fix) for n in steps for fix in FIXES},
         "DRAWN": 80,
         "GOAL_RUNS": [("exact", study.UNTRAINED), ("exact", PUSHED), (PUSHED, study.OVER_JUMPS)],
         **{"GOAL_SEEDS": (0, 1), "UPDATES": 2, "BATCH": 4, "LAYOUTS": 8},
@@ -41,11 +41,11 @@ def small(tmp_path, monkeypatch):
 def test_the_study_runs_and_continues_where_it_was_interrupted(small, tmp_path, monkeypatch, capsys):
     measured = []
 
-    def spy(gradients, cell):
-        measured.append(cell)
+    def spy(results, engine):
+        measured.append(engine)
         if len(measured) == 5:
             raise KeyboardInterrupt
-        return errors(gradients, cell)
+        return errors(results, engine)
 
     monkeypatch.setattr(study, "errors", spy)
     with pytest.raises(SystemExit):

@@ -48,7 +48,7 @@ def test_the_study_trains_resumes_and_shows_its_results(tmp_path, monkeypatch, c
     worker.write_text(FAKE)
     monkeypatch.setattr(study, "WORKER", worker)
     monkeypatch.setattr(study, "WORLDS", worlds)
-    monkeypatch.setattr(study, "workers", lambda *_: InThisProcess())
+    monkeypatch.setattr(study, "executor", lambda *_: InThisProcess())
     monkeypatch.setattr(study, "PYTHON", sys.executable)
     argv = ["--shots", "4096", "--layouts", "300", "--output", str(tmp_path / "o.json"), "--images", str(tmp_path)]
     study.main(argv)
@@ -87,7 +87,7 @@ def test_a_shot_of_the_worker_ends_in_a_pocket_at_a_cushion_or_when_nothing_can_
     scene = study.SCENES["exact, rigid"].to_dict()
     starts = np.array([[-0.5 + 0.3j, -0.5 - 0.3j]] * 200)
     speeds = np.resize([0.0, 3.0, 1.0j, 0.2j, 0.01, 2.0 + 1.0j], 200)
-    assert (simulators_worker.play(0.01, scene, place, step, starts, speeds) == -1).all()
+    assert (simulators_worker.play_shots(0.01, scene, place, step, starts, speeds) == -1).all()
 
 
 @pytest.mark.parametrize("module", ["pymunk", "mujoco"])
@@ -98,7 +98,7 @@ def test_the_worker_plays_direct_pots(module):
     late = simulators_worker.delays(0.002, scene, place, step, at_end)
     assert np.mean(late) == pytest.approx(0.001 if module == "pymunk" else 0.0085, abs=2e-4)
     starts = np.array([[-0.2j, 0.4j], [-0.2j, 0.4j], [0.5, 0.9 + 0.3j]] * 100)
-    pockets = simulators_worker.play(0.002, scene, place, step, starts, np.array([2.0j, -2.0j, 0.0] * 100))
+    pockets = simulators_worker.play_shots(0.002, scene, place, step, starts, np.array([2.0j, -2.0j, 0.0] * 100))
     assert pockets.tolist() == [5, -1, -1] * 100
 
 
@@ -109,9 +109,9 @@ def test_a_shot_of_the_worker_does_not_depend_on_earlier_ones(module):
     place, step, _ = getattr(simulators_worker, f"in_{module}")(0.01, scene)
     starts = random.uniform(-0.5, 0.5, (2000, 2, 2)) @ (1, 1j) + np.array([-0.6, 0.6])
     speeds = 2.0 * np.diff(starts)[:, 0] * np.exp(0.05j * random.normal(size=2000))
-    pockets = simulators_worker.play(0.01, scene, place, step, starts, speeds)
+    pockets = simulators_worker.play_shots(0.01, scene, place, step, starts, speeds)
     assert (pockets >= 0).sum() > 20
-    again = simulators_worker.play(0.01, scene, place, step, starts[::-1], speeds[::-1])
+    again = simulators_worker.play_shots(0.01, scene, place, step, starts[::-1], speeds[::-1])
     assert again[::-1].tolist() == pockets.tolist()
 
 

@@ -12,7 +12,7 @@ import pytest
 from billiards_env import Scene, simulate
 from billiards_env.engine import PIC, Engine
 from studies import timestep, timestep_report, timestep_shots
-from studies.readme import fill, results
+from studies.readme import fill_page, results
 from tests.helpers.processes import InThisProcess
 
 pytest.importorskip("matplotlib")
@@ -40,7 +40,7 @@ def shrink(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(timestep, "WORLDS_OF_GAMES", tuple(WORLDS))
     patch.setattr(timestep, "PARTS", PARTS)
     patch.setattr(timestep, "LAYOUTS", 200)
-    patch.setattr(timestep, "workers", lambda *_: contextlib.nullcontext(InThisProcess()))
+    patch.setattr(timestep, "executor", lambda *_: contextlib.nullcontext(InThisProcess()))
     patch.setattr(timestep_report, "SHOTS_OF_FINE_TUNING", (0, 1024, 2048))
 
 
@@ -61,7 +61,7 @@ def study(tmp_path_factory):
 def test_the_results_have_all_runs(study):
     folder, content = study
     assert content["runs"].keys() == {run.name for runs in PARTS.values() for run in runs}
-    assert {path.stem for path in timestep.policies(folder / "timestep.json").iterdir()} == {
+    assert {path.stem for path in timestep.policy_folder(folder / "timestep.json").iterdir()} == {
         run.name for run in PARTS["main"]
     }
     for run in content["runs"].values():
@@ -106,7 +106,7 @@ def test_runs_with_results_are_not_trained_again(study, monkeypatch, capsys):
 def test_the_committed_weights_play_as_measured(study):
     folder, content = study
     args = timestep.ppo.arguments(TINY.split())
-    policy = timestep.policy_of(timestep.load_weights(folder / "policies" / "timestep" / "main_1-60_5.npz"), args)
+    policy = timestep.policy_of(timestep.load_arrays(folder / "policies" / "timestep" / "main_1-60_5.npz"), args)
     envs: Any = gym.make_vec(timestep.ppo.ENV_ID, num_envs=200, **timestep.WORLDS["1/60"])
     seed = timestep.LAYOUT_SEED
     assert timestep.ppo.success(policy, envs, seed) == content["runs"]["main_1-60_5"]["own"] / 200
@@ -214,9 +214,9 @@ def test_the_results_of_the_project_are_those_of_its_runs():
     content = json.loads(results("timestep").read_text(encoding="utf-8"))
     assert all(timestep.is_result(content, run) for runs in timestep.PARTS.values() for run in runs)
     assert len(content["runs"]) == sum(map(len, timestep.PARTS.values()))
-    policies = timestep.policies(timestep.OUTPUT)
+    policies = timestep.policy_folder(timestep.OUTPUT)
     assert {path.stem for path in policies.iterdir()} == {r.name for p in timestep.SAVED for r in timestep.PARTS[p]}
-    assert "Not measured" not in fill("<!-- timestep: main -->\n<!-- end -->")
+    assert "Not measured" not in fill_page("<!-- timestep: main -->\n<!-- end -->")
 
 
 def test_the_page_has_shots_that_only_their_own_world_pots(tmp_path, monkeypatch, capsys):
