@@ -148,7 +148,7 @@ class Positions(NamedTuple):
     cell: NDArray[np.int64]
 
 
-def load(paths: Sequence[Path]) -> Positions:
+def load_positions(paths: Sequence[Path]) -> Positions:
     """Returns the positions in files."""
     parts = [load_arrays(path) for path in paths]
     racks = [PART * k + part["rack"] for k, part in enumerate(parts)]
@@ -213,9 +213,9 @@ def measure(weights: Path, folder: Path, jobs: int) -> dict[str, Any]:
     paths: list[Path] = []
     with executor(jobs) as pool:
         for number in range(ROUNDS):
-            network = fit(*load(paths)[:2]) if paths else None
+            network = fit(*load_positions(paths)[:2]) if paths else None
             paths += play_round(pool, number, network, folder)
-    positions = load(paths)
+    positions = load_positions(paths)
     save_arrays(weights, fit(positions.inputs, positions.won))
     return {"machine": machine(), "cells": losses(positions)}
 

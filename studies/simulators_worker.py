@@ -52,7 +52,7 @@ def in_pymunk(dt: float, scene: Any) -> tuple[Any, Any, bool]:
         for body, at, speed in zip(bodies[2 * k : 2 * k + 2], positions + origins[k], (velocity, 0j), strict=True):
             body.position = PIXELS * at.real, PIXELS * at.imag
             body.velocity = PIXELS * speed.real, PIXELS * speed.imag
-            pymunk.Body.update_position(body, 0.0)  # forgets the push out of the last overlap
+            pymunk.Body.update_position(body, 0.0)  # removes the push out of the last overlap
 
     def step() -> tuple[Any, Any]:
         space.step(dt)

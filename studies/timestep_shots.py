@@ -70,7 +70,7 @@ def measure() -> dict[str, Any]:
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
-    says = {True: "potted", False: "missed"}
+    labels = {True: "potted", False: "missed"}
 
     def address(layout: dict[str, Any], world: str) -> str:
         steps = 960 if world == "exact" else round(1 / WORLDS[world]["dt"])
@@ -78,7 +78,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 
     def cell(layout: dict[str, Any], world: str) -> str:
         shot = layout["shots"][world]
-        text = f"{says[shot['own']]}, {says[shot['exact']]}"
+        text = f"{labels[shot['own']]}, {labels[shot['exact']]}"
         return f'<a href="{address(layout, world)}" target="shot">{text}</a>'
 
     head = "layout", *(world if world == "exact" else f"{world} s" for world in WORLDS)

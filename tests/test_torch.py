@@ -19,7 +19,7 @@ OUTPUTS = ("positions", "velocities", "spins")
 
 
 def start(scene, m=2, spins=False):
-    """Returns positions, velocities of the cue balls and, if asked, their spins, of shots aimed at ball 1."""
+    """Returns positions, velocities of the cue balls and, on request, their spins, of shots aimed at ball 1."""
     places, moving = zip(*(aimed(scene, seed) for seed in range(3, 3 + m)), strict=True)
     rng = np.random.default_rng(0)
     arrays = [np.array(places), np.array(moving)[:, 0], *([rng.normal(0.0, 5.0, (m, 3))] if spins else [])]

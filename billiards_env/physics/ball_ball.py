@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.clusters.friction import add_normal_impulses, forget_normal_impulses, rub_all, tilt_of
+from billiards_env.physics.clusters.friction import add_normal_impulses, reset_normal_impulses, rub_all, tilt_of
 from billiards_env.physics.clusters.impulses import apply_changes, separation_speed, solve_plastic
 from billiards_env.physics.double_double import HI, LO, add
 from billiards_env.physics.laws.balls import Pair, normal_impulse, push_apart, push_ball
@@ -22,7 +22,7 @@ def _exchange_many(count, contacts, state, scene, scratch):  # out: state, scrat
     if scratch is None:
         return 0
     e, increase, friction = scene.numbers.e_ball, scratch.increase, scene.ball_friction
-    forget_normal_impulses(friction, count, scratch)
+    reset_normal_impulses(friction, count, scratch)
     for c in range(count):
         increase[c, HI] = increase[c, LO] = 0.0
         if contacts.closing[c] > 0.0:

@@ -13,7 +13,7 @@ from billiards_env.players.planner import Plan
 from billiards_env.scene import Scene
 
 BUTTONS = {"placing": "Place", "aiming": "Shoot", "rolling": "Skip", "replaying": "Continue", "over": "New game"}
-"""The text of the button in each phase; it is empty while a program thinks."""
+"""The text of the button in each phase; it is empty while a program chooses its shot."""
 
 END = "N: new game   R: replay   U: undo   S: save"
 """The keys after the end of a game."""

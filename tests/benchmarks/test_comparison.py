@@ -1,4 +1,4 @@
-"""The comparison with other simulators measures and shows what it says; no time is asserted."""
+"""The comparison with other simulators; no time is asserted."""
 
 import json
 import sys
@@ -73,7 +73,7 @@ def test_the_engine_is_exact_and_simulators_that_are_missing_are_left_out(tmp_pa
     assert dict(zip(comparison.LAWS, recorded, strict=True)) == {
         "friction and spin": True,
         "throw and jaws": True,
-        "elastic disks": False,  # as the README says
+        "elastic disks": False,  # as in the README
     }
     assert "pooltool is left out" in capsys.readouterr().out
     written = json.loads((tmp_path / "comparison.json").read_text())

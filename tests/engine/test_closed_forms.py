@@ -43,7 +43,7 @@ CASES: dict[str, Case] = {}
 
 
 def case(sentence, start, events, max_time=None, max_events=None, **results):
-    """Adds a case. The sentence says what happens."""
+    """Adds a case. The sentence describes the shot."""
     assert sentence not in CASES
     limits = {"max_time": max_time, "max_events": max_events}
     CASES[sentence] = Case(start, events, {k: v for k, v in limits.items() if v is not None}, results)

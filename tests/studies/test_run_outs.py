@@ -34,7 +34,7 @@ def test_the_command_plays_what_is_missing_and_the_network_learns(tmp_path, monk
     files = sorted(folder.iterdir())
     assert len(files) == run_outs.ROUNDS * len(CELLS)
     assert sum(cell["positions"] for cell in content["cells"]) == sum(len(load_arrays(file)["won"]) for file in files)
-    everything = run_outs.load(files)
+    everything = run_outs.load_positions(files)
     chances = run_outs.run_outs.chances(load_arrays(weights), everything.inputs.astype(float))
     assert chances[everything.won].mean() > chances[~everything.won].mean() + 0.1
     first = load_arrays(weights)
