@@ -86,15 +86,15 @@ class Config:
     def __post_init__(self) -> None:
         least = {"timesteps": 0, "seed": 0, "n_envs": 1, "checkpoint_every": 1, "evaluation_episodes": 1}
         for name, bound in least.items():  # Stable-Baselines3 limits the seed
-            self._set(name, integer(name, _whole(getattr(self, name)), Range(bound, 2**32 - 1)))
+            self._set(name, integer(name, _as_integer(getattr(self, name)), Range(bound, 2**32 - 1)))
         if self.task is not None:
             one_of("task", self.task, tuple(FROZEN))
         task = None if self.task is None else FROZEN[self.task]
         noise: Any = self.noise
         if noise == "task":
             noise = {} if task is not None and task.noise else None
-        given = {"env": self.env, "policy": self.policy, "ppo": self.ppo, "noise": {} if noise is None else noise}
-        for name, value in given.items():
+        mappings = {"env": self.env, "policy": self.policy, "ppo": self.ppo, "noise": {} if noise is None else noise}
+        for name, value in mappings.items():
             if not isinstance(value, Mapping):
                 raise ValueError(f"{name} = {short(value)}: expected a mapping")
         self._set("env", _resolved(_numbers({**({} if task is None else task.arguments), **self.env})))
@@ -118,7 +118,7 @@ class Config:
         ppo = self.ppo
         for name, value in ppo.items():
             if name in _COUNTS:
-                ppo[name] = integer(f"ppo.{name}", _whole(value), Range(1, None))
+                ppo[name] = integer(f"ppo.{name}", _as_integer(value), Range(1, None))
             elif name == "normalize_advantage":
                 flag(f"ppo.{name}", value)
             elif value is not None or name not in _OPTIONAL:
@@ -222,7 +222,7 @@ def _is_pair(value: Any) -> TypeGuard[list[Any]]:
     return isinstance(value, list) and len(value) == 2
 
 
-def _whole(value: Any) -> Any:
+def _as_integer(value: Any) -> Any:
     """Returns a text such as "1e6" as a whole number, if it is one."""
     value = number(value)
     return int(value) if isinstance(value, float) and value.is_integer() else value
@@ -237,14 +237,14 @@ def _numbers(value: Any) -> Any:
     return number(value)
 
 
-def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
+def _resolved(own: Mapping[str, Any]) -> dict[str, Any]:
     """Returns all arguments of the environment. Missing ones have their defaults, or the defaults of the task."""
     parameters = dict(inspect.signature(make_model).parameters)
     for name in ("noise", "noise_seed"):  # `noise` has its own section
         del parameters[name]
-    for key in given:
+    for key in own:
         one_of("key of env", key, tuple(parameters))
-    arguments = {name: given.get(name, parameter.default) for name, parameter in parameters.items()}
+    arguments = {name: own.get(name, parameter.default) for name, parameter in parameters.items()}
     if isinstance(arguments["task"], str) and arguments["task"] in TASKS:
         task = TASKS[arguments["task"]]
         of_task = {"scene": task.scene, "layout": task.layout, "max_shots": task.max_shots}

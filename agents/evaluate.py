@@ -14,7 +14,7 @@ from typing import Any
 
 import torch
 
-from agents.ppo import deterministic, load_policy, make_env, make_vector
+from agents.ppo import deterministic, load_run, make_env, make_vector
 from agents.train import learning_curve
 from billiards_env.checks import Range, integer, missing
 from billiards_env.commands import ending
@@ -45,7 +45,7 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
         FileNotFoundError: If the folder holds no finished run.
         ValueError: If `episodes` or `seed` is impossible, or the policy does not fit the configuration.
     """
-    config, policy = load_policy(run_dir)
+    config, policy = load_run(run_dir)
     episodes = integer("episodes", config.evaluation_episodes if episodes is None else episodes, "num_envs")
     seed = integer("seed", config.seed if seed is None else seed, Range(0, 2**32 - 1))
     seeds = evaluation_seeds(seed, episodes).tolist()
@@ -67,7 +67,7 @@ def evaluate_player(run_dir: Path, player: str, episodes: int | None = None, see
     Raises:
         ValueError: If there is no such player.
     """
-    config, _ = load_policy(run_dir)
+    config, _ = load_run(run_dir)
     noise = (0.0, 0.0) if config.noise is None else (config.noise["angle_std"], config.noise["speed_std"])
     episodes = min(episodes or config.evaluation_episodes, LAYOUTS)
     seed = config.seed if seed is None else seed
@@ -94,7 +94,7 @@ def film(run_dir: Path, path: Path, episodes: int = FILMED, seed: int | None = N
     target = check_path(path, ".mp4")
     from billiards_env.drawing.film import mp4_writer
 
-    config, policy = load_policy(run_dir)
+    config, policy = load_run(run_dir)
     env: Any = make_env(config, "rgb_array_list")
     infos, write = [], None
     with contextlib.ExitStack() as stack:

@@ -59,7 +59,7 @@ def make_vec_env(config: Config, threads: int | None = None) -> VecEnv:
     return SameStepVecEnv(make_vector(config, config.n_envs, threads))
 
 
-def make_model(config: Config, envs: VecEnv) -> PPO:
+def make_ppo(config: Config, envs: VecEnv) -> PPO:
     """Returns an untrained PPO model."""
     return PPO(
         POLICIES[config.policy["head"]],
@@ -123,7 +123,7 @@ def deterministic(policy: BasePolicy) -> Callable[[NDArray[np.float32]], NDArray
     return lambda observations: policy.predict(observations, deterministic=True)[0]
 
 
-def load_policy(run_dir: Path, env: Mapping[str, Any] | None = None) -> tuple[Config, BasePolicy]:
+def load_run(run_dir: Path, env: Mapping[str, Any] | None = None) -> tuple[Config, BasePolicy]:
     """Returns the configuration and the trained policy of a run.
 
     Args:

@@ -36,11 +36,11 @@ from stable_baselines3.common.utils import safe_mean
 
 import billiards_env
 from agents.config import Config, load
-from agents.ppo import deterministic, make_model, make_policy, make_vec_env, make_vector, restart
+from agents.ppo import deterministic, make_policy, make_ppo, make_vec_env, make_vector, restart
 from billiards_env.checks import number
 from billiards_env.commands import ending
 from billiards_env.evaluation import evaluation_seeds, play_together
-from billiards_env.files import write_json, write_whole
+from billiards_env.files import write_atomically, write_json
 from billiards_env.sb3.weights import load_weights, save_policy, whole_archive
 
 # The files and folders of a run, without config.yaml. A folder with a config.yaml is the folder of a run.
@@ -85,7 +85,7 @@ def open_run(config: Config, run_dir: Path, fresh: bool = False) -> None:
         for name in _FOLDERS:
             shutil.rmtree(run_dir / name, ignore_errors=True)
         write_json(run_dir / "versions.json", versions())
-        write_whole(saved, config.to_yaml().encode())
+        write_atomically(saved, config.to_yaml().encode())
 
 
 def locked(run_dir: Path) -> FileLock:
@@ -108,7 +108,7 @@ def train(config: Config, run_dir: Path) -> None:
         print(f"{run_dir} is trained already ({config.timesteps:,} shots); --fresh starts again")
         return
     with locked(run_dir), one_fast_thread(), closing(make_vec_env(config)) as envs:
-        model = make_model(config, envs)
+        model = make_ppo(config, envs)
         model.set_logger(configure(str(run_dir / "tensorboard"), ["tensorboard"]))
         if (checkpoint := newest_checkpoint(run_dir)) is not None:
             _resume(model, checkpoint)
@@ -224,7 +224,7 @@ class LearningCurve:
             print(f"{steps:>12,} shots {seconds:6.0f} s  {rate:6.1%} of new layouts", flush=True)
             text = io.StringIO()
             csv.writer(text, lineterminator="\n").writerows([Point._fields, *self.points])
-            write_whole(self.run_dir / "training.csv", text.getvalue().encode())
+            write_atomically(self.run_dir / "training.csv", text.getvalue().encode())
         self._begin = self.clock()
 
     def close(self) -> None:
@@ -278,7 +278,7 @@ def _save(model: PPO, path: Path) -> None:
     buffer = io.BytesIO()
     model.save(buffer)
     path.parent.mkdir(exist_ok=True)
-    write_whole(path, buffer.getvalue())
+    write_atomically(path, buffer.getvalue())
 
 
 def train_command(

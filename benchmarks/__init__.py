@@ -27,7 +27,7 @@ from tqdm import tqdm
 
 from billiards_env.checks import Range, integer
 from billiards_env.commands import ending
-from billiards_env.files import write_json, write_whole
+from billiards_env.files import write_atomically, write_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -108,7 +108,7 @@ def save_image(image: Image, path: Path, octree: bool) -> None:
     small = io.BytesIO()
     method = Quantize.FASTOCTREE if octree else None
     image.quantize(256, method=method, dither=Dither.NONE).save(small, format="png", optimize=True)
-    write_whole(path, small.getvalue())
+    write_atomically(path, small.getvalue())
 
 
 def metres(error: float | None) -> str:
@@ -137,9 +137,9 @@ def parser_of(command: str, description: str, **options: tuple[Any, str]) -> arg
     return parser
 
 
-def _count(option: str, given: str) -> int:
+def _count(option: str, text: str) -> int:
     try:
-        return integer(f"--{option}", int(given), Range(1, None))
+        return integer(f"--{option}", int(text), Range(1, None))
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
 
@@ -241,12 +241,12 @@ def run_kinds(
 ) -> dict[str, list[dict[str, Any]]]:
     """Returns `work(kind, seed)` of the first shots of each kind, computed by some processes."""
     tasks = list(itertools.product(kinds, range(shots)))
-    found: dict[str, list[dict[str, Any]]] = {kind: [] for kind in kinds}
+    by_kind: dict[str, list[dict[str, Any]]] = {kind: [] for kind in kinds}
     with processes(workers) as pool:
         results = tqdm(pool.map(work, *zip(*tasks, strict=True), chunksize=2), total=len(tasks), unit="shot")
         for (kind, _), result in zip(tasks, results, strict=True):
-            found[kind].append(result)
-    return found
+            by_kind[kind].append(result)
+    return by_kind
 
 
 def _cpu_model() -> str:

@@ -64,19 +64,19 @@ PROBLEMS = {
 PIT = [Engine("pit", 1 / steps, fix) for fix in accuracy_report.PIT_STYLES for steps in STEPS]
 
 
-def shot_of(name: str, seed: int) -> tuple[Floats, Floats]:
+def draw_shot(name: str, seed: int) -> tuple[Floats, Floats]:
     """Returns the positions and velocities of a shot of a problem, see `error_limit.Draw`."""
     scene, draw, _ = PROBLEMS[name]
     return draw(scene, np.random.default_rng([seed, list(PROBLEMS).index(name), 7]))
 
 
-def shots_of(name: str, count: int) -> tuple[Floats, Floats]:
+def draw_shots(name: str, count: int) -> tuple[Floats, Floats]:
     """Returns the positions and velocities of the first `count` shots of a problem."""
-    positions, velocities = zip(*(shot_of(name, seed) for seed in range(count)), strict=True)
+    positions, velocities = zip(*(draw_shot(name, seed) for seed in range(count)), strict=True)
     return np.array(positions), np.array(velocities)
 
 
-def follow(name: str, seed: int) -> dict[str, Any]:
+def follow_shot(name: str, seed: int) -> dict[str, Any]:
     """Runs one shot by the oracle and by every method.
 
     The shot is followed to its end, or until balls at rest press against each other, because the laws of impact do not
@@ -88,7 +88,7 @@ def follow(name: str, seed: int) -> dict[str, Any]:
         whether PIC has the outcome of the oracle.
     """
     scene, _, time = PROBLEMS[name]
-    positions, velocities = shot_of(name, seed)
+    positions, velocities = draw_shot(name, seed)
     pic = simulate(scene, positions, velocities, record=True)
     assert pic.events is not None
     ruled = pic.events["time"][pic.events["rule"]]
@@ -126,7 +126,7 @@ def compare_outcomes(name: str, count: int, workers: int) -> dict[Engine, dict[s
         share of these shots with other potted balls (or another carom).
     """
     scene = PROBLEMS[name].scene
-    positions, velocities = shots_of(name, count)
+    positions, velocities = draw_shots(name, count)
 
     def outcome(engine: Engine) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Returns the scores (m, k), whether the shot scores (m,), and the whole outcome (m, l)."""
@@ -173,13 +173,13 @@ def seconds_per_shot(shots: int, passes: int) -> dict[tuple[str, Engine], list[f
     """Returns the mean time of a shot by problem and engine, one entry per pass; engines take turns on one core."""
     calls = {}
     for name, problem in PROBLEMS.items():
-        timed = shots_of(name, min(shots, TIMED))
+        timed = draw_shots(name, min(shots, TIMED))
         calls |= {(name, engine): timer(problem.scene, *timed, engine) for engine in (PIC, *PIT)}
     times = [[call() for call in calls.values()] for _ in tqdm(range(passes), "times", unit="pass")]
     return dict(zip(calls, map(list, zip(*times, strict=True)), strict=True))
 
 
-def rows_of(
+def rows_per_engine(
     errors: Sequence[Sequence[float]],
     seconds: dict[Engine, list[float]],
     wrong: dict[Engine, dict[str, float | int]],
@@ -208,7 +208,7 @@ def measure(shots: int, outcomes: int, passes: int, workers: int) -> dict[str, A
     """
     integer("shots", shots, Range(4, None))  # the first break that is followed to its end is the fourth one
     on, seconds = machine(), seconds_per_shot(shots, passes)
-    followed = run_kinds(follow, PROBLEMS, shots, workers)
+    followed = run_kinds(follow_shot, PROBLEMS, shots, workers)
     playable = [name for name, problem in PROBLEMS.items() if problem.scene.physics.motion != "ideal"]
     counts = {name: outcomes // (BREAKS if "break" in name else 1) or 1 for name in playable}
     wrong = {name: compare_outcomes(name, counts[name], workers) for name in playable}
@@ -224,7 +224,7 @@ def measure(shots: int, outcomes: int, passes: int, workers: int) -> dict[str, A
             "compared": len(errors),
             "followed_to_the_end": len(ends),
             "pic_outcome_as_oracle": sum(ends),
-            "methods": rows_of(errors, times, wrong.get(name, {})),
+            "methods": rows_per_engine(errors, times, wrong.get(name, {})),
         }
     return {"machine": on, "shots": shots, "passes": passes, "scenes": scenes}
 

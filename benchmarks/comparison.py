@@ -196,14 +196,14 @@ def nose_height(scene: Scene) -> float:
     return radius * (1.0 + sine / math.sqrt(1.0 - sine * sine))
 
 
-def shots_of(laws: str, kind: str, count: int) -> list[tuple[Floats, Floats]]:
+def draw_shots(laws: str, kind: str, count: int) -> list[tuple[Floats, Floats]]:
     """Returns the first `count` shots of a kind."""
-    scene = scene_of(laws, kind)
+    scene = scene_of_kind(laws, kind)
     seeds = ([k, list(LAWS).index(laws), list(KINDS).index(kind), 11] for k in range(count))
     return [KINDS[kind].draw(scene, np.random.default_rng(seed)) for seed in seeds]
 
 
-def scene_of(laws: str, kind: str) -> Scene:
+def scene_of_kind(laws: str, kind: str) -> Scene:
     """Returns the scene of a kind of shots."""
     return Scene.named(LAWS[laws], KINDS[kind].n_object_balls)
 
@@ -259,8 +259,8 @@ def measure(shots: int, passes: int) -> dict[str, Any]:
 
 def compare(laws: str, kind: str, runners: Sequence[Runner], count: int, passes: int) -> list[dict[str, Any]]:
     """Returns run times and errors of each simulator for one kind of shots; the first one is billiards-env."""
-    scene, time = scene_of(laws, kind), KINDS[kind].time
-    shots = shots_of(laws, kind, count)
+    scene, time = scene_of_kind(laws, kind), KINDS[kind].time
+    shots = draw_shots(laws, kind, count)
     exact = [exact_positions(scene, *shot, time) for shot in shots]
     errors: list[list[float]] = [[] for _ in runners]
     for k, runner in enumerate(runners):  # these calls also compile

@@ -45,7 +45,7 @@ def run(breaks: Floats) -> BatchResult:
     return simulate_batch(BREAK, positions, breaks[:, 2:], record=True)
 
 
-def draw(m: int, rng: np.random.Generator) -> Floats:
+def draw_breaks(m: int, rng: np.random.Generator) -> Floats:
     """Returns random breaks (m, 4)."""
     return rng.uniform(LOWEST, HIGHEST, (m, 4))
 
@@ -57,7 +57,7 @@ def solve_break(start: Floats, goal: Floats, rng: np.random.Generator) -> dict[s
     batch before with the shortest such steps.
     """
     size, least, most = HIGHEST - LOWEST, (-2, -2, -3, -3), (0.43, 3, 3, 3)
-    breaks = np.concatenate((start[None], draw(FRESH - 1, rng)))
+    breaks = np.concatenate((start[None], draw_breaks(FRESH - 1, rng)))
     tried, best, iterations, begin = 0, np.inf, None, perf_counter()
     for iteration in range(1, MOST + 1):
         batch = run(breaks)
@@ -76,7 +76,7 @@ def solve_break(start: Floats, goal: Floats, rng: np.random.Generator) -> dict[s
         moved = breaks[chosen, None] + 0.5 ** np.arange(4.0)[:, None] * step[:, None] * size
         nearest = breaks[rng.choice(np.linalg.norm(error, axis=1).argsort()[:KEPT], FRESH)]
         near = nearest + 10.0 ** rng.uniform(-4, 0, (FRESH, 1)) * rng.normal(size=(FRESH, 4)) * size
-        breaks = np.clip(np.concatenate((moved.reshape(-1, 4), near, draw(FRESH, rng))), least, most)
+        breaks = np.clip(np.concatenate((moved.reshape(-1, 4), near, draw_breaks(FRESH, rng))), least, most)
     return {"iterations": iterations, "shots": tried, "distance": best, "seconds": perf_counter() - begin}
 
 
@@ -84,10 +84,10 @@ def difftaichi(tasks: int) -> dict[str, Any]:
     """Solves DiffTaichi's own task, and some with a random start and the end of another random break as the goal."""
     rng, goals = np.random.default_rng(0), np.empty((0, 2))
     while len(goals) < tasks:
-        ends = run(draw(tasks, rng)).positions[:, -1]
+        ends = run(draw_breaks(tasks, rng)).positions[:, -1]
         goals = np.concatenate((goals, ends[np.abs(ends - RACK[-1]).max(axis=1) > RADIUS]))
     own = solve_break(np.array([0.1, 0.5, 0.3, 0.0]), np.array([0.9, 0.75]), rng)
-    starts = draw(tasks, rng)
+    starts = draw_breaks(tasks, rng)
     return {"own": own, "random": [solve_break(start, goal, rng) for start, goal in zip(starts, goals, strict=False)]}
 
 
@@ -140,7 +140,7 @@ def measure(tasks: int) -> dict[str, Any]:
     return {"machine": on, "difftaichi": difftaichi(tasks), "diffmjx": pushes, "nimble": nimble()}
 
 
-def blocks(found: dict[str, Any]) -> dict[str, str]:
+def blocks(measured: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
 
     def solved(results: list[dict[str, Any]], budget: int) -> str:
@@ -148,13 +148,13 @@ def blocks(found: dict[str, Any]) -> dict[str, str]:
         text = f"{len(least)} of {len(results)} solved in at most {budget} iterations"
         return text + (f", median {np.median(least):.0f}" if least else "")
 
-    own, others = found["difftaichi"]["own"], found["difftaichi"]["random"]
+    own, others = measured["difftaichi"]["own"], measured["difftaichi"]["random"]
     first = f"{own['iterations']} iterations, {own['distance']:.0e} m from the goal"
-    gradient = ", ".join(f"{value + 0.0:.2g}" for value in found["nimble"])
+    gradient = ", ".join(f"{value + 0.0:.2g}" for value in measured["nimble"])
     rows = [
         ("DiffTaichi, billiards", "200 iterations", first),
         ("the same from other starts to other goals", "the loss rises", solved(others, 10)),
-        ("DiffMJX, `03_billiard`", "at most 30 iterations", solved(found["diffmjx"], 5)),
+        ("DiffMJX, `03_billiard`", "at most 30 iterations", solved(measured["diffmjx"], 5)),
         ("Nimble, two balls on a line; exact: 1, 0, 1, 0", "0.75, 0.25, 0.91, 0.08", gradient),
     ]
     shots, seconds = (np.median([result[key] for result in others]) for key in ("shots", "seconds"))

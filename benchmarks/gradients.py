@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import machine, run_command, table
-from benchmarks.speed import Case, breaks, random_shots, seconds, summary
+from benchmarks.speed import Case, breaks, quartiles, random_shots, seconds
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
 
@@ -49,7 +49,7 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
         record, jvp, vjp = (part / plain for part in parts)
         ratios = zip(PARTS, (record, jvp, vjp, record + jvp, record + vjp), strict=True)
         us = 1e6 * float(np.median(plain)) / len(case.positions)
-        rows.append({"case": case.name, "us_per_shot": us, "ratios": {name: summary(row) for name, row in ratios}})
+        rows.append({"case": case.name, "us_per_shot": us, "ratios": {name: quartiles(row) for name, row in ratios}})
     return {"machine": on, "repeats": repeats, "cases": rows}
 
 

@@ -62,7 +62,7 @@ def cases(scale: float = 1.0) -> list[Case]:
         breaks("15-ball break, tight rack", "pool", "tight_rack", count(800)),
         random_shots("real pool, 1 object ball", Scene.named("real_pool", 1), count(32_000)),
         breaks("real pool, 15-ball break, loose rack", "real_pool", "rack", count(500)),
-        gas("ideal gas, 16 disks, 10 s", 16, count(800)),
+        gas_case("ideal gas, 16 disks, 10 s", 16, count(800)),
     ]
 
 
@@ -89,7 +89,7 @@ def breaks(name: str, scene_name: str, layout: str, count: int) -> Case:
     return Case(name, scene, positions, BREAK_SPEED * np.column_stack((np.cos(angle), np.sin(angle))))
 
 
-def gas(name: str, n_balls: int, count: int) -> Case:
+def gas_case(name: str, n_balls: int, count: int) -> Case:
     """Returns shots in which all frictionless, elastic disks move, for the 10 s of the scene's time limit."""
     rng = np.random.default_rng(0)
     scene = Scene.named("ideal", n_balls - 1)
@@ -119,7 +119,7 @@ def seconds(run: Callable[..., object], *arguments: Any) -> float:
     return perf_counter() - begin
 
 
-def summary(values: Sequence[float] | Floats) -> dict[str, float]:
+def quartiles(values: Sequence[float] | Floats) -> dict[str, float]:
     """Returns the median and the quartiles."""
     low, middle, high = np.quantile(values, (0.25, 0.5, 0.75)).tolist()
     return {"median": middle, "lower_quartile": low, "upper_quartile": high}
@@ -153,13 +153,13 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
             {
                 "case": case.name,
                 "shots": m,
-                "shots_per_second": summary(m / one),
+                "shots_per_second": quartiles(m / one),
                 "events_per_shot": events / m,
                 "most_events": int(outcome.n_events.max()),
                 "contact_rule_share": float((outcome.n_contact_rule > 0).mean()),
-                "microseconds_per_event": summary(1e6 * one / events),
+                "microseconds_per_event": quartiles(1e6 * one / events),
                 "seconds_simulated_per_shot": float(outcome.time.mean()),
-                "two_threads_over_one": summary(one / two),
+                "two_threads_over_one": quartiles(one / two),
             }
         )
     return {
@@ -168,7 +168,7 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
         "max_speed": MAX_SPEED,
         "break_speed": BREAK_SPEED,
         "batch": rows,
-        "microseconds_per_call": {name: summary([1e6 * t[name] for t in calls]) for name in calls[0]},
+        "microseconds_per_call": {name: quartiles([1e6 * t[name] for t in calls]) for name in calls[0]},
         "growth": [time_gas(n, repeats) for n in DISKS],
     }
 
@@ -184,9 +184,9 @@ def time_gas(n: int, repeats: int) -> dict[str, float]:
     at_once = gas._replace(scene=replace(gas.scene, physics=replace(gas.scene.physics, max_time=1e-9)))
     run(at_once)  # compiles
     passes, m = min(repeats, 1 + 40_000 * repeats // n), len(gas.positions)
-    whole, begin = (1e6 * float(np.median([seconds(run, case) for _ in range(passes)])) / m for case in (gas, at_once))
+    to_end, begin = (1e6 * float(np.median([seconds(run, case) for _ in range(passes)])) / m for case in (gas, at_once))
     events = float(run(gas).n_events.mean())
-    return {"disks": n, "passes": passes, "events_per_shot": events, "us_per_shot": whole, "us_to_begin": begin}
+    return {"disks": n, "passes": passes, "events_per_shot": events, "us_per_shot": to_end, "us_to_begin": begin}
 
 
 def time_calls(case: Case) -> dict[str, float]:

@@ -45,7 +45,7 @@ WORST = ("overlap", "outside", "rise", "momentum", "most_events")
 ADDED = ("shots", "contact_rule", "events")
 
 
-def random_shots(pool: Executor, scale: float) -> dict[str, dict[str, Any]]:
+def run_random_shots(pool: Executor, scale: float) -> dict[str, dict[str, Any]]:
     """Runs all kinds of shots and returns the worst values of each kind."""
     tasks = []
     for name, (thousands, chunk) in SHOTS.items():
@@ -76,7 +76,7 @@ def measure(workers: int, scale: float) -> dict[str, Any]:
         families.run(family, 0, 1)  # compiles the kernels once, for all processes
     on, started = machine(), time.perf_counter()
     with processes(workers) as pool:
-        shots = random_shots(pool, scale)
+        shots = run_random_shots(pool, scale)
         gases = [pool.submit(drift, n, round(1e6 * scale)) for n in (2, 16, 100)]
         drifts = [gas.result() for gas in gases]
     minutes = round((time.perf_counter() - started) / 60, 1)

@@ -16,7 +16,7 @@ import gymnasium as gym
 import numpy as np
 
 from benchmarks import machine, run_command, table
-from benchmarks.speed import seconds, summary
+from benchmarks.speed import quartiles, seconds
 from billiards_env.engine import run_shots_of
 from billiards_env.envs import episodes
 
@@ -94,7 +94,7 @@ def outside_engine(count: int, steps: int) -> Callable[[], float]:
     return share
 
 
-def kinds(scale: float) -> list[tuple[str, int, Callable[[], object]]]:
+def environments(scale: float) -> list[tuple[str, int, Callable[[], object]]]:
     """Returns the name, the number of steps per pass and the pass of each kind of environment."""
 
     def steps(count: int) -> int:
@@ -125,14 +125,14 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
         environments on one thread.
     """
     on = machine()
-    played, outside = kinds(scale), outside_engine(1024, max(1, round(20 * scale)))
+    played, outside = environments(scale), outside_engine(1024, max(1, round(20 * scale)))
     outside()
     for _, _, play in played:  # compiles the kernels
         play()
     passes = [[outside(), *(steps / seconds(play) for _, steps, play in played)] for _ in range(repeats)]
     shares, *rates = zip(*passes, strict=True)
-    rows = [{"kind": name, "per_second": summary(values)} for (name, _, _), values in zip(played, rates, strict=True)]
-    return {"machine": on, "repeats": repeats, "steps": rows, "outside_engine": summary(shares)}
+    rows = [{"kind": name, "per_second": quartiles(values)} for (name, _, _), values in zip(played, rates, strict=True)]
+    return {"machine": on, "repeats": repeats, "steps": rows, "outside_engine": quartiles(shares)}
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:

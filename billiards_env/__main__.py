@@ -20,7 +20,7 @@ import numpy as np
 from billiards_env import Scene, __version__
 from billiards_env.checks import MAX_SPEED, Range, finite, integer, number, one_of, real
 from billiards_env.commands import ending
-from billiards_env.export import WRITERS, table
+from billiards_env.export import WRITERS, shot_text
 from billiards_env.files import check_path
 from billiards_env.frozen import BENCH_TASKS, FROZEN
 from billiards_env.scene import SCENES
@@ -207,10 +207,10 @@ def simulate(args: argparse.Namespace) -> None:
     from billiards_env.engine import Engine
     from billiards_env.scene import layouts
     from billiards_env.shots import simulation
-    from billiards_env.shots.records import scene_of
+    from billiards_env.shots.records import read_scene
 
     _check_out(args.out)
-    scene = scene_of(args.scene, args.balls)
+    scene = read_scene(args.scene, args.balls)
     if args.positions is None:
         positions = layouts.draw(
             args.layout, scene, np.random.default_rng(integer("--seed", args.seed, Range(0, None)))
@@ -226,7 +226,7 @@ def simulate(args: argparse.Namespace) -> None:
     engine = Engine(args.mode, args.dt, args.fix)
     options = {"engine": engine, "max_time": args.max_time}
     shot = simulation.simulate(scene, positions, velocity, spins=spin, record=True, **options)
-    print(shot, table(shot), sep="\n")
+    print(shot, shot_text(shot), sep="\n")
     _write(shot, args.out)
 
 
@@ -257,12 +257,12 @@ def evaluate(args: argparse.Namespace) -> None:
     import gymnasium as gym
 
     from billiards_env.evaluation import find_player, measure, row_printer
-    from billiards_env.shots.records import scene_of
+    from billiards_env.shots.records import read_scene
 
     names = ("task", "scene", "n_object_balls", "layout", "action", "max_shots", "mode", "dt")
     arguments = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
     if args.scene is not None and args.scene.endswith(".json"):
-        arguments["scene"] = scene_of(args.scene)
+        arguments["scene"] = read_scene(args.scene)
     episodes, seed = integer("--episodes", args.episodes, Range(1, None)), integer("--seed", args.seed, Range(0, None))
     players = [*args.player, *(player for player in args.beside if player not in args.player)]
     env = gym.make("billiards_env:Billiards-v0", **arguments)
@@ -290,10 +290,10 @@ def bench(args: argparse.Namespace) -> None:
         noise_seed = secrets.randbits(63) if args.noise_seed is None else args.noise_seed
         for path in args.file:
             verified = bench.verify(path)
-            print(f"{path}: accepted, {verified.player}\n{bench.report(verified)}", flush=True)
+            print(f"{path}: accepted, {verified.player}\n{bench.score_table(verified)}", flush=True)
             other = bench.fresh(verified, noise_seed)
             if other.results:
-                print(f"the same actions with the noise of seed {noise_seed}:\n{bench.report(other)}", flush=True)
+                print(f"the same actions with the noise of seed {noise_seed}:\n{bench.score_table(other)}", flush=True)
             noisy = {one.task for one in verified.results if FROZEN[one.task].noise}
             for task in sorted(noisy - {one.task for one in other.results}):
                 print(f"{task}: replayed only, the player may have computed the noise beforehand", flush=True)
@@ -315,7 +315,7 @@ def bench(args: argparse.Namespace) -> None:
             print(f"{task}: {episodes:,} of {bench.EPISODES:,} episodes", end="\r", file=sys.stderr)
 
     played = bench.play(args.player, args.tasks.split(","), args.seed, args.name, progress, args.noise_seed, part)
-    print(bench.report(played), flush=True)
+    print(bench.score_table(played), flush=True)
     if args.out is not None and part is not None:
         bench.save(args.out, played)
         part.unlink()
@@ -327,13 +327,13 @@ def calibrate(args: argparse.Namespace) -> None:
     from billiards_env.calibration import calibrate, read_tracks
     from billiards_env.calibration.calibrate import FRICTION_CUSHIONS
     from billiards_env.calibration.report import check_out
-    from billiards_env.shots.records import scene_of
+    from billiards_env.shots.records import read_scene
 
     for path in args.out:
         check_out(path)
     tracks = read_tracks(args.tracks, args.unit)
     most = max((int(track.balls.max()) for track in tracks), default=0)
-    scene = scene_of(args.scene, most if args.balls is None and not args.scene.endswith(".json") else args.balls)
+    scene = read_scene(args.scene, most if args.balls is None and not args.scene.endswith(".json") else args.balls)
     laws = args.laws
     if laws is None:
         laws = FRICTION_CUSHIONS if scene.physics.cushion in FRICTION_CUSHIONS else ()
@@ -374,7 +374,7 @@ def replay(args: argparse.Namespace) -> None:
     if args.shot is not None:
         shots = [shots[args.shot - 1]]
     for shot in shots[-1:]:
-        print(shot, table(shot), sep="\n")
+        print(shot, shot_text(shot), sep="\n")
         _write(shot, args.out)
     if args.window:
         _show(record.scene if isinstance(record, records.ShotRecord) else record.setup.scene, shots)

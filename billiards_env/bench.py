@@ -400,7 +400,7 @@ def score(results: Sequence[Result]) -> dict[str, Any]:
     }
 
 
-def report(bench: Bench) -> str:
+def score_table(bench: Bench) -> str:
     """Returns a table with the scores of each task and seed, and the interquartile mean of the normalised scores."""
     width = max(len(result.task) for result in bench.results)
     lines = [f"{'task':{width}}  seed  success  95% interval  return  95% interval    normalised"]

@@ -163,8 +163,8 @@ def integer(name: str, value: Any, within: str | Range) -> int:
         ValueError: max_shots = 0: expected a whole number from 1 to 1000000000
     """
     least, most, _, _ = RANGES[within] if isinstance(within, str) else within
-    is_whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    if not is_whole or value < least or (most is not None and value > most):
+    is_integer = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    if not is_integer or value < least or (most is not None and value > most):
         raise ValueError(f"{name} = {short(value)}: expected {_expected('whole number', within)}")
     return int(value)
 

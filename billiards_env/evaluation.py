@@ -53,7 +53,7 @@ def steps(env: gym.Env[Any, Any], act: Act, seed: int) -> Iterator[Step]:
         observation, done = step.following, step.terminated or step.truncated
 
 
-def play(env: gym.Env[Any, Any], act: Act, seeds: Iterable[int]) -> dict[str, Any]:
+def play_episodes(env: gym.Env[Any, Any], act: Act, seeds: Iterable[int]) -> dict[str, Any]:
     """Plays one episode for each seed.
 
     Args:
@@ -79,7 +79,7 @@ def play_together(
     act: Act,
     seeds: Sequence[int],
 ) -> dict[str, Any]:
-    """Plays one episode for each seed, all at the same time. The episodes and the result are as in `play`.
+    """Plays one episode for each seed, all at the same time. The episodes and the result are as in `play_episodes`.
 
     `envs` has one environment for each seed and resets in the same step. `act` returns the actions of all of them.
     """
@@ -98,7 +98,7 @@ def play_together(
 
 
 def summary(successes: Sequence[bool], scores: Sequence[float], rewards: Sequence[float]) -> dict[str, Any]:
-    """Returns the dictionary that `play` returns, from the outcome of each episode."""
+    """Returns the dictionary that `play_episodes` returns, from the outcome of each episode."""
     return {
         "episodes": len(successes),
         "successes": sum(successes),
@@ -130,8 +130,8 @@ def measure(
         progress: A function that is called before each shot.
 
     Returns:
-        The results of `play`, `mean_shots` (the mean number of shots of an episode) and `ms_per_decision` (the median
-        time to choose a shot, ms).
+        The results of `play_episodes`, `mean_shots` (the mean number of shots of an episode) and `ms_per_decision` (the
+        median time to choose a shot, ms).
 
     Raises:
         OSError: As in `find_player`.
@@ -149,13 +149,13 @@ def measure(
         times.append(time.perf_counter() - begin)
         return action
 
-    result = play(env, act, evaluation_seeds(seed, episodes).tolist())
+    result = play_episodes(env, act, evaluation_seeds(seed, episodes).tolist())
     env.close()
     return {**result, "mean_shots": len(times) / episodes, "ms_per_decision": 1e3 * float(np.median(times))}
 
 
 def row_printer(names: Sequence[str], details: bool = False) -> Callable[[str, dict[str, Any]], None]:
-    """Prints the head of a table, and returns a function that prints the row of a player: its result of `play`.
+    """Prints the head of a table, and returns a function that prints a player's row: its result of `play_episodes`.
 
     With `details` a row also has the mean return and what `measure` adds.
     """

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from billiards_env.files import replacing, write_whole
+from billiards_env.files import replacing, write_atomically
 
 if TYPE_CHECKING:
     from billiards_env.shots.result import ShotResult
@@ -20,7 +20,7 @@ def _picture(shot: ShotResult, path: Path) -> None:
         figure.savefig(temporary, dpi=150)
 
 
-def table(shot: ShotResult) -> str:
+def shot_text(shot: ShotResult) -> str:
     """Returns the final positions and the first `SHOWN` events of a recorded shot as text."""
     from billiards_env.drawing.style import KINDS, cushion_names
 
@@ -43,11 +43,11 @@ def _rows(shot: ShotResult, path: Path) -> None:
     lines = ["time,ball,x,y,vx,vy,wx,wy,wz"]
     for time, balls in zip(times.tolist(), values, strict=True):
         lines += [",".join(map(repr, (time, ball, *row))) for ball, row in enumerate(balls)]
-    write_whole(path, ("\n".join(lines) + "\n").encode())
+    write_atomically(path, ("\n".join(lines) + "\n").encode())
 
 
 SHOWN = 40
-"""The largest number of events in `table`."""
+"""The largest number of events in `shot_text`."""
 
 WRITERS: dict[str, Callable[[ShotResult, Path], object]] = {
     ".html": lambda shot, path: shot.to_html(path),

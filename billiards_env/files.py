@@ -131,7 +131,7 @@ def read_text(path: str | os.PathLike[str], most: int, what: str) -> str:
         raise ValueError(f"{os.fspath(path)}: {error}") from error
 
 
-def write_whole(path: Path, content: bytes) -> None:
+def write_atomically(path: Path, content: bytes) -> None:
     """Writes `content` to `path` completely or not at all; replaces an existing file, and creates missing folders.
 
     Raises:
@@ -147,7 +147,7 @@ def write_json(path: Path, data: Any) -> None:
 
     A list or mapping without nested lists or mappings takes one line.
     """
-    write_whole(path, (_json(data) + "\n").encode())
+    write_atomically(path, (_json(data) + "\n").encode())
 
 
 def _json(data: Any, indent: str = "") -> str:

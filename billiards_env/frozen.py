@@ -144,8 +144,8 @@ def _entries() -> dict[str, Frozen]:
             strike, noise = k >= 2, k % 2 == 1
             text = summary + strike * " The table has real pockets, and an action is a strike of the cue."
             text += noise * " The environment adds noise to each shot."
-            given = _COMMON | arguments | (_STRIKES if strike else {})
-            entries[f"{name}{'Strike' * strike}{'Noise' * noise}-v0"] = Frozen(given, threshold, text, noise)
+            own = _COMMON | arguments | (_STRIKES if strike else {})
+            entries[f"{name}{'Strike' * strike}{'Noise' * noise}-v0"] = Frozen(own, threshold, text, noise)
     return entries
 
 

@@ -76,11 +76,11 @@ def simulate(
     """
     names, n = (of,) if isinstance(of, str) else tuple(of), scene.n_balls
     starts = {"positions": (n, 2), "velocities": (n, 2), "spins": (n, 3)}
-    given = {"positions": positions, "velocities": velocities, "spins": spins, **(physics or {})}
+    named = {"positions": positions, "velocities": velocities, "spins": spins, **(physics or {})}
     kind = jnp.result_type(
         float, *(x for x in (positions, velocities) if jnp.issubdtype(jnp.result_type(x), jnp.inexact))
     )
-    arrays = {name: jnp.asarray(array, kind) for name, array in given.items() if array is not None}
+    arrays = {name: jnp.asarray(array, kind) for name, array in named.items() if array is not None}
     own = {name: starts.get(name, ()) for name in arrays}  # the axes of one shot
     lead = jnp.broadcast_shapes(*(array.shape[: array.ndim - len(own[name])] for name, array in arrays.items()))
     arrays = {name: jnp.broadcast_to(array, lead + own[name]) for name, array in arrays.items()}

@@ -86,8 +86,8 @@ def simulate(
     single = positions.ndim == 2
     if not (velocities.is_floating_point() or velocities.is_complex()):
         velocities = velocities.to(torch.get_default_dtype())
-    given = {"positions": positions, "velocities": velocities, "spins": spins}
-    tensors = {name: tensor for name, tensor in given.items() if tensor is not None}
+    named = {"positions": positions, "velocities": velocities, "spins": spins}
+    tensors = {name: tensor for name, tensor in named.items() if tensor is not None}
     for name, tensor in {**tensors, **numbers}.items():
         if tensor.is_complex():
             raise ValueError(f"{name} has type {tensor.dtype}: expected real numbers")
@@ -170,8 +170,8 @@ class _TensorShots(ShotFunction):
         out = []
         for k, (dim, tensor) in enumerate(zip(dims, tensors, strict=True)):
             if k >= len(self.inputs) or self.inputs[k] in STARTS:
-                whole = tensor.expand(size, *tensor.shape) if dim is None else tensor.movedim(dim, 0)
-                tensor = whole.flatten(0, 1)
+                batched = tensor.expand(size, *tensor.shape) if dim is None else tensor.movedim(dim, 0)
+                tensor = batched.flatten(0, 1)
             elif dim is not None:
                 raise NotImplementedError(f"vmap over {self.inputs[k]!r}: expected the same scene for all shots")
             out.append(tensor)

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 
-from billiards_env.evaluation import evaluation_seeds, play, play_together, steps
+from billiards_env.evaluation import evaluation_seeds, play_episodes, play_together, steps
 from billiards_env.frozen import FROZEN
 from billiards_env.players.named import find_player
 from billiards_env.sb3 import AimPolicy, SameStepVecEnv
@@ -57,7 +57,7 @@ def run(shots: int, episodes: int = 1000) -> tuple[float, float]:
     seeds, env = evaluation_seeds(0, episodes).tolist(), gym.make("Billiards/Pot1-v0")
     envs = gym.make_vec("Billiards/Pot1-v0", num_envs=episodes)
     cloned = play_together(envs, lambda seen: model.predict(seen, deterministic=True)[0], seeds)
-    return cloned["success_rate"], play(env, find_player("geometric", env), seeds)["success_rate"]
+    return cloned["success_rate"], play_episodes(env, find_player("geometric", env), seeds)["success_rate"]
 
 
 if __name__ == "__main__":

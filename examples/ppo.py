@@ -39,7 +39,7 @@ from billiards_env.sb3.aim_network import AimNetwork
 ENV_ID = "billiards_env:Billiards-v0"
 
 
-def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
+def arguments(argv: Sequence[str] | None = None) -> argparse.Namespace:
     """Returns the settings of a run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     add = parser.add_argument
@@ -63,7 +63,7 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     add("--env", type=json.loads, default=[{}], help="JSON list of arguments of gym.make; an update draws one of them")
     add("--episodes", type=int, default=10_000, help="new layouts of an evaluation")
     add("--policy", type=Path, help="file for the weights")
-    return parser.parse_args(given)
+    return parser.parse_args(argv)
 
 
 def update(

@@ -18,7 +18,7 @@ from billiards_env.engine.pic import event_loop, make_workspace
 from billiards_env.engine.pic_events import add_contact
 from billiards_env.engine.predictions import (
     PAIR_RANK,
-    Event,
+    NextEvent,
     Singles,
     empty_singles,
     predict_pair,
@@ -139,7 +139,7 @@ def predict(changed, count, now, state, scene, queue):
 
 @kernel
 def earliest(state, scene, queue, limit):
-    """Returns the next `Event`."""
+    """Returns the next `NextEvent`."""
     n = len(scene.radius)
     time, rank = Time(math.inf, 0.0), PAIR_RANK
     for i in range(n):
@@ -150,16 +150,16 @@ def earliest(state, scene, queue, limit):
         single, r = single_time(queue.singles, i), rank_of(queue.singles.kind[i])
         if single.hi < math.inf and (before(single, time) or (same(single, time) and r < rank)):
             time, rank = single, r
-    return Event(time, rank, 0, n - 1)
+    return NextEvent(time, rank, 0, n - 1)
 
 
 @kernel
-def due(event, queue, found):
+def due(event, queue, balls):
     """Finds the balls that an event of single balls concerns. Returns their number."""
     count = 0
     for i in range(len(queue.hi)):
         if same(single_time(queue.singles, i), event.time) and rank_of(queue.singles.kind[i]) == event.rank:
-            found[count] = i
+            balls[count] = i
             count += 1
     return count
 

@@ -33,7 +33,7 @@ ENVIRONMENTS: tuple[dict[str, Any], ...] = (
 """The arguments of the environments whose machine code is in the wheel."""
 
 
-def play(arguments: dict[str, Any]) -> bytes:
+def result_bytes(arguments: dict[str, Any]) -> bytes:
     """Returns the results of `step`, of two steps of 8 environments, and of `simulate`, as bytes."""
     env: Any = gym.make("Billiards-v0", **arguments)
     envs = gym.make_vec("Billiards-v0", 8, **arguments)
@@ -54,7 +54,7 @@ def play(arguments: dict[str, Any]) -> bytes:
 
 def main() -> None:
     """Prints a hash of the results in each environment."""
-    print(json.dumps([hashlib.sha256(play(arguments)).hexdigest()[:16] for arguments in ENVIRONMENTS]))
+    print(json.dumps([hashlib.sha256(result_bytes(arguments)).hexdigest()[:16] for arguments in ENVIRONMENTS]))
 
 
 if __name__ == "__main__":

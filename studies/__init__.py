@@ -56,7 +56,7 @@ K = TypeVar("K")
 
 
 @contextlib.contextmanager
-def workers(jobs: int, address: str = "") -> Iterator[Executor]:
+def executor(jobs: int, address: str = "") -> Iterator[Executor]:
     """Yields processes of this machine, or the nodes of the Ray cluster at an address."""
     if address:
         yield RayExecutor(address)
@@ -86,16 +86,16 @@ def resumed(output: Path, settings: Mapping[str, Any], **empty: Any) -> dict[str
         ValueError: If the file is not JSON.
     """
     settings = json.loads(json.dumps(settings))
-    found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
-    return found if found.get("settings") == settings else {"machine": machine(), "settings": settings, **empty}
+    content: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
+    return content if content.get("settings") == settings else {"machine": machine(), "settings": settings, **empty}
 
 
-def fill(output: Path, found: dict[str, Any], jobs: Mapping[tuple[str, ...], Callable[[], Any]]) -> dict[str, Any]:
+def fill(output: Path, content: dict[str, Any], jobs: Mapping[tuple[str, ...], Callable[[], Any]]) -> dict[str, Any]:
     """Computes the missing entries of nested results, and writes the JSON file `output` after each of them.
 
     Args:
         output: The file.
-        found: The results so far.
+        content: The results so far.
         jobs: The functions that compute the entries, by their keys.
 
     Returns:
@@ -103,12 +103,12 @@ def fill(output: Path, found: dict[str, Any], jobs: Mapping[tuple[str, ...], Cal
     """
     with tqdm(jobs.items(), unit="result") as bar:
         for (*parents, last), work in bar:
-            place = functools.reduce(lambda inner, key: inner.setdefault(key, {}), parents, found)
+            place = functools.reduce(lambda inner, key: inner.setdefault(key, {}), parents, content)
             if last not in place:
                 bar.set_description(", ".join((*parents, last)))
                 place[last] = work()
-                write_json(output, found)
-    return found
+                write_json(output, content)
+    return content
 
 
 def live_shot(scene: str, positions: Any, velocity: Any, steps: int) -> str:
@@ -126,13 +126,13 @@ def live_shot(scene: str, positions: Any, velocity: Any, steps: int) -> str:
     return html.escape("play.html#" + urlencode(shot, safe=",;"))
 
 
-def save_weights(path: Path, weights: Mapping[str, Any]) -> None:
+def save_arrays(path: Path, weights: Mapping[str, Any]) -> None:
     """Writes arrays by name, completely or not at all."""
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **weights)
 
 
-def load_weights(path: Path) -> dict[str, Any]:
+def load_arrays(path: Path) -> dict[str, Any]:
     """Returns the arrays in a file, by name. This runs no code from the file.
 
     Raises:

@@ -98,7 +98,7 @@ def pit(steps: int, fix: str) -> Engine:
     return Engine("pit", 1.0 / steps, fix)
 
 
-CELLS = {f"{fix} 1/{steps} s": pit(steps, fix) for steps in STEPS for fix in FIXES}
+ENGINES = {f"{fix} 1/{steps} s": pit(steps, fix) for steps in STEPS for fix in FIXES}
 """The engines with a timestep."""
 
 
@@ -149,27 +149,27 @@ def choose() -> dict[str, Any]:
     hit, smooth = exact.first_hit == 1, exact.nonsmooth().reason == ""
     smooth = np.flatnonzero(hit & smooth & (size > 0.0) & (size < MOST))
     part, same = shots.part(smooth), {}
-    for cell, engine in CELLS.items():
-        same[cell] = (outcomes(part.run(engine=engine)) == outcomes(exact)[smooth]).all(axis=1)
+    for name, engine in ENGINES.items():
+        same[name] = (outcomes(part.run(engine=engine)) == outcomes(exact)[smooth]).all(axis=1)
     return {
         "numbers": smooth[np.all(list(same.values()), axis=0)].tolist(),
         "smooth": len(smooth),
-        "other": {cell: 1.0 - float(agrees.mean()) for cell, agrees in same.items()},
+        "other": {name: 1.0 - float(agrees.mean()) for name, agrees in same.items()},
     }
 
 
-def errors(results: Mapping[str, Any], cell: str) -> dict[str, float]:
-    """Returns the median errors of "exact" or of one of `CELLS` in the chosen shots.
+def errors(results: Mapping[str, Any], engine: str) -> dict[str, float]:
+    """Returns the median errors of "exact" or of one of `ENGINES` in the chosen shots.
 
     Args:
         results: The results so far, with the output of `choose`.
-        cell: The engine.
+        engine: The name of the engine.
 
     Returns:
         `position`, m: the largest distance of a ball's final position. `small` and `large`: the relative
         errors of the central differences with `SMALL` and `LARGE` (see `sizes`).
     """
-    return errors_of(draw_shots().part(results["chosen"]["numbers"]), CELLS.get(cell, PIC))
+    return errors_of(draw_shots().part(results["chosen"]["numbers"]), ENGINES.get(engine, PIC))
 
 
 def errors_of(shots: SceneShots, engine: Engine) -> dict[str, float]:
@@ -494,7 +494,7 @@ def measure(output: Path) -> dict[str, Any]:
     drawn = {"shots": [DRAWN, SLOWEST, FASTEST], "steps": STEPS, "fixes": FIXES, "seed": SEED}
     results = resumed(output, {**drawn, "goals": goals, "episodes": EPISODES})
     jobs: dict[tuple[str, ...], Callable[[], Any]] = {("chosen",): choose}
-    jobs |= {("errors", cell): functools.partial(errors, results, cell) for cell in ("exact", *CELLS)}
+    jobs |= {("errors", name): functools.partial(errors, results, name) for name in ("exact", *ENGINES)}
     for seed, (world, derivative) in itertools.product(GOAL_SEEDS, GOAL_RUNS):
         jobs["goals", world, derivative, str(seed)] = functools.partial(learn_goals, world, derivative, seed)
     for shots, seeds in POT_RUNS.items():

@@ -61,7 +61,7 @@ def picture(shot: ShotResult, title: str) -> Figure:
     return figure
 
 
-def shot_of(scene: Scene, seed: int, degrees: float, speed: float) -> ShotResult:
+def random_shot(scene: Scene, seed: int, degrees: float, speed: float) -> ShotResult:
     """Returns a recorded shot from a random layout."""
     positions = layouts.draw("random", scene, np.random.default_rng(seed))
     angle = math.radians(degrees)
@@ -203,7 +203,7 @@ FILM: dict[str, Any] = {"noise": (0.057, 0.02), "shots": 3000, "width": 480, "pa
 (pixels), the playback speed, and how long it shows a frame and a plan, s."""
 
 
-def run_out(seed: int) -> list[tuple[WindowModel, str]] | None:
+def filmed_run_out(seed: int) -> list[tuple[WindowModel, str]] | None:
     """Plays a rack of nine ball with the planner.
 
     Returns:
@@ -220,7 +220,7 @@ def run_out(seed: int) -> list[tuple[WindowModel, str]] | None:
     return [*plans, (model, "")] if model.game.state.winner == 0 else None
 
 
-def frames(models: Sequence[tuple[WindowModel, str]]) -> Iterator[tuple[Image.Image, float]]:
+def film_images(models: Sequence[tuple[WindowModel, str]]) -> Iterator[tuple[Image.Image, float]]:
     """Yields the images of a film and their durations, s: each plan, and the shot that follows."""
     view = View(models[0][0].setup.scene, FILM["width"])
     for (model, text), (following, _) in itertools.pairwise(models):
@@ -232,9 +232,9 @@ def frames(models: Sequence[tuple[WindowModel, str]]) -> Iterator[tuple[Image.Im
     yield Image.fromarray(pixels(view.draw(models[-1][0]))), 2 * FILM["plan"]
 
 
-def film(path: Path, models: Sequence[tuple[WindowModel, str]]) -> None:
+def write_film(path: Path, models: Sequence[tuple[WindowModel, str]]) -> None:
     """Writes a film, .gif, completely or not at all."""
-    images = list(frames(models))
+    images = list(film_images(models))
     # All balls are in the first image. They have few pixels, and an octree keeps their colours.
     palette = images[0][0].quantize(96, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image, _ in images)
@@ -248,7 +248,7 @@ def main(arguments: list[str] | None = None) -> None:
     folder = (IMAGES, "output folder")
     args = parser_of("studies.figures", "Draw the pictures in docs/images.", folder=folder).parse_args(arguments)
     scene = Scene.named("pool", 4)
-    shot = shot_of(scene, **SHOT)
+    shot = random_shot(scene, **SHOT)
     title = f"One action, one shot: {shot.n_events} events in {shot.time:.1f} s. Ball 2 pots ball 3 and is then potted"
     with rc_context(dict.fromkeys(("text.color", "xtick.color", "axes.edgecolor"), GREY)):
         save(picture(shot, title), args.folder / "shot.png")
@@ -261,7 +261,7 @@ def main(arguments: list[str] | None = None) -> None:
     velocity = shot.recording().trajectory.velocity[0]
     rough = simulate(scene, shot.at(0.0), velocity, engine=Engine("pit", 1 / 60), record=True)
     write_gif(args.folder / "shot.gif", shot.recording(), 25, 640, rough.recording(), (panel.PAPER, panel.INK))
-    film(args.folder / "run_out.gif", next(filter(None, map(run_out, itertools.count()))))
+    write_film(args.folder / "run_out.gif", next(filter(None, map(filmed_run_out, itertools.count()))))
     print(f"Written to {args.folder}.")
 
 

@@ -22,14 +22,14 @@ import gymnasium as gym
 import numpy as np
 
 from agents.config import LEARNING, load, read, rows
-from agents.ppo import deterministic, load_policy
+from agents.ppo import deterministic, load_run
 from agents.train import learning_curve, open_run, train, versions
 from benchmarks import machine, machine_line, new_figure, run_command, save, table
 from billiards_env.evaluation import evaluation_seeds, play_together
-from billiards_env.files import write_json, write_whole
+from billiards_env.files import write_atomically, write_json
 from billiards_env.frozen import FROZEN, NAMESPACE
 from billiards_env.intervals import as_percent, over_seeds
-from studies import JOBS, RESULTS, RUNS, completed, tasks, workers
+from studies import JOBS, RESULTS, RUNS, completed, executor, tasks
 
 OUTPUT = RESULTS / "learning.json"
 
@@ -49,17 +49,17 @@ def run_row(name: str, seed: int, folder: Path, episodes: int) -> tuple[dict[str
         `curve`, the learning curve (a list of `agents.train.Point`), `tasks`: the results of `play_together` by task,
         `machine` and `versions`. Then the files of the policy, because another machine may train it.
     """
-    config, found = load(name, seed=seed), {}
+    config, played = load(name, seed=seed), {}
     open_run(config, folder)
     train(config, folder)
     for task in rows()[name]["plays"]:
         envs = gym.make_vec(NAMESPACE + task, num_envs=episodes, autoreset_mode="SameStep")
-        policy = load_policy(folder, FROZEN[task].arguments)[1]
-        found[task] = play_together(envs, deterministic(policy), evaluation_seeds(seed, episodes).tolist())
+        policy = load_run(folder, FROZEN[task].arguments)[1]
+        played[task] = play_together(envs, deterministic(policy), evaluation_seeds(seed, episodes).tolist())
         envs.close()
     files = {file: (folder / file).read_bytes() for file in ("config.yaml", "policy.pt")}
     curve = [list(point) for point in learning_curve(folder)]
-    return {"curve": curve, "tasks": found, "machine": machine(), "versions": versions()}, files
+    return {"curve": curve, "tasks": played, "machine": machine(), "versions": versions()}, files
 
 
 def measure(output: Path, folder: Path, jobs: int, address: str) -> dict[str, Any]:
@@ -79,23 +79,23 @@ def measure(output: Path, folder: Path, jobs: int, address: str) -> dict[str, An
         ValueError: If a row is impossible.
     """
     old = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
-    seeds, found = read(LEARNING)["seeds"], {}
+    seeds, measured = read(LEARNING)["seeds"], {}
     for name, settings in rows().items():
         known = old.get(name, {})
-        found[name] = {"settings": settings, "runs": known["runs"] if known.get("settings") == settings else {}}
+        measured[name] = {"settings": settings, "runs": known["runs"] if known.get("settings") == settings else {}}
     order = [(seed, name) for seed in seeds for name in rows()]
     calls = {
         (seed, name): (run_row, name, seed, folder / name / f"seed{seed}", EPISODES)
         for seed, name in order
-        if str(seed) not in found[name]["runs"]
+        if str(seed) not in measured[name]["runs"]
     }
-    with workers(jobs, address) as pool:
+    with executor(jobs, address) as pool:
         for (seed, name), (result, files) in completed(pool, calls, len(order) - len(calls)):
-            found[name]["runs"] = dict(sorted({**found[name]["runs"], str(seed): result}.items()))
-            write_json(output, found)
+            measured[name]["runs"] = dict(sorted({**measured[name]["runs"], str(seed): result}.items()))
+            write_json(output, measured)
             for file, content in files.items() if seed == seeds[0] else ():
-                write_whole(output.parent / "policies" / name / file, content)
-    return found
+                write_atomically(output.parent / "policies" / name / file, content)
+    return measured
 
 
 def mean_rates(result: Result, task: str) -> list[float]:
@@ -117,34 +117,34 @@ def runs(result: Result) -> list[Result]:
 
 def players() -> dict[str, dict[str, float]]:
     """Returns the success of the players without training by task and name, as `share_of`."""
-    found = json.loads(tasks.OUTPUT.read_text(encoding="utf-8"))
+    measured = json.loads(tasks.OUTPUT.read_text(encoding="utf-8"))
     return {
         task: {name: share_of(task, one["success"], one["return"]) for name, one in known["players"].items()}
-        for task, known in found.items()
+        for task, known in measured.items()
     }
 
 
-def policies(found: Result) -> list[tuple[str, str, Result]]:
+def policies(measured: Result) -> list[tuple[str, str, Result]]:
     """Returns the name, the task and the result of each row with results and each of its tasks."""
-    return [(name, task, one) for name, one in found.items() if one["runs"] for task in runs(one)[0]["tasks"]]
+    return [(name, task, one) for name, one in measured.items() if one["runs"] for task in runs(one)[0]["tasks"]]
 
 
-def blocks(found: Result) -> dict[str, str]:
+def blocks(measured: Result) -> dict[str, str]:
     """Returns the tables and sentences for the pages, by name."""
     others, lines = players(), []
-    for name, task, result in policies(found):
+    for name, task, result in policies(measured):
         rates, curve = mean_rates(result, task), runs(result)[0]["curve"]
         seconds = np.mean([run["curve"][-1][1] for run in runs(result)])
         numbers = (f"{curve[-1][0] / 1e6:.1f}", f"{seconds:.0f} s", str(len(rates)), as_percent(over_seeds(rates)))
         cells = (f"{others[task][player]:.1%}" if player in others[task] else "" for player in PLAYERS)
         lines.append((f"`{name}`", f"`{task.removesuffix('-v0')}`", *numbers, *cells))
     head = ("row", "task", "million shots", "processor time", "seeds", "success", *(f"`{name}`" for name in PLAYERS))
-    pot, usual = found["pot"], found["pot_mlp"]
+    pot, usual = measured["pot"], measured["pot_mlp"]
     first = np.mean([run["curve"][0][3] for run in runs(pot)])
     return {
         "machine": machine_line(runs(pot)[0]["machine"]),
         "table": table(head, lines, left=2),
-        "solved": _solved(found, others),
+        "solved": _solved(measured, others),
         "summary": f"The training takes at most {max(run['curve'][-1][1] for run in runs(pot)):.0f} s on one core. The "
         f"policy then pots the ball on {as_percent(over_seeds(mean_rates(pot, 'Pot1-v0')))} of new layouts (mean of "
         f"{len(runs(pot))} seeds, 95% interval), up from {first:.1%} before the training. With as many shots "
@@ -154,11 +154,11 @@ def blocks(found: Result) -> dict[str, str]:
     }
 
 
-def _solved(found: Result, others: Mapping[str, Mapping[str, float]]) -> str:
+def _solved(measured: Result, others: Mapping[str, Mapping[str, float]]) -> str:
     """Returns the table "solved and open": the best policy of each task beside the best player without training."""
     usual: dict[str, str] = {}
     best: dict[str, tuple[float, str]] = {}
-    for _, task, result in policies(found):
+    for _, task, result in policies(measured):
         mean = float(np.mean(mean_rates(result, task)))
         if result["settings"].get("policy", {}).get("head") == "gaussian":
             usual[task] = f"{mean:.1%}"
@@ -183,11 +183,11 @@ def _rival(known: Mapping[str, float]) -> str:
     return f"{known[name]:.1%} (`{name}`)"
 
 
-def draw(found: Result, folder: Path) -> None:
+def draw(measured: Result, folder: Path) -> None:
     """Draws the learning curves of the rows, in their first tasks: the mean over the seeds and, thin, each seed."""
     figure = new_figure(9, 4.6)
     axes = figure.add_subplot()
-    for k, (name, result) in enumerate((name, row) for name, row in found.items() if row["runs"]):
+    for k, (name, result) in enumerate((name, row) for name, row in measured.items() if row["runs"]):
         task = result["settings"]["plays"][0]
         curves = np.array([[share_of(task, *point[3:5]) for point in run["curve"]] for run in runs(result)])
         steps = np.array([point[0] for point in runs(result)[0]["curve"]]) / 1e6

@@ -52,9 +52,9 @@ from billiards_env.evaluation import evaluation_seeds
 from billiards_env.files import write_json
 from billiards_env.scene import Physics
 from examples import ppo
-from studies import RESULTS, completed, resumed, workers
+from studies import RESULTS, completed, executor, resumed
 from studies.simulators_worker import DECAY, TIME
-from studies.timestep import LAYOUT_SEED, LAYOUTS, aims, aims_by_group, shots_of
+from studies.timestep import LAYOUT_SEED, LAYOUTS, actions_of, aims, aims_by_group
 from studies.timestep_report import GROUPS, finished
 
 Floats = NDArray[np.float64]
@@ -66,7 +66,7 @@ WORKER = Path(__file__).with_name("simulators_worker.py")
 PYTHON = WORKER.parents[1] / ".venv-simulators" / "bin" / "python"
 
 
-class World(NamedTuple):
+class SimulatorWorld(NamedTuple):
     """The simulator, the name of the exact world with the same laws, dt, s, and the number of policies trained there.
 
     The simulator is "pymunk", "mujoco", "pooltool" or "exact".
@@ -79,18 +79,18 @@ class World(NamedTuple):
 
 
 WORLDS = {
-    "MuJoCo 2 ms": World("mujoco", "exact, soft", 0.002, 1),
-    **{f"pymunk 1/{n} s": World("pymunk", "exact, rigid", 1 / n, 3) for n in (480, 240, 120, 60)},
-    "MuJoCo 10 ms": World("mujoco", "exact, soft", 0.01, 2),
-    "exact, rigid": World("exact", "exact, rigid", 0.0, 3),
-    "exact, soft": World("exact", "exact, soft", 0.0, 3),
-    "exact, pooltool": World("exact", "exact, pooltool", 0.0, 1),
-    "pooltool 0.6": World("pooltool", "exact, pooltool", 0.0, 0),
+    "MuJoCo 2 ms": SimulatorWorld("mujoco", "exact, soft", 0.002, 1),
+    **{f"pymunk 1/{n} s": SimulatorWorld("pymunk", "exact, rigid", 1 / n, 3) for n in (480, 240, 120, 60)},
+    "MuJoCo 10 ms": SimulatorWorld("mujoco", "exact, soft", 0.01, 2),
+    "exact, rigid": SimulatorWorld("exact", "exact, rigid", 0.0, 3),
+    "exact, soft": SimulatorWorld("exact", "exact, soft", 0.0, 3),
+    "exact, pooltool": SimulatorWorld("exact", "exact, pooltool", 0.0, 1),
+    "pooltool 0.6": SimulatorWorld("pooltool", "exact, pooltool", 0.0, 0),
 }
 """The worlds by name. Worlds with slow shots come first."""
 
 
-def ideal(e_ball: float, e_cushion: float) -> Scene:
+def rigid_scene(e_ball: float, e_cushion: float) -> Scene:
     """Returns the scene with the laws of pymunk and MuJoCo, on the table of "pool"."""
     end = (1.0 - math.exp(-DECAY * TIME)) / DECAY
     physics = Physics(motion="ideal", cushion="restitution", e_ball=e_ball, e_cushion=e_cushion, max_time=end)
@@ -98,8 +98,8 @@ def ideal(e_ball: float, e_cushion: float) -> Scene:
 
 
 SCENES = {
-    "exact, rigid": ideal(0.95, 0.85),
-    "exact, soft": ideal(math.exp(-2.0), math.exp(-2.0)),
+    "exact, rigid": rigid_scene(0.95, 0.85),
+    "exact, soft": rigid_scene(math.exp(-2.0), math.exp(-2.0)),
     "exact, pooltool": Scene.named("pooltool_pool", 1),
 }
 """The scenes of the exact worlds. A critically damped contact, the default of MuJoCo, has a restitution of exp(-2)."""
@@ -176,7 +176,7 @@ def delayed(positions: Floats, velocities: Floats, delay: Floats) -> Floats:
     return np.where(hits[:, None], np.column_stack((turned.real, turned.imag)), velocities)
 
 
-def aim_of(scene: Scene, positions: Floats, velocities: Floats, pockets: Any, delay: float) -> list[list[float]]:
+def aims_by_cut(scene: Scene, positions: Floats, velocities: Floats, pockets: Any, delay: float) -> list[list[float]]:
     """Returns the number of pots, the mean error of the aim and its prediction, mm, for each cut angle of `GROUPS`."""
     aimed = aims(velocities, positions, pockets, scene, 1.0, 0.0)
     cut, touching = np.radians(aimed.cut), 2.0 * scene.balls.radius[0]
@@ -192,7 +192,7 @@ def train(name: str, seed: int, shots: int, layouts: int) -> dict[str, Any]:
     Returns:
         `world`, `seed`, `curve` (see `ppo.train`), `delay`, s; `success`, the number of direct pots in its own world,
         in the exact world and, if it is exact, in all worlds with its laws; `predicted`, those that prediction 3 gives;
-        and `aim`, see `aim_of`.
+        and `aim`, see `aims_by_cut`.
     """
     exact = WORLDS[name].exact
     scene, random = SCENES[exact], np.random.default_rng(seed)
@@ -202,7 +202,7 @@ def train(name: str, seed: int, shots: int, layouts: int) -> dict[str, Any]:
             policy, curve = ppo.train(args, make_vec=lambda _, num_envs, threads: PlayedEnvs(num_envs, scene, play))
         envs = PlayedEnvs(layouts, scene, play)
         observations, _ = envs.reset(seed=evaluation_seeds(LAYOUT_SEED, layouts).tolist())
-        positions, velocities = envs.positions, velocities_of(shots_of(policy, envs, observations), envs)
+        positions, velocities = envs.positions, velocities_of(actions_of(policy, envs, observations), envs)
         pockets = play(positions, velocities)
         potted = pockets >= 0
         success, predicted = {name: int(potted.sum())}, {}
@@ -220,32 +220,32 @@ def train(name: str, seed: int, shots: int, layouts: int) -> dict[str, Any]:
         "delay": float(delays.mean()),
         "success": success,
         "predicted": predicted,
-        "aim": aim_of(scene, positions[potted], velocities[potted], pockets[potted], delays.mean()),
+        "aim": aims_by_cut(scene, positions[potted], velocities[potted], pockets[potted], delays.mean()),
     }
 
 
 def measure(output: Path, jobs: int, shots: int, layouts: int) -> dict[str, Any]:
     """Trains the runs without a result, `jobs` at a time, and writes each result as soon as the run ends."""
     settings = {"shots": shots, "layouts": layouts, "decay": DECAY, "time": TIME}
-    found = resumed(output, settings, runs={})
+    content = resumed(output, settings, runs={})
     calls = {
         key: (train, name, seed, shots, layouts)
         for name, world in WORLDS.items()
         for seed in range(11, 11 + world.seeds)
-        if (key := f"{name}, seed {seed}") not in found["runs"]
+        if (key := f"{name}, seed {seed}") not in content["runs"]
         and (world.exact != "exact, pooltool" or comparison.POOLTOOL_PYTHON.exists())
     }
-    with workers(jobs) as pool:
+    with executor(jobs) as pool:
         for key, result in completed(pool, calls):
-            found["runs"][key] = result
-            write_json(output, found)
-    return found
+            content["runs"][key] = result
+            write_json(output, content)
+    return content
 
 
 def by_world(result: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
     """Returns the runs of each world with results, in the order of `WORLDS`."""
-    found = {name: [run for run in result["runs"].values() if run["world"] == name] for name in WORLDS}
-    return {name: runs for name, runs in found.items() if runs}
+    grouped = {name: [run for run in result["runs"].values() if run["world"] == name] for name in WORLDS}
+    return {name: runs for name, runs in grouped.items() if runs}
 
 
 def aim_errors(result: Mapping[str, Any]) -> dict[str, Floats]:
@@ -254,12 +254,12 @@ def aim_errors(result: Mapping[str, Any]) -> dict[str, Floats]:
     The columns are the number of pots, the error of the aim minus the error of exact policies, mm, and its prediction,
     mm.
     """
-    found = {}
+    pooled = {}
     for name, runs in by_world(result).items():
         counts, means = np.split(np.array([run["aim"] for run in runs]), [1], axis=2)
-        found[name] = np.hstack((counts.sum(0), (counts * means).sum(0) / np.maximum(counts.sum(0), 1)))
-    base = {name: found.get(WORLDS[name].exact, np.zeros(3)) * (0, 1, 0) for name in found}
-    return {name: errors - base[name] for name, errors in found.items() if name != WORLDS[name].exact}
+        pooled[name] = np.hstack((counts.sum(0), (counts * means).sum(0) / np.maximum(counts.sum(0), 1)))
+    base = {name: pooled.get(WORLDS[name].exact, np.zeros(3)) * (0, 1, 0) for name in pooled}
+    return {name: errors - base[name] for name, errors in pooled.items() if name != WORLDS[name].exact}
 
 
 def blocks(result: Mapping[str, Any]) -> dict[str, str]:

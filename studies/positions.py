@@ -29,7 +29,7 @@ from billiards_env.games.batch import play_batch
 from billiards_env.games.placement import cue_ball_point
 from billiards_env.intervals import as_percent, mean_interval
 from billiards_env.players.named import find_player
-from billiards_env.players.planner import add_noise
+from billiards_env.players.planner import noisy_strokes
 from billiards_env.scene import Scene
 from studies import RESULTS, fill, resumed
 from studies.planner import MAX_SPEED, OLYMPIAD
@@ -57,11 +57,11 @@ def stroke_of(answer: Mapping[str, Any]) -> Stroke:
     return Stroke(tuple(answer["velocity"]), place, tuple(answer["spin"]), Call(**answer["call"]))
 
 
-def success(setup: Setup, game: GameState, stroke: Stroke, samples: int, rng: np.random.Generator) -> float:
+def success_share(setup: Setup, game: GameState, stroke: Stroke, samples: int, rng: np.random.Generator) -> float:
     """Returns the share of the noisy outcomes of a stroke in which the player wins or keeps the turn."""
     drawn = rng.standard_normal((samples, 2)) * (math.radians(OLYMPIAD[0]), OLYMPIAD[1])
-    given: NDArray[np.float64] = np.repeat([[*stroke.velocity, *stroke.spin]], samples, axis=0)
-    velocities, spins = add_noise(given[:, :2], given[:, 2:], drawn, MAX_SPEED)
+    motions: NDArray[np.float64] = np.repeat([[*stroke.velocity, *stroke.spin]], samples, axis=0)
+    velocities, spins = noisy_strokes(motions[:, :2], motions[:, 2:], drawn, MAX_SPEED)
     places = None
     if game.state.in_hand:
         assert stroke.place is not None
@@ -71,7 +71,7 @@ def success(setup: Setup, game: GameState, stroke: Stroke, samples: int, rng: np
     return float((played.verdicts["continues"] | (played.states["winner"] == game.state.player)).mean())
 
 
-def evaluate(entries: Sequence[Mapping[str, Any]], player: str, samples: int) -> dict[str, Any]:
+def play_all(entries: Sequence[Mapping[str, Any]], player: str, samples: int) -> dict[str, Any]:
     """Returns the `success` of a player in each position, and the processor time of all decisions, `seconds`.
 
     Args:
@@ -79,7 +79,7 @@ def evaluate(entries: Sequence[Mapping[str, Any]], player: str, samples: int) ->
         player: See `players.named`; "answers" for the strokes in the set.
         samples: The number of noisy outcomes.
     """
-    found, seconds = [], 0.0
+    successes, seconds = [], 0.0
     for number, entry in enumerate(tqdm(entries, desc=player, unit="position", leave=False)):
         setup, game = setup_of(entry["rules"]), state_of(entry)
         decide: Callable[..., Stroke] = functools.partial(lambda answer, *_: stroke_of(answer), entry["answer"])
@@ -88,14 +88,14 @@ def evaluate(entries: Sequence[Mapping[str, Any]], player: str, samples: int) ->
         begin = time.process_time()
         stroke = decide(setup, game, MAX_SPEED, np.random.default_rng([SEED, number, 1]))
         seconds += time.process_time() - begin
-        found.append(success(setup, game, stroke, samples, np.random.default_rng([SEED, number])))
-    return {"success": found, "seconds": seconds}
+        successes.append(success_share(setup, game, stroke, samples, np.random.default_rng([SEED, number])))
+    return {"success": successes, "seconds": seconds}
 
 
 def measure(output: Path, players: str, samples: int) -> dict[str, Any]:
     """Measures the players that have no scores yet, and writes the scores of each as soon as they are measured.
 
-    `players` are names for `evaluate`, separated by commas.
+    `players` are names for `play_all`, separated by commas.
 
     Returns:
         The content of `output`: `machine`, `settings`: `samples` and the `rules` of each position, and `scores` by
@@ -106,16 +106,16 @@ def measure(output: Path, players: str, samples: int) -> dict[str, Any]:
         ValueError: If a file is not JSON, or a player is unknown.
     """
     entries = json.loads(SET.read_text(encoding="utf-8"))["positions"]
-    found = resumed(output, {"samples": samples, "rules": [entry["rules"] for entry in entries]})
-    jobs = {("scores", player): functools.partial(evaluate, entries, player, samples) for player in players.split(",")}
-    return fill(output, found, jobs)
+    content = resumed(output, {"samples": samples, "rules": [entry["rules"] for entry in entries]})
+    jobs = {("scores", player): functools.partial(play_all, entries, player, samples) for player in players.split(",")}
+    return fill(output, content, jobs)
 
 
-def blocks(found: Mapping[str, Any]) -> dict[str, str]:
+def blocks(result: Mapping[str, Any]) -> dict[str, str]:
     """Returns the table for the page, by name."""
-    rules = np.array(found["settings"]["rules"])
+    rules = np.array(result["settings"]["rules"])
     rows = []
-    for player, score in found["scores"].items():
+    for player, score in result["scores"].items():
         success = np.array(score["success"])
         share = as_percent({"mean": success.mean(), "interval": mean_interval(score["success"])})
         parts = (f"{success[rules == one].mean():.1%}" for one in RULES)

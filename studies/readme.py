@@ -17,7 +17,7 @@ from typing import Any
 
 from benchmarks import ROOT, all_blocks, parser_of
 from billiards_env.commands import ending
-from billiards_env.files import write_whole
+from billiards_env.files import write_atomically
 
 PAGES = (ROOT / "README.md", ROOT / "paper" / "paper.md", *sorted((ROOT / "docs").rglob("*.md")))
 
@@ -85,7 +85,7 @@ def block(source: str, name: str, root: Path = ROOT) -> str:
     return texts[name]
 
 
-def fill(text: str, root: Path = ROOT) -> str:
+def fill_page(text: str, root: Path = ROOT) -> str:
     """Returns a page with its blocks made from the results in the packages of a folder.
 
     Raises:
@@ -114,14 +114,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     check = (False, "write nothing; exit 1 if a page is not up to date")
     args = parser_of("readme", "Write the measured tables into README.md and docs.", check=check).parse_args(arguments)
     with ending("the same command continues"):
-        pages = {path: fill(path.read_text(encoding="utf-8")) for path in PAGES}
+        pages = {path: fill_page(path.read_text(encoding="utf-8")) for path in PAGES}
     old = [path for path, text in pages.items() if path.read_text(encoding="utf-8") != text]
     if args.check:
         if old:
             sys.exit(f"not up to date: {', '.join(path.name for path in old)}; run python -m studies.readme")
         return
     for path in old:
-        write_whole(path, pages[path].encode())
+        write_atomically(path, pages[path].encode())
     print(f"Written: {', '.join(path.name for path in old) or 'nothing, all is up to date'}.")
 
 

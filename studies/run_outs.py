@@ -36,7 +36,7 @@ from billiards_env.players.levels import with_noise
 from billiards_env.players.planner import Options, plan
 from billiards_env.players.values import Values
 from billiards_env.scene import Scene
-from studies import RUNS, completed, load_weights, save_weights, workers
+from studies import RUNS, completed, executor, load_arrays, save_arrays
 from studies.planner import FIXED_BREAK, MAX_SPEED, OLYMPIAD
 
 Floats = NDArray[np.float64]
@@ -51,7 +51,7 @@ SECONDS, LONGEST = 0.1, 60
 HIDDEN, EPOCHS, BATCH, RATE, DECAY, FOLDS = 16, 30, 256, 5e-3, 0.1, 5
 
 
-class Cell(NamedTuple):
+class Setting(NamedTuple):
     """What the planner plays.
 
     Attributes:
@@ -65,8 +65,8 @@ class Cell(NamedTuple):
     noise: tuple[float, float]
 
 
-CELLS = tuple(
-    Cell(rules, scene, noise)
+SETTINGS = tuple(
+    Setting(rules, scene, noise)
     for rules, scene, noises in (
         ("nine_ball", "real_pool", ((0.03, 0.0), (0.057, 0.0), OLYMPIAD, (0.5, 0.075))),
         ("nine_ball", "pool", ((0.057, 0.02), OLYMPIAD)),
@@ -78,16 +78,16 @@ CELLS = tuple(
 
 
 def play_rack(
-    cell: Cell, weights: run_outs.Weights | None, rng: np.random.Generator
+    setting: Setting, weights: run_outs.Weights | None, rng: np.random.Generator
 ) -> tuple[list[Floats], list[bool]]:
     """Plays a rack to its end in several turns.
 
     Returns:
         The inputs (k,) of the network for each position after the break, and whether its turn won the rack.
     """
-    setup = Setup(cell.rules, Scene.named(cell.scene, GAMES[cell.rules].n_object_balls[1]))
-    deviations, english = (math.radians(cell.noise[0]), cell.noise[1]), cell.scene != "pool"
-    game = play(setup, opening(setup, rng), with_noise(FIXED_BREAK, cell.noise, MAX_SPEED, rng)).game
+    setup = Setup(setting.rules, Scene.named(setting.scene, GAMES[setting.rules].n_object_balls[1]))
+    deviations, english = (math.radians(setting.noise[0]), setting.noise[1]), setting.scene != "pool"
+    game = play(setup, opening(setup, rng), with_noise(FIXED_BREAK, setting.noise, MAX_SPEED, rng)).game
     inputs, won = [], []
     for _ in range(LONGEST):
         if game.state.over:
@@ -100,8 +100,8 @@ def play_rack(
                 values.inputs(here, legal_balls(setup.rules, here.states, np.zeros(1, int)), np.ones(1, bool))[0]
             )
             options = Options(True, english, values.of)
-            stroke = plan(setup, game, MAX_SPEED, rng, SECONDS, noise=cell.noise, options=options).stroke
-            game = play(setup, game, with_noise(stroke, cell.noise, MAX_SPEED, rng)).game
+            stroke = plan(setup, game, MAX_SPEED, rng, SECONDS, noise=setting.noise, options=options).stroke
+            game = play(setup, game, with_noise(stroke, setting.noise, MAX_SPEED, rng)).game
         won += [game.state.winner == 0] * (len(inputs) - before)
     return inputs, won
 
@@ -124,12 +124,12 @@ def play_part(cell: int, part: int, weights: run_outs.Weights | None, path: Path
     """Plays `PART` racks of a cell and writes their positions."""
     rng, inputs, won, racks = np.random.default_rng([SEED, cell, part]), [], [], []
     for rack in range(PART):
-        some, ends = play_rack(CELLS[cell], weights, rng)
-        inputs += some
+        rows, ends = play_rack(SETTINGS[cell], weights, rng)
+        inputs += rows
         won += ends
         racks += [rack] * len(ends)
     arrays = {"inputs": np.array(inputs, np.float32), "won": np.array(won), "rack": np.array(racks)}
-    save_weights(path, {**arrays, "cell": np.full(len(won), cell)})
+    save_arrays(path, {**arrays, "cell": np.full(len(won), cell)})
 
 
 class Positions(NamedTuple):
@@ -148,9 +148,9 @@ class Positions(NamedTuple):
     cell: NDArray[np.int64]
 
 
-def load(paths: Sequence[Path]) -> Positions:
+def load_positions(paths: Sequence[Path]) -> Positions:
     """Returns the positions in files."""
-    parts = [load_weights(path) for path in paths]
+    parts = [load_arrays(path) for path in paths]
     racks = [PART * k + part["rack"] for k, part in enumerate(parts)]
     inputs, won, cell = (np.concatenate([part[name] for part in parts]) for name in ("inputs", "won", "cell"))
     return Positions(inputs, won, np.concatenate(racks), cell)
@@ -183,15 +183,15 @@ def losses(positions: Positions) -> list[dict[str, Any]]:
     `network` is the loss in the cross-validation, and `share` the loss of a constant, the share of run-outs in the
     cell.
     """
-    found, fold = np.empty(len(positions.won)), positions.rack % FOLDS
+    chances, fold = np.empty(len(positions.won)), positions.rack % FOLDS
     for k in range(FOLDS):
         weights = fit(positions.inputs[fold != k], positions.won[fold != k])
-        found[fold == k] = run_outs.chances(weights, positions.inputs[fold == k].astype(float))
+        chances[fold == k] = run_outs.chances(weights, positions.inputs[fold == k].astype(float))
     rows = []
-    for cell in range(len(CELLS)):
-        won, chance = positions.won[positions.cell == cell], found[positions.cell == cell]
+    for cell in range(len(SETTINGS)):
+        won, chance = positions.won[positions.cell == cell], chances[positions.cell == cell]
         both = {"network": _loss(chance, won), "share": _loss(np.full(len(won), won.mean()), won)}
-        rows.append({**CELLS[cell]._asdict(), "positions": len(won), "run_outs": int(won.sum()), **both})
+        rows.append({**SETTINGS[cell]._asdict(), "positions": len(won), "run_outs": int(won.sum()), **both})
     return rows
 
 
@@ -211,18 +211,18 @@ def measure(weights: Path, folder: Path, jobs: int) -> dict[str, Any]:
     """
     folder.mkdir(parents=True, exist_ok=True)
     paths: list[Path] = []
-    with workers(jobs) as pool:
+    with executor(jobs) as pool:
         for number in range(ROUNDS):
-            network = fit(*load(paths)[:2]) if paths else None
+            network = fit(*load_positions(paths)[:2]) if paths else None
             paths += play_round(pool, number, network, folder)
-    positions = load(paths)
-    save_weights(weights, fit(positions.inputs, positions.won))
+    positions = load_positions(paths)
+    save_arrays(weights, fit(positions.inputs, positions.won))
     return {"machine": machine(), "cells": losses(positions)}
 
 
 def play_round(pool: Executor, number: int, weights: run_outs.Weights | None, folder: Path) -> list[Path]:
     """Plays the parts of a round that have no file. Returns the paths of all its parts."""
-    parts = itertools.product(range(number * PARTS, (number + 1) * PARTS), range(len(CELLS)))
+    parts = itertools.product(range(number * PARTS, (number + 1) * PARTS), range(len(SETTINGS)))
     calls = {folder / f"{part:03d}_{cell}.npz": (play_part, cell, part, weights) for part, cell in parts}
     missing = {path: (*call, path) for path, call in calls.items() if not path.exists()}
     for _ in completed(pool, missing, len(calls) - len(missing)):
@@ -230,7 +230,7 @@ def play_round(pool: Executor, number: int, weights: run_outs.Weights | None, fo
     return list(calls)
 
 
-def blocks(found: dict[str, Any]) -> dict[str, str]:
+def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the table for the page, by name."""
     columns = {
         "game": "{game}",
@@ -242,7 +242,7 @@ def blocks(found: dict[str, Any]) -> dict[str, str]:
         "network loss": "{network:.3f}",
     }
     rows = []
-    for cell in found["cells"]:
+    for cell in result["cells"]:
         won = cell["run_outs"] / max(cell["positions"], 1)
         rows.append({**cell, "game": cell["rules"].replace("_", " "), "won": won})
     return {"table": rows_table(columns, rows, left=3)}

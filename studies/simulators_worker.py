@@ -2,7 +2,7 @@
 
 Each line of the input is JSON. The first one has the name of the simulator, dt, s, and the scene (`Scene.to_dict`), and
 the answer is the output of `delays`. Each further line has positions (m, 2, 2) m and velocities of the cue ball (m, 2)
-m/s, and the answer is the output of `play`.
+m/s, and the answer is the output of `play_shots`.
 
 `SLOTS` tables with two balls each are in one simulation. Positions and velocities are complex numbers. The function of
 a simulator returns `place(k, positions, velocity)`, which places the balls of table k with a velocity of the cue ball;
@@ -52,7 +52,7 @@ def in_pymunk(dt: float, scene: Any) -> tuple[Any, Any, bool]:
         for body, at, speed in zip(bodies[2 * k : 2 * k + 2], positions + origins[k], (velocity, 0j), strict=True):
             body.position = PIXELS * at.real, PIXELS * at.imag
             body.velocity = PIXELS * speed.real, PIXELS * speed.imag
-            pymunk.Body.update_position(body, 0.0)  # forgets the push out of the last overlap
+            pymunk.Body.update_position(body, 0.0)  # removes the push out of the last overlap
 
     def step() -> tuple[Any, Any]:
         space.step(dt)
@@ -114,7 +114,7 @@ def delays(dt: float, scene: Any, place: Any, step: Any, at_end: bool) -> Any:
     return (passed * times).sum(0) / passed.sum(0)
 
 
-def play(dt: float, scene: Any, place: Any, step: Any, positions: Any, velocities: Any) -> Any:
+def play_shots(dt: float, scene: Any, place: Any, step: Any, positions: Any, velocities: Any) -> Any:
     """Plays shots (m, 2) m and (m,) m/s, and returns the pocket into which each object ball drops, or -1.
 
     A shot runs until the object ball, or before the hit the cue ball, is in a pocket or touches a cushion, until no
@@ -152,7 +152,7 @@ def main() -> None:
     print(json.dumps(delays(dt, scene, place, step, at_end).tolist()), flush=True)
     for line in sys.stdin:
         positions, velocities = (np.array(numbers) @ (1, 1j) for numbers in json.loads(line))
-        print(json.dumps(play(dt, scene, place, step, positions, velocities).tolist()), flush=True)
+        print(json.dumps(play_shots(dt, scene, place, step, positions, velocities).tolist()), flush=True)
 
 
 if __name__ == "__main__":

@@ -49,7 +49,7 @@ def measure(output: Path) -> dict[str, Any]:
         if results.get(task, {}).get("layouts") != layouts:
             results[task] = {"layouts": layouts, "players": {}}
     jobs = {
-        (task, "players", player): functools.partial(play, player, task)
+        (task, "players", player): functools.partial(scores_of, player, task)
         for task in FROZEN
         for player in PLAYERS
         if task in ONLY.get(player, FROZEN)
@@ -57,7 +57,7 @@ def measure(output: Path) -> dict[str, Any]:
     return fill(output, results, jobs)
 
 
-def play(player: str, task: str) -> dict[str, float]:
+def scores_of(player: str, task: str) -> dict[str, float]:
     """Returns the mean success and the mean return of a player in the public layouts of a task."""
     (result,) = bench.play(player, [task]).results
     return {"success": float(result.success.mean()), "return": float(result.returns.mean())}
@@ -123,7 +123,7 @@ def page(name: str) -> str:
     ]
     if policy:
         rows.append((f"best learned: [{policy.policy}](../{policy.page})", _percent(policy.success), ""))
-    given = ", ".join(f"`{key}={value!r}`" for key, value in task.arguments.items())
+    arguments = ", ".join(f"`{key}={value!r}`" for key, value in task.arguments.items())
     noise = ", ".join(f"`{key}={value!r}`" for key, value in NOISE.items())
     parts = [
         f"# {name.removesuffix('-v0')}",
@@ -136,7 +136,7 @@ def page(name: str) -> str:
         table(("player", "success", "mean return"), rows),
         "The players without training play the 1,000 public layouts of [`billiards bench`](../leaderboard.md).",
         "## Arguments",
-        f"The id stands for `Billiards-v0` with these arguments: {given}."
+        f"The id stands for `Billiards-v0` with these arguments: {arguments}."
         + task.noise * f" [Execution noise](../environment.md#action-frames-and-noise): {noise}.",
         "## Versions",
         "\n".join(f"- {line}" for line in task.history),

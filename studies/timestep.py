@@ -34,7 +34,7 @@ from billiards_env.sb3.aim_network import AimNetwork
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
 from examples import ppo
-from studies import JOBS, RESULTS, completed, load_weights, save_weights, workers
+from studies import JOBS, RESULTS, completed, executor, load_arrays, save_arrays
 from studies.timestep_report import GROUPS, blocks, draw
 
 Floats = NDArray[np.float64]
@@ -137,13 +137,13 @@ SAVED = ("main",)
 """The parts whose weights are kept."""
 
 
-def play(actions: Floats, positions: Floats, envs: Mapping[str, Any]) -> dict[str, NDArray[np.bool_]]:
+def successes(actions: Floats, positions: Floats, envs: Mapping[str, Any]) -> dict[str, NDArray[np.bool_]]:
     """Returns which shots succeed in each world, (m,), for actions (m, 2) and positions (m, 2, 2) in m."""
-    found = {}
+    successes = {}
     for world, env in envs.items():
         env.reset(options={"positions": positions})
-        found[world] = env.step(actions)[-1]["is_success"]
-    return found
+        successes[world] = env.step(actions)[-1]["is_success"]
+    return successes
 
 
 def direct_pots(
@@ -227,14 +227,14 @@ def _speed_after(speed: Floats, path: Floats, scene: Scene) -> Floats:
 
 def aims_by_group(aimed: Aims) -> dict[str, list[list[float]]]:
     """Returns the number of shots, their mean error and the mean of its prediction, mm, for each of `GROUPS`."""
-    found: dict[str, list[list[float]]] = {}
+    rows: dict[str, list[list[float]]] = {}
     for (name, (_, edges)), values in zip(GROUPS.items(), (aimed.cut, aimed.distance, aimed.speed), strict=True):
-        found[name] = []
+        rows[name] = []
         for low, high in pairwise(edges):
             group = (values >= low) & (values < high)
             means = [1e3 * float(part[group].mean()) if group.any() else 0.0 for part in aimed[:2]]
-            found[name].append([int(group.sum()), *means])
-    return found
+            rows[name].append([int(group.sum()), *means])
+    return rows
 
 
 def train(run: Run, start: Weights | None, layouts: int) -> tuple[dict[str, Any], Weights]:
@@ -247,26 +247,26 @@ def train(run: Run, start: Weights | None, layouts: int) -> tuple[dict[str, Any]
 
     Returns:
         The result as plain data, and the weights. The result has the fields of the run; `curve`, the evaluations during
-        the training (see `ppo.train`); the output of `compare`, or of `compare_in_game` in a part of `GAMES`; and in
-        the main part `aim`, the output of `aim_of`.
+        the training (see `ppo.train`); the output of `play_in_worlds`, or of `play_in_game` in a part of `GAMES`;
+        and in the main part `aim`, the output of `aim_of_policy`.
     """
-    given = f"{run.options} --seed {run.seed} --episodes {min(layouts, 2000)}".split()
-    args = ppo.arguments([*given, "--env", json.dumps(run.envs)])
+    options = f"{run.options} --seed {run.seed} --episodes {min(layouts, 2000)}".split()
+    args = ppo.arguments([*options, "--env", json.dumps(run.envs)])
     with contextlib.redirect_stdout(io.StringIO()):
         policy, curve = ppo.train(args, None if start is None else policy_of(start, args))
     weights = {name: value.numpy().astype(np.float16) for name, value in policy.state_dict().items()}
     policy = policy_of(weights, args)
     result = {**run._asdict(), "curve": curve}
     if run.part in GAMES:
-        result |= compare_in_game(policy, run, layouts)
+        result |= play_in_game(policy, run, layouts)
     else:
-        result |= compare(policy, run.envs[0], layouts)
+        result |= play_in_worlds(policy, run.envs[0], layouts)
     if run.part == "main":
-        result["aim"] = aim_of(policy, run.envs[0], layouts)
+        result["aim"] = aim_of_policy(policy, run.envs[0], layouts)
     return result, weights
 
 
-def compare(policy: AimNetwork, own_world: dict[str, Any], layouts: int) -> dict[str, Any]:
+def play_in_worlds(policy: AimNetwork, own_world: dict[str, Any], layouts: int) -> dict[str, Any]:
     """Plays a policy on new layouts in all worlds.
 
     Args:
@@ -281,7 +281,7 @@ def compare(policy: AimNetwork, own_world: dict[str, Any], layouts: int) -> dict
     """
     envs = make_worlds(layouts, {**WORLDS, "own": own_world})
     observations, _ = envs["exact"].reset(seed=evaluation_seeds(LAYOUT_SEED, layouts).tolist())
-    potted = play(shots_of(policy, envs["exact"], observations), envs["exact"].positions, envs)
+    potted = successes(actions_of(policy, envs["exact"], observations), envs["exact"].positions, envs)
     own, exact = potted.pop("own"), potted["exact"]
     return {
         "success": {world: int(shots.sum()) for world, shots in potted.items()},
@@ -291,7 +291,7 @@ def compare(policy: AimNetwork, own_world: dict[str, Any], layouts: int) -> dict
     }
 
 
-def compare_in_game(policy: AimNetwork, run: Run, layouts: int) -> dict[str, Any]:
+def play_in_game(policy: AimNetwork, run: Run, layouts: int) -> dict[str, Any]:
     """Plays new episodes of a part of `GAMES` in the worlds of the games.
 
     Returns:
@@ -301,22 +301,22 @@ def compare_in_game(policy: AimNetwork, run: Run, layouts: int) -> dict[str, Any
     success = {}
     for world in WORLDS_OF_GAMES:
         envs = make_vector_env(layouts, threads=1, **game, **WORLDS[world])
-        success[world] = play_together(envs, functools.partial(shots_of, policy, envs), seeds)["successes"]
+        success[world] = play_together(envs, functools.partial(actions_of, policy, envs), seeds)["successes"]
     return {"success": success, "own": success[run.world]}
 
 
-def aim_of(policy: AimNetwork, own_world: dict[str, Any], layouts: int) -> dict[str, list[list[float]]]:
-    """Returns `aims_by_group` of the direct pots of a policy in its own world, on the layouts of `compare`."""
+def aim_of_policy(policy: AimNetwork, own_world: dict[str, Any], layouts: int) -> dict[str, list[list[float]]]:
+    """Returns `aims_by_group` of the direct pots of a policy in its own world, on the layouts of `play_in_worlds`."""
     envs = make_worlds(layouts, {"exact": {}})["exact"]
     observations, _ = envs.reset(seed=evaluation_seeds(LAYOUT_SEED, layouts).tolist())
     scene, max_speed = envs.single_env.scene, envs.single_env.max_speed
-    actions = shots_of(policy, envs, observations)
+    actions = actions_of(policy, envs, observations)
     direct, pockets = direct_pots(actions, envs.positions, scene, max_speed, own_world)
     shots = actions[direct], envs.positions[direct], pockets[direct]
     return aims_by_group(aims(*shots, scene, max_speed, own_world.get("dt", 0.0)))
 
 
-def shots_of(policy: AimNetwork, envs: BilliardsVectorEnv, observations: NDArray[np.float32]) -> Floats:
+def actions_of(policy: AimNetwork, envs: BilliardsVectorEnv, observations: NDArray[np.float32]) -> Floats:
     """Returns the actions (m, 2) of a policy without exploration noise."""
     with torch.no_grad():
         return policy(ppo.positions_of(envs, observations))[0].mode().clamp(-1, 1).numpy().astype(np.float64)
@@ -336,7 +336,7 @@ def policy_of(weights: Weights, args: Any) -> AimNetwork:
     return policy
 
 
-def policies(output: Path) -> Path:
+def policy_folder(output: Path) -> Path:
     """Returns the folder of the weights that belong to a JSON file of results."""
     return output.parent / "policies" / "timestep"
 
@@ -353,34 +353,34 @@ def measure(output: Path, jobs: int, address: str) -> dict[str, Any]:
         OSError: If a file cannot be read or written.
         RuntimeError: If a run fails on the cluster.
     """
-    found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
-    if found.get("layouts") != LAYOUTS:
-        found = {"machine": machine(), "versions": versions(), "layouts": LAYOUTS, "runs": {}}
-    folder = policies(output)
+    content: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
+    if content.get("layouts") != LAYOUTS:
+        content = {"machine": machine(), "versions": versions(), "layouts": LAYOUTS, "runs": {}}
+    folder = policy_folder(output)
     folder.mkdir(parents=True, exist_ok=True)
-    with workers(jobs, address) as pool:
+    with executor(jobs, address) as pool:
         for part, runs in PARTS.items():
             calls = {
                 run.name: (
                     train,
                     run,
-                    None if run.start is None else load_weights(folder / f"{run.start}.npz"),
+                    None if run.start is None else load_arrays(folder / f"{run.start}.npz"),
                     LAYOUTS,
                 )
                 for run in runs
-                if not is_result(found, run)
+                if not is_result(content, run)
             }
             for name, (result, weights) in completed(pool, calls, len(runs) - len(calls)):
                 if part in SAVED:
-                    save_weights(folder / f"{name}.npz", weights)
-                found["runs"][name] = result
-                write_json(output, found)
-    return found
+                    save_arrays(folder / f"{name}.npz", weights)
+                content["runs"][name] = result
+                write_json(output, content)
+    return content
 
 
-def is_result(found: Mapping[str, Any], run: Run) -> bool:
+def is_result(content: Mapping[str, Any], run: Run) -> bool:
     """Returns whether the results have a run with these settings."""
-    result = found["runs"].get(run.name)
+    result = content["runs"].get(run.name)
     return result is not None and all(result[key] == value for key, value in run._asdict().items())
 
 

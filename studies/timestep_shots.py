@@ -14,19 +14,19 @@ from benchmarks import run_command, table
 from billiards_env.envs.actions import cue_strike
 from billiards_env.evaluation import evaluation_seeds
 from examples import ppo
-from studies import live_shot, load_weights
+from studies import live_shot, load_arrays
 from studies.timestep import (
     LAYOUT_SEED,
     OUTPUT,
     SEEDS,
     WORLDS,
     Run,
+    actions_of,
     direct_pots,
     make_worlds,
-    play,
-    policies,
+    policy_folder,
     policy_of,
-    shots_of,
+    successes,
 )
 
 SHOWN, DRAWN, COARSE = 6, 500, "1/60"
@@ -46,9 +46,9 @@ def measure() -> dict[str, Any]:
     positions, env = envs["exact"].positions, envs["exact"].single_env
     actions, potted = {}, {}
     for world, arguments in WORLDS.items():
-        weights = load_weights(policies(OUTPUT) / f"{Run('main', world, SEEDS[0], [arguments]).name}.npz")
-        actions[world] = shots_of(policy_of(weights, ppo.arguments([])), envs[world], observations)
-        potted[world] = play(actions[world], positions, {"own": envs[world], "exact": envs["exact"]})
+        weights = load_arrays(policy_folder(OUTPUT) / f"{Run('main', world, SEEDS[0], [arguments]).name}.npz")
+        actions[world] = actions_of(policy_of(weights, ppo.arguments([])), envs[world], observations)
+        potted[world] = successes(actions[world], positions, {"own": envs[world], "exact": envs["exact"]})
     telling = potted["exact"]["exact"] & potted[COARSE]["own"] & ~potted[COARSE]["exact"]
     telling &= direct_pots(actions[COARSE], positions, env.scene, env.max_speed, WORLDS[COARSE])[0]
     return {
@@ -68,9 +68,9 @@ def measure() -> dict[str, Any]:
     }
 
 
-def blocks(found: dict[str, Any]) -> dict[str, str]:
+def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
-    says = {True: "potted", False: "missed"}
+    labels = {True: "potted", False: "missed"}
 
     def address(layout: dict[str, Any], world: str) -> str:
         steps = 960 if world == "exact" else round(1 / WORLDS[world]["dt"])
@@ -78,12 +78,12 @@ def blocks(found: dict[str, Any]) -> dict[str, str]:
 
     def cell(layout: dict[str, Any], world: str) -> str:
         shot = layout["shots"][world]
-        text = f"{says[shot['own']]}, {says[shot['exact']]}"
+        text = f"{labels[shot['own']]}, {labels[shot['exact']]}"
         return f'<a href="{address(layout, world)}" target="shot">{text}</a>'
 
     head = "layout", *(world if world == "exact" else f"{world} s" for world in WORLDS)
-    rows = [[str(k), *(cell(layout, world) for world in WORLDS)] for k, layout in enumerate(found["layouts"], 1)]
-    frame = address(found["layouts"][0], COARSE)
+    rows = [[str(k), *(cell(layout, world) for world in WORLDS)] for k, layout in enumerate(result["layouts"], 1)]
+    frame = address(result["layouts"][0], COARSE)
     return {
         "table": table(head, rows),
         "frame": f'<iframe name="shot" src="{frame}" title="A shot of the table" class="live"></iframe>',

@@ -23,7 +23,7 @@ TASKS = ["Pot1Noise-v0", "Pot3-v0"]
 
 
 @pytest.fixture(autouse=True)
-def few(monkeypatch):
+def few_episodes(monkeypatch):
     monkeypatch.setattr(bench, "EPISODES", 12)
 
 
@@ -41,10 +41,10 @@ def played(tmp_path):
 
 
 def test_a_file_is_accepted_and_holds_the_outcomes_of_single_environments(played):
-    found = bench.verify(played)
-    assert found.player == "geometric"
-    assert [(result.task, result.seed) for result in found.results] == [(t, s) for t in TASKS for s in (0, 5)]
-    for result in found.results:
+    entry = bench.verify(played)
+    assert entry.player == "geometric"
+    assert [(result.task, result.seed) for result in entry.results] == [(t, s) for t in TASKS for s in (0, 5)]
+    for result in entry.results:
         env, k = gym.make(NAMESPACE + result.task), 0
         for episode, seed in enumerate(evaluation_seeds(result.seed, 12).tolist()):
             env.reset(seed=seed)
@@ -75,22 +75,22 @@ def test_who_knows_the_noise_can_subtract_it_but_not_that_of_another_seed():
 
 
 def test_a_seed_of_the_noise_is_recorded_and_changes_only_the_noise(tmp_path, capsys):
-    found = bench.play("geometric", ["Pot1Noise-v0", "Pot3-v0", "Pot3Noise-v0"], noise_seed=2**40)
-    noisy, plain, longer = found.results
-    assert [result.noise_seed for result in found.results] == [2**40, None, 2**40]
+    entry = bench.play("geometric", ["Pot1Noise-v0", "Pot3-v0", "Pot3Noise-v0"], noise_seed=2**40)
+    noisy, plain, longer = entry.results
+    assert [result.noise_seed for result in entry.results] == [2**40, None, 2**40]
     usual = bench.play("geometric", ["Pot1Noise-v0", "Pot3-v0"]).results
-    assert bench.from_json(bench.to_json(found)).results[0].noise_seed == 2**40
+    assert bench.from_json(bench.to_json(entry)).results[0].noise_seed == 2**40
     assert plain.digest == usual[1].digest
     assert (noisy.layouts, (noisy.actions == usual[0].actions).all()) == (usual[0].layouts, True)
     assert noisy.digest != usual[0].digest
-    bench.save(tmp_path / "a.json", found)
+    bench.save(tmp_path / "a.json", entry)
     main(["bench", "verify", str(tmp_path / "a.json"), "--noise-seed", "3"])
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].endswith("a.json: accepted, geometric")
     assert lines[2].split()[:2] == ["Pot1Noise-v0", "0"]
     assert lines[lines.index("the same actions with the noise of seed 3:") + 2].split()[:2] == ["Pot1Noise-v0", "0"]
     assert lines[-1] == "Pot3Noise-v0: replayed only, the player may have computed the noise beforehand"
-    assert bench.fresh(found, 3).results[0].digest != noisy.digest
+    assert bench.fresh(entry, 3).results[0].digest != noisy.digest
     assert longer.shots.max() > 1
 
 
@@ -228,11 +228,11 @@ def test_an_interrupted_command_resumes(tmp_path, capsys, monkeypatch):
     command = ["bench", "geometric", "--tasks", "Pot1Noise-v0, Pot3-v0", "--seed", "0", "5", "--out", str(path)]
     find, played = bench.find_player, []
 
-    def interrupted(*given):
-        played.append(given)
+    def interrupted(*arguments):
+        played.append(arguments)
         if len(played) == 3:
             raise KeyboardInterrupt
-        return find(*given)
+        return find(*arguments)
 
     monkeypatch.setattr(bench, "find_player", interrupted)
     with pytest.raises(SystemExit, match="130"):
@@ -269,10 +269,10 @@ def test_an_action_of_a_player_that_is_wrong_leaves_no_file(tmp_path, monkeypatc
 
 
 def test_a_file_that_would_be_too_large_is_not_written(played, tmp_path, monkeypatch):
-    found = bench.load(played)
+    entry = bench.load(played)
     monkeypatch.setattr(records, "MAX_BYTES", 100)
     with pytest.raises(ValueError, match="expected at most 100; play fewer tasks"):
-        bench.save(tmp_path / "large.json", found)
+        bench.save(tmp_path / "large.json", entry)
     assert not (tmp_path / "large.json").exists()
 
 
@@ -289,8 +289,8 @@ def test_the_scale_ends_at_the_random_player_and_at_the_best_one(monkeypatch):
 def test_the_public_layouts_and_the_scale_are_published(monkeypatch):
     """The hashes are those of the first observations of 1,000 environments."""
     monkeypatch.undo()
-    found = bench.reference()
-    assert list(found) == list(FROZEN)
+    published = bench.reference()
+    assert list(published) == list(FROZEN)
     for task in BENCH_TASKS:
-        assert bench.layouts_hash(task) == found[task]["layouts"]
-    assert all({"random", "geometric", "search:200"} <= set(entry["players"]) for entry in found.values())
+        assert bench.layouts_hash(task) == published[task]["layouts"]
+    assert all({"random", "geometric", "search:200"} <= set(entry["players"]) for entry in published.values())

@@ -126,8 +126,8 @@ def check_options(line: str, monkeypatch: pytest.MonkeyPatch) -> None:
     assert command in COMMANDS, line
     parse = argparse.ArgumentParser.parse_args
 
-    def only_parse(self: argparse.ArgumentParser, *given: Any) -> None:
-        parse(self, *given)
+    def only_parse(self: argparse.ArgumentParser, *argv: Any) -> None:
+        parse(self, *argv)
         raise Accepted
 
     with monkeypatch.context() as patch:

@@ -47,9 +47,9 @@ def mine(tmp_path, monkeypatch):
 def test_a_function_of_the_user_plays(mine):
     act = find_player("my_players:full_hit", gym.make("Billiards-v0"))
     assert act(np.array([0.0, 0.0, 0.5, 0.5])).tolist() == [0.25, 0.125]
-    found = measure("my_players:full_hit", {"task": "carom", "max_shots": 3}, (0.0, 0.0), 20, 0)
-    assert found["mean_shots"] >= 1
-    assert found["episodes"] == 20
+    measured = measure("my_players:full_hit", {"task": "carom", "max_shots": 3}, (0.0, 0.0), 20, 0)
+    assert measured["mean_shots"] >= 1
+    assert measured["episodes"] == 20
 
 
 def test_the_command_measures_players_on_the_same_layouts(mine, capsys):
@@ -61,5 +61,5 @@ def test_the_command_measures_players_on_the_same_layouts(mine, capsys):
 
 def test_a_trained_policy_plays():
     pytest.importorskip("stable_baselines3")
-    found = measure("policy:studies/results/policies/pot", {}, (0.0, 0.0), 100, 0)
-    assert found["success_rate"] > 0.8
+    measured = measure("policy:studies/results/policies/pot", {}, (0.0, 0.0), 100, 0)
+    assert measured["success_rate"] > 0.8

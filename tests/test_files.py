@@ -4,7 +4,7 @@ import stat
 
 import pytest
 
-from billiards_env.files import check_path, read_text, replacing, write_json, write_whole
+from billiards_env.files import check_path, read_text, replacing, write_atomically, write_json
 
 
 def test_a_file_is_replaced_completely_or_not_at_all(tmp_path):
@@ -28,24 +28,24 @@ def test_a_file_is_replaced_completely_or_not_at_all(tmp_path):
 
 def test_a_failed_write_keeps_the_old_file_and_leaves_no_other(tmp_path, monkeypatch):
     path = tmp_path / "new" / "file"
-    write_whole(path, b"old")
+    write_atomically(path, b"old")
 
     def fail(descriptor):
         raise OSError("disk full")
 
     monkeypatch.setattr(os, "fsync", fail)
     with pytest.raises(OSError, match="disk full"):
-        write_whole(path, b"new")
+        write_atomically(path, b"new")
     assert path.read_bytes() == b"old"
     assert os.listdir(path.parent) == ["file"]
 
 
 def test_an_error_names_the_file_and_not_the_temporary_one(tmp_path, monkeypatch):
     with pytest.raises(IsADirectoryError, match=f"path = '{tmp_path}': expected a file, not a folder"):
-        write_whole(tmp_path, b"new")
+        write_atomically(tmp_path, b"new")
     long = tmp_path / ("a" * 300)
     with pytest.raises(OSError, match=r"name too long: '.*/a{300}'$"):
-        write_whole(long, b"new")
+        write_atomically(long, b"new")
     assert os.listdir(tmp_path) == []
 
     def fail(path, *_):

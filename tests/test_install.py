@@ -75,12 +75,12 @@ def make(tmp_path):
 @needs_make
 def test_make_installs_what_it_needs_with_the_pinned_versions(make):
     commands = make("-n", "test", f"PYTHON={sys.executable}").splitlines()
-    wanted = (
+    patterns = (
         rf"{sys.executable} -m venv --clear \.venv",
         r".*pip install -c constraints\.txt -e '\.\[train,render,plot,multi,dev,docs\]'.*",
         r"\.venv/bin/pytest .*",
     )
-    places = [next(k for k, line in enumerate(commands) if re.fullmatch(text, line)) for text in wanted]
+    places = [next(k for k, line in enumerate(commands) if re.fullmatch(text, line)) for text in patterns]
     assert places == sorted(places)
 
 

@@ -111,10 +111,10 @@ def test_replay_in_a_window(monkeypatch, game):
 
 def test_play_gets_its_arguments(monkeypatch):
     pytest.importorskip("pygame")
-    given = []
-    monkeypatch.setattr("billiards_env.play.__main__.main", given.append)
+    calls = []
+    monkeypatch.setattr("billiards_env.play.__main__.main", calls.append)
     main(["play", "--rules", "carom", "--players", "human,human"])
-    assert given == [["--rules", "carom", "--players", "human,human"]]
+    assert calls == [["--rules", "carom", "--players", "human,human"]]
 
 
 def test_version_lists_the_packages(capsys):

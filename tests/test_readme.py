@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from agents.config import Config
-from agents.ppo import make_model, make_vec_env
+from agents.ppo import make_ppo, make_vec_env
 from benchmarks import speed
 from billiards_env.envs import BilliardsEnv, arguments
 from billiards_env.envs.tasks import TASKS
@@ -105,7 +105,7 @@ def test_the_configuration_shown_trains():
     (text,) = (code for language, _, code in FENCE.findall(PAGES["docs/training.md"]) if language == "yaml")
     config = Config.from_dict(yaml.safe_load(text))
     envs = make_vec_env(config)
-    model = make_model(config, envs)
+    model = make_ppo(config, envs)
     before = [weights.clone() for weights in model.policy.parameters()]
     model.learn(1)  # one update
     envs.close()
@@ -200,11 +200,11 @@ def test_only_text_between_markers_is_replaced(page):
     readme.main([])
     result = json.loads(readme.results("speed").read_text())
     calls = speed.blocks(result)["calls"]
-    whole = f"# Title\n\n<!-- speed: calls -->\n\n{calls}\n\n<!-- end -->\n\nText.\n"
-    assert page.read_text() == whole
+    filled = f"# Title\n\n<!-- speed: calls -->\n\n{calls}\n\n<!-- end -->\n\nText.\n"
+    assert page.read_text() == filled
     assert [path.name for path in page.parent.iterdir()] == ["page.md"]
     readme.main([])
-    assert page.read_text() == whole
+    assert page.read_text() == filled
 
 
 def test_an_outdated_page_is_reported_and_not_changed(page):
@@ -217,7 +217,7 @@ def test_an_outdated_page_is_reported_and_not_changed(page):
 
 
 def test_a_missing_result_is_marked_as_not_measured(page, tmp_path):
-    assert "*Not measured yet: `python -m benchmarks.speed`.*" in readme.fill(page.read_text(), tmp_path)
+    assert "*Not measured yet: `python -m benchmarks.speed`.*" in readme.fill_page(page.read_text(), tmp_path)
 
 
 WRONG_MARKERS = [

@@ -19,46 +19,46 @@ OUTPUTS = ("positions", "velocities", "spins")
 
 
 def start(scene, m=2, spins=False):
-    """Returns positions, velocities of the cue balls and, if asked, their spins, of shots aimed at ball 1."""
+    """Returns positions, velocities of the cue balls and, on request, their spins, of shots aimed at ball 1."""
     places, moving = zip(*(aimed(scene, seed) for seed in range(3, 3 + m)), strict=True)
     rng = np.random.default_rng(0)
-    given = [np.array(places), np.array(moving)[:, 0], *([rng.normal(0.0, 5.0, (m, 3))] if spins else [])]
-    return [torch.tensor(array, requires_grad=True) for array in given]
+    arrays = [np.array(places), np.array(moving)[:, 0], *([rng.normal(0.0, 5.0, (m, 3))] if spins else [])]
+    return [torch.tensor(array, requires_grad=True) for array in arrays]
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_gradcheck_passes(name):
     scene = SCENES[name]
-    given = start(scene, spins=name != "ideal")
+    inputs = start(scene, spins=name != "ideal")
 
     def outputs(*tensors):
         return tuple(simulate(scene, *tensors, of=OUTPUTS, max_time=0.7).values())
 
-    assert gradcheck(outputs, given, eps=1e-7, atol=1e-4, rtol=1e-4, check_forward_ad=True)
+    assert gradcheck(outputs, inputs, eps=1e-7, atol=1e-4, rtol=1e-4, check_forward_ad=True)
 
 
 def test_gradcheck_passes_for_margins():
     scene = SCENES["pool"]
 
     def margins(*tensors):
-        found = simulate(scene, *tensors, of=("ball_margins", "pocket_margins"), max_time=1.5)
-        return found["ball_margins"][:, 0, 1:], found["pocket_margins"][:, :2]
+        outputs = simulate(scene, *tensors, of=("ball_margins", "pocket_margins"), max_time=1.5)
+        return outputs["ball_margins"][:, 0, 1:], outputs["pocket_margins"][:, :2]
 
     assert gradcheck(margins, start(scene), eps=1e-7, atol=1e-4, rtol=1e-4, check_forward_ad=True)
 
 
 def test_the_outputs_are_those_of_a_batch():
     scene = SCENES["real_pool"]
-    given = start(scene, 3, spins=True)
-    arrays = [tensor.detach().numpy() for tensor in given]
+    tensors = start(scene, 3, spins=True)
+    arrays = [tensor.detach().numpy() for tensor in tensors]
     batch = simulate_batch(scene, arrays[0], arrays[1], spins=arrays[2], max_time=0.7, record=True)
-    found = simulate(scene, *given, of=(*OUTPUTS, "cushion_margins"), max_time=0.7)
-    assert found["cushion_margins"].tolist() == batch.margins().cushions.tolist()
+    outputs = simulate(scene, *tensors, of=(*OUTPUTS, "cushion_margins"), max_time=0.7)
+    assert outputs["cushion_margins"].tolist() == batch.margins().cushions.tolist()
     for name in OUTPUTS:
-        assert found[name].tolist() == getattr(batch, name).tolist()
-    single = simulate(scene, given[0][1], given[1][1], given[2][1], max_time=0.7)
+        assert outputs[name].tolist() == getattr(batch, name).tolist()
+    single = simulate(scene, tensors[0][1], tensors[1][1], tensors[2][1], max_time=0.7)
     assert single.tolist() == batch.positions[1].tolist()
-    floats = simulate(scene, *(tensor.float() for tensor in given), max_time=0.7)
+    floats = simulate(scene, *(tensor.float() for tensor in tensors), max_time=0.7)
     assert floats.dtype == torch.float32
 
 
@@ -95,14 +95,14 @@ def test_vmap_runs_one_batch_and_has_the_derivatives_of_the_batch():
     def end(position, velocity):
         return simulate(scene, position, velocity, max_time=0.7)
 
-    whole = simulate(scene, places, moving, max_time=0.7)
-    assert torch.equal(vmap(end)(places, moving), whole)
+    batched = simulate(scene, places, moving, max_time=0.7)
+    assert torch.equal(vmap(end)(places, moving), batched)
     pairs = vmap(vmap(end))(places.reshape(2, 2, 3, 2), moving.reshape(2, 2, 2))
-    assert torch.equal(pairs.flatten(0, 1), whole)
+    assert torch.equal(pairs.flatten(0, 1), batched)
     arrays = places.numpy(), moving.numpy()
     jacobian = simulate_batch(scene, *arrays, max_time=0.7, record=True).jacobian()[..., 0, :]
-    for found in (vmap(jacrev(end, 1))(places, moving), vmap(jacfwd(end, 1))(places, moving)):
-        np.testing.assert_allclose(found.numpy(), jacobian, rtol=0, atol=1e-12)
+    for derivative in (vmap(jacrev(end, 1))(places, moving), vmap(jacfwd(end, 1))(places, moving)):
+        np.testing.assert_allclose(derivative.numpy(), jacobian, rtol=0, atol=1e-12)
     by_sum = vmap(grad(lambda v, p: end(p, v).sum()))(moving, places)
     np.testing.assert_allclose(by_sum.numpy(), jacobian.sum((1, 2)), rtol=0, atol=1e-12)
 
@@ -134,11 +134,11 @@ def test_second_derivatives_are_refused():
 
 
 def test_wrong_names_are_refused():
-    given = start(SCENES["pool"])
+    tensors = start(SCENES["pool"])
     with pytest.raises(ValueError, match="of = 'events': expected"):
-        simulate(SCENES["pool"], *given, of="events")
+        simulate(SCENES["pool"], *tensors, of="events")
     with pytest.raises(ValueError, match="physics = 'motion': expected"):
-        simulate(SCENES["pool"], *given, physics={"motion": given[0]})
+        simulate(SCENES["pool"], *tensors, physics={"motion": tensors[0]})
 
 
 def test_pot_margins_are_positive_for_pots_and_lead_to_them():
@@ -160,10 +160,10 @@ def test_pot_margins_are_positive_for_pots_and_lead_to_them():
         step = (0.04 - margin)[:, None] * slope / slope.square().sum(-1, keepdim=True).clamp(min=1e-3)
         step = step / (step.norm(dim=-1, keepdim=True) / 0.05).clamp(min=1.0)
         actions = (actions + torch.where(margin[:, None] > 0, 0.0, step)).detach().requires_grad_()
-    found = pot_margins(envs, positions, actions)[:, 0].amax(-1) > 0
+    potted = pot_margins(envs, positions, actions)[:, 0].amax(-1) > 0
     envs.step(actions.detach().numpy())
-    assert found.tolist() == envs.potted[:, 1].tolist()
-    assert found.float().mean() > 0.5
+    assert potted.tolist() == envs.potted[:, 1].tolist()
+    assert potted.float().mean() > 0.5
 
 
 @pytest.mark.parametrize(
@@ -176,11 +176,11 @@ def test_pot_margins_are_positive_exactly_for_pots(arguments):
     positions, places = envs.positions, [(p.x, p.y) for p in envs.single_env.scene.table.pockets]
     angles = np.arctan2(*(positions[:, 1] - positions[:, 0]).T[::-1]) + rng.normal(0.0, 0.1, 300)
     actions = (rng.uniform(0.3, 1.0, 300) * (np.cos(angles), np.sin(angles))).T.astype(np.float32)
-    found = pot_margins(envs, torch.tensor(positions), torch.tensor(actions))
+    margins = pot_margins(envs, torch.tensor(positions), torch.tensor(actions))
     envs.step(actions)
     at_pocket = (envs.positions[:, 1:, None] == places).all(axis=-1)
     assert at_pocket.sum() > 20
-    np.testing.assert_array_equal(found.numpy() > 0.0, at_pocket)
+    np.testing.assert_array_equal(margins.numpy() > 0.0, at_pocket)
 
 
 def test_pot_margins_of_a_ball_that_is_off_the_table():

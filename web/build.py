@@ -46,7 +46,7 @@ from billiards_env.engine.log import KINDS, empty_log
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.shot_input import is_valid_fast
 from billiards_env.engine.shots import STATUS, empty_shots
-from billiards_env.files import write_whole
+from billiards_env.files import write_atomically
 from billiards_env.jit.compiler import Kernel
 from billiards_env.jit.folders import source_hash
 from billiards_env.physics.strike import cue_numbers, many_strikes
@@ -117,10 +117,10 @@ def kind_of(scene: Scene) -> str:
     return next(name for name in SCENES if numba.typeof(scene_fields(Scene.named(name))) == types)
 
 
-def plain(value: Any) -> Any:
+def as_json(value: Any) -> Any:
     """Returns an argument of an entry point as JSON: arrays as their type, shape and content, integers as text."""
     if isinstance(value, tuple):
-        return [plain(item) for item in value]
+        return [as_json(item) for item in value]
     if isinstance(value, np.ndarray):
         if value.dtype.names:
             bytes_ = np.ascontiguousarray(value).view(np.uint8).ravel().tolist()
@@ -154,7 +154,7 @@ def data() -> dict[str, Any]:
         "scenes": {
             name: {
                 "kind": kind_of(scene),
-                "fields": [plain_numbers(scene_fields(scene)[0]), *plain(scene_fields(scene)[1:])],
+                "fields": [plain_numbers(scene_fields(scene)[0]), *as_json(scene_fields(scene)[1:])],
                 "cue": list(cue_numbers(scene)) if scene.physics.motion == "sliding" else None,
                 "max_time": scene.physics.max_time,
             }
@@ -174,7 +174,7 @@ def plain_task(task: tasks.Program) -> dict[str, Any]:
         key = array.ctypes.data, array.shape
         if key not in kept:
             kept[key] = len(arrays)
-            row = plain(array[:1])
+            row = as_json(array[:1])
             arrays.append(row | {"shape": row["shape"][1:]})
         return kept[key]
 
@@ -182,7 +182,7 @@ def plain_task(task: tasks.Program) -> dict[str, Any]:
         if isinstance(value, np.ndarray) and value.shape[:1] == (tasks.COUNT,):
             return f"@{number_of(value)}"
         if not isinstance(value, tuple):
-            return plain(value)
+            return as_json(value)
         if len(value) == len(task.scene) and all(map(operator.is_, value[1:], task.scene[1:])):
             own, others = (plain_numbers(fields[0])["content"] for fields in (value, task.scene))
             changes = {name: own[name] for name in own if own[name] != others[name]}
@@ -237,7 +237,7 @@ def compile_entry(name: str, function: Any, arguments: tuple[Any, ...]) -> bytes
     return machine.emit_object(module)
 
 
-def compile_engines(path: Path) -> None:
+def build_engine(path: Path) -> None:
     """Writes the file `engine.wasm`, in a process that has not compiled any kernel."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
@@ -258,7 +258,7 @@ def compile_engines(path: Path) -> None:
         exported = [f"--export={name}" for name in exports]
         subprocess.run([*zig, "wasm-ld", *options, *exported, *objects, "-o", str(linked)], check=True)
         content = linked.read_bytes() + section(SECTION, zlib.compress(json.dumps(data()).encode(), 9))
-    write_whole(path, content)
+    write_atomically(path, content)
 
 
 def section(name: str, content: bytes) -> bytes:
@@ -312,7 +312,7 @@ def engine_file() -> bytes:
     versions = f"{numba.__version__} {llvmlite.__version__}".encode()
     kept = ROOT / "build" / "web" / f"{hashlib.sha256(b''.join((*sources, versions))).hexdigest()[:16]}.wasm"
     if not kept.exists():  # in a new process, because kernels that are already compiled are optimised for this machine
-        program = "import pathlib, sys; from web import build; build.compile_engines(pathlib.Path(sys.argv[1]))"
+        program = "import pathlib, sys; from web import build; build.build_engine(pathlib.Path(sys.argv[1]))"
         subprocess.run([sys.executable, "-c", program, str(kept)], check=True, cwd=ROOT)
     return kept.read_bytes()
 
@@ -330,7 +330,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--output", type=Path, default=ROOT / "site", help="the folder of the files")
     folder = parser.parse_args(arguments).output
     for name, content in files().items():
-        write_whole(folder / name, content)
+        write_atomically(folder / name, content)
         print(f"{folder / name}: {len(content) / 1000:.0f} kB")
 
 

@@ -98,9 +98,9 @@ function cut(value, count) {
 
 /** Returns a list of numbers for each ball. One list is that of the cue ball. */
 function ofBalls(name, values, count, width) {
-  const given = values == null ? [] : Array.isArray(values[0]) ? values : [values];
-  const all = Array.from({ length: count }, (_, i) => given[i] ?? (given.length <= 1 ? Array(width).fill(0) : []));
-  if (given.length > count || !all.every(row => row.length === width && row.every(isNumber))) {
+  const listed = values == null ? [] : Array.isArray(values[0]) ? values : [values];
+  const all = Array.from({ length: count }, (_, i) => listed[i] ?? (listed.length <= 1 ? Array(width).fill(0) : []));
+  if (listed.length > count || !all.every(row => row.length === width && row.every(isNumber))) {
     throw new TypeError(`${name} = ${JSON.stringify(values)}: expected ${width} finite numbers for each of ${count} balls`);
   }
   return all.flat();
@@ -332,9 +332,9 @@ class Engine {
     if (!Number.isSafeInteger(item.seed) || item.seed < 0) throw new RangeError(`seed = ${item.seed}: expected a whole number >= 0`);
     if (shots.length !== this.data.episodes || !shots.every(fits)) throw new RangeError(`shots: expected ${this.data.episodes} numbers from 1 to ${max_shots}`);
     if (actions.length !== width * count || !actions.every(isNumber)) throw new RangeError(`actions: expected ${width} finite numbers for each shot`);
-    const found = { ...item, shots, actions }, now = await this.replay(found);
+    const result = { ...item, shots, actions }, now = await this.replay(result);
     const wrong = ["layouts", "success", "returns", "digest"].find(name => String(now[name]) !== String(item[name]));
-    return { ...found, verified: !wrong, reason: wrong ? `${wrong}: differs from the result of the actions` : "" };
+    return { ...result, verified: !wrong, reason: wrong ? `${wrong}: differs from the result of the actions` : "" };
   }
 
   /**
@@ -365,9 +365,9 @@ class Engine {
     for (const [name, values] of calls(begin)) call(this.exports, name, values);
     const layouts = bytes("observations", [...all.keys()]);
     for (let k = 0; all.some(i => shots[i] > k); k++) {
-      const playing = [...all.keys()].filter(i => shots[all[i]] > k), given = array("actions");
-      given.place(this.exports);
-      playing.forEach(i => given.read().set(actions.subarray((firsts[all[i]] + k) * width, (firsts[all[i]] + k + 1) * width), i * width));
+      const playing = [...all.keys()].filter(i => shots[all[i]] > k), buffer = array("actions");
+      buffer.place(this.exports);
+      playing.forEach(i => buffer.read().set(actions.subarray((firsts[all[i]] + k) * width, (firsts[all[i]] + k + 1) * width), i * width));
       for (const [name, values] of step) {
         if (only !== null && name.startsWith("pic_")) {
           starts.push({ positions: rows(read("positions"), 2), velocities: rows(read("velocities"), 2), spins: rows(read("spins"), 3), inPlay: Array.from(read("in_play"), Boolean) });
@@ -389,7 +389,7 @@ const inflated = bytes => new Response(new Blob([bytes]).stream().pipeThrough(ne
 
 /** Loads the engines. `source` is a response, the promise of one, or the bytes of engine.wasm. */
 export async function load(source) {
-  const given = await source, bytes = given instanceof Response ? await given.arrayBuffer() : given;
+  const loaded = await source, bytes = loaded instanceof Response ? await loaded.arrayBuffer() : loaded;
   const module = await WebAssembly.compile(bytes), [section] = WebAssembly.Module.customSections(module, "billiards");
   const { exports } = await WebAssembly.instantiate(module);
   return new Engine(exports, await inflated(section).json());

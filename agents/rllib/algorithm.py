@@ -183,11 +183,11 @@ class ArrayPPO(PPO):
 
     def _sample(self, steps: int, seed: bool) -> dict[str, Any]:
         """Returns a batch from all runners. Runners that work replace the part of one that does not."""
-        weights, wanted = self.learner_group.get_weights()[DEFAULT_MODULE_ID], self.config.total_train_batch_size
+        weights, size = self.learner_group.get_weights()[DEFAULT_MODULE_ID], self.config.total_train_batch_size
         parts: list[tuple[int, dict[str, Any], list[bool]]] = []
         if not self.config.num_env_runners:
             parts.append(self.env_runner.sample(weights=weights, steps=steps, seed=seed))
-        while (have := sum(len(part[1]["advantages"]) for part in parts)) < wanted:
+        while (have := sum(len(part[1]["advantages"]) for part in parts)) < size:
             collected = self.env_runner_group.foreach_env_runner(
                 "sample", kwargs={"weights": weights, "steps": steps + have, "seed": seed}, local_env_runner=False
             )
@@ -195,7 +195,7 @@ class ArrayPPO(PPO):
             seed = False
             self.restore_env_runners(self.env_runner_group)
         self.successes = tuple(success for part in parts for success in part[2])
-        return {name: np.concatenate([part[1][name] for part in parts])[:wanted] for name in parts[0][1]}
+        return {name: np.concatenate([part[1][name] for part in parts])[:size] for name in parts[0][1]}
 
     def restore_env_runners(self, env_runner_group: Any) -> list[int]:
         """Uses the replaced runners again and returns their indices. They need no state, see `ArrayRunner.sample`."""
@@ -218,8 +218,8 @@ def algorithm_config(config: Config, runners: int) -> PPOConfig:
         ValueError: If the environments cannot be shared, or the policy is not `AimPolicy`.
     """
     ppo, players = config.ppo, max(runners, 1)
-    if (given := (config.policy["head"], config.start_from)) != ("aim", None):
-        raise ValueError(f"policy.head, start_from = {given}: expected 'aim' and None with RLlib")
+    if (unsupported := (config.policy["head"], config.start_from)) != ("aim", None):
+        raise ValueError(f"policy.head, start_from = {unsupported}: expected 'aim' and None with RLlib")
     if runners < 0 or config.n_envs % players:
         raise ValueError(f"runners = {runners}: expected a divisor of n_envs = {config.n_envs}")
     for name in ("target_kl", "clip_range_vf"):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from agents.config import Config
-from agents.ppo import make_model, make_vec_env, restart
+from agents.ppo import make_ppo, make_vec_env, restart
 
 COLUMNS = dict(
     obs="observations", actions="actions", action_logp="log_probs", advantages="advantages", value_targets="returns"
@@ -39,7 +39,7 @@ class Rollouts:
         self.config, self.first, self.seeded = config, first, False
         ppo = {**config.ppo, "batch_size": n_envs * config.ppo["n_steps"]}  # this model has no updates
         part = dataclasses.replace(config, n_envs=n_envs, ppo=ppo)
-        self.model = make_model(part, make_vec_env(part, threads=1))
+        self.model = make_ppo(part, make_vec_env(part, threads=1))
         _, self._callback = self.model._setup_learn(0, None)
 
     def seed(self, steps: int) -> None:

@@ -64,7 +64,7 @@ BANK_LAWS = {
 IN_PLAY = (True, False, False)
 
 
-def bounce(physics: Physics, angle: ArrayLike, speed: ArrayLike = 1.0) -> tuple[Floats, Floats]:
+def rebounds(physics: Physics, angle: ArrayLike, speed: ArrayLike = 1.0) -> tuple[Floats, Floats]:
     """Returns speeds and angles (m,) after impacts of rolling snooker balls on the cushion of the paper."""
     angle, speed = (np.ravel(a) for a in np.broadcast_arrays(np.radians(angle), speed))
     vx, vy = speed * np.where(angle == np.pi / 2, 0.0, np.cos(angle)), speed * np.sin(angle)
@@ -119,14 +119,14 @@ SPEEDS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5)
 def fit_line(physics: Physics) -> float:
     """Returns the slope of the line that fits the speeds after perpendicular impacts at 0.28 to 3.5 m/s."""
     speeds = np.linspace(0.28, 3.5, 50)
-    after, _ = bounce(physics, 90.0, speeds)
+    after, _ = rebounds(physics, 90.0, speeds)
     return float(np.polyfit(speeds, after, 1)[0])
 
 
 def figure_7a(physics: Physics) -> tuple[float, float]:
     """Returns the root mean square and the largest difference from `FIGURE_7A`, m/s."""
     before, measured = np.array(FIGURE_7A).T
-    off = bounce(physics, 90.0, before)[0] - measured
+    off = rebounds(physics, 90.0, before)[0] - measured
     return float(np.sqrt(np.mean(off**2))), float(abs(off).max())
 
 

@@ -36,7 +36,7 @@ def draw(_: Any, folder: Path) -> None:
 
     before = np.linspace(0.05, 3.6, 100)
     for (name, physics), colour in zip(cushions.MODELS.items(), COLOURS, strict=True):
-        speeds.plot(before, cushions.bounce(physics, 90.0, before)[0], color=colour, label=name)
+        speeds.plot(before, cushions.rebounds(physics, 90.0, before)[0], color=colour, label=name)
     speeds.plot(*np.array(cushions.FIGURE_7A).T, **{**MEASURED, "markersize": 4})
     _dress(speeds, "Rolling into a cushion at 90°", "speed before (m/s)", "speed after (m/s)", 4, "upper left")
     save(figure, folder / "validation.png")

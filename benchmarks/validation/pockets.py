@@ -95,7 +95,7 @@ def outcomes(board: Table, pocket: str, speed: float, angle: Floats, offset: Flo
     return results
 
 
-def opening(board: Table, pocket: str, speed: float, angle: float) -> tuple[float, float]:
+def opening_widths(board: Table, pocket: str, speed: float, angle: float) -> tuple[float, float]:
     """Returns the widths of the offsets that end in the pocket and of those without a touch, inches."""
     offsets = np.linspace(-4, 4, 801)
     results = outcomes(board, pocket, speed, np.full(len(offsets), angle), offsets)
@@ -116,7 +116,7 @@ def measure() -> dict[str, Any]:
     return {
         "openings": {
             name: {
-                speed: [opening(board, pocket, v, angle) for pocket, angle, *_ in OPENINGS]
+                speed: [opening_widths(board, pocket, v, angle) for pocket, angle, *_ in OPENINGS]
                 for speed, v in SPEEDS.items()
             }
             for name, board in boards.items()

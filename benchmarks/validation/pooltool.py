@@ -19,7 +19,7 @@ KINDS = ("ball_ball", "cushion", "pocket")
 
 
 @functools.cache
-def reference() -> list[dict[str, Any]]:
+def recorded_shots() -> list[dict[str, Any]]:
     """Returns the shots of pooltool."""
     return json.loads(SHOTS.read_text(encoding="utf-8"))["shots"]
 
@@ -66,7 +66,7 @@ def compare(shot: dict[str, Any]) -> dict[str, Any]:
 
 def measure() -> list[dict[str, Any]]:
     """Compares all shots."""
-    return [compare(shot) for shot in reference()]
+    return [compare(shot) for shot in recorded_shots()]
 
 
 def blocks(result: list[dict[str, Any]]) -> dict[str, str]:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import RANGES, finite, numbers, real, short
-from billiards_env.files import write_whole
+from billiards_env.files import write_atomically
 from billiards_env.scene import Scene
 from billiards_env.shots.result import ShotResult
 
@@ -92,7 +92,7 @@ def write_tracks(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
     for track in tracks:
         columns = track.times.tolist(), track.balls.tolist(), *track.positions.T.tolist()
         table.writerows((track.name, *row) for row in zip(*columns, strict=True))
-    write_whole(Path(path), text.getvalue().encode())
+    write_atomically(Path(path), text.getvalue().encode())
 
 
 def check_tracks(scene: Scene, tracks: Sequence[Track], least: int) -> list[Track]:

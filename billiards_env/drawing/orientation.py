@@ -76,7 +76,7 @@ class Turning(NamedTuple):
 
     def _faces(self, steps: NDArray[np.intp], times: Floats) -> Floats:
         since = np.clip(times - self.start[steps], 0.0, self.lasts[steps])
-        return product(turn(self.spin[steps], self.change[steps], since), self.face[steps])
+        return product(rotations(self.spin[steps], self.change[steps], since), self.face[steps])
 
 
 def turning(recording: Recording, faces: ArrayLike | None = None, error: float = ERROR) -> Turning:
@@ -116,7 +116,7 @@ def turning(recording: Recording, faces: ArrayLike | None = None, error: float =
     since = (np.arange(len(index)) - begins[index]) * lasts
     start, spin = start + since, spin + since[:, None] * change
     first = np.searchsorted(ball[index], np.arange(n + 1))
-    turns = turn(spin, change, lasts)
+    turns = rotations(spin, change, lasts)
     quaternions = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)) if faces is None else np.asarray(faces, np.float64)
     chain = []
     for k in range(n):
@@ -143,7 +143,7 @@ def _counts(lasts: Floats, spin: Floats, change: Floats, error: float) -> NDArra
     return np.maximum(np.ceil(steps), 1.0).astype(np.intp)
 
 
-def turn(spin: Floats, change: Floats, lasts: Floats) -> Floats:
+def rotations(spin: Floats, change: Floats, lasts: Floats) -> Floats:
     """Returns the rotations (m, 4) of balls during `lasts` (m,) s.
 
     `spin` are the (m, 3) angular velocities at the beginning, rad/s, and `change` the accelerations, rad/s^2.

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from billiards_env.checks import one_of
 from billiards_env.scene import Scene
-from billiards_env.scene.outline import TOUCH, Circle, pieces, polygon, runs
+from billiards_env.scene.outline import TOUCH, Circle, cushion_lines, pieces, polygon
 from billiards_env.scene.table import Pocket, Table
 
 CLOTH, MOUTH, CUSHION, CUSHION_EDGE = "#1c6049", "#114031", "#2f8163", "#123d2f"
@@ -219,7 +219,7 @@ def _draw_rectangle(table: Table, holes: list[Circle]) -> list[Shape]:
 
 def _draw_outline(table: Table, holes: list[Circle]) -> list[Shape]:
     """Returns the cloth, the cushions and the pockets of a table with an outline."""
-    unit, cushions, cloth = _unit(table), runs(table.outline), polygon(table.outline)
+    unit, cushions, cloth = _unit(table), cushion_lines(table.outline), polygon(table.outline)
     behind = [_line_behind(table, pocket) for pocket in table.pockets]
     hidden = {tuple(line.ravel()) for line in behind if line is not None}
     begins = np.cumsum([0, *(len(run) - 1 for run in cushions)]).tolist()
@@ -245,7 +245,7 @@ def _draw_outline(table: Table, holes: list[Circle]) -> list[Shape]:
 
 def _line_behind(table: Table, pocket: Pocket) -> NDArray[np.float64] | None:
     """Returns the ends (2, 2) of the line of an outline behind a pocket, m; None if there is none."""
-    for run in runs(table.outline):
+    for run in cushion_lines(table.outline):
         if len(run) == 2 and math.hypot(*(run.mean(0) - [pocket.x, pocket.y])) < pocket.radius:
             return run
     return None

@@ -14,7 +14,7 @@ import numpy as np
 from billiards_env.engine.pic_events import add_contact
 from billiards_env.engine.predictions import (
     PAIR_RANK,
-    Event,
+    NextEvent,
     Singles,
     can_meet,
     cannot_meet,
@@ -217,7 +217,7 @@ def predict(changed, count, now, state, scene, queue):  # out: queue
 
 @inlined
 def earliest(state, scene, queue, limit):
-    """Returns the next `Event`."""
+    """Returns the next `NextEvent`."""
     singles = queue.singles
     time, rank, first, last = Time(math.inf, 0.0), PAIR_RANK, 0, -1
     for i in range(len(queue.nearest)):
@@ -233,19 +233,19 @@ def earliest(state, scene, queue, limit):
             time, rank, first, last = single, r, i, i
         elif single.lo == time.lo and r == rank:
             last = i
-    return Event(time, rank, first, last)
+    return NextEvent(time, rank, first, last)
 
 
 @inlined
-def due(event, queue, found):  # out: found
-    """Lists in `found`, in order, the balls with a single-ball event of the time and rank of `event`.
+def due(event, queue, balls):  # out: balls
+    """Lists in `balls`, in order, the balls with a single-ball event of the time and rank of `event`.
 
     Returns their number.
     """
     count = 0
     for i in range(event.first, event.last + 1):
         if same(single_time(queue.singles, i), event.time) and rank_of(queue.singles.kind[i]) == event.rank:
-            found[count] = i
+            balls[count] = i
             count += 1
     return count
 

@@ -23,7 +23,7 @@ from billiards_env.engine.pic_events import add_contact
 from billiards_env.engine.predictions import (
     CROSSING_RANK,
     PAIR_RANK,
-    Event,
+    NextEvent,
     Singles,
     can_meet,
     empty_singles,
@@ -64,7 +64,7 @@ class Queue(NamedTuple):
         head: (columns, rows) int64, first ball in a cell, or -1.
         next: (n,) int64, next ball in the cell, or -1.
         previous: (n,) int64, previous ball in the cell, or -1.
-        found: (n,) int64, scratch of `due` and `gather`.
+        soon: (n,) int64, scratch of `due` and `gather`.
         pair_hi: (most,) float64, scratch of `gather`: times of the meetings of pairs, s.
         pair_lo: (most,) float64, their second parts.
     """
@@ -87,7 +87,7 @@ class Queue(NamedTuple):
     head: Any
     next: Any
     previous: Any
-    found: Any
+    soon: Any
     pair_hi: Any
     pair_lo: Any
 
@@ -148,7 +148,7 @@ def empty_queue(scene):
         head=head,
         next=after,
         previous=_ints(n),
-        found=_ints(n),
+        soon=_ints(n),
         pair_hi=np.empty(most_contacts(scene)),
         pair_lo=np.empty(most_contacts(scene)),
     )
@@ -350,7 +350,7 @@ def predict(changed, count, now, state, scene, queue):  # out: queue
 
 @kernel
 def earliest(state, scene, queue, limit):  # out: queue
-    """Returns the next `Event`. Moves balls to their next cells and replaces invalid meetings on the way to it."""
+    """Returns the next `NextEvent`. Moves balls to their next cells and replaces invalid meetings on the way to it."""
     while True:
         i = queue.heap[0]
         if queue.hi[i] > limit or queue.hi[i] == math.inf:
@@ -361,40 +361,40 @@ def earliest(state, scene, queue, limit):  # out: queue
             _predict_neighbours(i, state, scene, queue)
         else:
             break
-    return Event(Time(queue.hi[i], queue.lo[i]), queue.rank[i], i, i)
+    return NextEvent(Time(queue.hi[i], queue.lo[i]), queue.rank[i], i, i)
 
 
 @kernel
-def _find_soon(hi, queue, found):  # out: found
-    """Lists in `found`, in order, the balls with an event at most SOON after a time hi. Returns their number."""
+def _find_soon(hi, queue, soon):  # out: soon
+    """Lists in `soon`, in order, the balls with an event at most SOON after a time hi. Returns their number."""
     n, count, k = len(queue.heap), 1, 0
-    found[0] = 0  # first positions in the heap, which has the earliest event at its top, then balls
+    soon[0] = 0  # first positions in the heap, which has the earliest event at its top, then balls
     while k < count:
-        for child in (2 * found[k] + 1, 2 * found[k] + 2):
+        for child in (2 * soon[k] + 1, 2 * soon[k] + 2):
             if child < n and queue.hi[queue.heap[child]] - hi <= SOON:
-                found[count] = child
+                soon[count] = child
                 count += 1
         k += 1
     for k in range(count):
-        ball, at = queue.heap[found[k]], k
-        while at > 0 and found[at - 1] > ball:  # insertion sort: the number is small
-            found[at] = found[at - 1]
+        ball, at = queue.heap[soon[k]], k
+        while at > 0 and soon[at - 1] > ball:  # insertion sort: the number is small
+            soon[at] = soon[at - 1]
             at -= 1
-        found[at] = ball
+        soon[at] = ball
     return count
 
 
 @inlined
-def due(event, queue, found):  # out: queue, found
-    """Lists in `found`, in order, the balls with a single-ball event of the time and rank of `event`.
+def due(event, queue, balls):  # out: queue, balls
+    """Lists in `balls`, in order, the balls with a single-ball event of the time and rank of `event`.
 
     Returns their number.
     """
     count = 0
-    for k in range(_find_soon(event.time.hi, queue, queue.found)):
-        i = queue.found[k]
+    for k in range(_find_soon(event.time.hi, queue, queue.soon)):
+        i = queue.soon[k]
         if same(Time(queue.hi[i], queue.lo[i]), event.time) and queue.rank[i] == event.rank:
-            found[count] = i
+            balls[count] = i
             count += 1
     return count
 
@@ -405,12 +405,12 @@ def gather(now, state, scene, queue, contacts):  # out: state, queue, contacts
 
     Returns their number.
     """
-    first, second, found = contacts.first, contacts.second, queue.found
+    first, second, soon = contacts.first, contacts.second, queue.soon
     pair_hi, pair_lo = queue.pair_hi, queue.pair_lo
     columns, rows = queue.head.shape
     count = 0
-    for k in range(_find_soon(now.hi, queue, found)):
-        i = found[k]
+    for k in range(_find_soon(now.hi, queue, soon)):
+        i = soon[k]
         begin = count
         for c in range(max(0, queue.column[i] - 1), min(columns, queue.column[i] + 2)):
             for r in range(max(0, queue.row[i] - 1), min(rows, queue.row[i] + 2)):

@@ -106,7 +106,7 @@ def empty_memory(n):
 
 
 @inlined
-def forget(memory):  # out: memory
+def reset_memory(memory):  # out: memory
     """Resets the memory at the beginning of a shot."""
     memory.last_impact[:] = -math.inf
     memory.run[:] = 0
@@ -115,7 +115,7 @@ def forget(memory):  # out: memory
 
 @inlined
 def least_rebound(speed, towards, weak, numbers):
-    """Returns the least speed at which the rule lets two bodies separate, m/s.
+    """Returns the least speed at which two bodies separate by the rule, m/s.
 
     Args:
         speed: Speed of approach, m/s.

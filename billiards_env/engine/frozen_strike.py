@@ -87,10 +87,10 @@ def _drives(k, ball, scene, starts):
 def _is_ahead(begin, end, ball, scene, starts):
     """Returns whether the ball moves towards a ball that it touches in any of the shots."""
     arrays, starts = scene_of(scene, 0), Starts(*starts)
-    found = False
+    is_ahead = False
     for k in range(begin, end):
-        found = found or _drives(k, ball, arrays, starts)
-    return found
+        is_ahead = is_ahead or _drives(k, ball, arrays, starts)
+    return is_ahead
 
 
 @inlined

@@ -387,7 +387,7 @@ def _apply_end(i, count, until, shot, tape):  # out: tape
 
 
 @inlined
-def load(i, s, inputs, tangent, lanes):  # out: lanes
+def load_changes(i, s, inputs, tangent, lanes):  # out: lanes
     """Copies the changes of ball i and of its constants to the columns of ball s of the lanes."""
     for c in range(len(inputs)):
         lane = lanes[c]
@@ -435,7 +435,7 @@ def begin_lanes(inputs, until, shot, tangent, tape):  # out: tangent, tape
         for c in range(count):
             for j in range(BALL_WIDTH):
                 tangent[i, c, j] = inputs[c, BALL_INPUTS * i + j]
-        load(i, 0, inputs, tangent, lanes)
+        load_changes(i, 0, inputs, tangent, lanes)
         _start(i, count, until, shot, lanes)
         _store(i, 0, lanes, tangent)
 
@@ -445,7 +445,7 @@ def push_event(e, inputs, shot, tangent, tape):  # out: tangent, tape
     """Changes `tangent` by event e."""
     events = shot.events
     for s in range(balls_of(events, e)):
-        load(int(events[e, BALL + s]), s, inputs, tangent, tape.lanes)
+        load_changes(int(events[e, BALL + s]), s, inputs, tangent, tape.lanes)
     apply_event(e, len(inputs), shot, tape)
     for s in range(balls_of(events, e)):
         _store(int(events[e, BALL + s]), s, tape.lanes, tangent)
@@ -485,7 +485,7 @@ def push_lanes(begin, end, shots, times, inputs, results):  # out: results
                 done += 1
                 pending = look_after(pending + count * (1 + LANE_WORK * shot.scene.numbers.cushion_work))
             for i in range(n):
-                load(i, 0, changes, tangent, lanes)
+                load_changes(i, 0, changes, tangent, lanes)
                 _apply_end(i, count, times[k, q], shot, tape)
                 for c in range(count):
                     for j in range(BALL_WIDTH):

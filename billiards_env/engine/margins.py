@@ -26,7 +26,7 @@ from billiards_env.engine.gradients import (
     begin_pieces,
     empty_tape,
     flight_until,
-    load,
+    load_changes,
     look_after,
     push_event,
     shot_of,
@@ -123,7 +123,7 @@ def _set(meeting, margin, normal, rate, now, over):  # out: over
     out.margin[i, q], out.time[i, q], out.rate[i, q] = margin, now.hi, rate
     numbers, radius = law_numbers_of(shot.scene.numbers), shot.scene.radius
     flight = flight_until(shot.segments, tape.current[i], now, numbers)
-    load(i, 0, over.inputs, over.tangent, lanes)
+    load_changes(i, 0, over.inputs, over.tangent, lanes)
     for c in range(count):
         lane = lanes[c]
         flight_lane(lane, 0, flight, changing)
@@ -132,7 +132,7 @@ def _set(meeting, margin, normal, rate, now, over):  # out: over
             out.slope[c, i, q] += lane[D_RADIUS]
     if kind == BALL_BALL:
         flight = flight_until(shot.segments, tape.current[j], now, numbers)
-        load(j, 1, over.inputs, over.tangent, lanes)
+        load_changes(j, 1, over.inputs, over.tangent, lanes)
         for c in range(count):
             lane = lanes[c]
             flight_lane(lane, BALL_WIDTH, flight, changing)

@@ -106,8 +106,8 @@ class Pass(NamedTuple):
         tape: The `Tape`.
         last: (n,) int64, the last event of each ball; -1 at the start.
         until: The `Time` at which the shot is cut.
-        time: (1,) float64, the time of what was found first, s.
-        found: (2,) int64: the event or _BETWEEN, and the index of the reason; -1 and -1 for none.
+        time: (1,) float64, the time of the first reason, s.
+        reason: (2,) int64: the event or _BETWEEN, and the index of the reason; -1 and -1 for none.
         within: (2,) float64: a gap, m, and a difference of times, divided by 1 s + time, that count as zero.
     """
 
@@ -116,7 +116,7 @@ class Pass(NamedTuple):
     last: Any
     until: Time
     time: Any
-    found: Any
+    reason: Any
     within: Any
 
 
@@ -124,7 +124,7 @@ class Pass(NamedTuple):
 def _find(time, e, reason, over):  # out: over
     """Stores a reason at event e, or between events, and at a time, s, if it is the first one."""
     if time < over.time[0]:
-        over.time[0], over.found[0], over.found[1] = time, e, reason
+        over.time[0], over.reason[0], over.reason[1] = time, e, reason
 
 
 @inlined
@@ -314,7 +314,7 @@ def find_nonsmooth(begin, end, shots, times, within, results):  # out: results
             last=last,
             until=until,
             time=first,
-            found=results[k],
+            reason=results[k],
             within=within[min(at, len(within) - 1)].copy(),
         )
         first[0], results[k, 0], results[k, 1] = math.inf, -1, -1

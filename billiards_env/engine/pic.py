@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.engine import all_pairs, cell_grid
-from billiards_env.engine.contact_rule import Memory, empty_memory, forget
+from billiards_env.engine.contact_rule import Memory, empty_memory, reset_memory
 from billiards_env.engine.log import clear_log, log_segment
 from billiards_env.engine.pic_events import resolve_impacts, resolve_singles
 from billiards_env.engine.predictions import PAIR_RANK
@@ -78,7 +78,7 @@ def make_workspace(scene, queue, most, scratch):
 def begin_shot(state, memory, changed, log):  # out: memory, changed, log
     """Resets the log and the memory, and lists all balls in `changed`. Returns their number."""
     clear_log(log)
-    forget(memory)
+    reset_memory(memory)
     for i in range(len(state.phase)):
         changed[i] = i
     return len(state.phase)

@@ -198,7 +198,7 @@ def _test_pockets(now, count, k, scene, work, shots, log):  # out: work, shots, 
 
     Returns whether it captures any.
     """
-    here, pockets, found = work.here, scene.pockets, False
+    here, pockets, has_capture = work.here, scene.pockets, False
     for m in range(count):
         i = work.moving[m]
         t = since(now, own_time(work.state, i))
@@ -211,9 +211,9 @@ def _test_pockets(now, count, k, scene, work, shots, log):  # out: work, shots, 
                 shots.n_events[k] += 1
                 log_event(log, now, BALL_POCKET, i, q, work.state, norm(here[i, VX], here[i, VY]), False)
                 shots.time[k] = now.hi
-                work.changed[i] = found = True
+                work.changed[i] = has_capture = True
                 break
-    return found
+    return has_capture
 
 
 @kernel
@@ -223,7 +223,7 @@ def _find_overlaps(count, scene, work):  # out: work
     Returns their number. If two balls have the same centre, their relative velocity replaces the line of centres.
     """
     here, radius, phase, contacts = work.here, scene.radius, work.state.phase, work.contacts
-    found = 0
+    n_overlaps = 0
     for m in range(count):
         i = work.moving[m]
         if phase[i] == POTTED:
@@ -245,10 +245,10 @@ def _find_overlaps(count, scene, work):  # out: work
             closing = -(nx * wx + ny * wy)
             if closing < 0.0:
                 continue
-            contacts.first[found], contacts.second[found] = i, j
-            contacts.nx[found], contacts.ny[found], contacts.closing[found] = nx, ny, closing
-            found += 1
-    return found
+            contacts.first[n_overlaps], contacts.second[n_overlaps] = i, j
+            contacts.nx[n_overlaps], contacts.ny[n_overlaps], contacts.closing[n_overlaps] = nx, ny, closing
+            n_overlaps += 1
+    return n_overlaps
 
 
 @inlined
@@ -331,7 +331,7 @@ def _hit_cushions(i, wall, scene, work):  # out: work
 @inlined
 def _test_cushions(now, k, scene, work, shots, log):  # out: work, shots, log
     """Reflects the balls that are beyond a cushion at a `Time`. Returns whether there are balls beyond a cushion."""
-    state, numbers, outline, found = work.state, scene.numbers, scene.outline, False
+    state, numbers, outline, has_rebound = work.state, scene.numbers, scene.outline, False
     half_length, half_width = half_sizes(numbers, outline)
     for i in range(len(work.moved)):
         if not (work.moved[i] or work.changed[i]) or state.phase[i] == POTTED:
@@ -346,7 +346,7 @@ def _test_cushions(now, k, scene, work, shots, log):  # out: work, shots, log
                 continue
             advance(state, i, now, numbers)
             wall, other, speed, other_speed = _hit_cushions(i, wall, scene, work)
-            work.changed[i] = found = True
+            work.changed[i] = has_rebound = True
             if speed >= 0.0:
                 shots.time[k] = now.hi
             for hit, at_speed in ((wall, speed), (other, other_speed)):
@@ -354,7 +354,7 @@ def _test_cushions(now, k, scene, work, shots, log):  # out: work, shots, log
                     shots.cushions[k, i] += 1
                     shots.n_events[k] += 1
                     log_event(log, now, BALL_CUSHION, i, hit, state, at_speed, False)
-    return found
+    return has_rebound
 
 
 @inlined

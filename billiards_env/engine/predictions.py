@@ -62,7 +62,7 @@ class Singles(NamedTuple):
     other: Any
 
 
-class Event(NamedTuple):
+class NextEvent(NamedTuple):
     """The next event.
 
     Attributes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from billiards_env.engine.log import Log
-from billiards_env.engine.shots import Shots, load, store
+from billiards_env.engine.shots import Shots, load_shot, store
 from billiards_env.jit import inlined
 from billiards_env.jit.interrupt import interrupted
 from billiards_env.physics.state import scene_of
@@ -34,7 +34,7 @@ def for_all_shots(run: Any) -> Any:
         pending = 0
         for k in range(begin, end):
             arrays = scene_of(scene, k)
-            load(k, shots, arrays, work.state)
+            load_shot(k, shots, arrays, work.state)
             spent = run(k, arrays, work, limit, max_events, shots, log)
             if spent == INTERRUPTED:
                 return True

@@ -191,17 +191,17 @@ def check_shot(
     Raises:
         ValueError: As in `simulate`; the message names the shot of a batch.
     """
-    given = numbers("positions", positions)
-    shape = given.shape[:-1]
-    if given.ndim not in (2, 3) or given.shape[-2:] != (scene.n_balls, 2):
-        check_positions(scene, given)  # raises
+    places = numbers("positions", positions)
+    shape = places.shape[:-1]
+    if places.ndim not in (2, 3) or places.shape[-2:] != (scene.n_balls, 2):
+        check_positions(scene, places)  # raises
     limit = scene.physics.max_time if max_time is None else real("max_time", max_time, "limit")
     if into is None:
         balls = np.empty((*shape, 2)), np.empty((*shape, 2)), np.empty((*shape, 3)), np.empty(shape, np.bool_)
     else:
         balls = into[:4]
     shot = ShotInput(*balls, math.inf if limit is None else float(limit))
-    shot.positions[...] = given
+    shot.positions[...] = places
     _fill_in_play(shot.in_play, in_play)
     if spins is not None and scene.physics.motion != "sliding":
         raise ValueError(
@@ -219,25 +219,25 @@ def check_shot(
     return shot
 
 
-def check_varied(scene: Scene, given: Any, engine: Engine, m: int) -> dict[str, Floats]:
+def check_varied(scene: Scene, physics: Any, engine: Engine, m: int) -> dict[str, Floats]:
     """Checks and returns the values that differ from shot to shot, (m,) each, see `Varied`.
 
     Args:
         scene: The scene.
-        given: The argument `physics` of `simulate_batch`.
+        physics: The argument `physics` of `simulate_batch`.
         engine: The engine.
         m: The number of shots.
 
     Raises:
         ValueError: As `Physics` and `Engine` do. The message names the shot.
-        TypeError: If `given` is neither a mapping nor None.
+        TypeError: If `physics` is neither a mapping nor None.
     """
-    if given is None:
+    if physics is None:
         return {}
-    if not isinstance(given, Mapping):
-        raise TypeError(f"physics = {short(given)}: expected a mapping from names of numbers of Physics to arrays")
+    if not isinstance(physics, Mapping):
+        raise TypeError(f"physics = {short(physics)}: expected a mapping from names of numbers of Physics to arrays")
     arrays: dict[str, Floats] = {}
-    for name, values in given.items():
+    for name, values in physics.items():
         check_varied_name("physics", name, engine)
         arrays[name] = shaped(f"physics[{name!r}]", values, (m,))
     numbers = {name: array for name, array in arrays.items() if name != "dt"}
@@ -265,26 +265,26 @@ def _of_shot(k: int) -> Iterator[None]:
 
 def _fill_in_play(array: NDArray[np.bool_], values: ArrayLike | None) -> None:
     """Fills an array with given values, or with True."""
-    given, shape = np.asarray(True if values is None else values), array.shape
-    if given.dtype != np.bool_:
+    in_play, shape = np.asarray(True if values is None else values), array.shape
+    if in_play.dtype != np.bool_:
         raise ValueError(f"in_play = {short(values)}: expected True or False for each ball")
-    if values is not None and given.shape not in (shape, shape[-1:]):
-        raise ValueError(f"in_play has shape {given.shape}: expected {shape[-1:]}, one value per ball")
-    array[...] = given
+    if values is not None and in_play.shape not in (shape, shape[-1:]):
+        raise ValueError(f"in_play has shape {in_play.shape}: expected {shape[-1:]}, one value per ball")
+    array[...] = in_play
 
 
 def _fill(array: Floats, name: str, values: ArrayLike) -> None:
     """Fills an array with the values of all balls, or of the cue ball and zeros. Checks only their shape."""
-    given, full = numbers(name, values), array.shape
+    source, full = numbers(name, values), array.shape
     cue_ball_alone = (*full[:-2], full[-1])
-    if given.shape == full:
-        array[...] = given
-    elif given.shape == cue_ball_alone:
-        array[..., 0, :] = given
+    if source.shape == full:
+        array[...] = source
+    elif source.shape == cue_ball_alone:
+        array[..., 0, :] = source
         array[..., 1:, :] = 0.0
     else:
         raise ValueError(
-            f"{name} has shape {given.shape}: expected {full} for all balls or {cue_ball_alone} for the cue ball"
+            f"{name} has shape {source.shape}: expected {full} for all balls or {cue_ball_alone} for the cue ball"
         )
 
 

@@ -125,7 +125,7 @@ def load_balls(k, shots, scene, state):  # out: state
 
 
 @inlined
-def load(k, shots, scene, state):  # out: shots, state
+def load_shot(k, shots, scene, state):  # out: shots, state
     """Copies the start of shot k to a `State` and resets the counters of the shot."""
     load_balls(k, shots, scene, state)
     for i in range(len(state.phase)):

@@ -78,7 +78,7 @@ class ActionFrame:
 
 
 @kernel
-def aim(dx, dy, reach, offset):
+def passing_direction(dx, dy, reach, offset):
     """Returns the direction in which one ball passes another at a distance of `offset * reach` between the centres.
 
     Args:
@@ -103,17 +103,17 @@ def aim(dx, dy, reach, offset):
 
 @kernel
 def cut(a0, a1, dx, dy, reach, least_speed, max_speed):
-    """Returns the velocity of an action in the frame "cut", m/s; see `aim` for `dx`, `dy` and `reach`."""
-    x, y = aim(dx, dy, reach, a0)
+    """Returns the velocity of an action in the frame "cut", m/s; `dx`, `dy` and `reach` as in `passing_direction`."""
+    x, y = passing_direction(dx, dy, reach, a0)
     speed = between(least_speed, max_speed, a1)
     return speed * x, speed * y
 
 
 @kernel
 def sum_to_three(a0, a1, dx, dy, reach):
-    """Returns the velocity of an action in the frame "sum_to_three", m/s; see `aim` for `dx`, `dy` and `reach`."""
+    """Returns the velocity of an action in the frame "sum_to_three", m/s; arguments as in `passing_direction`."""
     _, offset = cos_sin(a1 * (SUM_TO_THREE_CUT / 180.0))
-    x, y = aim(dx, dy, reach, offset)
+    x, y = passing_direction(dx, dy, reach, offset)
     speed = SUM_TO_THREE_GAIN * between(SUM_TO_THREE_SPEEDS[0], SUM_TO_THREE_SPEEDS[1], a0)
     return speed * x, speed * y
 

@@ -35,7 +35,7 @@ from billiards_env.engine.compile import PIC, cached_by_scene
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.tasks import TASKS
-from billiards_env.files import check_path, write_whole
+from billiards_env.files import check_path, write_atomically
 from billiards_env.games.state import STATE, check_players
 from billiards_env.scene import Scene
 
@@ -182,7 +182,7 @@ def save_state(path: str | os.PathLike[str], state: EpisodeState) -> None:
     """
     content = io.BytesIO()
     np.savez_compressed(content, state=state)
-    write_whole(check_path(path, ".npz"), content.getvalue())
+    write_atomically(check_path(path, ".npz"), content.getvalue())
 
 
 def load_state(path: str | os.PathLike[str]) -> EpisodeState:

@@ -12,8 +12,7 @@ from billiards_env.checks import numbers
 from billiards_env.engine.compile import cached_by_scene
 from billiards_env.games.facts import Counts, facts_of_shots
 from billiards_env.games.game import NO_CALL, Call, GameState, Setup
-from billiards_env.games.referee import callable_balls
-from billiards_env.games.referee import play as judge_shots
+from billiards_env.games.referee import callable_balls, judge_shots
 from billiards_env.games.state import CALL, STATE, members
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate_batch

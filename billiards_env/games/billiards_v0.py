@@ -248,12 +248,12 @@ class GameEnv(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         """
         if options is not None and not isinstance(options, Mapping):
             raise TypeError(f"options = {short(options)}: expected a dict")
-        given = {key: value for key, value in (options or {}).items() if key != "options"}  # PettingZoo's tests pass it
-        for key in given:
+        start = {key: value for key, value in (options or {}).items() if key != "options"}  # PettingZoo's tests pass it
+        for key in start:
             one_of("key of options", key, ("positions", "state"))
-        if "state" in given and "positions" not in given:
-            raise ValueError(f"options = {short(given)}: expected positions beside the state")
-        game = custom_opening(self.setup, **given) if given else None
+        if "state" in start and "positions" not in start:
+            raise ValueError(f"options = {short(start)}: expected positions beside the state")
+        game = custom_opening(self.setup, **start) if start else None
         if seed is not None or self._rng is None:
             self._rng, _ = np_random(seed)
         self.game = opening(self.setup, self._rng, self.layout) if game is None else game

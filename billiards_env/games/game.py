@@ -20,8 +20,7 @@ from billiards_env.engine.shot_input import ShotInput
 from billiards_env.games.entry import Game
 from billiards_env.games.facts import facts_of, pots_of
 from billiards_env.games.placement import Point, cue_ball_point, rack_again, spot_at_foot, spot_colours
-from billiards_env.games.referee import GAMES, callable_balls, first_state, legal_balls
-from billiards_env.games.referee import play as judge_shots
+from billiards_env.games.referee import GAMES, callable_balls, first_state, judge_shots, legal_balls
 from billiards_env.games.state import (
     CALL,
     CALLS,

@@ -152,14 +152,14 @@ def straight(state, facts, call):
 @inlined
 def leader(state, points):
     """Returns the player with the highest score after `points` for the shooter, -1 after a tie."""
-    best, found = 0, -1
+    best, leading = 0, -1
     for player in range(state.n_players):
         score = state.scores[player] + (points if player == state.player else 0)
         if player == 0 or score > best:
-            best, found = score, player
+            best, leading = score, player
         elif score == best:
-            found = -1
-    return found
+            leading = -1
+    return leading
 
 
 @inlined

@@ -15,7 +15,7 @@ from billiards_env.checks import Range, flag, integer, one_of, real, short
 from billiards_env.games.game import STATE_FIELDS, Call, GameState, History, Setup, Stroke, custom_opening, play
 from billiards_env.games.state import CALLS, to_dict
 from billiards_env.shots import records as shots
-from billiards_env.shots.records import Rows, ShotRecord, compare, fields, head, items, pair, rows, rows_of
+from billiards_env.shots.records import Rows, ShotRecord, check_equal, fields, head, items, pair, rows_of, tuples
 from billiards_env.shots.result import ShotResult
 
 GAME = "billiards_env/game"
@@ -80,7 +80,7 @@ def record_game(history: History) -> GameRecord:
     """
     return GameRecord(
         setup=history.setup,
-        positions=rows(history.opening.positions),
+        positions=tuples(history.opening.positions),
         state=history.opening.state,
         strokes=tuple(_plain(stroke) for stroke in history.strokes),
         end=_end_of_game(_play_again(history)),
@@ -114,7 +114,7 @@ def replay(record: Record, *, check: bool = True, record_events: bool = False) -
         return shots.replay(record, check=check, record_events=record_events)
     game = _play_again(record.history)
     if check:
-        compare(record.end, _end_of_game(game))
+        check_equal(record.end, _end_of_game(game))
     return game
 
 
@@ -158,7 +158,7 @@ def from_json(text: str) -> Record:
     Raises:
         ValueError: As `load` does.
     """
-    return shots.parse(text, {shots.SHOT: shots.shot_of, GAME: _game})
+    return shots.parse(text, {shots.SHOT: shots.read_shot, GAME: _game})
 
 
 _GAME_FIELDS = (*shots.HEAD, "rules", "n_players", "target", "call_shot", "miss", "state", "strokes")
@@ -187,8 +187,8 @@ def _game(data: dict[str, Any]) -> GameRecord:
     end = fields("end", data["end"], _GAME_END)
     result = GameEnd(
         positions=rows_of("end.positions", end["positions"], n, 2),
-        on_table=_whole_numbers("end.on_table", end["on_table"], Range(0, n - 1)),
-        scores=_whole_numbers("end.scores", end["scores"], Range(-(2**62), 2**62)),
+        on_table=_integers("end.on_table", end["on_table"], Range(0, n - 1)),
+        scores=_integers("end.scores", end["scores"], Range(-(2**62), 2**62)),
         player=integer("end.player", end["player"], Range(0, setup.n_players - 1)),
         over=flag("end.over", end["over"]),
         winner=integer("end.winner", end["winner"], Range(-1, setup.n_players - 1)),
@@ -196,7 +196,7 @@ def _game(data: dict[str, Any]) -> GameRecord:
     return GameRecord(setup, positions, state, tuple(strokes), result)
 
 
-def _whole_numbers(name: str, values: Any, within: Range) -> tuple[int, ...]:
+def _integers(name: str, values: Any, within: Range) -> tuple[int, ...]:
     return tuple(integer(f"{name}[{i}]", value, within) for i, value in enumerate(items(name, values)))
 
 
@@ -221,7 +221,7 @@ def _play_again(history: History) -> GameState:
 def _end_of_game(game: GameState) -> GameEnd:
     state = to_dict(game.state)
     names = ("on_table", "scores", "player", "over", "winner")
-    return GameEnd(rows(game.positions), *(state[name] for name in names))
+    return GameEnd(tuples(game.positions), *(state[name] for name in names))
 
 
 def _plain(stroke: Stroke) -> Stroke:

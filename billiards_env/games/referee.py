@@ -1,8 +1,8 @@
 """The referee: judges arrays of shots of any game, and returns the states before the next shots.
 
-No other code computes the next state: the tasks, the PettingZoo environment, the players and the window use `play` or
-its kernel `judged`. The referee does not use the positions of the balls. `games.placement` computes the places at which
-balls return to the table, and `Game.free_ball` whether there is a free ball in snooker.
+No other code computes the next state: the tasks, the PettingZoo environment, the players and the window use
+`judge_shots` or its kernel `judged`. The referee does not use the positions of the balls. `games.placement` computes
+the places at which balls return to the table, and `Game.free_ball` whether there is a free ball in snooker.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def judged(judge, state, facts, call):
     return verdict
 
 
-def play(
+def judge_shots(
     game: str, states: NDArray[Any], facts: NDArray[Any], calls: NDArray[Any]
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """Judges m shots of one game: candidates from one position, or shots from different states.
@@ -155,9 +155,9 @@ judge, legal = pool.straight, pool.any_ball  # `specialised` puts the kernels of
 
 def _judge_shots(states, facts, calls, verdicts):
     for k in range(len(states)):
-        found, row = judged(judge, states[k], facts[k], calls[k]), verdicts[k]
-        row.foul, row.points, row.penalty, row.continues = found.foul, found.points, found.penalty, found.continues
-        row.spotted, row.rack = found.spotted, found.rack
+        verdict, row = judged(judge, states[k], facts[k], calls[k]), verdicts[k]
+        row.foul, row.points, row.penalty = verdict.foul, verdict.points, verdict.penalty
+        row.continues, row.spotted, row.rack = verdict.continues, verdict.spotted, verdict.rack
 
 
 def _write_legal_balls(states, players, balls):

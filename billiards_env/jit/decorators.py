@@ -51,9 +51,9 @@ class _Cache(FunctionCache):
     _impl_class = type("_Files", (CompileResultCacheImpl,), {"_locator_classes": (_Locator,)})
 
     def _load_overload(self, sig: Any, target_context: Any) -> Any:
-        found = super()._load_overload(sig, target_context) if _FOLDER else None
-        if found is not None or not _SHIPPED or _config.CPU_NAME or not self._enabled:
-            return found
+        cached = super()._load_overload(sig, target_context) if _FOLDER else None
+        if cached is not None or not _SHIPPED or _config.CPU_NAME or not self._enabled:
+            return cached
         signature, (triple, *_), code = self._index_key(sig, target_context.codegen())
         folder = str(_SHIPPED / Path(self._py_func.__code__.co_filename).parent.name)
         files = IndexDataCacheFile(folder, self._impl.filename_base, self._impl.locator.get_source_stamp())

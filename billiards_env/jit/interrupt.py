@@ -64,18 +64,18 @@ def _look(context: Any, module: Any) -> Any:
         kind = ir.FunctionType(result, [value.type for value in values], variadic)
         return builder.call(cgutils.get_or_insert_function(module, kind, name), values)
 
-    found = cgutils.alloca_once_value(builder, cgutils.true_bit)
+    is_interrupted = cgutils.alloca_once_value(builder, cgutils.true_bit)
     lock = call("PyGILState_Ensure", number)
     with builder.if_then(cgutils.is_null(builder, call("PyErr_CheckSignals", number))):
         home = call("PyImport_ImportModule", pointer, context.insert_const_string(module, _MODULE))
         with builder.if_then(cgutils.is_not_null(builder, home)):
             name = context.insert_const_string(module, _FUNCTION)
             result = call("PyObject_CallMethod", pointer, home, name, ir.Constant(pointer, None), variadic=True)
-            builder.store(cgutils.is_null(builder, result), found)
+            builder.store(cgutils.is_null(builder, result), is_interrupted)
             call("Py_DecRef", nothing, result)
             call("Py_DecRef", nothing, home)
     call("PyGILState_Release", nothing, lock)
-    builder.ret(builder.load(found))
+    builder.ret(builder.load(is_interrupted))
     return look
 
 

@@ -220,8 +220,8 @@ class _Writer:
                 for target in node.targets:
                     self.assign(target, value, change, node.value)
             case ast.AugAssign():
-                whole = ast.copy_location(ast.BinOp(node.target, node.op, node.value), node)
-                self.assign(node.target, *self.hoisted(whole), whole)
+                operation = ast.copy_location(ast.BinOp(node.target, node.op, node.value), node)
+                self.assign(node.target, *self.hoisted(operation), operation)
             case ast.If():
                 self.write(f"if {self.constant(node.test)}:")
                 self.block(node.body)

@@ -19,7 +19,7 @@ from billiards_env.play.model import HUMAN, PACES, WindowModel, begin
 from billiards_env.players.levels import LEVELS
 from billiards_env.players.named import find_player
 from billiards_env.scene import SCENES, Scene, layouts
-from billiards_env.shots.records import scene_of
+from billiards_env.shots.records import read_scene
 from billiards_env.shots.simulation import simulate
 
 DT = 1 / 60
@@ -101,7 +101,7 @@ def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
     game_rules = GAMES[rules]
     balls = game_rules.n_object_balls[1] if args.balls is None else args.balls
     named = args.scene or REAL_SCENES.get(game_rules.scene, game_rules.scene)
-    scene = scene_of(named, args.balls if named.endswith(".json") else balls)
+    scene = read_scene(named, args.balls if named.endswith(".json") else balls)
     n_players = max(2, len(args.players.split(","))) if args.players else 2
     engine = Engine(args.mode, args.dt) if args.mode == "pit" else Engine(args.mode or "pic")
     setup = Setup(rules, scene, n_players, args.target, engine, args.call_shot, args.miss)
@@ -126,7 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         names = (HUMAN,) * history.setup.n_players
         if args.players:
             names = tuple(name.strip() for name in args.players.split(","))
-        players = [None if name == HUMAN else find_player(name, history.setup, also=(HUMAN,)) for name in names]
+        players = [None if name == HUMAN else find_player(name, history.setup, others=(HUMAN,)) for name in names]
         from billiards_env.play.window import GameWindow, wait_for
 
         one_of("palette", args.palette, tuple(PALETTES))

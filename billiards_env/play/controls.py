@@ -65,7 +65,7 @@ def height_of(size: tuple[int, int]) -> int:
     return round(min(max(min(size[0] / 10, size[1] / 5), LEAST_HEIGHT), MOST_HEIGHT))
 
 
-def place(left: float, top: float, width: float, height: float) -> Controls:
+def place_controls(left: float, top: float, width: float, height: float) -> Controls:
     """Returns the places of the controls in a row, pixels."""
     gap, inner = 0.1 * height, 0.8 * height
     x, y = left + gap, top + gap

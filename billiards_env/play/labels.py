@@ -13,7 +13,7 @@ from billiards_env.players.planner import Plan
 from billiards_env.scene import Scene
 
 BUTTONS = {"placing": "Place", "aiming": "Shoot", "rolling": "Skip", "replaying": "Continue", "over": "New game"}
-"""The text of the button in each phase; it is empty while a program thinks."""
+"""The text of the button in each phase; it is empty while a program chooses its shot."""
 
 END = "N: new game   R: replay   U: undo   S: save"
 """The keys after the end of a game."""
@@ -153,7 +153,7 @@ def advice(model: WindowModel, plan: Plan) -> str:
     return f"{what}, {plan.probability:.0%} with the noise of a good player"
 
 
-def aim(model: WindowModel) -> str:
+def aim_text(model: WindowModel) -> str:
     """Returns the speed and the direction of the aim, and the offset of the cue's tip."""
     (side, top), degrees = model.aim.tip, round(np.degrees(model.aim.angle), 2) + 0.0  # converts -0 to 0
     parts = [f"{model.aim.speed:.2f} m/s", f"{degrees:.2f}°"]
@@ -162,7 +162,7 @@ def aim(model: WindowModel) -> str:
     return "   ".join(parts)
 
 
-def score(model: WindowModel) -> str:
+def score_text(model: WindowModel) -> str:
     """Returns the scores of a game with points."""
     setup = model.setup
     return " : ".join(map(str, model.game.state.scores[: setup.n_players])) if setup.target is not None else ""
@@ -185,4 +185,4 @@ def result(model: WindowModel) -> str:
             parts.append(kind.replace("_", " "))
         else:
             parts.append(cushions(model))
-    return "   ".join(filter(None, [*parts, score(model)]))
+    return "   ".join(filter(None, [*parts, score_text(model)]))

@@ -81,7 +81,7 @@ class Panel:
         write("cue", x, box.y + 0.2 * box.height, SOFT, 0.17, 3 * box.width)
         write(f"{height:.0f}\u00b0", x, box.y + 0.8 * box.height, INK, 0.17, 3 * box.width)
         box = places.speed
-        write(labels.aim(model), box.x + box.width / 2, box.y - 0.19 * row.height, SOFT, 0.17, box.width)
+        write(labels.aim_text(model), box.x + box.width / 2, box.y - 0.19 * row.height, SOFT, 0.17, box.width)
         box = places.shoot
         middle = box.x + box.width / 2, box.y + box.height / 2
         write(labels.button(model), *middle, INK, 0.3, 0.86 * box.width)

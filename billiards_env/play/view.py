@@ -75,7 +75,7 @@ class View:
         self._corner = (size[0] - canvas.size[0]) // 2, max(0, height - canvas.size[1]) // 2
         side = canvas.size[0] // 80
         row = self._corner[0] + side, self._corner[1] + canvas.size[1], canvas.size[0] - 2 * side, rows
-        self.controls = controls.place(*row)
+        self.controls = controls.place_controls(*row)
         self._panel = Panel(self.controls, row)
         self._frame, self._table = Surface(size, 0, 32), Surface(canvas.size, 0, 32)
         self._shots: tuple[ShotResult, ShotResult | None] | None = None
@@ -249,7 +249,7 @@ class View:
         width, height = self.canvas.size
         board = Surface((round(0.56 * width), round(0.4 * height)), pygame.SRCALPHA, 32)
         pygame.draw.rect(board, (*pygame.Color(PAPER)[:3], 245), board.get_rect(), border_radius=height // 30)
-        rows = ((labels.status(model), 0.26, INK), (labels.score(model), 0.17, LEVEL), (labels.END, 0.1, SOFT))
+        rows = ((labels.status(model), 0.26, INK), (labels.score_text(model), 0.17, LEVEL), (labels.END, 0.1, SOFT))
         for (text, size, colour), share in zip(rows, (0.28, 0.56, 0.8), strict=True):
             image = text_image(text, round(size * board.get_height()), colour, round(0.92 * board.get_width()))
             board.blit(image, image.get_rect(center=(board.get_width() // 2, round(share * board.get_height()))))

@@ -243,13 +243,13 @@ def _checked(
     strike: bool,
 ) -> _Problem:
     check_scene(scene)
-    n, given = scene.n_balls, tuple(goals) if isinstance(goals, Sequence) else (goals,)
-    if not given or not all(isinstance(goal, Goal) for goal in given):
+    n, checked = scene.n_balls, tuple(goals) if isinstance(goals, Sequence) else (goals,)
+    if not checked or not all(isinstance(goal, Goal) for goal in checked):
         raise ValueError(f"goals = {short(goals)}: expected goals such as Pot(1)")
     playing = np.ones(n, bool) if in_play is None else np.array(in_play)
     if playing.shape != (n,) or playing.dtype != bool or not playing[CUE_BALL]:
         raise ValueError(f"in_play = {short(in_play)}: expected ({n},) bool, with the cue ball in play")
-    for goal in given:
+    for goal in checked:
         name = type(goal).__name__
         least, field = 0 if isinstance(goal, Leave) else 1, "before" if isinstance(goal, Cushions) else "ball"
         ball = getattr(goal, field)
@@ -263,7 +263,7 @@ def _checked(
             finite("Leave.position", goal.position, (2,))
             real("Leave.radius", goal.radius, _RADIUS)
     fastest = real("max_speed", max_speed, "max_speed")
-    return _Problem(scene, shaped("positions", positions, (n, 2)), playing, given, fastest, strike)
+    return _Problem(scene, shaped("positions", positions, (n, 2)), playing, checked, fastest, strike)
 
 
 def _stroke(problem: _Problem, velocities: Floats) -> Floats | Strike:
@@ -413,17 +413,17 @@ def _leave_rows(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
     return np.moveaxis(by[:, :, balls], 1, 3).reshape(len(batch), -1, 2), residuals.reshape(len(batch), -1)
 
 
-def _wanted(problem: _Problem) -> Bools:
+def _selected_margins(problem: _Problem) -> Bools:
     """Returns the margins (n, q) that the goals need, see `margins_by_cue_ball`."""
     scene = problem.scene
     n, pockets = scene.n_balls, len(scene.table.pockets)
-    wanted = np.zeros((n, margin_columns(scene)["cushion_margins"].stop), bool)
+    selected = np.zeros((n, margin_columns(scene)["cushion_margins"].stop), bool)
     for goal in problem.goals:
         if isinstance(goal, Pot):
-            wanted[goal.ball, n : n + pockets] = True if goal.pocket is None else np.arange(pockets) == goal.pocket
+            selected[goal.ball, n : n + pockets] = True if goal.pocket is None else np.arange(pockets) == goal.pocket
         elif isinstance(goal, Touch | FirstTouch):
-            wanted[CUE_BALL, 1:n] = True
-    return wanted
+            selected[CUE_BALL, 1:n] = True
+    return selected
 
 
 def _margins(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
@@ -432,7 +432,7 @@ def _margins(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
     A shot that first touches another ball has the margin by which it must miss this ball.
     """
     shots, n = np.arange(len(batch)), problem.scene.n_balls
-    values, slopes = margins_by_cue_ball(batch._record("jacobian"), _wanted(problem))
+    values, slopes = margins_by_cue_ball(batch._record("jacobian"), _selected_margins(problem))
     margins, by = np.full((len(batch), len(problem.goals)), np.inf), np.zeros((len(batch), len(problem.goals), 2))
     for g, goal in enumerate(problem.goals):
         if not isinstance(goal, Pot | Touch | FirstTouch):

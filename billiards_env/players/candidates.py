@@ -15,7 +15,7 @@ from billiards_env.games.state import PUSH_OUT, is_in, members, on_table
 from billiards_env.players.budget import Budget
 from billiards_env.players.indirect import find_indirect
 from billiards_env.players.pots import DY, SPEED, TOLERANCE, Tables, find_pots
-from billiards_env.players.values import success
+from billiards_env.players.values import pot_probability
 from billiards_env.scene import Scene
 from billiards_env.shots.strikes import strike
 
@@ -72,7 +72,7 @@ class Candidates(NamedTuple):
         return Candidates(*arrays)
 
 
-def turn(vectors: Floats, angles: Floats) -> Floats:
+def rotated(vectors: Floats, angles: Floats) -> Floats:
     """Returns vectors (m, 2) turned counterclockwise by angles (m,), rad."""
     c, s = np.cos(angles), np.sin(angles)
     return np.column_stack((c * vectors[:, 0] - s * vectors[:, 1], s * vectors[:, 0] + c * vectors[:, 1]))
@@ -163,7 +163,7 @@ def _pots(
             place, k = np.nonzero(np.arange(pots.ball.shape[1]) < pots.count[:, None])
             tolerance = pots.rows[place, k, TOLERANCE]
             target = np.column_stack((pots.ball[place, k], pots.pocket[place, k]))
-            share = success(tolerance, noise) + _LEAST_SHARE
+            share = pot_probability(tolerance, noise) + _LEAST_SHARE
             shots = pots.shots[place, k]
             parts.append((piece.start + place, np.full(len(k), tip), target, shots, tolerance, share))
     easiest = max((part[-1].max(initial=0.0) for part in parts), default=0.0)
@@ -171,7 +171,7 @@ def _pots(
         potted = np.arange(n) if setup.game_rules.pots_any else np.flatnonzero(targets)
         ways = find_indirect(setup, game, potted, max_speed, most, budget)
         pots = ways.target[:, 0] >= 0
-        share = len(tips) * (pots * success(ways.tolerance, noise) + _LEAST_SHARE)
+        share = len(tips) * (pots * pot_probability(ways.tolerance, noise) + _LEAST_SHARE)
         nothing = np.zeros(len(share), np.int64)
         parts.append((nothing, nothing, ways.target, ways.shots, ways.tolerance, share))
     joined = _Pots(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
@@ -192,7 +192,7 @@ def _near(
     ways = (1.0 - part) * low[:, : DY + 1] + part * high[:, : DY + 1]
     ways /= np.hypot(ways[:, 0], ways[:, 1])[:, None]
     speeds = (1.0 - part[:, 0]) * low[:, SPEED] + part[:, 0] * high[:, SPEED]
-    ways = turn(ways, _TURN * pots.tolerance[k] * rng.standard_normal(count))
+    ways = rotated(ways, _TURN * pots.tolerance[k] * rng.standard_normal(count))
     velocities, spins = _with_spin(scene, speeds[:, None] * ways, pots.tip[k], max_speed)
     return Candidates(velocities, spins, places[pots.place[k]], pots.target[k], np.zeros(count, bool))
 
@@ -235,5 +235,5 @@ def _with_spin(scene: Scene, velocities: Floats, tips: Ints, max_speed: float) -
     speed, gain = np.hypot(velocities[:, 0], velocities[:, 1]), np.hypot(unit[:, 0], unit[:, 1])
     cue = np.minimum(speed / gain, max_speed / made.velocity[0, 0])
     angles = np.arctan2(velocities[:, 1], velocities[:, 0]) - np.arctan2(unit[:, 1], unit[:, 0])
-    turned = np.column_stack((turn(spin[:, :2], angles), spin[:, 2:]))
+    turned = np.column_stack((rotated(spin[:, :2], angles), spin[:, 2:]))
     return (cue * gain / speed)[:, None] * velocities, cue[:, None] * turned

@@ -111,10 +111,10 @@ def place_cue_ball(
         positions, place = game.positions.copy(), cue_ball_point(setup.scene, game.positions, game.state, drawn)
         positions[game.state.cue_balls[0]] = place
         games.append((GameState(positions, game.state), place))
-    return max(games, key=lambda entry: _ease(game_situation(setup, entry[0], max_speed).pots()))
+    return max(games, key=lambda entry: _pot_key(game_situation(setup, entry[0], max_speed).pots()))
 
 
-def _ease(pots: PotShots) -> tuple[bool, float]:
+def _pot_key(pots: PotShots) -> tuple[bool, float]:
     """Returns a key that is larger for easier pots, from the best pot: no scratch first, then the tolerance."""
     return (not pots.scratch[0], pots.tolerance[0]) if len(pots.speed) else (False, 0.0)
 

@@ -104,16 +104,16 @@ def find_indirect(
     chains = _best(_joined([over_balls, kicks]), _CHECKED)
     far = _gaps(chains, positions[lying], lying) > reach
     within = (np.abs(chains.ends.reshape(-1, 6, 2)[:, :5]) <= room + 1e-6).all(axis=(1, 2))
-    return _corrected(setup, game, _best(_some(chains, far & within), min(most, MOST)), max_speed, budget)
+    return _corrected(setup, game, _best(_select(chains, far & within), min(most, MOST)), max_speed, budget)
 
 
 def _best(chains: _Chains, most: int) -> _Chains:
     order = np.argsort(-chains.tolerance, kind="stable")[:most]
     order = order[chains.tolerance[order] > 0.0]
-    return _some(chains, order)
+    return _select(chains, order)
 
 
-def _some(chains: _Chains, which: Any) -> _Chains:
+def _select(chains: _Chains, which: Any) -> _Chains:
     arrays: Any = (array[which] for array in chains)
     return _Chains(*arrays)
 
@@ -237,8 +237,8 @@ def _corrected(setup: Setup, game: GameState, chains: _Chains, max_speed: float,
     potted = ball >= 0
     row, column = np.where(potted, ball, CUE_BALL), np.where(potted, n + pocket, chains.legal[chain])
     deepest = np.where(potted, np.array([p.radius for p in scene.table.pockets])[pocket], 2.0 * scene.balls.radius[0])
-    wanted = np.zeros((n, margin_columns(scene)["cushion_margins"].stop), bool)
-    wanted[row, column] = True
+    selected = np.zeros((n, margin_columns(scene)["cushion_margins"].stop), bool)
+    selected[row, column] = True
     best, kept, slopes = np.full(len(chain), -np.inf), angles.copy(), np.ones(len(chain))
     for piece in budget.pieces(len(chain), TIME):
         rows = np.arange(piece.stop - piece.start)
@@ -247,7 +247,7 @@ def _corrected(setup: Setup, game: GameState, chains: _Chains, max_speed: float,
             places = np.broadcast_to(game.positions, (len(rows), n, 2))
             strokes = strike_with(velocities) if scene.physics.motion == "sliding" else velocities
             batch = simulate_batch(scene, places, strokes, in_play=in_play, record=True, threads=1)
-            margins, by = margins_by_cue_ball(batch._record("jacobian"), wanted)
+            margins, by = margins_by_cue_ball(batch._record("jacobian"), selected)
             margin, by = margins[rows, row[piece], column[piece]], by[rows, :, row[piece], column[piece]]
             slope = -velocities[:, 1] * by[:, 0] + velocities[:, 0] * by[:, 1]
             better = margin > best[piece]

@@ -18,7 +18,7 @@ import numpy as np
 
 from billiards_env.checks import real
 from billiards_env.games import GameState, Setup, Stroke
-from billiards_env.players.planner import NOISE, Noise, Options, add_noise, parse_budget, plan
+from billiards_env.players.planner import NOISE, Noise, Options, noisy_strokes, parse_budget, plan
 
 
 class Level(NamedTuple):
@@ -105,8 +105,8 @@ def level_of(argument: str) -> Level:
 
 def expected(noise: Noise, level: Level) -> Noise:
     """Returns the standard deviations that a level plans for, from the noise of the environment and its own noise."""
-    given = real("noise[0]", noise[0], "angle_std"), real("noise[1]", noise[1], "speed_std")
-    degrees, speed = map(math.hypot, given, map(min, level.noise, EXPECTED))
+    of_env = real("noise[0]", noise[0], "angle_std"), real("noise[1]", noise[1], "speed_std")
+    degrees, speed = map(math.hypot, of_env, map(min, level.noise, EXPECTED))
     return (degrees, speed) if degrees or speed else NOISE
 
 
@@ -120,5 +120,5 @@ def with_noise(stroke: Stroke, noise: Noise, max_speed: float, rng: np.random.Ge
     if not any(noise) or not any(stroke.velocity):
         return stroke
     drawn = rng.standard_normal((1, 2)) * (math.radians(noise[0]), noise[1])
-    (velocity,), (spin,) = add_noise(np.array([stroke.velocity]), np.array([stroke.spin]), drawn, max_speed)
+    (velocity,), (spin,) = noisy_strokes(np.array([stroke.velocity]), np.array([stroke.spin]), drawn, max_speed)
     return stroke._replace(velocity=tuple(velocity.tolist()), spin=tuple(spin.tolist()))

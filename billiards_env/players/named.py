@@ -48,7 +48,7 @@ def find_player(
     where: Setup | gym.Env[Any, Any],
     noise: tuple[float, float] = (0.0, 0.0),
     seed: int | None = None,
-    also: Sequence[str] = (),
+    others: Sequence[str] = (),
 ) -> Any:
     """Returns the player of a name.
 
@@ -58,7 +58,7 @@ def find_player(
         noise: The execution noise that "search", "aim" and "planner" expect, see `strategies.search`. Without noise
             "planner" expects `planner.NOISE`.
         seed: The seed of the random numbers of a player of a task.
-        also: Names of other players, for the message of an error.
+        others: Names of other players, for the message of an error.
 
     Raises:
         OSError: If the folder of a policy holds no finished run.
@@ -88,7 +88,7 @@ def find_player(
     if name in offered.names:
         return _made(text, offered[name].load(), host, argument)
     function, _, argument = argument.partition(":")
-    return _made(text, _imported(text, name, function, sorted({*KNOWN, *offered.names, *also})), host, argument)
+    return _made(text, _imported(text, name, function, sorted({*KNOWN, *offered.names, *others})), host, argument)
 
 
 def _made(text: str, maker: Any, setup: Setup, argument: str) -> Player:

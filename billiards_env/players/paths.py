@@ -102,7 +102,7 @@ def end_leg(scene, state, i, leg):
 
 
 @kernel
-def follow(scene, state, i, gaps):
+def follow_path(scene, state, i, gaps):
     """Computes the path of ball i, and writes its least distances from a pocket's rim before its first cushions.
 
     Args:

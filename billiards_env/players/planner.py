@@ -29,7 +29,7 @@ from billiards_env.games import NO_CALL, Call, GameState, Setup, Stroke, choices
 from billiards_env.games.batch import PlayedBatch, play_batch
 from billiards_env.players import run_outs
 from billiards_env.players.budget import Budget
-from billiards_env.players.candidates import LEAST_CANDIDATES, TIPS, Candidates, candidates, turn
+from billiards_env.players.candidates import LEAST_CANDIDATES, TIPS, Candidates, candidates, rotated
 from billiards_env.players.values import Values
 
 Floats = NDArray[np.float64]
@@ -263,7 +263,7 @@ def _halved(search: _Search, survivors: Candidates) -> tuple[Candidates, Sums]:
         half = len(order) // 2 if rounds > 2 else 0
         copied, order = order[:half], order[: len(order) - half]
         noisy = survivors.velocities[copied], survivors.spins[copied], shifts[copied]
-        velocities, spins = add_noise(*noisy, search.max_speed)
+        velocities, spins = noisy_strokes(*noisy, search.max_speed)
         copies = survivors.take(copied)._replace(velocities=velocities, spins=spins)
         survivors = survivors.take(order).joined(copies)
         totals = Sums(*(np.concatenate((sums[order], np.zeros(half))) for sums in totals))
@@ -296,7 +296,7 @@ def _sample(search: _Search, shots: Candidates, samples: int) -> tuple[Sums, Flo
     setup, game, budget, k = search.setup, search.game, search.budget, len(shots.velocities)
     noise = _draw_noise(k, samples, search.noise, search.rng)
     part = shots.take(np.repeat(np.arange(k), samples))
-    velocities, spins = add_noise(part.velocities, part.spins, noise, search.max_speed)
+    velocities, spins = noisy_strokes(part.velocities, part.spins, noise, search.max_speed)
     values, kept = np.full(k * samples, np.nan), np.zeros(k * samples)
     end = 0
     while end < k * samples and (end == 0 or budget.left > 0):
@@ -326,7 +326,7 @@ def _set_targets(setup: Setup, game: GameState, targets: Ints, played: PlayedBat
         targets[new] = np.column_stack((np.full(new.sum(), ball), hits[new].argmax(axis=1)))
 
 
-def add_noise(velocities: Floats, spins: Floats, noise: Floats, max_speed: float) -> tuple[Floats, Floats]:
+def noisy_strokes(velocities: Floats, spins: Floats, noise: Floats, max_speed: float) -> tuple[Floats, Floats]:
     """Returns strokes with given noise: turned, and with another speed of the cue.
 
     Args:
@@ -340,8 +340,8 @@ def add_noise(velocities: Floats, spins: Floats, noise: Floats, max_speed: float
     """
     speed = np.hypot(velocities[:, 0], velocities[:, 1])
     scale = (np.clip(speed + noise[:, 1], 0.0, np.maximum(max_speed, speed)) / np.maximum(speed, 1e-9))[:, None]
-    turned = scale * turn(velocities, noise[:, 0])
-    return turned, np.column_stack((scale * turn(spins[:, :2], noise[:, 0]), scale * spins[:, 2:]))
+    turned = scale * rotated(velocities, noise[:, 0])
+    return turned, np.column_stack((scale * rotated(spins[:, :2], noise[:, 0]), scale * spins[:, 2:]))
 
 
 def _draw_noise(shots: int, samples: int, noise: Noise, rng: np.random.Generator) -> Floats:

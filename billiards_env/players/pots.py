@@ -21,7 +21,7 @@ from billiards_env.players.banks import bank_pot
 from billiards_env.players.direct import direct_pot
 from billiards_env.players.hits import TableArrays, against_throw, cut_cosine, gain, hit_at, meet_before, play_hit
 from billiards_env.players.paths import FAR as FAR
-from billiards_env.players.paths import cross, follow
+from billiards_env.players.paths import cross, follow_path
 from billiards_env.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -307,6 +307,6 @@ def _add_shots(table, pots, k, state):
         shot, possible = pots.shots[k, s], True
         shot[DX], shot[DY], shot[SPEED] = hit.dx, hit.dy, speed
         play_hit(table, i, hit, speed, state)
-        follow(table.scene, state, table.cue, shot[GAPS:])
+        follow_path(table.scene, state, table.cue, shot[GAPS:])
         shot[END_X], shot[END_Y] = state.rows[table.cue, X], state.rows[table.cue, Y]
     return possible

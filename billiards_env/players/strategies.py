@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 
 from billiards_env.checks import one_of
 from billiards_env.envs.actions import aimed_strikes, perturb
-from billiards_env.players.aim import Goal
-from billiards_env.players.aim import aim as aim_at
+from billiards_env.players.aim import Goal, aim
 from billiards_env.players.pots import PotShots, Tables, pot_shots
 from billiards_env.scene import Scene
 
@@ -91,7 +90,7 @@ def geometric(situation: Situation, rng: np.random.Generator) -> Floats:
     """Returns the best pot, or a full hit on the nearest target if there is no pot, with a level cue and no english."""
     pots = situation.pots()
     velocity = pots.speed[0] / situation.max_speed * pots.direction[0] if len(pots.speed) else full_hit(situation)
-    return with_numbers(velocity, situation.action_size)
+    return padded(velocity, situation.action_size)
 
 
 def full_hit(situation: Situation) -> Floats:
@@ -121,19 +120,19 @@ def search(
         (2,) or (5,) action.
     """
     near = _near(situation, (shots + 1) // 2, rng)
-    parts = (with_numbers(part, situation.action_size) for part in (situation.tried_first, near, anywhere(shots, rng)))
+    parts = (padded(part, situation.action_size) for part in (situation.tried_first, near, anywhere(shots, rng)))
     actions = np.concatenate(tuple(parts))[:shots]
     ratings = situation.rate(actions)
     if any(noise):
         actions = actions[np.argsort(-ratings, kind="stable")[:FINALISTS]]
         drawn = np.moveaxis(rng.standard_normal((2, REPEATS, len(actions))), 0, -1)
-        drawn = with_numbers(drawn * (noise[0] / 180.0, noise[1] / situation.max_speed), situation.action_size)
+        drawn = padded(drawn * (noise[0] / 180.0, noise[1] / situation.max_speed), situation.action_size)
         perturbed = perturb(np.broadcast_to(actions, drawn.shape), drawn)
         ratings = situation.rate(perturbed.reshape(-1, situation.action_size)).reshape(drawn.shape[:2]).mean(axis=0)
     return actions[np.argmax(ratings)]
 
 
-def aim(situation: Situation, rng: np.random.Generator, noise: tuple[float, float] = (0.0, 0.0)) -> Floats:
+def reach_goals(situation: Situation, rng: np.random.Generator, noise: tuple[float, float] = (0.0, 0.0)) -> Floats:
     """Returns an action that reaches the goals of one way to score, or the action of `search`, if none scores.
 
     Of the shots with the highest rating the first one has the largest margins.
@@ -141,7 +140,7 @@ def aim(situation: Situation, rng: np.random.Generator, noise: tuple[float, floa
     candidates = [np.empty((0, situation.action_size))]
     shots = AIM_SHOTS if len(situation.goals) <= AIM_WAYS else 0
     for goals in situation.goals if situation.cue == 0 else ():
-        aimed = aim_at(
+        aimed = aim(
             situation.scene,
             situation.positions,
             goals,
@@ -152,13 +151,13 @@ def aim(situation: Situation, rng: np.random.Generator, noise: tuple[float, floa
         )
         if aimed.solved:
             velocities = np.concatenate((aimed.velocity[None], aimed.alternatives))
-            candidates.append(with_numbers(velocities / situation.max_speed, situation.action_size))
+            candidates.append(padded(velocities / situation.max_speed, situation.action_size))
     actions = np.concatenate(candidates)
     ratings = situation.rate(actions)
     return actions[np.argmax(ratings)] if ratings.max(initial=0.0) > 0.0 else search(situation, rng, noise=noise)
 
 
-def with_numbers(actions: Floats, numbers: int) -> Floats:
+def padded(actions: Floats, numbers: int) -> Floats:
     """Returns actions (..., k), padded with zeros to `numbers` numbers."""
     return np.concatenate((actions, np.zeros((*actions.shape[:-1], numbers - actions.shape[-1]))), axis=-1)
 
@@ -190,7 +189,7 @@ def anywhere(count: int, rng: np.random.Generator) -> Floats:
     return speeds[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
 
 
-STRATEGIES: dict[str, Strategy] = {"random": random, "geometric": geometric, "search": search, "aim": aim}
+STRATEGIES: dict[str, Strategy] = {"random": random, "geometric": geometric, "search": search, "aim": reach_goals}
 
 
 def find_strategy(text: str, noise: tuple[float, float] = (0.0, 0.0)) -> Strategy:
@@ -206,7 +205,7 @@ def find_strategy(text: str, noise: tuple[float, float] = (0.0, 0.0)) -> Strateg
     name, colon, count = text.partition(":")
     one_of("player", name, tuple(STRATEGIES))
     if name == "aim" and not colon:
-        return functools.partial(aim, noise=noise)
+        return functools.partial(reach_goals, noise=noise)
     if name != "search" and not colon:
         return STRATEGIES[name]
     if name != "search" or (colon and not (count.isdecimal() and int(count) >= 1)):

@@ -33,7 +33,7 @@ _DEVIATIONS = np.linspace(0.0, 4.0, 401)
 _WITHIN = np.array([math.erf(x / math.sqrt(2.0)) for x in _DEVIATIONS])
 
 
-def success(tolerance: Floats, noise: float) -> Floats:
+def pot_probability(tolerance: Floats, noise: float) -> Floats:
     """Returns the probability of pots with tolerances, rad, under normal noise of the direction, rad."""
     return np.interp(tolerance / math.hypot(noise, FLOOR), _DEVIATIONS, _WITHIN)
 
@@ -65,7 +65,7 @@ class Values:
         """
         self._setup, self._me, self._max_speed, self._noise = setup, game.state.player, max_speed, noise
         self._run_out, self._english = run_out, english and setup.scene.physics.motion == "sliding"
-        self._weights, self._usual = weights, 0.3 + 0.7 * float(success(np.array(_LENGTH), noise[0]))
+        self._weights, self._usual = weights, 0.3 + 0.7 * float(pot_probability(np.array(_LENGTH), noise[0]))
 
     def of(self, played: PlayedBatch, push_out: NDArray[np.bool_] | None = None) -> Floats:
         """Returns the value of each of m shots, (m,), see `Plan.value`; `push_out` (m,) marks the push outs.
@@ -129,9 +129,9 @@ class Values:
         if not self._setup.game_rules.pockets:
             return chance
         hand = states["in_hand"] == ANYWHERE
-        chance[hand] = success(np.array(_IN_HAND[TOLERANCE]), self._noise[0])
+        chance[hand] = pot_probability(np.array(_IN_HAND[TOLERANCE]), self._noise[0])
         known = needed & ~states["over"] & (verdicts["rack"] == 0) & (states["in_hand"] == 0)
-        easiest, second = success(self._pots(played, legal, known)[..., TOLERANCE], self._noise[0]).T
+        easiest, second = pot_probability(self._pots(played, legal, known)[..., TOLERANCE], self._noise[0]).T
         return np.where(known, np.minimum(1.0, (1.0 - _SECOND) * easiest + _SECOND * second), chance)
 
     def _pots(self, played: PlayedBatch, legal: Ints, needed: NDArray[np.bool_]) -> Floats:

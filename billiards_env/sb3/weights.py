@@ -18,7 +18,7 @@ from torch import Tensor
 
 from billiards_env.checks import Range, integer, one_of, sequence, short
 from billiards_env.envs import BilliardsEnv
-from billiards_env.files import write_whole
+from billiards_env.files import write_atomically
 from billiards_env.frozen import FROZEN
 from billiards_env.sb3.aim_network import OBSERVED
 from billiards_env.sb3.aim_policy import AimPolicy, find_game
@@ -163,7 +163,7 @@ def save_policy(policy: BasePolicy, path: Path) -> None:
     weights = {name: tensor for name, tensor in policy.state_dict().items() if not _is_value(name)}
     buffer = io.BytesIO()
     torch.save(weights, buffer)
-    write_whole(path, buffer.getvalue())
+    write_atomically(path, buffer.getvalue())
 
 
 def load_weights(policy: BasePolicy, path: Path) -> None:

@@ -312,7 +312,7 @@ def is_clear(plan, i, x, y, placed, positions):
 
 
 @kernel
-def draw_ball(plan, i, placed, stream, positions):
+def place_ball(plan, i, placed, stream, positions):
     """Draws a position of ball i clear of pockets and of the first `placed` balls; returns whether it found one."""
     x_low, x_high, y_high = plan.limits[i, 0], plan.limits[i, 1], plan.limits[i, 2]
     for _ in range(_TRIES):
@@ -334,7 +334,7 @@ def draw_midway(plan, stream, positions):
     a, b, i = order[0], order[1], order[2]
     for _ in range(_TRIES):
         for k in range(2):
-            if not draw_ball(plan, order[k], k, stream, positions):
+            if not place_ball(plan, order[k], k, stream, positions):
                 return order[k]
         x, y = 0.5 * (positions[a, 0] + positions[b, 0]), 0.5 * (positions[a, 1] + positions[b, 1])
         fits = limits[i, 0] <= x <= limits[i, 1] and abs(y) <= limits[i, 2]
@@ -371,7 +371,7 @@ def fill_tables(plan, begin, end, mask, table_streams, positions):
         if plan.shuffled != 0:
             shuffle_rack(plan, stream, drawn)
         for k in range(plan.n_spots, len(order)):
-            if not draw_ball(plan, order[k], k, stream, drawn):
+            if not place_ball(plan, order[k], k, stream, drawn):
                 return order[k]
     return -1
 
@@ -526,9 +526,9 @@ def _snookered_plan(name: str, scene: Scene) -> LayoutPlan:
 
 def _expect_object_balls(scene: Scene, layout: str, low: int, high: int) -> None:
     if not low <= scene.n_balls - 1 <= high:
-        wanted = str(low) if low == high else f"{low} to {high}"
+        allowed = str(low) if low == high else f"{low} to {high}"
         balls = f"{scene.n_balls - 1} object ball{'s' * (scene.n_balls != 2)}"
-        raise ValueError(f"layout = {layout!r} with {balls}: expected {wanted}")
+        raise ValueError(f"layout = {layout!r} with {balls}: expected {allowed}")
 
 
 def _no_room(layout: str, ball: int, radius: float) -> ValueError:

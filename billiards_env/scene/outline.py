@@ -241,10 +241,10 @@ def enters(corners: Sequence[Corner], half_x: float, half_y: float) -> bool:
 
 def polygon(corners: Sequence[Corner]) -> Floats:
     """Returns the points (m, 2) of an outline, m, counter-clockwise; an arc has a point every three degrees."""
-    return np.vstack([run[:-1] for run in runs(corners)])
+    return np.vstack([run[:-1] for run in cushion_lines(corners)])
 
 
-def runs(corners: Sequence[Corner]) -> list[Floats]:
+def cushion_lines(corners: Sequence[Corner]) -> list[Floats]:
     """Returns the cushions between the corners that point out of the table, each as points (m, 2) of a line, m.
 
     A cushion of a pool table is one run: a facing, a tip, a rail, a tip and a facing. The line behind a pocket is also

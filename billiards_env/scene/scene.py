@@ -231,8 +231,8 @@ class Physics:
         one_of("physics.motion", self.motion, MOTIONS)
         one_of("physics.cushion", self.cushion, CUSHIONS)
         one_of("physics.ball_ball", self.ball_ball, BALL_BALL)
-        given = (name for name in PARAMETERS if getattr(self, name) is not None or name != "mu_ball")
-        check_fields(self, "physics", **{name: PARAMETERS[name].within for name in given})
+        names = (name for name in PARAMETERS if getattr(self, name) is not None or name != "mu_ball")
+        check_fields(self, "physics", **{name: PARAMETERS[name].within for name in names})
         if self.max_time is not None:
             check_fields(self, "physics", max_time="max_time")
         if self.motion == "ideal" and self.max_time is None:
@@ -464,10 +464,10 @@ class Scene:
         if isinstance(data, Mapping) and "base" in data:
             data = _changed_base(data)
         fields = fields_of(Scene, "scene", data)
-        whole_scene = len(fields) == len(dataclasses.fields(Scene))
+        complete = len(fields) == len(dataclasses.fields(Scene))
 
         def parts(kind: type, name: str) -> dict[str, Any]:
-            return fields_of(kind, f"scene.{name}", fields[name], complete=whole_scene)
+            return fields_of(kind, f"scene.{name}", fields[name], complete=complete)
 
         if "table" in fields:
             table = fields["table"]

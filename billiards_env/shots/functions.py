@@ -45,11 +45,11 @@ class ShotFunction:
 
     def run(self, inputs: Sequence[Floats], record: bool) -> BatchResult:
         """Runs the shots."""
-        given = dict(zip(self.inputs, inputs, strict=True))
-        start = {name: given.pop(name) for name in STARTS if name in given}
-        balls = {name: tuple(given.pop(name).tolist()) for name in ("radius", "mass") if name in given}
-        varied = {name: values for name, values in given.items() if values.ndim}
-        numbers = {name: value.item() for name, value in given.items() if not value.ndim}
+        by_name = dict(zip(self.inputs, inputs, strict=True))
+        start = {name: by_name.pop(name) for name in STARTS if name in by_name}
+        balls = {name: tuple(by_name.pop(name).tolist()) for name in ("radius", "mass") if name in by_name}
+        varied = {name: values for name, values in by_name.items() if values.ndim}
+        numbers = {name: value.item() for name, value in by_name.items() if not value.ndim}
         scene = dataclasses.replace(
             self.scene,
             balls=dataclasses.replace(self.scene.balls, **balls),

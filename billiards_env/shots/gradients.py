@@ -484,7 +484,7 @@ def _names(argument: str, names: str | Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _given(argument: str, name: str, value: ArrayLike, m: int, shape: tuple[int, ...]) -> Floats:
+def _per_shot(argument: str, name: str, value: ArrayLike, m: int, shape: tuple[int, ...]) -> Floats:
     """Returns an argument as an array (m, ...); one that is given without the axis of shots holds for all."""
     array = numbers(f"{argument}[{name!r}]", value)
     if array.shape not in (shape, (m, *shape)):
@@ -506,7 +506,7 @@ def jvp(
         raise ValueError(f"tangents = {short(tangents)}: expected a mapping from names of inputs to arrays")
     inputs = _zeros(record, 1, tangents)
     for name, value in tangents.items():
-        change = _given("tangents", name, value, m, known.shape(name))
+        change = _per_shot("tangents", name, value, m, known.shape(name))
         known.push(name, change[:, None], inputs)
     for name in names:
         one_of("of", name, (*OUTPUTS, *MARGINS))
@@ -530,12 +530,12 @@ def vjp(
         known.shape(name)
     if not isinstance(cotangents, Mapping) or not cotangents:
         raise ValueError(f"cotangents = {short(cotangents)}: expected a mapping from names of outputs to arrays")
-    given = {
-        name: _given("cotangents", name, value, m, _output_shape(record, name))[:, None]
+    to_outputs = {
+        name: _per_shot("cotangents", name, value, m, _output_shape(record, name))[:, None]
         for name, value in cotangents.items()
     }
-    times, to_margins = _times(record, t), {name: given.pop(name) for name in MARGINS if name in given}
-    inputs = _pull_of(record, given, times, 1, names, threads)
+    times, to_margins = _times(record, t), {name: to_outputs.pop(name) for name in MARGINS if name in to_outputs}
+    inputs = _pull_of(record, to_outputs, times, 1, names, threads)
     results = {name: known.pull(name, inputs)[:, 0] for name in names}
     for name in names if to_margins else ():  # forwards: a margin has a time of its own
         by_columns = _by_columns(record, known, tuple(to_margins), name, times, threads)
@@ -547,13 +547,13 @@ def vjp(
 
 
 def _pull_of(
-    record: Record, given: Mapping[str, Floats], times: Floats, k: int, by: Sequence[str], threads: int | None
+    record: Record, adjoints: Mapping[str, Floats], times: Floats, k: int, by: Sequence[str], threads: int | None
 ) -> Floats:
     """Returns the adjoints of the inputs for k adjoints (m, k, ...) of outputs by name."""
     m, n = len(record.time), record.scene.n_balls
     outputs = np.zeros((m, k, n, BALL_WIDTH))
-    at_events = np.zeros((m, k, _most_events(record, tuple(given)), 3))
-    for name, value in given.items():
+    at_events = np.zeros((m, k, _most_events(record, tuple(adjoints)), 3))
+    for name, value in adjoints.items():
         _chosen(name, outputs, at_events)[...] = value
     inputs = _zeros(record, k, by)
     _for_all(record, pull_lanes, threads, inputs, times, outputs, at_events, inputs)

@@ -120,9 +120,9 @@ def record_of(shot: ShotResult) -> ShotRecord:
     turns = start.spins.any() or np.signbit(start.spins).any()
     return ShotRecord(
         scene=shot.scene,
-        positions=rows(start.positions),
-        velocities=rows(start.velocities),
-        spins=rows(start.spins) if turns else None,
+        positions=tuples(start.positions),
+        velocities=tuples(start.velocities),
+        spins=tuples(start.spins) if turns else None,
         in_play=tuple(start.in_play.tolist()),
         engine=engine,
         max_time=None if start.limit in (shot.scene.physics.max_time, math.inf) else start.limit,
@@ -148,7 +148,7 @@ def replay(record: ShotRecord, *, check: bool = True, record_events: bool = Fals
     options: dict[str, Any] = {name: getattr(record, name) for name in _OPTIONS}
     shot = simulate(record.scene, record.positions, record.velocities, record=record_events, **options)
     if check:
-        compare(record.end, _end_of_shot(shot))
+        check_equal(record.end, _end_of_shot(shot))
     return shot
 
 
@@ -184,7 +184,7 @@ def from_json(text: str) -> ShotRecord:
     Raises:
         ValueError: As `load` does.
     """
-    return parse(text, {SHOT: shot_of})
+    return parse(text, {SHOT: read_shot})
 
 
 def write(path: str | os.PathLike[str], text: str) -> None:
@@ -208,7 +208,7 @@ def read(
         raise ValueError(f"{os.fspath(path)}: {error}") from error
 
 
-def scene_of(name: str, n_object_balls: int | None = None) -> Scene:
+def read_scene(name: str, n_object_balls: int | None = None) -> Scene:
     """Returns the scene of an argument such as `--scene`: of a name, or of a file whose name ends in ".json".
 
     Args:
@@ -282,7 +282,7 @@ _SHOT_FIELDS = (*HEAD, "velocities", "spins", "in_play", "max_time", "max_events
 _SHOT_END = tuple(field.name for field in dataclasses.fields(ShotEnd))
 
 
-def shot_of(data: dict[str, Any]) -> ShotRecord:
+def read_shot(data: dict[str, Any]) -> ShotRecord:
     """Returns the record of a shot from the data of its file."""
     fields("the file", data, _SHOT_FIELDS)
     scene, engine = head(data)
@@ -316,10 +316,10 @@ def shot_of(data: dict[str, Any]) -> ShotRecord:
 
 
 def _end_of_shot(shot: ShotResult) -> ShotEnd:
-    return ShotEnd(shot.status, shot.time, shot.n_events, rows(shot.positions), tuple(shot.potted.tolist()))
+    return ShotEnd(shot.status, shot.time, shot.n_events, tuples(shot.positions), tuple(shot.potted.tolist()))
 
 
-def compare(recorded: Any, now: Any) -> None:
+def check_equal(recorded: Any, now: Any) -> None:
     """Raises a ValueError that names the first difference; compares text, which distinguishes 0.0 and -0.0."""
     for field in dataclasses.fields(recorded):
         old, new = getattr(recorded, field.name), getattr(now, field.name)
@@ -330,7 +330,7 @@ def compare(recorded: Any, now: Any) -> None:
             )
 
 
-def rows(array: Any) -> Rows:
+def tuples(array: Any) -> Rows:
     """Returns an array as tuples."""
     return tuple(map(tuple, np.asarray(array).tolist()))
 

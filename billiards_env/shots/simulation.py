@@ -294,8 +294,8 @@ def simulate_batch(
     varied = check_varied(scene, physics, engine, m)
     shots = empty_shots(m, scene.n_balls)
     # These arrays are copies for `batch[i]`: the caller may change the given arrays, and the engine changes `shots`.
-    given, turning = _motion(velocities, spins)
-    moving, turning = numbers("velocities", given), None if turning is None else numbers("spins", turning)
+    moving, turning = _motion(velocities, spins)
+    moving, turning = numbers("velocities", moving), None if turning is None else numbers("spins", turning)
     limit = check_shot(scene, positions, moving, turning, in_play, max_time, shots, threads).limit
     playing = None if in_play is None else np.broadcast_to(np.array(in_play), shots.in_play.shape)
     run_shots, plain = run_shots_of(engine, scene.n_balls), tuple(shots)
@@ -343,8 +343,8 @@ def _run_recorded(run: Callable[..., None], shots: Shots, threads: int | None) -
             done = begin + int((bounds[1:] <= (len(log.events), len(log.segments))).all(axis=1).sum())
             if done > begin:
                 parts.append(Part(begin, done, log.events, log.segments, bounds[: done - begin + 1]))
-            for array, given in zip(shots, start, strict=False):
-                array[done:until] = given[done:until]
+            for array, initial in zip(shots, start, strict=False):
+                array[done:until] = initial[done:until]
             begin = done
 
     parallel_for(work, m, threads)

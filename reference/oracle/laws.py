@@ -530,11 +530,11 @@ def _rub(
         largest = zero
         for pair in pressing:
             mobility = mpmath.mpf("3.5") * sum(world.inverse_mass[k] for k in pair)
-            wanted = _sum(push[pair], _scale(-1 / mobility, slip_at(pair)))
-            if norm(wanted) > limit[pair]:
-                wanted = _scale(limit[pair] / norm(wanted), wanted)
-            change = _sum(wanted, _scale(-1, push[pair]))
-            push[pair] = wanted
+            new = _sum(push[pair], _scale(-1 / mobility, slip_at(pair)))
+            if norm(new) > limit[pair]:
+                new = _scale(limit[pair] / norm(new), new)
+            change = _sum(new, _scale(-1, push[pair]))
+            push[pair] = new
             largest = max(largest, norm(change) * mobility)
             for k, sign in zip(pair, (1, -1), strict=True):
                 v[k] = _sum(v[k], _scale(sign * world.inverse_mass[k], change))

@@ -61,7 +61,7 @@ rise of the energy relative to the energy before it, the sum of the rises above 
 momentum in an impact relative to the sum of the balls' momenta, whether a number is not finite or a time is out of
 order (0 or 1), whether the log was too short (0 or 1), the number of ball-ball impacts, the sum of their changes of the
 momentum (kg m/s)."""
-N_FOUND = 10
+N_FINDINGS = 10
 
 ENERGY_RISE = 1e-12  # relative; larger rises must be acts of the contact-time rule
 DEPTH = 1e-12  # m; the largest overlap, and the largest distance beyond a cushion
@@ -123,7 +123,7 @@ def _outside(x, y, radius, numbers, outline):
 
 
 @kernel
-def _check_positions(now, state, scene, xy, found):
+def _check_positions(now, state, scene, xy, findings):
     """Compares the positions of the balls at a `Time` with each other, with the cushions and with the pockets."""
     numbers, radius, pockets = scene.numbers, scene.radius, scene.pockets
     for i in range(len(radius)):
@@ -131,36 +131,36 @@ def _check_positions(now, state, scene, xy, found):
             continue
         x, y, vx, vy = motion_after(state, i, since(now, own_time(state, i)))
         if not math.isfinite(x + y + vx + vy):
-            found[BROKEN] = 1.0
+            findings[BROKEN] = 1.0
         xy[i, X], xy[i, Y] = x, y
         out = _outside(x, y, radius[i], numbers, scene.outline)
         for k in range(len(pockets)):
             out = max(out, pockets[k, POCKET_RADIUS] - norm(x - pockets[k, POCKET_X], y - pockets[k, POCKET_Y]))
-        found[OUTSIDE] = max(found[OUTSIDE], out)
+        findings[OUTSIDE] = max(findings[OUTSIDE], out)
         for j in range(i):
             if state.phase[j] != POTTED:
                 dx, dy, reach = x - xy[j, X], y - xy[j, Y], contact_distance(scene.spheres, radius, i, j)
                 if dx * dx + dy * dy < reach * reach:
-                    found[OVERLAP] = max(found[OVERLAP], reach - norm(dx, dy))
+                    findings[OVERLAP] = max(findings[OVERLAP], reach - norm(dx, dy))
 
 
 @allocating
-def _check(log, scene, mass, acts, found):
+def _check(log, scene, mass, acts, findings):
     """Checks the log of one shot."""
     events, n_events, segments = log.events, log.used[N_EVENTS_LOGGED], log.segments
     n, radius = len(scene.radius), scene.radius
     state = empty_state(n)
     rows, phases = state.rows, state.phase
     momenta, xy = np.empty((n, 2)), np.empty((n, 2))
-    found[:] = 0.0
-    found[OUTSIDE] = found[OVERLAP] = -math.inf
+    findings[:] = 0.0
+    findings[OUTSIDE] = findings[OVERLAP] = -math.inf
     scale = 0.0
     for i in range(n):
         rows[i] = segments[i, SEGMENT_ROW:]
         phases[i] = int(segments[i, SEGMENT_PHASE])
         scale = max(scale, norm(rows[i, VX], rows[i, VY]), norm(rows[i, UX], rows[i, UY]), radius[i] * abs(rows[i, WZ]))
     now = Time(0.0, 0.0)
-    _check_positions(now, state, scene, xy, found)
+    _check_positions(now, state, scene, xy, findings)
     if scale == 0.0:
         return
     if acts > 0:
@@ -172,9 +172,9 @@ def _check(log, scene, mass, acts, found):
         previous = now.hi
         now = Time(events[k, TIME], events[k, TIME_LO])
         if not now.hi >= previous:
-            found[BROKEN] = 1.0
+            findings[BROKEN] = 1.0
         if now.hi > previous:
-            _check_positions(Time(0.5 * (now.hi + previous), 0.0), state, scene, xy, found)
+            _check_positions(Time(0.5 * (now.hi + previous), 0.0), state, scene, xy, findings)
         before = _energy(now, state, mass, scene, scale)
         for i in range(n):
             _, _, momenta[i, X], momenta[i, Y] = motion_after(state, i, since(now, own_time(state, i)))
@@ -182,7 +182,7 @@ def _check(log, scene, mass, acts, found):
         while k < n_events and events[k, TIME] == now.hi and events[k, TIME_LO] == now.lo:
             impact = events[k, KIND] == BALL_BALL
             impacts_only = impacts_only and impact
-            found[IMPACTS] += impact
+            findings[IMPACTS] += impact
             for _ in range(2 if impact else 1):
                 i = int(segments[row, SEGMENT_BALL])
                 fixed = fixed or math.isinf(mass[i])
@@ -194,8 +194,8 @@ def _check(log, scene, mass, acts, found):
         for rise, base in ((before - energy, energy), (after - before, before)):
             if rise > least:
                 if rise > ENERGY_RISE * base:
-                    found[RISE_SUM] += rise * scale * scale
-                found[RISE] = max(found[RISE], rise / base if base > 0.0 else math.inf)
+                    findings[RISE_SUM] += rise * scale * scale
+                findings[RISE] = max(findings[RISE], rise / base if base > 0.0 else math.inf)
         energy = after
         if impacts_only and not fixed:
             px = py = total = 0.0
@@ -206,25 +206,25 @@ def _check(log, scene, mass, acts, found):
                 px += mass[i] * ((vx - momenta[i, X]) / scale)
                 py += mass[i] * ((vy - momenta[i, Y]) / scale)
                 total += mass[i] * (norm(vx / scale, vy / scale) + norm(momenta[i, X] / scale, momenta[i, Y] / scale))
-            found[DRIFT_X] += px * scale
-            found[DRIFT_Y] += py * scale
+            findings[DRIFT_X] += px * scale
+            findings[DRIFT_Y] += py * scale
             if total > 0.0:
-                found[MOMENTUM] = max(found[MOMENTUM], norm(px, py) / total)
-        _check_positions(now, state, scene, xy, found)
+                findings[MOMENTUM] = max(findings[MOMENTUM], norm(px, py) / total)
+        _check_positions(now, state, scene, xy, findings)
     if not math.isfinite(energy):
-        found[BROKEN] = 1.0
+        findings[BROKEN] = 1.0
 
 
 @allocating_entry_point
-def _run_checked(scene, limit, max_events, shots, log, found):
+def _run_checked(scene, limit, max_events, shots, log, findings):
     arrays, record = scene_of(scene, 0), Log(*log)
     mass, used = 1.0 / arrays.inv_mass, record.used
-    for k in range(len(found)):
+    for k in range(len(findings)):
         run_shots(k, k + 1, scene, limit, max_events, shots, log)
         if used[N_EVENTS_LOGGED] > len(record.events) or used[N_SEGMENTS_LOGGED] > len(record.segments):
-            found[k, FULL] = 1.0
+            findings[k, FULL] = 1.0
         else:
-            _check(record, arrays, mass, Shots(*shots).n_contact_rule[k], found[k])
+            _check(record, arrays, mass, Shots(*shots).n_contact_rule[k], findings[k])
 
 
 class Checked(NamedTuple):
@@ -237,12 +237,12 @@ class Checked(NamedTuple):
     """
 
     shots: Shots
-    found: NDArray[np.float64]
+    findings: NDArray[np.float64]
     rise_bound: float
 
     def bad(self, may_time_out: bool = False) -> NDArray[np.bool_]:
         """Returns (m,) bool: the shots that did not end or violate a rule."""
-        f, shots = self.found, self.shots
+        f, shots = self.findings, self.shots
         return (
             (shots.status > (1 if may_time_out else 0))
             | ~np.isfinite(shots.positions).all(axis=(1, 2))
@@ -274,20 +274,20 @@ def check_shots(
         max_events: As in `simulate`.
         log_rows: The number of events that the log holds; a shot with more is run again with a larger log.
     """
-    given = check_shot(scene, positions, velocities, spins, None, max_time)
-    m, n = given.positions.shape[:2]
-    shots = Shots(*given[:4], *empty_shots(m, n)[4:])
-    found = np.zeros((m, N_FOUND))
+    shot_input = check_shot(scene, positions, velocities, spins, None, max_time)
+    m, n = shot_input.positions.shape[:2]
+    shots = Shots(*shot_input[:4], *empty_shots(m, n)[4:])
+    findings = np.zeros((m, N_FINDINGS))
     arrays = scene_fields(scene)
     log = empty_log(log_rows, 2 * log_rows + n)
-    start = [array.copy() for array in given[:4]]
-    _run_checked(arrays, given.limit, max_events, tuple(shots), tuple(log), found)
-    for k in np.flatnonzero(found[:, FULL]):
+    start = [array.copy() for array in shot_input[:4]]
+    _run_checked(arrays, shot_input.limit, max_events, tuple(shots), tuple(log), findings)
+    for k in np.flatnonzero(findings[:, FULL]):
         rows = int(shots.n_events[k])
         log = empty_log(rows, 2 * rows + n)
-        found[k] = 0.0
+        findings[k] = 0.0
         one = slice(k, k + 1)
         again = *(array[one] for array in start), *(array[one] for array in shots[4:])
-        _run_checked(arrays, given.limit, max_events, again, tuple(log), found[one])
+        _run_checked(arrays, shot_input.limit, max_events, again, tuple(log), findings[one])
     heaviest = max(m for m in scene.balls.mass if math.isfinite(m))
-    return Checked(shots, found, 0.5 * heaviest * (1.5 * scene_arrays(scene).numbers.weak_speed) ** 2)
+    return Checked(shots, findings, 0.5 * heaviest * (1.5 * scene_arrays(scene).numbers.weak_speed) ** 2)

@@ -79,7 +79,7 @@ def _rolling(scene: Scene) -> Scene:
     return dataclasses.replace(scene, physics=Physics(motion="rolling", cushion="restitution"))
 
 
-def _few(scene: Scene, n: int) -> Scene:
+def _with_balls(scene: Scene, n: int) -> Scene:
     """Returns a scene with its first n balls."""
     return dataclasses.replace(
         scene, balls=dataclasses.replace(scene.balls, radius=scene.balls.radius[:n], mass=scene.balls.mass[:n])
@@ -109,8 +109,8 @@ FAMILIES: dict[str, Callable[[np.random.Generator, int], RandomShots | None]] = 
     "real pool, 1 object ball": _scattered(Scene.named("real_pool", 1)),
     "real pool, 5 object balls": _scattered(Scene.named("real_pool", 5)),
     "7-foot pool, 1 object ball": _scattered(Scene.named("pooltool_pool", 1)),
-    "snooker, 5 object balls": _scattered(_few(Scene.named("snooker"), 6)),
-    "UK pool, 5 object balls": _scattered(_few(Scene.named("uk_pool"), 6)),
+    "snooker, 5 object balls": _scattered(_with_balls(Scene.named("snooker"), 6)),
+    "UK pool, 5 object balls": _scattered(_with_balls(Scene.named("uk_pool"), 6)),
     "jaws without holes, 2 object balls": _scattered(_closed(Scene.named("pooltool_pool", 2))),
     "wild outlines": _wild_outline,
 }
@@ -135,10 +135,10 @@ def run(name: str, seed: int, shots: int) -> dict[str, Any]:
     bad = np.flatnonzero(result.bad(scene.physics.motion == "ideal"))
     return {
         "shots": shots,
-        "overlap": float(result.found[:, OVERLAP].max()),
-        "outside": float(result.found[:, OUTSIDE].max()),
-        "rise": float(result.found[free, RISE].max(initial=0.0)),
-        "momentum": float(result.found[free, MOMENTUM].max(initial=0.0)),
+        "overlap": float(result.findings[:, OVERLAP].max()),
+        "outside": float(result.findings[:, OUTSIDE].max()),
+        "rise": float(result.findings[free, RISE].max(initial=0.0)),
+        "momentum": float(result.findings[free, MOMENTUM].max(initial=0.0)),
         "contact_rule": int((~free).sum()),
         "most_events": int(result.shots.n_events.max()),
         "events": int(result.shots.n_events.sum()),

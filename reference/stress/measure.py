@@ -45,10 +45,10 @@ def drift(n: int, collisions: int, seed: int = 0, chunk: int = 20_000) -> dict[s
     while done < collisions:
         r = check_shots(scene, places[None], velocities[None], max_events=chunk, log_rows=chunk + 64)
         places, velocities = r.shots.positions[0], r.shots.velocities[0]
-        found = r.found[0]
-        momentum += found[[DRIFT_X, DRIFT_Y]]
-        overlap, worst = max(overlap, float(found[OVERLAP])), max(worst, float(found[MOMENTUM]))
-        done, events = done + int(found[IMPACTS]), events + int(r.shots.n_events[0])
+        findings = r.findings[0]
+        momentum += findings[[DRIFT_X, DRIFT_Y]]
+        overlap, worst = max(overlap, float(findings[OVERLAP])), max(worst, float(findings[MOMENTUM]))
+        done, events = done + int(findings[IMPACTS]), events + int(r.shots.n_events[0])
         energy = float((mass * velocities**2).sum() / 2)
     total = float((mass[:, 0] * np.hypot(*velocities.T)).sum())
     return {

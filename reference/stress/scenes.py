@@ -40,12 +40,12 @@ def run(scene: Scene, places: Any, velocities: Any, spins: Any = None, **options
     shot = simulate(scene, places, velocities, spins=spins, record=True, **options)
     moving, turning = np.array([velocities], float), None if spins is None else np.array([spins], float)
     result = check_shots(scene, np.array([places], float), moving, turning, **options)
-    assert not result.bad(scene.physics.motion == "ideal").any(), result.found
+    assert not result.bad(scene.physics.motion == "ideal").any(), result.findings
     return shot
 
 
-def kinds(shot: ShotResult, *wanted: str) -> list[tuple[str, int, int]]:
+def kinds(shot: ShotResult, *selected: str) -> list[tuple[str, int, int]]:
     """Returns (kind, ball, other) of the events, or only of the events of the given kinds."""
     assert shot.events is not None
     names = [(str(e["kind"]), int(e["ball"]), int(e["other"])) for e in shot.events]
-    return [name for name in names if not wanted or name[0] in wanted]
+    return [name for name in names if not selected or name[0] in selected]

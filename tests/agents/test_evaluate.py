@@ -11,9 +11,9 @@ from stable_baselines3 import PPO
 
 from agents.config import Config, load
 from agents.evaluate import evaluate, main
-from agents.ppo import deterministic, load_policy, make_env, make_policy, make_vector
+from agents.ppo import deterministic, load_run, make_env, make_policy, make_vector
 from billiards_env.envs import BilliardsEnv
-from billiards_env.evaluation import evaluation_seeds, measure, play, play_together
+from billiards_env.evaluation import evaluation_seeds, measure, play_episodes, play_together
 from billiards_env.intervals import wilson_interval
 from billiards_env.sb3 import AimPolicy
 from billiards_env.sb3.weights import save_policy
@@ -40,12 +40,12 @@ class TwoShots(gym.Env):
 
 
 def test_play_sums_rewards_and_counts_successes_at_the_last_step():
-    result = play(TwoShots(), lambda observation: observation + 0.25, [2, 3, 4, 5, 6])
+    result = play_episodes(TwoShots(), lambda observation: observation + 0.25, [2, 3, 4, 5, 6])
     assert (result["episodes"], result["successes"], result["success_rate"], result["mean_score"]) == (5, 3, 0.6, 6.6)
     assert result["mean_reward"] == pytest.approx(0.25 + 0.75)
     assert result["confidence_interval_95"] == list(wilson_interval(3, 5))
     assert result["score_interval_95"] == pytest.approx([6.6 - 0.48, 6.6 + 0.48], abs=1e-3)
-    assert play(TwoShots(), lambda observation: observation, [2])["score_interval_95"] is None
+    assert play_episodes(TwoShots(), lambda observation: observation, [2])["score_interval_95"] is None
 
 
 def test_runs_random_shots_and_players_are_printed_side_by_side(trained, tmp_path, capsys):
@@ -57,9 +57,9 @@ def test_runs_random_shots_and_players_are_printed_side_by_side(trained, tmp_pat
     rows = {line.split()[0]: line.split()[1:] for line in printed.splitlines() if "% to" in line}
     assert list(rows) == [str(one), str(tmp_path / "two"), "random", "search:5"]
     written = json.loads((one / "evaluation.json").read_text())
-    found = {str(one): written["policy"], "random": written["random"]}
-    found["search:5"] = measure("search:5", load(one / "config.yaml").env, (0.0, 0.0), 20, 5)
-    for name, result in found.items():
+    results = {str(one): written["policy"], "random": written["random"]}
+    results["search:5"] = measure("search:5", load(one / "config.yaml").env, (0.0, 0.0), 20, 5)
+    for name, result in results.items():
         assert rows[name][:2] == ["20", f"{result['success_rate']:.1%}"]
     for options in (f"{one} --film one.mp4", f"human,policy:{one}", f"--logdir {one}"):
         assert f"{options}\n" in printed
@@ -74,7 +74,7 @@ def test_noise_applies_to_training_and_evaluation(tiny, tmp_path):
     runs = [trained_run(config, tmp_path / name) for name, config in (("quiet", quiet), ("noisy", noisy))]
     first, second = (torch.load(run / "policy.pt") for run in runs)
     assert not all(torch.equal(first[key], second[key]) for key in first)
-    act, seeds = deterministic(load_policy(runs[1])[1]), evaluation_seeds(5, 200).tolist()
+    act, seeds = deterministic(load_run(runs[1])[1]), evaluation_seeds(5, 200).tolist()
     without, with_noise = (play_together(make_vector(config, 200), act, seeds) for config in (quiet, noisy))
     assert evaluate(runs[1], episodes=200)["policy"] == with_noise != without
 
@@ -90,7 +90,7 @@ def test_episodes_played_together_equal_episodes_played_alone(tiny, changes):
     config = Config.from_dict(tiny(**changes))
     seeds = [3, 1, 4, 15, 9, 2, 6]
     act = np.array([0.02, 0.9], np.float32)
-    one_by_one = play(make_env(config), lambda observation: act, seeds)
+    one_by_one = play_episodes(make_env(config), lambda observation: act, seeds)
     assert one_by_one["mean_reward"] != 0
     together = play_together(make_vector(config, 7), lambda observations: np.tile(act, (7, 1)), seeds)
     assert together == one_by_one
@@ -99,7 +99,7 @@ def test_episodes_played_together_equal_episodes_played_alone(tiny, changes):
 @pytest.mark.parametrize("policy", [{"head": "gaussian", "hidden": [8]}, AIM], ids=["gaussian", "aim"])
 def test_the_loaded_policy_is_the_trained_one(tiny, tmp_path, policy):
     config = Config.from_dict(tiny(timesteps=128, policy=policy))
-    loaded, policy = load_policy(trained_run(config, tmp_path / "run"))
+    loaded, policy = load_run(trained_run(config, tmp_path / "run"))
     assert loaded == config
     model = PPO.load(tmp_path / "run" / "model.zip", device="cpu")
     observations, _ = make_vector(config, 50).reset(seed=0)
@@ -119,7 +119,7 @@ def test_a_policy_is_loaded_for_other_balls_and_for_an_observation_with_the_shot
     actions = []
     for shots_left in ([], ["shots_left"]):
         env = {**three, "observe": ["positions", *shots_left]}
-        changed, loaded = load_policy(tmp_path, env=env)
+        changed, loaded = load_run(tmp_path, env=env)
         assert changed.env == {**config.env, **env}
         assert all(torch.equal(weights, policy.state_dict()[name]) for name, weights in loaded.state_dict().items())
         observations, _ = make_vector(changed, 50).reset(seed=0)
@@ -127,30 +127,30 @@ def test_a_policy_is_loaded_for_other_balls_and_for_an_observation_with_the_shot
         actions.append(deterministic(loaded)(observations))
     assert np.array_equal(*actions)
     with pytest.raises(TypeError, match="balls"):
-        load_policy(tmp_path, env={"balls": 3})
+        load_run(tmp_path, env={"balls": 3})
 
 
 def test_the_usual_policy_is_not_loaded_for_another_number_of_balls(trained):
     with pytest.raises(ValueError, match=r"policy.pt does not hold the policy of its configuration"):
-        load_policy(trained, env={"n_object_balls": 3})
+        load_run(trained, env={"n_object_balls": 3})
 
 
 def test_a_policy_file_that_is_damaged_or_holds_other_objects_runs_no_code(trained, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run = shutil.copytree(trained, tmp_path / "run")
-    whole, weights = (run / "policy.pt").read_bytes(), torch.load(trained / "policy.pt")
+    content, weights = (run / "policy.pt").read_bytes(), torch.load(trained / "policy.pt")
     for value in ({**weights, "log_std": Pickled("ran")}, Pickled("ran"), "text"):
         torch.save(value, run / "policy.pt")
         with pytest.raises(ValueError, match=r"policy.pt does not hold a policy's weights: expected a whole") as error:
-            load_policy(run)
+            load_run(run)
         assert "weights_only" not in "".join(traceback.format_exception(error.value))
     assert not (tmp_path / "ran").exists()
-    (run / "policy.pt").write_bytes(whole[:-10])
+    (run / "policy.pt").write_bytes(content[:-10])
     with pytest.raises(SystemExit, match=r"error: .*run.policy.pt does not hold a policy's weights"):
         main([str(run)])
     torch.save({**weights, "another": torch.zeros(1)}, run / "policy.pt")
     with pytest.raises(ValueError, match=r"policy.pt does not hold the policy of its configuration"):
-        load_policy(run)
+        load_run(run)
     (run / "policy.pt").unlink()
     with pytest.raises(SystemExit, match=r"error: run_dir = .*: expected the folder of a finished run .* policy.pt"):
         main([str(run)])

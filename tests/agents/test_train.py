@@ -64,7 +64,7 @@ def test_a_run_folder_has_settings_versions_logs_checkpoints_and_model(trained, 
 @pytest.mark.parametrize("policy", [{"head": "gaussian", "hidden": [16]}, AIM], ids=["gaussian", "aim"])
 def test_an_interrupted_run_ends_with_the_weights_of_an_uninterrupted_one(command, tmp_path, monkeypatch, policy):
     command(policy=policy)
-    whole = weights(tmp_path / "run" / "model.zip")
+    uninterrupted = weights(tmp_path / "run" / "model.zip")
     curve = module.learning_curve(tmp_path / "run")
 
     def stop(self):
@@ -80,11 +80,11 @@ def test_an_interrupted_run_ends_with_the_weights_of_an_uninterrupted_one(comman
     with monkeypatch.context() as patch:  # measurements change no random numbers of the training
         patch.setattr(module.LearningCurve, "measure", lambda self, policy, *args: policy.set_training_mode(False))
         command(policy=policy)
-    assert equal(weights(tmp_path / "run" / "model.zip"), whole)
+    assert equal(weights(tmp_path / "run" / "model.zip"), uninterrupted)
     assert [point[3:] for point in module.learning_curve(tmp_path / "run")] == [point[3:] for point in curve[:2]]
     if policy is AIM:
-        assert int(whole["shots"]) == 512
-        assert whole["net.std"][0].item() == pytest.approx(0.1 * 0.3**0.8)
+        assert int(uninterrupted["shots"]) == 512
+        assert uninterrupted["net.std"][0].item() == pytest.approx(0.1 * 0.3**0.8)
 
 
 def test_a_curriculum_shrinks_the_goals_at_checkpoints_and_when_it_resumes(command, tmp_path, monkeypatch):
@@ -157,9 +157,9 @@ def test_a_damaged_or_hostile_checkpoint_is_refused_and_runs_no_code(command, tr
     for name in ("policy.pt", "model.zip"):
         (run / name).unlink()
     checkpoint = run / "checkpoints" / "000000256.zip"
-    whole = checkpoint.read_bytes()
-    at = whole.index(b"policy.pth") + 2000
-    for content in (b"", whole[:-100], whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :]):
+    intact = checkpoint.read_bytes()
+    at = intact.index(b"policy.pth") + 2000
+    for content in (b"", intact[:-100], intact[:at] + bytes([intact[at] ^ 1]) + intact[at + 1 :]):
         checkpoint.write_bytes(content)
         with pytest.raises(SystemExit, match=r"error: .*000000256.zip does not hold a checkpoint .* with --fresh"):
             command()

@@ -39,9 +39,9 @@ def test_calibration_counts_the_intervals_with_the_truth(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("kind", ["carom", "9-ball break, loose", "gas of 16 disks"])
 def test_the_error_is_near_the_rounding_of_the_input(kind):
-    found = error_limit.summary([error_limit.compare(kind, seed) for seed in range(3)])
-    assert found["same_events"] == found["shots"] == 3
-    assert 0 < found["median_ratio"] <= found["max_ratio"] < 100
+    summary = error_limit.summary([error_limit.compare(kind, seed) for seed in range(3)])
+    assert summary["same_events"] == summary["shots"] == 3
+    assert 0 < summary["median_ratio"] <= summary["max_ratio"] < 100
 
 
 def test_another_velocity_exceeds_the_error_limit(monkeypatch):
@@ -57,19 +57,19 @@ def test_another_velocity_exceeds_the_error_limit(monkeypatch):
 @pytest.mark.parametrize("name", ["1 object ball", "carom", "2 elastic disks"])
 def test_pic_is_exact_and_pit_is_not(name):
     engines = (PIC, *accuracy.PIT)
-    found = [accuracy.follow(name, seed) for seed in range(3)]
-    errors = dict(zip(engines, np.max([shot["errors"] for shot in found], axis=0), strict=True))
-    assert all(shot["complete"] and shot["outcome_as_oracle"] for shot in found)
+    shots = [accuracy.follow_shot(name, seed) for seed in range(3)]
+    errors = dict(zip(engines, np.max([shot["errors"] for shot in shots], axis=0), strict=True))
+    assert all(shot["complete"] and shot["outcome_as_oracle"] for shot in shots)
     assert errors[PIC] < 1e-9
     assert 1e-6 < errors[Engine("pit", 1 / 15360, "move_back")] < errors[Engine("pit", 1 / 15, "move_back")]
 
 
 def test_a_shot_is_compared_up_to_the_end_of_the_reference(monkeypatch):
     monkeypatch.setattr(accuracy, "PIT", [])
-    found = [accuracy.follow("15-ball break", seed) for seed in range(4)]
-    assert 0 < sum(shot["complete"] for shot in found) < 4
-    assert all(shot["errors"] for shot in found if shot["complete"])
-    assert max(shot["errors"][0] for shot in found if shot["errors"]) < 1e-9
+    shots = [accuracy.follow_shot("15-ball break", seed) for seed in range(4)]
+    assert 0 < sum(shot["complete"] for shot in shots) < 4
+    assert all(shot["errors"] for shot in shots if shot["complete"])
+    assert max(shot["errors"][0] for shot in shots if shot["errors"]) < 1e-9
 
 
 def test_the_coarsest_timestep_has_only_good_results_from_there_on():
@@ -103,11 +103,11 @@ def test_the_stress_table_has_sums_and_maxima():
     data = json.loads((ROOT / "benchmarks" / "results" / "stress.json").read_text())
     kinds = list(data["shots"].values())
     kinds[1]["bad"] = [[0, 0, "rest"]]
-    found = stress.blocks(data)
-    last = [cell.strip() for cell in found["shots"].splitlines()[-1].strip("| ").split(" | ")]
+    blocks = stress.blocks(data)
+    last = [cell.strip() for cell in blocks["shots"].splitlines()[-1].strip("| ").split(" | ")]
     assert last[:3] == ["all", f"{sum(k['shots'] for k in kinds):,}", "1"]
     assert last[3] == f"{max(k['overlap'] for k in kinds):.1e}"
-    assert found["summary"].startswith(f"1 of {last[1]} shots broke a rule")
+    assert blocks["summary"].startswith(f"1 of {last[1]} shots broke a rule")
 
 
 def test_every_step_of_every_environment_plays_a_shot_and_draws_a_layout():
@@ -125,16 +125,16 @@ def test_every_step_of_every_environment_plays_a_shot_and_draws_a_layout():
 
 
 def test_a_break_of_difftaichi_is_moved_to_the_goal():
-    found = differentiable.difftaichi(0)["own"]
-    assert found["iterations"] <= 10
-    assert found["distance"] < 1e-6
+    result = differentiable.difftaichi(0)["own"]
+    assert result["iterations"] <= 10
+    assert result["distance"] < 1e-6
 
 
 @pytest.mark.parametrize("control", [-5.0, -2.0, 0.1, 3.0])
 def test_a_push_of_diffmjx_is_found_in_five_iterations(control):
-    found = differentiable.solve_push(control)
-    assert found["iterations"] <= 5
-    assert found["distance"] < 1e-6
+    result = differentiable.solve_push(control)
+    assert result["iterations"] <= 5
+    assert result["distance"] < 1e-6
 
 
 def test_the_gradient_of_nimble_is_exact():

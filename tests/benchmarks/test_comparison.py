@@ -1,4 +1,4 @@
-"""The comparison with other simulators measures and shows what it says; no time is asserted."""
+"""The comparison with other simulators; no time is asserted."""
 
 import json
 import sys
@@ -33,13 +33,13 @@ def test_an_error_that_is_not_known_has_an_empty_cell():
 @pytest.mark.parametrize("laws", comparison.LAWS)
 @pytest.mark.parametrize("kind", comparison.KINDS)
 def test_shots_are_repeatable(laws, kind):
-    for shot, again in zip(*(comparison.shots_of(laws, kind, 2) for _ in range(2)), strict=True):
+    for shot, again in zip(*(comparison.draw_shots(laws, kind, 2) for _ in range(2)), strict=True):
         assert all(np.array_equal(a, b) for a, b in zip(shot, again, strict=True))
 
 
 def test_a_worker_runs_shots_in_the_frame_of_the_scene(worker):
     laws, kind = "friction and spin", "15-ball break"
-    scene, (shot,) = comparison.scene_of(laws, kind), comparison.shots_of(laws, kind, 1)
+    scene, (shot,) = comparison.scene_of_kind(laws, kind), comparison.draw_shots(laws, kind, 1)
     with comparison.pooltool(Path(sys.executable), worker) as (version, runners):
         assert version == "1.2"
         for gap, runner in zip(comparison.POOLTOOL_GAPS, runners, strict=True):
@@ -73,7 +73,7 @@ def test_the_engine_is_exact_and_simulators_that_are_missing_are_left_out(tmp_pa
     assert dict(zip(comparison.LAWS, recorded, strict=True)) == {
         "friction and spin": True,
         "throw and jaws": True,
-        "elastic disks": False,  # as the README says
+        "elastic disks": False,  # as in the README
     }
     assert "pooltool is left out" in capsys.readouterr().out
     written = json.loads((tmp_path / "comparison.json").read_text())

@@ -10,8 +10,8 @@ from tests.helpers.tracks import SCENE, raw_tracks
 
 
 def test_figures_are_printed_and_written(tmp_path, monkeypatch, capsys):
-    given, path = tmp_path / "tracks.csv", tmp_path / "real_tracks.json"
-    write_tracks(given, raw_tracks())
+    source, path = tmp_path / "tracks.csv", tmp_path / "real_tracks.json"
+    write_tracks(source, raw_tracks())
     free = ("mu_slide", "e_cushion")
     result = calibrate(SCENE, raw_tracks(), free, frame="fit", contacts=2, hold_back=False)
     fitted = []
@@ -22,8 +22,8 @@ def test_figures_are_printed_and_written(tmp_path, monkeypatch, capsys):
 
     monkeypatch.setattr(real_tracks, "fit", fit)
     monkeypatch.setattr(real_tracks, "PARTS", 3)
-    for judge in ([], ["--judge", str(given)]):
-        real_tracks.main([str(given), *judge, "--scene", "carom", "--output", str(path)])
+    for judge in ([], ["--judge", str(source)]):
+        real_tracks.main([str(source), *judge, "--scene", "carom", "--output", str(path)])
         written = json.loads(path.read_text())
         assert list(written["judged"]) == list(real_tracks.TARGETS)
         assert written["judged"]["rows_5mm_contact2"] > 0.9

@@ -67,10 +67,10 @@ def test_a_killed_runner_is_replaced_and_no_step_is_lost(finished, tmp_path, mon
     sample, seen = ArrayPPO._sample, []
 
     def kill_one(self, *args):
-        found = processes(self)
-        seen.append(found)
+        ids = processes(self)
+        seen.append(ids)
         if len(seen) == 2:
-            os.kill(min(found), signal.SIGKILL)
+            os.kill(min(ids), signal.SIGKILL)
         deadline = time.monotonic() + 120
         while len(seen) == 4 and len(processes(self)) < 2 and time.monotonic() < deadline:
             self.restore_env_runners(self.env_runner_group)
@@ -80,7 +80,7 @@ def test_a_killed_runner_is_replaced_and_no_step_is_lost(finished, tmp_path, mon
 
     monkeypatch.setattr(ArrayPPO, "_sample", kill_one)
     folder = trained(tmp_path / "run")
-    assert [len(found) for found in seen] == [2, 2, 1, 1, 2, 2, 2, 2]
+    assert [len(ids) for ids in seen] == [2, 2, 1, 1, 2, 2, 2, 2]
     assert len(set(seen[0].values())) == 2  # one runner on each node
     assert [point.steps for point in learning_curve(folder)] == [0, 1536, 3072, 4096]
     assert learning_curve(folder)[-1].success > 0.0

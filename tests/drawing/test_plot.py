@@ -22,9 +22,9 @@ def closed():
 
 def circles(axes, colour, filled):
     """Returns (x, y, radius) of the circles of a colour."""
-    found = [patch for patch in axes.patches if isinstance(patch, Circle)]
-    wanted = colors.to_rgb(colour)
-    shown = [p for p in found if colors.to_rgb(p.get_facecolor() if filled else p.get_edgecolor()) == wanted]
+    patches = [patch for patch in axes.patches if isinstance(patch, Circle)]
+    rgb = colors.to_rgb(colour)
+    shown = [p for p in patches if colors.to_rgb(p.get_facecolor() if filled else p.get_edgecolor()) == rgb]
     return np.array([(*p.center, p.radius) for p in shown if p.get_fill() == filled]).reshape(-1, 3)
 
 
@@ -44,13 +44,13 @@ def test_balls_are_drawn_at_their_initial_and_final_positions(shot):
     axes = shot.plot()
     radius = shot.scene.balls.radius[0]
     for ball, look in enumerate(looks(shot.scene)):
-        found = circles(axes, look.fill, True).tolist()
+        centres = circles(axes, look.fill, True).tolist()
         ends = [] if shot.potted[ball] else [[*shot.positions[ball], radius]]
         if shot.potted[ball]:  # in the tray under the table
-            (tray,) = [place for place in found if place[1] < -0.5 * 1.27 - 0.1016]
-            found.remove(tray)
+            (tray,) = [place for place in centres if place[1] < -0.5 * 1.27 - 0.1016]
+            centres.remove(tray)
         starts = [[*shot.at(0)[ball], radius]] if ball in (0, 2, 3) else []
-        assert sorted(found) == sorted(starts + ends)
+        assert sorted(centres) == sorted(starts + ends)
 
 
 def test_paths_agree_with_the_shot(shot):

@@ -24,8 +24,8 @@ def test_a_recording_has_the_times_of_potting(shot):
 
 
 def test_balls_not_in_play_are_gone_from_the_start():
-    given = {"in_play": [True, False], "record": True}
-    recording = simulate(Scene.named("pool"), [[0.0, 0.0], [9.0, 9.0]], [1.0, 0.2], **given).recording()
+    options = {"in_play": [True, False], "record": True}
+    recording = simulate(Scene.named("pool"), [[0.0, 0.0], [9.0, 9.0]], [1.0, 0.2], **options).recording()
     assert recording.gone.tolist() == [np.inf, 0.0]
     assert recording.moves(0)
     assert not recording.moves(1)

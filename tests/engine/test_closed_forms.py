@@ -43,7 +43,7 @@ CASES: dict[str, Case] = {}
 
 
 def case(sentence, start, events, max_time=None, max_events=None, **results):
-    """Adds a case. The sentence says what happens."""
+    """Adds a case. The sentence describes the shot."""
     assert sentence not in CASES
     limits = {"max_time": max_time, "max_events": max_events}
     CASES[sentence] = Case(start, events, {k: v for k, v in limits.items() if v is not None}, results)
@@ -295,14 +295,14 @@ def of_simulator(start, **limits):
     return shot, [(e.kind, e.ball, e.other) for e in shot.events], [e.time for e in shot.events]
 
 
-def check_close(found, expected, digits):
+def check_close(actual, expected, digits):
     """Checks that numbers agree to some digits of the largest one; zeros have that absolute error."""
-    found, expected = (np.array(x, object).ravel() for x in (found, expected))
+    actual, expected = (np.array(x, object).ravel() for x in (actual, expected))
     largest = max((abs(x) for x in expected), default=0)
     largest = 1 if largest < sys.float_info.min else largest
-    assert len(found) == len(expected)
-    assert all(abs(a - b) <= largest * mpf(10) ** -digits for a, b in zip(found, expected, strict=True)), (
-        found,
+    assert len(actual) == len(expected)
+    assert all(abs(a - b) <= largest * mpf(10) ** -digits for a, b in zip(actual, expected, strict=True)), (
+        actual,
         expected,
     )
 
@@ -312,10 +312,10 @@ def check_close(found, expected, digits):
 def test_a_shot_follows_the_closed_form(name, play, digits):
     start, events, limits, results = CASES[name]
     with mpmath.workdps(DIGITS):
-        shot, found, times = play(start, **limits)
+        shot, actual, times = play(start, **limits)
         if events is not None:
-            every = any(kind in PHASES for kind, *_ in events)
-            assert [event for event in found if every or event[0] not in PHASES] == events
+            with_phases = any(kind in PHASES for kind, *_ in events)
+            assert [event for event in actual if with_phases or event[0] not in PHASES] == events
         for field, expected in results.items():
             if field in ("status", "potted"):
                 assert getattr(shot, field) == expected

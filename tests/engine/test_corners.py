@@ -11,7 +11,7 @@ from billiards_env.engine.compile import scene_arrays
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.jit import allocating_entry_point
 from billiards_env.physics.state import UX, UY, VX, VY, X, Y, empty_state
-from billiards_env.players.paths import follow
+from billiards_env.players.paths import follow_path
 from billiards_env.scene import Balls, Physics, Table
 from reference.oracle import run
 from tests.helpers.outlines import table, with_corners
@@ -190,7 +190,7 @@ def end_of_path(scene, start, velocity, gaps):
     row[:] = 0.0
     row[X], row[Y] = start
     row[VX], row[VY] = row[UX], row[UY] = velocity
-    follow(scene, state, 0, gaps)
+    follow_path(scene, state, 0, gaps)
     return row[X], row[Y]
 
 

@@ -98,9 +98,9 @@ def play(shot, options, **more):
 @settings(max_examples=30)
 @given(seed=SEEDS)
 def test_mirrored_shots_have_mirrored_results_bit_for_bit(engine, world, seed):
-    scene, positions, velocities, spins = given_shot = WORLDS[world](seed)
+    scene, positions, velocities, spins = drawn = WORLDS[world](seed)
     options = options_of(engine, scene, seed)
-    shot = play(given_shot, options)
+    shot = play(drawn, options)
     for x, y in ((-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)):
         mirror, turned = np.array([x, y]), None if spins is None else spins * [y, x, x * y]  # spin is an axial vector
         table = mirrored(scene.table, mirror) if world == "outlines" else scene.table
@@ -122,11 +122,11 @@ def renumbered(shot, order):
 
 def check_renumbering(shot, options, order):
     """Checks that the numbers of the balls change no bit of the result."""
-    found, other = play(shot, options), play(renumbered(shot, order), options)
+    played, other = play(shot, options), play(renumbered(shot, order), options)
     for name in BALL_ARRAYS if order[0] == 0 else BALL_ARRAYS[:-1]:  # the last one is of hits by the cue ball
-        assert np.array_equal(getattr(other, name), getattr(found, name)[order])
+        assert np.array_equal(getattr(other, name), getattr(played, name)[order])
     for name in ("time", "n_events", "n_contact_rule"):
-        assert getattr(other, name) == getattr(found, name)
+        assert getattr(other, name) == getattr(played, name)
 
 
 @engines_and_worlds
@@ -154,9 +154,9 @@ def test_every_event_keeps_the_rules(world, seed):
     ideal = scene.physics.motion == "ideal"
     turning = None if spins is None else spins[None]
     limits: dict[str, Any] = {"max_time": 3.0 if ideal else None, "max_events": 50_000}
-    found = checks.check_shots(scene, positions[None], velocities[None], turning, **limits)
-    assume(found.shots.status[0] != AT_EVENT_LIMIT)  # clusters of inelastic balls, which tests/stress runs to rest
-    assert not found.bad(ideal).any(), found.found
+    checked = checks.check_shots(scene, positions[None], velocities[None], turning, **limits)
+    assume(checked.shots.status[0] != AT_EVENT_LIMIT)  # clusters of inelastic balls, which tests/stress runs to rest
+    assert not checked.bad(ideal).any(), checked.findings
 
 
 # The time of impact raises the energy of shot 39 by a few millionths. Random examples hit such shots now and then.
@@ -166,13 +166,13 @@ RISES = pytest.param(39, marks=pytest.mark.xfail(reason="fix = 'time_of_impact' 
 @pytest.mark.parametrize("seed", [*range(39), RISES, *range(40, 60)])
 def test_with_timesteps_energy_does_not_rise_and_impacts_of_balls_keep_momentum(seed):
     """With the time of impact an event is compared with the step before, as friction acts on other velocities since."""
-    given_shot = scene, *_ = draw_shot(seed)
+    drawn = scene, *_ = draw_shot(seed)
     options = options_of("pit", scene, seed)
     at_impact = options["engine"].fix == "time_of_impact" and scene.physics.motion != "ideal"
-    shot = play(given_shot, options, record=True)
-    found: dict[float, set[str]] = {}
+    shot = play(drawn, options, record=True)
+    kinds: dict[float, set[str]] = {}
     for event in shot.events:
-        found.setdefault(event["time"], set()).add(event["kind"])
+        kinds.setdefault(event["time"], set()).add(event["kind"])
     mass, (_, phases, rows) = np.array(scene.balls.mass), shot.trajectory
     start = last = kinetic_energy(motion_at(rows[: len(mass)], phases[: len(mass)], 0.0), scene)
     total = math.sqrt(2 * start * mass.sum())  # no momentum is larger
@@ -183,7 +183,7 @@ def test_with_timesteps_energy_does_not_rise_and_impacts_of_balls_keep_momentum(
         earlier = [energy for time, energy in energies if time <= t - 0.999 * options["engine"].dt]
         assert last <= (earlier[-1] if at_impact else kinetic_energy(before, scene)) + 1e-13 * start
         energies.append((t, last))
-        if found.get(t) == {"ball_ball"} and not at_impact:
+        if kinds.get(t) == {"ball_ball"} and not at_impact:
             assert np.abs(mass @ (after.velocities - before.velocities)).max() <= 1e-13 * total
     if scene.physics.motion == "ideal":
         assert 0.5 * mass @ (shot.velocities**2).sum(axis=1) == pytest.approx(start, rel=1e-12)
@@ -194,9 +194,9 @@ def test_with_timesteps_energy_does_not_rise_and_impacts_of_balls_keep_momentum(
 @given(seed=SEEDS)
 @example(seed=15360)  # balls at rest are moved apart at the end of the last timestep
 def test_a_record_is_complete_and_in_order(engine, seed):
-    given_shot = scene, places, *_ = draw_shot(seed)
+    drawn = scene, places, *_ = draw_shot(seed)
     options = options_of(engine, scene, seed)
-    shot, bare = play(given_shot, options, record=True), play(given_shot, options)
+    shot, bare = play(drawn, options, record=True), play(drawn, options)
     assume(shot.status != "event_limit")
     assert shot.status == ("max_time" if scene.physics.motion == "ideal" else "rest")
     assert (np.diff(shot.events["time"]) >= 0).all()
@@ -249,25 +249,25 @@ def arrays_of(engine, shot, **options):
 
 def check_cuts(engine, shot, rng, **options):
     """Cuts a shot at random times, at the times of events and at numbers of events."""
-    whole, events, segments = arrays_of(engine, shot, **options)
+    uncut, events, segments = arrays_of(engine, shot, **options)
     if len(events) == 0:
         return
     times = events[rng.integers(len(events), size=3), TIME]
     limits = np.concatenate((rng.uniform(0, events[-1, TIME], 3), times, np.nextafter(times, 0)))
     for limit in limits:
-        _, some, pieces = arrays_of(engine, shot, max_time=limit, **options)
-        assert np.array_equal(some, events[events[:, TIME] <= limit])
+        _, kept, pieces = arrays_of(engine, shot, max_time=limit, **options)
+        assert np.array_equal(kept, events[events[:, TIME] <= limit])
         assert np.array_equal(pieces, segments[: len(pieces)])
         assert (segments[len(pieces) :, SEGMENT_ROW + T0] >= limit).all()
-    if whole.status[0] == AT_REST:
+    if uncut.status[0] == AT_REST:
         assert arrays_of(engine, shot, max_events=len(events), **options)[0].status[0] == AT_REST
     for most in rng.integers(len(events), size=3):
-        shots, some, pieces = arrays_of(engine, shot, max_events=most, **options)
-        assert most <= len(some) == shots.n_events[0]
-        assert shots.status[0] == AT_EVENT_LIMIT or len(some) == len(events)
-        assert shots.time[0] == (some[-1, TIME] if len(some) else 0.0)
-        assert np.count_nonzero(some[:, TIME] < shots.time[0]) < max(most, 1)  # it ends with the instant of the limit
-        assert np.array_equal(some, events[: len(some)])
+        shots, kept, pieces = arrays_of(engine, shot, max_events=most, **options)
+        assert most <= len(kept) == shots.n_events[0]
+        assert shots.status[0] == AT_EVENT_LIMIT or len(kept) == len(events)
+        assert shots.time[0] == (kept[-1, TIME] if len(kept) else 0.0)
+        assert np.count_nonzero(kept[:, TIME] < shots.time[0]) < max(most, 1)  # it ends with the instant of the limit
+        assert np.array_equal(kept, events[: len(kept)])
         assert np.array_equal(pieces, segments[: len(pieces)])
 
 

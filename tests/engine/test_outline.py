@@ -135,10 +135,10 @@ def test_pit_approaches_pic_as_the_timestep_falls(name, fix):
     for _ in range(40):
         scene, places, velocities, spins = outline_shot(TABLES[name], rng)
         exact = simulate(scene, places, velocities, spins=spins, max_time=1.5)
-        for dt, found in errors.items():
+        for dt, distances in errors.items():
             shot = simulate(scene, places, velocities, spins=spins, max_time=1.5, engine=Engine("pit", dt, fix))
-            found.append(np.hypot(*(shot.positions - exact.positions)[0]))
-    coarse, fine = (np.median(found) for found in errors.values())
+            distances.append(np.hypot(*(shot.positions - exact.positions)[0]))
+    coarse, fine = (np.median(distances) for distances in errors.values())
     assert fine < 0.05 * coarse + 1e-12
     assert fine < 1e-4
 

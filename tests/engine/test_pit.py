@@ -136,15 +136,15 @@ def derivative_error(case, dt, fix):
     """
     scene, places, velocities = case
     exact = simulate_batch(*case, max_time=1.0, record=True).jacobian("positions", "velocities")[:, :, :, 0]
-    found = np.empty_like(exact)
+    differences = np.empty_like(exact)
     for axis, change in enumerate(1e-9 * np.eye(2)):
         low, high = (
             simulate_batch(scene, places, velocities + way, engine=Engine("pit", dt, fix), max_time=1.0).positions
             for way in (-change, change)
         )
-        found[..., axis] = (high - low) / 2e-9
+        differences[..., axis] = (high - low) / 2e-9
     size = np.linalg.norm(exact.reshape(len(exact), -1), axis=1)
-    return float(np.median(np.linalg.norm((found - exact).reshape(len(exact), -1), axis=1) / size))
+    return float(np.median(np.linalg.norm((differences - exact).reshape(len(exact), -1), axis=1) / size))
 
 
 @laws
@@ -183,8 +183,8 @@ def test_move_back_has_exact_velocities_and_late_positions(shots):
 def test_a_late_line_of_centres_turns_the_impulse():
     scene = world(2, FREE)
     shot = pit(scene, [[-1.0, 1.6 * R], [0.0, 0.0]], [2.0, 0.0], dt=0.5 - 0.3 * R, max_time=0.6, record=True)
-    found = np.array([0.6 * R, -1.6 * R])
-    n = found / np.linalg.norm(found)
+    overlap = np.array([0.6 * R, -1.6 * R])
+    n = overlap / np.linalg.norm(overlap)
     assert kinds(shot) == [("ball_ball", 0, 1)]
     assert shot.events["speed"] == pytest.approx([2.0 * n[0]], rel=1e-14)
     assert shot.velocities == pytest.approx(np.array([[2.0, 0.0] - 2.0 * n[0] * n, 2.0 * n[0] * n]), abs=1e-14)
@@ -199,12 +199,12 @@ def test_push_apart_leaves_the_two_balls_in_contact(physics):
         shot = pit(scene, places[k], starts[k], dt=0.02, record=True)
         hits = shot.events["time"][shot.events["kind"] == "ball_ball"]
         assert len(hits) == 1
-        found, left = shot.at(float(np.nextafter(hits[0], 0))), shot.at(float(hits[0]))
-        assert math.dist(*found) < 3 * R * (1 - 1e-9)
+        before, left = shot.at(float(np.nextafter(hits[0], 0))), shot.at(float(hits[0]))
+        assert math.dist(*before) < 3 * R * (1 - 1e-9)
         assert math.dist(*left) == pytest.approx(3 * R, abs=1e-14)
         # The balls move along the line of centres; their centre of mass does not move.
-        assert np.array([0.2, 0.3]) @ (left - found) == pytest.approx([0.0, 0.0], abs=1e-14)
-        moved, line = left[1] - found[1], found[1] - found[0]
+        assert np.array([0.2, 0.3]) @ (left - before) == pytest.approx([0.0, 0.0], abs=1e-14)
+        moved, line = left[1] - before[1], before[1] - before[0]
         assert moved[0] * line[1] == pytest.approx(moved[1] * line[0], abs=1e-14)
 
 
@@ -491,5 +491,5 @@ def test_no_fix_of_pit_acts_on_spheres_that_do_not_overlap():
 
 @pytest.mark.parametrize("dt", [1, np.float32(0.5), np.int64(2), np.float64(0.25)])
 def test_a_timestep_may_have_any_number_type(dt):
-    given = world(1, FREE), [[0.0, 0.0]], [1.0, 0.0]
-    check_same(*(simulate(*given, engine=Engine("pit", step)) for step in (dt, float(dt))))
+    shot = world(1, FREE), [[0.0, 0.0]], [1.0, 0.0]
+    check_same(*(simulate(*shot, engine=Engine("pit", step)) for step in (dt, float(dt))))

@@ -45,7 +45,7 @@ def test_the_arrays_of_shots_have_one_entry_for_each_ball(m, n):
 
 @pytest.mark.parametrize("shape", ["disk", "sphere"])
 def test_the_check_by_cells_finds_the_overlaps_that_the_check_of_all_pairs_finds(shape):
-    rng, n, m, found = np.random.default_rng(0), 30, 3, 0
+    rng, n, m, overlaps = np.random.default_rng(0), 30, 3, 0
     for _ in range(60):
         balls = Balls(tuple(rng.uniform(0.01, 0.03, n).tolist()), (0.1,) * n, shape=shape)
         scene = Scene(balls, Table(*rng.choice([0.8, 3.0], 2).tolist()), IDEAL)
@@ -60,11 +60,11 @@ def test_the_check_by_cells_finds_the_overlaps_that_the_check_of_all_pairs_finds
         if message is None:
             check_positions(scene, positions, in_play=in_play)
         else:
-            found += 1
+            overlaps += 1
             with pytest.raises(ValueError, match=r"apart: expected at least .* at which they touch") as error:
                 check_positions(scene, positions, in_play=in_play)
             assert str(error.value).startswith(message)
-    assert 10 < found < 50
+    assert 10 < overlaps < 50
 
 
 @pytest.mark.parametrize("gap", [1e-3, 0.0])

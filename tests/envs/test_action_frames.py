@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from billiards_env import Engine, simulate_batch, strike
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.envs import make_env, make_vector_env
-from billiards_env.envs.action_frames import ActionFrame, aim, cut, nearest_ball, sum_to_three
+from billiards_env.envs.action_frames import ActionFrame, cut, nearest_ball, passing_direction, sum_to_three
 from billiards_env.envs.actions import ACTIONS, Before, add_noise, cos_sin, cue_strike, perturb
 from billiards_env.envs.arguments import check_noise
 from billiards_env.envs.episodes import noise_stream
@@ -56,10 +56,10 @@ def test_an_action_of_five_numbers_is_a_strike():
     action = [0.3, -0.4, 0.5, -0.25, 0.5]
     speed = 0.5 * 4.0 / speed_gain(cue_numbers(POOL), 0.0)
     expected = strike(POOL, speed, np.arctan2(-0.4, 0.3), 0.25, -0.125, np.pi / 4)
-    found = cue_strike(action, POOL, 4.0)
-    np.testing.assert_allclose(found.velocity, expected.velocity, rtol=1e-14)
-    np.testing.assert_allclose(found.spin, expected.spin, rtol=1e-14)
-    assert not found.miscue
+    struck = cue_strike(action, POOL, 4.0)
+    np.testing.assert_allclose(struck.velocity, expected.velocity, rtol=1e-14)
+    np.testing.assert_allclose(struck.spin, expected.spin, rtol=1e-14)
+    assert not struck.miscue
     assert cue_strike([0.3, 0.4, 0.8, 0.8, 0.0], POOL, 4.0).miscue
     assert cue_strike([0.3, 0.4, 9.0, 0.0, -5.0], POOL, 4.0).spin.tolist() == (
         cue_strike([0.3, 0.4, 1.0, 0.0, 0.0], POOL, 4.0).spin.tolist()
@@ -68,9 +68,9 @@ def test_an_action_of_five_numbers_is_a_strike():
 
 @given(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), st.floats(-1, 0))
 def test_a_level_central_strike_is_the_velocity_bit_for_bit(velocity, elevation):
-    found = cue_strike([*velocity, 0.0, 0.0, elevation], POOL, 4.0)
-    assert found.velocity.tolist() == cue_strike(velocity, POOL, 4.0).velocity.tolist()
-    assert not found.spin.any()
+    struck = cue_strike([*velocity, 0.0, 0.0, elevation], POOL, 4.0)
+    assert struck.velocity.tolist() == cue_strike(velocity, POOL, 4.0).velocity.tolist()
+    assert not struck.spin.any()
 
 
 @pytest.mark.parametrize("options", [{}, *({"mode": "pit", "dt": 1 / 240, "fix": fix} for fix in (None, *FIXES))])
@@ -164,10 +164,10 @@ def test_sum_to_three_solves_the_equation_of_the_cut_angle(a0, a1, bearing, apar
 
 
 def test_aim_returns_a_unit_vector_for_touching_and_coinciding_balls():
-    assert aim(0.0, 0.0, REACH, 1.0) == (1.0, 0.0)
+    assert passing_direction(0.0, 0.0, REACH, 1.0) == (1.0, 0.0)
     for offset in (-1.0, 0.5, 1.0):
         for distance in (REACH, REACH * (1 - 1e-11), 1e-300):
-            assert np.hypot(*aim(distance, 0.0, REACH, offset)) == pytest.approx(1.0, rel=1e-15)
+            assert np.hypot(*passing_direction(distance, 0.0, REACH, offset)) == pytest.approx(1.0, rel=1e-15)
 
 
 def test_the_target_is_the_nearest_playable_ball():
@@ -203,8 +203,8 @@ def test_plans_of_the_mask_pot_the_ball_in_the_pocket(scene):
     left = infos["action_mask"].reshape(600, 3, 30).any(axis=2)
     open_ = ~infos["scratch"] & ~infos["potted"][:, 1:].all(axis=1)
     assert not infos["action_mask"][~open_].any()
-    some = open_ & ~infos["action_mask"].all(axis=1)
-    assert not (left & infos["potted"][:, 1:])[some].any()
+    masked = open_ & ~infos["action_mask"].all(axis=1)
+    assert not (left & infos["potted"][:, 1:])[masked].any()
 
 
 def test_a_plan_without_a_pot_is_a_full_hit_on_the_nearest_ball():
@@ -263,8 +263,8 @@ def test_perturb_clips_first_and_adds_errors_to_the_cue():
 
 
 def test_perturb_leaves_actions_that_are_not_finite():
-    found = perturb([[np.nan, 0.5], [0.5, np.inf], [0.5, 0.0]], np.full((3, 2), 0.25))
-    assert np.isfinite(found).all(axis=1).tolist() == [False, False, True]
+    perturbed = perturb([[np.nan, 0.5], [0.5, np.inf], [0.5, 0.0]], np.full((3, 2), 0.25))
+    assert np.isfinite(perturbed).all(axis=1).tolist() == [False, False, True]
 
 
 def noisy_shots(count, seed=0, action=(0.0, 0.5)):
@@ -319,12 +319,12 @@ def test_equal_shots_have_equal_noise(action, clipped, vector):
         """Returns the durations of three equal shots."""
         options: dict[str, Any] = {"action": "strike", "noise": {}, "max_shots": 1}
         env: Any = make_vector_env(2, "Disabled", **options) if vector else make_env(**options)
-        found = []
+        shot_times = []
         for seed in (0, None, None):
             env.reset(seed=seed)
-            found.append(env.step([chosen] * 2 if vector else chosen)[4]["shot_time"].tolist())
-        return found
+            shot_times.append(env.step([chosen] * 2 if vector else chosen)[4]["shot_time"].tolist())
+        return shot_times
 
-    found = times(action)
-    assert found == times(clipped)
-    assert found[0] != found[1]
+    noisy = times(action)
+    assert noisy == times(clipped)
+    assert noisy[0] != noisy[1]

@@ -59,9 +59,9 @@ def first_steps(name: str) -> str:
         assert shape is not None
         observations, rewards, over, _, infos = envs.step(rng.uniform(-1.0, 1.0, shape).astype(np.float32))
         digest.update(rewards.tobytes() + over.tobytes())
-        for found, shots in ((infos, ~over), (infos.get("final_info", {}), over)):
+        for info, shots in ((infos, ~over), (infos.get("final_info", {}), over)):
             for key in ("shot_time", "first_hit", "potted", "score") if shots.any() else ():
-                values = found[key]
+                values = info[key]
                 digest.update((values * shots.reshape(-1, *[1] * (values.ndim - 1))).tobytes())
         for row in infos.get("final_obs", ()):
             digest.update(b"" if row is None else row.tobytes())
@@ -94,8 +94,8 @@ def test_an_environment_of_an_id_and_that_of_its_json_play_as_the_vector_environ
     for k, one in enumerate((env, again)):
         observation, reward, terminated, _, info = one.step(actions[k])
         assert (reward, terminated) == (rewards[k], over[k])
-        found = infos["final_info"] if terminated else infos
-        assert info["shot_time"] == found["shot_time"][k]
+        expected = infos["final_info"] if terminated else infos
+        assert info["shot_time"] == expected["shot_time"][k]
         assert observation.shape == together[k].shape
 
 
@@ -103,9 +103,9 @@ def test_every_argument_with_an_effect_is_frozen():
     """A change of a default then changes no id."""
     env = make_env()
     free = {"dt", "fix", "noise", "noise_seed", "goal_radius"}  # the ids set `noise`, and the task the radius
-    given = {"scene", "task", "n_object_balls", "mode", "action", "max_shots", "max_speed", "layout"}
-    given |= {"observe", "scratch_penalty", "randomize"}
-    assert all(set(task.arguments) == given for task in FROZEN.values())
-    assert inspect.signature(make_model).parameters.keys() == given | free
+    frozen = {"scene", "task", "n_object_balls", "mode", "action", "max_shots", "max_speed", "layout"}
+    frozen |= {"observe", "scratch_penalty", "randomize"}
+    assert all(set(task.arguments) == frozen for task in FROZEN.values())
+    assert inspect.signature(make_model).parameters.keys() == frozen | free
     assert json.loads(json.dumps(FROZEN["Clear5-v0"].arguments)) == FROZEN["Clear5-v0"].arguments
     assert env.engine.mode == "pic"

@@ -36,8 +36,8 @@ def ways_of(vectors, there, envs):
     half = np.array(envs.single_env.scene.half_extents)
     reach = np.linalg.norm(half + np.maximum(half, np.abs(pockets_of(envs)).max(axis=0)))
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    found = np.concatenate((length / reach, vectors / np.maximum(length, 1e-9)), -1)
-    return np.where(there[..., None], found, 0.0)
+    ways = np.concatenate((length / reach, vectors / np.maximum(length, 1e-9)), -1)
+    return np.where(there[..., None], ways, 0.0)
 
 
 def test_distances_and_directions(shots):
@@ -119,10 +119,10 @@ def test_images_contain_the_positions_to_half_a_pixel(size):
     rows, columns = np.indices(size)
     for plane, places in ((0, envs.positions[:, 0]), (1, envs.positions[:, 1]), (3, envs.goals[:, 0])):
         weights = seen["planes"][..., plane] / seen["planes"][..., plane].sum((1, 2), keepdims=True)
-        found = np.stack(((weights * columns).sum((1, 2)), (weights * rows).sum((1, 2))), 1) + 0.5
+        centroids = np.stack(((weights * columns).sum((1, 2)), (weights * rows).sum((1, 2))), 1) + 0.5
         scale = np.array(size[::-1]) / np.array([2.54 + 2 * rail, 1.27 + 2 * rail])
         expected = (places * [1, -1] + [1.27 + rail, 0.635 + rail]) * scale
-        assert abs(found - expected).max() < (0.1 if plane < 3 else 0.5)
+        assert abs(centroids - expected).max() < (0.1 if plane < 3 else 0.5)
     assert not seen["planes"][..., 2].any()
 
 

@@ -68,8 +68,8 @@ def test_rows_of_a_vector_environment_continue_in_any_place(kwargs, mode):
     assert (envs.get_state(rows) == state[rows]).all()
     expected = played(envs, actions[2:])
     others.set_state(state[rows])
-    for found, whole in zip(played(others, actions[2:, rows]), expected, strict=True):
-        assert all(map(np.array_equal, found[:3], [array[rows] for array in whole[:3]]))
+    for moved, stayed in zip(played(others, actions[2:, rows]), expected, strict=True):
+        assert all(map(np.array_equal, moved[:3], [array[rows] for array in stayed[:3]]))
     envs.set_state(state)
     same(played(envs, actions[2:]), expected)
     single = make_env(**kwargs)

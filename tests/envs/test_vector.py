@@ -146,24 +146,24 @@ def test_returned_arrays_share_no_memory(mode, kwargs):
     envs, twin, env = (*(make_vector_env(40, mode, **kwargs) for _ in range(2)), make_env(**kwargs))
     rng = np.random.default_rng(0)
     twin.reset(seed=0)
-    given = [*arrays(envs.reset(seed=0)), *arrays(env.reset(seed=0))]
+    returned = [*arrays(envs.reset(seed=0)), *arrays(env.reset(seed=0))]
     for _ in range(4):
         actions = rng.uniform(-1, 1, (40, 2))
         kept = actions.copy()
         results = envs.step(actions)
         assert np.array_equal(actions, kept)
         same(results, twin.step(actions))
-        given += arrays((results, (envs.positions, envs.potted, envs.goals), (env.positions, env.potted, env.goals)))
+        returned += arrays((results, (envs.positions, envs.potted, envs.goals), (env.positions, env.potted, env.goals)))
         if mode is AutoresetMode.DISABLED and results[2].any():
             mask = results[2].copy()
-            given += arrays(envs.reset(options={"reset_mask": mask}))
+            returned += arrays(envs.reset(options={"reset_mask": mask}))
             twin.reset(options={"reset_mask": mask})
-        given += arrays((env.step(0.05 * actions[0]), env.reset()))
-    for a, b in itertools.combinations(given, 2):
+        returned += arrays((env.step(0.05 * actions[0]), env.reset()))
+    for a, b in itertools.combinations(returned, 2):
         assert not np.may_share_memory(a, b)
     for of in (envs._episodes, env._episodes):
         inner = [of.memory, *of.shots, *of.arrays]
-        assert not any(np.may_share_memory(a, b) for a in given for b in inner)
+        assert not any(np.may_share_memory(a, b) for a in returned for b in inner)
 
 
 FORMS = {
@@ -237,8 +237,8 @@ def test_ten_million_steps_need_no_more_memory_than_a_million():
 
 
 def test_seeds_may_be_numpy_integers():
-    def first(**given):
-        return gym.make_vec("Billiards-v0", num_envs=2, noise={}).reset(**given)[0].tobytes()
+    def first(**options):
+        return gym.make_vec("Billiards-v0", num_envs=2, noise={}).reset(**options)[0].tobytes()
 
     assert first(seed=np.int64(3)) == first(seed=[np.int64(3), np.uint8(4)]) == first(seed=3)
     env: Any = gym.make("Billiards-v0").unwrapped

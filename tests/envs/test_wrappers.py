@@ -91,8 +91,8 @@ def outcome(name: str, mode: str) -> str:
     if name == "RecordEpisodeStatistics":
         return "yes" if np.allclose(returns, recorded) and len(returns) == len(recorded) else "wrong"
     if name == "NormalizeReward":
-        found, true = wrapped.return_rms, np.array([len(discounted), np.mean(discounted), np.var(discounted)])
-        return "yes" if np.allclose((found.count, found.mean, found.var), true, rtol=1e-3, atol=1e-4) else "wrong"
+        rms, true = wrapped.return_rms, np.array([len(discounted), np.mean(discounted), np.var(discounted)])
+        return "yes" if np.allclose((rms.count, rms.mean, rms.var), true, rtol=1e-3, atol=1e-4) else "wrong"
     return "yes"
 
 

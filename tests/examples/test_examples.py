@@ -34,8 +34,8 @@ def test_stable_baselines3_trains_and_writes_curves(tmp_path):
 
 
 def test_a_policy_trains_on_a_fitted_table():
-    found = load("calibrated_table", "stable_baselines3")["run"](512, shots=3, episodes=20)
-    assert all(0.0 <= share <= 1.0 for share in found.values())
+    shares = load("calibrated_table", "stable_baselines3")["run"](512, shots=3, episodes=20)
+    assert all(0.0 <= share <= 1.0 for share in shares.values())
 
 
 def test_tree_search_plays_an_episode():
@@ -54,10 +54,10 @@ PROGRAMS = [
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(("name", "package", "steps", "arguments", "least", "most"), PROGRAMS)
 def test_a_program_returns_a_number_in_its_range(name, package, steps, arguments, least, most):
-    found = load(name, package)["run"](steps, **arguments)
-    chance, found = found if isinstance(found, tuple) else (0.5, getattr(found, "best_value", found))
+    value = load(name, package)["run"](steps, **arguments)
+    chance, value = value if isinstance(value, tuple) else (0.5, getattr(value, "best_value", value))
     assert 0.1 < chance < 0.9
-    assert least <= found <= most
+    assert least <= value <= most
 
 
 def test_ppo_trains_from_pixels():
@@ -95,6 +95,6 @@ def test_the_notebook_runs_top_to_bottom(monkeypatch, capsys):
         if cell["cell_type"] == "code":
             exec(compile("".join(cell["source"]), "notebook", "exec"), names)
     pyplot.close("all")
-    found = re.search(r"the policy pots (\d+\.\d)% of 1,000 new layouts", capsys.readouterr().out)
-    assert found is not None
-    assert float(found[1]) > 10.0
+    match = re.search(r"the policy pots (\d+\.\d)% of 1,000 new layouts", capsys.readouterr().out)
+    assert match is not None
+    assert float(match[1]) > 10.0

@@ -46,11 +46,11 @@ def test_a_batch_has_the_verdicts_states_and_positions_of_single_shots(rules, la
     places = np.repeat(game.positions[None, game.state.cue_balls[0]], len(spins), axis=0)
     if layout == "random":
         places[:, 1] += np.linspace(-1e-3, 1e-3, len(spins))
-    found = play_batch(settings, game, velocities, spins, places if layout == "random" else None)
+    batch = play_batch(settings, game, velocities, spins, places if layout == "random" else None)
     single = one_by_one(settings, game, velocities, spins, places)
-    assert found.verdicts.tolist() == [played.verdict.tolist() for played in single]
-    assert not state or found.verdicts["continues"].any()
-    for after, positions, played in zip(found.states, found.positions, single, strict=True):
+    assert batch.verdicts.tolist() == [played.verdict.tolist() for played in single]
+    assert not state or batch.verdicts["continues"].any()
+    for after, positions, played in zip(batch.states, batch.positions, single, strict=True):
         np.testing.assert_equal(after.tolist(), changed(played.game.state, free_ball=False).tolist())
         if not played.verdict.spotted and not played.verdict.rack:  # a batch does not look for a free place
             lying = list(members(in_play(after)))
@@ -80,20 +80,20 @@ def test_a_shot_without_a_known_order_of_pots_chooses_the_group_that_was_touched
     states, calls = np.array([state("eight_ball")] * 2, STATE), np.zeros(2, CALL)
     facts = np.zeros(2, FACTS)
     facts["potted"], facts["cushion_after"], facts["first"] = 1 << 2 | 1 << 11, True, [1 << 3, 1 << 12]
-    assert referee.play("eight_ball", states, facts, calls)[0]["solids"].tolist() == [0, 1]
+    assert referee.judge_shots("eight_ball", states, facts, calls)[0]["solids"].tolist() == [0, 1]
     facts["first_potted"] = [1 << 11, 1 << 2]
-    assert referee.play("eight_ball", states, facts, calls)[0]["solids"].tolist() == [1, 0]
+    assert referee.judge_shots("eight_ball", states, facts, calls)[0]["solids"].tolist() == [1, 0]
 
 
 def test_wrong_arrays_are_refused():
     states, facts, calls = np.zeros(2, STATE), np.zeros(2, FACTS), np.zeros(3, CALL)
     with pytest.raises(ValueError, match=r"lengths \(2, 2, 3\): expected one length"):
-        referee.play("carom", states, facts, calls)
+        referee.judge_shots("carom", states, facts, calls)
     with pytest.raises(ValueError, match="game = 'croquet': expected one of"):
-        referee.play("croquet", states, facts, calls[:2])
+        referee.judge_shots("croquet", states, facts, calls[:2])
     states["n_players"] = 2
-    assert [FOULS[k] for k in referee.play("nine_ball", states, facts, calls[:2])[1]["foul"]] == ["no_hit"] * 2
+    assert [FOULS[k] for k in referee.judge_shots("nine_ball", states, facts, calls[:2])[1]["foul"]] == ["no_hit"] * 2
     assert not states["player"].any()  # the states before the shots do not change
     states["player"] = [1, 2]
     with pytest.raises(ValueError, match=r"player = .*2.* of .* players: expected 0 to the number less 1"):
-        referee.play("nine_ball", states, facts, calls[:2])
+        referee.judge_shots("nine_ball", states, facts, calls[:2])

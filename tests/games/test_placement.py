@@ -54,8 +54,8 @@ def test_balls_are_spotted_one_behind_the_other():
 
 def test_a_spotted_ball_does_not_touch_the_cue_ball():
     positions, lying = on_axis(FOOT, FOOT + 2 * R)
-    found = placement.spotted_point(SCENE, positions, lying, 15, 2)
-    assert found == pytest.approx((FOOT + 2 * R + REACH, 0.0), abs=1e-12)
+    point = placement.spotted_point(SCENE, positions, lying, 15, 2)
+    assert point == pytest.approx((FOOT + 2 * R + REACH, 0.0), abs=1e-12)
 
 
 def test_a_ball_near_the_long_string_blocks_a_part_of_it():

@@ -39,10 +39,10 @@ FACTS = [
 ]
 
 
-@pytest.mark.parametrize(("log", "found"), FACTS)
-def test_facts(log, found):
+@pytest.mark.parametrize(("log", "expected"), FACTS)
+def test_facts(log, expected):
     facts = words(facts_of(log_of(log)))
-    assert {name: getattr(facts, name) for name in found} == found
+    assert {name: getattr(facts, name) for name in expected} == expected
 
 
 def test_the_pots_of_a_shot_are_in_order():
@@ -54,17 +54,17 @@ def test_balls_touched_at_the_same_instant_are_all_first():
 
 
 def test_the_cue_ball_may_have_another_number():
-    found = words(facts_of(log_of("cushion 2, hit 0 2, cushion 0, hit 1 2"), 2))
-    assert (found.first, found.touched, found.cushions_before_last) == ((0,), 2, 1)
-    assert (found.cushion_after, found.driven, found.cue_driven) == (True, (0,), True)
+    facts = words(facts_of(log_of("cushion 2, hit 0 2, cushion 0, hit 1 2"), 2))
+    assert (facts.first, facts.touched, facts.cushions_before_last) == ((0,), 2, 1)
+    assert (facts.cushion_after, facts.driven, facts.cue_driven) == (True, (0,), True)
 
 
 def test_facts_of_a_real_shot():
     shot = simulate(Scene.named("pool"), [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45], record=True)
     assert shot.events is not None
-    found = words(facts_of(shot.events))
-    assert found.first == (shot.first_hit,) == (1,)
-    assert (found.potted, found.cushion_after) == ((1,), True)
+    facts = words(facts_of(shot.events))
+    assert facts.first == (shot.first_hit,) == (1,)
+    assert (facts.potted, facts.cushion_after) == ((1,), True)
 
 
 # Legal balls
@@ -380,8 +380,8 @@ def test_consecutive_fouls_are_counted():
 
 
 def test_carom_the_second_player_uses_the_other_cue_ball():
-    after, found = judge("carom", state("carom", player=1, cue_balls=(2, 0)), "hit 0 2, hit 1 2")
-    assert found == POINT
+    after, verdict = judge("carom", state("carom", player=1, cue_balls=(2, 0)), "hit 0 2, hit 1 2")
+    assert verdict == POINT
     assert (words(after).cue_balls, words(after).scores) == ((2, 0), (0, 1))
 
 

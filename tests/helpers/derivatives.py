@@ -128,14 +128,14 @@ def directional_differences(scene, start, name, tangent, max_time):
                 shot = run(scene, *values.values(), max_time=max_time)
             events = sorted(shot.events, key=lambda e: e.ball)  # those of one ball keep their order
             pieces = [min(shot.segments[e.ball], key=lambda piece, e=e: abs(piece.start - e.time)) for e in events]
-            found = {
+            differences = {
                 "positions": shot.positions,
                 "velocities": shot.velocities,
                 "spins": shot.spins,
                 "event_times": [e.time for e in events],
                 "event_positions": [piece.position for piece in pieces],
             }
-            return {key: np.array(rows, object) for key, rows in found.items()}
+            return {key: np.array(rows, object) for key, rows in differences.items()}
 
         base, moved = outputs(mpmath.mpf(0)), outputs(STEP)
         return {key: ((moved[key] - base[key]) / STEP).astype(float) for key in base}

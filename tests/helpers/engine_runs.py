@@ -15,13 +15,13 @@ MAX_EVENTS = 20_000  # of a shot; `reference.plain` needs too long for more
 def run(run_shots, shots, record=False, max_time=None, max_events=MAX_EVENTS, dt=None, fix=None):
     """Returns the arrays of all shots and the arrays of the log of the last shot."""
     scene, positions, velocities, spins = shots
-    given = check_shot(scene, positions, velocities, spins, None, max_time)
-    m, n = given.positions.shape[:2]
-    shots = Shots(*given[:4], *empty_shots(m, n)[4:])
+    shot_input = check_shot(scene, positions, velocities, spins, None, max_time)
+    m, n = shot_input.positions.shape[:2]
+    shots = Shots(*shot_input[:4], *empty_shots(m, n)[4:])
     log = empty_log(LOG_EVENTS, 4 * LOG_EVENTS) if record else empty_log()
     log.events[:], log.segments[:] = 0.0, 0.0
     fields = scene_fields(scene, PIC if dt is None else Engine("pit", dt, fix))
-    run_shots(0, m, fields, given.limit, max_events, tuple(shots), tuple(log))
+    run_shots(0, m, fields, shot_input.limit, max_events, tuple(shots), tuple(log))
     return [*shots, *log]
 
 
@@ -37,5 +37,5 @@ def check(shots, engines=(CELL_GRID, PLAIN), **options):
     if shots[0].n_balls <= 2:
         engines = (*engines, pic.run_shots_of_at_most_two)
     for engine in engines:
-        for found, array in zip(run(engine, shots, **options), expected, strict=True):
-            assert np.array_equal(found, array)
+        for actual, array in zip(run(engine, shots, **options), expected, strict=True):
+            assert np.array_equal(actual, array)

@@ -80,7 +80,7 @@ def judge(rules, before, log, call=NO_CALL):
     log = log_of(log) if isinstance(log, str) else log
     called = row(Called(call.ball, CALLS.index(call.kind), (call.ball, call.pocket) in pots_of(log)))
     rows = (before, STATE), (facts_of(log, int(before.cue_balls[0])), FACTS), (called, CALL)
-    (after,), (verdict,) = referee.play(rules, *(np.array([one], kind) for one, kind in rows))
+    (after,), (verdict,) = referee.judge_shots(rules, *(np.array([one], kind) for one, kind in rows))
     set_by_rules = {name: to_dict(after)[name] for name in FOLLOWING}
     return after, SimpleNamespace(**to_dict(verdict), **set_by_rules)
 

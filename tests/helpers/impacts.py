@@ -27,14 +27,14 @@ def collide(impacts, rebound, rows, scene):
 
 def approaching(places, velocities, pairs):
     """Returns the numbers in `pairs` of the pairs that approach, and the `impacts` of `collide` for them."""
-    found = []
+    rows = []
     for k, (i, j) in enumerate(pairs):
         d, w = places[j] - places[i], velocities[j] - velocities[i]
         n = d / math.sqrt(d[0] * d[0] + d[1] * d[1])
         closing = -(n[0] * w[0] + n[1] * w[1])
         if closing > 0:
-            found.append((k, i, j, n[0], n[1], closing))
-    chosen, *impacts = (np.array(column) for column in zip(*found, strict=True)) if found else ([], [])
+            rows.append((k, i, j, n[0], n[1], closing))
+    chosen, *impacts = (np.array(column) for column in zip(*rows, strict=True)) if rows else ([], [])
     return chosen, tuple(impacts)
 
 
@@ -173,17 +173,17 @@ def collided(places, rows, pairs, arrays, rebound: Any = 0.0):
 
 def check_order_and_side(rng, places, rows, pairs, arrays, rebound):
     """Checks that new numbers of the balls and of the contacts, or a mirror, change no bit of `collided`."""
-    found, _ = collided(places, rows, pairs, arrays, rebound)
+    after, _ = collided(places, rows, pairs, arrays, rebound)
     names, order = rng.permutation(len(places)), rng.permutation(len(pairs))
     back = np.argsort(names)
     renamed = [tuple(sorted((int(back[pairs[k][0]]), int(back[pairs[k][1]])))) for k in order]
     of_balls = [name for name in ("radius", "inv_mass", "spheres") if getattr(arrays, name) is not None]
     other = arrays._replace(**{name: getattr(arrays, name)[names] for name in of_balls})
-    assert np.array_equal(collided(places[names], rows[names], renamed, other, rebound[order])[0], found[names])
+    assert np.array_equal(collided(places[names], rows[names], renamed, other, rebound[order])[0], after[names])
     for columns, mirror in (([VX, UX, WZ], [-1, 1]), ([VY, UY, WZ], [1, -1])):
         signs = np.ones(WIDTH)
         signs[columns] = -1
-        assert np.array_equal(collided(places * mirror, rows * signs, pairs, arrays, rebound)[0], found * signs)
+        assert np.array_equal(collided(places * mirror, rows * signs, pairs, arrays, rebound)[0], after * signs)
 
 
 def energy(rows, arrays):

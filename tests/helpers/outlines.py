@@ -86,15 +86,15 @@ def mirrored(a_table, mirror):
 
 def free_places(a_table, radius, rng, count):
     """Returns random places (count, 2), m, at which one ball fits, also in the mouths of the pockets."""
-    found = np.zeros((0, 2))
+    chosen = np.zeros((0, 2))
     corners = np.array([(c.x, c.y) for c in a_table.outline])
-    while len(found) < count:
+    while len(chosen) < count:
         places = rng.uniform(corners.min(0), corners.max(0), (4 * count, 2))
         free = clearance(a_table.outline, places) >= radius
         for p in a_table.pockets:
             free &= np.hypot(*(places - (p.x, p.y)).T) > p.radius
-        found = np.vstack([found, places[free]])
-    return found[:count]
+        chosen = np.vstack([chosen, places[free]])
+    return chosen[:count]
 
 
 def apart_places(a_table, radius, rng, count):

@@ -194,8 +194,8 @@ def run_both(scene, positions, velocities, spins=None, record=False, threads=Non
 
     Options that are arrays have one entry for each shot, and so has each number of `physics`.
     """
-    given: tuple[Any, ...] = positions, velocities, spins, options.get("in_play")
-    before = copy.deepcopy(given)
+    start: tuple[Any, ...] = positions, velocities, spins, options.get("in_play")
+    before = copy.deepcopy(start)
     engine, physics = options.pop("engine", PIC), options.pop("physics", {})
     arguments = {"spins": spins, "threads": threads, "record": record and engine == PIC, "engine": engine, **options}
     batch = simulation.simulate_batch(scene, positions, velocities, physics=physics, **arguments)
@@ -210,5 +210,5 @@ def run_both(scene, positions, velocities, spins=None, record=False, threads=Non
         assert np.array_equal(getattr(batch, name), [getattr(shot, name) for shot in singles])
     for name in (*SCALARS, "status"):
         assert getattr(batch, name).tolist() == [getattr(shot, name) for shot in singles]
-    assert all(np.array_equal(array, unchanged) for array, unchanged in zip(given, before, strict=True))
+    assert all(np.array_equal(array, unchanged) for array, unchanged in zip(start, before, strict=True))
     return batch, singles

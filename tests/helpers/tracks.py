@@ -19,8 +19,8 @@ NOISE = 0.0005
 @functools.cache
 def whole_tracks(count: int = 12) -> list[Track]:
     """Returns tracks of whole shots at 50 Hz. A ball has a row only after it has moved, and in the last frame."""
-    rng, found = np.random.default_rng(5), []
-    while len(found) < count:
+    rng, tracks = np.random.default_rng(5), []
+    while len(tracks) < count:
         places = layouts.draw("random", SCENE, rng)
         ahead = places[1] - places[0]
         radius = SCENE.balls.radius[0]
@@ -41,12 +41,12 @@ def whole_tracks(count: int = 12) -> list[Track]:
                     times.append(time)
                     balls.append(ball)
                     rows.append(place + NOISE * rng.standard_normal(2))
-        found.append(Track(f"s{len(found)}", np.array(times), np.array(balls), np.array(rows)))
-    return found
+        tracks.append(Track(f"s{len(tracks)}", np.array(times), np.array(balls), np.array(rows)))
+    return tracks
 
 
 def raw_tracks() -> list[Track]:
     """Returns the tracks in the coordinates of `FRAME`, clipped at the border of a picture."""
-    found = [track._replace(positions=track.positions / FRAME.scale + FRAME.offset) for track in whole_tracks()]
-    top = max(float(track.positions[:, 1].max()) for track in found) - 0.004
-    return [track._replace(positions=np.minimum(track.positions, [np.inf, top])) for track in found]
+    tracks = [track._replace(positions=track.positions / FRAME.scale + FRAME.offset) for track in whole_tracks()]
+    top = max(float(track.positions[:, 1].max()) for track in tracks) - 0.004
+    return [track._replace(positions=np.minimum(track.positions, [np.inf, top])) for track in tracks]

@@ -64,8 +64,8 @@ def run_one(n: int, **options: Any) -> None:
 def run_batch(m: int, n: int, threads: int | None, max_time: float, **options: Any) -> None:
     """Runs a batch of m long shots."""
     scene, *start = gas(n)
-    many, few = (tuple(np.tile(array, (count, 1, 1)) for array in start) for count in (m, 4))
-    with long_call(lambda: (many, simulate_batch(scene, *few, threads=threads, max_time=0.01, **options).positions)):
+    many, four = (tuple(np.tile(array, (count, 1, 1)) for array in start) for count in (m, 4))
+    with long_call(lambda: (many, simulate_batch(scene, *four, threads=threads, max_time=0.01, **options).positions)):
         simulate_batch(scene, *many, threads=threads, max_time=max_time, max_events=LONG, **options)
 
 
@@ -213,8 +213,8 @@ def test_slow_impacts_on_cushions_count_as_work_in_pit(monkeypatch):
     monkeypatch.setitem(CUSHIONS, "restitution", CUSHIONS["restitution"]._replace(work=LOOK_AFTER // 30))
     slow = dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, e_cushion=0.99))
     shot = functools.partial(simulate, slow, places, velocities, engine=Engine("pit", 1e-3), max_time=0.5)
-    count, found = looks(monkeypatch, shot)
-    assert count >= found.cushions.max() > 0
+    count, result = looks(monkeypatch, shot)
+    assert count >= result.cushions.max() > 0
 
 
 def test_impacts_of_many_balls_at_one_instant_count_as_work(monkeypatch):

@@ -205,13 +205,13 @@ CHANGES = [
 ]
 
 
-@pytest.mark.parametrize(("change", "found"), CHANGES)
-def test_the_code_of_the_package_is_found_with_its_versions_and_its_source(package, monkeypatch, change, found):
+@pytest.mark.parametrize(("change", "is_shipped"), CHANGES)
+def test_the_code_of_the_package_is_found_with_its_versions_and_its_source(package, monkeypatch, change, is_shipped):
     assert folders.shipped_folder() is None
     expected = folders.code_folder()
     expected.mkdir(parents=True)
     change(monkeypatch)
-    assert folders.shipped_folder() == (expected if found else None)
+    assert folders.shipped_folder() == (expected if is_shipped else None)
 
 
 def test_a_wrong_choice_of_code_is_rejected(package, monkeypatch):

@@ -60,8 +60,8 @@ BY_HAND = {
 def test_impacts_computed_by_hand(name):
     angle, *motions = BY_HAND[name]
     before, after = (np.array(text.split(), float).reshape(2, 5) for text in motions)
-    found = np.hstack(impact(before[:, :2], before[:, 2:], angle, pool()))
-    assert found == pytest.approx(after, abs=6e-7)
+    motion = np.hstack(impact(before[:, :2], before[:, 2:], angle, pool()))
+    assert motion == pytest.approx(after, abs=6e-7)
 
 
 def throw(cut, speed, scene, roll=0.0, side=0.0):
@@ -153,18 +153,18 @@ def impacts(draw):
 @example((np.array([[1.0, 0.0], [0.0, 0.0]]), np.array([[3.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), 0.0, pool()))  # no slip
 def test_the_impact_is_that_of_spheres_in_three_dimensions(case):
     velocities, spins, _, scene = case
-    found, (expected_velocities, expected_spins) = impact(*case), three_dimensional(*case)
-    assert found[0] == pytest.approx(expected_velocities, abs=1e-11)
-    assert found[1] == pytest.approx(expected_spins, abs=1e-9)
+    actual, (expected_velocities, expected_spins) = impact(*case), three_dimensional(*case)
+    assert actual[0] == pytest.approx(expected_velocities, abs=1e-11)
+    assert actual[1] == pytest.approx(expected_spins, abs=1e-9)
     arrays = scene_arrays(scene)
-    before, after = (energy(rows_of(*motion, arrays.radius), arrays) for motion in ((velocities, spins), found))
+    before, after = (energy(rows_of(*motion, arrays.radius), arrays) for motion in ((velocities, spins), actual))
     assert after <= before * (1 + 1e-12)
     mass = np.array(scene.balls.mass)
     if np.isfinite(mass).all():
-        assert mass @ found[0] == pytest.approx(mass @ velocities, abs=1e-12)
+        assert mass @ actual[0] == pytest.approx(mass @ velocities, abs=1e-12)
     else:
-        assert not found[0][1].any()
-        assert not found[1][1].any()
+        assert not actual[0][1].any()
+        assert not actual[1][1].any()
 
 
 @given(st.floats(0.02, 0.08), st.floats(0.02, 0.08))
@@ -174,8 +174,8 @@ def test_the_distance_at_contact_is_that_of_touching_spheres(first, second):
     assert balls.contact_distances(0)[1] == pytest.approx(expected, rel=1e-15)
     arrays, distance = scene_arrays(Scene(balls)), cast(Any, contact_distance)
     for i, j in itertools.product(range(2), repeat=2):
-        found = distance.py_func(arrays.spheres, arrays.radius, i, j)
-        assert found == balls.contact_distances(i)[j] == balls.contact_distances(j)[i]
+        reach = distance.py_func(arrays.spheres, arrays.radius, i, j)
+        assert reach == balls.contact_distances(i)[j] == balls.contact_distances(j)[i]
 
 
 @pytest.mark.parametrize("shape", SHAPES)

@@ -25,13 +25,13 @@ kinds = pytest.mark.parametrize("kind", KINDS)
 
 
 @allocating_entry_point
-def plastic(first, second, nx, ny, wanted, inv_mass):
+def plastic(first, second, nx, ny, increase, inv_mass):
     """Returns the plastic impulses (count,) and changes of velocity (n, 2)."""
     count, n = len(first), len(inv_mass)
     contacts, scratch = empty_contacts(count), empty_scratch(n, count, None)
     contacts.first[:], contacts.second[:] = first, second
-    contacts.nx[:], contacts.ny[:], contacts.closing[:], contacts.rebound[:] = nx, ny, wanted, 0.0
-    scratch.wanted[:, 0], scratch.wanted[:, 1] = wanted, 0.0
+    contacts.nx[:], contacts.ny[:], contacts.closing[:], contacts.rebound[:] = nx, ny, increase, 0.0
+    scratch.increase[:, 0], scratch.increase[:, 1] = increase, 0.0
     scratch.change[:] = 0.0
     solve_plastic(count, contacts, inv_mass, scratch)
     return scratch.impulse[:, 0] + scratch.impulse[:, 1], scratch.change[:, 0::2] + scratch.change[:, 1::2]
@@ -79,8 +79,8 @@ def test_plastic_impulses_of_racks_with_redundant_contacts_are_a_solution(rows, 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
 def test_one_of_two_contacts_may_open_without_an_impulse(order):
     contacts = [(0, 1, 0.0, 5.0), (1, 2, math.pi, 0.1)]  # ball 0 pushes ball 1 away from ball 2
-    found = check_plastic([contacts[k] for k in order], np.ones(3), 1e-12)
-    assert found[list(order)] == pytest.approx([2.5, 0.0])
+    impulses = check_plastic([contacts[k] for k in order], np.ones(3), 1e-12)
+    assert impulses[list(order)] == pytest.approx([2.5, 0.0])
 
 
 def exact_row(masses, velocities, e):
@@ -132,9 +132,9 @@ def test_extreme_mass_ratios_lose_no_digits(heavy, velocities, ratio, e):
     rows[:, VX] = velocities
     arrays = arrays_of("smooth", e, None, inverse, inverse)
     got = collided(places, rows, list(itertools.pairwise(range(n))), arrays)[0][:, VX]
-    for found, exact in zip(got, want, strict=True):
+    for actual, exact in zip(got, want, strict=True):
         # The second term is the rounding of the largest velocity, for balls that stop by cancellation.
-        assert abs(Fraction(found) - exact) <= abs(exact) * Fraction(1e-14) + Fraction(2.0**-53)
+        assert abs(Fraction(actual) - exact) <= abs(exact) * Fraction(1e-14) + Fraction(2.0**-53)
     before, after = (sum(m * Fraction(v) ** 2 for m, v in zip(exact_masses, row, strict=True)) for row in (want, got))
     assert abs(after - before) <= before * Fraction(1e-14)
 
@@ -179,12 +179,12 @@ def test_a_frozen_rack_has_no_preferred_order_or_side(rows, equal, e):
 @given(SEEDS, st.integers(2, 30), st.floats(0, 1), FRICTION, st.booleans())
 def test_impacts_lose_energy_and_keep_momentum(kind, seed, n, e, mu, fixed):
     _, places, rows, pairs, arrays = drawn(seed, kind, n, e, mu, fixed)
-    found, _ = collided(places, rows, pairs, arrays)
-    assert energy(found, arrays) <= energy(rows, arrays) * (1 + 1e-12)
-    assert np.array_equal(found[arrays.inv_mass == 0], rows[arrays.inv_mass == 0])
+    after, _ = collided(places, rows, pairs, arrays)
+    assert energy(after, arrays) <= energy(rows, arrays) * (1 + 1e-12)
+    assert np.array_equal(after[arrays.inv_mass == 0], rows[arrays.inv_mass == 0])
     if not fixed:
         mass = 1 / arrays.inv_mass
-        change = mass @ (found - rows)[:, VX : VY + 1]
+        change = mass @ (after - rows)[:, VX : VY + 1]
         assert np.abs(change).max() <= 1e-14 * mass.max() * (1 + np.abs(rows[:, VX : VY + 1]).max()) * n
 
 
@@ -203,13 +203,13 @@ def test_separate_impacts_at_one_instant_are_those_of_single_impacts(kind, seed,
 @given(SEEDS, st.integers(3, 30), st.floats(0, 1), FRICTION)
 def test_friction_dissipates_energy(kind, seed, n, e, mu):
     _, places, rows, pairs, arrays = drawn(seed, kind, n, e, mu, equal=True)
-    found, count = collided(places, rows, pairs, arrays)
+    after, count = collided(places, rows, pairs, arrays)
     if not count:
         return
     smooth, _ = collided(places, rows, pairs, arrays_of(kind, e, 0.0, arrays.radius, arrays.inv_mass))
-    assert energy(found, arrays) <= energy(smooth, arrays) * (1 + 1e-12)
+    assert energy(after, arrays) <= energy(smooth, arrays) * (1 + 1e-12)
     if mu == 5.0 and count <= n:  # friction stops the slip unless a normal impulse is zero
-        assert energy(found, arrays) < energy(smooth, arrays)
+        assert energy(after, arrays) < energy(smooth, arrays)
 
 
 @pytest.mark.parametrize(("shape", "kind"), [("disk", "rubbing"), ("sphere", "spheres")])
@@ -219,13 +219,13 @@ def test_joint_impacts_agree_with_the_high_precision_simulator(shape, kind):
     for seed in range(80):
         mu = (None, 0.05, 0.5)[seed % 3]
         _, places, rows, pairs, arrays = drawn(seed, kind, 3 + seed % 5, 0.9, mu)
-        found, count = collided(places, rows, pairs, arrays)
+        after, count = collided(places, rows, pairs, arrays)
         if not 2 <= count <= 5:
             continue
         for _ in range(20):
             if count == 0:
                 break
-            found, count = collided(places, found, pairs, arrays)
+            after, count = collided(places, after, pairs, arrays)
         physics = Physics(ball_ball="frictional", cushion="restitution", mu_ball=mu, e_ball=0.9)
         radius, mass = tuple(arrays.radius.tolist()), tuple((1 / arrays.inv_mass).tolist())
         scene = Scene(Balls(radius, mass, shape=shape), physics=physics)
@@ -239,7 +239,7 @@ def test_joint_impacts_agree_with_the_high_precision_simulator(shape, kind):
         if len(hits) > 20:
             continue
         compared += 1
-        velocities, spins = motion_of(found, arrays.radius)
+        velocities, spins = motion_of(after, arrays.radius)
         assert velocities == pytest.approx(np.array([v[k] for k in sorted(v)], float), abs=1e-11)
         assert spins == pytest.approx(np.array([w[k] for k in sorted(w)], float), abs=1e-9)
     assert compared >= 15

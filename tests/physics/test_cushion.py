@@ -122,10 +122,10 @@ ROLLING = [
 @pytest.mark.parametrize("law", ["han2005", "stronge"])
 @pytest.mark.parametrize(("angle", "side", "velocity", "spin"), ROLLING)
 def test_a_rolling_ball_slips_at_the_cushion(law, angle, side, velocity, spin):
-    found = rebound_of(pool_cushion(law), *rolling(angle, side))
-    assert found[0] == pytest.approx(velocity, abs=6e-6)
+    rebound = rebound_of(pool_cushion(law), *rolling(angle, side))
+    assert rebound[0] == pytest.approx(velocity, abs=6e-6)
     if spin is not None:
-        assert POOL_R * found[1] == pytest.approx(spin, abs=6e-6)
+        assert POOL_R * rebound[1] == pytest.approx(spin, abs=6e-6)
 
 
 @pytest.mark.parametrize(("side", "after"), [(1, 38.21), (-1, 47.72)])
@@ -206,8 +206,8 @@ VARIABLE = [
 def test_a_variable_cushion_has_the_friction_and_the_restitution_of_the_motion(motion, numbers, height, e, mu):
     scene = pool_cushion("han2005_variable", height, e_cushion=0.8, mu_cushion=0.2, **numbers)
     plain = pool_cushion("han2005", height, e_cushion=e, mu_cushion=mu)
-    found, expected = (impact(CushionMotion(*motion), POOL_R, 0.0, cushion)[0] for cushion in (scene, plain))
-    assert found == pytest.approx(expected, abs=1e-15)
+    actual, expected = (impact(CushionMotion(*motion), POOL_R, 0.0, cushion)[0] for cushion in (scene, plain))
+    assert actual == pytest.approx(expected, abs=1e-15)
 
 
 ENERGETIC = st.tuples(st.floats(0, 1), st.floats(1.0, 2.0))
@@ -328,9 +328,9 @@ def test_snooker_cushions_by_mathavan_2010(angle, side, roll, velocity, spin):
     """The expected values have an error of up to 5e-4, as the impact has 5000 steps of first order."""
     cushion = pool_cushion("mathavan2010", 1.4, SNOOKER_R, mu_slide=0.212, mu_cushion=0.14, e_cushion=0.98)
     before, (wx, wy, wz) = rolling(angle, side, SNOOKER_R)
-    found = rebound_of(cushion, before, (roll * wx, roll * wy, wz))
-    assert found[0] == pytest.approx(velocity, abs=5.5e-4)
-    assert SNOOKER_R * found[1] == pytest.approx(spin, abs=5.5e-4)
+    rebound = rebound_of(cushion, before, (roll * wx, roll * wy, wz))
+    assert rebound[0] == pytest.approx(velocity, abs=5.5e-4)
+    assert SNOOKER_R * rebound[1] == pytest.approx(spin, abs=5.5e-4)
 
 
 def euler_impact(angle, steps, sin, mu, mu_cloth, e=0.98):
@@ -371,18 +371,18 @@ def test_the_impact_is_the_limit_of_many_small_steps(angle, sin, mu, mu_cloth):
     The friction at the nose once counted on the cloth and did not stick.
     """
     scene = pool_cushion("mathavan2010", 1 + sin, SNOOKER_R, mu_slide=mu_cloth, mu_cushion=mu, e_cushion=0.98)
-    found, spin = rebound_of(scene, *rolling(angle, 0.0, SNOOKER_R))
-    assert euler_impact(angle, 20000, sin, mu, mu_cloth) == pytest.approx(found, abs=6e-5 if sin > 0 else 3e-4)
+    rebound, spin = rebound_of(scene, *rolling(angle, 0.0, SNOOKER_R))
+    assert euler_impact(angle, 20000, sin, mu, mu_cloth) == pytest.approx(rebound, abs=6e-5 if sin > 0 else 3e-4)
     if sin < 0:
-        assert SNOOKER_R * spin[0] == pytest.approx(found[1] * sin, abs=1e-6)  # the nose sticks at the end
+        assert SNOOKER_R * spin[0] == pytest.approx(rebound[1] * sin, abs=1e-6)  # the nose sticks at the end
 
 
 @pytest.mark.parametrize("mu_cloth", [0.5, 1.0])
 def test_the_cushion_and_the_slate_hold_a_ball(mu_cloth):
     """The integration once went on without end, up to an infinite impulse."""
     scene = pool_cushion("mathavan2010", 1.82, SNOOKER_R, mu_slide=mu_cloth, mu_cushion=1.0, e_cushion=0.9)
-    found, spin = rebound_of(scene, (0.0, 1.0), (0.0, 0.0, 0.0))
-    assert found == pytest.approx(0, abs=1e-6)
+    rebound, spin = rebound_of(scene, (0.0, 1.0), (0.0, 0.0, 0.0))
+    assert rebound == pytest.approx(0, abs=1e-6)
     assert SNOOKER_R * spin == pytest.approx(0, abs=1e-6)
 
 

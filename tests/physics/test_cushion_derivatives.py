@@ -86,10 +86,10 @@ def test_the_derivative_of_an_impact_is_that_of_small_changes(cushion, weakest):
         scene = scene_with(cushion, mu_cushion=(0.15, 0.4, 1.0, 2.0)[k % 4], **constants)
         motion = rng.normal(size=5) * (1.0, 1.0, (1.0, 8.0)[k % 2], 1.0, 2.0)
         motion[0] = rng.uniform(0.2, 4.0)
-        found, expected = derivative(motion, scene)[:, :13], differences(motion, scene, 1e-6)
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7 * np.abs(expected).max(), err_msg=f"impact {k}")
+        actual, expected = derivative(motion, scene)[:, :13], differences(motion, scene, 1e-6)
+        np.testing.assert_allclose(actual, expected, rtol=0, atol=1e-7 * np.abs(expected).max(), err_msg=f"impact {k}")
         e, stops = cushion_restitution(motion[0], scene_arrays(scene).numbers), rebound(motion, RADIUS, scene)[0] == 0.0
-        by_mu, by_ratio = (found[:, 6 + CONSTANTS.index(name)] for name in ("mu_cushion", "cushion_frequency_ratio"))
+        by_mu, by_ratio = (actual[:, 6 + CONSTANTS.index(name)] for name in ("mu_cushion", "cushion_frequency_ratio"))
         cases |= {("stops", bool(stops)), ("sticks", bool(by_ratio.any() or not by_mu.any()))}
         cases |= {("restitution", e == constants["e_cushion"]), ("floor", e == constants["e_cushion_floor"])}
     assert len(cases) == 8
@@ -107,9 +107,9 @@ def test_the_derivative_of_a_mathavan_cushion_is_that_of_its_equation():
     for k, column in enumerate(values.T):
         scene = scene_with("mathavan2010", e_cushion=column[6], mu_cushion=column[7], mu_slide=column[8])
         changed = slice(None) if column[2] else [0, 1, 4, 5, 6, 7, 8]  # a rolling ball has no change of slip
-        found = derivative(column[:5], scene)[:, columns][:, changed]
-        off = np.abs(found - expected[:, changed, k]).max()
-        assert off < 1e-9 * np.abs(found).max(), f"impact {k}"
+        jacobian = derivative(column[:5], scene)[:, columns][:, changed]
+        off = np.abs(jacobian - expected[:, changed, k]).max()
+        assert off < 1e-9 * np.abs(jacobian).max(), f"impact {k}"
 
 
 def test_numbers_at_the_end_of_their_range_have_the_derivative_of_one_side():
@@ -119,8 +119,8 @@ def test_numbers_at_the_end_of_their_range_have_the_derivative_of_one_side():
     assert derivative(head_on, smooth)[1, 1] == 1.0
     for name in ("han2005", "mathavan2010"):
         scene = scene_with(name)
-        found = derivative(motion, scene)
+        jacobian = derivative(motion, scene)
         column = 6 + CONSTANTS.index("e_cushion_loss")
         less = dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, e_cushion_loss=1e-4))
         expected = (rebound(motion, RADIUS, less) - rebound(motion, RADIUS, scene)) / 1e-4
-        np.testing.assert_allclose(found[:, column], expected, atol=2e-3 * np.abs(expected).max(), err_msg=name)
+        np.testing.assert_allclose(jacobian[:, column], expected, atol=2e-3 * np.abs(expected).max(), err_msg=name)

@@ -21,9 +21,9 @@ def test_a_function_is_within_an_ulp(name):
     arguments = np.r_[rng.uniform(low, high, 5000), rng.uniform(low, high, 500) * 10.0 ** -rng.uniform(0, 300, 500)]
     with mpmath.workdps(30):
         for x in (low, high, 0.0, *arguments.tolist()):
-            found, exact = function(x), exact_function(x)
-            near_zero = name in ("sine", "cosine") and abs(found - exact) < 1e-16
-            assert near_zero or abs(found - exact) < math.ulp(float(exact))
+            computed, exact = function(x), exact_function(x)
+            near_zero = name in ("sine", "cosine") and abs(computed - exact) < 1e-16
+            assert near_zero or abs(computed - exact) < math.ulp(float(exact))
 
 
 SPECIAL_VALUES = [
@@ -36,9 +36,9 @@ SPECIAL_VALUES = [
 ]
 
 
-@pytest.mark.parametrize(("found", "exact"), SPECIAL_VALUES)
-def test_special_values_are_exact(found, exact):
-    assert found == exact
+@pytest.mark.parametrize(("computed", "exact"), SPECIAL_VALUES)
+def test_special_values_are_exact(computed, exact):
+    assert computed == exact
 
 
 @pytest.mark.parametrize(

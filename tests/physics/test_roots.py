@@ -33,17 +33,17 @@ def test_the_first_root_from_plus_to_minus_is_found(roots, complex_pairs, leadin
     if coefficients[0] < 0:
         coefficients = [-c for c in coefficients]
     end = 2.5
-    found = first_descent(*coefficients, end)
+    root = first_descent(*coefficients, end)
     inside = sorted({r for r in roots if 0 < r <= end})
     odd = [r for r in inside if roots.count(r) % 2]
     even = [r for r in inside if roots.count(r) % 2 == 0 and (not odd or r < odd[0])]
     # The accuracy of a triple root is the cube root of the rounding. A double root may be found or not.
     tolerance = {1: 1e-12, 2: 1e-6, 3: 1e-4, 4: 1e-3}
-    wanted = [*odd[:1], *even]
-    if found == math.inf:
+    expected = [*odd[:1], *even]
+    if root == math.inf:
         assert not odd
     else:
-        assert any(abs(found - r) <= tolerance[roots.count(r)] for r in wanted)
+        assert any(abs(root - r) <= tolerance[roots.count(r)] for r in expected)
 
 
 @given(st.lists(st.floats(-10, 10), min_size=4, max_size=4), st.floats(1e-3, 10), st.integers(0, 4), st.floats(0.01, 5))
@@ -52,15 +52,15 @@ def test_roots_agree_with_numpy(high, constant, degree, end):
     assume(all(c == 0 or abs(c) > 1e-3 for c in coefficients))
     ascending = np.polynomial.Polynomial(coefficients)
     slope = ascending.deriv()
-    found_roots = np.asarray(ascending.trim().roots() if degree else [], dtype=complex)
-    real = sorted(r.real for r in found_roots if abs(r.imag) < 1e-4 and 0 < r.real <= end + 1e-3)
+    roots = np.asarray(ascending.trim().roots() if degree else [], dtype=complex)
+    real = sorted(r.real for r in roots if abs(r.imag) < 1e-4 and 0 < r.real <= end + 1e-3)
     assume(all(abs(slope(r)) > 1e-2 for r in real))  # rounding can neither add nor remove such roots
     assume(not real or abs(real[0] - end) > 1e-6)
-    found = first_descent(*coefficients, end)
+    root = first_descent(*coefficients, end)
     if not real or real[0] > end:
-        assert found == math.inf
+        assert root == math.inf
     else:
-        assert found == pytest.approx(real[0], abs=1e-10)
+        assert root == pytest.approx(real[0], abs=1e-10)
 
 
 @given(
@@ -70,9 +70,9 @@ def test_roots_agree_with_numpy(high, constant, degree, end):
 )
 def test_powers_of_two_as_units_of_time_and_length_change_no_digit(high, size, speed):
     coefficients = [1.0, *high]
-    found = first_descent(*coefficients, 3.0)
+    root = first_descent(*coefficients, 3.0)
     scaled = [math.ldexp(c, size + speed * k) for k, c in enumerate(coefficients)]
-    assert first_descent(*scaled, math.ldexp(3.0, -speed)) == math.ldexp(found, -speed)
+    assert first_descent(*scaled, math.ldexp(3.0, -speed)) == math.ldexp(root, -speed)
 
 
 @pytest.mark.parametrize("leading", [0.0, 1e-300, -1e-300, 1e-40, -1e-40, 1e-17])
@@ -125,9 +125,9 @@ def test_a_root_at_the_second_of_two_minima_is_found():
     coefficients = ((np.polynomial.Polynomial([-1.5, 1]) ** 2 - 0.5) ** 2).coef.tolist()
     coefficients[0] += 0.05 + 0.1 * 1.5
     coefficients[1] -= 0.1
-    found = first_descent(*coefficients, 4.0)
-    assert 1.5 < found < 2.3
-    assert abs(value(coefficients, found)) < Fraction(1, 10**14)
+    root = first_descent(*coefficients, 4.0)
+    assert 1.5 < root < 2.3
+    assert abs(value(coefficients, root)) < Fraction(1, 10**14)
     assert quartic(*coefficients, 0.8) > 0
 
 
@@ -143,9 +143,9 @@ def test_roots_of_all_sizes_are_accurate(root, other):
     c2 = -1 / (root * other)
     with mpmath.workdps(50):
         exact = float((-c1 - mpmath.sqrt(mpmath.mpf(c1) ** 2 - 4 * mpmath.mpf(c2))) / (2 * mpmath.mpf(c2)))
-    found = first_descent(1.0, c1, c2, 0.0, 0.0, 2 * root)
+    computed = first_descent(1.0, c1, c2, 0.0, 0.0, 2 * root)
     condition = 1 + root / other
-    assert found == pytest.approx(exact, rel=1e-14 * condition)
+    assert computed == pytest.approx(exact, rel=1e-14 * condition)
 
 
 def test_a_bracketed_root_is_found_for_both_signs_of_the_slope():

@@ -17,8 +17,8 @@ def kernels_of(path):
     lines = path.read_text(encoding="utf-8").splitlines()
     for node in ast.walk(ast.parse("\n".join(lines))):
         if isinstance(node, ast.FunctionDef) and {ast.unparse(d) for d in node.decorator_list} & DECORATORS:
-            found = re.search(r":  # out: (.+)", "\n".join(lines[node.lineno - 1 : node.body[0].lineno - 1]))
-            yield node, found[1].split(", ") if found else []
+            match = re.search(r":  # out: (.+)", "\n".join(lines[node.lineno - 1 : node.body[0].lineno - 1]))
+            yield node, match[1].split(", ") if match else []
 
 
 KERNELS = {

@@ -95,4 +95,4 @@ def test_a_replay_shows_the_engines(make_model):
 
 
 def test_minus_zero_is_not_shown(make_model):
-    assert labels.aim(make_model(positions=[*EIGHT[:1], [0.5, -1e-9]])) == "2.00 m/s   0.00°"
+    assert labels.aim_text(make_model(positions=[*EIGHT[:1], [0.5, -1e-9]])) == "2.00 m/s   0.00°"

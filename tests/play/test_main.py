@@ -68,8 +68,8 @@ def test_the_default_games():
 
 
 def test_arguments_describe_the_game():
-    given = history("--rules", "straight", "--balls", "3", "--target", "2", "--players", "human, random,random")
-    assert (given.setup.scene.n_balls, given.setup.target, given.setup.n_players) == (4, 2, 3)
+    parsed = history("--rules", "straight", "--balls", "3", "--target", "2", "--players", "human, random,random")
+    assert (parsed.setup.scene.n_balls, parsed.setup.target, parsed.setup.n_players) == (4, 2, 3)
     pit = history("--rules", "carom", "--mode", "pit", "--dt", "1/240").setup
     assert (pit.engine, pit.scene) == (Engine("pit", 1 / 240), Scene.named("carom"))
     assert history("--layout", "random").opening.state.in_hand == 0
@@ -192,9 +192,9 @@ ERRORS = [
 def test_errors_are_one_line(arguments, message, frames, saved, tmp_path):
     shot = tmp_path / "shot.json"
     simulate(Scene.named("pool"), BALLS[:2], [1.0, 0.0], record=True).save(shot)
-    given = [str({"SAVED": saved[0], "SHOT": shot}.get(a, a)) for a in arguments]
+    argv = [str({"SAVED": saved[0], "SHOT": shot}.get(a, a)) for a in arguments]
     with pytest.raises(SystemExit, match=message) as caught:
-        main(given)
+        main(argv)
     assert str(caught.value).startswith("error: ")
     assert frames == []
 

@@ -83,17 +83,17 @@ def test_the_arrow_follows_the_mouse(make_model):
 
 def test_inputs_that_do_not_apply_have_no_effect(make_model):
     aiming = make_model(positions=STRAIGHT)
-    for given in (
+    for inputs in (
         (actions.move_to, (0.0, 0.0)),
         (actions.move_by, (0.1, 0.0)),
         actions.place,
         actions.undo,
         actions.replay,
     ):
-        assert after(aiming, given) is aiming
+        assert after(aiming, inputs) is aiming
     placing = make_model("nine_ball")
-    for given in ((actions.turn_aim, 1.0), (actions.change_speed, 1.0), (actions.aim_at, (0.0, 0.0))):
-        assert after(placing, given) is placing
+    for inputs in ((actions.turn_aim, 1.0), (actions.change_speed, 1.0), (actions.aim_at, (0.0, 0.0))):
+        assert after(placing, inputs) is placing
     assert tick(aiming, 1.0) is aiming
     rolling = after(aiming, actions.go)
     assert actions.turn_aim(rolling, 1.0) is rolling

@@ -17,8 +17,7 @@ import pygame
 from billiards_env import Engine, simulate
 from billiards_env.drawing.canvas import Canvas, pixels
 from billiards_env.games import Stroke, records
-from billiards_env.play.controls import height_of
-from billiards_env.play.controls import place as place_controls
+from billiards_env.play.controls import height_of, place_controls
 from billiards_env.play.model import go, replay, slow_down, tick, toggle_ghost, turn_aim
 from billiards_env.play.view import View
 from billiards_env.play.window import GameWindow

@@ -18,15 +18,15 @@ POCKET = POOL.table.pockets[3].x, POOL.table.pockets[3].y
 
 
 def test_pot_and_position_are_exact():
-    found = aim(POOL, PLACES, [Pot(1, 3), Leave((0.5, -0.3), radius=1e-9)])
-    assert found.solved
-    assert found.residual < 1e-9
-    shot = simulate(POOL, PLACES, found.velocity)
-    assert np.hypot(*(shot.positions[0] - (0.5, -0.3))) == found.residual
+    aimed = aim(POOL, PLACES, [Pot(1, 3), Leave((0.5, -0.3), radius=1e-9)])
+    assert aimed.solved
+    assert aimed.residual < 1e-9
+    shot = simulate(POOL, PLACES, aimed.velocity)
+    assert np.hypot(*(shot.positions[0] - (0.5, -0.3))) == aimed.residual
     assert shot.potted.tolist() == [False, True]
     pocket = POOL.table.pockets[3]
     assert shot.positions[1].tolist() == [pocket.x, pocket.y]
-    np.testing.assert_array_equal(found.shot.positions, shot.positions)
+    np.testing.assert_array_equal(aimed.shot.positions, shot.positions)
 
 
 @settings(max_examples=10, deadline=None)
@@ -38,16 +38,16 @@ def test_where_a_pot_leaves_the_cue_ball_aim_leaves_it_too(seed):
     if not begin.solved:
         return
     goal = Leave(tuple(begin.shot.positions[0].tolist()))
-    found = aim(POOL, places, [Pot(1), goal])
-    assert found.solved
-    assert found.residual < 1e-9
+    aimed = aim(POOL, places, [Pot(1), goal])
+    assert aimed.solved
+    assert aimed.residual < 1e-9
 
 
 def test_the_alternatives_reach_the_goals_and_have_smaller_margins():
-    found = aim(POOL, PLACES, Pot(1, 3))
-    assert len(found.alternatives) > 3
-    best = found.shot.margins().pockets[1, 3]
-    for velocity in found.alternatives:
+    aimed = aim(POOL, PLACES, Pot(1, 3))
+    assert len(aimed.alternatives) > 3
+    best = aimed.shot.margins().pockets[1, 3]
+    for velocity in aimed.alternatives:
         shot = simulate(POOL, PLACES, velocity, record=True)
         assert shot.potted.tolist() == [False, True]
         assert 0 < shot.margins().pockets[1, 3] <= best
@@ -56,10 +56,10 @@ def test_the_alternatives_reach_the_goals_and_have_smaller_margins():
 @pytest.mark.parametrize("seed", range(4))
 def test_a_three_cushion_carom(seed):
     places = layouts.draw("random", CAROM, np.random.default_rng(seed))
-    found = aim(CAROM, places, [FirstTouch(1), Cushions(3, before=2), Touch(2)], max_speed=6.0)
-    assert found.solved
-    assert found.shot.first_hit == 1
-    assert found.shot.cushions_before_hit[2] >= 3
+    aimed = aim(CAROM, places, [FirstTouch(1), Cushions(3, before=2), Touch(2)], max_speed=6.0)
+    assert aimed.solved
+    assert aimed.shot.first_hit == 1
+    assert aimed.shot.cushions_before_hit[2] >= 3
 
 
 def test_margins_lead_from_a_miss_to_a_touch(monkeypatch):
@@ -77,32 +77,32 @@ def test_a_cue_drives_a_ball_that_it_touches_in_the_shot_that_is_solved():
     places = np.array([[0.6, 0.15], [0.6, 0.15]])
     to = np.array(POCKET) - places[0]
     places[1] += 2 * POOL.balls.radius[0] * to / np.hypot(*to)
-    goals, found = [Pot(1, 3), Leave((0.9, -0.1), radius=0.005)], {}
+    goals, aimed = [Pot(1, 3), Leave((0.9, -0.1), radius=0.005)], {}
     for strike in (True, False):
-        found[strike] = aim(POOL, places, goals, strike=strike)
-        assert found[strike].solved
-        for velocity in (found[strike].velocity, *found[strike].alternatives):
+        aimed[strike] = aim(POOL, places, goals, strike=strike)
+        assert aimed[strike].solved
+        for velocity in (aimed[strike].velocity, *aimed[strike].alternatives):
             shot = simulate(POOL, places, strike_with(velocity) if strike else velocity)
             assert shot.potted.tolist() == [False, True]
             assert np.hypot(*(shot.positions[0] - goals[1].position)) <= 0.005
-        assert found[strike].residual == np.hypot(*(found[strike].shot.positions[0] - goals[1].position))
-    other = simulate(POOL, places, strike_with(found[False].velocity))
+        assert aimed[strike].residual == np.hypot(*(aimed[strike].shot.positions[0] - goals[1].position))
+    other = simulate(POOL, places, strike_with(aimed[False].velocity))
     assert np.hypot(*(other.positions[0] - goals[1].position)) > 0.1
 
 
 def test_an_unreachable_goal_gives_the_nearest_shot():
     scene = Scene.named("pool", 1)
-    found = aim(scene, PLACES, [Pot(1, 3), Leave((0.635, 0.3))], max_speed=0.2, shots=500)
-    assert not found.solved
-    assert len(found.alternatives) == 0
+    aimed = aim(scene, PLACES, [Pot(1, 3), Leave((0.635, 0.3))], max_speed=0.2, shots=500)
+    assert not aimed.solved
+    assert len(aimed.alternatives) == 0
 
 
 def test_a_ball_that_is_not_in_play_is_not_touched():
     scene = Scene.named("pool", 2)
     places = [*PLACES, [0.0, 0.15]]  # on the way to ball 1
-    found = aim(scene, places, [FirstTouch(1), Pot(1, 3)], in_play=[True, True, False])
-    assert found.solved
-    assert np.hypot(*np.array(found.shot.at(0.0)[2])) > 0
+    aimed = aim(scene, places, [FirstTouch(1), Pot(1, 3)], in_play=[True, True, False])
+    assert aimed.solved
+    assert np.hypot(*np.array(aimed.shot.at(0.0)[2])) > 0
 
 
 @pytest.mark.parametrize("goal", [Pot(1), Touch(1), FirstTouch(1), Leave((0.0, 0.0), ball=1), Cushions(1, before=1)])
@@ -118,9 +118,9 @@ def test_a_ball_of_a_rack_is_aimed_at():
     """The derivatives of some of these shots overflow."""
     game = setup("eight_ball")
     places = opening(game, np.random.default_rng(101)).positions
-    found = aim(game.scene, places, [FirstTouch(8), Pot(8)], max_speed=6.0, shots=100)
-    assert not found.solved
-    assert np.isfinite(found.velocity).all()
+    aimed = aim(game.scene, places, [FirstTouch(8), Pot(8)], max_speed=6.0, shots=100)
+    assert not aimed.solved
+    assert np.isfinite(aimed.velocity).all()
 
 
 @pytest.mark.parametrize("radius", [0.01, 1e-9])
@@ -132,9 +132,9 @@ def test_the_search_goes_on_until_the_ball_is_within_the_radius(radius, monkeypa
         yield np.array([[3.4, 0.81]])
 
     monkeypatch.setattr("billiards_env.players.aim._starts", rounds)
-    found = aim(POOL, PLACES, [Pot(1, 3), Leave((0.5, -0.3), radius)])
-    assert found.solved
-    assert radius / 10 < found.residual < radius or found.residual < radius < 1e-8
+    aimed = aim(POOL, PLACES, [Pot(1, 3), Leave((0.5, -0.3), radius)])
+    assert aimed.solved
+    assert radius / 10 < aimed.residual < radius or aimed.residual < radius < 1e-8
 
 
 def test_equal_arguments_give_equal_bits():

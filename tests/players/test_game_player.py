@@ -140,4 +140,4 @@ WRONG = [
 def test_unknown_players_are_refused(text, world, message, kind, monkeypatch):
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: importlib.metadata.EntryPoints([THEIRS]))
     with pytest.raises(kind, match=message):
-        find_player(text, make_env() if world == "env" else setup(world), also=("human",))
+        find_player(text, make_env() if world == "env" else setup(world), others=("human",))

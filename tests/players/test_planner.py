@@ -16,8 +16,8 @@ from billiards_env.players import candidates, indirect, planner
 from billiards_env.players.candidates import TIPS, _with_spin
 from billiards_env.players.levels import EXPECTED, LEVELS, expected, level_of, with_noise
 from billiards_env.players.named import find_player
-from billiards_env.players.planner import Options, _draw_noise, add_noise, plan
-from billiards_env.players.values import Values, success
+from billiards_env.players.planner import Options, _draw_noise, noisy_strokes, plan
+from billiards_env.players.values import Values, pot_probability
 from tests.helpers.games import hanging, setup
 
 RNG = np.random.default_rng
@@ -66,11 +66,11 @@ def test_a_decision_with_hardly_any_time_simulates_four_shots(monkeypatch):
     table = opening(game, RNG(1), "random")
     stroke = find_player("planner:0.001ms", game)(game, table, 6.0, RNG(0))
     assert played == [4]
-    found = plan(game, table, 6.0, RNG(0), seconds=1e-6)
+    decision = plan(game, table, 6.0, RNG(0), seconds=1e-6)
     assert played == [4, 4, 4]  # the leaves too
-    assert (found.stroke, found.samples, len(found.alternatives)) == (stroke, 1, 3)
-    assert found.probability in (0.0, 1.0)
-    assert np.isfinite(found.leave).all()
+    assert (decision.stroke, decision.samples, len(decision.alternatives)) == (stroke, 1, 3)
+    assert decision.probability in (0.0, 1.0)
+    assert np.isfinite(decision.leave).all()
 
 
 def snookered(choices):
@@ -82,19 +82,19 @@ def snookered(choices):
 
 def test_it_plays_a_push_out_where_the_rules_offer_it_and_every_shot_is_bad():
     game, table = snookered(["push_out"])
-    found = plan(game, table, 6.0, RNG(0), np.inf, 1500, NOISE)
-    assert found.stroke.call.kind == "push_out"
-    assert found.probability == 0.0
-    assert choices(play(game, table, found.stroke).game.state) == ("hand_back",)
-    assert "push_out" in str(found)
+    decision = plan(game, table, 6.0, RNG(0), np.inf, 1500, NOISE)
+    assert decision.stroke.call.kind == "push_out"
+    assert decision.probability == 0.0
+    assert choices(play(game, table, decision.stroke).game.state) == ("hand_back",)
+    assert "push_out" in str(decision)
 
 
 def test_it_hands_a_bad_position_back():
     game, table = snookered(["hand_back"])
-    found = plan(game, table, 6.0, RNG(0), np.inf, 600, NOISE)
-    assert found.stroke.call.kind == "hand_back"
-    assert found.value > 0.0
-    assert play(game, table, found.stroke).game.state.player == 1
+    decision = plan(game, table, 6.0, RNG(0), np.inf, 600, NOISE)
+    assert decision.stroke.call.kind == "hand_back"
+    assert decision.value > 0.0
+    assert play(game, table, decision.stroke).game.state.player == 1
     easy = custom_opening(game, [[0.6, 0.1], [1.07, 0.435], *table.positions[2:]], {"choices": ["hand_back"]})
     assert plan(game, easy, 6.0, RNG(0), np.inf, 600, NOISE).stroke.call.kind == "shot"
 
@@ -111,31 +111,31 @@ def test_only_the_present_turn_counts_in_a_run():
 
 def test_a_plan_has_what_it_expects():
     game, table = hanging(call_shot=True)
-    found = plan(game, table, 4.0, RNG(0), np.inf, 2000, NOISE)
-    played = play(game, table, found.stroke)
-    assert (found.stroke.call.ball, found.stroke.call.pocket) == (found.ball, found.pocket) == (1, 3)
+    decision = plan(game, table, 4.0, RNG(0), np.inf, 2000, NOISE)
+    played = play(game, table, decision.stroke)
+    assert (decision.stroke.call.ball, decision.stroke.call.pocket) == (decision.ball, decision.pocket) == (1, 3)
     assert played.verdict.points == 1
-    assert found.probability > 0.95
-    np.testing.assert_array_equal(found.leave[0], played.shot.positions[0])
-    assert len(str(found).splitlines()) == 1 + len(found.alternatives) > 2
-    assert "ball 1 in pocket 3, probability" in str(found)
-    assert found.value >= max(other.value for other in found.alternatives)
+    assert decision.probability > 0.95
+    np.testing.assert_array_equal(decision.leave[0], played.shot.positions[0])
+    assert len(str(decision).splitlines()) == 1 + len(decision.alternatives) > 2
+    assert "ball 1 in pocket 3, probability" in str(decision)
+    assert decision.value >= max(other.value for other in decision.alternatives)
 
 
 def test_the_probability_is_that_of_played_shots_with_errors():
     game = setup("nine_ball")
     for seed in range(3):
         table = opening(game, RNG(seed), "random")
-        found = plan(game, table, 6.0, RNG(0), np.inf, 4000, NOISE)
+        decision = plan(game, table, 6.0, RNG(0), np.inf, 4000, NOISE)
         errors = RNG(1).standard_normal((200, 2)) * (np.radians(NOISE[0]), NOISE[1])
-        stroke = np.array([found.stroke.velocity]).repeat(200, 0), np.array([found.stroke.spin]).repeat(200, 0)
-        velocities, spins = (array.tolist() for array in add_noise(*stroke, errors, 6.0))
+        stroke = np.array([decision.stroke.velocity]).repeat(200, 0), np.array([decision.stroke.spin]).repeat(200, 0)
+        velocities, spins = (array.tolist() for array in noisy_strokes(*stroke, errors, 6.0))
         kept = [
-            play(game, table, found.stroke._replace(velocity=tuple(v), spin=tuple(w)))
+            play(game, table, decision.stroke._replace(velocity=tuple(v), spin=tuple(w)))
             for v, w in zip(velocities, spins, strict=True)
         ]
         share = np.mean([played.verdict.continues or played.game.state.winner == 0 for played in kept])
-        assert abs(share - found.probability) < 0.15
+        assert abs(share - decision.probability) < 0.15
 
 
 def test_it_sinks_more_balls_under_noise_than_search():
@@ -147,7 +147,7 @@ def test_it_sinks_more_balls_under_noise_than_search():
             table = opening(game, rng, "random")
             stroke = player(game, table, 6.0, RNG(0))
             errors = rng.standard_normal((1, 2)) * (np.radians(NOISE[0]), NOISE[1])
-            (v,), (w,) = add_noise(np.array([stroke.velocity]), np.array([stroke.spin]), errors, 6.0)
+            (v,), (w,) = noisy_strokes(np.array([stroke.velocity]), np.array([stroke.spin]), errors, 6.0)
             points[name] += play(game, table, stroke._replace(velocity=tuple(v), spin=tuple(w))).verdict.points
     assert points["planner:1500"] >= points["search:1500"]
     assert points["planner:1500"] > 35
@@ -193,7 +193,7 @@ def test_errors_are_normal_and_stratified():
 
 
 def test_the_success_of_a_pot_is_that_of_a_normal_error():
-    assert success(np.array([1.0]), 1.0)[0] == pytest.approx(0.6827, abs=1e-3)
+    assert pot_probability(np.array([1.0]), 1.0)[0] == pytest.approx(0.6827, abs=1e-3)
 
 
 @pytest.mark.slow
@@ -208,9 +208,9 @@ def test_an_evaluation_function_decides():
     def to_the_left(played):
         return -played.positions[:, 0, 0]
 
-    found = plan(game, table, 4.0, RNG(0), np.inf, 1000, NOISE, Options(values=to_the_left))
-    assert found.leave[0, 0] < -1.0
-    assert -found.leave[0, 0] == pytest.approx(found.value, abs=0.15)
+    decision = plan(game, table, 4.0, RNG(0), np.inf, 1000, NOISE, Options(values=to_the_left))
+    assert decision.leave[0, 0] < -1.0
+    assert -decision.leave[0, 0] == pytest.approx(decision.value, abs=0.15)
 
 
 # Levels

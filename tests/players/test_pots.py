@@ -19,8 +19,8 @@ def pots_of(env):
 
 def test_the_tolerance_is_the_largest_error_of_the_direction():
     positions = [[0.3, 0.0], [0.97, 0.335]]
-    found = pots_of(at(positions))
-    direction, speed, tolerance = found.direction[0], found.speed[0], found.tolerance[0]
+    shots = pots_of(at(positions))
+    direction, speed, tolerance = shots.direction[0], shots.speed[0], shots.tolerance[0]
 
     def drops(error):
         c, s = np.cos(error), np.sin(error)
@@ -37,11 +37,11 @@ def test_a_ball_in_the_way_blocks_a_pot():
     straight = [[0.4, -0.235], [0.97, 0.335]]
     assert 3 in pots_of(at(straight)).pocket
     for blocker in ([0.7, 0.065], [0.66, 0.065], [1.1, 0.465], [1.15, 0.475]):  # of the cue ball, of ball 1
-        found = pots_of(at([*straight, blocker]))
-        assert not ((found.ball == 1) & (found.pocket == 3)).any()
+        shots = pots_of(at([*straight, blocker]))
+        assert not ((shots.ball == 1) & (shots.pocket == 3)).any()
     for clear in ([0.62, 0.075], [1.1, 0.38]):
-        found = pots_of(at([*straight, clear]))
-        assert ((found.ball == 1) & (found.pocket == 3)).any()
+        shots = pots_of(at([*straight, clear]))
+        assert ((shots.ball == 1) & (shots.pocket == 3)).any()
 
 
 def test_a_pocket_in_the_cue_balls_way_blocks_a_pot():
@@ -55,9 +55,9 @@ def test_a_pocket_in_the_cue_balls_way_blocks_a_pot():
 
 def test_speeds_range_from_the_least_that_pots_to_the_largest_allowed():
     positions = [[-1.1, -0.5], [0.4, 0.2]]
-    found = pots_of(at(positions))
-    slowest, direction = found.speed.min(), found.direction[np.argmin(found.speed)]
-    assert found.speed.max() == 4.0
+    shots = pots_of(at(positions))
+    slowest, direction = shots.speed.min(), shots.direction[np.argmin(shots.speed)]
+    assert shots.speed.max() == 4.0
     slower = pots_of(at(positions, max_speed=0.99 * slowest)).speed.min()
     assert simulate(POOL, positions, slower * direction).potted[1]
     assert not simulate(POOL, positions, 0.95 * slower * direction).potted[1]

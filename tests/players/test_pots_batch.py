@@ -40,40 +40,40 @@ def three():
 
 
 def test_a_batch_gives_the_same_pots_as_one_table_at_a_time(three):
-    scene, positions, potted, found = three
-    assert (found.rows[..., pots.WALL] > 0).any()  # banks too
+    scene, positions, potted, listed = three
+    assert (listed.rows[..., pots.WALL] > 0).any()  # banks too
     for t in range(len(positions)):
         alone = pots_of(scene, positions[t : t + 1], potted[t : t + 1])
-        for one, many in zip(alone, found, strict=True):
+        for one, many in zip(alone, listed, strict=True):
             assert one[0].tobytes() == many[t].tobytes()
 
 
 def test_without_speeds_the_pots_have_the_same_geometry(three):
-    scene, positions, potted, found = three
+    scene, positions, potted, listed = three
     faster = pots_of(scene, positions, potted, speeds=False)
-    assert faster.shots.shape == (*found.shots.shape[:2], 0, pots.SHOT_WIDTH)
-    possible = found.ball > 0
-    same = (found.rows[:, :, None] == faster.rows[:, None]).all(axis=-1).any(axis=-1)
-    assert same[possible & (found.rows[..., pots.WALL] < 0)].all()
-    assert (faster.count >= found.count)[(found.rows[:, 0, pots.WALL] < 0) & (found.count > 0)].all()
+    assert faster.shots.shape == (*listed.shots.shape[:2], 0, pots.SHOT_WIDTH)
+    possible = listed.ball > 0
+    same = (listed.rows[:, :, None] == faster.rows[:, None]).all(axis=-1).any(axis=-1)
+    assert same[possible & (listed.rows[..., pots.WALL] < 0)].all()
+    assert (faster.count >= listed.count)[(listed.rows[:, 0, pots.WALL] < 0) & (listed.count > 0)].all()
 
 
 def test_the_order_of_the_balls_does_not_matter(three):
-    scene, positions, potted, found = three
+    scene, positions, potted, listed = three
     order = np.array([0, 2, 3, 1])
     other = pots_of(scene, np.ascontiguousarray(positions[:, order]), np.ascontiguousarray(potted[:, order]))
     for name in ("count", "pocket", "rows", "shots"):
-        assert getattr(other, name).tobytes() == getattr(found, name).tobytes()
-    exists = np.arange(found.ball.shape[1]) < found.count[:, None]
-    assert (order[other.ball] == found.ball)[exists].all()
+        assert getattr(other, name).tobytes() == getattr(listed, name).tobytes()
+    exists = np.arange(listed.ball.shape[1]) < listed.count[:, None]
+    assert (order[other.ball] == listed.ball)[exists].all()
 
 
 @pytest.mark.parametrize("signs", [(-1, 1), (1, -1), (-1, -1)])
 def test_mirror_images_give_mirrored_pots(three, signs):
-    scene, positions, potted, found = three
+    scene, positions, potted, listed = three
     mirrored = pots_of(scene, positions * signs, potted)
-    rows, shots = found.rows.copy(), found.shots.copy()
-    exists = np.arange(found.ball.shape[1]) < found.count[:, None]
+    rows, shots = listed.rows.copy(), listed.shots.copy()
+    exists = np.arange(listed.ball.shape[1]) < listed.count[:, None]
     for c, sign in enumerate(signs):
         rows[..., pots.GHOST_X + c] *= sign
         shots[..., pots.DX + c] *= sign
@@ -81,12 +81,12 @@ def test_mirror_images_give_mirrored_pots(three, signs):
         bank = rows[..., pots.WALL] // 2 == c
         rows[..., pots.WALL] += np.where(bank & exists & (sign < 0), 1 - 2 * (rows[..., pots.WALL] % 2), 0)
     rows[..., pots.CUT_SIN] *= signs[0] * signs[1]
-    assert (mirrored.count == found.count).all()
-    assert (mirrored.ball == found.ball).all()
+    assert (mirrored.count == listed.count).all()
+    assert (mirrored.ball == listed.ball).all()
     np.testing.assert_allclose(mirrored.rows, rows, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(mirrored.shots, shots, rtol=1e-6, atol=1e-7)
     there = np.array([(q.x, q.y) for q in scene.table.pockets])
-    assert (there[mirrored.pocket] == there[found.pocket] * signs)[exists].all()
+    assert (there[mirrored.pocket] == there[listed.pocket] * signs)[exists].all()
 
 
 OFFSETS = {"pool": [(0.0, 0.0), (0.3, 0.0), (0.0, -0.4)], "real_pool": [(-0.2, -0.3), (0.2, 0.4)]}
@@ -97,8 +97,8 @@ def test_the_cue_ball_comes_to_rest_where_its_path_ends(name, offset):
     scene, rng = Scene.named(name), np.random.default_rng(3)
     positions = np.array([layouts.draw("random", scene, rng) for _ in range(100)])
     potted = np.zeros((100, 2), np.bool_)
-    found = pots_of(scene, positions, potted, most=1, offset=offset)
-    shots = found.shots[:, 0, 0]
+    listed = pots_of(scene, positions, potted, most=1, offset=offset)
+    shots = listed.shots[:, 0, 0]
     played = shots[:, pots.SPEED] > 0
     velocities = shots[:, [pots.SPEED]] * shots[:, pots.DX : pots.DY + 1]
     spins = np.zeros((100, 2, 3))
@@ -115,25 +115,25 @@ def test_the_cue_ball_comes_to_rest_where_its_path_ends(name, offset):
 
 
 def test_the_easiest_pots_are_kept(three):
-    scene, positions, potted, found = three
-    tolerance = np.where(np.arange(found.ball.shape[1]) < found.count[:, None], found.rows[..., pots.TOLERANCE], 0)
+    scene, positions, potted, listed = three
+    tolerance = np.where(np.arange(listed.ball.shape[1]) < listed.count[:, None], listed.rows[..., pots.TOLERANCE], 0)
     assert (np.diff(tolerance) <= 0).all()
-    few = pots_of(scene, positions, potted, most=2)
-    assert (few.count == np.minimum(found.count, 2)).mean() > 0.99  # one of the two may be impossible at any speed
-    same = few.count == np.minimum(found.count, 2)
-    assert few.rows[same].tobytes() == np.ascontiguousarray(found.rows[same, :2]).tobytes()
-    assert few.shots[same].tobytes() == np.ascontiguousarray(found.shots[same, :2]).tobytes()
+    easiest = pots_of(scene, positions, potted, most=2)
+    assert (easiest.count == np.minimum(listed.count, 2)).mean() > 0.99  # one of the two may be impossible at any speed
+    same = easiest.count == np.minimum(listed.count, 2)
+    assert easiest.rows[same].tobytes() == np.ascontiguousarray(listed.rows[same, :2]).tobytes()
+    assert easiest.shots[same].tobytes() == np.ascontiguousarray(listed.shots[same, :2]).tobytes()
 
 
 def test_the_position_of_a_potted_ball_does_not_change_the_pots(three):
-    scene, positions, potted, found = three
+    scene, positions, potted, listed = three
     moved = positions.copy()
     moved[potted] = positions[potted][::-1] * 0.5
     other = pots_of(scene, moved, potted)
-    for one, two in zip(found, other, strict=True):
+    for one, two in zip(listed, other, strict=True):
         assert one.tobytes() == two.tobytes()
-    exists = np.arange(found.ball.shape[1]) < found.count[:, None]
-    assert not np.take_along_axis(potted, found.ball, axis=1)[exists].any()
+    exists = np.arange(listed.ball.shape[1]) < listed.count[:, None]
+    assert not np.take_along_axis(potted, listed.ball, axis=1)[exists].any()
 
 
 @pytest.fixture(scope="module")
@@ -141,24 +141,24 @@ def played():
     """All pots of one ball on 1500 layouts, and their results in the engine."""
     scene = Scene.named("pool")
     positions, potted = tables(scene, 1500)
-    found = pots_of(scene, positions, potted)
-    return positions, found, *play(scene, positions, found)
+    listed = pots_of(scene, positions, potted)
+    return positions, listed, *play(scene, positions, listed)
 
 
-def play(scene, positions, found):
+def play(scene, positions, listed):
     """Returns the table, pot and speed of each shot, and whether its ball drops in its pocket."""
-    t, k, s = found.shots[..., pots.SPEED].nonzero()
-    shots = found.shots[t, k, s]
+    t, k, s = listed.shots[..., pots.SPEED].nonzero()
+    shots = listed.shots[t, k, s]
     result = simulate_batch(scene, positions[t], shots[:, pots.SPEED, None] * shots[:, : pots.DY + 1])
-    there = np.array([(q.x, q.y) for q in scene.table.pockets])[found.pocket[t, k]]
-    ball = found.ball[t, k]
+    there = np.array([(q.x, q.y) for q in scene.table.pockets])[listed.pocket[t, k]]
+    ball = listed.ball[t, k]
     at = np.arange(len(t))
     return t, k, s, result.potted[at, ball] & (result.positions[at, ball] == there).all(1)
 
 
 def test_direct_pots_drop_at_every_cut_and_speed(played):
-    _, found, t, k, s, drops = played
-    direct, cosine = found.rows[t, k, pots.WALL] < 0, found.rows[t, k, pots.CUT_COS]
+    _, listed, t, k, s, drops = played
+    direct, cosine = listed.rows[t, k, pots.WALL] < 0, listed.rows[t, k, pots.CUT_COS]
     for speed in range(len(pots.SPEEDS)):
         for low, high in ((0.0, 0.5), (0.5, 0.8), (0.8, 1.01)):
             chosen = direct & (s == speed) & (cosine >= low) & (cosine < high)
@@ -167,30 +167,30 @@ def test_direct_pots_drop_at_every_cut_and_speed(played):
 
 
 def test_banks_drop(played):
-    _, found, t, k, _, drops = played
-    bank = found.rows[t, k, pots.WALL] >= 0
+    _, listed, t, k, _, drops = played
+    bank = listed.rows[t, k, pots.WALL] >= 0
     assert len(set(t[bank])) > 20
     assert drops[bank].mean() > 0.95
     assert drops[bank & (k == 0)].mean() > 0.95
 
 
 def test_banks_are_found_only_without_a_direct_pot(played):
-    _, found, *_ = played
-    bank = found.rows[..., pots.WALL] >= 0
-    exists = np.arange(found.ball.shape[1]) < found.count[:, None]
-    assert ((bank & exists).any(1) == ((bank | ~exists).all(1) & (found.count > 0))).all()
-    assert (found.count > 0).mean() > 0.99
+    _, listed, *_ = played
+    bank = listed.rows[..., pots.WALL] >= 0
+    exists = np.arange(listed.ball.shape[1]) < listed.count[:, None]
+    assert ((bank & exists).any(1) == ((bank | ~exists).all(1) & (listed.count > 0))).all()
+    assert (listed.count > 0).mean() > 0.99
 
 
 def test_banks_on_request_are_added_to_the_direct_pots(played):
-    positions, found, *_ = played
+    positions, listed, *_ = played
     scene = Scene.named("pool")
     more = pots_of(scene, positions, np.zeros(positions.shape[:2], np.bool_), banks=True)
     bank = more.rows[..., pots.WALL] >= 0
     exists = np.arange(more.ball.shape[1]) < more.count[:, None]
-    direct = (found.rows[..., pots.WALL] < 0) & (np.arange(found.ball.shape[1]) < found.count[:, None])
-    assert more.rows[exists & ~bank].tobytes() == found.rows[direct].tobytes()
-    assert more.shots[exists & ~bank].tobytes() == found.shots[direct].tobytes()
+    direct = (listed.rows[..., pots.WALL] < 0) & (np.arange(listed.ball.shape[1]) < listed.count[:, None])
+    assert more.rows[exists & ~bank].tobytes() == listed.rows[direct].tobytes()
+    assert more.shots[exists & ~bank].tobytes() == listed.shots[direct].tobytes()
     assert ((bank & exists).any(1) & direct.any(1)).mean() > 0.3
     tolerance = np.where(exists, more.rows[..., pots.TOLERANCE], 0.0)
     assert (np.diff(tolerance, axis=1) <= 0.0).all()
@@ -210,19 +210,19 @@ def test_an_ideal_bank_is_that_of_a_mirror():
     before, after = room + ball_y, room + pocket_y  # distances from the cushion -y
     for x in (-0.5, 0.5):
         positions = np.array([[1.4 * x, 0.2], [x, ball_y]])
-        found = pots_of(ideal, positions[None], np.zeros((1, 2), np.bool_))
-        k = found.rows[0, : found.count[0], pots.WALL].tolist().index(2)
-        line = positions[1] - found.rows[0, k, : pots.GHOST_Y + 1]
+        listed = pots_of(ideal, positions[None], np.zeros((1, 2), np.bool_))
+        k = listed.rows[0, : listed.count[0], pots.WALL].tolist().index(2)
+        line = positions[1] - listed.rows[0, k, : pots.GHOST_Y + 1]
         bounce = positions[1] - line * before / line[1]
         assert bounce == pytest.approx([x * after / (before + after), -room], abs=1e-9)
-        assert simulate(ideal, positions, MAX_SPEED * found.shots[0, k, -1, : pots.DY + 1]).potted[1]
+        assert simulate(ideal, positions, MAX_SPEED * listed.shots[0, k, -1, : pots.DY + 1]).potted[1]
 
 
 def test_scratches_before_the_first_cushion_are_predicted(played):
-    positions, found, t, k, s, _ = played
+    positions, listed, t, k, s, _ = played
     scene, agree, scratches = Scene.named("pool"), [], 0
     for n in range(0, len(t), 8):
-        row = found.shots[t[n], k[n], s[n]]
+        row = listed.shots[t[n], k[n], s[n]]
         events = simulate(scene, positions[t[n]], row[pots.SPEED] * row[: pots.DY + 1], record=True).events
         assert events is not None
         after = events[np.flatnonzero(events["kind"] == "ball_ball")[0] + 1 :]
@@ -256,13 +256,13 @@ ODD = {
 def test_pots_in_unusual_scenes(changes, positions, least):
     scene = changed(Scene.named("pool"), **changes)
     table = np.array([positions])
-    found = pots_of(scene, table, np.zeros((1, 2), np.bool_))
-    assert np.isfinite(found.rows).all()
-    assert np.isfinite(found.shots).all()
+    listed = pots_of(scene, table, np.zeros((1, 2), np.bool_))
+    assert np.isfinite(listed.rows).all()
+    assert np.isfinite(listed.shots).all()
     if least is not None:
-        assert (found.count[0] > 0) == least
+        assert (listed.count[0] > 0) == least
     if least:
-        assert play(scene, table, found)[-1].all()
+        assert play(scene, table, listed)[-1].all()
     nothing = pots_of(scene, table, np.array([[False, True]]))
     assert nothing.count[0] == 0
     assert not len(pot_shots(Tables(scene, np.zeros(2, np.bool_), table[0], np.zeros(2, np.bool_), 4.0)).speed)

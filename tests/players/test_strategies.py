@@ -131,5 +131,5 @@ def test_without_a_goal_the_aim_player_searches():
     env = make_env(task="sum_to_three")
     env.reset(seed=1)
     assert task_situation(env).goals == ()
-    found = task_situation(env)
-    np.testing.assert_array_equal(find_strategy("aim")(found, RNG(3)), search(found, RNG(3)))
+    situation = task_situation(env)
+    np.testing.assert_array_equal(find_strategy("aim")(situation, RNG(3)), search(situation, RNG(3)))

@@ -25,8 +25,8 @@ def _working_digits():
         yield
 
 
-def kinds(shot: OracleShot, *wanted: str) -> list[tuple]:
-    return [(e.kind, e.ball, e.other) for e in shot.events if not wanted or e.kind in wanted]
+def kinds(shot: OracleShot, *selected: str) -> list[tuple]:
+    return [(e.kind, e.ball, e.other) for e in shot.events if not selected or e.kind in selected]
 
 
 def close(a, b, digits=40, scale=1.0) -> bool:
@@ -69,9 +69,9 @@ def coefficients_of(roots, pairs, leading) -> list[Real]:
 @given(factors, st.integers(0, 2))
 def test_real_roots_of_any_multiplicity_are_found(factor, vanishing):
     coefficients = coefficients_of(*factor) + [mpf(0)] * vanishing
-    found = real_roots(coefficients, mpf(-2), mpf(2))
+    roots = real_roots(coefficients, mpf(-2), mpf(2))
     expected = sorted({exact(r) for r in factor[0] if -2 <= r <= 2})
-    assert close(found, expected, 45)
+    assert close(roots, expected, 45)
 
 
 @settings(deadline=None)
@@ -84,9 +84,9 @@ def test_first_entry_is_the_first_root_from_plus_to_minus(factor):
         return
     positive = (leading > 0) == (sum(r > 0 for r in roots) % 2 == 0)
     entries = inside[0 if positive else 1 :: 2]
-    found = first_entry(coefficients_of(*factor), exact(high))
-    assert (found is None) == (not entries)
-    assert found is None or close(found, exact(entries[0]), 45)
+    entry = first_entry(coefficients_of(*factor), exact(high))
+    assert (entry is None) == (not entries)
+    assert entry is None or close(entry, exact(entries[0]), 45)
 
 
 @pytest.mark.parametrize("leading", [1, -1, mpf("1e-60"), 0])
@@ -225,10 +225,10 @@ def test_more_digits_change_only_the_last_ones():
     rng = np.random.default_rng(4)
     scene = Scene.named("pool", 15)
     places = layouts.draw("random", scene, rng)
-    few, many = (run(scene, places, [-9.0, 3.0], digits=digits) for digits in (50, 100))
-    assert kinds(few) == kinds(many)
-    assert len(kinds(few, "ball_ball")) > 5
-    assert close(few.positions, many.positions, 40)
+    coarse, fine = (run(scene, places, [-9.0, 3.0], digits=digits) for digits in (50, 100))
+    assert kinds(coarse) == kinds(fine)
+    assert len(kinds(coarse, "ball_ball")) > 5
+    assert close(coarse.positions, fine.positions, 40)
 
 
 # Ends, limits and errors

@@ -19,7 +19,7 @@ def test_the_tags_are_those_of_numba():
 
 
 def test_the_shots_of_every_environment_have_the_same_results_twice(monkeypatch, capsys):
-    assert shots.play({}) == shots.play({}) != shots.play({"max_speed": 1.0})
+    assert shots.result_bytes({}) == shots.result_bytes({}) != shots.result_bytes({"max_speed": 1.0})
     monkeypatch.setattr(shots, "ENVIRONMENTS", ({}, {"mode": "pit", "dt": 1 / 60}))
     shots.main()
     first, second = json.loads(capsys.readouterr().out)

@@ -80,10 +80,10 @@ def test_other_balls_matter_unless_they_are_potted(form):
     moved, potted = layouts["positions"].clone(), layouts["positions"].clone()
     moved[:, -1, 0] += 0.1
     potted[:, -1, 1] = 1.0
-    also = potted.clone()
-    also[:, -1, 0] += 0.1
+    shifted = potted.clone()
+    shifted[:, -1, 0] += 0.1
     with torch.no_grad():
-        values = [net(**{**layouts, "positions": each})[1] for each in (layouts["positions"], moved, potted, also)]
+        values = [net(**{**layouts, "positions": each})[1] for each in (layouts["positions"], moved, potted, shifted)]
     assert not torch.allclose(values[0], values[1])
     torch.testing.assert_close(values[2], values[3])
 

@@ -84,17 +84,17 @@ def test_a_saved_model_plays_and_learns_as_before(tmp_path):
 
 def test_the_schedules_follow_the_shots_between_rollouts():
     model = make(hidden=16, exploration=32, std_speed=(0.4, 0.1), std_aim=(0.01, 0.01), entropy=(1.0, 0.25))
-    found = []
+    values = []
 
     def read(*_):
-        found.append((net(model).std.tolist(), model.policy.entropy_factor))
+        values.append((net(model).std.tolist(), model.policy.entropy_factor))
         model.predict(np.zeros((1, 4), np.float32))  # an evaluation in between changes nothing
         return True
 
     model.learn(64, callback=read)
-    assert [std[0] for std, _ in found] == pytest.approx([0.4, 0.2, 0.1, 0.1])
-    assert [std[1] for std, _ in found] == pytest.approx(4 * [0.01])
-    assert [entropy for _, entropy in found] == pytest.approx([1.0, 0.5, 0.25, 0.25])
+    assert [std[0] for std, _ in values] == pytest.approx([0.4, 0.2, 0.1, 0.1])
+    assert [std[1] for std, _ in values] == pytest.approx(4 * [0.01])
+    assert [entropy for _, entropy in values] == pytest.approx([1.0, 0.5, 0.25, 0.25])
 
 
 def test_the_densities_of_an_update_are_those_of_its_rollout():
@@ -114,8 +114,8 @@ def test_the_densities_of_an_update_are_those_of_its_rollout():
 def test_the_policy_gets_the_table_and_the_task_from_the_environment(tmp_path):
     """Without `policy_kwargs` it once took every table for that of "pool"."""
     model = PPO(AimPolicy, vector(scene="real_carom", task="carom"), **SETTINGS)
-    found: Any = model.policy
-    assert (found.game.scene, found.game.task) == (Scene.named("real_carom"), "carom")
+    policy: Any = model.policy
+    assert (policy.game.scene, policy.game.task) == (Scene.named("real_carom"), "carom")
     model.save(tmp_path / "model")
     loaded: Any = PPO.load(tmp_path / "model", device="cpu").policy
     assert loaded.game.scene == Scene.named("real_carom")

@@ -109,12 +109,12 @@ def places_in_rack(name, n_object_balls, count):
     scene = Scene.named("pool", n_object_balls)
     spots = layouts.draw("tight_rack", scene, np.random.default_rng(0))[1:]
     spots[:, 0] = (spots[:, 0] - spots[0, 0]) * (1 + 3e-4 / 0.05715) + spots[0, 0]
-    found = []
+    balls = []
     for positions in draws(name, scene, count):
         distance = np.linalg.norm(positions[1:, None] - spots[None], axis=2)
         assert distance.min(axis=0).max() < 3e-3
-        found.append(1 + distance.argmin(axis=0))
-    return np.array(found)
+        balls.append(1 + distance.argmin(axis=0))
+    return np.array(balls)
 
 
 RACK_PLACES = [
@@ -128,14 +128,14 @@ RACK_PLACES = [
 def test_the_rack_of_a_game(game, fixed, random):
     """Some balls have a place, and every other ball is at the random places equally often."""
     n = len(layouts.RACKS[game].balls)
-    found = places_in_rack(game, n, 600)
-    assert all((found[:, place] == ball).all() for ball, place in fixed.items())
-    assert (np.sort(found, axis=1) == np.arange(1, n + 1)).all()
+    racks = places_in_rack(game, n, 600)
+    assert all((racks[:, place] == ball).all() for ball, place in fixed.items())
+    assert (np.sort(racks, axis=1) == np.arange(1, n + 1)).all()
     others = np.setdiff1d(np.arange(1, n + 1), list(fixed))
-    counts = (found[:, random, None] == others).sum(axis=0)
+    counts = (racks[:, random, None] == others).sum(axis=0)
     assert np.abs(counts - 600 / len(others)).max() < 5 * np.sqrt(600 / len(others))
     if game == "eight_ball":
-        assert ((found[:, [10, 14]] < 8).sum(axis=1) == 1).all()
+        assert ((racks[:, [10, 14]] < 8).sum(axis=1) == 1).all()
 
 
 @pytest.mark.parametrize("scene", SCENES)

@@ -83,8 +83,8 @@ def test_to_dict_returns_only_plain_types():
 
 def test_fields_with_a_default_are_optional():
     assert Scene.from_dict({"balls": {"radius": [0.03], "mass": [1]}}) == Scene(Balls((0.03,), (1.0,)))
-    given = Scene.from_dict({"balls": {"radius": [0.03], "mass": [1]}, "table": {"width": 1}, "physics": {"g": 5}})
-    assert given == Scene(Balls((0.03,), (1.0,)), Table(width=1.0), Physics(g=5.0))
+    scene = Scene.from_dict({"balls": {"radius": [0.03], "mass": [1]}, "table": {"width": 1}, "physics": {"g": 5}})
+    assert scene == Scene(Balls((0.03,), (1.0,)), Table(width=1.0), Physics(g=5.0))
 
 
 def test_a_whole_scene_may_leave_out_numbers_with_the_default_0():
@@ -121,11 +121,11 @@ def test_whole_numbers_become_floats():
 
 
 def test_check_positions_returns_a_new_float_array():
-    given = np.array(CLEAR)
-    placed = check_positions(SCENE, given)
+    positions = np.array(CLEAR)
+    placed = check_positions(SCENE, positions)
     assert placed.dtype == np.float64
-    assert np.array_equal(placed, given)
-    assert not np.shares_memory(placed, given)
+    assert np.array_equal(placed, positions)
+    assert not np.shares_memory(placed, positions)
     assert check_positions(SCENE, [[[0, 0], [-0.5, 0]]] * 3).shape == (3, 2, 2)
 
 

@@ -160,12 +160,12 @@ def test_the_clearance_agrees_with_a_fine_polygon(name):
     ways = at[:, None] - points
     share = np.clip((ways * edges).sum(-1) / (edges**2).sum(-1), 0, 1)
     distance = np.sqrt(((ways - share[..., None] * edges) ** 2).sum(-1)).min(1)
-    found = clearance(corners, at)
-    assert abs(found) == pytest.approx(distance, abs=4e-5)  # an arc deviates from its chords by r (1 - cos 1.5 deg)
+    clear = clearance(corners, at)
+    assert abs(clear) == pytest.approx(distance, abs=4e-5)  # an arc deviates from its chords by r (1 - cos 1.5 deg)
     # The winding number of the polygon is 1 inside it and 0 outside.
     turns = np.angle((np.roll(ways, -1, axis=1) @ [1, 1j]) / (ways @ [1, 1j])).sum(1) / (2 * np.pi)
-    sure = abs(found) > 1e-4
-    assert np.array_equal(found[sure] > 0, np.round(turns[sure]) == 1)
+    sure = abs(clear) > 1e-4
+    assert np.array_equal(clear[sure] > 0, np.round(turns[sure]) == 1)
 
 
 def test_the_area_between_a_tip_and_its_chord_belongs_to_the_cushion():

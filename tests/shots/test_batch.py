@@ -98,9 +98,9 @@ def test_pieces_cover_every_shot_once(m, threads):
     assert (done == 20).all()
 
 
-def threads_at_work(wanted):
-    """Spreads work over `wanted` threads; returns their number, or raises if they do not work at the same time."""
-    meeting = threading.Barrier(wanted, timeout=60)  # breaks unless `wanted` threads wait at once
+def threads_at_work(count):
+    """Spreads work over `count` threads; returns their number, or raises if they do not work at the same time."""
+    meeting = threading.Barrier(count, timeout=60)  # breaks unless `count` threads wait at once
     met = set()
 
     def work(begin, end):
@@ -110,7 +110,7 @@ def threads_at_work(wanted):
             met.add(threading.get_ident())
             meeting.wait()
 
-    parallel_for(work, 1000, wanted)
+    parallel_for(work, 1000, count)
     return len(met)
 
 

@@ -48,21 +48,21 @@ NAMED = [name for name in scenes.SCENES if name not in (*SCENES, "snooker")]
 def test_the_derivatives_are_those_of_the_50_digit_simulator(name, seed):
     scene = SCENES[name] if name in SCENES else Scene.named(name, 2)
     start, rng = start_of(scene, seed), np.random.default_rng(seed)
-    whole = recorded(scene, start)
-    late = 0.6 * whole.time
+    uncut = recorded(scene, start)
+    late = 0.6 * uncut.time
     shot = recorded(scene, start, max_time=late)
     assert shot.nonsmooth() == (-1, "")
     assert (shot.events["kind"] == "ball_ball").any()
     for key in inputs_of(scene):
         tangent = tangent_of(key, scene, rng)
         expected = directional_differences(scene, start, key, tangent, late)
-        found = shot.jvp({key: tangent}, OUTPUTS)
+        changes = shot.jvp({key: tangent}, OUTPUTS)
         order = np.argsort(shot.events["ball"], kind="stable")
-        found |= {output: found[output][order] for output in ("event_times", "event_positions")}
+        changes |= {output: changes[output][order] for output in ("event_times", "event_positions")}
         for output in OUTPUTS:
             size = np.abs(expected[output]).max()
             np.testing.assert_allclose(
-                found[output], expected[output], rtol=0, atol=1e-9 * size, err_msg=f"{key} {output}"
+                changes[output], expected[output], rtol=0, atol=1e-9 * size, err_msg=f"{key} {output}"
             )
 
 
@@ -110,7 +110,7 @@ def test_a_batch_has_the_bits_of_single_shots(name, arrangement, threads):
     pushed = batch.jvp(tangents, ("velocities", "event_times"), t=1.0, threads=threads)
     pulled = batch.vjp(cotangents, ("velocities", "mu_roll"), threads=threads)
     jacobian = batch.jacobian("positions", "radius", threads=threads)
-    found, certain, margins = batch.nonsmooth(threads=threads), batch.certain(), batch.margins(t=1.0)
+    nonsmooth, certain, margins = batch.nonsmooth(threads=threads), batch.certain(), batch.margins(t=1.0)
     for k in range(len(places)):
         shot = simulate(scene, places[k], starts[k], spins=spins[k], record=True)
         alone = shot.jvp({key: value[k] for key, value in tangents.items()}, ("velocities", "event_times"), t=1.0)
@@ -121,10 +121,10 @@ def test_a_batch_has_the_bits_of_single_shots(name, arrangement, threads):
         assert np.array_equal(pulled["velocities"][k], gradient["velocities"])
         assert pulled["mu_roll"][k] == gradient["mu_roll"]
         assert np.array_equal(jacobian[k], shot.jacobian("positions", "radius"))
-        assert (found.event[k], found.reason[k]) == shot.nonsmooth()
+        assert (nonsmooth.event[k], nonsmooth.reason[k]) == shot.nonsmooth()
         assert (certain.events[k], certain.outcome[k]) == shot.certain()
-        for whole, one in zip(margins, shot.margins(t=1.0), strict=True):
-            assert np.array_equal(whole[k], one)
+        for many, one in zip(margins, shot.margins(t=1.0), strict=True):
+            assert np.array_equal(many[k], one)
 
 
 def test_a_batch_whose_log_is_too_small_runs_the_other_shots_again():
@@ -145,19 +145,19 @@ def test_the_derivative_by_the_strike_is_that_of_small_changes(elevation):
     scene, positions = Scene.named("real_pool"), [[-0.5, 0.1], [0.2, 0.15]]
     at, step = np.array([1.5, 0.07, 0.2, -0.1, elevation + 0.05]), 1e-7
     shot = simulate(scene, positions, strike(scene, *at), record=True)
-    found = shot.jacobian("positions", "strike", strike=at)
+    jacobian = shot.jacobian("positions", "strike", strike=at)
     ends = [
         [simulate(scene, positions, strike(scene, *(at + sign * h))).positions for sign in (1, -1)]
         for h in step * np.eye(5)
     ]
     expected = np.stack([(a - b) / (2 * step) for a, b in ends], axis=-1)
-    np.testing.assert_allclose(found, expected, atol=2e-5 * np.abs(found).max())
+    np.testing.assert_allclose(jacobian, expected, atol=2e-5 * np.abs(jacobian).max())
     change = np.array([0.5, -0.1, 0.2, 0.3, -0.4])
-    np.testing.assert_allclose(shot.jvp({"strike": change}, strike=at), found @ change, rtol=1e-9)
+    np.testing.assert_allclose(shot.jvp({"strike": change}, strike=at), jacobian @ change, rtol=1e-9)
     batch = simulate_batch(scene, [positions] * 2, strike(scene, *np.array([at, at]).T), record=True)
     cotangents = np.ones((2, 2))
     pulled = batch.vjp({"positions": cotangents}, "strike", strike=np.array([at, at]))
-    np.testing.assert_allclose(pulled, np.tile(found.sum(axis=(0, 1)), (2, 1)), rtol=1e-9)
+    np.testing.assert_allclose(pulled, np.tile(jacobian.sum(axis=(0, 1)), (2, 1)), rtol=1e-9)
 
 
 def test_an_ideal_ball_at_rest_moves_with_a_change_of_its_velocity():
@@ -205,9 +205,9 @@ def test_an_act_of_the_contact_time_rule_has_no_derivative():
     scene = Scene.named("pool", 15)
     places, velocities, _ = draw_starts(scene, 20, "tight_rack")
     batch = simulate_batch(scene, places, velocities, record=True)
-    found = batch.nonsmooth()
-    assert (found.reason[batch.n_contact_rule > 0] != "").all()
-    assert set(found.reason) <= {"", "rule", "simultaneous", "grazing"}
+    nonsmooth = batch.nonsmooth()
+    assert (nonsmooth.reason[batch.n_contact_rule > 0] != "").all()
+    assert set(nonsmooth.reason) <= {"", "rule", "simultaneous", "grazing"}
 
 
 @pytest.mark.parametrize("name", [name for name in SCENES if name != "ideal"])
@@ -215,26 +215,26 @@ def test_the_sensitivity_is_the_derivative_of_the_final_positions(name):
     scene = SCENES[name]
     start = start_of(scene, 3)
     shot = recorded(scene, start)
-    found = shot.sensitivity()
+    sensitivity = shot.sensitivity()
     assert shot.n_events > 3
-    assert found.smooth
+    assert sensitivity.smooth
     jacobian = np.concatenate([shot.jacobian("positions", by) for by in ("positions", "velocities", "spins")], axis=-1)
-    np.testing.assert_allclose(found.jacobian, jacobian, rtol=0, atol=1e-12 * np.abs(jacobian).max())
+    np.testing.assert_allclose(sensitivity.jacobian, jacobian, rtol=0, atol=1e-12 * np.abs(jacobian).max())
     exact = run(scene, *start).positions
-    assert np.abs(shot.positions - np.array(exact, float)).max() < 10 * UNIT_ROUNDOFF * found.condition
+    assert np.abs(shot.positions - np.array(exact, float)).max() < 10 * UNIT_ROUNDOFF * sensitivity.condition
 
 
 def test_the_sensitivity_after_a_mathavan_cushion_is_that_of_small_steps():
     scene = Scene.named("snooker", 2)
     places, velocities = np.array([[0.3, 0.1], [1.2, 0.5], [-1.2, 0.5]]), np.array([[0.2, 2.0], [0.0, 0.0], [0.0, 0.0]])
-    found = simulate(scene, places, velocities, record=True).sensitivity().jacobian[0, :, 0]
+    slope = simulate(scene, places, velocities, record=True).sensitivity().jacobian[0, :, 0]
     step = 1e-3
     for k in range(4):
         moved = [np.concatenate((places[0], velocities[0])) for _ in range(2)]
         moved[0][k] += step
         moved[1][k] -= step
         ends = [simulate(scene, [m[:2], *places[1:]], m[2:]).positions[0] for m in moved]
-        assert found[:, k] == pytest.approx((ends[0] - ends[1]) / (2 * step), abs=2e-3)
+        assert slope[:, k] == pytest.approx((ends[0] - ends[1]) / (2 * step), abs=2e-3)
 
 
 def test_each_collision_multiplies_the_condition():

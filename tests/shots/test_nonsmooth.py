@@ -79,11 +79,11 @@ def test_a_ball_that_rolls_up_to_rounding_has_no_derivative():
 def test_a_shot_that_is_cut_at_an_event_has_no_derivative():
     scene, places = Scene.named("ideal", 1), [[-0.5, 0.0], [0.0, 0.0]]
     contact = 0.5 - 2 * 0.028575
-    whole = simulate(scene, places, [1.0, 0.0], record=True, max_time=1.0)
-    assert whole.nonsmooth().reason == ""
+    uncut = simulate(scene, places, [1.0, 0.0], record=True, max_time=1.0)
+    assert uncut.nonsmooth().reason == ""
     for time in (contact, np.nextafter(contact, 0.0), np.nextafter(contact, 1.0)):
         assert simulate(scene, places, [1.0, 0.0], record=True, max_time=time).nonsmooth().reason == "cut"
-        assert whole.nonsmooth(time).reason == "cut"
+        assert uncut.nonsmooth(time).reason == "cut"
     pool = Scene.named("pool", 1)
     shot = simulate(pool, places, [0.5, 0.01], record=True)
     assert shot.nonsmooth().reason == ""  # the natural end
@@ -198,12 +198,12 @@ def test_a_derivative_without_a_reason_agrees_with_differences(name, seed):
         change["positions"] *= np.abs(start["positions"]) < 0.5  # not into a cushion
         for key in change:
             change[key][1:] *= key == "positions"  # friction stops a ball at rest
-    found = shot.jvp(change or {number: 1.0})
-    size, off = max(float(np.abs(found).max()), 1e-3), [math.inf]
+    derivative = shot.jvp(change or {number: 1.0})
+    size, off = max(float(np.abs(derivative).max()), 1e-3), [math.inf]
     for step in 10.0 ** np.arange(-3.0, -8.0, -0.5):
         expected, same = differences(scene, start, change, number, step, time)
         if same:
-            off.append(float(np.abs(expected - found).max()) / size)
+            off.append(float(np.abs(expected - derivative).max()) / size)
     assume(min(off) < math.inf)
     assert min(off) < 2e-5
 
@@ -224,14 +224,14 @@ def test_a_doubt_grows_with_the_impacts_before_it():
     scene = Scene.named("ideal", 3)
     start = [[-0.9, 0.0], [-0.8, 0.04], [-0.6, -0.3], [0.6, 0.3]]
     shot = simulate(scene, start, [1.0, 0.0], record=True, max_time=8.0)
-    found, impacts = shot.certain(), (shot.events["kind"] == "ball_ball").sum()
+    of_shot, impacts = shot.certain(), (shot.events["kind"] == "ball_ball").sum()
     assert impacts >= 4
-    assert 0 < found.events <= shot.n_events
-    whole = simulate(scene, start, [1.0, 0.0], record=True, max_time=200.0, max_events=400)
-    certain = whole.certain()
-    assert found.events <= certain.events < whole.n_events  # later the errors are as large as the table
+    assert 0 < of_shot.events <= shot.n_events
+    uncut = simulate(scene, start, [1.0, 0.0], record=True, max_time=200.0, max_events=400)
+    certain = uncut.certain()
+    assert of_shot.events <= certain.events < uncut.n_events  # later the errors are as large as the table
     assert not certain.outcome
-    ours, until = whole.events[: certain.events], whole.events["time"][[certain.events - 1, certain.events]].mean()
+    ours, until = uncut.events[: certain.events], uncut.events["time"][[certain.events - 1, certain.events]].mean()
     exact = run(scene, start, [1.0, 0.0], max_time=float(until))
     assert [(e.kind, e.ball, e.other) for e in exact.events] == ours[["kind", "ball", "other"]].tolist()
 

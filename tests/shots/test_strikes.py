@@ -26,11 +26,11 @@ def test_strikes_of_pooltool(table):
     scene = Scene.named(SCENES[table])
     keys = ("V0", "phi_deg", "a", "b", "elevation_deg")
     speed, heading, side, top, elevation = np.array([[shot["strike"][key] for key in keys] for shot in shots]).T
-    found = strike(scene, speed, np.radians(heading), side, top, np.radians(elevation))
+    struck = strike(scene, speed, np.radians(heading), side, top, np.radians(elevation))
     assert len(shots) == 60
-    np.testing.assert_allclose(found.velocity, [shot["velocity"] for shot in shots], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(found.spin, [shot["spin"] for shot in shots], rtol=0, atol=1e-12)
-    assert not found.miscue.any()
+    np.testing.assert_allclose(struck.velocity, [shot["velocity"] for shot in shots], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(struck.spin, [shot["spin"] for shot in shots], rtol=0, atol=1e-12)
+    assert not struck.miscue.any()
 
 
 # Alciatore (2008), TP A.30, for a ball of 0.3 times the mass of the cue: speed of the ball over that of the cue at the
@@ -61,8 +61,8 @@ SQUIRTS = [
 @pytest.mark.parametrize(("end_ratio", "angles"), SQUIRTS)
 def test_squirt_by_offset(end_ratio, angles):
     cue = CueNumbers(0.3, end_ratio, 0.73, 0.6, R)
-    found = [math.degrees(math.atan2(*squirt(cue, 0.1 * i))) for i in range(1, 6)]
-    assert found == pytest.approx(angles, abs=6e-3)
+    degrees = [math.degrees(math.atan2(*squirt(cue, 0.1 * i))) for i in range(1, 6)]
+    assert degrees == pytest.approx(angles, abs=6e-3)
     assert squirt(cue, -0.3) == (-squirt(cue, 0.3)[0], squirt(cue, 0.3)[1])
 
 
@@ -131,8 +131,8 @@ def test_derivative_of_the_strike(cue_of, seed):
         for h in step * np.eye(5)
     ]
     begun = simulate(scene, [[0.0, 0.0]], strike(scene, *at), record=True)
-    found = [begun.jacobian(name, "strike", t=0.0, strike=at)[0] for name in ("velocities", "spins")]
-    np.testing.assert_allclose(np.concatenate(found), np.transpose(expected), atol=1e-6)
+    jacobians = [begun.jacobian(name, "strike", t=0.0, strike=at)[0] for name in ("velocities", "spins")]
+    np.testing.assert_allclose(np.concatenate(jacobians), np.transpose(expected), atol=1e-6)
 
 
 # Coriolis (1835), in the form of Alciatore (2005), TP A.19: the ball leaves the slide in the direction of the line from

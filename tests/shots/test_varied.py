@@ -68,9 +68,9 @@ def test_each_shot_equals_a_single_shot_with_its_physics_bit_for_bit(name, names
     places, starts, spins = draw_starts(scene, m)
     if "e_cushion_loss" in names:
         names |= {"e_cushion_floor"}  # "stronge" cushions need one
-    given: dict[str, Any] = {} if scene.physics.motion != "sliding" else {"spins": spins}
+    options: dict[str, Any] = {} if scene.physics.motion != "sliding" else {"spins": spins}
     physics = varied(sorted(names), m, seed)
-    batch, singles = run_both(scene, places, starts, record=True, physics=physics, **given)
+    batch, singles = run_both(scene, places, starts, record=True, physics=physics, **options)
     for shot, single in zip(batch, singles, strict=True):
         same_record(shot, single)
     tangents: dict[str, Any] = {"velocities": np.ones((3, 2)), **dict.fromkeys(names, 1.0)}

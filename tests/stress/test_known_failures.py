@@ -32,17 +32,17 @@ def test_a_fast_rolling_ball_hits_a_slow_one_once():
 @pytest.mark.parametrize("rack", ["loose", "tight"])
 def test_two_hundred_breaks_end(rack):
     """In another simulator one in two hundred does not end."""
-    found = families.run(f"15-ball break, {rack} rack", seed=7, shots=200)
-    assert found["bad"] == []
-    assert found["most_events"] < 20_000
+    result = families.run(f"15-ball break, {rack} rack", seed=7, shots=200)
+    assert result["bad"] == []
+    assert result["most_events"] < 20_000
 
 
 @pytest.mark.slow
 def test_a_ball_that_a_spinning_ball_wedges_into_a_corner_comes_to_rest():
     """The spin lasts for 414 s. Before, the shot had ten million impacts in seven seconds and did not end."""
-    found = families.run("wild outlines", seed=1155, shots=50)
-    assert found["bad"] == []
-    assert found["most_events"] < 2_000_000
+    result = families.run("wild outlines", seed=1155, shots=50)
+    assert result["bad"] == []
+    assert result["most_events"] < 2_000_000
 
 
 @pytest.mark.parametrize("speed", [1.0, 10.0, 100.0])

@@ -17,13 +17,13 @@ slow = pytest.mark.slow
 @pytest.mark.parametrize("disks", [2, 16, 100])
 @pytest.mark.parametrize("collisions", [2000, pytest.param(1_000_000, marks=slow)])
 def test_elastic_collisions_conserve_energy_and_momentum(disks, collisions):
-    found = measure.drift(disks, collisions)
-    assert found["collisions"] >= collisions
+    drift = measure.drift(disks, collisions)
+    assert drift["collisions"] >= collisions
     # Rounding adds up like a random walk; the limits also cover errors of one sign.
-    assert found["energy_drift"] < 2e-16 * found["events"]
-    assert found["momentum_drift"] < 1e-16 * found["collisions"]
-    assert found["momentum_of_one_collision"] < 1e-15
-    assert found["deepest_overlap_m"] < 1e-14
+    assert drift["energy_drift"] < 2e-16 * drift["events"]
+    assert drift["momentum_drift"] < 1e-16 * drift["collisions"]
+    assert drift["momentum_of_one_collision"] < 1e-15
+    assert drift["deepest_overlap_m"] < 1e-14
 
 
 @pytest.mark.parametrize("count", [10, pytest.param(1000, marks=slow)])

@@ -11,11 +11,11 @@ from tests.helpers.engine_runs import ORDINARY
 
 @pytest.mark.parametrize("name", ORDINARY)
 def test_ordinary_shots_pass_all_checks(name):
-    found = families.run(name, seed=1, shots=20)
-    assert found["bad"] == []
-    assert found["overlap"] <= checks.DEPTH
-    assert found["outside"] <= checks.DEPTH
-    assert found["rise"] <= checks.ENERGY_RISE
+    result = families.run(name, seed=1, shots=20)
+    assert result["bad"] == []
+    assert result["overlap"] <= checks.DEPTH
+    assert result["outside"] <= checks.DEPTH
+    assert result["rise"] <= checks.ENERGY_RISE
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -51,7 +51,7 @@ def check_extreme(shots) -> None:
         return
     scene, places, velocities, spins = shots
     result = checks.check_shots(scene, places, velocities, spins)
-    assert not result.bad(scene.physics.motion == "ideal").any(), result.found
+    assert not result.bad(scene.physics.motion == "ideal").any(), result.findings
 
 
 @settings(max_examples=100)

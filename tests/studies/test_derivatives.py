@@ -27,7 +27,7 @@ def small(tmp_path, monkeypatch):
     steps = (60, 240, 960)
     changes = {
         "STEPS": steps,
-        "CELLS": {f"{fix} 1/{n} s": pit(n, fix) for n in steps for fix in FIXES},
+        "ENGINES": {f"{fix} 1/{n} s": pit(n, fix) for n in steps for fix in FIXES},
         "DRAWN": 80,
         "GOAL_RUNS": [("exact", study.UNTRAINED), ("exact", PUSHED), (PUSHED, study.OVER_JUMPS)],
         **{"GOAL_SEEDS": (0, 1), "UPDATES": 2, "BATCH": 4, "LAYOUTS": 8},
@@ -41,11 +41,11 @@ def small(tmp_path, monkeypatch):
 def test_the_study_runs_and_continues_where_it_was_interrupted(small, tmp_path, monkeypatch, capsys):
     measured = []
 
-    def spy(found, cell):
-        measured.append(cell)
+    def spy(results, engine):
+        measured.append(engine)
         if len(measured) == 5:
             raise KeyboardInterrupt
-        return errors(found, cell)
+        return errors(results, engine)
 
     monkeypatch.setattr(study, "errors", spy)
     with pytest.raises(SystemExit):
@@ -53,18 +53,18 @@ def test_the_study_runs_and_continues_where_it_was_interrupted(small, tmp_path, 
     main(small)
     assert len(measured) == 1 + 1 + 3 * len(FIXES)
     assert measured[5] == measured[4]
-    found = json.loads((tmp_path / "derivatives.json").read_text())
+    content = json.loads((tmp_path / "derivatives.json").read_text())
     printed = capsys.readouterr().out
-    assert all(text in printed for text in blocks(found).values())
+    assert all(text in printed for text in blocks(content).values())
     assert {path.name for path in tmp_path.glob("*.png")} == {"gradient_timestep.png", "gradient_timestep_reason.png"}
-    assert len(found["chosen"]["numbers"]) > 5
-    assert found["errors"]["exact"]["small"] < 1e-5  # the rounding of the differences
+    assert len(content["chosen"]["numbers"]) > 5
+    assert content["errors"]["exact"]["small"] < 1e-5  # the rounding of the differences
     for fix in FIXES:
-        coarse, *_, fine = (found["errors"][f"{fix} 1/{n} s"] for n in (60, 240, 960))
+        coarse, *_, fine = (content["errors"][f"{fix} 1/{n} s"] for n in (60, 240, 960))
         assert fine["position"] < 0.2 * coarse["position"]
         assert (fine["small"] < 0.2 * coarse["small"]) == (fix == "time_of_impact")
-    found["pots"]["64"]["20"] = 0.75
-    (tmp_path / "derivatives.json").write_text(json.dumps(found))
+    content["pots"]["64"]["20"] = 0.75
+    (tmp_path / "derivatives.json").write_text(json.dumps(content))
     main(small)
     assert len(measured) == 1 + 1 + 3 * len(FIXES)
     assert "75.0%" in capsys.readouterr().out
@@ -75,8 +75,8 @@ def test_the_error_of_the_derivative_after_a_cushion_is_the_share_of_the_time_be
     shots = study.bounces(np.array([1.5]))
     contact = (1.0 - 0.03) / 1.5
     for fix, share in (("push_apart", contact), ("move_back", contact), ("none", 2.0 * contact), ("time_of_impact", 0)):
-        found = errors_of(shots, pit(10_000, fix))["small"]
-        assert found == pytest.approx(share / np.sqrt(2.0), abs=2e-4), fix  # the motion along y has no error
+        error = errors_of(shots, pit(10_000, fix))["small"]
+        assert error == pytest.approx(share / np.sqrt(2.0), abs=2e-4), fix  # the motion along y has no error
 
 
 def test_a_hit_at_the_cut_angle_sends_the_ball_towards_the_goal(goals):

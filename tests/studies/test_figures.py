@@ -18,8 +18,8 @@ from studies.failures import FAILURES
 
 
 def test_pictures_are_small_and_reproducible(tmp_path, monkeypatch):
-    monkeypatch.setattr(figures, "run_out", lambda _: True)
-    monkeypatch.setattr(figures, "film", lambda *_: None)  # its own test is below
+    monkeypatch.setattr(figures, "filmed_run_out", lambda _: True)
+    monkeypatch.setattr(figures, "write_film", lambda *_: None)  # its own test is below
     figures.main(["--folder", str(tmp_path / "one")])
     monkeypatch.setattr(figures, "write_gif", lambda *_: None)  # slow
     figures.main(["--folder", str(tmp_path / "two")])
@@ -43,7 +43,7 @@ def test_the_picture_of_the_tables_takes_any_number(count, monkeypatch):
 
 
 def test_the_picture_of_a_shot_has_the_combination_of_its_title():
-    events = figures.shot_of(Scene.named("pool", 4), **figures.SHOT).events
+    events = figures.random_shot(Scene.named("pool", 4), **figures.SHOT).events
     assert events is not None
     hits, drops = (events[events["kind"] == kind] for kind in ("ball_ball", "pocket"))
     assert hits[["ball", "other"]].tolist() == [(0, 2), (2, 3)]
@@ -72,10 +72,10 @@ def test_the_views_of_the_failures_contain_all_balls_and_contacts():
 
 def test_the_film_of_a_run_out_shows_each_plan_and_ends_with_the_win(tmp_path, monkeypatch):
     monkeypatch.setattr(figures, "FILM", {**figures.FILM, "shots": 300, "width": 160, "frame": 5.0})
-    models = next(filter(None, map(figures.run_out, itertools.count())))
+    models = next(filter(None, map(figures.filmed_run_out, itertools.count())))
     assert models[-1][0].game.state.winner == 0
     assert all(model.preview is not None for model, _ in models[:-1])
-    figures.film(tmp_path / "film.gif", models)
+    figures.write_film(tmp_path / "film.gif", models)
     with GifImageFile(tmp_path / "film.gif") as film:
         assert film.n_frames >= 2 * len(models) - 1
     assert (figures.IMAGES / "run_out.gif").stat().st_size < 2 * 2**20

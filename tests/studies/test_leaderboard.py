@@ -16,10 +16,10 @@ FILES = sorted(leaderboard.FOLDER.glob("*.json"))
 
 def test_the_page_is_that_of_the_files():
     """The scores are computed from the outcomes in the files. Another test proves a sample of the outcomes."""
-    found = json.loads(json.dumps(entries(leaderboard.FOLDER, bench.load)))
-    assert found == json.loads((RESULTS / "leaderboard.json").read_text(encoding="utf-8"))
-    assert {"random", "geometric", "search_200"} <= set(found)
-    assert {name for name in found if found[name]["checked"] == "player run by the maintainers"} == set(leaderboard.RUN)
+    data = json.loads(json.dumps(entries(leaderboard.FOLDER, bench.load)))
+    assert data == json.loads((RESULTS / "leaderboard.json").read_text(encoding="utf-8"))
+    assert {"random", "geometric", "search_200"} <= set(data)
+    assert {name for name in data if data[name]["checked"] == "player run by the maintainers"} == set(leaderboard.RUN)
     assert sum(path.stat().st_size for path in FILES) < 1.5e6
 
 
@@ -47,14 +47,14 @@ def test_the_command_verifies_and_writes(tmp_path, monkeypatch, capsys):
     arguments = ["--folder", str(folder), "--output", str(output), "--images", str(tmp_path)]
     main(arguments)
     assert (tmp_path / "leaderboard.png").read_bytes().startswith(b"\x89PNG")
-    found = json.loads(output.read_text())
-    rows = blocks(found)["table"].splitlines()[2:]
+    content = json.loads(output.read_text())
+    rows = blocks(content)["table"].splitlines()[2:]
     names = [row.split(" | ")[0].strip("| ") for row in rows]
     assert names == ["geometric", "search:20", "random"]  # the second one has no aggregate
     assert rows[1].count(" - ") == len(BENCH_TASKS)
     marks = [row.split(" | ")[-1].strip(" |") for row in rows]
     assert marks == ["player run by the maintainers", "replayed only", "player run by the maintainers"]
-    assert blocks(found)["table"] in capsys.readouterr().out
+    assert blocks(content)["table"] in capsys.readouterr().out
 
     bench.save(folder / "other.json", bench.play("random", BENCH_TASKS[:1], (0,)))
     with pytest.raises(SystemExit, match=r"other\.json: Pot1-v0 with seeds \[0\]: expected some of"):
@@ -63,4 +63,4 @@ def test_the_command_verifies_and_writes(tmp_path, monkeypatch, capsys):
     (folder / "other.json").write_text(text.replace('"success": "', '"success": "1', 1))
     with pytest.raises(SystemExit, match=r"other\.json: results\[0\]\.success"):
         main(arguments)
-    assert json.loads(output.read_text()) == found
+    assert json.loads(output.read_text()) == content

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from agents import config as settings
-from billiards_env.evaluation import evaluation_seeds, play
+from billiards_env.evaluation import evaluation_seeds, play_episodes
 from billiards_env.players.named import find_player
 from studies import learning
 from studies.learning import blocks, main
@@ -36,7 +36,7 @@ def command(tmp_path, monkeypatch):
     monkeypatch.setattr(settings, "LEARNING", tmp_path / "learning.yaml")
     monkeypatch.setattr(learning, "LEARNING", tmp_path / "learning.yaml")
     monkeypatch.setattr(learning, "EPISODES", 50)
-    monkeypatch.setattr(learning, "workers", lambda *_: contextlib.nullcontext(InThisProcess()))
+    monkeypatch.setattr(learning, "executor", lambda *_: contextlib.nullcontext(InThisProcess()))
 
     def run(rows=ROWS):
         (tmp_path / "learning.yaml").write_text(yaml.safe_dump(rows))
@@ -48,23 +48,23 @@ def command(tmp_path, monkeypatch):
 
 
 def test_the_command_trains_what_has_no_results(command, tmp_path, capsys):
-    found = command()
+    content = command()
     printed = capsys.readouterr().out
-    assert all(text in printed for text in blocks(found).values())
-    assert [list(row["runs"]) for row in found.values()] == [["3", "4"]] * 2
-    run = found["pot_mlp"]["runs"]["4"]
+    assert all(text in printed for text in blocks(content).values())
+    assert [list(row["runs"]) for row in content.values()] == [["3", "4"]] * 2
+    run = content["pot_mlp"]["runs"]["4"]
     assert [point[0] for point in run["curve"]] == [0, 128]
     env = gym.make("Billiards/Pot1-v0")
     player = find_player(f"policy:{tmp_path / 'runs' / 'pot_mlp' / 'seed4'}", env)
-    assert play(env, player, evaluation_seeds(4, 50).tolist()) == run["tasks"]["Pot1-v0"]
+    assert play_episodes(env, player, evaluation_seeds(4, 50).tolist()) == run["tasks"]["Pot1-v0"]
     assert run["tasks"]["Pot1Noise-v0"]["episodes"] == 50
     assert (tmp_path / "runs" / "learning.png").exists()
     assert (tmp_path / "runs" / "policies" / "pot" / "policy.pt").exists()
 
     path = tmp_path / "runs" / "learning.json"
-    found["pot"]["runs"]["3"]["tasks"]["Pot1-v0"]["success_rate"] = 0.75
-    del found["pot_mlp"]["runs"]["3"]
-    path.write_text(json.dumps(found))
+    content["pot"]["runs"]["3"]["tasks"]["Pot1-v0"]["success_rate"] = 0.75
+    del content["pot_mlp"]["runs"]["3"]
+    path.write_text(json.dumps(content))
     again = command()
     assert again["pot"]["runs"]["3"]["tasks"]["Pot1-v0"]["success_rate"] == 0.75
     assert again["pot_mlp"]["runs"].keys() == {"3", "4"}

@@ -48,18 +48,18 @@ def test_the_study_trains_resumes_and_shows_its_results(tmp_path, monkeypatch, c
     worker.write_text(FAKE)
     monkeypatch.setattr(study, "WORKER", worker)
     monkeypatch.setattr(study, "WORLDS", worlds)
-    monkeypatch.setattr(study, "workers", lambda *_: InThisProcess())
+    monkeypatch.setattr(study, "executor", lambda *_: InThisProcess())
     monkeypatch.setattr(study, "PYTHON", sys.executable)
-    given = ["--shots", "4096", "--layouts", "300", "--output", str(tmp_path / "o.json"), "--images", str(tmp_path)]
-    study.main(given)
-    found = json.loads((tmp_path / "o.json").read_text())["runs"]
-    assert found.keys() == {f"{name}, seed 11" for name in worlds}
-    for run in found.values():
+    argv = ["--shots", "4096", "--layouts", "300", "--output", str(tmp_path / "o.json"), "--images", str(tmp_path)]
+    study.main(argv)
+    results = json.loads((tmp_path / "o.json").read_text())["runs"]
+    assert results.keys() == {f"{name}, seed 11" for name in worlds}
+    for run in results.values():
         assert 0 < sum(count for count, *_ in run["aim"]) <= run["success"][run["world"]] <= 300
-    assert found["exact, rigid, seed 11"]["predicted"].keys() == {"pymunk 1/240 s"}
-    assert found["pymunk 1/240 s, seed 11"]["delay"] == 0.002
+    assert results["exact, rigid, seed 11"]["predicted"].keys() == {"pymunk 1/240 s"}
+    assert results["pymunk 1/240 s, seed 11"]["delay"] == 0.002
     monkeypatch.setattr(study, "train", None)
-    study.main(given)
+    study.main(argv)
     assert "| pymunk 1/240 s | 2.0 ms |" in capsys.readouterr().out
     assert (tmp_path / "other_simulators.png").read_bytes().startswith(b"\x89PNG")
 
@@ -67,10 +67,10 @@ def test_the_study_trains_resumes_and_shows_its_results(tmp_path, monkeypatch, c
 def test_the_published_errors_have_the_predicted_sign_and_in_pymunk_the_predicted_size():
     result = json.loads((study.RESULTS / "other_simulators.json").read_text())
     for name, rows in study.aim_errors(result).items():
-        few = rows[:3]  # up to 45 degrees
-        assert (few[:, 1] < 0).all(), name
+        thick = rows[:3]  # up to 45 degrees
+        assert (thick[:, 1] < 0).all(), name
         if name.startswith("pymunk"):
-            assert few[:, 1] == pytest.approx(few[:, 2], abs=0.5), name
+            assert thick[:, 1] == pytest.approx(thick[:, 2], abs=0.5), name
 
 
 def test_a_shot_of_the_worker_ends_in_a_pocket_at_a_cushion_or_when_nothing_can_happen():
@@ -87,7 +87,7 @@ def test_a_shot_of_the_worker_ends_in_a_pocket_at_a_cushion_or_when_nothing_can_
     scene = study.SCENES["exact, rigid"].to_dict()
     starts = np.array([[-0.5 + 0.3j, -0.5 - 0.3j]] * 200)
     speeds = np.resize([0.0, 3.0, 1.0j, 0.2j, 0.01, 2.0 + 1.0j], 200)
-    assert (simulators_worker.play(0.01, scene, place, step, starts, speeds) == -1).all()
+    assert (simulators_worker.play_shots(0.01, scene, place, step, starts, speeds) == -1).all()
 
 
 @pytest.mark.parametrize("module", ["pymunk", "mujoco"])
@@ -98,8 +98,8 @@ def test_the_worker_plays_direct_pots(module):
     late = simulators_worker.delays(0.002, scene, place, step, at_end)
     assert np.mean(late) == pytest.approx(0.001 if module == "pymunk" else 0.0085, abs=2e-4)
     starts = np.array([[-0.2j, 0.4j], [-0.2j, 0.4j], [0.5, 0.9 + 0.3j]] * 100)
-    found = simulators_worker.play(0.002, scene, place, step, starts, np.array([2.0j, -2.0j, 0.0] * 100))
-    assert found.tolist() == [5, -1, -1] * 100
+    pockets = simulators_worker.play_shots(0.002, scene, place, step, starts, np.array([2.0j, -2.0j, 0.0] * 100))
+    assert pockets.tolist() == [5, -1, -1] * 100
 
 
 @pytest.mark.parametrize("module", ["pymunk", "mujoco"])
@@ -109,10 +109,10 @@ def test_a_shot_of_the_worker_does_not_depend_on_earlier_ones(module):
     place, step, _ = getattr(simulators_worker, f"in_{module}")(0.01, scene)
     starts = random.uniform(-0.5, 0.5, (2000, 2, 2)) @ (1, 1j) + np.array([-0.6, 0.6])
     speeds = 2.0 * np.diff(starts)[:, 0] * np.exp(0.05j * random.normal(size=2000))
-    found = simulators_worker.play(0.01, scene, place, step, starts, speeds)
-    assert (found >= 0).sum() > 20
-    again = simulators_worker.play(0.01, scene, place, step, starts[::-1], speeds[::-1])
-    assert again[::-1].tolist() == found.tolist()
+    pockets = simulators_worker.play_shots(0.01, scene, place, step, starts, speeds)
+    assert (pockets >= 0).sum() > 20
+    again = simulators_worker.play_shots(0.01, scene, place, step, starts[::-1], speeds[::-1])
+    assert again[::-1].tolist() == pockets.tolist()
 
 
 @pytest.mark.skipif(not study.PYTHON.exists(), reason="the worker needs .venv-simulators")
@@ -121,5 +121,5 @@ def test_the_process_of_the_worker_plays_shots(world, delay):
     with study.opened(world) as (play, delays):
         assert delays.mean() == pytest.approx(delay, abs=1e-5)
         starts = np.stack([[[0.0, -0.2], [0.0, 0.4]]] * 5)
-        found = play(starts, np.array([[0.0, s] for s in (0.0, 3.0, -1.0, 2.0, 0.1)]))
-    assert found.tolist() == [-1, 5, -1, 5, -1]
+        pockets = play(starts, np.array([[0.0, s] for s in (0.0, 3.0, -1.0, 2.0, 0.1)]))
+    assert pockets.tolist() == [-1, 5, -1, 5, -1]

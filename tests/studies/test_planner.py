@@ -40,8 +40,8 @@ def test_each_experiment_is_measured_and_only_new_racks_are_played(tmp_path, mon
     monkeypatch.setattr(planner, "MAX_POINTS", 2)
     monkeypatch.setattr(planner, "EQUAL_TIME", "search:2")
     monkeypatch.setattr(planner, "LAYOUTS", 1)
-    given = ["--output", str(output), "--images", str(tmp_path)]
-    main([*given, "--racks", "1"])
+    argv = ["--output", str(output), "--images", str(tmp_path)]
+    main([*argv, "--racks", "1"])
     assert (tmp_path / "planner_budget.png").stat().st_size > 1000
     first = json.loads(output.read_text())
     printed = capsys.readouterr().out
@@ -53,14 +53,14 @@ def test_each_experiment_is_measured_and_only_new_racks_are_played(tmp_path, mon
         planner.LEAST,
         planner.LEAST,
     ]
-    main([*given, "--racks", "2"])
-    found = json.loads(output.read_text())["results"]
+    main([*argv, "--racks", "2"])
+    results = json.loads(output.read_text())["results"]
     for experiment, noise, player, share in TINY:
-        played = found[experiment][f"{noise[0]:g} degrees, {noise[1]:g} m/s"][player]
+        played = results[experiment][f"{noise[0]:g} degrees, {noise[1]:g} m/s"][player]
         assert len(played) == 2 * share
         assert played[:1] == first["results"][experiment][f"{noise[0]:g} degrees, {noise[1]:g} m/s"][player]
     before = output.read_text()
-    main([*given, "--racks", "2"])
+    main([*argv, "--racks", "2"])
     assert output.read_text() == before
 
 

@@ -9,7 +9,7 @@ pytest.importorskip("matplotlib")
 
 from billiards_env.games import Stroke, play
 from studies import positions
-from studies.positions import SET, main, setup_of, state_of, stroke_of, success
+from studies.positions import SET, main, setup_of, state_of, stroke_of, success_share
 
 ENTRIES = json.loads(SET.read_text(encoding="utf-8"))["positions"]
 
@@ -29,7 +29,7 @@ def test_the_success_of_an_answer_is_near_its_probability():
     gaps = []
     for number, entry in enumerate(ENTRIES[::20]):
         setup, game, rng = setup_of(entry["rules"]), state_of(entry), np.random.default_rng(number)
-        share = success(setup, game, stroke_of(entry["answer"]), 200, rng)
+        share = success_share(setup, game, stroke_of(entry["answer"]), 200, rng)
         gaps.append(share - entry["answer"]["probability"])
     assert np.abs(gaps).mean() < 0.1
 
@@ -37,7 +37,7 @@ def test_the_success_of_an_answer_is_near_its_probability():
 def test_a_stroke_that_moves_nothing_has_no_success():
     entry = next(entry for entry in ENTRIES if entry["state"]["in_hand"] == "no")
     setup, game = setup_of(entry["rules"]), state_of(entry)
-    assert success(setup, game, Stroke((0.001, 0.0)), 5, np.random.default_rng(0)) < 1.0
+    assert success_share(setup, game, Stroke((0.001, 0.0)), 5, np.random.default_rng(0)) < 1.0
 
 
 def test_the_command_measures_players_without_scores(tmp_path, monkeypatch, capsys):
@@ -46,13 +46,13 @@ def test_the_command_measures_players_without_scores(tmp_path, monkeypatch, caps
     monkeypatch.setattr(positions, "SET", path)
     arguments = ["--output", str(output), "--samples", "20"]
     main(["--players", "answers,geometric", *arguments])
-    found = json.loads(output.read_text())
-    assert list(found["scores"]) == ["answers", "geometric"]
-    found["scores"]["geometric"]["success"] = [0.25, 0.25, 1.0]  # stays: it is measured
-    output.write_text(json.dumps(found))
+    content = json.loads(output.read_text())
+    assert list(content["scores"]) == ["answers", "geometric"]
+    content["scores"]["geometric"]["success"] = [0.25, 0.25, 1.0]  # stays: it is measured
+    output.write_text(json.dumps(content))
     main(["--players", "planner:club", *arguments])
-    found = json.loads(output.read_text())
-    assert list(found["scores"]) == ["answers", "geometric", "planner:club"]
+    content = json.loads(output.read_text())
+    assert list(content["scores"]) == ["answers", "geometric", "planner:club"]
     text = capsys.readouterr().out
-    assert positions.blocks(found)["table"] in text
+    assert positions.blocks(content)["table"] in text
     assert "25.0% |     100.0% |" in text

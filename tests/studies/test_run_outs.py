@@ -12,36 +12,38 @@ pytest.importorskip("torch")
 from billiards_env.games import Setup, opening
 from billiards_env.games.state import ANYWHERE, changed
 from billiards_env.scene import Scene
-from studies import load_weights, run_outs
+from studies import load_arrays, run_outs
 
 CELLS = tuple(
-    run_outs.Cell(rules, "real_pool", noise) for rules in ("nine_ball", "eight_ball") for noise in ((0.03, 0.0), (3, 0))
+    run_outs.Setting(rules, "real_pool", noise)
+    for rules in ("nine_ball", "eight_ball")
+    for noise in ((0.03, 0.0), (3, 0))
 )
 
 
 def test_the_command_plays_what_is_missing_and_the_network_learns(tmp_path, monkeypatch, capsys):
-    small = {"CELLS": CELLS, "PARTS": 1, "PART": 2, "SECONDS": 0.005, "LONGEST": 8, "EPOCHS": 60, "BATCH": 16}
+    small = {"SETTINGS": CELLS, "PARTS": 1, "PART": 2, "SECONDS": 0.005, "LONGEST": 8, "EPOCHS": 60, "BATCH": 16}
     for name, value in small.items():
         monkeypatch.setattr(run_outs, name, value)
-    monkeypatch.setattr(run_outs, "workers", lambda *_: contextlib.nullcontext(ThreadPoolExecutor(1)))
+    monkeypatch.setattr(run_outs, "executor", lambda *_: contextlib.nullcontext(ThreadPoolExecutor(1)))
     output, weights, folder = tmp_path / "run_outs.json", tmp_path / "run_outs.npz", tmp_path / "positions"
     arguments = ["--output", str(output), "--weights", str(weights), "--folder", str(folder)]
     run_outs.main(arguments)
-    found = json.loads(output.read_text())
-    assert run_outs.blocks(found)["table"] in capsys.readouterr().out
+    content = json.loads(output.read_text())
+    assert run_outs.blocks(content)["table"] in capsys.readouterr().out
     files = sorted(folder.iterdir())
     assert len(files) == run_outs.ROUNDS * len(CELLS)
-    assert sum(cell["positions"] for cell in found["cells"]) == sum(len(load_weights(file)["won"]) for file in files)
-    everything = run_outs.load(files)
-    chances = run_outs.run_outs.chances(load_weights(weights), everything.inputs.astype(float))
+    assert sum(cell["positions"] for cell in content["cells"]) == sum(len(load_arrays(file)["won"]) for file in files)
+    everything = run_outs.load_positions(files)
+    chances = run_outs.run_outs.chances(load_arrays(weights), everything.inputs.astype(float))
     assert chances[everything.won].mean() > chances[~everything.won].mean() + 0.1
-    first = load_weights(weights)
+    first = load_arrays(weights)
     files[-1].unlink()
     before = [file.read_bytes() for file in files[:-1]]
     run_outs.main(arguments)
     assert [file.read_bytes() for file in files[:-1]] == before
     assert files[-1].exists()
-    assert first.keys() == load_weights(weights).keys()
+    assert first.keys() == load_arrays(weights).keys()
 
 
 def test_a_ball_in_hand_lies_in_a_free_place_and_the_groups_are_drawn():

@@ -16,21 +16,21 @@ from studies.tasks import blocks, main
 
 
 def test_the_command_measures_what_has_no_results(tmp_path, monkeypatch, capsys):
-    few = {name: FROZEN[name] for name in ("Pot1-v0", "Pot1Noise-v0", "NineBall-v0")}
-    monkeypatch.setattr(tasks, "FROZEN", few)
+    selected = {name: FROZEN[name] for name in ("Pot1-v0", "Pot1Noise-v0", "NineBall-v0")}
+    monkeypatch.setattr(tasks, "FROZEN", selected)
     monkeypatch.setattr(tasks, "PLAYERS", ("random", "geometric"))
     monkeypatch.setattr(bench, "EPISODES", 5)
     path = tmp_path / "scores.json"
     pictures = [tmp_path / "tasks.png", tmp_path / "tasks" / "Pot1.jpg", tmp_path / "tasks" / "NineBall.jpg"]
     main(["--output", str(path), "--images", str(tmp_path)])
     content = [picture.read_bytes() for picture in pictures]
-    found = json.loads(path.read_text())
-    assert list(found) == list(few)
-    assert blocks(found)["table"] in capsys.readouterr().out
-    found["Pot1-v0"]["players"]["random"]["return"] = 7.0  # stays: it is measured
-    found["NineBall-v0"]["layouts"] = "other"  # measured again
-    found["NineBall-v0"]["players"]["random"]["return"] = 7.0
-    path.write_text(json.dumps(found))
+    results = json.loads(path.read_text())
+    assert list(results) == list(selected)
+    assert blocks(results)["table"] in capsys.readouterr().out
+    results["Pot1-v0"]["players"]["random"]["return"] = 7.0  # stays: it is measured
+    results["NineBall-v0"]["layouts"] = "other"  # measured again
+    results["NineBall-v0"]["players"]["random"]["return"] = 7.0
+    path.write_text(json.dumps(results))
     main(["--output", str(path), "--images", str(tmp_path)])
     assert [picture.read_bytes() for picture in pictures] == content
     again = json.loads(path.read_text())
@@ -69,6 +69,6 @@ LEARNED = [
 
 @pytest.mark.parametrize(("name", "policy"), LEARNED)
 def test_a_learned_policy_is_one_of_the_same_task(name, policy):
-    found = tasks.learned(name)
-    assert (found and found.policy) == policy
-    assert found is None or 0.1 < found.success < 1
+    learned = tasks.learned(name)
+    assert (learned and learned.policy) == policy
+    assert learned is None or 0.1 < learned.success < 1

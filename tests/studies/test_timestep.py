@@ -12,7 +12,7 @@ import pytest
 from billiards_env import Scene, simulate
 from billiards_env.engine import PIC, Engine
 from studies import timestep, timestep_report, timestep_shots
-from studies.readme import fill, results
+from studies.readme import fill_page, results
 from tests.helpers.processes import InThisProcess
 
 pytest.importorskip("matplotlib")
@@ -40,7 +40,7 @@ def shrink(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(timestep, "WORLDS_OF_GAMES", tuple(WORLDS))
     patch.setattr(timestep, "PARTS", PARTS)
     patch.setattr(timestep, "LAYOUTS", 200)
-    patch.setattr(timestep, "workers", lambda *_: contextlib.nullcontext(InThisProcess()))
+    patch.setattr(timestep, "executor", lambda *_: contextlib.nullcontext(InThisProcess()))
     patch.setattr(timestep_report, "SHOTS_OF_FINE_TUNING", (0, 1024, 2048))
 
 
@@ -59,30 +59,30 @@ def study(tmp_path_factory):
 
 
 def test_the_results_have_all_runs(study):
-    folder, found = study
-    assert found["runs"].keys() == {run.name for runs in PARTS.values() for run in runs}
-    assert {path.stem for path in timestep.policies(folder / "timestep.json").iterdir()} == {
+    folder, content = study
+    assert content["runs"].keys() == {run.name for runs in PARTS.values() for run in runs}
+    assert {path.stem for path in timestep.policy_folder(folder / "timestep.json").iterdir()} == {
         run.name for run in PARTS["main"]
     }
-    for run in found["runs"].values():
+    for run in content["runs"].values():
         assert run["curve"][-1]["shots"] == 2048
         assert run["success"].keys() == WORLDS.keys()
         if run["part"] in timestep.GAMES:
             assert run["own"] == run["success"][run["world"]]
         else:
             assert run["own"] - run["false_successes"] == run["success"]["exact"] - run["false_failures"]
-    assert found["runs"]["main_1-15_6"]["own"] == found["runs"]["main_1-15_6"]["success"]["1/15"]
-    assert found["runs"]["main_exact_5"]["false_successes"] == 0
+    assert content["runs"]["main_1-15_6"]["own"] == content["runs"]["main_1-15_6"]["success"]["1/15"]
+    assert content["runs"]["main_exact_5"]["false_successes"] == 0
 
 
 def test_runs_with_results_are_not_trained_again(study, monkeypatch, capsys):
-    folder, found = study
+    folder, content = study
     shrink(monkeypatch)
     with monkeypatch.context() as patch:
         patch.setattr(timestep, "train", None)
         timestep.main(arguments(folder))
     printed = capsys.readouterr().out
-    assert all(block in printed for block in timestep_report.blocks(found).values())
+    assert all(block in printed for block in timestep_report.blocks(content).values())
     assert (folder / "timestep_aim.png").read_bytes().startswith(b"\x89PNG")
 
     trained = []
@@ -91,7 +91,7 @@ def test_runs_with_results_are_not_trained_again(study, monkeypatch, capsys):
         trained.append(run.name)
         raise KeyboardInterrupt
 
-    changed = {**found, "runs": {name: run for name, run in found["runs"].items() if name != "main_1-60_6"}}
+    changed = {**content, "runs": {name: run for name, run in content["runs"].items() if name != "main_1-60_6"}}
     changed["runs"]["random_random_5"] = {**changed["runs"]["random_random_5"], "options": "--shots 1"}
     with monkeypatch.context() as patch:
         patch.setattr(timestep, "train", train)
@@ -104,12 +104,12 @@ def test_runs_with_results_are_not_trained_again(study, monkeypatch, capsys):
 
 
 def test_the_committed_weights_play_as_measured(study):
-    folder, found = study
+    folder, content = study
     args = timestep.ppo.arguments(TINY.split())
-    policy = timestep.policy_of(timestep.load_weights(folder / "policies" / "timestep" / "main_1-60_5.npz"), args)
+    policy = timestep.policy_of(timestep.load_arrays(folder / "policies" / "timestep" / "main_1-60_5.npz"), args)
     envs: Any = gym.make_vec(timestep.ppo.ENV_ID, num_envs=200, **timestep.WORLDS["1/60"])
     seed = timestep.LAYOUT_SEED
-    assert timestep.ppo.success(policy, envs, seed) == found["runs"]["main_1-60_5"]["own"] / 200
+    assert timestep.ppo.success(policy, envs, seed) == content["runs"]["main_1-60_5"]["own"] / 200
 
 
 def _hit(shot: Any) -> float:
@@ -187,8 +187,8 @@ def test_the_predicted_error_makes_up_for_the_timestep_on_average(degrees):
         aside = touching * math.sin(cut) + error
         positions = np.zeros((count, 2, 2))
         positions[:, 0] = np.stack((-distance, np.full(count, -aside)), 1)
-        found = [simulate(scene, start, [speed, 0.0], engine=engine, record=True) for start in positions]
-        gone = [shot.at(_hit(shot) + 0.05)[1] for shot in found]
+        shots = [simulate(scene, start, [speed, 0.0], engine=engine, record=True) for start in positions]
+        gone = [shot.at(_hit(shot) + 0.05)[1] for shot in shots]
         return math.degrees(np.mean([math.atan2(y, x) for x, y in gone]))
 
     at_hit = math.sqrt(speed**2 - 2 * 0.2 * 9.81 * 0.28)
@@ -211,12 +211,12 @@ def test_the_statistics_of_the_report():
 
 
 def test_the_results_of_the_project_are_those_of_its_runs():
-    found = json.loads(results("timestep").read_text(encoding="utf-8"))
-    assert all(timestep.is_result(found, run) for runs in timestep.PARTS.values() for run in runs)
-    assert len(found["runs"]) == sum(map(len, timestep.PARTS.values()))
-    policies = timestep.policies(timestep.OUTPUT)
+    content = json.loads(results("timestep").read_text(encoding="utf-8"))
+    assert all(timestep.is_result(content, run) for runs in timestep.PARTS.values() for run in runs)
+    assert len(content["runs"]) == sum(map(len, timestep.PARTS.values()))
+    policies = timestep.policy_folder(timestep.OUTPUT)
     assert {path.stem for path in policies.iterdir()} == {r.name for p in timestep.SAVED for r in timestep.PARTS[p]}
-    assert "Not measured" not in fill("<!-- timestep: main -->\n<!-- end -->")
+    assert "Not measured" not in fill_page("<!-- timestep: main -->\n<!-- end -->")
 
 
 def test_the_page_has_shots_that_only_their_own_world_pots(tmp_path, monkeypatch, capsys):

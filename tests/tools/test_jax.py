@@ -23,8 +23,8 @@ def start(m=5):
 
 
 def loss(places, moving, mu_roll):
-    found = simulate(SCENE, places, moving, of=OUTPUTS, physics={"mu_roll": mu_roll}, max_time=0.7)
-    return (found["positions"] ** 2).sum() + found["spins"].sum() - found["pocket_margins"][..., 1, 2].sum()
+    outputs = simulate(SCENE, places, moving, of=OUTPUTS, physics={"mu_roll": mu_roll}, max_time=0.7)
+    return (outputs["positions"] ** 2).sum() + outputs["spins"].sum() - outputs["pocket_margins"][..., 1, 2].sum()
 
 
 def test_the_gradient_is_that_of_vjp_bit_for_bit():
@@ -36,10 +36,10 @@ def test_the_gradient_is_that_of_vjp_bit_for_bit():
     derive = jax.grad(loss, (0, 1, 2))
     one = [jax.jit(derive)(*row) for row in zip(places, moving, mu_roll, strict=True)]
     many = jax.jit(jax.vmap(derive))(places, moving, mu_roll)
-    for k, wanted in enumerate(expected.values()):
-        assert np.array_equal(wanted, many[k])
-        assert np.array_equal(wanted, [row[k] for row in one])
-        assert np.array_equal(wanted, derive(places, moving, mu_roll)[k])
+    for k, cotangent in enumerate(expected.values()):
+        assert np.array_equal(cotangent, many[k])
+        assert np.array_equal(cotangent, [row[k] for row in one])
+        assert np.array_equal(cotangent, derive(places, moving, mu_roll)[k])
 
 
 def test_shots_run_in_a_scan_and_have_the_type_of_the_velocities():

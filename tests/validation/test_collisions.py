@@ -19,23 +19,23 @@ def test_measured_throw_is_within_a_degree():
 
 
 def test_frozen_balls_leave_within_four_degrees_of_the_measured_directions(monkeypatch):
-    found = c.frozen(c.SPEEDS["slow"])
-    off = np.subtract(found.directions, [value for _, value in c.FROZEN])
+    frozen = c.frozen(c.SPEEDS["slow"])
+    off = np.subtract(frozen.directions, [value for _, value in c.FROZEN])
     assert abs(off).max() < 4.0
     assert (abs(off) < 3.0).sum() == 8
     assert off[0] == 0.0
-    assert found.ratio == pytest.approx(0.987, abs=5e-4)
+    assert frozen.ratio == pytest.approx(0.987, abs=5e-4)
     monkeypatch.setattr(frozen_strike, "LEFT", 0.0)  # the constant that the ratio determines
     other = c.frozen(c.SPEEDS["slow"])
     assert other.ratio == pytest.approx(1.0)
-    assert np.abs(np.subtract(other.directions, found.directions)).max() < 0.5
+    assert np.abs(np.subtract(other.directions, frozen.directions)).max() < 0.5
 
 
 def test_snooker_shots_agree_with_the_measurements_but_for_the_first():
     """The first shot deviates from the model of the paper by 12 % and 4 degrees too."""
-    found, measured = (np.array(values)[1:] for values in (c.snooker_shots(), [shot.measured for shot in c.SNOOKER]))
-    assert abs(found[:, :2] / measured[:, :2] - 1).max() < 0.065
-    assert abs(found[:, 2] - measured[:, 2]).max() < 1.2
+    ours, measured = (np.array(values)[1:] for values in (c.snooker_shots(), [shot.measured for shot in c.SNOOKER]))
+    assert abs(ours[:, :2] / measured[:, :2] - 1).max() < 0.065
+    assert abs(ours[:, 2] - measured[:, 2]).max() < 1.2
 
 
 def test_balls_of_domenech_need_more_friction():
@@ -45,9 +45,9 @@ def test_balls_of_domenech_need_more_friction():
 
 def test_rolling_elastic_balls_obey_wallace_and_schroeder():
     cuts = np.arange(1.0, 85.0)
-    found = c.half_ball_rule(Physics(e_ball=1.0), 1.0, cuts)
-    assert found == pytest.approx(c.wallace_schroeder(cuts), abs=1e-9)
-    assert found.max() == pytest.approx(33.75, abs=0.01)
+    angles = c.half_ball_rule(Physics(e_ball=1.0), 1.0, cuts)
+    assert angles == pytest.approx(c.wallace_schroeder(cuts), abs=1e-9)
+    assert angles.max() == pytest.approx(33.75, abs=0.01)
     assert c.half_ball_rule(Physics(e_ball=1.0), 1.0, [10, 20, 30, 40, 60]).tolist() == pytest.approx(
         [21.68, 31.87, 33.67, 31.20, 20.63], abs=0.005
     )

@@ -44,12 +44,12 @@ def test_the_snooker_scene_has_the_constants_of_the_papers():
 
 
 def test_statements_of_mathavan_2010():
-    speeds, angles = c.bounce(c.PAPER, 60.0, np.array(c.SPEEDS))
+    speeds, angles = c.rebounds(c.PAPER, 60.0, np.array(c.SPEEDS))
     assert np.ptp(angles) < 1e-4
     assert speeds / c.SPEEDS == pytest.approx([speeds[0] / c.SPEEDS[0]] * len(c.SPEEDS))
-    kept = c.bounce(c.PAPER, np.arange(10.0, 91.0))[0]
+    kept = c.rebounds(c.PAPER, np.arange(10.0, 91.0))[0]
     assert 38 <= 10 + kept.argmin() <= 45
-    assert c.bounce(c.PAPER, [90.0])[0][0] == pytest.approx(0.910, abs=0.002)
+    assert c.rebounds(c.PAPER, [90.0])[0][0] == pytest.approx(0.910, abs=0.002)
 
 
 def test_slope_of_the_fit_is_near_that_of_the_paper():

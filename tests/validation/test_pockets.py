@@ -11,7 +11,7 @@ def board():
 
 
 def test_the_side_pocket_is_as_wide_as_published(board):
-    potted, clean = p.opening(board, "side", p.SPEEDS["slow"], 0.0)
+    potted, clean = p.opening_widths(board, "side", p.SPEEDS["slow"], 0.0)
     assert potted == pytest.approx(3.35, abs=0.05)
     assert clean < 5.0625 - 2.25
 
@@ -22,5 +22,5 @@ def test_the_steepest_path_into_a_side_pocket_is_the_published_one(board):
 
 @pytest.mark.parametrize("pocket", ["side", "corner"])
 def test_fast_balls_have_a_smaller_target(board, pocket):
-    slow, fast = (p.opening(board, pocket, speed, 0.0)[0] for speed in p.SPEEDS.values())
+    slow, fast = (p.opening_widths(board, pocket, speed, 0.0)[0] for speed in p.SPEEDS.values())
     assert fast < slow

@@ -7,8 +7,8 @@ from benchmarks.validation import pooltool
 
 @pytest.mark.parametrize("number", range(120))
 def test_a_shot_agrees_with_pooltool(number):
-    found = pooltool.compare(pooltool.reference()[number])
-    assert found["same_contacts"]
-    assert found["same_potted"]
-    assert found["error_m"] < 1e-4
-    assert found["error_s"] < 1e-4
+    comparison = pooltool.compare(pooltool.recorded_shots()[number])
+    assert comparison["same_contacts"]
+    assert comparison["same_potted"]
+    assert comparison["error_m"] < 1e-4
+    assert comparison["error_s"] < 1e-4

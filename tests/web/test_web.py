@@ -59,9 +59,9 @@ def test_a_browser_computes_the_bits_of_python(engine, tab, shots):
 
 def test_a_strike_has_the_bits_of_python(page):
     parameters = {"speed": 2.5, "heading": 0.7, "side": 0.3, "top": -0.2, "elevation": 0.2}
-    found = page.evaluate("parameters => engine.strike('real_pool', parameters)", parameters)
+    struck = page.evaluate("parameters => engine.strike('real_pool', parameters)", parameters)
     expected = strike(Scene.named("real_pool"), **parameters)
-    assert found == {"velocity": expected.velocity.tolist(), "spin": expected.spin.tolist(), "miscue": False}
+    assert struck == {"velocity": expected.velocity.tolist(), "spin": expected.spin.tolist(), "miscue": False}
 
 
 @pytest.mark.parametrize("name", ["pool", "real_pool"])
@@ -70,11 +70,11 @@ def test_a_strike_drives_a_frozen_ball_as_in_python(name, page):
     positions = [[0.0, 0.0], [2 * scene.balls.radius[0], 0.0]]
     parameters = {"speed": 2.0, "heading": 0.2, "side": 0.1, "top": 0.2}
     call = "engine.simulate(name, positions, engine.strike(name, parameters)).positions"
-    found = page.evaluate(f"([name, positions, parameters]) => {call}", [name, positions, parameters])
+    final = page.evaluate(f"([name, positions, parameters]) => {call}", [name, positions, parameters])
     struck = strike(scene, **parameters)
-    assert found == simulate(scene, positions, struck).positions.tolist()
+    assert final == simulate(scene, positions, struck).positions.tolist()
     assert (
-        found != simulate(scene, positions, struck.velocity, spins=[struck.spin.tolist(), [0.0] * 3]).positions.tolist()
+        final != simulate(scene, positions, struck.velocity, spins=[struck.spin.tolist(), [0.0] * 3]).positions.tolist()
     )
 
 
@@ -86,8 +86,8 @@ def verdicts(page, text):
 
 def test_a_leaderboard_file_is_verified(page):
     file = json.loads(ENTRY.read_text(encoding="utf-8"))
-    found = verdicts(page, json.dumps(file))
-    assert found == [[task, True, ""] for task in ("Pot1-v0", "Pot1-v0", "ThreeCushion-v0", "ThreeCushion-v0")]
+    results = verdicts(page, json.dumps(file))
+    assert results == [[task, True, ""] for task in ("Pot1-v0", "Pot1-v0", "ThreeCushion-v0", "ThreeCushion-v0")]
     one, two, three, four = file["results"]
     one["returns"][3] += 0.1
     two["actions"] = "A" + two["actions"][1:]  # the last bits of the first number
@@ -105,12 +105,12 @@ def test_a_leaderboard_file_is_verified(page):
 def test_a_task_has_the_outcomes_of_python(task, page, monkeypatch):
     monkeypatch.setattr(bench, "EPISODES", 4)
     (result,) = bench.play("random", [task], [7]).results
-    given = {"task": task, "seed": 7, "shots": result.shots.tolist(), "actions": result.actions.ravel().tolist()}
+    arguments = {"task": task, "seed": 7, "shots": result.shots.tolist(), "actions": result.actions.ravel().tolist()}
     played = "result => engine.replay({ ...result, actions: Float32Array.from(result.actions) })"
-    found = page.evaluate(played, given)
-    assert found["success"] == "".join(str(int(won)) for won in result.success)
-    assert found["returns"] == result.returns.tolist()
-    assert [found["layouts"], found["digest"]] == [result.layouts, result.digest]
+    outcomes = page.evaluate(played, arguments)
+    assert outcomes["success"] == "".join(str(int(won)) for won in result.success)
+    assert outcomes["returns"] == result.returns.tolist()
+    assert [outcomes["layouts"], outcomes["digest"]] == [result.layouts, result.digest]
 
 
 WRONG = [
@@ -128,8 +128,8 @@ WRONG = [
 
 @pytest.mark.parametrize(("call", "message"), WRONG)
 def test_the_module_rejects_wrong_input(page, call, message):
-    found = page.evaluate(f"() => {{ try {{ engine.simulate({call}); }} catch (error) {{ return error.message; }} }}")
-    assert re.match(message, found)
+    error = page.evaluate(f"() => {{ try {{ engine.simulate({call}); }} catch (error) {{ return error.message; }} }}")
+    assert re.match(message, error)
 
 
 def test_the_files_are_small_and_the_module_reads_a_long_log(engine, page):
@@ -137,8 +137,8 @@ def test_the_files_are_small_and_the_module_reads_a_long_log(engine, page):
     assert len((build.HERE / "engine.js").read_text(encoding="utf-8").splitlines()) <= 400
     positions = [[-0.5, 0.0], [0.5, 0.0]]
     call = f"engine.simulate('ideal', {positions}, [7, 3], {{maxTime: 3000}})"
-    found = page.evaluate(f"() => {call}.events.length")
-    assert found == simulate(Scene.named("ideal"), positions, [7.0, 3.0], max_time=3000.0).n_events > 10_000
+    n_events = page.evaluate(f"() => {call}.events.length")
+    assert n_events == simulate(Scene.named("ideal"), positions, [7.0, 3.0], max_time=3000.0).n_events > 10_000
 
 
 def test_the_page_plays_a_shot_and_its_address_holds_it(engine, tab, tmp_path):

@@ -39,7 +39,7 @@ def tilt_of(spheres, i, j):
 
 
 @inlined
-def forget_normal_impulses(ball_friction, count, scratch):  # out: scratch
+def reset_normal_impulses(ball_friction, count, scratch):  # out: scratch
     """Sets the normal impulses of the contacts to zero."""
     if ball_friction is None:
         return

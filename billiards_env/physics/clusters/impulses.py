@@ -100,7 +100,7 @@ class Scratch(NamedTuple):
     """Scratch arrays for the resolution of up to `most` impacts of n balls.
 
     Attributes:
-        wanted: (most, 2) float64, double-double: required increase of each contact's speed of separation, m/s.
+        increase: (most, 2) float64, double-double: required increase of each contact's speed of separation, m/s.
         impulse: (most, 2) float64, double-double, kg m/s.
         change: (n, 4) float64, changes of velocity, see the columns above.
         problem: The `ComplementarityProblem` of up to `MOST` contacts.
@@ -110,7 +110,7 @@ class Scratch(NamedTuple):
         rubbing: The `Rubbing`; None for balls without friction.
     """
 
-    wanted: Any
+    increase: Any
     impulse: Any
     change: Any
     problem: ComplementarityProblem
@@ -141,7 +141,7 @@ def _empty_rubbing(ball_friction, n, most):
 def empty_scratch(n, most, ball_friction):
     """Returns the `Scratch` for n balls and `most` contacts; `ball_friction` is `SceneArrays.ball_friction`."""
     return Scratch(
-        wanted=np.empty((most, 2)),
+        increase=np.empty((most, 2)),
         impulse=np.empty((most, 2)),
         change=np.empty((n, 4)),
         problem=empty_problem(min(most, MOST)),
@@ -189,17 +189,17 @@ def _coupling(contacts, c, k, inv_mass):
 @kernel
 def _solve_directly(count, contacts, inv_mass, scratch):  # out: scratch
     """Computes the plastic impulses by `solve_complementarity`. Returns whether that succeeds."""
-    problem, impulse, wanted = scratch.problem, scratch.impulse, scratch.wanted
+    problem, impulse, increase = scratch.problem, scratch.impulse, scratch.increase
     for c in range(count):
-        problem.b[c, HI], problem.b[c, LO] = wanted[c, HI], wanted[c, LO]
+        problem.b[c, HI], problem.b[c, LO] = increase[c, HI], increase[c, LO]
         for k in range(c + 1):
             value, value_lo = _coupling(contacts, c, k, inv_mass)
             problem.a[c, k, HI], problem.a[c, k, LO] = value, value_lo
             problem.a[k, c, HI], problem.a[k, c, LO] = value, value_lo
-    found = solve_complementarity(count, problem)
+    is_solved = solve_complementarity(count, problem)
     for c in range(count):
         impulse[c, HI], impulse[c, LO] = problem.x[c, HI], problem.x[c, LO]
-    return found
+    return is_solved
 
 
 @kernel
@@ -210,7 +210,7 @@ def _descend(count, contacts, inv_mass, scratch):  # out: scratch
     ball's contacts is exact (see `sum_impulses`), so it does not depend on their order.
     """
     first, second, nx, ny = contacts.first, contacts.second, contacts.nx, contacts.ny
-    wanted, dv, done = scratch.wanted, scratch.dv, scratch.done
+    increase, dv, done = scratch.increase, scratch.dv, scratch.done
     scale, point, last, step = scratch.descent[0], scratch.descent[1], scratch.descent[2], scratch.descent[3]
     for c in range(count):
         scale[c] = 1.0 / math.sqrt(inv_mass[first[c]] + inv_mass[second[c]])
@@ -224,7 +224,7 @@ def _descend(count, contacts, inv_mass, scratch):  # out: scratch
                 term = abs(_coupling(contacts, c, k, inv_mass)[0]) * (scale[c] * scale[k])
                 row += math.ldexp(math.ceil(math.ldexp(term, 20)), -20)  # sums of multiples of 2^-20 are exact
         bound = max(bound, row)
-        largest = max(largest, wanted[c, HI] * scale[c])
+        largest = max(largest, increase[c, HI] * scale[c])
     theta = 1.0
     for _ in range(_SWEEPS):
         sum_impulses(count, contacts, point, scale, inv_mass, dv, done)
@@ -232,7 +232,7 @@ def _descend(count, contacts, inv_mass, scratch):  # out: scratch
         for c in range(count):
             i, j = first[c], second[c]
             done[i] = done[j] = False
-            opening = nx[c] * (dv[j, X] - dv[i, X]) + ny[c] * (dv[j, Y] - dv[i, Y]) - wanted[c, HI]
+            opening = nx[c] * (dv[j, X] - dv[i, X]) + ny[c] * (dv[j, Y] - dv[i, Y]) - increase[c, HI]
             new = max(0.0, point[c] - opening * scale[c] / bound)
             step[c] = new - last[c]
             last[c] = new
@@ -357,7 +357,7 @@ def apply_changes(count, factor, contacts, state, scene, scratch):  # out: state
     change, scale, done = scratch.change, scratch.dv, scratch.done
     largest = 0.0
     for c in range(count):
-        largest = max(largest, scratch.wanted[c, HI])
+        largest = max(largest, scratch.increase[c, HI])
         scale[contacts.first[c], X] = scale[contacts.second[c], X] = 0.0
     for c in range(count):
         i, j = contacts.first[c], contacts.second[c]

@@ -118,8 +118,8 @@ def outline_arrays(
     rows = []
     for (x0, y0, x1, y1), corner, after in zip(lines, corners, (*corners[1:], corners[0]), strict=True):
         dx, dy = after.x - corner.x, after.y - corner.y
-        whole = math.sqrt(dx * dx + dy * dy)
-        tx, ty = dx / whole, dy / whole
+        length = math.sqrt(dx * dx + dy * dy)
+        tx, ty = dx / length, dy / length
         half = 0.5 * math.sqrt((x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0))
         rows.append((0.5 * (x0 + x1), 0.5 * (y0 + y1), tx, ty, ty, -tx, half if half > 0.5 * JOINT else -1.0))
     before = {line[2:]: row for line, row in zip(lines, rows, strict=True)}
@@ -513,10 +513,10 @@ def _touches(x, y, wall, radius, outline):
 @inlined
 def _touches_another(x, y, wall, radius, outline):
     """Returns whether a ball that touches `wall` touches another piece of an outline."""
-    found = False
+    touches = False
     for k in range(len(outline.lines) + len(outline.tips)):
-        found = found or (k != wall and _touches(x, y, k, radius, outline))
-    return found
+        touches = touches or (k != wall and _touches(x, y, k, radius, outline))
+    return touches
 
 
 @inlined
@@ -584,14 +584,14 @@ def _next_overlap(x, y, vx, vy, radius, outline):
     Of several cushions the one whose normal is nearest to the x axis comes first, then the deepest overlap.
     """
     outside = _distance_outside(x, y, outline)
-    found, widest, deepest = -1, -1.0, 0.0
+    first, widest, deepest = -1, -1.0, 0.0
     for wall in range(len(outline.lines) + len(outline.tips)):
         beyond, nx, ny = _piece_overlap(x, y, radius, wall, outside, outline)
         if beyond <= 0.0 or nx * vx + ny * vy < 0.0:
             continue
         if abs(nx) > widest or (abs(nx) == widest and beyond > deepest):
-            found, widest, deepest = wall, abs(nx), beyond
-    return found
+            first, widest, deepest = wall, abs(nx), beyond
+    return first
 
 
 @kernel
