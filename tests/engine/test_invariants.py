@@ -132,17 +132,13 @@ def check_renumbering(shot, options, order):
 @engines_and_worlds
 @settings(max_examples=30)
 @given(seed=SEEDS)
+@example(seed=428)  # PIC, a rack: a velocity halfway between two doubles was rounded by the order of the contacts
+@example(seed=16)  # PIT, a rack: an impact that the fix had removed changed the velocities of the first pair
 def test_the_numbers_of_the_balls_change_no_bit(engine, world, seed):
     """Simultaneous impacts on cushions were once resolved in the order of the balls."""
     shot, rng = WORLDS[world](seed), np.random.default_rng(seed)
     order = np.r_[0, 1 + rng.permutation(shot[0].n_balls - 1)] if seed % 2 else rng.permutation(shot[0].n_balls)
     check_renumbering(shot, options_of(engine, shot[0], seed), order)
-
-
-@pytest.mark.xfail(strict=True, reason="in an ideal rack the rounding of impacts depends on the numbers of the balls")
-def test_the_numbers_of_the_balls_change_no_bit_of_an_ideal_rack():
-    shot, rng = WORLDS["racks and scattered balls"](428), np.random.default_rng(428)
-    check_renumbering(shot, options_of("pic", shot[0], 428), rng.permutation(shot[0].n_balls))
 
 
 @pytest.mark.parametrize("world", [world for world in WORLDS if world != "outlines"])  # `test_outline.py` has those

@@ -97,14 +97,15 @@ KINDS = ("smooth", "rubbing", "spheres")
 """Balls without friction, balls with it, and spheres of different size with it."""
 
 
-def triangle(rows):
-    """Returns the places (n, 2) of a frozen rack, in diameters, and the pairs in contact.
-
-    From four rows on there are more contacts than degrees of freedom.
-    """
-    places = np.array([(c - r / 2, r * math.sqrt(0.75)) for r in range(rows) for c in range(r + 1)])
+def packed(places):
+    """Returns places (n, 2), in diameters, and the pairs in contact."""
     pairs = itertools.combinations(range(len(places)), 2)
     return places, [(i, j) for i, j in pairs if math.dist(places[i], places[j]) < 1.01]
+
+
+def triangle(rows):
+    """Returns a frozen rack as `packed` does. From four rows on there are more contacts than degrees of freedom."""
+    return packed(np.array([(c - r / 2, r * math.sqrt(0.75)) for r in range(rows) for c in range(r + 1)]))
 
 
 def cluster(rng, n):

@@ -14,8 +14,8 @@ import math
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.clusters.complementarity import solve_smallest
-from billiards_env.physics.clusters.impulses import quantum
-from billiards_env.physics.double_double import HI
+from billiards_env.physics.clusters.impulses import RESIDUE, quantum, to_double
+from billiards_env.physics.double_double import HI, LO
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.laws.balls import Pair, along_normal, contact_slip, friction_coefficient, tilt_between
 from billiards_env.physics.state import UX, UY, VX, VY, WZ, ball_of
@@ -52,11 +52,12 @@ def add_normal_impulses(ball_friction, count, factor, direct, scratch):  # out: 
     """Adds `factor` times the impulses of `solve_plastic` to the normal impulses; `direct` is its result."""
     if ball_friction is None:
         return
-    normal, impulse, x = scratch.rubbing.normal, scratch.impulse, scratch.problem.x
+    normal, p = scratch.rubbing.normal, scratch.impulse
     if direct:
         solve_smallest(count, scratch.problem, scratch.rubbing.target)
+        p = scratch.problem.x
     for c in range(count):
-        normal[c] += factor * (x[c, HI] if direct else impulse[c, HI])
+        normal[c] += factor * to_double(p[c, HI], p[c, LO], RESIDUE * p[c, HI])
 
 
 @inlined
