@@ -1,3 +1,4 @@
+import itertools
 import math
 import os
 
@@ -10,6 +11,7 @@ pytest.importorskip("pygame")
 
 from PIL.GifImagePlugin import GifImageFile
 
+from billiards_env.drawing import film
 from billiards_env.drawing.canvas import Canvas, Caption, pixels
 from tests.helpers.films import read_mp4
 
@@ -80,6 +82,26 @@ def test_bad_arguments_are_rejected_and_leave_no_file(suffix, shot, elsewhere, t
             with pytest.raises(ValueError, match="compare: expected a shot with the same balls on the same table"):
                 draw()
     assert os.listdir(tmp_path) == [f"folder.{suffix}"]
+
+
+@pytest.mark.parametrize(("suffix", "passes"), [("gif", 2), ("mp4", 1)])  # a GIF is drawn twice
+def test_an_error_in_a_frame_keeps_the_old_file(suffix, passes, shot, tmp_path, monkeypatch):
+    last = passes * (math.ceil(5 * shot.time) + 1)
+    made = itertools.count(1)
+
+    def fail_at_the_last(frame):
+        if next(made) == last:
+            raise MemoryError
+        return pixels(frame)
+
+    monkeypatch.setattr(film, "pixels", fail_at_the_last)
+    target = tmp_path / f"a.{suffix}"
+    target.write_text("old")
+    with pytest.raises(MemoryError):
+        getattr(shot, f"to_{suffix}")(target, fps=5, width=160)
+    assert next(made) == last + 1
+    assert os.listdir(tmp_path) == [target.name]
+    assert target.read_text() == "old"
 
 
 @pytest.mark.parametrize("size", [1000, 40_000])
