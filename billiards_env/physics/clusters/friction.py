@@ -39,17 +39,11 @@ def tilt_of(spheres, i, j):
 
 
 @inlined
-def forget_normal_impulses(ball_friction, count, scratch):  # out: scratch
-    """Sets the normal impulses of the contacts to zero."""
-    if ball_friction is None:
-        return
-    for c in range(count):
-        scratch.rubbing.normal[c] = 0.0
+def add_normal_impulses(ball_friction, count, factor, first, direct, scratch):  # out: scratch
+    """Adds `factor` times the impulses of `solve_plastic` to the normal impulses, which are zero before the first call.
 
-
-@inlined
-def add_normal_impulses(ball_friction, count, factor, direct, scratch):  # out: scratch
-    """Adds `factor` times the impulses of `solve_plastic` to the normal impulses; `direct` is its result."""
+    `direct` is the result of `solve_plastic`.
+    """
     if ball_friction is None:
         return
     normal, p = scratch.rubbing.normal, scratch.impulse
@@ -57,15 +51,8 @@ def add_normal_impulses(ball_friction, count, factor, direct, scratch):  # out: 
         solve_smallest(count, scratch.problem, scratch.rubbing.target)
         p = scratch.problem.x
     for c in range(count):
-        normal[c] += factor * to_double(p[c, HI], p[c, LO], RESIDUE * p[c, HI])
-
-
-@inlined
-def _largest_part(spheres, largest):
-    """Returns an upper bound of the terms of `_sum_friction` for impulses across and up of at most `largest`."""
-    if spheres is None:
-        return largest
-    return 2.0 * largest
+        before = 0.0 if first else normal[c]
+        normal[c] = before + factor * to_double(p[c, HI], p[c, LO], RESIDUE * p[c, HI])
 
 
 @inlined
@@ -100,7 +87,8 @@ def _sum_friction(count, contacts, push, spheres, rubbing):  # out: rubbing
         for k in range(6):
             sums[first[c], k] = sums[second[c], k] = 0.0
         largest = max(largest, abs(push[c, _ACROSS]), abs(push[c, _UP]))
-    q = quantum(_largest_part(spheres, largest), count) if count > 2 and largest > 0.0 else 0.0
+    bound = largest if spheres is None else 2.0 * largest  # of the terms that are added
+    q = quantum(bound, count) if count > 2 and largest > 0.0 else 0.0
     for c in range(count):
         i, j, nx, ny = first[c], second[c], contacts.nx[c], contacts.ny[c]
         tilt = tilt_of(spheres, i, j)
