@@ -57,14 +57,14 @@ def connect(address: str | None, cpus: int | None = None) -> None:
 
 
 class RayExecutor(Executor):
-    """An executor whose calls are Ray tasks of one core each.
+    """An executor whose calls are Ray tasks of one core each. The first call connects to the cluster.
 
     Args:
         address: See `connect`.
     """
 
     def __init__(self, address: str | None) -> None:
-        connect(address)
+        self.address = address
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         """Returns the future result of a call.
@@ -72,6 +72,7 @@ class RayExecutor(Executor):
         A call is repeated up to `RETRIES` times if it raises an exception or if its process or node ends. The error
         after that is one of Ray, which names the call.
         """
+        connect(self.address)
         import ray  # pyright: ignore[reportMissingImports]
 
         name = f"{fn.__module__}.{fn.__qualname__}({', '.join(map(reprlib.repr, args))})"

@@ -214,7 +214,7 @@ def _curriculum(value: Any, goal_radius: float | None) -> dict[str, Any]:
         raise ValueError(f"curriculum = {short(value)}: expected a mapping with the keys goal_radius and shots")
     return {
         "goal_radius": real("curriculum.goal_radius", number(value["goal_radius"]), "length"),
-        "shots": integer("curriculum.shots", _whole(value["shots"]), Range(1, None)),
+        "shots": integer("curriculum.shots", _as_integer(value["shots"]), Range(1, None)),
     }
 
 

@@ -22,6 +22,7 @@ from billiards_env.evaluation import evaluation_seeds, measure, play_together, r
 from billiards_env.files import check_path, replacing, write_json
 from billiards_env.games import GAMES
 from billiards_env.sb3.policy_player import playable
+from billiards_env.sb3.weights import check_finished
 
 LAYOUTS = 1000
 """The largest number of episodes of a player without training."""
@@ -161,6 +162,8 @@ def main(arguments: list[str] | None = None) -> None:
             for k, info in enumerate(infos, 1):
                 print(f"episode {k}: {'success' if info['is_success'] else 'no success'}, score {info['score']}")
         else:
+            for run in args.runs:
+                check_finished(run)
             if args.curve is not None:
                 draw_curves(args.runs, args.curve)
             torch.set_num_threads(1)  # small networks are faster on one thread

@@ -133,7 +133,8 @@ def parser_of(command: str, description: str, **options: tuple[Any, str]) -> arg
             parser.add_argument(f"--{option}", action="store_true", help=text)
         else:
             kind = functools.partial(_count, option) if isinstance(default, int) else type(default)
-            parser.add_argument(f"--{option}", type=kind, default=default, help=f"{text} (default: %(default)s)")
+            shown = "" if default == "" else " (default: %(default)s)"
+            parser.add_argument(f"--{option}", type=kind, default=default, help=text + shown)
     return parser
 
 

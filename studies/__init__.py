@@ -19,13 +19,13 @@ Modules:
     readme: Writes the measured tables into the pages.
 """
 
-import contextlib
 import functools
 import html
 import json
 import multiprocessing
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, as_completed
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, TypeVar
 from urllib.parse import urlencode
@@ -55,14 +55,9 @@ JOBS: dict[str, tuple[Any, str]] = {
 K = TypeVar("K")
 
 
-@contextlib.contextmanager
-def executor(jobs: int, address: str = "") -> Iterator[Executor]:
-    """Yields processes of this machine, or the nodes of the Ray cluster at an address."""
-    if address:
-        yield RayExecutor(address)
-    else:
-        with processes(jobs, multiprocessing.get_context("spawn")) as pool:
-            yield pool
+def executor(jobs: int, address: str = "") -> AbstractContextManager[Executor]:
+    """Returns processes of this machine, or the nodes of the Ray cluster at an address."""
+    return RayExecutor(address) if address else processes(jobs, multiprocessing.get_context("spawn"))
 
 
 def completed(pool: Executor, calls: Mapping[K, tuple[Any, ...]], done: int = 0) -> Iterator[tuple[K, Any]]:

@@ -8,7 +8,7 @@ the frozen tasks of its row without exploration. The results are
 * `docs/images/learning.png`: the learning curves.
 
 The command skips the seeds that have results with the same settings. A training that was interrupted continues. With
-`--output FILE` the policies are in the folder `policies` beside this file.
+`--output FILE` the runs and the policies are in the folders `runs` and `policies` beside this file.
 """
 
 from __future__ import annotations
@@ -62,14 +62,14 @@ def run_row(name: str, seed: int, folder: Path, episodes: int) -> tuple[dict[str
     return {"curve": curve, "tasks": played, "machine": machine(), "versions": versions()}, files
 
 
-def measure(output: Path, folder: Path, jobs: int, address: str) -> dict[str, Any]:
+def measure(output: Path, jobs: int, address: str) -> dict[str, Any]:
     """Trains what has no results, and writes the result of each seed as soon as it is known.
 
     Args:
         output: The JSON file of the results. The policies of the first seed are in the folder `policies` beside it.
-        folder: The folder of the runs.
+            The runs are in `runs/learning` if it is the committed file, and in the folder `runs` beside it otherwise.
         jobs: The number of trainings at a time.
-        address: As in `studies.workers`.
+        address: As in `studies.executor`.
 
     Returns:
         The content of the file: for each row its `settings` and its `runs` by seed, see `run_row`.
@@ -79,6 +79,7 @@ def measure(output: Path, folder: Path, jobs: int, address: str) -> dict[str, An
         ValueError: If a row is impossible.
     """
     old = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
+    folder = RUNS / "learning" if output.resolve() == OUTPUT else output.parent / "runs"
     seeds, measured = read(LEARNING)["seeds"], {}
     for name, settings in rows().items():
         known = old.get(name, {})
@@ -202,9 +203,8 @@ def draw(measured: Result, folder: Path) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.learning --help`."""
-    options = {"output": (OUTPUT, "JSON file"), "folder": (RUNS / "learning", "folder of the runs"), **JOBS}
     about = "Train the rows of configs/learning.yaml and measure them."
-    run_command("studies.learning", about, arguments, measure, blocks, options, draw)
+    run_command("studies.learning", about, arguments, measure, blocks, {"output": (OUTPUT, "JSON file"), **JOBS}, draw)
 
 
 if __name__ == "__main__":

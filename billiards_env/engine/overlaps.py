@@ -15,7 +15,7 @@ The paper of Warkari and Jamsandekar leaves open how an overlap is "fixed". Ther
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
@@ -106,7 +106,7 @@ def _find_times(count, scene, work):  # out: work
 
 
 @inlined
-def _step_back(i, work):  # out: work
+def _step_back(i, scene, work):  # out: work
     """Moves ball i back along its straight path by its `back`."""
     here, t = work.here, work.back[i]
     _place(i, here[i, X] - t * here[i, VX], here[i, Y] - t * here[i, VY], work)
@@ -132,22 +132,6 @@ def _touching(count, scene, work):  # out: work
     return left
 
 
-@kernel
-def _touch_before(count, scene, work):  # out: work
-    """Moves the balls of `count` contacts back along their paths to the positions at which they touched.
-
-    A ball with several contacts is moved back to the earliest. At that position the others may not exist.
-
-    Returns:
-        The number of contacts that are left.
-    """
-    _find_times(count, scene, work)
-    for i in range(len(work.back)):
-        if work.back[i] > 0.0:
-            _step_back(i, work)
-    return _touching(count, scene, work)
-
-
 @inlined
 def _find_cushion_time(i, wall, beyond, speed, scene, work):  # out: work
     """Sets `back` of ball i to the time since it touched the cushion, by one step at most."""
@@ -165,21 +149,11 @@ def _bounce_of(i, wall, scene, work):
 
 
 @kernel
-def _touch_cushion_before(i, wall, beyond, bounce, scene, work):  # out: work
-    """Moves ball i back along its path to the position at which it touched the cushion, by one step at most."""
-    if bounce.speed == 0.0:
-        return Bounce(bounce.nx, bounce.ny, -1.0)
-    _find_cushion_time(i, wall, beyond, bounce.speed, scene, work)
-    _step_back(i, work)
-    return _bounce_of(i, wall, scene, work)
-
-
-@kernel
 def _rewind(i, scene, work):  # out: work
     """Sets ball i to its motion at the time of impact, its `back` ago, at the position at which it touches exactly."""
     here, row = work.here, work.state.rows[i]
     move(work.state, i, -work.back[i], scene.numbers)
-    _step_back(i, work)
+    _step_back(i, scene, work)
     here[i, VX], here[i, VY] = row[VX], row[VY]
 
 
@@ -194,33 +168,44 @@ def _finish_step(i, scene, work):  # out: work
 
 
 @kernel
-def _impact_before(count, scene, work):  # out: work
-    """Sets the balls of `count` contacts to their motion at the time of impact; see `_touch_before`."""
-    _find_times(count, scene, work)
-    for i in range(len(work.back)):
-        if work.back[i] > 0.0:
-            _rewind(i, scene, work)
-    return _touching(count, scene, work)
-
-
-@kernel
 def _finish_steps(count, scene, work):  # out: work
-    """Moves the balls of `_impact_before` for the rest of the step."""
+    """Moves the balls of `_rewind` for the rest of the step."""
     for i in range(len(work.back)):
         if work.back[i] > 0.0:
             _finish_step(i, scene, work)
     return True
 
 
-@kernel
-def _impact_at_cushion(i, wall, beyond, bounce, scene, work):  # out: work
-    """Sets ball i to its motion at the time of impact on the cushion, by one step back at most."""
-    work.back[i] = 0.0
-    if bounce.speed == 0.0:
-        return Bounce(bounce.nx, bounce.ny, -1.0)
-    _find_cushion_time(i, wall, beyond, bounce.speed, scene, work)
-    _rewind(i, scene, work)
-    return _bounce_of(i, wall, scene, work)
+def _going_back(go_back: Callable[..., None]) -> tuple[Any, Any]:
+    """Returns the kernels `before` and `at_cushion` of a `Fix` by which balls go back to where they touched.
+
+    Args:
+        go_back: (i, scene, work) moves ball i back by its `back`.
+    """
+
+    @kernel
+    def to_balls(count, scene, work):  # out: work
+        """Moves the balls of `count` contacts back along their paths. Returns the number of contacts that are left.
+
+        A ball with several contacts is moved back to the earliest. At that position the others may not exist.
+        """
+        _find_times(count, scene, work)
+        for i in range(len(work.back)):
+            if work.back[i] > 0.0:
+                go_back(i, scene, work)
+        return _touching(count, scene, work)
+
+    @kernel
+    def to_cushion(i, wall, beyond, bounce, scene, work):  # out: work
+        """Moves ball i back along its path to the cushion, by one step at most."""
+        work.back[i] = 0.0
+        if bounce.speed == 0.0:
+            return Bounce(bounce.nx, bounce.ny, -1.0)
+        _find_cushion_time(i, wall, beyond, bounce.speed, scene, work)
+        go_back(i, scene, work)
+        return _bounce_of(i, wall, scene, work)
+
+    return to_balls, to_cushion
 
 
 @kernel
@@ -259,11 +244,13 @@ def push_along(i, wall, n, m, scene, work):  # out: work
     _place(i, x + way * n[1], y - way * n[0], work)
 
 
+_touch_balls, _touch_cushion = _going_back(_step_back)
+_hit_balls, _hit_cushion = _going_back(_rewind)
 _FIXES = {
     "push_apart": Fix(_keep_contacts, _push_apart, _push_inside, _keep_motion),
-    "move_back": Fix(_touch_before, _keep_positions, _touch_cushion_before, _keep_motion),
+    "move_back": Fix(_touch_balls, _keep_positions, _touch_cushion, _keep_motion),
     "none": Fix(_keep_contacts, _keep_positions, _keep_place, _keep_motion),
-    "time_of_impact": Fix(_impact_before, _finish_steps, _impact_at_cushion, _finish_step),
+    "time_of_impact": Fix(_hit_balls, _finish_steps, _hit_cushion, _finish_step),
 }
 
 FIXES = tuple(_FIXES)

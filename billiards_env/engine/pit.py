@@ -260,7 +260,8 @@ def _resolve_overlaps(count, now, k, scene, work, shots, log):  # out: work, sho
             advance(state, i, now, scene.numbers)
             work.changed[i] = True
     count = fix_before(fix, count, scene, work)
-    exchange(count, contacts, state, scene, work.scratch)
+    if count > 0:
+        exchange(count, contacts, state, scene, work.scratch)
     if fix_after(fix, count, scene, work):
         shots.time[k] = now.hi  # the balls may be at rest already
     for c in range(count):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.clusters.friction import add_normal_impulses, reset_normal_impulses, rub_all, tilt_of
+from billiards_env.physics.clusters.friction import add_normal_impulses, rub_all, tilt_of
 from billiards_env.physics.clusters.impulses import apply_changes, separation_speed, solve_plastic
 from billiards_env.physics.double_double import HI, LO, add
 from billiards_env.physics.laws.balls import Pair, normal_impulse, push_apart, push_ball
@@ -22,7 +22,6 @@ def _exchange_many(count, contacts, state, scene, scratch):  # out: state, scrat
     if scratch is None:
         return 0
     e, increase, friction = scene.numbers.e_ball, scratch.increase, scene.ball_friction
-    reset_normal_impulses(friction, count, scratch)
     for c in range(count):
         increase[c, HI] = increase[c, LO] = 0.0
         if contacts.closing[c] > 0.0:
@@ -30,7 +29,7 @@ def _exchange_many(count, contacts, state, scene, scratch):  # out: state, scrat
             increase[c, HI], increase[c, LO] = -speed, -speed_lo
     direct = solve_plastic(count, contacts, scene.inv_mass, scratch)
     apply_changes(count, e, contacts, state, scene, scratch)
-    add_normal_impulses(friction, count, 1.0 + e, direct, scratch)
+    add_normal_impulses(friction, count, 1.0 + e, True, direct, scratch)
     acts = 0
     for c in range(count):
         speed, speed_lo = separation_speed(contacts, c, state)
@@ -42,7 +41,7 @@ def _exchange_many(count, contacts, state, scene, scratch):  # out: state, scrat
     if acts > 0:
         direct = solve_plastic(count, contacts, scene.inv_mass, scratch)
         apply_changes(count, 0.0, contacts, state, scene, scratch)
-        add_normal_impulses(friction, count, 1.0, direct, scratch)
+        add_normal_impulses(friction, count, 1.0, False, direct, scratch)
     rub_all(friction, count, contacts, state, scene, scratch)
     return acts
 

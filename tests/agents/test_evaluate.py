@@ -135,7 +135,7 @@ def test_the_usual_policy_is_not_loaded_for_another_number_of_balls(trained):
         load_run(trained, env={"n_object_balls": 3})
 
 
-def test_a_policy_file_that_is_damaged_or_holds_other_objects_runs_no_code(trained, tmp_path, monkeypatch):
+def test_a_policy_file_that_is_damaged_or_holds_other_objects_runs_no_code(trained, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     run = shutil.copytree(trained, tmp_path / "run")
     content, weights = (run / "policy.pt").read_bytes(), torch.load(trained / "policy.pt")
@@ -152,8 +152,10 @@ def test_a_policy_file_that_is_damaged_or_holds_other_objects_runs_no_code(train
     with pytest.raises(ValueError, match=r"policy.pt does not hold the policy of its configuration"):
         load_run(run)
     (run / "policy.pt").unlink()
+    capsys.readouterr()
     with pytest.raises(SystemExit, match=r"error: run_dir = .*: expected the folder of a finished run .* policy.pt"):
-        main([str(run)])
+        main([str(trained), str(run)])
+    assert capsys.readouterr().out == ""
 
 
 WRONG = [

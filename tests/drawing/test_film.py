@@ -10,6 +10,7 @@ pytest.importorskip("pygame")
 
 from PIL.GifImagePlugin import GifImageFile
 
+from billiards_env.drawing import film
 from billiards_env.drawing.canvas import Canvas, Caption, pixels
 from tests.helpers.films import read_mp4
 
@@ -80,6 +81,19 @@ def test_bad_arguments_are_rejected_and_leave_no_file(suffix, shot, elsewhere, t
             with pytest.raises(ValueError, match="compare: expected a shot with the same balls on the same table"):
                 draw()
     assert os.listdir(tmp_path) == [f"folder.{suffix}"]
+
+
+@pytest.mark.parametrize(("suffix", "passes"), [("gif", 2), ("mp4", 1)])  # a GIF is drawn twice
+def test_an_error_in_a_frame_keeps_the_old_file(suffix, passes, shot, tmp_path, monkeypatch):
+    drawable = iter(range(passes * (math.ceil(5 * shot.time) + 1) - 1))  # all frames but the last
+    monkeypatch.setattr(film, "pixels", lambda frame: (next(drawable), pixels(frame))[1])
+    target = tmp_path / f"a.{suffix}"
+    target.write_text("old")
+    with pytest.raises(RuntimeError, match="StopIteration"):
+        getattr(shot, f"to_{suffix}")(target, fps=5, width=160)
+    assert next(drawable, None) is None
+    assert os.listdir(tmp_path) == [target.name]
+    assert target.read_text() == "old"
 
 
 @pytest.mark.parametrize("size", [1000, 40_000])

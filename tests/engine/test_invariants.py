@@ -15,7 +15,7 @@ from billiards_env.engine.log import N_EVENTS_LOGGED, N_SEGMENTS_LOGGED, SEGMENT
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_REST, Shots
 from billiards_env.physics.state import T0
-from billiards_env.scene import Balls, Physics, Table, layouts
+from billiards_env.scene import Balls, Physics, Table
 from reference import plain
 from reference.stress import checks, families
 from reference.stress.draw import star
@@ -120,29 +120,21 @@ def renumbered(shot, order):
     return dataclasses.replace(scene, balls=balls), positions[order], velocities[order], spins
 
 
-def check_renumbering(shot, options, order):
-    """Checks that the numbers of the balls change no bit of the result."""
+@engines_and_worlds
+@settings(max_examples=30)
+@given(seed=SEEDS)
+@example(seed=428)  # PIC, a rack: a velocity halfway between two doubles was rounded by the order of the contacts
+@example(seed=16)  # PIT, a rack: an impact that the fix had removed changed the velocities of the first pair
+def test_the_numbers_of_the_balls_change_no_bit(engine, world, seed):
+    """Simultaneous impacts on cushions were once resolved in the order of the balls."""
+    shot, rng = WORLDS[world](seed), np.random.default_rng(seed)
+    order = np.r_[0, 1 + rng.permutation(shot[0].n_balls - 1)] if seed % 2 else rng.permutation(shot[0].n_balls)
+    options = options_of(engine, shot[0], seed)
     played, other = play(shot, options), play(renumbered(shot, order), options)
     for name in BALL_ARRAYS if order[0] == 0 else BALL_ARRAYS[:-1]:  # the last one is of hits by the cue ball
         assert np.array_equal(getattr(other, name), getattr(played, name)[order])
     for name in ("time", "n_events", "n_contact_rule"):
         assert getattr(other, name) == getattr(played, name)
-
-
-@engines_and_worlds
-@settings(max_examples=30)
-@given(seed=SEEDS)
-def test_the_numbers_of_the_balls_change_no_bit(engine, world, seed):
-    """Simultaneous impacts on cushions were once resolved in the order of the balls."""
-    shot, rng = WORLDS[world](seed), np.random.default_rng(seed)
-    order = np.r_[0, 1 + rng.permutation(shot[0].n_balls - 1)] if seed % 2 else rng.permutation(shot[0].n_balls)
-    check_renumbering(shot, options_of(engine, shot[0], seed), order)
-
-
-@pytest.mark.xfail(strict=True, reason="in an ideal rack the rounding of impacts depends on the numbers of the balls")
-def test_the_numbers_of_the_balls_change_no_bit_of_an_ideal_rack():
-    shot, rng = WORLDS["racks and scattered balls"](428), np.random.default_rng(428)
-    check_renumbering(shot, options_of("pic", shot[0], 428), rng.permutation(shot[0].n_balls))
 
 
 @pytest.mark.parametrize("world", [world for world in WORLDS if world != "outlines"])  # `test_outline.py` has those
@@ -215,16 +207,6 @@ def test_a_record_is_complete_and_in_order(engine, seed):
     before[other[hits[::-1]]] = bounces[hits[::-1]]  # the first hit of each ball
     assert shot.cushions_before_hit.tolist() == before.tolist()
     assert (shot.n_contact_rule > 0) == shot.events["rule"].any() <= (engine == "pic")
-
-
-@pytest.mark.parametrize(("n", "layout"), [(3, "random"), (15, "tight_rack")])
-def test_a_shot_without_velocity_has_no_events(n, layout):
-    scene = Scene.named("pool", n)
-    places = layouts.draw(layout, scene, np.random.default_rng(0))
-    for arguments in ({}, {"max_time": 0.0}, {"max_events": 0}):
-        shot = simulate(scene, places, [0.0, 0.0], record=True, **arguments)
-        assert (shot.status, shot.n_events, shot.time, len(shot.events)) == ("rest", 0, 0.0, 0)
-        assert np.array_equal(shot.positions, places)
 
 
 @pytest.mark.parametrize("physics", MOTIONS.values(), ids=MOTIONS)

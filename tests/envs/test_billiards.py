@@ -216,6 +216,17 @@ def test_three_cushion_needs_three_contacts_before_the_second_ball():
         assert (reward, terminated, info["is_success"]) == (float(contacts == 3), True, contacts == 3)
 
 
+def test_a_shot_of_sum_to_three_starts_without_spin():
+    env = make_env(**SUM_TO_THREE, action="sum_to_three", render_mode="rgb_array")
+    env.reset()
+    played = env.step([0.0, 0.0])[4]["played_action"]
+    np.testing.assert_allclose(env.max_speed * played, [1.395 * 1.65, 0.0], rtol=1e-15)
+    events, physics = env._episodes.recorded[0].events, env.scene.physics
+    assert events is not None
+    slip = 2 / 7 * 1.395 * 1.65 / (physics.mu_slide * physics.g)  # s, until a ball rolls that starts without spin
+    assert (events["kind"][0], events["time"][0]) == ("sliding_rolling", pytest.approx(slip, rel=1e-14))
+
+
 def test_random_shots_of_sum_to_three_score_the_same_as_in_pooltool():
     """LightZero's engine, pooltool 0.3.1, scores 1.340 points in ten shots, standard error 0.019 (3,313 games)."""
     games = 4_000

@@ -126,7 +126,9 @@ def test_options_are_those_of_single_environments(kwargs, name, values):
         assert np.array_equal(later[i], single.reset()[0])
     second = {"reset_mask": np.array([False, True])}
     values[0] = 9.0  # not in the mask, so not used
-    again, _ = envs.reset(options={**options(values), **second})
+    again, infos = envs.reset(options={**options(values), **second})
+    if name == "physics":
+        assert (infos["mu_roll"].tolist(), infos["_mu_roll"].tolist()) == ([0.0, 0.02], [False, True])
     assert np.array_equal(again[0], later[0])
     assert np.array_equal(again[1], single.reset(options=options(values[1]))[0])
 

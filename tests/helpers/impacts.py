@@ -98,13 +98,19 @@ KINDS = ("smooth", "rubbing", "spheres")
 
 
 def triangle(rows):
-    """Returns the places (n, 2) of a frozen rack, in diameters, and the pairs in contact.
+    """Returns the places (n, 2) of a frozen rack, in diameters."""
+    return np.array([(c - r / 2, r * math.sqrt(0.75)) for r in range(rows) for c in range(r + 1)])
 
-    From four rows on there are more contacts than degrees of freedom.
-    """
-    places = np.array([(c - r / 2, r * math.sqrt(0.75)) for r in range(rows) for c in range(r + 1)])
-    pairs = itertools.combinations(range(len(places)), 2)
-    return places, [(i, j) for i, j in pairs if math.dist(places[i], places[j]) < 1.01]
+
+SQUARE = np.stack(np.divmod(np.arange(16.0), 4), axis=1)
+RACKS = {
+    f"{len(places)} balls": (
+        places,
+        [(i, j) for i, j in itertools.combinations(range(len(places)), 2) if math.dist(places[i], places[j]) < 1.01],
+    )
+    for places in (triangle(4), triangle(5), SQUARE, triangle(9))
+}
+"""Racks of balls with a diameter of 1: the places (n, 2), and the pairs in contact. The contacts are redundant."""
 
 
 def cluster(rng, n):

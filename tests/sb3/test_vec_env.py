@@ -124,6 +124,8 @@ def test_attributes_and_methods_belong_to_all_environments():
     assert native.env_method("get_wrapper_attr", "task") == dummy.env_method("get_wrapper_attr", "task")
     with pytest.raises(ValueError, match=r"set_attr\('max_speed'\) for environments \[1\]: expected all 3"):
         native.set_attr("max_speed", 1.0, indices=1)
+    with pytest.raises(ValueError, match=r"call\('reset'\): expected the method of the vector environment"):
+        native.env_method("reset")
     assert native.env_method("get_wrapper_attr", "task", indices=[0, 2]) == ["pot"] * 2
     native.set_attr("max_speed", 1.0)
     for one in dummy.envs:

@@ -40,9 +40,8 @@ def command(tmp_path, monkeypatch):
 
     def run(rows=ROWS):
         (tmp_path / "learning.yaml").write_text(yaml.safe_dump(rows))
-        runs = tmp_path / "runs"
-        main(["--output", str(runs / "learning.json"), "--folder", str(runs), "--images", str(runs)])
-        return json.loads((tmp_path / "runs" / "learning.json").read_text())
+        main(["--output", str(tmp_path / "learning.json"), "--images", str(tmp_path)])
+        return json.loads((tmp_path / "learning.json").read_text())
 
     return run
 
@@ -58,10 +57,10 @@ def test_the_command_trains_what_has_no_results(command, tmp_path, capsys):
     player = find_player(f"policy:{tmp_path / 'runs' / 'pot_mlp' / 'seed4'}", env)
     assert play_episodes(env, player, evaluation_seeds(4, 50).tolist()) == run["tasks"]["Pot1-v0"]
     assert run["tasks"]["Pot1Noise-v0"]["episodes"] == 50
-    assert (tmp_path / "runs" / "learning.png").exists()
-    assert (tmp_path / "runs" / "policies" / "pot" / "policy.pt").exists()
+    assert (tmp_path / "learning.png").exists()
+    assert (tmp_path / "policies" / "pot" / "policy.pt").exists()
 
-    path = tmp_path / "runs" / "learning.json"
+    path = tmp_path / "learning.json"
     content["pot"]["runs"]["3"]["tasks"]["Pot1-v0"]["success_rate"] = 0.75
     del content["pot_mlp"]["runs"]["3"]
     path.write_text(json.dumps(content))

@@ -11,7 +11,7 @@ import pytest
 
 from billiards_env import Scene, simulate
 from billiards_env.engine import PIC, Engine
-from studies import timestep, timestep_report, timestep_shots
+from studies import executor, timestep, timestep_report, timestep_shots
 from studies.readme import fill_page, results
 from tests.helpers.processes import InThisProcess
 
@@ -80,7 +80,8 @@ def test_runs_with_results_are_not_trained_again(study, monkeypatch, capsys):
     shrink(monkeypatch)
     with monkeypatch.context() as patch:
         patch.setattr(timestep, "train", None)
-        timestep.main(arguments(folder))
+        patch.setattr(timestep, "executor", executor)
+        timestep.main([*arguments(folder), "--address", "no.cluster:1"])  # without missing runs it does not connect
     printed = capsys.readouterr().out
     assert all(block in printed for block in timestep_report.blocks(content).values())
     assert (folder / "timestep_aim.png").read_bytes().startswith(b"\x89PNG")
@@ -101,6 +102,14 @@ def test_runs_with_results_are_not_trained_again(study, monkeypatch, capsys):
     assert stopped.value.code == 130
     assert trained == ["main_1-60_6"]
     assert not timestep.is_result(changed, PARTS["random"][0])
+
+
+def test_the_help_shows_defaults_that_are_not_empty(capsys):
+    with pytest.raises(SystemExit):
+        timestep.main(["--help"])
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "runs at a time (default: 2)" in shown
+    assert "(default: )" not in shown
 
 
 def test_the_committed_weights_play_as_measured(study):

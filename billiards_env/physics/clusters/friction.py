@@ -14,8 +14,8 @@ import math
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.clusters.complementarity import solve_smallest
-from billiards_env.physics.clusters.impulses import quantum
-from billiards_env.physics.double_double import HI
+from billiards_env.physics.clusters.impulses import RESIDUE, quantum, to_double
+from billiards_env.physics.double_double import HI, LO
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.laws.balls import Pair, along_normal, contact_slip, friction_coefficient, tilt_between
 from billiards_env.physics.state import UX, UY, VX, VY, WZ, ball_of
@@ -39,32 +39,20 @@ def tilt_of(spheres, i, j):
 
 
 @inlined
-def reset_normal_impulses(ball_friction, count, scratch):  # out: scratch
-    """Sets the normal impulses of the contacts to zero."""
+def add_normal_impulses(ball_friction, count, factor, first, direct, scratch):  # out: scratch
+    """Adds `factor` times the impulses of `solve_plastic` to the normal impulses, which are zero before the first call.
+
+    `direct` is the result of `solve_plastic`.
+    """
     if ball_friction is None:
         return
-    for c in range(count):
-        scratch.rubbing.normal[c] = 0.0
-
-
-@inlined
-def add_normal_impulses(ball_friction, count, factor, direct, scratch):  # out: scratch
-    """Adds `factor` times the impulses of `solve_plastic` to the normal impulses; `direct` is its result."""
-    if ball_friction is None:
-        return
-    normal, impulse, x = scratch.rubbing.normal, scratch.impulse, scratch.problem.x
+    normal, p = scratch.rubbing.normal, scratch.impulse
     if direct:
         solve_smallest(count, scratch.problem, scratch.rubbing.target)
+        p = scratch.problem.x
     for c in range(count):
-        normal[c] += factor * (x[c, HI] if direct else impulse[c, HI])
-
-
-@inlined
-def _largest_part(spheres, largest):
-    """Returns an upper bound of the terms of `_sum_friction` for impulses across and up of at most `largest`."""
-    if spheres is None:
-        return largest
-    return 2.0 * largest
+        before = 0.0 if first else normal[c]
+        normal[c] = before + factor * to_double(p[c, HI], p[c, LO], RESIDUE * p[c, HI])
 
 
 @inlined
@@ -99,7 +87,8 @@ def _sum_friction(count, contacts, push, spheres, rubbing):  # out: rubbing
         for k in range(6):
             sums[first[c], k] = sums[second[c], k] = 0.0
         largest = max(largest, abs(push[c, _ACROSS]), abs(push[c, _UP]))
-    q = quantum(_largest_part(spheres, largest), count) if count > 2 and largest > 0.0 else 0.0
+    bound = largest if spheres is None else 2.0 * largest  # of the terms that are added
+    q = quantum(bound, count) if count > 2 and largest > 0.0 else 0.0
     for c in range(count):
         i, j, nx, ny = first[c], second[c], contacts.nx[c], contacts.ny[c]
         tilt = tilt_of(spheres, i, j)

@@ -30,8 +30,8 @@ from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, X, 
 DVX, DVX_LO, DVY, DVY_LO = 0, 1, 2, 3
 
 _SWEEPS = 2000  # largest number of iterations of `_descend`
-# Relative to the largest speed of approach: the rounding that is left after terms cancel.
-_RESIDUE = 2.0**-80
+RESIDUE = 2.0**-80
+"""Relative to the largest speed of approach or to an impulse: more than the errors of double-double arithmetic."""
 
 
 class Contacts(NamedTuple):
@@ -308,7 +308,7 @@ def solve_plastic(count, contacts, inv_mass, scratch):  # out: scratch
         count: Number of contacts, > 1.
         contacts: The `Contacts`.
         inv_mass: (n,) float64, 1/kg.
-        scratch: The `Scratch`; `wanted` is read, `change` holds the result for the balls in contact.
+        scratch: The `Scratch`; `increase` is read, `change` holds the result for the balls in contact.
 
     Returns:
         Whether the problem was solved directly.
@@ -332,13 +332,22 @@ def solve_plastic(count, contacts, inv_mass, scratch):  # out: scratch
 
 
 @inlined
-def _changed(value, change, change_lo, residue):
-    """Returns value + change, rounded once. A small result is also rounded to a multiple of the residue."""
-    x = add(value, 0.0, change, change_lo)[0]
+def _multiple(x, residue):
+    """Returns x rounded to a multiple of the residue, or x itself if it is much larger."""
     if abs(x) < 2.0**50 * residue:
         shift = 1.5 * 2.0**52 * residue
         x = (x + shift) - shift
     return x
+
+
+@inlined
+def to_double(x, x_lo, residue):
+    """Returns a double-double number, rounded to a multiple of the residue and then to a double.
+
+    Errors of the double-double arithmetic depend on the order of the contacts. The first rounding removes them, so that
+    they do not decide the second one if the number is zero or halfway between two doubles, as in some racks.
+    """
+    return _multiple(x, residue) + _multiple(x_lo, residue)
 
 
 @kernel
@@ -371,11 +380,13 @@ def apply_changes(count, factor, contacts, state, scene, scratch):  # out: state
                 continue
             done[k] = True
             s = state.rows[k]
-            residue = _RESIDUE * (largest * scale[k, X])
+            residue = RESIDUE * (largest * scale[k, X])
             x, x_lo = multiply(change[k, DVX], change[k, DVX_LO], times, times_lo)
             y, y_lo = multiply(change[k, DVY], change[k, DVY_LO], times, times_lo)
-            s[VX], s[VY] = _changed(s[VX], x, x_lo, residue), _changed(s[VY], y, y_lo, residue)
+            s[VX] = to_double(*add(s[VX], 0.0, x, x_lo), residue)
+            s[VY] = to_double(*add(s[VY], 0.0, y, y_lo), residue)
             if numbers.motion == SLIDING_AND_ROLLING:
-                s[UX], s[UY] = _changed(s[UX], x, x_lo, residue), _changed(s[UY], y, y_lo, residue)
+                s[UX] = to_double(*add(s[UX], 0.0, x, x_lo), residue)
+                s[UY] = to_double(*add(s[UY], 0.0, y, y_lo), residue)
     for c in range(count):
         done[contacts.first[c]] = done[contacts.second[c]] = False
