@@ -139,7 +139,7 @@ def calibrate(
         row_noise=error,
         frame=of_tracks,
         shots=fitted,
-        problems=[problem for shot in fitted for problem in find_problems(fit.scene, shot)],
+        problems=[problem for shot in fit.shots for problem in find_problems(fit.scene, shot)],
         judged=judge(fit.scene, some),
         predicted=predicted,
         laws=losses,

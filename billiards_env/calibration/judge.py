@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.calibration.contacts import CUSHION
+from billiards_env.calibration.contacts import CUSHION, distinct
 from billiards_env.calibration.shot import Shot
-from billiards_env.calibration.starts import errors, search, simulated
+from billiards_env.calibration.starts import errors, model_contacts, search
 from billiards_env.calibration.tracks import Bools, Floats
 from billiards_env.scene import Scene
 
@@ -21,7 +21,6 @@ SCALE = 0.003
 """m, the error above which the loss of a coordinate grows slowly (Cauchy)."""
 
 _GAP = 0.1  # s, the longest gap of a track within which the cue ball's place is interpolated
-_ONE = 0.05  # s, two contacts with one body within this time are one
 _AFTER = 0.1  # s, the rows after the third cushion that are fitted
 
 
@@ -51,12 +50,16 @@ class Judged(NamedTuple):
 
     def to_dict(self) -> dict[str, float | None]:
         """Returns the figures as plain data for JSON: shares, and errors in mm; None for a figure without rows."""
-        found = {"rows_5mm_contact2": self.within(2, 0.005)}
-        found |= {f"rows_{round(1e3 * d)}mm_contact3": self.within(3, d) for d in (0.005, 0.01)}
-        found |= {f"median_mm_contact{k}": 1e3 * self.median(k) for k in (3, 4)}
-        found |= {f"predicted_mm_{ahead:g}s": 1e3 * _of(np.median, off) for ahead, off in self.predicted.items()}
-        found["sequence"] = _of(np.mean, self.sequence)
-        return {name: None if np.isnan(value) else value for name, value in found.items()}
+        figures = {
+            "rows_5mm_contact2": self.within(2, 0.005),
+            "rows_5mm_contact3": self.within(3, 0.005),
+            "rows_10mm_contact3": self.within(3, 0.01),
+            "median_mm_contact3": 1e3 * self.median(3),
+            "median_mm_contact4": 1e3 * self.median(4),
+            **{f"predicted_mm_{ahead:g}s": 1e3 * _of(np.median, off) for ahead, off in self.predicted.items()},
+            "sequence": _of(np.mean, self.sequence),
+        }
+        return {name: None if np.isnan(figure) else figure for name, figure in figures.items()}
 
 
 def together(parts: Sequence[Judged]) -> Judged:
@@ -75,12 +78,12 @@ def judge(scene: Scene, shots: Sequence[Shot]) -> Judged:
 
 
 def _judge_shot(scene: Scene, shot: Shot) -> Judged:
-    found, predicted, same = {}, {}, np.zeros(0, np.bool_)
+    distances, predicted, same = {}, {}, np.zeros(0, np.bool_)
     shot = shot._replace(scale=np.full_like(shot.scale, SCALE))
     for contact in CONTACTS:
         shot = search(scene, shot.wide(contact, SCALE))
         off, cue = errors(scene, shot), shot.track.balls == 0
-        found[contact] = np.hypot(*off[shot.used & shot.moving].T)
+        distances[contact] = np.hypot(*off[shot.used & shot.moving].T)
         if contact == 3:
             t, (x, y) = shot.time[cue], off[cue].T
             for ahead in AHEAD:
@@ -89,26 +92,14 @@ def _judge_shot(scene: Scene, shot: Shot) -> Judged:
                 near = 0 < after < len(t) and t[after] - t[after - 1] <= _GAP
                 predicted[ahead] = np.hypot([np.interp(time, t, x)], [np.interp(time, t, y)])[: int(near)]
     contacts = shot.cue_contacts
-    cushions = [k for k, one in enumerate(contacts, 1) if one.other == CUSHION]
+    cushions = [k for k, contact in enumerate(contacts, 1) if contact.other == CUSHION]
     if len(cushions) >= 3:
         last = cushions[2]
         end = min(contacts[last - 1].time - shot.begin + _AFTER, shot.end(last + 1))
         shot = search(scene, shot._replace(used=shot.time < end))
-        events = simulated(scene, shot).events
-        same = np.array([_sequence(events)[:last] == [one.other for one in contacts[:last]]])
-    return Judged(found, predicted, same, 1)
-
-
-def _sequence(events: Any) -> list[int]:
-    """Returns the partners of the cue ball in the contacts of a shot, `CUSHION` for a cushion."""
-    found, last = [], {}
-    cue = (events["ball"] == 0) | ((events["kind"] == "ball_ball") & (events["other"] == 0))
-    for event in events[cue & np.isin(events["kind"], ("ball_ball", "cushion"))]:
-        kind, other, time = str(event["kind"]), int(max(event["ball"], event["other"])), float(event["time"])
-        if time - last.get((kind, other), -np.inf) > _ONE:
-            found.append(CUSHION if kind == "cushion" else other)
-        last[kind, other] = time
-    return found
+        in_model = distinct(model_contacts(scene, shot, 0))
+        same = np.array([[one.other for one in in_model[:last]] == [one.other for one in contacts[:last]]])
+    return Judged(distances, predicted, same, 1)
 
 
 def _of(statistic: Callable[[Any], Any], values: Floats | Bools) -> float:

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
-from billiards_env.calibration.shot import INSTANT, Shot
-from billiards_env.calibration.starts import simulated
+from billiards_env.calibration.contacts import CUSHION, POCKET
+from billiards_env.calibration.shot import Shot
+from billiards_env.calibration.starts import model_contacts
 from billiards_env.calibration.tracks import Floats
 from billiards_env.scene import Scene
 
 KINDS = ("outliers", "swapped balls", "missed contact", "extra contact", "other path")
 """Rows far from the path; two balls with exchanged names; from a time on the track leaves the path of the model,
 because only the model has a contact ("missed contact"), only the track ("extra contact"), or for another reason."""
-
-CONTACTS = {"ball_ball": "ball {}", "cushion": "a cushion", "pocket": "a pocket"}
 
 _BEFORE, _AFTER = 0.3, 0.05  # s, where the contact is looked for, around the first row far from the path
 _CORNER = 4  # rows before and after a corner of a track
@@ -42,44 +42,40 @@ class Problem(NamedTuple):
     text: str
 
 
-def find_problems(scene: Scene, shot: Shot) -> list[Problem]:
-    """Returns the problems of a fitted shot."""
-    name, times, found = shot.track.name, shot.track.times, []
+def find_problems(scene: Scene, shot: Shot) -> Iterator[Problem]:
+    """Yields the problems of a fitted shot."""
+    name, times = shot.track.name, shot.track.times
     leave, last = shot.begin + shot.leaves[0], float(times.max())
-    early = shot.far & (times < leave)
-    for ball in np.unique(shot.track.balls[early]).tolist():
-        at = times[early & (shot.track.balls == ball)].tolist()
+    outliers = shot.track.rows(~shot.used & (shot.time < shot.leaves[0]))
+    for ball, (at, _) in outliers.paths().items():
         when = f"{at[0]:.3f} s" if len(at) == 1 else f"{at[0]:.3f} to {at[-1]:.3f} s"
         text = f"{len(at)} row{'s' if len(at) > 1 else ''} of ball {ball} far from its path, {when}"
-        found.append(Problem(name, "outliers", ball, at[0], at[-1], text))
+        yield Problem(name, "outliers", ball, float(at[0]), float(at[-1]), text)
     if np.isfinite(leave):
         ball = shot.leaves[1]
         kind, why = _contact(scene, shot, ball, leave)
-        text = f"the track of ball {ball} leaves the model at {leave:.3f} s{why}"
-        found.append(Problem(name, kind, ball, leave, last, text))
+        yield Problem(name, kind, ball, leave, last, f"the track of ball {ball} leaves the model at {leave:.3f} s{why}")
     i, j, begin, end = shot.exchanged
     if np.isfinite(begin):
         until = f"to {end:.3f} s" if np.isfinite(end) else "on"
         text = f"from {begin:.3f} s {until} balls {i} and {j} are exchanged"
-        found.append(Problem(name, "swapped balls", i, begin, min(end, last), text))
-    return found
+        yield Problem(name, "swapped balls", i, begin, min(end, last), text)
 
 
 def _contact(scene: Scene, shot: Shot, ball: int, leave: float) -> tuple[str, str]:
     """Returns the kind of problem of a track that leaves the model, and a text with the contact and its time."""
-    events: Any = simulated(scene, shot).events
-    kinds, times = events["kind"], events["time"] + shot.begin + shot.starts[0, INSTANT]
-    partner = np.where(events["ball"] == ball, events["other"], events["ball"])
-    mine = (events["ball"] == ball) | ((kinds == "ball_ball") & (events["other"] == ball))
-    near = np.isin(kinds, list(CONTACTS)) & (leave - _BEFORE <= times) & (times <= leave + _AFTER)
-    some, corner = np.flatnonzero(mine & near), _corner(scene, *shot.track.paths()[ball], leave)
-    if not some.size:
+    contacts = [
+        contact for contact in model_contacts(scene, shot, ball) if leave - _BEFORE <= contact.time <= leave + _AFTER
+    ]
+    corner = _corner(scene, *shot.track.paths()[ball], leave)
+    if not contacts:
         if corner is None:
             return "other path", ""
         return "extra contact", f": only the track has a contact at {corner:.3f} s"
-    k = min(some, key=lambda event: abs(times[event] - (leave if corner is None else corner)))
+    nearest = min(contacts, key=lambda contact: abs(contact.time - (leave if corner is None else corner)))
+    other = {CUSHION: "a cushion", POCKET: "a pocket"}.get(nearest.other, f"ball {nearest.other}")
     kind, what = ("missed contact", "only the model has") if corner is None else ("other path", "after")
-    return kind, f": {what} a contact with {CONTACTS[str(kinds[k])].format(partner[k])} at {times[k]:.3f} s"
+    return kind, f": {what} a contact with {other} at {nearest.time:.3f} s"
 
 
 def _corner(scene: Scene, times: Floats, places: Floats, leave: float) -> float | None:
@@ -87,14 +83,14 @@ def _corner(scene: Scene, times: Floats, places: Floats, leave: float) -> float 
 
     A velocity that changes by the friction of the cloth makes no corner.
     """
-    best, found, slows = _CLEAR, None, scene.physics.mu_slide * scene.physics.g
+    sharpest, corner, slows = _CLEAR, None, scene.physics.mu_slide * scene.physics.g
     for row in range(_CORNER, len(times) - _CORNER + 1):
         if leave - _BEFORE <= times[row] <= leave + _AFTER:
             sides = slice(row - _CORNER, row), slice(row, row + _CORNER)
-            one, two = (np.polyfit(times[side], places[side], 1, cov=True) for side in sides)
+            (before, error), (after, other_error) = (np.polyfit(times[k], places[k], 1, cov=True) for k in sides)
             usual = slows * float(times[sides[1]].mean() - times[sides[0]].mean())
-            spread = max(float((one[1] + two[1])[0, 0].sum()), 1e-18)
-            change = (float(np.hypot(*(two[0] - one[0])[0])) - usual) / np.sqrt(spread)
-            if change > best:
-                best, found = change, float(times[row])
-    return found
+            spread = max(float((error + other_error)[0, 0].sum()), 1e-18)
+            change = (float(np.hypot(*(after - before)[0])) - usual) / np.sqrt(spread)
+            if change > sharpest:
+                sharpest, corner = change, float(times[row])
+    return corner

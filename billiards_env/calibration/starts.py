@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from billiards_env.calibration.contacts import CUSHION, POCKET, Contact
 from billiards_env.calibration.shot import CAUCHY, INSTANT, PLACES, SIDE, SPIN, VELOCITY, Shot
 from billiards_env.calibration.tracks import Bools, Floats
 from billiards_env.engine.trajectory import Trajectory
@@ -71,17 +73,31 @@ def simulated(scene: Scene, shot: Shot) -> ShotResult:
     return run(scene, shot.starts, shot._replace(used=np.ones_like(shot.used)))[0]
 
 
-def _motion(record: Record, times: Floats) -> tuple[Floats, Floats]:
-    """Returns the places and the velocities of the balls at times (g, q) of simulated shots, (g, q, n, 2) each."""
+def model_contacts(scene: Scene, shot: Shot, ball: int) -> list[Contact]:
+    """Returns the contacts of a ball in the model until the last row, in the order of time."""
+    contacts, events = [], simulated(scene, shot).events
+    assert events is not None
+    for event in events[np.isin(events["kind"], ("ball_ball", "cushion", "pocket"))]:
+        kind, bodies = event["kind"], [int(event["ball"]), int(event["other"])]
+        if ball in (bodies if kind == "ball_ball" else bodies[:1]):
+            body = sum(bodies) - ball
+            other = {"cushion": CUSHION, "pocket": POCKET}.get(kind, body)
+            time = float(event["time"] + shot.begin + shot.starts[0, INSTANT])
+            contacts.append(Contact(time, ball, other, np.array([event["x"], event["y"]]), float(event["speed"]), body))
+    return contacts
+
+
+def _motion(record: Record, balls: NDArray[np.int64], times: Floats) -> tuple[Floats, Floats]:
+    """Returns the places and the velocities of balls (r,) at times (g, r) of g simulated shots, (g, r, 2) each."""
     n, span = record.scene.n_balls, float(record.time.max()) + 1.0
     paths = Trajectory.of(np.concatenate([p.segments[p.bounds[0, 1] : p.bounds[-1, 1]] for p in record.parts]))
     counts = np.concatenate([np.diff(part.bounds[:, 1]) for part in record.parts])
     owner = np.repeat(np.arange(len(times)), counts) * n + paths.ball
     order = np.argsort(owner, kind="stable")  # those of a ball stay in the order of time
-    wanted = np.arange(len(times) * n).reshape(-1, 1, n) * span + times[..., None]
-    last = order[np.searchsorted((owner * span + paths.start)[order], wanted.ravel(), side="right") - 1]
-    motion = paths.at_pieces(last, np.repeat(times, n)), paths.velocities_on(last, np.repeat(times, n))
-    return motion[0].reshape(*times.shape, n, 2), motion[1].reshape(*times.shape, n, 2)
+    keys = (np.arange(len(times))[:, None] * n + balls) * span + times
+    last = order[np.searchsorted((owner * span + paths.start)[order], keys.ravel(), side="right") - 1]
+    places, velocities = paths.at_pieces(last, times.ravel()), paths.velocities_on(last, times.ravel())
+    return places.reshape(*times.shape, 2), velocities.reshape(*times.shape, 2)
 
 
 def errors(scene: Scene, shot: Shot) -> Floats:
@@ -92,18 +108,17 @@ def errors(scene: Scene, shot: Shot) -> Floats:
 
 def evaluate(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = ()) -> Normal:
     """Returns the `Normal` of starts (g, width), with the derivatives by numbers of `Physics` by name."""
-    record, some = run(scene, starts, shot)._record("evaluate"), np.flatnonzero(shot.used)
-    times, frame = np.unique(np.append(0.0, shot.time[some]), return_inverse=True)
-    frame, ball, g = frame[1:], shot.track.balls[some], len(starts)
-    clock = np.clip(
-        times - starts[:, INSTANT, None], 0.0, record.time[:, None]
-    )  # the simulated shots begin at the strike
-    places, velocities = (array[:, frame, ball] for array in _motion(record, clock))
+    record, rows = run(scene, starts, shot)._record("evaluate"), np.flatnonzero(shot.used)
+    times, frame = np.unique(np.append(0.0, shot.time[rows]), return_inverse=True)
+    frame, ball, g = frame[1:], shot.track.balls[rows], len(starts)
+    # The simulated shots begin at the strike.
+    clock = np.clip(times - starts[:, INSTANT, None], 0.0, record.time[:, None])
+    places, velocities = _motion(record, ball, clock[:, frame])
     rates = start_jacobians(record, clock, names, 1)[np.arange(g)[:, None], frame, :, ball]  # (g, r, lanes, 2)
-    by_instant = np.where((shot.time[some] > starts[:, INSTANT, None])[..., None], -velocities, 0.0)
+    by_instant = np.where((shot.time[rows] > starts[:, INSTANT, None])[..., None], -velocities, 0.0)
     rates = np.insert(rates, starts.shape[1] - 1, by_instant, axis=2)
-    off = ((places - shot.track.positions[some]) / shot.scale[some, None]).reshape(g, -1)
-    rates = np.moveaxis(rates / shot.scale[some, None, None], 2, 3).reshape(*off.shape, rates.shape[2])
+    off = ((places - shot.track.positions[rows]) / shot.scale[rows, None]).reshape(g, -1)
+    rates = np.moveaxis(rates / shot.scale[rows, None, None], 2, 3).reshape(*off.shape, rates.shape[2])
     prior = np.pad(shot.prior, [(0, 0), (0, len(names))]) / CAUCHY
     values = np.concatenate((off, (starts @ shot.prior.T - shot.target) / CAUCHY), axis=1)
     jacobian = np.concatenate((rates, np.broadcast_to(prior, (g, *prior.shape))), axis=1)

@@ -45,17 +45,13 @@ class Track(NamedTuple):
     balls: NDArray[np.int64]
     positions: Floats
 
-    def rows(self, some: Any) -> Track:
-        """Returns the track with some of its rows, in the order of `some`: indices or bools."""
-        return Track(self.name, self.times[some], self.balls[some], self.positions[some])
+    def rows(self, rows: Any) -> Track:
+        """Returns the track with some of its rows, in the order of `rows`: indices or bools."""
+        return Track(self.name, self.times[rows], self.balls[rows], self.positions[rows])
 
     def paths(self) -> dict[int, tuple[Floats, Floats]]:
         """Returns the times (k,), s, and the places (k, 2), m, of each ball."""
-        return {
-            int(i): (self.times[mine], self.positions[mine])
-            for i in np.unique(self.balls)
-            for mine in [self.balls == i]
-        }
+        return {int(i): (self.times[self.balls == i], self.positions[self.balls == i]) for i in np.unique(self.balls)}
 
 
 def observed(name: str, shot: ShotResult, times: ArrayLike, noise: float = 0.0, seed: int = 0) -> Track:
@@ -74,8 +70,7 @@ def observed(name: str, shot: ShotResult, times: ArrayLike, noise: float = 0.0, 
     at = numbers("times", times)
     positions = shot.at(at)
     assert shot.trajectory is not None
-    seen = at[:, None] < shot.trajectory.potted_at
-    frame, ball = np.nonzero(seen)
+    frame, ball = np.nonzero(at[:, None] < shot.trajectory.potted_at)
     error = real("noise", noise) * np.random.default_rng(seed).standard_normal((len(frame), 2))
     return Track(name, at[frame], ball, positions[frame, ball] + error)
 
@@ -105,8 +100,7 @@ def check_tracks(scene: Scene, tracks: Sequence[Track], least: int) -> list[Trac
     """
     if not tracks:
         raise ValueError("shots = []: expected one track or more")
-    names = [track.name for track in tracks]
-    found = []
+    names, checked = [track.name for track in tracks], []
     for track in tracks:
         name = f"shots[{track.name!r}]"
         if names.count(track.name) > 1:
@@ -129,8 +123,8 @@ def check_tracks(scene: Scene, tracks: Sequence[Track], least: int) -> list[Trac
                 f"{name}: ball {balls[row]} has two rows at {times[row]:g} s: expected one, {_APART:g} s from the next"
             )
         order = np.argsort(times, kind="stable")
-        found.append(Track(str(track.name), times[order], balls[order].astype(np.int64), positions[order]))
-    return found
+        checked.append(Track(str(track.name), times[order], balls[order].astype(np.int64), positions[order]))
+    return checked
 
 
 _GAP, _STEP = 5.0, 5.0  # frames without a row of a ball, after which it may have rested, and between added rows
@@ -147,18 +141,14 @@ def with_rest(track: Track) -> tuple[Track, Bools]:
     steps, end, parts = np.diff(np.unique(track.times)), float(track.times.max()), [track]
     frame = float(np.median(steps[steps > _APART])) if (steps > _APART).any() else 1.0
     for ball, (t, p) in track.paths().items():
-        speeds = np.append(np.hypot(*np.diff(p, axis=0).T) / np.diff(t), (0.0, 0.0))
-        for k in np.flatnonzero(np.diff(t, append=end) > _GAP * frame).tolist():
-            begin, until = float(t[k]), end
-            if k + 1 < len(t):
-                gap = float(t[k + 1]) - begin
-                moves = speeds[k] * gap / max(speeds[k + 1], 1e-12) if speeds[k] * gap > _PLACE else 0.0  # s
-                if moves > _SLOW * gap:
-                    continue  # it moved all the time
-                until = begin + gap - float(moves) - 0.5 * frame
-            more = np.arange(begin + _STEP * frame, until, _STEP * frame)
-            parts.append(Track("", more, np.full(len(more), ball), np.tile(p[k], (len(more), 1))))
-    arrays = zip(*(part[1:] for part in parts), strict=True)
-    whole = Track(track.name, *(np.concatenate(array) for array in arrays))
-    order = np.argsort(whole.times, kind="stable")
-    return whole.rows(order), order >= len(track.times)
+        gaps = np.diff(t, append=end)
+        speeds = np.append(np.hypot(*np.diff(p, axis=0).T) / gaps[:-1], (0.0, 0.0))
+        ways = speeds[:-1] * gaps
+        moves = np.where(ways > _PLACE, ways / np.maximum(speeds[1:], 1e-12), 0.0)  # s, how long it moves in the gap
+        until = np.append((t + gaps - moves - 0.5 * frame)[:-1], end)
+        for k in np.flatnonzero((gaps > _GAP * frame) & (moves <= _SLOW * gaps)):
+            times = np.arange(t[k] + _STEP * frame, until[k], _STEP * frame)
+            parts.append(Track("", times, np.full(len(times), ball), np.tile(p[k], (len(times), 1))))
+    filled = Track(track.name, *(np.concatenate(arrays) for arrays in zip(*(part[1:] for part in parts), strict=True)))
+    order = np.argsort(filled.times, kind="stable")
+    return filled.rows(order), order >= len(track.times)
