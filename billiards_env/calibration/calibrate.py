@@ -19,10 +19,19 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from billiards_env.calibration.fit import ENOUGH, MANY, Fit, determined, fit_shared, fit_stages, numbers_of
+from billiards_env.calibration.fit import (
+    ENOUGH,
+    MANY,
+    Fit,
+    determined,
+    fit_shared,
+    fit_stages,
+    read_state,
+    values_of,
+    with_physics,
+)
 from billiards_env.calibration.frame import Frame, check_frame, fit_frame
-from billiards_env.calibration.judge import judge
-from billiards_env.calibration.problems import find_problems
+from billiards_env.calibration.judge import find_problems, judge
 from billiards_env.calibration.report import Calibration
 from billiards_env.calibration.shot import SPIN, VELOCITY, drop_clipped, noise_of, prepare
 from billiards_env.calibration.tracks import Track, check_tracks
@@ -91,76 +100,73 @@ def calibrate(
             determine any number.
     """
     check_scene(scene)
-    names = _check_names(scene, free)
+    names = _free_names(scene, free)
     integer("contacts", contacts, _CONTACTS)
     for law in laws:
         one_of("laws", law, FRICTION_CUSHIONS)
     tracks, clipped = drop_clipped(check_tracks(scene, shots, 4 if velocities is None else 1))
-    scene, of_tracks = _framed(scene, tracks, frame, contacts)
-    tracks = [of_tracks.apply(track) for track in tracks]
+    scene, track_frame = _framed(scene, tracks, frame, contacts)
+    tracks = [track_frame.apply(track) for track in tracks]
     error = noise_of(tracks) if noise is None else real("noise", noise, _NOISE)
     known = np.full((len(tracks), 2 * scene.n_balls + 6), np.nan)
-    for name, given, where in (("velocities", velocities, VELOCITY), ("spins", spins, SPIN)):
-        if given is not None:
-            known[:, where] = finite(name, given, known[:, where].shape)
-    prepared = [prepare(scene, track, error, numbers) for track, numbers in zip(tracks, known, strict=True)]
+    for name, values, columns in (("velocities", velocities, VELOCITY), ("spins", spins, SPIN)):
+        if values is not None:
+            known[:, columns] = finite(name, values, known[:, columns].shape)
+    prepared = [prepare(scene, track, error, start) for track, start in zip(tracks, known, strict=True)]
     if frame is None:
-        found = [one for shot in prepared for one in shot.contacts]
-        check_frame(scene, [shot.track for shot in prepared], found, error)
+        check_frame(scene, prepared, error)
     held = (np.arange(len(tracks)) % _EACH == _EACH - 1) & (len(tracks) >= _FEWEST) & hold_back
-    some, rest = ([prepared[k] for k in np.flatnonzero(mine)] for mine in (~held, held))
+    judged, others = ([prepared[k] for k in np.flatnonzero(rows)] for rows in (~held, held))
     data = [[array.tolist() for array in track[1:]] for track in tracks]
     settings = json.dumps([scene.to_dict(), names, error, contacts, hold_back, known.tolist(), data])
-    key, path = hashlib.sha256(settings.encode()).hexdigest(), None if state is None else Path(state)
-    fit = Fit(scene, names, scene, some, {}, np.zeros((0, 0)))
-    fit, share = fit_stages(fit, contacts, error, progress, path, key)
+    path = None if state is None else Path(state)
+    finished = read_state(path, hashlib.sha256(settings.encode()).hexdigest())
+    fit, predicted = Fit(scene, names, scene, judged, {}, np.zeros((0, 0))), None
+    fit = fit_stages(fit, contacts, error, finished, path, progress)
+    if others and fit.share >= ENOUGH:
+        predicted, judged = judge(determined(fit, contacts).scene, others), prepared
+        fit = fit_stages(fit._replace(shots=prepared, stages=()), contacts, error, finished, path, progress)
     warnings = [f"{clipped} rows at the border of the picture are left out"] if clipped else []
-    predicted, losses = None, {}
-    if rest and share >= ENOUGH:
-        predicted, some = judge(determined(fit, contacts).scene, rest), prepared
-        fit, share = fit_stages(fit._replace(shots=prepared, stages=()), contacts, error, progress, path, key)
-    if share < ENOUGH:
-        warnings.append(f"only {share:.0%} of the rows until the second contact fit: no numbers")
+    losses = {}
+    if fit.share < ENOUGH:
+        warnings.append(f"only {fit.share:.0%} of the rows until the second contact fit: no numbers")
         fit = fit._replace(scene=scene, names=())
     else:
         fit = determined(fit, contacts)
-        if len(some) < MANY:
+        if len(judged) < MANY:
             warnings.append(f"fewer than {MANY} shots: the intervals hold only if the laws are right")
         for law in laws:
-            other = dataclasses.replace(fit.scene, physics=dataclasses.replace(fit.scene.physics, cushion=law))
+            other = with_physics(fit.scene, cushion=law)
             losses[law] = fit_shared(fit._replace(scene=other, start=other), contacts)[1]
-    fitted = [shot.until(contacts) for shot in fit.shots]
     return Calibration(
         scene=fit.scene,
-        start=dict(zip(names, numbers_of(scene, names).tolist(), strict=True)),
-        values=dict(zip(fit.names, numbers_of(fit.scene, fit.names).tolist(), strict=True)),
+        start=values_of(scene, names),
+        values=values_of(fit.scene, fit.names),
         kept=fit.kept,
         covariance=fit.covariance,
         row_noise=error,
-        frame=of_tracks,
-        shots=fitted,
+        frame=track_frame,
+        shots=[shot.until(contacts) for shot in fit.shots],
         problems=[problem for shot in fit.shots for problem in find_problems(fit.scene, shot)],
-        judged=judge(fit.scene, some),
+        judged=judge(fit.scene, judged),
         predicted=predicted,
         laws=losses,
         warnings=warnings,
     )
 
 
-def _check_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
-    known = tuple(physics_inputs(scene.physics))
+def _free_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
+    """Returns the names of the numbers to fit."""
+    physics, friction = scene.physics, scene.physics.ball_ball != "frictionless"
     if free is None:
-        physics = scene.physics
-        matter = set(FREE) if physics.motion == "sliding" else {"mu_roll", "mu_roll_speed", "e_ball", "e_cushion"}
-        matter -= {"mu_ball_factor"} if physics.ball_ball == "frictionless" else set()
-        if physics.ball_ball == "frictionless" or physics.mu_ball is not None:
-            matter -= {"mu_ball_decay"}
-        return tuple(name for name in FREE if name in matter and getattr(physics, name) > 0.0)
+        names = FREE if physics.motion == "sliding" else ("mu_roll", "e_ball", "e_cushion", "mu_roll_speed")
+        in_use = {"mu_ball_factor": friction, "mu_ball_decay": friction and physics.mu_ball is None}
+        return tuple(name for name in names if in_use.get(name, True) and getattr(physics, name) > 0.0)
     names = (free,) if isinstance(free, str) else tuple(free)
     if not names or len(set(names)) < len(names):
         raise ValueError(f"free = {list(names)}: expected names of numbers, each once")
     for name in names:
-        one_of("free", name, known)
+        one_of("free", name, tuple(physics_inputs(physics)))
     return names
 
 
@@ -169,8 +175,8 @@ def _framed(scene: Scene, tracks: list[Track], frame: Frame | str | None, contac
     if not isinstance(frame, str):
         return scene, Frame() if frame is None else frame
     one_of("frame", frame, ("fit",))
-    found, give = fit_frame(scene, tracks, contacts)
-    if not scene.table.outline and not scene.table.pockets:
-        size = {"length": scene.table.length + 2.0 * give, "width": scene.table.width + 2.0 * give}
-        scene = dataclasses.replace(scene, table=dataclasses.replace(scene.table, **size))
-    return scene, found
+    fitted, give = fit_frame(scene, tracks, contacts)
+    table = scene.table
+    if not table.outline and not table.pockets:
+        table = dataclasses.replace(table, length=table.length + 2.0 * give, width=table.width + 2.0 * give)
+    return dataclasses.replace(scene, table=table), fitted

@@ -56,6 +56,7 @@ class Fit(NamedTuple):
         kept: Why the other free numbers keep their start, by name.
         covariance: (s, s) of the numbers.
         stages: The numbers of each stage and their variances, by name.
+        share: The share of the rows until the second contact that are near their paths.
     """
 
     scene: Scene
@@ -65,6 +66,7 @@ class Fit(NamedTuple):
     kept: dict[str, str]
     covariance: Floats
     stages: tuple[dict[str, tuple[float, float]], ...] = ()
+    share: float = 1.0
 
 
 class Reduced(NamedTuple):
@@ -89,14 +91,18 @@ def reduced(normal: Normal, width: int) -> Reduced:
     return Reduced(slope[width:] + follow.T @ slope[:width], matrix[width:, width:] + follow.T @ both, follow)
 
 
+def values_of(scene: Scene, names: Sequence[str]) -> dict[str, float]:
+    """Returns numbers of the physics of a scene by name."""
+    return {name: getattr(scene.physics, name) for name in names}
+
+
 def numbers_of(scene: Scene, names: Sequence[str]) -> Floats:
     """Returns numbers of the physics of a scene, (s,)."""
-    return np.array([getattr(scene.physics, name) for name in names], np.float64)
+    return np.array(list(values_of(scene, names).values()), np.float64)
 
 
-def with_numbers(scene: Scene, names: Sequence[str], values: Floats) -> Scene:
-    """Returns a scene with other numbers of its physics."""
-    changes = dict(zip(names, values.tolist(), strict=True))
+def with_physics(scene: Scene, **changes: Any) -> Scene:
+    """Returns a scene with other laws or numbers of its physics."""
     return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **changes))
 
 
@@ -118,38 +124,37 @@ def fit_shared(fit: Fit, contact: int) -> tuple[Fit, float]:
     Returns:
         The fit, and the loss of the rows.
     """
-    scene, names = fit.scene, fit.names
-    numbers, begun, low_high, damping = numbers_of(scene, names), numbers_of(fit.start, names), bounds_of(names), 1e-3
-    usual = usual_of(fit)
+    scene, names, usual, damping = fit.scene, fit.names, usual_of(fit), 1e-3
+    numbers, initial, bounds = numbers_of(scene, names), numbers_of(fit.start, names), bounds_of(names)
     shots = [shot.until(contact) for shot in fit.shots]
-    found = [settle(scene, shot.starts, shot, names) for shot in shots]
+    fits = [settle(scene, shot.starts, shot, names) for shot in shots]
     for _ in range(_STEPS):
-        parts = [reduced(normal, start.size) for start, normal in found]
+        parts = [reduced(normal, start.size) for start, normal in fits]
         matrix = sum(part.matrix for part in parts) + np.diag(1.0 / usual**2)
-        slope = sum(part.slope for part in parts) + (numbers - begun) / usual**2
-        tried = np.clip(numbers - damped(matrix, slope, damping), *low_high)
+        slope = sum(part.slope for part in parts) + (numbers - initial) / usual**2
+        tried = np.clip(numbers - damped(matrix, slope, damping), *bounds)
         try:
-            changed = with_numbers(scene, names, tried)
+            changed = with_physics(scene, **dict(zip(names, tried.tolist(), strict=True)))
         except ValueError:  # numbers that `Physics` does not allow together
             damping *= 10.0
             continue
-        then = []
-        for (start, _), part, shot in zip(found, parts, shots, strict=True):
-            moved, fine = allowed(scene, start + part.follow @ (tried - numbers), shot)
-            then.append(settle(changed, np.where(fine[:, None], moved, start), shot, names, _FOLLOW))
+        others = []
+        for (start, _), part, shot in zip(fits, parts, shots, strict=True):
+            moved, valid = allowed(scene, start + part.follow @ (tried - numbers), shot)
+            others.append(settle(changed, np.where(valid[:, None], moved, start), shot, names, _FOLLOW))
         # If a contact appears or disappears, a shot jumps to another minimum; `_JUMP` limits its effect.
-        losses, others = (np.concatenate([normal.loss for _, normal in each]) for each in (found, then))
-        away = (np.square((numbers - begun) / usual) - np.square((tried - begun) / usual)).sum()
-        gain = np.clip(losses - others, -_JUMP, _JUMP).sum() + away
+        losses, other_losses = (np.concatenate([normal.loss for _, normal in each]) for each in (fits, others))
+        away = (np.square((numbers - initial) / usual) - np.square((tried - initial) / usual)).sum()
+        gain = np.clip(losses - other_losses, -_JUMP, _JUMP).sum() + away
         if gain > 0.0:
-            scene, numbers, found, damping = changed, tried, then, max(damping / 10.0, 1e-9)
+            scene, numbers, fits, damping = changed, tried, others, max(damping / 10.0, 1e-9)
         else:
             damping *= 10.0
         if 0.0 < gain < _CONVERGED * losses.sum() or damping > 1e3:
             break
-    found = [settle(scene, start, shot) for (start, _), shot in zip(found, shots, strict=True)]
-    done = [shot._replace(starts=start) for shot, (start, _) in zip(fit.shots, found, strict=True)]
-    return fit._replace(scene=scene, shots=done), float(sum(normal.loss[0] for _, normal in found))
+    fits = [settle(scene, start, shot) for (start, _), shot in zip(fits, shots, strict=True)]
+    fitted = [shot._replace(starts=start) for shot, (start, _) in zip(fit.shots, fits, strict=True)]
+    return fit._replace(scene=scene, shots=fitted), float(sum(normal.loss[0] for _, normal in fits))
 
 
 def fit_stage(fit: Fit, contact: int, noise: float) -> Fit:
@@ -161,8 +166,10 @@ def fit_stage(fit: Fit, contact: int, noise: float) -> Fit:
         noise: The least error of a coordinate, m.
     """
     for _ in range(_ROUNDS):
-        found = [(search(fit.scene, shot.wide(contact, FIRST)), shot) for shot in fit.shots]
-        shots = [one._replace(used=shot.used, scale=shot.scale) for one, shot in found]
+        shots = []
+        for shot in fit.shots:
+            best = search(fit.scene, shot.wide(contact, FIRST))
+            shots.append(best._replace(used=shot.used, scale=shot.scale))
         fit = fit._replace(shots=near_rows(fit.scene, shots, contact, noise))
         if contact > 1:
             fit, _ = fit_shared(fit, contact)
@@ -177,24 +184,25 @@ def near_rows(scene: Scene, shots: list[Shot], contact: int, noise: float) -> li
     noise is an error of the laws, which the rows of a shot between two contacts share. Together these rows count as at
     most `_SHARED` rows.
     """
-    off = np.hypot(*np.concatenate([errors(scene, shot) for shot in shots]).T)
-    after = np.concatenate([shot.after for shot in shots])
-    some = np.concatenate([shot.until(contact).used & shot.moving for shot in shots])
-    typical = np.full(len(off), noise)
-    for k in np.unique(after[some]):  # the median distance of Gaussian errors in two coordinates is 1.1774
-        typical[after == k] = max(noise, float(np.median(off[some & (after == k)])) / 1.1774)
-    found, begins = [], np.cumsum([len(shot.time) for shot in shots])[:-1]
-    for shot, distance, error in zip(shots, np.split(off, begins), np.split(typical, begins), strict=True):
-        before = shot.time < shot.end(contact)
+    distances = [np.hypot(*errors(scene, shot).T) for shot in shots]
+    counted = [shot.until(contact).used & shot.moving for shot in shots]
+    off = np.concatenate([distance[rows] for distance, rows in zip(distances, counted, strict=True)])
+    after = np.concatenate([shot.after[rows] for shot, rows in zip(shots, counted, strict=True)])
+    typical = np.full(max(shot.after.max() for shot in shots) + 1, noise)
+    for k in np.unique(after):  # the median distance of Gaussian errors in two coordinates is 1.1774
+        typical[k] = max(noise, float(np.median(off[after == k])) / 1.1774)
+    near = []
+    for shot, distance in zip(shots, distances, strict=True):
+        before, error = shot.time < shot.end(contact), typical[shot.after]
         far = before & (distance > np.maximum(_LEAST, _FAR * error))
         leaves = leaves_at(shot, far)
         used = ~far & (shot.time < leaves[0])
-        rows = np.bincount(shot.after[used & before & shot.moving], minlength=shot.after.max() + 1)[shot.after]
+        rows = np.bincount(shot.after[used & before & shot.moving], minlength=len(typical))[shot.after]
         of_laws = (np.square(error) - noise**2) * np.maximum(rows / _SHARED, 1.0)
         scale = CAUCHY * np.sqrt(of_laws + noise**2)
         scale = np.where(before, scale, np.maximum(FIRST, scale))
-        found.append(shot._replace(scale=scale, used=used, far=far, leaves=leaves))
-    return found
+        near.append(shot._replace(scale=scale, used=used, leaves=leaves))
+    return near
 
 
 def leaves_at(shot: Shot, far: Bools) -> tuple[float, int]:
@@ -202,13 +210,12 @@ def leaves_at(shot: Shot, far: Bools) -> tuple[float, int]:
 
     There, at least `_RUN` of `_OF` consecutive rows of a ball are far.
     """
-    found = [(np.inf, -1)]
+    leaves = [(np.inf, -1)]
     for ball in np.unique(shot.track.balls[far]):
-        mine = np.flatnonzero(shot.track.balls == ball)
-        ahead = np.convolve(far[mine], np.ones(_OF))[_OF - 1 :]
-        first = mine[far[mine] & (ahead >= _RUN)][:1]
-        found += [(float(time), int(ball)) for time in shot.time[first]]
-    return min(found)
+        rows = np.flatnonzero(shot.track.balls == ball)
+        ahead = np.convolve(far[rows], np.ones(_OF))[_OF - 1 :]
+        leaves += [(float(time), int(ball)) for time in shot.time[rows[far[rows] & (ahead >= _RUN)]][:1]]
+    return min(leaves)
 
 
 def covariance(fit: Fit, contact: int) -> Floats:
@@ -239,13 +246,13 @@ def unexplained_shifts(fit: Fit, spread: Floats) -> Floats:
 
     With the right laws, the variance of a shift is the difference of the variances of the two stages (Hausman 1978).
     """
-    found = np.zeros(len(fit.names))
+    largest = np.zeros(len(fit.names))
     for stage in fit.stages[:-1]:
         values, variances = np.array([stage[name] for name in fit.names]).T
         shift = np.square(values - numbers_of(fit.scene, fit.names))
-        large = shift > _SHIFT**2 * np.maximum(variances - np.diag(spread), 0.0)
-        found = np.where(large, np.maximum(found, shift), found)
-    return found
+        by_chance = shift <= _SHIFT**2 * np.maximum(variances - np.diag(spread), 0.0)
+        largest = np.maximum(largest, np.where(by_chance, 0.0, shift))
+    return largest
 
 
 def half_widths(spread: Floats, shots: int) -> Floats:
@@ -259,70 +266,74 @@ def determined(fit: Fit, contact: int) -> Fit:
     The covariance includes the `unexplained_shifts`, with which an interval may be wider than `_WIDE` allows.
     """
     while True:
-        names, numbers, begun = fit.names, numbers_of(fit.scene, fit.names), numbers_of(fit.start, fit.names)
+        names, numbers, initial = fit.names, numbers_of(fit.scene, fit.names), numbers_of(fit.start, fit.names)
         spread = covariance(fit, contact)
-        wide = half_widths(spread, len(fit.shots)) / np.maximum(np.maximum(np.abs(numbers), np.abs(begun)), 1e-9)
-        edge = np.abs(numbers - bounds_of(names)) <= _EDGE * np.maximum(np.abs(numbers), 1e-3)
-        wide[edge.any(axis=0)] = np.inf
-        worst = int(np.argmax(wide))
-        if wide[worst] <= _WIDE:
+        width = half_widths(spread, len(fit.shots)) / np.maximum(np.maximum(np.abs(numbers), np.abs(initial)), 1e-9)
+        edge = (np.abs(numbers - bounds_of(names)) <= _EDGE * np.maximum(np.abs(numbers), 1e-3)).any(axis=0)
+        width[edge] = np.inf
+        worst = int(np.argmax(width))
+        if width[worst] <= _WIDE:
             return fit._replace(covariance=spread + np.diag(unexplained_shifts(fit, spread)))
-        why = "it ends at the bound of its range" if edge[:, worst].any() else "the rows do not determine it"
+        why = "it ends at the bound of its range" if edge[worst] else "the rows do not determine it"
         kept, left = fit.kept | {names[worst]: why}, names[:worst] + names[worst + 1 :]
         if not left:
             raise ValueError(f"free = {list(kept)}: the rows do not determine any of them, expected more shots")
-        scene = with_numbers(fit.scene, names[worst : worst + 1], begun[worst : worst + 1])
+        scene = with_physics(fit.scene, **values_of(fit.start, names[worst : worst + 1]))
         fit, _ = fit_shared(fit._replace(scene=scene, names=left, kept=kept), contact)
+
+
+def read_state(path: Path | None, key: str) -> dict[str, Any]:
+    """Returns the content of a state file: the key of what is fitted, and finished stages by the number of shots.
+
+    Raises:
+        ValueError: If the file has another key.
+    """
+    if path is None or not path.exists():
+        return {"key": key}
+    what = "the state of a calibration"
+    state = records.read(path, lambda text: records.data_of(text, what), what, _MOST_STATE)
+    if not isinstance(state, dict) or state.get("key") != key:
+        raise ValueError(f"state = {str(path)!r}: expected the state of the same tracks, scene, numbers and options")
+    return state
 
 
 def fit_stages(
     fit: Fit,
     contacts: int,
     noise: float,
-    progress: Callable[[str], None] | None = None,
+    state: dict[str, Any],
     path: Path | None = None,
-    key: str = "",
-) -> tuple[Fit, float]:
+    progress: Callable[[str], None] | None = None,
+) -> Fit:
     """Fits the rows until the first contact of the cue ball, then until the second, and so on.
 
-    Each finished stage is written to the file `path`, with the key of what is fitted and the number of shots. The fit
-    resumes from this file.
-
-    Returns:
-        The fit, and the share of the rows near their paths until the second contact. If it is less than `ENOUGH`, the
-        fit ends there.
+    It resumes from a state, adds each finished stage to it, and writes it to a file. It ends with the second contact if
+    `Fit.share` is less than `ENOUGH`.
     """
-    saved: Any = {"key": key}
-    share, what, which = 1.0, "the state of a calibration", str(len(fit.shots))
-    if path is not None and path.exists():
-        saved = records.read(path, lambda text: records.data_of(text, what), what, _MOST_STATE)
-        if not isinstance(saved, dict) or saved.get("key") != key:
-            raise ValueError(
-                f"state = {str(path)!r}: expected the state of the same tracks, scene, numbers and options"
-            )
-    done = saved.get(which, {})
-    if done:
-        fit = fit._replace(scene=with_numbers(fit.scene, fit.names, np.array(done["numbers"])))
-        shots = [shot._replace(starts=np.array([row])) for shot, row in zip(fit.shots, done["starts"], strict=True)]
-        fit = fit._replace(shots=near_rows(fit.scene, shots, done["contact"], noise), stages=tuple(done["stages"]))
-    else:
+    finished = state.get(str(len(fit.shots)))
+    if finished is None:
         fit = fit_stage(fit, 1, noise)
-    for contact in range(done.get("contact", 1) + 1, contacts + 1):
+    else:
+        stages = tuple(finished["stages"])
+        scene = with_physics(fit.scene, **{name: value for name, (value, _) in stages[-1].items()})
+        shots = [shot._replace(starts=np.array([row])) for shot, row in zip(fit.shots, finished["starts"], strict=True)]
+        fit = fit._replace(scene=scene, shots=near_rows(scene, shots, len(stages) + 1, noise), stages=stages)
+    for contact in range(len(fit.stages) + 2, contacts + 1):
         fit = fit_stage(fit, contact, noise)
-        numbers = numbers_of(fit.scene, fit.names).tolist()
-        variances = np.diag(covariance(fit, contact)).tolist()
-        stage = dict(zip(fit.names, zip(numbers, variances, strict=True), strict=True))
-        fit = fit._replace(stages=(*fit.stages, stage))
-        rows = [(shot.moving & (shot.time < shot.end(contact)), shot.used) for shot in fit.shots]
-        part = sum((some & used).sum() for some, used in rows) / max(1, sum(some.sum() for some, _ in rows))
-        share = float(part) if contact == 2 else share
-        if path is not None and share >= ENOUGH:
-            starts = [shot.starts[0].tolist() for shot in fit.shots]
-            saved |= {which: {"contact": contact, "numbers": numbers, "starts": starts, "stages": fit.stages}}
-            write_json(path, saved)
+        values, variances = values_of(fit.scene, fit.names), np.diag(covariance(fit, contact)).tolist()
+        stage = dict(zip(fit.names, zip(values.values(), variances, strict=True), strict=True))
+        near = np.concatenate([shot.used[shot.moving & (shot.time < shot.end(contact))] for shot in fit.shots])
+        share = float(near.mean()) if near.size else 0.0
+        fit = fit._replace(stages=(*fit.stages, stage), share=share if contact == 2 else fit.share)
+        if path is not None and fit.share >= ENOUGH:
+            state[str(len(fit.shots))] = {
+                "starts": [shot.starts[0].tolist() for shot in fit.shots],
+                "stages": fit.stages,
+            }
+            write_json(path, state)
         if progress is not None:
-            text = ", ".join(f"{name} {value:.5g}" for name, value in zip(fit.names, numbers, strict=True))
-            progress(f"until contact {contact}: {part:.1%} of the rows, {text}")
-        if share < ENOUGH:
+            text = ", ".join(f"{name} {value:.5g}" for name, value in values.items())
+            progress(f"until contact {contact}: {share:.1%} of the rows, {text}")
+        if fit.share < ENOUGH:
             break
-    return fit, share
+    return fit

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.calibration.contacts import CUSHION, Contact, find_contacts
+from billiards_env.calibration.shot import Shot
 from billiards_env.calibration.tracks import Floats, Track, with_rest
 from billiards_env.scene import Scene
 
@@ -121,8 +122,8 @@ def fit_frame(scene: Scene, tracks: Sequence[Track], contacts: int) -> tuple[Fra
     return frame, give
 
 
-def check_frame(scene: Scene, tracks: Sequence[Track], contacts: Sequence[Contact], noise: float) -> None:
-    """Checks that tracks lie on the table, in metres and seconds.
+def check_frame(scene: Scene, shots: Sequence[Shot], noise: float) -> None:
+    """Checks that the tracks of shots lie on the table, in metres and seconds.
 
     Raises:
         ValueError: If rows lie beyond the cushions, balls turn before or behind them, or a ball moves faster or rolls
@@ -130,6 +131,7 @@ def check_frame(scene: Scene, tracks: Sequence[Track], contacts: Sequence[Contac
     """
     reach, rolls = reach_of(scene), _ROLL * scene.physics.mu_roll * scene.physics.g
     most = np.array(scene.half_extents) if scene.table.outline else reach  # the jaws of pockets are beyond the cushions
+    tracks = [shot.track for shot in shots]
     for name, ball, t, p in ((track.name, ball, *path) for track in tracks for ball, path in track.paths().items()):
         where, beyond = f"shot {name}, ball {ball}: ", (np.abs(p) - most).max(axis=1)
         count = np.count_nonzero(beyond > _BEYOND + 4.0 * noise)
@@ -147,7 +149,7 @@ def check_frame(scene: Scene, tracks: Sequence[Track], contacts: Sequence[Contac
         if way > 0.1 and fast * fast < 2.0 * rolls * way:
             where += f"{way:.2g} m at {fast:.2g} m/s or less: "
             raise ValueError(where + "a ball does not roll that far; are the times in seconds (not frame numbers)?")
-    lines = find_lines(contacts)
+    lines = find_lines([contact for shot in shots for contact in shot.contacts])
     error = _SHORT + 4.0 * _NEAR / np.sqrt(np.maximum(lines.counts, 1)) + noise
     for name, off, most in zip(_CUSHIONS, lines.at - np.repeat(reach, 2), error, strict=True):
         if abs(off) > most:

@@ -24,10 +24,7 @@ _BEFORE = 1e-6  # s, a row at a contact is after it
 _EXACT = 1e-7  # m, the noise of exact tracks
 _MOVED = 0.004  # m, from a place of rest
 _REST = 2e-3  # m, the error of a place of rest; cameras distort by about as much
-_WINDOWS = (
-    (1, 8),
-    (0, 2),
-)  # rows of the cue ball for guesses of its velocity: the first after its rest, and their number
+_WINDOWS = (1, 8), (0, 2)  # rows of the cue ball that guess its velocity: the first after its rest, and their number
 _CLIPPED = 8, 2.0  # rows at an extreme coordinate, and their number over that at the next one
 
 
@@ -49,8 +46,7 @@ class Shot(NamedTuple):
         target: (p,).
         starts: (g, width), guesses of the start, or one start after a fit.
         scale: (r,) m, the error of a coordinate above which the loss grows slowly.
-        used: (r,) bool, whether the row is fitted.
-        far: (r,) bool, whether the row is far from its path.
+        used: (r,) bool, whether the row is fitted; false for a row that is far from its path.
         leaves: s after `begin`, from which on a ball leaves its path, or inf, and the ball.
     """
 
@@ -68,7 +64,6 @@ class Shot(NamedTuple):
     starts: Floats
     scale: Floats
     used: Bools
-    far: Bools
     leaves: tuple[float, int] = (np.inf, -1)
 
     @property
@@ -184,5 +179,4 @@ def prepare(scene: Scene, track: Track, noise: float, given: Floats | None = Non
         starts=np.where(np.isnan(known), starts, known),
         scale=np.full(len(added), CAUCHY * noise),
         used=np.ones(len(added), np.bool_),
-        far=np.zeros(len(added), np.bool_),
     )

@@ -13,7 +13,7 @@ import pytest
 from billiards_env import Scene, simulate, simulate_batch
 from billiards_env.__main__ import main
 from billiards_env.calibration import Track, calibrate, observed, write_tracks
-from billiards_env.calibration.fit import reduced, with_numbers
+from billiards_env.calibration.fit import reduced
 from billiards_env.calibration.shot import PLACES, SPIN, VELOCITY, prepare
 from billiards_env.calibration.starts import allowed, settle
 from billiards_env.scene import PARAMETERS, Physics, check_positions, layouts
@@ -88,7 +88,7 @@ def test_the_slope_is_that_of_the_loss_with_fitted_starts():
         shot, start = prepare(SCENE, track, 0.002), np.array([[*np.ravel(places), *v, *w, 0.0]])
 
         def settled(at, shot=shot, start=start):
-            return settle(with_numbers(SCENE, names, at), start, shot, names, 100)[1]
+            return settle(changed(SCENE, **dict(zip(names, at.tolist(), strict=True))), start, shot, names, 100)[1]
 
         slope = reduced(settled(numbers), start.size).slope
         for k in range(2):

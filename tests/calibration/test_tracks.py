@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate
-from billiards_env.calibration import reading
-from billiards_env.calibration.reading import read_tracks
-from billiards_env.calibration.tracks import Track, check_tracks, observed, write_tracks
+from billiards_env.calibration import tracks
+from billiards_env.calibration.tracks import Track, check_tracks, observed, read_tracks, write_tracks
 
 HEAD = "shot,time,ball,x,y\n"
 
@@ -50,7 +49,7 @@ def test_a_ball_may_be_written_as_a_decimal_number(tmp_path):
 def test_a_device_without_end_and_a_large_file_are_refused(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="path = '/dev/zero': expected a file of tracks, but it is not a regular file"):
         read_tracks("/dev/zero")
-    monkeypatch.setattr(reading, "MAX_BYTES", 100)
+    monkeypatch.setattr(tracks, "MAX_BYTES", 100)
     whole = gzip.compress(bytes(101))
     for name, content, message in (
         ("tracks.csv", bytes(101), "a file of more than 100 bytes"),
