@@ -9,11 +9,9 @@ their spread over the shots, so they include errors of the laws: see `fit.covari
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
+import functools
 import os
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -34,7 +32,8 @@ from billiards_env.calibration.frame import Frame, check_frame, fit_frame
 from billiards_env.calibration.judge import find_problems, judge
 from billiards_env.calibration.report import Calibration
 from billiards_env.calibration.shot import SPIN, VELOCITY, drop_clipped, noise_of, prepare
-from billiards_env.calibration.tracks import Track, check_tracks
+from billiards_env.calibration.starts import settle
+from billiards_env.calibration.tracks import Floats, Track, check_tracks
 from billiards_env.checks import Range, finite, integer, one_of, real
 from billiards_env.scene import CUSHIONS, Scene, check_scene
 from billiards_env.shots.gradients import physics_inputs
@@ -105,39 +104,33 @@ def calibrate(
     for law in laws:
         one_of("laws", law, FRICTION_CUSHIONS)
     tracks, clipped = drop_clipped(check_tracks(scene, shots, 4 if velocities is None else 1))
-    scene, track_frame = _framed(scene, tracks, frame, contacts)
-    tracks = [track_frame.apply(track) for track in tracks]
+    scene, file_frame = _framed(scene, tracks, frame, contacts)
+    tracks = [file_frame.apply(track) for track in tracks]
     error = noise_of(tracks) if noise is None else real("noise", noise, _NOISE)
-    known = np.full((len(tracks), 2 * scene.n_balls + 6), np.nan)
-    for name, values, columns in (("velocities", velocities, VELOCITY), ("spins", spins, SPIN)):
-        if values is not None:
-            known[:, columns] = finite(name, values, known[:, columns].shape)
+    known = _known_starts(scene, len(tracks), velocities, spins)
     prepared = [prepare(scene, track, error, start) for track, start in zip(tracks, known, strict=True)]
     if frame is None:
         check_frame(scene, prepared, error)
-    held = (np.arange(len(tracks)) % _EACH == _EACH - 1) & (len(tracks) >= _FEWEST) & hold_back
-    judged, others = ([prepared[k] for k in np.flatnonzero(rows)] for rows in (~held, held))
     data = [[array.tolist() for array in track[1:]] for track in tracks]
-    settings = json.dumps([scene.to_dict(), names, error, contacts, hold_back, known.tolist(), data])
-    path = None if state is None else Path(state)
-    finished = read_state(path, hashlib.sha256(settings.encode()).hexdigest())
-    fit, predicted = Fit(scene, names, scene, judged, {}, np.zeros((0, 0))), None
-    fit = fit_stages(fit, contacts, error, finished, path, progress)
-    if others and fit.share >= ENOUGH:
-        predicted, judged = judge(determined(fit, contacts).scene, others), prepared
-        fit = fit_stages(fit._replace(shots=prepared, stages=()), contacts, error, finished, path, progress)
-    warnings = [f"{clipped} rows at the border of the picture are left out"] if clipped else []
-    losses = {}
+    saved = read_state(state, [scene.to_dict(), names, error, contacts, hold_back, known.tolist(), data])
+    run = functools.partial(fit_stages, contacts=contacts, noise=error, saved=saved, path=state, progress=progress)
+    held_back = prepared[_EACH - 1 :: _EACH] if hold_back and len(prepared) >= _FEWEST else []
+    predicted, used = None, [shot for k, shot in enumerate(prepared) if not held_back or k % _EACH < _EACH - 1]
+    fit = run(Fit(scene, names, scene, used, {}, np.zeros((0, 0))))
+    if held_back and fit.share >= ENOUGH:
+        predicted, used = judge(determined(fit, contacts).scene, held_back), prepared
+        fit = run(fit._replace(shots=prepared, stages=()))
+    warnings, losses = [f"{clipped} rows at the border of the picture are left out"] if clipped else [], {}
     if fit.share < ENOUGH:
-        warnings.append(f"only {fit.share:.0%} of the rows until the second contact fit: no numbers")
+        warnings.append(f"only {fit.share:.0%} of the rows until the second contact fit: no constants")
         fit = fit._replace(scene=scene, names=())
     else:
         fit = determined(fit, contacts)
-        if len(judged) < MANY:
+        if len(used) < MANY:
             warnings.append(f"fewer than {MANY} shots: the intervals hold only if the laws are right")
-        for law in laws:
-            other = with_physics(fit.scene, cushion=law)
-            losses[law] = fit_shared(fit._replace(scene=other, start=other), contacts)[1]
+        losses = _losses(fit, laws, contacts, warnings)
+    # The last stage fitted the starts with the scales that the rows had before it.
+    fitted = [shot.until(contacts) for shot in fit.shots]
     return Calibration(
         scene=fit.scene,
         start=values_of(scene, names),
@@ -145,14 +138,27 @@ def calibrate(
         kept=fit.kept,
         covariance=fit.covariance,
         row_noise=error,
-        frame=track_frame,
-        shots=[shot.until(contacts) for shot in fit.shots],
+        frame=file_frame,
+        shots=[shot._replace(starts=settle(fit.scene, shot.starts, shot)[0]) for shot in fitted],
         problems=[problem for shot in fit.shots for problem in find_problems(fit.scene, shot)],
-        judged=judge(fit.scene, judged),
+        judged=judge(fit.scene, used),
         predicted=predicted,
         laws=losses,
         warnings=warnings,
     )
+
+
+def _losses(fit: Fit, laws: Sequence[str], contacts: int, warnings: list[str]) -> dict[str, float]:
+    """Returns the loss with each law of cushions; a law that does not allow the numbers gets a warning."""
+    losses = {}
+    for law in laws:
+        try:
+            scene = with_physics(fit.scene, cushion=law)
+        except ValueError as error:
+            warnings.append(f"{law!r} cushions are not compared: {error}")
+            continue
+        losses[law] = fit_shared(fit._replace(scene=scene, start=scene), contacts)[1]
+    return losses
 
 
 def _free_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
@@ -168,6 +174,15 @@ def _free_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
     for name in names:
         one_of("free", name, tuple(physics_inputs(physics)))
     return names
+
+
+def _known_starts(scene: Scene, m: int, velocities: ArrayLike | None, spins: ArrayLike | None) -> Floats:
+    """Returns the numbers of the starts of m shots, (m, width), NaN for those that are fitted."""
+    known = np.full((m, 2 * scene.n_balls + 6), np.nan)
+    for name, values, columns in (("velocities", velocities, VELOCITY), ("spins", spins, SPIN)):
+        if values is not None:
+            known[:, columns] = finite(name, values, known[:, columns].shape)
+    return known
 
 
 def _framed(scene: Scene, tracks: list[Track], frame: Frame | str | None, contacts: int) -> tuple[Scene, Frame]:

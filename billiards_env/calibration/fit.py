@@ -7,6 +7,9 @@ section 6). The loss is that of `starts.Normal`.
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import json
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -69,26 +72,17 @@ class Fit(NamedTuple):
     share: float = 1.0
 
 
-class Reduced(NamedTuple):
-    """Normal equations of the shared numbers, with the start of a shot eliminated; see `Normal`.
+def reduced(normal: Normal, width: int) -> tuple[Floats, Floats, Floats]:
+    """Eliminates the only start (width,) from the normal equations.
 
-    Attributes:
-        slope: (s,).
-        matrix: (s, s).
-        follow: (width, s), the derivative of the start by the numbers.
+    Returns:
+        The slope (s,) and the matrix (s, s) of the shared numbers, see `Normal`, and the derivative (width, s) of the
+        start by the numbers.
     """
-
-    slope: Floats
-    matrix: Floats
-    follow: Floats
-
-
-def reduced(normal: Normal, width: int) -> Reduced:
-    """Returns the normal equations with the only start (width,) eliminated."""
     slope, matrix = normal.slope[0], normal.matrix[0]
     both = matrix[:width, width:]
     follow = -damped(matrix[None, :width, :width], both.T, _RIDGE).T
-    return Reduced(slope[width:] + follow.T @ slope[:width], matrix[width:, width:] + follow.T @ both, follow)
+    return slope[width:] + follow.T @ slope[:width], matrix[width:, width:] + follow.T @ both, follow
 
 
 def values_of(scene: Scene, names: Sequence[str]) -> dict[str, float]:
@@ -129,9 +123,9 @@ def fit_shared(fit: Fit, contact: int) -> tuple[Fit, float]:
     shots = [shot.until(contact) for shot in fit.shots]
     fits = [settle(scene, shot.starts, shot, names) for shot in shots]
     for _ in range(_STEPS):
-        parts = [reduced(normal, start.size) for start, normal in fits]
-        matrix = sum(part.matrix for part in parts) + np.diag(1.0 / usual**2)
-        slope = sum(part.slope for part in parts) + (numbers - initial) / usual**2
+        slopes, matrices, follows = zip(*(reduced(normal, start.size) for start, normal in fits), strict=True)
+        matrix = sum(matrices) + np.diag(1.0 / usual**2)
+        slope = sum(slopes) + (numbers - initial) / usual**2
         tried = np.clip(numbers - damped(matrix, slope, damping), *bounds)
         try:
             changed = with_physics(scene, **dict(zip(names, tried.tolist(), strict=True)))
@@ -139,8 +133,8 @@ def fit_shared(fit: Fit, contact: int) -> tuple[Fit, float]:
             damping *= 10.0
             continue
         others = []
-        for (start, _), part, shot in zip(fits, parts, shots, strict=True):
-            moved, valid = allowed(scene, start + part.follow @ (tried - numbers), shot)
+        for (start, _), follow, shot in zip(fits, follows, shots, strict=True):
+            moved, valid = allowed(scene, start + follow @ (tried - numbers), shot)
             others.append(settle(changed, np.where(valid[:, None], moved, start), shot, names, _FOLLOW))
         # If a contact appears or disappears, a shot jumps to another minimum; `_JUMP` limits its effect.
         losses, other_losses = (np.concatenate([normal.loss for _, normal in each]) for each in (fits, others))
@@ -233,7 +227,7 @@ def covariance(fit: Fit, contact: int) -> Floats:
     square = np.concatenate([np.square(errors(fit.scene, shot) / shot.scale[:, None])[shot.used] for shot in shots])
     weight, m, prior = 1.0 / (1.0 + square), len(shots), np.diag(1.0 / usual_of(fit) ** 2)
     bend = ((1.0 - square) * weight * weight).mean() / weight.mean()
-    matrices, slopes = np.array([part.matrix for part in parts]), np.array([part.slope for part in parts])
+    slopes, matrices = np.array([part[0] for part in parts]), np.array([part[1] for part in parts])
     inverse = np.linalg.inv(matrices.sum(axis=0) + prior)
     if m < MANY:
         return inverse * (weight * weight * square).mean() / weight.mean() / bend**2 + inverse @ prior @ inverse
@@ -269,7 +263,7 @@ def determined(fit: Fit, contact: int) -> Fit:
         names, numbers, initial = fit.names, numbers_of(fit.scene, fit.names), numbers_of(fit.start, fit.names)
         spread = covariance(fit, contact)
         width = half_widths(spread, len(fit.shots)) / np.maximum(np.maximum(np.abs(numbers), np.abs(initial)), 1e-9)
-        edge = (np.abs(numbers - bounds_of(names)) <= _EDGE * np.maximum(np.abs(numbers), 1e-3)).any(axis=0)
+        edge = np.any(np.abs(numbers - bounds_of(names)) <= _EDGE * np.maximum(np.abs(numbers), 1e-3), axis=0)
         width[edge] = np.inf
         worst = int(np.argmax(width))
         if width[worst] <= _WIDE:
@@ -282,35 +276,35 @@ def determined(fit: Fit, contact: int) -> Fit:
         fit, _ = fit_shared(fit._replace(scene=scene, names=left, kept=kept), contact)
 
 
-def read_state(path: Path | None, key: str) -> dict[str, Any]:
-    """Returns the content of a state file: the key of what is fitted, and finished stages by the number of shots.
+def read_state(path: str | os.PathLike[str] | None, settings: Any) -> dict[str, Any]:
+    """Returns the content of a state file: the key of the settings, and finished stages by the number of shots.
 
     Raises:
-        ValueError: If the file has another key.
+        ValueError: If the file has other settings.
     """
-    if path is None or not path.exists():
+    key, what = hashlib.sha256(json.dumps(settings).encode()).hexdigest(), "the state of a calibration"
+    if path is None or not Path(path).exists():
         return {"key": key}
-    what = "the state of a calibration"
-    state = records.read(path, lambda text: records.data_of(text, what), what, _MOST_STATE)
-    if not isinstance(state, dict) or state.get("key") != key:
+    saved = records.read(path, lambda text: records.data_of(text, what), what, _MOST_STATE)
+    if not isinstance(saved, dict) or saved.get("key") != key:
         raise ValueError(f"state = {str(path)!r}: expected the state of the same tracks, scene, numbers and options")
-    return state
+    return saved
 
 
 def fit_stages(
     fit: Fit,
     contacts: int,
     noise: float,
-    state: dict[str, Any],
-    path: Path | None = None,
+    saved: dict[str, Any],
+    path: str | os.PathLike[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Fit:
     """Fits the rows until the first contact of the cue ball, then until the second, and so on.
 
-    It resumes from a state, adds each finished stage to it, and writes it to a file. It ends with the second contact if
+    It resumes from `saved`, adds each finished stage to it, and writes it to a file. It ends with the second contact if
     `Fit.share` is less than `ENOUGH`.
     """
-    finished = state.get(str(len(fit.shots)))
+    finished = saved.get(str(len(fit.shots)))
     if finished is None:
         fit = fit_stage(fit, 1, noise)
     else:
@@ -326,11 +320,9 @@ def fit_stages(
         share = float(near.mean()) if near.size else 0.0
         fit = fit._replace(stages=(*fit.stages, stage), share=share if contact == 2 else fit.share)
         if path is not None and fit.share >= ENOUGH:
-            state[str(len(fit.shots))] = {
-                "starts": [shot.starts[0].tolist() for shot in fit.shots],
-                "stages": fit.stages,
-            }
-            write_json(path, state)
+            starts = [shot.starts[0].tolist() for shot in fit.shots]
+            saved[str(len(starts))] = {"starts": starts, "stages": fit.stages}
+            write_json(Path(path), saved)
         if progress is not None:
             text = ", ".join(f"{name} {value:.5g}" for name, value in values.items())
             progress(f"until contact {contact}: {share:.1%} of the rows, {text}")

@@ -42,29 +42,21 @@ class Frame(NamedTuple):
         return track._replace(positions=np.column_stack((cos * x + sin * y, cos * y - sin * x)))
 
 
-class Lines(NamedTuple):
-    """The lines that the centres of balls reach at the cushions, from rebounds.
-
-    Attributes:
-        at: (4,) m, abs(x) or abs(y) at a speed of 0, at each of `_CUSHIONS`; NaN with few rebounds.
-        counts: (4,) int, the rebounds.
-        turn: rad, by which the lines are turned.
-        give: s, how far a cushion gives way for each m/s of normal speed.
-    """
-
-    at: Floats
-    counts: NDArray[np.intp]
-    turn: float
-    give: float
-
-
 def reach_of(scene: Scene) -> Floats:
     """Returns abs(x) and abs(y) of the centres of balls at the cushions, (2,) m."""
     return np.array([scene.table.length, scene.table.width]) / 2.0 - np.median(scene.balls.radius)
 
 
-def find_lines(contacts: Sequence[Contact]) -> Lines:
-    """Returns the `Lines` of rebounds: one least-squares fit with Cauchy weights for all four cushions."""
+def find_lines(contacts: Sequence[Contact]) -> tuple[Floats, NDArray[np.intp], float, float]:
+    """Returns the lines that the centres of balls reach at the cushions.
+
+    One least-squares fit with Cauchy weights finds them from the rebounds at all four cushions.
+
+    Returns:
+        The lines (4,) m: abs(x) or abs(y) at a speed of 0, at each of `_CUSHIONS`, NaN with few rebounds. Then the
+        rebounds (4,) at each, the angle by which the lines are turned, rad, and how far a cushion gives way for each
+        m/s of normal speed, s.
+    """
     rebounds = [contact for contact in contacts if contact.other == CUSHION]
     axis = np.array([rebound.body // 2 for rebound in rebounds], np.intp)
     places = np.array([rebound.place for rebound in rebounds]).reshape(-1, 2)
@@ -77,7 +69,7 @@ def find_lines(contacts: Sequence[Contact]) -> Lines:
         line = np.linalg.lstsq(design * weight[:, None], sign * at * weight, rcond=None)[0]
         weight = 1.0 / np.sqrt(1.0 + np.square((design @ line - sign * at) / _NEAR))
     counts = np.bincount(side, minlength=4)
-    return Lines(np.where(counts < _LEAST, np.nan, line[:4]), counts, float(line[4]), float(line[5]))
+    return np.where(counts < _LEAST, np.nan, line[:4]), counts, float(line[4]), float(line[5])
 
 
 def fit_frame(scene: Scene, tracks: Sequence[Track], contacts: int) -> tuple[Frame, float]:
@@ -103,22 +95,20 @@ def fit_frame(scene: Scene, tracks: Sequence[Track], contacts: int) -> tuple[Fra
     frame = Frame(tuple(offset.tolist()), tuple(scale.tolist()), angle)
     for _ in range(_ROUNDS):
         shots = [find_contacts(scene, with_rest(frame.apply(track))[0]) for track in tracks]
-        lines = find_lines([contact for shot in shots for contact in shot])
-        if np.isnan(lines.at).any():
-            counts = ", ".join(f"{n} at {name}" for n, name in zip(lines.counts, _CUSHIONS, strict=True))
-            raise ValueError(
-                f"frame = 'fit': rebounds: {counts}: expected {_LEAST} or more at each cushion, or a Frame"
-            )
-        plus, minus = lines.at[::2], -lines.at[1::2]
+        lines, counts, turn, give_by_speed = find_lines([contact for shot in shots for contact in shot])
+        if np.isnan(lines).any():
+            text = ", ".join(f"{n} at {name}" for n, name in zip(counts, _CUSHIONS, strict=True))
+            raise ValueError(f"frame = 'fit': rebounds: {text}: expected {_LEAST} or more at each cushion, or a Frame")
+        plus, minus = lines[::2], -lines[1::2]
         offset = offset + (plus + minus) / 2.0 / scale
         scale = scale * 2.0 * reach / (plus - minus)
-        angle = angle + lines.turn
+        angle = angle + turn
         frame = Frame(tuple(offset.tolist()), tuple(scale.tolist()), angle)
         speeds = []
         for shot in shots:
             end = min([contact.time for contact in shot if contact.ball == 0][contacts - 1 : contacts], default=np.inf)
             speeds += [contact.speed for contact in shot if contact.other == CUSHION and contact.time < end]
-        give = lines.give * float(np.mean(speeds)) if speeds else 0.0
+        give = give_by_speed * float(np.mean(speeds)) if speeds else 0.0
     return frame, give
 
 
@@ -149,9 +139,9 @@ def check_frame(scene: Scene, shots: Sequence[Shot], noise: float) -> None:
         if way > 0.1 and fast * fast < 2.0 * rolls * way:
             where += f"{way:.2g} m at {fast:.2g} m/s or less: "
             raise ValueError(where + "a ball does not roll that far; are the times in seconds (not frame numbers)?")
-    lines = find_lines([contact for shot in shots for contact in shot.contacts])
-    error = _SHORT + 4.0 * _NEAR / np.sqrt(np.maximum(lines.counts, 1)) + noise
-    for name, off, most in zip(_CUSHIONS, lines.at - np.repeat(reach, 2), error, strict=True):
+    lines, counts, _, _ = find_lines([contact for shot in shots for contact in shot.contacts])
+    error = _SHORT + 4.0 * _NEAR / np.sqrt(np.maximum(counts, 1)) + noise
+    for name, off, most in zip(_CUSHIONS, lines - np.repeat(reach, 2), error, strict=True):
         if abs(off) > most:
             where = f"{abs(off):.3f} m {'short of' if off < 0.0 else 'beyond'} the cushion at {name}"
             raise ValueError(f"balls turn {where}: expected metres from the centre of the table, or frame='fit'")

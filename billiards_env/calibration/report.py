@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 SUFFIXES = (".json", ".png", ".svg", ".pdf")
 """Suffixes of the files that `Calibration.save` writes."""
 
-_CLOSE = (0.005, 0.01)  # m, the distances of the report
 _DRAWN = 6  # shots in the picture: the worse half are the worst, the others are typical
 
 
@@ -150,18 +149,18 @@ class Calibration:
 
     def __str__(self) -> str:
         """Returns the report."""
-        intervals, rows = self.intervals, [("constant", "start", "fitted", "95% interval", "unit")]
+        rows: list[tuple[str, ...]] = [("constant", "start", "fitted", "95% interval", "unit")]
         for name, start in self.start.items():
             cells = "-", self.kept.get(name, "-")
             if name in self.values:
-                cells = f"{self.values[name]:.5g}", "{:.5g} to {:.5g}".format(*intervals[name])
+                cells = f"{self.values[name]:.5g}", "{:.5g} to {:.5g}".format(*self.intervals[name])
             rows.append((name, f"{start:.5g}", *cells, RANGES[PARAMETERS[name].within].unit))
         lines = [*_aligned(rows), ""]
         for text, judged in (("shots", self.judged), ("shots that were not fitted", self.predicted)):
             if judged is not None:
                 rows = [(f"{judged.shots} {text}: rows until contact", "within 5 mm", "within 10 mm", "median, mm")]
                 for k in CONTACTS:
-                    shares = (f"{judged.within(k, distance):.1%}" for distance in _CLOSE)
+                    shares = f"{judged.within(k, 0.005):.1%}", f"{judged.within(k, 0.01):.1%}"
                     rows.append((str(k), *shares, f"{1e3 * judged.median(k):.2f}"))
                 lines += [*_aligned(rows), ""]
         if self.laws:

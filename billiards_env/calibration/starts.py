@@ -144,36 +144,34 @@ def allowed(scene: Scene, starts: Floats, shot: Shot) -> tuple[Floats, Bools]:
     Returns:
         The starts (g, width), and whether they are allowed (g,).
     """
-    radius = np.array(scene.balls.radius)
-    reach = np.array([scene.balls.contact_distances(i) for i in range(len(radius))])
-    moved = starts.copy()
+    radius, index = np.array(scene.balls.radius), np.arange(scene.n_balls)
+    reach, moved = scene.balls.contact_distances(index[:, None], index), starts.copy()
     moved[:, VELOCITY] = np.clip(moved[:, VELOCITY], -MOST_SPEED, MOST_SPEED)
     moved[:, INSTANT] = np.clip(moved[:, INSTANT], 0.0, shot.gap)
     most = MOST_SPIN * spin_of_cue(scene, np.hypot(*moved[:, VELOCITY].T))[:, None]
     spins, places = moved[:, SPIN], moved[:, PLACES].reshape(len(moved), -1, 2)  # views
     np.clip(spins, -most, most, out=spins, where=np.isnan(shot.known[SPIN]))
-    both = shot.in_play[:, None] & shot.in_play & ~np.eye(len(radius), dtype=np.bool_)
-    order = np.sign(np.subtract.outer(np.arange(len(radius)), np.arange(len(radius))))  # for balls at one place
-    bad = np.zeros(len(moved), np.bool_)
+    pairs = shot.in_play[:, None] & shot.in_play & (index[:, None] != index)
+    order = np.sign(index[:, None] - index)  # for balls at one place
+    steps, invalid = 1e-7 * np.eye(2)[:, None], np.zeros(len(moved), np.bool_)
     for _ in range(20):
         line = places[:, :, None] - places[:, None]
         line[..., 0] += 1e-9 * order * (line == 0.0).all(axis=-1)
         distance = np.maximum(np.hypot(*np.moveaxis(line, -1, 0)), 1e-9)
         close = shot.in_play & (scene.table.clearance(places) < radius)
-        overlap = both & (distance < reach)
-        bad = overlap.any(axis=(1, 2)) | close.any(axis=1)
-        if not bad.any():
+        overlap = pairs & (distance < reach)
+        invalid = overlap.any(axis=(1, 2)) | close.any(axis=1)
+        if not invalid.any():
             break
         push = np.where(overlap, 0.5 * (reach + 1e-9) / distance - 0.5, 0.0)
         places += (push[..., None] * line).sum(axis=2)
-        for k, i in np.argwhere(close):
-            steps = 1e-7 * np.eye(2)
-            inwards = scene.table.clearance(places[k, i] + steps) - scene.table.clearance(places[k, i] - steps)
-            places[k, i] += inwards / 2e-7 * (radius[i] - scene.table.clearance(places[k, i]) + 1e-9)
+        ball, at = np.nonzero(close)[1], places[close]
+        inwards = (scene.table.clearance(at + steps) - scene.table.clearance(at - steps)).T / 2e-7
+        places[close] += inwards * (radius[ball] - scene.table.clearance(at) + 1e-9)[:, None]
     for pocket in scene.table.pockets:
         inside = np.hypot(places[..., 0] - pocket.x, places[..., 1] - pocket.y) < pocket.radius
-        bad |= (inside & shot.in_play).any(axis=1)
-    return moved, ~bad
+        invalid |= (inside & shot.in_play).any(axis=1)
+    return moved, ~invalid
 
 
 def damped(matrix: Floats, slope: Floats, damping: Floats | float) -> Floats:

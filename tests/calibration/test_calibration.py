@@ -70,7 +70,7 @@ def test_exact_tracks_give_the_numbers_and_the_starts():
     found = calibrate(OFF, tracks(0.0), FREE)
     assert found.values == pytest.approx(TRUTH, rel=1e-6)
     assert found.positions == pytest.approx(np.array([places for places, _, _ in STRIKES]), abs=1e-6)
-    assert found.velocities == pytest.approx(np.array([v for _, v, _ in STRIKES]), rel=1e-5, abs=1e-5)
+    assert found.velocities == pytest.approx(np.array([v for _, v, _ in STRIKES]), abs=1e-6)
     again = found.shot(0)
     assert again.at(1.0) == pytest.approx(shots()[0].at(1.0), abs=1e-6)
 
@@ -90,7 +90,7 @@ def test_the_slope_is_that_of_the_loss_with_fitted_starts():
         def settled(at, shot=shot, start=start):
             return settle(changed(SCENE, **dict(zip(names, at.tolist(), strict=True))), start, shot, names, 100)[1]
 
-        slope = reduced(settled(numbers), start.size).slope
+        slope, _, _ = reduced(settled(numbers), start.size)
         for k in range(2):
             change = step * np.eye(2)[k]
             difference = (settled(numbers + change).loss - settled(numbers - change).loss) / (2 * step)
@@ -267,11 +267,18 @@ def test_bad_numbers_are_rejected(free, message):
 
 
 def test_the_decay_of_the_friction_between_balls_is_fitted_only_where_it_has_an_effect():
-    names: Any = import_module("billiards_env.calibration.calibrate")._check_names
+    names: Any = import_module("billiards_env.calibration.calibrate")._free_names
     frictional = changed(SCENE, ball_ball="frictional")
     assert "mu_ball_decay" in names(frictional, None)
     assert "mu_ball_decay" not in names(changed(frictional, mu_ball=0.05), None)
     assert "mu_ball_decay" not in names(changed(SCENE, ball_ball="frictionless"), None)
+
+
+def test_a_law_that_the_numbers_do_not_allow_is_not_compared():
+    scene = changed(SCENE, e_cushion_loss=0.01)
+    result = calibrate(scene, tracks()[:2], ("mu_slide",), contacts=2, laws=("stronge", "han2005"))
+    assert set(result.laws) == {"han2005"}
+    assert "warning: 'stronge' cushions are not compared: physics.e_cushion_floor = 0.0 with" in str(result)
 
 
 def test_errors_of_strikes():

@@ -65,7 +65,7 @@ def test_contacts_are_found_without_a_model():
     assert sum(any(one.other == 1 for one in contacts if one.ball == 0) for contacts in seen) >= 11  # a thin hit
     rebounds = [one for contacts in seen for one in contacts if one.other == CUSHION]
     reach = np.array([1.42, 0.71]) - SCENE.balls.radius[0]
-    off = [abs(abs(one.place[one.axis]) - reach[one.axis]) for one in rebounds]
+    off = [abs(abs(one.place[one.body // 2]) - reach[one.body // 2]) for one in rebounds]
     assert np.median(off) < 0.002
 
 
