@@ -104,8 +104,8 @@ def _hits(i: int, j: int, one: tuple[Floats, Floats], two: tuple[Floats, Floats]
     distance = np.hypot(*(b - a).T)
     for k, before, after in _corners(times, distance - reach, np.stack((b - a, a, b), axis=1).reshape(len(times), 6)):
         (w, *speeds), (at, _, _) = before.reshape(2, 3, 2)
-        (w_after, *then), _ = after.reshape(2, 3, 2)
-        starts = any(np.hypot(*u) < 0.5 * _STARTS < 0.5 * np.hypot(*v) for u, v in zip(speeds, then, strict=True))
+        (w_after, *later), _ = after.reshape(2, 3, 2)
+        starts = any(np.hypot(*u) < 0.5 * _STARTS < 0.5 * np.hypot(*v) for u, v in zip(speeds, later, strict=True))
         speed, kick = np.hypot(*w), np.hypot(*(w_after - w))
         way = 0.5 * (times[k + 1] - times[k - 1]) * speed
         # Two balls whose distance does not change cannot hit.

@@ -199,21 +199,21 @@ def settle(
     Returns:
         The starts, and the `Normal` at them.
     """
-    here, damping, width = evaluate(scene, starts, shot, names), np.full(len(starts), 1e-3), starts.shape[1]
+    current, damping, width = evaluate(scene, starts, shot, names), np.full(len(starts), 1e-3), starts.shape[1]
     for _ in range(most):
-        slope = here.slope[:, :width]
-        step = damped(here.matrix[:, :width, :width], slope, damping)
-        tried, fine = allowed(scene, starts - step, shot)
-        tried = np.where(fine[:, None], tried, starts)
-        then = evaluate(scene, tried, shot, names)
-        better = then.loss < here.loss
+        slope = current.slope[:, :width]
+        step = damped(current.matrix[:, :width, :width], slope, damping)
+        tried, valid = allowed(scene, starts - step, shot)
+        tried = np.where(valid[:, None], tried, starts)
+        proposed = evaluate(scene, tried, shot, names)
+        better = proposed.loss < current.loss
         starts = np.where(better, tried.T, starts.T).T
-        here = Normal(*(np.where(better, new.T, old.T).T for old, new in zip(here, then, strict=True)))
+        current = Normal(*(np.where(better, new.T, old.T).T for old, new in zip(current, proposed, strict=True)))
         damping = np.where(better, np.maximum(damping / 10.0, 1e-9), damping * 10.0)
         promised = (step * slope).sum(axis=1)  # the gain of the loss
-        if np.all((promised <= _CONVERGED * here.loss + _EXACT) | (damping > 1e4)):
+        if np.all((promised <= _CONVERGED * current.loss + _EXACT) | (damping > 1e4)):
             break
-    return starts, here
+    return starts, current
 
 
 def _with_spin_prior(scene: Scene, shot: Shot) -> Shot:
@@ -244,11 +244,11 @@ def search(scene: Scene, shot: Shot) -> Shot:
         others[:, SPIN] = np.column_stack((-roll * y, roll * x, 0.0 * x)) / scene.balls.radius[0]
         others[:, SIDE] = side * spin_of_cue(scene, np.hypot(x, y))
         tried = np.concatenate((tried, others))
-    tried, fine = allowed(scene, np.where(np.isnan(shot.known), tried, shot.known), shot)
-    if not fine.any():
+    tried, valid = allowed(scene, np.where(np.isnan(shot.known), tried, shot.known), shot)
+    if not valid.any():
         raise ValueError(f"shot {shot.track.name} begins with balls that overlap or lie outside of the table")
-    tried = tried[fine]
+    tried = tried[valid]
     for keep, steps in _HALVES:
-        tried, here = settle(scene, tried, shot, (), steps)
-        tried = tried[np.argsort(here.loss, kind="stable")[:keep]]
+        tried, current = settle(scene, tried, shot, (), steps)
+        tried = tried[np.argsort(current.loss, kind="stable")[:keep]]
     return shot._replace(starts=settle(scene, tried, shot)[0])
