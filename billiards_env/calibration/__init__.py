@@ -6,7 +6,8 @@ Modules:
     tracks: Tracks and their files.
     contacts: Contacts in the tracks, without a model.
     frame: From coordinates of a file to the table, and checks of the tracks against it.
-    shot, starts, fit: Tracks that are ready for the fit, the fit of their starts, and that of the numbers.
+    shot, starts: Tracks that are ready for the fit, and the fit of their starts.
+    fit, stages: The fit of the shared numbers with their intervals, and its stages.
     judge: The errors of the result, and the rows that do not fit.
 """
 

@@ -2,8 +2,8 @@
 
 The fit finds the numbers that all shots share. It also finds, for each shot, the places of the balls at the start, the
 velocity and spin of the cue ball, and the instant of the strike. It begins with the rows until the second contact of
-the cue ball, then adds those until the third, and so on: see `fit.fit_stage`. The intervals of the numbers come from
-their spread over the shots, so they include errors of the laws: see `fit.covariance`.
+the cue ball, then adds those until the third, and so on: see `stages.fit_stages`. The intervals of the numbers come
+from their spread over the shots, so they include errors of the laws: see `fit.covariance`.
 """
 
 from __future__ import annotations
@@ -17,21 +17,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from billiards_env.calibration.fit import (
-    ENOUGH,
-    MANY,
-    Fit,
-    determined,
-    fit_shared,
-    fit_stages,
-    read_state,
-    values_of,
-    with_physics,
-)
+from billiards_env.calibration.fit import MANY, Fit, determined, fit_shared, values_of, with_physics
 from billiards_env.calibration.frame import Frame, check_frame, fit_frame
 from billiards_env.calibration.judge import find_problems, judge
 from billiards_env.calibration.report import Calibration
 from billiards_env.calibration.shot import SPIN, VELOCITY, drop_clipped, noise_of, prepare
+from billiards_env.calibration.stages import ENOUGH, fit_stages, read_state
 from billiards_env.calibration.starts import settle
 from billiards_env.calibration.tracks import Floats, Track, check_tracks
 from billiards_env.checks import Range, finite, integer, one_of, real

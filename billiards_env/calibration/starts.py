@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,18 +73,16 @@ def simulated(scene: Scene, shot: Shot) -> ShotResult:
     return run(scene, shot.starts, shot._replace(used=np.ones_like(shot.used)))[0]
 
 
-def model_contacts(scene: Scene, shot: Shot, ball: int) -> list[Contact]:
-    """Returns the contacts of a ball in the model until the last row, in the order of time."""
-    contacts, events = [], simulated(scene, shot).events
-    assert events is not None
+def model_contacts(scene: Scene, shot: Shot, ball: int) -> Iterator[Contact]:
+    """Yields the contacts of a ball in the model until the last row, in the order of time."""
+    events: Any = simulated(scene, shot).events
     for event in events[np.isin(events["kind"], ("ball_ball", "cushion", "pocket"))]:
         kind, bodies = event["kind"], [int(event["ball"]), int(event["other"])]
         if ball in (bodies if kind == "ball_ball" else bodies[:1]):
             body = sum(bodies) - ball
             other = {"cushion": CUSHION, "pocket": POCKET}.get(kind, body)
             time = float(event["time"] + shot.begin + shot.starts[0, INSTANT])
-            contacts.append(Contact(time, ball, other, np.array([event["x"], event["y"]]), float(event["speed"]), body))
-    return contacts
+            yield Contact(time, ball, other, np.array([event["x"], event["y"]]), float(event["speed"]), body)
 
 
 def _motion(record: Record, balls: NDArray[np.int64], times: Floats) -> tuple[Floats, Floats]:

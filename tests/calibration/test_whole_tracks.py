@@ -7,7 +7,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from billiards_env.calibration import Frame, Track, calibrate, fit
+from billiards_env.calibration import Frame, Track, calibrate, fit, stages
 from billiards_env.calibration.contacts import CUSHION, find_contacts
 from billiards_env.calibration.frame import fit_frame
 from billiards_env.calibration.shot import drop_clipped, noise_of, prepare
@@ -111,9 +111,9 @@ def test_one_far_row_never_ends_a_track():
     far = np.zeros(len(shot.time), np.bool_)
     rows = np.flatnonzero(shot.track.balls == 0)
     far[rows[[3, 8, 9, 20]]] = True
-    assert fit.leaves_at(shot, far) == (np.inf, -1)
+    assert stages.leaves_at(shot, far) == (np.inf, -1)
     far[rows[30:33]] = True
-    assert fit.leaves_at(shot, far) == (shot.time[rows[30]], 0)
+    assert stages.leaves_at(shot, far) == (shot.time[rows[30]], 0)
 
 
 @pytest.mark.parametrize(
@@ -177,8 +177,8 @@ def test_a_fit_goes_on_after_an_interrupt(tmp_path, monkeypatch):
 def test_an_interval_includes_a_shift_between_stages_that_chance_does_not_explain():
     spread = np.diag([1e-6])
     for value, variance, expected in ((0.21, 1.2e-6, 1e-4), (0.205, 9e-6, 0.0)):
-        stages = {"mu_slide": (value, variance)}, {"mu_slide": (0.3, 1e-6)}  # the last one does not count
-        one = fit.Fit(SCENE, ("mu_slide",), SCENE, [], {}, spread, stages)
+        earlier = {"mu_slide": (value, variance)}, {"mu_slide": (0.3, 1e-6)}  # the last one does not count
+        one = fit.Fit(SCENE, ("mu_slide",), SCENE, [], {}, spread, earlier)
         assert fit.unexplained_shifts(one, spread) == pytest.approx([expected])
 
 
@@ -193,8 +193,8 @@ def test_numbers_that_are_not_determined_or_end_at_a_bound_are_kept(monkeypatch)
 
 
 def test_there_are_no_numbers_if_few_rows_fit(monkeypatch):
-    monkeypatch.setattr(fit, "_FAR", 0.01)
-    monkeypatch.setattr(fit, "_LEAST", 0.0)
+    monkeypatch.setattr(stages, "_FAR", 0.01)
+    monkeypatch.setattr(stages, "_LEAST", 0.0)
     result = calibrate(OFF, whole_tracks()[:3], ("mu_slide",), contacts=2)
     assert result.values == {}
     assert result.scene == OFF
