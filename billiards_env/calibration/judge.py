@@ -128,7 +128,7 @@ def _judge_shot(scene: Scene, shot: Shot) -> Judged:
         end = min(contacts[last - 1].time - shot.begin + _LATER, shot.end(last + 1))
         shot = search(scene, shot._replace(used=shot.time < end))
         in_model = distinct(model_contacts(scene, shot, 0))
-        same = np.array([[one.other for one in in_model[:last]] == [one.other for one in contacts[:last]]])
+        same = np.array([[hit.other for hit in in_model[:last]] == [hit.other for hit in contacts[:last]]])
     return Judged(distances, predicted, same, 1)
 
 
@@ -158,15 +158,13 @@ def find_problems(scene: Scene, shot: Shot) -> Iterator[Problem]:
 
 def _contact(scene: Scene, shot: Shot, ball: int, leave: float) -> tuple[str, str]:
     """Returns the kind of problem of a track that leaves the model, and a text with the contact and its time."""
-    contacts = [
-        contact for contact in model_contacts(scene, shot, ball) if leave - _BEFORE <= contact.time <= leave + _AFTER
-    ]
+    contacts = [hit for hit in model_contacts(scene, shot, ball) if leave - _BEFORE <= hit.time <= leave + _AFTER]
     corner = _corner(scene, *shot.track.paths()[ball], leave)
     if not contacts:
         if corner is None:
             return "other path", ""
         return "extra contact", f": only the track has a contact at {corner:.3f} s"
-    nearest = min(contacts, key=lambda contact: abs(contact.time - (leave if corner is None else corner)))
+    nearest = min(contacts, key=lambda hit: abs(hit.time - (leave if corner is None else corner)))
     other = {CUSHION: "a cushion", POCKET: "a pocket"}.get(nearest.other, f"ball {nearest.other}")
     kind, what = ("missed contact", "only the model has") if corner is None else ("other path", "after")
     return kind, f": {what} a contact with {other} at {nearest.time:.3f} s"
