@@ -95,9 +95,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     ]
     numbers += [(f"`{name}`", "-", why) for name, why in result["kept"].items()]
     least = min(result["laws"].values(), default=1.0)
-    laws = [
-        (f"`{law}`", f"{loss / least:.3f}") for law, loss in sorted(result["laws"].items(), key=lambda item: item[1])
-    ]
+    laws = [(f"`{law}`", f"{loss / least:.3f}") for law, loss in sorted(result["laws"].items(), key=lambda law: law[1])]
     parts, shots = result["parts"], result["shots"]
     each = f", each of {parts} parts with the constants that were fitted to the others" if parts > 1 else ""
     fitted = shots - shots // parts if parts > 1 else shots

@@ -311,7 +311,7 @@ def test_the_command_prints_the_report_and_writes_files(tmp_path, capsys):
 
 def test_the_report_lists_numbers_and_shots():
     lines = str(calibration()).splitlines()
-    assert lines[0].split() == ["number", "start", "fitted", "95%", "interval", "unit"]
+    assert lines[0].split() == ["constant", "start", "fitted", "95%", "interval", "unit"]
     assert [line.split()[0] for line in lines[1:5]] == list(FREE)
     assert lines[-1] == "no problems"
 
