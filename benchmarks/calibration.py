@@ -54,7 +54,7 @@ def tracks(seed: int) -> list[Track]:
     return [observed(f"{k}", shot, FRAMES, NOISE, SHOTS * seed + k) for k, shot in enumerate(shots(seed))]
 
 
-def one(law: str, seed: int) -> dict[str, Any]:
+def fit_repeat(law: str, seed: int) -> dict[str, Any]:
     """Returns the fitted values and the intervals by name, and the number of problems, of one repeat."""
     scene, rng = Scene.named(SCENE, 1), np.random.default_rng(seed)
     begin = {name: getattr(scene.physics, name) * (1.0 + OFF * rng.uniform(-1.0, 1.0)) for name in NUMBERS}
@@ -67,7 +67,7 @@ def one(law: str, seed: int) -> dict[str, Any]:
 def measure(repeats: int, workers: int) -> dict[str, Any]:
     """Runs all repeats and returns their summary. A number that a repeat does not determine has no interval there."""
     rows, problems = [], 0
-    for law, fits in run_kinds(one, LAWS, repeats, workers).items():
+    for law, fits in run_kinds(fit_repeat, LAWS, repeats, workers).items():
         problems += sum(repeat["problems"] > 0 for repeat in fits)
         for name in NUMBERS if law == LAWS[0] else CLOTH:
             truth = getattr(Scene.named(SCENE).physics, name)
@@ -100,7 +100,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "how": f"{result['repeats']} repeats with {SHOTS} shots of {len(FRAMES)} frames and noise of {1000 * NOISE:g} "
         f"mm; the tracks have `{LAWS[0]}` cushions. In {result['problems']} of the "
         f"{len(LAWS) * result['repeats']} fits at least one row was reported as not fitting.",
-        "coverage": table(("law", "number", *shown), rows),
+        "coverage": table(("law", "constant", *shown), rows),
     }
 
 

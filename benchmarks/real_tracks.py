@@ -49,9 +49,9 @@ def measure(
     scene: Scene, tracks: list[Track], others: list[Track] | None, laws: tuple[str, ...], picture: Path | None = None
 ) -> dict[str, Any]:
     """Fits and judges, writes the picture of the fit, and returns the figures."""
-    begun = time.process_time()
+    start = time.process_time()
     result = fit(scene, tracks, laws)
-    seconds = time.process_time() - begun
+    seconds = time.process_time() - start
     if picture is not None:
         result.save(picture)
     if others is not None:
@@ -95,9 +95,9 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     ]
     numbers += [(f"`{name}`", "-", why) for name, why in result["kept"].items()]
     least = min(result["laws"].values(), default=1.0)
-    laws = [(f"`{law}`", f"{loss / least:.3f}") for law, loss in sorted(result["laws"].items(), key=lambda one: one[1])]
+    laws = [(f"`{law}`", f"{loss / least:.3f}") for law, loss in sorted(result["laws"].items(), key=lambda law: law[1])]
     parts, shots = result["parts"], result["shots"]
-    each = f", each of {parts} parts with the numbers that were fitted to the others" if parts > 1 else ""
+    each = f", each of {parts} parts with the constants that were fitted to the others" if parts > 1 else ""
     fitted = shots - shots // parts if parts > 1 else shots
     return {
         "how": f"{shots} shots were fitted with `{result['cushion']}` cushions, in {result['seconds']:.0f} s of "
@@ -106,7 +106,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         f"recorded positions of {result['judged_shots']} shots are within 5 mm of the computed path. For each shot the "
         f"constants of the model are fitted to {fitted} other shots. Only the start is fitted to the shot itself.",
         "judged": table(("", "judged shots", "fitted shots", "target"), rows),
-        "numbers": table(("number", "fitted", "95% interval"), numbers),
+        "numbers": table(("constant", "fitted", "95% interval"), numbers),
         **({"laws": table(("law of cushions", "loss over the least"), laws)} if laws else {}),
     }
 

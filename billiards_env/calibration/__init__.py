@@ -3,18 +3,17 @@
 Modules:
     calibrate: Fits numbers of `Physics` to tracks.
     report: The result.
-    tracks, reading: Tracks and their files.
+    tracks: Tracks and their files.
     contacts: Contacts in the tracks, without a model.
     frame: From coordinates of a file to the table, and checks of the tracks against it.
-    shot, starts, fit: Tracks that are ready for the fit, the fit of their starts, and that of the numbers.
-    judge: The errors of the result.
-    problems: The rows that do not fit.
+    shot, starts: Tracks that are ready for the fit, and the fit of their starts.
+    fit, stages: The fit of the shared numbers with their intervals, and its stages.
+    judge: The errors of the result, and the rows that do not fit.
 """
 
 from billiards_env.calibration.calibrate import FREE, calibrate
 from billiards_env.calibration.frame import Frame
-from billiards_env.calibration.reading import read_tracks
 from billiards_env.calibration.report import Calibration
-from billiards_env.calibration.tracks import Track, observed, write_tracks
+from billiards_env.calibration.tracks import Track, observed, read_tracks, write_tracks
 
 __all__ = ["FREE", "Calibration", "Frame", "Track", "calibrate", "observed", "read_tracks", "write_tracks"]

@@ -2,30 +2,29 @@
 
 The fit finds the numbers that all shots share. It also finds, for each shot, the places of the balls at the start, the
 velocity and spin of the cue ball, and the instant of the strike. It begins with the rows until the second contact of
-the cue ball, then adds those until the third, and so on: see `fit.fit_stage`. The intervals of the numbers come from
-their spread over the shots, so they include errors of the laws: see `fit.covariance`.
+the cue ball, then adds those until the third, and so on: see `stages.fit_stages`. The intervals of the numbers come
+from their spread over the shots, so they include errors of the laws: see `fit.covariance`.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
+import functools
 import os
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from billiards_env.calibration.fit import ENOUGH, MANY, Fit, determined, fit_shared, fit_stages, numbers_of
+from billiards_env.calibration.fit import MANY, Fit, determined, fit_shared, values_of, with_physics
 from billiards_env.calibration.frame import Frame, check_frame, fit_frame
-from billiards_env.calibration.judge import judge
-from billiards_env.calibration.problems import find_problems
+from billiards_env.calibration.judge import find_problems, judge
 from billiards_env.calibration.report import Calibration
 from billiards_env.calibration.shot import SPIN, VELOCITY, drop_clipped, noise_of, prepare
-from billiards_env.calibration.tracks import Track, check_tracks
+from billiards_env.calibration.stages import ENOUGH, fit_stages, read_state
+from billiards_env.calibration.starts import settle
+from billiards_env.calibration.tracks import Floats, Track, check_tracks
 from billiards_env.checks import Range, finite, integer, one_of, real
 from billiards_env.scene import CUSHIONS, Scene, check_scene
 from billiards_env.shots.gradients import physics_inputs
@@ -91,77 +90,90 @@ def calibrate(
             determine any number.
     """
     check_scene(scene)
-    names = _check_names(scene, free)
+    names = _free_names(scene, free)
     integer("contacts", contacts, _CONTACTS)
     for law in laws:
         one_of("laws", law, FRICTION_CUSHIONS)
     tracks, clipped = drop_clipped(check_tracks(scene, shots, 4 if velocities is None else 1))
-    scene, of_tracks = _framed(scene, tracks, frame, contacts)
-    tracks = [of_tracks.apply(track) for track in tracks]
+    scene, file_frame = _framed(scene, tracks, frame, contacts)
+    tracks = [file_frame.apply(track) for track in tracks]
     error = noise_of(tracks) if noise is None else real("noise", noise, _NOISE)
-    known = np.full((len(tracks), 2 * scene.n_balls + 6), np.nan)
-    for name, given, where in (("velocities", velocities, VELOCITY), ("spins", spins, SPIN)):
-        if given is not None:
-            known[:, where] = finite(name, given, known[:, where].shape)
-    prepared = [prepare(scene, track, error, numbers) for track, numbers in zip(tracks, known, strict=True)]
+    known = _known_starts(scene, len(tracks), velocities, spins)
+    prepared = [prepare(scene, track, error, start) for track, start in zip(tracks, known, strict=True)]
     if frame is None:
-        found = [one for shot in prepared for one in shot.contacts]
-        check_frame(scene, [shot.track for shot in prepared], found, error)
-    held = (np.arange(len(tracks)) % _EACH == _EACH - 1) & (len(tracks) >= _FEWEST) & hold_back
-    some, rest = ([prepared[k] for k in np.flatnonzero(mine)] for mine in (~held, held))
+        check_frame(scene, prepared, error)
     data = [[array.tolist() for array in track[1:]] for track in tracks]
-    settings = json.dumps([scene.to_dict(), names, error, contacts, hold_back, known.tolist(), data])
-    key, path = hashlib.sha256(settings.encode()).hexdigest(), None if state is None else Path(state)
-    fit = Fit(scene, names, scene, some, {}, np.zeros((0, 0)))
-    fit, share = fit_stages(fit, contacts, error, progress, path, key)
-    warnings = [f"{clipped} rows at the border of the picture are left out"] if clipped else []
-    predicted, losses = None, {}
-    if rest and share >= ENOUGH:
-        predicted, some = judge(determined(fit, contacts).scene, rest), prepared
-        fit, share = fit_stages(fit._replace(shots=prepared, stages=()), contacts, error, progress, path, key)
-    if share < ENOUGH:
-        warnings.append(f"only {share:.0%} of the rows until the second contact fit: no numbers")
+    saved = read_state(state, [scene.to_dict(), names, error, contacts, hold_back, known.tolist(), data])
+    run = functools.partial(fit_stages, contacts=contacts, noise=error, saved=saved, path=state, progress=progress)
+    held_back = prepared[_EACH - 1 :: _EACH] if hold_back and len(prepared) >= _FEWEST else []
+    predicted, used = None, [shot for k, shot in enumerate(prepared) if not held_back or k % _EACH < _EACH - 1]
+    fit = run(Fit(scene, names, scene, used, {}, np.zeros((0, 0))))
+    if held_back and fit.share >= ENOUGH:
+        predicted, used = judge(determined(fit, contacts).scene, held_back), prepared
+        fit = run(fit._replace(shots=prepared, stages=()))
+    warnings, losses = [f"{clipped} rows at the border of the picture are left out"] if clipped else [], {}
+    if fit.share < ENOUGH:
+        warnings.append(f"only {fit.share:.0%} of the rows until the second contact fit: no constants")
         fit = fit._replace(scene=scene, names=())
     else:
         fit = determined(fit, contacts)
-        if len(some) < MANY:
+        if len(used) < MANY:
             warnings.append(f"fewer than {MANY} shots: the intervals hold only if the laws are right")
-        for law in laws:
-            other = dataclasses.replace(fit.scene, physics=dataclasses.replace(fit.scene.physics, cushion=law))
-            losses[law] = fit_shared(fit._replace(scene=other, start=other), contacts)[1]
+        losses = _losses(fit, laws, contacts, warnings)
+    # The last stage fitted the starts with the scales that the rows had before it.
     fitted = [shot.until(contacts) for shot in fit.shots]
     return Calibration(
         scene=fit.scene,
-        start=dict(zip(names, numbers_of(scene, names).tolist(), strict=True)),
-        values=dict(zip(fit.names, numbers_of(fit.scene, fit.names).tolist(), strict=True)),
+        start=values_of(scene, names),
+        values=values_of(fit.scene, fit.names),
         kept=fit.kept,
         covariance=fit.covariance,
         row_noise=error,
-        frame=of_tracks,
-        shots=fitted,
-        problems=[problem for shot in fitted for problem in find_problems(fit.scene, shot)],
-        judged=judge(fit.scene, some),
+        frame=file_frame,
+        shots=[shot._replace(starts=settle(fit.scene, shot.starts, shot)[0]) for shot in fitted],
+        problems=[problem for shot in fit.shots for problem in find_problems(fit.scene, shot)],
+        judged=judge(fit.scene, used),
         predicted=predicted,
         laws=losses,
         warnings=warnings,
     )
 
 
-def _check_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
-    known = tuple(physics_inputs(scene.physics))
+def _losses(fit: Fit, laws: Sequence[str], contacts: int, warnings: list[str]) -> dict[str, float]:
+    """Returns the loss with each law of cushions; a law that does not allow the numbers gets a warning."""
+    losses = {}
+    for law in laws:
+        try:
+            scene = with_physics(fit.scene, cushion=law)
+        except ValueError as error:
+            warnings.append(f"{law!r} cushions are not compared: {error}")
+            continue
+        losses[law] = fit_shared(fit._replace(scene=scene, start=scene), contacts)[1]
+    return losses
+
+
+def _free_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
+    """Returns the names of the numbers to fit."""
+    physics, friction = scene.physics, scene.physics.ball_ball != "frictionless"
     if free is None:
-        physics = scene.physics
-        matter = set(FREE) if physics.motion == "sliding" else {"mu_roll", "mu_roll_speed", "e_ball", "e_cushion"}
-        matter -= {"mu_ball_factor"} if physics.ball_ball == "frictionless" else set()
-        if physics.ball_ball == "frictionless" or physics.mu_ball is not None:
-            matter -= {"mu_ball_decay"}
-        return tuple(name for name in FREE if name in matter and getattr(physics, name) > 0.0)
+        names = FREE if physics.motion == "sliding" else ("mu_roll", "e_ball", "e_cushion", "mu_roll_speed")
+        in_use = {"mu_ball_factor": friction, "mu_ball_decay": friction and physics.mu_ball is None}
+        return tuple(name for name in names if in_use.get(name, True) and getattr(physics, name) > 0.0)
     names = (free,) if isinstance(free, str) else tuple(free)
     if not names or len(set(names)) < len(names):
         raise ValueError(f"free = {list(names)}: expected names of numbers, each once")
     for name in names:
-        one_of("free", name, known)
+        one_of("free", name, tuple(physics_inputs(physics)))
     return names
+
+
+def _known_starts(scene: Scene, m: int, velocities: ArrayLike | None, spins: ArrayLike | None) -> Floats:
+    """Returns the numbers of the starts of m shots, (m, width), NaN for those that are fitted."""
+    known = np.full((m, 2 * scene.n_balls + 6), np.nan)
+    for name, values, columns in (("velocities", velocities, VELOCITY), ("spins", spins, SPIN)):
+        if values is not None:
+            known[:, columns] = finite(name, values, known[:, columns].shape)
+    return known
 
 
 def _framed(scene: Scene, tracks: list[Track], frame: Frame | str | None, contacts: int) -> tuple[Scene, Frame]:
@@ -169,8 +181,8 @@ def _framed(scene: Scene, tracks: list[Track], frame: Frame | str | None, contac
     if not isinstance(frame, str):
         return scene, Frame() if frame is None else frame
     one_of("frame", frame, ("fit",))
-    found, give = fit_frame(scene, tracks, contacts)
-    if not scene.table.outline and not scene.table.pockets:
-        size = {"length": scene.table.length + 2.0 * give, "width": scene.table.width + 2.0 * give}
-        scene = dataclasses.replace(scene, table=dataclasses.replace(scene.table, **size))
-    return scene, found
+    fitted, give = fit_frame(scene, tracks, contacts)
+    table = scene.table
+    if not table.outline and not table.pockets:
+        table = dataclasses.replace(table, length=table.length + 2.0 * give, width=table.width + 2.0 * give)
+    return dataclasses.replace(scene, table=table), fitted

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +11,8 @@ import numpy as np
 from billiards_env.calibration.tracks import Floats, Track
 from billiards_env.scene import Scene
 
-CUSHION = -1
-"""The partner of a ball in a contact with a cushion."""
+CUSHION, POCKET = -1, -2
+"""The partners of a ball in a contact with a cushion and with a pocket."""
 
 _ROWS = 3  # rows before and after a contact
 _TURN = 0.1  # m/s, the least change of the normal velocity at a cushion
@@ -25,15 +25,15 @@ _ONE = 0.05  # s, two corners of a ball at one body within this time are one con
 
 
 class Contact(NamedTuple):
-    """A contact of a ball.
+    """A contact of a ball, in a track or in the model.
 
     Attributes:
         time: s, as in the track.
         ball: The ball.
-        other: The other ball, which has a larger number, or `CUSHION`.
+        other: The other ball, `CUSHION` or `POCKET`. In a track it has a larger number than the ball.
         place: (2,) m, the place of the ball.
-        speed: Its normal velocity before the contact, m/s; 0 for a contact of balls.
-        axis: 0 for a cushion at an end of the table, 1 for one at a side; -1 for a ball.
+        speed: The normal speed before the contact, m/s; 0 for balls in a track.
+        body: The number of the cushion, of the pocket or of the other ball, as in the events of a shot.
     """
 
     time: float
@@ -41,7 +41,7 @@ class Contact(NamedTuple):
     other: int
     place: Floats
     speed: float
-    axis: int
+    body: int
 
 
 def find_contacts(scene: Scene, track: Track) -> list[Contact]:
@@ -52,10 +52,21 @@ def find_contacts(scene: Scene, track: Track) -> list[Contact]:
     """
     half = np.array([scene.table.length, scene.table.width]) / 2.0
     paths = track.paths()
-    found = [one for i, path in paths.items() for one in _rebounds(i, *path, half - scene.balls.radius[i])]
+    contacts = [contact for i, path in paths.items() for contact in _rebounds(i, *path, half - scene.balls.radius[i])]
     for i, j in itertools.combinations(paths, 2):
-        found += _hits(i, j, paths[i], paths[j], float(scene.balls.contact_distances(i)[j]))
-    return sorted(found, key=lambda one: one.time)
+        contacts += _hits(i, j, paths[i], paths[j], float(scene.balls.contact_distances(i)[j]))
+    return distinct(contacts)
+
+
+def distinct(contacts: Iterable[Contact]) -> list[Contact]:
+    """Returns contacts in the order of time. Of several contacts of two bodies within `_ONE`, the first one counts."""
+    times, kept = {}, []
+    for contact in contacts:
+        bodies = contact.ball, contact.other, contact.body
+        if abs(contact.time - times.get(bodies, np.inf)) > _ONE:
+            kept.append(contact)
+        times[bodies] = contact.time
+    return sorted(kept, key=lambda contact: contact.time)
 
 
 def _corners(times: Floats, gap: Floats, values: Floats) -> Iterator[tuple[int, Floats, Floats]]:
@@ -71,9 +82,8 @@ def _corners(times: Floats, gap: Floats, values: Floats) -> Iterator[tuple[int, 
             yield k, before, after
 
 
-def _rebounds(ball: int, times: Floats, places: Floats, reach: Floats) -> list[Contact]:
-    """Returns the contacts with the cushions; the centre reaches to abs(x), abs(y) = `reach`, m."""
-    found: list[Contact] = []
+def _rebounds(ball: int, times: Floats, places: Floats, reach: Floats) -> Iterator[Contact]:
+    """Yields the contacts with the cushions; the centre reaches to abs(x), abs(y) = `reach`, m."""
     for axis, sign in itertools.product((0, 1), (1.0, -1.0)):
         d = sign * places[:, axis]
         values = np.column_stack((d, places[:, 1 - axis]))
@@ -82,24 +92,20 @@ def _rebounds(ball: int, times: Floats, places: Floats, reach: Floats) -> list[C
             if v < 0.25 * _TURN or v_after > 0.0 or v - v_after < _TURN or d[k] < reach[axis] - _NEAR - way:
                 continue
             time = float(np.clip(times[k] + (at_after - at) / (v - v_after), times[k - 1], times[k + 1]))
-            if found and found[-1].axis == axis and abs(time - found[-1].time) < _ONE:
-                continue
             since = time - times[k]
             place = np.array([sign * (at + v * since), along + w * since])
-            found.append(Contact(time, ball, CUSHION, place[::-1] if axis else place, float(v), axis))
-    return found
+            yield Contact(time, ball, CUSHION, place[::-1] if axis else place, float(v), 2 * axis + int(sign > 0.0))
 
 
-def _hits(i: int, j: int, one: tuple[Floats, Floats], two: tuple[Floats, Floats], reach: float) -> list[Contact]:
-    """Returns the contacts of two balls, whose centres are then `reach` apart, m."""
+def _hits(i: int, j: int, one: tuple[Floats, Floats], two: tuple[Floats, Floats], reach: float) -> Iterator[Contact]:
+    """Yields the contacts of two balls, whose centres are then `reach` apart, m."""
     times = np.unique(np.concatenate((one[0], two[0])))
     a, b = (np.column_stack([np.interp(times, t, x) for x in p.T]) for t, p in (one, two))
     distance = np.hypot(*(b - a).T)
-    found: list[Contact] = []
     for k, before, after in _corners(times, distance - reach, np.stack((b - a, a, b), axis=1).reshape(len(times), 6)):
         (w, *speeds), (at, _, _) = before.reshape(2, 3, 2)
-        (w_after, *then), _ = after.reshape(2, 3, 2)
-        starts = any(np.hypot(*u) < 0.5 * _STARTS < 0.5 * np.hypot(*v) for u, v in zip(speeds, then, strict=True))
+        (w_after, *later), _ = after.reshape(2, 3, 2)
+        starts = any(np.hypot(*u) < 0.5 * _STARTS < 0.5 * np.hypot(*v) for u, v in zip(speeds, later, strict=True))
         speed, kick = np.hypot(*w), np.hypot(*(w_after - w))
         way = 0.5 * (times[k + 1] - times[k - 1]) * speed
         # Two balls whose distance does not change cannot hit.
@@ -108,9 +114,7 @@ def _hits(i: int, j: int, one: tuple[Floats, Floats], two: tuple[Floats, Floats]
         root = (at @ w) ** 2 - (w @ w) * (at @ at - reach * reach)  # abs(at + w t) = reach, or least
         since = -(at @ w + np.sqrt(max(root, 0.0))) / (w @ w)
         time = float(np.clip(times[k] + since, times[k - 1], times[k + 1]))
-        if not found or time - found[-1].time > _ONE:
-            found.append(Contact(time, i, j, a[k], 0.0, -1))
-    return found
+        yield Contact(time, i, j, a[k], 0.0, j)
 
 
 def find_exchange(scene: Scene, track: Track) -> tuple[int, int, float, float]:
@@ -123,8 +127,8 @@ def find_exchange(scene: Scene, track: Track) -> tuple[int, int, float, float]:
         a, b = one[1][first], two[1][second]
         stay = np.square(np.diff(a, axis=0)).sum(axis=1) + np.square(np.diff(b, axis=0)).sum(axis=1)
         jump = np.square(b[1:] - a[:-1]).sum(axis=1) + np.square(a[1:] - b[:-1]).sum(axis=1)
-        found = (jump < 0.5 * stay) & (stay > 2.0 * min(scene.balls.radius) ** 2) & (np.diff(times) < _JUMP)
-        at = np.flatnonzero(found)
+        swaps = (jump < 0.5 * stay) & (stay > 2.0 * min(scene.balls.radius) ** 2) & (np.diff(times) < _JUMP)
+        at = np.flatnonzero(swaps)
         if at.size:
             return i, j, float(times[at[0] + 1]), float(times[at[1]]) if at.size > 1 else np.inf
     return -1, -1, np.inf, np.inf

@@ -7,42 +7,28 @@ section 6). The loss is that of `starts.Normal`.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.calibration.shot import CAUCHY, Shot
-from billiards_env.calibration.starts import Normal, allowed, damped, errors, evaluate, search, settle
-from billiards_env.calibration.tracks import Bools, Floats
+from billiards_env.calibration.shot import Shot
+from billiards_env.calibration.starts import Normal, allowed, damped, errors, evaluate, settle
+from billiards_env.calibration.tracks import Floats
 from billiards_env.checks import RANGES
-from billiards_env.files import write_json
 from billiards_env.intervals import t_quantile
 from billiards_env.scene import PARAMETERS, Scene
-from billiards_env.shots import records
-
-FIRST = 0.005
-"""m, the least scale of rows that no fit has used yet."""
 
 MANY = 8
 """Number of shots from which on intervals come from the spread over the shots."""
-
-ENOUGH = 0.5
-"""The least share of the rows until the second contact that are near their paths."""
 
 _STEPS, _FOLLOW = 25, 4  # most steps of a fit, and steps of the starts in each
 _CONVERGED, _JUMP = 1e-6, 5.0  # relative change of the loss, and the most that one shot adds
 _RIDGE = 1e-10  # damping of the elimination of a start, for numbers that its rows do not determine
 _USUAL = 0.5, 0.05  # standard deviation of the prior of a number: a share of its start, and at least this
-_FAR, _LEAST = 8.0, 0.02  # least error of a far row: in typical errors, and in m
-_RUN, _OF = 3, 4  # a track has left its path where 3 of 4 consecutive rows of a ball are far from it
 _WIDE = 0.5  # largest half-interval over the number; above it, the number is not determined
 _EDGE = 1e-6  # relative distance to a bound, within which a number is at it
-_SHARED = 8.0  # the rows between two contacts count as at most this many
-_MOST_STATE = 64 * 2**20  # bytes
 _SHIFT = 2.0  # standard deviations; a larger shift of a number between two stages counts as an error of the laws
-_ROUNDS = 2  # fits in each stage, each with the rows near the paths of the previous fit
 
 
 class Fit(NamedTuple):
@@ -56,6 +42,7 @@ class Fit(NamedTuple):
         kept: Why the other free numbers keep their start, by name.
         covariance: (s, s) of the numbers.
         stages: The numbers of each stage and their variances, by name.
+        share: The share of the rows until the second contact that are near their paths.
     """
 
     scene: Scene
@@ -65,38 +52,34 @@ class Fit(NamedTuple):
     kept: dict[str, str]
     covariance: Floats
     stages: tuple[dict[str, tuple[float, float]], ...] = ()
+    share: float = 1.0
 
 
-class Reduced(NamedTuple):
-    """Normal equations of the shared numbers, with the start of a shot eliminated; see `Normal`.
+def reduced(normal: Normal, width: int) -> tuple[Floats, Floats, Floats]:
+    """Eliminates the only start (width,) from the normal equations.
 
-    Attributes:
-        slope: (s,).
-        matrix: (s, s).
-        follow: (width, s), the derivative of the start by the numbers.
+    Returns:
+        The slope (s,) and the matrix (s, s) of the shared numbers, see `Normal`, and the derivative (width, s) of the
+        start by the numbers.
     """
-
-    slope: Floats
-    matrix: Floats
-    follow: Floats
-
-
-def reduced(normal: Normal, width: int) -> Reduced:
-    """Returns the normal equations with the only start (width,) eliminated."""
     slope, matrix = normal.slope[0], normal.matrix[0]
     both = matrix[:width, width:]
     follow = -damped(matrix[None, :width, :width], both.T, _RIDGE).T
-    return Reduced(slope[width:] + follow.T @ slope[:width], matrix[width:, width:] + follow.T @ both, follow)
+    return slope[width:] + follow.T @ slope[:width], matrix[width:, width:] + follow.T @ both, follow
+
+
+def values_of(scene: Scene, names: Sequence[str]) -> dict[str, float]:
+    """Returns numbers of the physics of a scene by name."""
+    return {name: getattr(scene.physics, name) for name in names}
 
 
 def numbers_of(scene: Scene, names: Sequence[str]) -> Floats:
     """Returns numbers of the physics of a scene, (s,)."""
-    return np.array([getattr(scene.physics, name) for name in names], np.float64)
+    return np.array(list(values_of(scene, names).values()), np.float64)
 
 
-def with_numbers(scene: Scene, names: Sequence[str], values: Floats) -> Scene:
-    """Returns a scene with other numbers of its physics."""
-    changes = dict(zip(names, values.tolist(), strict=True))
+def with_physics(scene: Scene, **changes: Any) -> Scene:
+    """Returns a scene with other laws or numbers of its physics."""
     return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **changes))
 
 
@@ -118,97 +101,37 @@ def fit_shared(fit: Fit, contact: int) -> tuple[Fit, float]:
     Returns:
         The fit, and the loss of the rows.
     """
-    scene, names = fit.scene, fit.names
-    numbers, begun, low_high, damping = numbers_of(scene, names), numbers_of(fit.start, names), bounds_of(names), 1e-3
-    usual = usual_of(fit)
+    scene, names, usual, damping = fit.scene, fit.names, usual_of(fit), 1e-3
+    numbers, initial, bounds = numbers_of(scene, names), numbers_of(fit.start, names), bounds_of(names)
     shots = [shot.until(contact) for shot in fit.shots]
-    found = [settle(scene, shot.starts, shot, names) for shot in shots]
+    fits = [settle(scene, shot.starts, shot, names) for shot in shots]
     for _ in range(_STEPS):
-        parts = [reduced(normal, start.size) for start, normal in found]
-        matrix = sum(part.matrix for part in parts) + np.diag(1.0 / usual**2)
-        slope = sum(part.slope for part in parts) + (numbers - begun) / usual**2
-        tried = np.clip(numbers - damped(matrix, slope, damping), *low_high)
+        slopes, matrices, follows = zip(*(reduced(normal, start.size) for start, normal in fits), strict=True)
+        matrix = sum(matrices) + np.diag(1.0 / usual**2)
+        slope = sum(slopes) + (numbers - initial) / usual**2
+        tried = np.clip(numbers - damped(matrix, slope, damping), *bounds)
         try:
-            changed = with_numbers(scene, names, tried)
+            changed = with_physics(scene, **dict(zip(names, tried.tolist(), strict=True)))
         except ValueError:  # numbers that `Physics` does not allow together
             damping *= 10.0
             continue
-        then = []
-        for (start, _), part, shot in zip(found, parts, shots, strict=True):
-            moved, fine = allowed(scene, start + part.follow @ (tried - numbers), shot)
-            then.append(settle(changed, np.where(fine[:, None], moved, start), shot, names, _FOLLOW))
+        others = []
+        for (start, _), follow, shot in zip(fits, follows, shots, strict=True):
+            moved, valid = allowed(scene, start + follow @ (tried - numbers), shot)
+            others.append(settle(changed, np.where(valid[:, None], moved, start), shot, names, _FOLLOW))
         # If a contact appears or disappears, a shot jumps to another minimum; `_JUMP` limits its effect.
-        losses, others = (np.concatenate([normal.loss for _, normal in each]) for each in (found, then))
-        away = (np.square((numbers - begun) / usual) - np.square((tried - begun) / usual)).sum()
-        gain = np.clip(losses - others, -_JUMP, _JUMP).sum() + away
+        losses, other_losses = (np.concatenate([normal.loss for _, normal in each]) for each in (fits, others))
+        away = (np.square((numbers - initial) / usual) - np.square((tried - initial) / usual)).sum()
+        gain = np.clip(losses - other_losses, -_JUMP, _JUMP).sum() + away
         if gain > 0.0:
-            scene, numbers, found, damping = changed, tried, then, max(damping / 10.0, 1e-9)
+            scene, numbers, fits, damping = changed, tried, others, max(damping / 10.0, 1e-9)
         else:
             damping *= 10.0
         if 0.0 < gain < _CONVERGED * losses.sum() or damping > 1e3:
             break
-    found = [settle(scene, start, shot) for (start, _), shot in zip(found, shots, strict=True)]
-    done = [shot._replace(starts=start) for shot, (start, _) in zip(fit.shots, found, strict=True)]
-    return fit._replace(scene=scene, shots=done), float(sum(normal.loss[0] for _, normal in found))
-
-
-def fit_stage(fit: Fit, contact: int, noise: float) -> Fit:
-    """Fits the starts to the rows until a contact of the cue ball; from the second contact on, the numbers too.
-
-    Args:
-        fit: The earlier fit.
-        contact: The number of the contact.
-        noise: The least error of a coordinate, m.
-    """
-    for _ in range(_ROUNDS):
-        found = [(search(fit.scene, shot.wide(contact, FIRST)), shot) for shot in fit.shots]
-        shots = [one._replace(used=shot.used, scale=shot.scale) for one, shot in found]
-        fit = fit._replace(shots=near_rows(fit.scene, shots, contact, noise))
-        if contact > 1:
-            fit, _ = fit_shared(fit, contact)
-            fit = fit._replace(shots=near_rows(fit.scene, fit.shots, contact, noise))
-    return fit
-
-
-def near_rows(scene: Scene, shots: list[Shot], contact: int, noise: float) -> list[Shot]:
-    """Returns shots with new used rows and new scales, from the errors of a fit until a contact.
-
-    The scale of a row comes from the typical error of rows after the same number of contacts. The part above the
-    noise is an error of the laws, which the rows of a shot between two contacts share. Together these rows count as at
-    most `_SHARED` rows.
-    """
-    off = np.hypot(*np.concatenate([errors(scene, shot) for shot in shots]).T)
-    after = np.concatenate([shot.after for shot in shots])
-    some = np.concatenate([shot.until(contact).used & shot.moving for shot in shots])
-    typical = np.full(len(off), noise)
-    for k in np.unique(after[some]):  # the median distance of Gaussian errors in two coordinates is 1.1774
-        typical[after == k] = max(noise, float(np.median(off[some & (after == k)])) / 1.1774)
-    found, begins = [], np.cumsum([len(shot.time) for shot in shots])[:-1]
-    for shot, distance, error in zip(shots, np.split(off, begins), np.split(typical, begins), strict=True):
-        before = shot.time < shot.end(contact)
-        far = before & (distance > np.maximum(_LEAST, _FAR * error))
-        leaves = leaves_at(shot, far)
-        used = ~far & (shot.time < leaves[0])
-        rows = np.bincount(shot.after[used & before & shot.moving], minlength=shot.after.max() + 1)[shot.after]
-        of_laws = (np.square(error) - noise**2) * np.maximum(rows / _SHARED, 1.0)
-        scale = CAUCHY * np.sqrt(of_laws + noise**2)
-        scale = np.where(before, scale, np.maximum(FIRST, scale))
-        found.append(shot._replace(scale=scale, used=used, far=far, leaves=leaves))
-    return found
-
-
-def leaves_at(shot: Shot, far: Bools) -> tuple[float, int]:
-    """Returns the time at which a track first leaves its path, s, and the ball; inf and -1 if none does.
-
-    There, at least `_RUN` of `_OF` consecutive rows of a ball are far.
-    """
-    found = [(np.inf, -1)]
-    for ball in np.unique(shot.track.balls[far]):
-        mine = np.flatnonzero(shot.track.balls == ball)
-        ahead = np.convolve(far[mine], np.ones(_OF))[_OF - 1 :]
-        first = mine[far[mine] & (ahead >= _RUN)][:1]
-        found += [(float(time), int(ball)) for time in shot.time[first]]
-    return min(found)
+    fits = [settle(scene, start, shot) for (start, _), shot in zip(fits, shots, strict=True)]
+    fitted = [shot._replace(starts=start) for shot, (start, _) in zip(fit.shots, fits, strict=True)]
+    return fit._replace(scene=scene, shots=fitted), float(sum(normal.loss[0] for _, normal in fits))
 
 
 def covariance(fit: Fit, contact: int) -> Floats:
@@ -226,7 +149,7 @@ def covariance(fit: Fit, contact: int) -> Floats:
     square = np.concatenate([np.square(errors(fit.scene, shot) / shot.scale[:, None])[shot.used] for shot in shots])
     weight, m, prior = 1.0 / (1.0 + square), len(shots), np.diag(1.0 / usual_of(fit) ** 2)
     bend = ((1.0 - square) * weight * weight).mean() / weight.mean()
-    matrices, slopes = np.array([part.matrix for part in parts]), np.array([part.slope for part in parts])
+    slopes, matrices = np.array([part[0] for part in parts]), np.array([part[1] for part in parts])
     inverse = np.linalg.inv(matrices.sum(axis=0) + prior)
     if m < MANY:
         return inverse * (weight * weight * square).mean() / weight.mean() / bend**2 + inverse @ prior @ inverse
@@ -239,13 +162,13 @@ def unexplained_shifts(fit: Fit, spread: Floats) -> Floats:
 
     With the right laws, the variance of a shift is the difference of the variances of the two stages (Hausman 1978).
     """
-    found = np.zeros(len(fit.names))
+    largest = np.zeros(len(fit.names))
     for stage in fit.stages[:-1]:
         values, variances = np.array([stage[name] for name in fit.names]).T
         shift = np.square(values - numbers_of(fit.scene, fit.names))
-        large = shift > _SHIFT**2 * np.maximum(variances - np.diag(spread), 0.0)
-        found = np.where(large, np.maximum(found, shift), found)
-    return found
+        by_chance = shift <= _SHIFT**2 * np.maximum(variances - np.diag(spread), 0.0)
+        largest = np.maximum(largest, np.where(by_chance, 0.0, shift))
+    return largest
 
 
 def half_widths(spread: Floats, shots: int) -> Floats:
@@ -259,70 +182,17 @@ def determined(fit: Fit, contact: int) -> Fit:
     The covariance includes the `unexplained_shifts`, with which an interval may be wider than `_WIDE` allows.
     """
     while True:
-        names, numbers, begun = fit.names, numbers_of(fit.scene, fit.names), numbers_of(fit.start, fit.names)
+        names, numbers, initial = fit.names, numbers_of(fit.scene, fit.names), numbers_of(fit.start, fit.names)
         spread = covariance(fit, contact)
-        wide = half_widths(spread, len(fit.shots)) / np.maximum(np.maximum(np.abs(numbers), np.abs(begun)), 1e-9)
-        edge = np.abs(numbers - bounds_of(names)) <= _EDGE * np.maximum(np.abs(numbers), 1e-3)
-        wide[edge.any(axis=0)] = np.inf
-        worst = int(np.argmax(wide))
-        if wide[worst] <= _WIDE:
+        width = half_widths(spread, len(fit.shots)) / np.maximum(np.maximum(np.abs(numbers), np.abs(initial)), 1e-9)
+        edge = np.any(np.abs(numbers - bounds_of(names)) <= _EDGE * np.maximum(np.abs(numbers), 1e-3), axis=0)
+        width[edge] = np.inf
+        worst = int(np.argmax(width))
+        if width[worst] <= _WIDE:
             return fit._replace(covariance=spread + np.diag(unexplained_shifts(fit, spread)))
-        why = "it ends at the bound of its range" if edge[:, worst].any() else "the rows do not determine it"
+        why = "it ends at the bound of its range" if edge[worst] else "the rows do not determine it"
         kept, left = fit.kept | {names[worst]: why}, names[:worst] + names[worst + 1 :]
         if not left:
             raise ValueError(f"free = {list(kept)}: the rows do not determine any of them, expected more shots")
-        scene = with_numbers(fit.scene, names[worst : worst + 1], begun[worst : worst + 1])
+        scene = with_physics(fit.scene, **values_of(fit.start, names[worst : worst + 1]))
         fit, _ = fit_shared(fit._replace(scene=scene, names=left, kept=kept), contact)
-
-
-def fit_stages(
-    fit: Fit,
-    contacts: int,
-    noise: float,
-    progress: Callable[[str], None] | None = None,
-    path: Path | None = None,
-    key: str = "",
-) -> tuple[Fit, float]:
-    """Fits the rows until the first contact of the cue ball, then until the second, and so on.
-
-    Each finished stage is written to the file `path`, with the key of what is fitted and the number of shots. The fit
-    resumes from this file.
-
-    Returns:
-        The fit, and the share of the rows near their paths until the second contact. If it is less than `ENOUGH`, the
-        fit ends there.
-    """
-    saved: Any = {"key": key}
-    share, what, which = 1.0, "the state of a calibration", str(len(fit.shots))
-    if path is not None and path.exists():
-        saved = records.read(path, lambda text: records.data_of(text, what), what, _MOST_STATE)
-        if not isinstance(saved, dict) or saved.get("key") != key:
-            raise ValueError(
-                f"state = {str(path)!r}: expected the state of the same tracks, scene, numbers and options"
-            )
-    done = saved.get(which, {})
-    if done:
-        fit = fit._replace(scene=with_numbers(fit.scene, fit.names, np.array(done["numbers"])))
-        shots = [shot._replace(starts=np.array([row])) for shot, row in zip(fit.shots, done["starts"], strict=True)]
-        fit = fit._replace(shots=near_rows(fit.scene, shots, done["contact"], noise), stages=tuple(done["stages"]))
-    else:
-        fit = fit_stage(fit, 1, noise)
-    for contact in range(done.get("contact", 1) + 1, contacts + 1):
-        fit = fit_stage(fit, contact, noise)
-        numbers = numbers_of(fit.scene, fit.names).tolist()
-        variances = np.diag(covariance(fit, contact)).tolist()
-        stage = dict(zip(fit.names, zip(numbers, variances, strict=True), strict=True))
-        fit = fit._replace(stages=(*fit.stages, stage))
-        rows = [(shot.moving & (shot.time < shot.end(contact)), shot.used) for shot in fit.shots]
-        part = sum((some & used).sum() for some, used in rows) / max(1, sum(some.sum() for some, _ in rows))
-        share = float(part) if contact == 2 else share
-        if path is not None and share >= ENOUGH:
-            starts = [shot.starts[0].tolist() for shot in fit.shots]
-            saved |= {which: {"contact": contact, "numbers": numbers, "starts": starts, "stages": fit.stages}}
-            write_json(path, saved)
-        if progress is not None:
-            text = ", ".join(f"{name} {value:.5g}" for name, value in zip(fit.names, numbers, strict=True))
-            progress(f"until contact {contact}: {part:.1%} of the rows, {text}")
-        if share < ENOUGH:
-            break
-    return fit, share

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.calibration.contacts import CUSHION, Contact, find_contacts
+from billiards_env.calibration.shot import Shot
 from billiards_env.calibration.tracks import Floats, Track, with_rest
 from billiards_env.scene import Scene
 
@@ -41,44 +42,34 @@ class Frame(NamedTuple):
         return track._replace(positions=np.column_stack((cos * x + sin * y, cos * y - sin * x)))
 
 
-class Lines(NamedTuple):
-    """The lines that the centres of balls reach at the cushions, from rebounds.
-
-    Attributes:
-        at: (4,) m, abs(x) or abs(y) at a speed of 0, at each of `_CUSHIONS`; NaN with few rebounds.
-        counts: (4,) int, the rebounds.
-        turn: rad, by which the lines are turned.
-        give: s, how far a cushion gives way for each m/s of normal speed.
-    """
-
-    at: Floats
-    counts: NDArray[np.intp]
-    turn: float
-    give: float
-
-
 def reach_of(scene: Scene) -> Floats:
     """Returns abs(x) and abs(y) of the centres of balls at the cushions, (2,) m."""
     return np.array([scene.table.length, scene.table.width]) / 2.0 - np.median(scene.balls.radius)
 
 
-def find_lines(contacts: Sequence[Contact]) -> Lines:
-    """Returns the `Lines` of rebounds: one least-squares fit with Cauchy weights for all four cushions."""
-    some = [one for one in contacts if one.other == CUSHION]
-    if not some:
-        return Lines(np.full(4, np.nan), np.zeros(4, np.intp), 0.0, 0.0)
-    axis, speed = np.array([one.axis for one in some]), np.array([one.speed for one in some])
-    at, along = np.array([one.place[:: 1 - 2 * one.axis] for one in some]).T
+def find_lines(contacts: Sequence[Contact]) -> tuple[Floats, NDArray[np.intp], float, float]:
+    """Returns the lines that the centres of balls reach at the cushions.
+
+    One least-squares fit with Cauchy weights finds them from the rebounds at all four cushions.
+
+    Returns:
+        The lines (4,) m: abs(x) or abs(y) at a speed of 0, at each of `_CUSHIONS`, NaN with few rebounds. Then the
+        rebounds (4,) at each, the angle by which the lines are turned, rad, and how far a cushion gives way for each
+        m/s of normal speed, s.
+    """
+    rebounds = [contact for contact in contacts if contact.other == CUSHION]
+    axis = np.array([rebound.body // 2 for rebound in rebounds], np.intp)
+    places = np.array([rebound.place for rebound in rebounds]).reshape(-1, 2)
+    at, along = np.where(axis[:, None] == 1, places[:, ::-1], places).T
     side, sign = 2 * axis + (at < 0.0), np.sign(at)
     # Turned by a small angle, x = at - angle y at the ends of the table and y = at + angle x at its sides.
-    design = np.column_stack((np.eye(4)[side], (2 * axis - 1) * along * sign, speed))
-    weight, found = np.ones(len(some)), np.zeros(6)
+    turns, speeds = (2 * axis - 1) * along * sign, [rebound.speed for rebound in rebounds]
+    design, weight, line = np.column_stack((np.eye(4)[side], turns, speeds)), np.ones(len(rebounds)), np.zeros(6)
     for _ in range(20):
-        found = np.linalg.lstsq(design * weight[:, None], sign * at * weight, rcond=None)[0]
-        weight = 1.0 / np.sqrt(1.0 + np.square((design @ found - sign * at) / _NEAR))
-    *lines, turn, give = found.tolist()
+        line = np.linalg.lstsq(design * weight[:, None], sign * at * weight, rcond=None)[0]
+        weight = 1.0 / np.sqrt(1.0 + np.square((design @ line - sign * at) / _NEAR))
     counts = np.bincount(side, minlength=4)
-    return Lines(np.where(counts < _LEAST, np.nan, lines), counts, turn, give)
+    return np.where(counts < _LEAST, np.nan, line[:4]), counts, float(line[4]), float(line[5])
 
 
 def fit_frame(scene: Scene, tracks: Sequence[Track], contacts: int) -> tuple[Frame, float]:
@@ -101,29 +92,28 @@ def fit_frame(scene: Scene, tracks: Sequence[Track], contacts: int) -> tuple[Fra
     rows, reach, give = np.concatenate([track.positions for track in tracks]), reach_of(scene), 0.0
     least, most = np.percentile(rows, (0.1, 99.9), axis=0)
     offset, scale, angle = (least + most) / 2.0, 2.0 * reach / np.maximum(most - least, 1e-12), 0.0
+    frame = Frame(tuple(offset.tolist()), tuple(scale.tolist()), angle)
     for _ in range(_ROUNDS):
-        frame = Frame(tuple(offset.tolist()), tuple(scale.tolist()), angle)
-        each = [find_contacts(scene, with_rest(frame.apply(track))[0]) for track in tracks]
-        lines = find_lines([one for found in each for one in found])
-        if np.isnan(lines.at).any():
-            counts = ", ".join(f"{n} at {name}" for n, name in zip(lines.counts, _CUSHIONS, strict=True))
-            raise ValueError(
-                f"frame = 'fit': rebounds: {counts}: expected {_LEAST} or more at each cushion, or a Frame"
-            )
-        plus, minus = lines.at[::2], -lines.at[1::2]
+        shots = [find_contacts(scene, with_rest(frame.apply(track))[0]) for track in tracks]
+        lines, counts, turn, give_by_speed = find_lines([contact for shot in shots for contact in shot])
+        if np.isnan(lines).any():
+            text = ", ".join(f"{n} at {name}" for n, name in zip(counts, _CUSHIONS, strict=True))
+            raise ValueError(f"frame = 'fit': rebounds: {text}: expected {_LEAST} or more at each cushion, or a Frame")
+        plus, minus = lines[::2], -lines[1::2]
         offset = offset + (plus + minus) / 2.0 / scale
         scale = scale * 2.0 * reach / (plus - minus)
-        angle = angle + lines.turn
+        angle = angle + turn
+        frame = Frame(tuple(offset.tolist()), tuple(scale.tolist()), angle)
         speeds = []
-        for found in each:
-            end = [one.time for one in found if one.ball == 0][contacts - 1 : contacts]
-            speeds += [one.speed for one in found if one.other == CUSHION and one.time < min([*end, np.inf])]
-        give = lines.give * float(np.mean(speeds)) if speeds else 0.0
-    return Frame(tuple(offset.tolist()), tuple(scale.tolist()), angle), give
+        for shot in shots:
+            end = min([contact.time for contact in shot if contact.ball == 0][contacts - 1 : contacts], default=np.inf)
+            speeds += [contact.speed for contact in shot if contact.other == CUSHION and contact.time < end]
+        give = give_by_speed * float(np.mean(speeds)) if speeds else 0.0
+    return frame, give
 
 
-def check_frame(scene: Scene, tracks: Sequence[Track], contacts: Sequence[Contact], noise: float) -> None:
-    """Checks that tracks lie on the table, in metres and seconds.
+def check_frame(scene: Scene, shots: Sequence[Shot], noise: float) -> None:
+    """Checks that the tracks of shots lie on the table, in metres and seconds.
 
     Raises:
         ValueError: If rows lie beyond the cushions, balls turn before or behind them, or a ball moves faster or rolls
@@ -131,26 +121,27 @@ def check_frame(scene: Scene, tracks: Sequence[Track], contacts: Sequence[Contac
     """
     reach, rolls = reach_of(scene), _ROLL * scene.physics.mu_roll * scene.physics.g
     most = np.array(scene.half_extents) if scene.table.outline else reach  # the jaws of pockets are beyond the cushions
+    tracks = [shot.track for shot in shots]
     for name, ball, t, p in ((track.name, ball, *path) for track in tracks for ball, path in track.paths().items()):
-        over = (np.abs(p) - most).max(axis=1)
-        bad, where = over > _BEYOND + 4.0 * noise, f"shot {name}, ball {ball}"
-        if bad.sum() > 2:
-            where += f": {bad.sum()} rows up to {over.max():.2g} m beyond the cushion"
-            raise ValueError(f"{where}: {_guess_frame(reach, tracks)}")
+        where, beyond = f"shot {name}, ball {ball}: ", (np.abs(p) - most).max(axis=1)
+        count = np.count_nonzero(beyond > _BEYOND + 4.0 * noise)
+        if count > 2:
+            where += f"{count} rows up to {beyond.max():.2g} m beyond the cushion: "
+            raise ValueError(where + _guess_frame(reach, tracks))
         if len(t) < 4:
             continue
         steps, way = np.hypot(*np.diff(p, axis=0).T), float(np.hypot(*(p[-1] - p[0])))
-        speeds, moves = steps / np.maximum(np.diff(t), 1e-9), steps > 4.0 * noise + 1e-3
-        usual, fast = float(np.median(speeds[moves])) if moves.any() else 0.0, float(np.sort(speeds)[-3])
+        speeds = steps / np.maximum(np.diff(t), 1e-9)
+        usual, fast = np.median([*speeds[steps > 4.0 * noise + 1e-3]] or [0.0]), float(np.sort(speeds)[-3])
         if usual > _FASTEST:
-            expected = f"expected at most {_FASTEST:g}; are the times in seconds?"
-            raise ValueError(f"{where}: {usual:.3g} m/s: {expected}")
+            where += f"{usual:.3g} m/s: expected at most {_FASTEST:g}; "
+            raise ValueError(where + "are the times in seconds?")
         if way > 0.1 and fast * fast < 2.0 * rolls * way:
-            what = "a ball does not roll that far; are the times in seconds (not frame numbers)?"
-            raise ValueError(f"{where}: {way:.2g} m at {fast:.2g} m/s or less: {what}")
-    lines = find_lines(contacts)
-    error = _SHORT + 4.0 * _NEAR / np.sqrt(np.maximum(lines.counts, 1)) + noise
-    for name, off, most in zip(_CUSHIONS, lines.at - np.repeat(reach, 2), error, strict=True):
+            where += f"{way:.2g} m at {fast:.2g} m/s or less: "
+            raise ValueError(where + "a ball does not roll that far; are the times in seconds (not frame numbers)?")
+    lines, counts, _, _ = find_lines([contact for shot in shots for contact in shot.contacts])
+    error = _SHORT + 4.0 * _NEAR / np.sqrt(np.maximum(counts, 1)) + noise
+    for name, off, most in zip(_CUSHIONS, lines - np.repeat(reach, 2), error, strict=True):
         if abs(off) > most:
             where = f"{abs(off):.3f} m {'short of' if off < 0.0 else 'beyond'} the cushion at {name}"
             raise ValueError(f"balls turn {where}: expected metres from the centre of the table, or frame='fit'")

@@ -1,15 +1,18 @@
-"""How well a scene with constant numbers explains and predicts tracks."""
+"""How well a scene with constant numbers explains and predicts tracks, and what does not fit in them.
+
+Problems are rows far from the model, exchanged balls, and contacts of only one of track and model.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.calibration.contacts import CUSHION
+from billiards_env.calibration.contacts import CUSHION, POCKET, distinct
 from billiards_env.calibration.shot import Shot
-from billiards_env.calibration.starts import errors, search, simulated
+from billiards_env.calibration.starts import errors, model_contacts, search
 from billiards_env.calibration.tracks import Bools, Floats
 from billiards_env.scene import Scene
 
@@ -20,9 +23,35 @@ AHEAD = (0.5, 1.0, 2.0)
 SCALE = 0.003
 """m, the error above which the loss of a coordinate grows slowly (Cauchy)."""
 
+KINDS = ("outliers", "swapped balls", "missed contact", "extra contact", "other path")
+"""Rows far from the path; two balls with exchanged names; from a time on the track leaves the path of the model,
+because only the model has a contact ("missed contact"), only the track ("extra contact"), or for another reason."""
+
 _GAP = 0.1  # s, the longest gap of a track within which the cue ball's place is interpolated
-_ONE = 0.05  # s, two contacts with one body within this time are one
-_AFTER = 0.1  # s, the rows after the third cushion that are fitted
+_LATER = 0.1  # s, the rows after the third cushion that are fitted
+_BEFORE, _AFTER = 0.3, 0.05  # s, where the contact is looked for, around the first row far from the path
+_CORNER = 4  # rows before and after a corner of a track
+_CLEAR = 4.0  # the change of a velocity that is a corner, over its standard deviation
+
+
+class Problem(NamedTuple):
+    """Rows of a track that are reported, and not fitted.
+
+    Attributes:
+        shot: Name of the shot.
+        kind: One of `KINDS`.
+        ball: The ball.
+        begin: Time of the first row, s, as in the track.
+        end: Time of the last row, s.
+        text: A sentence.
+    """
+
+    shot: str
+    kind: str
+    ball: int
+    begin: float
+    end: float
+    text: str
 
 
 class Judged(NamedTuple):
@@ -51,12 +80,16 @@ class Judged(NamedTuple):
 
     def to_dict(self) -> dict[str, float | None]:
         """Returns the figures as plain data for JSON: shares, and errors in mm; None for a figure without rows."""
-        found = {"rows_5mm_contact2": self.within(2, 0.005)}
-        found |= {f"rows_{round(1e3 * d)}mm_contact3": self.within(3, d) for d in (0.005, 0.01)}
-        found |= {f"median_mm_contact{k}": 1e3 * self.median(k) for k in (3, 4)}
-        found |= {f"predicted_mm_{ahead:g}s": 1e3 * _of(np.median, off) for ahead, off in self.predicted.items()}
-        found["sequence"] = _of(np.mean, self.sequence)
-        return {name: None if np.isnan(value) else value for name, value in found.items()}
+        figures = {
+            "rows_5mm_contact2": self.within(2, 0.005),
+            "rows_5mm_contact3": self.within(3, 0.005),
+            "rows_10mm_contact3": self.within(3, 0.01),
+            "median_mm_contact3": 1e3 * self.median(3),
+            "median_mm_contact4": 1e3 * self.median(4),
+            **{f"predicted_mm_{ahead:g}s": 1e3 * _of(np.median, off) for ahead, off in self.predicted.items()},
+            "sequence": _of(np.mean, self.sequence),
+        }
+        return {name: None if np.isnan(figure) else figure for name, figure in figures.items()}
 
 
 def together(parts: Sequence[Judged]) -> Judged:
@@ -75,12 +108,12 @@ def judge(scene: Scene, shots: Sequence[Shot]) -> Judged:
 
 
 def _judge_shot(scene: Scene, shot: Shot) -> Judged:
-    found, predicted, same = {}, {}, np.zeros(0, np.bool_)
+    distances, predicted, same = {}, {}, np.zeros(0, np.bool_)
     shot = shot._replace(scale=np.full_like(shot.scale, SCALE))
     for contact in CONTACTS:
         shot = search(scene, shot.wide(contact, SCALE))
         off, cue = errors(scene, shot), shot.track.balls == 0
-        found[contact] = np.hypot(*off[shot.used & shot.moving].T)
+        distances[contact] = np.hypot(*off[shot.used & shot.moving].T)
         if contact == 3:
             t, (x, y) = shot.time[cue], off[cue].T
             for ahead in AHEAD:
@@ -89,27 +122,67 @@ def _judge_shot(scene: Scene, shot: Shot) -> Judged:
                 near = 0 < after < len(t) and t[after] - t[after - 1] <= _GAP
                 predicted[ahead] = np.hypot([np.interp(time, t, x)], [np.interp(time, t, y)])[: int(near)]
     contacts = shot.cue_contacts
-    cushions = [k for k, one in enumerate(contacts, 1) if one.other == CUSHION]
+    cushions = [k for k, contact in enumerate(contacts, 1) if contact.other == CUSHION]
     if len(cushions) >= 3:
         last = cushions[2]
-        end = min(contacts[last - 1].time - shot.begin + _AFTER, shot.end(last + 1))
+        end = min(contacts[last - 1].time - shot.begin + _LATER, shot.end(last + 1))
         shot = search(scene, shot._replace(used=shot.time < end))
-        events = simulated(scene, shot).events
-        same = np.array([_sequence(events)[:last] == [one.other for one in contacts[:last]]])
-    return Judged(found, predicted, same, 1)
-
-
-def _sequence(events: Any) -> list[int]:
-    """Returns the partners of the cue ball in the contacts of a shot, `CUSHION` for a cushion."""
-    found, last = [], {}
-    cue = (events["ball"] == 0) | ((events["kind"] == "ball_ball") & (events["other"] == 0))
-    for event in events[cue & np.isin(events["kind"], ("ball_ball", "cushion"))]:
-        kind, other, time = str(event["kind"]), int(max(event["ball"], event["other"])), float(event["time"])
-        if time - last.get((kind, other), -np.inf) > _ONE:
-            found.append(CUSHION if kind == "cushion" else other)
-        last[kind, other] = time
-    return found
+        in_model = distinct(model_contacts(scene, shot, 0))
+        same = np.array([[hit.other for hit in in_model[:last]] == [hit.other for hit in contacts[:last]]])
+    return Judged(distances, predicted, same, 1)
 
 
 def _of(statistic: Callable[[Any], Any], values: Floats | Bools) -> float:
     return float(statistic(values)) if values.size else np.nan
+
+
+def find_problems(scene: Scene, shot: Shot) -> Iterator[Problem]:
+    """Yields the problems of a fitted shot."""
+    name, times = shot.track.name, shot.track.times
+    leave, last = shot.begin + shot.leaves[0], float(times.max())
+    outliers = shot.track.rows(~shot.used & (shot.time < shot.leaves[0]))
+    for ball, (at, _) in outliers.paths().items():
+        when = f"{at[0]:.3f} s" if len(at) == 1 else f"{at[0]:.3f} to {at[-1]:.3f} s"
+        text = f"{len(at)} row{'s' if len(at) > 1 else ''} of ball {ball} far from its path, {when}"
+        yield Problem(name, "outliers", ball, float(at[0]), float(at[-1]), text)
+    if np.isfinite(leave):
+        ball = shot.leaves[1]
+        kind, why = _contact(scene, shot, ball, leave)
+        yield Problem(name, kind, ball, leave, last, f"the track of ball {ball} leaves the model at {leave:.3f} s{why}")
+    i, j, begin, end = shot.exchanged
+    if np.isfinite(begin):
+        until = f"to {end:.3f} s" if np.isfinite(end) else "on"
+        text = f"from {begin:.3f} s {until} balls {i} and {j} are exchanged"
+        yield Problem(name, "swapped balls", i, begin, min(end, last), text)
+
+
+def _contact(scene: Scene, shot: Shot, ball: int, leave: float) -> tuple[str, str]:
+    """Returns the kind of problem of a track that leaves the model, and a text with the contact and its time."""
+    contacts = [hit for hit in model_contacts(scene, shot, ball) if leave - _BEFORE <= hit.time <= leave + _AFTER]
+    corner = _corner(scene, *shot.track.paths()[ball], leave)
+    if not contacts:
+        if corner is None:
+            return "other path", ""
+        return "extra contact", f": only the track has a contact at {corner:.3f} s"
+    nearest = min(contacts, key=lambda hit: abs(hit.time - (leave if corner is None else corner)))
+    other = {CUSHION: "a cushion", POCKET: "a pocket"}.get(nearest.other, f"ball {nearest.other}")
+    kind, what = ("missed contact", "only the model has") if corner is None else ("other path", "after")
+    return kind, f": {what} a contact with {other} at {nearest.time:.3f} s"
+
+
+def _corner(scene: Scene, times: Floats, places: Floats, leave: float) -> float | None:
+    """Returns the time of the sharpest corner of a path near a time, s, or None.
+
+    A velocity that changes by the friction of the cloth makes no corner.
+    """
+    sharpest, corner, slows = _CLEAR, None, scene.physics.mu_slide * scene.physics.g
+    for row in range(_CORNER, len(times) - _CORNER + 1):
+        if leave - _BEFORE <= times[row] <= leave + _AFTER:
+            sides = slice(row - _CORNER, row), slice(row, row + _CORNER)
+            (before, error), (after, other_error) = (np.polyfit(times[k], places[k], 1, cov=True) for k in sides)
+            usual = slows * float(times[sides[1]].mean() - times[sides[0]].mean())
+            spread = max(float((error + other_error)[0, 0].sum()), 1e-18)
+            change = (float(np.hypot(*(after - before)[0])) - usual) / np.sqrt(spread)
+            if change > sharpest:
+                sharpest, corner = change, float(times[row])
+    return corner

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 
 from billiards_env.calibration.fit import bounds_of, half_widths
 from billiards_env.calibration.frame import Frame
-from billiards_env.calibration.judge import CONTACTS, Judged, judge
-from billiards_env.calibration.problems import Problem
+from billiards_env.calibration.judge import CONTACTS, Judged, Problem, judge
 from billiards_env.calibration.shot import INSTANT, PLACES, SPIN, VELOCITY, Shot, drop_clipped, prepare
 from billiards_env.calibration.starts import errors, simulated
 from billiards_env.calibration.tracks import Bools, Floats, Track
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
 SUFFIXES = (".json", ".png", ".svg", ".pdf")
 """Suffixes of the files that `Calibration.save` writes."""
 
-_CLOSE = (0.005, 0.01)  # m, the distances of the report
 _DRAWN = 6  # shots in the picture: the worse half are the worst, the others are typical
 
 
@@ -120,8 +118,8 @@ class Calibration:
 
     def judge(self, tracks: Sequence[Track]) -> Judged:
         """Returns the errors of other shots, in the frame of the given tracks, with the fitted numbers."""
-        some = [self.frame.apply(track) for track in drop_clipped(tracks)[0]]
-        return judge(self.scene, [prepare(self.scene, track, self.row_noise) for track in some])
+        framed = [self.frame.apply(track) for track in drop_clipped(tracks)[0]]
+        return judge(self.scene, [prepare(self.scene, track, self.row_noise) for track in framed])
 
     def noise(self, intended: ArrayLike) -> dict[str, float]:
         """Returns the argument `noise` of `Billiards-v0`: the spread of the fitted velocities around intended ones.
@@ -139,7 +137,7 @@ class Calibration:
         x, y = self.velocities.T
         turn = np.degrees(np.arctan2(aim[:, 0] * y - aim[:, 1] * x, aim[:, 0] * x + aim[:, 1] * y))
         off = {"angle_std": turn, "speed_std": np.hypot(x, y) - np.hypot(*aim.T)}
-        return {name: float(one.std(ddof=1)) if len(one) > 1 else np.nan for name, one in off.items()}
+        return {name: float(error.std(ddof=1)) if len(error) > 1 else np.nan for name, error in off.items()}
 
     def randomize(self) -> dict[str, tuple[float, float]]:
         """Returns the argument `randomize` of `Billiards-v0`: the intervals within the ranges of the numbers.
@@ -151,31 +149,30 @@ class Calibration:
 
     def __str__(self) -> str:
         """Returns the report."""
-        rows = [("number", "start", "fitted", "95% interval", "unit")]
+        rows: list[tuple[str, ...]] = [("constant", "start", "fitted", "95% interval", "unit")]
         for name, start in self.start.items():
-            unit, fitted, interval = RANGES[PARAMETERS[name].within].unit, "-", self.kept.get(name, "-")
+            cells = "-", self.kept.get(name, "-")
             if name in self.values:
-                fitted, (low, high) = f"{self.values[name]:.5g}", self.intervals[name]
-                interval = f"{low:.5g} to {high:.5g}"
-            rows.append((name, f"{start:.5g}", fitted, interval, unit))
+                cells = f"{self.values[name]:.5g}", "{:.5g} to {:.5g}".format(*self.intervals[name])
+            rows.append((name, f"{start:.5g}", *cells, RANGES[PARAMETERS[name].within].unit))
         lines = [*_aligned(rows), ""]
         for text, judged in (("shots", self.judged), ("shots that were not fitted", self.predicted)):
             if judged is not None:
-                table = [(f"{judged.shots} {text}: rows until contact", "within 5 mm", "within 10 mm", "median, mm")]
+                rows = [(f"{judged.shots} {text}: rows until contact", "within 5 mm", "within 10 mm", "median, mm")]
                 for k in CONTACTS:
-                    close, near = (f"{judged.within(k, most):.1%}" for most in _CLOSE)
-                    table.append((str(k), close, near, f"{1e3 * judged.median(k):.2f}"))
-                lines += [*_aligned(table), ""]
+                    shares = f"{judged.within(k, 0.005):.1%}", f"{judged.within(k, 0.01):.1%}"
+                    rows.append((str(k), *shares, f"{1e3 * judged.median(k):.2f}"))
+                lines += [*_aligned(rows), ""]
         if self.laws:
-            best = min(self.laws.values())
-            each = [f"{law} {loss / best:.3f}" for law, loss in sorted(self.laws.items(), key=lambda one: one[1])]
-            lines += [f"loss with each law of cushions over the least: {', '.join(each)}", ""]
+            least = min(self.laws.values())
+            ratios = [f"{law} {loss / least:.3f}" for law, loss in sorted(self.laws.items(), key=lambda item: item[1])]
+            lines += [f"loss with each law of cushions over the least: {', '.join(ratios)}", ""]
         used = np.concatenate(self.fitted)
         lines += [f"{used.sum()} of {used.size} rows fitted, noise of {1e3 * self.row_noise:.3g} mm"]
         lines += [f"warning: {text}" for text in self.warnings]
         lines += ["", "rms of the residuals of each shot, mm"]
-        each = [f"{track.name}: {1e3 * rms:.2f}" for track, rms in zip(self.tracks, self.rms, strict=True)]
-        lines += [", ".join(each[k : k + 8]) for k in range(0, len(each), 8)]
+        shots = [f"{track.name}: {1e3 * rms:.2f}" for track, rms in zip(self.tracks, self.rms, strict=True)]
+        lines += [", ".join(shots[k : k + 8]) for k in range(0, len(shots), 8)]
         lines += ["", f"{len(self.problems) or 'no'} problem{'s' if len(self.problems) != 1 else ''}"]
         lines += [f"shot {p.shot}: {p.kind}: {p.text}" for p in self.problems]
         return "\n".join(lines)
@@ -211,13 +208,11 @@ class Calibration:
         """
         from billiards_env.drawing.tracks import draw_fit
 
-        rms, tracks, fitted = np.nan_to_num(self.rms), self.tracks, self.fitted
-        order = np.argsort(-rms, kind="stable").tolist()
-        half = len(order) // 2
-        some = order if len(order) <= _DRAWN else order[: _DRAWN // 2] + order[half : half + _DRAWN // 2]
-        shots = {
-            f"{tracks[k].name}, {1000 * rms[k]:.1f} mm": (tracks[k], fitted[k], self.shot(k).recording()) for k in some
-        }
+        rms, tracks, fitted, shots = np.nan_to_num(self.rms), self.tracks, self.fitted, {}
+        order, half = np.argsort(-rms, kind="stable"), _DRAWN // 2
+        middle = max(len(order) // 2, half)
+        for k in (*order[:half], *order[middle : middle + half]):
+            shots[f"{tracks[k].name}, {1000 * rms[k]:.1f} mm"] = tracks[k], fitted[k], self.shot(k).recording()
         return draw_fit(shots, self.judged.errors)
 
     def save(self, path: str | os.PathLike[str]) -> None:

@@ -24,10 +24,7 @@ _BEFORE = 1e-6  # s, a row at a contact is after it
 _EXACT = 1e-7  # m, the noise of exact tracks
 _MOVED = 0.004  # m, from a place of rest
 _REST = 2e-3  # m, the error of a place of rest; cameras distort by about as much
-_WINDOWS = (
-    (1, 8),
-    (0, 2),
-)  # rows of the cue ball for guesses of its velocity: the first after its rest, and their number
+_WINDOWS = (1, 8), (0, 2)  # rows of the cue ball that guess its velocity: the first after its rest, and their number
 _CLIPPED = 8, 2.0  # rows at an extreme coordinate, and their number over that at the next one
 
 
@@ -49,8 +46,7 @@ class Shot(NamedTuple):
         target: (p,).
         starts: (g, width), guesses of the start, or one start after a fit.
         scale: (r,) m, the error of a coordinate above which the loss grows slowly.
-        used: (r,) bool, whether the row is fitted.
-        far: (r,) bool, whether the row is far from its path.
+        used: (r,) bool, whether the row is fitted; false for a row that is far from its path.
         leaves: s after `begin`, from which on a ball leaves its path, or inf, and the ball.
     """
 
@@ -68,7 +64,6 @@ class Shot(NamedTuple):
     starts: Floats
     scale: Floats
     used: Bools
-    far: Bools
     leaves: tuple[float, int] = (np.inf, -1)
 
     @property
@@ -79,16 +74,16 @@ class Shot(NamedTuple):
     @property
     def cue_contacts(self) -> list[Contact]:
         """The contacts of the cue ball."""
-        return [one for one in self.contacts if one.ball == 0]
+        return [contact for contact in self.contacts if contact.ball == 0]
 
     @property
     def after(self) -> NDArray[np.intp]:
         """(r,) The number of contacts of the cue ball before each row."""
-        return np.searchsorted([one.time for one in self.cue_contacts], self.track.times)
+        return np.searchsorted([contact.time for contact in self.cue_contacts], self.track.times)
 
     def end(self, contact: int) -> float:
         """Returns the time of a contact of the cue ball, s after `begin`; without it that of the last row to fit."""
-        times = [one.time for one in self.cue_contacts[contact - 1 : contact]]
+        times = [cue_contact.time for cue_contact in self.cue_contacts[contact - 1 : contact]]
         return min(*times, self.exchanged[2], np.inf) - _BEFORE - self.begin
 
     def until(self, contact: int) -> Shot:
@@ -117,34 +112,34 @@ def noise_of(tracks: Sequence[Track]) -> float:
 
     It is at least `_EXACT`.
     """
-    found = [np.zeros(0)]
+    differences = [np.zeros(0)]
     for t, p in (path for track in tracks for path in track.paths().values() if len(path[0]) > 3):
         steps = np.lib.stride_tricks.sliding_window_view(np.diff(t), 3)
         even = np.ptp(steps, axis=1) < 0.1 * steps.mean(axis=1)
-        found.append(np.abs(np.diff(p, 3, axis=0)[even]).ravel())
-    sizes = np.concatenate(found)
+        differences.append(np.abs(np.diff(p, 3, axis=0)[even]).ravel())
+    sizes = np.concatenate(differences)
     sizes = sizes[sizes > 0.0]
     return max(_EXACT, float(np.median(sizes)) / 0.6745 / np.sqrt(20.0)) if sizes.size > 20 else _EXACT
 
 
-def prepare(scene: Scene, track: Track, noise: float, given: Floats | None = None) -> Shot:
+def prepare(scene: Scene, track: Track, noise: float, known: Floats | None = None) -> Shot:
     """Returns a track that is ready for the fit.
 
     Args:
         scene: The scene.
         track: The track.
         noise: Standard deviation of a coordinate, m.
-        given: (width,), the numbers of the start that are known; NaN for the others.
+        known: (width,), the numbers of the start that are known; NaN for the others.
     """
-    whole, added = with_rest(track)
-    n, paths, exchanged, least = scene.n_balls, whole.paths(), find_exchange(scene, track), max(_MOVED, 4.0 * noise)
-    contacts = find_contacts(scene, whole.rows(whole.times < exchanged[2]))
+    filled, added = with_rest(track)
+    n, paths, exchanged, least = scene.n_balls, filled.paths(), find_exchange(scene, track), max(_MOVED, 4.0 * noise)
+    contacts = find_contacts(scene, filled.rows(filled.times < exchanged[2]))
     moving, rest, rests = np.zeros(len(added), np.bool_), np.full((n, 2), np.nan), {}
     for ball, (_, path) in paths.items():
-        begun, ends = (np.hypot(*(path - path[k]).T) > least for k in (0, -1))
-        rests[ball] = int(begun.argmax()) if begun.any() else len(path)
+        away, ends = (np.hypot(*(path - path[k]).T) > least for k in (0, -1))
+        rests[ball] = int(away.argmax()) if away.any() else len(path)
         rest[ball] = np.median(path[: rests[ball]], axis=0)
-        moving[np.flatnonzero(whole.balls == ball)[rests[ball] : len(path) - int(ends[::-1].argmax()) + 1]] = True
+        moving[np.flatnonzero(filled.balls == ball)[rests[ball] : len(path) - int(ends[::-1].argmax()) + 1]] = True
 
     (t, p), last = paths[0], rests[0] - 1
     begin, gap, hit = float(t[0]), 0.0, min((one.time for one in contacts if one.ball == 0), default=np.inf)
@@ -152,14 +147,14 @@ def prepare(scene: Scene, track: Track, noise: float, given: Floats | None = Non
     places = starts[:, PLACES].reshape(-1, n, 2)  # a view
     places[:] = np.nan_to_num(rest)
     for start, place, (first, count) in zip(starts, places[:, 0], _WINDOWS, strict=True):
-        some = slice(last + first, max(last + first + 2, min(last + first + count, int(np.searchsorted(t, hit)))))
-        if len(t[some]) > 1:
-            start[VELOCITY], place[:] = np.polyfit(t[some] - t[last], p[some], 1)
+        rows = slice(last + first, max(last + first + 2, min(last + first + count, int(np.searchsorted(t, hit)))))
+        if len(t[rows]) > 1:
+            start[VELOCITY], place[:] = np.polyfit(t[rows] - t[last], p[rows], 1)
             speed = max(float(np.hypot(*start[VELOCITY])), 1e-6)
             start[INSTANT] = (rest[0] - place) @ start[VELOCITY] / speed**2  # the path passes the place of rest
             if last > 0 or (start[INSTANT] > 0.05 * (t[1] - t[0]) and start[INSTANT] * speed > least):
                 begin, gap = float(t[last]), float(t[last + 1] - t[last])
-    known = np.full(2 * n + 6, np.nan) if given is None else given.copy()
+    known = np.full(2 * n + 6, np.nan) if known is None else known.copy()
     if gap > 0.0:
         places[:, 0] = rest[0]
     else:
@@ -170,7 +165,7 @@ def prepare(scene: Scene, track: Track, noise: float, given: Floats | None = Non
     prior = np.zeros((2 * n + 3, 2 * n + 6))
     prior[:-3, PLACES] = np.diag(weight)
     return Shot(
-        track=whole,
+        track=filled,
         added=added,
         moving=moving & ~added,
         contacts=contacts,
@@ -184,5 +179,4 @@ def prepare(scene: Scene, track: Track, noise: float, given: Floats | None = Non
         starts=np.where(np.isnan(known), starts, known),
         scale=np.full(len(added), CAUCHY * noise),
         used=np.ones(len(added), np.bool_),
-        far=np.zeros(len(added), np.bool_),
     )

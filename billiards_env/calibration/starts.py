@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from billiards_env.calibration.contacts import CUSHION, POCKET, Contact
 from billiards_env.calibration.shot import CAUCHY, INSTANT, PLACES, SIDE, SPIN, VELOCITY, Shot
 from billiards_env.calibration.tracks import Bools, Floats
 from billiards_env.engine.trajectory import Trajectory
@@ -71,17 +73,29 @@ def simulated(scene: Scene, shot: Shot) -> ShotResult:
     return run(scene, shot.starts, shot._replace(used=np.ones_like(shot.used)))[0]
 
 
-def _motion(record: Record, times: Floats) -> tuple[Floats, Floats]:
-    """Returns the places and the velocities of the balls at times (g, q) of simulated shots, (g, q, n, 2) each."""
+def model_contacts(scene: Scene, shot: Shot, ball: int) -> Iterator[Contact]:
+    """Yields the contacts of a ball in the model until the last row, in the order of time."""
+    events: Any = simulated(scene, shot).events
+    for event in events[np.isin(events["kind"], ("ball_ball", "cushion", "pocket"))]:
+        kind, bodies = event["kind"], [int(event["ball"]), int(event["other"])]
+        if ball in (bodies if kind == "ball_ball" else bodies[:1]):
+            body = sum(bodies) - ball
+            other = {"cushion": CUSHION, "pocket": POCKET}.get(kind, body)
+            time = float(event["time"] + shot.begin + shot.starts[0, INSTANT])
+            yield Contact(time, ball, other, np.array([event["x"], event["y"]]), float(event["speed"]), body)
+
+
+def _motion(record: Record, balls: NDArray[np.int64], times: Floats) -> tuple[Floats, Floats]:
+    """Returns the places and the velocities of balls (r,) at times (g, r) of g simulated shots, (g, r, 2) each."""
     n, span = record.scene.n_balls, float(record.time.max()) + 1.0
     paths = Trajectory.of(np.concatenate([p.segments[p.bounds[0, 1] : p.bounds[-1, 1]] for p in record.parts]))
     counts = np.concatenate([np.diff(part.bounds[:, 1]) for part in record.parts])
     owner = np.repeat(np.arange(len(times)), counts) * n + paths.ball
     order = np.argsort(owner, kind="stable")  # those of a ball stay in the order of time
-    wanted = np.arange(len(times) * n).reshape(-1, 1, n) * span + times[..., None]
-    last = order[np.searchsorted((owner * span + paths.start)[order], wanted.ravel(), side="right") - 1]
-    motion = paths.at_pieces(last, np.repeat(times, n)), paths.velocities_on(last, np.repeat(times, n))
-    return motion[0].reshape(*times.shape, n, 2), motion[1].reshape(*times.shape, n, 2)
+    keys = (np.arange(len(times))[:, None] * n + balls) * span + times
+    last = order[np.searchsorted((owner * span + paths.start)[order], keys.ravel(), side="right") - 1]
+    places, velocities = paths.at_pieces(last, times.ravel()), paths.velocities_on(last, times.ravel())
+    return places.reshape(*times.shape, 2), velocities.reshape(*times.shape, 2)
 
 
 def errors(scene: Scene, shot: Shot) -> Floats:
@@ -92,18 +106,17 @@ def errors(scene: Scene, shot: Shot) -> Floats:
 
 def evaluate(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = ()) -> Normal:
     """Returns the `Normal` of starts (g, width), with the derivatives by numbers of `Physics` by name."""
-    record, some = run(scene, starts, shot)._record("evaluate"), np.flatnonzero(shot.used)
-    times, frame = np.unique(np.append(0.0, shot.time[some]), return_inverse=True)
-    frame, ball, g = frame[1:], shot.track.balls[some], len(starts)
-    clock = np.clip(
-        times - starts[:, INSTANT, None], 0.0, record.time[:, None]
-    )  # the simulated shots begin at the strike
-    places, velocities = (array[:, frame, ball] for array in _motion(record, clock))
+    record, rows = run(scene, starts, shot)._record("evaluate"), np.flatnonzero(shot.used)
+    times, frame = np.unique(np.append(0.0, shot.time[rows]), return_inverse=True)
+    frame, ball, g = frame[1:], shot.track.balls[rows], len(starts)
+    # The simulated shots begin at the strike.
+    clock = np.clip(times - starts[:, INSTANT, None], 0.0, record.time[:, None])
+    places, velocities = _motion(record, ball, clock[:, frame])
     rates = start_jacobians(record, clock, names, 1)[np.arange(g)[:, None], frame, :, ball]  # (g, r, lanes, 2)
-    by_instant = np.where((shot.time[some] > starts[:, INSTANT, None])[..., None], -velocities, 0.0)
+    by_instant = np.where((shot.time[rows] > starts[:, INSTANT, None])[..., None], -velocities, 0.0)
     rates = np.insert(rates, starts.shape[1] - 1, by_instant, axis=2)
-    off = ((places - shot.track.positions[some]) / shot.scale[some, None]).reshape(g, -1)
-    rates = np.moveaxis(rates / shot.scale[some, None, None], 2, 3).reshape(*off.shape, rates.shape[2])
+    off = ((places - shot.track.positions[rows]) / shot.scale[rows, None]).reshape(g, -1)
+    rates = np.moveaxis(rates / shot.scale[rows, None, None], 2, 3).reshape(*off.shape, rates.shape[2])
     prior = np.pad(shot.prior, [(0, 0), (0, len(names))]) / CAUCHY
     values = np.concatenate((off, (starts @ shot.prior.T - shot.target) / CAUCHY), axis=1)
     jacobian = np.concatenate((rates, np.broadcast_to(prior, (g, *prior.shape))), axis=1)
@@ -129,36 +142,34 @@ def allowed(scene: Scene, starts: Floats, shot: Shot) -> tuple[Floats, Bools]:
     Returns:
         The starts (g, width), and whether they are allowed (g,).
     """
-    radius = np.array(scene.balls.radius)
-    reach = np.array([scene.balls.contact_distances(i) for i in range(len(radius))])
-    moved = starts.copy()
+    radius, index = np.array(scene.balls.radius), np.arange(scene.n_balls)
+    reach, moved = scene.balls.contact_distances(index[:, None], index), starts.copy()
     moved[:, VELOCITY] = np.clip(moved[:, VELOCITY], -MOST_SPEED, MOST_SPEED)
     moved[:, INSTANT] = np.clip(moved[:, INSTANT], 0.0, shot.gap)
     most = MOST_SPIN * spin_of_cue(scene, np.hypot(*moved[:, VELOCITY].T))[:, None]
     spins, places = moved[:, SPIN], moved[:, PLACES].reshape(len(moved), -1, 2)  # views
     np.clip(spins, -most, most, out=spins, where=np.isnan(shot.known[SPIN]))
-    both = shot.in_play[:, None] & shot.in_play & ~np.eye(len(radius), dtype=np.bool_)
-    order = np.sign(np.subtract.outer(np.arange(len(radius)), np.arange(len(radius))))  # for balls at one place
-    bad = np.zeros(len(moved), np.bool_)
+    pairs = shot.in_play[:, None] & shot.in_play & (index[:, None] != index)
+    order = np.sign(index[:, None] - index)  # for balls at one place
+    steps, invalid = 1e-7 * np.eye(2)[:, None], np.zeros(len(moved), np.bool_)
     for _ in range(20):
         line = places[:, :, None] - places[:, None]
         line[..., 0] += 1e-9 * order * (line == 0.0).all(axis=-1)
         distance = np.maximum(np.hypot(*np.moveaxis(line, -1, 0)), 1e-9)
         close = shot.in_play & (scene.table.clearance(places) < radius)
-        overlap = both & (distance < reach)
-        bad = overlap.any(axis=(1, 2)) | close.any(axis=1)
-        if not bad.any():
+        overlap = pairs & (distance < reach)
+        invalid = overlap.any(axis=(1, 2)) | close.any(axis=1)
+        if not invalid.any():
             break
         push = np.where(overlap, 0.5 * (reach + 1e-9) / distance - 0.5, 0.0)
         places += (push[..., None] * line).sum(axis=2)
-        for k, i in np.argwhere(close):
-            steps = 1e-7 * np.eye(2)
-            inwards = scene.table.clearance(places[k, i] + steps) - scene.table.clearance(places[k, i] - steps)
-            places[k, i] += inwards / 2e-7 * (radius[i] - scene.table.clearance(places[k, i]) + 1e-9)
+        ball, at = np.nonzero(close)[1], places[close]
+        inwards = (scene.table.clearance(at + steps) - scene.table.clearance(at - steps)).T / 2e-7
+        places[close] += inwards * (radius[ball] - scene.table.clearance(at) + 1e-9)[:, None]
     for pocket in scene.table.pockets:
         inside = np.hypot(places[..., 0] - pocket.x, places[..., 1] - pocket.y) < pocket.radius
-        bad |= (inside & shot.in_play).any(axis=1)
-    return moved, ~bad
+        invalid |= (inside & shot.in_play).any(axis=1)
+    return moved, ~invalid
 
 
 def damped(matrix: Floats, slope: Floats, damping: Floats | float) -> Floats:
@@ -186,21 +197,21 @@ def settle(
     Returns:
         The starts, and the `Normal` at them.
     """
-    here, damping, width = evaluate(scene, starts, shot, names), np.full(len(starts), 1e-3), starts.shape[1]
+    current, damping, width = evaluate(scene, starts, shot, names), np.full(len(starts), 1e-3), starts.shape[1]
     for _ in range(most):
-        slope = here.slope[:, :width]
-        step = damped(here.matrix[:, :width, :width], slope, damping)
-        tried, fine = allowed(scene, starts - step, shot)
-        tried = np.where(fine[:, None], tried, starts)
-        then = evaluate(scene, tried, shot, names)
-        better = then.loss < here.loss
+        slope = current.slope[:, :width]
+        step = damped(current.matrix[:, :width, :width], slope, damping)
+        tried, valid = allowed(scene, starts - step, shot)
+        tried = np.where(valid[:, None], tried, starts)
+        proposed = evaluate(scene, tried, shot, names)
+        better = proposed.loss < current.loss
         starts = np.where(better, tried.T, starts.T).T
-        here = Normal(*(np.where(better, new.T, old.T).T for old, new in zip(here, then, strict=True)))
+        current = Normal(*(np.where(better, new.T, old.T).T for old, new in zip(current, proposed, strict=True)))
         damping = np.where(better, np.maximum(damping / 10.0, 1e-9), damping * 10.0)
         promised = (step * slope).sum(axis=1)  # the gain of the loss
-        if np.all((promised <= _CONVERGED * here.loss + _EXACT) | (damping > 1e4)):
+        if np.all((promised <= _CONVERGED * current.loss + _EXACT) | (damping > 1e4)):
             break
-    return starts, here
+    return starts, current
 
 
 def _with_spin_prior(scene: Scene, shot: Shot) -> Shot:
@@ -231,11 +242,11 @@ def search(scene: Scene, shot: Shot) -> Shot:
         others[:, SPIN] = np.column_stack((-roll * y, roll * x, 0.0 * x)) / scene.balls.radius[0]
         others[:, SIDE] = side * spin_of_cue(scene, np.hypot(x, y))
         tried = np.concatenate((tried, others))
-    tried, fine = allowed(scene, np.where(np.isnan(shot.known), tried, shot.known), shot)
-    if not fine.any():
+    tried, valid = allowed(scene, np.where(np.isnan(shot.known), tried, shot.known), shot)
+    if not valid.any():
         raise ValueError(f"shot {shot.track.name} begins with balls that overlap or lie outside of the table")
-    tried = tried[fine]
+    tried = tried[valid]
     for keep, steps in _HALVES:
-        tried, here = settle(scene, tried, shot, (), steps)
-        tried = tried[np.argsort(here.loss, kind="stable")[:keep]]
+        tried, current = settle(scene, tried, shot, (), steps)
+        tried = tried[np.argsort(current.loss, kind="stable")[:keep]]
     return shot._replace(starts=settle(scene, tried, shot)[0])

@@ -1,4 +1,4 @@
-"""Tracks: the places of the balls of a shot in the frames of a film.
+"""Tracks, the places of the balls of a shot in the frames of a film, and their files.
 
 Times are in seconds, places in metres in the frame of the scene (the origin is the centre of the table, x runs along
 its length). Balls are numbered as in the scene, the cue ball is ball 0. A ball without rows in a shot is not on the
@@ -9,17 +9,20 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import os
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import RANGES, finite, numbers, real, short
-from billiards_env.files import write_atomically
+from billiards_env.checks import RANGES, finite, number, numbers, one_of, real, short
+from billiards_env.files import read_text, write_atomically
 from billiards_env.scene import Scene
+from billiards_env.shots.records import data_of
 from billiards_env.shots.result import ShotResult
 
 Floats = NDArray[np.float64]
@@ -27,7 +30,21 @@ Bools = NDArray[np.bool_]
 
 COLUMNS = ("shot", "time", "ball", "x", "y")
 
+MAX_BYTES = 64 * 2**20
+"""The largest file that is read: more than a million rows."""
+
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "inch": 0.0254, "px": 1.0}
+"""Metres in each unit of length; pixels need a frame."""
+
+_SECONDS = {"s": 1.0, "ms": 1e-3}
+_HEADINGS = {"shot": "shot|id|trial", "ball": "ball|name|colou?r", "time": "time|t|seconds", "x": "x", "y": "y"}
 _APART = 1e-6  # s, least time between two rows of a ball; no camera takes frames that fast
+_MOVES = 0.008  # m, after which a ball has moved
+_GAP, _STEP = 5.0, 5.0  # frames without a row of a ball, after which it may have rested, and between added rows
+_PLACE = 0.004  # m, two places of a ball at rest
+_SLOW = 0.6  # the speed over a gap, over that after it, of a ball that rested first
+
+Row = tuple[float, str, float, float]
 
 
 class Track(NamedTuple):
@@ -45,17 +62,13 @@ class Track(NamedTuple):
     balls: NDArray[np.int64]
     positions: Floats
 
-    def rows(self, some: Any) -> Track:
-        """Returns the track with some of its rows, in the order of `some`: indices or bools."""
-        return Track(self.name, self.times[some], self.balls[some], self.positions[some])
+    def rows(self, rows: Any) -> Track:
+        """Returns the track with some of its rows, in the order of `rows`: indices or bools."""
+        return Track(self.name, self.times[rows], self.balls[rows], self.positions[rows])
 
     def paths(self) -> dict[int, tuple[Floats, Floats]]:
         """Returns the times (k,), s, and the places (k, 2), m, of each ball."""
-        return {
-            int(i): (self.times[mine], self.positions[mine])
-            for i in np.unique(self.balls)
-            for mine in [self.balls == i]
-        }
+        return {int(i): (self.times[self.balls == i], self.positions[self.balls == i]) for i in np.unique(self.balls)}
 
 
 def observed(name: str, shot: ShotResult, times: ArrayLike, noise: float = 0.0, seed: int = 0) -> Track:
@@ -74,8 +87,7 @@ def observed(name: str, shot: ShotResult, times: ArrayLike, noise: float = 0.0, 
     at = numbers("times", times)
     positions = shot.at(at)
     assert shot.trajectory is not None
-    seen = at[:, None] < shot.trajectory.potted_at
-    frame, ball = np.nonzero(seen)
+    frame, ball = np.nonzero(at[:, None] < shot.trajectory.potted_at)
     error = real("noise", noise) * np.random.default_rng(seed).standard_normal((len(frame), 2))
     return Track(name, at[frame], ball, positions[frame, ball] + error)
 
@@ -95,6 +107,123 @@ def write_tracks(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
     write_atomically(Path(path), text.getvalue().encode())
 
 
+def read_tracks(path: str | os.PathLike[str], unit: str = "m") -> list[Track]:
+    """Reads a file of tracks, compressed by gzip if its name ends in ".gz".
+
+    A CSV file has columns with headings as in `_HEADINGS`, in any order and any case, such as "X [mm]" or "t (s)";
+    other columns are ignored. Commas, semicolons or tabs separate them; with the last two, numbers may have decimal
+    commas. Lines that begin with "#" and rows without x or y are ignored. A JSON file is a list of shots {"id": ...,
+    "balls": {name: {"t": [...], "x": [...], "y": [...]}}}.
+
+    Balls that are whole numbers, one of them 0, are numbered as in the scene. Otherwise the ball of a shot that moves
+    first is the cue ball, and the others follow in the order of their names.
+
+    Args:
+        path: The file.
+        unit: The unit of x and y without a unit in their heading, one of `UNITS`.
+
+    Returns:
+        The shots in the order in which they begin in the file.
+
+    Raises:
+        OSError: If the file is no regular file or cannot be read.
+        ValueError: If the file is larger than `MAX_BYTES`, a column is missing, or a line is invalid; the message names
+            the line.
+    """
+    one_of("unit", unit, tuple(UNITS))
+    name, text = os.fspath(path), read_text(path, MAX_BYTES, "tracks")
+    shots: dict[str, list[Row]] = {}
+    for shot, row in (_from_json if text.lstrip()[:1] in ("[", "{") else _from_csv)(name, text, unit):
+        shots.setdefault(shot, []).append(row)
+    index, most = {row[1]: number(row[1]) for rows in shots.values() for row in rows}, int(RANGES["balls"].most or 0)
+    if not all(isinstance(k, float) and k.is_integer() for k in index.values()) or min(index.values(), default=1) > 0:
+        index = {}
+    for ball, k in index.items():
+        if not 0 <= k < most:
+            raise ValueError(f"{name}: ball = {ball}: expected a whole number from 0 to {most}")
+    return [_track(shot, rows, index) for shot, rows in shots.items()]
+
+
+def _from_json(path: str, text: str, unit: str) -> Iterator[tuple[str, Row]]:
+    """Yields the name of a shot and a row."""
+    try:
+        for shot in data_of(text, "tracks"):
+            for ball, lists in shot["balls"].items():
+                for cells in zip(lists["t"], lists["x"], lists["y"], strict=True):
+                    t, x, y = map(_finite, ("t", "x", "y"), cells)
+                    yield str(shot["id"]), (t, str(ball), UNITS[unit] * x, UNITS[unit] * y)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(
+            f"{path}: expected a list of shots with 'id' and 'balls' of 't', 'x', 'y': {error!r}"
+        ) from error
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def _from_csv(path: str, text: str, unit: str) -> Iterator[tuple[str, Row]]:
+    """Yields the name of a shot and a row."""
+    lines = [(k, row) for k, row in enumerate(text.splitlines(), 1) if row.strip(" \t;,") and row[0] != "#"]
+    line, first = lines[0] if lines else (1, "")
+    mark = next((mark for mark in ("\t", ";") if mark in first), ",")
+    try:
+        table = ([cell.strip() for cell in cells] for cells in csv.reader((row for _, row in lines), delimiter=mark))
+        head = next(table, [""])
+        at, units = _columns(head, unit)
+        for (line, _), cells in zip(lines[1:], table, strict=True):  # noqa: B007
+            if len(cells) != len(head):
+                raise ValueError(f"{len(cells)} cells: expected {len(head)}")
+            shot, ball, *values = (cells[k] if k >= 0 else "" for k in at)
+            if any(value.lower() in ("", "nan") for value in values[1:]):
+                continue
+            values = [value.replace(",", ".") if mark != "," else value for value in values]
+            t, x, y = (_finite(*cell) * size for *cell, size in zip(("time", "x", "y"), values, units, strict=True))
+            yield shot, (t, ball, x, y)
+    except (ValueError, csv.Error) as error:
+        raise ValueError(f"{path}, line {line}: {error}") from error
+
+
+def _columns(head: Sequence[str], unit: str) -> tuple[list[int], tuple[float, float, float]]:
+    """Returns the columns of shot (or -1), ball, time, x and y, and the units of time, x and y."""
+    split = [re.match(r"\s*(.*?)\s*(?:[\[(]\s*(\w*)\s*[\])])?\s*$", cell.lower()) for cell in head]
+    names, units = zip(*((m[1], m[2] or "") for m in split if m), strict=True)
+    at: list[int] = []
+    for column, pattern in _HEADINGS.items():
+        places = [k for k, name in enumerate(names) if re.fullmatch(pattern, name)]
+        if len(places) != 1 and not (column == "shot" and not places):
+            raise ValueError(f"head = {short(','.join(head))}: expected one column {column!r}")
+        at.append(places[0] if places else -1)
+    time, x, y = (units[k] for k in at[2:])
+    one_of("unit of time", time or "s", tuple(_SECONDS))
+    for length in (x, y):
+        one_of("unit", length or unit, tuple(UNITS))
+    return at, (_SECONDS[time or "s"], UNITS[x or unit], UNITS[y or unit])
+
+
+def _finite(name: str, cell: Any) -> float:
+    value = number(cell) if isinstance(cell, str) else cell
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise ValueError(f"{name} = {short(cell)}: expected a finite number")
+    return float(value)
+
+
+def _track(shot: str, rows: list[Row], index: dict[str, float]) -> Track:
+    """Returns the track of a shot, in which the cue ball is ball 0. Balls without numbers have an empty index."""
+    times, balls, *places = zip(*rows, strict=True)
+    names = sorted(set(balls))
+    track = Track(shot, np.array(times), np.array([names.index(ball) for ball in balls]), np.column_stack(places))
+    order = np.lexsort((track.times, track.balls))
+    ordered, keep = track.rows(order), np.ones(len(rows), np.bool_)
+    again = (np.diff(ordered.balls) == 0) & (np.diff(ordered.times) < _APART)
+    keep[order[1:][again]] = False  # the ball was found twice in a frame
+    keep[order[:-1][again & (np.hypot(*np.diff(ordered.positions, axis=0).T) > _MOVES)]] = False  # at two places
+    if not index:
+        least = max(_MOVES, 1e-3 * float(np.abs(track.positions).max()))
+        begins = [np.append(t[np.hypot(*(p - p[0]).T) > least], np.inf)[0] for t, p in ordered.paths().values()]
+        first = names[int(np.argmin(begins))]
+        index = {name: k for k, name in enumerate(sorted(names, key=lambda name: name != first))}
+    return track._replace(balls=np.array([index[name] for name in names], np.int64)[track.balls]).rows(keep)
+
+
 def check_tracks(scene: Scene, tracks: Sequence[Track], least: int) -> list[Track]:
     """Returns tracks with their rows in the order of time.
 
@@ -105,8 +234,7 @@ def check_tracks(scene: Scene, tracks: Sequence[Track], least: int) -> list[Trac
     """
     if not tracks:
         raise ValueError("shots = []: expected one track or more")
-    names = [track.name for track in tracks]
-    found = []
+    names, checked = [track.name for track in tracks], []
     for track in tracks:
         name = f"shots[{track.name!r}]"
         if names.count(track.name) > 1:
@@ -129,13 +257,8 @@ def check_tracks(scene: Scene, tracks: Sequence[Track], least: int) -> list[Trac
                 f"{name}: ball {balls[row]} has two rows at {times[row]:g} s: expected one, {_APART:g} s from the next"
             )
         order = np.argsort(times, kind="stable")
-        found.append(Track(str(track.name), times[order], balls[order].astype(np.int64), positions[order]))
-    return found
-
-
-_GAP, _STEP = 5.0, 5.0  # frames without a row of a ball, after which it may have rested, and between added rows
-_PLACE = 0.004  # m, two places of a ball at rest
-_SLOW = 0.6  # the speed over a gap, over that after it, of a ball that rested first
+        checked.append(Track(str(track.name), times[order], balls[order].astype(np.int64), positions[order]))
+    return checked
 
 
 def with_rest(track: Track) -> tuple[Track, Bools]:
@@ -147,18 +270,14 @@ def with_rest(track: Track) -> tuple[Track, Bools]:
     steps, end, parts = np.diff(np.unique(track.times)), float(track.times.max()), [track]
     frame = float(np.median(steps[steps > _APART])) if (steps > _APART).any() else 1.0
     for ball, (t, p) in track.paths().items():
-        speeds = np.append(np.hypot(*np.diff(p, axis=0).T) / np.diff(t), (0.0, 0.0))
-        for k in np.flatnonzero(np.diff(t, append=end) > _GAP * frame).tolist():
-            begin, until = float(t[k]), end
-            if k + 1 < len(t):
-                gap = float(t[k + 1]) - begin
-                moves = speeds[k] * gap / max(speeds[k + 1], 1e-12) if speeds[k] * gap > _PLACE else 0.0  # s
-                if moves > _SLOW * gap:
-                    continue  # it moved all the time
-                until = begin + gap - float(moves) - 0.5 * frame
-            more = np.arange(begin + _STEP * frame, until, _STEP * frame)
-            parts.append(Track("", more, np.full(len(more), ball), np.tile(p[k], (len(more), 1))))
-    arrays = zip(*(part[1:] for part in parts), strict=True)
-    whole = Track(track.name, *(np.concatenate(array) for array in arrays))
-    order = np.argsort(whole.times, kind="stable")
-    return whole.rows(order), order >= len(track.times)
+        gaps = np.diff(t, append=end)
+        speeds = np.append(np.hypot(*np.diff(p, axis=0).T) / gaps[:-1], (0.0, 0.0))
+        ways = speeds[:-1] * gaps
+        moves = np.where(ways > _PLACE, ways / np.maximum(speeds[1:], 1e-12), 0.0)  # s, how long it moves in the gap
+        until = np.append((t + gaps - moves - 0.5 * frame)[:-1], end)
+        for k in np.flatnonzero((gaps > _GAP * frame) & (moves <= _SLOW * gaps)):
+            times = np.arange(t[k] + _STEP * frame, until[k], _STEP * frame)
+            parts.append(Track("", times, np.full(len(times), ball), np.tile(p[k], (len(times), 1))))
+    filled = Track(track.name, *(np.concatenate(arrays) for arrays in zip(*(part[1:] for part in parts), strict=True)))
+    order = np.argsort(filled.times, kind="stable")
+    return filled.rows(order), order >= len(track.times)

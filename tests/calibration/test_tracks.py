@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate
-from billiards_env.calibration import reading
-from billiards_env.calibration.reading import read_tracks
-from billiards_env.calibration.tracks import Track, check_tracks, observed, write_tracks
+from billiards_env.calibration import tracks
+from billiards_env.calibration.tracks import Track, check_tracks, observed, read_tracks, write_tracks
 
 HEAD = "shot,time,ball,x,y\n"
 
@@ -24,19 +23,19 @@ def test_a_camera_sees_the_balls_until_they_are_potted():
     assert np.array_equal(track.times[track.balls == 0], times)
     assert np.array_equal(track.times[track.balls == 1], times[times < gone])
     for ball in (0, 1):
-        mine = track.balls == ball
-        assert np.array_equal(track.positions[mine], shot.at(track.times[mine])[:, ball])
+        rows = track.balls == ball
+        assert np.array_equal(track.positions[rows], shot.at(track.times[rows])[:, ball])
     noisy = observed("a", shot, times, noise=0.002, seed=1).positions - track.positions
     assert noisy.std() == pytest.approx(0.002, rel=0.2)
 
 
 def test_a_file_is_written_and_read(tmp_path):
-    given = [
+    written = [
         Track("break 1", np.array([0.1, 0.2]), np.array([0, 1]), np.array([[0.1, -1 / 3], [1e-9, 2.0]])),
         Track("2", np.array([0.0]), np.array([3]), np.array([[0.0, 0.5]])),
     ]
-    write_tracks(tmp_path / "tracks.csv", given)
-    for track, again in zip(given, read_tracks(tmp_path / "tracks.csv"), strict=True):
+    write_tracks(tmp_path / "tracks.csv", written)
+    for track, again in zip(written, read_tracks(tmp_path / "tracks.csv"), strict=True):
         assert all(np.array_equal(a, b) for a, b in zip(track, again, strict=True))
 
 
@@ -50,13 +49,13 @@ def test_a_ball_may_be_written_as_a_decimal_number(tmp_path):
 def test_a_device_without_end_and_a_large_file_are_refused(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="path = '/dev/zero': expected a file of tracks, but it is not a regular file"):
         read_tracks("/dev/zero")
-    monkeypatch.setattr(reading, "MAX_BYTES", 100)
-    whole = gzip.compress(bytes(101))
+    monkeypatch.setattr(tracks, "MAX_BYTES", 100)
+    packed = gzip.compress(bytes(101))
     for name, content, message in (
         ("tracks.csv", bytes(101), "a file of more than 100 bytes"),
-        ("large.csv.gz", whole, "a file of more than 100 bytes"),
-        ("half.csv.gz", whole[:-12], "ended before"),
-        ("changed.csv.gz", whole[:12] + b"\xff" + whole[13:], ""),
+        ("large.csv.gz", packed, "a file of more than 100 bytes"),
+        ("half.csv.gz", packed[:-12], "ended before"),
+        ("changed.csv.gz", packed[:12] + b"\xff" + packed[13:], ""),
         ("other.csv.gz", b"shot,time,ball,x,y", "Not a gzipped file"),
     ):
         (tmp_path / name).write_bytes(content)
@@ -96,8 +95,8 @@ def test_a_bad_line_is_named(text, message, tmp_path):
 
 
 def test_rows_are_sorted_by_time():
-    given = Track("a", np.array([3.0, 2, 1, 0, 4]), np.array([0, 1, 0, 0, 0]), np.zeros((5, 2)))
-    (track,) = check_tracks(Scene.named("pool"), [given], 4)
+    unsorted = Track("a", np.array([3.0, 2, 1, 0, 4]), np.array([0, 1, 0, 0, 0]), np.zeros((5, 2)))
+    (track,) = check_tracks(Scene.named("pool"), [unsorted], 4)
     assert track.times.tolist() == [0, 1, 2, 3, 4]
     assert track.balls.tolist() == [0, 0, 1, 0, 0]
 

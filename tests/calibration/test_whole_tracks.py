@@ -7,7 +7,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from billiards_env.calibration import Frame, Track, calibrate, fit
+from billiards_env.calibration import Frame, Track, calibrate, fit, stages
 from billiards_env.calibration.contacts import CUSHION, find_contacts
 from billiards_env.calibration.frame import fit_frame
 from billiards_env.calibration.shot import drop_clipped, noise_of, prepare
@@ -26,35 +26,35 @@ OFF = changed(mu_slide=0.22, mu_roll=0.011, e_ball=0.93, e_cushion=0.82, mu_cush
 
 
 @functools.cache
-def found():
+def calibration():
     return calibrate(OFF, whole_tracks(), tuple(TRUTH), contacts=3)
 
 
 def test_whole_shots_give_the_numbers_and_the_instants_of_the_strikes():
-    for name, (low, high) in found().intervals.items():
-        assert abs(found().values[name] - TRUTH[name]) < high - low < 0.2 * TRUTH[name]
-    assert np.median(np.abs(found().strikes - LATE)) < 0.001
-    assert found().judged.within(2, 0.005) > 0.95
-    predicted = found().predicted
+    for name, (low, high) in calibration().intervals.items():
+        assert abs(calibration().values[name] - TRUTH[name]) < high - low < 0.2 * TRUTH[name]
+    assert np.median(np.abs(calibration().strikes - LATE)) < 0.001
+    assert calibration().judged.within(2, 0.005) > 0.95
+    predicted = calibration().predicted
     assert predicted is not None
     assert predicted.shots == 2
     assert predicted.within(2, 0.005) > 0.9
 
 
 def test_the_report_has_the_errors_until_each_contact():
-    text = str(found())
+    text = str(calibration())
     assert "12 shots: rows until contact  within 5 mm" in text
     assert "2 shots that were not fitted: rows until contact" in text
-    assert set(found().judged.to_dict()) == {
+    assert set(calibration().judged.to_dict()) == {
         *("rows_5mm_contact2", "rows_5mm_contact3", "rows_10mm_contact3", "median_mm_contact3", "median_mm_contact4"),
         *("predicted_mm_0.5s", "predicted_mm_1s", "predicted_mm_2s", "sequence"),
     }
 
 
 def test_ranges_and_noise_for_training():
-    ranges = found().randomize()
-    assert ranges["mu_roll"] == pytest.approx(found().intervals["mu_roll"])
-    noise = found().noise(found().velocities * 1.02)
+    ranges = calibration().randomize()
+    assert ranges["mu_roll"] == pytest.approx(calibration().intervals["mu_roll"])
+    noise = calibration().noise(calibration().velocities * 1.02)
     assert noise["angle_std"] == pytest.approx(0.0, abs=1e-9)
     assert 0.0 < noise["speed_std"] < 0.1
 
@@ -65,7 +65,7 @@ def test_contacts_are_found_without_a_model():
     assert sum(any(one.other == 1 for one in contacts if one.ball == 0) for contacts in seen) >= 11  # a thin hit
     rebounds = [one for contacts in seen for one in contacts if one.other == CUSHION]
     reach = np.array([1.42, 0.71]) - SCENE.balls.radius[0]
-    off = [abs(abs(one.place[one.axis]) - reach[one.axis]) for one in rebounds]
+    off = [abs(abs(one.place[one.body // 2]) - reach[one.body // 2]) for one in rebounds]
     assert np.median(off) < 0.002
 
 
@@ -99,8 +99,8 @@ def test_the_noise_is_estimated():
 def test_a_ball_without_rows_rests_where_it_was():
     track = Track("", np.array([0.0, 0.02, 0.04, 0.0, 0.52, 0.54]), np.array([0, 0, 0, 1, 1, 1]), np.zeros((6, 2)))
     track.positions[3:, 0] = 0.5, 0.52, 0.56
-    whole, added = with_rest(track)
-    rest = whole.rows(added & (whole.balls == 1))
+    filled, added = with_rest(track)
+    rest = filled.rows(added & (filled.balls == 1))
     assert len(rest.times) > 2
     assert rest.times.max() < 0.51
     assert (rest.positions == [0.5, 0.0]).all()
@@ -109,11 +109,11 @@ def test_a_ball_without_rows_rests_where_it_was():
 def test_one_far_row_never_ends_a_track():
     shot = prepare(SCENE, whole_tracks()[0], 0.0005)
     far = np.zeros(len(shot.time), np.bool_)
-    mine = np.flatnonzero(shot.track.balls == 0)
-    far[mine[[3, 8, 9, 20]]] = True
-    assert fit.leaves_at(shot, far) == (np.inf, -1)
-    far[mine[30:33]] = True
-    assert fit.leaves_at(shot, far) == (shot.time[mine[30]], 0)
+    rows = np.flatnonzero(shot.track.balls == 0)
+    far[rows[[3, 8, 9, 20]]] = True
+    assert stages.leaves_at(shot, far) == (np.inf, -1)
+    far[rows[30:33]] = True
+    assert stages.leaves_at(shot, far) == (shot.time[rows[30]], 0)
 
 
 @pytest.mark.parametrize(
@@ -136,12 +136,12 @@ def test_one_far_row_never_ends_a_track():
     ],
 )
 def test_a_file_that_does_not_lie_on_the_table_is_refused(change, message):
-    given = []
+    shot_tracks = []
     for track in whole_tracks():
         times, positions = change(track.times, track.positions)
-        given.append(Track(track.name, times, track.balls, positions))
+        shot_tracks.append(Track(track.name, times, track.balls, positions))
     with pytest.raises(ValueError, match=message):
-        calibrate(OFF, given, tuple(TRUTH))
+        calibrate(OFF, shot_tracks, tuple(TRUTH))
 
 
 def test_a_frame_may_be_given():
@@ -154,7 +154,7 @@ def test_a_fit_goes_on_after_an_interrupt(tmp_path, monkeypatch):
     module = import_module("billiards_env.calibration.calibrate")
     for name in ("_FEWEST", "_EACH"):
         monkeypatch.setattr(module, name, 3)  # the last of three shots is held back in the first fit
-    state, texts, some = tmp_path / "state.json", [], whole_tracks()[:3]
+    state, texts, three_tracks = tmp_path / "state.json", [], whole_tracks()[:3]
     both = ("mu_slide", "e_cushion")
 
     def stop(text):
@@ -164,21 +164,21 @@ def test_a_fit_goes_on_after_an_interrupt(tmp_path, monkeypatch):
 
     for _ in range(2):  # in the fit of two shots, and in that of all three
         with pytest.raises(KeyboardInterrupt):
-            calibrate(OFF, some, both, contacts=3, state=state, progress=stop)
-    again = calibrate(OFF, some, both, contacts=3, state=state, progress=stop)
+            calibrate(OFF, three_tracks, both, contacts=3, state=state, progress=stop)
+    again = calibrate(OFF, three_tracks, both, contacts=3, state=state, progress=stop)
     assert [text[:15] for text in texts] == 2 * ["until contact 2", "until contact 3"]
-    whole = calibrate(OFF, some, both, contacts=3)
-    assert again.values == pytest.approx(whole.values, rel=1e-3)
+    uninterrupted = calibrate(OFF, three_tracks, both, contacts=3)
+    assert again.values == pytest.approx(uninterrupted.values, rel=1e-3)
     for names, noise, contacts in ((("mu_slide",), None, 3), (both, 0.01, 3), (both, None, 2)):
         with pytest.raises(ValueError, match="expected the state of the same tracks, scene, numbers and options"):
-            calibrate(OFF, some, names, noise=noise, contacts=contacts, state=state)
+            calibrate(OFF, three_tracks, names, noise=noise, contacts=contacts, state=state)
 
 
 def test_an_interval_includes_a_shift_between_stages_that_chance_does_not_explain():
     spread = np.diag([1e-6])
     for value, variance, expected in ((0.21, 1.2e-6, 1e-4), (0.205, 9e-6, 0.0)):
-        stages = {"mu_slide": (value, variance)}, {"mu_slide": (0.3, 1e-6)}  # the last one does not count
-        one = fit.Fit(SCENE, ("mu_slide",), SCENE, [], {}, spread, stages)
+        earlier = {"mu_slide": (value, variance)}, {"mu_slide": (0.3, 1e-6)}  # the last one does not count
+        one = fit.Fit(SCENE, ("mu_slide",), SCENE, [], {}, spread, earlier)
         assert fit.unexplained_shifts(one, spread) == pytest.approx([expected])
 
 
@@ -193,8 +193,8 @@ def test_numbers_that_are_not_determined_or_end_at_a_bound_are_kept(monkeypatch)
 
 
 def test_there_are_no_numbers_if_few_rows_fit(monkeypatch):
-    monkeypatch.setattr(fit, "_FAR", 0.01)
-    monkeypatch.setattr(fit, "_LEAST", 0.0)
+    monkeypatch.setattr(stages, "_FAR", 0.01)
+    monkeypatch.setattr(stages, "_LEAST", 0.0)
     result = calibrate(OFF, whole_tracks()[:3], ("mu_slide",), contacts=2)
     assert result.values == {}
     assert result.scene == OFF

@@ -1,0 +1,151 @@
+"""The stages of a fit: rows until the first contact of the cue ball, until the second, and so on.
+
+Each stage finds the rows that are near the paths of the fit before it. A file saves the finished stages.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from billiards_env.calibration.fit import Fit, covariance, fit_shared, values_of, with_physics
+from billiards_env.calibration.shot import CAUCHY, Shot
+from billiards_env.calibration.starts import errors, search
+from billiards_env.calibration.tracks import Bools
+from billiards_env.files import write_json
+from billiards_env.scene import Scene
+from billiards_env.shots import records
+
+FIRST = 0.005
+"""m, the least scale of rows that no fit has used yet."""
+
+ENOUGH = 0.5
+"""The least share of the rows until the second contact that are near their paths."""
+
+_ROUNDS = 2  # fits in each stage, each with the rows near the paths of the previous fit
+_FAR, _LEAST = 8.0, 0.02  # least error of a far row: in typical errors, and in m
+_RUN, _OF = 3, 4  # a track has left its path where 3 of 4 consecutive rows of a ball are far from it
+_SHARED = 8.0  # the rows between two contacts count as at most this many
+_MOST_STATE = 64 * 2**20  # bytes
+
+
+def fit_stage(fit: Fit, contact: int, noise: float) -> Fit:
+    """Fits the starts to the rows until a contact of the cue ball; from the second contact on, the numbers too.
+
+    Args:
+        fit: The earlier fit.
+        contact: The number of the contact.
+        noise: The least error of a coordinate, m.
+    """
+    for _ in range(_ROUNDS):
+        shots = []
+        for shot in fit.shots:
+            best = search(fit.scene, shot.wide(contact, FIRST))
+            shots.append(best._replace(used=shot.used, scale=shot.scale))
+        fit = fit._replace(shots=near_rows(fit.scene, shots, contact, noise))
+        if contact > 1:
+            fit, _ = fit_shared(fit, contact)
+            fit = fit._replace(shots=near_rows(fit.scene, fit.shots, contact, noise))
+    return fit
+
+
+def near_rows(scene: Scene, shots: list[Shot], contact: int, noise: float) -> list[Shot]:
+    """Returns shots with new used rows and new scales, from the errors of a fit until a contact.
+
+    The scale of a row comes from the typical error of rows after the same number of contacts. The part above the
+    noise is an error of the laws, which the rows of a shot between two contacts share. Together these rows count as at
+    most `_SHARED` rows.
+    """
+    distances = [np.hypot(*errors(scene, shot).T) for shot in shots]
+    counted = [shot.until(contact).used & shot.moving for shot in shots]
+    off = np.concatenate([distance[rows] for distance, rows in zip(distances, counted, strict=True)])
+    after = np.concatenate([shot.after[rows] for shot, rows in zip(shots, counted, strict=True)])
+    typical = np.full(max(shot.after.max() for shot in shots) + 1, noise)
+    for k in np.unique(after):  # the median distance of Gaussian errors in two coordinates is 1.1774
+        typical[k] = max(noise, float(np.median(off[after == k])) / 1.1774)
+    near = []
+    for shot, distance in zip(shots, distances, strict=True):
+        before, error = shot.time < shot.end(contact), typical[shot.after]
+        far = before & (distance > np.maximum(_LEAST, _FAR * error))
+        leaves = leaves_at(shot, far)
+        used = ~far & (shot.time < leaves[0])
+        rows = np.bincount(shot.after[used & before & shot.moving], minlength=len(typical))[shot.after]
+        of_laws = (np.square(error) - noise**2) * np.maximum(rows / _SHARED, 1.0)
+        scale = CAUCHY * np.sqrt(of_laws + noise**2)
+        scale = np.where(before, scale, np.maximum(FIRST, scale))
+        near.append(shot._replace(scale=scale, used=used, leaves=leaves))
+    return near
+
+
+def leaves_at(shot: Shot, far: Bools) -> tuple[float, int]:
+    """Returns the time at which a track first leaves its path, s, and the ball; inf and -1 if none does.
+
+    There, at least `_RUN` of `_OF` consecutive rows of a ball are far.
+    """
+    leaves = [(np.inf, -1)]
+    for ball in np.unique(shot.track.balls[far]):
+        rows = np.flatnonzero(shot.track.balls == ball)
+        ahead = np.convolve(far[rows], np.ones(_OF))[_OF - 1 :]
+        leaves += [(float(time), int(ball)) for time in shot.time[rows[far[rows] & (ahead >= _RUN)]][:1]]
+    return min(leaves)
+
+
+def read_state(path: str | os.PathLike[str] | None, settings: Any) -> dict[str, Any]:
+    """Returns the content of a state file: the key of the settings, and finished stages by the number of shots.
+
+    Raises:
+        ValueError: If the file has other settings.
+    """
+    key, what = hashlib.sha256(json.dumps(settings).encode()).hexdigest(), "the state of a calibration"
+    if path is None or not Path(path).exists():
+        return {"key": key}
+    saved = records.read(path, lambda text: records.data_of(text, what), what, _MOST_STATE)
+    if not isinstance(saved, dict) or saved.get("key") != key:
+        raise ValueError(f"state = {str(path)!r}: expected the state of the same tracks, scene, numbers and options")
+    return saved
+
+
+def fit_stages(
+    fit: Fit,
+    contacts: int,
+    noise: float,
+    saved: dict[str, Any],
+    path: str | os.PathLike[str] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Fit:
+    """Fits the rows until the first contact of the cue ball, then until the second, and so on.
+
+    It resumes from `saved`, adds each finished stage to it, and writes it to a file. It ends with the second contact if
+    `Fit.share` is less than `ENOUGH`.
+    """
+    finished = saved.get(str(len(fit.shots)))
+    if finished is None:
+        fit = fit_stage(fit, 1, noise)
+    else:
+        stages = tuple(finished["stages"])
+        scene = with_physics(fit.scene, **{name: value for name, (value, _) in stages[-1].items()})
+        shots = [shot._replace(starts=np.array([row])) for shot, row in zip(fit.shots, finished["starts"], strict=True)]
+        fit = fit._replace(scene=scene, shots=near_rows(scene, shots, len(stages) + 1, noise), stages=stages)
+    for contact in range(len(fit.stages) + 2, contacts + 1):
+        fit = fit_stage(fit, contact, noise)
+        values, variances = values_of(fit.scene, fit.names), np.diag(covariance(fit, contact)).tolist()
+        stage = dict(zip(fit.names, zip(values.values(), variances, strict=True), strict=True))
+        near = np.concatenate([shot.used[shot.moving & (shot.time < shot.end(contact))] for shot in fit.shots])
+        share = float(near.mean()) if near.size else 0.0
+        fit = fit._replace(stages=(*fit.stages, stage), share=share if contact == 2 else fit.share)
+        if path is not None and fit.share >= ENOUGH:
+            starts = [shot.starts[0].tolist() for shot in fit.shots]
+            saved[str(len(starts))] = {"starts": starts, "stages": fit.stages}
+            write_json(Path(path), saved)
+        if progress is not None:
+            text = ", ".join(f"{name} {value:.5g}" for name, value in values.items())
+            progress(f"until contact {contact}: {share:.1%} of the rows, {text}")
+        if fit.share < ENOUGH:
+            break
+    return fit
