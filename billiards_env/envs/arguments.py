@@ -32,7 +32,7 @@ class Model(NamedTuple):
         max_speed: The speed of an action of length 1, m/s.
         layout: The layout at the start of an episode.
         observe: As in `BilliardsEnv`.
-        goal_radius: m. As in `Task`; None for a task without a goal.
+        goal_radius: m. Largest distance from the goal, see `Task`; 0 for a task without a goal.
         scratch_penalty: Reward subtracted for a scratch.
         randomize: The ranges (low, high) of the numbers that each episode draws, by name.
         noise: The standard deviations of the noise of `actions.perturb`, one per number of an action; None for none.
@@ -48,7 +48,7 @@ class Model(NamedTuple):
     max_speed: float
     layout: str
     observe: Sequence[Any] | None
-    goal_radius: float | None
+    goal_radius: float
     scratch_penalty: float
     randomize: dict[str, tuple[float, float]]
     noise: NDArray[np.float64] | None
@@ -100,7 +100,7 @@ def make_model(
         max_speed=speed,
         layout=layout,
         observe=observe,
-        goal_radius=(entry.goal_radius or None) if goal_radius is None else real("goal_radius", goal_radius, "length"),
+        goal_radius=entry.goal_radius if goal_radius is None else real("goal_radius", goal_radius, "length"),
         scratch_penalty=real("scratch_penalty", scratch_penalty, "scratch_penalty"),
         randomize=check_randomize(randomize, board, engine),
         noise=check_noise(noise, board, action, speed),

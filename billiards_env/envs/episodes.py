@@ -72,7 +72,7 @@ class Episodes:
             bits=np.left_shift(1, np.arange(scene.n_balls)),
             opening=opening,
             legal=legal,
-            goal_radius=model.goal_radius or 0.0,
+            goal_radius=model.goal_radius,
             max_shots=model.max_shots,
             scratch_penalty=model.scratch_penalty,
         )

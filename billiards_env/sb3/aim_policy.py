@@ -62,9 +62,10 @@ def _find_game(env: str) -> BilliardsEnv:
 
 def arguments_of(env: BilliardsEnv) -> dict[str, Any]:
     """Returns arguments of `gym.make("Billiards-v0", ...)` that make an environment like `env`, without its noise."""
-    names = ("task", "action", "max_shots", "max_speed", "layout", "goal_radius", "scratch_penalty", "randomize")
+    names = ("task", "action", "max_shots", "max_speed", "layout", "scratch_penalty", "randomize")
     scene = {"scene": env.scene.to_dict(), "n_object_balls": None}
     arguments = scene | dataclasses.asdict(env.engine) | {"observe": env.observe}
+    arguments["goal_radius"] = env.model.goal_radius or None
     return arguments | {name: getattr(env.model, name) for name in names}
 
 
