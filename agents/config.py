@@ -52,8 +52,9 @@ class Config:
             it has all of them.
         noise: The argument `noise` of `Billiards-v0`; None for no noise, "task" for the noise of `task`. After the
             construction it is None or has all numbers.
-        curriculum: `goal_radius`, m, and `shots`: at the start of the training the goals have this radius. It falls
-            geometrically to that of the environment during these shots. None for goals of the same radius throughout.
+        curriculum: A mapping with `goal_radius`, m, and `shots`. The training begins with goals of this radius. During
+            the first `shots` steps the radius falls geometrically to that of the environment; it changes at each
+            checkpoint. None for a constant radius.
         start_from: The folder of a finished run. The training starts with its weights. None for new weights.
         n_envs: The number of environments that are stepped together.
         seed: The seed of all random numbers; equal seeds give equal runs.
@@ -212,8 +213,11 @@ def _curriculum(value: Any, goal_radius: float | None) -> dict[str, Any]:
         raise ValueError(f"curriculum = {short(value)}: expected None in a task without a goal")
     if not isinstance(value, Mapping) or value.keys() != {"goal_radius", "shots"}:
         raise ValueError(f"curriculum = {short(value)}: expected a mapping with the keys goal_radius and shots")
+    first = real("curriculum.goal_radius", number(value["goal_radius"]), "length")
+    if first < goal_radius:
+        raise ValueError(f"curriculum.goal_radius = {first}: expected at least that of the environment, {goal_radius}")
     return {
-        "goal_radius": real("curriculum.goal_radius", number(value["goal_radius"]), "length"),
+        "goal_radius": first,
         "shots": integer("curriculum.shots", _as_integer(value["shots"]), Range(1, None)),
     }
 

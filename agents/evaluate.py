@@ -40,7 +40,8 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
         seed: The seed of the layouts; None for the seed in the configuration. Training uses none of these layouts.
 
     Returns:
-        `seed`, and the results of `play` under `policy` and `random`. They are also in `run_dir/evaluation.json`.
+        `seed`, and the results of `play_together` under `policy` and `random`. They are also in
+        `run_dir/evaluation.json`.
 
     Raises:
         FileNotFoundError: If the folder holds no finished run.
@@ -63,7 +64,7 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
 
 
 def evaluate_player(run_dir: Path, player: str, episodes: int | None = None, seed: int | None = None) -> dict[str, Any]:
-    """Returns the result of a player without training on the first layouts of `evaluate`; see `play`.
+    """Returns the result of a player without training on the first layouts of `evaluate`; see `play_episodes`.
 
     Raises:
         ValueError: If there is no such player.

@@ -85,9 +85,10 @@ def restart(model: PPO, config: Config, timesteps: int, first: int = 0) -> None:
     """
     seed = training_seed(config, timesteps) + first
     assert isinstance(model.env, SameStepVecEnv)
-    if config.curriculum is not None:
-        old: Any = model.env.envs.unwrapped
-        model.env.envs = make_vector(config, model.n_envs, old.threads, goal_radius=config.goal_radius(timesteps))
+    old: Any = model.env.envs.unwrapped
+    if (radius := config.goal_radius(timesteps)) != (old.single_env.model.goal_radius or None):
+        model.env.envs = make_vector(config, model.n_envs, old.threads, goal_radius=radius)
+        old.close()
     set_random_seed(seed)
     model.env.seed(seed)
     model._last_obs = cast(Any, model.env.reset())
@@ -119,7 +120,7 @@ def learning_rate(config: Config) -> Callable[[float], float]:
 
 
 def deterministic(policy: BasePolicy) -> Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]:
-    """Returns the argument `act` of `play` for a policy without exploration noise."""
+    """Returns the argument `act` of `play_episodes` for a policy without exploration noise."""
     return lambda observations: policy.predict(observations, deterministic=True)[0]
 
 

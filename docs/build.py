@@ -47,7 +47,7 @@ def on_files(files: Any, config: Any) -> None:
 
 
 def web_files() -> dict[str, bytes]:
-    """Returns the engines for browsers and the page that plays; without the extra `web` a page with the command."""
+    """Returns the engines for browsers and the page that plays, or without the extra `web` a page with the command."""
     if importlib.util.find_spec("ziglang") is None:
         return {"play.html": b"<!doctype html><title>Not built</title>Run <code>make web</code> to build this page."}
     from web import build

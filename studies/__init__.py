@@ -56,7 +56,7 @@ K = TypeVar("K")
 
 
 def executor(jobs: int, address: str = "") -> AbstractContextManager[Executor]:
-    """Returns processes of this machine, or the nodes of the Ray cluster at an address."""
+    """Returns an executor: processes of this machine, or the Ray cluster at an address."""
     return RayExecutor(address) if address else processes(jobs, multiprocessing.get_context("spawn"))
 
 

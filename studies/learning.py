@@ -78,8 +78,9 @@ def measure(output: Path, jobs: int, address: str) -> dict[str, Any]:
         OSError: If a file cannot be read or written.
         ValueError: If a row is impossible.
     """
+    output = output.resolve()
     old = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
-    folder = RUNS / "learning" if output.resolve() == OUTPUT else output.parent / "runs"
+    folder = RUNS / "learning" if output == OUTPUT else output.parent / "runs"
     seeds, measured = read(LEARNING)["seeds"], {}
     for name, settings in rows().items():
         known = old.get(name, {})

@@ -43,7 +43,7 @@ Floats = NDArray[np.float64]
 
 FOLDER = RUNS / "run_outs"
 ROUNDS, PARTS, PART, SEED = 3, 5, 12, 60
-"""Numbers of rounds, of parts of a cell in a round, and of racks in a part; the seed."""
+"""Numbers of rounds, of parts of a setting in a round, and of racks in a part; the seed."""
 
 SECONDS, LONGEST = 0.1, 60
 """Processor time of a decision, and the largest number of turns in a rack and of strokes in a turn."""
@@ -120,16 +120,16 @@ def next_turn(setup: Setup, game: GameState, rng: np.random.Generator) -> GameSt
     return custom_opening(setup, positions, {"on_table": members(on_table(state)), "solids": solids})
 
 
-def play_part(cell: int, part: int, weights: run_outs.Weights | None, path: Path) -> None:
-    """Plays `PART` racks of a cell and writes their positions."""
-    rng, inputs, won, racks = np.random.default_rng([SEED, cell, part]), [], [], []
+def play_part(setting: int, part: int, weights: run_outs.Weights | None, path: Path) -> None:
+    """Plays `PART` racks of a setting and writes their positions."""
+    rng, inputs, won, racks = np.random.default_rng([SEED, setting, part]), [], [], []
     for rack in range(PART):
-        rows, ends = play_rack(SETTINGS[cell], weights, rng)
+        rows, ends = play_rack(SETTINGS[setting], weights, rng)
         inputs += rows
         won += ends
         racks += [rack] * len(ends)
     arrays = {"inputs": np.array(inputs, np.float32), "won": np.array(won), "rack": np.array(racks)}
-    save_arrays(path, {**arrays, "cell": np.full(len(won), cell)})
+    save_arrays(path, {**arrays, "cell": np.full(len(won), setting)})
 
 
 class Positions(NamedTuple):
@@ -139,7 +139,7 @@ class Positions(NamedTuple):
         inputs: (L, k) of the network.
         won: (L,) bool, whether the position led to a run-out.
         rack: (L,) the number of the rack.
-        cell: (L,) the index of its cell.
+        cell: (L,) the index of its setting.
     """
 
     inputs: NDArray[np.float32]
@@ -178,10 +178,10 @@ def fit(inputs: NDArray[np.float32], won: NDArray[np.bool_]) -> run_outs.Weights
 
 
 def losses(positions: Positions) -> list[dict[str, Any]]:
-    """Returns for each cell the numbers of positions and of run-outs, and two mean logarithmic losses.
+    """Returns for each setting the numbers of positions and of run-outs, and two mean logarithmic losses.
 
     `network` is the loss in the cross-validation, and `share` the loss of a constant, the share of run-outs in the
-    cell.
+    setting.
     """
     chances, fold = np.empty(len(positions.won)), positions.rack % FOLDS
     for k in range(FOLDS):

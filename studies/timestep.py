@@ -139,11 +139,11 @@ SAVED = ("main",)
 
 def successes(actions: Floats, positions: Floats, envs: Mapping[str, Any]) -> dict[str, NDArray[np.bool_]]:
     """Returns which shots succeed in each world, (m,), for actions (m, 2) and positions (m, 2, 2) in m."""
-    successes = {}
+    by_world = {}
     for world, env in envs.items():
         env.reset(options={"positions": positions})
-        successes[world] = env.step(actions)[-1]["is_success"]
-    return successes
+        by_world[world] = env.step(actions)[-1]["is_success"]
+    return by_world
 
 
 def direct_pots(

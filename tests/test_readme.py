@@ -6,6 +6,7 @@ import importlib.util
 import inspect
 import json
 import os
+import pkgutil
 import re
 from pathlib import Path
 
@@ -169,6 +170,16 @@ def test_links_exist(page):
         if anchor and path != "contributing.md":  # which includes CONTRIBUTING.md
             headings = re.findall(r"^#+ (.*)$", (folder / path).read_text(encoding="utf-8"), re.MULTILINE)
             assert anchor in [heading.lower().replace(" ", "-") for heading in headings], link
+
+
+@pytest.mark.parametrize("page", sorted(path.name for path in (ROOT / "docs" / "api").glob("*.md")))
+def test_the_reference_lists_names_that_exist(page):
+    text = (ROOT / "docs" / "api" / page).read_text(encoding="utf-8")
+    block = re.compile(r"^::: (\S+)\n    options:\n(?: {6}.*\n)*? {6}members: \[(.*)\]", re.MULTILINE)
+    for path, members in block.findall(text):
+        if path != "billiards_env.jax" or importlib.util.find_spec("jax"):
+            owner = pkgutil.resolve_name(path)
+            assert [name for name in filter(None, members.split(", ")) if not hasattr(owner, name)] == [], path
 
 
 def test_the_pages_describe_every_task():

@@ -74,7 +74,8 @@ def calibrate(
             frame from rebounds, in any unit. The table of the result is then larger by as much as its cushions yield.
         noise: Standard deviation of a coordinate of a row, m; None for an estimate.
         contacts: The contact of the cue ball until which rows are fitted, 2 to 9.
-        laws: Laws of cushions that are fitted to the same rows, to compare them.
+        laws: Laws of cushions that are fitted to the same rows, to compare them. A law that does not allow
+            the fitted constants is left out, with a warning.
         hold_back: Whether every fifth of ten or more shots is held back at first.
         velocities: (m, 2) m/s, the cue ball's velocities at the first rows, if they are known.
         spins: (m, 3) rad/s, its spins, if they are known.
@@ -111,17 +112,18 @@ def calibrate(
     if held_back and fit.share >= ENOUGH:
         predicted, used = judge(determined(fit, contacts).scene, held_back), prepared
         fit = run(fit._replace(shots=prepared, stages=()))
+    shots = [shot.until(contacts) for shot in fit.shots]
     warnings, losses = [f"{clipped} rows at the border of the picture are left out"] if clipped else [], {}
     if fit.share < ENOUGH:
-        warnings.append(f"only {fit.share:.0%} of the rows until the second contact fit: no constants")
+        warnings.append(f"only {fit.share:.0%} of the rows until the second contact fit: no constants are determined")
         fit = fit._replace(scene=scene, names=())
     else:
         fit = determined(fit, contacts)
         if len(used) < MANY:
             warnings.append(f"fewer than {MANY} shots: the intervals hold only if the laws are right")
         losses = _losses(fit, laws, contacts, warnings)
-    # The last stage fitted the starts with the scales that the rows had before it.
-    fitted = [shot.until(contacts) for shot in fit.shots]
+        # The weights of the rows changed after the last fit of the starts, so the starts are fitted again.
+        shots = [shot._replace(starts=settle(fit.scene, shot.starts, shot)[0]) for shot in shots]
     return Calibration(
         scene=fit.scene,
         start=values_of(scene, names),
@@ -130,7 +132,7 @@ def calibrate(
         covariance=fit.covariance,
         row_noise=error,
         frame=file_frame,
-        shots=[shot._replace(starts=settle(fit.scene, shot.starts, shot)[0]) for shot in fitted],
+        shots=shots,
         problems=[problem for shot in fit.shots for problem in find_problems(fit.scene, shot)],
         judged=judge(fit.scene, used),
         predicted=predicted,

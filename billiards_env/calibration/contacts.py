@@ -21,7 +21,7 @@ _STARTS = 0.04  # m/s, the least speed of a ball that begins to move
 _CLOSE = 0.2  # m, two bodies that are farther apart in all frames have no contact
 _NEAR = 0.015  # m, a contact is at most this far from the bodies, besides the way in half a frame
 _JUMP = 0.15  # s, the longest time between two frames in which the names of balls are exchanged
-_ONE = 0.05  # s, two corners of a ball at one body within this time are one contact
+_ONE = 0.05  # s, contacts of the same bodies within this time count as one
 
 
 class Contact(NamedTuple):
@@ -30,7 +30,7 @@ class Contact(NamedTuple):
     Attributes:
         time: s, as in the track.
         ball: The ball.
-        other: The other ball, `CUSHION` or `POCKET`. In a track it has a larger number than the ball.
+        other: The other ball, `CUSHION` or `POCKET`. In a track the other ball has the larger number.
         place: (2,) m, the place of the ball.
         speed: The normal speed before the contact, m/s; 0 for balls in a track.
         body: The number of the cushion, of the pocket or of the other ball, as in the events of a shot.

@@ -1,6 +1,6 @@
 """The stages of a fit: rows until the first contact of the cue ball, until the second, and so on.
 
-Each stage finds the rows that are near the paths of the fit before it. A file saves the finished stages.
+Each stage uses the rows near the paths of the previous fit. A file holds the finished stages.
 """
 
 from __future__ import annotations

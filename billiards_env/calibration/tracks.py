@@ -140,7 +140,7 @@ def read_tracks(path: str | os.PathLike[str], unit: str = "m") -> list[Track]:
         index = {}
     for ball, k in index.items():
         if not 0 <= k < most:
-            raise ValueError(f"{name}: ball = {ball}: expected a whole number from 0 to {most}")
+            raise ValueError(f"{name}: ball = {ball}: expected a whole number from 0 to {most - 1}")
     return [_track(shot, rows, index) for shot, rows in shots.items()]
 
 

@@ -20,7 +20,7 @@ LINE = 26
 
 
 def open_display() -> None:
-    """Connects to the display; raises an OSError if there is none and SDL_VIDEODRIVER does not select a dummy."""
+    """Connects to the display. Raises an OSError if there is none, unless SDL_VIDEODRIVER selects an invisible one."""
     pygame.display.init()
     driver = pygame.display.get_driver()
     if driver in INVISIBLE and os.environ.get("SDL_VIDEODRIVER") not in INVISIBLE:

@@ -90,7 +90,7 @@ def judge_shots(
         >>> from billiards_env.games import CALL, FACTS, FOULS, STATE
         >>> states, facts, calls = (np.zeros(3, kind) for kind in (STATE, FACTS, CALL))
         >>> states["n_players"], states["object_balls"], facts["first"] = 2, 1 << 4 | 1 << 9, [0, 1 << 4, 1 << 9]
-        >>> states, verdicts = play("nine_ball", states, facts, calls)
+        >>> states, verdicts = judge_shots("nine_ball", states, facts, calls)
         >>> [FOULS[foul] for foul in verdicts["foul"]], states["player"].tolist()
         (['no_hit', 'no_cushion', 'wrong_ball'], [1, 1, 1])
     """

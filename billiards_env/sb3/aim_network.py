@@ -58,8 +58,8 @@ class Mixture(NamedTuple):
 
     def sample(self) -> Tensor:
         """Returns a random action of each mixture, (m, 2) or (m, 5)."""
-        errors = torch.randn(2 + self.tip.shape[1], len(self.log_weight), device=self.log_weight.device)
-        return self._action(torch.multinomial(self.log_weight.exp(), 1), errors)
+        component = torch.multinomial(self.log_weight.exp(), 1)
+        return self._action(component, torch.randn(2 + self.tip.shape[1], len(component), device=component.device))
 
     def mode(self) -> Tensor:
         """Returns the mean of the Gaussian with the largest weight, (m, 2) or (m, 5)."""

@@ -93,7 +93,7 @@ class AimPolicy(ActorCriticPolicy):
     Args:
         observation_space, action_space, lr_schedule: As in `ActorCriticPolicy`.
         env: Arguments of `gym.make("Billiards-v0", ...)`. The weights fit any number of balls. None for those of the
-            environment, which the observation space of `SameStepVecEnv` carries.
+            environment, which the observation space of `SameStepVecEnv` contains.
         observe: The features of the environment that the networks observe, with "positions": some of
             `aim_network.OBSERVED`. None for all of them that the environment has.
         points, speeds, hidden: As in `AimNetwork`.

@@ -78,6 +78,7 @@ WRONG = [
     ),
     ({**PLACE, "curriculum": {"goal_radius": 1}}, "curriculum = .*: expected a mapping with the keys"),
     ({**PLACE, "curriculum": {"goal_radius": 0, "shots": 1}}, "curriculum.goal_radius = 0: expected a number from"),
+    ({**PLACE, "curriculum": {"goal_radius": 0.1, "shots": 1}}, "curriculum.goal_radius = 0.1: expected at least"),
     ({**PLACE, "curriculum": {"goal_radius": 1, "shots": 0}}, "curriculum.shots = 0: expected a whole number"),
     ({"timesteps": 1, "policy": {"arguments": {"aims": 1}}}, "policy.arguments = 'aims': expected one of"),
 ]

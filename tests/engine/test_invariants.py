@@ -15,7 +15,7 @@ from billiards_env.engine.log import N_EVENTS_LOGGED, N_SEGMENTS_LOGGED, SEGMENT
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_REST, Shots
 from billiards_env.physics.state import T0
-from billiards_env.scene import Balls, Physics, Table
+from billiards_env.scene import Balls, Physics, Table, layouts
 from reference import plain
 from reference.stress import checks, families
 from reference.stress.draw import star
@@ -207,6 +207,16 @@ def test_a_record_is_complete_and_in_order(engine, seed):
     before[other[hits[::-1]]] = bounces[hits[::-1]]  # the first hit of each ball
     assert shot.cushions_before_hit.tolist() == before.tolist()
     assert (shot.n_contact_rule > 0) == shot.events["rule"].any() <= (engine == "pic")
+
+
+@pytest.mark.parametrize(("n", "layout"), [(3, "random"), (15, "tight_rack")])
+def test_a_shot_without_velocity_has_no_events(n, layout):
+    scene = Scene.named("pool", n)
+    places = layouts.draw(layout, scene, np.random.default_rng(0))
+    for arguments in ({}, {"max_time": 0.0}, {"max_events": 0}):
+        shot = simulate(scene, places, [0.0, 0.0], record=True, **arguments)
+        assert (shot.status, shot.n_events, shot.time, len(shot.events)) == ("rest", 0, 0.0, 0)
+        assert np.array_equal(shot.positions, places)
 
 
 @pytest.mark.parametrize("physics", MOTIONS.values(), ids=MOTIONS)

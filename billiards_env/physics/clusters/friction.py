@@ -40,7 +40,7 @@ def tilt_of(spheres, i, j):
 
 @inlined
 def add_normal_impulses(ball_friction, count, factor, first, direct, scratch):  # out: scratch
-    """Adds `factor` times the impulses of `solve_plastic` to the normal impulses, which are zero before the first call.
+    """Adds `factor` times the impulses of `solve_plastic` to the normal impulses. With `first` they begin at zero.
 
     `direct` is the result of `solve_plastic`.
     """

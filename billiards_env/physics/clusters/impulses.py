@@ -302,7 +302,7 @@ def sum_impulses(count, contacts, impulse, scale, inv_mass, dv, done):  # out: d
 
 @kernel
 def solve_plastic(count, contacts, inv_mass, scratch):  # out: scratch
-    """Computes the smallest changes of velocity that raise each contact's speed of separation by at least `wanted`.
+    """Computes the smallest changes of velocity that raise the contacts' speeds of separation as required.
 
     Args:
         count: Number of contacts, > 1.
