@@ -112,7 +112,7 @@ def calibrate(
     if held_back and fit.share >= ENOUGH:
         predicted, used = judge(determined(fit, contacts).scene, held_back), prepared
         fit = run(fit._replace(shots=prepared, stages=()))
-    shots = [shot.until(contacts) for shot in fit.shots]
+    fitted = [shot.until(contacts) for shot in fit.shots]
     warnings, losses = [f"{clipped} rows at the border of the picture are left out"] if clipped else [], {}
     if fit.share < ENOUGH:
         warnings.append(f"only {fit.share:.0%} of the rows until the second contact fit: no constants are determined")
@@ -123,7 +123,7 @@ def calibrate(
             warnings.append(f"fewer than {MANY} shots: the intervals hold only if the laws are right")
         losses = _losses(fit, laws, contacts, warnings)
         # The weights of the rows changed after the last fit of the starts, so the starts are fitted again.
-        shots = [shot._replace(starts=settle(fit.scene, shot.starts, shot)[0]) for shot in shots]
+        fitted = [shot._replace(starts=settle(fit.scene, shot.starts, shot)[0]) for shot in fitted]
     return Calibration(
         scene=fit.scene,
         start=values_of(scene, names),
@@ -132,7 +132,7 @@ def calibrate(
         covariance=fit.covariance,
         row_noise=error,
         frame=file_frame,
-        shots=shots,
+        shots=fitted,
         problems=[problem for shot in fit.shots for problem in find_problems(fit.scene, shot)],
         judged=judge(fit.scene, used),
         predicted=predicted,
