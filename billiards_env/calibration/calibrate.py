@@ -19,9 +19,9 @@ from numpy.typing import ArrayLike
 
 from billiards_env.calibration.fit import MANY, Fit, determined, fit_shared, values_of, with_physics
 from billiards_env.calibration.frame import Frame, check_frame, fit_frame
-from billiards_env.calibration.judge import find_problems, judge
+from billiards_env.calibration.judge import Judged, find_problems, judge
 from billiards_env.calibration.report import Calibration
-from billiards_env.calibration.shot import SPIN, VELOCITY, drop_clipped, noise_of, prepare
+from billiards_env.calibration.shot import SPIN, VELOCITY, Shot, drop_clipped, noise_of, prepare
 from billiards_env.calibration.stages import ENOUGH, fit_stages, read_state
 from billiards_env.calibration.starts import settle
 from billiards_env.calibration.tracks import Floats, Track, check_tracks
@@ -106,12 +106,7 @@ def calibrate(
     data = [[array.tolist() for array in track[1:]] for track in tracks]
     saved = read_state(state, [scene.to_dict(), names, error, contacts, hold_back, known.tolist(), data])
     run = functools.partial(fit_stages, contacts=contacts, noise=error, saved=saved, path=state, progress=progress)
-    held_back = prepared[_EACH - 1 :: _EACH] if hold_back and len(prepared) >= _FEWEST else []
-    predicted, used = None, [shot for k, shot in enumerate(prepared) if not held_back or k % _EACH < _EACH - 1]
-    fit = run(Fit(scene, names, scene, used, {}, np.zeros((0, 0))))
-    if held_back and fit.share >= ENOUGH:
-        predicted, used = judge(determined(fit, contacts).scene, held_back), prepared
-        fit = run(fit._replace(shots=prepared, stages=()))
+    fit, used, predicted = _fit(Fit(scene, names, scene, prepared, {}, np.zeros((0, 0))), run, contacts, hold_back)
     fitted = [shot.until(contacts) for shot in fit.shots]
     warnings, losses = [f"{clipped} rows at the border of the picture are left out"] if clipped else [], {}
     if fit.share < ENOUGH:
@@ -139,6 +134,29 @@ def calibrate(
         laws=losses,
         warnings=warnings,
     )
+
+
+def _fit(fit: Fit, run: Callable[[Fit], Fit], contacts: int, hold_back: bool) -> tuple[Fit, list[Shot], Judged | None]:
+    """Returns the fit of all shots, these shots, and the errors of predicted shots, see `calibrate`.
+
+    The last is None if no shot is held back. If few rows fit, the fit and the shots are those without the ones held
+    back.
+
+    Args:
+        fit: The start of the fit, with all shots.
+        run: Makes all stages of a fit.
+        contacts: As in `calibrate`.
+        hold_back: As in `calibrate`.
+    """
+    shots = fit.shots
+    if not hold_back or len(shots) < _FEWEST:
+        return run(fit), shots, None
+    others = [shot for k, shot in enumerate(shots) if k % _EACH < _EACH - 1]
+    first = run(fit._replace(shots=others))
+    if first.share < ENOUGH:
+        return first, others, None
+    predicted = judge(determined(first, contacts).scene, shots[_EACH - 1 :: _EACH])
+    return run(first._replace(shots=shots, stages=())), shots, predicted
 
 
 def _losses(fit: Fit, laws: Sequence[str], contacts: int, warnings: list[str]) -> dict[str, float]:
