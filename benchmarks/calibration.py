@@ -1,7 +1,7 @@
 """How well a calibration recovers the truth: `python -m benchmarks.calibration`.
 
 Each repeat has other shots, other noise and other start values. The command counts how often the 95% interval of a
-number contains its true value: for fits with the law of the cushions that made the tracks, and with another one.
+constant contains its true value: for fits with the law of the cushions that made the tracks, and with another one.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from billiards_env.shots.simulation import simulate
 
 SCENE, NOISE, SHOTS, FRAMES = "real_carom", 0.002, 16, 1 / 30 * np.arange(75)
 NUMBERS = ("mu_slide", "mu_roll", "e_ball", "e_cushion", "mu_cushion", "mu_ball_factor")
-"""The numbers that are fitted; the last is the multiplier of the friction between balls, which throws them."""
+"""The constants that are fitted; the last is the multiplier of the friction between balls, which throws them."""
 LAWS = ("stronge", "han2005")
 """The laws of the cushions in the fits; the first is that of the tracks."""
 CLOTH = ("mu_slide", "mu_roll")
-"""The numbers that do not belong to the law of the cushions."""
+"""The constants that do not belong to the law of the cushions."""
 APART = 0.1
 """s. Least time between two contacts, and before the first."""
 OFF = 0.1
@@ -65,7 +65,7 @@ def fit_repeat(law: str, seed: int) -> dict[str, Any]:
 
 
 def measure(repeats: int, workers: int) -> dict[str, Any]:
-    """Runs all repeats and returns their summary. A number that a repeat does not determine has no interval there."""
+    """Runs all repeats and returns their summary. A constant that a repeat does not determine has no interval there."""
     rows, problems = [], 0
     for law, fits in run_kinds(fit_repeat, LAWS, repeats, workers).items():
         problems += sum(repeat["problems"] > 0 for repeat in fits)

@@ -1,7 +1,7 @@
 """The physics against tracks of a real table: `python -m benchmarks.real_tracks FIT [--judge JUDGE]`.
 
-It fits the numbers of a scene to one file of tracks. With these numbers it measures the errors of the shots in another
-file. Without a second file it judges each fifth of the shots with the numbers of the other four fifths.
+It fits the constants of a scene to one file of tracks. With these constants it measures the errors of the shots in
+another file. Without a second file it judges each fifth of the shots with the constants of the other four fifths.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ TARGETS = {
 
 
 def fit(scene: Scene, tracks: list[Track], laws: tuple[str, ...] = ()) -> Calibration:
-    """Fits the numbers and the frame to all tracks."""
+    """Fits the constants and the frame to all tracks."""
     return calibrate(scene, tracks, frame="fit", laws=laws, hold_back=False, progress=_say)
 
 

@@ -55,7 +55,7 @@ def make_parser() -> argparse.ArgumentParser:
         (_add_evaluate, evaluate, "measure a player in the environment, next to other players"),
         (_add_bench, bench, "play frozen tasks and write a file that can be replayed, or replay it"),
         (_add_replay, replay, "run a saved shot or game again, and show it"),
-        (_add_calibrate, calibrate, "fit friction and other numbers to tracks of shots"),
+        (_add_calibrate, calibrate, "fit friction and other constants to tracks of shots"),
         (_add_version, version, "print the versions of billiards-env and of the packages that it uses"),
         (
             _add_cache,
@@ -168,14 +168,14 @@ def _add_replay(parser: argparse.ArgumentParser) -> None:
 
 def _add_calibrate(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Fit numbers of physics to tracks of shots: a CSV file with the columns shot, time (s), ball, x and y (m from "
-        "the centre of the table, x along its length), or a JSON file. The ball that moves first is the cue ball."
+        "Fit constants of physics to tracks of shots: a CSV file with the columns shot, time (s), ball, x and y (m "
+        "from the centre of the table, x along its length), or a JSON file. The ball that moves first is the cue ball."
     )
     add = parser.add_argument
     add("tracks", type=Path, help="the file")
     add("--scene", default="pool", help=f"{', '.join(SCENES)}, or a JSON file of a scene (default: %(default)s)")
     add("--balls", type=int, metavar="N", help="number of object balls (default: those in the file)")
-    add("--free", nargs="+", metavar="NUMBER", help="the numbers (default: friction and restitution)")
+    add("--free", nargs="+", metavar="CONSTANT", help="the constants (default: friction and restitution)")
     add("--unit", default="m", help="unit of x and y: m, cm, mm, in or px (default: %(default)s)")
     add("--frame", choices=["fit"], help="fit the frame of the file to rebounds, in any unit")
     add("--noise", type=number, help="standard deviation of a coordinate, m (default: an estimate)")

@@ -2,10 +2,10 @@
 
     python examples/calibrated_table.py
 
-The tracks come from simulated shots on a table whose numbers the fit does not receive; `read_tracks` reads the tracks
-of a real table. The task is the opening shot of three-cushion billiards. One policy trains on tables with numbers drawn
-from the intervals of the fit, the other on the default table. Both are tested on tables drawn from these intervals,
-with the noise of the strikes in the tracks.
+The tracks come from simulated shots on a table whose constants the fit does not receive; `read_tracks` reads the tracks
+of a real table. The task is the opening shot of three-cushion billiards. One policy trains on tables with constants
+drawn from the intervals of the fit, the other on the default table. Both are tested on tables drawn from these
+intervals, with the noise of the strikes in the tracks.
 """
 
 import dataclasses

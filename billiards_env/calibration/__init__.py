@@ -1,13 +1,13 @@
 """Calibration of scenes with tracks of real tables.
 
 Modules:
-    calibrate: Fits numbers of `Physics` to tracks.
+    calibrate: Fits constants of `Physics` to tracks.
     report: The result.
     tracks: Tracks and their files.
     contacts: Contacts in the tracks, without a model.
     frame: From coordinates of a file to the table, and checks of the tracks against it.
     shot, starts: Tracks that are ready for the fit, and the fit of their starts.
-    fit, stages: The fit of the shared numbers with their intervals, and its stages.
+    fit, stages: The fit of the shared constants with their intervals, and its stages.
     judge: The errors of the result, and the rows that do not fit.
 """
 

@@ -1,9 +1,9 @@
-"""Calibration: fits numbers of `Physics` to tracks of shots.
+"""Calibration: fits constants of `Physics` to tracks of shots.
 
-The fit finds the numbers that all shots share. It also finds, for each shot, the places of the balls at the start, the
-velocity and spin of the cue ball, and the instant of the strike. It begins with the rows until the second contact of
-the cue ball, then adds those until the third, and so on: see `stages.fit_stages`. The intervals of the numbers come
-from their spread over the shots, so they include errors of the laws: see `fit.covariance`.
+The fit finds the constants that all shots share. It also finds, for each shot, the places of the balls at the start,
+the velocity and spin of the cue ball, and the instant of the strike. It begins with the rows until the second contact
+of the cue ball, then adds those until the third, and so on: see `stages.fit_stages`. The intervals of the constants
+come from their spread over the shots, so they include errors of the laws: see `fit.covariance`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ FREE = (
     *("e_cushion_loss", "mu_cushion_angle", "e_cushion_topspin", "mu_cushion_slip", "e_cushion_tangent"),
     *("mu_ball_decay", "mu_roll_speed"),
 )
-"""The numbers that `calibrate` fits by default, if they are not 0 and enter the laws of the scene."""
+"""The constants that `calibrate` fits by default, if they are not 0 and enter the laws of the scene."""
 
 FRICTION_CUSHIONS = tuple(name for name in CUSHIONS if name != "restitution")
 """The laws of cushions that `laws` of `calibrate` may name."""
@@ -59,7 +59,7 @@ def calibrate(
     state: str | os.PathLike[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Calibration:
-    """Fits numbers of the physics of a scene to tracks of shots.
+    """Fits constants of the physics of a scene to tracks of shots.
 
     The tracks may contain whole shots. The rows of a shot are fitted until a contact of the cue ball, or until the
     track leaves the path of the model. The loss is Cauchy's. Its scales come from the errors of the rows after the same
@@ -67,9 +67,9 @@ def calibrate(
     all shots are fitted.
 
     Args:
-        scene: The scene; its numbers are the start of the fit.
+        scene: The scene; its constants are the start of the fit.
         shots: The tracks.
-        free: The names of the numbers to fit, of `Physics` except `max_time`; None for those of `FREE` with an effect.
+        free: The constants to fit: fields of `Physics` except `max_time`. None for those of `FREE` that have an effect.
         frame: The frame of the tracks. None for metres from the centre of the table, which is checked. "fit" finds the
             frame from rebounds, in any unit. The table of the result is then larger by as much as its cushions yield.
         noise: Standard deviation of a coordinate of a row, m; None for an estimate.
@@ -84,11 +84,11 @@ def calibrate(
         progress: A function that is called with a line of text after each stage.
 
     Returns:
-        The numbers with their covariance, the fitted shots, their errors and the problems of the tracks.
+        The constants with their covariance, the fitted shots, their errors and the problems of the tracks.
 
     Raises:
-        ValueError: If a number is unknown, a track is invalid or does not lie on the table, or the rows do not
-            determine any number.
+        ValueError: If a constant is unknown, a track is invalid or does not lie on the table, or the rows do not
+            determine any constant.
     """
     check_scene(scene)
     names = _free_names(scene, free)
@@ -160,7 +160,7 @@ def _fit(fit: Fit, run: Callable[[Fit], Fit], contacts: int, hold_back: bool) ->
 
 
 def _losses(fit: Fit, laws: Sequence[str], contacts: int, warnings: list[str]) -> dict[str, float]:
-    """Returns the loss with each law of cushions; a law that does not allow the numbers gets a warning."""
+    """Returns the loss with each law of cushions; a law that does not allow the constants gets a warning."""
     losses = {}
     for law in laws:
         try:
@@ -173,7 +173,7 @@ def _losses(fit: Fit, laws: Sequence[str], contacts: int, warnings: list[str]) -
 
 
 def _free_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
-    """Returns the names of the numbers to fit."""
+    """Returns the names of the constants to fit."""
     physics, friction = scene.physics, scene.physics.ball_ball != "frictionless"
     if free is None:
         names = FREE if physics.motion == "sliding" else ("mu_roll", "e_ball", "e_cushion", "mu_roll_speed")
@@ -181,7 +181,7 @@ def _free_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
         return tuple(name for name in names if in_use.get(name, True) and getattr(physics, name) > 0.0)
     names = (free,) if isinstance(free, str) else tuple(free)
     if not names or len(set(names)) < len(names):
-        raise ValueError(f"free = {list(names)}: expected names of numbers, each once")
+        raise ValueError(f"free = {list(names)}: expected names of constants, each once")
     for name in names:
         one_of("free", name, tuple(physics_inputs(physics)))
     return names

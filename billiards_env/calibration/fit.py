@@ -1,4 +1,4 @@
-"""The fit of numbers that all shots share, together with the starts of the shots.
+"""The fit of constants that all shots share, together with the starts of the shots.
 
 The starts are eliminated from the normal equations (Schur complement), as in bundle adjustment (Triggs et al. 2000,
 section 6). The loss is that of `starts.Normal`.
@@ -25,23 +25,23 @@ MANY = 8
 _STEPS, _FOLLOW = 25, 4  # most steps of a fit, and steps of the starts in each
 _CONVERGED, _JUMP = 1e-6, 5.0  # relative change of the loss, and the most that one shot adds
 _RIDGE = 1e-10  # damping of the elimination of a start, for numbers that its rows do not determine
-_USUAL = 0.5, 0.05  # standard deviation of the prior of a number: a share of its start, and at least this
-_WIDE = 0.5  # largest half-interval over the number; above it, the number is not determined
-_EDGE = 1e-6  # relative distance to a bound, within which a number is at it
-_SHIFT = 2.0  # standard deviations; a larger shift of a number between two stages counts as an error of the laws
+_USUAL = 0.5, 0.05  # standard deviation of the prior of a constant: a share of its start, and at least this
+_WIDE = 0.5  # largest half-interval over the constant; above it, the constant is not determined
+_EDGE = 1e-6  # relative distance to a bound, within which a constant is at it
+_SHIFT = 2.0  # standard deviations; a larger shift of a constant between two stages counts as an error of the laws
 
 
 class Fit(NamedTuple):
     """A fit of shots.
 
     Attributes:
-        scene: The scene with the fitted numbers.
-        names: The fitted numbers.
-        start: The scene with the numbers before the fit.
+        scene: The scene with the fitted constants.
+        names: The fitted constants.
+        start: The scene with the constants before the fit.
         shots: The m shots with their starts; the rows that are used are near their paths.
-        kept: Why the other free numbers keep their start, by name.
-        covariance: (s, s) of the numbers.
-        stages: The numbers of each stage and their variances, by name.
+        kept: Why the other free constants keep their start, by name.
+        covariance: (s, s) of the constants.
+        stages: The constants of each stage and their variances, by name.
         share: The share of the rows until the second contact that are near their paths.
     """
 
@@ -59,8 +59,8 @@ def reduced(normal: Normal, width: int) -> tuple[Floats, Floats, Floats]:
     """Eliminates the only start (width,) from the normal equations.
 
     Returns:
-        The slope (s,) and the matrix (s, s) of the shared numbers, see `Normal`, and the derivative (width, s) of the
-        start by the numbers.
+        The slope (s,) and the matrix (s, s) of the shared constants, see `Normal`, and the derivative (width, s) of the
+        start by the constants.
     """
     slope, matrix = normal.slope[0], normal.matrix[0]
     both = matrix[:width, width:]
@@ -69,34 +69,34 @@ def reduced(normal: Normal, width: int) -> tuple[Floats, Floats, Floats]:
 
 
 def values_of(scene: Scene, names: Sequence[str]) -> dict[str, float]:
-    """Returns numbers of the physics of a scene by name."""
+    """Returns constants of the physics of a scene by name."""
     return {name: getattr(scene.physics, name) for name in names}
 
 
 def numbers_of(scene: Scene, names: Sequence[str]) -> Floats:
-    """Returns numbers of the physics of a scene, (s,)."""
+    """Returns constants of the physics of a scene, (s,)."""
     return np.array(list(values_of(scene, names).values()), np.float64)
 
 
 def with_physics(scene: Scene, **changes: Any) -> Scene:
-    """Returns a scene with other laws or numbers of its physics."""
+    """Returns a scene with other laws or constants of its physics."""
     return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **changes))
 
 
 def bounds_of(names: Sequence[str]) -> Floats:
-    """Returns the least and the largest values of numbers, (2, s)."""
+    """Returns the least and the largest values of constants, (2, s)."""
     return np.array([RANGES[PARAMETERS[name].within][:2] for name in names], np.float64).T
 
 
 def usual_of(fit: Fit) -> Floats:
-    """Returns the prior standard deviations of the numbers, (s,)."""
+    """Returns the prior standard deviations of the constants, (s,)."""
     return np.maximum(_USUAL[0] * np.abs(numbers_of(fit.start, fit.names)), _USUAL[1])
 
 
 def fit_shared(fit: Fit, contact: int) -> tuple[Fit, float]:
-    """Fits the shared numbers and the starts of all shots to the rows that are used until a contact of the cue ball.
+    """Fits the shared constants and the starts of all shots to the rows that are used until a contact of the cue ball.
 
-    The numbers before the fit count as one measurement. A number that the rows do not determine stays near them.
+    The constants before the fit count as one measurement. A constant that the rows do not determine stays near them.
 
     Returns:
         The fit, and the loss of the rows.
@@ -112,7 +112,7 @@ def fit_shared(fit: Fit, contact: int) -> tuple[Fit, float]:
         tried = np.clip(numbers - damped(matrix, slope, damping), *bounds)
         try:
             changed = with_physics(scene, **dict(zip(names, tried.tolist(), strict=True)))
-        except ValueError:  # numbers that `Physics` does not allow together
+        except ValueError:  # constants that `Physics` does not allow together
             damping *= 10.0
             continue
         others = []
@@ -135,11 +135,11 @@ def fit_shared(fit: Fit, contact: int) -> tuple[Fit, float]:
 
 
 def covariance(fit: Fit, contact: int) -> Floats:
-    """Returns the covariance (s, s) of the shared numbers from the rows that are used until a contact.
+    """Returns the covariance (s, s) of the shared constants from the rows that are used until a contact.
 
     It is that of the prior if the rows do not determine them.
 
-    From `MANY` shots on it is that of the jackknife: the numbers without one shot, in the linear approximation (Bell
+    From `MANY` shots on it is that of the jackknife: the constants without one shot, in the linear approximation (Bell
     and McCaffrey 2002). It includes errors of the laws, which the rows of a shot share. The spread over fewer shots is
     too uncertain, so the errors of their rows count as independent. The weights change with the residuals; the factor
     `bend` accounts for this (Huber 1964).
@@ -158,7 +158,7 @@ def covariance(fit: Fit, contact: int) -> Floats:
 
 
 def unexplained_shifts(fit: Fit, spread: Floats) -> Floats:
-    """Returns the squares of the largest shifts of the numbers (s,) since earlier stages that are too large for chance.
+    """Returns the squares (s,) of the largest shifts of the constants between stages that chance does not explain.
 
     With the right laws, the variance of a shift is the difference of the variances of the two stages (Hausman 1978).
     """
@@ -172,12 +172,12 @@ def unexplained_shifts(fit: Fit, spread: Floats) -> Floats:
 
 
 def half_widths(spread: Floats, shots: int) -> Floats:
-    """Returns half of the 95% intervals (s,) of numbers with a covariance (s, s) (Student for many shots)."""
+    """Returns half of the 95% intervals (s,) of constants with a covariance (s, s) (Student for many shots)."""
     return t_quantile(shots - 1 if shots >= MANY else 10**6) * np.sqrt(np.diag(spread))
 
 
 def determined(fit: Fit, contact: int) -> Fit:
-    """Returns a fit with its covariance, without numbers that end at a bound or that the rows do not determine.
+    """Returns a fit with its covariance, without constants that end at a bound or that the rows do not determine.
 
     The covariance includes the `unexplained_shifts`, with which an interval may be wider than `_WIDE` allows.
     """

@@ -1,4 +1,4 @@
-"""How well a scene with constant numbers explains and predicts tracks, and what does not fit in them.
+"""How well a scene with fixed constants explains and predicts tracks, and what does not fit in them.
 
 Problems are rows far from the model, exchanged balls, and contacts of only one of track and model.
 """
@@ -103,7 +103,7 @@ def together(parts: Sequence[Judged]) -> Judged:
 
 
 def judge(scene: Scene, shots: Sequence[Shot]) -> Judged:
-    """Fits the starts of shots until each contact with constant numbers, and returns the errors."""
+    """Fits the starts of shots until each contact with fixed constants, and returns the errors."""
     return together([_judge_shot(scene, shot) for shot in shots])
 
 

@@ -33,14 +33,14 @@ _DRAWN = 6  # shots in the picture: the worse half are the worst, the others are
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
-    """Fitted numbers.
+    """Fitted constants.
 
     Attributes:
-        scene: The scene with the fitted numbers.
-        start: The numbers before the fit, by name.
-        values: The fitted numbers, by name.
-        kept: Why the other numbers keep their start, by name.
-        covariance: (s, s) float64, of the numbers in the order of `values`, see `fit.covariance`.
+        scene: The scene with the fitted constants.
+        start: The constants before the fit, by name.
+        values: The fitted constants, by name.
+        kept: Why the other constants keep their start, by name.
+        covariance: (s, s) float64, of the constants in the order of `values`, see `fit.covariance`.
         row_noise: Standard deviation of a coordinate of a row, m.
         frame: The frame of the given tracks.
         shots: The m fitted shots.
@@ -117,7 +117,7 @@ class Calibration:
         return simulated(self.scene, self.shots[k])
 
     def judge(self, tracks: Sequence[Track]) -> Judged:
-        """Returns the errors of other shots, in the frame of the given tracks, with the fitted numbers."""
+        """Returns the errors of other shots, in the frame of the given tracks, with the fitted constants."""
         framed = [self.frame.apply(track) for track in drop_clipped(tracks)[0]]
         return judge(self.scene, [prepare(self.scene, track, self.row_noise) for track in framed])
 
@@ -140,7 +140,7 @@ class Calibration:
         return {name: float(error.std(ddof=1)) if len(error) > 1 else np.nan for name, error in off.items()}
 
     def randomize(self) -> dict[str, tuple[float, float]]:
-        """Returns the argument `randomize` of `Billiards-v0`: the intervals within the ranges of the numbers.
+        """Returns the argument `randomize` of `Billiards-v0`: the intervals within the ranges of the constants.
 
         The intervals come from the spread over the shots, so they contain the tables that are consistent with the
         shots.

@@ -36,7 +36,7 @@ _MOST_STATE = 64 * 2**20  # bytes
 
 
 def fit_stage(fit: Fit, contact: int, noise: float) -> Fit:
-    """Fits the starts to the rows until a contact of the cue ball; from the second contact on, the numbers too.
+    """Fits the starts to the rows until a contact of the cue ball; from the second contact on, the constants too.
 
     Args:
         fit: The earlier fit.
@@ -107,7 +107,7 @@ def read_state(path: str | os.PathLike[str] | None, settings: Any) -> dict[str, 
         return {"key": key}
     saved = records.read(path, lambda text: records.data_of(text, what), what, _MOST_STATE)
     if not isinstance(saved, dict) or saved.get("key") != key:
-        raise ValueError(f"state = {str(path)!r}: expected the state of the same tracks, scene, numbers and options")
+        raise ValueError(f"state = {str(path)!r}: expected the state of the same tracks, scene, constants and options")
     return saved
 
 

@@ -1,4 +1,4 @@
-"""The fit of the start of a shot with constant numbers of the physics, from many guesses at once."""
+"""The fit of the start of a shot with fixed constants of the physics, from many guesses at once."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Normal(NamedTuple):
 
     Attributes:
         loss: (g,), Cauchy's loss log(1 + r^2) of the used rows, and the squares of the prior.
-        slope: (g, width + s), half of its derivative by the start and by s shared numbers.
+        slope: (g, width + s), half of its derivative by the start and by s shared constants.
         matrix: (g, width + s, width + s), half of the second.
     """
 
@@ -105,7 +105,7 @@ def errors(scene: Scene, shot: Shot) -> Floats:
 
 
 def evaluate(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = ()) -> Normal:
-    """Returns the `Normal` of starts (g, width), with the derivatives by numbers of `Physics` by name."""
+    """Returns the `Normal` of starts (g, width), with the derivatives by constants of `Physics` by name."""
     record, rows = run(scene, starts, shot)._record("evaluate"), np.flatnonzero(shot.used)
     times, frame = np.unique(np.append(0.0, shot.time[rows]), return_inverse=True)
     frame, ball, g = frame[1:], shot.track.balls[rows], len(starts)
@@ -185,7 +185,7 @@ def damped(matrix: Floats, slope: Floats, damping: Floats | float) -> Floats:
 def settle(
     scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = (), most: int = _STEPS
 ) -> tuple[Floats, Normal]:
-    """Fits starts of a shot with constant numbers.
+    """Fits starts of a shot with fixed constants.
 
     Args:
         scene: The scene.

@@ -255,7 +255,7 @@ def test_the_shots_of_pooltool_give_its_numbers():
 @pytest.mark.parametrize(
     ("free", "message"),
     [
-        ((), r"free = \[\]: expected names of numbers, each once"),
+        ((), r"free = \[\]: expected names of constants, each once"),
         (("mu_roll", "mu_roll"), r"free = \['mu_roll', 'mu_roll'\]: expected names"),
         (("mu_rol",), r"free = 'mu_rol': expected one of .*did you mean 'mu_roll'"),
         (("mu_ball_factor",), r"free = \['mu_ball_factor'\]: the rows do not determine any of them"),

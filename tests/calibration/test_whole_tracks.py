@@ -170,7 +170,7 @@ def test_a_fit_goes_on_after_an_interrupt(tmp_path, monkeypatch):
     uninterrupted = calibrate(OFF, three_tracks, both, contacts=3)
     assert again.values == pytest.approx(uninterrupted.values, rel=1e-3)
     for names, noise, contacts in ((("mu_slide",), None, 3), (both, 0.01, 3), (both, None, 2)):
-        with pytest.raises(ValueError, match="expected the state of the same tracks, scene, numbers and options"):
+        with pytest.raises(ValueError, match="expected the state of the same tracks, scene, constants and options"):
             calibrate(OFF, three_tracks, names, noise=noise, contacts=contacts, state=state)
 
 
