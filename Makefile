@@ -55,7 +55,7 @@ docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, war
 dist: $(INSTALLED)  ## build the source archive and the wheel in dist/, and try the wheel in an empty environment
 	$(BIN)/python -m release.dist --output build/dist.json
 
-ci: test pythons tools web docs smoke dist  ## run the steps of .github/workflows/ci.yml locally
+ci: test pythons tools rllib web docs smoke dist  ## run the steps of .github/workflows/ci.yml locally
 
 smoke: $(INSTALLED)  ## run short benchmarks, to check that they work
 	$(BIN)/python -m benchmarks.speed --repeats 1 --output build/speed.json

@@ -45,7 +45,7 @@ class AimModule(TorchRLModule, ValueFunctionAPI):
         self.policy = policy
 
     def _forward(self, batch: dict[str, Any], **kwargs: Any) -> dict[str, Any]:
-        mixtures, values = self.policy.net(batch[Columns.OBS])
+        mixtures, values = self.policy.mixtures_and_values(batch[Columns.OBS])
         return {Columns.ACTION_DIST_INPUTS: (mixtures, values), Columns.EMBEDDINGS: values}
 
     def compute_values(self, batch: dict[str, Any], embeddings: Tensor | None = None) -> Tensor:

@@ -204,7 +204,7 @@ class AimPolicy(ActorCriticPolicy):
             self.set_shots(int(self.shots))
         super().set_training_mode(mode)
 
-    def _mixture(self, obs: PyTorchObs) -> tuple[Mixture, Tensor]:
+    def mixtures_and_values(self, obs: PyTorchObs) -> tuple[Mixture, Tensor]:
         """Returns the mixtures and the values (m,) for observations."""
         seen = self.game.decode(obs)
         return self.net(**{name: seen[name] for name in self.observe})
@@ -212,24 +212,24 @@ class AimPolicy(ActorCriticPolicy):
     def forward(self, obs: Tensor, deterministic: bool = False) -> tuple[Tensor, Tensor, Tensor]:
         """Returns actions (m, 2) or (m, 5), values (m, 1) and logarithms (m,) of densities, and counts the shots."""
         self._check_scale(obs)
-        mixture, values = self._mixture(obs)
+        mixture, values = self.mixtures_and_values(obs)
         actions = mixture.mode() if deterministic else mixture.sample()
         self.shots += len(obs)
         return actions, values[:, None], mixture.log_prob(actions)
 
     def evaluate_actions(self, obs: PyTorchObs, actions: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Returns values (m, 1), logarithms (m,) of densities and entropies (m,); see the class for their gradients."""
-        mixture, values = self._mixture(obs)
+        mixture, values = self.mixtures_and_values(obs)
         log_prob = by_value(mixture.log_prob(actions), values)
         return values[:, None], log_prob, self.entropy_factor * mixture.entropy()
 
     def predict_values(self, obs: PyTorchObs) -> Tensor:
         """Returns the values (m, 1)."""
-        return self._mixture(obs)[1][:, None]
+        return self.mixtures_and_values(obs)[1][:, None]
 
     def get_distribution(self, obs: PyTorchObs) -> Mixture:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Returns the mixtures."""
-        return self._mixture(obs)[0]
+        return self.mixtures_and_values(obs)[0]
 
     def _predict(self, observation: PyTorchObs, deterministic: bool = False) -> Tensor:
         self._check_scale(cast(Tensor, observation))

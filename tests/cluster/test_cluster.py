@@ -108,8 +108,8 @@ def test_one_process_trains_with_the_schedules_of_the_policy(cluster, tmp_path):
     folder = trained(tmp_path / "run", runners=0, timesteps=1024)
     assert learning_curve(folder)[-1].steps == 1024
     assert weights(folder)["net.std"][0].item() == pytest.approx(0.4 * 0.25**0.125)  # before the second of two updates
-    with pytest.raises(ValueError, match="runners = 2: expected a divisor"):
-        trained(tmp_path / "odd", n_envs=63)
+    with pytest.raises(ValueError, match="runners = 3: expected a divisor"):
+        trained(tmp_path / "odd", runners=3)
     with pytest.raises(ValueError, match="expected 'aim' and None"):
         trained(tmp_path / "usual", policy={"head": "gaussian"})
 
