@@ -1,4 +1,6 @@
-"""Runs functions on a Ray cluster. Only this package and `agents.rllib` import Ray, and this one only when it is used.
+"""Runs functions on a Ray cluster.
+
+Only this module and `agents.rllib` import Ray. This module imports Ray in the functions that need it.
 
 Every node needs the same clone of the repository at the same path, and the same virtual environment; see
 `docs/cluster.md`.

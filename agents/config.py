@@ -48,8 +48,8 @@ class Config:
     Attributes:
         timesteps: The number of environment steps (shots), rounded up to whole updates; 0 for no training.
         task: A frozen task, such as "Pot1-v0", which sets `env` and `noise`; None for none.
-        env: Arguments of `gym.make("Billiards-v0", ...)`. They replace the arguments of `task`. After the construction
-            it has all of them.
+        env: Arguments of `gym.make("Billiards-v0", ...)`. They replace the arguments of `task`. The constructor adds
+            all missing arguments.
         noise: The argument `noise` of `Billiards-v0`; None for no noise, "task" for the noise of `task`. After the
             construction it is None or has all numbers.
         curriculum: A mapping with `goal_radius`, m, and `shots`. The training begins with goals of this radius. During
@@ -67,7 +67,7 @@ class Config:
             For "aim" they replace those in `billiards_env.sb3.PPO_SETTINGS`.
 
     Raises:
-        ValueError: If a key is unknown or a value is impossible.
+        ValueError: If a key is unknown or a value is invalid.
         TypeError: If a value has the wrong type.
     """
 

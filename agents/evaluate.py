@@ -45,7 +45,7 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
 
     Raises:
         FileNotFoundError: If the folder holds no finished run.
-        ValueError: If `episodes` or `seed` is impossible, or the policy does not fit the configuration.
+        ValueError: If `episodes` or `seed` is invalid, or the policy does not fit the configuration.
     """
     config, policy = load_run(run_dir)
     episodes = integer("episodes", config.evaluation_episodes if episodes is None else episodes, "num_envs")

@@ -36,7 +36,7 @@ def make_env(config: Config, render_mode: str | None = None) -> gym.Env[NDArray[
     """Returns one environment to play in, with the execution noise of the configuration.
 
     Raises:
-        ValueError: If an argument of the environment or its noise is impossible.
+        ValueError: If an argument of the environment or its noise is invalid.
         TypeError: If an argument has the wrong type.
     """
     return gym.make(ENV_ID, render_mode=render_mode, noise=config.noise, **config.env)
@@ -99,7 +99,7 @@ def make_policy(config: Config) -> ActorCriticPolicy:
     """Returns an untrained policy.
 
     Raises:
-        ValueError: If an argument of the environment or its noise is impossible, or the policy does not fit the task.
+        ValueError: If an argument of the environment or its noise is invalid, or the policy does not fit the task.
         TypeError: If an argument of the environment has the wrong type.
     """
     make_env(config).close()
@@ -137,7 +137,7 @@ def load_run(run_dir: Path, env: Mapping[str, Any] | None = None) -> tuple[Confi
     Raises:
         FileNotFoundError: If the folder holds no finished run.
         OSError: If a file cannot be read.
-        ValueError: If the configuration is impossible, or `policy.pt` does not hold the weights of its policy.
+        ValueError: If the configuration is invalid, or `policy.pt` does not hold the weights of its policy.
         TypeError: If a value of the configuration has the wrong type.
     """
     check_finished(run_dir)

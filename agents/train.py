@@ -60,7 +60,7 @@ def open_run(config: Config, run_dir: Path, fresh: bool = False) -> None:
 
     Raises:
         ValueError: If the folder holds a run of another configuration or other files, an argument of the environment is
-            impossible, or the weights of `start_from` do not fit.
+            invalid, or the weights of `start_from` do not fit.
         TypeError: If an argument of the environment has the wrong type.
         OSError: If the folder cannot be written, or another process trains in it.
     """
@@ -89,7 +89,7 @@ def open_run(config: Config, run_dir: Path, fresh: bool = False) -> None:
 
 
 def locked(run_dir: Path) -> FileLock:
-    """Returns a lock of a folder against other processes. To enter it raises an OSError if another one holds it."""
+    """Returns a lock of a folder against other processes. Entering it raises an OSError if another one holds it."""
     return FileLock(run_dir / _LOCK, timeout=0)
 
 
@@ -128,7 +128,7 @@ def train(config: Config, run_dir: Path) -> None:
 
 @contextmanager
 def one_fast_thread() -> Iterator[None]:
-    """PyTorch computes with one thread, and meanwhile with 0 for numbers below 1e-38, which are slow otherwise.
+    """PyTorch uses one thread from here on, and within this context replaces numbers below 1e-38, which are slow, by 0.
 
     With several threads, sums round differently on another machine, and such small networks gain little speed.
     """

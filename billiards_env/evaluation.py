@@ -135,7 +135,7 @@ def measure(
 
     Raises:
         OSError: As in `find_player`.
-        ValueError: If a name or an argument is unknown or impossible.
+        ValueError: If a name or an argument is unknown or invalid.
         TypeError: If an argument has the wrong type.
     """
     deviations = {"angle_std": noise[0], "speed_std": noise[1]} if any(noise) else None

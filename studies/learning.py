@@ -76,7 +76,7 @@ def measure(output: Path, jobs: int, address: str) -> dict[str, Any]:
 
     Raises:
         OSError: If a file cannot be read or written.
-        ValueError: If a row is impossible.
+        ValueError: If a row is invalid.
     """
     output = output.resolve()
     old = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}

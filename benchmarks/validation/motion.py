@@ -43,5 +43,5 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     ]
     near, far = (SPEED**2 / (2 * rate) for rate in MEASURED["rolls"][::-1])
     way = SPEED**2 / (2 * result["rolls"])
-    rows.append([f"way of a ball that rolls at {SPEED} m/s, m", f"{near:.3f} to {far:.3f}", f"{way:.3f}"])
+    rows.append([f"distance that a ball rolls from {SPEED} m/s, m", f"{near:.3f} to {far:.3f}", f"{way:.3f}"])
     return {"motion": table(["snooker", "measured", "model"], rows)}

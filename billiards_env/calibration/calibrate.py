@@ -1,9 +1,10 @@
 """Calibration: fits constants of `Physics` to tracks of shots.
 
 The fit finds the constants that all shots share. It also finds, for each shot, the places of the balls at the start,
-the velocity and spin of the cue ball, and the instant of the strike. It begins with the rows until the second contact
-of the cue ball, then adds those until the third, and so on: see `stages.fit_stages`. The intervals of the constants
-come from their spread over the shots, so they include errors of the laws: see `fit.covariance`.
+the velocity and spin of the cue ball, and the instant of the strike. It first fits only the starts, to the rows until
+the first contact of the cue ball. It then fits all unknowns to the rows until the second contact, until the third, and
+so on: see `stages.fit_stages`. The intervals of the constants come from their spread over the shots, so they include
+errors of the laws: see `fit.covariance`.
 """
 
 from __future__ import annotations
@@ -69,7 +70,8 @@ def calibrate(
     Args:
         scene: The scene; its constants are the start of the fit.
         shots: The tracks.
-        free: The constants to fit: fields of `Physics` except `max_time`. None for those of `FREE` that have an effect.
+        free: The constants to fit: numbers of `Physics` except `max_time`. None for those of `FREE` that are not 0 and
+            have an effect.
         frame: The frame of the tracks. None for metres from the centre of the table, which is checked. "fit" finds the
             frame from rebounds, in any unit. The table of the result is then larger by as much as its cushions yield.
         noise: Standard deviation of a coordinate of a row, m; None for an estimate.

@@ -118,9 +118,10 @@ def _hits(i: int, j: int, one: tuple[Floats, Floats], two: tuple[Floats, Floats]
 
 
 def find_exchange(scene: Scene, track: Track) -> tuple[int, int, float, float]:
-    """Returns two balls whose names are exchanged, and the times from and until which they are, s; inf for none.
+    """Returns two balls whose names are exchanged, and the first and the last time of the exchange, s.
 
-    Between two frames each jumps to where the other was.
+    Between two frames each ball jumps to where the other was. The last time is inf if they stay exchanged. Without an
+    exchange the result is (-1, -1, inf, inf).
     """
     for (i, one), (j, two) in itertools.combinations(track.paths().items(), 2):
         times, first, second = np.intersect1d(one[0], two[0], return_indices=True)

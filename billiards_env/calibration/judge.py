@@ -1,6 +1,6 @@
-"""How well a scene with fixed constants explains and predicts tracks, and what does not fit in them.
+"""Measures how well a scene with fixed constants explains and predicts tracks, and finds the rows that do not fit.
 
-Problems are rows far from the model, exchanged balls, and contacts of only one of track and model.
+Problems are rows far from the model, exchanged balls, and contacts that only the track or only the model has.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ class Calibration:
         shots: The m fitted shots.
         problems: The rows that are reported, and not fitted.
         judged: The errors of the fitted shots.
-        predicted: The errors of the shots that were held back before they were fitted too; None for few shots.
+        predicted: The errors of the held-back shots, from the fit without them, or None.
         laws: The loss with each law of cushions, by name.
         warnings: Sentences.
     """

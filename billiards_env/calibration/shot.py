@@ -85,7 +85,7 @@ class Shot(NamedTuple):
         return np.searchsorted([contact.time for contact in self.cue_contacts], self.track.times)
 
     def end(self, contact: int) -> float:
-        """Returns the time of a contact of the cue ball, s after `begin`; without it that of the last row to fit."""
+        """Returns the end of the rows to fit before a contact of the cue ball, s after `begin`; inf for all rows."""
         times = [cue_contact.time for cue_contact in self.cue_contacts[contact - 1 : contact]]
         return min(*times, self.exchanged[2], np.inf) - _BEFORE - self.begin
 

@@ -32,8 +32,9 @@ ROLLS = (1.2, 0.7, 0.2, -0.6)
 """The spins of the guesses about a horizontal axis, over that of a ball that rolls."""
 
 SPINS = (0.1, 0.7, 0.7)
-"""The standard deviations of the spin about the path (massé), across it about that of half a rolling ball, and about
-the vertical, over v / R: wide for the last two, which players choose."""
+"""Standard deviations of the prior of the spin, over v / R, for three axes: along the path (massé), across it and
+vertical. The mean of the second is half the spin of a rolling ball. The last two are wide, because players choose these
+spins."""
 
 _STEPS = 30  # most steps of `settle`
 _HALVES = (20, 4), (8, 8), (3, 10), (1, 10)  # starts that a search keeps, and the steps before that
@@ -131,7 +132,8 @@ def evaluate(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = ()
 def spin_of_cue(scene: Scene, speed: Floats) -> Floats:
     """Returns the largest spins, rad/s, that a level cue gives a cue ball of some speeds, m/s.
 
-    An impulse at the miscue offset gives a sphere (moment of inertia 2/5 m R^2) the spin 2.5 offset speed / R^2.
+    An impulse at the miscue offset, in ball radii, gives a sphere (moment of inertia 2/5 m R^2) the spin
+    2.5 * offset * speed / R.
     """
     return 2.5 * scene.cue.miscue_offset * speed / scene.balls.radius[0]
 
@@ -226,8 +228,8 @@ def _with_spin_prior(scene: Scene, shot: Shot) -> Shot:
 def search(scene: Scene, shot: Shot) -> Shot:
     """Returns a shot with its best start, fitted from its starts and from copies with other spins.
 
-    The loss has several minima over the spin: the ball may slip or stick at each of its contacts. The worse half of the
-    fits ends after a few steps (successive halving).
+    The loss has several minima over the spin: the ball may slip or stick at each of its contacts. Every few steps only
+    the best fits continue: 20, then 8, 3 and 1 (successive halving).
 
     Raises:
         ValueError: If balls overlap or lie outside of the table.

@@ -77,7 +77,7 @@ def make_model(
     """Returns the arguments of an environment after a check. The docstring of `BilliardsEnv` describes them.
 
     Raises:
-        ValueError: If an argument is impossible.
+        ValueError: If an argument is invalid.
         TypeError: If an argument has the wrong type.
     """
     one_of("task", task, tuple(TASKS))
@@ -86,7 +86,7 @@ def make_model(
     board = make_scene(scene, n_object_balls, entry.scene, least if least == most else None)
     targets, engine = task_targets(task, board), Engine(mode, dt, fix)
     layout = entry.layout if layout is None else layout
-    layouts.draw(layout, board, np.random.default_rng(0))  # an impossible layout raises here, not in `reset`
+    layouts.draw(layout, board, np.random.default_rng(0))  # an invalid layout raises here, not in `reset`
     speed = real("max_speed", max_speed, "max_speed")
     if goal_radius is not None and not entry.goal_radius:
         raise ValueError(f"goal_radius = {short(goal_radius)} with task = {task!r}: expected a task with a goal")
@@ -248,7 +248,7 @@ def check_options(
             used, and only their positions and goals have to be finite.
 
     Raises:
-        ValueError: If an option is unknown, a position of a ball or a goal is impossible, or a number is not in its
+        ValueError: If an option is unknown, a position of a ball or a goal is invalid, or a number is not in its
             range.
         TypeError: If the options or their physics are not a mapping.
     """

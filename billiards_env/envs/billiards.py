@@ -355,7 +355,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
 
         Raises:
             TypeError: If it is not an array that `get_state` returned.
-            ValueError: If it is the state of another scene or task, or holds impossible numbers.
+            ValueError: If it is the state of another scene or task, or holds invalid numbers.
         """
         episodes = self._episodes
         episodes.undo(checked_state(state, episodes.kind, self.model, 1).view(np.uint8))
@@ -406,7 +406,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
             The observation and the info, see the class.
 
         Raises:
-            ValueError: If an option is unknown, or a position or the goal is impossible.
+            ValueError: If an option is unknown, or a position or the goal is invalid.
             TypeError: If the options are not a mapping.
         """
         episodes, state = self._episodes, self._episodes.state
@@ -496,7 +496,7 @@ def make_env(*, render_mode: str | None = None, **arguments: Any) -> BilliardsEn
     The docstring of `BilliardsEnv` describes the arguments.
 
     Raises:
-        ValueError: If an argument is impossible.
+        ValueError: If an argument is invalid.
         TypeError: If an argument is unknown or has the wrong type.
     """
     return BilliardsEnv(make_model(**arguments), render_mode)

@@ -108,7 +108,7 @@ def checked_state(state: Any, kind: np.dtype[np.void], model: Model, count: int)
 
     Raises:
         TypeError: If `state` is not an array that `get_state` returned.
-        ValueError: If it is a state of another scene or task, has another number of rows, or holds impossible numbers.
+        ValueError: If it is a state of another scene or task, has another number of rows, or holds invalid numbers.
     """
     if not isinstance(state, (np.ndarray, np.void)) or state.dtype.names != kind.names:
         raise TypeError(f"state = {short(state)}: expected an array that get_state returned")

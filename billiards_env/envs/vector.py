@@ -185,7 +185,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
 
         Raises:
             TypeError: If `state` is not an array that `get_state` returned.
-            ValueError: If it is of another scene or task, has another number of rows, or holds impossible numbers.
+            ValueError: If it is of another scene or task, has another number of rows, or holds invalid numbers.
         """
         chosen, episodes = self._rows(rows), self._episodes
         count = self.num_envs if chosen is None else len(chosen)
@@ -303,7 +303,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
             (num_envs, size) observations of all environments, and the infos of those that are reset.
 
         Raises:
-            ValueError: If a seed or an option is wrong, or a position or a goal is impossible.
+            ValueError: If a seed or an option is wrong, or a position or a goal is invalid.
             TypeError: If the options are not a mapping or the mask is not a bool array.
             ResetNeeded: If environments outside the mask were never reset.
         """
@@ -472,7 +472,7 @@ def make_vector_env(
     The docstrings of `BilliardsVectorEnv` and `BilliardsEnv` describe the arguments.
 
     Raises:
-        ValueError: If an argument is impossible.
+        ValueError: If an argument is invalid.
         TypeError: If an argument is unknown or has the wrong type.
     """
     if "max_episode_steps" in arguments:

@@ -437,7 +437,7 @@ def raw_env(
     """Returns the environment without PettingZoo's wrappers. The docstring of `GameEnv` describes the arguments.
 
     Raises:
-        ValueError: If an argument is impossible.
+        ValueError: If an argument is invalid.
         TypeError: If an argument is unknown or has the wrong type.
     """
     if flag("miss", miss) and not can_call:

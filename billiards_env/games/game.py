@@ -281,7 +281,7 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
         The state.
 
     Raises:
-        ValueError: If a field is unknown or impossible, or the positions are invalid.
+        ValueError: If a field is unknown or invalid, or the positions are invalid.
     """
     default = to_dict(opening_state(setup)) | {"break_shot": False, "in_hand": "no"}
     changes = {} if state is None else state

@@ -77,7 +77,7 @@ def planning(argument: str, noise: Noise, options: Options = _STROKE_ONLY) -> Le
         options: The options of `planner.plan`.
 
     Raises:
-        ValueError: If the argument is neither a level nor a budget, or a number of `noise` is impossible.
+        ValueError: If the argument is neither a level nor a budget, or a number of `noise` is invalid.
     """
     level = level_of(argument)
     deviations, (seconds, shots) = expected(noise, level), parse_budget(level.budget)

@@ -49,7 +49,7 @@ def find_game(env: Mapping[str, Any]) -> BilliardsEnv:
         env: Arguments of `gym.make("Billiards-v0", ...)`. Equal arguments return the same environment.
 
     Raises:
-        ValueError: If an argument is impossible.
+        ValueError: If an argument is invalid.
         TypeError: If an argument has the wrong type.
     """
     return _find_game(json.dumps(env, default=Scene.to_dict))

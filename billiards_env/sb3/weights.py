@@ -68,7 +68,7 @@ def build_policy(
         learning_rate: The step size of the optimiser, as a function of the share of the steps that remain.
 
     Raises:
-        ValueError: If an argument is impossible, there is no such policy, or it does not fit the task.
+        ValueError: If an argument is invalid, there is no such policy, or it does not fit the task.
         TypeError: If an argument has the wrong type.
         KeyError: If a key is missing.
     """
@@ -105,7 +105,7 @@ def load_policy(
     Raises:
         FileNotFoundError: If the folder holds no finished run.
         OSError: If a file cannot be read.
-        ValueError: If `config.yaml` does not describe a policy, an argument of the environment is impossible, the
+        ValueError: If `config.yaml` does not describe a policy, an argument of the environment is invalid, the
             policy was trained for another task, action, table, radius of the balls or largest speed, or `policy.pt`
             does not hold the weights of the policy.
         TypeError: If an argument in `env` has the wrong type.

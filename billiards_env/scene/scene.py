@@ -193,7 +193,7 @@ class Physics:
             divided by 1 + mu_cushion_slip * slip.
         e_cushion_tangent: Share of the slip along the cushion that "han2005_variable" cushions reverse if their
             friction is large enough, 0 to 1.
-        mu_roll_speed: Gain of the rolling resistance per speed, s/m, see `physics.laws.cloth`; 0.004 on a match table.
+        mu_roll_speed: Gain of the rolling resistance per speed, s/m, see `physics.laws.cloth`; 0.003 in "match_carom".
         max_time: Time limit of a shot, s; None for no limit. "ideal" motion needs a limit.
     """
 
@@ -574,12 +574,12 @@ def _real_carom(n_balls: int) -> Scene:
 def _match_carom(n_balls: int) -> Scene:
     """Returns the scene fitted to 90 shots of three-cushion billiards on a match table, see docs/validation.md.
 
-    The tracks are those of the simulator tailuge/billiards, at 50 Hz. The 95% intervals of a later fit, which contain
-    the numbers, are: mu_slide 0.169 to 0.212, mu_roll 0.0030 to 0.0042, mu_roll_speed 0.0014 to 0.0031 s/m, spin_decay
-    at most 5.5 rad/s^2, e_ball 0.944 to 0.967, mu_ball_factor 0.51 to 1.96, mu_ball_decay at most 0.54 s/m, e_cushion
-    0.79 to 0.94, e_cushion_loss at most 0.044 s/m, e_cushion_topspin at most 0.064, e_cushion_tangent 0.099 to 0.156
-    and mu_cushion 0.224 to 0.235. The command is `python -m benchmarks.real_tracks`. The fitted table is larger, by as
-    much as the cushions yield.
+    The tracks (50 Hz) come from the repository of the simulator tailuge/billiards. The constants are within the 95%
+    intervals of a later fit: mu_slide 0.169 to 0.212, mu_roll 0.0030 to 0.0042, mu_roll_speed 0.0014 to 0.0031 s/m,
+    spin_decay at most 5.5 rad/s^2, e_ball 0.944 to 0.967, mu_ball_factor 0.51 to 1.96, mu_ball_decay at most 0.54 s/m,
+    e_cushion 0.79 to 0.94, e_cushion_loss at most 0.044 s/m, e_cushion_topspin at most 0.064, e_cushion_tangent 0.099
+    to 0.156 and mu_cushion 0.224 to 0.235. The command is `python -m benchmarks.real_tracks`. The fitted table is
+    larger, by as much as the cushions yield.
     """
     physics = Physics(
         ball_ball="frictional",

@@ -1,4 +1,4 @@
-"""Shots with results in closed form. The engine has them up to rounding, the 50-digit simulator to 40 digits."""
+"""Shots with results in closed form. The engine has them up to rounding, the 50-digit reference to 40 digits."""
 
 import functools
 import itertools
@@ -290,7 +290,7 @@ def of_engine(start, **limits):
 
 
 def of_simulator(start, **limits):
-    """Returns the shot of the 50-digit simulator, its events and their times."""
+    """Returns the shot of the 50-digit reference, its events and their times."""
     shot = oracle.run(*start, **limits)
     return shot, [(e.kind, e.ball, e.other) for e in shot.events], [e.time for e in shot.events]
 

@@ -1,4 +1,4 @@
-"""Shots for tests of derivatives, and finite differences of shots of the 50-digit simulator."""
+"""Shots for tests of derivatives, and finite differences of shots of the 50-digit reference."""
 
 import dataclasses
 import math
@@ -75,7 +75,7 @@ def tangent_of(name, scene, rng):
 
 
 def changed_world(change):
-    """Lets the 50-digit simulator use `change(world)` in place of each world."""
+    """Lets the 50-digit reference use `change(world)` in place of each world."""
     plain = World.of
     return mock.patch.object(World, "of", lambda scene, digits: change(plain(scene, digits)))
 

@@ -1,4 +1,4 @@
-"""The 50-digit simulator: its roots, conservation laws and refusals. `test_closed_forms.py` has its closed forms."""
+"""The 50-digit reference: its roots, conservation laws and refusals. `test_closed_forms.py` has its closed forms."""
 
 import math
 from fractions import Fraction

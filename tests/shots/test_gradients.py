@@ -1,4 +1,4 @@
-"""The derivatives of shots agree with differences of the 50-digit simulator, and with each other."""
+"""The derivatives of shots agree with differences of the 50-digit reference, and with each other."""
 
 import math
 
@@ -17,7 +17,7 @@ from tests.helpers.shots import draw_starts, simulate
 
 
 def inputs_of(scene):
-    """Returns the inputs that enter the shots of a scene in the 50-digit simulator."""
+    """Returns the inputs that enter the shots of a scene in the 50-digit reference."""
     p = scene.physics
     names = ["positions", "velocities", "radius", "mass", "e_ball", "e_cushion"]
     if p.motion != "ideal":
@@ -39,7 +39,7 @@ def inputs_of(scene):
     return names
 
 
-# The 50-digit simulator has no "mathavan2010" cushions; `tests/physics/test_cushion_derivatives.py` tests their law.
+# The 50-digit reference has no "mathavan2010" cushions; `tests/physics/test_cushion_derivatives.py` tests their law.
 NAMED = [name for name in scenes.SCENES if name not in (*SCENES, "snooker")]
 
 
