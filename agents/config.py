@@ -50,8 +50,8 @@ class Config:
         task: A frozen task, such as "Pot1-v0", which sets `env` and `noise`; None for none.
         env: Arguments of `gym.make("Billiards-v0", ...)`. They replace the arguments of `task`. The constructor adds
             all missing arguments.
-        noise: The argument `noise` of `Billiards-v0`; None for no noise, "task" for the noise of `task`. After the
-            construction it is None or has all numbers.
+        noise: The argument `noise` of `Billiards-v0`; None for no noise, "task" for the noise of `task`. The
+            constructor replaces "task" and adds all missing numbers.
         curriculum: A mapping with `goal_radius`, m, and `shots`. The training begins with goals of this radius. During
             the first `shots` steps the radius falls geometrically to that of the environment; it changes at each
             checkpoint. None for a constant radius.

@@ -24,10 +24,8 @@ _BEFORE = 1e-6  # s, a row at a contact is after it
 _EXACT = 1e-7  # m, the noise of exact tracks
 _MOVED = 0.004  # m, from a place of rest
 _REST = 2e-3  # m, the error of a place of rest; cameras distort by about as much
-_WINDOWS = (
-    (1, 8),
-    (0, 2),
-)  # rows of the cue ball for a guess of its velocity: first one after its rest, number
+# The rows of the cue ball for two guesses of its velocity: the first one after its rest, and their number.
+_WINDOWS = (1, 8), (0, 2)
 _CLIPPED = 8, 2.0  # rows at an extreme coordinate, and their number over that at the next one
 
 

@@ -6,8 +6,8 @@ A decision takes the given processor time on one core, and a break takes four ti
   speeds and offsets of the tip, and random shots.
 * Selection: each candidate is simulated without noise, and those with the lowest values are dropped. The others are
   simulated with noise in direction and speed, and the worse half is dropped, until a few are left (sequential
-  halving: Karnin, Koren and Somekh 2013, Almost optimal exploration in multi-armed bandits). Copies of the better ones,
-  corrected by the mean noise of their better outcomes, replace some of the others.
+  halving: Karnin, Koren and Somekh 2013, Almost optimal exploration in multi-armed bandits). Copies of the better ones
+  replace some of the others. A copy is shifted by the mean noise of the outcomes that were better than the mean.
 * Values: the value of an outcome is an estimate, from -1 for a lost game to 1 for a won game, or the expected lead in
   points. It depends on the easiest pots of the player who shoots next, see `players.values`.
 
@@ -259,7 +259,7 @@ def _halved(search: _Search, survivors: Candidates) -> tuple[Candidates, Sums]:
         if rounds == 1 or budget.left < len(order):
             return survivors.take(order[:FINALISTS]), totals.take(order[:FINALISTS])
         order = order[: max(FINALISTS, len(order) // 2)]
-        # Copies of the better half, with the mean noise of its better outcomes, replace the worse half.
+        # Copies of the better half, shifted by the noise of their better outcomes, replace the worse half.
         half = len(order) // 2 if rounds > 2 else 0
         copied, order = order[:half], order[: len(order) - half]
         noisy = survivors.velocities[copied], survivors.spins[copied], shifts[copied]
