@@ -18,11 +18,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from billiards_env.calibration.cleaning import clean, noise_of
 from billiards_env.calibration.fit import MANY, Fit, determined, fit_shared, values_of, with_physics
 from billiards_env.calibration.frame import Frame, check_frame, fit_frame
 from billiards_env.calibration.judge import Judged, find_problems, judge
 from billiards_env.calibration.report import Calibration
-from billiards_env.calibration.shot import SPIN, VELOCITY, Shot, drop_clipped, noise_of, prepare
+from billiards_env.calibration.shot import SPIN, VELOCITY, Shot, prepare
 from billiards_env.calibration.stages import ENOUGH, fit_stages, read_state
 from billiards_env.calibration.starts import settle
 from billiards_env.calibration.tracks import Floats, Track, check_tracks
@@ -97,7 +98,7 @@ def calibrate(
     integer("contacts", contacts, _CONTACTS)
     for law in laws:
         one_of("laws", law, FRICTION_CUSHIONS)
-    tracks, clipped = drop_clipped(check_tracks(scene, shots, 4 if velocities is None else 1))
+    tracks, warnings = clean(check_tracks(scene, shots, 4 if velocities is None else 1))
     scene, file_frame = _framed(scene, tracks, frame, contacts)
     tracks = [file_frame.apply(track) for track in tracks]
     error = noise_of(tracks) if noise is None else real("noise", noise, _NOISE)
@@ -110,7 +111,7 @@ def calibrate(
     run = functools.partial(fit_stages, contacts=contacts, noise=error, saved=saved, path=state, progress=progress)
     fit, used, predicted = _fit(Fit(scene, names, scene, prepared, {}, np.zeros((0, 0))), run, contacts, hold_back)
     fitted = [shot.until(contacts) for shot in fit.shots]
-    warnings, losses = [f"{clipped} rows at the border of the picture are left out"] if clipped else [], {}
+    losses = {}
     if fit.share < ENOUGH:
         warnings.append(f"only {fit.share:.0%} of the rows until the second contact fit: no constants are determined")
         fit = fit._replace(scene=scene, names=())

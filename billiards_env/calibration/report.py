@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from billiards_env.calibration.cleaning import clean
 from billiards_env.calibration.fit import bounds_of, half_widths
 from billiards_env.calibration.frame import Frame
 from billiards_env.calibration.judge import CONTACTS, Judged, Problem, judge
-from billiards_env.calibration.shot import INSTANT, PLACES, SPIN, VELOCITY, Shot, drop_clipped, prepare
+from billiards_env.calibration.shot import INSTANT, PLACES, SPIN, VELOCITY, Shot, prepare
 from billiards_env.calibration.starts import errors, simulated
-from billiards_env.calibration.tracks import Bools, Floats, Track
+from billiards_env.calibration.tracks import Bools, Floats, Track, check_tracks
 from billiards_env.checks import RANGES, finite, one_of
 from billiards_env.files import check_path, replacing, write_json
 from billiards_env.scene import PARAMETERS, Scene
@@ -118,7 +119,7 @@ class Calibration:
 
     def judge(self, tracks: Sequence[Track]) -> Judged:
         """Returns the errors of other shots, in the frame of the given tracks, with the fitted constants."""
-        framed = [self.frame.apply(track) for track in drop_clipped(tracks)[0]]
+        framed = [self.frame.apply(track) for track in clean(check_tracks(self.scene, tracks, 1))[0]]
         return judge(self.scene, [prepare(self.scene, track, self.row_noise) for track in framed])
 
     def noise(self, intended: ArrayLike) -> dict[str, float]:

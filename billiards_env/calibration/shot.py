@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,12 +20,10 @@ CAUCHY = 2.385
 1977)."""
 
 _BEFORE = 1e-6  # s, a row at a contact is after it
-_EXACT = 1e-7  # m, the noise of exact tracks
 _MOVED = 0.004  # m, from a place of rest
 _REST = 2e-3  # m, the error of a place of rest; cameras distort by about as much
 # The rows of the cue ball for two guesses of its velocity: the first one after its rest, and their number.
 _WINDOWS = (1, 8), (0, 2)
-_CLIPPED = 8, 2.0  # rows at an extreme coordinate, and their number over that at the next one
 
 
 class Shot(NamedTuple):
@@ -94,33 +91,6 @@ class Shot(NamedTuple):
     def wide(self, contact: int, scale: float) -> Shot:
         """Returns the shot with all rows before a contact of the cue ball, and a least scale, m."""
         return self._replace(used=self.time < self.end(contact), scale=np.maximum(self.scale, scale))
-
-
-def drop_clipped(tracks: Sequence[Track]) -> tuple[list[Track], int]:
-    """Returns tracks without rows clipped at the border of a picture, and the number of clipped rows."""
-    places = np.concatenate([track.positions for track in tracks])
-    clipped = np.zeros(len(places), np.bool_)
-    for values in (*places.T, *-places.T):
-        extremes, counts = np.unique(values, return_counts=True)
-        if len(extremes) > 1 and counts[-1] >= max(_CLIPPED[0], _CLIPPED[1] * counts[-2]):
-            clipped |= values == extremes[-1]
-    parts = np.split(~clipped, np.cumsum([len(track.times) for track in tracks])[:-1])
-    return [track.rows(kept) for track, kept in zip(tracks, parts, strict=True)], int(clipped.sum())
-
-
-def noise_of(tracks: Sequence[Track]) -> float:
-    """Returns the standard deviation of a coordinate, m, from third differences of rows at equal steps (median).
-
-    It is at least `_EXACT`.
-    """
-    differences = [np.zeros(0)]
-    for t, p in (path for track in tracks for path in track.paths().values() if len(path[0]) > 3):
-        steps = np.lib.stride_tricks.sliding_window_view(np.diff(t), 3)
-        even = np.ptp(steps, axis=1) < 0.1 * steps.mean(axis=1)
-        differences.append(np.abs(np.diff(p, 3, axis=0)[even]).ravel())
-    sizes = np.concatenate(differences)
-    sizes = sizes[sizes > 0.0]
-    return max(_EXACT, float(np.median(sizes)) / 0.6745 / np.sqrt(20.0)) if sizes.size > 20 else _EXACT
 
 
 def prepare(scene: Scene, track: Track, noise: float, known: Floats | None = None) -> Shot:

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from billiards_env.calibration import Frame, Track, calibrate, fit, stages
+from billiards_env.calibration.cleaning import clean, drop_clipped, noise_of
 from billiards_env.calibration.contacts import CUSHION, find_contacts
 from billiards_env.calibration.frame import fit_frame
-from billiards_env.calibration.shot import drop_clipped, noise_of, prepare
+from billiards_env.calibration.shot import prepare
 from billiards_env.calibration.tracks import with_rest
 from billiards_env.checks import RANGES, Range
 from tests.helpers.tracks import FRAME, LATE, SCENE, raw_tracks, whole_tracks
@@ -90,6 +91,28 @@ def test_the_frame_is_fitted_from_rebounds_and_clipped_rows_are_left_out():
         ValueError, match=r"frame = 'fit': rebounds: \d+ at \+x, .*: expected 5 or more at each cushion"
     ):
         fit_frame(SCENE, tracks[:1], 4)
+
+
+def without_frame(track, at):
+    """Returns a track whose program did not count the frame at a time, s."""
+    kept = track.rows((track.times < at - 1e-9) | (track.times > at + 0.01))
+    return kept._replace(times=kept.times - 0.02 * (kept.times > at))
+
+
+def test_times_of_lost_frames_are_corrected():
+    tracks = [track.rows(np.argsort(track.times, kind="stable")) for track in whole_tracks()]
+    assert [track.times.tolist() for track in clean(tracks)[0]] == [track.times.tolist() for track in tracks]
+    # All tracks have lost one frame at the same time, and one has lost another.
+    lost = [without_frame(track, 0.9) for track in tracks]
+    lost[2] = without_frame(lost[2], 1.6)
+    cleaned, said = clean(lost)
+    assert said == ["13 losses of frames in 12 shots: later times are corrected"]
+    for track, before, after in zip(tracks, lost, cleaned, strict=True):
+        true = track.times[(np.abs(track.times - 0.9) > 0.01)]
+        true = true[np.abs(true - 1.62) > 0.01] if track is tracks[2] else true
+        assert len(true) == len(before.times)
+        assert np.mean(np.abs(after.times - true) < 1e-9) > 0.98  # rows in the same step are ambiguous
+    assert any("losses of frames" in text for text in calibrate(SCENE, lost[:4], ["mu_roll"], contacts=2).warnings)
 
 
 def test_the_noise_is_estimated():
