@@ -79,6 +79,20 @@ def test_balls_at_rest_near_each_other_have_no_contact():
     assert not shot.contacts
 
 
+def test_a_ball_that_begins_to_move_was_hit():
+    # The object ball has no row between the hit and its rebound, then it follows the cue ball.
+    times = 0.02 * np.arange(21)
+    before = np.array([0.728, -0.565]) + (times[:11, None] - 0.2) * [-2.45, -1.1]
+    after = np.array([0.653, -0.573]) + (times[12:, None] - 0.24) * [-1.4, 0.65]
+    ball = np.array([0.606, -0.644]) + (times[14:, None] - 0.28) * [-0.55, 1.25]
+    places = np.concatenate((before, after, [[0.6525, -0.6402]], [[0.632, -0.678]], ball))
+    rows = np.concatenate((times[:11], times[12:], [0.1, 0.24], times[14:]))
+    track = Track("s", rows, np.repeat([0, 1], (20, 9)), places)
+    (hit,) = [one for one in find_contacts(SCENE, with_rest(track)[0]) if one.other >= 0]
+    assert (hit.ball, hit.other) == (0, 1)
+    assert 0.2 <= hit.time <= 0.24
+
+
 def test_the_frame_is_fitted_from_rebounds_and_clipped_rows_are_left_out():
     tracks, clipped = drop_clipped(raw_tracks())
     assert clipped >= 8
