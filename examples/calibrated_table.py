@@ -1,14 +1,15 @@
-"""From tracks to a policy: fits a table, trains one policy for it and one for the default table, and compares them.
+"""From tracks to a policy: fits a table, trains policies for it and for the default table, and compares them.
 
     python examples/calibrated_table.py
 
 The tracks come from simulated shots on a table whose constants the fit does not receive; `read_tracks` reads the tracks
-of a real table. The task is the opening shot of three-cushion billiards. One policy trains on tables with constants
-drawn from the intervals of the fit, the other on the default table. Both are tested on tables drawn from these
-intervals, with the noise of the strikes in the tracks.
+of a real table. The task is three-cushion billiards, one shot from a random layout. Some policies train on tables with
+constants drawn from the intervals of the fit, the others on the default table. All are tested on tables drawn from
+these intervals, with the noise of the strikes in the tracks.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -19,11 +20,12 @@ from stable_baselines3 import PPO
 from billiards_env import Scene, simulate
 from billiards_env.calibration import Calibration, calibrate, observed
 from billiards_env.evaluation import evaluation_seeds, play_together
+from billiards_env.intervals import over_seeds
 from billiards_env.sb3 import PPO_SETTINGS, AimPolicy, SameStepVecEnv
 from billiards_env.scene import Physics, layouts
 
 DEFAULT = dataclasses.replace(Scene.named("carom"), physics=Physics(ball_ball="frictional"))
-NUMBERS = Physics(
+CONSTANTS = Physics(
     ball_ball="frictional",
     mu_slide=0.19,
     mu_roll=0.0046,
@@ -33,10 +35,13 @@ NUMBERS = Physics(
     e_cushion=0.847,
     mu_cushion=0.252,
 )
-TABLE = dataclasses.replace(DEFAULT, physics=NUMBERS)
+TABLE = dataclasses.replace(DEFAULT, physics=CONSTANTS)
 """A table whose cloth is faster, and whose balls have more friction, than those of `DEFAULT`."""
 TURN, SPEED = 0.002, 0.02
 """Standard deviations of the noise of the strikes: rad, and m/s."""
+SEEDS = (0, 1, 2)
+SETTINGS: dict[str, Any] = {**PPO_SETTINGS, "batch_size": 2048, "n_epochs": 8}
+POLICY = {"points": 8, "speeds": [0.3, 0.5, 0.75, 1.0], "exploration": 75_000}
 
 
 def fitted_table(shots: int) -> tuple[Calibration, np.ndarray]:
@@ -55,15 +60,16 @@ def fitted_table(shots: int) -> tuple[Calibration, np.ndarray]:
 
 
 def environments(num_envs: int, **world: Any) -> Any:
-    """Returns environments that play the opening shot; `world` gives their other arguments."""
-    return gym.make_vec("billiards_env:Billiards-v0", num_envs=num_envs, task="three_cushion", max_shots=1, **world)
+    """Returns environments of one shot; `world` gives their other arguments."""
+    arguments = {"task": "three_cushion", "layout": "random", "max_shots": 1, **world}
+    return gym.make_vec("billiards_env:Billiards-v0", num_envs=num_envs, **arguments)
 
 
-def train(steps: int, **world: Any) -> PPO:
+def train(steps: int, seed: int, **world: Any) -> PPO:
     """Returns a policy that was trained for a number of shots."""
     torch.set_num_threads(1)  # small networks are faster on one thread
-    envs = SameStepVecEnv(environments(2048, **world))
-    return PPO(AimPolicy, envs, **PPO_SETTINGS, seed=0).learn(steps)
+    envs = SameStepVecEnv(environments(4096, **world))
+    return PPO(AimPolicy, envs, **SETTINGS, policy_kwargs=POLICY, seed=seed).learn(steps)
 
 
 def success(model: PPO, episodes: int, **world: Any) -> float:
@@ -75,16 +81,22 @@ def success(model: PPO, episodes: int, **world: Any) -> float:
     return float(played["success_rate"])
 
 
-def run(steps: int, shots: int = 12, episodes: int = 1000) -> dict[str, float]:
-    """Returns the success, on the fitted table, of the policies trained for the fitted and for the default table."""
+def run(steps: int, shots: int = 12, episodes: int = 4000, seeds: Sequence[int] = SEEDS) -> dict[str, dict[str, Any]]:
+    """Returns the success on the fitted table of policies for the fitted and for the default table, over the seeds."""
     result, intended = fitted_table(shots)
     print(result)
     noise: Any = result.noise(intended)
     fitted = {"scene": result.scene, "randomize": result.randomize(), "noise": noise}
-    policies = {"fitted": train(steps, **fitted), "default": train(steps, scene=DEFAULT, noise=noise)}
-    return {name: success(model, episodes, **fitted) for name, model in policies.items()}
+    worlds = {"fitted": fitted, "default": {"scene": DEFAULT, "noise": noise}}
+    shares: dict[str, list[float]] = {name: [] for name in worlds}
+    for seed in seeds:
+        for name, world in worlds.items():
+            shares[name].append(success(train(steps, seed, **world), episodes, **fitted))
+            print(f"seed {seed}, trained on the {name} table: {shares[name][-1]:.1%}", flush=True)
+    return {name: over_seeds(values) for name, values in shares.items()}
 
 
 if __name__ == "__main__":
     for name, share in run(300_000).items():
-        print(f"trained on the {name} table: {share:.1%} of the shots on the fitted table score")
+        low, high = share["interval"]
+        print(f"trained on the {name} table: {share['mean']:.1%} of the shots score, {low:.1%} to {high:.1%}")
