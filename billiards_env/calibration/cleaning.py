@@ -45,9 +45,12 @@ def clean(tracks: Sequence[Track]) -> tuple[list[Track], list[str]]:
     kept, clipped = drop_clipped(tracks)
     gaps = lost_frames(kept, noise_of(kept))
     said = [f"{clipped} rows at the border of the picture are left out"] if clipped else []
-    late = [each for each in gaps if each]
-    if late:
-        said.append(f"{sum(map(len, late))} losses of frames in {len(late)} shots: later times are corrected")
+    times = [gap.time for each in gaps for gap in each]
+    if times:
+        said.append(
+            f"{len(times)} losses of frames in {sum(map(bool, gaps))} of {len(gaps)} shots, at {min(times):.2f} to "
+            f"{max(times):.2f} s: later times are corrected"
+        )
     return [corrected(track, each) for track, each in zip(kept, gaps, strict=True)], said
 
 
@@ -129,7 +132,7 @@ def _gaps(track: Track, frame: float, noise: float) -> Iterator[Gap]:
         sure = along / (spread * np.sqrt(np.square(inverse[:, 3]).sum(axis=1)))
         count = along / speed / frame
         steady = 2.0 * np.hypot(*fitted[:, 2].T) * length < _STEADY * speed
-        whole = (np.abs(count - np.round(count)) < _WHOLE) & (count > 0.5) & (count < _STEP)
+        whole = (np.abs(count - np.round(count)) < _WHOLE) & (count > 0.5) & (count < _STEP + 0.5)
         for k in np.flatnonzero(steady & whole & (sure > _CLEAR)):
             clear.append((-sure[k], float(times[k, _SIDE - 1 : _SIDE + 1].mean()), frame * float(np.round(count[k]))))
     best: list[Gap] = []

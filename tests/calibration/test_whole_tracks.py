@@ -120,7 +120,7 @@ def test_times_of_lost_frames_are_corrected():
     lost = [without_frame(track, 0.9) for track in tracks]
     lost[2] = without_frame(lost[2], 1.6)
     cleaned, said = clean(lost)
-    assert said == ["13 losses of frames in 12 shots: later times are corrected"]
+    assert said == ["13 losses of frames in 12 of 12 shots, at 0.89 to 1.59 s: later times are corrected"]
     for track, before, after in zip(tracks, lost, cleaned, strict=True):
         true = track.times[(np.abs(track.times - 0.9) > 0.01)]
         true = true[np.abs(true - 1.62) > 0.01] if track is tracks[2] else true
