@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from billiards_env.calibration.contacts import CUSHION, Contact, find_contacts
 from billiards_env.calibration.shot import Shot
-from billiards_env.calibration.tracks import Floats, Track, with_rest
+from billiards_env.calibration.tracks import Floats, Ints, Track, with_rest
 from billiards_env.scene import Scene
 
 _LEAST = 5  # rebounds at a cushion
@@ -47,7 +46,7 @@ def reach_of(scene: Scene) -> Floats:
     return np.array([scene.table.length, scene.table.width]) / 2.0 - np.median(scene.balls.radius)
 
 
-def find_lines(contacts: Sequence[Contact]) -> tuple[Floats, NDArray[np.intp], float, float]:
+def find_lines(contacts: Sequence[Contact]) -> tuple[Floats, Ints, float, float]:
     """Returns the lines that the centres of balls reach at the cushions.
 
     One least-squares fit with Cauchy weights finds them from the rebounds at all four cushions.

@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from billiards_env.calibration.contacts import Contact, find_contacts, find_exchange
-from billiards_env.calibration.tracks import Bools, Floats, Track, with_rest
+from billiards_env.calibration.tracks import Bools, Floats, Ints, Track, with_rest
 from billiards_env.scene import Scene
 
-PLACES, VELOCITY, SPIN, SIDE, INSTANT = slice(None, -6), slice(-6, -4), slice(-4, -1), -2, -1
+PLACES, VELOCITY, SPIN, INSTANT = slice(None, -6), slice(-6, -4), slice(-4, -1), -1
 """Where the numbers of a start are in an array (..., 2 n + 6): x and y of each ball, m; the cue ball's velocity, m/s,
-its spin, rad/s, and that about the vertical axis; and the instant of the strike, s after `Shot.begin`."""
+and its spin, rad/s; and the instant of the strike, s after `Shot.begin`."""
 
 CAUCHY = 2.385
 """The scale of the loss over the standard deviation of a residual: 95% efficient for Gaussian noise (Holland and Welsch
@@ -75,7 +74,7 @@ class Shot(NamedTuple):
         return [contact for contact in self.contacts if contact.ball == 0]
 
     @property
-    def after(self) -> NDArray[np.intp]:
+    def after(self) -> Ints:
         """(r,) The number of contacts of the cue ball before each row."""
         return np.searchsorted([contact.time for contact in self.cue_contacts], self.track.times)
 
@@ -84,13 +83,17 @@ class Shot(NamedTuple):
         times = [cue_contact.time for cue_contact in self.cue_contacts[contact - 1 : contact]]
         return min(*times, self.exchanged[2], np.inf) - _BEFORE - self.begin
 
+    def before(self, contact: int) -> Bools:
+        """Returns the rows to fit before a contact of the cue ball, (r,) bool."""
+        return self.time < self.end(contact)
+
     def until(self, contact: int) -> Shot:
         """Returns the shot with the rows that are used before a contact of the cue ball."""
-        return self._replace(used=self.used & (self.time < self.end(contact)))
+        return self._replace(used=self.used & self.before(contact))
 
     def wide(self, contact: int, scale: float) -> Shot:
         """Returns the shot with all rows before a contact of the cue ball, and a least scale, m."""
-        return self._replace(used=self.time < self.end(contact), scale=np.maximum(self.scale, scale))
+        return self._replace(used=self.before(contact), scale=np.maximum(self.scale, scale))
 
 
 def prepare(scene: Scene, track: Track, noise: float, known: Floats | None = None) -> Shot:

@@ -19,7 +19,6 @@ from billiards_env.calibration.shot import CAUCHY, Shot
 from billiards_env.calibration.starts import errors, search
 from billiards_env.calibration.tracks import Bools
 from billiards_env.files import write_json
-from billiards_env.scene import Scene
 from billiards_env.shots import records
 
 FIRST = 0.005
@@ -44,34 +43,30 @@ def fit_stage(fit: Fit, contact: int, noise: float) -> Fit:
         noise: The least error of a coordinate, m.
     """
     for _ in range(_ROUNDS):
-        shots = []
-        for shot in fit.shots:
-            best = search(fit.scene, shot.wide(contact, FIRST))
-            shots.append(best._replace(used=shot.used, scale=shot.scale))
-        fit = fit._replace(shots=near_rows(fit.scene, shots, contact, noise))
+        shots = [search(fit.scene, shot.wide(contact, FIRST))._replace(used=shot.used) for shot in fit.shots]
+        fit = near_rows(fit._replace(shots=shots), contact, noise)
         if contact > 1:
-            fit, _ = fit_shared(fit, contact)
-            fit = fit._replace(shots=near_rows(fit.scene, fit.shots, contact, noise))
+            fit = near_rows(fit_shared(fit, contact)[0], contact, noise)
     return fit
 
 
-def near_rows(scene: Scene, shots: list[Shot], contact: int, noise: float) -> list[Shot]:
-    """Returns shots with new used rows and new scales, from the errors of a fit until a contact.
+def near_rows(fit: Fit, contact: int, noise: float) -> Fit:
+    """Returns a fit with new used rows and new scales of its shots, from their errors until a contact.
 
     The scale of a row comes from the typical error of rows after the same number of contacts. The part above the
     noise is an error of the laws, which the rows of a shot between two contacts share. Together these rows count as at
     most `_SHARED` rows.
     """
-    distances = [np.hypot(*errors(scene, shot).T) for shot in shots]
-    counted = [shot.until(contact).used & shot.moving for shot in shots]
+    distances = [np.hypot(*errors(fit.scene, shot).T) for shot in fit.shots]
+    counted = [shot.until(contact).used & shot.moving for shot in fit.shots]
     off = np.concatenate([distance[rows] for distance, rows in zip(distances, counted, strict=True)])
-    after = np.concatenate([shot.after[rows] for shot, rows in zip(shots, counted, strict=True)])
-    typical = np.full(max(shot.after.max() for shot in shots) + 1, noise)
+    after = np.concatenate([shot.after[rows] for shot, rows in zip(fit.shots, counted, strict=True)])
+    typical = np.full(max(shot.after.max() for shot in fit.shots) + 1, noise)
     for k in np.unique(after):  # the median distance of Gaussian errors in two coordinates is 1.1774
         typical[k] = max(noise, float(np.median(off[after == k])) / 1.1774)
-    near = []
-    for shot, distance in zip(shots, distances, strict=True):
-        before, error = shot.time < shot.end(contact), typical[shot.after]
+    shots = []
+    for shot, distance in zip(fit.shots, distances, strict=True):
+        before, error = shot.before(contact), typical[shot.after]
         far = before & (distance > np.maximum(_LEAST, _FAR * error))
         leaves = leaves_at(shot, far)
         used = ~far & (shot.time < leaves[0])
@@ -79,8 +74,8 @@ def near_rows(scene: Scene, shots: list[Shot], contact: int, noise: float) -> li
         of_laws = (np.square(error) - noise**2) * np.maximum(rows / _SHARED, 1.0)
         scale = CAUCHY * np.sqrt(of_laws + noise**2)
         scale = np.where(before, scale, np.maximum(FIRST, scale))
-        near.append(shot._replace(scale=scale, used=used, leaves=leaves))
-    return near
+        shots.append(shot._replace(scale=scale, used=used, leaves=leaves))
+    return fit._replace(shots=shots)
 
 
 def leaves_at(shot: Shot, far: Bools) -> tuple[float, int]:
@@ -131,12 +126,12 @@ def fit_stages(
         stages = tuple(finished["stages"])
         scene = with_physics(fit.scene, **{name: value for name, (value, _) in stages[-1].items()})
         shots = [shot._replace(starts=np.array([row])) for shot, row in zip(fit.shots, finished["starts"], strict=True)]
-        fit = fit._replace(scene=scene, shots=near_rows(scene, shots, len(stages) + 1, noise), stages=stages)
+        fit = near_rows(fit._replace(scene=scene, shots=shots, stages=stages), len(stages) + 1, noise)
     for contact in range(len(fit.stages) + 2, contacts + 1):
         fit = fit_stage(fit, contact, noise)
         values, variances = values_of(fit.scene, fit.names), np.diag(covariance(fit, contact)).tolist()
         stage = dict(zip(fit.names, zip(values.values(), variances, strict=True), strict=True))
-        near = np.concatenate([shot.used[shot.moving & (shot.time < shot.end(contact))] for shot in fit.shots])
+        near = np.concatenate([shot.used[shot.moving & shot.before(contact)] for shot in fit.shots])
         share = float(near.mean()) if near.size else 0.0
         fit = fit._replace(stages=(*fit.stages, stage), share=share if contact == 2 else fit.share)
         if path is not None and fit.share >= ENOUGH:

@@ -7,11 +7,10 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from billiards_env.calibration.contacts import CUSHION, POCKET, Contact
-from billiards_env.calibration.shot import CAUCHY, INSTANT, PLACES, SIDE, SPIN, VELOCITY, Shot
-from billiards_env.calibration.tracks import Bools, Floats
+from billiards_env.calibration.shot import CAUCHY, INSTANT, PLACES, SPIN, VELOCITY, Shot
+from billiards_env.calibration.tracks import Bools, Floats, Ints
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.scene import Scene
 from billiards_env.shots.gradients import Record, start_jacobians
@@ -86,7 +85,7 @@ def model_contacts(scene: Scene, shot: Shot, ball: int) -> Iterator[Contact]:
             yield Contact(time, ball, other, np.array([event["x"], event["y"]]), float(event["speed"]), body)
 
 
-def _motion(record: Record, balls: NDArray[np.int64], times: Floats) -> tuple[Floats, Floats]:
+def _motion(record: Record, balls: Ints, times: Floats) -> tuple[Floats, Floats]:
     """Returns the places and the velocities of balls (r,) at times (g, r) of g simulated shots, (g, r, 2) each."""
     n, span = record.scene.n_balls, float(record.time.max()) + 1.0
     paths = Trajectory.of(np.concatenate([p.segments[p.bounds[0, 1] : p.bounds[-1, 1]] for p in record.parts]))
@@ -241,8 +240,8 @@ def search(scene: Scene, shot: Shot) -> Shot:
         others, spins = np.repeat(tried, len(SIDES) * len(ROLLS), axis=0), list(itertools.product(SIDES, ROLLS))
         side, roll = np.tile(spins, (len(tried), 1)).T
         x, y = others[:, VELOCITY].T
-        others[:, SPIN] = np.column_stack((-roll * y, roll * x, 0.0 * x)) / scene.balls.radius[0]
-        others[:, SIDE] = side * spin_of_cue(scene, np.hypot(x, y))
+        radius, most = scene.balls.radius[0], spin_of_cue(scene, np.hypot(x, y))
+        others[:, SPIN] = np.column_stack((-roll * y / radius, roll * x / radius, side * most))
         tried = np.concatenate((tried, others))
     tried, valid = allowed(scene, np.where(np.isnan(shot.known), tried, shot.known), shot)
     if not valid.any():

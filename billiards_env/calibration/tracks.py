@@ -27,6 +27,7 @@ from billiards_env.shots.result import ShotResult
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.intp]
 
 COLUMNS = ("shot", "time", "ball", "x", "y")
 
@@ -59,7 +60,7 @@ class Track(NamedTuple):
 
     name: str
     times: Floats
-    balls: NDArray[np.int64]
+    balls: Ints
     positions: Floats
 
     def rows(self, rows: Any) -> Track:
@@ -162,14 +163,15 @@ def _from_json(path: str, text: str, unit: str) -> Iterator[tuple[str, Row]]:
 
 def _from_csv(path: str, text: str, unit: str) -> Iterator[tuple[str, Row]]:
     """Yields the name of a shot and a row."""
-    lines = [(k, row) for k, row in enumerate(text.splitlines(), 1) if row.strip(" \t;,") and row[0] != "#"]
-    line, first = lines[0] if lines else (1, "")
+    lines = [line if line.strip(" \t;,") and line[0] != "#" else "" for line in text.splitlines()]
+    first = next(filter(None, lines), "")
     mark = next((mark for mark in ("\t", ";") if mark in first), ",")
+    reader = csv.reader(lines, delimiter=mark)
+    table = ([cell.strip() for cell in cells] for cells in reader if cells)
     try:
-        table = ([cell.strip() for cell in cells] for cells in csv.reader((row for _, row in lines), delimiter=mark))
         head = next(table, [""])
         at, units = _columns(head, unit)
-        for (line, _), cells in zip(lines[1:], table, strict=True):  # noqa: B007
+        for cells in table:
             if len(cells) != len(head):
                 raise ValueError(f"{len(cells)} cells: expected {len(head)}")
             shot, ball, *values = (cells[k] if k >= 0 else "" for k in at)
@@ -179,7 +181,7 @@ def _from_csv(path: str, text: str, unit: str) -> Iterator[tuple[str, Row]]:
             t, x, y = (_finite(*cell) * size for *cell, size in zip(("time", "x", "y"), values, units, strict=True))
             yield shot, (t, ball, x, y)
     except (ValueError, csv.Error) as error:
-        raise ValueError(f"{path}, line {line}: {error}") from error
+        raise ValueError(f"{path}, line {max(1, reader.line_num)}: {error}") from error
 
 
 def _columns(head: Sequence[str], unit: str) -> tuple[list[int], tuple[float, float, float]]:
@@ -200,7 +202,7 @@ def _columns(head: Sequence[str], unit: str) -> tuple[list[int], tuple[float, fl
 
 
 def _finite(name: str, cell: Any) -> float:
-    value = number(cell) if isinstance(cell, str) else cell
+    value = number(cell)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         raise ValueError(f"{name} = {short(cell)}: expected a finite number")
     return float(value)
