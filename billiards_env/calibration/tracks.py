@@ -194,11 +194,11 @@ def _columns(head: Sequence[str], unit: str) -> tuple[list[int], tuple[float, fl
         if len(places) != 1 and not (column == "shot" and not places):
             raise ValueError(f"head = {short(','.join(head))}: expected one column {column!r}")
         at.append(places[0] if places else -1)
-    time, x, y = (units[k] for k in at[2:])
-    one_of("unit of time", time or "s", tuple(_SECONDS))
+    time, x, y = (units[k] or usual for k, usual in zip(at[2:], ("s", unit, unit), strict=True))
+    one_of("unit of time", time, tuple(_SECONDS))
     for length in (x, y):
-        one_of("unit", length or unit, tuple(UNITS))
-    return at, (_SECONDS[time or "s"], UNITS[x or unit], UNITS[y or unit])
+        one_of("unit", length, tuple(UNITS))
+    return at, (_SECONDS[time], UNITS[x], UNITS[y])
 
 
 def _finite(name: str, cell: Any) -> float:
@@ -245,7 +245,7 @@ def check_tracks(scene: Scene, tracks: Sequence[Track], least: int) -> list[Trac
         k = balls.size
         times = finite(f"{name}.times", track.times, (k,))
         positions = finite(f"{name}.positions", track.positions, (k, 2))
-        if k and not np.abs(times).max() <= RANGES["limit"].most:
+        if (np.abs(times) > RANGES["limit"].most).any():
             raise ValueError(f"{name}.times = {short(times.tolist())}: expected at most {RANGES['limit'].most:g} s")
         if balls.dtype.kind not in "iu" or not ((balls >= 0) & (balls < scene.n_balls)).all():
             raise ValueError(f"{name}.balls = {short(np.unique(balls).tolist())}: expected 0 to {scene.n_balls - 1}")
