@@ -121,27 +121,27 @@ def check_frame(scene: Scene, shots: Sequence[Shot], noise: float) -> None:
     reach, rolls = reach_of(scene), _ROLL * scene.physics.mu_roll * scene.physics.g
     most = np.array(scene.half_extents) if scene.table.outline else reach  # the jaws of pockets are beyond the cushions
     tracks = [shot.track for shot in shots]
-    for name, ball, t, p in ((track.name, ball, *path) for track in tracks for ball, path in track.paths().items()):
-        where, beyond = f"shot {name}, ball {ball}: ", (np.abs(p) - most).max(axis=1)
+    paths = [(f"shot {track.name}, ball {ball}:", *path) for track in tracks for ball, path in track.paths().items()]
+    for where, t, p in paths:
+        beyond = (np.abs(p) - most).max(axis=1)
         count = np.count_nonzero(beyond > _BEYOND + 4.0 * noise)
         if count > 2:
-            where += f"{count} rows up to {beyond.max():.2g} m beyond the cushion: "
-            raise ValueError(where + _guess_frame(reach, tracks))
+            guess = _guess_frame(reach, tracks)
+            raise ValueError(f"{where} {count} rows up to {beyond.max():.2g} m beyond the cushion: {guess}")
         if len(t) < 4:
             continue
         steps, way = np.hypot(*np.diff(p, axis=0).T), float(np.hypot(*(p[-1] - p[0])))
         speeds = steps / np.maximum(np.diff(t), 1e-9)
         usual, fast = np.median([*speeds[steps > 4.0 * noise + 1e-3]] or [0.0]), float(np.sort(speeds)[-3])
         if usual > _FASTEST:
-            where += f"{usual:.3g} m/s: expected at most {_FASTEST:g}; "
-            raise ValueError(where + "are the times in seconds?")
+            raise ValueError(f"{where} {usual:.3g} m/s: expected at most {_FASTEST:g}; are the times in seconds?")
         if way > 0.1 and fast * fast < 2.0 * rolls * way:
-            where += f"{way:.2g} m at {fast:.2g} m/s or less: "
-            raise ValueError(where + "a ball does not roll that far; are the times in seconds (not frame numbers)?")
+            why = "a ball does not roll that far; are the times in seconds (not frame numbers)?"
+            raise ValueError(f"{where} {way:.2g} m at {fast:.2g} m/s or less: {why}")
     lines, counts, _, _ = find_lines([contact for shot in shots for contact in shot.contacts])
     error = _SHORT + 4.0 * _NEAR / np.sqrt(np.maximum(counts, 1)) + noise
-    for name, off, most in zip(_CUSHIONS, lines - np.repeat(reach, 2), error, strict=True):
-        if abs(off) > most:
+    for name, off, largest in zip(_CUSHIONS, lines - np.repeat(reach, 2), error, strict=True):
+        if abs(off) > largest:
             where = f"{abs(off):.3f} m {'short of' if off < 0.0 else 'beyond'} the cushion at {name}"
             raise ValueError(f"balls turn {where}: expected metres from the centre of the table, or frame='fit'")
 
