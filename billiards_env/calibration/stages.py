@@ -21,6 +21,9 @@ from billiards_env.calibration.tracks import Bools
 from billiards_env.files import write_json
 from billiards_env.shots import records
 
+StatePath = str | os.PathLike[str] | None
+Progress = Callable[[str], None] | None
+
 FIRST = 0.005
 """m, the least scale of rows that no fit has used yet."""
 
@@ -91,7 +94,7 @@ def leaves_at(shot: Shot, far: Bools) -> tuple[float, int]:
     return min(leaves)
 
 
-def read_state(path: str | os.PathLike[str] | None, settings: Any) -> dict[str, Any]:
+def read_state(path: StatePath, settings: Any) -> dict[str, Any]:
     """Returns the content of a state file: the key of the settings, and finished stages by the number of shots.
 
     Raises:
@@ -107,12 +110,7 @@ def read_state(path: str | os.PathLike[str] | None, settings: Any) -> dict[str, 
 
 
 def fit_stages(
-    fit: Fit,
-    contacts: int,
-    noise: float,
-    saved: dict[str, Any],
-    path: str | os.PathLike[str] | None = None,
-    progress: Callable[[str], None] | None = None,
+    fit: Fit, contacts: int, noise: float, saved: dict[str, Any], path: StatePath, progress: Progress
 ) -> Fit:
     """Fits the rows until the first contact of the cue ball, then until the second, and so on.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -56,15 +55,12 @@ class Normal(NamedTuple):
 
 def run(scene: Scene, starts: Floats, shot: Shot) -> BatchResult:
     """Simulates a shot from starts (g, width) until its last row that is used."""
+    places, velocities = starts[:, PLACES].reshape(len(starts), -1, 2), starts[:, VELOCITY]
+    spins = starts[:, SPIN] if scene.physics.motion == "sliding" else None
+    end = max(1e-3, float(shot.time.max(initial=0.0, where=shot.used)))
+    # A call takes a millisecond, too little for threads.
     return simulate_batch(
-        scene,
-        starts[:, PLACES].reshape(len(starts), -1, 2),
-        starts[:, VELOCITY],
-        spins=starts[:, SPIN] if scene.physics.motion == "sliding" else None,
-        in_play=shot.in_play,
-        max_time=max(1e-3, float(shot.time.max(initial=0.0, where=shot.used))),
-        record=True,
-        threads=1,  # a call takes a millisecond
+        scene, places, velocities, spins=spins, in_play=shot.in_play, max_time=end, record=True, threads=1
     )
 
 
@@ -237,8 +233,8 @@ def search(scene: Scene, shot: Shot) -> Shot:
         shot = _with_spin_prior(scene, shot)
     tried = shot.starts
     if scene.physics.motion == "sliding":
-        others, spins = np.repeat(tried, len(SIDES) * len(ROLLS), axis=0), list(itertools.product(SIDES, ROLLS))
-        side, roll = np.tile(spins, (len(tried), 1)).T
+        spins = [(side, roll) for side in SIDES for roll in ROLLS]
+        others, (side, roll) = np.repeat(tried, len(spins), axis=0), np.tile(spins, (len(tried), 1)).T
         x, y = others[:, VELOCITY].T
         radius, most = scene.balls.radius[0], spin_of_cue(scene, np.hypot(x, y))
         others[:, SPIN] = np.column_stack((-roll * y / radius, roll * x / radius, side * most))
