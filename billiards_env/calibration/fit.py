@@ -149,7 +149,7 @@ def covariance(fit: Fit, contact: int) -> Floats:
     square = np.concatenate([np.square(errors(fit.scene, shot) / shot.scale[:, None])[shot.used] for shot in shots])
     weight, m, prior = 1.0 / (1.0 + square), len(shots), np.diag(1.0 / usual_of(fit) ** 2)
     bend = ((1.0 - square) * weight * weight).mean() / weight.mean()
-    slopes, matrices = np.array([part[0] for part in parts]), np.array([part[1] for part in parts])
+    slopes, matrices, _ = (np.array(arrays) for arrays in zip(*parts, strict=True))
     inverse = np.linalg.inv(matrices.sum(axis=0) + prior)
     if m < MANY:
         return inverse * (weight * weight * square).mean() / weight.mean() / bend**2 + inverse @ prior @ inverse
@@ -194,5 +194,5 @@ def determined(fit: Fit, contact: int) -> Fit:
         kept, left = fit.kept | {names[worst]: why}, names[:worst] + names[worst + 1 :]
         if not left:
             raise ValueError(f"free = {list(kept)}: the rows do not determine any of them, expected more shots")
-        scene = with_physics(fit.scene, **values_of(fit.start, names[worst : worst + 1]))
+        scene = with_physics(fit.scene, **values_of(fit.start, [names[worst]]))
         fit, _ = fit_shared(fit._replace(scene=scene, names=left, kept=kept), contact)

@@ -23,10 +23,6 @@ AHEAD = (0.5, 1.0, 2.0)
 SCALE = 0.003
 """m, the error above which the loss of a coordinate grows slowly (Cauchy)."""
 
-KINDS = ("outliers", "swapped balls", "missed contact", "extra contact", "other path")
-"""Rows far from the path; two balls with exchanged names; from a time on the track leaves the path of the model,
-because only the model has a contact ("missed contact"), only the track ("extra contact"), or for another reason."""
-
 _GAP = 0.1  # s, the longest gap of a track within which the cue ball's place is interpolated
 _LATER = 0.1  # s, the rows after the third cushion that are fitted
 _BEFORE, _AFTER = 0.3, 0.05  # s, where the contact is looked for, around the first row far from the path
@@ -39,7 +35,9 @@ class Problem(NamedTuple):
 
     Attributes:
         shot: Name of the shot.
-        kind: One of `KINDS`.
+        kind: "outliers" for rows far from the path, or "swapped balls" for two balls with exchanged names. From a time
+            on the track leaves the path of the model because only the model has a contact ("missed contact"), only the
+            track ("extra contact"), or for another reason ("other path").
         ball: The ball.
         begin: Time of the first row, s, as in the track.
         end: Time of the last row, s.

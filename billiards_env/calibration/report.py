@@ -243,4 +243,4 @@ def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
 def check_out(path: str | os.PathLike[str]) -> Path:
     """Returns the path of a file that `Calibration.save` can write; see there for the errors."""
     one_of("suffix", Path(path).suffix, SUFFIXES)
-    return check_path(path, Path(path).suffix)
+    return check_path(path)
