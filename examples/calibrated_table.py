@@ -41,7 +41,7 @@ TURN, SPEED = 0.002, 0.02
 """Standard deviations of the noise of the strikes: rad, and m/s."""
 SEEDS = (0, 1, 2)
 SETTINGS: dict[str, Any] = {**PPO_SETTINGS, "batch_size": 2048, "n_epochs": 8}
-POLICY = {"points": 8, "speeds": [0.3, 0.5, 0.75, 1.0], "exploration": 75_000}
+POLICY = {"points": 8, "speeds": [0.3, 0.5, 0.75, 1.0], "exploration": 150_000}
 
 
 def fitted_table(shots: int) -> tuple[Calibration, np.ndarray]:
@@ -97,6 +97,6 @@ def run(steps: int, shots: int = 12, episodes: int = 4000, seeds: Sequence[int] 
 
 
 if __name__ == "__main__":
-    for name, share in run(300_000).items():
+    for name, share in run(600_000).items():
         low, high = share["interval"]
         print(f"trained on the {name} table: {share['mean']:.1%} of the shots score, {low:.1%} to {high:.1%}")
