@@ -1,12 +1,12 @@
-"""What is wrong with the rows of tracks, found without a scene: rows clipped at a border, and lost frames.
+"""Errors of tracks that are found without a scene: rows clipped at the border of a picture, and lost frames.
 
-Many programs compute times from the number of a frame. If frames were lost before they were counted, all balls move too
-far in one step, and all later times are too early.
+Many programs compute the time of a row from the number of its frame. If frames were lost before they were counted, all
+balls move too far in one step, and all later times are too early.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,20 +16,20 @@ from billiards_env.calibration.tracks import Track
 _CLIPPED = 8, 2.0  # rows at an extreme coordinate, and their number over that at the next one
 _EXACT = 1e-7  # m, the noise of exact tracks
 _SIDE = 5  # rows of a ball before and after a step
-_LONG, _STEP = 30.0, 5.0  # frames, the longest time of these rows, and of the step and its error
-_CLEAR = 8.0  # the least error of the times, over its standard deviation
+_LONG, _STEP = 30.0, 5.0  # frames, the longest time of these rows, of the step, and of a loss
+_CLEAR = 8.0  # the least move of the later rows, over its standard deviation
 _STEADY = 0.5  # the largest change of a velocity in these rows, over the velocity; a contact changes it more
-_WHOLE = 0.25  # frames, the largest distance of an error from a whole number of them
-_NEAR = 3.0  # frames; errors that are closer than this are one
-_MOST = 0.5  # if more than this share of the tracks have the same error, all tracks have it
+_WHOLE = 0.25  # frames, the largest distance of a loss from a whole number of them
+_NEAR = 3.0  # frames, the distance of two losses in different tracks that may be the same
+_MOST = 0.5  # the share of the tracks with the same loss, above which all tracks have it
 
 
 class Gap(NamedTuple):
-    """An error of the clock.
+    """Lost frames.
 
     Attributes:
-        time: s, as in the track; later rows are too early.
-        length: s.
+        time: s, as in the track. The times of later rows are too early.
+        length: s, by how much.
     """
 
     time: float
@@ -82,10 +82,10 @@ def noise_of(tracks: Sequence[Track]) -> float:
 
 
 def lost_frames(tracks: Sequence[Track], noise: float) -> list[list[Gap]]:
-    """Returns the errors of the clock of each track.
+    """Returns the lost frames of each track.
 
-    The times of a file usually have one origin. So an error that most tracks have at the same time counts for all
-    tracks: in some of them no ball is in free motion then.
+    A loss is visible only while a ball moves freely. If most tracks show one at the same time, it belongs to the clock
+    of the file, and all tracks have it.
 
     Args:
         tracks: The tracks, in any unit of length.
@@ -95,7 +95,7 @@ def lost_frames(tracks: Sequence[Track], noise: float) -> list[list[Gap]]:
     if not steps.size:
         return [[] for _ in tracks]
     frame = float(np.median(steps))
-    gaps = [list(_gaps(track, frame, noise)) for track in tracks]
+    gaps = [_visible_gaps(track, frame, noise) for track in tracks]
     every = sorted(gap for each in gaps for gap in each)
     breaks = np.flatnonzero(np.diff([gap.time for gap in every]) > _NEAR * frame) + 1
     for group in np.split(np.array(every), breaks) if every else ():
@@ -107,10 +107,11 @@ def lost_frames(tracks: Sequence[Track], noise: float) -> list[list[Gap]]:
     return gaps
 
 
-def _gaps(track: Track, frame: float, noise: float) -> Iterator[Gap]:
-    """Yields the errors of the clock that the balls of one track show.
+def _visible_gaps(track: Track, frame: float, noise: float) -> list[Gap]:
+    """Returns the lost frames that the rows of a track show.
 
-    In free motion the path of a ball is nearly quadratic in time. An error of the clock moves the later rows along it.
+    In free motion the path of a ball is nearly quadratic in time. Lost frames move the later rows along it. A fit of
+    ten rows has this move as its fourth parameter, for each coordinate.
     """
     clear = []
     for t, p in track.paths().values():
@@ -118,31 +119,32 @@ def _gaps(track: Track, frame: float, noise: float) -> Iterator[Gap]:
             continue
         times, places = (np.lib.stride_tricks.sliding_window_view(array, 2 * _SIDE, axis=0) for array in (t, p))
         step = times[:, _SIDE] - times[:, _SIDE - 1]
-        length = np.ptp(times, axis=1)
-        short = (length < _LONG * frame) & (step < (_STEP + 0.5) * frame)
-        times, places, length = times[short], np.swapaxes(places[short], 1, 2), length[short]
+        close = (np.ptp(times, axis=1) < _LONG * frame) & (step < (_STEP + 0.5) * frame)
+        times, places = times[close], np.swapaxes(places[close], 1, 2)
         since = times - times[:, _SIDE, None]
         later = np.broadcast_to(np.arange(2 * _SIDE) >= _SIDE, since.shape)
         design = np.stack((np.ones_like(since), since, since**2, later), axis=2)
         inverse = np.linalg.pinv(design)
         fitted = inverse @ places  # (windows, 4, 2)
         spread = np.maximum(noise, np.sqrt(np.square(design @ fitted - places).sum(axis=(1, 2)) / (4 * _SIDE - 8)))
-        speed = np.maximum(np.hypot(*fitted[:, 1].T), 1e-300)
-        along = (fitted[:, 3] * fitted[:, 1]).sum(axis=1) / speed
-        sure = along / (spread * np.sqrt(np.square(inverse[:, 3]).sum(axis=1)))
-        count = along / speed / frame
-        steady = 2.0 * np.hypot(*fitted[:, 2].T) * length < _STEADY * speed
-        whole = (np.abs(count - np.round(count)) < _WHOLE) & (count > 0.5) & (count < _STEP + 0.5)
-        for k in np.flatnonzero(steady & whole & (sure > _CLEAR)):
-            clear.append((-sure[k], float(times[k, _SIDE - 1 : _SIDE + 1].mean()), frame * float(np.round(count[k]))))
-    best: list[Gap] = []
-    for _, time, length in sorted(clear):
-        if all(abs(time - gap.time) > 2.0 * _SIDE * frame for gap in best):
-            best.append(Gap(time, length))
-    yield from best
+        velocity, acceleration, move = fitted[:, 1], 2.0 * fitted[:, 2], fitted[:, 3]
+        speed = np.maximum(np.hypot(*velocity.T), 1e-300)
+        along = (move * velocity).sum(axis=1) / speed
+        certainty = along / (spread * np.sqrt(np.square(inverse[:, 3]).sum(axis=1)))
+        frames = along / speed / frame
+        count = np.round(frames)
+        whole = (np.abs(frames - count) < _WHOLE) & (count > 0.0) & (count <= _STEP)
+        steady = np.hypot(*acceleration.T) * np.ptp(times, axis=1) < _STEADY * speed
+        for k in np.flatnonzero(steady & whole & (certainty > _CLEAR)):
+            clear.append((-certainty[k], float(times[k, _SIDE - 1 : _SIDE + 1].mean()), frame * float(count[k])))
+    gaps: list[Gap] = []
+    for _, time, length in sorted(clear):  # the clearest first
+        if all(abs(time - gap.time) > 2.0 * _SIDE * frame for gap in gaps):
+            gaps.append(Gap(time, length))
+    return gaps
 
 
 def corrected(track: Track, gaps: Sequence[Gap]) -> Track:
-    """Returns a track with the times that its clock lost."""
+    """Returns a track with the times that it has with its lost frames."""
     lost = sum((np.where(track.times > gap.time, gap.length, 0.0) for gap in gaps), np.zeros(len(track.times)))
     return track._replace(times=track.times + lost)
