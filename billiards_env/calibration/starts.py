@@ -35,7 +35,7 @@ vertical. The mean of the second is half the spin of a rolling ball. The last tw
 spins."""
 
 _STEPS = 30  # most steps of `settle`
-_HALVES = (20, 10), (10, 15), (4, 20), (1, 10)  # starts that a search keeps, and the steps before that
+_HALVES = (20, 4), (8, 8), (3, 10), (1, 10)  # starts that a search keeps, and the steps before that
 _CONVERGED, _EXACT = 1e-6, 1e-14  # relative and absolute change of the loss
 
 
@@ -224,7 +224,7 @@ def search(scene: Scene, shot: Shot) -> Shot:
     """Returns a shot with its best start, fitted from its starts and from copies with other spins.
 
     The loss has several minima over the spin: the ball may slip or stick at each of its contacts. Every few steps only
-    the best fits continue: 20, then 10, 4 and 1 (successive halving).
+    the best fits continue: 20, then 8, 3 and 1 (successive halving).
 
     Raises:
         ValueError: If balls overlap or lie outside of the table.
