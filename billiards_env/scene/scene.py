@@ -575,11 +575,11 @@ def _match_carom(n_balls: int) -> Scene:
     """Returns the scene fitted to 90 shots of three-cushion billiards on a match table, see docs/validation.md.
 
     The tracks (50 Hz) come from the repository of the simulator tailuge/billiards. The constants are within the 95%
-    intervals of a later fit: mu_slide 0.169 to 0.212, mu_roll 0.0030 to 0.0042, mu_roll_speed 0.0014 to 0.0031 s/m,
-    spin_decay at most 5.5 rad/s^2, e_ball 0.944 to 0.967, mu_ball_factor 0.51 to 1.96, mu_ball_decay at most 0.54 s/m,
-    e_cushion 0.79 to 0.94, e_cushion_loss at most 0.044 s/m, e_cushion_topspin at most 0.064, e_cushion_tangent 0.099
-    to 0.156 and mu_cushion 0.224 to 0.235. The command is `python -m benchmarks.real_tracks`. The fitted table is
-    larger, by as much as the cushions yield.
+    intervals of a later fit: mu_slide 0.178 to 0.208, mu_roll 0.0027 to 0.0042, mu_roll_speed 0.0019 to 0.0038 s/m,
+    spin_decay 1.9 to 3.0 rad/s^2, e_ball 0.937 to 0.974, mu_ball_factor 1.09 to 1.30, mu_ball_decay 0.11 to 0.30 s/m,
+    e_cushion 0.825 to 0.904, e_cushion_loss 0.001 to 0.031 s/m, e_cushion_topspin 0.001 to 0.058, e_cushion_tangent
+    0.096 to 0.142 and mu_cushion 0.2296 to 0.2368. The command is `python -m benchmarks.real_tracks`. The fitted table
+    is larger, by as much as the cushions yield.
     """
     physics = Physics(
         ball_ball="frictional",
