@@ -1,4 +1,4 @@
-"""Errors of tracks that are found without a scene: rows clipped at the border of a picture, and lost frames.
+"""Corrects errors of tracks without a scene: rows clipped at the border of a picture, and lost frames.
 
 Many programs compute the time of a row from the number of its frame. If frames were lost before they were counted, all
 balls move too far in one step, and all later times are too early.
@@ -15,43 +15,44 @@ from billiards_env.calibration.tracks import Track
 
 _CLIPPED = 8, 2.0  # rows at an extreme coordinate, and their number over that at the next one
 _EXACT = 1e-7  # m, the noise of exact tracks
+_APART = 1e-6  # s, the least step between two frames
 _SIDE = 5  # rows of a ball before and after a step
-_LONG, _STEP = 30.0, 5.0  # frames, the longest time of these rows, of the step, and of a loss
+_WINDOW, _MOST = 30.0, 5.0  # frames: the longest time of these rows, and the most lost frames; a step is not longer
 _CLEAR = 8.0  # the least move of the later rows, over its standard deviation
-_STEADY = 0.5  # the largest change of a velocity in these rows, over the velocity; a contact changes it more
-_WHOLE = 0.25  # frames, the largest distance of a loss from a whole number of them
-_NEAR = 3.0  # frames, the distance of two losses in different tracks that may be the same
-_MOST = 0.5  # the share of the tracks with the same loss, above which all tracks have it
+_STEADY = 0.5  # the largest relative change of velocity in a window; most contacts change it more
+_WHOLE = 0.25  # frames, the largest distance of a lost time from a whole number of frames
+_NEAR = 3.0  # frames; losses of several tracks that are closer in time are the same
+_COMMON = 0.5  # the share of the tracks that show a loss, above which it belongs to all of them
 
 
-class Gap(NamedTuple):
+class Lost(NamedTuple):
     """Lost frames.
 
     Attributes:
         time: s, as in the track. The times of later rows are too early.
-        length: s, by how much.
+        duration: s, by how much.
     """
 
     time: float
-    length: float
+    duration: float
 
 
 def clean(tracks: Sequence[Track]) -> tuple[list[Track], list[str]]:
-    """Returns tracks without clipped rows and with the times of lost frames, and a sentence about each correction.
+    """Returns tracks without clipped rows and with corrected times, and a sentence about each kind of correction.
 
     Args:
         tracks: The tracks in any unit of length, with their rows in the order of time.
     """
     kept, clipped = drop_clipped(tracks)
-    gaps = lost_frames(kept, noise_of(kept))
-    said = [f"{clipped} rows at the border of the picture are left out"] if clipped else []
-    times = [gap.time for each in gaps for gap in each]
+    lost = lost_frames(kept, noise_of(kept))
+    sentences = [f"{clipped} rows at the border of the picture are left out"] if clipped else []
+    times = [one.time for each in lost for one in each]
     if times:
-        said.append(
-            f"{len(times)} losses of frames in {sum(map(bool, gaps))} of {len(gaps)} shots, at {min(times):.2f} to "
-            f"{max(times):.2f} s: later times are corrected"
+        sentences.append(
+            f"frames were lost in {sum(map(bool, lost))} of {len(lost)} shots, {len(times)} times in all, between "
+            f"{min(times):.2f} and {max(times):.2f} s: the later times are corrected"
         )
-    return [corrected(track, each) for track, each in zip(kept, gaps, strict=True)], said
+    return [with_lost_frames(track, each) for track, each in zip(kept, lost, strict=True)], sentences
 
 
 def drop_clipped(tracks: Sequence[Track]) -> tuple[list[Track], int]:
@@ -81,45 +82,52 @@ def noise_of(tracks: Sequence[Track]) -> float:
     return max(_EXACT, float(np.median(sizes)) / 0.6745 / np.sqrt(20.0)) if sizes.size > 20 else _EXACT
 
 
-def lost_frames(tracks: Sequence[Track], noise: float) -> list[list[Gap]]:
+def lost_frames(tracks: Sequence[Track], noise: float) -> list[list[Lost]]:
     """Returns the lost frames of each track.
 
-    A loss is visible only while a ball moves freely. If most tracks show one at the same time, it belongs to the clock
-    of the file, and all tracks have it.
+    A loss is visible only while a ball moves freely. If most tracks that have rows before and after it show the same
+    loss, it belongs to the clock of the file, and these tracks all have it.
 
     Args:
         tracks: The tracks, in any unit of length.
         noise: Standard deviation of a coordinate, in the unit of the tracks.
     """
     steps = np.concatenate([np.diff(np.unique(track.times)) for track in tracks])
+    steps = steps[steps > _APART]
     if not steps.size:
         return [[] for _ in tracks]
     frame = float(np.median(steps))
-    gaps = [_visible_gaps(track, frame, noise) for track in tracks]
-    every = sorted(gap for each in gaps for gap in each)
-    breaks = np.flatnonzero(np.diff([gap.time for gap in every]) > _NEAR * frame) + 1
-    for group in np.split(np.array(every), breaks) if every else ():
-        common = Gap(*np.median(group, axis=0).tolist())
-        if len(group) > _MOST * sum(float(track.times.max()) > common.time for track in tracks):
-            for each in gaps:
-                if all(abs(gap.time - common.time) > _NEAR * frame for gap in each):
-                    each.append(common)
-    return gaps
+    lost = [_visible_losses(track, frame, noise) for track in tracks]
+    for one in sorted(one for each in lost for one in each):
+        same = [[other for other in each if _is_same(one, other, frame)] for each in lost]
+        spanning = [bool(track.times.min() < one.time < track.times.max()) for track in tracks]
+        if sum(map(bool, same)) > _COMMON * sum(spanning):
+            common = one._replace(time=float(np.median([other.time for each in same for other in each])))
+            for k in np.flatnonzero(spanning):
+                if not same[k]:
+                    lost[k].append(common)
+    return lost
 
 
-def _visible_gaps(track: Track, frame: float, noise: float) -> list[Gap]:
+def _is_same(one: Lost, other: Lost, frame: float) -> bool:
+    return abs(one.time - other.time) <= _NEAR * frame and abs(one.duration - other.duration) < 0.5 * frame
+
+
+def _visible_losses(track: Track, frame: float, noise: float) -> list[Lost]:
     """Returns the lost frames that the rows of a track show.
 
-    In free motion the path of a ball is nearly quadratic in time. Lost frames move the later rows along it. A fit of
-    ten rows has this move as its fourth parameter, for each coordinate.
+    In free motion the path of a ball is nearly quadratic in time, and lost frames move the later rows along it. Each
+    coordinate of ten rows is fitted with four parameters: a quadratic and a step, which is the move. All balls that
+    move freely must show the loss.
     """
-    clear = []
-    for t, p in track.paths().values():
+    candidates: list[tuple[float, float, float, int]] = []
+    against: list[tuple[float, float, int]] = []
+    for ball, (t, p) in track.paths().items():
         if len(t) < 2 * _SIDE:
             continue
         times, places = (np.lib.stride_tricks.sliding_window_view(array, 2 * _SIDE, axis=0) for array in (t, p))
         step = times[:, _SIDE] - times[:, _SIDE - 1]
-        close = (np.ptp(times, axis=1) < _LONG * frame) & (step < (_STEP + 0.5) * frame)
+        close = (np.ptp(times, axis=1) < _WINDOW * frame) & (step < (_MOST + 0.5) * frame)
         times, places = times[close], np.swapaxes(places[close], 1, 2)
         since = times - times[:, _SIDE, None]
         later = np.broadcast_to(np.arange(2 * _SIDE) >= _SIDE, since.shape)
@@ -130,21 +138,25 @@ def _visible_gaps(track: Track, frame: float, noise: float) -> list[Gap]:
         velocity, acceleration, move = fitted[:, 1], 2.0 * fitted[:, 2], fitted[:, 3]
         speed = np.maximum(np.hypot(*velocity.T), 1e-300)
         along = (move * velocity).sum(axis=1) / speed
-        certainty = along / (spread * np.sqrt(np.square(inverse[:, 3]).sum(axis=1)))
+        error = spread * np.sqrt(np.square(inverse[:, 3]).sum(axis=1))
         frames = along / speed / frame
         count = np.round(frames)
-        whole = (np.abs(frames - count) < _WHOLE) & (count > 0.0) & (count <= _STEP)
+        whole = (np.abs(frames - count) < _WHOLE) & (count > 0.0) & (count <= _MOST)
         steady = np.hypot(*acceleration.T) * np.ptp(times, axis=1) < _STEADY * speed
-        for k in np.flatnonzero(steady & whole & (certainty > _CLEAR)):
-            clear.append((-certainty[k], float(times[k, _SIDE - 1 : _SIDE + 1].mean()), frame * float(count[k])))
-    gaps: list[Gap] = []
-    for _, time, length in sorted(clear):  # the clearest first
-        if all(abs(time - gap.time) > 2.0 * _SIDE * frame for gap in gaps):
-            gaps.append(Gap(time, length))
-    return gaps
+        for k in np.flatnonzero(steady & whole & (along > _CLEAR * error)):
+            middle = float(times[k, _SIDE - 1 : _SIDE + 1].mean())
+            candidates.append((-float(along[k] / error[k]), middle, frame * float(count[k]), ball))
+        none = steady & (_CLEAR * error < 0.5 * frame * speed) & (frames < 0.5)
+        against += [(first, last, ball) for first, last in times[none, _SIDE - 1 : _SIDE + 1].tolist()]
+    lost: list[Lost] = []
+    for _, time, duration, ball in sorted(candidates):  # the clearest first
+        denied = any(first <= time <= last and other != ball for first, last, other in against)
+        if not denied and all(abs(time - one.time) > 2.0 * _SIDE * frame for one in lost):
+            lost.append(Lost(time, duration))
+    return lost
 
 
-def corrected(track: Track, gaps: Sequence[Gap]) -> Track:
-    """Returns a track with the times that it has with its lost frames."""
-    lost = sum((np.where(track.times > gap.time, gap.length, 0.0) for gap in gaps), np.zeros(len(track.times)))
-    return track._replace(times=track.times + lost)
+def with_lost_frames(track: Track, lost: Sequence[Lost]) -> Track:
+    """Returns a track whose later times are increased by the lost frames."""
+    late = sum((np.where(track.times > one.time, one.duration, 0.0) for one in lost), np.zeros(len(track.times)))
+    return track._replace(times=track.times + late)

@@ -18,7 +18,7 @@ _ROWS = 3  # rows before and after a contact
 _TURN = 0.1  # m/s, the least change of the normal velocity at a cushion
 _KICK = 0.35  # m/s, the least change of the relative velocity of two balls that move; friction gives 0.2 in 0.1 s
 _STARTS = 0.04  # m/s, the least speed of a ball that begins to move
-_MOVED = 0.008  # m, from its place of rest, a ball moves
+_MOVED, _AWAY = 0.008, 0.04  # m; a ball moves where it is farther than this from its first row, and gets farther
 _CLOSE = 0.2  # m, two bodies that are farther apart in all frames have no contact
 _NEAR = 0.015  # m, a contact is at most this far from the bodies, besides the way in half a frame
 _JUMP = 0.15  # s, the longest time between two frames in which the names of balls are exchanged
@@ -59,7 +59,7 @@ def find_contacts(scene: Scene, track: Track) -> list[Contact]:
     contacts = [contact for i, path in paths.items() for contact in _rebounds(i, *path, half - scene.balls.radius[i])]
     for i, j in itertools.combinations(paths, 2):
         contacts += _hits(i, j, paths[i], paths[j], float(scene.balls.contact_distances(i)[j]))
-    return distinct([*contacts, *_unseen(scene, paths, contacts)])
+    return distinct([*contacts, *_missed_hits(scene, paths, contacts)])
 
 
 def distinct(contacts: Iterable[Contact]) -> list[Contact]:
@@ -121,16 +121,19 @@ def _hits(i: int, j: int, one: tuple[Floats, Floats], two: tuple[Floats, Floats]
         yield Contact(time, i, j, a[k], 0.0, j)
 
 
-def _unseen(scene: Scene, paths: Paths, contacts: Iterable[Contact]) -> Iterator[Contact]:
-    """Yields a contact for each object ball that begins to move without one: with the ball that is nearest then.
+def _missed_hits(scene: Scene, paths: Paths, contacts: Iterable[Contact]) -> Iterator[Contact]:
+    """Yields a hit for each object ball that begins to move without one.
 
-    Such balls have no rows at the contact, or meet a cushion at once.
+    The other ball is the one whose distance is closest to contact. Hits are missed if rows are missing then, or if the
+    ball meets a cushion at once.
     """
     hits = [contact for contact in contacts if contact.other >= 0]
     for ball, (t, p) in paths.items():
-        row = int((np.hypot(*(p - p[0]).T) > _MOVED).argmax())
-        first, last = t[row - 1] - _ONE, t[row] + _ONE
-        if ball == 0 or row == 0 or any(ball in (hit.ball, hit.body) and first < hit.time < last for hit in hits):
+        distance = np.hypot(*(p - p[0]).T)
+        far = np.convolve(distance > _MOVED, np.ones(_ROWS))[_ROWS - 1 :] == _ROWS  # this row and the next ones
+        row = int(far.argmax())
+        moves = row > 0 and np.sort(distance)[-_ROWS] > _AWAY
+        if ball == 0 or not moves or any(ball in (hit.ball, hit.body) and hit.time < t[row] + _ONE for hit in hits):
             continue
         nearest: list[tuple[float, float, int, Floats]] = []
         for other, (times, places) in paths.items():
@@ -138,8 +141,8 @@ def _unseen(scene: Scene, paths: Paths, contacts: Iterable[Contact]) -> Iterator
             for k in np.flatnonzero((times > t[row - 1]) & (times <= t[row])) if other != ball else ():
                 nearest.append((abs(float(np.hypot(*(places[k] - p[0]))) - reach), float(times[k]), other, places[k]))
         if nearest:
-            distance, time, other, place = min(nearest, key=lambda near: near[0])
-            if distance < _CLOSE:
+            off, time, other, place = min(nearest, key=lambda near: near[0])
+            if off < _CLOSE:
                 one, two = sorted((ball, other))
                 yield Contact(time, one, two, place if one == other else p[0], 0.0, two)
 

@@ -118,7 +118,11 @@ class Calibration:
         return simulated(self.scene, self.shots[k])
 
     def judge(self, tracks: Sequence[Track]) -> Judged:
-        """Returns the errors of other shots, in the frame of the given tracks, with the fitted constants."""
+        """Returns the errors of other shots, in the frame of the given tracks, with the fitted constants.
+
+        Raises:
+            ValueError: If there are no tracks or one is invalid.
+        """
         framed = [self.frame.apply(track) for track in clean(check_tracks(self.scene, tracks, 1))[0]]
         return judge(self.scene, [prepare(self.scene, track, self.row_noise) for track in framed])
 

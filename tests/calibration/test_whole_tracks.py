@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from billiards_env.calibration import Frame, Track, calibrate, fit, stages
-from billiards_env.calibration.cleaning import clean, drop_clipped, noise_of
+from billiards_env.calibration.cleaning import clean, drop_clipped, lost_frames, noise_of
 from billiards_env.calibration.contacts import CUSHION, find_contacts
 from billiards_env.calibration.frame import fit_frame
 from billiards_env.calibration.shot import prepare
@@ -93,6 +93,18 @@ def test_a_ball_that_begins_to_move_was_hit():
     assert 0.2 <= hit.time <= 0.24
 
 
+def test_a_slow_ball_and_an_outlier_give_no_second_hit():
+    times = np.linspace(0.0, 0.98, 50)
+    cue = np.outer(times - 0.3, [1.0, 0.0]) - [0.06, 0.0]
+    slow = np.outer(np.maximum(times - 0.3, 0.0), [0.08, 0.0])
+    still = np.tile([0.5, 0.12], (50, 1))
+    still[35] += [0.0, 0.012]
+    places = np.stack((np.where(times[:, None] < 0.3, cue, 0.9 * cue), slow, still), axis=1)
+    track = Track("s", np.repeat(times, 3), np.tile([0, 1, 2], 50), places.reshape(-1, 2))
+    assert len([one for one in find_contacts(SCENE, track) if one.other == 1]) <= 1
+    assert not [one for one in find_contacts(SCENE, track) if one.other == 2]
+
+
 def test_the_frame_is_fitted_from_rebounds_and_clipped_rows_are_left_out():
     tracks, clipped = drop_clipped(raw_tracks())
     assert clipped >= 8
@@ -120,13 +132,38 @@ def test_times_of_lost_frames_are_corrected():
     lost = [without_frame(track, 0.9) for track in tracks]
     lost[2] = without_frame(lost[2], 1.6)
     cleaned, said = clean(lost)
-    assert said == ["13 losses of frames in 12 of 12 shots, at 0.89 to 1.59 s: later times are corrected"]
+    assert said == [
+        "frames were lost in 12 of 12 shots, 13 times in all, between 0.89 and 1.59 s: the later times are corrected"
+    ]
     for track, before, after in zip(tracks, lost, cleaned, strict=True):
         true = track.times[(np.abs(track.times - 0.9) > 0.01)]
         true = true[np.abs(true - 1.62) > 0.01] if track is tracks[2] else true
         assert len(true) == len(before.times)
         assert np.mean(np.abs(after.times - true) < 1e-9) > 0.98  # rows in the same step are ambiguous
-    assert any("losses of frames" in text for text in calibrate(SCENE, lost[:4], ["mu_roll"], contacts=2).warnings)
+    assert any("frames were lost" in text for text in calibrate(SCENE, lost[:4], ["mu_roll"], contacts=2).warnings)
+
+
+def test_a_jump_of_one_ball_is_no_lost_frame():
+    # Two balls follow each other, and their names are exchanged once.
+    times = np.linspace(0.0, 1.58, 80)
+    first = np.outer(times, [0.6, 0.1])
+    second = first - 3.0 * (first[1] - first[0])
+    first[40:], second[40:] = second[40:].copy(), first[40:].copy()
+    rows = np.stack((first, second), axis=1) + 1e-4 * np.random.default_rng(0).standard_normal((80, 2, 2))
+    track = Track("s", np.repeat(times, 2), np.tile([0, 1], 80), rows.reshape(-1, 2))
+    assert lost_frames([track], 1e-4) == [[]]
+    assert len(lost_frames([track.rows(track.balls == 1)], 1e-4)[0]) == 1  # one ball alone cannot show the difference
+
+
+def test_a_common_loss_belongs_to_the_tracks_around_it():
+    tracks = [track.rows(np.argsort(track.times, kind="stable")) for track in whole_tracks()[:6]]
+    lost = [without_frame(track, 0.9) for track in tracks]
+    lost[0] = lost[0].rows(lost[0].times < 0.8)
+    lost[1] = lost[1]._replace(times=lost[1].times + 100.0)
+    found = lost_frames(lost, 0.0005)
+    assert found[0] == []
+    assert [len(each) for each in found[2:]] == [1, 1, 1, 1]
+    assert all(one.time > 99.0 for one in found[1])
 
 
 def test_the_noise_is_estimated():
