@@ -100,6 +100,5 @@ def run(steps: int, shots: int = 12, episodes: int = 4000, seeds: Sequence[int] 
 if __name__ == "__main__":
     for name, share in run(600_000).items():
         low, high = share["interval"]
-        print(
-            f"trained on the {name} table: {share['mean']:.1%} of the shots score (95% interval {low:.1%} to {high:.1%})"
-        )
+        interval = f"95% interval {low:.1%} to {high:.1%}"
+        print(f"trained on the {name} table: {share['mean']:.1%} of the shots score ({interval})")
