@@ -4,6 +4,7 @@ Modules:
     calibrate: Fits constants of `Physics` to tracks.
     report: The result.
     tracks: Tracks and their files.
+    cleaning: Clipped rows and lost frames.
     contacts: Contacts in the tracks, without a model.
     frame: From coordinates of a file to the table, and checks of the tracks against it.
     shot, starts: Tracks that are ready for the fit, and the fit of their starts.
