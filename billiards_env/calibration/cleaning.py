@@ -14,7 +14,7 @@ import numpy as np
 from billiards_env.calibration.tracks import Track
 
 _CLIPPED = 8, 2.0  # rows at an extreme coordinate, and their number over that at the next one
-_EXACT = 1e-7  # m, the noise of exact tracks
+_EXACT = 1e-7  # the noise of exact tracks, in the unit of the coordinates
 _APART = 1e-6  # s, the least step between two frames
 _SIDE = 5  # rows of a ball before and after a step
 _WINDOW, _MOST = 30.0, 5.0  # frames: the longest time of these rows, and the most lost frames; a step is not longer
@@ -68,7 +68,7 @@ def drop_clipped(tracks: Sequence[Track]) -> tuple[list[Track], int]:
 
 
 def noise_of(tracks: Sequence[Track]) -> float:
-    """Returns the standard deviation of a coordinate, m, from third differences of rows at equal steps (median).
+    """Returns the standard deviation of a coordinate, in its unit, from third differences of rows at equal steps (median).
 
     It is at least `_EXACT`.
     """
