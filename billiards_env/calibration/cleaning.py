@@ -68,9 +68,9 @@ def drop_clipped(tracks: Sequence[Track]) -> tuple[list[Track], int]:
 
 
 def noise_of(tracks: Sequence[Track]) -> float:
-    """Returns the standard deviation of a coordinate, in its unit, from third differences of rows at equal steps (median).
+    """Returns the standard deviation of a coordinate, in its unit, from third differences of rows at equal steps.
 
-    It is at least `_EXACT`.
+    It comes from their median, and is at least `_EXACT`.
     """
     differences = [np.zeros(0)]
     for t, p in (path for track in tracks for path in track.paths().values() if len(path[0]) > 3):
