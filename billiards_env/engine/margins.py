@@ -61,6 +61,7 @@ from billiards_env.physics.motion import place_after
 from billiards_env.physics.state import Time, later, law_numbers_of
 
 _TOUCHING = 1e-9  # m; a gap that is less than minus this is not on the ball's side of a cushion
+_LEAST = 2.0**-1022  # m; the margin of a contact whose depth is less, or is negative because of rounding
 
 
 class MarginsOut(NamedTuple):
@@ -140,8 +141,14 @@ def _set(meeting, margin, normal, rate, now, over):  # out: over
             out.slope[c, i, q] -= nx * lane[BALL_WIDTH + DX] + ny * lane[BALL_WIDTH + DY]
 
 
+@inlined
+def _signed(margin, touches):
+    """Returns a margin with the sign of its outcome, which rounding may change at a bare hit or miss."""
+    return max(margin, _LEAST) if touches else min(margin, 0.0)
+
+
 @kernel
-def _approach(meeting, circle, t, ends, begin, over):  # out: over
+def _approach(meeting, circle, t, ends, touches, begin, over):  # out: over
     """Stores the margin of a `Meeting` to a `Circle` t seconds after `begin`, if it is the largest.
 
     Args:
@@ -149,12 +156,13 @@ def _approach(meeting, circle, t, ends, begin, over):  # out: over
         circle: The `Circle`; its path begins at `begin`.
         t: s.
         ends: Whether an event ends the approach then.
+        touches: Whether the two touch.
         begin: A `Time`.
         over: The `MarginPass`.
     """
     path, (x, y) = circle.path, place_after(circle.path, t)
     distance = norm(x, y)
-    margin = circle.reach - distance
+    margin = _signed(circle.reach - distance, touches)
     if margin > over.out.margin[meeting.ball, _column(meeting, over.shot.scene)] and distance > 0.0:
         nx, ny = -x / distance, -y / distance
         rate = nx * (path.vx + t * path.ax) + ny * (path.vy + t * path.ay) if ends else 0.0
@@ -168,7 +176,7 @@ def pass_circle(meeting, circle, swept, span, over):  # out: over
     if over.selected[i, q] and not misses_circle(circle.path, swept, circle.reach - over.out.margin[i, q]):
         t, faces = nearest_to(circle, span)
         if faces and (t > 0.0 or span.end == 0.0):
-            _approach(meeting, circle, t, t == span.end, span.begin, over)
+            _approach(meeting, circle, t, t == span.end, False, span.begin, over)
 
 
 @inlined
@@ -186,7 +194,7 @@ def pass_side(meeting, side, path, span, over):  # out: over
     x, y = place_after(path, t)
     margin = nx * x + ny * y - side.room
     if over.out.margin[meeting.ball, q] < margin <= _TOUCHING and is_beside(side.line, x, y):
-        _set(meeting, margin, (nx, ny), v + t * a if t == end else 0.0, later(span.begin, t), over)
+        _set(meeting, _signed(margin, False), (nx, ny), v + t * a if t == end else 0.0, later(span.begin, t), over)
 
 
 pass_bodies = passing(pass_circle, pass_side, False)
@@ -203,7 +211,7 @@ def _enter_pocket(meeting, circle, path, now, over):  # out: over
     limit, wall = wall_time(path, scene.radius[i], t, scene.numbers, scene.outline)
     if limit < t:
         t, cut = limit, True
-    _approach(meeting, circle, t, cut, now, over)
+    _approach(meeting, circle, t, cut, True, now, over)
     if cut:
         x, y = place_after(path, t)
         nx, ny, _ = wall_at(x, y, wall, scene.radius[i], scene.outline)
@@ -223,8 +231,11 @@ def _hit_side(meeting, normal, path, now, over):  # out: over
         out.margin[i, q], out.time[i, q], out.rate[i, q] = math.inf, now.hi, 0.0
         for c in range(len(out.slope)):
             out.slope[c, i, q] = 0.0
-    elif v > 0.0 and -0.5 * v * v / a > out.margin[i, q]:
-        _set(meeting, -0.5 * v * v / a, normal, 0.0, later(now, -v / a), over)
+    else:
+        v = max(v, 0.0)
+        depth = _signed(-0.5 * v * v / a, True)
+        if depth > out.margin[i, q]:
+            _set(meeting, depth, normal, 0.0, later(now, -v / a), over)
 
 
 @kernel
@@ -244,7 +255,7 @@ def _meet(e, over):  # out: over
         nx, ny, _ = wall_at(path.x, path.y, other, scene.radius[i], scene.outline)
         _hit_side(meeting, (nx, ny), path, now, over)
     else:
-        _approach(meeting, circle, turn_time(circle.path), False, now, over)
+        _approach(meeting, circle, turn_time(circle.path), False, True, now, over)
 
 
 @inlined

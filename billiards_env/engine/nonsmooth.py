@@ -155,7 +155,7 @@ def _touch(gap, along, speed, t, meeting, span, over):  # out: over
     if meets and t == 0.0:
         return
     time = later(span.begin, t).hi
-    if abs(along) <= GRAZE * speed:
+    if 0.0 < t < span.end or abs(along) <= GRAZE * speed:  # if the ball stops there, both speeds are rounding
         _find(time, _BETWEEN, AT_LIP if kind == BALL_POCKET else GRAZING, over)
     elif t == span.end and met_by >= 0:
         _find(time, _BETWEEN, met_by, over)

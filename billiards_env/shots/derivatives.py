@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 if TYPE_CHECKING:
-    from billiards_env.shots.gradients import Certain, Margins, Nonsmooth, Record
+    from billiards_env.shots.gradients import Certainty, Margins, Nonsmooth, Record
 
 
 class Differentiable:
@@ -148,8 +148,8 @@ class Differentiable:
         """
         return self._find("nonsmooth", t, threads)
 
-    def certain(self) -> Certain:
-        """Returns the number of certain events and whether the outcome is certain, see `gradients.Certain`.
+    def certainty(self) -> Certainty:
+        """Returns the number of certain contacts and whether the outcome is certain, see `gradients.Certainty`.
 
         Raises:
             ValueError: If the shot was not recorded, or was not computed by "pic".
@@ -157,10 +157,10 @@ class Differentiable:
         Example:
             >>> from billiards_env import Scene, simulate
             >>> shot = simulate(Scene.named("pool"), [[-0.5, 0.0], [0.0, 0.01]], [2.0, 0.0], record=True)
-            >>> shot.certain().outcome
+            >>> shot.certainty().outcome
             True
         """
-        return self._find("certain")
+        return self._find("certainty")
 
     def margins(self, t: ArrayLike | None = None, threads: int | None = None) -> Margins:
         """Returns the signed distances to changes of outcome: of balls to balls, to pockets and to cushions.

@@ -31,6 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import numbers, one_of, short
 from billiards_env.engine.compile import PIC, Varied, physics_of_shots, scene_fields, varied_fields
+from billiards_env.engine.error_bounds import bound_errors
 from billiards_env.engine.gradients import BALL_INPUTS, NUMBER_INPUTS, pull_lanes, push_lanes
 from billiards_env.engine.log import BALL_POCKET, KIND, SEGMENT_ROW, TIME
 from billiards_env.engine.margins import push_margins
@@ -98,23 +99,26 @@ class Nonsmooth(NamedTuple):
     reason: Any
 
 
-class Certain(NamedTuple):
-    """The certain events of a shot: the first events, if exact arithmetic gives the same events in this order.
+class Certainty(NamedTuple):
+    """The certain contacts of a shot: exact arithmetic gives the same first contacts, in the same order.
+
+    A contact is an impact of two balls, an impact on a cushion, or a pot. The order of other events, such as the start
+    of rolling, is not certain: those of different balls may change places.
 
     The fields are arrays for a batch. The result rests on a bound of the errors, which was tested but not proved. The
     bound of a position is `SAFETY` times the unit roundoff times its largest condition so far. The condition is the
     2-norm of the derivatives with respect to the start, each times the size of its input (half the length of the table,
-    or the largest speed). The bounds of times have the same form. An event is certain if, up to this event, no bodies
-    miss or enter each other by less than the bound, each impact precedes the next one by more than the bound, and no
-    event has one of `engine.nonsmooth.REASONS`.
+    or the largest speed). The bounds of times have the same form. A contact is certain if, up to it, no bodies miss or
+    enter each other by less than the bound, each contact precedes the next one by more than the bound, and no event has
+    one of `engine.nonsmooth.REASONS`.
 
     Attributes:
-        events: The number of certain events.
-        outcome: Whether all events are certain. Then the potted balls, the first hit and the order of the contacts are
-            certain too.
+        contacts: The number of certain contacts.
+        outcome: Whether all contacts are certain, and no other contact is near. Then the potted balls and the first hit
+            are certain too.
     """
 
-    events: Any
+    contacts: Any
     outcome: Any
 
 
@@ -601,49 +605,35 @@ def nonsmooth(record: Record, t: ArrayLike | None, threads: int | None) -> Nonsm
 
 
 SAFETY = 100.0
-"""The ratio of the bound of `certain` to the condition times the unit roundoff, see `Certain`."""
+"""The ratio of the bounds of `certainty` to the condition times the unit roundoff, see `Certainty`."""
 
 
-def certain(record: Record) -> Certain:
-    """Implements `ShotResult.certain`."""
+def certainty(record: Record) -> Certainty:
+    """Implements `ShotResult.certainty`."""
     m, first_nonsmooth = len(record.time), np.empty((1, 2), np.int64)
-    counts, outcomes = np.empty(m, np.int64), np.empty(m, np.bool_)
+    contacts, outcomes = np.empty(m, np.int64), np.empty(m, np.bool_)
     for k in range(m):
         shot = _shots(record, k, k + 1)
         (part,) = shot.parts
         events = part.events[part.bounds[0, 0] : part.bounds[1, 0]]
-        within = _error_bounds(shot, events)
         alone = shot._replace(parts=[part._replace(events=events, bounds=part.bounds - [[part.bounds[0, 0], 0]])])
-        _for_all(alone, find_nonsmooth, 1, None, shot.time, within, first_nonsmooth)
-        impacts = np.flatnonzero(events[:, KIND] <= BALL_POCKET)
-        unordered = np.diff(events[impacts, TIME]) <= within[impacts[1:], 1]
-        first = min([len(events), *impacts[:-1][unordered][:1]])
-        outcomes[k] = first_nonsmooth[0, 1] < 0 and first == len(events)
-        counts[k] = first if first_nonsmooth[0, 1] < 0 else min(first, max(first_nonsmooth[0, 0], 0))
-    return Certain(counts, outcomes)
+        bounds = _error_bounds(alone, len(events))
+        _for_all(alone, find_nonsmooth, 1, None, alone.time, bounds, first_nonsmooth)
+        (event, reason), at = first_nonsmooth[0], np.flatnonzero(events[:, KIND] <= BALL_POCKET)
+        unordered = np.flatnonzero(np.diff(events[at, TIME]) <= bounds[at[1:], 1])
+        contacts[k] = min([len(at) if reason < 0 else np.searchsorted(at, event), *unordered[:1]])
+        outcomes[k] = reason < 0 and contacts[k] == len(at)
+    return Certainty(contacts, outcomes)
 
 
-def _error_bounds(record: Record, events: Floats) -> Floats:
-    """Returns bounds of the errors of gaps, m, and of differences of times, s, up to each event and up to the end.
-
-    The result is (l + 1, 2) float64, for the l events of one shot.
-    """
-    states, radius = start_states(record)[0], min(record.scene.balls.radius)
+def _error_bounds(record: Record, n_events: int) -> Floats:
+    """Returns the result of `bound_errors` for a shot, (n_events + 1, 2), at least `ROUNDING`."""
+    radius, largest = min(record.scene.balls.radius), max(record.scene.half_extents)
+    states, bounds = start_states(record)[0], np.empty((n_events + 1, 2))
     speed = max(np.abs(states[:, 2:4]).max(), radius * np.abs(states[:, 4:]).max())
-    sizes = np.array([max(record.scene.half_extents)] * 2 + [speed] * 2 + [speed / radius] * 3)
-    inputs = _unit_starts(record, sizes)
-    at = np.append(events[:, TIME], record.time)
-    times, lengths, at_events = np.sort(np.append(np.nextafter(at, 0.0), at)), [], inputs
-    for block in np.split(times, range(_TIMES, len(times), _TIMES)):
-        outputs, at_events = _push(record, block[None], inputs, len(events), 1)
-        lengths.append(np.square(outputs[0, ..., :2]).sum((1, 3)).max(1))
-    until = np.concatenate(lengths).reshape(-1, 2).max(1)  # a potted ball has no error after its event
-    errors = np.stack((until, np.append(np.square(at_events[0, ..., 0]).sum(0), 0.0)), 1)
-    errors = np.maximum.accumulate(np.where(np.isnan(errors), np.inf, errors))
-    return np.maximum(2.0 * SAFETY * UNIT_ROUNDOFF * np.sqrt(errors), ROUNDING)
-
-
-_TIMES = 64  # number of times in one pass, which bounds the memory
+    inputs = _unit_starts(record, np.array([largest] * 2 + [speed] * 2 + [speed / radius] * 3))
+    _for_all(record, bound_errors, 1, inputs, record.time, inputs, 2.0 * SAFETY * UNIT_ROUNDOFF, largest, bounds)
+    return np.maximum(bounds, ROUNDING)
 
 
 def sensitivities(record: Record, times: ArrayLike) -> Iterator[Sensitivity]:
@@ -658,6 +648,9 @@ def sensitivities(record: Record, times: ArrayLike) -> Iterator[Sensitivity]:
     if not (np.isfinite(array).all() and (array >= 0).all() and (np.diff(array) >= 0).all()):
         raise ValueError(f"times = {short(times)}: expected finite numbers of seconds >= 0 in ascending order")
     return _sensitivities(record, np.minimum(array, record.time))
+
+
+_TIMES = 64  # number of times in one pass, which bounds the memory
 
 
 def _sensitivities(record: Record, array: Floats) -> Iterator[Sensitivity]:

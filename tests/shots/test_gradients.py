@@ -110,7 +110,7 @@ def test_a_batch_has_the_bits_of_single_shots(name, arrangement, threads):
     pushed = batch.jvp(tangents, ("velocities", "event_times"), t=1.0, threads=threads)
     pulled = batch.vjp(cotangents, ("velocities", "mu_roll"), threads=threads)
     jacobian = batch.jacobian("positions", "radius", threads=threads)
-    nonsmooth, certain, margins = batch.nonsmooth(threads=threads), batch.certain(), batch.margins(t=1.0)
+    nonsmooth, certainty, margins = batch.nonsmooth(threads=threads), batch.certainty(), batch.margins(t=1.0)
     for k in range(len(places)):
         shot = simulate(scene, places[k], starts[k], spins=spins[k], record=True)
         alone = shot.jvp({key: value[k] for key, value in tangents.items()}, ("velocities", "event_times"), t=1.0)
@@ -122,7 +122,7 @@ def test_a_batch_has_the_bits_of_single_shots(name, arrangement, threads):
         assert pulled["mu_roll"][k] == gradient["mu_roll"]
         assert np.array_equal(jacobian[k], shot.jacobian("positions", "radius"))
         assert (nonsmooth.event[k], nonsmooth.reason[k]) == shot.nonsmooth()
-        assert (certain.events[k], certain.outcome[k]) == shot.certain()
+        assert (certainty.contacts[k], certainty.outcome[k]) == shot.certainty()
         for many, one in zip(margins, shot.margins(t=1.0), strict=True):
             assert np.array_equal(many[k], one)
 

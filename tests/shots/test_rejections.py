@@ -151,7 +151,7 @@ DERIVATIVES = [
         "speed = -1.5: expected a number >= 0 for a derivative",
     ),
     (of_shot("jvp", {"e_ball": 1.0}, recorded=False), f"shot.jvp: {RECORDED}"),
-    (of_shot("certain", recorded=False), f"shot.certain: {RECORDED}"),
+    (of_shot("certainty", recorded=False), f"shot.certainty: {RECORDED}"),
     (of_shot("sensitivity", recorded=False), f"shot.sensitivity: {RECORDED}"),
     (of_shot("sensitivity", engine=Engine("pit", 0.1)), f"shot.sensitivity: {RECORDED}"),
     (lambda: many()().vjp({"positions": 1.0}), "batch.vjp: expected a batch of simulate_batch(..., record=True) by"),
