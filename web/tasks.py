@@ -49,8 +49,7 @@ class Program(NamedTuple):
 def program(name: str) -> Program:
     """Returns the calls of a frozen task."""
     arguments = FROZEN[name].arguments
-    env = make_env(**arguments)
-    model = env.model
+    model = make_env(**arguments).model
     # JavaScript lacks the functions for few balls; the general ones compute the same bits
     with patch.object(episodes, "run_shots_of", lambda *_: pic.run_shots):
         played = episodes.Episodes(COUNT, model)
@@ -61,7 +60,7 @@ def program(name: str) -> Program:
         played.draw(0, COUNT, mask)
         played.begin(0, COUNT, mask, observations)
     with _recorded() as shoot:
-        played.shoot(0, COUNT, actions, env.max_speed, rewards, observations)
+        played.shoot(0, COUNT, actions, rewards, observations)
     state, shots = played.state, played.shots
     arrays = {
         "stream": state.stream,

@@ -226,6 +226,23 @@ def check_noise(
     return scales[: ACTIONS[action].size]
 
 
+class _Fixed:
+    """An attribute that only the constructor sets: the other attributes follow from its value."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __set__(self, env: Any, value: Any) -> None:
+        if self._name in vars(env):
+            raise AttributeError(f"{self._name} = {short(value)}: expected no change; make another environment")
+        vars(env)[self._name] = value
+
+
+def fixed() -> Any:
+    """Returns the declaration of an attribute of a class that only the constructor sets."""
+    return _Fixed()
+
+
 def _set_spec(env: Any, spec: EnvSpec | None) -> None:
     if spec is not None and isinstance(spec.kwargs.get("scene"), Scene):
         spec.kwargs = {**spec.kwargs, "scene": spec.kwargs["scene"].to_dict()}

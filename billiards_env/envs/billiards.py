@@ -12,9 +12,10 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import finite, one_of, short
+from billiards_env.engine import Engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS
-from billiards_env.envs.arguments import Model, check_options, json_spec, make_model
+from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, make_model
 from billiards_env.envs.episodes import Episodes, noise_stream
 from billiards_env.envs.goals import compute_reward
 from billiards_env.envs.info import single_info
@@ -294,6 +295,14 @@ class BilliardsEnv(gym.Env[Any, Any]):
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": FPS}  # noqa: RUF012
     _spec = None
     spec = json_spec
+    model: Model = fixed()
+    scene: Scene = fixed()
+    task: str = fixed()
+    engine: Engine = fixed()
+    action: str = fixed()
+    max_speed: float = fixed()
+    observe: Any = fixed()
+    features: dict[str, tuple[int, ...]] = fixed()
 
     def __init__(self, model: Model, render_mode: str | None = None) -> None:
         if not isinstance(model, Model):
@@ -313,6 +322,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
         if self._episodes.choices:
             self.action_space = gym.spaces.Discrete(self._episodes.choices)
         self.observation_space = self._episodes.observer.space
+        self._action_shape = self.action_space.shape
         if self.observe == "goal":  # other environments have no `compute_reward`
             self.compute_reward = functools.partial(compute_reward, model.goal_radius, model.scratch_penalty)
         self._first_info = single_info({}, self._episodes.starts, self._episodes.of_episode)
@@ -446,17 +456,17 @@ class BilliardsEnv(gym.Env[Any, Any]):
         over = episodes.state.over
         if over[0]:
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
-        action = finite("action", action, self.action_space.shape)
+        action = finite("action", action, self._action_shape)
         observations, before = episodes.observer.new(1), episodes.memory.copy()
         try:
-            episodes.shoot(0, 1, action[None], self.max_speed, reward, observations)
+            episodes.shoot(0, 1, action[None], reward, observations)
         except BaseException:
             episodes.undo(before)
             raise
         if episodes.shots.status.item() >= AT_EVENT_LIMIT:
             episodes.warn_cut_off(0, before)
         if self._renderer is not None:
-            self._renderer.step([drawn_shot(episodes, 0, self.max_speed, reward.item(), episodes.state.goals[0])])
+            self._renderer.step([drawn_shot(episodes, 0, reward.item(), episodes.state.goals[0])])
         return (
             nth(observations, 0),
             reward.item(),

@@ -232,18 +232,10 @@ class Episodes:
         """Begins the episodes in the mask (m,) with the balls where they are, and writes all observations."""
         self._begin(begin, end, mask, self._numbers, self._arrays)
         if self.choices:
-            self._write_mask(begin, end, mask, self.model.max_speed)
+            self._write_mask(begin, end, mask)
         self.observer.write(begin, end, observations)
 
-    def shoot(
-        self,
-        begin: int,
-        end: int,
-        actions: Floats,
-        max_speed: float,
-        rewards: Floats,
-        observations: Any,
-    ) -> None:
+    def shoot(self, begin: int, end: int, actions: Floats, rewards: Floats, observations: Any) -> None:
         """Plays a shot in each episode that is not over. The others have the reward 0, and their tally does not change.
 
         If the call is interrupted, the state is undefined: see `undo`.
@@ -252,18 +244,17 @@ class Episodes:
             begin: See the class.
             end: See the class.
             actions: (m, 2), (m, 5) or (m,), see `envs.actions`, finite. With noise it changes to those with noise.
-            max_speed: m/s.
             rewards: (m,) float64 out.
             observations: Out, memory from `Observer.new`.
         """
         model, shots, over = self.model, self.shots, self.state.over
         if self._converter:
             rows = begin + np.flatnonzero(~over[begin:end])
-            self.actions[rows] = self._converter.velocities(actions[rows], self._before(rows, max_speed)) / max_speed
+            self.actions[rows] = self._converter.velocities(actions[rows], self._before(rows)) / model.max_speed
             actions = self.actions
         if model.noise is not None:
             add_noise(begin, end, over, actions, model.noise, self.state.noise_stream)
-        self._start(begin, end, actions, float(max_speed), self._shots[:4], self._arrays, self.actions)
+        self._start(begin, end, actions, model.max_speed, self._shots[:4], self._arrays, self.actions)
         if self._cue is not None:
             strike_balls(begin, end, over, actions, self._cue, (shots.velocities, shots.spins, self.miscues))
             strike_frozen(model.scene, self._scene, self._shots[:4], begin=begin, end=end)
@@ -276,20 +267,20 @@ class Episodes:
         self._score(begin, end, self._numbers, self._arrays, rewards)
         self.observer.write(begin, end, observations)
         if self.choices:
-            self._write_mask(begin, end, ~over, max_speed)
+            self._write_mask(begin, end, ~over)
 
-    def _before(self, rows: NDArray[np.int64], max_speed: float) -> Before:
+    def _before(self, rows: NDArray[np.int64]) -> Before:
         """Returns some episodes before their next shots."""
         arrays, in_play = self.arrays, self.arrays.in_play[rows]
         legal = arrays.legal_balls[rows] if arrays.legal_balls.size else self.model.targets
-        return Before(arrays.positions[rows], in_play, in_play & legal, max_speed)
+        return Before(arrays.positions[rows], in_play, in_play & legal, self.model.max_speed)
 
-    def _write_mask(self, begin: int, end: int, mask: Bools, max_speed: float) -> None:
+    def _write_mask(self, begin: int, end: int, mask: Bools) -> None:
         """Writes which choices are possible in the episodes in the mask (m,); in those that are over, none is."""
         assert self._converter is not None
         rows = begin + np.flatnonzero(mask[begin:end])
         self.mask[begin:end] *= ~self.state.over[begin:end, None]
-        self.mask[rows] = self._converter.mask(self._before(rows, max_speed))
+        self.mask[rows] = self._converter.mask(self._before(rows))
 
     def _record(self, k: int) -> ShotResult:
         """Runs the shot of episode k as the engine does, and returns it with its trajectory."""

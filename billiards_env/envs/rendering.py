@@ -76,11 +76,11 @@ def drawn_layout(episodes: Episodes, k: int) -> DrawnShot:
     return balls_at_rest(model.scene, state.positions[k], state.in_play[k], model.task, circles)
 
 
-def drawn_shot(episodes: Episodes, k: int, max_speed: float, reward: float, goals: NDArray[np.float64]) -> DrawnShot:
+def drawn_shot(episodes: Episodes, k: int, reward: float, goals: NDArray[np.float64]) -> DrawnShot:
     """Returns the last shot of episode k for drawing. `goals` are those of the shot: a new episode may have begun."""
     shot, model, state = episodes.recorded[k], episodes.model, episodes.state
     number = model.max_shots - state.shots_left[k]
-    speed = math.hypot(*cue_strike(episodes.actions[k], model.scene, max_speed).velocity)
+    speed = math.hypot(*cue_strike(episodes.actions[k], model.scene, model.max_speed).velocity)
     left = f"{model.task}   shot {number} of {model.max_shots}   {speed:.2f} m/s"
     return DrawnShot(shot, left, f"reward {reward:g}   score {state.score[k]}", _goal_circles(model, goals))
 

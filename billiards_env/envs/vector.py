@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import integer, one_of, shaped, short
 from billiards_env.engine import parallel_for
 from billiards_env.engine.shots import AT_EVENT_LIMIT
-from billiards_env.envs.arguments import Model, check_options, json_spec, make_model
+from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, make_model
 from billiards_env.envs.billiards import BilliardsEnv
 from billiards_env.envs.episodes import Episodes, noise_stream
 from billiards_env.envs.info import copied_info, masked_info, with_starts
@@ -125,6 +125,9 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
     }
     _spec = None
     spec = json_spec
+    num_envs: int = fixed()
+    autoreset_mode: AutoresetMode = fixed()
+    single_env: BilliardsEnv = fixed()
     _renderer: Renderer | None = None  # Gymnasium closes an environment even if its construction failed
 
     def __init__(
@@ -150,7 +153,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         self.single_action_space = env.action_space
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self._actions_shape = self.num_envs, *env.action_space.shape
+        self._actions_shape = self.num_envs, *env._action_shape
 
         self._n_shown = 0 if self._renderer is None else self._renderer.n_shown
         self._episodes = Episodes(self.num_envs, model, self._n_shown)
@@ -263,6 +266,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
             values: A value, or a list or tuple with the same value for each environment, because they are one object.
 
         Raises:
+            AttributeError: If only the constructor sets the attribute, such as `max_speed`.
             ValueError: If the values differ.
         """
         values = list(values) if isinstance(values, (list, tuple)) else [values] * self.num_envs
@@ -366,10 +370,10 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
             raise ResetNeeded(f"The episode of environment {np.argmax(skip)} is over: call reset() with a reset_mask")
         checked = self._checked_actions(actions, skip)
         rewards, over, last = np.empty(m), np.empty(m, np.bool_), episodes.observer.new(m)
-        observations, max_speed = episodes.observer.new(m) if same_step else last, self.single_env.max_speed
+        observations = episodes.observer.new(m) if same_step else last
 
         def work(begin: int, end: int) -> None:
-            episodes.shoot(begin, end, checked, max_speed, rewards, last)
+            episodes.shoot(begin, end, checked, rewards, last)
             if resets:
                 episodes.restart(begin, end, skip, last)
             over[begin:end] = state.over[begin:end]
@@ -384,7 +388,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         if self._renderer is not None:
             self._renderer.step(
                 [
-                    drawn_layout(episodes, k) if skip[k] else drawn_shot(episodes, k, max_speed, rewards[k], goals[k])
+                    drawn_layout(episodes, k) if skip[k] else drawn_shot(episodes, k, rewards[k], goals[k])
                     for k in range(self._n_shown)
                 ]
             )

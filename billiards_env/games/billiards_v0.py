@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from billiards_env.checks import finite, flag, integer, missing, one_of, real, short
 from billiards_env.engine import Engine
 from billiards_env.envs.actions import ACTIONS, PLAYED, check_action, cue_strike
-from billiards_env.envs.arguments import make_scene
+from billiards_env.envs.arguments import fixed, make_scene
 from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
 from billiards_env.games.game import (
     NO_CALL,
@@ -179,6 +179,12 @@ class GameEnv(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         "render_fps": FPS,
         "is_parallelizable": False,
     }
+    setup: Setup = fixed()
+    action: str = fixed()
+    can_call: bool = fixed()
+    layout: str | None = fixed()
+    max_shots: int = fixed()
+    max_speed: float = fixed()
 
     def __init__(
         self,

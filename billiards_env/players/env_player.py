@@ -108,7 +108,7 @@ def rewards(env: BilliardsEnv, actions: Floats) -> Floats:
     observations = episodes.observer.new(m)
 
     def work(begin: int, end: int) -> None:
-        episodes.shoot(begin, end, actions, env.max_speed, earned, observations)
+        episodes.shoot(begin, end, actions, earned, observations)
 
     parallel_for(work, m)
     return earned

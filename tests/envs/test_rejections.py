@@ -10,6 +10,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import OrderEnforcing
 
 from billiards_env.envs import make_env, make_vector_env
+from billiards_env.games import billiards_v0
 from billiards_env.scene import Scene
 from tests.helpers.environments import STRIKE, same
 from tests.helpers.errors import refusals
@@ -155,6 +156,23 @@ def test_after_a_wrong_reset_the_episodes_continue(make, start, message, kind):
         env.reset(**start)
     assert (env.get_state() == state).all()
     assert np.array_equal(env.step(np.zeros(env.action_space.shape))[0], observations)
+
+
+@pytest.mark.parametrize(
+    ("make", "names"),
+    [
+        (make_env, "model scene task engine action max_speed observe features"),
+        (make_vector_env, "num_envs autoreset_mode single_env"),
+        (billiards_v0.raw_env, "setup action can_call layout max_shots max_speed"),
+    ],
+)
+def test_what_a_step_reads_elsewhere_too_cannot_be_assigned(make, names):
+    env = make()
+    for name in names.split():
+        before = getattr(env, name)
+        with pytest.raises(AttributeError, match=rf"^{name} = .*: expected no change"):
+            setattr(env, name, 1.0)
+        assert getattr(env, name) is before
 
 
 THREE, INFINITE = {"num_envs": 3, "autoreset_mode": "Disabled"}, [[0, 0], [np.inf, 0], [0, 0]]

@@ -263,10 +263,13 @@ def test_attributes_of_each_environment(kwargs):
     assert native.get_attr("np_random")[2].random() == sync.get_attr("np_random")[2].random()
     with pytest.raises(AttributeError, match="tusk"):
         native.get_attr("tusk")
-    native.set_attr("max_speed", [1.0] * 3)
-    assert native.get_attr("max_speed") == (1.0, 1.0, 1.0)
-    with pytest.raises(ValueError, match=r"max_speed = \[1.0, 2.0, 3.0\]: expected one value for all 3"):
-        native.set_attr("max_speed", [1.0, 2.0, 3.0])
+    native.set_attr("note", [1.0] * 3)
+    assert native.get_attr("note") == (1.0, 1.0, 1.0)
+    with pytest.raises(ValueError, match=r"note = \[1.0, 2.0, 3.0\]: expected one value for all 3"):
+        native.set_attr("note", [1.0, 2.0, 3.0])
+    for envs in (native, sync):
+        with pytest.raises(AttributeError, match=r"^max_speed = 1.0: expected no change"):
+            envs.set_attr("max_speed", [1.0] * 3)
     for name in ("reset", "step", "set_state"):
         with pytest.raises(ValueError, match=rf"call\('{name}'\): expected the method of the vector environment"):
             native.call(name)
