@@ -69,7 +69,7 @@ def write_facts(counts, facts):
 
 def facts_of_shots(counts: Counts) -> NDArray[Any]:
     """Returns the facts of m shots, (m,) `FACTS`."""
-    facts = np.empty(len(counts.first_hit), FACTS)
+    facts = np.zeros(len(counts.first_hit), FACTS)
     write_facts(counts, facts)
     return facts
 

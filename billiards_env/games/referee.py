@@ -99,7 +99,7 @@ def judge_shots(
     if len(set(lengths)) > 1:
         raise ValueError(f"states, facts and calls of lengths {lengths}: expected one length")
     check_players(states)
-    following, verdicts = states.copy(), np.empty(len(states), VERDICT)
+    following, verdicts = states.copy(), np.zeros(len(states), VERDICT)
     _judging(GAMES[game].judge)(following, facts, calls, verdicts)
     return following, verdicts
 

@@ -159,10 +159,16 @@ class Verdict(NamedTuple):
 
 
 def _row_type(fields: type) -> np.dtype[Any]:
-    """Returns the type of the rows of a structured array with the fields of a NamedTuple."""
+    """Returns the type of the rows of a structured array with the fields of a NamedTuple.
+
+    The bools come last, and `spare`, zeros, fills the row to whole 8 bytes. So each byte of a row belongs to a field:
+    NumPy does not copy the gaps of a type with `align=True`, and equal rows would have different bytes.
+    """
     kinds = {int: np.int64, bool: np.bool_, OfPlayers: (np.int64, MOST_PLAYERS), Pair: (np.int64, 2)}
-    types = [(name, kinds[kind]) for name, kind in get_type_hints(fields).items()]
-    return np.dtype((np.record, np.dtype(types, align=True)))
+    types = sorted(get_type_hints(fields).items(), key=lambda item: item[1] is bool)
+    packed = np.dtype([(name, kinds[kind]) for name, kind in types])
+    spare = ("spare", f"S{-packed.itemsize % 8}")
+    return np.dtype((np.record, np.dtype([*packed.descr, spare], align=True)))
 
 
 STATE, CALL, FACTS, VERDICT = (_row_type(fields) for fields in (RulesState, Called, Facts, Verdict))
@@ -174,7 +180,10 @@ _SETS = {"balls", "object_balls", "choices", "first", "potted", "first_potted", 
 
 def row(fields: RulesState | Called | Facts | Verdict) -> Any:
     """Returns a row of a structured array."""
-    return np.array([fields], _TYPES[type(fields)])[0]
+    made = np.zeros(1, _TYPES[type(fields)])
+    for name, value in fields._asdict().items():
+        made[name] = value
+    return made[0]
 
 
 def changed(state: Any, **fields: Any) -> Any:
@@ -192,7 +201,7 @@ def to_dict(row: Any) -> dict[str, Any]:
     including the cue balls; a cue ball in hand counts.
     """
     values: dict[str, Any] = {}
-    for name in row.dtype.names:
+    for name in row.dtype.names[:-1]:  # without `spare`
         value, names = row[name].tolist(), _NAMES.get(name)
         if name in _SETS:
             value = members(value)

@@ -342,7 +342,9 @@ def _run_recorded(run: Callable[..., None], shots: Shots, threads: int | None) -
             events_of_shot = max(events_of_shot, float(log.used[0]) / (until - begin), 1.0)
             done = begin + int((bounds[1:] <= (len(log.events), len(log.segments))).all(axis=1).sum())
             if done > begin:
-                parts.append(Part(begin, done, log.events, log.segments, bounds[: done - begin + 1]))
+                bounds = bounds[: done - begin + 1]
+                n_events, n_segments = bounds[-1]
+                parts.append(Part(begin, done, log.events[:n_events], log.segments[:n_segments], bounds))
             for array, initial in zip(shots, start, strict=False):
                 array[done:until] = initial[done:until]
             begin = done

@@ -10,8 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from billiards_env.envs import BilliardsEnv, load_state, make_env, make_vector_env, save_state
+from billiards_env.games.state import CALL, FACTS, STATE, VERDICT
 from tests.helpers.environments import SOFT, STRIKE, VARIED, name_of, same
 from tests.helpers.errors import refusals
+from tests.helpers.heap import fill_heap
 
 NINE: dict[str, Any] = {"task": "nine_ball", "max_shots": 3, "max_speed": 8.0, "noise": {}}
 KINDS: list[dict[str, Any]] = [
@@ -134,6 +136,36 @@ def test_a_state_survives_a_file(tmp_path):
     for name in ("code", "text", "other"):
         with pytest.raises(ValueError, match="expected a file of save_state"):
             load_state(tmp_path / f"{name}.npz")
+
+
+def test_equal_states_have_equal_bytes(tmp_path):
+    env, envs = make_env(**NINE), make_vector_env(3, **NINE)
+    env.reset(seed=0)
+    envs.set_state(first := env.get_state())
+    makers = [
+        lambda: env.get_state(),
+        lambda: envs.get_state()[1],
+        lambda: first.copy(),
+        lambda: np.stack([first, first])[0],
+        lambda: np.where(True, first, first),
+        lambda: envs.get_state([2])[0],
+    ]
+    found, files, sizes = set(), set(), [count * first.itemsize for count in (1, 2, 3)]
+    for byte in (0, 255):
+        for make in makers:
+            fill_heap(byte, *sizes)
+            found.add(make().tobytes())
+        fill_heap(byte, *sizes)
+        save_state(tmp_path / "state.npz", envs.get_state())
+        files.add(load_state(tmp_path / "state.npz").tobytes())
+    assert found == {first.tobytes()}
+    assert files == {3 * first.tobytes()}
+
+
+@pytest.mark.parametrize("kind", [STATE, CALL, FACTS, VERDICT], ids=["state", "call", "facts", "verdict"])
+def test_each_byte_of_a_row_of_a_game_belongs_to_a_field(kind):
+    assert kind.itemsize == sum(kind[name].itemsize for name in kind.names)
+    assert kind.isalignedstruct
 
 
 def changed(**values: Any) -> np.ndarray:

@@ -13,6 +13,7 @@ from billiards_env import Scene, simulate, simulate_batch, strike
 from billiards_env.engine import PIC, Engine, parallel_for
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Physics
+from tests.helpers.heap import fill_heap
 from tests.helpers.shots import LAWS, draw_starts, run_both
 
 ROLLING = Physics(motion="rolling", cushion="restitution")
@@ -201,6 +202,19 @@ def test_a_shot_of_a_batch_is_recorded_again():
     hits = simulate_batch(scene, places, hit, in_play=playing, max_time=0.1)
     assert np.array_equal(hits[2].spins, hits.spins[2])
     assert hits.spins[2].any()
+
+
+def test_equal_batches_have_equal_pickles():
+    scene, pickles = Scene.named("pool", 3), set()
+    places, velocities, _ = draw_starts(scene, 5)
+    sizes = []
+    for byte in (0, 255):
+        fill_heap(byte, *sizes)
+        batch: Any = simulate_batch(scene, places, velocities, record=True)
+        pickles.add(pickle.dumps(batch))
+        sizes = [(rows if rows.base is None else rows.base).nbytes for part in batch._parts for rows in part[2:]]
+        del batch
+    assert len(pickles) == 1
 
 
 def test_a_batch_prints_a_summary():
