@@ -16,6 +16,7 @@ from billiards_env.engine.compile import check_varied_name
 from billiards_env.envs.actions import ACTIONS, ELEVATION, SIDE, SPEED, TOP, TURN, check_action
 from billiards_env.envs.tasks import TASKS, task_targets
 from billiards_env.frozen import NOISE
+from billiards_env.jit import streams
 from billiards_env.scene import Balls, Scene, check_positions, check_ranges, layouts
 
 
@@ -293,10 +294,10 @@ def check_options(
         name, array = "options['episode_seed']", np.asarray(options["episode_seed"])
         if array.dtype != np.int64 or array.shape != (*many, 8):
             raise ValueError(f"{name} = {short(array)}: expected int64 of shape {(*many, 8)}, as in info")
-        odd = array[... if mask is None else mask].reshape(-1, 8)[:, 3 :: 4 if model.noise is not None else 8] % 2
-        if not odd.all():
-            raise ValueError(f"{name} = {short(array)}: expected an info['episode_seed'] of this task")
         seeds = array.view(np.uint64).reshape(-1, 8)
+        read = seeds[... if mask is None else mask].reshape(-1, 2, 4)[:, : 1 if model.noise is None else 2]
+        if not streams.are_seeded(read).all():
+            raise ValueError(f"{name} = {short(array)}: expected an info['episode_seed'] of this task")
     return ResetOptions(positions, goals, _checked_physics(model.randomize, options.get("physics", {}), mask), seeds)
 
 

@@ -345,6 +345,8 @@ class BilliardsEnv(gym.Env[Any, Any]):
 
     @np_random.setter
     def np_random(self, value: np.random.Generator) -> None:
+        if not isinstance(value, np.random.Generator):
+            raise TypeError(f"np_random = {short(value)}: expected a numpy.random.Generator")
         self._np_random, self._np_random_seed = value, -1
 
     def _write_stream(self) -> None:
@@ -454,7 +456,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
         """
         episodes, reward = self._episodes, np.empty(1)
         over = episodes.state.over
-        if over[0]:
+        if over[0] or not episodes.state.begun[0]:
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
         action = finite("action", action, self._action_shape)
         observations, before = episodes.observer.new(1), episodes.memory.copy()

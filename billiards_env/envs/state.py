@@ -37,6 +37,7 @@ from billiards_env.envs.arguments import Model
 from billiards_env.envs.tasks import TASKS
 from billiards_env.files import check_path, write_atomically
 from billiards_env.games.state import STATE, check_players
+from billiards_env.jit import streams
 from billiards_env.scene import Scene
 
 EpisodeState = NDArray[np.void]
@@ -148,8 +149,22 @@ def _check_rows(rows: EpisodeState, kind: np.dtype[np.void], model: Model) -> No
     left = rows["shots_left"]
     if not (rows["fresh"] | rows["over"] | ((left > 0) & (left <= model.max_shots))).all():
         raise ValueError(f"state['shots_left'] = {short(left)}: expected 1 to max_shots = {model.max_shots}")
-    if model.noise is not None and not (rows["noise_stream"][:, 3] % 2).all():
-        raise ValueError("state['noise_stream'] is not seeded: expected a state of an environment with noise")
+    _check_streams(rows, model.noise is not None)
+
+
+def _check_streams(rows: EpisodeState, noisy: bool) -> None:
+    """Raises a ValueError unless the streams are seeded, or zeros that the first reset seeds."""
+    before = ~rows["begun"]
+    unseeded = before & (rows["stream"][:, 3] == 0) & (rows["noise_stream"][:, 3] == 0)
+    for name, count, zeros in (
+        ("stream", 1, unseeded),
+        ("noise_stream", int(noisy), unseeded),
+        ("episode_seed", 1 + noisy, before),
+    ):
+        seeded = streams.are_seeded(rows[name].reshape(len(rows), -1, 4)[:, :count])
+        if not (seeded.all(axis=1) | zeros).all():
+            expected = "a state of an environment" + " with noise" * noisy
+            raise ValueError(f"state[{name!r}] is not seeded: expected {expected}")
 
 
 SPACES = {prefix + name for prefix in ("", "single_") for name in ("action_space", "observation_space")}

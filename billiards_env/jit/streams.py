@@ -31,6 +31,11 @@ def seeded(seed: int | np.random.SeedSequence) -> Stream:
     return _halves(np.random.PCG64(seed))
 
 
+def are_seeded(streams: Stream) -> NDArray[np.bool_]:
+    """Returns for streams (..., 4) whether the increment is odd, as that of each seeded one (O'Neill 2014)."""
+    return streams[..., 3] % 2 == 1
+
+
 def generator(stream: Stream) -> np.random.Generator:
     """Returns a generator that continues with the numbers of a stream."""
     rng = np.random.Generator(np.random.PCG64(0))

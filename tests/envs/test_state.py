@@ -1,11 +1,12 @@
 """The state of environments: held, copied, stacked, saved and put back, with the same bits after it."""
 
 import copy
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -204,6 +205,48 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(state, message
     with pytest.raises(ValueError, match=r"rows = \[2\]: expected numbers of environments"):
         envs.get_state([2])
     assert (envs.get_state() == before).all()
+
+
+ZEROS, EVEN = np.zeros(4, np.uint64), np.array([1, 2, 3, 4], np.uint64)
+"""No streams: PCG64 with an even increment does not mix the last bits, and with zeros returns only zeros."""
+UNSEEDED = [
+    ({}, {"stream": ZEROS}, r"state\['stream'\] is not seeded: expected a state of an environment"),
+    ({}, {"stream": EVEN}, r"state\['stream'\] is not seeded"),
+    ({}, {"stream": EVEN, "begun": False}, r"state\['stream'\] is not seeded"),
+    ({}, {"episode_seed": np.tile(ZEROS, 2)}, r"state\['episode_seed'\] is not seeded"),
+    ({"noise": {}}, {"noise_stream": ZEROS}, r"state\['noise_stream'\] is not seeded: expected .* with noise"),
+    ({"noise": {}}, {"noise_stream": EVEN}, r"state\['noise_stream'\] is not seeded"),
+    ({"noise": {}}, {"noise_stream": ZEROS, "begun": False}, r"state\['noise_stream'\] is not seeded"),
+    ({"noise": {}}, {"episode_seed": np.array([1, 1, 1, 1, 0, 0, 0, 0])}, r"state\['episode_seed'\] is not seeded"),
+]
+
+
+@refusals("kwargs, values", UNSEEDED)
+def test_a_state_with_an_unseeded_stream_is_refused(kwargs, values, message, kind):
+    for env in (make_env(**kwargs), make_vector_env(2, **kwargs)):
+        env.reset(seed=0)
+        state = env.get_state()
+        for name, value in values.items():
+            state.reshape(-1)[name][-1] = value
+        with pytest.raises(kind, match=message):
+            env.set_state(state)
+
+
+@pytest.mark.parametrize("kwargs", [{}, {"noise": {}}], ids=["plain", "noisy"])
+def test_a_state_before_the_first_episode_is_set_but_not_played(kwargs):
+    for env in (make_env(**kwargs), make_vector_env(2, **kwargs)):
+        state = env.get_state()
+        env.set_state(state)
+        state["over"] = False
+        env.set_state(state)
+        with pytest.raises(ResetNeeded):
+            env.step(np.zeros(env.action_space.shape))
+        assert not (env.reset()[1]["episode_seed"] == 0).all()
+
+
+def test_the_generator_of_an_environment_is_checked():
+    with pytest.raises(TypeError, match=r"np_random = 3: expected a numpy\.random\.Generator"):
+        make_env().np_random = cast(Any, 3)
 
 
 WRONG_NUMBERS = [
