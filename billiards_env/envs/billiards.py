@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
@@ -399,6 +400,19 @@ class BilliardsEnv(gym.Env[Any, Any]):
     def legal_balls(self) -> NDArray[np.bool_]:
         """(n,) balls that the cue ball may touch first in a run-out, a copy; (0,) in other tasks."""
         return self._episodes.arrays.legal_balls[0].copy()
+
+    @property
+    def action_masks(self) -> Callable[[], NDArray[np.bool_]]:
+        """A method that returns the plans that are possible in the next shot, (choices,), a copy.
+
+        MaskablePPO of sb3-contrib calls it.
+
+        Raises:
+            AttributeError: If an action is not a choice, so `hasattr(env, "action_masks")` is False.
+        """
+        if not self._episodes.choices:
+            raise AttributeError(f"action_masks with action = {self.action!r}: expected action 'plan'")
+        return lambda: self._episodes.mask[0].astype(np.bool_)
 
     def decode(self, observation: Any) -> dict[str, Any]:
         """Returns the features of an observation (size,), or of several (..., size), by name; see `decode`."""

@@ -100,6 +100,8 @@ class Episodes:
                 state.physics[:, j] = low
         self.starts = starts_of(self.of_shots, model.max_shots)
         self._scene = varied_fields(scene, model.engine, self.physics, count)
+        if memory is not None:
+            self._follow_state(slice(None))
 
     def _allocate(self, memory: NDArray[np.uint8]) -> None:
         """Sets the arrays of the episodes, with the state in `memory`."""
@@ -132,6 +134,7 @@ class Episodes:
         twin.__dict__.update(self.__dict__)
         twin.recorded = dict(self.recorded)
         twin._allocate(self.memory.copy())
+        twin.mask[:] = self.mask
         twin.observer = self.observer.bound(twin.arrays, twin.physics)
         if self.physics:
             twin._scene = (self._scene[0].copy(), *self._scene[1:])
@@ -146,7 +149,7 @@ class Episodes:
             chosen, values = part if rows is None else rows[part], states[part] if len(states) > 1 else states
             for name, array in zip(StateArrays._fields, self.state, strict=True):
                 array[chosen] = values[name]
-        self.set_physics(slice(None) if rows is None else rows, {})
+        self._follow_state(slice(None) if rows is None else rows)
 
     def take(self, rows: NDArray[np.int64] | None) -> EpisodeState:
         """Returns a copy of the state of some episodes, None for all: one row for each."""
@@ -159,7 +162,15 @@ class Episodes:
     def undo(self, memory: NDArray[np.uint8]) -> None:
         """Replaces the state of all episodes by a copy of `memory`."""
         self.memory[:] = memory
-        self.set_physics(slice(None), {})
+        self._follow_state(slice(None))
+
+    def _follow_state(self, rows: Any) -> None:
+        """Sets what follows from the state of episodes: the physics of the engine, and the possible choices."""
+        self.set_physics(rows, {})
+        if self.choices:
+            changed = np.zeros(len(self.mask), np.bool_)
+            changed[rows] = True
+            self._write_mask(0, len(changed), changed & ~self.state.over)
 
     def restart(self, begin: int, end: int, mask: Bools, observations: Any, options: ResetOptions = NO_OPTIONS) -> None:
         """Begins new episodes in the mask (m,), and writes all observations.

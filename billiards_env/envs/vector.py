@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -242,6 +242,12 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         """(num_envs, n) balls that the cue ball may touch first in a run-out, a copy; (num_envs, 0) in other tasks."""
         return self._episodes.state.legal_balls.copy()
 
+    @property
+    def action_masks(self) -> Callable[[], Bools]:
+        """A method that returns the possible plans of each environment, (num_envs, choices), see `BilliardsEnv`."""
+        _ = self.single_env.action_masks  # raises if there is none
+        return lambda: self._episodes.mask.astype(np.bool_)
+
     def decode(self, observations: Any) -> dict[str, Any]:
         """Returns the features of observations (..., size) by name, see `observations.decode`."""
         return self.single_env.decode(observations)
@@ -284,6 +290,8 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
             raise ValueError(f"call({name!r}): expected the method of the vector environment, or set_attr")
         if name == "get_state":
             return tuple(np.asarray(row) for row in self.get_state())
+        if name == "action_masks":
+            return tuple(self.action_masks())
         if name == "render":
             return self.render() or (None,) * self.num_envs
         if name == "get_wrapper_attr":

@@ -1,5 +1,7 @@
 """Velocities, strikes and other kinds of actions, and execution noise, in single and vector environments."""
 
+import copy
+import pickle
 from typing import Any
 
 import gymnasium as gym
@@ -205,6 +207,43 @@ def test_plans_of_the_mask_pot_the_ball_in_the_pocket(scene):
     assert not infos["action_mask"][~open_].any()
     masked = open_ & ~infos["action_mask"].all(axis=1)
     assert not (left & infos["potted"][:, 1:])[masked].any()
+
+
+def test_the_masks_are_those_of_the_present_state():
+    arguments: dict[str, Any] = {"n_object_balls": 3, "max_shots": 2, "action": "plan"}
+    env: Any = gym.make("Billiards-v0", **arguments)
+    envs, others = make_vector_env(20, **arguments), make_vector_env(20, **arguments)
+    assert not env.get_wrapper_attr("action_masks")().any()  # there is no episode
+    _, info = env.reset(seed=0)
+    _, infos = envs.reset(seed=0)
+    for _ in range(3):
+        masks = envs.action_masks()
+        assert masks.dtype == np.bool_
+        assert (masks == infos["action_mask"]).all()
+        assert np.array_equal(envs.call("action_masks"), masks)
+        others.set_state(envs.get_state([5, 6]), [1, 2])
+        assert (others.action_masks() == [*[[False] * 90], *masks[5:7], *[[False] * 90] * 17]).all()
+        for twin in (copy.deepcopy(envs), pickle.loads(pickle.dumps(envs))):
+            assert (twin.action_masks() == masks).all()
+        *_, infos = envs.step(masks.argmax(axis=1))
+    mask, state = env.get_wrapper_attr("action_masks")(), env.unwrapped.get_state()
+    assert (mask == info["action_mask"]).all()
+    for _ in range(2):
+        *_, over, _, info = env.step(mask.argmax())
+        assert (env.unwrapped.action_masks() == info["action_mask"]).all()
+        assert over is (not info["action_mask"].any())
+    env.unwrapped.set_state(state)
+    assert (env.unwrapped.action_masks() == mask).all()
+
+
+@pytest.mark.parametrize("action", [name for name in ACTIONS if name != "plan"])
+def test_an_action_that_is_no_choice_has_no_masks(action):
+    arguments = {"action": action, "max_speed": 5.0}
+    for env in (make_env(**arguments), make_vector_env(2, **arguments)):
+        with pytest.raises(AttributeError, match=f"action_masks with action = '{action}': expected action 'plan'"):
+            _ = env.action_masks
+    with pytest.raises(AttributeError, match="action_masks"):
+        make_vector_env(2, **arguments).call("action_masks")
 
 
 def test_a_plan_without_a_pot_is_a_full_hit_on_the_nearest_ball():

@@ -135,6 +135,27 @@ def test_attributes_and_methods_belong_to_all_environments():
     assert np.array_equal(one[0]["terminal_observation"], other[0]["terminal_observation"])
 
 
+def test_learners_find_the_masks_of_plans():
+    utils = pytest.importorskip("sb3_contrib.common.maskable.utils")
+    kwargs = {"action": "plan", "max_shots": 2}
+    native, dummy = pair(3, **kwargs)
+    for envs in (native, dummy):
+        envs.seed(1)
+        envs.reset()
+    for _ in range(3):
+        masks = utils.get_action_masks(native)
+        assert np.array_equal(masks, utils.get_action_masks(dummy))
+        for envs in (native, dummy):
+            envs.step(masks.argmax(axis=1))
+    assert np.array_equal(native.env_method("action_masks", indices=[2]), utils.get_action_masks(native)[2:])
+    single = gym.make("Billiards-v0", **kwargs)
+    assert utils.get_action_masks(single).shape == (30,)
+    for env in (native, dummy, VecNormalize(native), single):
+        assert utils.is_masking_supported(env)
+    for env in (*pair(2), gym.make("Billiards-v0")):
+        assert not utils.is_masking_supported(env)
+
+
 def test_images_equal_those_of_dummy_vec_env(tmp_path):
     pytest.importorskip("pygame")
     native, dummy = pair(2, render_mode="rgb_array", **SOFT)
