@@ -125,7 +125,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@echo "Installing the packages of constraints.txt for Python $(VERSION) in .venv"
 	@if [ -L .venv ]; then rm .venv; fi  # the target of a link stays as it is
 	@$(PYTHON) -m venv --clear .venv
-	@set -o pipefail; $(BIN)/pip install -c constraints.txt -e '.[train,render,plot,multi,dev,docs]' | $(PROGRESS)
+	@set -o pipefail; $(BIN)/pip install -c constraints.txt -e '.[train,masks,render,plot,multi,dev,docs]' | $(PROGRESS)
 	@touch $@
 
 # Prints the name of each package that pip collects, and the size of a large download.

@@ -1,4 +1,4 @@
-"""DQN of Stable-Baselines3 chooses a ball, a pocket and a speed: `python examples/plans.py` (extra `train`)."""
+"""DQN and MaskablePPO choose a ball, a pocket and a speed: `python examples/plans.py` (extras `train` and `masks`)."""
 
 import gymnasium as gym
 import numpy as np
@@ -6,6 +6,11 @@ import torch
 from stable_baselines3 import DQN
 
 from billiards_env.sb3 import SameStepVecEnv
+
+try:
+    from sb3_contrib import MaskablePPO
+except ImportError:
+    MaskablePPO = None
 
 SHOTS = 5
 
@@ -17,34 +22,49 @@ def make(num_envs: int) -> gym.vector.VectorEnv:
     return gym.make_vec("billiards_env:Billiards-v0", num_envs, **arguments)
 
 
-def success(values, episodes: int) -> float:
-    """Returns the share of episodes that are won with the possible plans of the largest values."""
+def success(choose, episodes: int) -> float:
+    """Returns the share of episodes that are won with the plans that `choose` returns for observations and masks."""
     envs = make(episodes)
     observations, infos = envs.reset(seed=1)
     over, won = np.zeros(episodes, bool), np.zeros(episodes, bool)
     for _ in range(SHOTS):
-        plans = np.where(infos["action_mask"], values(observations), -np.inf).argmax(axis=1)
-        observations, _, ends, _, infos = envs.step(plans)
+        observations, _, ends, _, infos = envs.step(choose(observations, infos["action_mask"]))
         if ends.any():
             won |= ~over & ends & infos["final_info"]["is_success"]
         over |= ends
     return won.mean()
 
 
-def run(steps: int, episodes: int = 1000) -> tuple[float, float]:
-    """Trains, and returns the success of random possible plans and of those that DQN values most."""
+def run(steps: int, episodes: int = 1000) -> dict[str, float]:
+    """Trains, and returns the success of random play with the masks and that of each learner."""
     torch.set_num_threads(1)
-    settings = {"learning_starts": 1000, "train_freq": 1, "gradient_steps": 8, "batch_size": 256, "gamma": 0.9}
-    model = DQN("MlpPolicy", SameStepVecEnv(make(64)), **settings, buffer_size=100_000, device="cpu").learn(steps)
     rng = np.random.default_rng(0)
+    shares = {
+        "random plans with the masks": success(lambda _, masks: (rng.random(masks.shape) * masks).argmax(1), episodes)
+    }
 
-    def valued(observations):
+    settings = {"learning_starts": 1000, "train_freq": 1, "gradient_steps": 8, "batch_size": 256, "gamma": 0.9}
+    dqn = DQN("MlpPolicy", SameStepVecEnv(make(64)), **settings, buffer_size=100_000, device="cpu").learn(steps)
+
+    def most_valued(observations, masks):
         with torch.no_grad():
-            return model.q_net(torch.as_tensor(observations)).numpy()
+            values = dqn.q_net(torch.as_tensor(observations)).numpy()
+        return np.where(masks, values, -np.inf).argmax(axis=1)
 
-    return success(lambda seen: rng.random((len(seen), 90)), episodes), success(valued, episodes)
+    shares["DQN"] = success(most_valued, episodes)
+    if MaskablePPO is None:
+        print("MaskablePPO needs the extra masks: pip install 'billiards-env[masks]'")
+        return shares
+    settings = {"n_steps": 32, "batch_size": 512, "gamma": 0.9, "ent_coef": 0.01, "learning_rate": 1e-3}
+    ppo = MaskablePPO("MlpPolicy", SameStepVecEnv(make(64)), **settings, device="cpu").learn(steps)
+
+    def most_probable(observations, masks):
+        return ppo.predict(observations, action_masks=masks, deterministic=True)[0]
+
+    shares["MaskablePPO"] = success(most_probable, episodes)
+    return shares
 
 
 if __name__ == "__main__":
-    chance, learned = run(100_000)
-    print(f"random plans win {chance:.1%} of 1,000 new tables, DQN {learned:.1%}")
+    for name, share in run(100_000).items():
+        print(f"{name}: {share:.1%} of 1,000 new tables won")

@@ -77,7 +77,7 @@ def test_make_installs_what_it_needs_with_the_pinned_versions(make):
     commands = make("-n", "test", f"PYTHON={sys.executable}").splitlines()
     patterns = (
         rf"{sys.executable} -m venv --clear \.venv",
-        r".*pip install -c constraints\.txt -e '\.\[train,render,plot,multi,dev,docs\]'.*",
+        r".*pip install -c constraints\.txt -e '\.\[train,masks,render,plot,multi,dev,docs\]'.*",
         r"\.venv/bin/pytest .*",
     )
     places = [next(k for k, line in enumerate(commands) if re.fullmatch(text, line)) for text in patterns]

@@ -203,7 +203,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
     With `randomize` the info also has the numbers of the episode by name (float64). `played_action` is the velocity,
     k = 2, or the strike, k = 5, in the units of the action space, after the conversion of other actions, the clipping
     and the noise. With `action="plan"` the info also has `action_mask`, int8: 1 for each plan that is possible in the
-    next shot.
+    next shot. `env.unwrapped.action_masks()` returns it as bools.
 
     `reset(options={"episode_seed": info["episode_seed"]})` begins the same episode in any environment with the same
     arguments, single or vector: the same positions, goal, physics and execution noise. So one of the episodes of a

@@ -5,6 +5,7 @@ import importlib.util
 import json
 import re
 import runpy
+import sys
 from pathlib import Path
 
 import pytest
@@ -48,7 +49,6 @@ PROGRAMS = [
     pytest.param("torchrl_collector", "torchrl", 2048, {}, -0.2, 0.2, marks=pytest.mark.tools),
     ("rllib_ppo", "ray", 2048, {"num_envs": 32}, -0.3, 0.3),
     ("goals", "stable_baselines3", 1100, {"episodes": 100}, 0.0, 1.0),
-    ("plans", "stable_baselines3", 1100, {"episodes": 100}, 0.0, 1.0),
 ]
 
 
@@ -59,6 +59,20 @@ def test_a_program_returns_a_number_in_its_range(name, package, steps, arguments
     chance, value = value if isinstance(value, tuple) else (0.5, getattr(value, "best_value", value))
     assert 0.1 < chance < 0.9
     assert least <= value <= most
+
+
+@pytest.mark.parametrize("learners", [["DQN"], ["DQN", "MaskablePPO"]], ids=" and ".join)
+def test_learners_choose_among_plans(learners, monkeypatch, capsys):
+    if len(learners) == 1:
+        monkeypatch.setitem(sys.modules, "sb3_contrib", None)
+        program = load("plans", "stable_baselines3")
+    else:
+        program = load("plans", "stable_baselines3", "sb3_contrib")
+    shares = program["run"](1100, episodes=100)
+    assert list(shares) == ["random plans with the masks", *learners]
+    assert 0.1 < shares.pop("random plans with the masks") < 0.9
+    assert all(0.0 <= share <= 1.0 for share in shares.values())
+    assert ("pip install 'billiards-env[masks]'" in capsys.readouterr().out) is (len(learners) == 1)
 
 
 def test_ppo_trains_from_pixels():
