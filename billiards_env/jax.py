@@ -24,7 +24,7 @@ import numpy as np
 
 from billiards_env.checks import missing
 from billiards_env.scene import Scene
-from billiards_env.shots.functions import ShotFunction
+from billiards_env.shots.functions import ShotFunction, checked_physics
 from billiards_env.shots.gradients import MARGINS, margin_columns
 
 try:
@@ -69,22 +69,30 @@ def simulate(
         together and the type of the positions and velocities.
 
     Raises:
-        ValueError: As in `simulate_batch`, or if a name is unknown. Errors in the values of arrays end the computation
-            as errors of JAX.
-        TypeError: For a derivative in forward mode.
+        ValueError: As in `simulate_batch`, if a name is unknown, or if an array is complex. Errors in the values of
+            arrays end the computation as errors of JAX.
+        TypeError: As there, or for a derivative in forward mode.
         NotImplementedError: For a second derivative.
     """
+    numbers = checked_physics(scene, physics)
     names, n = (of,) if isinstance(of, str) else tuple(of), scene.n_balls
     starts = {"positions": (n, 2), "velocities": (n, 2), "spins": (n, 3)}
-    named = {"positions": positions, "velocities": velocities, "spins": spins, **(physics or {})}
-    kind = jnp.result_type(
-        float, *(x for x in (positions, velocities) if jnp.issubdtype(jnp.result_type(x), jnp.inexact))
-    )
-    arrays = {name: jnp.asarray(array, kind) for name, array in named.items() if array is not None}
-    own = {name: starts.get(name, ()) for name in arrays}  # the axes of one shot
+    given = {"positions": positions, "velocities": velocities, "spins": spins, **numbers}
+    named = {name: jnp.asarray(array) for name, array in given.items() if array is not None}
+    own = {name: starts.get(name, ()) for name in named}  # the axes of one shot
+    for name, array in named.items():
+        if jnp.iscomplexobj(array):
+            raise ValueError(f"{name} has type {array.dtype}: expected real numbers")
+        if array.shape[array.ndim - len(own[name]) :] != own[name]:
+            axes = ", ".join(map(str, own[name]))
+            raise ValueError(f"{name} has shape {array.shape}: expected (..., {axes})")
+    inexact = (named[name] for name in ("positions", "velocities") if jnp.issubdtype(named[name].dtype, jnp.inexact))
+    kind = jnp.result_type(float, *inexact)
+    arrays = {name: array.astype(kind) for name, array in named.items()}
     lead = jnp.broadcast_shapes(*(array.shape[: array.ndim - len(own[name])] for name, array in arrays.items()))
     arrays = {name: jnp.broadcast_to(array, lead + own[name]) for name, array in arrays.items()}
     shots = ShotFunction(scene, tuple(arrays), names, {"in_play": in_play, "max_time": max_time, "threads": threads})
+    shots.run([np.empty((0, *own[name])) for name in arrays], False)  # checks the options
     sizes = starts | {name: (n, columns.stop - columns.start) for name, columns in margin_columns(scene).items()}
 
     def on_host(work: Callable[[list[Any]], list[Any]]) -> Callable[..., Any]:

@@ -19,10 +19,10 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import missing
+from billiards_env.checks import missing, short
 from billiards_env.engine import PIC
 from billiards_env.scene import Scene
-from billiards_env.shots.functions import STARTS, ShotFunction
+from billiards_env.shots.functions import OF_BALLS, ShotFunction, checked_physics
 from billiards_env.shots.gradients import MARGINS
 from billiards_env.shots.simulation import BatchResult
 
@@ -34,6 +34,7 @@ except ModuleNotFoundError as error:
     raise missing(error.name or "torch", "train") from error
 
 
+@torch.compiler.disable
 def simulate(
     scene: Scene,
     positions: Tensor,
@@ -52,8 +53,10 @@ def simulate(
     """Runs m shots with `billiards_env.simulate_batch`, as a differentiable function of tensors.
 
     Gradients (`backward`, `torch.autograd.grad`) come from `BatchResult.vjp`, and derivatives in forward mode
-    (`torch.func.jvp`, `torch.func.jacfwd`) from `BatchResult.jvp`. `torch.func.vmap` runs all shots in one batch;
-    the constants of the scene must be the same for all of them. Second derivatives do not exist.
+    (`torch.func.jvp`, `torch.func.jacfwd`) from `BatchResult.jvp`. `torch.func.vmap` runs all shots in one batch; it
+    cannot map over what they share: radii, masses and numbers without an axis of shots. Second derivatives do not
+    exist. `torch.compile` compiles the code before and after a call and does not trace the call, which is one graph
+    break.
 
     Args:
         scene: Table, balls and physics.
@@ -64,7 +67,7 @@ def simulate(
             "ball_margins", "pocket_margins" and "cushion_margins" (see `shots.gradients.Margins`).
         radius: (n,) radii of the balls, m; None for the scene's.
         mass: (n,) masses of the balls, kg; None for the scene's.
-        physics: Numbers of `Physics` by name, as tensors without axes. The others come from the scene.
+        physics: Numbers of `Physics` by name, () for all shots or (m,). The others come from the scene.
         varied: Numbers of `Physics` that differ from shot to shot, (m,) each, without derivatives: `physics` of
             `simulate_batch`.
         in_play: As in `simulate_batch`.
@@ -78,34 +81,41 @@ def simulate(
         CPU.
 
     Raises:
-        ValueError: As in `simulate_batch`, or if a name is unknown.
-        NotImplementedError: If a second derivative is computed, or `vmap` maps over a constant of the scene.
+        ValueError: As in `simulate_batch`, or if a name is unknown, or in `physics` and in `varied`.
+        TypeError: As there, or if an input is not a tensor.
+        NotImplementedError: If a second derivative is computed, or `vmap` maps over what the shots share.
     """
     names = (of,) if isinstance(of, str) else tuple(of)
-    numbers = {} if physics is None else dict(physics)
-    single = positions.ndim == 2
-    if not (velocities.is_floating_point() or velocities.is_complex()):
-        velocities = velocities.to(torch.get_default_dtype())
-    named = {"positions": positions, "velocities": velocities, "spins": spins}
-    tensors = {name: tensor for name, tensor in named.items() if tensor is not None}
-    for name, tensor in {**tensors, **numbers}.items():
-        if tensor.is_complex():
+    numbers = checked_physics(scene, physics)
+    if varied and not numbers.keys().isdisjoint(varied):
+        raise ValueError(f"varied = {short(varied)}: expected numbers that physics does not have")
+    starts = {"positions": positions, "velocities": velocities, "spins": spins}
+    balls = {"radius": radius, "mass": mass}
+    for name, tensor in {**starts, **balls, **numbers}.items():
+        if not isinstance(tensor, Tensor) and (tensor is not None or name in numbers):
+            raise TypeError(f"{name} = {short(tensor)}: expected a tensor")
+        if tensor is not None and tensor.is_complex():
             raise ValueError(f"{name} has type {tensor.dtype}: expected real numbers")
+    if not velocities.is_floating_point():
+        starts["velocities"] = velocities.to(torch.get_default_dtype())
+    tensors = {name: tensor for name, tensor in starts.items() if tensor is not None}
+    single = positions.ndim == 2
     if single:
         tensors = {name: tensor.unsqueeze(0) for name, tensor in tensors.items()}
     for name in tensors:
         if name != "positions" and tensors[name].ndim == 2:  # those of the cue balls
             tensors[name] = torch.nn.functional.pad(tensors[name].unsqueeze(1), (0, 0, 0, scene.n_balls - 1))
-    constants = {"radius": radius, "mass": mass, **numbers}
-    tensors |= {name: tensor for name, tensor in constants.items() if tensor is not None}
+    tensors |= {name: tensor for name, tensor in {**balls, **numbers}.items() if tensor is not None}
     options = {"physics": varied, "in_play": in_play, "max_time": max_time, "threads": threads}
-    shots = _TensorShots(scene, tuple(tensors), names, options)
+    shared = (*OF_BALLS, *(name for name, number in numbers.items() if not number.ndim))
+    shots = _TensorShots(scene, tuple(tensors), names, options, shared)
     shots.record = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors.values())
     results = cast(tuple[Tensor, ...], _Simulate.apply(shots, *tensors.values()))
     outputs = {name: output[0] if single else output for name, output in zip(names, results, strict=True)}
     return outputs[of] if isinstance(of, str) else outputs
 
 
+@torch.compiler.disable
 def pot_margins(
     env: Any, positions: Tensor, actions: Tensor, in_play: Any = None, threads: int | None = None
 ) -> Tensor:
@@ -137,6 +147,11 @@ def pot_margins(
         raise ValueError(f"env.action = {single.action!r}: expected 'velocity'")
     if single.engine != PIC:
         raise ValueError(f"env.engine = {single.engine}: expected PIC, shots by PIT have no derivatives")
+    if positions.ndim != 3 or actions.shape != (len(positions), 2):
+        raise ValueError(
+            f"actions has shape {tuple(actions.shape)}: expected (m, 2) for positions (m, n, 2), which has shape "
+            f"{tuple(positions.shape)}"
+        )
     shots = len(positions) if base is single else 1
     varied = {name: values.repeat(shots) for name, values in base._episodes.physics.items()}
     exact, of = actions.double(), ("ball_margins", "pocket_margins")  # the velocities have the same bits as in `step`
@@ -154,10 +169,12 @@ class _TensorShots(ShotFunction):
     """Shots as a function of tensors.
 
     Attributes:
+        shared: The names of the inputs that all shots share. The others have an axis of shots.
         record: Whether to keep the batch for the derivatives.
         batch: This batch, recorded. Without it, derivatives run the shots again.
     """
 
+    shared: tuple[str, ...] = OF_BALLS
     record: bool = False
     batch: BatchResult | None = None
 
@@ -169,7 +186,7 @@ class _TensorShots(ShotFunction):
         """Returns the shots and tensors of `size` batches as one batch. `dims` has their axes, None for none."""
         out = []
         for k, (dim, tensor) in enumerate(zip(dims, tensors, strict=True)):
-            if k >= len(self.inputs) or self.inputs[k] in STARTS:
+            if k >= len(self.inputs) or self.inputs[k] not in self.shared:
                 batched = tensor.expand(size, *tensor.shape) if dim is None else tensor.movedim(dim, 0)
                 tensor = batched.flatten(0, 1)
             elif dim is not None:
@@ -179,9 +196,8 @@ class _TensorShots(ShotFunction):
         if np.ndim(in_play) == 2:
             in_play = np.tile(in_play, (size, 1))
         varied = {name: np.tile(values, size) for name, values in (self.options["physics"] or {}).items()}
-        return _TensorShots(
-            self.scene, self.inputs, self.outputs, {**self.options, "physics": varied, "in_play": in_play}
-        ), *out
+        options = {**self.options, "physics": varied, "in_play": in_play}
+        return _TensorShots(self.scene, self.inputs, self.outputs, options, self.shared), *out
 
 
 def _array(tensor: Tensor) -> NDArray[np.float64]:
@@ -195,7 +211,7 @@ def _tensors(arrays: Sequence[Any], like: Tensor) -> tuple[Tensor, ...]:
 class _OfShots(Function):
     """A function whose first argument is a `_TensorShots`. The other arguments and the results are tensors.
 
-    All tensors but the constants of the scene have an axis of shots, so `vmap` runs its batches as one batch.
+    All tensors but those that the shots share have an axis of shots, so `vmap` runs its batches as one batch.
     """
 
     @staticmethod
@@ -235,7 +251,9 @@ class _Simulate(_OfShots):
     @staticmethod
     def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
         gradients = _Vjp.apply(ctx.shots, *ctx.saved_tensors, *grad_outputs)
-        sums = (x if name in STARTS else x.sum(0) for name, x in zip(ctx.shots.inputs, gradients, strict=True))
+        sums = (
+            x.sum(0) if name in ctx.shots.shared else x for name, x in zip(ctx.shots.inputs, gradients, strict=True)
+        )
         return None, *sums
 
     @staticmethod
@@ -243,7 +261,7 @@ class _Simulate(_OfShots):
         inputs, changes = ctx.saved_tensors, []
         for name, x, change in zip(ctx.shots.inputs, inputs, tangents[1:], strict=True):
             change = torch.zeros_like(x) if change is None else change
-            changes.append(change if name in STARTS else change.expand(len(inputs[0]), *x.shape))
+            changes.append(change.expand(len(inputs[0]), *x.shape) if name in ctx.shots.shared else change)
         return _Jvp.apply(ctx.shots, *inputs, *changes)
 
 

@@ -4,6 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
+from torch._dynamo import explain
 from torch.autograd import gradcheck
 from torch.func import grad, jacfwd, jacrev, vmap
 
@@ -11,6 +12,7 @@ from billiards_env import Scene, simulate_batch
 from billiards_env.envs import make_vector_env
 from billiards_env.torch import pot_margins, simulate
 from tests.helpers.derivatives import aimed
+from tests.helpers.errors import refusals
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")  # of torch itself
 
@@ -117,6 +119,35 @@ def test_jacobians_by_constants_need_no_batch_of_scenes():
         vmap(lambda e: simulate(SCENES["pool"], *start(SCENES["pool"]), physics={"e_ball": e}))(torch.ones(2))
 
 
+def test_each_shot_may_have_its_own_physics():
+    scene, m = SCENES["pool"], 4
+    places, moving = (tensor.detach() for tensor in start(scene, m))
+    numbers = torch.linspace(0.8, 0.95, m).double(), torch.linspace(0.15, 0.25, m).double().requires_grad_()
+
+    def ends(e_ball, mu_slide, of=slice(None)):
+        physics = {"e_ball": e_ball, "mu_slide": mu_slide}
+        return simulate(scene, places[of], moving[of], physics=physics, max_time=0.7)
+
+    batched = ends(*numbers)
+    single = torch.stack([ends(*row) for row in zip(*numbers, range(m), strict=True)])
+    assert batched.tolist() == single.tolist()
+    slopes = [torch.autograd.grad(out.square().sum(), numbers[1]) for out in (batched, single)]
+    assert torch.equal(*(slope for (slope,) in slopes))
+    assert slopes[0][0].abs().min() > 0
+    assert gradcheck(ends, numbers, eps=1e-7, atol=1e-4, rtol=1e-4, check_forward_ad=True)
+
+
+def test_vmap_maps_over_the_physics_of_a_shot():
+    (place, _), (moving, _) = start(SCENES["pool"])
+
+    def loss(mu_slide, place):
+        return simulate(SCENES["pool"], place, moving, physics={"mu_slide": mu_slide}, max_time=0.7).square().sum()
+
+    numbers = torch.linspace(0.15, 0.25, 4).double()[:, None]  # each has an axis of one shot
+    mapped, alone = vmap(grad(loss), (0, None))(numbers, place), [grad(loss)(row, place) for row in numbers]
+    assert torch.equal(mapped, torch.stack(alone))
+
+
 def test_whole_numbers_are_numbers():
     scene, places, velocities = SCENES["ideal"], torch.tensor([[-1, 0], [0, 0], [1, 0]]), torch.tensor([0, 1])
     ends = simulate(scene, places, velocities, max_time=0.25)
@@ -133,12 +164,51 @@ def test_second_derivatives_are_refused():
         first.sum().backward()
 
 
-def test_wrong_names_are_refused():
-    tensors = start(SCENES["pool"])
-    with pytest.raises(ValueError, match="of = 'events': expected"):
-        simulate(SCENES["pool"], *tensors, of="events")
-    with pytest.raises(ValueError, match="physics = 'motion': expected"):
-        simulate(SCENES["pool"], *tensors, physics={"motion": tensors[0]})
+@refusals(
+    "arguments",
+    [
+        ({"of": "events"}, "of = 'events': expected one of"),
+        ({"scene": "pool"}, "scene = 'pool': expected a Scene", TypeError),
+        ({"velocities": [[1.0, 0.0]] * 2}, "velocities = .*: expected a tensor", TypeError),
+        ({"velocities": torch.ones(2, 2) * 1j}, "velocities has type torch.complex64: expected real numbers"),
+        ({"radius": torch.full((3,), 0.03 + 0j)}, "radius has type torch.complex64: expected real numbers"),
+        ({"radius": torch.tensor(0.03)}, r"radius has shape \(\): expected \(3,\)"),
+        ({"mass": torch.ones(2, 3)}, r"mass has shape \(2, 3\): expected \(3,\)"),
+        ({"physics": torch.ones(1)}, "physics = .*: expected a mapping", TypeError),
+        ({"physics": {"mu_roll": 0.01}}, "mu_roll = 0.01: expected a tensor", TypeError),
+        ({"physics": {"motion": torch.ones(1)}}, "physics = 'motion': expected one of"),
+        ({"physics": {"positions": torch.zeros(2, 3, 2)}}, "physics = 'positions': expected one of"),
+        ({"physics": {"mu_roll": torch.ones(3)}}, r"physics\['mu_roll'\] has shape \(3,\): expected \(2,\)"),
+        (
+            {"physics": {"mu_roll": torch.tensor(0.01)}, "varied": {"mu_roll": [0.02, 0.02]}},
+            r"varied = \{'mu_roll': .*\}: expected numbers that physics does not have",
+        ),
+    ],
+)
+def test_wrong_arguments_are_refused(arguments, message, kind):
+    places, moving = start(SCENES["pool"])
+    with pytest.raises(kind, match=message):
+        simulate(**{"scene": SCENES["pool"], "positions": places, "velocities": moving, **arguments})
+
+
+@pytest.mark.filterwarnings("ignore:The .grad attribute of a Tensor that is not a leaf:UserWarning")  # of torch itself
+def test_a_compiler_does_not_trace_shots():
+    env = gym.make("billiards_env:Billiards-v0")
+    scene, positions = env.unwrapped.scene, torch.tensor([[[-0.6, 0.0], [0.6, 0.3]]]).double()
+    actions = torch.tensor([[0.5, 0.13]]).double().requires_grad_()
+
+    def by_simulate(actions):
+        return (2.0 * simulate(scene, positions, 1.5 * actions, max_time=0.7)).square().sum()
+
+    def by_margins(actions):
+        return (2.0 * pot_margins(env, positions, 1.5 * actions)).square().sum()
+
+    for function in (by_simulate, by_margins):
+        found = explain(function)(actions)
+        assert (found.graph_break_count, found.graph_count) == (1, 2)
+        compiled = torch.compile(function, backend="eager")
+        slopes = (torch.autograd.grad(call(actions), actions)[0] for call in (function, compiled))
+        assert torch.equal(*slopes)
 
 
 def test_pot_margins_are_positive_for_pots_and_lead_to_them():
@@ -201,3 +271,7 @@ def test_pot_margins_of_other_shots_are_refused():
     ):
         with pytest.raises(ValueError, match=text):
             pot_margins(env, torch.zeros(1, 2, 2), torch.zeros(1, 2))
+    env = gym.make("billiards_env:Billiards-v0")
+    for shapes in ([(2, 2), (2,)], [(1, 2, 2), (1, 2, 2)], [(3, 2, 2), (2, 2)]):
+        with pytest.raises(ValueError, match=r"actions has shape .*: expected \(m, 2\)"):
+            pot_margins(env, *map(torch.zeros, shapes))

@@ -3,20 +3,35 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import one_of
-from billiards_env.scene import Scene
+from billiards_env.checks import one_of, shaped, short
+from billiards_env.scene import Scene, check_scene
 from billiards_env.shots.gradients import MARGINS, physics_inputs
 from billiards_env.shots.simulation import BatchResult, simulate_batch
 
 Floats = NDArray[np.float64]
 
-STARTS = ("positions", "velocities", "spins")
+STARTS, OF_BALLS = ("positions", "velocities", "spins"), ("radius", "mass")
+
+
+def checked_physics(scene: Scene, physics: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Returns the numbers of `Physics` that are inputs, by name, after a check of the names and of the scene.
+
+    Raises:
+        TypeError: If `physics` is not a mapping, or `scene` not a Scene.
+        ValueError: If a name is unknown.
+    """
+    check_scene(scene)
+    if not isinstance(physics, Mapping | None):
+        raise TypeError(f"physics = {short(physics)}: expected a mapping from names of numbers of Physics to arrays")
+    for name in physics or {}:
+        one_of("physics", name, tuple(physics_inputs(scene.physics)))
+    return dict(physics or {})
 
 
 @dataclasses.dataclass
@@ -25,7 +40,7 @@ class ShotFunction:
 
     Attributes:
         scene: The scene.
-        inputs: The names of the inputs: some of `STARTS`, "radius" and "mass" (n,), and numbers of `Physics`, () for
+        inputs: The names of the inputs: some of `STARTS`, of `OF_BALLS`, (n,) each, and numbers of `Physics`, () for
             all shots or (m,).
         outputs: The names of the outputs: some of `STARTS` and `MARGINS`.
         options: Further arguments of `simulate_batch`.
@@ -39,15 +54,13 @@ class ShotFunction:
     def __post_init__(self) -> None:
         for name in self.outputs:
             one_of("of", name, (*STARTS, *MARGINS))
-        for name in self.inputs:
-            if name not in (*STARTS, "radius", "mass"):
-                one_of("physics", name, tuple(physics_inputs(self.scene.physics)))
 
     def run(self, inputs: Sequence[Floats], record: bool) -> BatchResult:
         """Runs the shots."""
         by_name = dict(zip(self.inputs, inputs, strict=True))
         start = {name: by_name.pop(name) for name in STARTS if name in by_name}
-        balls = {name: tuple(by_name.pop(name).tolist()) for name in ("radius", "mass") if name in by_name}
+        of_balls = [name for name in OF_BALLS if name in by_name]
+        balls = {name: tuple(shaped(name, by_name.pop(name), (self.scene.n_balls,)).tolist()) for name in of_balls}
         varied = {name: values for name, values in by_name.items() if values.ndim}
         numbers = {name: value.item() for name, value in by_name.items() if not value.ndim}
         scene = dataclasses.replace(

@@ -7,6 +7,7 @@ import pytest
 
 from billiards_env import Scene, simulate_batch
 from tests.helpers.derivatives import aimed
+from tests.helpers.errors import refusals
 
 jax = pytest.importorskip("jax")
 jax.config.update("jax_enable_x64", True)
@@ -65,8 +66,37 @@ def test_what_has_no_derivative_is_refused():
         jax.grad(lambda x: jax.grad(loss)(x, moving, mu_roll).sum())(places)
     with pytest.raises(TypeError, match="forward-mode"):
         jax.jvp(lambda x: loss(x, moving, mu_roll), (places,), (places,))
-    with pytest.raises(ValueError, match="physics = 'motion': expected"):
-        simulate(SCENE, places, moving, physics={"motion": 1.0})
+
+
+@refusals(
+    "arguments",
+    [
+        ({"scene": "pool"}, "scene = 'pool': expected a Scene", TypeError),
+        ({"of": "events"}, "of = 'events': expected one of"),
+        ({"velocities": np.ones(2)}, r"velocities has shape \(2,\): expected \(\.\.\., 3, 2\)"),
+        ({"velocities": np.ones((4, 1, 2))}, r"velocities has shape \(4, 1, 2\): expected \(\.\.\., 3, 2\)"),
+        ({"spins": np.ones(3)}, r"spins has shape \(3,\): expected \(\.\.\., 3, 3\)"),
+        ({"velocities": np.ones((3, 2)) * 1j}, "velocities has type complex128: expected real numbers"),
+        ({"physics": [1.0]}, "physics = .*: expected a mapping", TypeError),
+        ({"physics": {"motion": 1.0}}, "physics = 'motion': expected one of"),
+        ({"physics": {"positions": np.zeros((3, 2))}}, "physics = 'positions': expected one of"),
+        ({"in_play": [1, 1, 1]}, "in_play = .*: expected True or False"),
+        ({"in_play": np.ones((5, 3), bool)}, r"in_play has shape \(5, 3\): expected \(3,\)"),
+        ({"max_time": -1.0}, "max_time = -1.0: expected a number from 0"),
+        ({"threads": 0}, "threads = 0: expected a whole number"),
+    ],
+)
+def test_wrong_arguments_are_refused_before_a_shot_runs(arguments, message, kind):
+    places, moving, _ = (array[0] for array in start())
+    arguments = {"scene": SCENE, "positions": places, "velocities": moving, **arguments}
+    with pytest.raises(kind, match=message):
+        jax.jit(lambda: simulate(**arguments))()
+
+
+def test_an_option_that_jit_traces_is_refused():
+    places, moving, _ = (array[0] for array in start())
+    with pytest.raises(TypeError, match=r"max_time = .*: expected a number, not "):
+        jax.jit(lambda limit: simulate(SCENE, places, moving, max_time=limit))(0.7)
 
 
 def test_the_examples_of_the_module_run():
