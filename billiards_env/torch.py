@@ -13,8 +13,8 @@ Example:
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,15 @@ except ModuleNotFoundError as error:
     raise missing(error.name or "torch", "train") from error
 
 
-@torch.compiler.disable
+_Call = TypeVar("_Call", bound=Callable[..., Any])
+
+
+def _untraced(function: _Call) -> _Call:
+    """Returns the function, which `torch.compile` then calls and does not trace."""
+    return cast(_Call, torch.compiler.disable(function))
+
+
+@_untraced
 def simulate(
     scene: Scene,
     positions: Tensor,
@@ -115,7 +123,7 @@ def simulate(
     return outputs[of] if isinstance(of, str) else outputs
 
 
-@torch.compiler.disable
+@_untraced
 def pot_margins(
     env: Any, positions: Tensor, actions: Tensor, in_play: Any = None, threads: int | None = None
 ) -> Tensor:

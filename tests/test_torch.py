@@ -124,7 +124,7 @@ def test_each_shot_may_have_its_own_physics():
     places, moving = (tensor.detach() for tensor in start(scene, m))
     numbers = torch.linspace(0.8, 0.95, m).double(), torch.linspace(0.15, 0.25, m).double().requires_grad_()
 
-    def ends(e_ball, mu_slide, of=slice(None)):
+    def ends(e_ball, mu_slide, of: slice | int = slice(None)):
         physics = {"e_ball": e_ball, "mu_slide": mu_slide}
         return simulate(scene, places[of], moving[of], physics=physics, max_time=0.7)
 
@@ -194,7 +194,7 @@ def test_wrong_arguments_are_refused(arguments, message, kind):
 @pytest.mark.filterwarnings("ignore:The .grad attribute of a Tensor that is not a leaf:UserWarning")  # of torch itself
 def test_a_compiler_does_not_trace_shots():
     env = gym.make("billiards_env:Billiards-v0")
-    scene, positions = env.unwrapped.scene, torch.tensor([[[-0.6, 0.0], [0.6, 0.3]]]).double()
+    scene, positions = Scene.named("pool"), torch.tensor([[[-0.6, 0.0], [0.6, 0.3]]]).double()
     actions = torch.tensor([[0.5, 0.13]]).double().requires_grad_()
 
     def by_simulate(actions):
@@ -272,6 +272,6 @@ def test_pot_margins_of_other_shots_are_refused():
         with pytest.raises(ValueError, match=text):
             pot_margins(env, torch.zeros(1, 2, 2), torch.zeros(1, 2))
     env = gym.make("billiards_env:Billiards-v0")
-    for shapes in ([(2, 2), (2,)], [(1, 2, 2), (1, 2, 2)], [(3, 2, 2), (2, 2)]):
+    for places, actions in ([(2, 2), (2,)], [(1, 2, 2), (1, 2, 2)], [(3, 2, 2), (2, 2)]):
         with pytest.raises(ValueError, match=r"actions has shape .*: expected \(m, 2\)"):
-            pot_margins(env, *map(torch.zeros, shapes))
+            pot_margins(env, torch.zeros(places), torch.zeros(actions))
