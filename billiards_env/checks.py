@@ -138,7 +138,7 @@ def real(name: str, value: Any, within: str | Range | None = None) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise TypeError(f"{name} = {short(value)}: expected a number, not {type(value).__name__}")
     if not fits(value, _FINITE if within is None else within):
-        expected = "a finite number" if within is None else _expected("number", within)
+        expected = "a finite number" if within is None else range_text("a number", within)
         raise ValueError(f"{name} = {short(value)}: expected {expected}")
     return float(value)
 
@@ -165,8 +165,23 @@ def integer(name: str, value: Any, within: str | Range) -> int:
     least, most, _, _ = RANGES[within] if isinstance(within, str) else within
     is_integer = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     if not is_integer or value < least or (most is not None and value > most):
-        raise ValueError(f"{name} = {short(value)}: expected {_expected('whole number', within)}")
+        raise ValueError(f"{name} = {short(value)}: expected {range_text('a whole number', within)}")
     return int(value)
+
+
+def range_text(what: str, within: str | Range) -> str:
+    """Returns what an error message expects: the numbers of a range, or its only number.
+
+    Example:
+        >>> range_text("a number", "dt")
+        'a number from 1e-09 to 1e+06 s'
+    """
+    least, most, unit, _ = RANGES[within] if isinstance(within, str) else within
+    if least == most:
+        text = _text(least)
+    else:
+        text = f"{what} " + (f">= {_text(least)}" if most is None else f"from {_text(least)} to {_text(most)}")
+    return text + (unit if unit.startswith(",") or not unit else f" {unit}")
 
 
 def number(value: Any) -> Any:
@@ -307,16 +322,6 @@ def missing(module: str, extra: str) -> ModuleNotFoundError:
 _PLAIN_SCALARS: dict[str, Any] = {"legacy": "1.25"} if np.lib.NumpyVersion(np.__version__) >= "2.0.0" else {}
 _NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|inf|nan)"
 _FINITE = Range(-sys.float_info.max, sys.float_info.max)
-
-
-def _expected(kind: str, within: str | Range) -> str:
-    """Returns the text of the numbers of a range: a kind of number and its bounds, or its only number."""
-    least, most, unit, _ = RANGES[within] if isinstance(within, str) else within
-    if least == most:
-        text = _text(least)
-    else:
-        text = f"a {kind} " + (f">= {_text(least)}" if most is None else f"from {_text(least)} to {_text(most)}")
-    return text + (unit if unit.startswith(",") or not unit else f" {unit}")
 
 
 def _text(bound: float) -> str:

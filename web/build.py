@@ -39,9 +39,11 @@ from numba.core.compiler_lock import global_compiler_lock
 from numpy.typing import NDArray
 
 from billiards_env.bench import EPISODES
+from billiards_env.checks import RANGES, range_text
 from billiards_env.drawing import page
+from billiards_env.engine import compile as compiling
 from billiards_env.engine import frozen_strike, pic, pit
-from billiards_env.engine.compile import scene_fields
+from billiards_env.engine.compile import PIC, scene_fields
 from billiards_env.engine.log import KINDS, empty_log
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.shot_input import is_valid_fast
@@ -50,7 +52,8 @@ from billiards_env.files import write_atomically
 from billiards_env.jit.compiler import Kernel
 from billiards_env.jit.folders import source_hash
 from billiards_env.physics.strike import cue_numbers, many_strikes
-from billiards_env.scene import Scene, layouts
+from billiards_env.scene import PARAMETERS, Scene, layouts
+from billiards_env.shots import strikes
 from studies.failures import FAILURES
 from web import tasks
 
@@ -144,6 +147,41 @@ def plain_number(number: float) -> float | str:
     return number if math.isfinite(number) else "Infinity" if number > 0 else "-Infinity"
 
 
+class Product:
+    """A number of `Physics` or a product of two numbers, as JSON: a name or a list of two factors."""
+
+    def __init__(self, form: Any) -> None:
+        self.form = form
+
+    def __mul__(self, other: Any) -> Product:
+        return Product([self.form, other.form if isinstance(other, Product) else other])
+
+    def __rmul__(self, other: float) -> Product:
+        return Product([other, self.form])
+
+
+def formulas(scene: Scene) -> dict[str, Any]:
+    """Returns how the numbers of the engine follow from those of `Physics`: the forms of products, by name."""
+    names: Any = {name: Product(name) for name in PARAMETERS if getattr(scene.physics, name) is not None}
+    numbers = compiling._numbers(scene, PIC, names)._asdict()
+    return {name: number.form for name, number in numbers.items() if isinstance(number, Product)}
+
+
+def ranges() -> dict[str, Any]:
+    """Returns the ranges of the arguments that JavaScript checks, by name.
+
+    Each is the smallest value, the largest one, the text of the error of Python, and whether only whole numbers fit.
+    """
+    keys = {name: parameter.within for name, parameter in PARAMETERS.items()}
+    keys |= {"dt": "dt", "maxTime": "limit", "maxEvents": "max_events"}
+    whole = "maxEvents"
+    texts = {name: range_text("a whole number" if name == whole else "a number", key) for name, key in keys.items()}
+    texts["dt"] = f"the timestep, {texts['dt']}, such as 1/60"
+    for name, key in (strikes._PARAMETERS | {"velocities": "speed", "spins": "spin"}).items():
+        keys[name], texts[name] = key, range_text("numbers", key)
+    return {name: [RANGES[key].least, RANGES[key].most, texts[name], name == whole] for name, key in keys.items()}
+
+
 def data() -> dict[str, Any]:
     """Returns what the JavaScript module reads from the section `SECTION`."""
     return {
@@ -151,12 +189,17 @@ def data() -> dict[str, Any]:
         "status": STATUS,
         "fixes": FIXES,
         "left": -frozen_strike.LEFT,
+        "ranges": ranges(),
         "scenes": {
             name: {
                 "kind": kind_of(scene),
                 "fields": [plain_numbers(scene_fields(scene)[0]), *as_json(scene_fields(scene)[1:])],
                 "cue": list(cue_numbers(scene)) if scene.physics.motion == "sliding" else None,
                 "max_time": scene.physics.max_time,
+                "motion": scene.physics.motion,
+                "cushion": scene.physics.cushion,
+                "physics": {name: value for name in PARAMETERS if (value := getattr(scene.physics, name)) is not None},
+                "formulas": formulas(scene),
             }
             for name, scene in scenes().items()
         },
@@ -273,6 +316,11 @@ def length(number: int) -> bytes:
     return bytes([low | 128]) + length(rest) if rest else bytes([low])
 
 
+def module() -> str:
+    """Returns the JavaScript module, with its checks."""
+    return "\n".join((HERE / name).read_text(encoding="utf-8") for name in ("engine.js", "checks.js"))
+
+
 def play_page(engine: bytes) -> str:
     """Returns `play.html`, which contains the engines, the module and the drawings of the tables."""
     carom_scenes = {name: Scene.named(name) for name in SCENES if not Scene.named(name).table.pockets}  # balls of carom
@@ -291,7 +339,7 @@ def play_page(engine: bytes) -> str:
     text = (HERE / "play.html").read_text(encoding="utf-8")
     for name, content in (
         ("drawing", page.page_file("table.js")),
-        ("module", (HERE / "engine.js").read_text(encoding="utf-8").replace("export ", "")),
+        ("module", module().replace("export ", "")),
         ("data", json.dumps(drawn, separators=(",", ":")).replace("<", "\\u003c")),
         ("engine", base64.b64encode(zlib.compress(engine, 9)).decode()),
     ):
@@ -320,8 +368,7 @@ def engine_file() -> bytes:
 def files() -> dict[str, bytes]:
     """Returns the files that the site has, by name."""
     engine = engine_file()
-    module = (HERE / "engine.js").read_bytes()
-    return {"engine.wasm": engine, "engine.js": module, "play.html": play_page(engine).encode()}
+    return {"engine.wasm": engine, "engine.js": module().encode(), "play.html": play_page(engine).encode()}
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -105,8 +105,7 @@ def browser_page() -> Iterator[Any]:
         browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox", "--disable-gpu"])
         page = browser.new_page()
         page.goto((build.HERE / "engine.js").as_uri())  # a page without an address cannot compute hashes
-        module = (build.HERE / "engine.js").read_text(encoding="utf-8")
-        page.set_content(f'<script type="module">{module}{SCRIPT}</script>')
+        page.set_content(f'<script type="module">{build.module()}{SCRIPT}</script>')
         page.wait_for_function("() => window.bitsOf !== undefined")
         yield page
         browser.close()

@@ -14,7 +14,6 @@ const TYPES = { f8: Float64Array, i8: BigInt64Array, u8: BigUint64Array, i4: Int
 const EVENT_WIDTH = 9, PIECE_WIDTH = 14;  // columns of the log, see `engine/log.py`
 
 const rows = (flat, width) => Array.from({ length: flat.length / width }, (_, k) => [...flat.subarray(k * width, (k + 1) * width)]);
-const isNumber = value => typeof value === "number" && Number.isFinite(value);
 
 let uses = 0;  // how often the memory was reset; after each reset an array is placed once
 
@@ -96,16 +95,6 @@ function cut(value, count) {
   return { ...value, shape: [count], content: value.content.slice(0, count) };
 }
 
-/** Returns a list of numbers for each ball. One list is that of the cue ball. */
-function ofBalls(name, values, count, width) {
-  const listed = values == null ? [] : Array.isArray(values[0]) ? values : [values];
-  const all = Array.from({ length: count }, (_, i) => listed[i] ?? (listed.length <= 1 ? Array(width).fill(0) : []));
-  if (listed.length > count || !all.every(row => row.length === width && row.every(isNumber))) {
-    throw new TypeError(`${name} = ${JSON.stringify(values)}: expected ${width} finite numbers for each of ${count} balls`);
-  }
-  return all.flat();
-}
-
 /** The result of a shot: the balls at its end, its events and the motion between them. */
 class Shot {
   #log;
@@ -149,6 +138,8 @@ class Shot {
 
   /** The motion of a ball at a time, s: position, velocity, angular velocity, and whether it is potted. */
   motion(ball, time, radius = 1) {
+    if (!isNumber(time) || time < 0) refuse("time", time, "a finite number of seconds >= 0");
+    if (!this.paths[ball]) refuse("ball", ball, `a whole number from 0 to ${this.paths.length - 1}`);
     const until = Math.min(time, this.time), piece = this.piece(ball, until), { phase } = piece;
     const since = (until - piece.t0) - piece.t0Low, within = Math.min(Math.max(since, 0), piece.lasts);
     const moves = phase >= PHASES.rolling && phase < PHASES.potted, t = moves ? within : 0;
@@ -162,7 +153,6 @@ class Shot {
 
   /** The positions of all balls at a time, s. A potted ball is at the centre of its pocket. */
   at(time) {
-    if (!isNumber(time) || time < 0) throw new RangeError(`time = ${time}: expected a finite number of seconds >= 0`);
     return this.paths.map((_, ball) => this.motion(ball, time)).map(({ x, y }) => [x, y]);
   }
 }
@@ -215,47 +205,37 @@ class Engine {
   }
 
   scene(name) {
-    const scene = this.data.scenes[name];
-    if (!scene) throw new RangeError(`scene = ${name}: expected one of ${this.scenes.join(", ")}`);
-    return scene;
+    oneOf("scene", name, this.scenes);
+    return this.data.scenes[name];
   }
 
   /** The arguments of a scene with a number of balls. `changes` replace its numbers. */
   fields(scene, count, changes = {}) {
     const [{ content, integers }, radius, inverse, pockets, outline, spheres, ...laws] = this.scene(scene).fields;
-    const unknown = Object.keys(changes).find(name => !(name in content));
-    if (unknown) throw new RangeError(`number ${unknown}: expected one of ${Object.keys(content).join(", ")}`);
     const key = `${scene} ${count}`, numbers = record({ ...content, ...changes }, integers);
     const kept = this.kept[key] ??= asArguments([cut(radius, count), cut(inverse, count), pockets, outline, cut(spheres, count), ...laws]);
     return [numbers, ...kept];
   }
 
-  starts(positions, velocities, { spins, inPlay }) {
-    const n = positions.length, playing = inPlay ?? Array(n).fill(true);
-    if (playing.length !== n) throw new TypeError(`inPlay = ${JSON.stringify(inPlay)}: expected true or false for each of ${n} balls`);
-    return [
-      new Argument("f8", [1, n, 2], ofBalls("positions", positions, n, 2)),
-      new Argument("f8", [1, n, 2], ofBalls("velocities", velocities, n, 2)),
-      new Argument("f8", [1, n, 3], ofBalls("spins", spins, n, 3)),
-      new Argument("b1", [1, n], playing.map(Number)),
-    ];
+  starts(scene, positions, velocities, { spins, inPlay }) {
+    const n = positions?.length, lists = checkedBalls(this.scene(scene), positions, velocities, spins, inPlay);
+    return ["f8", "f8", "f8", "b1"].map((type, k) => new Argument(type, k < 3 ? [1, n, WIDTHS[k]] : [1, n], lists[k]));
   }
 
   /** Whether balls lie on the table, outside the pockets and apart, and their velocities and spins are in range. */
   isValid(scene, positions, velocities = [0, 0], options = {}) {
-    const starts = this.starts(positions, velocities, options), { kind } = this.scene(scene);
+    checkedKeys("options", options, { spins: null, inPlay: null });
+    const starts = this.starts(scene, positions, velocities, options), { kind } = this.scene(scene);
+    const fields = this.fields(scene, positions.length);
     reset(this.exports);
-    const result = call(this.exports, `valid_${kind}`, [0n, 1n, this.fields(scene, positions.length), ...starts]);
-    return (result.read()[0] & 255) === 1;
+    return (call(this.exports, `valid_${kind}`, [0n, 1n, fields, ...starts]).read()[0] & 255) === 1;
   }
 
   /** The velocity and the spin that a cue gives a ball that touches no other ball, and whether the tip slips. */
-  strike(scene, { speed, heading, side = 0, top = 0, elevation = 0 }) {
-    const { cue } = this.scene(scene), parameters = [speed, heading, side, top, elevation];
-    if (!cue) throw new RangeError(`scene = ${scene}: expected a scene whose balls slide, a strike gives spin`);
-    if (!parameters.every(isNumber) || Math.hypot(side, top) > 1) {
-      throw new RangeError(`strike = ${parameters}: expected finite numbers, and an offset (side, top) of at most 1 ball radius`);
-    }
+  strike(scene, cueing) {
+    const { cue, motion } = this.scene(scene);
+    if (!cue) throw new RangeError(`strike with physics.motion = '${motion}': expected motion 'sliding', a strike gives spin`);
+    const parameters = checkedStrike(cueing, this.data.ranges);
     const out = [new Argument("f8", [1, 2]), new Argument("f8", [1, 3]), new Argument("b1", [1])];
     reset(this.exports);
     call(this.exports, "strike", [...cue, new Argument("f8", [1, 5], parameters), ...out]);
@@ -268,28 +248,27 @@ class Engine {
    *
    * scene: its name; positions: [[x, y], ...]; velocities: for each ball, or of the cue ball alone, or the result of
    * `strike`. In the last case the cue also drives balls that touch the cue ball.
-   * Options: mode "pic" (exact) or "pit" (fixed timestep dt, and fix), spins, inPlay, maxTime, maxEvents and numbers,
-   * an object that replaces numbers of the scene, such as {e_ball: 1}.
+   * Options: mode "pic" (exact) or "pit" (fixed timestep dt, and fix), spins, inPlay, maxTime, maxEvents and physics,
+   * an object that replaces numbers of the scene, such as {e_ball: 1}. Their names and ranges are those of Python.
    */
   simulate(scene, positions, velocities, options = {}) {
-    if (velocities.velocity) options = { ...options, spins: [velocities.spin] };
-    const { mode = "pic", dt = null, fix = null, maxEvents = 10_000_000, numbers = {} } = options, moving = velocities.velocity ?? velocities;
-    const { kind, max_time, cue } = this.scene(scene), n = positions.length, { fixes, kinds, status, left } = this.data;
-    if (mode !== "pic" && mode !== "pit") throw new RangeError(`mode = ${mode}: expected "pic" or "pit"`);
-    if ((mode === "pit") !== (isNumber(dt) && dt > 0)) throw new RangeError(`dt = ${dt}: expected a timestep in s for "pit", none for "pic"`);
-    if (fix !== null && !fixes.includes(fix)) throw new RangeError(`fix = ${fix}: expected one of ${fixes.join(", ")}`);
-    if (!this.isValid(scene, positions, moving, options)) {
-      throw new RangeError("positions: expected balls that lie on the table, outside the pockets and apart, with speeds in range");
+    const { fixes, kinds, status, left, ranges } = this.data, { kind, max_time, cue } = this.scene(scene), n = positions?.length;
+    const { mode, dt, fix, maxTime, maxEvents, physics, spins, inPlay } = checkedOptions(options, ranges, fixes), struck = velocities?.velocity;
+    if (struck && spins) refuse("spins", spins, "null, the strike has a spin", " with a strike");
+    const moving = struck ?? velocities, start = { spins: struck ? [velocities.spin] : spins, inPlay }, numbers = checkedNumbers(this.scene(scene), physics, ranges);
+    checkMotion(this.starts(scene, positions, moving, start), ranges);
+    if (!this.isValid(scene, positions, moving, start)) {
+      throw new RangeError("positions: expected balls that lie on the table, outside the pockets and apart; a ball of infinite mass rests");
     }
     const changes = { ...numbers, ...(mode === "pit" ? { dt, fix: fixes.indexOf(fix ?? fixes[0]) } : {}) };
     for (let room = 256; ; room *= 4) {
       const out = (type, ...shape) => new Argument(type, shape);
-      const starts = this.starts(positions, moving, options), used = new Argument("i8", [3], [0n, 0n, 0n]);
+      const starts = this.starts(scene, positions, moving, start), used = new Argument("i8", [3], [0n, 0n, 0n]);
       const results = [out("f8", 1), out("i4", 1, n), out("i4", 1, n), out("i8", 1), out("i8", 1), out("i8", 1), out("i8", 1)];
       const log = [out("f8", room, EVENT_WIDTH), out("f8", 4 * room, PIECE_WIDTH), used, out("i8", 0, 2)];
-      const limit = options.maxTime ?? max_time ?? Infinity;
+      const limit = maxTime ?? max_time ?? Infinity;
       reset(this.exports);
-      if (velocities.velocity) call(this.exports, `drive_${kind}`, [0n, 1n, 0n, cue, this.fields(scene, n, { ...numbers, e_ball: left }), starts]);
+      if (struck) call(this.exports, `drive_${kind}`, [0n, 1n, 0n, cue, this.fields(scene, n, { ...numbers, e_ball: left }), starts]);
       call(this.exports, `${mode}_${kind}`, [0n, 1n, this.fields(scene, n, changes), limit, BigInt(maxEvents), starts, results, log]);
       const [nEvents, nSegments] = [...used.read()].map(Number);
       if (nEvents > room || nSegments > 4 * room) continue;  // the log was too small: the shot runs again
@@ -307,7 +286,7 @@ class Engine {
         status: status[ended[0]],
         firstHit: Number(first[0]),
         nContactRule: Number(rule[0]),
-        spinDecay: this.scene(scene).fields[0].content.spin_decay,
+        spinDecay: numbers.spin_decay,
       }, log[0].read().slice(0, nEvents * EVENT_WIDTH), log[1].read().slice(0, nSegments * PIECE_WIDTH), kinds);
     }
   }
@@ -345,6 +324,7 @@ class Engine {
    * shots of the episode `only`, as arguments of `simulate`.
    */
   async replay({ task, seed, shots, actions }, only = null) {
+    oneOf("task", task, Object.keys(this.data.tasks));
     const { begin, shoot, names, arrays, width } = this.data.tasks[task];
     const all = only === null ? [...shots.keys()] : [only], count = BigInt(all.length), made = arrays.map(array => asArray(array, all.length));
     const array = name => made[names[name]], read = name => array(name).read();

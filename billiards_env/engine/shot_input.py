@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import MAX_SPEED, MAX_SPIN, RANGES, Range, numbers, real, shaped, short
+from billiards_env.checks import MAX_SPEED, MAX_SPIN, RANGES, Range, numbers, range_text, real, shaped, short
 from billiards_env.engine.cell_grid import cell_of, empty_cells
 from billiards_env.engine.compile import MANY_BALLS, Engine, check_varied_name, scene_fields
 from billiards_env.engine.shots import Shots
@@ -313,8 +313,7 @@ def _check_motion(scene: Scene, name: str, array: Floats, within: Range) -> None
         at = tuple(bad[0])
         shot = f"shot {at[0]}, " if len(at) == 2 else ""
         raise ValueError(
-            f"{name}: {shot}ball {at[-1]} has {array[at].tolist()}: expected numbers from -{most:g} to {most:g} "
-            f"{within.unit}"
+            f"{name}: {shot}ball {at[-1]} has {array[at].tolist()}: expected {range_text('numbers', within)}"
         )
     for i in np.flatnonzero(np.isinf(scene.balls.mass)):
         if array[..., i, :].any():

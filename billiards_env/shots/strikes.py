@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import RANGES, numbers, short
+from billiards_env.checks import RANGES, numbers, range_text, short
 from billiards_env.physics.strike import CueNumbers, cue_numbers, many_strikes
 from billiards_env.scene import Scene, check_scene
 
@@ -153,8 +153,7 @@ def _checked(scene: Scene, *parameters: ArrayLike) -> tuple[CueNumbers, Floats]:
         assert within.most is not None
         bad = array[~((within.least <= array) & (array <= within.most))]
         if bad.size:
-            bounds = f"from {within.least:g} to {within.most:g} {within.unit}"
-            raise ValueError(f"{name} = {short(bad.flat[0])}: expected numbers {bounds}")
+            raise ValueError(f"{name} = {short(bad.flat[0])}: expected {range_text('numbers', within)}")
     try:
         stacked = np.stack(np.broadcast_arrays(*arrays), axis=-1)
     except ValueError:
