@@ -51,10 +51,15 @@ def test_the_package_imports_the_engine_on_first_use():
 
 HEAVY = "torch jax stable_baselines3 pettingzoo pygame matplotlib PIL"
 SHOT = "import gymnasium as gym; env = gym.make('billiards_env:Billiards-v0', {}); env.reset(); env.step([0.1, 0.1])"
+MOTION = (
+    "import billiards_env as b; shot = b.simulate(b.Scene.named('pool'), [[-1, 0], [1, 0]], [1, 0], record=True); "
+    "shot.at(0.5), shot.motion_at(0.5)"
+)
 GAME = "import billiards_env.games.billiards_v0 as v0; env = v0.raw_env('carom'); env.reset(0); env.step([0.1, 0.1])"
 LOADED = {  # programs, and what they do not load beside `HEAVY`
     "the registration": ("import billiards_env, gymnasium; gymnasium.spec('Billiards-v0')", "numba"),
     "a shot": (SHOT.format(""), "drawing envs.action_frames envs.plans players"),
+    "the motion in a shot": (MOTION, "drawing"),
     "an image": (SHOT.format("observe=[('pixels', 9, 9)]"), "drawing.canvas drawing.spheres drawing.window"),
     "a render mode": (SHOT.format("render_mode='rgb_array'"), "drawing.canvas"),
     "records of games": ("import billiards_env.games.records", "play"),

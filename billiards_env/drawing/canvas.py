@@ -28,11 +28,11 @@ except ModuleNotFoundError as error:
     raise missing("pygame", "render") from error
 
 from billiards_env.drawing.materials import paint_table
-from billiards_env.drawing.orientation import VISIBLE, turning
 from billiards_env.drawing.recording import Floats, Recording, check_pair, frame_times
 from billiards_env.drawing.spheres import Painter, shadow
 from billiards_env.drawing.style import ARROW, ARROW_START, CHALK, INK, PAPER, POTTED, RAIL, looks, rail_width, tray
 from billiards_env.drawing.text import text_image
+from billiards_env.engine.orientation import VISIBLE
 from billiards_env.scene import Scene
 
 Frame = NDArray[np.uint8]
@@ -328,7 +328,7 @@ class Motion:
         """
         self.base = canvas.table.copy()
         self._canvas, self._recording, self._step, self._steps = canvas, recording, step, 0
-        self._turning = turning(recording, faces, VISIBLE)
+        self._turning = recording.turning(faces, VISIBLE)
         # Each run with the times and points of the paths of its moving balls. The rings are drawn first.
         self._runs: list[tuple[Recording, dict[int, tuple[Floats, Floats]]]] = []
         for run in (recording,) if compare is None else (compare, recording):

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from billiards_env.drawing import style
-from billiards_env.drawing.orientation import VISIBLE, turning
 from billiards_env.drawing.recording import Recording
+from billiards_env.engine.orientation import VISIBLE
 from billiards_env.files import check_path, replacing
 from billiards_env.scene import Scene
 from billiards_env.scene.table import Table
@@ -135,7 +135,7 @@ def _motion(recording: Recording) -> dict[str, Any]:
 
 def _turns(recording: Recording) -> list[list[list[float]]]:
     """Returns the steps of each ball's turning, with the digits that a visible error needs."""
-    turns = turning(recording, error=VISIBLE)
+    turns = recording.turning(error=VISIBLE)
     rows = np.column_stack((turns.start.round(6), turns.lasts.round(6), turns.spin.round(3), turns.change.round(3)))
     rows = np.column_stack((rows, turns.face.round(5)))
     return [rows[a:b].tolist() for a, b in itertools.pairwise(turns.first.tolist())]

@@ -24,7 +24,6 @@ try:
 except ModuleNotFoundError as error:
     raise missing("matplotlib", "plot") from error
 
-from billiards_env.drawing.orientation import VISIBLE, Turning, turning
 from billiards_env.drawing.recording import Floats, Recording, check_pair
 from billiards_env.drawing.style import (
     CHALK,
@@ -40,6 +39,7 @@ from billiards_env.drawing.style import (
     tray,
     tray_height,
 )
+from billiards_env.engine.orientation import VISIBLE, Turning
 from billiards_env.scene import Scene
 from billiards_env.scene.table import Table
 
@@ -84,7 +84,7 @@ def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording |
     scene, look = recording.scene, looks(recording.scene)
     _draw_table(ax, recording, look)
     fastest = max((recording.speeds(i, recording.corners(i)).max() for i in _in_play(recording)), default=0.0)
-    turns = turning(recording, error=VISIBLE)
+    turns = recording.turning(error=VISIBLE)
     if compare is not None:
         for i in _in_play(compare):
             _draw_path(ax, compare, i, look[i])

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import numbers
+from billiards_env.engine.orientation import ERROR, Turning, turning
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.scene import Scene
 
@@ -47,6 +48,10 @@ class Recording(NamedTuple):
         pieces = mine[np.maximum(np.searchsorted(paths.start[mine], at, side="right") - 1, 0)]
         since = np.clip(at - paths.start[pieces], 0.0, paths.duration[pieces])[:, None]
         return np.hypot(*(paths.velocity[pieces] + since * paths.acceleration[pieces]).T)
+
+    def turning(self, faces: ArrayLike | None = None, error: float = ERROR) -> Turning:
+        """Returns the rotation of the balls; the arguments are as in `engine.orientation.turning`."""
+        return turning(self.scene, self.trajectory, self.time, faces, error)
 
     def corners(self, ball: int) -> Floats:
         """Returns the times at which a ball's path may have a corner, s, ascending."""

@@ -14,7 +14,7 @@ import pygame
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.drawing import style
-from billiards_env.drawing.orientation import Floats, matrices
+from billiards_env.engine.orientation import Floats, matrices
 
 ZOOM = 2
 """Enlargement of a ball before it is reduced."""

@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 
 from billiards_env import strike
 from billiards_env.checks import MAX_SPEED, Range, real
-from billiards_env.drawing.orientation import VISIBLE, turning
 from billiards_env.drawing.pace import faster, slower
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.engine import PIC, Engine
+from billiards_env.engine.orientation import VISIBLE
 from billiards_env.games import NO_CALL, Call, GameState, History, PlayedShot, Setup, Stroke, choices, play
 from billiards_env.games.placement import Point, cue_ball_point
 from billiards_env.play.controls import STEEPEST, on_face
@@ -243,7 +243,7 @@ def tick(model: WindowModel, seconds: float) -> WindowModel:
         return dataclasses.replace(model, clock=model.clock + model.pace * seconds)
     if model.phase == "rolling":
         recording = model.shown_shots[0].recording()
-        faces = turning(recording, model.first_faces, VISIBLE).at(recording.time)
+        faces = recording.turning(model.first_faces, VISIBLE).at(recording.time)
         return _next_turn(dataclasses.replace(model, faces=faces))
     return model if model.clock == model.duration else dataclasses.replace(model, clock=model.duration)
 

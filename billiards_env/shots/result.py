@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import numbers, short
 from billiards_env.engine.compile import Engine
 from billiards_env.engine.log import N_EVENTS_LOGGED, N_SEGMENTS_LOGGED, Log, named_events
+from billiards_env.engine.orientation import turning
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.scene import Scene
@@ -104,7 +105,7 @@ class ShotResult(Differentiable):
         Raises:
             ValueError: If the shot was not recorded, or a time is negative or not finite.
         """
-        return self._of_balls(t, self.recording("at").trajectory.path)
+        return self._of_balls(t, self._recorded("at")[1].path)
 
     def motion_at(self, t: ArrayLike) -> tuple[Floats, Floats]:
         """Returns the velocities and the spins of the balls at time t, after the events of this instant.
@@ -119,11 +120,9 @@ class ShotResult(Differentiable):
         Raises:
             ValueError: As in `at`.
         """
-        from billiards_env.drawing.orientation import turning
-
-        recording = self.recording("motion_at")
-        velocities = self._of_balls(t, recording.trajectory.velocities)
-        spins = self._of_balls(t, turning(recording).spins) * (recording.scene.physics.motion == "sliding")
+        scene, paths, _ = self._recorded("motion_at")
+        velocities = self._of_balls(t, paths.velocities)
+        spins = self._of_balls(t, turning(scene, paths, self.time).spins) * (scene.physics.motion == "sliding")
         ended = np.asarray(t) >= self.time
         velocities[ended], spins[ended] = self.velocities, self.spins
         return velocities, spins
@@ -288,11 +287,15 @@ class ShotResult(Differentiable):
         Raises:
             ValueError: If the shot was not recorded.
         """
-        if self.trajectory is None or self.events is None or self.scene is None:
-            raise ValueError(f"shot.{method}: the shot was not recorded, expected simulate(..., record=True)")
+        scene, paths, events = self._recorded(method)
         from billiards_env.drawing.recording import Recording
 
-        return Recording(self.scene, self.time, self.engine, self.trajectory, self.events)
+        return Recording(scene, self.time, self.engine, paths, events)
+
+    def _recorded(self, method: str) -> tuple[Scene, Trajectory, NDArray[Any]]:
+        if self.trajectory is None or self.events is None or self.scene is None:
+            raise ValueError(f"shot.{method}: the shot was not recorded, expected simulate(..., record=True)")
+        return self.scene, self.trajectory, self.events
 
 
 def _recording(shot: ShotResult | None, method: str) -> Recording | None:

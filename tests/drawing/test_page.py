@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate
-from billiards_env.drawing.orientation import turning
 from billiards_env.drawing.page import make_page
 from billiards_env.drawing.raster import rgb
 from billiards_env.drawing.style import CLOTH, POCKET
@@ -278,7 +277,7 @@ def test_balls_turn_as_in_python(tab, tmp_path):
     shot = simulate(scene, [[-0.6, 0.0], [0.4, 0.02]], [2.0, 0.0], spins=[20.0, -30.0, 60.0], record=True)
     shot.to_html(tmp_path / "spin.html")
     tab.goto((tmp_path / "spin.html").as_uri())
-    turns = turning(shot.recording())
+    turns = shot.recording().turning()
     for t in np.linspace(0.0, shot.time, 40).tolist():
         for ball, face in enumerate(turns.at(t)):
             shown = np.array(tab.evaluate(f"billiards.face({ball}, {t!r})"))

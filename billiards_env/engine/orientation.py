@@ -16,9 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.drawing.recording import Recording
+from billiards_env.engine.trajectory import Trajectory
 from billiards_env.physics.laws.cloth import SLIP_RATE
 from billiards_env.physics.state import AX, AY, LASTS, POTTED, SLIDING, UX, UY, VX, VY, WZ
+from billiards_env.scene import Scene
 
 Floats = NDArray[np.float64]
 
@@ -79,22 +80,28 @@ class Turning(NamedTuple):
         return product(rotations(self.spin[steps], self.change[steps], since), self.face[steps])
 
 
-def turning(recording: Recording, faces: ArrayLike | None = None, error: float = ERROR) -> Turning:
-    """Returns the rotation of the balls in a recorded shot.
+def turning(
+    scene: Scene, paths: Trajectory, time: float, faces: ArrayLike | None = None, error: float = ERROR
+) -> Turning:
+    """Returns the rotation of the balls in a shot.
 
-    `faces` are the (n, 4) orientations at the start; None for balls that are not turned. `error` is the largest
-    error allowed on each piece of the trajectory, rad.
+    Args:
+        scene: The scene.
+        paths: The paths of its n balls.
+        time: The duration of the shot, s.
+        faces: (n, 4) orientations at the start; None for balls that are not turned.
+        error: The largest error allowed on each piece of a path, rad.
     """
-    n, paths = recording.scene.n_balls, recording.trajectory
+    n = scene.n_balls
     order = np.argsort(paths.ball, kind="stable")
     ball, phase, rows, start = paths.ball[order], paths.phase[order], paths.rows[order], paths.start[order]
     ends = np.append(start[1:], 0.0)
-    ends[np.append(ball[1:] != ball[:-1], True)] = recording.time
-    radius = np.array(recording.scene.balls.radius)[ball]
+    ends[np.append(ball[1:] != ball[:-1], True)] = time
+    radius = np.array(scene.balls.radius)[ball]
     moves, slides = paths.moving[order], phase == SLIDING
     lasts = np.where((phase > 0) & (phase != POTTED), np.clip(ends - start, 0.0, rows[:, LASTS]), 0.0)
     velocity, slip = np.where(moves, rows[:, [VX, VY]].T, 0.0), np.where(slides, rows[:, [UX, UY]].T, 0.0)
-    roll, decay = (velocity - slip) / radius, recording.scene.physics.spin_decay
+    roll, decay = (velocity - slip) / radius, scene.physics.spin_decay
     acceleration = np.where(moves, rows[:, [AX, AY]].T, 0.0) * np.where(slides, 1.0 - SLIP_RATE, 1.0) / radius
     spin = np.column_stack((-roll[1], roll[0], rows[:, WZ]))
     change = np.column_stack((-acceleration[1], acceleration[0], -decay * np.sign(rows[:, WZ])))
