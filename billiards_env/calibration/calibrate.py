@@ -27,15 +27,11 @@ from billiards_env.calibration.shot import SPIN, VELOCITY, Shot, prepare
 from billiards_env.calibration.stages import ENOUGH, fit_stages, read_state
 from billiards_env.calibration.starts import settle
 from billiards_env.calibration.tracks import Floats, Track, check_tracks
-from billiards_env.checks import Range, finite, integer, one_of, real
-from billiards_env.scene import CUSHIONS, Scene, check_scene
+from billiards_env.checks import Range, finite, flag, integer, one_of, real
+from billiards_env.scene import CUSHIONS, PARAMETERS, Scene, check_scene
 from billiards_env.shots.gradients import physics_inputs
 
-FREE = (
-    *("mu_slide", "mu_roll", "spin_decay", "e_ball", "e_cushion", "mu_cushion", "mu_ball_factor"),
-    *("e_cushion_loss", "mu_cushion_angle", "e_cushion_topspin", "mu_cushion_slip", "e_cushion_tangent"),
-    *("mu_ball_decay", "mu_roll_speed"),
-)
+FREE = tuple(name for name, parameter in PARAMETERS.items() if parameter.fitted)
 """The constants that `calibrate` fits by default, if they are not 0 and enter the laws of the scene."""
 
 FRICTION_CUSHIONS = tuple(name for name in CUSHIONS if name != "restitution")
@@ -95,7 +91,7 @@ def calibrate(
     """
     check_scene(scene)
     names = _free_names(scene, free)
-    integer("contacts", contacts, _CONTACTS)
+    contacts, hold_back = integer("contacts", contacts, _CONTACTS), flag("hold_back", hold_back)
     for law in laws:
         one_of("laws", law, FRICTION_CUSHIONS)
     tracks, warnings = clean(check_tracks(scene, shots, 4 if velocities is None else 1))

@@ -144,16 +144,18 @@ class Parameter(NamedTuple):
         law: The law that reads it under its own name: "cloth", "balls" or "cushion"; "" if the laws read only what
             `law_numbers` makes of it.
         source: Where the default comes from; "" for 0 and 1.
+        fitted: Whether `calibrate` fits it by default. Tracks alone rarely determine the others.
     """
 
     within: str
     law: str
     source: str = ""
+    fitted: bool = True
 
 
-def _number(default: float | None, within: str, law: str, source: str = "") -> Any:
+def _number(default: float | None, *properties: Any, fitted: bool = True) -> Any:
     """Returns the field of a number of `Physics`. All code takes these numbers from `PARAMETERS`."""
-    return dataclasses.field(default=default, metadata={"parameter": Parameter(within, law, source)})
+    return dataclasses.field(default=default, metadata={"parameter": Parameter(*properties, fitted=fitted)})
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -200,7 +202,7 @@ class Physics:
     motion: str = "sliding"
     cushion: str = "han2005"
     ball_ball: str = "frictionless"
-    g: float = _number(9.81, "g", "", "standard gravity, rounded")
+    g: float = _number(9.81, "g", "", "standard gravity, rounded", fitted=False)
     mu_slide: float = _number(
         0.2, "friction", "", "Marlow (1995), The Physics of Pocket Billiards; Alciatore (2004): 0.15 to 0.4"
     )
@@ -211,15 +213,17 @@ class Physics:
     e_ball: float = _number(0.95, "restitution", "balls", "Marlow (1995); Alciatore (2004): 0.92 to 0.98")
     e_cushion: float = _number(0.85, "restitution", "cushion", "Han (2005); Alciatore (2004): 0.6 to 0.9")
     mu_cushion: float = _number(0.2, "mu_cushion", "cushion", "Han (2005): 0.14 to 0.2")
-    mu_ball: float | None = _number(None, "mu_ball", "", "Alciatore (2019), TP A.14: a fit of Marlow (1995), Table 10")
+    mu_ball: float | None = _number(
+        None, "mu_ball", "", "Alciatore (2019), TP A.14: a fit of Marlow (1995), Table 10", fitted=False
+    )
     mu_ball_factor: float = _number(1.0, "mu_ball", "")
     mu_ball_decay: float = _number(MARLOW[2], "speed_loss", "", "as `mu_ball`")
     cushion_frequency_ratio: float = _number(
-        1.8, "frequency_ratio", "cushion", "the default of the simulator pooltool 0.6"
+        1.8, "frequency_ratio", "cushion", "the default of the simulator pooltool 0.6", fitted=False
     )
     e_cushion_loss: float = _number(0.0, "speed_loss", "cushion")
-    e_cushion_onset: float = _number(0.0, "onset", "cushion")
-    e_cushion_floor: float = _number(0.0, "restitution", "cushion")
+    e_cushion_onset: float = _number(0.0, "onset", "cushion", fitted=False)
+    e_cushion_floor: float = _number(0.0, "restitution", "cushion", fitted=False)
     mu_cushion_angle: float = _number(0.0, "mu_cushion", "cushion")
     e_cushion_topspin: float = _number(0.0, "restitution", "cushion")
     mu_cushion_slip: float = _number(0.0, "speed_loss", "cushion")
