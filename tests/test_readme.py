@@ -10,13 +10,14 @@ import pkgutil
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 from agents.config import Config
 from agents.ppo import make_ppo, make_vec_env
 from benchmarks import speed
-from billiards_env.envs import BilliardsEnv, arguments
+from billiards_env.envs import BilliardsEnv, arguments, make_env, make_vector_env, observations
 from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import PARAMETERS, SCENES, Cue, Physics, Scene
 from billiards_env.scene import scene as scenes
@@ -77,11 +78,48 @@ def test_tutorials_run(page):
         exec(compile(one_update(code), page, "exec"), names)
 
 
+RECIPES = re.split(r"^## (?=How to add|Where smaller)", PAGES["CONTRIBUTING.md"], flags=re.MULTILINE)[1:]
+
+
+@pytest.mark.parametrize("recipe", RECIPES, ids=lambda recipe: recipe.splitlines()[0])
+def test_a_recipe_names_files_and_names_that_exist(recipe):
+    """A name is in one of the files that the recipe names, or the package defines it."""
+    words = {" ".join(word.split()) for word in re.findall(r"`([^`]+)`", re.sub(r"(?ms)^```.*?^```$", "", recipe))}
+    paths = {word for word in words if "/" in word}
+    assert [path for path in paths if not (ROOT / path).exists()] == []
+    files = "".join((ROOT / path).read_text(encoding="utf-8") for path in paths if (ROOT / path).is_file())
+    package = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "billiards_env").rglob("*.py"))
+    for word in words - paths:
+        if re.fullmatch(r"(billiards )?[\w.]+", word):
+            name = re.split(r"[ .]", word)[-1]
+            assert re.search(rf"\b{name}\b", files) or re.search(rf"\b(class|def) {name}\b", package), word
+
+
+def test_the_recipe_of_an_observation_works(monkeypatch):
+    (code,) = (code for _, options, code in FENCE.findall(PAGES["CONTRIBUTING.md"]) if "observations.py" in options)
+    monkeypatch.setitem(observations.FEATURES, "shots_played", None)  # removed after the test
+    exec(compile(code, "recipe", "exec"), vars(observations).copy())
+    arguments = {"observe": ("shots_left", "shots_played"), "max_shots": 3}
+    env, envs = make_env(**arguments), make_vector_env(2, **arguments)
+    seen = [env.reset(seed=0)[0], *(env.step([0.01, 0.0])[0] for _ in range(2))]
+    many = [envs.reset(seed=0)[0], *(envs.step([[0.01, 0.0]] * 2)[0] for _ in range(2))]
+    assert np.array(seen) == pytest.approx(np.array([[1, 0], [2 / 3, 1 / 3], [1 / 3, 2 / 3]]), abs=1e-7)
+    assert np.array_equal(np.array(many), np.stack((seen, seen), 1))
+    assert env.decode(seen[1])["shots_played"] == seen[1][1]
+
+
+def test_the_page_names_the_exceptions_of_the_layers():
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8").partition('"Data flows one way"')[2]
+    (exceptions,) = re.findall(r"^ignore_imports = \[\n(.*?)^\]", text.partition("[[")[0], re.MULTILINE | re.DOTALL)
+    modules = re.findall(r"billiards_env\.([\w.]*\w)", exceptions)
+    assert [name for name in modules if f"`{name}`" not in PAGES["CONTRIBUTING.md"]] == []
+
+
 def test_every_block_of_python_is_run_or_listed():
     left = {}
     for page, text in PAGES.items():
         for language, options, _ in FENCE.findall(text):
-            if language == "python" and options and 'exec="true"' not in options:
+            if language == "python" and options and 'exec="true"' not in options and page != "CONTRIBUTING.md":
                 left.setdefault(page, []).append(re.sub(r'^ title="(.*)"$', r"\1", options))
     assert left == NOT_RUN
 
