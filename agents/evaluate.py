@@ -6,7 +6,6 @@ FILE.png`). With `--film FILE.mp4` it writes a film of the first policy instead.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +16,7 @@ import torch
 from agents.ppo import deterministic, load_run, make_env, make_vector
 from agents.train import learning_curve
 from billiards_env.checks import Range, integer, missing
-from billiards_env.commands import ending
+from billiards_env.commands import Parser, ending
 from billiards_env.evaluation import evaluation_seeds, measure, play_together, row_printer
 from billiards_env.files import check_path, replacing, write_json
 from billiards_env.games import GAMES
@@ -143,7 +142,7 @@ def draw_curves(runs: Sequence[Path], path: Path) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m agents.evaluate --help`."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="python -m agents.evaluate",
         description="Measure trained policies and random actions on new layouts, or film the first policy.",
     )

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 from tqdm import tqdm
 
 from billiards_env.checks import Range, integer
-from billiards_env.commands import ending
+from billiards_env.commands import Parser, ending
 from billiards_env.files import write_atomically, write_json
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def parser_of(command: str, description: str, **options: tuple[Any, str]) -> arg
     An option is a pair: its default value, which also sets its type, and its help text. A whole number is at least 1.
     An option with the default False is a switch.
     """
-    parser = argparse.ArgumentParser(prog=f"python -m {command}", description=description)
+    parser = Parser(prog=f"python -m {command}", description=description)
     for option, (default, text) in options.items():
         if default is False:
             parser.add_argument(f"--{option}", action="store_true", help=text)

@@ -19,7 +19,7 @@ import numpy as np
 
 from billiards_env import Scene, __version__
 from billiards_env.checks import MAX_SPEED, Range, finite, integer, number, one_of, real
-from billiards_env.commands import ending
+from billiards_env.commands import Parser, ending
 from billiards_env.export import WRITERS, shot_text
 from billiards_env.files import check_path
 from billiards_env.frozen import BENCH_TASKS, FROZEN
@@ -41,7 +41,7 @@ PACKAGES = ("numpy", "numba", "gymnasium", "pettingzoo", "pygame", "matplotlib",
 
 def make_parser() -> argparse.ArgumentParser:
     """Returns the parser of the command line."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="billiards" if Path(sys.argv[0]).stem == "billiards" else "python -m billiards_env",
         description=f"billiards-env {__version__}: gym.make('billiards_env:Billiards-v0') makes the environment.",
         epilog="'--help' after a command lists its options. Training and benchmarks run from a clone of the "

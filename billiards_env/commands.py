@@ -1,14 +1,25 @@
-"""How a command ends: an error or Ctrl-C prints one line, and a closed pipe prints nothing."""
+"""How a command reads numbers, and how it ends: an error or Ctrl-C prints one line, a closed pipe prints nothing."""
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import os
+import re
 import sys
 from collections.abc import Iterator
+from typing import Any
 
 ERRORS = (ImportError, OSError, RuntimeError, TypeError, ValueError)
 """The errors of wrong input and of the system, such as a full disk. A RuntimeError comes from pygame or Ray."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser for which -2e0 and -1/60 are numbers, not options. To argparse of Python 3.13, only -2 and -2.0 are."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self._negative_number_matcher = re.compile(r"-\.?\d")
 
 
 @contextlib.contextmanager

@@ -91,6 +91,14 @@ def game(tmp_path):
     return str(tmp_path / "game.json")
 
 
+def test_a_number_may_be_negative_in_each_form(capsys):
+    printed = []
+    for velocity in ("-2 -0.45", "-2e0 -4.5e-1", "-.2e1 -9/20"):
+        main(["simulate", "--velocity", *velocity.split(), "--spin", "-1e1", "-1/3", "-.5"])
+        printed.append(capsys.readouterr().out)
+    assert len(set(printed)) == 1
+
+
 def test_replay_of_a_game_prints_its_state_and_a_shot(capsys, game, tmp_path):
     state, shot, *_ = lines(capsys, "replay", game, "--shot", "1", "--out", str(tmp_path / "break.html"))
     assert state == "nine_ball, 2 players, 2 shots, scores [0, 0], not over"

@@ -22,6 +22,7 @@ from agents.config import Config
 from agents.ppo import make_policy
 from agents.rllib.rollouts import as_tensors
 from agents.train import LearningCurve, locked, newest_checkpoint, one_fast_thread, open_run, train_command
+from billiards_env.commands import Parser
 from billiards_env.sb3.weights import save_policy
 
 
@@ -77,7 +78,7 @@ def _save(algorithm: object, folder: Path) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m agents.rllib --help`."""
-    parser = argparse.ArgumentParser(prog="python -m agents.rllib", description="Train PPO with RLlib and Ray.")
+    parser = Parser(prog="python -m agents.rllib", description="Train PPO with RLlib and Ray.")
     parser.add_argument("--address", help='address of a Ray cluster, e.g. "auto" (default: this machine only)')
     parser.add_argument("--runners", type=int, default=2, help="number of processes that play (default: %(default)s)")
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from billiards_env.checks import Range, integer, number, one_of, real
-from billiards_env.commands import ending
+from billiards_env.commands import Parser, ending
 from billiards_env.drawing.style import PALETTES
 from billiards_env.engine.compile import MODES, PIC, Engine
 from billiards_env.files import check_path, free_path
@@ -31,7 +31,7 @@ REAL_SCENES = {"pool": "real_pool"}
 
 def make_parser() -> argparse.ArgumentParser:
     """Returns the parser of the command line."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="billiards play" if Path(sys.argv[0]).stem == "billiards" else "python -m billiards_env.play",
         description="Play billiards in a window with mouse and keyboard; H shows the keys.",
     )
