@@ -233,11 +233,25 @@ def flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
+def unmasked(name: str, value: Any) -> Any:
+    """Returns an array or lists. Raises a ValueError if a value is masked, because NumPy would ignore the mask."""
+    if _is_masked(value):
+        raise ValueError(f"{name} = {short(value)}: expected no masked values")
+    return value
+
+
+def _is_masked(value: Any) -> bool:
+    if isinstance(value, (list, tuple)):
+        return any(_is_masked(item) for item in value if not isinstance(item, (float, int)))
+    return isinstance(value, np.ma.MaskedArray) and bool(np.ma.is_masked(value))
+
+
 def numbers(name: str, value: ArrayLike | None) -> NDArray[np.float64]:
     """Returns a float64 copy of an array or of lists of real numbers. Raises a ValueError for other values.
 
     The copy has the layout "C", which the entry points of `jit.Typed` do not check.
     """
+    unmasked(name, value)
     try:
         array = np.array(value)
         # NumPy would also convert complex numbers, without their imaginary parts, texts and times.

@@ -11,7 +11,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import MAX_SPEED, MAX_SPIN, RANGES, Range, numbers, range_text, real, shaped, short
+from billiards_env.checks import (
+    MAX_SPEED,
+    MAX_SPIN,
+    RANGES,
+    Range,
+    numbers,
+    range_text,
+    real,
+    shaped,
+    short,
+    unmasked,
+)
 from billiards_env.engine.cell_grid import cell_of, empty_cells
 from billiards_env.engine.compile import MANY_BALLS, Engine, check_varied_name, scene_fields
 from billiards_env.engine.shots import Shots
@@ -265,7 +276,7 @@ def _of_shot(k: int) -> Iterator[None]:
 
 def _fill_in_play(array: NDArray[np.bool_], values: ArrayLike | None) -> None:
     """Fills an array with given values, or with True."""
-    in_play, shape = np.asarray(True if values is None else values), array.shape
+    in_play, shape = np.asarray(True if values is None else unmasked("in_play", values)), array.shape
     if in_play.dtype != np.bool_:
         raise ValueError(f"in_play = {short(values)}: expected True or False for each ball")
     if values is not None and in_play.shape not in (shape, shape[-1:]):

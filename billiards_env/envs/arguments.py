@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from billiards_env.checks import integer, one_of, real, shaped, short
+from billiards_env.checks import integer, one_of, real, shaped, short, unmasked
 from billiards_env.engine import Engine
 from billiards_env.engine.compile import check_varied_name
 from billiards_env.envs.actions import ACTIONS, ELEVATION, SIDE, SPEED, TOP, TURN, check_action
@@ -244,14 +244,25 @@ def fixed() -> Any:
     return _Fixed()
 
 
+def plain(value: Any) -> Any:
+    """Returns an argument of an environment as plain data: a scene as a dict, numbers of NumPy as those of Python."""
+    if isinstance(value, Scene):
+        return value.to_dict()
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {plain(key): plain(item) for key, item in value.items()}
+    return type(value)(map(plain, value)) if type(value) in (list, tuple) else value
+
+
 def _set_spec(env: Any, spec: EnvSpec | None) -> None:
-    if spec is not None and isinstance(spec.kwargs.get("scene"), Scene):
-        spec.kwargs = {**spec.kwargs, "scene": spec.kwargs["scene"].to_dict()}
+    if spec is not None:
+        spec.kwargs = plain(spec.kwargs)
     env._spec = spec
 
 
 json_spec: Any = property(lambda env: env._spec, _set_spec)
-"""The attribute `spec` of an environment. A `Scene` in its arguments becomes a dict, which JSON can hold."""
+"""The attribute `spec` of an environment, with `plain` arguments."""
 
 
 def check_options(
@@ -291,7 +302,10 @@ def check_options(
         goals = check_positions(cue_ball_alone(scene), goals, "options['goal'] as a position of the cue ball", in_play)
         goals = goals.reshape(-1, 1, 2)
     if "episode_seed" in options:
-        name, array = "options['episode_seed']", np.asarray(options["episode_seed"])
+        name, array = (
+            "options['episode_seed']",
+            np.asarray(unmasked("options['episode_seed']", options["episode_seed"])),
+        )
         if array.dtype != np.int64 or array.shape != (*many, 8):
             raise ValueError(f"{name} = {short(array)}: expected int64 of shape {(*many, 8)}, as in info")
         seeds = array.view(np.uint64).reshape(-1, 8)

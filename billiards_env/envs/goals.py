@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from billiards_env.checks import unmasked
 from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.tasks import TASKS, touches_a_ball
 from billiards_env.jit import entry_point, specialised
@@ -70,7 +71,8 @@ def compute_reward(
     Returns:
         (...) float64.
     """
-    achieved, desired = np.asarray(achieved_goal, np.float64), np.asarray(desired_goal, np.float64)
+    achieved = np.asarray(unmasked("achieved_goal", achieved_goal), np.float64)
+    desired = np.asarray(unmasked("desired_goal", desired_goal), np.float64)
     (dx, dy), got = np.moveaxis(achieved[..., :2] - desired[..., :2], -1, 0), achieved[..., CONDITION]
     reached = (dx * dx + dy * dy <= radius * radius) & (got >= np.maximum(desired[..., CONDITION], 0.0))
     return reached - scratch_penalty * (got < 0.0)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, finite, flag, integer, real, shaped, short
+from billiards_env.checks import Range, finite, flag, integer, real, shaped, short, unmasked
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.pots import SPEED, TOLERANCE, Tables, find_pots
 from billiards_env.scene import Scene, check_scene
@@ -246,7 +246,7 @@ def _checked(
     n, checked = scene.n_balls, tuple(goals) if isinstance(goals, Sequence) else (goals,)
     if not checked or not all(isinstance(goal, Goal) for goal in checked):
         raise ValueError(f"goals = {short(goals)}: expected goals such as Pot(1)")
-    playing = np.ones(n, bool) if in_play is None else np.array(in_play)
+    playing = np.ones(n, bool) if in_play is None else np.array(unmasked("in_play", in_play))
     if playing.shape != (n,) or playing.dtype != bool or not playing[CUE_BALL]:
         raise ValueError(f"in_play = {short(in_play)}: expected ({n},) bool, with the cue ball in play")
     for goal in checked:

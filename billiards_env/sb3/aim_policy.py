@@ -20,9 +20,9 @@ from torch import Tensor
 import billiards_env  # noqa: F401  (registers the environment)
 from billiards_env.checks import Range, finite, integer, numbers, one_of, sequence, short
 from billiards_env.envs import BilliardsEnv
+from billiards_env.envs.arguments import plain
 from billiards_env.envs.tasks import TASKS
 from billiards_env.sb3.aim_network import OBSERVED, AimNetwork, Mixture
-from billiards_env.scene import Scene
 
 PPO_SETTINGS: dict[str, Any] = {
     "n_steps": 1,
@@ -52,7 +52,7 @@ def find_game(env: Mapping[str, Any]) -> BilliardsEnv:
         ValueError: If an argument is invalid.
         TypeError: If an argument has the wrong type.
     """
-    return _find_game(json.dumps(env, default=Scene.to_dict))
+    return _find_game(json.dumps(plain(env)))
 
 
 @functools.lru_cache(maxsize=8)

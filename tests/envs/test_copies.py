@@ -85,6 +85,19 @@ SPECS = [
     ({"scene": SCENE}, {"scene": SCENE.to_dict()}),
     ({"randomize": {"mu_roll": (0.004, 0.02)}}, {"randomize": {"mu_roll": [0.004, 0.02]}}),
     ({"render_mode": "rgb_array"}, {"render_mode": "rgb_array"}),
+    (
+        {
+            "max_shots": np.int64(3),
+            "max_speed": np.float32(2.5),
+            "n_object_balls": np.uint8(2),
+            "noise_seed": np.int8(1),
+        },
+        {"max_shots": 3, "max_speed": 2.5, "n_object_balls": 2, "noise_seed": 1},
+    ),
+    (
+        {"randomize": {"mu_roll": [np.float32(0.25), np.float64(0.5)]}, "observe": [("pixels", np.int64(9), 9)]},
+        {"randomize": {"mu_roll": [0.25, 0.5]}, "observe": [["pixels", 9, 9]]},
+    ),
 ]
 
 
