@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import RANGES, finite, number, numbers, one_of, real, short
+from billiards_env.checks import RANGES, finite, number, numbers, one_of, real, short, unmasked
 from billiards_env.files import read_text, write_atomically
 from billiards_env.scene import Scene
 from billiards_env.shots.records import data_of
@@ -39,6 +39,8 @@ UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "inch": 0.0254, "px": 1
 
 _SECONDS = {"s": 1.0, "ms": 1e-3}
 _HEADINGS = {"shot": "shot|id|trial", "ball": "ball|name|colou?r", "time": "time|t|seconds", "x": "x", "y": "y"}
+_OF_BALL = re.compile(r"(.*\S)[ _.]([xy]\s*(?:[\[(].*)?)", re.IGNORECASE)  # a column of one ball, such as "cue_x (mm)"
+_EXAMPLE = "'shot,time,ball,x,y' and 'a,0.02,red,0.315,-0.2', or 'time,red_x,red_y' and '0.02,0.315,-0.2'"
 _APART = 1e-6  # s, least time between two rows of a ball; no camera takes frames that fast
 _MOVES = 0.008  # m, after which a ball has moved
 _GAP, _STEP = 5.0, 5.0  # frames without a row of a ball, after which it may have rested, and between added rows
@@ -111,10 +113,11 @@ def write_tracks(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
 def read_tracks(path: str | os.PathLike[str], unit: str = "m") -> list[Track]:
     """Reads a file of tracks, compressed by gzip if its name ends in ".gz".
 
-    A CSV file has columns with headings as in `_HEADINGS`, in any order and any case, such as "X [mm]" or "t (s)";
-    other columns are ignored. Commas, semicolons or tabs separate them; with the last two, numbers may have decimal
-    commas. Lines that begin with "#" and rows without x or y are ignored. A JSON file is a list of shots {"id": ...,
-    "balls": {name: {"t": [...], "x": [...], "y": [...]}}}.
+    A CSV file has one row for each ball and frame. Its columns have headings as in `_HEADINGS`, in any order and any
+    case, such as "X [mm]" or "t (s)"; other columns are ignored. Or it has one row for each frame, whose columns are
+    the time, the shot, and two for each ball, such as "cue_x" and "cue_y". Commas, semicolons or tabs separate columns.
+    With the last two, numbers may have decimal commas. Lines that begin with "#" and places without x or y are ignored.
+    A JSON file is a list of shots {"id": ..., "balls": {name: {"t": [...], "x": [...], "y": [...]}}}.
 
     Balls that are whole numbers, one of them 0, are numbered as in the scene. Otherwise the ball of a shot that moves
     first is the cue ball, and the others follow in the order of their names.
@@ -169,11 +172,9 @@ def _from_csv(path: str, text: str, unit: str) -> Iterator[tuple[str, Row]]:
     reader = csv.reader(lines, delimiter=mark)
     table = ([cell.strip() for cell in cells] for cells in reader if cells)
     try:
-        head = next(table, [""])
-        at, units = _columns(head, unit)
-        for cells in table:
-            if len(cells) != len(head):
-                raise ValueError(f"{len(cells)} cells: expected {len(head)}")
+        rows = _by_ball(table)
+        at, units = _columns(next(rows), unit)
+        for cells in rows:
             shot, ball, *values = (cells[k] if k >= 0 else "" for k in at)
             if any(value.lower() in ("", "nan") for value in values[1:]):
                 continue
@@ -184,15 +185,44 @@ def _from_csv(path: str, text: str, unit: str) -> Iterator[tuple[str, Row]]:
         raise ValueError(f"{path}, line {max(1, reader.line_num)}: {error}") from error
 
 
+def _by_ball(table: Iterator[list[str]]) -> Iterator[list[str]]:
+    """Yields the head and the rows of a table with one row for each ball and frame.
+
+    It makes them from rows of a frame if all columns but the time and the shot belong to balls.
+    """
+    head = next(table, [""])
+    balls = {k: match for k, cell in enumerate(head) if (match := _OF_BALL.fullmatch(cell))}
+    others = [k for k in range(len(head)) if k not in balls]
+    if not all(re.fullmatch(f"{_HEADINGS['time']}|{_HEADINGS['shot']}", _split(head[k])[0]) for k in others):
+        balls = {}
+    at, names = {match.groups(): k for k, match in balls.items()}, dict.fromkeys(match[1] for match in balls.values())
+    axes = sorted({axis for _, axis in at})
+    if balls and not len(balls) == len(at) == 2 * len(names) == len(axes) * len(names):
+        raise ValueError(f"head = {short(','.join(head))}: expected two columns for each ball, such as cue_x and cue_y")
+    yield [*(head[k] for k in others), "ball", *axes] if balls else head
+    for cells in table:
+        if len(cells) != len(head):
+            raise ValueError(f"{len(cells)} cells: expected {len(head)}")
+        for name in names:
+            yield [*(cells[k] for k in others), name, *(cells[at[name, axis]] for axis in axes)]
+        if not names:
+            yield cells
+
+
+def _split(heading: str) -> tuple[str, str]:
+    """Returns the name of a column and its unit, "" without one, in lower case."""
+    name, _, unit = heading.lower().replace("[", "(").partition("(")
+    return name.strip(), unit.strip(" )]")
+
+
 def _columns(head: Sequence[str], unit: str) -> tuple[list[int], tuple[float, float, float]]:
     """Returns the columns of shot (or -1), ball, time, x and y, and the units of time, x and y."""
-    split = [re.match(r"\s*(.*?)\s*(?:[\[(]\s*(\w*)\s*[\])])?\s*$", cell.lower()) for cell in head]
-    names, units = zip(*((m[1], m[2] or "") for m in split if m), strict=True)
+    names, units = zip(*map(_split, head), strict=True)
     at: list[int] = []
     for column, pattern in _HEADINGS.items():
         places = [k for k, name in enumerate(names) if re.fullmatch(pattern, name)]
         if len(places) != 1 and not (column == "shot" and not places):
-            raise ValueError(f"head = {short(','.join(head))}: expected one column {column!r}")
+            raise ValueError(f"head = {short(','.join(head))}: expected one column {column!r}, as in {_EXAMPLE}")
         at.append(places[0] if places else -1)
     time, x, y = (units[k] or usual for k, usual in zip(at[2:], ("s", unit, unit), strict=True))
     one_of("unit of time", time, tuple(_SECONDS))
@@ -241,7 +271,7 @@ def check_tracks(scene: Scene, tracks: Sequence[Track], least: int) -> list[Trac
         name = f"shots[{track.name!r}]"
         if names.count(track.name) > 1:
             raise ValueError(f"{name} appears twice: expected each name once")
-        balls = np.asarray(track.balls)
+        balls = np.asarray(unmasked(f"{name}.balls", track.balls))
         k = balls.size
         times = finite(f"{name}.times", track.times, (k,))
         positions = finite(f"{name}.positions", track.positions, (k, 2))
