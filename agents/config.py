@@ -168,7 +168,7 @@ def rows() -> dict[str, dict[str, Any]]:
 
     Each has the values of `defaults`, and `plays`: the frozen tasks in which `studies.learning` measures the policy.
     """
-    content = read(LEARNING)
+    content = read_settings(LEARNING, "settings")
     defaults = content["defaults"]
     return {
         name: {"plays": [row["task"]], **defaults, **row, "env": {**defaults["env"], **row.get("env", {})}}
@@ -180,31 +180,21 @@ def load(source: str | Path, **changes: Any) -> Config:
     """Returns the configuration of a row of `configs/learning.yaml` or of a YAML file, with some values changed.
 
     Raises:
-        ValueError, TypeError: If there is no such row, or see `Config`.
+        ValueError: If there is no such row, the file is not YAML, or a value is invalid, see `Config`.
         OSError: If the file cannot be read.
     """
     if Path(source).suffix:
-        data = read(Path(source))
+        data = read_settings(Path(source), "settings")
     else:
         known = rows()
         one_of("config", str(source), tuple(known))
         data = {key: value for key, value in known[str(source)].items() if key not in ("plays", "seeds")}
     if not isinstance(data, Mapping):
         raise ValueError(f"config = {str(source)!r}: expected settings, the file has none")
-    return Config.from_dict({**data, **changes})
-
-
-def read(path: Path) -> Any:
-    """Returns the data of a YAML file.
-
-    Raises:
-        ValueError: If the file is not YAML.
-        OSError: If it cannot be read.
-    """
     try:
-        return read_settings(path, "settings")
-    except (yaml.YAMLError, ValueError) as error:
-        raise ValueError(f"config = {str(path)!r}: expected valid YAML ({' '.join(str(error).split())})") from error
+        return Config.from_dict({**data, **changes})
+    except TypeError as error:
+        raise ValueError(str(error)) from error
 
 
 def _curriculum(value: Any, goal_radius: float | None) -> dict[str, Any]:

@@ -23,7 +23,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import torch
@@ -38,15 +38,16 @@ import billiards_env
 from agents.config import Config, load
 from agents.ppo import deterministic, make_policy, make_ppo, make_vec_env, make_vector, restart
 from billiards_env.checks import number
-from billiards_env.commands import ending
+from billiards_env.commands import Parser, ending
 from billiards_env.evaluation import evaluation_seeds, play_together
-from billiards_env.files import write_atomically, write_json
+from billiards_env.files import read_text, refusing, write_atomically, write_json
 from billiards_env.sb3.weights import load_weights, save_policy, whole_archive
 
 # The files and folders of a run, without config.yaml. A folder with a config.yaml is the folder of a run.
 _FILES = ("versions.json", "training.csv", "model.zip", "policy.pt", "evaluation.json")
 _FOLDERS = ("checkpoints", "tensorboard")
 _LOCK = ".lock"
+_CURVE = 2**24  # bytes of training.csv; a point has about 50
 _PACKAGES = ("numpy", "gymnasium", "numba", "stable_baselines3", "torch")
 
 
@@ -143,8 +144,8 @@ def one_fast_thread() -> Iterator[None]:
 def _resume(model: PPO, checkpoint: Path) -> None:
     """Reads the weights and the number of steps of a checkpoint. Nothing else is read, so no code runs."""
     try:
-        with whole_archive(checkpoint, "a checkpoint of these settings"):
-            model.set_parameters(str(checkpoint), device="cpu")
+        with whole_archive(checkpoint, "a checkpoint of these settings") as file:
+            model.set_parameters(cast(Any, file), device="cpu")
     except ValueError as error:
         raise ValueError(f"{error}; delete it, or start again with --fresh") from None
     model.num_timesteps = int(checkpoint.stem)
@@ -187,12 +188,19 @@ class Point(NamedTuple):
 
 
 def learning_curve(run_dir: Path) -> list[Point]:
-    """Returns the learning curve of a run. It is empty before the first measurement."""
-    path = run_dir / "training.csv"
+    """Returns the learning curve of a run. It is empty before the first measurement.
+
+    Raises:
+        OSError: If the file cannot be read.
+        ValueError: If it does not hold a learning curve.
+    """
+    path, what = run_dir / "training.csv", "a learning curve"
     if not path.exists():
         return []
-    _, *lines = csv.reader(path.read_text(encoding="utf-8").splitlines())
-    return [Point(int(steps), *map(float, values)) for steps, *values in lines]
+    text = read_text(path, _CURVE, what)
+    with refusing(path, what):
+        _, *lines = csv.reader(text.splitlines())
+        return [Point(int(steps), *map(float, values)) for steps, *values in lines]
 
 
 class LearningCurve:
@@ -310,7 +318,7 @@ def train_command(
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m agents.train --help`."""
-    parser = argparse.ArgumentParser(prog="python -m agents.train", description="Train a policy on Billiards-v0.")
+    parser = Parser(prog="python -m agents.train", description="Train a policy on Billiards-v0.")
     parser.add_argument("--start-from", metavar="RUN_DIR", help="folder of a finished run whose weights to start with")
 
     def work(args: argparse.Namespace, config: Config, run_dir: Path) -> None:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import os
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -375,7 +374,7 @@ def reference() -> dict[str, dict[str, Any]]:
     `python -m studies.tasks` measures them.
     """
     path = Path(__file__).parent / "results" / "tasks.json"
-    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    return records.read_data(path, "scores") if path.exists() else {}
 
 
 def score(results: Sequence[Result]) -> dict[str, Any]:

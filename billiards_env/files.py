@@ -1,19 +1,30 @@
-"""Writes files completely or not at all, and reads files up to a largest size."""
+"""Writes files completely or not at all, and reads files up to a largest size.
+
+All files from a user are read through `read_bytes`. Whatever a file holds, an error is an OSError or a ValueError, and
+nothing in it runs as code.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import gzip
+import io
 import itertools
 import json
 import os
 import secrets
 import shutil
 import stat
-import zlib
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+MAX_ARCHIVE = 2**28
+"""The largest number of bytes of a zip file that is read, and of its content."""
 
 
 def check_path(path: str | os.PathLike[str], *suffixes: str) -> Path:
@@ -101,17 +112,17 @@ def replacing(target: Path) -> Iterator[Path]:
         raise type(error)(error.errno, error.strerror, str(target)) from error
 
 
-def read_text(path: str | os.PathLike[str], most: int, what: str) -> str:
-    """Returns the text of a file in UTF-8, without a byte-order mark. A file ".gz" is unpacked.
+def read_bytes(path: str | os.PathLike[str], most: int, what: str) -> bytes:
+    """Returns the content of a file.
 
     Args:
         path: The file.
-        most: The largest number of bytes, unpacked.
+        most: The largest number of bytes.
         what: What the file should hold, for the messages.
 
     Raises:
         OSError: If the file does not exist, is no regular file or cannot be read.
-        ValueError: If the file is larger, is not in UTF-8, or is damaged.
+        ValueError: If the file is larger.
     """
     place = Path(path)
     if not place.is_file():  # reading a pipe could block forever, a device may have no end
@@ -121,14 +132,91 @@ def read_text(path: str | os.PathLike[str], most: int, what: str) -> str:
         elif not place.exists():
             kind, why = FileNotFoundError, "does not exist"
         raise kind(f"path = {os.fspath(path)!r}: expected a file of {what}, but it {why}")
+    size = place.stat().st_size
+    with refusing(path, what):
+        _check_size(size, most)
+    with place.open("rb") as file:
+        content = file.read((size or most) + 1)  # some files of the system have the size 0
+    with refusing(path, what):
+        _check_size(len(content), most)
+    return content
+
+
+@contextlib.contextmanager
+def refusing(path: str | os.PathLike[str], what: str) -> Iterator[None]:
+    """Turns the exceptions of a block that reads the content of a file into a ValueError that names the file.
+
+    The libraries that read damaged content raise many types, such as `zlib.error`, `EOFError` and `MemoryError`.
+    """
     try:
-        with gzip.open(place) if place.suffix == ".gz" else place.open("rb") as file:
-            content = file.read(most + 1)
-        if len(content) > most:
-            raise ValueError(f"a file of more than {most} bytes: expected at most {most}")
+        yield
+    except Exception as error:
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(f"path = {os.fspath(path)!r}: expected a file of {what} ({why})") from error
+
+
+def read_text(path: str | os.PathLike[str], most: int, what: str) -> str:
+    """Returns the text of a file in UTF-8, without a byte-order mark. A file ".gz" is unpacked.
+
+    Args:
+        path: The file.
+        most: The largest number of bytes, also unpacked.
+        what: What the file should hold, for the messages.
+
+    Raises:
+        OSError: As `read_bytes` does.
+        ValueError: If the file is larger, is not in UTF-8, or is damaged.
+    """
+    content = read_bytes(path, most, what)
+    with refusing(path, what):
+        if Path(path).suffix == ".gz":
+            content = gzip.GzipFile(fileobj=io.BytesIO(content)).read(most + 1)
+            _check_size(len(content), most)
         return content.decode("utf-8-sig")
-    except (ValueError, EOFError, gzip.BadGzipFile, zlib.error) as error:
-        raise ValueError(f"{os.fspath(path)}: {error}") from error
+
+
+def read_arrays(path: str | os.PathLike[str], what: str) -> dict[str, NDArray[Any]]:
+    """Returns the arrays of a file of `numpy.savez`, by name.
+
+    Args:
+        path: The file.
+        what: What the file should hold, for the messages.
+
+    Raises:
+        OSError: As `read_bytes` does.
+        ValueError: If the file or its content is larger than `MAX_ARCHIVE`, is damaged, or holds Python objects.
+    """
+    content = read_bytes(path, MAX_ARCHIVE, what)
+    with refusing(path, what):
+        return {
+            name.removesuffix(".npy"): np.lib.format.read_array(io.BytesIO(member), allow_pickle=False)
+            for name, member in unzipped(content).items()
+        }
+
+
+def unzipped(content: bytes) -> dict[str, bytes]:
+    """Returns the files in a zip file, by name. Each has the right checksum, and all have at most `MAX_ARCHIVE` bytes.
+
+    Raises:
+        Exception: If the zip file is damaged, see `refusing`.
+    """
+    members, size = {}, 0
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        for entry in archive.infolist():
+            if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):  # the others unpack without limit
+                raise ValueError(f"{entry.filename} has another compression than deflate")
+            with archive.open(entry) as file:
+                member = members[entry.filename] = file.read(MAX_ARCHIVE - size + 1)
+            size += len(member)
+            _check_size(size, MAX_ARCHIVE)
+            if len(member) != entry.file_size:
+                raise ValueError(f"{entry.filename} has {len(member)} bytes, not {entry.file_size}")
+    return members
+
+
+def _check_size(size: int, most: int) -> None:
+    if size > most:
+        raise ValueError(f"it is a file of more than {most} bytes")
 
 
 def write_atomically(path: Path, content: bytes) -> None:

@@ -36,7 +36,8 @@ from tqdm import tqdm
 from agents import require
 from agents.cluster import RayExecutor
 from benchmarks import ROOT, machine, processes
-from billiards_env.files import replacing, write_json
+from billiards_env.files import MAX_ARCHIVE, read_arrays, replacing, write_json
+from billiards_env.shots.records import read_data
 
 require("plot", ("matplotlib",))
 
@@ -73,15 +74,19 @@ def completed(pool: Executor, calls: Mapping[K, tuple[Any, ...]], done: int = 0)
         yield futures[future], future.result()
 
 
+def read_results(output: Path) -> dict[str, Any]:
+    """Returns the content of a JSON file of results, {} if it does not exist. The errors are as in `resumed`."""
+    return read_data(output, "results", MAX_ARCHIVE) if output.exists() else {}
+
+
 def resumed(output: Path, settings: Mapping[str, Any], **empty: Any) -> dict[str, Any]:
     """Returns the content of the JSON file `output`, or new content with `empty` results if its settings differ.
 
     Raises:
         OSError: If the file cannot be read.
-        ValueError: If the file is not JSON.
+        ValueError: If the file is not a mapping in JSON.
     """
-    settings = json.loads(json.dumps(settings))
-    content: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
+    settings, content = json.loads(json.dumps(settings)), read_results(output)
     return content if content.get("settings") == settings else {"machine": machine(), "settings": settings, **empty}
 
 
@@ -134,5 +139,4 @@ def load_arrays(path: Path) -> dict[str, Any]:
         OSError: If the file cannot be read.
         ValueError: If it does not hold arrays of numbers.
     """
-    with np.load(path, allow_pickle=False) as file:
-        return dict(file)
+    return read_arrays(path, "arrays")

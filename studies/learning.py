@@ -13,7 +13,6 @@ The command skips the seeds that have results with the same settings. A training
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from agents.config import LEARNING, load, read, rows
+from agents.config import LEARNING, load, rows
 from agents.ppo import deterministic, load_run
 from agents.train import learning_curve, open_run, train, versions
 from benchmarks import machine, machine_line, new_figure, run_command, save, table
@@ -29,7 +28,8 @@ from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_atomically, write_json
 from billiards_env.frozen import FROZEN, NAMESPACE
 from billiards_env.intervals import as_percent, over_seeds
-from studies import JOBS, RESULTS, RUNS, completed, executor, tasks
+from billiards_env.settings import read_settings
+from studies import JOBS, RESULTS, RUNS, completed, executor, read_results, tasks
 
 OUTPUT = RESULTS / "learning.json"
 
@@ -79,9 +79,9 @@ def measure(output: Path, jobs: int, address: str) -> dict[str, Any]:
         ValueError: If a row is invalid.
     """
     output = output.resolve()
-    old = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
+    old = read_results(output)
     folder = RUNS / "learning" if output == OUTPUT else output.parent / "runs"
-    seeds, measured = read(LEARNING)["seeds"], {}
+    seeds, measured = read_settings(LEARNING, "settings")["seeds"], {}
     for name, settings in rows().items():
         known = old.get(name, {})
         measured[name] = {"settings": settings, "runs": known["runs"] if known.get("settings") == settings else {}}
@@ -119,7 +119,7 @@ def runs(result: Result) -> list[Result]:
 
 def players() -> dict[str, dict[str, float]]:
     """Returns the success of the players without training by task and name, as `share_of`."""
-    measured = json.loads(tasks.OUTPUT.read_text(encoding="utf-8"))
+    measured = read_results(tasks.OUTPUT)
     return {
         task: {name: share_of(task, one["success"], one["return"]) for name, one in known["players"].items()}
         for task, known in measured.items()

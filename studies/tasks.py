@@ -8,7 +8,6 @@ an interruption. If the layouts of a task change, it measures the task again.
 from __future__ import annotations
 
 import functools
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -24,7 +23,7 @@ from billiards_env.evaluation import evaluation_seeds
 from billiards_env.frozen import FROZEN, NAMESPACE, NOISE, Frozen
 from billiards_env.players.env_player import RULES_OF_TASKS
 from billiards_env.players.named import find_player
-from studies import RESULTS, fill
+from studies import RESULTS, fill, read_results
 
 OUTPUT = Path(bench.__file__).parent / "results" / "tasks.json"
 
@@ -43,7 +42,7 @@ def measure(output: Path) -> dict[str, Any]:
     Returns:
         The content of the file, see `bench.reference`.
     """
-    results: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
+    results = read_results(output)
     for task in FROZEN:
         layouts = bench.layouts_hash(task)
         if results.get(task, {}).get("layouts") != layouts:
@@ -97,13 +96,13 @@ def learned(name: str) -> Learned | None:
     The candidates are the entries of the leaderboard and the rows of `configs/learning.yaml`, with their mean success
     over the seeds.
     """
-    entries = json.loads((RESULTS / "leaderboard.json").read_text(encoding="utf-8")).values()
+    entries = read_results(RESULTS / "leaderboard.json").values()
     candidates = [
         Learned(entry["player"], entry["scores"][name]["success"], "leaderboard.md")
         for entry in entries
         if entry["player"] not in PLAYERS and name in entry["scores"]
     ]
-    for row, result in json.loads((RESULTS / "learning.json").read_text(encoding="utf-8")).items():
+    for row, result in read_results(RESULTS / "learning.json").items():
         rates = [run["tasks"][name]["success_rate"] for run in result["runs"].values() if name in run["tasks"]]
         if rates:
             candidates.append(Learned(row, float(np.mean(rates)), "training.md"))
@@ -117,7 +116,7 @@ def page(name: str) -> str:
         name: The id without `NAMESPACE`.
     """
     task, policy = FROZEN[name], learned(name)
-    known = json.loads(OUTPUT.read_text(encoding="utf-8")).get(name, {}).get("players", {})
+    known = read_results(OUTPUT).get(name, {}).get("players", {})
     rows = [
         (f"`{one}`", _percent(known[one]["success"]), f"{known[one]['return']:.3f}") for one in PLAYERS if one in known
     ]

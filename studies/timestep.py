@@ -34,7 +34,7 @@ from billiards_env.sb3.aim_network import AimNetwork
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
 from examples import ppo
-from studies import JOBS, RESULTS, completed, executor, load_arrays, save_arrays
+from studies import JOBS, RESULTS, completed, executor, load_arrays, read_results, save_arrays
 from studies.timestep_report import GROUPS, blocks, draw
 
 Floats = NDArray[np.float64]
@@ -353,7 +353,7 @@ def measure(output: Path, jobs: int, address: str) -> dict[str, Any]:
         OSError: If a file cannot be read or written.
         RuntimeError: If a run fails on the cluster.
     """
-    content: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
+    content = read_results(output)
     if content.get("layouts") != LAYOUTS:
         content = {"machine": machine(), "versions": versions(), "layouts": LAYOUTS, "runs": {}}
     folder = policy_folder(output)

@@ -60,10 +60,12 @@ def test_a_text_is_read_without_its_byte_order_mark(tmp_path):
     path = tmp_path / "text"
     path.write_bytes(b"\xef\xbb\xbf{}")
     assert read_text(path, 5, "a text") == "{}"
-    with pytest.raises(ValueError, match="text: a file of more than 4 bytes: expected at most 4"):
+    with pytest.raises(
+        ValueError, match=r"path = .*text': expected a file of a text \(it is a file of more than 4 bytes"
+    ):
         read_text(path, 4, "a text")
     path.write_bytes(b"\xff")
-    with pytest.raises(ValueError, match=r"text: .* can't decode"):
+    with pytest.raises(ValueError, match=r"text': expected .* can't decode"):
         read_text(path, 5, "a text")
 
 

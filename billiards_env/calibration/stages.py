@@ -18,7 +18,8 @@ from billiards_env.calibration.fit import Fit, covariance, fit_shared, values_of
 from billiards_env.calibration.shot import CAUCHY, Shot
 from billiards_env.calibration.starts import errors, search
 from billiards_env.calibration.tracks import Bools
-from billiards_env.files import write_json
+from billiards_env.checks import Range, finite, integer
+from billiards_env.files import refusing, write_json
 from billiards_env.shots import records
 
 StatePath = str | os.PathLike[str] | None
@@ -103,10 +104,21 @@ def read_state(path: StatePath, settings: Any) -> dict[str, Any]:
     key, what = hashlib.sha256(json.dumps(settings).encode()).hexdigest(), "the state of a calibration"
     if path is None or not Path(path).exists():
         return {"key": key}
-    saved = records.read(path, lambda text: records.data_of(text, what), what, _MOST_STATE)
-    if not isinstance(saved, dict) or saved.get("key") != key:
+    saved = records.read_data(path, what, _MOST_STATE)
+    if saved.get("key") != key:
         raise ValueError(f"state = {str(path)!r}: expected the state of the same tracks, scene, constants and options")
     return saved
+
+
+def _resumed(fit: Fit, contacts: int, starts: Any, stages: Any) -> Fit:
+    """Returns a fit after finished stages, the content of a state file."""
+    integer("number of stages", len(stages), Range(1, contacts - 1))
+    for stage in stages:
+        finite("stage", [stage[name] for name in fit.names], (len(fit.names), 2))
+    scene = with_physics(fit.scene, **{name: stages[-1][name][0] for name in fit.names})
+    rows = finite("starts", starts, (len(fit.shots), fit.shots[0].starts.shape[1]))
+    shots = [shot._replace(starts=row[None]) for shot, row in zip(fit.shots, rows, strict=True)]
+    return fit._replace(scene=scene, shots=shots, stages=tuple(stages))
 
 
 def fit_stages(
@@ -121,10 +133,9 @@ def fit_stages(
     if finished is None:
         fit = fit_stage(fit, 1, noise)
     else:
-        stages = tuple(finished["stages"])
-        scene = with_physics(fit.scene, **{name: value for name, (value, _) in stages[-1].items()})
-        shots = [shot._replace(starts=np.array([row])) for shot, row in zip(fit.shots, finished["starts"], strict=True)]
-        fit = near_rows(fit._replace(scene=scene, shots=shots, stages=stages), len(stages) + 1, noise)
+        with refusing(path or "", "finished stages of a calibration"):
+            fit = _resumed(fit, contacts, **finished)
+        fit = near_rows(fit, len(fit.stages) + 1, noise)
     for contact in range(len(fit.stages) + 2, contacts + 1):
         fit = fit_stage(fit, contact, noise)
         values, variances = values_of(fit.scene, fit.names), np.diag(covariance(fit, contact)).tolist()

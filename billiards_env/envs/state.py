@@ -22,7 +22,6 @@ import hashlib
 import io
 import json
 import os
-import zipfile
 from collections.abc import Iterator, Set
 from typing import Any, NamedTuple
 
@@ -35,7 +34,7 @@ from billiards_env.engine.compile import PIC, cached_by_scene
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.tasks import TASKS
-from billiards_env.files import check_path, write_atomically
+from billiards_env.files import MAX_ARCHIVE, check_path, read_arrays, write_atomically
 from billiards_env.games.state import STATE, check_players
 from billiards_env.jit import streams
 from billiards_env.scene import Scene
@@ -111,14 +110,22 @@ def checked_state(state: Any, kind: np.dtype[np.void], model: Model, count: int)
         TypeError: If `state` is not an array that `get_state` returned.
         ValueError: If it is a state of another scene or task, has another number of rows, or holds invalid numbers.
     """
-    if not isinstance(state, (np.ndarray, np.void)) or state.dtype.names != kind.names:
-        raise TypeError(f"state = {short(state)}: expected an array that get_state returned")
+    _check_fields(state)
     rows = np.asarray(state).reshape(-1)
     if len(rows) not in (1, count):
         raise ValueError(f"state has {len(rows)} rows: expected {count}" + " or 1" * (count > 1))
     for part in parts(len(rows)):
         _check_rows(rows[part], kind, model)
     return rows
+
+
+def _check_fields(state: Any) -> None:
+    if (
+        not isinstance(state, (np.ndarray, np.void))
+        or isinstance(state, np.ma.MaskedArray)
+        or state.dtype.names != StateArrays._fields
+    ):
+        raise TypeError(f"state = {short(state)}: expected an array that get_state returned")
 
 
 def parts(count: int) -> Iterator[slice]:
@@ -193,11 +200,15 @@ def save_state(path: str | os.PathLike[str], state: EpisodeState) -> None:
 
     Raises:
         OSError: If the file cannot be written.
-        ValueError: If the path has another suffix.
+        TypeError: If `state` is not an array that `get_state` returned.
+        ValueError: If the path has another suffix, or `load_state` would refuse the file because it is too large.
     """
-    content = io.BytesIO()
+    target, most, content = check_path(path, ".npz"), MAX_ARCHIVE - 2**16, io.BytesIO()  # 64 KiB for the headers
+    _check_fields(state)
+    if state.nbytes > most:
+        raise ValueError(f"state has {state.nbytes} bytes: expected at most {most}")
     np.savez_compressed(content, state=state)
-    write_atomically(check_path(path, ".npz"), content.getvalue())
+    write_atomically(target, content.getvalue())
 
 
 def load_state(path: str | os.PathLike[str]) -> EpisodeState:
@@ -205,10 +216,9 @@ def load_state(path: str | os.PathLike[str]) -> EpisodeState:
 
     Raises:
         OSError: If the file cannot be read.
-        ValueError: If it is not a file of a state.
+        ValueError: If it is not a file of a state, or is larger than `files.MAX_ARCHIVE`.
     """
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            return data["state"]
-    except (KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
-        raise ValueError(f"path = {os.fspath(path)!r}: expected a file of save_state ({error})") from None
+    state = read_arrays(path, "save_state").get("state")
+    if state is None or state.dtype.names != StateArrays._fields:
+        raise ValueError(f"path = {os.fspath(path)!r}: expected a file of save_state, it holds other arrays")
+    return state

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.files import read_arrays
 from billiards_env.players.pots import APPROACH, CUT_COS, RUN, TOLERANCE
 
 Floats = NDArray[np.float64]
@@ -68,5 +69,4 @@ def trained() -> Weights:
         OSError: If the file cannot be read.
         ValueError: If it does not hold arrays of numbers.
     """
-    with np.load(WEIGHTS, allow_pickle=False) as file:
-        return dict(file)
+    return read_arrays(WEIGHTS, "weights")

@@ -6,19 +6,17 @@ import contextlib
 import inspect
 import io
 import os
-import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
-import yaml
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from torch import Tensor
 
 from billiards_env.checks import Range, integer, one_of, sequence, short
 from billiards_env.envs import BilliardsEnv
-from billiards_env.files import write_atomically
+from billiards_env.files import MAX_ARCHIVE, read_bytes, unzipped, write_atomically
 from billiards_env.frozen import FROZEN
 from billiards_env.sb3.aim_network import OBSERVED
 from billiards_env.sb3.aim_policy import AimPolicy, find_game
@@ -115,13 +113,13 @@ def load_policy(
     settings, weights = folder / "config.yaml", folder / "policy.pt"
     try:
         config = read_settings(settings, "the settings of a run")
-        arguments, description = {**config["env"], **(env or {})}, dict(config["policy"])
+        arguments, description = {**config["env"], **(env or {})}, {**config["policy"]}
         trained, task = find_game(config["env"]), str(config.get("task"))
         if description["head"] == "aim":  # the networks observe what they observed in the training
             observe = [name for name in OBSERVED if name in trained.features]
             description["arguments"] = {"observe": observe, **description["arguments"]}
         hidden = policy_arguments(arguments, description).get("net_arch", ())
-    except (AttributeError, KeyError, RecursionError, TypeError, yaml.YAMLError) as error:
+    except (AttributeError, KeyError, RecursionError, TypeError) as error:
         why = " ".join(str(error).split())
         raise ValueError(f"{settings}: expected the sections env and policy of a run ({why})") from None
     played = find_game(arguments)
@@ -173,8 +171,8 @@ def load_weights(policy: BasePolicy, path: Path) -> None:
         OSError: If the file cannot be read.
         ValueError: If the weights in the file do not fit this policy.
     """
-    with whole_archive(path, "a policy's weights"):
-        weights = torch.load(path, map_location="cpu", weights_only=True)
+    with whole_archive(path, "a policy's weights") as file:
+        weights = torch.load(file, map_location="cpu", weights_only=True)
         if not isinstance(weights, dict) or not all(isinstance(tensor, Tensor) for tensor in weights.values()):
             raise ValueError
     try:
@@ -187,29 +185,28 @@ def load_weights(policy: BasePolicy, path: Path) -> None:
 
 
 @contextlib.contextmanager
-def whole_archive(path: Path, content: str) -> Iterator[None]:
-    """Checks a zip file and turns the exceptions of reading it into a ValueError.
+def whole_archive(path: Path, what: str) -> Iterator[io.BytesIO]:
+    """Reads a zip file, checks it, and turns the exceptions of the block that loads it into a ValueError.
 
     The error leaves out PyTorch's message, which advises loading the file with `weights_only=False`: this would run
     code from the file.
 
     Args:
         path: The file.
-        content: What the file should hold, for the message.
+        what: What the file should hold, for the message.
 
     Raises:
-        OSError: If the file cannot be opened.
-        ValueError: If the file is damaged or reading it raises another exception.
+        OSError: If the file cannot be read.
+        ValueError: If the file is damaged, it or its content is larger than `files.MAX_ARCHIVE`, or the block raises
+            another exception.
     """
-    with path.open("rb") as file:
-        try:
-            with zipfile.ZipFile(file) as archive:
-                if archive.testzip() is not None:  # neither PyTorch nor Stable-Baselines3 compares the checksums
-                    raise ValueError
-            yield
-        except Exception:
-            expected = "expected a whole file of weights, it is damaged or holds other objects"
-            raise ValueError(f"{path} does not hold {content}: {expected}") from None
+    packed = read_bytes(path, MAX_ARCHIVE, what)
+    try:
+        unzipped(packed)  # neither PyTorch nor Stable-Baselines3 compares the checksums
+        yield io.BytesIO(packed)
+    except Exception:
+        expected = f"expected a whole file of {what}, it is damaged or holds other objects"
+        raise ValueError(f"path = {str(path)!r}: {expected}") from None
 
 
 def _is_value(name: str) -> bool:

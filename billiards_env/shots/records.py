@@ -204,8 +204,13 @@ def read(
     text = read_text(path, MAX_BYTES if most is None else most, what)
     try:
         return build(text)
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise ValueError(f"{os.fspath(path)}: {error}") from error
+
+
+def read_data(path: str | os.PathLike[str], what: str, most: int | None = None) -> dict[str, Any]:
+    """Returns the data of a JSON file that holds a mapping; the arguments and errors are as in `read`."""
+    return read(path, lambda text: _mapping("the file", data_of(text, what)), what, most)
 
 
 def read_scene(name: str, n_object_balls: int | None = None) -> Scene:
@@ -218,7 +223,7 @@ def read_scene(name: str, n_object_balls: int | None = None) -> Scene:
 
     Raises:
         OSError: If the file cannot be read.
-        TypeError, ValueError: If there is no such scene, or a file and a number of balls are given.
+        ValueError: If there is no such scene, or a file and a number of balls are given.
     """
     if not name.endswith(".json"):
         return Scene.named(name, n_object_balls)
@@ -226,7 +231,10 @@ def read_scene(name: str, n_object_balls: int | None = None) -> Scene:
         raise ValueError(
             f"scene = {name!r} with a number of object balls: expected no number, the file lists the balls"
         )
-    data = read(name, lambda text: data_of(text, "a scene"), "a scene")
+    return read(name, lambda text: _scene(data_of(text, "a scene")), "a scene")
+
+
+def _scene(data: Any) -> Scene:
     return Scene.from_dict(data["scene"] if isinstance(data, dict) and "scene" in data else data)
 
 
@@ -251,6 +259,8 @@ def data_of(text: str, what: str, **options: Any) -> Any:
         return json.loads(text, **options)
     except json.JSONDecodeError as error:
         raise ValueError(f"line {error.lineno}: expected the JSON of {what} ({error.msg})") from error
+    except ValueError as error:  # such as a number of thousands of digits
+        raise ValueError(f"expected the JSON of {what} ({error})") from error
     except RecursionError:
         raise ValueError(f"nested too deeply: expected the JSON of {what}") from None
 

@@ -161,14 +161,16 @@ def test_a_damaged_or_hostile_checkpoint_is_refused_and_runs_no_code(command, tr
     at = intact.index(b"policy.pth") + 2000
     for content in (b"", intact[:-100], intact[:at] + bytes([intact[at] ^ 1]) + intact[at + 1 :]):
         checkpoint.write_bytes(content)
-        with pytest.raises(SystemExit, match=r"error: .*000000256.zip does not hold a checkpoint .* with --fresh"):
+        with pytest.raises(
+            SystemExit, match=r"error: .*000000256.zip': expected a whole file of a checkpoint .* with --fresh"
+        ):
             command()
     model = PPO.load(trained / "model.zip", device="cpu")
     params = model.get_parameters()
     params["policy"]["log_std"] = Pickled("ran")
     monkeypatch.setattr(model, "get_parameters", lambda: params)
     model.save(checkpoint)
-    with pytest.raises(SystemExit, match=r"error: .*000000256.zip does not hold a checkpoint") as stopped:
+    with pytest.raises(SystemExit, match=r"error: .*000000256.zip': expected a whole file of a checkpoint") as stopped:
         command()
     assert "weights_only" not in str(stopped.value)
     assert not (tmp_path / "ran").exists()

@@ -59,7 +59,7 @@ def test_a_device_without_end_and_a_large_file_are_refused(tmp_path, monkeypatch
         ("other.csv.gz", b"shot,time,ball,x,y", "Not a gzipped file"),
     ):
         (tmp_path / name).write_bytes(content)
-        with pytest.raises(ValueError, match=f"{name}: .*{message}"):
+        with pytest.raises(ValueError, match=f"path = .*{name}': expected a file of tracks .*{message}"):
             read_tracks(tmp_path / name)
 
 
@@ -85,6 +85,17 @@ def test_columns_may_have_any_order_and_cells_may_be_empty(tmp_path):
         (HEAD + "a,0,0,1,here\n", "line 2: y = 'here': expected a finite number"),
         (HEAD + "a,soon,0,1,2\n", "line 2: time = 'soon': expected a finite number"),
         (HEAD + "a,0,0,inf,2\n", "line 2: x = 'inf': expected a finite number"),
+        ("t,red_x,red_y\n0,1,here\n", "line 2: y = 'here': expected a finite number"),
+        ("t,red_x,red_y\n0,1\n", "line 2: 2 cells: expected 3"),
+        ("t,red_x,cue_x,cue_y\n", "line 1: head = .*: expected two columns for each ball, such as cue_x and cue_y"),
+        ("t,cue_x,cue_y,cue_x\n", "expected two columns for each ball"),
+        ("t,cue_x (mm),cue_y (mm),red_x,red_y\n", "expected two columns for each ball"),
+        ("frame,cue_x,cue_y\n", "expected one column 'ball', as in 'shot,time,ball,x,y' and 'a,0.02,red,"),
+        ("t,x,y,x,y\n", "expected one column 'ball', as in"),  # the program Tracker
+        ("scorer,net,net,net\nbodyparts,cue,cue,cue\ncoords,x,y,likelihood\n", "expected .*, as in"),  # DeepLabCut
+        ("Label,ID,TRACK_ID,POSITION_X,POSITION_Y,POSITION_T,FRAME\n", "expected .*, as in"),  # TrackMate
+        ("y,x,mass,size,ecc,signal,raw_mass,ep,frame,particle\n", "expected .*, as in"),  # trackpy
+        ("track,frame_idx,instance.score,cue.x,cue.y,cue.score\n", "expected .*, as in"),  # SLEAP
     ],
 )
 def test_a_bad_line_is_named(text, message, tmp_path):
@@ -116,6 +127,19 @@ def test_separators_decimal_commas_comments_units_and_headings(tmp_path):
     assert track.positions == pytest.approx(np.array([[0.254, 0.508]]))
     with pytest.raises(ValueError, match=r"unit = 'feet': expected one of"):
         read_tracks(path, "feet")
+
+
+def test_a_row_may_have_all_balls_of_a_frame(tmp_path):
+    path = tmp_path / "tracks.csv"
+    path.write_text("time,cue_x,cue_y,red_x,red_y\n0,0.1,0.2,0.3,0.4\n0.02,0.2,0.2,,\n0.04,0.3,0.2,0.3,0.4\n")
+    (track,) = read_tracks(path)
+    assert track.times.tolist() == [0.0, 0.0, 0.02, 0.04, 0.04]
+    assert track.balls.tolist() == [0, 1, 0, 0, 1]
+    assert track.positions.tolist() == [[0.1, 0.2], [0.3, 0.4], [0.2, 0.2], [0.3, 0.2], [0.3, 0.4]]
+    path.write_text("Trial;1 X [mm];1 Y [mm];0 X [mm];0 Y [mm];t (ms)\na;100,5;200;1;2;20\nb;100;200;1;2;40\n")
+    a, b = read_tracks(path)
+    assert (a.name, a.balls.tolist(), b.times.tolist()) == ("a", [1, 0], [0.04, 0.04])
+    assert a.positions == pytest.approx(np.array([[0.1005, 0.2], [0.001, 0.002]]))
 
 
 def test_the_cue_ball_is_the_first_that_moves(tmp_path):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import json
 from importlib import import_module
 
 import numpy as np
@@ -246,6 +247,11 @@ def test_a_fit_goes_on_after_an_interrupt(tmp_path, monkeypatch):
     for names, noise, contacts in ((("mu_slide",), None, 3), (both, 0.01, 3), (both, None, 2)):
         with pytest.raises(ValueError, match="expected the state of the same tracks, scene, constants and options"):
             calibrate(OFF, three_tracks, names, noise=noise, contacts=contacts, state=state)
+    saved = json.loads(state.read_text())
+    for damage in ({"starts": [[1.0]]}, {"stages": []}, {"stages": [{"mu_slide": [0.2, 1e-6]}]}, {"stage": []}):
+        state.write_text(json.dumps(saved | {"2": saved["2"] | damage}))
+        with pytest.raises(ValueError, match=r"path = .*state.json': expected a file of finished stages"):
+            calibrate(OFF, three_tracks, both, contacts=3, state=state)
 
 
 def test_an_interval_includes_a_shift_between_stages_that_chance_does_not_explain():
