@@ -17,6 +17,7 @@ from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.ma import MaskedArray, is_masked
 from numpy.typing import ArrayLike, NDArray
 
 MAX_SPEED, MAX_SPIN = 1e3, 1e6
@@ -241,9 +242,9 @@ def unmasked(name: str, value: Any) -> Any:
 
 
 def _is_masked(value: Any) -> bool:
-    if isinstance(value, (list, tuple)):
-        return any(_is_masked(item) for item in value if not isinstance(item, (float, int)))
-    return isinstance(value, np.ma.MaskedArray) and bool(np.ma.is_masked(value))
+    if isinstance(value, (list, tuple)):  # NumPy replaces masked numbers in a list by NaN, which other checks refuse
+        return bool(value) and not isinstance(value[0], (float, int)) and any(map(_is_masked, value))
+    return isinstance(value, MaskedArray) and bool(is_masked(value))
 
 
 def numbers(name: str, value: ArrayLike | None) -> NDArray[np.float64]:

@@ -232,8 +232,8 @@ WRONG_TYPES = [
     (shot(in_play=np.ma.array([True, False], mask=[False, True])), "in_play = masked_array("),
     (lambda: begun("Billiards-v0").step(np.ma.array([0.5, 0.5], mask=[0, 1])), "action = masked_array("),
     (
-        lambda: begun("Billiards-v0", vector=True).step([[0.5, np.ma.masked]] * 2),
-        "actions = [[0.5, masked], [0.5, masked",
+        lambda: begun("Billiards-v0", vector=True).step([np.ma.array([0.5, 0.5], mask=[0, 1])] * 2),
+        "actions = [masked_array(",
     ),
     (lambda: strike(POOL, np.float64(2e3), 0.0), "speed = 2000.0: expected numbers from "),
     (lambda: aimed_strikes(POOL, [COMPLEX], [[0, 0]]), "actions = [array("),

@@ -95,10 +95,11 @@ def test_a_recipe_names_files_and_names_that_exist(recipe):
             assert re.search(rf"\b{name}\b", files) or re.search(rf"\b(class|def) {name}\b", package), word
 
 
-def test_the_recipe_of_an_observation_works(monkeypatch):
+def test_the_recipe_of_an_observation_works(tmp_path, monkeypatch):
     (code,) = (code for _, options, code in FENCE.findall(PAGES["CONTRIBUTING.md"]) if "observations.py" in options)
     monkeypatch.setitem(observations.FEATURES, "shots_played", None)  # removed after the test
-    exec(compile(code, "recipe", "exec"), vars(observations).copy())
+    (tmp_path / "recipe.py").write_text(code)  # numba looks for the file of a function that it compiles
+    exec(compile(code, tmp_path / "recipe.py", "exec"), vars(observations).copy())
     arguments = {"observe": ("shots_left", "shots_played"), "max_shots": 3}
     env, envs = make_env(**arguments), make_vector_env(2, **arguments)
     seen = [env.reset(seed=0)[0], *(env.step([0.01, 0.0])[0] for _ in range(2))]

@@ -211,8 +211,8 @@ def _by_ball(table: Iterator[list[str]]) -> Iterator[list[str]]:
 
 def _split(heading: str) -> tuple[str, str]:
     """Returns the name of a column and its unit, "" without one, in lower case."""
-    name, _, unit = heading.lower().replace("[", "(").partition("(")
-    return name.strip(), unit.strip(" )]")
+    match = re.fullmatch(r"\s*(.*?)\s*(?:[\[(]\s*(\w*)\s*[\])])?\s*", heading.lower(), re.DOTALL)
+    return (match[1], match[2] or "") if match else ("", "")
 
 
 def _columns(head: Sequence[str], unit: str) -> tuple[list[int], tuple[float, float, float]]:

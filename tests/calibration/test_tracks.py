@@ -65,7 +65,7 @@ def test_a_device_without_end_and_a_large_file_are_refused(tmp_path, monkeypatch
 
 def test_columns_may_have_any_order_and_cells_may_be_empty(tmp_path):
     path = tmp_path / "tracks.csv"
-    path.write_text("time,score, y,x,ball,shot\n0,0.9,1,2,0,a\n\n1,,,,0,a\n1,,nan,NaN,1,b\n2,0.1,3,4,1,a\n")
+    path.write_text("time,x (m) raw, y,x,ball,shot\n0,0.9,1,2,0,a\n\n1,,,,0,a\n1,,nan,NaN,1,b\n2,0.1,3,4,1,a\n")
     (track,) = read_tracks(path)
     assert track.name == "a"
     assert track.times.tolist() == [0.0, 2.0]
