@@ -230,9 +230,9 @@ WRONG_TYPES = [
     (shot(POOL, np.ma.masked_equal(PLACES, PLACES[1][0])), "positions = masked_array("),
     (shot(POOL, [np.ma.masked_equal(place, PLACES[1][0]) for place in PLACES]), "positions = [masked_array("),
     (shot(in_play=np.ma.array([True, False], mask=[False, True])), "in_play = masked_array("),
-    (lambda: begun("Billiards-v0").step(np.ma.array([0.5, 0.5], mask=[0, 1])), "action = masked_array("),
+    (lambda: begun("Billiards-v0").step(np.ma.array([0.5, 0.5], mask=[False, True])), "action = masked_array("),
     (
-        lambda: begun("Billiards-v0", vector=True).step([np.ma.array([0.5, 0.5], mask=[0, 1])] * 2),
+        lambda: begun("Billiards-v0", vector=True).step([np.ma.array([0.5, 0.5], mask=[False, True])] * 2),
         "actions = [masked_array(",
     ),
     (lambda: strike(POOL, np.float64(2e3), 0.0), "speed = 2000.0: expected numbers from "),

@@ -114,7 +114,7 @@ def damaged(content: bytes, rng: np.random.Generator) -> bytes:
         elif kind == 1:
             changed[at:at] = PARTS[rng.integers(len(PARTS))]
         elif kind == 2:
-            changed[at:at] = rng.bytes(rng.integers(1, 9))
+            changed[at:at] = rng.bytes(int(rng.integers(1, 9)))
         elif at < len(changed):
             changed[at] ^= 1 << int(rng.integers(8))
     return bytes(changed)
@@ -189,7 +189,8 @@ def test_a_state_that_could_not_be_read_is_not_written(tmp_path, monkeypatch):
     monkeypatch.setattr("billiards_env.envs.state.MAX_ARCHIVE", 2**16 + 100)
     with pytest.raises(ValueError, match=r"state has \d+ bytes: expected at most 100"):
         save_state(tmp_path / "a.npz", envs.get_state())
-    for other in (None, np.zeros(2), np.ma.masked_array(envs.get_state())):
+    wrong: tuple[Any, ...] = None, np.zeros(2), np.ma.masked_array(envs.get_state())
+    for other in wrong:
         with pytest.raises(TypeError, match=r"state = .*: expected an array that get_state returned"):
             save_state(tmp_path / "a.npz", other)
     assert os.listdir(tmp_path) == []
