@@ -6,10 +6,13 @@ The paper of Warkari and Jamsandekar leaves open how an overlap is "fixed". Ther
   apart along that line until they touch. The lighter ball moves further. A ball beyond a cushion is moved back to it.
 * move_back: before the impulse, the balls are moved back along their paths, by one step at most, to the positions at
   which they touched. The line of centres is then right, but the balls lag by the time of the backward motion.
-* none: positions do not change.
+* none: positions do not change. A ball that stops beyond a cushion stays there.
 * time_of_impact: move_back without the lag. The impulse changes the velocities at the time of impact, and the balls
   then move with the new velocities for the rest of the step (Hu et al. 2020, DiffTaichi, section 4.2). A ball goes
   back in the phase that it has at the timestep, and a phase that ends in the rest of the step ends at the timestep.
+
+A ball that has stopped beyond a cushion has no path along which it can go back. All fixes except none move it to the
+nearest position at which it touches the cushion.
 """
 
 from __future__ import annotations
@@ -22,10 +25,13 @@ from billiards_env.jit import inlined, kernel
 from billiards_env.physics.clusters.impulses import sum_impulses
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
-from billiards_env.physics.geometry.walls import back_to_wall, overlap_time, wall_normal, wall_overlap
+from billiards_env.physics.geometry.walls import back_to_wall, deepest_overlap, overlap_time, wall_normal, wall_overlap
 from billiards_env.physics.motion import Path, begin_phase, move
 from billiards_env.physics.state import LASTS, VX, VY, X, Y
 from billiards_env.scene import CONTACT_GAP
+
+_PUSHES = 1000
+"""Largest number of moves of a ball at rest; in an acute corner it goes to one cushion and the other in turn."""
 
 
 class Bounce(NamedTuple):
@@ -51,12 +57,14 @@ class Fix(NamedTuple):
         at_cushion: (i, wall, beyond, bounce, scene, work) before the `Bounce` of ball i, which is beyond a cushion by
             `beyond` m and does not come back. Returns the `Bounce` at the new position.
         after_cushion: (i, scene, work) after this `Bounce`.
+        at_rest: (i, scene, work) if ball i is at rest after its bounces. Returns whether it moves the ball.
     """
 
     before: Any
     after: Any
     at_cushion: Any
     after_cushion: Any
+    at_rest: Any
 
 
 @inlined
@@ -236,6 +244,19 @@ def _push_inside(i, wall, beyond, bounce, scene, work):  # out: work
 
 
 @kernel
+def _bring_back(i, scene, work):  # out: work
+    """Moves ball i to the cushion that it overlaps most, until it overlaps none. Returns whether it moves the ball."""
+    here, radius, numbers, outline = work.here, scene.radius[i], scene.numbers, scene.outline
+    for push in range(_PUSHES):
+        wall = deepest_overlap(here[i, X], here[i, Y], radius, numbers, outline)
+        if wall < 0:
+            return push > 0
+        x, y = back_to_wall(here[i, X], here[i, Y], radius, wall, numbers, outline)
+        _place(i, x, y, work)
+    return True
+
+
+@kernel
 def push_along(i, wall, n, m, scene, work):  # out: work
     """Moves ball i along the cushion with the normal n, which it touches, to touch the cushion with the normal m."""
     x, y = work.here[i, X], work.here[i, Y]
@@ -247,10 +268,10 @@ def push_along(i, wall, n, m, scene, work):  # out: work
 _touch_balls, _touch_cushion = _going_back(_step_back)
 _hit_balls, _hit_cushion = _going_back(_rewind)
 _FIXES = {
-    "push_apart": Fix(_keep_contacts, _push_apart, _push_inside, _keep_motion),
-    "move_back": Fix(_touch_balls, _keep_positions, _touch_cushion, _keep_motion),
-    "none": Fix(_keep_contacts, _keep_positions, _keep_place, _keep_motion),
-    "time_of_impact": Fix(_hit_balls, _finish_steps, _hit_cushion, _finish_step),
+    "push_apart": Fix(_keep_contacts, _push_apart, _push_inside, _keep_motion, _bring_back),
+    "move_back": Fix(_touch_balls, _keep_positions, _touch_cushion, _keep_motion, _bring_back),
+    "none": Fix(_keep_contacts, _keep_positions, _keep_place, _keep_motion, _keep_positions),
+    "time_of_impact": Fix(_hit_balls, _finish_steps, _hit_cushion, _finish_step, _bring_back),
 }
 
 FIXES = tuple(_FIXES)
@@ -275,7 +296,7 @@ def _choice(kernels: Sequence[Any]) -> Any:
     return choose
 
 
-fix_before, fix_after, fix_at_cushion, fix_after_cushion = (
+fix_before, fix_after, fix_at_cushion, fix_after_cushion, fix_at_rest = (
     _choice(kernels) for kernels in zip(*_FIXES.values(), strict=True)
 )
 """The kernels of `Fix`, with the index of the treatment as an additional first argument."""

@@ -4,7 +4,8 @@ The balls move by the law of motion of `engine.pic`, in closed form, and each ch
 only difference is when contacts are detected. The engine tests for them at each multiple of dt, in this order: it
 captures balls whose centre is inside a pocket; it resolves the impacts of all pairs that overlap and do not separate,
 as one problem; and it reflects balls that are beyond a cushion and do not come back. A ball that is beyond two
-cushions is reflected at both together. The engine computes impulses by the impact laws, for the positions at the
+cushions is reflected at both together. A ball that has stopped beyond a cushion is moved back to it, and a pocket
+captures it if it is then inside the pocket. The engine computes impulses by the impact laws, for the positions at the
 multiple of dt. It misses a contact that begins and ends within a step.
 
 The test follows Warkari and Jamsandekar, "Evaluation of Collision Handling Techniques in 2D collisions".
@@ -34,6 +35,7 @@ from billiards_env.engine.overlaps import (
     fix_after,
     fix_after_cushion,
     fix_at_cushion,
+    fix_at_rest,
     fix_before,
     push_along,
 )
@@ -55,6 +57,7 @@ from billiards_env.physics.geometry.walls import (
     wall_turns,
     walls_met,
 )
+from billiards_env.physics.laws.cloth import phase_of
 from billiards_env.physics.motion import Path, advance, begin_phase, capture, end_phase, motion_after
 from billiards_env.physics.state import (
     IDEAL,
@@ -63,12 +66,14 @@ from billiards_env.physics.state import (
     POCKET_X,
     POCKET_Y,
     POTTED,
+    ROLLING,
     VX,
     VY,
     State,
     Time,
     X,
     Y,
+    ball_of,
     before,
     empty_state,
     later,
@@ -193,26 +198,34 @@ def _end_next_phase(k, scene, work, shots, log):  # out: work, shots, log
 
 
 @inlined
+def _test_pockets_of(i, now, k, scene, work, shots, log):  # out: work, shots, log
+    """Captures ball i if its centre, in `here`, is inside a pocket at a `Time`. Returns whether it is."""
+    here, pockets = work.here, scene.pockets
+    for q in range(len(pockets)):
+        dx, dy = here[i, X] - pockets[q, POCKET_X], here[i, Y] - pockets[q, POCKET_Y]
+        if dx * dx + dy * dy < pockets[q, POCKET_RADIUS] * pockets[q, POCKET_RADIUS]:
+            advance(work.state, i, now, scene.numbers)
+            capture(work.state, i, pockets[q, POCKET_X], pockets[q, POCKET_Y])
+            shots.n_events[k] += 1
+            log_event(log, now, BALL_POCKET, i, q, work.state, norm(here[i, VX], here[i, VY]), False)
+            shots.time[k] = now.hi
+            work.changed[i] = True
+            return True
+    return False
+
+
+@inlined
 def _test_pockets(now, count, k, scene, work, shots, log):  # out: work, shots, log
     """Computes the motion of the `count` moving balls at a `Time` in `here`, and captures the balls in pockets.
 
     Returns whether it captures any.
     """
-    here, pockets, has_capture = work.here, scene.pockets, False
+    here, has_capture = work.here, False
     for m in range(count):
         i = work.moving[m]
         t = since(now, own_time(work.state, i))
         here[i, X], here[i, Y], here[i, VX], here[i, VY] = motion_after(work.state, i, t)
-        for q in range(len(pockets)):
-            dx, dy = here[i, X] - pockets[q, POCKET_X], here[i, Y] - pockets[q, POCKET_Y]
-            if dx * dx + dy * dy < pockets[q, POCKET_RADIUS] * pockets[q, POCKET_RADIUS]:
-                advance(work.state, i, now, scene.numbers)
-                capture(work.state, i, pockets[q, POCKET_X], pockets[q, POCKET_Y])
-                shots.n_events[k] += 1
-                log_event(log, now, BALL_POCKET, i, q, work.state, norm(here[i, VX], here[i, VY]), False)
-                shots.time[k] = now.hi
-                work.changed[i] = has_capture = True
-                break
+        has_capture = _test_pockets_of(i, now, k, scene, work, shots, log) or has_capture
     return has_capture
 
 
@@ -355,6 +368,13 @@ def _test_cushions(now, k, scene, work, shots, log):  # out: work, shots, log
                     shots.cushions[k, i] += 1
                     shots.n_events[k] += 1
                     log_event(log, now, BALL_CUSHION, i, hit, state, at_speed, False)
+        if phase_of(ball_of(state.rows[i]), numbers) < ROLLING:  # it has stopped, so this is its last test
+            if fix_at_rest(numbers.fix, i, scene, work):
+                advance(state, i, now, numbers)
+                work.changed[i] = has_rebound = True
+                shots.time[k] = now.hi
+            if work.changed[i]:
+                _test_pockets_of(i, now, k, scene, work, shots, log)
     return has_rebound
 
 

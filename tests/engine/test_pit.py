@@ -430,16 +430,37 @@ def test_breaks_come_to_rest(arrangement, fix):
     assert batch.n_events.max() < 100_000
 
 
-def test_balls_end_within_the_cushions():
+@fixes
+@pytest.mark.parametrize("dt", [1 / 60, 0.3, 1.0])
+def test_balls_end_within_the_cushions_and_outside_the_pockets(fix, dt):
     for name in LAWS:
         scene = Scene.named(name, 6)
         places, starts, _ = draw_starts(scene, 50)
-        batch = simulate_batch(scene, places, starts, engine=Engine("pit", 1 / 60))
-        late = 4 * np.abs(starts).max() / 60  # a moving ball may be one timestep beyond a cushion
+        batch = simulate_batch(scene, places, starts, engine=Engine("pit", dt, fix))
+        late = 4 * np.abs(starts).max() * dt  # a moving ball may be one timestep beyond a cushion
         moving = np.linalg.norm(batch.velocities, axis=-1) > 0
         beyond = scene.balls.radius - scene.table.clearance(batch.positions)
-        assert beyond[~moving & ~batch.potted].max() <= 1e-12
         assert beyond[~batch.potted].max() <= late
+        if fix != "none":
+            assert beyond[~moving & ~batch.potted].max() <= 1e-12
+            for pocket in scene.table.pockets:
+                distance = np.hypot(*(batch.positions - (pocket.x, pocket.y)).T).T
+                assert distance[~moving & ~batch.potted].min() >= pocket.radius
+
+
+@fixes
+def test_a_ball_that_stops_beyond_a_cushion_in_its_last_step_is_moved_to_it(fix):
+    # It stops at (1.5, 0.75). Without the cushion it would be at rest there; a fix does not change a velocity of zero.
+    way = np.array([1.5, 0.75])
+    velocity = way / np.linalg.norm(way) * math.sqrt(2 * 0.0981 * np.linalg.norm(way))
+    shot = pit(world(1, ROLLING, Table(2.0, 2.0)), [[0.0, 0.0]], velocity, dt=100.0, fix=fix, record=True)
+    assert shot.positions[0] == pytest.approx(way if fix == "none" else [1 - R, 0.75])
+    assert (shot.status, kinds(shot)) == ("rest", [("rolling_rest", 0, -1)])
+    # A pocket captures a ball that a fix moves into it, also if the ball is at rest there.
+    table = Table(2.0, 2.0, pockets=(Pocket(1.0, 0.75, 2 * R),))
+    shot = pit(world(1, ROLLING, table), [[0.0, 0.0]], velocity, dt=100.0, fix=fix, record=True)
+    assert shot.potted.tolist() == [fix != "none"]
+    assert shot.time == (shot.events["time"][0] if fix == "none" else 100.0)
 
 
 def test_balls_that_move_side_by_side_along_a_cushion_are_pushed_apart_within_it():

@@ -559,7 +559,7 @@ def next_overlap(x, y, vx, vy, radius, turn, numbers, outline):
     """Returns the number of a cushion that a ball overlaps, or -1.
 
     A ball overlaps an outline if its centre is nearer than its radius to a cushion, or outside the outline. If it is
-    outside, it overlaps the nearest cushion only, at whatever depth, so no ball is lost outside.
+    outside, it overlaps the nearest cushion only, at whatever depth.
 
     Args:
         x: Position of the ball along x, m.
@@ -659,6 +659,28 @@ def _piece_overlap(x, y, radius, wall, outside, outline):
     distance = norm(tip[TIP_X] - x, tip[TIP_Y] - y)
     hits = faces(tip, x, y) and (outside == 0.0 or abs(distance - tip[TIP_RADIUS]) <= outside + CONTACT_GAP)
     return (tip[TIP_RADIUS] + radius - distance if hits else 0.0), nx, ny
+
+
+@kernel
+def deepest_overlap(x, y, radius, numbers, outline):
+    """Returns the number of the cushion that a ball is farthest beyond, or -1 if it is beyond none by `CONTACT_GAP`.
+
+    A centre that is nearer than `CONTACT_GAP` to an outline counts as inside and as outside, because rounding decides.
+    """
+    deepest, cushion = CONTACT_GAP, -1
+    if outline is None:
+        for wall in range(4):
+            beyond, _, _ = wall_overlap(x, y, radius, wall, numbers, outline)
+            if beyond > deepest:
+                deepest, cushion = beyond, wall
+    else:
+        outside = _distance_outside(x, y, outline)
+        for wall in range(len(outline.lines) + len(outline.tips)):
+            for side in (outside if outside > CONTACT_GAP else 0.0, max(outside, CONTACT_GAP)):
+                beyond, _, _ = _piece_overlap(x, y, radius, wall, side, outline)
+                if beyond > deepest:
+                    deepest, cushion = beyond, wall
+    return cushion
 
 
 @inlined
