@@ -72,8 +72,8 @@ class Leave:
 
     Attributes:
         position: x and y, m.
-        radius: Largest distance from the point, m. The shot is usually much nearer. With a small radius, such as 1e-9,
-            the search goes on until it is exact up to rounding.
+        radius: Largest distance from the point, m. The search ends with the first round of shots in which one is within
+            it. With a small radius, such as 1e-9, it goes on until a shot is that exact.
         ball: The ball.
     """
 

@@ -137,6 +137,20 @@ def test_the_search_goes_on_until_the_ball_is_within_the_radius(radius, monkeypa
     assert radius / 10 < aimed.residual < radius or aimed.residual < radius < 1e-8
 
 
+@pytest.mark.parametrize(("radius", "usually"), [(0.01, True), (0.1, False)])
+def test_the_residual_is_usually_exact_with_the_default_radius_but_not_with_a_large_one(radius, usually):
+    residuals = []
+    for seed in range(25):
+        rng = np.random.default_rng(seed)
+        places, (x, y) = layouts.draw("random", POOL, rng), layouts.draw("random", POOL, rng)[0]
+        aimed = aim(POOL, places, [Pot(1), Leave((float(x), float(y)), radius)], shots=3000)
+        if aimed.solved:
+            residuals.append(aimed.residual)
+    assert len(residuals) >= 8
+    assert max(residuals) <= radius
+    assert (np.mean(np.array(residuals) < 1e-9) > 0.5) == usually
+
+
 def test_equal_arguments_give_equal_bits():
     goals = [Pot(1, 0), Leave((0.2, 0.1))]
     first, second = (aim(POOL, PLACES, goals, seed=4, shots=2_000) for _ in range(2))
