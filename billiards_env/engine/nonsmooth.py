@@ -78,14 +78,15 @@ REASONS = {
     "rule": "the [contact-time rule](engines.md#resting-contact) acted. The derivative ignores it",
     "lip": "a ball grazes the circle of a pocket, inside or outside",
     "rolling": "a ball rolls without slip, up to rounding, at the start or after an impact",
-    "slip": 'at a `"mathavan2010"` cushion, the slip is zero at first, or it stops and begins again at once, or it '
-    "changes too often to compute the derivative",
+    "cushion": "at a cushion, the restitution is where its law changes: at `e_cushion_onset`, `e_cushion_floor` or 1, "
+    'or with `"han2005_variable"` at the least or most topspin that counts. At a `"mathavan2010"` cushion, the slip is '
+    "zero at first, or it stops and begins again at once, or it changes too often to compute the derivative",
     "joint": "a ball touches a cushion where its curvature changes, within 2e-10 m",
     "cut": "the shot, or `t`, ends at the instant of an event",
     "overflow": "after many impacts the derivative exceeds 1e100. It soon overflows to infinity or NaN",
 }
 """Why a shot has no derivative, by name."""
-GRAZING, SIMULTANEOUS, BY_RULE, AT_LIP, ROLLS, SLIPS, AT_JOINT, IS_CUT, OVERFLOWS = range(len(REASONS))
+GRAZING, SIMULTANEOUS, BY_RULE, AT_LIP, ROLLS, AT_CUSHION, AT_JOINT, IS_CUT, OVERFLOWS = range(len(REASONS))
 
 GRAZE = 1e-6
 """Speed of approach over the relative speed below which a contact counts as grazing."""
@@ -201,8 +202,6 @@ def _rolls(segment, numbers):
 @inlined
 def _is_smooth_cushion(i, wall, ball, scene):
     """Returns whether the impact of ball i with a `BallState` on a cushion has a derivative."""
-    if not scene.numbers.cushion_rubs:
-        return True
     touched = wall_at(ball.x, ball.y, wall, scene.radius[i], scene.outline)
     return cushion_is_smooth(ball, touched, scene.radius[i], scene)
 
@@ -265,7 +264,7 @@ def _judge(e, over):  # out: over
     if _grazes(e, speed, over):
         _find(time, e, AT_LIP if kind == BALL_POCKET else GRAZING, over)
     elif kind == BALL_CUSHION and not _is_smooth_cushion(i, other, ball, scene):
-        _find(time, e, SLIPS, over)
+        _find(time, e, AT_CUSHION, over)
     elif kind == BALL_CUSHION and is_at_joint(scene.outline, other, ball.x, ball.y, over.within[0]):
         _find(time, e, AT_JOINT, over)
 

@@ -20,7 +20,7 @@ from billiards_env.physics.cushion import CUSHIONS, LAWS, bounce, by_law, impact
 from billiards_env.physics.geometry.walls import curvature_at, normal_at
 from billiards_env.physics.laws.balls import distance_of, meet
 from billiards_env.physics.laws.cloth import SLIP_RATE, drive, fly, slip_of, spin_after, spin_of
-from billiards_env.physics.laws.cushion import CushionMotion
+from billiards_env.physics.laws.cushion import CushionMotion, restitution_is_smooth
 from billiards_env.physics.rules import SMOOTH
 from billiards_env.physics.state import (
     BALL_NUMBERS,
@@ -344,7 +344,8 @@ def _motion_at(ball, wall, radius):
 @inlined
 def cushion_is_smooth(ball, wall, radius, scene):
     """Returns whether the impact of a `BallState` on a `Wall` has a derivative."""
-    return _is_smooth(scene.cushion, (_motion_at(ball, wall, radius), radius, scene.numbers))
+    motion, numbers = _motion_at(ball, wall, radius), scene.numbers
+    return restitution_is_smooth(motion.vn, numbers) and _is_smooth(scene.cushion, (motion, radius, numbers))
 
 
 @inlined

@@ -10,13 +10,14 @@ import math
 
 from billiards_env.jit import inlined
 from billiards_env.physics.elementary import arccosine, exponential, norm, sine_cosine
-from billiards_env.physics.laws.balls import rub, rubbed
+from billiards_env.physics.laws.balls import falling_friction, friction_coefficient, rub, rubbed
+from billiards_env.physics.laws.cushion_han2005_variable import gain_is_smooth, han2005_variable
 from billiards_env.physics.laws.cushion_mathavan2010 import mathavan2010
 from billiards_env.physics.laws.cushion_stronge import known_end
 from billiards_env.physics.laws.mathavan_tangent import is_smooth
 from billiards_env.physics.tangent import rule, tangent_of
 
-SMOOTH = {mathavan2010: is_smooth}
+SMOOTH = {mathavan2010: is_smooth, han2005_variable: gain_is_smooth}
 """For each law of cushions that has states without a derivative, the kernel that finds them."""
 
 
@@ -54,5 +55,7 @@ def _d_known_end(end, *others):
     return end, 0.0  # the motion after the impact does not depend on this time in first order
 
 
+for _constant in ((), ("numbers",)):
+    rule(friction_coefficient, constant=_constant)(tangent_of(falling_friction, constant=_constant))
 for _constant in (("sign",), ("sign", "tilt")):
     rule(rub, constant=_constant)(tangent_of(rubbed, constant=_constant))

@@ -9,7 +9,7 @@ import mpmath
 import numpy as np
 
 from billiards_env import Scene, simulate
-from billiards_env.scene import Balls, Physics, Table, layouts
+from billiards_env.scene import Balls, Physics, Table, ball_friction, layouts
 from reference.oracle import run
 from reference.oracle.laws import World
 from tests.helpers.outlines import MARBLES
@@ -94,11 +94,9 @@ def changed_constant(name, tangent, scene):
             a, b, c = world.ball_friction
             if name == "mu_ball_decay":
                 return dataclasses.replace(world, ball_friction=(a, b, c + STEP * tangent))
-            factor = mpmath.mpf(scene.physics.mu_ball_factor)
-            if name == "mu_ball":
-                return dataclasses.replace(world, ball_friction=(a + factor * STEP * tangent, b, c))
-            share = STEP * tangent / factor
-            return dataclasses.replace(world, ball_friction=(a + a * share, b + b * share, c))
+            clean = dataclasses.replace(scene.physics, mu_ball_factor=1.0)
+            by_a, by_b, _ = (scene.physics.mu_ball_factor, 0.0, 0.0) if name == "mu_ball" else ball_friction(clean)
+            return dataclasses.replace(world, ball_friction=(a + by_a * STEP * tangent, b + by_b * STEP * tangent, c))
         return dataclasses.replace(world, **{name: getattr(world, name) + STEP * tangent})
 
     return change

@@ -7,7 +7,7 @@ import pytest
 
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.physics.cushion import impact
-from billiards_env.physics.derivatives import Wall, cushion_solution, d_impact
+from billiards_env.physics.derivatives import Wall, cushion_is_smooth, cushion_solution, d_impact
 from billiards_env.physics.laws.cushion import CushionMotion, cushion_restitution
 from billiards_env.physics.state import BallState, LawNumbers, law_numbers_of
 from billiards_env.scene import Scene
@@ -124,3 +124,40 @@ def test_numbers_at_the_end_of_their_range_have_the_derivative_of_one_side():
         less = dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, e_cushion_loss=1e-4))
         expected = (rebound(motion, RADIUS, less) - rebound(motion, RADIUS, scene)) / 1e-4
         np.testing.assert_allclose(jacobian[:, column], expected, atol=2e-3 * np.abs(expected).max(), err_msg=name)
+
+
+FALLS = {"e_cushion": 0.875, "e_cushion_loss": 0.125, "e_cushion_onset": 1.0, "e_cushion_floor": 0.75}
+GAINS = {"e_cushion": 0.75, "e_cushion_topspin": 0.5}
+KINKS = {  # the numbers; the normal speed and the slips at the kink; a number whose change of 1e-9 leaves the kink
+    "onset": (FALLS, (1.0, 0.3, 0.2), "e_cushion_onset"),
+    "floor": (FALLS, (2.0, 0.3, 0.2), "e_cushion_floor"),
+    "most": (GAINS, (1.0, 0.5, 0.2), "e_cushion"),
+    "no topspin": (GAINS, (1.0, 1.0, 0.2), None),
+    "most topspin": (GAINS, (1.0, 0.0, 0.2), None),
+}
+
+
+@pytest.mark.parametrize("kink", KINKS)
+def test_a_kink_of_the_restitution_has_no_derivative(kink):
+    numbers, (vn, un, ut), name = KINKS[kink]
+    for cushion in ("restitution", "han2005", "stronge", "mathavan2010") if numbers is FALLS else ("han2005_variable",):
+
+        def smooth(vn, un, ut, cushion=cushion, **changes):
+            arrays = scene_arrays(scene_with(cushion, **numbers | changes))
+            ball = BallState(0.0, 0.0, vn, 0.4, un, ut, 5.0)
+            return cushion_is_smooth(ball, Wall(1.0, 0.0, 0.0), RADIUS, arrays)
+
+        assert not smooth(vn, un, ut), cushion
+        assert not smooth(vn * (1.0 + 1e-15), un, ut), cushion
+        assert smooth(vn, un + 1e-6, ut, **({name: numbers[name] - 1e-9} if name else {})), cushion
+        assert smooth(vn, un, ut, e_cushion_loss=0.0, e_cushion_topspin=0.0), cushion
+
+
+def test_a_ball_that_rolls_has_the_most_topspin_and_a_derivative():
+    scene = scene_with("han2005_variable", **FALLS | {"e_cushion_topspin": 0.05, "e_cushion_onset": 0.5})
+    motion = np.array([1.0, 0.4, 0.0, 0.0, 0.1])
+    ball = BallState(0.0, 0.0, *motion[:4], motion[4] / RADIUS)
+    assert cushion_is_smooth(ball, Wall(1.0, 0.0, 0.0), RADIUS, scene_arrays(scene))
+    changed = [0, 1, 4]  # a rolling ball has no change of slip
+    expected = differences(motion, scene, 1e-6)[:, changed]
+    np.testing.assert_allclose(derivative(motion, scene)[:, changed], expected, atol=1e-7 * np.abs(expected).max())

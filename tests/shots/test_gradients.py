@@ -1,5 +1,6 @@
 """The derivatives of shots agree with differences of the 50-digit reference, and with each other."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -9,7 +10,8 @@ from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate_batch, strike
 from billiards_env import scene as scenes
-from billiards_env.scene import Balls, Pocket, Table, layouts
+from billiards_env.checks import RANGES
+from billiards_env.scene import PARAMETERS, Balls, Pocket, Table, layouts
 from billiards_env.shots.gradients import OUTPUTS, UNIT_ROUNDOFF, physics_inputs
 from reference.oracle import run
 from tests.helpers.derivatives import SCENES, VARIABLE, directional_differences, recorded, start_of, tangent_of
@@ -64,6 +66,49 @@ def test_the_derivatives_are_those_of_the_50_digit_simulator(name, seed):
             np.testing.assert_allclose(
                 changes[output], expected[output], rtol=0, atol=1e-9 * size, err_msg=f"{key} {output}"
             )
+
+
+def check_one_sided(name, changes, number, way):
+    """Compares the derivative of a shot by a number with differences on one side: way is 1 above and -1 below it."""
+    scene = dataclasses.replace(SCENES[name], physics=dataclasses.replace(SCENES[name].physics, **changes))
+    start = start_of(scene, 3)
+    late = 0.6 * recorded(scene, start).time
+    shot = recorded(scene, start, max_time=late)
+    assert shot.nonsmooth() == (-1, "")
+    assert (shot.events["kind"] == "cushion").any()
+    assert (shot.events["kind"] == "ball_ball").any()
+    expected = directional_differences(scene, start, number, way, late)["positions"]
+    size = max(np.abs(expected).max(), 1e-3)
+    np.testing.assert_allclose(shot.jvp({number: way}), expected, rtol=0, atol=1e-9 * size, err_msg=number)
+
+
+@pytest.mark.parametrize("number", PARAMETERS)
+def test_a_number_at_the_end_of_its_range_has_the_derivative_on_the_inside(number):
+    ends = RANGES[PARAMETERS[number].within][:2]
+    for name in ("han2005", "variable", "grip", "stronge"):
+        physics = SCENES[name].physics
+        for end, way in zip(ends, (1.0, -1.0), strict=True):
+            changes = {number: end}
+            if end not in (0.0, 1.0) or (number.startswith("mu_ball") and physics.ball_ball == "frictionless"):
+                continue
+            if number in ("e_cushion", "e_cushion_floor"):
+                if end == 0.0 and (number == "e_cushion" or name == "stronge"):
+                    continue  # a ball stops at the cushion, or the law does not allow the number
+                changes = {"e_cushion": 1.0, "e_cushion_floor": physics.e_cushion_floor} | changes
+            if number == "cushion_frequency_ratio":
+                changes |= {"e_cushion": 1.0, "e_cushion_loss": 0.0}
+            check_one_sided(name, changes, number, way)
+
+
+@pytest.mark.parametrize("name", ["han2005", "stronge", "variable", "sliding"])
+def test_a_restitution_at_its_floor_or_at_1_has_the_derivative_on_the_inside(name):
+    floor = {"e_cushion": 0.8, "e_cushion_floor": 0.8, "e_cushion_topspin": 0.0, "e_cushion_loss": 0.0}
+    for number, way in (("e_cushion", 1.0), ("e_cushion_loss", 1.0), ("e_cushion_floor", -1.0)):
+        check_one_sided(name, floor, number, way)
+        check_one_sided(name, floor | {"e_cushion_loss": 0.1}, number, way)
+    most = {"e_cushion": 1.0, "e_cushion_loss": 0.0, "e_cushion_topspin": 0.0}
+    for number, way in (("e_cushion", -1.0), ("e_cushion_loss", 1.0), ("e_cushion_topspin", 1.0)):
+        check_one_sided(name, most, number, way)
 
 
 @pytest.mark.parametrize("name", ["pool", "ideal", "carom", "real_pool", "uk_pool"])

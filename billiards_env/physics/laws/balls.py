@@ -70,12 +70,17 @@ def normal_impulse(closing, inv_mass_i, inv_mass_j, e):
 
 
 @inlined
-def friction_coefficient(numbers, speed):
+def falling_friction(numbers, speed):
     """Returns the coefficient of friction of two balls whose surfaces slide at `speed`, m/s."""
-    mu = numbers.mu_limit
+    return numbers.mu_limit + numbers.mu_drop * exponential(-numbers.mu_rate * speed)
+
+
+@inlined
+def friction_coefficient(numbers, speed):
+    """Returns `falling_friction`. A constant friction needs no exponential."""
     if numbers.mu_drop > 0.0:
-        mu += numbers.mu_drop * exponential(-numbers.mu_rate * speed)
-    return mu
+        return falling_friction(numbers, speed)
+    return numbers.mu_limit
 
 
 @inlined

@@ -8,6 +8,9 @@ from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined
 
+ROUNDING = 2.0**-40
+"""The relative difference of two numbers that counts as rounding where the derivative of a law jumps."""
+
 
 class Cushion(NamedTuple):
     """A cushion of scenes.
@@ -59,11 +62,19 @@ class Nose(NamedTuple):
 def cushion_restitution(speed, numbers):
     """Returns the restitution at a normal speed, m/s."""
     e = numbers.e_cushion
-    if speed > numbers.e_cushion_onset:
-        e -= numbers.e_cushion_loss * (speed - numbers.e_cushion_onset)
-        if numbers.e_cushion_loss > 0.0:
-            e = max(numbers.e_cushion_floor, e)
+    # Without a loss, a restitution at its floor has only the derivative by `e_cushion`.
+    falls = numbers.e_cushion_loss > 0.0 or e > numbers.e_cushion_floor
+    if speed > numbers.e_cushion_onset and falls:
+        e = max(numbers.e_cushion_floor, e - numbers.e_cushion_loss * (speed - numbers.e_cushion_onset))
     return e
+
+
+@inlined
+def restitution_is_smooth(speed, numbers):
+    """Returns whether `cushion_restitution` has the same derivative on both sides of a normal speed, m/s."""
+    onset, loss = numbers.e_cushion_onset, numbers.e_cushion_loss
+    at_floor = abs(numbers.e_cushion - loss * (speed - onset) - numbers.e_cushion_floor) <= ROUNDING
+    return loss == 0.0 or not (abs(speed - onset) <= ROUNDING * onset or at_floor)
 
 
 @inlined

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 
 from billiards_env.jit import inlined
-from billiards_env.physics.laws.cushion import Cushion, cushion_restitution, nose_of, slip_at
+from billiards_env.physics.laws.cushion import ROUNDING, Cushion, cushion_restitution, nose_of, slip_at
 from billiards_env.physics.laws.cushion_han2005 import impact
 
 
@@ -34,9 +34,20 @@ def han2005_variable(before, radius, rebound, numbers, solution):
     sx, sy = slip_at(before, nose)
     slip = math.sqrt(sx * sx + sy * sy)
     mu = (numbers.mu_cushion + numbers.mu_cushion_angle * along) / (1.0 + numbers.mu_cushion_slip * slip)
-    gain = numbers.e_cushion_topspin * min(1.0, max(0.0, topspin))
-    e = min(1.0, cushion_restitution(vn, numbers) + gain)
+    e, gain = cushion_restitution(vn, numbers), numbers.e_cushion_topspin * min(1.0, max(0.0, topspin))
+    if e < 1.0 or gain > 0.0:  # without a gain, a restitution of 1 has only the derivative by `e_cushion`
+        e = min(1.0, e + gain)
     return impact(before, nose, (sx, sy * (1.0 + numbers.e_cushion_tangent)), rebound, mu, e)
+
+
+@inlined
+def gain_is_smooth(before, radius, numbers):
+    """Returns whether the gain by the topspin has a derivative. A ball that rolls goes on rolling."""
+    vn, un, most = before.vn, before.un, numbers.e_cushion_topspin
+    gain = most * min(1.0, max(0.0, (vn - un) / vn)) if vn > 0.0 else 0.0
+    clamped = abs(cushion_restitution(vn, numbers) + gain - 1.0) <= ROUNDING
+    slides, tiny = un != 0.0 or before.ut != 0.0, ROUNDING * vn
+    return most == 0.0 or not (clamped or abs(vn - un) <= tiny or (slides and abs(un) <= tiny))
 
 
 CUSHION = Cushion(han2005_variable)
