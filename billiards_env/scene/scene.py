@@ -191,8 +191,6 @@ class Physics:
             a ball that moves along the cushion.
         e_cushion_topspin: Gain of the restitution of "han2005_variable" cushions from a ball without topspin to a ball
             that rolls.
-        mu_cushion_slip: Decrease of the friction of "han2005_variable" cushions with the slip, s/m: the friction is
-            divided by 1 + mu_cushion_slip * slip.
         e_cushion_tangent: Share of the slip along the cushion that "han2005_variable" cushions reverse if their
             friction is large enough, 0 to 1.
         mu_roll_speed: Gain of the rolling resistance per speed, s/m, see `physics.laws.cloth`; 0.003 in "match_carom".
@@ -226,7 +224,6 @@ class Physics:
     e_cushion_floor: float = _number(0.0, "restitution", "cushion", fitted=False)
     mu_cushion_angle: float = _number(0.0, "mu_cushion", "cushion")
     e_cushion_topspin: float = _number(0.0, "restitution", "cushion")
-    mu_cushion_slip: float = _number(0.0, "speed_loss", "cushion")
     e_cushion_tangent: float = _number(0.0, "restitution", "cushion")
     mu_roll_speed: float = _number(0.0, "speed_loss", "")
     max_time: float | None = None

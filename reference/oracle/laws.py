@@ -55,7 +55,6 @@ class World:
     mu_cushion_angle: Real
     e_cushion_topspin: Real
     e_cushion_tangent: Real
-    mu_cushion_slip: Real
     mu_cushion: Real
     cushion_frequency_ratio: Real
     ball_friction: Vector | None
@@ -348,12 +347,8 @@ def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Re
 
 def _han_variable(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real) -> Vector:
     """Returns the state after a cushion as `_han`, whose friction and restitution depend on the motion before."""
-    zero, one, radius = mpmath.mpf(0), mpmath.mpf(1), world.radius[ball]
-    sin = world.cushion_height / radius - 1
-    cos = mpmath.sqrt(1 - sin * sin)
-    nose = norm((vx * sin + radius * wy, -vy - radius * wz * cos + radius * wx * sin))
+    zero, one = mpmath.mpf(0), mpmath.mpf(1)
     friction = world.mu_cushion + world.mu_cushion_angle * (1 - vx**2 / (vx**2 + vy**2))
-    friction /= 1 + world.mu_cushion_slip * nose
     gain = world.e_cushion_topspin * sorted((zero, world.radius[ball] * wy / vx, one))[1]
     e = min(one, _restitution(world, vx) + gain)
     same = dataclasses.replace(world, mu_cushion=friction, e_cushion=e, e_cushion_loss=zero, e_cushion_floor=zero)

@@ -198,7 +198,6 @@ VARIABLE = [
     ((1.0, -1.0, 0.5, -1.0, 0.2), TOPSPIN, 1.28, 0.82, 0.25),  # half of the topspin of rolling
     ((1.0, 0.0, -3.0, 0.5, 0.1), TOPSPIN, 1.28, 0.84, 0.2),  # more topspin than rolling
     ((1.0, 0.0, 2.0, 0.5, 0.1), TOPSPIN, 1.28, 0.8, 0.2),  # backspin
-    ((1.0, 1.0, 0.0, 0.0, 0.0), {"mu_cushion_slip": 0.5}, 1.0, 0.8, 0.2 / (1 + 0.5 * math.sqrt(2))),  # slip sqrt(2)
 ]
 
 

@@ -4,19 +4,16 @@ In fits of recorded three-cushion shots (the tracks of the simulator tailuge/bil
 to the normal, restitution grows with the topspin, and the impulse reverses part of the slip along the cushion. The law
 is a simple form of these effects:
 
-    mu = (mu_cushion + mu_cushion_angle sin^2(phi)) / (1 + mu_cushion_slip s)
+    mu = mu_cushion + mu_cushion_angle sin^2(phi)
     e = e(v_n) + e_cushion_topspin min(1, max(0, R omega_t / v_n))
 
-Here phi is the angle between the velocity and the normal, s is the slip at the nose, omega_t is the spin along the
-cushion (v_n / R for a ball that rolls), and e(v_n) is the restitution of the other cushions. If mu does not limit the
-friction, the impact stops the slip up or down the nose and reverses the share e_cushion_tangent of the slip along the
-cushion, as with a nose that yields sideways (Stronge 2000). If mu limits the friction, it has the direction of this
-impulse.
+Here phi is the angle between the velocity and the normal, omega_t is the spin along the cushion (v_n / R for a ball
+that rolls), and e(v_n) is the restitution of the other cushions. If mu does not limit the friction, the impact stops
+the slip up or down the nose and reverses the share e_cushion_tangent of the slip along the cushion, as with a nose that
+yields sideways (Stronge 2000). If mu limits the friction, it has the direction of this impulse.
 """
 
 from __future__ import annotations
-
-import math
 
 from billiards_env.jit import inlined
 from billiards_env.physics.laws.cushion import ROUNDING, Cushion, cushion_restitution, nose_of, slip_at
@@ -32,8 +29,7 @@ def han2005_variable(before, radius, rebound, numbers, solution):
     topspin = (vn - before.un) / vn if vn > 0.0 else 0.0  # 1 for a ball that rolls
     nose = nose_of(radius, numbers)
     sx, sy = slip_at(before, nose)
-    slip = math.sqrt(sx * sx + sy * sy)
-    mu = (numbers.mu_cushion + numbers.mu_cushion_angle * along) / (1.0 + numbers.mu_cushion_slip * slip)
+    mu = numbers.mu_cushion + numbers.mu_cushion_angle * along
     e, gain = cushion_restitution(vn, numbers), numbers.e_cushion_topspin * min(1.0, max(0.0, topspin))
     if e < 1.0 or gain > 0.0:  # without a gain, a restitution of 1 has only the derivative by `e_cushion`
         e = min(1.0, e + gain)
