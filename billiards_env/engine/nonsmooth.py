@@ -32,6 +32,7 @@ from billiards_env.engine.log import (
     RULE,
     SEGMENT_PHASE,
     SEGMENT_ROW,
+    SLIDING_ROLLING,
     TIME,
     balls_of,
     begin_time,
@@ -51,6 +52,7 @@ from billiards_env.physics.derivatives import cushion_is_smooth, wall_at
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import misses_circle
 from billiards_env.physics.geometry.walls import is_at_joint, is_beside
+from billiards_env.physics.laws.cloth import NEAR, roll_speed_near
 from billiards_env.physics.motion import place_after
 from billiards_env.physics.state import (
     LASTS,
@@ -77,7 +79,8 @@ REASONS = {
     "order, followed by the recorded flight",
     "rule": "the [contact-time rule](engines.md#resting-contact) acted. The derivative ignores it",
     "lip": "a ball grazes the circle of a pocket, inside or outside",
-    "rolling": "a ball rolls without slip, up to rounding, at the start or after an impact",
+    "rolling": "a ball rolls without slip, up to rounding, at the start or after an impact, or it begins to roll at a "
+    "speed at which `mu_roll_speed` changes the resistance",
     "cushion": "at a cushion, the restitution is where its law changes: at `e_cushion_onset`, `e_cushion_floor` or 1, "
     'or with `"han2005_variable"` at the least or most topspin that counts. At a `"mathavan2010"` cushion, the slip is '
     "zero at first, or it stops and begins again at once, or it changes too often to compute the derivative",
@@ -191,12 +194,22 @@ pass_bodies = passing(pass_circle, pass_side, True)
 
 
 @inlined
-def _rolls(segment, numbers):
-    """Returns whether a ball rolls without slip, up to rounding, at the beginning of a piece."""
-    if numbers.motion != SLIDING_AND_ROLLING:
-        return False
+def _rolls(segment, time, over):
+    """Returns whether a ball rolls without slip, up to rounding, at the beginning of a piece, or is `_at_step`."""
     row, phase = segment[SEGMENT_ROW:], segment[SEGMENT_PHASE]
+    if over.shot.scene.numbers.motion != SLIDING_AND_ROLLING:
+        return _at_step(segment, time, over)
     return phase == ROLLING or (phase == SLIDING and norm(row[UX], row[UY]) <= _ROLLS * norm(row[VX], row[VY]))
+
+
+@inlined
+def _at_step(segment, time, over):
+    """Returns whether a ball begins to roll at a speed at which the resistance changes, up to rounding."""
+    numbers, speed = over.shot.scene.numbers, norm(segment[SEGMENT_ROW + VX], segment[SEGMENT_ROW + VY])
+    if segment[SEGMENT_PHASE] != ROLLING or numbers.roll_gain <= 0.0:
+        return False
+    margin = NEAR * speed + numbers.slide * over.within[1] * (1.0 + time)
+    return roll_speed_near(speed, margin, numbers) > 0.0
 
 
 @inlined
@@ -247,6 +260,8 @@ def _judge(e, over):  # out: over
     now, piece = event_time(events, e), tape.first[e]
     time = now.hi
     if kind > BALL_POCKET:
+        if kind == SLIDING_ROLLING and _at_step(segments[piece], time, over):
+            _find(time, e, ROLLS, over)
         return
     if events[e, RULE]:
         _find(time, e, BY_RULE, over)
@@ -259,7 +274,7 @@ def _judge(e, over):  # out: over
             _find(time, e, SIMULTANEOUS, over)
         if before_it[SEGMENT_PHASE] in (ROLLING, SLIDING) and _is_at_once(_left(before_it, now), time, over):
             _find(time, e, SIMULTANEOUS, over)
-        if _rolls(segments[piece + s], scene.numbers):
+        if _rolls(segments[piece + s], time, over):
             _find(time, e, ROLLS, over)
     if _grazes(e, speed, over):
         _find(time, e, AT_LIP if kind == BALL_POCKET else GRAZING, over)
@@ -320,7 +335,7 @@ def find_nonsmooth(begin, end, shots, times, within, results):  # out: results
         last[:] = -1
         for i in range(n):
             tape.current[i] = i
-            if _rolls(shot.segments[i], shot.scene.numbers):
+            if _rolls(shot.segments[i], 0.0, over):
                 _find(-1.0, -1, ROLLS, over)
         done = 0
         while done < len(log) and log[done, TIME] <= times[k]:

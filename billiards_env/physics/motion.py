@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.laws.cloth import SLIP_RATE, drive, phase_of, share_kept, spin_after
+from billiards_env.physics.laws.cloth import NEAR, SLIP_RATE, drive, phase_of, roll_speed_near, spin_after
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -158,7 +158,9 @@ def end_phase(state, i, time, numbers):  # out: state
     if state.phase[i] == SLIDING:
         s[UX] = s[UY] = 0.0
     elif state.phase[i] == ROLLING:
-        share = share_kept(norm(s[VX], s[VY]), numbers)
+        speed = norm(s[VX], s[VY])
+        left = roll_speed_near(speed, NEAR * speed, numbers)
+        share = left / speed if left > 0.0 else 0.0
         s[VX], s[VY] = (share * s[VX], share * s[VY]) if share > 0.0 else (0.0, 0.0)
     elif state.phase[i] == SPINNING:
         s[WZ] = 0.0

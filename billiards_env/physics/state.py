@@ -91,7 +91,7 @@ class BallState(NamedTuple):
 
 CLOTH_NUMBERS = law_names("cloth", "slide", "roll", "roll_gain")
 """The numbers of the laws of the cloth: the decelerations of a sliding and of a rolling ball, m/s^2, the gain of the
-rolling deceleration per speed, 1/s, and others."""
+rolling deceleration per speed, 1/s, which is negative if there is none, and others."""
 BALL_NUMBERS = law_names("balls", "mu_limit", "mu_drop", "mu_rate")
 """Those of an impact of balls, whose friction is mu_limit + mu_drop exp(-mu_rate speed), and others."""
 CUSHION_NUMBERS = law_names("cushion", "mu_cloth", "cushion_height")

@@ -194,6 +194,7 @@ class Physics:
         e_cushion_tangent: Share of the slip along the cushion that "han2005_variable" cushions reverse if their
             friction is large enough, 0 to 1.
         mu_roll_speed: Gain of the rolling resistance per speed, s/m, see `physics.laws.cloth`; 0.003 in "match_carom".
+            None for a resistance that does not depend on the speed.
         max_time: Time limit of a shot, s; None for no limit. "ideal" motion needs a limit.
     """
 
@@ -225,14 +226,15 @@ class Physics:
     mu_cushion_angle: float = _number(0.0, "mu_cushion", "cushion")
     e_cushion_topspin: float = _number(0.0, "restitution", "cushion")
     e_cushion_tangent: float = _number(0.0, "restitution", "cushion")
-    mu_roll_speed: float = _number(0.0, "speed_loss", "")
+    mu_roll_speed: float | None = _number(None, "speed_loss", "")
     max_time: float | None = None
 
     def __post_init__(self) -> None:
         one_of("physics.motion", self.motion, MOTIONS)
         one_of("physics.cushion", self.cushion, CUSHIONS)
         one_of("physics.ball_ball", self.ball_ball, BALL_BALL)
-        names = (name for name in PARAMETERS if getattr(self, name) is not None or name != "mu_ball")
+        optional = "mu_ball", "mu_roll_speed"
+        names = (name for name in PARAMETERS if getattr(self, name) is not None or name not in optional)
         check_fields(self, "physics", **{name: PARAMETERS[name].within for name in names})
         if self.max_time is not None:
             check_fields(self, "physics", max_time="max_time")
@@ -277,7 +279,7 @@ def law_numbers(physics: Any, cushion_height: float) -> dict[str, Any]:
     return same | {
         "slide": physics.mu_slide * physics.g,
         "roll": physics.mu_roll * physics.g,
-        "roll_gain": physics.mu_roll_speed * physics.g,
+        "roll_gain": -1.0 if physics.mu_roll_speed is None else physics.mu_roll_speed * physics.g,
         "mu_limit": mu_limit,
         "mu_drop": mu_drop,
         "mu_rate": mu_rate,

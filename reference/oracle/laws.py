@@ -45,7 +45,7 @@ class World:
     g: Real
     mu_slide: Real
     mu_roll: Real
-    mu_roll_speed: Real
+    mu_roll_speed: Real | None
     spin_decay: Real
     e_ball: Real
     e_cushion: Real
@@ -77,14 +77,14 @@ class World:
         if scene.physics.cushion == "mathavan2010":
             raise ValueError("physics.cushion = 'mathavan2010': expected cushions with a closed form")
         mpf, table, balls, physics = mpmath.mpf, scene.table, scene.balls, scene.physics
-        names = (name for name in PARAMETERS if name in cls.__dataclass_fields__)
+        numbers = ((name, getattr(physics, name)) for name in PARAMETERS if name in cls.__dataclass_fields__)
         friction = map(mpf, ball_friction(physics)) if physics.ball_ball == "frictional" else None
         corners = [(c.x, c.y) for c in table.outline] or [(table.length / 2, table.width / 2)]
         extent = tuple(max(abs(mpf(place[axis])) for place in corners) for axis in (0, 1))
         return cls(
             motion=physics.motion,
             cushion=physics.cushion,
-            **{name: mpf(getattr(physics, name)) for name in names},
+            **{name: value if value is None else mpf(value) for name, value in numbers},
             ball_friction=friction and tuple(friction),
             cushion_height=mpf(table.cushion_height),
             radius=tuple(mpf(r) for r in balls.radius),
@@ -167,7 +167,9 @@ def slip(world: World, ball: int, velocity: Vector, spin: Vector) -> Vector:
 
 def rolling_resistance(world: World, speed: Real) -> tuple[Real, Real]:
     """Returns the deceleration of a ball that rolls, m/s^2, and the speed at which this deceleration ends, m/s."""
-    steps = [mpmath.mpf(k) / 2 for k in range(9)] if world.mu_roll_speed else [mpmath.mpf(0)]
+    if world.mu_roll_speed is None:
+        return world.mu_roll * world.g, mpmath.mpf(0)
+    steps = (mpmath.mpf(k) / 2 for k in range(9))
     least = max(step for step in steps if step == 0 or speed > step * (1 + world.tiny))
     return (world.mu_roll + world.mu_roll_speed * (least + mpmath.mpf(1) / 4)) * world.g, least
 

@@ -32,7 +32,7 @@ def inputs_of(scene):
         names += ["cushion_frequency_ratio"]
     if p.cushion == "han2005_variable":
         names += ["mu_cushion_angle", *VARIABLE]
-    if p.mu_roll_speed:
+    if p.mu_roll_speed is not None:
         names += ["mu_roll_speed"]
     if p.e_cushion_loss:
         names += ["e_cushion_loss", "e_cushion_onset", "e_cushion_floor"]
@@ -109,6 +109,14 @@ def test_a_restitution_at_its_floor_or_at_1_has_the_derivative_on_the_inside(nam
     most = {"e_cushion": 1.0, "e_cushion_loss": 0.0, "e_cushion_topspin": 0.0}
     for number, way in (("e_cushion", -1.0), ("e_cushion_loss", 1.0), ("e_cushion_topspin", 1.0)):
         check_one_sided(name, most, number, way)
+
+
+def test_a_ball_that_begins_to_roll_where_the_resistance_changes_has_no_derivative():
+    for speed, reason in ((1.4, "rolling"), (1.4 + 1e-6, ""), (1.4 - 1e-6, "")):  # it rolls at 5/7 of its speed
+        shot = simulate(
+            SCENES["variable"], [[-1.0, 0.0], [1.0, 0.5], [1.0, -0.5]], [speed, 0.0], record=True, max_time=1.0
+        )
+        assert shot.nonsmooth() == (0 if reason else -1, reason)
 
 
 @pytest.mark.parametrize("name", ["pool", "ideal", "carom", "real_pool", "uk_pool"])

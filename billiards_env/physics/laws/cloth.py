@@ -38,29 +38,32 @@ SLIP_RATE = 3.5
 ROLL_STEP = 0.5
 """m/s."""
 ROLL_SPEEDS = tuple(ROLL_STEP * k for k in range(1, 9))
-"""The speeds, m/s, at which the rolling resistance changes if it grows with the speed."""
+"""The speeds, m/s, at which the rolling resistance changes if it depends on the speed."""
 
-_SAME, _NEAR = 1.0 + 1e-12, 1e-9  # more than the rounding of a speed at the beginning and at the end of a phase
+NEAR = 1e-9
+"""The relative error of a speed at the end of a phase is smaller."""
+_SAME = 1.0 + 1e-12  # more than the rounding of a speed at the beginning of a phase
 
 
 @inlined
 def roll_of(speed, numbers):
     """Returns the deceleration of a ball that rolls, m/s^2, and the speed at which this deceleration ends, m/s."""
+    if numbers.roll_gain < 0.0:
+        return numbers.roll, 0.0
     least = 0.0
-    if numbers.roll_gain > 0.0:
-        for step in ROLL_SPEEDS:
-            if speed > step * _SAME:
-                least = step
+    for step in ROLL_SPEEDS:
+        if speed > step * _SAME:
+            least = step
     return numbers.roll + numbers.roll_gain * (least + 0.5 * ROLL_STEP), least
 
 
 @inlined
-def share_kept(speed, numbers):
-    """Returns the ratio of the speed after a rolling phase to the speed at the end of its path: 0 if the ball rests."""
-    if numbers.roll_gain > 0.0:
+def roll_speed_near(speed, margin, numbers):
+    """Returns the one of `ROLL_SPEEDS` that is within a margin of a speed, m/s; 0 if there is none."""
+    if numbers.roll_gain >= 0.0:
         for step in ROLL_SPEEDS:
-            if abs(speed - step) < _NEAR * step:
-                return step / speed
+            if abs(speed - step) <= margin:
+                return step
     return 0.0
 
 
