@@ -71,7 +71,7 @@ lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
-bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/results) and write the tables of the README and the docs
+bench: $(INSTALLED) $(POOLTOOL)  ## measure speed and accuracy (JSON in benchmarks/results) and write the tables of the README and the docs
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m benchmarks.accuracy
 	$(BIN)/python -m benchmarks.comparison
@@ -81,7 +81,6 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m benchmarks.ablation
 	$(BIN)/python -m benchmarks.gradients
 	$(BIN)/python -m benchmarks.differentiable
-	$(BIN)/python -m benchmarks.calibration
 	$(BIN)/python -m benchmarks.vector
 	$(BIN)/python -m release.dist
 	$(BIN)/python -m studies.readme

@@ -235,7 +235,7 @@ def flag(name: str, value: Any) -> bool:
 
 
 def unmasked(name: str, value: Any) -> Any:
-    """Returns an array or lists. Raises a ValueError if a value is masked, because NumPy would ignore the mask."""
+    """Returns a value unchanged. Raises a ValueError if it has masked values, because NumPy would ignore the mask."""
     if _is_masked(value):
         raise ValueError(f"{name} = {short(value)}: expected no masked values")
     return value

@@ -15,7 +15,7 @@ ERRORS = (ImportError, OSError, RuntimeError, TypeError, ValueError)
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser for which -2e0 and -1/60 are numbers, not options. To argparse of Python 3.13, only -2 and -2.0 are."""
+    """A parser that reads -2e0 and -1/60 as numbers. Argparse takes them for options, at least up to Python 3.13."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)

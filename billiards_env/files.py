@@ -132,14 +132,14 @@ def read_bytes(path: str | os.PathLike[str], most: int, what: str) -> bytes:
         elif not place.exists():
             kind, why = FileNotFoundError, "does not exist"
         raise kind(f"path = {os.fspath(path)!r}: expected a file of {what}, but it {why}")
-    size = place.stat().st_size
+    size, content = place.stat().st_size, bytearray()
+    if size <= most:
+        with place.open("rb") as file:  # it may grow, and some files of the system have the size 0
+            while len(content) <= most and (part := file.read(2**20)):
+                content += part
     with refusing(path, what):
-        _check_size(size, most)
-    with place.open("rb") as file:
-        content = file.read((size or most) + 1)  # some files of the system have the size 0
-    with refusing(path, what):
-        _check_size(len(content), most)
-    return content
+        _check_size(max(size, len(content)), most)
+    return bytes(content)
 
 
 @contextlib.contextmanager

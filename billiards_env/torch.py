@@ -62,7 +62,7 @@ def simulate(
 
     Gradients (`backward`, `torch.autograd.grad`) come from `BatchResult.vjp`, and derivatives in forward mode
     (`torch.func.jvp`, `torch.func.jacfwd`) from `BatchResult.jvp`. `torch.func.vmap` runs all shots in one batch; it
-    cannot map over what they share: radii, masses and numbers without an axis of shots. Second derivatives do not
+    cannot map over inputs that all shots share: radii, masses and numbers of shape (). Second derivatives do not
     exist. `torch.compile` compiles the code before and after a call and does not trace the call, which is one graph
     break.
 
@@ -91,7 +91,7 @@ def simulate(
     Raises:
         ValueError: As in `simulate_batch`, or if a name is unknown, or in `physics` and in `varied`.
         TypeError: As there, or if an input is not a tensor.
-        NotImplementedError: If a second derivative is computed, or `vmap` maps over what the shots share.
+        NotImplementedError: If a second derivative is computed, or `vmap` maps over an input that all shots share.
     """
     names = (of,) if isinstance(of, str) else tuple(of)
     numbers = checked_physics(scene, physics)
@@ -100,9 +100,11 @@ def simulate(
     starts = {"positions": positions, "velocities": velocities, "spins": spins}
     balls = {"radius": radius, "mass": mass}
     for name, tensor in {**starts, **balls, **numbers}.items():
-        if not isinstance(tensor, Tensor) and (tensor is not None or name in numbers):
+        if tensor is None and name in ("spins", *OF_BALLS):
+            continue
+        if not isinstance(tensor, Tensor):
             raise TypeError(f"{name} = {short(tensor)}: expected a tensor")
-        if tensor is not None and tensor.is_complex():
+        if tensor.is_complex():
             raise ValueError(f"{name} has type {tensor.dtype}: expected real numbers")
     if not velocities.is_floating_point():
         starts["velocities"] = velocities.to(torch.get_default_dtype())

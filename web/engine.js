@@ -249,7 +249,7 @@ class Engine {
    * scene: its name; positions: [[x, y], ...]; velocities: for each ball, or of the cue ball alone, or the result of
    * `strike`. In the last case the cue also drives balls that touch the cue ball.
    * Options: mode "pic" (exact) or "pit" (fixed timestep dt, and fix), spins, inPlay, maxTime, maxEvents and physics,
-   * an object that replaces numbers of the scene, such as {e_ball: 1}. Their names and ranges are those of Python.
+   * an object that replaces numbers of the scene, such as {e_ball: 1}. The names and ranges of the numbers are those of Python.
    */
   simulate(scene, positions, velocities, options = {}) {
     const { fixes, kinds, status, left, ranges } = this.data, { kind, max_time, cue } = this.scene(scene), n = positions?.length;

@@ -177,7 +177,7 @@ def _free_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
     if free is None:
         names = FREE if physics.motion == "sliding" else ("mu_roll", "e_ball", "e_cushion", "mu_roll_speed")
         in_use = {"mu_ball_factor": friction, "mu_ball_decay": friction and physics.mu_ball is None}
-        return tuple(name for name in names if in_use.get(name, True) and (getattr(physics, name) or 0.0) > 0.0)
+        return tuple(name for name in names if in_use.get(name, True) and getattr(physics, name))
     names = (free,) if isinstance(free, str) else tuple(free)
     if not names or len(set(names)) < len(names):
         raise ValueError(f"free = {list(names)}: expected names of constants, each once")

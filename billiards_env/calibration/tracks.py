@@ -114,10 +114,11 @@ def read_tracks(path: str | os.PathLike[str], unit: str = "m") -> list[Track]:
     """Reads a file of tracks, compressed by gzip if its name ends in ".gz".
 
     A CSV file has one row for each ball and frame. Its columns have headings as in `_HEADINGS`, in any order and any
-    case, such as "X [mm]" or "t (s)"; other columns are ignored. Or it has one row for each frame, whose columns are
-    the time, the shot, and two for each ball, such as "cue_x" and "cue_y". Commas, semicolons or tabs separate columns.
-    With the last two, numbers may have decimal commas. Lines that begin with "#" and places without x or y are ignored.
-    A JSON file is a list of shots {"id": ..., "balls": {name: {"t": [...], "x": [...], "y": [...]}}}.
+    case, such as "X [mm]" or "t (s)"; other columns are ignored. A file may instead have one row for each frame. Its
+    columns are the time, the shot if there are several, and two columns for each ball, such as "cue_x" and "cue_y".
+    Commas, semicolons or tabs separate columns. With the last two, numbers may have decimal commas. Lines that begin
+    with "#" and places without x or y are ignored. A JSON file is a list of shots {"id": ..., "balls": {name: {"t":
+    [...], "x": [...], "y": [...]}}}.
 
     Balls that are whole numbers, one of them 0, are numbered as in the scene. Otherwise the ball of a shot that moves
     first is the cue ball, and the others follow in the order of their names.
@@ -188,7 +189,7 @@ def _from_csv(path: str, text: str, unit: str) -> Iterator[tuple[str, Row]]:
 def _by_ball(table: Iterator[list[str]]) -> Iterator[list[str]]:
     """Yields the head and the rows of a table with one row for each ball and frame.
 
-    It makes them from rows of a frame if all columns but the time and the shot belong to balls.
+    If all columns except the time and the shot belong to balls, each row of a frame becomes one row for each ball.
     """
     head = next(table, [""])
     balls = {k: match for k, cell in enumerate(head) if (match := _OF_BALL.fullmatch(cell))}
@@ -212,7 +213,8 @@ def _by_ball(table: Iterator[list[str]]) -> Iterator[list[str]]:
 def _split(heading: str) -> tuple[str, str]:
     """Returns the name of a column and its unit, "" without one, in lower case."""
     match = re.fullmatch(r"\s*(.*?)\s*(?:[\[(]\s*(\w*)\s*[\])])?\s*", heading.lower(), re.DOTALL)
-    return (match[1], match[2] or "") if match else ("", "")
+    assert match  # every text does
+    return match[1], match[2] or ""
 
 
 def _columns(head: Sequence[str], unit: str) -> tuple[list[int], tuple[float, float, float]]:

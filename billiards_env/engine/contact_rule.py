@@ -25,8 +25,8 @@ had more than `WEDGED` weak impacts or more than `longest_run` impacts of any sp
 A ball that a spinning ball wedges into a corner has such runs again and again until the spin ends, which may take
 minutes. So after `ENDLESS` weak impacts in a row, balls that are slower than a weak impact come to rest sooner.
 A finite sequence of two balls and a fixed body has fewer impacts than `longest_run`. An elastic ball that fits exactly
-between two fixed bodies has more. An elastic ball in a wedge between two cushions has up to pi / angle impacts, so the
-rule may stop it if the angle is less than pi / `longest_run`, which is 0.18 degrees.
+between two fixed bodies has more, so the rule stops it. An elastic ball in a wedge between two cushions has up to
+pi / angle impacts, so the rule may stop it if the angle is less than pi / `longest_run`, which is 0.18 degrees.
 
 The kernels change velocities, slip and spin; the caller then sets the phase with `motion.begin_phase`.
 """

@@ -1,8 +1,8 @@
 """How far rounding may move the balls and the events of recorded shots: one pass forwards over the log.
 
-The error of a position, or of the time of an event, is estimated by its condition: the 2-norm of its derivatives by the
-start, each times the size of its input. Later errors are at least as large, because an early error changes which bodies
-come near each other later.
+The error of a position, or of the time of an event, is in proportion to its condition: the 2-norm of its derivatives by
+the start, each times the size of its input. A bound never falls, because an early error changes which bodies later come
+near each other.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def _time_condition(count, tape):
 @inlined
 def _larger(most, value):
     """Returns the larger of two numbers, or the one that is not a number."""
-    return most if value <= most else value
+    return value if value > most or value != value else most
 
 
 @allocating_entry_point
@@ -69,12 +69,13 @@ def bound_errors(begin, end, shots, times, inputs, ratio, largest, bounds):  # o
         times: (m,) float64, s, the ends of the shots.
         inputs: (m, k, 9 n) float64, the changes of the inputs by their sizes.
         ratio: The ratio of a bound to the condition.
-        largest: m. After an error of this size all bounds are infinite.
+        largest: After an error of this size, m or s, all bounds are infinite.
         bounds: (l + m, 2) float64 out: bounds of a gap, m, and of a difference of times, s, for the l events in the
             order of the log. A row for the end of each shot follows its events.
     """
     shots = RecordedShots(*shots)
-    n, count, pending, most = len(shots.scene[1]), inputs.shape[1], 0, (largest / ratio) * (largest / ratio)
+    n, count, pending = len(shots.scene[1]), inputs.shape[1], 0
+    most = (largest / ratio) * (largest / ratio)
     tape, tangent = empty_tape(begin, end, shots, count), np.empty((n, count, BALL_WIDTH))
     for k in range(begin, end):
         shot, changes = shot_of(shots, k), inputs[k]
@@ -83,7 +84,7 @@ def bound_errors(begin, end, shots, times, inputs, ratio, largest, bounds):  # o
         begin_lanes(changes, times[k], shot, tangent, tape)
         position, time = 0.0, 0.0
         for e in range(len(events) + 1):
-            if position < most and time < most:  # False if one is not a number
+            if position < most and time < most:  # false for NaN
                 now = event_time(events, e) if e < len(events) else Time(times[k], 0.0)
                 for i in range(n):
                     position = _larger(position, _position_condition(i, now, changes, shot, tangent, tape))

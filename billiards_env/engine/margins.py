@@ -61,7 +61,7 @@ from billiards_env.physics.motion import place_after
 from billiards_env.physics.state import Time, later, law_numbers_of
 
 _TOUCHING = 1e-9  # m; a gap that is less than minus this is not on the ball's side of a cushion
-_LEAST = 2.0**-1022  # m; the margin of a contact whose depth is less, or is negative because of rounding
+_LEAST = 2.0**-1022  # m; the margin of a contact with a smaller depth, or with a depth that rounding makes negative
 
 
 class MarginsOut(NamedTuple):
@@ -143,7 +143,7 @@ def _set(meeting, margin, normal, rate, now, over):  # out: over
 
 @inlined
 def _signed(margin, touches):
-    """Returns a margin with the sign of its outcome, which rounding may change at a bare hit or miss."""
+    """Returns a margin with the sign of the outcome. At a bare hit or miss rounding may give it the other sign."""
     return max(margin, _LEAST) if touches else min(margin, 0.0)
 
 

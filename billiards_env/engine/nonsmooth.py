@@ -81,9 +81,10 @@ REASONS = {
     "lip": "a ball grazes the circle of a pocket, inside or outside",
     "rolling": "a ball rolls without slip, up to rounding, at the start or after an impact, or it begins to roll at a "
     "speed at which `mu_roll_speed` changes the resistance",
-    "cushion": "at a cushion, the restitution is where its law changes: at `e_cushion_onset`, `e_cushion_floor` or 1, "
-    'or with `"han2005_variable"` at the least or most topspin that counts. At a `"mathavan2010"` cushion, the slip is '
-    "zero at first, or it stops and begins again at once, or it changes too often to compute the derivative",
+    "cushion": "at a cushion, the law of the restitution has a kink: at the speed `e_cushion_onset`, at the "
+    'restitution `e_cushion_floor` or 1, and with `"han2005_variable"` at no topspin or at the topspin of a rolling '
+    'ball. At a `"mathavan2010"` cushion, the slip is zero at first, or it stops and begins again at once, or it '
+    "changes too often to compute the derivative",
     "joint": "a ball touches a cushion where its curvature changes, within 2e-10 m",
     "cut": "the shot, or `t`, ends at the instant of an event",
     "overflow": "after many impacts the derivative exceeds 1e100. It soon overflows to infinity or NaN",
@@ -159,7 +160,8 @@ def _touch(gap, along, speed, t, meeting, span, over):  # out: over
     if meets and t == 0.0:
         return
     time = later(span.begin, t).hi
-    if 0.0 < t < span.end or abs(along) <= GRAZE * speed:  # if the ball stops there, both speeds are rounding
+    # Between the ends of the span `along` is 0 up to rounding, as is the speed if the ball stops there.
+    if 0.0 < t < span.end or abs(along) <= GRAZE * speed:
         _find(time, _BETWEEN, AT_LIP if kind == BALL_POCKET else GRAZING, over)
     elif t == span.end and met_by >= 0:
         _find(time, _BETWEEN, met_by, over)
@@ -195,7 +197,7 @@ pass_bodies = passing(pass_circle, pass_side, True)
 
 @inlined
 def _rolls(segment, time, over):
-    """Returns whether a ball rolls without slip, up to rounding, at the beginning of a piece, or is `_at_step`."""
+    """Returns whether a piece begins with rolling without slip, up to rounding. If balls only roll, see `_at_step`."""
     row, phase = segment[SEGMENT_ROW:], segment[SEGMENT_PHASE]
     if over.shot.scene.numbers.motion != SLIDING_AND_ROLLING:
         return _at_step(segment, time, over)

@@ -228,7 +228,7 @@ def check_noise(
 
 
 class _Fixed:
-    """An attribute that only the constructor sets: the other attributes follow from its value."""
+    """An attribute that only the constructor sets, because other attributes are computed from it."""
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name
@@ -302,10 +302,8 @@ def check_options(
         goals = check_positions(cue_ball_alone(scene), goals, "options['goal'] as a position of the cue ball", in_play)
         goals = goals.reshape(-1, 1, 2)
     if "episode_seed" in options:
-        name, array = (
-            "options['episode_seed']",
-            np.asarray(unmasked("options['episode_seed']", options["episode_seed"])),
-        )
+        name = "options['episode_seed']"
+        array = np.asarray(unmasked(name, options["episode_seed"]))
         if array.dtype != np.int64 or array.shape != (*many, 8):
             raise ValueError(f"{name} = {short(array)}: expected int64 of shape {(*many, 8)}, as in info")
         seeds = array.view(np.uint64).reshape(-1, 8)

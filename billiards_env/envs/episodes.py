@@ -170,7 +170,7 @@ class Episodes:
         if self.choices:
             changed = np.zeros(len(self.mask), np.bool_)
             changed[rows] = True
-            self._write_mask(0, len(changed), changed & ~self.state.over)
+            self._write_mask(0, len(changed), changed & self.state.begun & ~self.state.over)
 
     def restart(self, begin: int, end: int, mask: Bools, observations: Any, options: ResetOptions = NO_OPTIONS) -> None:
         """Begins new episodes in the mask (m,), and writes all observations.

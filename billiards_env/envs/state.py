@@ -160,16 +160,16 @@ def _check_rows(rows: EpisodeState, kind: np.dtype[np.void], model: Model) -> No
 
 
 def _check_streams(rows: EpisodeState, noisy: bool) -> None:
-    """Raises a ValueError unless the streams are seeded, or zeros that the first reset seeds."""
+    """Raises a ValueError unless each stream is seeded. The first reset seeds those that are not seeded before it."""
     before = ~rows["begun"]
     unseeded = before & (rows["stream"][:, 3] == 0) & (rows["noise_stream"][:, 3] == 0)
-    for name, count, zeros in (
+    for name, count, allowed in (
         ("stream", 1, unseeded),
         ("noise_stream", int(noisy), unseeded),
         ("episode_seed", 1 + noisy, before),
     ):
         seeded = streams.are_seeded(rows[name].reshape(len(rows), -1, 4)[:, :count])
-        if not (seeded.all(axis=1) | zeros).all():
+        if not (seeded.all(axis=1) | allowed).all():
             expected = "a state of an environment" + " with noise" * noisy
             raise ValueError(f"state[{name!r}] is not seeded: expected {expected}")
 

@@ -262,6 +262,9 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
             return tuple(self._episodes.scene_and_engine(k)[0] for k in range(self.num_envs))
         if name in _OF_EACH:
             return tuple(getattr(self, name))
+        if name == "action_masks":
+            masks = self.action_masks
+            return tuple(lambda k=k: masks()[k] for k in range(self.num_envs))
         return (getattr(self.single_env, name),) * self.num_envs
 
     def set_attr(self, name: str, values: Any) -> None:

@@ -161,8 +161,8 @@ class Verdict(NamedTuple):
 def _row_type(fields: type) -> np.dtype[Any]:
     """Returns the type of the rows of a structured array with the fields of a NamedTuple.
 
-    The bools come last, and `spare`, zeros, fills the row to whole 8 bytes. So each byte of a row belongs to a field:
-    NumPy does not copy the gaps of a type with `align=True`, and equal rows would have different bytes.
+    The bools come last, and the zero bytes of `spare` fill a row to a multiple of 8 bytes. Each byte of a row then
+    belongs to a field. NumPy does not copy gaps between fields, so equal rows with gaps could have different bytes.
     """
     kinds = {int: np.int64, bool: np.bool_, OfPlayers: (np.int64, MOST_PLAYERS), Pair: (np.int64, 2)}
     types = sorted(get_type_hints(fields).items(), key=lambda item: item[1] is bool)

@@ -72,8 +72,8 @@ class Leave:
 
     Attributes:
         position: x and y, m.
-        radius: Largest distance from the point, m. The search ends with the first round of shots in which one is within
-            it. With a small radius, such as 1e-9, it goes on until a shot is that exact.
+        radius: Largest distance from the point, m. The search stops after the first round with a shot within it. With a
+            small radius, such as 1e-9, it continues until a shot is that exact.
         ball: The ball.
     """
 

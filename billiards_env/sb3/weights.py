@@ -186,7 +186,7 @@ def load_weights(policy: BasePolicy, path: Path) -> None:
 
 @contextlib.contextmanager
 def whole_archive(path: Path, what: str) -> Iterator[io.BytesIO]:
-    """Reads a zip file, checks it, and turns the exceptions of the block that loads it into a ValueError.
+    """Yields the content of a zip file after a check. Exceptions in the block become a ValueError.
 
     The error leaves out PyTorch's message, which advises loading the file with `weights_only=False`: this would run
     code from the file.

@@ -144,7 +144,7 @@ class Parameter(NamedTuple):
         law: The law that reads it under its own name: "cloth", "balls" or "cushion"; "" if the laws read only what
             `law_numbers` makes of it.
         source: Where the default comes from; "" for 0 and 1.
-        fitted: Whether `calibrate` fits it by default. Tracks alone rarely determine the others.
+        fitted: Whether `calibrate` fits it by default. Tracks rarely determine the numbers that it leaves out.
     """
 
     within: str
@@ -153,9 +153,9 @@ class Parameter(NamedTuple):
     fitted: bool = True
 
 
-def _number(default: float | None, *properties: Any, fitted: bool = True) -> Any:
+def _number(default: float | None, within: str, law: str, source: str = "", fitted: bool = True) -> Any:
     """Returns the field of a number of `Physics`. All code takes these numbers from `PARAMETERS`."""
-    return dataclasses.field(default=default, metadata={"parameter": Parameter(*properties, fitted=fitted)})
+    return dataclasses.field(default=default, metadata={"parameter": Parameter(within, law, source, fitted)})
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -110,7 +110,8 @@ class Certainty(NamedTuple):
     2-norm of the derivatives with respect to the start, each times the size of its input (half the length of the table,
     or the largest speed). The bounds of times have the same form. A contact is certain if, up to it, no bodies miss or
     enter each other by less than the bound, each contact precedes the next one by more than the bound, and no event has
-    one of `engine.nonsmooth.REASONS`.
+    one of `engine.nonsmooth.REASONS`. If two bodies barely miss each other between two events, a contact at the first
+    of them does not count either.
 
     Attributes:
         contacts: The number of certain contacts.

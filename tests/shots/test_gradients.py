@@ -82,7 +82,7 @@ def check_one_sided(name, changes, number, way):
     np.testing.assert_allclose(shot.jvp({number: way}), expected, rtol=0, atol=1e-9 * size, err_msg=number)
 
 
-@pytest.mark.parametrize("number", PARAMETERS)
+@pytest.mark.parametrize("number", [name for name, p in PARAMETERS.items() if {0.0, 1.0} & {*RANGES[p.within][:2]}])
 def test_a_number_at_the_end_of_its_range_has_the_derivative_on_the_inside(number):
     ends = RANGES[PARAMETERS[number].within][:2]
     for name in ("han2005", "variable", "grip", "stronge"):

@@ -663,9 +663,9 @@ def _piece_overlap(x, y, radius, wall, outside, outline):
 
 @kernel
 def deepest_overlap(x, y, radius, numbers, outline):
-    """Returns the number of the cushion that a ball is farthest beyond, or -1 if it is beyond none by `CONTACT_GAP`.
+    """Returns the number of the cushion that a ball is farthest beyond, or -1 if none by more than `CONTACT_GAP`.
 
-    A centre that is nearer than `CONTACT_GAP` to an outline counts as inside and as outside, because rounding decides.
+    If the centre is within `CONTACT_GAP` of an outline, rounding decides on which side it is, so both sides count.
     """
     deepest, cushion = CONTACT_GAP, -1
     if outline is None:

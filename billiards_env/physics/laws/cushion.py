@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from billiards_env.jit import inlined
 
 ROUNDING = 2.0**-40
-"""The relative difference of two numbers that counts as rounding where the derivative of a law jumps."""
+"""The difference of two numbers that counts as rounding where the derivative of a law jumps."""
 
 
 class Cushion(NamedTuple):
@@ -62,7 +62,7 @@ class Nose(NamedTuple):
 def cushion_restitution(speed, numbers):
     """Returns the restitution at a normal speed, m/s."""
     e = numbers.e_cushion
-    # Without a loss, a restitution at its floor has only the derivative by `e_cushion`.
+    # Without a loss, a restitution at its floor depends only on `e_cushion`: leave out `max`.
     falls = numbers.e_cushion_loss > 0.0 or e > numbers.e_cushion_floor
     if speed > numbers.e_cushion_onset and falls:
         e = max(numbers.e_cushion_floor, e - numbers.e_cushion_loss * (speed - numbers.e_cushion_onset))

@@ -31,14 +31,14 @@ def han2005_variable(before, radius, rebound, numbers, solution):
     sx, sy = slip_at(before, nose)
     mu = numbers.mu_cushion + numbers.mu_cushion_angle * along
     e, gain = cushion_restitution(vn, numbers), numbers.e_cushion_topspin * min(1.0, max(0.0, topspin))
-    if e < 1.0 or gain > 0.0:  # without a gain, a restitution of 1 has only the derivative by `e_cushion`
+    if e < 1.0 or gain > 0.0:  # without a gain, a restitution of 1 depends only on `e_cushion`: leave out `min`
         e = min(1.0, e + gain)
     return impact(before, nose, (sx, sy * (1.0 + numbers.e_cushion_tangent)), rebound, mu, e)
 
 
 @inlined
 def gain_is_smooth(before, radius, numbers):
-    """Returns whether the gain by the topspin has a derivative. A ball that rolls goes on rolling."""
+    """Returns whether the gain by the topspin has a derivative. It has one for a rolling ball, which always rolls."""
     vn, un, most = before.vn, before.un, numbers.e_cushion_topspin
     gain = most * min(1.0, max(0.0, (vn - un) / vn)) if vn > 0.0 else 0.0
     clamped = abs(cushion_restitution(vn, numbers) + gain - 1.0) <= ROUNDING
