@@ -156,7 +156,7 @@ def test_a_kink_of_the_restitution_has_no_derivative(kink):
 def test_a_ball_that_rolls_has_the_most_topspin_and_a_derivative():
     scene = scene_with("han2005_variable", **FALLS | {"e_cushion_topspin": 0.05, "e_cushion_onset": 0.5})
     motion = np.array([1.0, 0.4, 0.0, 0.0, 0.1])
-    ball = BallState(0.0, 0.0, *motion[:4], motion[4] / RADIUS)
+    ball = BallState(0.0, 0.0, 1.0, 0.4, 0.0, 0.0, 0.1 / RADIUS)
     assert cushion_is_smooth(ball, Wall(1.0, 0.0, 0.0), RADIUS, scene_arrays(scene))
     changed = [0, 1, 4]  # a rolling ball has no change of slip
     expected = differences(motion, scene, 1e-6)[:, changed]
