@@ -17,7 +17,6 @@ from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.ma import MaskedArray, is_masked
 from numpy.typing import ArrayLike, NDArray
 
 MAX_SPEED, MAX_SPIN = 1e3, 1e6
@@ -244,7 +243,13 @@ def unmasked(name: str, value: Any) -> Any:
 def _is_masked(value: Any) -> bool:
     if isinstance(value, (list, tuple)):  # NumPy replaces masked numbers in a list by NaN, which other checks refuse
         return bool(value) and not isinstance(value[0], (float, int)) and any(map(_is_masked, value))
-    return isinstance(value, MaskedArray) and bool(is_masked(value))
+    return is_masked_array(value) and bool(np.any(value.mask))
+
+
+def is_masked_array(value: Any) -> bool:
+    """Returns whether a value is a masked array. There are none before NumPy's slow import of `numpy.ma`."""
+    module: Any = sys.modules.get("numpy.ma")
+    return module is not None and isinstance(value, module.MaskedArray)
 
 
 def numbers(name: str, value: ArrayLike | None) -> NDArray[np.float64]:

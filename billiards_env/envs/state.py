@@ -29,7 +29,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import short
+from billiards_env.checks import is_masked_array, short
 from billiards_env.engine.compile import PIC, cached_by_scene
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.envs.arguments import Model
@@ -122,7 +122,7 @@ def checked_state(state: Any, kind: np.dtype[np.void], model: Model, count: int)
 def _check_fields(state: Any) -> None:
     if (
         not isinstance(state, (np.ndarray, np.void))
-        or isinstance(state, np.ma.MaskedArray)
+        or is_masked_array(state)
         or state.dtype.names != StateArrays._fields
     ):
         raise TypeError(f"state = {short(state)}: expected an array that get_state returned")

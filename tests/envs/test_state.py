@@ -232,7 +232,7 @@ def test_a_state_with_an_unseeded_stream_is_refused(kwargs, values, message, kin
             env.set_state(state)
 
 
-@pytest.mark.parametrize("kwargs", [{}, {"noise": {}}], ids=["plain", "noisy"])
+@pytest.mark.parametrize("kwargs", [{}, {"noise": {}}, {"action": "plan"}], ids=["plain", "noisy", "plans"])
 def test_a_state_before_the_first_episode_is_set_but_not_played(kwargs):
     env: Any
     for env in (make_env(**kwargs), make_vector_env(2, **kwargs)):

@@ -148,6 +148,7 @@ def test_learners_find_the_masks_of_plans():
         for envs in (native, dummy):
             envs.step(masks.argmax(axis=1))
     assert np.array_equal(native.env_method("action_masks", indices=[2]), utils.get_action_masks(native)[2:])
+    assert np.array_equal([masks() for masks in native.get_attr("action_masks")], utils.get_action_masks(native))
     single = gym.make("Billiards-v0", **kwargs)
     assert utils.get_action_masks(single).shape == (30,)
     for env in (native, dummy, VecNormalize(native), single):
