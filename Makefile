@@ -17,7 +17,7 @@ SPREAD := $(if $(ADDRESS),--address $(ADDRESS))
 WORK := $(if $(ADDRESS),.venv-rllib/bin,$(BIN))
 WORKS := $(if $(ADDRESS),$(RLLIB),$(INSTALLED))
 
-.PHONY: help train play test pythons tools web docs dist ci smoke stress lint bench results study rllib figures format clean
+.PHONY: help train play test pythons tools web docs dist ci smoke stress lint bench errors results study rllib figures format clean
 
 help:  ## show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -75,7 +75,6 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure speed and accuracy (JSON in benchmar
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m benchmarks.accuracy
 	$(BIN)/python -m benchmarks.comparison
-	$(BIN)/python -m benchmarks.error_limit
 	$(BIN)/python -m benchmarks.validation
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.ablation
@@ -83,6 +82,11 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure speed and accuracy (JSON in benchmar
 	$(BIN)/python -m benchmarks.differentiable
 	$(BIN)/python -m benchmarks.vector
 	$(BIN)/python -m release.dist
+	$(BIN)/python -m studies.readme
+
+errors: $(INSTALLED)  ## compare 1,000 shots of each kind with the 50-digit reference, and make 200 fits of simulated tables (hours)
+	$(BIN)/python -m benchmarks.error_limit
+	$(BIN)/python -m benchmarks.calibration
 	$(BIN)/python -m studies.readme
 
 results: $(WORKS)  ## train every row of configs/learning.yaml with its seeds, and measure the players (up to five hours; what has results is not measured again)
