@@ -73,14 +73,14 @@ lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 
 bench: $(INSTALLED) $(POOLTOOL)  ## measure speed and accuracy (JSON in benchmarks/results) and write the tables of the README and the docs
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[bench]'
-	$(BIN)/python -m benchmarks.accuracy
-	$(BIN)/python -m benchmarks.comparison
-	$(BIN)/python -m benchmarks.validation
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.ablation
-	$(BIN)/python -m benchmarks.gradients
-	$(BIN)/python -m benchmarks.differentiable
 	$(BIN)/python -m benchmarks.vector
+	$(BIN)/python -m benchmarks.gradients
+	$(BIN)/python -m benchmarks.comparison
+	$(BIN)/python -m benchmarks.accuracy
+	$(BIN)/python -m benchmarks.validation
+	$(BIN)/python -m benchmarks.differentiable
 	$(BIN)/python -m release.dist
 	$(BIN)/python -m studies.readme
 
