@@ -71,7 +71,7 @@ lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
-bench: $(INSTALLED) $(POOLTOOL)  ## measure speed and accuracy (JSON in benchmarks/results) and write the tables of the README and the docs
+bench: $(INSTALLED) $(POOLTOOL)  ## measure speed and accuracy (JSON in benchmarks/results) and write the tables of the README and the docs (45 minutes)
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.ablation
