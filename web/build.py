@@ -47,7 +47,7 @@ from billiards_env.engine.compile import PIC, scene_fields
 from billiards_env.engine.log import KINDS, empty_log
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.shot_input import is_valid_fast
-from billiards_env.engine.shots import STATUS, empty_shots
+from billiards_env.engine.shots import STATUS, empty_shots, start_fields
 from billiards_env.files import write_atomically
 from billiards_env.jit.compiler import Kernel
 from billiards_env.jit.folders import source_hash
@@ -99,8 +99,8 @@ def entry_points() -> dict[Any, tuple[str, Any, tuple[Any, ...]]]:
         shots, log = tuple(empty_shots(1, scene.n_balls)), tuple(empty_log(1, 1))
         run = 0, 1, scene_fields(scene), math.inf, 1, shots, log
         calls += [(f"pic_{kind}", pic.run_shots, run), (f"pit_{kind}", pit.run_shots, run)]
-        calls.append((f"valid_{kind}", is_valid_fast, (*run[:3], *shots[:4])))
-        calls.append((f"drive_{kind}", frozen_strike._drive, (0, 1, 0, cue, run[2], shots[:4])))
+        calls.append((f"valid_{kind}", is_valid_fast, (*run[:3], start_fields(shots))))
+        calls.append((f"drive_{kind}", frozen_strike._drive, (0, 1, 0, cue, run[2], start_fields(shots))))
     strike = np.empty((1, 5)), np.empty((1, 2)), np.empty((1, 3)), np.empty(1, np.bool_)
     calls.append(("strike", many_strikes, (cue, *strike)))
     for task in map(tasks.program, tasks.TASKS):

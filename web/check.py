@@ -46,7 +46,8 @@ window.bitsOf = async (bytes, shots, times) => {
     engine.simulate(scene, positions, velocities, options));
   const spent = performance.now() - begun;
   const all = results.map(shot => [
-    shot.time, shot.nEvents, status.indexOf(shot.status), shot.firstHit, ...shot.cushions, ...shot.potted.map(Number),
+    shot.time, shot.nEvents, status.indexOf(shot.status), shot.firstHit, shot.firstHitTime, ...shot.cushions,
+    ...shot.potted.map(Number), ...shot.pockets, ...shot.potOrder, ...shot.touchedFirst.map(Number),
     ...shot.positions.flat(), ...shot.velocities.flat(), ...shot.spins.flat(),
     ...shot.events.flatMap(e => [e.time, kinds.indexOf(e.kind), e.ball, e.other, e.x, e.y, e.speed, Number(e.rule)]),
     ...times.flatMap(time => shot.at(time).flat()),
@@ -84,9 +85,10 @@ def python_bits(shot: dict[str, Any]) -> Floats:
         for e in result.events
         for number in (e["time"], KINDS.index(e["kind"]), *(e[k] for k in ("ball", "other", "x", "y", "speed", "rule")))
     ]
-    counts = result.time, result.n_events, STATUS.index(result.status), result.first_hit
+    counts = result.time, result.n_events, STATUS.index(result.status), result.first_hit, result.first_hit_time
     ends = result.positions, result.velocities, result.spins
-    parts = counts, result.cushions, result.potted, *ends, events, result.at(TIMES)
+    records = result.cushions, result.potted, result.pockets, result.pot_order, result.touched_first
+    parts = counts, *records, *ends, events, result.at(TIMES)
     return np.concatenate([np.ravel(part) for part in parts]).astype(np.float64)
 
 

@@ -219,7 +219,8 @@ class Engine {
 
   starts(scene, positions, velocities, { spins, inPlay }) {
     const n = positions?.length, lists = checkedBalls(this.scene(scene), positions, velocities, spins, inPlay);
-    return ["f8", "f8", "f8", "b1"].map((type, k) => new Argument(type, k < 3 ? [1, n, WIDTHS[k]] : [1, n], lists[k]));
+    const balls = ["f8", "f8", "f8", "b1"].map((type, k) => new Argument(type, k < 3 ? [1, n, WIDTHS[k]] : [1, n], lists[k]));
+    return [...balls, new Argument("i8", [1], [0n])];  // ball 0 is the cue ball
   }
 
   /** Whether balls lie on the table, outside the pockets and apart, and their velocities and spins are in range. */
@@ -228,7 +229,7 @@ class Engine {
     const starts = this.starts(scene, positions, velocities, options), { kind } = this.scene(scene);
     const fields = this.fields(scene, positions.length);
     reset(this.exports);
-    return (call(this.exports, `valid_${kind}`, [0n, 1n, fields, ...starts]).read()[0] & 255) === 1;
+    return (call(this.exports, `valid_${kind}`, [0n, 1n, fields, starts]).read()[0] & 255) === 1;
   }
 
   /** The velocity and the spin that a cue gives a ball that touches no other ball, and whether the tip slips. */
@@ -264,7 +265,8 @@ class Engine {
     for (let room = 256; ; room *= 4) {
       const out = (type, ...shape) => new Argument(type, shape);
       const starts = this.starts(scene, positions, moving, start), used = new Argument("i8", [3], [0n, 0n, 0n]);
-      const results = [out("f8", 1), out("i4", 1, n), out("i4", 1, n), out("i8", 1), out("i8", 1), out("i8", 1), out("i8", 1)];
+      const results = [out("f8", 1), out("i4", 1, n), out("i4", 1, n), out("i8", 1), out("i8", 1), out("i8", 1), out("i8", 1),
+        out("i4", 1, n), out("i4", 1, n), out("b1", 1, n), out("f8", 1)];
       const log = [out("f8", room, EVENT_WIDTH), out("f8", 4 * room, PIECE_WIDTH), used, out("i8", 0, 2)];
       const limit = maxTime ?? max_time ?? Infinity;
       reset(this.exports);
@@ -273,7 +275,7 @@ class Engine {
       const [nEvents, nSegments] = [...used.read()].map(Number);
       if (nEvents > room || nSegments > 4 * room) continue;  // the log was too small: the shot runs again
       const [balls, speeds, turns, playing] = starts.map(array => array.read());
-      const [time, cushions, before, events, ended, first, rule] = results.map(array => array.read());
+      const [time, cushions, before, events, ended, first, rule, pockets, order, touched, firstTime] = results.map(array => array.read());
       return new Shot({
         positions: rows(balls, 2),
         velocities: rows(speeds, 2),
@@ -286,6 +288,10 @@ class Engine {
         status: status[ended[0]],
         firstHit: Number(first[0]),
         nContactRule: Number(rule[0]),
+        pockets: [...pockets],
+        potOrder: [...order],
+        touchedFirst: Array.from(touched, value => value === 1),
+        firstHitTime: firstTime[0],
         spinDecay: numbers.spin_decay,
       }, log[0].read().slice(0, nEvents * EVENT_WIDTH), log[1].read().slice(0, nSegments * PIECE_WIDTH), kinds);
     }

@@ -17,6 +17,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from billiards_env.engine.shots import Starts, load_balls, store
 from billiards_env.jit import allocating_entry_point, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
@@ -24,7 +26,7 @@ from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
-from billiards_env.physics.state import CUE_BALL, UX, UY, VX, VY, WZ, X, Y, empty_state, scene_of
+from billiards_env.physics.state import UX, UY, VX, VY, WZ, X, Y, empty_state, scene_of
 from billiards_env.physics.strike import CueNumbers, cue_numbers, impulse_gain
 from billiards_env.scene import CONTACT_GAP, Scene
 
@@ -33,28 +35,26 @@ LEFT = 0.0069
 0.987 times the speed of the object ball after a full hit. No publication of a measurement of this ratio is known."""
 
 
-def strike_frozen(
-    scene: Scene, fields: tuple[Any, ...], starts: tuple[Any, ...], ball: int = CUE_BALL, begin: int = 0, end: int = 1
-) -> bool:
-    """Replaces the starts of shots whose struck ball touches balls ahead of it.
+def strike_frozen(scene: Scene, fields: tuple[Any, ...], starts: tuple[Any, ...], begin: int = 0, end: int = 1) -> bool:
+    """Replaces the starts of shots whose cue ball touches balls ahead of it.
 
     Args:
         scene: The scene.
         fields: Its `scene_fields`, or `varied_fields` of the shots.
-        starts: The `Starts`, as a plain tuple. The struck ball has the velocity and the spin of a free ball, and the
+        starts: The `Starts`, as a plain tuple. The cue ball has the velocity and the spin of a free ball, and the
             others rest. They get the velocities and spins that they have when the cue has lost contact.
-        ball: The ball that the cue strikes.
         begin: First shot.
         end: One past the last.
 
     Returns:
         Whether there is such a shot. Only these compile `_drive`.
     """
-    if scene.physics.motion != "sliding" or not _is_ahead(begin, end, ball, fields, starts):
+    if scene.physics.motion != "sliding" or not _is_ahead(begin, end, fields, starts):
         return False
     numbers = fields[0].copy()
     numbers["e_ball"] = -LEFT
-    _drive(begin, end, ball, tuple(cue_numbers(scene, ball)), (numbers, *fields[1:]), starts)
+    for ball in np.unique(Starts(*starts).cue[begin:end]).tolist():
+        _drive(begin, end, ball, tuple(cue_numbers(scene, ball)), (numbers, *fields[1:]), starts)
     return True
 
 
@@ -84,12 +84,12 @@ def _drives(k, ball, scene, starts):
 
 
 @entry_point
-def _is_ahead(begin, end, ball, scene, starts):
-    """Returns whether the ball moves towards a ball that it touches in any of the shots."""
+def _is_ahead(begin, end, scene, starts):
+    """Returns whether the cue ball moves towards a ball that it touches in any of the shots."""
     arrays, starts = scene_of(scene, 0), Starts(*starts)
     is_ahead = False
     for k in range(begin, end):
-        is_ahead = is_ahead or _drives(k, ball, arrays, starts)
+        is_ahead = is_ahead or _drives(k, starts.cue[k], arrays, starts)
     return is_ahead
 
 
@@ -122,7 +122,7 @@ def _gather(k, scene, starts, state, contacts):  # out: contacts
 
 @allocating_entry_point
 def _drive(begin, end, ball, cue, scene, starts):  # out: starts
-    """Implements `strike_frozen`; the restitution of the balls is -`LEFT`."""
+    """Implements `strike_frozen` for the shots with a given cue ball; the restitution of the balls is -`LEFT`."""
     cue, starts, arrays = CueNumbers(*cue), Starts(*starts), scene_of(scene, 0)
     n = len(arrays.radius)
     most = n * (n - 1) // 2
@@ -130,7 +130,7 @@ def _drive(begin, end, ball, cue, scene, starts):  # out: starts
     for k in range(begin, end):
         end_call(interrupted())
         arrays = scene_of(scene, k)
-        if not _drives(k, ball, arrays, starts):
+        if starts.cue[k] != ball or not _drives(k, ball, arrays, starts):
             continue
         load_balls(k, starts, arrays, state)
         speed, mass = norm(state.rows[ball, VX], state.rows[ball, VY]), arrays.inv_mass[ball]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from billiards_env.engine.contact_rule import CushionContact, collide, hit_corner, hit_cushion
 from billiards_env.engine.log import BALL_BALL, BALL_CUSHION, BALL_POCKET, log_event, phase_ended
-from billiards_env.engine.shots import count_hit
+from billiards_env.engine.shots import count_hit, pot
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.walls import wall_normal, walls_met
-from billiards_env.physics.motion import advance, capture, end_phase, motion_after
-from billiards_env.physics.state import POCKET_X, POCKET_Y, VX, VY, own_time, same, since
+from billiards_env.physics.motion import advance, end_phase, motion_after
+from billiards_env.physics.state import VX, VY, own_time, same, since
 from billiards_env.scene import CONTACT_GAP
 
 
@@ -68,7 +68,7 @@ def resolve_impacts(count, now, k, scene, work, shots, log):  # out: work, shots
     acts = collide(count, now.hi, contacts, work.state, scene, work.scratch, work.memory)
     for c in range(count):
         i, j = contacts.first[c], contacts.second[c]
-        count_hit(k, i, j, shots)
+        count_hit(k, i, j, now, shots)
         log_event(log, now, BALL_BALL, i, j, work.state, contacts.closing[c], acts > 0)
         changed[2 * c], changed[2 * c + 1] = i, j
     shots.n_contact_rule[k] += acts
@@ -121,7 +121,7 @@ def resolve_singles(count, now, k, scene, work, shots, log):  # out: work, shots
         if kind == BALL_POCKET:
             advance(state, i, now, scene.numbers)
             speed = norm(state.rows[i, VX], state.rows[i, VY])
-            capture(state, i, scene.pockets[other, POCKET_X], scene.pockets[other, POCKET_Y])
+            pot(k, i, other, state, scene, shots)
         elif kind == BALL_CUSHION:
             advance(state, i, now, scene.numbers)
             walls = walls_met(state, i, other, scene.radius[i], scene.numbers, scene.outline)

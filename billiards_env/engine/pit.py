@@ -40,7 +40,7 @@ from billiards_env.engine.overlaps import (
     push_along,
 )
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
-from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, count_hit, end_at
+from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, count_hit, end_at, pot
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange
@@ -58,7 +58,7 @@ from billiards_env.physics.geometry.walls import (
     walls_met,
 )
 from billiards_env.physics.laws.cloth import phase_of
-from billiards_env.physics.motion import Path, advance, begin_phase, capture, end_phase, motion_after
+from billiards_env.physics.motion import Path, advance, begin_phase, end_phase, motion_after
 from billiards_env.physics.state import (
     IDEAL,
     LASTS,
@@ -205,7 +205,7 @@ def _test_pockets_of(i, now, k, scene, work, shots, log):  # out: work, shots, l
         dx, dy = here[i, X] - pockets[q, POCKET_X], here[i, Y] - pockets[q, POCKET_Y]
         if dx * dx + dy * dy < pockets[q, POCKET_RADIUS] * pockets[q, POCKET_RADIUS]:
             advance(work.state, i, now, scene.numbers)
-            capture(work.state, i, pockets[q, POCKET_X], pockets[q, POCKET_Y])
+            pot(k, i, q, work.state, scene, shots)
             shots.n_events[k] += 1
             log_event(log, now, BALL_POCKET, i, q, work.state, norm(here[i, VX], here[i, VY]), False)
             shots.time[k] = now.hi
@@ -283,7 +283,7 @@ def _resolve_overlaps(count, now, k, scene, work, shots, log):  # out: work, sho
             here[b, VX], here[b, VY] = state.rows[b, VX], state.rows[b, VY]
         if contacts.closing[c] == 0.0:  # they overlap without an impact
             continue
-        count_hit(k, i, j, shots)
+        count_hit(k, i, j, now, shots)
         shots.n_events[k] += 1
         log_event(log, now, BALL_BALL, i, j, state, contacts.closing[c], False)
         shots.time[k] = now.hi

@@ -25,13 +25,14 @@ from billiards_env.checks import (
 )
 from billiards_env.engine.cell_grid import cell_of, empty_cells
 from billiards_env.engine.compile import MANY_BALLS, Engine, check_varied_name, scene_fields
-from billiards_env.engine.shots import Shots
+from billiards_env.engine.shots import Shots, start_fields
 from billiards_env.engine.threads import parallel_for
 from billiards_env.jit import allocating_entry_point, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.walls import half_sizes
 from billiards_env.physics.state import (
+    CUE_BALL,
     POCKET_RADIUS,
     POCKET_X,
     POCKET_Y,
@@ -51,13 +52,14 @@ _LOOK_AFTER = 10_000_000  # pairs of balls between two calls of `interrupted`: a
 
 
 class ShotInput(NamedTuple):
-    """The start of one shot or, with a leading axis, of many, in arrays that an engine may write to.
+    """The start of one shot or, with a leading axis, of many: the fields of `Starts`, and a limit.
 
     Attributes:
         positions: (n, 2) float64, m.
         velocities: (n, 2) float64, m/s.
         spins: (n, 3) float64, rad/s.
         in_play: (n,) bool.
+        cue: The cue ball, which the cue strikes.
         limit: Time at which a shot ends, s; infinite for no limit.
     """
 
@@ -65,7 +67,12 @@ class ShotInput(NamedTuple):
     velocities: Floats
     spins: Floats
     in_play: NDArray[np.bool_]
-    limit: float
+    cue: int | NDArray[np.int64] = CUE_BALL
+    limit: float = math.inf
+
+    def as_batch(self) -> tuple[Any, ...]:
+        """Returns the start of one shot as the fields of `Starts` of a batch, which share the memory of its arrays."""
+        return tuple(np.asarray(part)[None] for part in start_fields(self))
 
 
 @inlined
@@ -127,9 +134,9 @@ def _is_apart(i, places, in_play, scene, cells):  # out: cells
 
 
 @inlined
-def _are_valid(begin, end, scene, balls, cells):  # out: cells
-    """Implements `is_valid_fast`. `balls` are its arrays; `cells` is a result of `empty_cells`, or None."""
-    positions, velocities, spins, in_play = balls
+def _are_valid(begin, end, scene, starts, cells):  # out: cells
+    """Implements `is_valid_fast`. `cells` is a result of `empty_cells`, or None."""
+    positions, velocities, spins, in_play, _ = starts
     n = len(scene.radius)
     pairs = 0
     for k in range(begin, end):
@@ -148,7 +155,7 @@ def _are_valid(begin, end, scene, balls, cells):  # out: cells
 
 
 @entry_point
-def is_valid_fast(begin, end, scene, positions, velocities, spins, in_play):
+def is_valid_fast(begin, end, scene, starts):
     """Returns whether the shots `begin` to `end` - 1 are valid input for `simulate`.
 
     False may also mean that valid input is too close to a limit. Then `check_positions` decides.
@@ -157,24 +164,21 @@ def is_valid_fast(begin, end, scene, positions, velocities, spins, in_play):
         begin: First shot.
         end: One past the last.
         scene: The `SceneArrays`, as a tuple.
-        positions: (m, n, 2) float64, m.
-        velocities: (m, n, 2) float64, m/s.
-        spins: (m, n, 3) float64, rad/s.
-        in_play: (m, n) bool.
+        starts: The `Starts`, as a tuple.
 
     Returns:
         True if all numbers are within their ranges, balls of infinite mass rest, and balls in play lie inside the
         cushions, outside the pockets and apart from each other.
     """
     arrays = scene_of(scene, 0)
-    return _are_valid(begin, end, arrays, (positions, velocities, spins, in_play), None)
+    return _are_valid(begin, end, arrays, starts, None)
 
 
 @allocating_entry_point
-def is_valid_fast_of_many(begin, end, scene, positions, velocities, spins, in_play):
+def is_valid_fast_of_many(begin, end, scene, starts):
     """Returns the same as `is_valid_fast`, faster for many balls: only balls in neighbouring cells are compared."""
     arrays = scene_of(scene, 0)
-    return _are_valid(begin, end, arrays, (positions, velocities, spins, in_play), empty_cells(arrays))
+    return _are_valid(begin, end, arrays, starts, empty_cells(arrays))
 
 
 def check_shot(
@@ -209,9 +213,10 @@ def check_shot(
     limit = scene.physics.max_time if max_time is None else real("max_time", max_time, "limit")
     if into is None:
         balls = np.empty((*shape, 2)), np.empty((*shape, 2)), np.empty((*shape, 3)), np.empty(shape, np.bool_)
+        start = (*balls, np.full(shape[0], CUE_BALL) if len(shape) > 1 else CUE_BALL)
     else:
-        balls = into[:4]
-    shot = ShotInput(*balls, math.inf if limit is None else float(limit))
+        start = start_fields(into)
+    shot = ShotInput(*start, limit=math.inf if limit is None else float(limit))
     shot.positions[...] = places
     _fill_in_play(shot.in_play, in_play)
     if spins is not None and scene.physics.motion != "sliding":
@@ -302,17 +307,15 @@ def _fill(array: Floats, name: str, values: ArrayLike) -> None:
 def _is_valid_fast(scene: Scene, shot: ShotInput, threads: int | None) -> bool:
     """Calls `is_valid_fast` for one shot or, on several threads, for many."""
     arrays = scene_fields(scene)
-    balls: tuple[NDArray[Any], ...] = shot[:4]
-    if shot.in_play.ndim == 1:
-        balls = tuple(array[None] for array in balls)
+    starts = shot.as_batch() if shot.in_play.ndim == 1 else start_fields(shot)
     doubtful: list[int] = []
     is_valid = is_valid_fast_of_many if scene.n_balls >= MANY_BALLS else is_valid_fast
 
     def work(begin: int, end: int) -> None:
-        if not is_valid(begin, end, arrays, *balls):
+        if not is_valid(begin, end, arrays, starts):
             doubtful.append(begin)
 
-    parallel_for(work, len(balls[0]), threads)
+    parallel_for(work, len(starts[0]), threads)
     return not doubtful
 
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import functools
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.jit import inlined
-from billiards_env.physics.motion import advance
+from billiards_env.physics.motion import advance, capture
 from billiards_env.physics.state import (
     CUE_BALL,
+    POCKET_X,
+    POCKET_Y,
     POTTED,
     REST,
     SLIDING_AND_ROLLING,
@@ -38,13 +41,14 @@ Int64s = NDArray[np.int64]
 
 
 class Shots(NamedTuple):
-    """m shots of n balls. The first four arrays hold the start of each shot; the engine replaces it by the end.
+    """m shots of n balls. The first five arrays hold the start of each shot; the engine replaces it by the end.
 
     Attributes:
         positions: (m, n, 2) float64, m.
         velocities: (m, n, 2) float64, m/s.
         spins: (m, n, 3) float64, rad/s.
         in_play: (m, n) bool: whether a ball is not in a pocket.
+        cue: (m,) int64: the cue ball, which the cue strikes. The engine counts its contacts and does not change it.
         time: (m,) float64 out: duration, s.
         cushions: (m, n) int32 out: number of cushion contacts of each ball.
         cushions_before_hit: (m, n) int32 out: number of cushion contacts that the cue ball had when it first touched
@@ -53,12 +57,18 @@ class Shots(NamedTuple):
         status: (m,) int64 out: index into `STATUS`.
         first_hit: (m,) int64 out: the ball that the cue ball touched first, -1 if none.
         n_contact_rule: (m,) int64 out: number of acts of the contact-time rule.
+        pockets: (m, n) int32 out: the pocket in which the shot potted the ball, -1 for none.
+        pot_order: (m, n) int32 out: the number of balls that the shot had potted before it potted the ball, -1 if it
+            did not pot it.
+        touched_first: (m, n) bool out: whether the cue ball touched the ball at the instant of its first contact.
+        first_hit_time: (m,) float64 out: this instant, s; infinite without a contact.
     """
 
     positions: Floats
     velocities: Floats
     spins: Floats
     in_play: Bools
+    cue: Int64s
     time: Floats
     cushions: Int32s
     cushions_before_hit: Int32s
@@ -66,15 +76,25 @@ class Shots(NamedTuple):
     status: Int64s
     first_hit: Int64s
     n_contact_rule: Int64s
+    pockets: Int32s
+    pot_order: Int32s
+    touched_first: Bools
+    first_hit_time: Floats
 
 
 class Starts(NamedTuple):
-    """The starts of m shots of n balls: the first four arrays of `Shots`."""
+    """The starts of m shots of n balls: the first five arrays of `Shots`."""
 
     positions: Floats
     velocities: Floats
     spins: Floats
     in_play: Bools
+    cue: Int64s
+
+
+def start_fields(shots: Any) -> tuple[Any, ...]:
+    """Returns the fields of `Starts`, as a plain tuple, of a tuple that begins with them."""
+    return shots[: len(Starts._fields)]
 
 
 def arrays_in(memory: NDArray[np.uint8], kind: np.dtype[np.void]) -> list[NDArray[Any]]:
@@ -94,15 +114,18 @@ def arrays_in(memory: NDArray[np.uint8], kind: np.dtype[np.void]) -> list[NDArra
 @functools.lru_cache(maxsize=64)
 def _row_type(n: int) -> np.dtype[np.void]:
     """Returns the type of a row of `Shots` of n balls."""
-    counts = ("f8", ("i4", (n,)), ("i4", (n,)), "i8", "i8", "i8", "i8")
-    kinds = (("f8", (n, 2)), ("f8", (n, 2)), ("f8", (n, 3)), ("?", (n,)), *counts)
+    whole, flags = ("i4", (n,)), ("?", (n,))
+    start = (("f8", (n, 2)), ("f8", (n, 2)), ("f8", (n, 3)), flags, "i8")
+    kinds = (*start, "f8", whole, whole, "i8", "i8", "i8", "i8", whole, whole, flags, "f8")
     return np.dtype(list(zip(Shots._fields, kinds, strict=True)), align=True)
 
 
 def empty_shots(m: int, n: int) -> Shots:
-    """Returns `Shots` for m shots of n balls, with undefined content."""
+    """Returns `Shots` for m shots of n balls. Ball 0 is the cue ball; the content of the other arrays is undefined."""
     kind = _row_type(n)
-    return Shots(*arrays_in(np.empty(m * kind.itemsize, np.uint8), kind))
+    shots = Shots(*arrays_in(np.empty(m * kind.itemsize, np.uint8), kind))
+    shots.cue[:] = CUE_BALL
+    return shots
 
 
 @inlined
@@ -130,6 +153,8 @@ def load_shot(k, shots, scene, state):  # out: shots, state
     load_balls(k, shots, scene, state)
     for i in range(len(state.phase)):
         shots.cushions[k, i], shots.cushions_before_hit[k, i] = 0, -1
+        shots.pockets[k, i], shots.pot_order[k, i], shots.touched_first[k, i] = -1, -1, False
+    shots.first_hit_time[k] = math.inf
     shots.n_events[k], shots.status[k], shots.first_hit[k], shots.n_contact_rule[k] = 0, AT_REST, -1, 0
 
 
@@ -149,15 +174,28 @@ def store(k, shots, scene, state):  # out: shots
 
 
 @inlined
-def count_hit(k, i, j, shots):  # out: shots
-    """Updates `first_hit` and `cushions_before_hit` after an impact of balls i and j, if one is the cue ball."""
-    if min(i, j) != CUE_BALL:
+def count_hit(k, i, j, now, shots):  # out: shots
+    """Records an impact of balls i and j at a `Time`, if one of them is the cue ball."""
+    cue = shots.cue[k]
+    if i != cue and j != cue:
         return
-    other = max(i, j)
+    other = i + j - cue
     if shots.first_hit[k] < 0:
-        shots.first_hit[k] = other
+        shots.first_hit[k], shots.first_hit_time[k] = other, now.hi
     if shots.cushions_before_hit[k, other] < 0:
-        shots.cushions_before_hit[k, other] = shots.cushions[k, CUE_BALL]
+        shots.cushions_before_hit[k, other] = shots.cushions[k, cue]
+        shots.touched_first[k, other] = now.hi == shots.first_hit_time[k]
+
+
+@inlined
+def pot(k, i, pocket, state, scene, shots):  # out: state, shots
+    """Moves ball i to the centre of a pocket, where it stays, and records this."""
+    capture(state, i, scene.pockets[pocket, POCKET_X], scene.pockets[pocket, POCKET_Y])
+    potted = 0
+    for j in range(len(state.phase)):
+        if shots.pockets[k, j] >= 0:
+            potted += 1
+    shots.pockets[k, i], shots.pot_order[k, i] = pocket, potted
 
 
 @inlined

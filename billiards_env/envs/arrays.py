@@ -39,11 +39,14 @@ class EpisodeArrays(NamedTuple):
     Attributes:
         positions: As in `engine.Shots`.
         in_play: As in `engine.Shots`.
-        potted_before: (m, n) bool: balls off the table before the last shot.
         potted: (m, n) bool: balls off the table after the last shot.
+        cue: As in `engine.Shots`.
         cushions: As in `engine.Shots`.
         cushions_before_hit: As in `engine.Shots`.
         first_hit: As in `engine.Shots`.
+        pockets: As in `engine.Shots`.
+        pot_order: As in `engine.Shots`.
+        touched_first: As in `engine.Shots`.
         goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks with a goal, none in the others.
         states: (m,) `games.STATE` before the next shots in the tasks that are games, (0,) in the others.
         legal_balls: (m, n) bool in the tasks that are games, (m, 0) in the others: the balls that the cue ball may
@@ -59,11 +62,14 @@ class EpisodeArrays(NamedTuple):
 
     positions: Any
     in_play: Any
-    potted_before: Any
     potted: Any
+    cue: Any
     cushions: Any
     cushions_before_hit: Any
     first_hit: Any
+    pockets: Any
+    pot_order: Any
+    touched_first: Any
     goals: Any
     states: Any
     legal_balls: Any

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, Shots, empty_shots, run_shots_of
 from billiards_env.engine.compile import varied_fields, varied_shot, vary
 from billiards_env.engine.frozen_strike import strike_frozen
-from billiards_env.engine.shots import Starts, arrays_in
+from billiards_env.engine.shots import Starts, arrays_in, start_fields
 from billiards_env.envs.actions import ACTIONS, SIDE, Before, add_noise, clipped, shorten, strike_balls
 from billiards_env.envs.arguments import NO_OPTIONS, Model, ResetOptions, cue_ball_alone
 from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
@@ -108,7 +108,6 @@ class Episodes:
         self.memory, self.state = memory, (state := StateArrays(*arrays_in(memory, self.kind)))
         count, n = state.in_play.shape
         results = {
-            "potted_before": np.zeros((count, n), np.bool_),
             "potted": np.zeros((count, n), np.bool_),
             "points": np.zeros(count, np.int64),
             "scratch": np.zeros(count, np.bool_),
@@ -265,10 +264,10 @@ class Episodes:
             actions = self.actions
         if model.noise is not None:
             add_noise(begin, end, over, actions, model.noise, self.state.noise_stream)
-        self._start(begin, end, actions, model.max_speed, self._shots[:4], self._arrays, self.actions)
+        self._start(begin, end, actions, model.max_speed, start_fields(self._shots), self._arrays, self.actions)
         if self._cue is not None:
             strike_balls(begin, end, over, actions, self._cue, (shots.velocities, shots.spins, self.miscues))
-            strike_frozen(model.scene, self._scene, self._shots[:4], begin=begin, end=end)
+            strike_frozen(model.scene, self._scene, start_fields(self._shots), begin, end)
         first = begin
         while first < end and first < self.n_recorded:
             self.recorded[first] = self._record(first)
@@ -296,8 +295,7 @@ class Episodes:
     def _record(self, k: int) -> ShotResult:
         """Runs the shot of episode k as the engine does, and returns it with its trajectory."""
         shots, (scene, engine) = self.shots, self.scene_and_engine(k)
-        positions, velocities, spins, in_play = (array[k].copy() for array in shots[:4])
-        start = ShotInput(positions, velocities, spins, in_play, self._limit)
+        start = ShotInput(*(array[k].copy() for array in start_fields(shots)), limit=self._limit)
         shot = run_shot(scene, start, engine, record=True)
         for name, array in shots._asdict().items():
             if name == "in_play":
@@ -371,7 +369,6 @@ def start_shots(begin, end, actions, max_speed, starts, arrays, played):
     balls, arrays = Starts(*starts), EpisodeArrays(*arrays)
     for k in range(begin, end):
         for i in range(arrays.in_play.shape[1]):
-            arrays.potted_before[k, i] = not arrays.in_play[k, i]
             for c in range(2):
                 balls.velocities[k, i, c] = 0.0
             for c in range(3):

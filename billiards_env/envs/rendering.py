@@ -65,7 +65,7 @@ def balls_at_rest(
 ) -> DrawnShot:
     """Returns balls at rest for drawing: `positions` (n, 2) m and `in_play` (n,) bool. See `DrawnShot` for the rest."""
     n = len(positions)
-    start = ShotInput(positions, np.zeros((n, 2)), np.zeros((n, 3)), in_play, 0.0)
+    start = ShotInput(positions, np.zeros((n, 2)), np.zeros((n, 3)), in_play, limit=0.0)
     return DrawnShot(run_shot(scene, start, record=True), left, circles=circles)
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.games.carom import CUSHIONS, is_carom
-from billiards_env.games.facts import Counts, facts_of_shot
+from billiards_env.games.facts import facts_of_shot
 from billiards_env.games.pool import EIGHT, eight_ball, group_of, group_or_eight, lowest_ball, nine_ball
 from billiards_env.games.referee import first_state, judged, legal_balls
 from billiards_env.games.state import NO_FOUL, NOT_IN_HAND, SHOT, STATE, Called, size
@@ -42,7 +42,7 @@ def judge_pot(k, numbers, arrays):
         if numbers.targets[i]:
             if not arrays.potted[k, i]:
                 cleared = False
-            elif not arrays.potted_before[k, i]:
+            elif arrays.pockets[k, i] >= 0:
                 points += 1
     scratch = arrays.potted[k, CUE_BALL]
     return points, cleared or scratch, cleared and not scratch
@@ -70,7 +70,7 @@ def judge_three_cushion(k, numbers, arrays):
 @inlined
 def judge_cushions(k, numbers, arrays, cushions):
     """Returns the result of a carom that needs some cushion contacts."""
-    facts, over = shot_facts(k, numbers, arrays), False
+    facts, over = facts_of_shot(k, arrays, numbers.bits), False
     for i in range(len(numbers.targets)):
         over = over or arrays.potted[k, i]
     success = is_carom(facts, len(numbers.targets) - 1, cushions) and not facts.scratch
@@ -116,7 +116,7 @@ def touches_a_ball(k, numbers, arrays):
     """Returns whether the cue ball touched an object ball in shot k, or there was none on the table."""
     touched, left = False, False
     for i in range(len(numbers.targets)):
-        if numbers.targets[i] and not arrays.potted_before[k, i]:
+        if numbers.targets[i] and (not arrays.potted[k, i] or arrays.pockets[k, i] >= 0):
             left = True
             touched = touched or arrays.cushions_before_hit[k, i] >= 0
     return touched or not left
@@ -155,7 +155,7 @@ def judge_nine_ball(k, numbers, arrays):
     decided by a foul, by a shot that pots no ball, or when the nine ball is potted. The task is achieved if the nine
     ball is potted without a foul.
     """
-    state, facts = arrays.states[k], shot_facts(k, numbers, arrays)
+    state, facts = arrays.states[k], facts_of_shot(k, arrays, numbers.bits)
     lying = state.object_balls
     verdict = judged(nine_ball, state, facts, NO_CALL)
     write_legal_balls(k, lowest_ball(state, 0) & ~facts.potted, arrays)
@@ -168,12 +168,12 @@ def judge_nine_ball(k, numbers, arrays):
 def judge_eight_ball(k, numbers, arrays):
     """Pots the balls of one group, 1 to 7 or 9 to 15, and then the eight ball: 1 point for each.
 
-    All balls are legal in the break. Then both groups are legal until a shot pots a ball of a group. That shot chooses
-    the group: that of the ball that the cue ball touched first, or the other one if no ball of the first was potted.
-    The episode is decided by a foul, by a shot that pots no ball of the group, or when the eight ball is potted. The
-    task is achieved if the eight ball is potted without a foul when it is legal, and not in the break.
+    All balls are legal in the break. Then both groups are legal until a shot pots a ball of a group. The group of the
+    ball that this shot pots first is then the one to pot. The episode is decided by a foul, by a shot that pots no ball
+    of the group, or when the eight ball is potted. The task is achieved if the eight ball is potted without a foul when
+    it is legal, and not in the break.
     """
-    state, facts = arrays.states[k], shot_facts(k, numbers, arrays)
+    state, facts = arrays.states[k], facts_of_shot(k, arrays, numbers.bits)
     verdict = judged(eight_ball, state, facts, NO_CALL)
     write_legal_balls(k, group_or_eight(state, 0), arrays)
     if verdict.foul != NO_FOUL:
@@ -191,13 +191,6 @@ def write_legal_balls(k, balls, arrays):
     """Writes the legal balls of the next shot of episode k, a set of balls; nothing if the task is no game."""
     for i in range(1, arrays.legal_balls.shape[1]):
         arrays.legal_balls[k, i] = balls >> i & 1
-
-
-@inlined
-def shot_facts(k, numbers, arrays):
-    """Returns the `Facts` of shot k."""
-    hits = arrays.cushions, arrays.cushions_before_hit, arrays.first_hit
-    return facts_of_shot(k, Counts(arrays.potted_before, arrays.potted, *hits, numbers.bits))
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import numbers
 from billiards_env.engine.compile import cached_by_scene
-from billiards_env.games.facts import Counts, facts_of_shots
+from billiards_env.games.facts import facts_of_shots
 from billiards_env.games.game import NO_CALL, Call, GameState, Setup
 from billiards_env.games.referee import callable_balls, judge_shots
 from billiards_env.games.state import CALL, STATE, members
@@ -27,11 +27,13 @@ class PlayedBatch(NamedTuple):
             another ball is in the way; a new rack is not placed.
         states: (m,) `STATE`, before the next shots, without a free ball.
         verdicts: (m,) `VERDICT`.
+        pockets: (m, n) int32, the pocket in which the shot potted the ball, -1 if it did not pot it.
     """
 
     positions: NDArray[np.float64]
     states: NDArray[Any]
     verdicts: NDArray[Any]
+    pockets: NDArray[np.int32]
 
 
 def play_batch(
@@ -45,10 +47,7 @@ def play_batch(
 ) -> PlayedBatch:
     """Plays m shots of the cue ball from one position, each with its own place of the cue ball and its own call.
 
-    The states and verdicts are those of `game.play`, with two exceptions, because the counts of the engine contain
-    neither the order of the pots nor simultaneous contacts. If balls of both groups are potted on an open table of
-    eight ball, the group is that of the ball that was touched first. If the cue ball touches several balls at the same
-    instant, one of them counts as touched first.
+    The states and verdicts are those of `game.play`.
 
     Args:
         setup: The settings of the game.
@@ -71,39 +70,36 @@ def play_batch(
         ['', 'no_hit']
     """
     state = game.state
-    balls = (int(state.cue_balls[0]), *members(state.object_balls))  # the engine strikes the first one
+    balls = [int(state.cue_balls[0]), *members(state.object_balls)]  # the engine strikes the first one
     speeds = numbers("velocities", velocities)
     m, rules = len(speeds), setup.game_rules
-    starts = np.broadcast_to(game.positions[list(balls)], (m, len(balls), 2))
+    starts = np.broadcast_to(game.positions[balls], (m, len(balls), 2))
     if places is not None:
         starts = np.concatenate((places[:, None], starts[:, 1:]), axis=1)
-    scene = _scene_of(setup.scene, balls)
+    scene = _scene_of(setup.scene, tuple(balls))
     if scene.physics.motion == "sliding":
         speeds, spins = strike_with(speeds, None if spins is None else numbers("spins", spins)), None
     batch = simulate_batch(scene, starts, speeds, engine=setup.engine, spins=spins, threads=threads)
-    before, bits = np.zeros_like(batch.potted), 1 << np.array(balls)
-    counts = Counts(before, batch.potted, batch.cushions, batch.cushions_before_hit, batch.first_hit, bits)
-    facts, called, states = facts_of_shots(counts), np.zeros(m, CALL), np.array([state], STATE)
+    pockets = np.full((m, setup.scene.n_balls), -1, np.int32)
+    pockets[:, balls] = batch.pockets
+    facts, called, states = facts_of_shots(batch, np.array(balls)), np.zeros(m, CALL), np.array([state], STATE)
     called["ball"] = NO_CALL.ball
     if state.call_shot and not state.break_shot:
         if calls is None:
             pots = facts["potted"] & callable_balls(setup.rules, states, states["player"])
             called["ball"], called["made"] = np.frexp(pots & -pots)[1] - 1, pots != 0
         else:
-            called["ball"] = calls[:, 0]
-            pockets = np.array([(p.x, p.y) for p in setup.scene.table.pockets])
-            row = np.searchsorted(balls[1:], calls[:, 0]).clip(0, len(balls) - 2) + 1
-            at_pocket = (batch.positions[np.arange(m), row] == pockets[calls[:, 1]]).all(axis=1)
-            called["made"] = (calls >= 0).all(axis=1) & at_pocket & (facts["potted"] >> calls[:, 0].clip(0) & 1 > 0)
+            called["ball"], pocket = calls.T
+            called["made"] = (calls >= 0).all(axis=1) & (pockets[np.arange(m), calls[:, 0]] == pocket)
     states, verdicts = judge_shots(setup.rules, states.repeat(m), facts, called)
     positions = np.repeat(game.positions[None], m, axis=0)
-    positions[:, list(balls)] = batch.positions
+    positions[:, balls] = batch.positions
     if verdicts["spotted"].any():
         spots = layouts.layout_plan(rules.layouts[0], setup.scene).spots if rules.has_spots else None
         for ball in range(1, setup.scene.n_balls):
             back = (verdicts["spotted"] >> ball & 1) > 0
             positions[back, ball] = (setup.scene.table.foot_x, 0.0) if spots is None else spots[ball]
-    return PlayedBatch(positions, states, verdicts)
+    return PlayedBatch(positions, states, verdicts, pockets)
 
 
 def best_call(setup: Setup, state: Any, pots: tuple[tuple[int, int], ...]) -> Call:

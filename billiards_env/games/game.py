@@ -18,7 +18,7 @@ from billiards_env.engine.compile import PIC, Engine, check_engine, scene_fields
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.games.entry import Game
-from billiards_env.games.facts import facts_of, pots_of
+from billiards_env.games.facts import facts_of
 from billiards_env.games.placement import Point, cue_ball_point, rack_again, spot_at_foot, spot_colours
 from billiards_env.games.referee import GAMES, callable_balls, first_state, judge_shots, legal_balls
 from billiards_env.games.state import (
@@ -209,7 +209,6 @@ class PlayedShot(NamedTuple):
         shot: The recorded shot.
         facts: The facts that the rules use, a row of `FACTS`.
         verdict: The verdict on the shot, a row of `VERDICT`.
-        pots: The potted balls with their pockets, in order.
     """
 
     game: GameState
@@ -217,7 +216,11 @@ class PlayedShot(NamedTuple):
     shot: ShotResult
     facts: Any
     verdict: Any
-    pots: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def pots(self) -> tuple[tuple[int, int], ...]:
+        """The potted balls with their pockets, in order."""
+        return self.shot.pots
 
 
 class History(NamedTuple):
@@ -374,18 +377,16 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
     velocities[cue], spins[cue] = stroke.velocity, stroke.spin
     no_shot = stroke.call.kind in ("hand_back", "replace")
     lying = is_in(in_play(state) if no_shot else on_table(state), n)
-    starts = tuple(array[None] for array in (positions, velocities, spins, lying))
-    strike_frozen(scene, scene_fields(scene), starts, cue)
-    shot_input = ShotInput(positions, velocities, spins, lying, scene.physics.max_time or math.inf)
+    shot_input = ShotInput(positions, velocities, spins, lying, cue, scene.physics.max_time or math.inf)
+    strike_frozen(scene, scene_fields(scene), shot_input.as_batch())
     shot = run_shot(scene, shot_input, setup.engine, record=True)
     if no_shot:
         return PlayedShot(_without_shot(game, stroke.call), shot_input, shot, row(Facts()), row(Verdict()))
-    assert shot.events is not None
-    facts, pots, call = facts_of(shot.events, cue), pots_of(shot.events), stroke.call
-    called = row(Called(call.ball, CALLS.index(call.kind), (call.ball, call.pocket) in pots))
+    facts, call = facts_of(shot), stroke.call
+    called = row(Called(call.ball, CALLS.index(call.kind), (call.ball, call.pocket) in shot.pots))
     shots = (np.array([one], kind) for one, kind in ((state, STATE), (facts, FACTS), (called, CALL)))
     (following,), (verdict,) = judge_shots(setup.rules, *shots)
-    return PlayedShot(_after_shot(setup, game, shot, following, facts, verdict), shot_input, shot, facts, verdict, pots)
+    return PlayedShot(_after_shot(setup, game, shot, following, facts, verdict), shot_input, shot, facts, verdict)
 
 
 def _after_shot(setup: Setup, game: GameState, shot: ShotResult, state: Any, facts: Any, verdict: Any) -> GameState:

@@ -264,13 +264,9 @@ def eight_ball(state, facts, call):
 
 @inlined
 def chosen_group(facts, counted):
-    """Returns the group that a shot on an open table chooses: that of the counted ball that was potted first.
-
-    If the order is not known and balls of both groups were potted, it is the group of the ball that was touched first.
-    """
-    if counted & STRIPES == 0 or counted & SOLIDS == 0:
-        return SOLIDS if counted & SOLIDS != 0 else STRIPES
-    decisive = facts.first_potted if facts.first_potted != 0 else facts.first
+    """Returns the group that a shot on an open table chooses: that of the counted ball that was potted first."""
+    both = counted & SOLIDS != 0 and counted & STRIPES != 0
+    decisive = facts.first_potted if both else counted
     return SOLIDS if decisive & SOLIDS != 0 else STRIPES
 
 

@@ -120,7 +120,7 @@ class Facts(NamedTuple):
         touched: Number of balls that the cue ball touched.
         cushions_before_last: Number of cushion contacts of the cue ball before it touched the last of these balls.
         potted: The potted object balls.
-        first_potted: The object ball that was potted first, as a set; 0 if there is none or the order is not available.
+        first_potted: The object ball that was potted first, as a set; 0 if there is none.
         scratch: Whether the cue ball was potted.
         cushion_after: Whether any ball hit a cushion or was potted after the cue ball's first contact with a ball.
         driven: The object balls that hit a cushion or were potted (WPA 8.4).

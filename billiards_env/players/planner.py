@@ -319,11 +319,10 @@ def _set_targets(setup: Setup, game: GameState, targets: Ints, played: PlayedBat
     """Sets the calls (k, 2) of random shots: the first ball that a shot pots and that may be called."""
     if not game.state.call_shot or game.state.break_shot:
         return
-    pockets = np.array([(p.x, p.y) for p in setup.scene.table.pockets])
     for ball in setup.callable(game.state):
-        hits = (played.positions[:, ball, None] == pockets).all(axis=2)
-        new = hits.any(axis=1) & (targets[:, 0] < 0)
-        targets[new] = np.column_stack((np.full(new.sum(), ball), hits[new].argmax(axis=1)))
+        pocket = played.pockets[:, ball]
+        new = (pocket >= 0) & (targets[:, 0] < 0)
+        targets[new] = np.column_stack((np.full(new.sum(), ball), pocket[new]))
 
 
 def noisy_strokes(velocities: Floats, spins: Floats, noise: Floats, max_speed: float) -> tuple[Floats, Floats]:

@@ -15,6 +15,7 @@ from billiards_env.engine.compile import Engine
 from billiards_env.engine.log import N_EVENTS_LOGGED, N_SEGMENTS_LOGGED, Log, named_events
 from billiards_env.engine.orientation import turning
 from billiards_env.engine.shot_input import ShotInput
+from billiards_env.engine.shots import STATUS, Shots
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.scene import Scene
 from billiards_env.shots.derivatives import Differentiable
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
+_STATUS = np.array(STATUS, dtype=object)
+
 LONGEST_SHOWN = 20_000
 """Largest number of pieces in the trajectory of a shot that a notebook displays: a few megabytes."""
 
@@ -34,7 +37,8 @@ LONGEST_SHOWN = 20_000
 class ShotResult(Differentiable):
     """The balls at the end of a shot, and what happened.
 
-    Unless the shot was recorded, `events`, `trajectory` and `scene` are None and `engine` is "".
+    Unless the shot was recorded, `events`, `trajectory` and `scene` are None and `engine` is "". The fields before them
+    are those of `BatchResult`.
 
     Attributes:
         positions: (n, 2) float64, m, at the end. A potted ball is at the centre of its pocket.
@@ -52,6 +56,12 @@ class ShotResult(Differentiable):
         n_contact_rule: Number of times the contact-time rule acted (see `engine.contact_rule`), which ends sequences of
             impacts of balls that friction presses together. It is 0 in nearly all shots with a few balls, and positive
             in most breaks of 15 balls.
+        pockets: (n,) int32: the pocket in which the shot potted the ball, -1 if it did not pot it.
+        pot_order: (n,) int32: 0 for the ball that the shot potted first, 1 for the second, and so on; -1 for a ball
+            that it did not pot.
+        touched_first: (n,) bool: the balls that the cue ball touched at the instant of its first contact.
+        first_hit_time: This instant, s; infinite if the cue ball touched no ball.
+        cue: The ball that counts as the cue ball: 0, except in some shots of carom games.
         events: Structured array with the fields time (s), kind ("ball_ball", "cushion", "pocket", "sliding_rolling",
             "rolling_rest", "spinning_rest", or "rolling_slower" if the rolling resistance depends on the speed), ball,
             other (the second ball, the cushion, the pocket, or -1), x and y (position of the ball, m), speed (at which
@@ -73,6 +83,11 @@ class ShotResult(Differentiable):
     cushions: NDArray[np.int32]
     cushions_before_hit: NDArray[np.int32]
     n_contact_rule: int
+    pockets: NDArray[np.int32]
+    pot_order: NDArray[np.int32]
+    touched_first: NDArray[np.bool_]
+    first_hit_time: float
+    cue: int
     events: NDArray[Any] | None = None
     trajectory: Trajectory | None = None
     scene: Scene | None = None
@@ -91,6 +106,13 @@ class ShotResult(Differentiable):
         if self.trajectory is not None:
             lines.append(f"recorded ({self.engine}): events, at(t), plot(), to_html(path), to_gif(path), to_mp4(path)")
         return "\n  ".join(lines)
+
+    @property
+    def pots(self) -> tuple[tuple[int, int], ...]:
+        """The balls that the shot potted with their pockets, in order: ((ball, pocket), ...)."""
+        balls = np.flatnonzero(self.pockets >= 0)
+        order = balls[np.argsort(self.pot_order[balls])]
+        return tuple(zip(order.tolist(), self.pockets[order].tolist(), strict=True))
 
     def at(self, t: ArrayLike) -> Floats:
         """Returns the positions of the balls at time t, from their trajectories.
@@ -302,6 +324,13 @@ def _recording(shot: ShotResult | None, method: str) -> Recording | None:
     if not (shot is None or isinstance(shot, ShotResult)):
         raise TypeError(f"compare = {short(shot)}: expected a ShotResult or None")
     return None if shot is None else shot.recording(method)
+
+
+def outcome_of(shots: Shots) -> dict[str, NDArray[Any]]:
+    """Returns the fields that `ShotResult` and `BatchResult` have in common, for m shots."""
+    outcome: dict[str, NDArray[Any]] = shots._asdict()
+    outcome["potted"], outcome["status"] = ~outcome.pop("in_play"), _STATUS[shots.status]
+    return outcome
 
 
 def read_log(log: Log, scene: Scene, engine: Engine) -> dict[str, Any]:

@@ -24,11 +24,11 @@ from billiards_env.engine.compile import (
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.log import NO_LOG, empty_log
 from billiards_env.engine.shot_input import ShotInput, check_shot, check_varied
-from billiards_env.engine.shots import STATUS, Shots, empty_shots
+from billiards_env.engine.shots import STATUS, Shots, empty_shots, start_fields
 from billiards_env.engine.threads import parallel_for
 from billiards_env.scene import Scene, check_scene
 from billiards_env.shots.derivatives import Differentiable
-from billiards_env.shots.result import ShotResult, read_log
+from billiards_env.shots.result import ShotResult, outcome_of, read_log
 from billiards_env.shots.strikes import Strike
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def simulate(
         raise ValueError(f"positions has shape {positions.shape}: expected ({scene.n_balls}, 2), one row per ball")
     checked = check_shot(scene, positions, *_motion(velocities, spins), in_play, max_time)
     if isinstance(velocities, Strike):
-        strike_frozen(scene, scene_fields(scene), tuple(array[None] for array in checked[:4]))
+        strike_frozen(scene, scene_fields(scene), checked.as_batch())
     return run_shot(scene, checked, engine, record, max_events)
 
 
@@ -129,48 +129,28 @@ def run_shot(
     room = 256 if record else 0
     while True:
         log, shots = empty_log(room, 4 * room), empty_shots(1, n)
-        for out, array in zip(shots, shot[:4], strict=False):
-            out[0] = array
+        for out, start in zip(start_fields(shots), start_fields(shot), strict=True):
+            out[0] = start
         run_shots(0, 1, arrays, shot.limit, max_events, tuple(shots), tuple(log))
         if not record or (log.used[:2] <= (len(log.events), len(log.segments))).all():
             break
         room = max(4 * room, int(max(log.used[:2])))  # the log was too small: the shot runs again
-    return ShotResult(
-        positions=shots.positions[0],
-        velocities=shots.velocities[0],
-        spins=shots.spins[0],
-        potted=~shots.in_play[0],
-        time=shots.time.item(),
-        n_events=shots.n_events.item(),
-        status=STATUS[shots.status[0]],
-        first_hit=shots.first_hit.item(),
-        cushions=shots.cushions[0],
-        cushions_before_hit=shots.cushions_before_hit[0],
-        n_contact_rule=shots.n_contact_rule.item(),
-        **(read_log(log, scene, engine) if record else {}),
-        _arguments=(shot, engine, max_events) if record else None,
-    )
+    outcome: dict[str, Any] = {
+        name: array.item() if array.ndim == 1 else array[0] for name, array in outcome_of(shots).items()
+    }
+    if record:
+        outcome |= {**read_log(log, scene, engine), "_arguments": (shot, engine, max_events)}
+    return ShotResult(**outcome)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class BatchResult(Differentiable):
-    """The outcome of m shots: the fields of `ShotResult` with a leading axis.
+    """The outcome of m shots: the fields that each `ShotResult` has, with a leading axis.
 
     `len(batch)` is m. `batch[i]` runs shot i again with `record=True` and returns its `ShotResult`. The arrays share
     one block of memory. To keep one field and free the others, copy it.
 
-    Attributes:
-        positions: (m, n, 2) float64, m.
-        velocities: (m, n, 2) float64, m/s.
-        spins: (m, n, 3) float64, rad/s.
-        potted: (m, n) bool.
-        time: (m,) float64, s.
-        cushions: (m, n) int32.
-        cushions_before_hit: (m, n) int32.
-        n_events: (m,) int64.
-        status: (m,) array of str, as in `ShotResult`.
-        first_hit: (m,) int64.
-        n_contact_rule: (m,) int64.
+    `ShotResult` describes the fields. Those of balls are (m, n, ...), and the others (m,). `status` is an array of str.
     """
 
     positions: NDArray[np.float64]
@@ -178,12 +158,17 @@ class BatchResult(Differentiable):
     spins: NDArray[np.float64]
     potted: NDArray[np.bool_]
     time: NDArray[np.float64]
-    cushions: NDArray[np.int32]
-    cushions_before_hit: NDArray[np.int32]
     n_events: NDArray[np.int64]
     status: NDArray[Any]
     first_hit: NDArray[np.int64]
+    cushions: NDArray[np.int32]
+    cushions_before_hit: NDArray[np.int32]
     n_contact_rule: NDArray[np.int64]
+    pockets: NDArray[np.int32]
+    pot_order: NDArray[np.int32]
+    touched_first: NDArray[np.bool_]
+    first_hit_time: NDArray[np.float64]
+    cue: NDArray[np.int64]
     _arguments: tuple[Scene, tuple[NDArray[Any] | None, ...], dict[str, Any]]  # of `simulate`, with a leading axis
     _engine: Engine = PIC
     _varied: Varied = dataclasses.field(default_factory=dict)
@@ -300,7 +285,7 @@ def simulate_batch(
     playing = None if in_play is None else np.broadcast_to(np.array(in_play), shots.in_play.shape)
     run_shots, plain = run_shots_of(engine, scene.n_balls), tuple(shots)
     arrays = varied_fields(scene, engine, varied, m)
-    if isinstance(velocities, Strike) and strike_frozen(scene, arrays, plain[:4], end=m):
+    if isinstance(velocities, Strike) and strike_frozen(scene, arrays, start_fields(plain), end=m):
         moving, turning = shots.velocities.copy(), shots.spins.copy()
     parts = None
     if record:
@@ -309,11 +294,10 @@ def simulate_batch(
         )
     else:
         parallel_for(lambda begin, end: run_shots(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
-    outcome = shots._asdict() | {"status": np.array(STATUS, dtype=object)[shots.status]}
     settings = {"max_time": max_time, "max_events": max_events}
     arguments = scene, (positions, moving, turning, playing), settings
-    potted = ~outcome.pop("in_play")
-    return BatchResult(potted=potted, _arguments=arguments, _engine=engine, _varied=varied, _parts=parts, **outcome)
+    common = {"_arguments": arguments, "_engine": engine, "_varied": varied, "_parts": parts}
+    return BatchResult(**outcome_of(shots), **common)
 
 
 _FIRST_SHOTS = 64  # shots that are recorded first, to find the room that the others need
@@ -327,7 +311,7 @@ def _run_recorded(run: Callable[..., None], shots: Shots, threads: int | None) -
     from billiards_env.shots.gradients import Part
 
     m, n = shots.in_play.shape
-    start = [array.copy() for array in shots[:4]]
+    start = [array.copy() for array in start_fields(shots)]
     parts: list[Part] = []
     events_of_shot = 0.0  # a mean
 
@@ -345,7 +329,7 @@ def _run_recorded(run: Callable[..., None], shots: Shots, threads: int | None) -
                 bounds = bounds[: done - begin + 1]
                 n_events, n_segments = bounds[-1]
                 parts.append(Part(begin, done, log.events[:n_events], log.segments[:n_segments], bounds))
-            for array, initial in zip(shots, start, strict=False):
+            for array, initial in zip(start_fields(shots), start, strict=True):
                 array[done:until] = initial[done:until]
             begin = done
 

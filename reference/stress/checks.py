@@ -27,7 +27,7 @@ from billiards_env.engine.log import (
 )
 from billiards_env.engine.pic import run_shots
 from billiards_env.engine.shot_input import check_shot
-from billiards_env.engine.shots import Shots, empty_shots
+from billiards_env.engine.shots import Shots, empty_shots, start_fields
 from billiards_env.jit import allocating, allocating_entry_point, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
@@ -274,20 +274,20 @@ def check_shots(
         max_events: As in `simulate`.
         log_rows: The number of events that the log holds; a shot with more is run again with a larger log.
     """
-    shot_input = check_shot(scene, positions, velocities, spins, None, max_time)
-    m, n = shot_input.positions.shape[:2]
-    shots = Shots(*shot_input[:4], *empty_shots(m, n)[4:])
+    m, n = positions.shape[:2]
+    shots = empty_shots(m, n)
+    limit = check_shot(scene, positions, velocities, spins, None, max_time, into=shots).limit
     findings = np.zeros((m, N_FINDINGS))
     arrays = scene_fields(scene)
     log = empty_log(log_rows, 2 * log_rows + n)
-    start = [array.copy() for array in shot_input[:4]]
-    _run_checked(arrays, shot_input.limit, max_events, tuple(shots), tuple(log), findings)
+    start = [array.copy() for array in start_fields(shots)]
+    _run_checked(arrays, limit, max_events, tuple(shots), tuple(log), findings)
     for k in np.flatnonzero(findings[:, FULL]):
         rows = int(shots.n_events[k])
         log = empty_log(rows, 2 * rows + n)
         findings[k] = 0.0
         one = slice(k, k + 1)
-        again = *(array[one] for array in start), *(array[one] for array in shots[4:])
-        _run_checked(arrays, shot_input.limit, max_events, again, tuple(log), findings[one])
+        again = tuple(array[one] for array in (*start, *shots[len(start) :]))
+        _run_checked(arrays, limit, max_events, again, tuple(log), findings[one])
     heaviest = max(m for m in scene.balls.mass if math.isfinite(m))
     return Checked(shots, findings, 0.5 * heaviest * (1.5 * scene_arrays(scene).numbers.weak_speed) ** 2)

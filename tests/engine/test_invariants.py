@@ -206,6 +206,11 @@ def test_a_record_is_complete_and_in_order(engine, seed):
     bounces, before = np.cumsum((kind == "cushion") & (ball == 0)), np.full(len(places), -1)
     before[other[hits[::-1]]] = bounces[hits[::-1]]  # the first hit of each ball
     assert shot.cushions_before_hit.tolist() == before.tolist()
+    first = shot.events["time"][hits] == shot.first_hit_time
+    assert shot.first_hit_time == (shot.events["time"][hits[0]] if len(hits) else math.inf)
+    assert np.flatnonzero(shot.touched_first).tolist() == sorted(set(other[hits[first]].tolist()))
+    assert shot.pots == tuple(shot.events[kind == "pocket"][["ball", "other"]].tolist())
+    assert (shot.pot_order >= 0).tolist() == (shot.pockets >= 0).tolist() == shot.potted.tolist()
     assert (shot.n_contact_rule > 0) == shot.events["rule"].any() <= (engine == "pic")
 
 

@@ -39,6 +39,7 @@ def test_the_arrays_of_shots_have_one_entry_for_each_ball(m, n):
     """NumPy 1.26 reads the type ("?", 1) as a scalar."""
     of_balls = {"positions": (2,), "velocities": (2,), "spins": (3,)}
     of_balls |= dict.fromkeys(("in_play", "cushions", "cushions_before_hit"), ())
+    of_balls |= dict.fromkeys(("pockets", "pot_order", "touched_first"), ())
     for name, array in zip(Shots._fields, empty_shots(m, n), strict=True):
         assert array.shape == ((m, n, *of_balls[name]) if name in of_balls else (m,)), name
 
@@ -54,9 +55,9 @@ def test_the_check_by_cells_finds_the_overlaps_that_the_check_of_all_pairs_finds
         in_play = rng.random((m, n)) < rng.choice([0.2, 0.5])
         positions[~in_play] *= 100.0
         message = first_overlap(scene, positions, in_play)
-        motion = np.zeros((m, n, 2)), np.zeros((m, n, 3))
+        starts = positions, np.zeros((m, n, 2)), np.zeros((m, n, 3)), in_play, np.zeros(m, np.int64)
         for check in (is_valid_fast, is_valid_fast_of_many):
-            assert check(0, m, scene_fields(scene), positions, *motion, in_play) == (message is None)
+            assert check(0, m, scene_fields(scene), starts) == (message is None)
         if message is None:
             check_positions(scene, positions, in_play=in_play)
         else:

@@ -31,9 +31,10 @@ def judged(kernel, targets, goal_radius=0.0, **arrays: Any):
 def one(task, **changes: Any):
     """Returns the result of the last of three shots. The other two shots have different values."""
     shot = {**SAMPLE, **changes}
-    goals, before, after = np.full((3, 1, 2), 9.0), np.ones((3, 3), np.bool_), np.zeros((3, 3), np.bool_)
+    goals, pockets, after = np.full((3, 1, 2), 9.0), np.full((3, 3), 7), np.zeros((3, 3), np.bool_)
     cushions, before_hit, positions = np.full((3, 3), 7), np.full((3, 3), 7), np.full((3, 3, 2), 5.0)
-    goals[2, 0], before[2], after[2], positions[2, 0] = GOAL, balls(shot["before"]), balls(shot["after"]), shot["cue"]
+    goals[2, 0], after[2], positions[2, 0] = GOAL, balls(shot["after"]), shot["cue"]
+    pockets[2] = np.where(after[2] & ~balls(shot["before"]), 4, -1)
     cushions[2], before_hit[2] = shot["cushions"], shot["before_hit"]
     return judged(
         task,
@@ -41,11 +42,14 @@ def one(task, **changes: Any):
         {tasks.judge_place: PLACE, tasks.judge_position: POSITION}.get(task, 0.0),
         positions=positions,
         goals=goals,
-        potted_before=before,
         potted=after,
+        cue=np.zeros(3, np.int64),
         cushions=cushions,
         cushions_before_hit=before_hit,
         first_hit=np.array([1, 1, -1]),
+        pockets=pockets,
+        pot_order=pockets,
+        touched_first=pockets > 0,
     )
 
 
@@ -161,25 +165,30 @@ def test_the_points_of_a_shot(judge, shot, result):
 def run_out(task, before=(), potted=(), first=1, cushion=5, **fields):
     """Returns the result of a shot of a run-out, and the legal balls after it.
 
-    `first` is the ball that is touched first, and `cushion` the ball that touches a cushion after that; -1 for none.
+    `potted` are the balls in the order in which they are potted. `first` is the ball that is touched first, and
+    `cushion` the ball that touches a cushion after that; -1 for none.
     `fields` are fields of the state before the shot.
     """
     n = RUN_OUTS[task] + 1
-    was, off, legal = (np.zeros((1, n), np.bool_) for _ in range(3))
-    was[0, list(before)] = off[0, list(before)] = off[0, list(potted)] = True
-    cushions, before_hit = np.zeros((1, n), np.int32), np.full((1, n), -1)
+    off, legal, touched_first = (np.zeros((1, n), np.bool_) for _ in range(3))
+    off[0, [*before, *potted]] = True
+    cushions, before_hit, pot_order = np.zeros((1, n), np.int32), np.full((1, n), -1), np.full((1, n), -1)
+    pot_order[0, list(potted)] = range(len(potted))
     if cushion >= 0:
         cushions[0, cushion] = 1
     if first >= 0:
-        before_hit[0, first] = 0
+        before_hit[0, first], touched_first[0, first] = 0, True
     result = judged(
         tasks.TASKS[task].judge,
         np.zeros(n, np.bool_),
-        potted_before=was,
         potted=off,
+        cue=np.zeros(1, np.int64),
         cushions=cushions,
         cushions_before_hit=before_hit,
         first_hit=np.array([first]),
+        pockets=pot_order,
+        pot_order=pot_order,
+        touched_first=touched_first,
         states=np.array([state(task, on_table=set(range(n)) - {*before}, **fields)], STATE),
         legal_balls=legal,
     )
@@ -215,7 +224,8 @@ EIGHT_BALL = [
     ({"break_shot": True, "potted": [8]}, (0, True, False), ALL - {8}),
     # An open table
     ({"potted": [11], "first": 2}, (1, False, False), STRIPES - {11}),
-    ({"potted": [2, 3, 11], "first": 11}, (1, False, False), STRIPES - {11}),
+    ({"potted": [11, 2, 3], "first": 2}, (1, False, False), STRIPES - {11}),  # the group of the ball potted first
+    ({"potted": [2, 11, 3], "first": 11}, (2, False, False), SOLIDS - {2, 3}),
     ({"potted": [2], "first": 8}, (0, True, False), ALL - {2, 8}),  # a foul decides no group
     ({}, (0, True, False), ALL - {8}),
     # A group

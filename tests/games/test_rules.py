@@ -1,4 +1,4 @@
-"""The rules of pool and carom, case by case, on constructed events. Numbers are rules of the WPA."""
+"""The rules of pool and carom, case by case, on constructed shots. Numbers are rules of the WPA."""
 
 from typing import Any
 
@@ -6,8 +6,8 @@ import pytest
 
 from billiards_env import Scene, simulate
 from billiards_env.games import Call
-from billiards_env.games.facts import facts_of, pots_of
-from tests.helpers.games import judge, log_of, ruling, setup, state, words
+from billiards_env.games.facts import facts_of, facts_of_shots
+from tests.helpers.games import judge, record_of, ruling, setup, state, words
 
 SOLIDS, STRIPES = set(range(1, 8)), set(range(9, 16))
 ANYWHERE: dict[str, Any] = {"in_hand": "anywhere"}
@@ -18,7 +18,7 @@ def judged(rules, fields, log, *call):
     return judge(rules, state(rules, **fields), log, *call)[1]
 
 
-# facts_of
+# Facts
 
 
 FACTS = [
@@ -41,28 +41,24 @@ FACTS = [
 
 @pytest.mark.parametrize(("log", "expected"), FACTS)
 def test_facts(log, expected):
-    facts = words(facts_of(log_of(log)))
+    facts = words(facts_of_shots(record_of(log))[0])
     assert {name: getattr(facts, name) for name in expected} == expected
 
 
-def test_the_pots_of_a_shot_are_in_order():
-    assert pots_of(log_of("hit 0 1, pocket 7 2, pocket 0 4")) == ((7, 2), (0, 4))
-
-
 def test_balls_touched_at_the_same_instant_are_all_first():
-    assert words(facts_of(log_of("hit 0 4, hit 0 2, hit 0 7", times=[1.0, 1.0, 1.5]))).first == (2, 4)
+    shot = record_of("hit 0 4, hit 0 2, hit 0 7", times=[1.0, 1.0, 1.5])
+    assert words(facts_of_shots(shot)[0]).first == (2, 4)
 
 
 def test_the_cue_ball_may_have_another_number():
-    facts = words(facts_of(log_of("cushion 2, hit 0 2, cushion 0, hit 1 2"), 2))
+    facts = words(facts_of_shots(record_of("cushion 2, hit 0 2, cushion 0, hit 1 2", cue=2))[0])
     assert (facts.first, facts.touched, facts.cushions_before_last) == ((0,), 2, 1)
     assert (facts.cushion_after, facts.driven, facts.cue_driven) == (True, (0,), True)
 
 
 def test_facts_of_a_real_shot():
-    shot = simulate(Scene.named("pool"), [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45], record=True)
-    assert shot.events is not None
-    facts = words(facts_of(shot.events))
+    shot = simulate(Scene.named("pool"), [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45])
+    facts = words(facts_of(shot))
     assert facts.first == (shot.first_hit,) == (1,)
     assert (facts.potted, facts.cushion_after) == ((1,), True)
 
@@ -133,7 +129,7 @@ def test_fouls(rules, fields, log, foul):
 
 
 def test_a_split_hit_counts_as_the_legal_ball_first():
-    log = log_of("hit 0 2, hit 0 1, cushion 1", times=[1.0, 1.0, 2.0])
+    log = record_of("hit 0 2, hit 0 1, cushion 1", times=[1.0, 1.0, 2.0])
     assert judged("nine_ball", {}, log).foul == ""
     assert judged("nine_ball", {"on_table": (3, 9)}, log).foul == "wrong_ball"
 

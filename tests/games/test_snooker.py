@@ -11,7 +11,7 @@ from billiards_env.games.placement import SPOT_GAP, cue_ball_point, placement_ar
 from billiards_env.games.snooker import is_snookered, points_left
 from billiards_env.games.state import changed, set_of
 from billiards_env.scene.layouts import layout_plan
-from tests.helpers.games import judge, log_of, ruling, state, words
+from tests.helpers.games import judge, record_of, ruling, state, words
 
 YELLOW, GREEN, BROWN, BLUE, PINK, BLACK = range(16, 22)
 COLOURS = tuple(range(16, 22))
@@ -166,7 +166,7 @@ def test_the_colour_that_is_on_is_spotted_after_a_foul(fields):  # 3.7
 
 def test_balls_touched_at_the_same_instant():  # 3.6
     def both(a, b):
-        return log_of(f"hit 0 {a}, hit 0 {b}", times=[1.0, 1.0])
+        return record_of(f"hit 0 {a}, hit 0 {b}", times=[1.0, 1.0])
 
     assert snooker(frame(), both(1, 2)).foul == ""
     assert snooker(frame(), both(1, PINK)) == ruling("wrong_ball", penalty=6, choices=("hand_back",))

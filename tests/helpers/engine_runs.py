@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from billiards_env.engine import PIC, Engine, Shots, empty_shots, pic, scene_fields
+from billiards_env.engine import PIC, Engine, empty_shots, pic, scene_fields
 from billiards_env.engine.log import empty_log
 from billiards_env.engine.shot_input import check_shot
 from reference import plain
@@ -15,13 +15,12 @@ MAX_EVENTS = 20_000  # of a shot; `reference.plain` needs too long for more
 def run(run_shots, shots, record=False, max_time=None, max_events=MAX_EVENTS, dt=None, fix=None):
     """Returns the arrays of all shots and the arrays of the log of the last shot."""
     scene, positions, velocities, spins = shots
-    shot_input = check_shot(scene, positions, velocities, spins, None, max_time)
-    m, n = shot_input.positions.shape[:2]
-    shots = Shots(*shot_input[:4], *empty_shots(m, n)[4:])
+    shots = empty_shots(*np.shape(positions)[:2])
+    limit = check_shot(scene, positions, velocities, spins, None, max_time, into=shots).limit
     log = empty_log(LOG_EVENTS, 4 * LOG_EVENTS) if record else empty_log()
     log.events[:], log.segments[:] = 0.0, 0.0
     fields = scene_fields(scene, PIC if dt is None else Engine("pit", dt, fix))
-    run_shots(0, m, fields, shot_input.limit, max_events, tuple(shots), tuple(log))
+    run_shots(0, len(shots.time), fields, limit, max_events, tuple(shots), tuple(log))
     return [*shots, *log]
 
 

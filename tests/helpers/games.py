@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from billiards_env import Scene
-from billiards_env.engine.log import EVENT_DTYPE
+from billiards_env.engine import empty_shots
 from billiards_env.games import CALLS, GAMES, IN_HAND, NO_CALL, Call, Setup, referee, to_dict
-from billiards_env.games.facts import facts_of, pots_of
+from billiards_env.games.facts import facts_of_shots
 from billiards_env.games.game import History, Stroke, custom_opening, opening, play
 from billiards_env.games.state import CALL, FACTS, STATE, Called, changed, row, set_of
 
@@ -43,15 +43,30 @@ def random_game(settings, seed, shots=400):
     return History(settings, start, tuple(strokes)), log
 
 
-def log_of(text, times=None):
-    """Returns the events of a text such as "hit 0 1, cushion 1, pocket 1 5", one second apart or at the given times."""
-    events = [event.split() for event in text.split(",") if event]
-    log = np.zeros(len(events), EVENT_DTYPE)
-    log["time"] = np.arange(len(events)) if times is None else times
-    for event, (kind, ball, *other) in zip(log, events, strict=True):
-        event["kind"], event["ball"] = "ball_ball" if kind == "hit" else kind, int(ball)
-        event["other"] = int(other[0]) if other else 0
-    return log
+def record_of(text, times=None, cue=0):
+    """Returns the records of a shot, `Shots` with m = 1, from its events.
+
+    The text is such as "hit 0 1, cushion 1, pocket 1 5". The events are one second apart or at the given times.
+    """
+    shots = empty_shots(1, 1 + max(game.n_object_balls[1] for game in GAMES.values()))
+    shots.cue[0], shots.first_hit[0], shots.first_hit_time[0] = cue, -1, np.inf
+    shots.cushions[0], shots.touched_first[0] = 0, False
+    shots.cushions_before_hit[0] = shots.pockets[0] = shots.pot_order[0] = -1
+    for second, event in enumerate(event.split() for event in text.split(",") if event):
+        kind, ball, other = event[0], int(event[1]), int((*event, 0)[2])
+        time = second if times is None else times[second]
+        if kind == "cushion":
+            shots.cushions[0, ball] += 1
+        elif kind == "pocket":
+            shots.pot_order[0, ball], shots.pockets[0, ball] = shots.pot_order.max() + 1, other
+        elif kind == "hit" and cue in (ball, other):
+            hit = ball + other - cue
+            if shots.first_hit[0] < 0:
+                shots.first_hit[0], shots.first_hit_time[0] = hit, time
+            if shots.cushions_before_hit[0, hit] < 0:
+                shots.cushions_before_hit[0, hit] = shots.cushions[0, cue]
+                shots.touched_first[0, hit] = time == shots.first_hit_time[0]
+    return shots
 
 
 def words(row):
@@ -76,10 +91,11 @@ def state(rules, *, on_table=None, players=2, **fields):
 
 
 def judge(rules, before, log, call=NO_CALL):
-    """Returns the state before the next shot and the ruling on a shot, in words, from its events, see `log_of`."""
-    log = log_of(log) if isinstance(log, str) else log
-    called = row(Called(call.ball, CALLS.index(call.kind), (call.ball, call.pocket) in pots_of(log)))
-    rows = (before, STATE), (facts_of(log, int(before.cue_balls[0])), FACTS), (called, CALL)
+    """Returns the state before the next shot and the ruling on a shot, in words, from its events, see `record_of`."""
+    record = record_of(log, cue=int(before.cue_balls[0])) if isinstance(log, str) else log
+    made = call.ball >= 0 and record.pockets[0, call.ball] == call.pocket >= 0
+    called = row(Called(call.ball, CALLS.index(call.kind), made))
+    rows = (before, STATE), (facts_of_shots(record)[0], FACTS), (called, CALL)
     (after,), (verdict,) = referee.judge_shots(rules, *(np.array([one], kind) for one, kind in rows))
     set_by_rules = {name: to_dict(after)[name] for name in FOLLOWING}
     return after, SimpleNamespace(**to_dict(verdict), **set_by_rules)

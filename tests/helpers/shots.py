@@ -24,8 +24,11 @@ SLIDING = {"motion": "sliding", "e_ball": 1.0}
 MOTIONS = {"ideal": FREE, "rolling": ROLLING, "sliding": SLIDING}
 OUTLINE_LAWS = {**MOTIONS, "plastic": {**ROLLING, "e_cushion": 0.0}}
 SQUARE = Table(64.0, 64.0)
-BALL_ARRAYS = ("positions", "velocities", "spins", "potted", "cushions", "cushions_before_hit")
-SCALARS = ("time", "n_events", "first_hit", "n_contact_rule")
+BALL_ARRAYS = (
+    *("positions", "velocities", "spins", "potted", "cushions", "cushions_before_hit"),
+    *("pockets", "pot_order", "touched_first"),
+)
+SCALARS = ("time", "n_events", "first_hit", "first_hit_time", "n_contact_rule", "cue")
 
 DTS = (1 / 15, 1 / 30, 1 / 60, 1 / 240)
 LAWS = ("ideal", "pool", "uk_pool")
