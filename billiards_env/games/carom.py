@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 
-from billiards_env.games.entry import Game
+from billiards_env.games.entry import Game, no_spots
 from billiards_env.games.state import end, verdict
 from billiards_env.jit import inlined
 
@@ -68,6 +68,7 @@ _CAROM = functools.partial(
     cue_balls=(0, 2),
     target=10,
     pockets=False,
+    spot=no_spots,
 )
 GAMES = (
     _CAROM("carom", carom, page=(("to win", "score the target"), _POINT)),

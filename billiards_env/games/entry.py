@@ -5,11 +5,31 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from billiards_env.games.state import MOST_PLAYERS
+from billiards_env.games.placement import spot_at_foot
+from billiards_env.games.state import MOST_PLAYERS, NOT_IN_HAND
+from billiards_env.jit import inlined
 from billiards_env.physics.state import CUE_BALL
 
 Kernel = Callable[..., Any]
 Page = tuple[tuple[str, str], ...]
+
+
+@inlined
+def no_spots(table, positions, balls, others, cue):
+    """Is `Game.spot` of a game in which no ball returns to the table."""
+    return -1
+
+
+@inlined
+def no_rack(table, positions, others, cue):
+    """Is `Game.rack` of a game that has a single rack."""
+    return NOT_IN_HAND
+
+
+@inlined
+def no_free_ball(table, positions, state, on):
+    """Is `Game.free_ball` of a game without free balls."""
+    return False
 
 
 class Game(NamedTuple):
@@ -41,8 +61,10 @@ class Game(NamedTuple):
         cushions: The cushion contacts that the cue ball needs before the last ball of a carom.
         sure_pot: For players: the expected points of a turn with a sure pot, in a game that is won by points.
         most_points: Function of the number of object balls. Returns the most points of a rack.
-        free_ball: Function `(scene, positions, state, on)`. Returns whether a foul gives the next player a free ball,
-            where `on` are the balls on; None for a game without free balls.
+        spot: Kernel `(table, positions, balls, others, cue)`, see `placement.spot_at_foot`.
+        rack: Kernel `(table, positions, others, cue)`, see `placement.rack_again`.
+        free_ball: Kernel `(table, positions, state, on)`, see `snooker.is_snookered`. Returns whether a foul gives the
+            next player a free ball.
     """
 
     name: str
@@ -67,4 +89,6 @@ class Game(NamedTuple):
     cushions: int = 0
     sure_pot: float = 1.0
     most_points: Callable[[int], int] = int
-    free_ball: Callable[..., bool] | None = None
+    spot: Kernel = spot_at_foot
+    rack: Kernel = no_rack
+    free_ball: Kernel = no_free_ball

@@ -19,18 +19,16 @@ from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.games.entry import Game
 from billiards_env.games.facts import facts_of
-from billiards_env.games.placement import Point, cue_ball_point, rack_again, spot_at_foot, spot_colours
-from billiards_env.games.referee import GAMES, callable_balls, first_state, judge_shots, legal_balls
+from billiards_env.games.placement import cue_ball_point
+from billiards_env.games.referee import GAMES, callable_balls, first_state, legal_balls
 from billiards_env.games.state import (
     CALL,
     CALLS,
     FACTS,
     IN_HAND,
     MOST_PLAYERS,
-    NO_FOUL,
     NOT_IN_HAND,
     REPLACE,
-    RERACK_REST,
     STATE,
     Called,
     Facts,
@@ -44,7 +42,9 @@ from billiards_env.games.state import (
     set_of,
     to_dict,
 )
+from billiards_env.games.transition import call_without_shots, next_games, table_of
 from billiards_env.scene import Scene, check_positions, check_scene, layouts
+from billiards_env.scene.outline import Point
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
 
@@ -129,8 +129,7 @@ class Setup:
         else:
             target = rules.target if self.target is None else self.target
             object.__setattr__(self, "target", integer("target", target, Range(0, MAX_SCORE)))
-        if rules.has_spots:
-            layouts.layout_plan(rules.layouts[0], self.scene)  # raises if the scene has no spots
+        table_of(rules, self.scene, self.target or 0)  # raises if the scene has no spots or no rack
         for name, possible in (("call_shot", rules.callable is not None), ("miss", "replace" in rules.choices)):
             what = f"{name} = True with rules {self.rules!r}"
             _expect(possible or not flag(name, getattr(self, name)), what, "False, the game has no such rule")
@@ -385,40 +384,17 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
     facts, call = facts_of(shot), stroke.call
     called = row(Called(call.ball, CALLS.index(call.kind), (call.ball, call.pocket) in shot.pots))
     shots = (np.array([one], kind) for one, kind in ((state, STATE), (facts, FACTS), (called, CALL)))
-    (following,), (verdict,) = judge_shots(setup.rules, *shots)
-    return PlayedShot(_after_shot(setup, game, shot, following, facts, verdict), shot_input, shot, facts, verdict)
-
-
-def _after_shot(setup: Setup, game: GameState, shot: ShotResult, state: Any, facts: Any, verdict: Any) -> GameState:
-    """Returns the game before the next shot, with the balls spotted or racked in the positions after a shot."""
-    scene, rules, cue, positions = setup.scene, setup.game_rules, int(game.state.cue_balls[0]), shot.positions.copy()
-    spotted = members(verdict.spotted)
-    lying = set(members(game.state.object_balls & ~facts.potted))
-    obstacles = lying if state.in_hand else {*lying, cue}  # a cue ball in hand does not block a spot
-    if rules.has_spots:
-        spot_colours(scene, positions, obstacles, spotted)
-    else:
-        spot_at_foot(scene, positions, obstacles, spotted, cue)
-    if verdict.rack:
-        rest = verdict.rack == RERACK_REST
-        in_hand = rack_again(scene, positions, {*lying, cue} if rest else {cue}, cue)
-        state.in_hand = in_hand if rest else state.in_hand
-    if rules.free_ball and verdict.foul != NO_FOUL and not state.over:
-        on = legal_balls(setup.rules, *_asked(state, None))[0]
-        state.free_ball = rules.free_ball(scene, positions, state, on)
-    replaceable = state.choices >> REPLACE & 1
-    return GameState(positions, state, game._replace(before=None) if replaceable else None)
+    (positions,), (following,), (verdict,) = next_games(setup.game_rules, scene, shot.positions[None], *shots)
+    before = game._replace(before=None) if following.choices >> REPLACE & 1 else None
+    return PlayedShot(GameState(positions, following, before), shot_input, shot, facts, verdict)
 
 
 def _without_shot(game: GameState, call: Call) -> GameState:
     """Returns the state after a player has played no shot, by the call "hand_back" or "replace"."""
-    state = game.state
-    if call.kind == "hand_back":
-        previous = (state.player - 1) % state.n_players
-        return GameState(game.positions, changed(state, player=previous, choices=0, free_ball=False))
-    assert game.before is not None
-    positions, before, _ = game.before
-    return GameState(positions, changed(before, scores=state.scores, fouls=state.fouls, choices=0))
+    now, before = ((one.positions[None].copy(), np.array([one.state], STATE)) for one in (game, game.before or game))
+    call_without_shots(np.array([row(Called(kind=CALLS.index(call.kind)))], CALL), *now, before)
+    (positions,), (state,) = now
+    return GameState(positions, state)
 
 
 def _check_stroke(setup: Setup, state: Any, stroke: Stroke) -> None:

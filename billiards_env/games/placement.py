@@ -4,251 +4,472 @@ A placed ball keeps a gap of at least `MARGIN` to other balls, cushions and pock
 snooker. A spotted ball of pool may touch object balls. The computation uses only `+ - * /` and `sqrt` of doubles, so a
 point has the same bits on every machine.
 
-`scene` is the scene, and `positions` are those of all its balls, (n, 2) m. A function that finds no room on the table
-raises a ValueError.
+The kernels read `table`, a `PlacementNumbers`, and change `positions`, those of all balls of one game, (n, 2) m. Sets
+of balls are bit masks. A kernel that finds no room on the table returns a flag, and the functions that Python calls
+then raise the ValueError `no_room`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Container, Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.games.state import BEHIND, NOT_IN_HAND, members
+from billiards_env.engine.compile import cached_by_scene
+from billiards_env.games.state import BEHIND, NOT_IN_HAND, STATE
+from billiards_env.jit import entry_point, inlined, kernel
+from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
 from billiards_env.scene import CONTACT_GAP, Scene, layouts
 from billiards_env.scene.layouts import MARGIN
-from billiards_env.scene.outline import Circle, Point, circle_intersections
+from billiards_env.scene.outline import Point
 
 SPOT_GAP = 1e-5
 """m. Smallest gap between a colour on a spot of snooker and other balls, which it must not touch."""
 
-_SLACK = CONTACT_GAP / 2
+SLACK = CONTACT_GAP / 2
 """m. Tolerance for points on the boundary of the free area; rounding errors are far smaller."""
 
 
-def obstacles(
-    scene: Scene,
-    positions: NDArray[Any],
-    ball: int,
-    others: Iterable[int],
-    gap: float = MARGIN,
-    touchable: Container[int] = (),
-) -> list[Circle]:
-    """Returns the circles (x, y, radius), m, that the centre of a ball must not enter.
+class PlacementNumbers(NamedTuple):
+    """The table and the n balls of a game.
 
-    There is one for each of the `others` on the table and for each pocket. `gap` is the smallest gap, m; there is none
-    to balls that are `touchable`.
+    Attributes:
+        radius: (n,) float64, m.
+        touching: (n, n) float64, m: the distances of the centres of balls that touch.
+        pockets: (k, 3) float64: x, y, radius, m.
+        half_length: Half the length of the table, m.
+        half_width: m.
+        head_x: x of the head string, m.
+        foot_x: x of the foot spot, m.
+        d_radius: Radius of the D, m; 0 for a table without a D.
+        spots: (n, 2) float64, m: the spots of the balls in a layout, the rack of straight pool or the spots of snooker;
+            (0, 2) without a layout.
     """
-    radius, touching = scene.balls.radius, scene.balls.contact_distances(ball).tolist()
-    reach = [touching[i] if i in touchable else radius[i] + radius[ball] + gap for i in range(scene.n_balls)]
-    circles = [(*positions[i].tolist(), reach[i]) for i in sorted(others)]
-    return circles + [(p.x, p.y, p.radius + gap) for p in scene.table.pockets]
+
+    radius: Any
+    touching: Any
+    pockets: Any
+    half_length: float
+    half_width: float
+    head_x: float
+    foot_x: float
+    d_radius: float
+    spots: Any
 
 
-def placement_area(scene: Scene, ball: int, behind: bool = False) -> tuple[float, float, float, float]:
+@cached_by_scene
+def placement_numbers(scene: Scene, layout: str) -> tuple[Any, ...]:
+    """Returns the `PlacementNumbers` of a scene and a layout, "" for none, as the argument `table` of an entry point.
+
+    It is a plain tuple, which numba unpacks faster than a NamedTuple. The same arguments return the same tuple.
+
+    Raises:
+        ValueError: If the layout does not suit the scene's balls.
+    """
+    table, balls = scene.table, np.arange(scene.n_balls)
+    numbers = PlacementNumbers(
+        radius=np.array(scene.balls.radius),
+        touching=scene.balls.contact_distances(balls[:, None]),
+        pockets=np.array([(p.x, p.y, p.radius) for p in table.pockets]).reshape(-1, 3),
+        half_length=table.length / 2,
+        half_width=table.width / 2,
+        head_x=table.head_x,
+        foot_x=table.foot_x,
+        d_radius=table.d_radius,
+        spots=np.array(layouts.layout_plan(layout, scene).spots) if layout else np.empty((0, 2)),
+    )
+    return tuple(numbers)
+
+
+class Area(NamedTuple):
+    """The rectangle in which the centre of a ball may be placed, m.
+
+    Attributes:
+        x_low: Smallest x.
+        x_high: Largest x.
+        y_low: Smallest y.
+        y_high: Largest y.
+        d_radius: Radius of a circle around (x_high, 0) that the centre must not leave, the D; infinite without a D.
+    """
+
+    x_low: float
+    x_high: float
+    y_low: float
+    y_high: float
+    d_radius: float
+
+
+class Obstacles(NamedTuple):
+    """The circles that the centre of a ball must not enter: one around each of the other balls and one in each pocket.
+
+    Attributes:
+        table: The `PlacementNumbers`.
+        positions: (n, 2) m.
+        ball: The ball.
+        others: The other balls on the table.
+        touchable: The balls that the ball may touch.
+        gap: The smallest gap to pockets and to the other balls, m.
+    """
+
+    table: Any
+    positions: Any
+    ball: int
+    others: int
+    touchable: int
+    gap: float
+
+
+class Nearest(NamedTuple):
+    """The nearest free point of those tried so far: x and y, m, and the square of its distance, infinite for none."""
+
+    x: float
+    y: float
+    square: float
+
+
+@inlined
+def area_of(table, ball, behind):
+    """Returns the `Area` in which a ball may be placed on the table or, if `behind`, behind the head string.
+
+    Behind the head string of a table with a D it is the D.
+    """
+    x = table.half_length - table.radius[ball] - MARGIN
+    y = table.half_width - table.radius[ball] - MARGIN
+    head, d = table.head_x, table.d_radius
+    if behind and d > 0.0:
+        return Area(head - d, head, -d, d, d)
+    return Area(-x, head if behind else x, -y, y, math.inf)
+
+
+@inlined
+def cue_ball_area_of(table, state):
+    """Returns the `Area` in which a cue ball in hand may be placed; `state` is a row of `STATE`."""
+    return area_of(table, state.cue_balls[0], state.in_hand == BEHIND)
+
+
+@inlined
+def contains(area, x, y):
+    """Returns whether a point is in an area."""
+    dx, reach = x - area.x_high, area.d_radius + SLACK
+    in_d = dx * dx + y * y <= reach * reach
+    return area.x_low <= x <= area.x_high and area.y_low <= y <= area.y_high and in_d
+
+
+@inlined
+def clipped(area, x, y):
+    """Returns the point of an area nearest to a point, first in the rectangle and then in the D."""
+    x, y = min(max(x, area.x_low), area.x_high), min(max(y, area.y_low), area.y_high)
+    if contains(area, x, y):
+        return x, y
+    centre_x, centre_y = area.x_high, 0.0
+    dx, dy = x - centre_x, y - centre_y
+    distance = math.sqrt(dx * dx + dy * dy)
+    return centre_x + area.d_radius * dx / distance, centre_y + area.d_radius * dy / distance
+
+
+@inlined
+def circles(obstacles):
+    """Returns the range of the numbers of circles: the balls in order, then the pockets."""
+    return range(len(obstacles.table.radius) + len(obstacles.table.pockets))
+
+
+@inlined
+def is_present(obstacles, k):
+    """Returns whether there is a circle k: the ball k is on the table, or it is a pocket."""
+    return k >= len(obstacles.table.radius) or obstacles.others >> k & 1 == 1
+
+
+@inlined
+def circle_of(obstacles, k):
+    """Returns x, y and the radius of circle k, m."""
+    table, n = obstacles.table, len(obstacles.table.radius)
+    if k >= n:
+        pocket = table.pockets[k - n]
+        return pocket[POCKET_X], pocket[POCKET_Y], pocket[POCKET_RADIUS] + obstacles.gap
+    reach = table.radius[k] + table.radius[obstacles.ball] + obstacles.gap
+    if obstacles.touchable >> k & 1:
+        reach = table.touching[obstacles.ball, k]
+    return obstacles.positions[k, X], obstacles.positions[k, Y], reach
+
+
+@kernel
+def is_free(obstacles, x, y):
+    """Returns whether a point is outside all circles."""
+    for k in circles(obstacles):
+        if is_present(obstacles, k):
+            cx, cy, radius = circle_of(obstacles, k)
+            dx, dy, clear = x - cx, y - cy, radius - SLACK
+            if dx * dx + dy * dy < clear * clear:
+                return False
+    return True
+
+
+@inlined
+def line_intersections(centre, radius, offset):
+    """Returns the coordinates, along a line at a distance `offset`, of its two intersections with a circle.
+
+    They are NaN if the line and the circle do not meet. No area contains a point with a NaN.
+    """
+    half = math.sqrt(radius * radius - offset * offset)
+    return centre - half, centre + half
+
+
+@inlined
+def circle_intersections(ax, ay, ar, bx, by, br):
+    """Returns the two points (x, y, x, y) at which two circles meet; NaN as in `line_intersections`."""
+    dx, dy = bx - ax, by - ay
+    square = dx * dx + dy * dy
+    along = (square + ar * ar - br * br) / (2.0 * square)
+    s = math.sqrt(ar * ar / square - along * along)
+    return ax + along * dx - s * dy, ay + along * dy + s * dx, ax + along * dx + s * dy, ay + along * dy - s * dx
+
+
+@kernel
+def nearer(nearest, x, y, goal, area, obstacles):
+    """Returns a point as the `Nearest`, if it is in the area, free, and nearer to the goal, else the former one."""
+    dx, dy = x - goal[0], y - goal[1]
+    square = dx * dx + dy * dy
+    if contains(area, x, y) and square < nearest.square and is_free(obstacles, x, y):
+        return Nearest(x, y, square)
+    return nearest
+
+
+@kernel
+def nearest_free_point(x, y, area, obstacles):
+    """Returns the point nearest to (x, y) that is in an area and outside all circles, and whether there is one.
+
+    If (x, y), clipped to the area, is free, it is the result. Otherwise the nearest free point lies on a circle: on the
+    ray from its centre through the clipped point, or at an intersection with another circle, with the D or with the
+    rectangle. Of several nearest points the first in this order is returned.
+    """
+    x, y = clipped(area, x, y)
+    if is_free(obstacles, x, y):
+        return x, y, True
+    goal, nearest = (x, y), Nearest(x, y, math.inf)
+    for i in circles(obstacles):
+        if is_present(obstacles, i):
+            cx, cy, radius = circle_of(obstacles, i)
+            dx, dy = x - cx, y - cy
+            distance = math.sqrt(dx * dx + dy * dy)
+            ex, ey = 1.0, 0.0
+            if distance > 0.0:
+                ex, ey = dx / distance, dy / distance
+            nearest = nearer(nearest, cx + radius * ex, cy + radius * ey, goal, area, obstacles)
+    for i in circles(obstacles):
+        if not is_present(obstacles, i):
+            continue
+        cx, cy, radius = circle_of(obstacles, i)
+        for j in range(i + 1, len(circles(obstacles)) + 1):
+            other = area.x_high, 0.0, area.d_radius  # the D is the last circle
+            if j < len(circles(obstacles)):
+                if not is_present(obstacles, j):
+                    continue
+                other = circle_of(obstacles, j)
+            ax, ay, bx, by = circle_intersections(cx, cy, radius, other[0], other[1], other[2])
+            nearest = nearer(nearest, ax, ay, goal, area, obstacles)
+            nearest = nearer(nearest, bx, by, goal, area, obstacles)
+        for edge in (area.x_low, area.x_high):
+            a, b = line_intersections(cy, radius, edge - cx)
+            nearest = nearer(nearest, edge, a, goal, area, obstacles)
+            nearest = nearer(nearest, edge, b, goal, area, obstacles)
+        for edge in (area.y_low, area.y_high):
+            a, b = line_intersections(cx, radius, edge - cy)
+            nearest = nearer(nearest, a, edge, goal, area, obstacles)
+            nearest = nearer(nearest, b, edge, goal, area, obstacles)
+    for u in (area.x_low, area.x_high):
+        for v in (area.y_low, area.y_high):
+            nearest = nearer(nearest, u, v, goal, area, obstacles)
+    return nearest.x, nearest.y, nearest.square < math.inf
+
+
+@inlined
+def place_cue_ball(table, positions, state, x, y):  # out: positions
+    """Places the cue ball in hand at the free point nearest to (x, y), m, and returns whether there is one."""
+    cue = state.cue_balls[0]
+    obstacles = Obstacles(table, positions, cue, state.object_balls, 0, MARGIN)
+    x, y, found = nearest_free_point(x, y, cue_ball_area_of(table, state), obstacles)
+    if found:
+        positions[cue, X], positions[cue, Y] = x, y
+    return found
+
+
+@kernel
+def spot_on_line(spot_x, y, obstacles):
+    """Returns the free point nearest to a spot on its line along the table, and whether there is one.
+
+    It is the spot or lies beyond it, or else in front of it. If the whole line is blocked, it is the free point nearest
+    to the spot.
+    """
+    area = area_of(obstacles.table, obstacles.ball, False)
+    foot = min(spot_x, area.x_high)
+    if is_free(obstacles, foot, y):
+        return foot, y, True
+    beyond, in_front = math.inf, -math.inf
+    for k in circles(obstacles):
+        if is_present(obstacles, k):
+            cx, cy, radius = circle_of(obstacles, k)
+            for x in line_intersections(cx, radius, cy - y):
+                if foot <= x <= area.x_high and x < beyond and is_free(obstacles, x, y):
+                    beyond = x
+                elif area.x_low <= x < foot and x > in_front and is_free(obstacles, x, y):
+                    in_front = x
+    if beyond < math.inf:
+        return beyond, y, True
+    if in_front > -math.inf:
+        return in_front, y, True
+    return nearest_free_point(foot, y, area, obstacles)
+
+
+@inlined
+def spot_at_foot(table, positions, balls, others, cue):  # out: positions
+    """Spots balls of pool one after the other (WPA 1.4); returns a ball for which there is no room, or -1.
+
+    A ball is placed on the long string (the table's long axis), behind the foot spot and as close to it as possible. If
+    there is no room behind the foot spot, it is placed in front of it. If the whole long string is blocked, it is
+    placed at the free point nearest to the foot spot. It touches an object ball that is in the way, and keeps a gap of
+    `MARGIN` to the cue ball `cue`. `others` are the balls on the table.
+    """
+    for ball in range(len(table.radius)):
+        if balls >> ball & 1:
+            obstacles = Obstacles(table, positions, ball, others, others & ~(1 << cue), MARGIN)
+            x, y, found = spot_on_line(table.foot_x, 0.0, obstacles)
+            if not found:
+                return ball
+            positions[ball, X], positions[ball, Y] = x, y
+            others |= 1 << ball
+    return -1
+
+
+@inlined
+def spot_colours(table, positions, balls, others, cue):  # out: positions
+    """Spots colours of snooker (WPBSA, section 3, rule 7); arguments and result are as in `spot_at_foot`.
+
+    Each colour is placed on its spot. If that is occupied, it is placed on the highest free spot, the colour of the
+    highest value first. If all spots are occupied, it is placed as near to its spot as possible on the line from there
+    to the top cushion, or, without room there, below the spot.
+    """
+    n = len(table.radius)
+    for ball in range(n - 1, 0, -1):
+        if balls >> ball & 1 and is_spot_free(table, positions, ball, others, ball):
+            positions[ball, X], positions[ball, Y] = table.spots[ball, X], table.spots[ball, Y]
+            balls, others = balls & ~(1 << ball), others | 1 << ball
+    for ball in range(n - 1, 0, -1):
+        if balls >> ball & 1 == 0:
+            continue
+        spot = n - 1
+        while spot >= n - 6 and not is_spot_free(table, positions, ball, others, spot):
+            spot -= 1
+        x, y, found = table.spots[spot, X], table.spots[spot, Y], spot >= n - 6
+        if not found:
+            obstacles = Obstacles(table, positions, ball, others, 0, SPOT_GAP)
+            x, y, found = spot_on_line(table.spots[ball, X], table.spots[ball, Y], obstacles)
+        if not found:
+            return ball
+        positions[ball, X], positions[ball, Y] = x, y
+        others |= 1 << ball
+    return -1
+
+
+@inlined
+def is_spot_free(table, positions, ball, others, spot):
+    """Returns whether a colour can lie on the spot of a colour."""
+    return is_free(Obstacles(table, positions, ball, others, 0, SPOT_GAP), table.spots[spot, X], table.spots[spot, Y])
+
+
+@inlined
+def rack_again(table, positions, others, cue):  # out: positions
+    """Racks the object balls of straight pool again (WPA 4.4, 4.8); returns `RulesState.in_hand`.
+
+    `others` are the object balls on the table, at most one. The potted balls are placed in a tight rack, in the order
+    of their numbers. The apex is left out if one object ball is on the table. A ball is in the rack if it overlaps one
+    of the places of the rack. If the last ball is in the rack, it is placed on the head spot, or on the centre spot if
+    the cue ball blocks the head spot. If the cue ball is in the rack, it is in hand behind the head string; with the
+    last ball there it is placed on the head spot, or on the centre spot if the last ball blocks the head spot. If both
+    are in the rack, the last ball is placed at the apex.
+    """
+    last, head = -1, table.head_x
+    for ball in range(len(table.radius)):
+        if others >> ball & 1:
+            last = ball
+    cue_in_rack, last_in_rack = is_in_rack(table, positions, cue), last >= 0 and is_in_rack(table, positions, last)
+    in_hand = BEHIND if cue_in_rack else NOT_IN_HAND
+    if cue_in_rack and last_in_rack:
+        last = -1
+    elif last_in_rack:
+        positions[last, X], positions[last, Y] = 0.0 if overlaps(table, positions, cue, head, 0.0) else head, 0.0
+    elif cue_in_rack and last >= 0:
+        blocked = overlaps(table, positions, last, head, 0.0)
+        if blocked or positions[last, X] < head:
+            positions[cue, X], positions[cue, Y], in_hand = 0.0 if blocked else head, 0.0, NOT_IN_HAND
+    place = 1 if last < 0 else 2
+    for ball in range(len(table.radius)):
+        if ball != cue and ball != last:
+            positions[ball, X], positions[ball, Y] = table.spots[place, X], table.spots[place, Y]
+            place += 1
+    return in_hand
+
+
+@inlined
+def overlaps(table, positions, ball, x, y):
+    """Returns whether a ball would overlap a ball of its size at (x, y)."""
+    dx, dy, reach = positions[ball, X] - x, positions[ball, Y] - y, 2.0 * table.radius[ball]
+    return dx * dx + dy * dy < reach * reach
+
+
+@inlined
+def is_in_rack(table, positions, ball):
+    """Returns whether a ball overlaps one of the places of the rack."""
+    for place in range(1, len(table.spots)):
+        if overlaps(table, positions, ball, table.spots[place, X], table.spots[place, Y]):
+            return True
+    return False
+
+
+@entry_point
+def limits(table, ball, behind):
+    """Returns the rectangle of an `Area` as a tuple."""
+    area = area_of(PlacementNumbers(*table), ball, behind)
+    return area.x_low, area.x_high, area.y_low, area.y_high
+
+
+@entry_point
+def place_cue_balls(table, positions, states, points):
+    """Places the cue ball of one game after another at the points (m, 2); returns a game without room for it, or -1."""
+    for k in range(len(points)):
+        if not place_cue_ball(PlacementNumbers(*table), positions[k], states[k], points[k, X], points[k, Y]):
+            return k
+    return -1
+
+
+def placement_area(scene: Scene, ball: int, behind: bool) -> tuple[float, float, float, float]:
     """Returns the rectangle in which the centre of a ball may be placed: the limits of x and those of y, m.
 
     With `behind` the ball must be behind the head string. On a table with a D this is the rectangle around the D.
     """
-    x = scene.table.length / 2 - scene.balls.radius[ball] - MARGIN
-    y = scene.table.width / 2 - scene.balls.radius[ball] - MARGIN
-    head, d = scene.table.head_x, scene.table.d_radius
-    if behind and d:
-        return head - d, head, -d, d
-    return -x, head if behind else x, -y, y
-
-
-def is_free(point: Point, circles: list[Circle]) -> bool:
-    """Returns whether a point is outside all circles."""
-    for x, y, radius in circles:
-        dx, dy, clear = point[0] - x, point[1] - y, radius - _SLACK
-        if dx * dx + dy * dy < clear * clear:
-            return False
-    return True
-
-
-def _line_intersections(centre: float, radius: float, offset: float) -> list[float]:
-    """Returns the coordinates, along the line, of a circle's intersections with a line at distance `offset`."""
-    square = radius * radius - offset * offset
-    if square < 0.0:
-        return []
-    half = math.sqrt(square)
-    return [centre - half, centre + half]
-
-
-def nearest_free_point(
-    point: Point, area: tuple[float, float, float, float], circles: list[Circle], within: Circle | None = None
-) -> Point:
-    """Returns the point nearest to `point` that is inside a rectangle and outside all circles.
-
-    If `point`, clipped to the rectangle, is free, it is the result. Otherwise the nearest free point lies on a circle:
-    on the ray from its centre through the clipped point, or at an intersection with another circle or with the
-    rectangle. Of several nearest points the first in this order is returned; circles are taken in the given order.
-
-    Args:
-        point: x and y, m.
-        area: Smallest x, largest x, smallest y and largest y, m.
-        circles: x, y and radius of each circle, m.
-        within: A circle that the point must not leave, with its centre on the right edge of the area: the D of
-            snooker.
-
-    Returns:
-        The nearest free point, m.
-
-    Raises:
-        ValueError: If no point is free.
-
-    Example:
-        >>> nearest_free_point((0.1, 0.0), (-1.0, 1.0, -1.0, 1.0), [(0.0, 0.0, 0.5)])
-        (0.5, 0.0)
-    """
-    x_low, x_high, y_low, y_high = area
-    x, y = _clipped((min(max(point[0], x_low), x_high), min(max(point[1], y_low), y_high)), within)
-    if is_free((x, y), circles):
-        return x, y
-    candidates: list[Point] = []
-    for cx, cy, radius in circles:
-        dx, dy = x - cx, y - cy
-        distance = math.sqrt(dx * dx + dy * dy)
-        ex, ey = (dx / distance, dy / distance) if distance > 0.0 else (1.0, 0.0)
-        candidates.append((cx + radius * ex, cy + radius * ey))
-    for i, circle in enumerate(circles):
-        cx, cy, radius = circle
-        for other in circles[i + 1 :] + ([within] if within else []):
-            candidates += circle_intersections(circle, other)
-        for edge in (x_low, x_high):
-            candidates += [(edge, v) for v in _line_intersections(cy, radius, edge - cx)]
-        for edge in (y_low, y_high):
-            candidates += [(u, edge) for u in _line_intersections(cx, radius, edge - cy)]
-    candidates += [(u, v) for u in (x_low, x_high) for v in (y_low, y_high)]
-    inside = [p for p in candidates if x_low <= p[0] <= x_high and y_low <= p[1] <= y_high and _contains(within, p)]
-    free = [p for p in inside if is_free(p, circles)]
-    if not free:
-        raise ValueError(
-            f"no room for a ball in x {x_low} to {x_high} m, y {y_low} to {y_high} m: expected a free point"
-        )
-    return min(free, key=lambda p: (p[0] - x) * (p[0] - x) + (p[1] - y) * (p[1] - y))
-
-
-def _clipped(point: Point, within: Circle | None) -> Point:
-    """Returns the point of a disc that is nearest to `point`; None is the whole plane."""
-    if within is None or _contains(within, point):
-        return point
-    x, y, radius = within
-    dx, dy = point[0] - x, point[1] - y
-    distance = math.sqrt(dx * dx + dy * dy)
-    return x + radius * dx / distance, y + radius * dy / distance
-
-
-def _contains(circle: Circle | None, point: Point) -> bool:
-    if circle is None:
-        return True
-    dx, dy, reach = point[0] - circle[0], point[1] - circle[1], circle[2] + _SLACK
-    return dx * dx + dy * dy <= reach * reach
-
-
-def spotted_point(scene: Scene, positions: NDArray[Any], on_table: Collection[int], ball: int, cue: int) -> Point:
-    """Returns the point at which a potted ball is spotted (WPA 1.4).
-
-    The ball is placed on the long string (the table's long axis), behind the foot spot and as close to it as possible.
-    If there is no room behind the foot spot, it is placed in front of it. If the whole long string is blocked, it is
-    placed at the free point nearest to the foot spot. It touches an object ball that is in the way, and keeps a gap of
-    `MARGIN` to the cue ball `cue`. `on_table` are the balls on the table.
-    """
-    circles = obstacles(scene, positions, ball, on_table, touchable=set(on_table) - {cue})
-    return _beyond(scene, ball, (scene.table.foot_x, 0.0), circles)
-
-
-def _beyond(scene: Scene, ball: int, spot: Point, circles: list[Circle]) -> Point:
-    """Returns the free point nearest to a spot on its line along the table: beyond it, or else in front of it.
-
-    If the whole line is blocked, it is the free point nearest to the spot.
-    """
-    area = placement_area(scene, ball)
-    foot, y = min(spot[0], area[1]), spot[1]
-    edges = [x for cx, cy, radius in circles for x in _line_intersections(cx, radius, cy - y)]
-    behind = sorted(x for x in (foot, *edges) if foot <= x <= area[1])
-    in_front = sorted((x for x in edges if area[0] <= x < foot), reverse=True)
-    for x in (*behind, *in_front):
-        if is_free((x, y), circles):
-            return x, y
-    return nearest_free_point((foot, y), area, circles)
-
-
-def spot_at_foot(
-    scene: Scene, positions: NDArray[Any], on_table: Iterable[int], balls: Iterable[int], cue: int
-) -> None:
-    """Spots balls of pool one after the other, see `spotted_point`. Changes `positions`; other balls are `on_table`."""
-    others = set(on_table)
-    for ball in balls:
-        positions[ball] = spotted_point(scene, positions, others, ball, cue)
-        others.add(ball)
-
-
-def spot_colours(scene: Scene, positions: NDArray[Any], on_table: Iterable[int], balls: Iterable[int]) -> None:
-    """Spots colours of snooker (WPBSA, section 3, rule 7). Changes `positions`.
-
-    Each colour is placed on its spot. If that is occupied, it is placed on the highest free spot, the colour of the
-    highest value first. If all spots are occupied, it is placed as near to its spot as possible on the line from there
-    to the top cushion, or, without room there, below the spot. The other balls are `on_table`.
-    """
-    spots = [(x, y) for x, y in layouts.layout_plan("snooker", scene).spots.tolist()]
-    others, waiting = set(on_table), []
-    for ball in sorted(balls, reverse=True):
-        if is_free(spots[ball], obstacles(scene, positions, ball, others, SPOT_GAP)):
-            positions[ball] = spots[ball]
-            others.add(ball)
-        else:
-            waiting.append(ball)
-    for ball in waiting:
-        circles = obstacles(scene, positions, ball, others, SPOT_GAP)
-        free = (spot for spot in spots[:-7:-1] if is_free(spot, circles))
-        positions[ball] = next(free, None) or _beyond(scene, ball, spots[ball], circles)
-        others.add(ball)
-
-
-def rack_again(scene: Scene, positions: NDArray[Any], on_table: Iterable[int], cue: int) -> int:
-    """Racks the object balls of straight pool again (WPA 4.4, 4.8). Changes `positions`; returns `RulesState.in_hand`.
-
-    The potted balls are placed in a tight rack, in the order of their numbers. The apex is left out if one object ball
-    is on the table. A ball is in the rack if it overlaps one of the places of the rack. If the last ball is in the
-    rack, it is placed on the head spot, or on the centre spot if the cue ball blocks the head spot. If the cue ball is
-    in the rack, it is in hand behind the head string; with the last ball there it is placed on the head spot, or on the
-    centre spot if the last ball blocks the head spot. If both are in the rack, the last ball is placed at the apex.
-    """
-    places = layouts.layout_plan("tight_rack", scene).spots[1:]
-    radius = scene.balls.radius
-    head, centre = (scene.table.head_x, 0.0), (0.0, 0.0)
-
-    def overlaps(ball: int, points: Iterable[Any]) -> bool:
-        return any(math.dist(positions[ball], point) < 2 * radius[ball] for point in points)
-
-    last = [ball for ball in on_table if ball != cue]
-    cue_in_rack = overlaps(cue, places)
-    in_hand = BEHIND if cue_in_rack else NOT_IN_HAND
-    if not last or (cue_in_rack and overlaps(last[0], places)):
-        last = []
-    elif overlaps(last[0], places):
-        positions[last[0]] = centre if overlaps(cue, [head]) else head
-    elif cue_in_rack and overlaps(last[0], [head]):
-        positions[cue], in_hand = centre, NOT_IN_HAND
-    elif cue_in_rack and positions[last[0], 0] < scene.table.head_x:
-        positions[cue], in_hand = head, NOT_IN_HAND
-    rest = [ball for ball in range(scene.n_balls) if ball != cue and ball not in last]
-    positions[rest] = places[len(last) :]
-    return in_hand
+    return limits(placement_numbers(scene, ""), ball, behind)
 
 
 def cue_ball_area(scene: Scene, state: Any) -> tuple[float, float, float, float]:
     """Returns the rectangle in which the centre of a cue ball in hand may be placed, see `placement_area`."""
-    return placement_area(scene, int(state.cue_balls[0]), state.in_hand == BEHIND)
+    return placement_area(scene, int(state.cue_balls[0]), bool(state.in_hand == BEHIND))
 
 
 def cue_ball_point(scene: Scene, positions: NDArray[Any], state: Any, point: Point) -> Point:
-    """Returns the free point nearest to a requested one, m, at which a cue ball in hand is placed."""
-    table = scene.table
-    d = (table.head_x, 0.0, table.d_radius) if state.in_hand == BEHIND and table.d_radius else None
-    circles = obstacles(scene, positions, int(state.cue_balls[0]), members(state.object_balls))
-    return nearest_free_point(point, cue_ball_area(scene, state), circles, d)
+    """Returns the free point nearest to a requested one, m, at which a cue ball in hand is placed.
+
+    Raises:
+        ValueError: If no point is free.
+    """
+    placed, states = np.array(positions, float)[None], np.array([state], STATE)
+    if place_cue_balls(placement_numbers(scene, ""), placed, states, np.array([point], float)) >= 0:
+        raise no_room(cue_ball_area(scene, state))
+    x, y = placed[0, state.cue_balls[0]].tolist()
+    return x, y
+
+
+def no_room(area: tuple[float, float, float, float]) -> ValueError:
+    """Returns the error of an area without room for a ball."""
+    x_low, x_high, y_low, y_high = area
+    return ValueError(f"no room for a ball in x {x_low} to {x_high} m, y {y_low} to {y_high} m: expected a free point")

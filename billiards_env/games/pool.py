@@ -21,6 +21,7 @@ from __future__ import annotations
 import functools
 
 from billiards_env.games.entry import Game
+from billiards_env.games.placement import rack_again
 from billiards_env.games.state import (
     ANYWHERE,
     BEHIND,
@@ -289,6 +290,7 @@ GAMES = (
         callable=any_ball,
         counts_fouls=True,
         sure_pot=4.0,
+        rack=rack_again,
         page=(
             ("to win", "score the target with a point for each ball; without one, most points in a rack"),
             ("break", "pot a ball, or drive the cue ball and two others to a cushion; else 2 points are lost"),

@@ -17,30 +17,27 @@ The kernels have the arguments of `entry.Game`; sets of balls are bit masks.
 from __future__ import annotations
 
 import math
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from billiards_env.games.entry import Game
-from billiards_env.games.placement import is_free, obstacles, placement_area
+from billiards_env.games.placement import Obstacles, area_of, is_free, spot_colours
 from billiards_env.games.state import (
     BEHIND,
     HAND_BACK,
     NO_FOUL,
     NO_HIT,
+    NOT_IN_HAND,
     REPLACE,
     SCRATCH,
     WRONG_BALL,
     WRONG_POT,
     end,
-    members,
     size,
     verdict,
 )
-from billiards_env.jit import inlined
-from billiards_env.physics.state import CUE_BALL
-from billiards_env.scene import CONTACT_GAP, Scene
+from billiards_env.jit import inlined, kernel
+from billiards_env.physics.state import CUE_BALL, X, Y
+from billiards_env.scene import CONTACT_GAP
+from billiards_env.scene.layouts import MARGIN
 
 LEAST_PENALTY, MOST_PENALTY = 4, 7
 """Points for a foul (WPBSA 3.10)."""
@@ -194,7 +191,8 @@ def snooker(state, facts, call):
     return verdict(foul, points, penalty, points > 0, spotted)
 
 
-def is_snookered(scene: Scene, positions: NDArray[np.float64], state: Any, on: int) -> bool:
+@inlined
+def is_snookered(table, positions, state, on):
     """Returns whether the cue ball is snookered on all balls on, which after a foul gives a free ball (WPBSA 3.12).
 
     A ball on is snookered if another ball, which is not on, obstructs a straight path of the cue ball to one of its two
@@ -203,43 +201,52 @@ def is_snookered(scene: Scene, positions: NDArray[np.float64], state: Any, on: i
     is not snookered. A cue ball in hand is snookered if it is snookered at all free places of a grid in the D.
 
     Args:
-        scene: The scene.
+        table: `placement.PlacementNumbers`.
         positions: (n, 2) m.
-        state: The state of the rules.
+        state: Row of `STATE`.
         on: The balls on.
     """
-    circles = [(*place, radius) for place, radius in zip(positions.tolist(), scene.balls.radius, strict=True)]
-    others = [circles[i] for i in members(state.object_balls & ~on)]
-    targets = [circles[i] for i in members(on)]
-    x, y, cue = circles[CUE_BALL]
-    places = _places(scene, positions, state) if state.in_hand else [(x, y)]
-    return not any(_sees(place, cue, target, others) for place in places for target in targets)
+    if state.in_hand == NOT_IN_HAND:
+        return not sees_a_ball(table, positions, positions[CUE_BALL], state.object_balls, on)
+    area = area_of(table, CUE_BALL, True)
+    d = area.x_high - area.x_low
+    obstacles = Obstacles(table, positions, CUE_BALL, state.object_balls, 0, MARGIN)
+    for i in range(_STEPS):
+        x = area.x_low + d * (i / (_STEPS - 1))
+        for j in range(_STEPS):
+            y = area.y_low + (area.y_high - area.y_low) * (j / (_STEPS - 1))
+            in_d = (x - area.x_high) * (x - area.x_high) + y * y <= d * d
+            if in_d and is_free(obstacles, x, y) and sees_a_ball(table, positions, (x, y), state.object_balls, on):
+                return False
+    return True
 
 
-def _places(scene: Scene, positions: NDArray[np.float64], state: Any) -> list[tuple[float, float]]:
-    """Returns the free places of a grid in the D."""
-    x_low, x_high, y_low, y_high = placement_area(scene, CUE_BALL, behind=True)
-    circles = obstacles(scene, positions, CUE_BALL, members(state.object_balls))
-    steps = [k / (_STEPS - 1) for k in range(_STEPS)]
-    grid = [(x_low + (x_high - x_low) * a, y_low + (y_high - y_low) * b) for a in steps for b in steps]
-    limit = (x_high - x_low) * (x_high - x_low)
-    return [p for p in grid if (p[0] - x_high) ** 2 + p[1] * p[1] <= limit and is_free(p, circles)]
+@kernel
+def sees_a_ball(table, positions, place, object_balls, on):
+    """Returns whether the cue ball at a place can reach both edges of a ball on."""
+    for target in range(1, len(table.radius)):
+        if on >> target & 1 and sees(table, positions, place, target, object_balls & ~on):
+            return True
+    return False
 
 
-def _sees(
-    place: tuple[float, float], radius: float, target: tuple[float, ...], others: list[tuple[float, ...]]
-) -> bool:
-    """Returns whether a ball at a place can reach both edges of a target on a straight path."""
-    x, y = place
-    dx, dy, reach = target[0] - x, target[1] - y, target[2] + radius
+@inlined
+def sees(table, positions, place, target, others):
+    """Returns whether the cue ball at a place can reach both edges of a target on straight paths past the others."""
+    radius = table.radius[CUE_BALL]
+    dx, dy = positions[target, X] - place[X], positions[target, Y] - place[Y]
+    reach = table.radius[target] + radius
     square = dx * dx + dy * dy
-    if square <= (reach + CONTACT_GAP) ** 2:
+    if square <= (reach + CONTACT_GAP) * (reach + CONTACT_GAP):
         return True
     along = math.sqrt(square - reach * reach)
     for side in (-reach, reach):  # the path to the point at which the two balls only touch
         ex, ey = (along * dx - side * dy) * along / square, (along * dy + side * dx) * along / square
-        for other_x, other_y, other_radius in others:
-            ox, oy, clear = other_x - x, other_y - y, other_radius + radius - CONTACT_GAP
+        for other in range(1, len(table.radius)):
+            if others >> other & 1 == 0:
+                continue
+            ox, oy = positions[other, X] - place[X], positions[other, Y] - place[Y]
+            clear = table.radius[other] + radius - CONTACT_GAP
             share = min((ox * ex + oy * ey) / (along * along), 1.0)
             gap_x, gap_y = ox - share * ex, oy - share * ey
             if share > 0.0 and gap_x * gap_x + gap_y * gap_y < clear * clear:
@@ -263,6 +270,7 @@ GAMES = (
         has_spots=True,
         sure_pot=8.0,
         most_points=lambda balls: 8 * balls - 21,
+        spot=spot_colours,
         free_ball=is_snookered,
         page=(
             ("to win", "have most points when the black is potted last"),

@@ -155,18 +155,21 @@ def allocating_entry_point(function: F) -> F:
     return _compiled(EntryPoint, function)
 
 
-def specialised(function: Callable[..., Any], **kernels: Callable[..., Any]) -> Callable[..., Any]:
-    """Compiles a function that Python calls, with kernels in place of some of its global names.
+def specialised(
+    function: Callable[..., Any], decorator: Callable[[Any], Any] = entry_point, **kernels: Callable[..., Any]
+) -> Callable[..., Any]:
+    """Compiles a function with kernels in place of some of its global names.
 
     The machine code contains only these kernels, so a scene compiles only the kernels that it needs. The name of the
     function on disk includes the names of the kernels, because numba's cache does not check global names.
 
     Args:
         function: A function of a module, without a decorator.
+        decorator: The decorator: `entry_point`, or `inlined` for a function that compiled functions call.
         **kernels: The kernels, by the names that the function calls.
     """
     made: Any = FunctionType(function.__code__, {**function.__globals__, **kernels}, function.__name__)
-    names = (f"{kernel.__module__.rpartition('.')[2]}_{kernel.__name__}" for kernel in kernels.values())
+    names = (f"{kernel.__module__.rpartition('.')[2]}_{kernel.__qualname__}" for kernel in kernels.values())
     made.__qualname__ = "_".join((function.__name__, *names))
     made.__module__, made.__doc__ = function.__module__, function.__doc__
-    return entry_point(made)
+    return decorator(made)

@@ -2,9 +2,12 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from billiards_env.games import placement
-from billiards_env.games.state import IN_HAND, RulesState, row, set_of
+from billiards_env.games import GAMES, Setup, placement
+from billiards_env.games.state import CALL, FACTS, IN_HAND, STATE, Facts, RulesState, row, set_of
+from billiards_env.games.transition import next_games
 from billiards_env.scene import Balls, Scene, Table, check_positions
 from billiards_env.scene.layouts import MARGIN, layout_plan
 
@@ -19,6 +22,21 @@ def place(point, on_table=(), in_hand="anywhere", positions=AWAY):
     """Returns the place of a cue ball in hand."""
     state = row(RulesState(object_balls=set_of(on_table), in_hand=IN_HAND.index(in_hand)))
     return placement.cue_ball_point(SCENE, positions, state, point)
+
+
+def after_shot(scene, positions, lying, potted, *, target=0, **facts):
+    """Returns the positions and the state after a shot of straight pool that pots some balls; `lying` do not move."""
+    balls = set_of(lying) | set_of(potted)
+    state = RulesState(balls=set_of(range(1, scene.n_balls)), object_balls=balls, target=target)
+    facts = row(Facts(potted=set_of(potted), **facts))
+    rows = (np.array([one], kind) for one, kind in ((row(state), STATE), (facts, FACTS)))
+    (placed,), (state,), _ = next_games(GAMES["straight"], scene, positions[None], *rows, np.zeros(1, CALL))
+    return placed, state
+
+
+def spot(positions, lying, balls, scene=SCENE, scratch=True):
+    """Returns the positions with balls of pool spotted after a foul. A potted cue ball is no obstacle."""
+    return after_shot(scene, positions, lying, balls, scratch=scratch)[0]
 
 
 def on_axis(*xs):
@@ -41,20 +59,20 @@ SPOTTED = [
 @pytest.mark.parametrize(("balls", "x"), SPOTTED)
 def test_a_ball_is_spotted_on_the_long_string(balls, x):
     positions, lying = on_axis(*balls)
-    positions[15] = placement.spotted_point(SCENE, positions, lying, 15, 0)
+    positions = spot(positions, lying, [15])
     assert positions[15] == pytest.approx((x, 0.0), abs=1e-15)
     check_positions(SCENE, positions)
 
 
 def test_balls_are_spotted_one_behind_the_other():
-    positions = AWAY.copy()
-    placement.spot_at_foot(SCENE, positions, [0, 4], [1, 2, 3], 0)
+    positions = spot(AWAY, [4], [1, 2, 3])
     assert positions[1:4, 0] == pytest.approx(FOOT + 2 * R * np.arange(3), abs=1e-15)
 
 
 def test_a_spotted_ball_does_not_touch_the_cue_ball():
     positions, lying = on_axis(FOOT, FOOT + 2 * R)
-    point = placement.spotted_point(SCENE, positions, lying, 15, 2)
+    positions[[0, 2]] = positions[[2, 0]]
+    point = spot(positions, [1], [15], scratch=False)[15]
     assert point == pytest.approx((FOOT + 2 * R + REACH, 0.0), abs=1e-12)
 
 
@@ -62,21 +80,25 @@ def test_a_ball_near_the_long_string_blocks_a_part_of_it():
     positions, balls = on_axis(FOOT)
     for y, x in ((R, FOOT + math.sqrt(3.0) * R), (2.001 * R, FOOT)):
         positions[1] = FOOT, y
-        assert placement.spotted_point(SCENE, positions, balls, 9, 0) == pytest.approx((x, 0.0), abs=1e-12)
+        assert spot(positions, balls, [9])[9] == pytest.approx((x, 0.0), abs=1e-12)
 
 
 def test_with_a_blocked_long_string_the_ball_is_placed_off_the_axis():
     small = Scene(Balls.uniform(4, 0.1, 1.0), Table(0.62, 2.0))
-    positions = np.array([[-0.2, 0.0], [0.0, 0.0], [0.2, 0.0], [0.0, 0.5]])
-    x, y = placement.spotted_point(small, positions, (0, 1, 2), 3, 0)
-    assert abs(y) > 0.15
-    positions[3] = x, y
+    positions = spot(np.array([[-0.2, 0.0], [0.0, 0.0], [0.2, 0.0], [0.0, 0.5]]), [1, 2], [3], small, scratch=False)
+    assert abs(positions[3, 1]) > 0.15
     check_positions(small, positions)
 
 
 def test_a_full_table_is_an_error():
-    with pytest.raises(ValueError, match="no room"):
-        placement.nearest_free_point((0.0, 0.0), (-1.0, 1.0, -1.0, 1.0), [(0.0, 0.0, 2.0)])
+    full = Scene(Balls((0.03, 0.095, 0.095, 0.095, 0.03), (1.0,) * 5), Table(0.6, 0.2))
+    positions = np.array([[0.0, 0.0], [-0.2, 0.0], [0.0, 0.0], [0.2, 0.0], [0.0, 0.0]])
+    state = row(RulesState(object_balls=set_of((1, 2, 3)), in_hand=IN_HAND.index("anywhere")))
+    area = r"no room for a ball in x -0\.269 to 0\.269 m, y -0\.069\d* to 0\.069\d* m: expected a free point"
+    with pytest.raises(ValueError, match=area):
+        placement.cue_ball_point(full, positions, state, (0.0, 0.0))
+    with pytest.raises(ValueError, match=area):
+        spot(positions, [1, 2, 3], [4], full)
 
 
 def test_a_free_point_is_returned_unchanged():
@@ -85,7 +107,7 @@ def test_a_free_point_is_returned_unchanged():
 
 
 def test_a_point_outside_the_area_is_clipped():
-    x_low, x_high, y_low, y_high = placement.placement_area(SCENE, 0)
+    x_low, x_high, y_low, y_high = placement.placement_area(SCENE, 0, behind=False)
     assert place((9.0, 0.3)) == (x_high, 0.3)
     assert place((0.3, -9.0)) == (0.3, y_low)
     assert place((0.3, 0.1), in_hand="behind") == (-SCENE.table.length / 4, 0.1)
@@ -110,6 +132,25 @@ def brute(point, area, circles, steps=401):
     return np.min(np.where(free, (x - point[0]) ** 2 + (y - point[1]) ** 2, np.inf))
 
 
+def nearest_free_point(point, area, circles):
+    """Returns the place of a cue ball of radius 0 on a table with these circles as pockets."""
+    pockets = np.array(circles) - [0.0, 0.0, MARGIN]
+    numbers = placement.PlacementNumbers(
+        radius=np.zeros(1),
+        touching=np.zeros((1, 1)),
+        pockets=pockets,
+        half_length=area[1] + MARGIN,
+        half_width=area[3] + MARGIN,
+        head_x=-0.5,
+        foot_x=0.5,
+        d_radius=0.0,
+        spots=np.empty((0, 2)),
+    )
+    positions, states = np.zeros((1, 1, 2)), np.array([row(RulesState(in_hand=IN_HAND.index("anywhere")))], STATE)
+    assert placement.place_cue_balls(tuple(numbers), positions, states, np.array([point])) == -1
+    return positions[0, 0].tolist()
+
+
 def test_the_result_is_free_and_nearest():
     rng = np.random.default_rng(0)
     area = (-1.0, 1.0, -0.5, 0.5)
@@ -120,7 +161,7 @@ def test_the_result_is_free_and_nearest():
         best = brute(inside, area, circles)
         if not np.isfinite(best):
             continue
-        x, y = placement.nearest_free_point(point, area, circles)
+        x, y = nearest_free_point(point, area, circles)
         assert area[0] <= x <= area[1]
         assert area[2] <= y <= area[3]
         assert all(math.hypot(x - cx, y - cy) >= reach - 1e-8 for cx, cy, reach in circles)
@@ -147,8 +188,59 @@ def test_straight_pool_special_racking_situations(case):  # 4.8
     positions = np.zeros((16, 2))
     positions[15], positions[0] = last or (0.0, 0.0), cue
     on_table = {0, 15} if last else {0}
-    assert IN_HAND[placement.rack_again(SCENE, positions, on_table, 0)] == in_hand
+    potted = {*range(1, 16)} - on_table
+    shot = {"first": set_of(potted), "cushion_after": True}
+    positions, state = after_shot(SCENE, positions, on_table - {0}, potted, target=100, **shot)
+    assert IN_HAND[state.in_hand] == in_hand
     assert positions[15] == pytest.approx(last_after)
     assert cue_after is None or positions[0] == pytest.approx(cue_after)
     full = "potted" in case or "both" in case
     assert positions[1:15].tolist() == (RACK[:14] if full else RACK[1:]).tolist()
+
+
+def boundary(area, circles, steps=360):
+    """Returns points on the edges of an area and on circles, (k, 2)."""
+    angles, shares = 2 * np.pi * np.arange(steps) / steps, np.linspace(0.0, 1.0, steps)
+    rim = [(x + r * np.cos(angles), y + r * np.sin(angles)) for x, y, r in circles]
+    u, v = (low + (high - low) * shares for low, high in (area[:2], area[2:]))
+    edges = [(u, np.full(steps, y)) for y in area[2:]] + [(np.full(steps, x), v) for x in area[:2]]
+    return np.hstack(rim + edges).T
+
+
+@given(st.sampled_from(["pool", "snooker"]), st.sampled_from(["behind", "anywhere"]), st.integers(0, 2**32 - 1))
+def test_the_cue_ball_is_placed_at_the_nearest_free_point_of_its_area(name, in_hand, seed):
+    scene, rng = Scene.named(name), np.random.default_rng(seed)
+    n, table, radius = scene.n_balls, scene.table, np.array(scene.balls.radius)
+    state = row(RulesState(object_balls=int(rng.integers(2**n)) & -2, in_hand=IN_HAND.index(in_hand)))
+    area = np.array(placement.cue_ball_area(scene, state))
+    low, high = area[::2], area[1::2]
+    positions, wish = rng.uniform(low, high, (n, 2)), rng.uniform(low - 0.1, high + 0.1)
+    point = placement.cue_ball_point(scene, positions, state, tuple(wish.tolist()))
+    lying = [i for i in range(1, n) if state.object_balls >> i & 1]
+    circles = [(*positions[i], radius[i] + radius[0] + MARGIN) for i in lying]
+    circles += [(p.x, p.y, p.radius + MARGIN) for p in table.pockets]
+    d = [(table.head_x, 0.0, table.d_radius)] if in_hand == "behind" and table.d_radius else []
+
+    def is_allowed(points, slack):
+        """Returns which points are free and in the area, up to a tolerance, m."""
+        distances = [np.hypot(points[:, 0] - x, points[:, 1] - y) - r for x, y, r in circles + d]
+        allowed = ((points >= low - slack) & (points <= high + slack)).all(axis=1)
+        for distance in distances[: len(circles)]:
+            allowed &= distance >= -slack
+        return allowed & (distances[-1] <= slack) if d else allowed
+
+    assert is_allowed(np.array([point]), 1e-9).all()
+    centre = np.clip(wish, low, high)
+    for x, y, r in d:
+        reach = np.hypot(centre[0] - x, centre[1] - y)
+        centre = (x, y) + (centre - (x, y)) * min(1.0, r / max(reach, 1e-9))
+    others = boundary(area, circles + d)
+    others = np.vstack((others[is_allowed(others, -1e-9)], centre[None][is_allowed(centre[None], -1e-9)]))
+    assert np.hypot(*(others - centre).T).min(initial=np.inf) >= np.hypot(*(point - centre)) - 1e-9
+
+
+def test_a_rack_again_needs_balls_of_one_size():
+    unequal = Scene(Balls((0.028, 0.028, 0.03), (0.17,) * 3), SCENE.table)
+    assert Setup("straight", unequal).target == 0  # without a target the game has a single rack
+    with pytest.raises(ValueError, match=r"layout = 'tight_rack' with object balls of radii .*: expected one radius"):
+        Setup("straight", unequal, target=10)

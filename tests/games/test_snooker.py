@@ -7,9 +7,10 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.games import Call, Setup, Stroke, custom_opening, opening, play
-from billiards_env.games.placement import SPOT_GAP, cue_ball_point, placement_area, spot_colours
-from billiards_env.games.snooker import is_snookered, points_left
-from billiards_env.games.state import changed, set_of
+from billiards_env.games.placement import SPOT_GAP, cue_ball_point, placement_area
+from billiards_env.games.snooker import points_left
+from billiards_env.games.state import CALL, FACTS, STATE, Facts, changed, row, set_of
+from billiards_env.games.transition import next_games
 from billiards_env.scene.layouts import layout_plan
 from tests.helpers.games import judge, record_of, ruling, state, words
 
@@ -224,12 +225,19 @@ def test_points_left():
 # Spotting colours.
 
 
+def next_game(positions, before, **facts):
+    """Returns the positions and the state after a shot with some facts."""
+    rows = (np.array([one], kind) for one, kind in ((before, STATE), (row(Facts(**facts)), FACTS)))
+    (positions,), (state,), _ = next_games(SETUP.game_rules, SCENE, positions[None], *rows, np.zeros(1, CALL))
+    return positions, state
+
+
 def spot(balls, reds):
-    """Returns the places of balls that are spotted with reds at given places, m."""
+    """Returns the places of balls that are spotted after a foul with reds at given places, m."""
     positions = np.full((22, 2), -1.0)
     positions[1 : 1 + len(reds)] = reds
-    spot_colours(SCENE, positions, range(1, 1 + len(reds)), balls)
-    return positions[list(balls)]
+    before = frame(on_table=[*range(1, 1 + len(reds)), *balls])
+    return next_game(positions, before, potted=set_of(balls), scratch=True)[0][list(balls)]
 
 
 SPOTTED = [
@@ -293,10 +301,9 @@ def positions_of(**places):
     return positions, frozenset(names[name] for name in places)
 
 
-def is_hidden(positions, balls, **fields):
-    """Returns whether the cue ball is snookered in a frame with these balls."""
-    state = frame(on_table=balls, **fields)
-    return is_snookered(SCENE, positions, state, set_of(SETUP.legal(state)))
+def is_hidden(positions, balls, **facts):
+    """Returns whether the cue ball is snookered after a foul in a frame with these balls."""
+    return bool(next_game(positions, frame(on_table=balls), **facts)[1].free_ball)
 
 
 SNOOKERS = [
@@ -352,7 +359,7 @@ def test_a_ball_frozen_to_the_cue_ball_obstructs_only_paths_towards_it(distance,
 def test_a_cue_ball_in_hand_is_rarely_snookered():  # 3.12
     positions, balls = positions_of(cue=(-0.5, 0.0), red=(1.0, 0.0), blue=(-0.2, 0.0))
     assert is_hidden(positions, balls)
-    assert not is_hidden(positions, balls, in_hand="behind")
+    assert not is_hidden(positions, balls, scratch=True)
 
 
 def lying(places, setup=SETUP, **fields):

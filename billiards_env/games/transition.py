@@ -1,0 +1,179 @@
+"""The transition of a game: from a shot, or from a call without a shot, to the state before the next shot.
+
+After a shot the referee judges it, balls return to the table, and snooker may give a free ball. `after_shot_of` returns
+the kernel of a game. It has only the code that the game needs, and changes one game in place: `positions`, (n, 2) m,
+and `state`, a row of `STATE`.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.games.entry import Game, no_free_ball, no_rack, no_spots
+from billiards_env.games.placement import PlacementNumbers, no_room, placement_area, placement_numbers
+from billiards_env.games.pool import any_ball, straight
+from billiards_env.games.referee import judged
+from billiards_env.games.state import (
+    HAND_BACK,
+    MOST_PLAYERS,
+    NO_FOUL,
+    NO_RERACK,
+    NOT_IN_HAND,
+    RERACK_REST,
+    VERDICT,
+    check_players,
+)
+from billiards_env.jit import entry_point, inlined, specialised
+from billiards_env.physics.state import X, Y
+from billiards_env.scene import Scene
+
+judge, legal = straight, any_ball  # `specialised` puts the kernels of each game in their place
+spot, rack, free_ball = no_spots, no_rack, no_free_ball
+
+
+def after_shot(table, positions, state, facts, call):  # out: positions, state
+    """Judges a shot, and changes the positions and the state after it to those before the next shot.
+
+    Spotted balls and new racks are placed. A potted cue ball keeps its position, and is in hand.
+
+    Args:
+        table: The `PlacementNumbers` of `table_of`.
+        positions: (n, 2) m, after the shot, which change.
+        state: Row of `STATE` before the shot, which changes.
+        facts: `Facts`, or a row of `FACTS`.
+        call: `Called`, or a row of `CALL`.
+
+    Returns:
+        The `Verdict`, and a ball for which there is no room on the table, or -1.
+    """
+    cue, others = state.cue_balls[0], state.object_balls & ~facts.potted
+    verdict = judged(judge, state, facts, call)
+    lying = others if state.in_hand != NOT_IN_HAND else others | 1 << cue  # a cue ball in hand does not block a spot
+    failed = spot(table, positions, verdict.spotted, lying, cue)
+    if verdict.rack == RERACK_REST:
+        state.in_hand = rack(table, positions, others, cue)
+    elif verdict.rack != NO_RERACK:
+        rack(table, positions, 0, cue)
+    if verdict.foul != NO_FOUL and not state.over:
+        state.free_ball = free_ball(table, positions, state, legal(state, state.player))
+    return verdict, failed
+
+
+@functools.cache
+def after_shot_of(rules: Game) -> Callable[..., Any]:
+    """Returns the kernel `after_shot` of a game."""
+    return specialised(
+        after_shot,
+        inlined,
+        judge=rules.judge,
+        legal=rules.legal,
+        spot=rules.spot,
+        rack=rules.rack,
+        free_ball=rules.free_ball,
+    )
+
+
+@inlined
+def without_shot(k, call, positions, states, before):  # out: positions, states, before
+    """Changes game k after a call without a shot: "hand_back" or "replace" (see `state.CALLS`).
+
+    Args:
+        k: The game.
+        call: `Called`, or a row of `CALL`.
+        positions: (m, n, 2) m, which change.
+        states: (m,) `STATE`, which change.
+        before: The positions and the states before the last shot, for "replace". The scores and the fouls in them
+            change to those of now.
+    """
+    state = states[k]
+    if call.kind == HAND_BACK:
+        state.player = (state.player - 1) % state.n_players
+        state.free_ball = False
+    else:
+        positions_before, states_before = before
+        for i in range(MOST_PLAYERS):
+            states_before[k].scores[i], states_before[k].fouls[i] = state.scores[i], state.fouls[i]
+        states[k] = states_before[k]
+        for i in range(positions.shape[1]):
+            positions[k, i, X], positions[k, i, Y] = positions_before[k, i, X], positions_before[k, i, Y]
+    state.choices = 0
+
+
+def finish_shots(begin, end, table, skip, positions, states, shots):
+    """Runs `after_shot` for the games `begin` to `end` - 1, except those to skip; the state and the positions change.
+
+    `shots` are the facts, the calls and the verdicts, which are written. Returns a ball for which there is no room on
+    the table of one of the games, or -1.
+    """
+    facts, calls, verdicts = shots
+    failed = -1
+    for k in range(begin, end):
+        if skip[k]:
+            continue
+        verdict, without_room = after_shot(PlacementNumbers(*table), positions[k], states[k], facts[k], calls[k])
+        failed, row = max(failed, without_room), verdicts[k]
+        row.foul, row.points, row.penalty = verdict.foul, verdict.points, verdict.penalty
+        row.continues, row.spotted, row.rack = verdict.continues, verdict.spotted, verdict.rack
+    return failed
+
+
+@functools.cache
+def finish_shots_of(rules: Game) -> Callable[..., int]:
+    """Returns the entry point `finish_shots` of a game."""
+    return specialised(finish_shots, after_shot=after_shot_of(rules))
+
+
+@entry_point
+def call_without_shots(calls, positions, states, before):
+    """Runs `without_shot` for m games."""
+    for k in range(len(states)):
+        without_shot(k, calls[k], positions, states, before)
+
+
+def table_of(rules: Game, scene: Scene, target: int) -> tuple[Any, ...]:
+    """Returns the argument `table` of a game to a target score, 0 for none, see `placement.placement_numbers`.
+
+    Raises:
+        ValueError: If balls of the scene have no spots or cannot be racked.
+    """
+    racks = rules.rack is not no_rack and target > 0  # without a target the game has a single rack
+    return placement_numbers(scene, rules.layouts[0] if rules.has_spots else "tight_rack" if racks else "")
+
+
+def next_games(
+    rules: Game,
+    scene: Scene,
+    positions: NDArray[np.float64],
+    states: NDArray[Any],
+    facts: NDArray[Any],
+    calls: NDArray[Any],
+) -> tuple[NDArray[np.float64], NDArray[Any], NDArray[Any]]:
+    """Returns m games of one kind before their next shots.
+
+    Args:
+        rules: The game.
+        scene: The scene.
+        positions: (m, n, 2) m, after the shots.
+        states: (m,) `STATE`, before the shots.
+        facts: (m,) `FACTS`, of the shots.
+        calls: (m,) `CALL`, of the shots.
+
+    Returns:
+        (m, n, 2) positions, m, (m,) `STATE`, and (m,) `VERDICT` of the shots.
+
+    Raises:
+        ValueError: If a player does not exist, balls cannot be racked, or there is no room for a spotted ball.
+    """
+    check_players(states)
+    table, m = table_of(rules, scene, max(states["target"], default=0)), len(states)
+    positions, states, verdicts = np.array(positions), states.copy(), np.zeros(m, VERDICT)
+    shots = facts, calls, verdicts
+    failed = finish_shots_of(rules)(0, m, table, np.zeros(m, np.bool_), positions, states, shots)
+    if failed >= 0:
+        raise no_room(placement_area(scene, failed, False))
+    return positions, states, verdicts
