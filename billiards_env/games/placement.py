@@ -218,12 +218,13 @@ def line_intersections(centre, radius, offset):
 
 @inlined
 def circle_intersections(ax, ay, ar, bx, by, br):
-    """Returns the two points (x, y, x, y) at which two circles meet; NaN as in `line_intersections`."""
+    """Returns the two points (x, y) at which two circles meet; NaN as in `line_intersections`."""
     dx, dy = bx - ax, by - ay
     square = dx * dx + dy * dy
     along = (square + ar * ar - br * br) / (2.0 * square)
     s = math.sqrt(ar * ar / square - along * along)
-    return ax + along * dx - s * dy, ay + along * dy + s * dx, ax + along * dx + s * dy, ay + along * dy - s * dx
+    x, y = ax + along * dx, ay + along * dy
+    return (x - s * dy, y + s * dx), (x + s * dy, y - s * dx)
 
 
 @kernel
@@ -267,17 +268,14 @@ def nearest_free_point(x, y, area, obstacles):
                 if not is_present(obstacles, j):
                     continue
                 other = circle_of(obstacles, j)
-            ax, ay, bx, by = circle_intersections(cx, cy, radius, other[0], other[1], other[2])
-            nearest = nearer(nearest, ax, ay, goal, area, obstacles)
-            nearest = nearer(nearest, bx, by, goal, area, obstacles)
-        for edge in (area.x_low, area.x_high):
-            a, b = line_intersections(cy, radius, edge - cx)
-            nearest = nearer(nearest, edge, a, goal, area, obstacles)
-            nearest = nearer(nearest, edge, b, goal, area, obstacles)
-        for edge in (area.y_low, area.y_high):
-            a, b = line_intersections(cx, radius, edge - cy)
-            nearest = nearer(nearest, a, edge, goal, area, obstacles)
-            nearest = nearer(nearest, b, edge, goal, area, obstacles)
+            for u, v in circle_intersections(cx, cy, radius, other[0], other[1], other[2]):
+                nearest = nearer(nearest, u, v, goal, area, obstacles)
+        for u in (area.x_low, area.x_high):
+            for v in line_intersections(cy, radius, u - cx):
+                nearest = nearer(nearest, u, v, goal, area, obstacles)
+        for v in (area.y_low, area.y_high):
+            for u in line_intersections(cx, radius, v - cy):
+                nearest = nearer(nearest, u, v, goal, area, obstacles)
     for u in (area.x_low, area.x_high):
         for v in (area.y_low, area.y_high):
             nearest = nearer(nearest, u, v, goal, area, obstacles)

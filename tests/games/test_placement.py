@@ -70,7 +70,7 @@ def test_balls_are_spotted_one_behind_the_other():
 
 
 def test_a_spotted_ball_does_not_touch_the_cue_ball():
-    positions, lying = on_axis(FOOT, FOOT + 2 * R)
+    positions, _ = on_axis(FOOT, FOOT + 2 * R)
     positions[[0, 2]] = positions[[2, 0]]
     point = spot(positions, [1], [15], scratch=False)[15]
     assert point == pytest.approx((FOOT + 2 * R + REACH, 0.0), abs=1e-12)
