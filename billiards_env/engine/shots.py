@@ -59,7 +59,7 @@ class Shots(NamedTuple):
         n_contact_rule: (m,) int64 out: number of acts of the contact-time rule.
         pockets: (m, n) int32 out: the pocket in which the shot potted the ball, -1 for none.
         pot_order: (m, n) int32 out: the number of balls that the shot had potted before it potted the ball, -1 if it
-            did not pot it.
+            did not pot it. Balls that drop at the same instant have the order of their numbers.
         touched_first: (m, n) bool out: whether the cue ball touched the ball at the instant of its first contact.
         first_hit_time: (m,) float64 out: this instant, s; infinite without a contact.
     """
