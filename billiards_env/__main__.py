@@ -99,12 +99,12 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
 def _add_evaluate(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Measure players in Billiards-v0, on layouts that training never uses. A player is module:function for a "
-        "function act(observation) that returns an action, policy:FOLDER for a run of agents.train, random, geometric, "
+        "function that makes the player, policy:FOLDER for a run of agents.train, random, geometric, "
         "search:K (simulates K shots), aim (computes shots), planner:TIME (plans under noise) or a level such as "
         "planner:club (its strokes are noisy)."
     )
     add = parser.add_argument
-    add("player", nargs="+", help="a player, such as mine:act for the function act of mine.py")
+    add("player", nargs="+", help="a player, such as mine:player for that of the function player of mine.py")
     add(
         "--beside",
         nargs="*",
@@ -139,7 +139,7 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
         "also prints the scores of the actions with other noise. Players: as for evaluate."
     )
     add = parser.add_argument
-    add("player", help="a player, such as search:200 or mine:act, or the word verify")
+    add("player", help="a player, such as search:200 or mine:player, or the word verify")
     add("file", type=Path, nargs="*", help="the files to verify")
     add("--tasks", default=",".join(BENCH_TASKS), help="ids, separated by commas (default: %(default)s)")
     add(

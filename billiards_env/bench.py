@@ -26,9 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.checks import Range, finite, integer, one_of, real, short
+from billiards_env.envs.actions import ACTIONS
 from billiards_env.evaluation import evaluation_seeds, steps
 from billiards_env.frozen import FROZEN, NAMESPACE
 from billiards_env.intervals import interquartile_mean, mean_interval, wilson_interval
+from billiards_env.players.env_player import acting
 from billiards_env.players.named import find_player
 from billiards_env.shots import records
 
@@ -139,7 +141,7 @@ def _kept(part: Path, player: str, keys: Sequence[_Key]) -> dict[_Key, Result]:
 
 def _play(player: str, task: str, seed: int, noise_seed: int | None, progress: Callable[[str, int], object]) -> Result:
     env = gym.make(NAMESPACE + task, **_noise(noise_seed))
-    act, actions, shots = find_player(player, env, FROZEN[task].execution_noise, seed), [], []
+    act, actions, shots = acting(find_player(player, env), env, FROZEN[task].execution_noise, seed), [], []
     shape = cast(Any, env.action_space.shape)
 
     def checked(observation: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -311,7 +313,7 @@ def _result_of(name: str, item: Any) -> Result:
     shots = np.frombuffer(_bytes(f"{name}.shots", data["shots"], EPISODES), np.uint8)
     for limit in (shots.min(), shots.max()):
         integer(f"a number in {name}.shots", limit, Range(1, arguments["max_shots"]))
-    size, count = 5 if arguments["action"] == "strike" else 2, int(shots.sum(dtype=np.int64))
+    size, count = ACTIONS[arguments["action"]].size, int(shots.sum(dtype=np.int64))
     packed = _bytes(f"{name}.actions", data["actions"], 4 * size * count)
     actions = np.frombuffer(packed, "<f4").astype(np.float32).reshape(count, size)
     if not np.isfinite(actions).all():

@@ -1,6 +1,6 @@
 """Measures players in `Billiards-v0`: `billiards evaluate PLAYER --task pot`.
 
-A player is a function `act(observation) -> action`, or one of the names in `billiards_env.players.named`.
+`billiards_env.players.named` has the names of players.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
 from billiards_env.intervals import mean_interval, wilson_interval
-from billiards_env.players.named import Act, find_player
+from billiards_env.players.env_player import Act, acting
+from billiards_env.players.named import find_player
 
 FIRST_EVALUATION_SEED = 2**31
 """Environment seeds are below this number in training, and not below it in evaluation."""
@@ -140,7 +141,7 @@ def measure(
     """
     deviations = {"angle_std": noise[0], "speed_std": noise[1]} if any(noise) else None
     env = gym.make("billiards_env:Billiards-v0", **{"noise": deviations, **arguments})
-    choose, times = find_player(player, env, noise, seed), []
+    choose, times = acting(find_player(player, env), env, noise, seed), []
 
     def act(observation: NDArray[np.float32]) -> NDArray[np.floating[Any]]:
         progress()

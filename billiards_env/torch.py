@@ -151,9 +151,11 @@ def pot_margins(
     Raises:
         ValueError: If the actions are strikes, the engine is "pit", or as in `simulate`.
     """
+    from billiards_env.envs.actions import ACTIONS
+
     base = env.unwrapped
     single = getattr(base, "single_env", base)
-    if single.action != "velocity":
+    if ACTIONS[single.action].has_cue or ACTIONS[single.action].converter:
         raise ValueError(f"env.action = {single.action!r}: expected 'velocity'")
     if single.engine != PIC:
         raise ValueError(f"env.engine = {single.engine}: expected PIC, shots by PIT have no derivatives")

@@ -14,6 +14,7 @@ from stable_baselines3 import PPO
 
 from billiards_env.evaluation import evaluation_seeds, play_episodes, play_together, steps
 from billiards_env.frozen import FROZEN
+from billiards_env.players.env_player import acting
 from billiards_env.players.named import find_player
 from billiards_env.sb3 import AimPolicy, SameStepVecEnv
 
@@ -24,7 +25,7 @@ def record(task: str, player: str, episodes: int, dataset_id: str):
     The actions are those of the player, without the noise of the task. Episode k has the seed k.
     """
     env = minari.DataCollector(gym.make(f"Billiards/{task}"))
-    act = find_player(player, env, FROZEN[task].execution_noise, seed=0)
+    act = acting(find_player(player, env), env, FROZEN[task].execution_noise, seed=0)
     for k in range(episodes):
         for _ in steps(env, lambda seen: np.asarray(act(seen), np.float32), k):
             pass
@@ -57,7 +58,7 @@ def run(shots: int, episodes: int = 1000) -> tuple[float, float]:
     seeds, env = evaluation_seeds(0, episodes).tolist(), gym.make("Billiards/Pot1-v0")
     envs = gym.make_vec("Billiards/Pot1-v0", num_envs=episodes)
     cloned = play_together(envs, lambda seen: model.predict(seen, deterministic=True)[0], seeds)
-    return cloned["success_rate"], play_episodes(env, find_player("geometric", env), seeds)["success_rate"]
+    return cloned["success_rate"], play_episodes(env, acting(find_player("geometric", env), env), seeds)["success_rate"]
 
 
 if __name__ == "__main__":

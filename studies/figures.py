@@ -37,6 +37,7 @@ from billiards_env.play.view import View
 from billiards_env.players.levels import with_noise
 from billiards_env.players.named import find_player
 from billiards_env.players.planner import Options, plan
+from billiards_env.players.situation import game_situation
 from billiards_env.scene import Balls, Cue, Scene, layouts
 from billiards_env.scene.table import TABLES, Table
 from billiards_env.shots.result import ShotResult
@@ -194,7 +195,7 @@ def window() -> WindowModel:
     setup = Setup("nine_ball", Scene.named("real_pool", 9))
     model = begin(History(setup, opening(setup, rng), ()), (HUMAN, HUMAN), 8.0, 1 / 60)
     model = go(go(go(model)))  # places the cue ball, shoots and skips to the end of the break
-    stroke = find_player("geometric", setup)(setup, model.game, 3.0, rng)
+    stroke = find_player("geometric", setup)(game_situation(setup, model.game, 3.0), rng)
     return set_tip(aim_like(model, stroke), *WINDOW["english"])
 
 

@@ -33,10 +33,10 @@ from billiards_env.evaluation import measure as play_alone
 from billiards_env.files import write_json
 from billiards_env.games import GAMES, GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
 from billiards_env.intervals import mean_interval, success_rate, wilson_interval
-from billiards_env.players.game_player import Player
-from billiards_env.players.levels import LEVELS, planning, with_noise
+from billiards_env.players.levels import LEVELS, with_noise
 from billiards_env.players.named import find_player
-from billiards_env.players.planner import Options, parse_budget
+from billiards_env.players.planner import parse_budget
+from billiards_env.players.situation import Player, game_situation
 from billiards_env.scene import Scene
 from studies import RESULTS, resumed
 
@@ -107,9 +107,14 @@ CELLS: tuple[Cell, ...] = (
 """The cells of the tables, the most interesting first."""
 
 
-def shoot(setup: Setup, game: GameState, player: Player, noise: tuple[float, float], rngs: Sequence[Any]) -> PlayedShot:
-    """Plays one shot with noise; `rngs` are the generators of the player and of the noise."""
-    stroke = player(setup, game, MAX_SPEED, rngs[0])
+def shoot(
+    setup: Setup, game: GameState, player: Player, noise: tuple[float, float], rngs: Sequence[Any], **changes: Any
+) -> PlayedShot:
+    """Plays one shot with noise; `rngs` are the generators of the player and of the noise.
+
+    `changes` are other fields of the situation.
+    """
+    stroke = player(game_situation(setup, game, MAX_SPEED, noise)._replace(**changes), rngs[0])
     return play(setup, game, with_noise(stroke, noise, MAX_SPEED, rngs[1]))
 
 
@@ -128,23 +133,16 @@ def run_out(
     """
     setup = Setup(rules, Scene.named(scene, GAMES[rules].n_object_balls[1]))
     game, rngs, strokes, kept = opening(setup, rng), rng.spawn(2), 0, False
-    chosen = find_player(player, setup, noise=noise)
-    if player.startswith("planner"):
-        chosen = _for_one_turn(player, noise, english=scene != "pool")
+    chosen = find_player(player, setup)
     while not game.state.over and game.state.player == 0:
         if fixed_break and strokes == 0:
             game = play(setup, game, with_noise(fixed_break, noise, MAX_SPEED, rngs[1])).game
         else:
-            game = shoot(setup, game, chosen, noise, rngs).game
+            game = shoot(setup, game, chosen, noise, rngs, run_out=True, strike=scene != "pool").game
         strokes += 1
         if strokes == 1:
             kept = bool(game.state.over or game.state.player == 0)
     return {"success": bool(game.state.winner == 0), "strokes": strokes, "kept": kept}
-
-
-def _for_one_turn(player: str, noise: tuple[float, float], english: bool = True) -> Player:
-    """Returns a planner that plays for its present turn only."""
-    return planning(player.partition(":")[2], noise, Options(run_out=True, english=english))
 
 
 def turn(
@@ -159,9 +157,9 @@ def turn(
     """Plays one turn from random positions of all balls. Returns `points` and `strokes`."""
     setup = Setup(rules, Scene.named(scene, balls), target=target)
     game, rngs, strokes = opening(setup, rng, "random"), rng.spawn(2), 0
-    chosen = _for_one_turn(player, noise)
+    chosen = find_player(player, setup)
     while not game.state.over and game.state.player == 0 and strokes < MAX_POINTS:
-        game, strokes = shoot(setup, game, chosen, noise, rngs).game, strokes + 1
+        game, strokes = shoot(setup, game, chosen, noise, rngs, run_out=True).game, strokes + 1
     return {"points": int(game.state.scores[0]), "strokes": strokes}
 
 
@@ -170,7 +168,7 @@ def match(opponent: str, noise: tuple[float, float], rng: np.random.Generator, p
     setup = Setup("eight_ball", Scene.named("real_pool", 15))
     names = [player, opponent]
     first = int(rng.integers(2))
-    players = [find_player(names[(first + k) % 2], setup, noise=noise) for k in range(2)]
+    players = [find_player(names[(first + k) % 2], setup) for k in range(2)]
     game, rngs, strokes = opening(setup, rng), rng.spawn(2), 0
     while not game.state.over and strokes < MAX_SHOTS:
         game, strokes = shoot(setup, game, players[game.state.player], noise, rngs).game, strokes + 1
@@ -258,7 +256,7 @@ def times() -> dict[str, Any]:
     )
     result: dict[str, Any] = {"machine": machine(), "players": []}
     for setup, name in ((eight_ball, PLANNER), (eight_ball, EQUAL_TIME), (eight_ball, LEAST), (snooker, LEAST)):
-        player, taken = find_player(name, setup, noise=OLYMPIAD), []
+        player, taken = find_player(name, setup), []
         for k in range(-1, LAYOUTS):  # the first one compiles
             rng = np.random.default_rng([SEED, k + 1])
             lying = {0, 8, *(1 + rng.permutation(15)[: 15 - k % 15]).tolist()}
@@ -266,7 +264,7 @@ def times() -> dict[str, Any]:
             if setup is eight_ball:
                 game = custom_opening(setup, game.positions, {"on_table": sorted(lying)})
             begin = time.thread_time()
-            player(setup, game, MAX_SPEED, rng)
+            player(game_situation(setup, game, MAX_SPEED, OLYMPIAD), rng)
             taken.append(time.thread_time() - begin)
         result["players"].append({"player": name, "game": setup.rules, "seconds": float(np.median(taken[1:]))})
     return result

@@ -30,6 +30,7 @@ from billiards_env.games.placement import cue_ball_point
 from billiards_env.intervals import as_percent, mean_interval
 from billiards_env.players.named import find_player
 from billiards_env.players.planner import noisy_strokes
+from billiards_env.players.situation import game_situation
 from billiards_env.scene import Scene
 from studies import RESULTS, fill, resumed
 from studies.planner import MAX_SPEED, OLYMPIAD
@@ -84,9 +85,9 @@ def play_all(entries: Sequence[Mapping[str, Any]], player: str, samples: int) ->
         setup, game = setup_of(entry["rules"]), state_of(entry)
         decide: Callable[..., Stroke] = functools.partial(lambda answer, *_: stroke_of(answer), entry["answer"])
         if player != "answers":
-            decide = find_player(player, setup, noise=OLYMPIAD)
+            decide = find_player(player, setup)
         begin = time.process_time()
-        stroke = decide(setup, game, MAX_SPEED, np.random.default_rng([SEED, number, 1]))
+        stroke = decide(game_situation(setup, game, MAX_SPEED, OLYMPIAD), np.random.default_rng([SEED, number, 1]))
         seconds += time.process_time() - begin
         successes.append(success_share(setup, game, stroke, samples, np.random.default_rng([SEED, number])))
     return {"success": successes, "seconds": seconds}

@@ -21,7 +21,7 @@ from benchmarks import new_figure, run_command, save, table
 from billiards_env import bench
 from billiards_env.evaluation import evaluation_seeds
 from billiards_env.frozen import FROZEN, NAMESPACE, NOISE, Frozen
-from billiards_env.players.env_player import RULES_OF_TASKS
+from billiards_env.players.env_player import RULES_OF_TASKS, acting
 from billiards_env.players.named import find_player
 from studies import RESULTS, fill, read_results
 
@@ -172,7 +172,7 @@ def draw(_: Any, folder: Path) -> None:
     for name in dict.fromkeys(_picture(name) for name in FROZEN):
         env: Any = gym.make(f"{NAMESPACE}{name}-v0", render_mode="rgb_array")
         observation, _ = env.reset(seed=int(evaluation_seeds(bench.SEED, 1)[0]))
-        env.step(find_player("search:200", env, seed=0)(observation))
+        env.step(acting(find_player("search:200", env), env, seed=0)(observation))
         pictures[name] = env.render()
         env.close()
     (folder / "tasks").mkdir(parents=True, exist_ok=True)

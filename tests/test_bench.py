@@ -16,6 +16,7 @@ from billiards_env.__main__ import main
 from billiards_env.envs.actions import perturb
 from billiards_env.evaluation import evaluation_seeds
 from billiards_env.frozen import BENCH_TASKS, FROZEN, NAMESPACE, NOISE
+from billiards_env.players.env_player import acting
 from billiards_env.players.named import find_player
 from billiards_env.shots import records
 
@@ -61,7 +62,10 @@ def test_a_file_is_accepted_and_holds_the_outcomes_of_single_environments(played
 def test_who_knows_the_noise_can_subtract_it_but_not_that_of_another_seed():
     task = "Pot1Noise-v0"
     env, actions = gym.make(NAMESPACE + task), []
-    act, scales = find_player("geometric", env), np.array([NOISE["angle_std"] / 180, NOISE["speed_std"] / 4.0])
+    act, scales = (
+        acting(find_player("geometric", env), env),
+        np.array([NOISE["angle_std"] / 180, NOISE["speed_std"] / 4.0]),
+    )
     for seed in evaluation_seeds(0, 12).tolist():
         noise = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,))).standard_normal(2) * scales
         actions.append(perturb(act(env.reset(seed=seed)[0]), -noise))
@@ -261,7 +265,9 @@ def test_a_pipe_is_refused_and_not_read(tmp_path):
 
 
 def test_an_action_of_a_player_that_is_wrong_leaves_no_file(tmp_path, monkeypatch):
-    (tmp_path / "bad_players.py").write_text("def nan(observation):\n    return [float('nan'), 0.0]\n")
+    (tmp_path / "bad_players.py").write_text(
+        "def nan(argument):\n    return lambda situation, rng: situation.stroke([float('nan'), 0.0])\n"
+    )
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(SystemExit, match=r"action = \[nan, 0\.0\]: expected finite numbers"):
         main(["bench", "bad_players:nan", "--tasks", "Pot1-v0", "--out", str(tmp_path / "bad.json")])

@@ -6,6 +6,7 @@ import pytest
 
 from billiards_env.__main__ import main
 from billiards_env.evaluation import measure
+from billiards_env.players.env_player import acting
 from billiards_env.players.named import find_player
 
 
@@ -38,14 +39,18 @@ def test_the_planner_plays_pots_and_run_outs():
 def mine(tmp_path, monkeypatch):
     """A module with players."""
     (tmp_path / "my_players.py").write_text(
-        "def full_hit(observation):\n    return (observation[2:4] - observation[:2]) * [0.5, 0.25]\n"
+        "def full_hit(argument):\n"
+        "    def act(seen):\n        return (seen[2:4] - seen[:2]) * [0.5, 0.25]\n"
+        "    return lambda situation, rng: situation.stroke(act(situation.observation))\n"
     )
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
 
 
 def test_a_function_of_the_user_plays(mine):
-    act = find_player("my_players:full_hit", gym.make("Billiards-v0"))
+    env = gym.make("Billiards-v0")
+    env.reset(seed=0)
+    act = acting(find_player("my_players:full_hit", env), env)
     assert act(np.array([0.0, 0.0, 0.5, 0.5])).tolist() == [0.25, 0.125]
     measured = measure("my_players:full_hit", {"task": "carom", "max_shots": 3}, (0.0, 0.0), 20, 0)
     assert measured["mean_shots"] >= 1

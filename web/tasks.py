@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from billiards_env.engine import frozen_strike, pic
 from billiards_env.engine.compile import scene_fields
 from billiards_env.envs import episodes, make_env
+from billiards_env.envs.actions import ACTIONS
 from billiards_env.frozen import FROZEN
 from billiards_env.jit.decorators import EntryPoint, Typed
 
@@ -53,8 +54,7 @@ def program(name: str) -> Program:
     # JavaScript lacks the functions for few balls; the general ones compute the same bits
     with patch.object(episodes, "run_shots_of", lambda *_: pic.run_shots):
         played = episodes.Episodes(COUNT, model)
-    size = 5 if model.action == "strike" else 2
-    actions, mask = np.zeros((COUNT, size)), np.ones(COUNT, np.bool_)
+    actions, mask = np.zeros((COUNT, ACTIONS[model.action].size)), np.ones(COUNT, np.bool_)
     rewards, observations = np.zeros(COUNT), played.observer.new(COUNT)
     with _recorded() as begin:
         played.draw(0, COUNT, mask)

@@ -23,11 +23,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import one_of, short
-from billiards_env.envs.actions import Before, cos_sin
+from billiards_env.envs.actions import cos_sin
 from billiards_env.jit import entry_point, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.state import X, Y
 from billiards_env.scene import Scene
+from billiards_env.shots.tables import Tables
 
 FRAMES = ("cut", "sum_to_three")
 
@@ -68,11 +69,11 @@ class ActionFrame:
             raise ValueError(f"max_speed = {short(max_speed)} with action {name!r}: expected at least {fastest} m/s")
         self._is_cut, self._reach = name == "cut", scene.balls.contact_distances(0)
 
-    def velocities(self, actions: ArrayLike, before: Before) -> NDArray[np.float64]:
+    def velocities(self, actions: ArrayLike, tables: Tables) -> NDArray[np.float64]:
         """Returns the velocities (k, 2) of the cue balls, m/s, for actions (k, 2), which are clipped to [-1, 1]."""
         array = np.asarray(actions, np.float64)
         out = np.empty(array.shape)
-        fields = before.positions, before.playable, self._reach, float(before.max_speed)
+        fields = tables.positions, tables.targets, self._reach, float(tables.max_speed)
         _velocities(self._is_cut, array, fields, out)
         return out
 
@@ -125,11 +126,11 @@ def between(low, high, a):
 
 
 @kernel
-def nearest_ball(positions, playable):
-    """Returns the playable ball nearest to the cue ball; 0 if there is none."""
+def nearest_ball(positions, targets):
+    """Returns the target nearest to the cue ball; 0 if there is none."""
     best, shortest = 0, math.inf
-    for i in range(1, len(playable)):
-        if playable[i]:
+    for i in range(1, len(targets)):
+        if targets[i]:
             dx, dy = positions[i, X] - positions[0, X], positions[i, Y] - positions[0, Y]
             if dx * dx + dy * dy < shortest:
                 best, shortest = i, dx * dx + dy * dy
@@ -137,11 +138,11 @@ def nearest_ball(positions, playable):
 
 
 @entry_point
-def _velocities(is_cut, actions, before, out):
-    positions, playable, reach, max_speed = before
+def _velocities(is_cut, actions, tables, out):
+    positions, targets, reach, max_speed = tables
     for k in range(len(actions)):
         a0, a1 = min(max(actions[k, A0], -1.0), 1.0), min(max(actions[k, A1], -1.0), 1.0)
-        i = nearest_ball(positions[k], playable[k])
+        i = nearest_ball(positions[k], targets[k])
         dx, dy = positions[k, i, X] - positions[k, 0, X], positions[k, i, Y] - positions[k, 0, Y]
         if is_cut:
             out[k, X], out[k, Y] = cut(a0, a1, dx, dy, reach[i], LEAST_SPEED, max_speed)

@@ -34,22 +34,6 @@ from billiards_env.scene import Scene
 from billiards_env.shots.strikes import Strike
 
 
-class Before(NamedTuple):
-    """k tables before a shot.
-
-    Attributes:
-        positions: (k, n, 2) m.
-        in_play: (k, n) bool, the balls on the table.
-        playable: (k, n) bool, those of them that count in the task and that the cue ball may touch first.
-        max_speed: The speed of the fastest shot, m/s.
-    """
-
-    positions: NDArray[np.float64]
-    in_play: NDArray[np.bool_]
-    playable: NDArray[np.bool_]
-    max_speed: float
-
-
 class Action(NamedTuple):
     """A kind of action.
 
@@ -57,14 +41,16 @@ class Action(NamedTuple):
         summary: What the numbers are, for the documentation.
         size: Number of numbers of the velocity (2) or of the strike (5) that is played.
         converter: Returns from a scene and the largest speed, m/s, an object whose method `velocities` converts
-            actions (k, 2) and `Before` to velocities (k, 2), m/s. If it has the attribute `choices` > 0, an action is a
+            actions (k, 2) and `Tables` to velocities (k, 2), m/s. If it has the attribute `choices` > 0, an action is a
             whole number below it, actions are (k,), and the method `mask` returns the possible ones, (k, choices) int8.
             None for an action that is played as it is.
+        has_cue: Whether a cue strikes the cue ball, which gives it spin and drives balls that touch it.
     """
 
     summary: str
     size: int
     converter: Callable[[Scene, float], Any] | None = None
+    has_cue: bool = False
 
 
 def _frame(name: str) -> Callable[[Scene, float], Any]:
@@ -84,7 +70,7 @@ def _plans(scene: Scene, max_speed: float) -> Any:
 
 ACTIONS = {
     "velocity": Action("velocity of the cue ball along x and along y, divided by `max_speed`", 2),
-    "strike": Action("motion of the cue, 5 numbers", 5),
+    "strike": Action("motion of the cue, 5 numbers", 5, has_cue=True),
     "cut": Action(
         "sine of the cut angle at the nearest ball (0 is a full hit, and 1 and -1 only graze the ball), and speed from "
         "0.4 m/s to `max_speed`",
@@ -116,10 +102,10 @@ TURN, SPEED = 0, 1
 def check_action(action: str, scene: Scene, known: tuple[str, ...] = tuple(ACTIONS)) -> str:
     """Returns the kind of action of an environment, one of `known`. Raises a ValueError unless the scene allows it."""
     one_of("action", action, known)
-    if action == "strike" and scene.physics.motion != "sliding":
+    if ACTIONS[action].has_cue and scene.physics.motion != "sliding":
         raise ValueError(
-            f"action = 'strike' with physics.motion = {scene.physics.motion!r}: expected motion 'sliding', "
-            "a strike gives spin"
+            f"action = {action!r} with physics.motion = {scene.physics.motion!r}: expected motion 'sliding', "
+            f"a {action} gives spin"
         )
     return action
 

@@ -15,7 +15,7 @@ from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, 
 from billiards_env.engine.compile import varied_fields, varied_shot, vary
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shots import Starts, arrays_in, start_fields
-from billiards_env.envs.actions import ACTIONS, SIDE, Before, add_noise, clipped, shorten, strike_balls
+from billiards_env.envs.actions import ACTIONS, SIDE, add_noise, clipped, shorten, strike_balls
 from billiards_env.envs.arguments import NO_OPTIONS, Model, ResetOptions, cue_ball_alone
 from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays, info_arrays, starts_of
@@ -28,6 +28,7 @@ from billiards_env.physics.strike import cue_numbers
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
+from billiards_env.shots.tables import Tables
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -84,7 +85,7 @@ class Episodes:
         make = ACTIONS[model.action].converter
         self._converter: Any = make and make(scene, model.max_speed)
         self.choices = self._converter.choices if self._converter else 0
-        self._cue = tuple(cue_numbers(scene)) if model.action == "strike" else None
+        self._cue = tuple(cue_numbers(scene)) if ACTIONS[model.action].has_cue else None
         self.kind = state_type(model)
         self._allocate(
             np.zeros(count * self.kind.itemsize, np.uint8) if memory is None else np.require(memory, None, "W")
@@ -260,7 +261,7 @@ class Episodes:
         model, shots, over = self.model, self.shots, self.state.over
         if self._converter:
             rows = begin + np.flatnonzero(~over[begin:end])
-            self.actions[rows] = self._converter.velocities(actions[rows], self._before(rows)) / model.max_speed
+            self.actions[rows] = self._converter.velocities(actions[rows], self._tables(rows)) / model.max_speed
             actions = self.actions
         if model.noise is not None:
             add_noise(begin, end, over, actions, model.noise, self.state.noise_stream)
@@ -279,18 +280,18 @@ class Episodes:
         if self.choices:
             self._write_mask(begin, end, ~over)
 
-    def _before(self, rows: NDArray[np.int64]) -> Before:
-        """Returns some episodes before their next shots."""
-        arrays, in_play = self.arrays, self.arrays.in_play[rows]
-        legal = arrays.legal_balls[rows] if arrays.legal_balls.size else self.model.targets
-        return Before(arrays.positions[rows], in_play, in_play & legal, self.model.max_speed)
+    def _tables(self, rows: NDArray[np.int64]) -> Tables:
+        """Returns the tables of some episodes."""
+        model, arrays, on_table = self.model, self.arrays, self.arrays.in_play[rows]
+        legal = arrays.legal_balls[rows] if arrays.legal_balls.size else np.tile(model.targets, (len(rows), 1))
+        return Tables(model.scene, arrays.positions[rows], on_table, legal, model.max_speed)
 
     def _write_mask(self, begin: int, end: int, mask: Bools) -> None:
         """Writes which choices are possible in the episodes in the mask (m,); in those that are over, none is."""
         assert self._converter is not None
         rows = begin + np.flatnonzero(mask[begin:end])
         self.mask[begin:end] *= ~self.state.over[begin:end, None]
-        self.mask[rows] = self._converter.mask(self._before(rows))
+        self.mask[rows] = self._converter.mask(self._tables(rows))
 
     def _record(self, k: int) -> ShotResult:
         """Runs the shot of episode k as the engine does, and returns it with its trajectory."""

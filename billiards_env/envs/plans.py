@@ -13,9 +13,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.envs.actions import Before
-from billiards_env.players.pots import DX, DY, SPEED, SPEEDS, Tables, find_pots
+from billiards_env.players.pots import DX, DY, SPEED, SPEEDS, find_pots
 from billiards_env.scene import Scene
+from billiards_env.shots.tables import Tables
 
 Floats = NDArray[np.float64]
 
@@ -36,11 +36,11 @@ class Plans:
 
     def __init__(self, scene: Scene) -> None:
         self.shape = scene.n_balls - 1, len(scene.table.pockets), len(SPEEDS)
-        self.choices, self._scene = int(np.prod(self.shape)), scene
+        self.choices = int(np.prod(self.shape))
         if not self.choices:
             raise ValueError("action = 'plan': expected an object ball and a table with pockets")
 
-    def velocities(self, plans: Floats, before: Before) -> Floats:
+    def velocities(self, plans: Floats, tables: Tables) -> Floats:
         """Returns the velocities (k, 2) of the cue balls, m/s, of plans (k,).
 
         Raises:
@@ -50,27 +50,27 @@ class Plans:
         if bad.size:
             raise ValueError(f"action = {bad[0]:g}: expected a whole number from 0 to {self.choices - 1}")
         rows = np.arange(len(plans))
-        chosen = self._pots(before).reshape(-1, self.choices, 2)[rows, plans.astype(np.int64)]
-        ways = before.positions - before.positions[:, :1]
-        apart = np.where(before.playable, np.hypot(*np.moveaxis(ways, -1, 0)), np.inf)
+        chosen = self._pots(tables).reshape(-1, self.choices, 2)[rows, plans.astype(np.int64)]
+        ways = tables.positions - tables.positions[:, :1]
+        apart = np.where(tables.targets, np.hypot(*np.moveaxis(ways, -1, 0)), np.inf)
         nearest = apart.argmin(axis=1)
-        speeds = before.max_speed * (plans % len(SPEEDS) + 1.0) / len(SPEEDS)
+        speeds = tables.max_speed * (plans % len(SPEEDS) + 1.0) / len(SPEEDS)
         full = (speeds / np.maximum(apart[rows, nearest], 1e-300))[:, None] * ways[rows, nearest]
         return np.where(chosen.any(axis=1, keepdims=True), chosen, full)
 
-    def mask(self, before: Before) -> NDArray[np.int8]:
+    def mask(self, tables: Tables) -> NDArray[np.int8]:
         """Returns the plans that are pots, (k, choices): 1 or 0."""
-        possible = self._pots(before).any(axis=-1).reshape(-1, self.choices)
+        possible = self._pots(tables).any(axis=-1).reshape(-1, self.choices)
         return (possible | ~possible.any(axis=1, keepdims=True)).astype(np.int8)
 
-    def _pots(self, before: Before) -> Floats:
+    def _pots(self, tables: Tables) -> Floats:
         """Returns the velocities (k, *shape, 2) of the cue ball of each plan, 0 for a plan that is no pot."""
-        targets = np.arange(self._scene.n_balls) > 0
-        pots = find_pots(Tables(self._scene, targets, before.positions, ~before.in_play, before.max_speed))
-        by_choice = np.zeros((len(before.positions), *self.shape, 2))
+        objects = np.broadcast_to(np.arange(tables.on_table.shape[1]) > 0, tables.on_table.shape)
+        pots = find_pots(tables._replace(legal=objects))
+        by_choice = np.zeros((len(tables.positions), *self.shape, 2))
         for j in range(pots.ball.shape[1])[::-1]:  # of several banks the one with the largest tolerance comes last
             which = np.flatnonzero(j < pots.count)
             shots = pots.shots[which, j]
             velocities = shots[..., SPEED, None] * shots[..., DX : DY + 1]
             by_choice[which, pots.ball[which, j] - 1, pots.pocket[which, j]] = velocities
-        return by_choice * before.playable[:, 1:, None, None, None]
+        return by_choice * tables.legal[:, 1:, None, None, None]

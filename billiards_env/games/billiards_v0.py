@@ -330,7 +330,7 @@ class GameEnv(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
                 "n_events": shot.n_events,
                 "status": shot.status,
             }
-            if self.action == "strike":
+            if ACTIONS[self.action].has_cue:
                 self.infos[other]["miscue"] = miscue
         self.agent_selection = self.possible_agents[state["player"]]
         if self._renderer is not None:

@@ -30,9 +30,9 @@ from billiards_env.play.model import WindowModel, begin, shoot, tick
 from billiards_env.play.pages import UNSAVED
 from billiards_env.play.panel import INK, PAPER
 from billiards_env.play.view import FPS, View
-from billiards_env.players.game_player import Player
 from billiards_env.players.levels import EXPECTED, LevelPlayer, with_noise
 from billiards_env.players.planner import Plan, plan
+from billiards_env.players.situation import Player, game_situation
 
 T = TypeVar("T")
 
@@ -273,14 +273,14 @@ class GameWindow:
     @property
     def _shows_plan(self) -> bool:
         """Whether the program whose turn it is shows its shot before it plays it."""
-        return self.model.players[self.model.game.state.player].partition(":")[0] == "planner"
+        return isinstance(self._players[self.model.game.state.player], LevelPlayer)
 
     def _start_thought(self) -> _Thought:
         """Starts a thread that finds a stroke. If the turn is undone, the result of the thread is not used."""
         model, (rng,) = self.model, self._rng.spawn(1)
         player: Any = self._players[model.game.state.player]
         player = player.intend if isinstance(player, LevelPlayer) else player
-        stroke = _Work(lambda: player(model.setup, model.game, model.max_speed, rng))
+        stroke = _Work(lambda: player(game_situation(model.setup, model.game, model.max_speed), rng))
         return _Thought(model.game, stroke, time.monotonic())
 
     def _executed(self, stroke: Stroke) -> Stroke:

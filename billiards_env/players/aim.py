@@ -19,12 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import Range, finite, flag, integer, real, shaped, short, unmasked
 from billiards_env.physics.state import CUE_BALL
-from billiards_env.players.pots import SPEED, TOLERANCE, Tables, find_pots
+from billiards_env.players.pots import SPEED, TOLERANCE, find_pots
 from billiards_env.scene import Scene, check_scene
 from billiards_env.shots.gradients import margin_columns, margins_by_cue_ball, rest_by_cue_ball
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import BatchResult, simulate, simulate_batch
 from billiards_env.shots.strikes import Strike, strike_with
+from billiards_env.shots.tables import Tables
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -140,19 +141,13 @@ class _Problem(NamedTuple):
     """What a shot has to do.
 
     Attributes:
-        scene: The scene.
-        positions: (n, 2) m.
-        in_play: (n,) bool.
+        table: The table; k is 1.
         goals: The goals.
-        max_speed: m/s.
         strike: Whether a cue strikes the cue ball.
     """
 
-    scene: Scene
-    positions: Floats
-    in_play: Bools
+    table: Tables
     goals: tuple[Goal, ...]
-    max_speed: float
     strike: bool
 
 
@@ -230,7 +225,8 @@ def aim(
     order = np.lexsort((-_room(problem, tried), np.maximum(tried.off, _EXACT), tried.missed, ~tried.solved))
     best, others = order[0], order[1:][tried.solved[order[1:]]]
     velocity = tried.velocities[best]
-    shot = simulate(scene, problem.positions, _stroke(problem, velocity), in_play=problem.in_play, record=True)
+    (places,), (playing,) = problem.table.positions, problem.table.on_table
+    shot = simulate(scene, places, _stroke(problem, velocity), in_play=playing, record=True)
     return Aim(bool(tried.solved[best]), velocity, float(tried.off[best]), shot, tried.velocities[others])
 
 
@@ -263,7 +259,9 @@ def _checked(
             finite("Leave.position", goal.position, (2,))
             real("Leave.radius", goal.radius, _RADIUS)
     fastest = real("max_speed", max_speed, "max_speed")
-    return _Problem(scene, shaped("positions", positions, (n, 2)), playing, checked, fastest, strike)
+    objects = playing & (np.arange(n) != CUE_BALL)
+    places = shaped("positions", positions, (n, 2))
+    return _Problem(Tables(scene, places[None], playing[None], objects[None], fastest), checked, strike)
 
 
 def _stroke(problem: _Problem, velocities: Floats) -> Floats | Strike:
@@ -272,9 +270,9 @@ def _stroke(problem: _Problem, velocities: Floats) -> Floats | Strike:
 
 
 def _run(problem: _Problem, velocities: Floats, record: bool = False) -> BatchResult:
-    places = np.broadcast_to(problem.positions, (len(velocities), *problem.positions.shape))
-    strokes = _stroke(problem, velocities)
-    return simulate_batch(problem.scene, places, strokes, in_play=problem.in_play, record=record, threads=1)
+    table, strokes = problem.table, _stroke(problem, velocities)
+    places = np.broadcast_to(table.positions, (len(velocities), *table.positions.shape[1:]))
+    return simulate_batch(table.scene, places, strokes, in_play=table.on_table[0], record=record, threads=1)
 
 
 def _starts(problem: _Problem, shots: int, rng: np.random.Generator) -> Iterator[Floats]:
@@ -290,7 +288,7 @@ def _starts(problem: _Problem, shots: int, rng: np.random.Generator) -> Iterator
     if shots == 0:
         return
     headings = np.linspace(-np.pi, np.pi, _FAN, endpoint=False)
-    fan = _run(problem, _FAN_SPEED * problem.max_speed * np.column_stack((np.cos(headings), np.sin(headings))))
+    fan = _run(problem, _FAN_SPEED * problem.table.max_speed * np.column_stack((np.cos(headings), np.sin(headings))))
     balls = [goal.ball for goal in problem.goals if isinstance(goal, Pot | FirstTouch | Touch)]
     if balls and (fan.cushions_before_hit[:, balls[0]] >= 0).any():
         headings = headings[fan.cushions_before_hit[:, balls[0]] >= 0]
@@ -299,16 +297,15 @@ def _starts(problem: _Problem, shots: int, rng: np.random.Generator) -> Iterator
         count = min(count, shots)
         near = rng.choice(headings, count) + rng.normal(0.0, 2.0 * np.pi / _FAN, count)
         angles = np.where(rng.uniform(size=count) < 0.75, near, rng.uniform(-np.pi, np.pi, count))
-        speeds = problem.max_speed * rng.uniform(_LEAST_SPEED, 1.0, count)
+        speeds = problem.table.max_speed * rng.uniform(_LEAST_SPEED, 1.0, count)
         yield speeds[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
         shots, count = shots - count, _GROWTH * count
 
 
 def _pots(problem: _Problem, goal: Pot) -> Floats:
     """Returns velocities (k, 2) near the pots of a goal, at many speeds and with small turns."""
-    targets = np.arange(problem.scene.n_balls) == goal.ball
-    tables = Tables(problem.scene, targets, problem.positions[None], ~problem.in_play[None], problem.max_speed)
-    pots = find_pots(tables, banks=True)
+    legal = np.arange(problem.table.scene.n_balls) == goal.ball
+    pots = find_pots(problem.table._replace(legal=legal[None]), banks=True)
     chosen = np.flatnonzero((goal.pocket is None) | (pots.pocket[0, : pots.count[0]] == goal.pocket))[:_POTS]
     velocities = []
     for shots, tolerance in zip(pots.shots[0, chosen], pots.rows[0, chosen, TOLERANCE], strict=True):
@@ -323,17 +320,18 @@ def _pots(problem: _Problem, goal: Pot) -> Floats:
 
 def _hits(problem: _Problem, ball: int) -> Floats:
     """Returns velocities (k, 2) of straight hits of a ball, at many speeds and with all cuts."""
-    to, radius = problem.positions[ball] - problem.positions[CUE_BALL], problem.scene.balls.radius
+    (places,), radius = problem.table.positions, problem.table.scene.balls.radius
+    to = places[ball] - places[CUE_BALL]
     widest = np.arcsin(min(1.0, (radius[CUE_BALL] + radius[ball]) / np.hypot(*to)))
     angles = np.arctan2(to[1], to[0]) + 0.98 * widest * np.linspace(-1.0, 1.0, 41)[:, None]
-    speeds = problem.max_speed * np.linspace(_LEAST_SPEED, 1.0, 12)
+    speeds = problem.table.max_speed * np.linspace(_LEAST_SPEED, 1.0, 12)
     return np.stack((speeds * np.cos(angles), speeds * np.sin(angles)), axis=-1).reshape(-1, 2)
 
 
 def _met(problem: _Problem, batch: BatchResult) -> Bools:
     """Returns whether shots reach the goals, (m, g); a `Leave` is always met."""
     met = np.ones((len(batch), len(problem.goals)), bool)
-    pockets = np.array([(p.x, p.y) for p in problem.scene.table.pockets]).reshape(-1, 2)
+    pockets = np.array([(p.x, p.y) for p in problem.table.scene.table.pockets]).reshape(-1, 2)
     for g, goal in enumerate(problem.goals):
         if isinstance(goal, Pot):
             met[:, g] = batch.potted[:, goal.ball]
@@ -381,7 +379,7 @@ def _solve(problem: _Problem, tried: _Tried) -> _Tried:
         speeds = np.hypot(*velocities.T)
         steps = _shorten(steps, _LONGEST * speeds)
         moved = (velocities[:, None] + _SHARES[:, None] * steps[:, None]).reshape(-1, 2)
-        after = _try(problem, _shorten(moved, problem.max_speed))
+        after = _try(problem, _shorten(moved, problem.table.max_speed))
         ranks = np.where(after.missed == 0, after.off, 1e6 * after.missed).reshape(len(which), -1)
         best = ranks.argmin(axis=1)
         best += len(_SHARES) * np.arange(len(which))
@@ -415,7 +413,7 @@ def _leave_rows(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
 
 def _selected_margins(problem: _Problem) -> Bools:
     """Returns the margins (n, q) that the goals need, see `margins_by_cue_ball`."""
-    scene = problem.scene
+    scene = problem.table.scene
     n, pockets = scene.n_balls, len(scene.table.pockets)
     selected = np.zeros((n, margin_columns(scene)["cushion_margins"].stop), bool)
     for goal in problem.goals:
@@ -431,7 +429,7 @@ def _margins(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
 
     A shot that first touches another ball has the margin by which it must miss this ball.
     """
-    shots, n = np.arange(len(batch)), problem.scene.n_balls
+    shots, n = np.arange(len(batch)), problem.table.scene.n_balls
     values, slopes = margins_by_cue_ball(batch._record("jacobian"), _selected_margins(problem))
     margins, by = np.full((len(batch), len(problem.goals)), np.inf), np.zeros((len(batch), len(problem.goals), 2))
     for g, goal in enumerate(problem.goals):
@@ -439,7 +437,10 @@ def _margins(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
             continue
         ball, body, sign = CUE_BALL, np.full(len(batch), goal.ball), np.ones(len(batch))
         if isinstance(goal, Pot):
-            ball, body = goal.ball, n + values[:, goal.ball, n : n + len(problem.scene.table.pockets)].argmax(axis=1)
+            ball, body = (
+                goal.ball,
+                n + values[:, goal.ball, n : n + len(problem.table.scene.table.pockets)].argmax(axis=1),
+            )
         elif isinstance(goal, FirstTouch):
             wrong = (batch.first_hit > 0) & (batch.first_hit != goal.ball)
             body, sign = np.where(wrong, batch.first_hit, body), np.where(wrong, -1.0, 1.0)

@@ -14,10 +14,11 @@ from billiards_env.games.placement import cue_ball_area, cue_ball_point
 from billiards_env.games.state import PUSH_OUT, is_in, members, on_table
 from billiards_env.players.budget import Budget
 from billiards_env.players.indirect import find_indirect
-from billiards_env.players.pots import DY, SPEED, TOLERANCE, Tables, find_pots
+from billiards_env.players.pots import DY, SPEED, TOLERANCE, find_pots
 from billiards_env.players.values import pot_probability
 from billiards_env.scene import Scene
 from billiards_env.shots.strikes import strike
+from billiards_env.shots.tables import Tables
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -149,17 +150,16 @@ def _pots(
     """Returns the pots of the legal balls, at most `most` of them indirect; None if there are none."""
     state, n = game.state, len(game.positions)
     targets = np.isin(np.arange(n), setup.legal(state))
-    potted = np.broadcast_to(~is_in(on_table(state), n), (len(places), n))
+    lying, legal = (np.tile(balls, (len(places), 1)) for balls in (is_in(on_table(state), n), targets))
     positions = np.repeat(game.positions[None], len(places), axis=0)
     positions[:, state.cue_balls[0]] = places
     if not setup.game_rules.pockets:
         return None
-    tables = Tables(setup.scene, targets, positions, potted, max_speed, int(state.cue_balls[0]))
+    tables = Tables(setup.scene, positions, lying, legal, max_speed, int(state.cue_balls[0]))
     parts, many = [], targets.sum() > _MANY  # the banks of many balls take too long
     for tip, offset in enumerate(tips):
         for piece in budget.pieces(len(places), _POT_TIME, first=tip == 0):
-            part = tables._replace(positions=positions[piece], off_table=potted[piece])
-            pots = find_pots(part, most=12, offset=offset, banks=None if many else tip == 0)
+            pots = find_pots(tables.take(piece), most=12, offset=offset, banks=None if many else tip == 0)
             place, k = np.nonzero(np.arange(pots.ball.shape[1]) < pots.count[:, None])
             tolerance = pots.rows[place, k, TOLERANCE]
             target = np.column_stack((pots.ball[place, k], pots.pocket[place, k]))

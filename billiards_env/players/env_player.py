@@ -1,54 +1,124 @@
-"""The strategies in `Billiards-v0`.
+"""Players in `Billiards-v0`: `env_situation` makes the situation, and `acting` a function from observations to actions.
 
 Example:
-    >>> import numpy as np
     >>> from billiards_env.envs import make_env
     >>> from billiards_env.players.strategies import geometric
     >>> env = make_env()
-    >>> _ = env.reset(seed=1)
-    >>> env.step(geometric(task_situation(env), np.random.default_rng(0)))[1]
+    >>> observation, _ = env.reset(seed=1)
+    >>> act = acting(geometric, env)
+    >>> env.step(act(observation))[1]
     1.0
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, cast
+
+import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import one_of
+from billiards_env.checks import finite, one_of
 from billiards_env.engine.threads import parallel_for
 from billiards_env.envs import BilliardsEnv
-from billiards_env.envs.actions import ACTIONS, PLAYED
+from billiards_env.envs.actions import ACTIONS, PLAYED, cue_strike
 from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.tasks import TASKS
-from billiards_env.games import GameState, Setup
+from billiards_env.games import GameState, Setup, Stroke
 from billiards_env.games.game import opening_state
 from billiards_env.games.state import NOT_IN_HAND, changed, set_of
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
-from billiards_env.players.levels import planning
-from billiards_env.players.planner import Options
-from billiards_env.players.strategies import Situation
+from billiards_env.players.situation import Noise, Player, Situation
 from billiards_env.shots.strikes import level_strike, strike
+from billiards_env.shots.tables import Tables
 
 Floats = NDArray[np.float64]
+Act = Callable[[Any], NDArray[np.floating[Any]]]
+"""A function that returns the action for an observation."""
+
+RULES_OF_TASKS = {name: task.rules for name, task in TASKS.items() if task.rules}
+"""The tasks that the planner can play, with the games whose rules it follows."""
 
 
-def task_situation(env: BilliardsEnv) -> Situation:
-    """Returns the situation in an environment. The rating of an action is its reward."""
-    one_of("action of the environment of a player", env.action, PLAYED)
-    targets = env.legal_balls if env.legal_balls.size else env.model.targets
+class ActionStroke(Stroke):
+    """The stroke of an action of an environment, which plays the action: a strike from a spin would be rounded.
+
+    A changed stroke, as from `_replace`, has no action.
+
+    Attributes:
+        action: The numbers of the action.
+    """
+
+    action: tuple[float, ...] = ()
+
+
+def acting(player: Player, env: gym.Env[Any, Any], noise: Noise = (0.0, 0.0), seed: int | None = None) -> Act:
+    """Returns the function `act(observation) -> action` of a player in an environment.
+
+    Args:
+        player: The player.
+        env: The environment, which may have wrappers.
+        noise: The execution noise that the player expects, see `Situation`.
+        seed: The seed of the random numbers of the player.
+    """
+    base, rng = cast(BilliardsEnv, env.unwrapped), np.random.default_rng(seed)
+    return lambda observation: action_of(base, player(env_situation(base, observation, noise), rng))
+
+
+def env_situation(env: BilliardsEnv, observation: Any = None, noise: Noise = (0.0, 0.0)) -> Situation:
+    """Returns the situation in an environment. The rating of an action is its reward.
+
+    Args:
+        env: The environment.
+        observation: As in `Situation`.
+        noise: As in `Situation`.
+    """
+    on_table, legal = ~env.potted, env.legal_balls if env.legal_balls.size else env.model.targets
+    table = Tables(env.episode_scene, env.positions[None], on_table[None], legal[None], env.max_speed)
     return Situation(
-        env.episode_scene,
-        env.positions,
-        env.potted,
-        targets,
-        env.max_speed,
-        lambda actions: rewards(env, actions),
-        action_size=ACTIONS[env.action].size,
-        goals=_goals(env, np.flatnonzero(targets & ~env.potted).tolist()),
-        strike=env.action == "strike",
+        table=table,
+        action=env.action,
+        strike=ACTIONS[env.action].has_cue,
+        rate=lambda actions: rewards(env, actions),
+        stroke=lambda action: _stroke(env, table, action),
+        find_game=lambda: _game(env),
+        goals=_goals(env, np.flatnonzero(table.targets[0]).tolist()),
+        noise=noise,
+        run_out=env.task != "clear",
+        observation=observation,
     )
+
+
+def action_of(env: BilliardsEnv, stroke: Stroke) -> Floats:
+    """Returns the action of a stroke: that of which it is the stroke, or else that with its velocity and its spin.
+
+    Raises:
+        ValueError: If the stroke has no action, and the environment converts its actions.
+    """
+    if isinstance(stroke, ActionStroke) and stroke.action:
+        return np.array(stroke.action).reshape(env.action_space.shape)
+    one_of("action of the environment of a player", env.action, PLAYED)
+    if not ACTIONS[env.action].has_cue:
+        return np.array(stroke.velocity) / env.max_speed
+    scene = env.episode_scene
+    cue, heading, side, top = level_strike(scene, stroke.velocity, stroke.spin)
+    share = cue * float(strike(scene, 1.0, 0.0).velocity[0]) / env.max_speed
+    offsets = side / scene.cue.miscue_offset, top / scene.cue.miscue_offset
+    return np.array([share * np.cos(heading), share * np.sin(heading), *offsets, 0.0])
+
+
+def _stroke(env: BilliardsEnv, table: Tables, action: Any) -> ActionStroke:
+    array, convert = finite("action", action, env.action_space.shape), ACTIONS[env.action].converter
+    if convert:
+        (velocity,), spin = convert(env.scene, table.max_speed).velocities(array[None], table), np.zeros(3)
+    else:
+        velocity, spin, _ = cue_strike(array, table.scene, table.max_speed)
+    (vx, vy), (wx, wy, wz) = velocity.tolist(), spin.tolist()
+    stroke = ActionStroke((vx, vy), None, (wx, wy, wz))
+    stroke.action = tuple(array.ravel().tolist())
+    return stroke
 
 
 def _goals(env: BilliardsEnv, balls: list[int]) -> tuple[tuple[Goal, ...], ...]:
@@ -62,38 +132,14 @@ def _goals(env: BilliardsEnv, balls: list[int]) -> tuple[tuple[Goal, ...], ...]:
     return (tuple((Touch(ball), *leave) for ball in balls) or (leave,)) if leave else ()
 
 
-RULES_OF_TASKS = {name: task.rules for name, task in TASKS.items() if task.rules}
-"""The tasks that the planner can play, with the games whose rules it follows."""
-
-
-def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: np.random.Generator) -> Floats:
-    """Returns the action of the player "planner", (2,) or (5,), see `players.planner`.
-
-    Args:
-        env: The environment.
-        argument: The budget of the player, such as "100ms", or the name of a level in `players.levels.LEVELS`.
-        noise: The execution noise that it expects, see `levels.planning`.
-        rng: The generator to draw from.
-
-    Raises:
-        ValueError: If the planner cannot play the task, or there is no such budget.
-    """
+def _game(env: BilliardsEnv) -> tuple[Setup, GameState]:
+    """Returns the game whose rules the task of an environment follows, and its state."""
     one_of("task of the player 'planner'", env.task, tuple(RULES_OF_TASKS))
     setup = Setup(RULES_OF_TASKS[env.task], env.episode_scene)
     lying = set_of(np.flatnonzero(~env.potted).tolist()) & ~set_of([CUE_BALL])
     plain = changed(opening_state(setup), break_shot=False, in_hand=NOT_IN_HAND, object_balls=lying)
     of_task = np.atleast_1d(env.get_state()["game"])  # (0,) if the task is no game
-    game, run_out = GameState(env.positions, next(iter(of_task), plain)), env.task != "clear"
-    english = env.action == "strike"
-    player = planning(argument, noise, Options(run_out, english, leaves=False))
-    stroke = player(setup, game, env.max_speed, rng)
-    if not english:
-        return np.array(stroke.velocity) / env.max_speed
-    scene = env.episode_scene
-    cue, heading, side, top = level_strike(scene, stroke.velocity, stroke.spin)
-    share = cue * float(strike(scene, 1.0, 0.0).velocity[0]) / env.max_speed
-    offsets = side / scene.cue.miscue_offset, top / scene.cue.miscue_offset
-    return np.array([share * np.cos(heading), share * np.sin(heading), *offsets, 0.0])
+    return setup, GameState(env.positions, next(iter(of_task), plain))
 
 
 def rewards(env: BilliardsEnv, actions: Floats) -> Floats:

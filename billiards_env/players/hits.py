@@ -27,13 +27,14 @@ _THROW_STEPS = 4  # each reduces the error of the direction by a factor of about
 
 
 class TableArrays(NamedTuple):
-    """A table before a shot, as an argument of kernels.
+    """A table of `shots.tables.Tables`, as an argument of kernels.
 
     Attributes:
         scene: The scene.
         cue: The number of the cue ball.
         positions: (n, 2) m.
-        off_table: (n,) bool, the balls that are not on the table.
+        on_table: (n,) bool, the balls on the table.
+        targets: (n,) bool, those of them to pot.
         max_speed: Speed of the fastest shot, m/s.
         slip_ratio: Initial slip of the cue ball divided by its initial speed, see `physics.laws.cloth.launch`.
         spin_ratio: Its initial spin about the vertical axis, times its radius, divided by its initial speed.
@@ -42,7 +43,8 @@ class TableArrays(NamedTuple):
     scene: SceneArrays
     cue: int
     positions: NDArray[np.float64]
-    off_table: NDArray[np.bool_]
+    on_table: NDArray[np.bool_]
+    targets: NDArray[np.bool_]
     max_speed: float
     slip_ratio: float
     spin_ratio: float
@@ -176,7 +178,7 @@ def ball_gap(table, i, moving, ax, ay, bx, by):
     """
     gap, radius = FAR, table.scene.radius
     for j in range(len(table.positions)):
-        if j != table.cue and j != i and not table.off_table[j]:
+        if j != table.cue and j != i and table.on_table[j]:
             distance = distance_to_segment(ax, ay, bx, by, table.positions[j, X], table.positions[j, Y])
             gap = min(gap, distance - contact_distance(table.scene.spheres, radius, moving, j))
     return gap

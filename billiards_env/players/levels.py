@@ -11,14 +11,14 @@ Example:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from billiards_env.checks import real
-from billiards_env.games import GameState, Setup, Stroke
-from billiards_env.players.planner import NOISE, Noise, Options, noisy_strokes, parse_budget, plan
+from billiards_env.games import Stroke
+from billiards_env.players.planner import NOISE, Options, noisy_strokes, parse_budget, plan
+from billiards_env.players.situation import Noise, Player, Situation
 
 
 class Level(NamedTuple):
@@ -47,43 +47,42 @@ hundreds of strokes instead of trying to pot a ball."""
 
 
 class LevelPlayer(NamedTuple):
-    """A player of games whose strokes have noise.
+    """A player whose strokes have noise.
 
     Attributes:
         intend: The player without noise.
         noise: As in `Level`.
     """
 
-    intend: Callable[[Setup, GameState, float, np.random.Generator], Stroke]
+    intend: Player
     noise: Noise
 
-    def __call__(self, setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
+    def __call__(self, situation: Situation, rng: np.random.Generator) -> Stroke:
         """Returns the stroke that is played."""
-        return with_noise(self.intend(setup, game, max_speed, rng), self.noise, max_speed, rng)
+        return with_noise(self.intend(situation, rng), self.noise, situation.table.max_speed, rng)
 
 
-_STROKE_ONLY = Options(leaves=False)
+def planning(argument: str) -> LevelPlayer:
+    """Returns the planner as a player. It plays games and the tasks with the rules of a game.
 
-
-def planning(argument: str, noise: Noise, options: Options = _STROKE_ONLY) -> LevelPlayer:
-    """Returns the planner as a player of games.
+    It expects the noise of the situation in addition to its own. Without any noise it expects `planner.NOISE`.
 
     Args:
         argument: The name of a level, or the budget of a decision: its time, such as "100ms" or "1s", or a number of
             simulated shots, such as "5000". With a number of shots a seed repeats a game on every machine. An empty
             text is "100ms".
-        noise: The execution noise that it expects in addition to its own: standard deviations of the direction,
-            degrees, and of the speed, m/s. Without any noise it expects `planner.NOISE`.
-        options: The options of `planner.plan`.
 
     Raises:
-        ValueError: If the argument is neither a level nor a budget, or a number of `noise` is invalid.
+        ValueError: If the argument is neither a level nor a budget.
     """
     level = level_of(argument)
-    deviations, (seconds, shots) = expected(noise, level), parse_budget(level.budget)
+    seconds, shots = parse_budget(level.budget)
 
-    def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
-        return plan(setup, game, max_speed, rng, seconds, shots, deviations, options).stroke
+    def stroke(situation: Situation, rng: np.random.Generator) -> Stroke:
+        setup, game = situation.find_game()
+        options = Options(situation.run_out, situation.strike, leaves=False)
+        noise = expected(situation.noise, level)
+        return plan(setup, game, situation.table.max_speed, rng, seconds, shots, noise, options).stroke
 
     return LevelPlayer(stroke, level.noise)
 

@@ -1,63 +1,78 @@
-"""Players by name, for tasks and for games: `find_player`.
+"""Players by name: `find_player`. A player is a function `(situation, rng) -> Stroke`, see `players.situation`.
 
-A player of a task is a function `act(observation) -> action`. A player of a game is a function
-`(setup, game, max_speed, rng) -> Stroke`. Its arguments are the setup and the state of the game, the speed of the
-fastest shot in m/s and a random generator. Both have these names:
+`PLAYERS` is the table of the names. A colon and an argument may follow a name: "search:500", "planner:100ms",
+"planner:club" (a level, see `players.levels`), "policy:runs/pot" (the folder of a run of `agents.train`). Other names
+are those of makers. A *maker* is a function `(argument) -> player`, whose argument is a text:
 
-* "random", "geometric", "search" and "aim", the strategies of `billiards_env.players.strategies`;
-* "planner", which plans under execution noise (`billiards_env.players.planner`): "planner:100ms", "planner:1s";
-* a level of the planner, whose strokes are noisy (`billiards_env.players.levels`): "planner:club";
-* "policy:FOLDER", the policy of a run of `agents.train` (needs the extra `train`);
-* "module:function". In a task the function is the player. In a game it is a *maker*, a function
-  `(setup, argument) -> player`;
-* in a game, the name of an entry point in the group `billiards_env.players` of an installed package; it loads a maker.
-
-A colon and an argument may follow a name: "search:500", "policy:runs/pot", and in a game "mine:player:fast".
+* "module:function" and "module:function:ARGUMENT" name a function of a module;
+* the name of an entry point in the group `billiards_env.players` of an installed package loads a maker.
 """
 
 from __future__ import annotations
 
+import functools
 import importlib
 import importlib.metadata
 import inspect
 from collections.abc import Callable, Sequence
-from typing import Any, cast
+from typing import Any, NamedTuple
 
 import gymnasium as gym
-import numpy as np
-from numpy.typing import NDArray
 
 from billiards_env.checks import suggestion
 from billiards_env.games import Setup
-from billiards_env.players.env_player import planned, task_situation
-from billiards_env.players.game_player import Player, strategic
 from billiards_env.players.levels import planning
-from billiards_env.players.strategies import STRATEGIES, find_strategy
+from billiards_env.players.situation import Player
+from billiards_env.players.strategies import SHOTS, geometric, random, reach_goals, search
 
-Act = Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]
+Where = Setup | gym.Env[Any, Any]
+"""The game that a player plays, or the environment."""
 
 GROUP = "billiards_env.players"
 """The group of entry points under which other packages offer makers of players."""
 
-KNOWN = (*STRATEGIES, "planner", "policy")
-"""The names of players, without the names of entry points."""
+
+class PlayerEntry(NamedTuple):
+    """A player with a name.
+
+    Attributes:
+        make: Returns the player from its argument and `Where`.
+        argument: The argument if the name has none; None for a player without an argument.
+        needs_pockets: Whether it refuses a game without pockets.
+    """
+
+    make: Callable[[str, Where], Player]
+    argument: str | None = None
+    needs_pockets: bool = False
 
 
-def find_player(
-    text: str,
-    where: Setup | gym.Env[Any, Any],
-    noise: tuple[float, float] = (0.0, 0.0),
-    seed: int | None = None,
-    others: Sequence[str] = (),
-) -> Any:
+def _searching(argument: str, where: Where) -> Player:
+    if not argument.isdecimal() or int(argument) < 1:
+        raise ValueError(f"player = 'search:{argument}': expected 'search:K' with a whole number K >= 1")
+    return functools.partial(search, shots=int(argument))
+
+
+def _policy(argument: str, where: Where) -> Player:
+    return importlib.import_module("billiards_env.sb3.policy_player").policy(argument, where)
+
+
+PLAYERS = {
+    "random": PlayerEntry(lambda argument, where: random),
+    "geometric": PlayerEntry(lambda argument, where: geometric, needs_pockets=True),
+    "search": PlayerEntry(_searching, argument=str(SHOTS)),
+    "aim": PlayerEntry(lambda argument, where: reach_goals),
+    "planner": PlayerEntry(lambda argument, where: planning(argument), argument="100ms"),
+    "policy": PlayerEntry(_policy, argument=""),
+}
+"""The players by name; "policy" needs the extra `train`."""
+
+
+def find_player(text: str, where: Where, others: Sequence[str] = ()) -> Player:
     """Returns the player of a name.
 
     Args:
         text: See the module's docstring.
         where: The game to be played, or the environment of a task.
-        noise: The execution noise that "search", "aim" and "planner" expect, see `strategies.search`. Without noise
-            "planner" expects `planner.NOISE`.
-        seed: The seed of the random numbers of a player of a task.
         others: Names of other players, for the message of an error.
 
     Raises:
@@ -66,38 +81,23 @@ def find_player(
         ValueError: If there is no such player, or it cannot play this game.
         TypeError: If a function does not take the arguments above.
     """
-    name, _, argument = text.partition(":")
-    in_game, rng, host = isinstance(where, Setup), np.random.default_rng(seed), cast(Any, where)
-    if name in STRATEGIES:
-        if in_game:
-            return strategic(host, text, noise)
-        strategy = find_strategy(text, noise)
-        return lambda observation: strategy(task_situation(host.unwrapped), rng)
-    if name == "planner":
-        if in_game:
-            return planning(argument, noise)
-        return lambda observation: planned(host.unwrapped, argument, noise, rng)
-    if name == "policy":
-        policies = importlib.import_module("billiards_env.sb3.policy_player")
-        return (policies.policy if in_game else policies.task_policy)(host, argument)
-    if not in_game:
-        act = _imported(text, name, argument, KNOWN)
-        _check_call(text, act, (None,), "act(observation) that returns an action")
-        return act
+    name, colon, argument = text.partition(":")
+    if name in PLAYERS:
+        entry = PLAYERS[name]
+        if colon and entry.argument is None:
+            raise ValueError(f"player = {text!r}: expected {name!r}, a name without ':'")
+        if entry.needs_pockets and isinstance(where, Setup) and not where.game_rules.pockets:
+            raise ValueError(f"player = {text!r} with rules = {where.rules!r}: expected a game with pockets")
+        return entry.make(argument if colon else entry.argument or "", where)
     offered = importlib.metadata.entry_points(group=GROUP)
     if name in offered.names:
-        return _made(text, offered[name].load(), host, argument)
-    function, _, argument = argument.partition(":")
-    return _made(text, _imported(text, name, function, sorted({*KNOWN, *offered.names, *others})), host, argument)
-
-
-def _made(text: str, maker: Any, setup: Setup, argument: str) -> Player:
-    """Returns the player of a maker, after a check of their arguments."""
-    see = "see billiards_env.players.named"
-    _check_call(text, maker, (setup, argument), f"(setup, argument) that returns a player, {see}")
-    player = maker(setup, argument)
-    what = f"that returns a player (setup, game, max_speed, rng), {see}"
-    _check_call(text, player, (setup, None, 1.0, None), what)
+        maker = offered[name].load()
+    else:
+        function, _, argument = argument.partition(":")
+        maker = _imported(text, name, function, sorted({*PLAYERS, *offered.names, *others}))
+    _check_call(text, maker, 1, "(argument) that returns a player")
+    player = maker(argument)
+    _check_call(text, player, 2, "that returns a player (situation, rng)")
     return player
 
 
@@ -118,9 +118,10 @@ def _imported(text: str, module: str, function: str, names: Sequence[str]) -> An
         raise ValueError(f"player = {text!r}: expected {expected}{why}") from error
 
 
-def _check_call(text: str, function: Any, arguments: tuple[Any, ...], what: str) -> None:
-    """Raises a TypeError unless a function takes some arguments; `what` describes a right one."""
+def _check_call(text: str, function: Any, arguments: int, what: str) -> None:
+    """Raises a TypeError unless a function takes a number of arguments; `what` describes a right one."""
     try:
-        inspect.signature(function).bind(*arguments)
+        inspect.signature(function).bind(*range(arguments))
     except (TypeError, ValueError):  # a ValueError for a built-in function without a signature
-        raise TypeError(f"player = {text!r}: expected a function {what}") from None
+        message = f"player = {text!r}: expected a function {what}, see billiards_env.players.named"
+        raise TypeError(message) from None

@@ -22,7 +22,7 @@ from billiards_env.players.direct import direct_pot
 from billiards_env.players.hits import TableArrays, against_throw, cut_cosine, gain, hit_at, meet_before, play_hit
 from billiards_env.players.paths import FAR as FAR
 from billiards_env.players.paths import cross, follow_path
-from billiards_env.scene import Scene
+from billiards_env.shots.tables import Tables
 
 Floats = NDArray[np.float64]
 
@@ -51,26 +51,6 @@ SHOT_WIDTH = GAPS + N_GAPS
 _ARRIVAL = 0.3  # m/s; least speed of the object ball at the pocket
 _LEAST_ARRIVAL = 0.05  # m/s; the same if `_ARRIVAL` is not possible
 _BANK_SPEED, _LEAST_BANK_SPEED = 0.7, 0.4  # speed to find a bank and its least speed, over the largest speed
-
-
-class Tables(NamedTuple):
-    """m tables before a shot.
-
-    Attributes:
-        scene: The scene.
-        targets: (n,) bool, the balls to pot.
-        positions: (m, n, 2) m.
-        off_table: (m, n) bool, the balls that are not on the table.
-        max_speed: Largest initial speed of the cue ball, m/s.
-        cue: The number of the cue ball.
-    """
-
-    scene: Scene
-    targets: NDArray[np.bool_]
-    positions: Floats
-    off_table: NDArray[np.bool_]
-    max_speed: float
-    cue: int = 0
 
 
 class Pots(NamedTuple):
@@ -132,8 +112,8 @@ def find_pots(
 
     Args:
         tables: The tables.
-        most: The largest number of pots on a table; the easiest are kept. None for the number of balls to pot times
-            the number of pockets, with `banks` five times as many.
+        most: The largest number of pots on a table; the easiest are kept. None for the largest number of legal balls
+            of a table times the number of pockets, with `banks` five times as many.
         offset: Offset of the tip of a level cue: to the left of the ball's centre and above it, in ball radii. With
             both, the squirt turns the velocity away from the spin, and the ball swerves slightly. The pots ignore
             this swerve.
@@ -143,10 +123,10 @@ def find_pots(
         speeds: False to leave out the shots (s is 0), which take most of the time. Then a pot that is not possible at
             any speed is kept, and a direct one prevents the search for banks.
     """
-    scene, balls = tables.scene, np.flatnonzero(tables.targets)
-    m, k = len(tables.positions), most
-    if k is None:
-        k = len(balls) * len(scene.table.pockets) * (5 if banks else 1)  # a direct pot and a bank off each cushion
+    scene, m, k = tables.scene, len(tables.positions), most
+    if k is None:  # a direct pot and a bank off each cushion
+        legal = int(tables.legal.sum(axis=1).max(initial=0))
+        k = legal * len(scene.table.pockets) * (5 if banks else 1)
     pots = Pots(
         np.empty(m, np.int64),
         np.zeros((m, k), np.int64),
@@ -155,15 +135,15 @@ def find_pots(
         np.zeros((m, k, len(SPEEDS) if speeds else 0, SHOT_WIDTH)),
     )
     slip_ratio, spin_ratio = 1.0 - 2.5 * offset[1], -2.5 * offset[0]  # see `physics.strike.struck`
-    off_table = tables.off_table.copy()  # numba compiles a second time for a read-only array
-    fields = tables.cue, tables.positions, off_table, float(tables.max_speed), slip_ratio, spin_ratio
-    write_pots(scene_fields(scene), balls, fields, (banks is not None, banks is True, speeds), tuple(pots))
+    on_table = tables.on_table.copy()  # numba compiles a second time for a read-only array
+    fields = tables.cue, tables.positions, on_table, tables.targets, float(tables.max_speed), slip_ratio, spin_ratio
+    write_pots(scene_fields(scene), fields, (banks is not None, banks is True, speeds), tuple(pots))
     return pots
 
 
 def pot_shots(table: Tables) -> PotShots:
-    """Returns the pots of one table at several speeds. `table.positions` is (n, 2) and `table.off_table` is (n,)."""
-    pots = find_pots(table._replace(positions=table.positions[None], off_table=table.off_table[None]))
+    """Returns the pots of one table at several speeds."""
+    pots = find_pots(table)
     count, s = int(pots.count[0]), len(SPEEDS)
     rows, shots = pots.rows[0, :count].repeat(s, axis=0), pots.shots[0, :count].reshape(-1, SHOT_WIDTH)
     scratch = shots[:, GAPS] < 0
@@ -180,34 +160,34 @@ def pot_shots(table: Tables) -> PotShots:
 
 
 @allocating_entry_point
-def write_pots(scene, balls, tables, flags, pots):
+def write_pots(scene, tables, flags, pots):
     """Writes the pots of all tables to `pots`; see `find_pots`.
 
     `tables` holds the other fields of `TableArrays`. `flags`: find banks on tables without a direct
     pot, find all banks, write the shots.
     """
     scene, pots = scene_of(scene, 0), Pots(*pots)
-    cue, positions, off_table, max_speed, slip_ratio, spin_ratio = tables
+    cue, positions, on_table, targets, max_speed, slip_ratio, spin_ratio = tables
     state = empty_state(positions.shape[1])
     for t in range(len(positions)):
-        table = TableArrays(scene, cue, positions[t], off_table[t], max_speed, slip_ratio, spin_ratio)
+        table = TableArrays(scene, cue, positions[t], on_table[t], targets[t], max_speed, slip_ratio, spin_ratio)
         own = Pots(pots.count[t : t + 1], pots.ball[t], pots.pocket[t], pots.rows[t], pots.shots[t])
         own.count[0] = 0
-        _add_direct(table, balls, own)
+        _add_direct(table, own)
         any_banks, all_banks, speeds = flags
         if speeds and not all_banks:
             _add_speeds(table, own, state)
         if all_banks or (any_banks and own.count[0] == 0):
-            _add_banks(table, balls, own, state)
+            _add_banks(table, own, state)
             if speeds:
                 _add_speeds(table, own, state)
 
 
 @inlined
-def _add_direct(table, balls, pots):
+def _add_direct(table, pots):
     """Adds the direct pots of a table to the `Pots` of this table alone."""
-    for i in balls:
-        if not table.off_table[i]:
+    for i in range(len(table.targets)):
+        if table.targets[i]:
             for p in range(len(table.scene.pockets)):
                 aim = direct_pot(table, i, p)
                 if aim.gap >= 0.0:
@@ -217,10 +197,10 @@ def _add_direct(table, balls, pots):
 
 
 @inlined
-def _add_banks(table, balls, pots, state):
+def _add_banks(table, pots, state):
     """Adds the banks of a table to the `Pots` of this table alone."""
-    for i in balls:
-        if not table.off_table[i]:
+    for i in range(len(table.targets)):
+        if table.targets[i]:
             for p in range(len(table.scene.pockets)):
                 for wall in range(4):
                     aim = bank_pot(table, i, p, wall, _BANK_SPEED * table.max_speed, state)

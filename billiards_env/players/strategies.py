@@ -1,4 +1,4 @@
-"""Strategies: the choice of a shot by a player without training.
+"""Players without training that choose a shot by geometry or by search.
 
 * "random" plays a random shot.
 * "geometric" plays the best direct pot or, if there is none, the best pot off one cushion
@@ -8,25 +8,23 @@
 * "aim" computes shots that reach the goals of a task or a game (`billiards_env.players.aim`), and plays the best one.
   If there is none, it searches.
 
-A strategy is a function `(situation, rng) -> action`. An action is the velocity of the cue ball divided by the largest
-speed, (2,), or a strike, (5,), see `billiards_env.envs.actions`. "search" also tries pots with random english and
-follow or draw, if actions are strikes.
+An action is the velocity of the cue ball divided by the largest speed, (2,), or a strike, (5,), see
+`billiards_env.envs.actions`. "search" also tries pots with random english and follow or draw, if actions are strikes.
+
+None of them plays a safety or a push out, or hands a shot back. With the cue ball in hand, "random" draws its place.
+The others draw some places, and choose the one with the easiest pot.
 """
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import one_of
 from billiards_env.envs.actions import aimed_strikes, perturb
-from billiards_env.players.aim import Goal, aim
-from billiards_env.players.pots import PotShots, Tables, pot_shots
-from billiards_env.scene import Scene
+from billiards_env.games import Stroke
+from billiards_env.physics.state import CUE_BALL
+from billiards_env.players.aim import aim
+from billiards_env.players.situation import Situation, placed
 
 Floats = NDArray[np.float64]
 
@@ -44,117 +42,74 @@ AIM_WAYS = 2
 """With more ways to score than this, "aim" begins with the shots by geometry alone."""
 
 
-class Situation(NamedTuple):
-    """A table before a shot.
-
-    Attributes:
-        scene: The scene.
-        positions: (n, 2) m.
-        off_table: (n,) bool, the balls that are not on the table.
-        targets: (n,) bool, the balls that the cue ball may hit.
-        max_speed: Speed of the fastest shot, m/s.
-        rate: A function that simulates (m, action_size) actions and returns (m,) ratings; larger is better.
-        cue: The number of the cue ball.
-        tried_first: (k, 2) velocities that "search" tries before all others.
-        action_size: The number of values of an action, 2 or 5.
-        goals: Several ways to score: the goals of each.
-        strike: Whether a cue strikes the cue ball and drives balls that touch it.
-    """
-
-    scene: Scene
-    positions: Floats
-    off_table: NDArray[np.bool_]
-    targets: NDArray[np.bool_]
-    max_speed: float
-    rate: Callable[[Floats], Floats]
-    cue: int = 0
-    tried_first: Floats = np.empty((0, 2))
-    action_size: int = 2
-    goals: tuple[tuple[Goal, ...], ...] = ()
-    strike: bool = False
-
-    def pots(self) -> PotShots:
-        """Returns the direct pots, or the pots off one cushion if there is no direct pot, best first."""
-        return pot_shots(Tables(self.scene, self.targets, self.positions, self.off_table, self.max_speed, self.cue))
+def random(situation: Situation, rng: np.random.Generator) -> Stroke:
+    """Returns the stroke of an action of uniform random numbers between -1 and 1."""
+    action = rng.uniform(-1.0, 1.0, situation.action_size)
+    return placed(situation, rng, places=1).stroke(action)
 
 
-Strategy = Callable[[Situation, np.random.Generator], Floats]
-
-
-def random(situation: Situation, rng: np.random.Generator) -> Floats:
-    """Returns an action of uniform random numbers between -1 and 1."""
-    return rng.uniform(-1.0, 1.0, situation.action_size)
-
-
-def geometric(situation: Situation, rng: np.random.Generator) -> Floats:
+def geometric(situation: Situation, rng: np.random.Generator) -> Stroke:
     """Returns the best pot, or a full hit on the nearest target if there is no pot, with a level cue and no english."""
-    pots = situation.pots()
-    velocity = pots.speed[0] / situation.max_speed * pots.direction[0] if len(pots.speed) else full_hit(situation)
-    return padded(velocity, situation.action_size)
+    situation = placed(situation, rng)
+    pots, fastest = situation.pots(), situation.table.max_speed
+    velocity = pots.speed[0] / fastest * pots.direction[0] if len(pots.speed) else situation.nearest()[1]
+    return situation.stroke(padded(velocity, situation.action_size))
 
 
-def full_hit(situation: Situation) -> Floats:
-    """Returns the direction (2,) from the cue ball to the nearest target on the table."""
-    to_targets = (situation.positions - situation.positions[situation.cue])[situation.targets & ~situation.off_table]
-    lengths = np.hypot(to_targets[:, 0], to_targets[:, 1])
-    return to_targets[np.argmin(lengths)] / lengths.min()
-
-
-def search(
-    situation: Situation, rng: np.random.Generator, shots: int = SHOTS, noise: tuple[float, float] = (0.0, 0.0)
-) -> Floats:
-    """Simulates shots and returns the action of the first one with the highest rating.
+def search(situation: Situation, rng: np.random.Generator, shots: int = SHOTS) -> Stroke:
+    """Simulates shots and returns the first one with the highest rating.
 
     The first half of the shots are the pots, best first, and then variations of them with directions turned by
     about the tolerance, random speeds and, if actions are strikes, random offsets of the tip. The other shots have
-    random directions and speeds. If there is no pot, all shots are random.
+    random directions and speeds. If there is no pot, all shots are random. In a game a full hit comes first.
+
+    If there is noise, the best shots are simulated again with it, and the highest mean rating decides.
 
     Args:
-        situation: The table.
+        situation: The situation.
         rng: The generator to draw from.
         shots: The number of shots to simulate.
-        noise: Standard deviations of the execution noise: of the direction, degrees, and of the speed, m/s. If either
-            is positive, the best shots are simulated again with such noise, and the highest mean rating decides.
-
-    Returns:
-        (2,) or (5,) action.
     """
+    situation = placed(situation, rng)
+    noise, first = situation.noise, situation.nearest()[1][None] if situation.in_game else np.empty((0, 2))
     near = _near(situation, (shots + 1) // 2, rng)
-    parts = (padded(part, situation.action_size) for part in (situation.tried_first, near, anywhere(shots, rng)))
+    parts = (padded(part, situation.action_size) for part in (first, near, anywhere(shots, rng)))
     actions = np.concatenate(tuple(parts))[:shots]
     ratings = situation.rate(actions)
     if any(noise):
         actions = actions[np.argsort(-ratings, kind="stable")[:FINALISTS]]
         drawn = np.moveaxis(rng.standard_normal((2, REPEATS, len(actions))), 0, -1)
-        drawn = padded(drawn * (noise[0] / 180.0, noise[1] / situation.max_speed), situation.action_size)
+        drawn = padded(drawn * (noise[0] / 180.0, noise[1] / situation.table.max_speed), situation.action_size)
         perturbed = perturb(np.broadcast_to(actions, drawn.shape), drawn)
         ratings = situation.rate(perturbed.reshape(-1, situation.action_size)).reshape(drawn.shape[:2]).mean(axis=0)
-    return actions[np.argmax(ratings)]
+    return situation.stroke(actions[np.argmax(ratings)])
 
 
-def reach_goals(situation: Situation, rng: np.random.Generator, noise: tuple[float, float] = (0.0, 0.0)) -> Floats:
-    """Returns an action that reaches the goals of one way to score, or the action of `search`, if none scores.
+def reach_goals(situation: Situation, rng: np.random.Generator) -> Stroke:
+    """Returns a shot that reaches the goals of one way to score, or the shot of `search`, if none scores.
 
     Of the shots with the highest rating the first one has the largest margins.
     """
+    situation = placed(situation, rng)
+    table = situation.table
     candidates = [np.empty((0, situation.action_size))]
     shots = AIM_SHOTS if len(situation.goals) <= AIM_WAYS else 0
-    for goals in situation.goals if situation.cue == 0 else ():
+    for goals in situation.goals if table.cue == CUE_BALL else ():
         aimed = aim(
-            situation.scene,
-            situation.positions,
+            table.scene,
+            table.positions[0],
             goals,
-            max_speed=situation.max_speed,
-            in_play=~situation.off_table,
+            max_speed=table.max_speed,
+            in_play=table.on_table[0],
             strike=situation.strike,
             shots=shots,
         )
         if aimed.solved:
             velocities = np.concatenate((aimed.velocity[None], aimed.alternatives))
-            candidates.append(padded(velocities / situation.max_speed, situation.action_size))
+            candidates.append(padded(velocities / table.max_speed, situation.action_size))
     actions = np.concatenate(candidates)
     ratings = situation.rate(actions)
-    return actions[np.argmax(ratings)] if ratings.max(initial=0.0) > 0.0 else search(situation, rng, noise=noise)
+    return situation.stroke(actions[np.argmax(ratings)]) if ratings.max(initial=0.0) > 0.0 else search(situation, rng)
 
 
 def padded(actions: Floats, numbers: int) -> Floats:
@@ -176,38 +131,14 @@ def _near(situation: Situation, count: int, rng: np.random.Generator) -> Floats:
     which = np.arange(count) % len(pots.speed)
     varied = np.arange(count) >= len(pots.speed)
     turns = np.where(varied, rng.standard_normal(count) * pots.tolerance[which] / np.pi, 0.0)
-    speeds = np.where(varied, rng.uniform(0.1, 1.0, count), pots.speed[which] / situation.max_speed)
+    speeds = np.where(varied, rng.uniform(0.1, 1.0, count), pots.speed[which] / situation.table.max_speed)
     actions = perturb(speeds[:, None] * pots.direction[which], np.column_stack((turns, np.zeros(count))))
     if situation.action_size == 2:
         return actions
-    return aimed_strikes(situation.scene, actions, np.where(varied[:, None], random_offsets(count, rng), 0.0))
+    return aimed_strikes(situation.table.scene, actions, np.where(varied[:, None], random_offsets(count, rng), 0.0))
 
 
 def anywhere(count: int, rng: np.random.Generator) -> Floats:
     """Returns (count, 2) random actions in all directions, with 0.1 to 1 of the largest speed."""
     angles, speeds = rng.uniform(-np.pi, np.pi, count), rng.uniform(0.1, 1.0, count)
     return speeds[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
-
-
-STRATEGIES: dict[str, Strategy] = {"random": random, "geometric": geometric, "search": search, "aim": reach_goals}
-
-
-def find_strategy(text: str, noise: tuple[float, float] = (0.0, 0.0)) -> Strategy:
-    """Returns the strategy of a name.
-
-    Args:
-        text: One of `STRATEGIES`; "search:K" simulates K shots.
-        noise: The execution noise in the simulations of "search" and "aim"; see `search`.
-
-    Raises:
-        ValueError: If there is no such strategy, or K is not a whole number >= 1.
-    """
-    name, colon, count = text.partition(":")
-    one_of("player", name, tuple(STRATEGIES))
-    if name == "aim" and not colon:
-        return functools.partial(reach_goals, noise=noise)
-    if name != "search" and not colon:
-        return STRATEGIES[name]
-    if name != "search" or (colon and not (count.isdecimal() and int(count) >= 1)):
-        raise ValueError(f"player = {text!r}: expected 'search:K' with a whole number K >= 1, or a name without ':'")
-    return functools.partial(search, noise=noise, shots=int(count) if colon else SHOTS)

@@ -15,8 +15,9 @@ from billiards_env.games.referee import legal_balls
 from billiards_env.games.state import ANYWHERE, SCRATCH
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players import run_outs
-from billiards_env.players.pots import APPROACH, CUT_COS, RUN, TOLERANCE, WIDTH, Tables, find_pots
+from billiards_env.players.pots import APPROACH, CUT_COS, RUN, TOLERANCE, WIDTH, find_pots
 from billiards_env.players.run_outs import FLOOR
+from billiards_env.shots.tables import Tables
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -139,8 +140,8 @@ class Values:
         rows, balls = np.zeros((len(needed), run_outs.POTS, WIDTH)), np.arange(played.positions.shape[1])
         for mask in np.unique(legal[needed]).tolist():
             which = np.flatnonzero(needed & (legal == mask))
-            potted = (played.states["object_balls"][which, None] >> balls & 1) == 0
-            potted[:, CUE_BALL] = False
+            on_table = (played.states["object_balls"][which, None] >> balls & 1) > 0
+            on_table[:, CUE_BALL] = True
             targets = (mask >> balls & 1) > 0
             banks: bool | None = False
             if self._setup.game_rules.has_spots:  # the pots of many balls take too long
@@ -148,7 +149,8 @@ class Values:
                 to_cue = played.positions[which] - played.positions[which, :1]
                 far = np.where(targets, np.hypot(to_cue[..., 0], to_cue[..., 1]).mean(axis=0), np.inf)
                 targets &= far <= np.sort(far)[_NEAREST - 1]
-            tables = Tables(self._setup.scene, targets, played.positions[which], potted, self._max_speed)
+            targets = np.tile(targets, (len(which), 1))
+            tables = Tables(self._setup.scene, played.positions[which], on_table, targets, self._max_speed)
             rows[which] = find_pots(tables, most=run_outs.POTS, banks=banks, speeds=False).rows
         return rows
 

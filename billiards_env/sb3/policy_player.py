@@ -1,4 +1,6 @@
-"""A trained policy as a player of games: `billiards play --scene pool --players human,policy:runs/pot`.
+"""A trained policy as a player: `billiards play --scene pool --players human,policy:runs/pot`.
+
+In an environment it gets the observation. In a game it gets that of a similar table:
 
 `AimPolicy` plays with any number of balls. If it was trained with one object ball, it observes each legal ball as if
 this ball were alone with the cue ball, and plays the one with the largest value. Otherwise it observes all balls.
@@ -10,7 +12,6 @@ In a carom game a policy must be trained with two object balls.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,25 +20,36 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from billiards_env.games import GAMES, GameState, Setup, Stroke, members
-from billiards_env.players.game_player import Player, make_stroke, place_cue_ball, with_call
+from billiards_env.envs.actions import ACTIONS
+from billiards_env.games import GAMES, Setup, Stroke, members
+from billiards_env.players.situation import Player, Situation, game_stroke, placed
 from billiards_env.sb3.aim_policy import AimPolicy, arguments_of
 from billiards_env.sb3.weights import load_policy
 from billiards_env.scene import Scene
+from billiards_env.shots.tables import Tables
 
 
-def policy(setup: Setup, argument: str) -> Player:
+def policy(argument: str, where: Setup | gym.Env[Any, Any]) -> Player:
     """Returns the player of a trained policy.
 
     Args:
-        setup: The game.
         argument: The folder of the run, with `config.yaml` and `policy.pt`.
+        where: The game, or the environment, whose arguments replace those of the training.
 
     Raises:
         OSError: If the folder holds no finished run.
-        ValueError: If the policy was trained on another table, with another number of balls, for strikes, with a goal
-            or with an observation of the physics.
+        TypeError: As in `load_policy`.
+        ValueError: As in `load_policy`. In a game also if the policy was trained on another table, with another number
+            of balls, for strikes, with a goal or with an observation of the physics.
     """
+    if isinstance(where, Setup):
+        return _policy_of_games(argument, where)
+    base: Any = where.unwrapped
+    model = load_policy(argument, arguments_of(base))[1]
+    return lambda situation, rng: situation.stroke(model.predict(situation.observation, deterministic=True)[0])
+
+
+def _policy_of_games(argument: str, setup: Setup) -> Player:
     folder = Path(argument)
     if not argument or not (folder / "policy.pt").is_file():
         raise FileNotFoundError(
@@ -58,39 +70,24 @@ def policy(setup: Setup, argument: str) -> Player:
             f"{error} the table and the balls of its training; --scene of billiards play, for example --scene pool, "
             "chooses them"
         )
-    if "physics" in base.features or base.action == "strike" or len(base.goals):
+    if "physics" in base.features or ACTIONS[base.action].has_cue or len(base.goals):
         raise ValueError(
             f"player = 'policy:{argument}': expected a policy trained without observed physics, strikes or a goal"
         )
 
-    def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
-        game, place = place_cue_ball(setup, game, max_speed, rng)
+    def stroke(situation: Situation, rng: np.random.Generator) -> Stroke:
+        situation = placed(situation, rng)
+        setup, game = situation.find_game()
         if isinstance(model, AimPolicy):
-            action = _aimed(model, setup, game)
+            action = _aimed(model, situation.table)
         else:
-            cue = int(game.state.cue_balls[0])
-            balls = [_nearest(setup, game)] if setup.game_rules.pockets else list(members(game.state.object_balls))
-            observation, _ = env.reset(options={"positions": game.positions[[cue, *balls]]})
+            balls = [situation.nearest()[0]] if setup.game_rules.pockets else members(game.state.object_balls)
+            observation, _ = env.reset(options={"positions": game.positions[[situation.table.cue, *balls]]})
             action, _ = model.predict(observation, deterministic=True)
         velocity = base.max_speed * np.asarray(action, np.float64)
-        return with_call(setup, game, make_stroke(velocity, max_speed, place))
+        return game_stroke(setup, game, velocity, situation.table.max_speed, situation.place)
 
     return stroke
-
-
-def task_policy(env: gym.Env[Any, Any], argument: str) -> Callable[[NDArray[np.float32]], NDArray[np.float32]]:
-    """Returns the player `act(observation) -> action` of a trained policy in an environment.
-
-    Args:
-        env: The environment. Its arguments replace those of the training.
-        argument: As in `policy`.
-
-    Raises:
-        OSError, TypeError, ValueError: As in `load_policy`.
-    """
-    base: Any = env.unwrapped
-    model = load_policy(argument, arguments_of(base))[1]
-    return lambda observation: model.predict(observation, deterministic=True)[0]
 
 
 def playable(run_dir: Path) -> str | None:
@@ -98,27 +95,19 @@ def playable(run_dir: Path) -> str | None:
     for rules in ("straight", "carom"):
         name, (_, balls) = GAMES[rules].scene, GAMES[rules].n_object_balls
         with contextlib.suppress(ValueError):
-            policy(Setup(rules, Scene.named(name, balls)), str(run_dir))
+            policy(str(run_dir), Setup(rules, Scene.named(name, balls)))
             return rules
     return None
 
 
-def _aimed(model: AimPolicy, setup: Setup, game: GameState) -> NDArray[np.float32]:
+def _aimed(model: AimPolicy, table: Tables) -> NDArray[np.float32]:
     """Returns the action of a policy for the balls on the table."""
-    state = game.state
-    cue, balls = int(state.cue_balls[0]), members(state.object_balls)
-    legal = setup.legal(state) if setup.game_rules.pockets else balls
-    tables = torch.tensor([[cue, ball] for ball in legal] if model.game.scene.n_balls == 2 else [[cue, *balls]])
-    flags = torch.tensor([[ball in legal for ball in table[1:]] for table in tables.tolist()])
-    places = torch.tensor(game.positions / np.array(model.game.scene.half_extents), dtype=torch.float32)
+    (targets,), others = table.targets, table.on_table[0].copy()
+    others[table.cue] = False
+    seen = np.flatnonzero(targets)[:, None] if model.game.scene.n_balls == 2 else np.flatnonzero(others)[None]
+    flags = torch.tensor(targets[seen])
+    places = torch.tensor(table.positions[0] / np.array(model.game.scene.half_extents), dtype=torch.float32)
+    observed = places[np.insert(seen, 0, table.cue, axis=1)]
     with torch.no_grad():
-        mixtures, values = model.net(
-            places[tables], flags, legal_balls=flags.float(), shots_left=torch.ones(len(tables))
-        )
+        mixtures, values = model.net(observed, flags, legal_balls=flags.float(), shots_left=torch.ones(len(seen)))
         return mixtures.mode()[values.argmax()].clamp(-1, 1).numpy()
-
-
-def _nearest(setup: Setup, game: GameState) -> int:
-    """Returns the legal ball that is nearest to the cue ball."""
-    cue = game.positions[game.state.cue_balls[0]]
-    return min(setup.legal(game.state), key=lambda ball: float(np.hypot(*(game.positions[ball] - cue))))

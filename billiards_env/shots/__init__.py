@@ -8,4 +8,5 @@ Modules:
     functions: Shots as functions of arrays, for PyTorch and JAX.
     records: Shots as files.
     strikes: The motion of the cue ball after a strike.
+    tables: Tables before a shot, for environments and players.
 """

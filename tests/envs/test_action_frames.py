@@ -15,11 +15,12 @@ from billiards_env import Engine, simulate_batch, strike
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.envs import make_env, make_vector_env
 from billiards_env.envs.action_frames import ActionFrame, cut, nearest_ball, passing_direction, sum_to_three
-from billiards_env.envs.actions import ACTIONS, Before, add_noise, cos_sin, cue_strike, perturb
+from billiards_env.envs.actions import ACTIONS, add_noise, cos_sin, cue_strike, perturb
 from billiards_env.envs.arguments import check_noise
 from billiards_env.envs.episodes import noise_stream
 from billiards_env.physics.strike import cue_numbers, speed_gain
 from billiards_env.scene import Scene, layouts
+from billiards_env.shots.tables import Tables
 from tests.helpers.environments import STRIKE
 from tests.helpers.shots import kinds, simulate
 
@@ -112,7 +113,7 @@ def test_every_cut_hits_and_is_the_sine_of_the_cut_angle():
     offsets[:40] = np.tile([largest, -largest, 0, 0.999], 10)
     actions = np.column_stack((offsets, np.ones(500)))
     playable = np.array([[False, True]] * 500)
-    velocities = ActionFrame("cut", POOL, 4.0).velocities(actions, Before(positions, playable, playable, 4.0))
+    velocities = ActionFrame("cut", POOL, 4.0).velocities(actions, Tables(POOL, positions, playable, playable, 4.0))
     pocketless = Scene(POOL.balls)
     assert (simulate_batch(pocketless, positions, velocities).first_hit == 1).all()
 
@@ -130,7 +131,7 @@ def test_a_cut_of_spheres_of_different_size_is_the_sine_of_the_cut_angle():
     frame, playable = ActionFrame("cut", scene, 4.0), np.array([[False, True, False]])
     places = np.array([[-0.3, 0.1], [0.1, -0.05], [0.5, 0.3]])
     for offset in (-0.9, 0.3, 0.999):
-        (velocity,) = frame.velocities([[offset, 0.0]], Before(places[None], playable, playable, 4.0))
+        (velocity,) = frame.velocities([[offset, 0.0]], Tables(scene, places[None], playable, playable, 4.0))
         shot = simulate(scene, places, velocity, record=True)
         assert ("ball_ball", 0, 1) in kinds(shot)[:2]
         hit = shot.events[shot.events["kind"] == "ball_ball"][0]

@@ -19,7 +19,7 @@ from billiards_env.games import GAMES, Stroke, records
 from billiards_env.play import window as windows
 from billiards_env.play.__main__ import compile_engines, main, make_history, make_parser
 from billiards_env.play.model import HUMAN, go, shoot
-from billiards_env.players.named import KNOWN
+from billiards_env.players.named import PLAYERS
 from billiards_env.scene import SCENES
 
 BALLS = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
@@ -204,4 +204,4 @@ def test_help_lists_the_values_of_each_option(capsys):
         main(["--help"])
     shown = set(re.findall(r"\w+", capsys.readouterr().out))
     layouts = {name for rules in GAMES.values() for name in rules.layouts}
-    assert {*GAMES, *layouts, *MODES, *KNOWN, *SCENES, *PALETTES, HUMAN} <= shown
+    assert {*GAMES, *layouts, *MODES, *PLAYERS, *SCENES, *PALETTES, HUMAN} <= shown

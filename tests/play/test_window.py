@@ -410,8 +410,9 @@ def test_a_game_that_cannot_be_saved_continues(shown, tmp_path, monkeypatch):
 def test_the_window_handles_keys_while_a_program_thinks(make_model, window):
     may_play, calls = threading.Event(), []
 
-    def player(setup, table, max_speed, rng):
-        calls.append((setup, table.positions.tolist(), max_speed))
+    def player(situation, rng):
+        setup, game = situation.find_game()
+        calls.append((setup, game.positions.tolist(), situation.table.max_speed))
         may_play.wait()
         return Stroke((0.3, 0.4))
 
@@ -443,7 +444,7 @@ def test_the_window_handles_keys_while_a_program_thinks(make_model, window):
 )
 def test_the_planner_shows_its_shot_without_errors_before_it_plays_it(name, noise, make_model, window, monkeypatch):
     stroke, intent = Stroke((0.3, 0.4)), "billiards_env.play.window.INTENT"
-    player = LevelPlayer(lambda *_: stroke, noise) if noise else lambda *_: stroke
+    player = LevelPlayer(lambda *_: stroke, noise or (0.0, 0.0))
     monkeypatch.setattr(intent, np.inf)
     shown = window(make_model(positions=BALLS, players=(name, "human")), (player, None))
     plain = pixels(shown.frame()).copy()

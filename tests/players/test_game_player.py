@@ -10,6 +10,7 @@ import pytest
 from billiards_env.envs import make_env
 from billiards_env.games import GAMES, Call, Stroke, custom_opening, opening, play
 from billiards_env.players.named import GROUP, find_player
+from billiards_env.players.situation import game_situation
 from tests.helpers.errors import refusals
 from tests.helpers.games import hanging, setup
 
@@ -29,9 +30,10 @@ def test_every_player_plays_whole_games_and_a_seed_repeats_a_stroke(name, rules)
     if name == "geometric" and not game.game_rules.pockets:
         return
     player, table = find_player(name, game), opening(game, rng)
-    assert player(game, table, 6.0, RNG(2)) == player(game, table, 6.0, RNG(2))
+    situation = game_situation(game, table, 6.0)
+    assert player(situation, RNG(2)) == player(situation, RNG(2))
     for _ in range(20 if name == "random" else MOST_STROKES):
-        stroke = player(game, table, 6.0, rng)
+        stroke = player(game_situation(game, table, 6.0), rng)
         assert np.hypot(*stroke.velocity) <= 6.0 * (1 + 1e-12)
         table = play(game, table, stroke).game  # refuses what the rules forbid
         if table.state.over:
@@ -42,7 +44,7 @@ def test_every_player_plays_whole_games_and_a_seed_repeats_a_stroke(name, rules)
 def test_a_strategy_calls_the_ball_that_it_pots():
     game, table = hanging(call_shot=True)
     for name in ("geometric", "search:20"):
-        stroke = find_player(name, game)(game, table, 4.0, RNG(0))
+        stroke = find_player(name, game)(game_situation(game, table, 4.0), RNG(0))
         assert (stroke.call, play(game, table, stroke).verdict.points) == (Call(1, 3), 1)
 
 
@@ -51,7 +53,9 @@ def test_search_avoids_penalty_points_in_snooker():
     rng, penalties = RNG(0), 0
     for _ in range(10):
         table = opening(game, rng, "random")
-        penalties += play(game, table, find_player("search:50", game)(game, table, 4.0, rng)).verdict.penalty
+        penalties += play(
+            game, table, find_player("search:50", game)(game_situation(game, table, 4.0), rng)
+        ).verdict.penalty
     assert penalties == 0
 
 
@@ -60,7 +64,7 @@ def test_the_geometric_player_hits_a_legal_ball_first():
     # The nine ball hangs in a pocket's mouth, the one is far away: only the one may be touched first.
     balls = [[0.6, 0.1], [-0.9, -0.4], *([-1.1 + 0.1 * i, 0.55] for i in range(7)), [1.07, 0.435]]
     table = custom_opening(game, balls)
-    played = play(game, table, find_player("geometric", game)(game, table, 4.0, RNG(0)))
+    played = play(game, table, find_player("geometric", game)(game_situation(game, table, 4.0), RNG(0)))
     assert played.facts.first == 1 << 1
 
 
@@ -70,35 +74,35 @@ def test_a_cue_ball_in_hand_is_placed_for_an_easy_pot():
     balls = [[0.0, -0.535], [1.0, 0.365], [0.1, -0.435], *([-1.1 + 0.15 * i, -0.6] for i in range(7))]
     player = find_player("geometric", game)
     table = custom_opening(game, balls)
-    assert not play(game, table, player(game, table, 4.0, RNG(0))).facts.potted >> 1 & 1
+    assert not play(game, table, player(game_situation(game, table, 4.0), RNG(0))).facts.potted >> 1 & 1
     table = custom_opening(game, balls, {"in_hand": "anywhere"})
-    played = [play(game, table, player(game, table, 4.0, RNG(seed))) for seed in range(10)]
+    played = [play(game, table, player(game_situation(game, table, 4.0), RNG(seed))) for seed in range(10)]
     assert sum(bool(p.facts.potted >> 1 & 1) and not p.verdict.foul for p in played) >= 9
 
 
 def test_the_random_player_shoots_in_any_direction_at_any_speed():
     game = setup("nine_ball")
-    player, table = find_player("random", game), opening(game, RNG(0))
-    strokes = [player(game, table, 5.0, RNG(seed)) for seed in range(100)]
+    player, situation = find_player("random", game), game_situation(game, opening(game, RNG(0)), 5.0)
+    strokes = [player(situation, RNG(seed)) for seed in range(100)]
     speeds = [np.hypot(*stroke.velocity) for stroke in strokes]
     assert 4.5 < max(speeds) <= 5.0 * (1 + 1e-12)
     assert len({stroke.place for stroke in strokes}) == 100
-    assert player(game, table, 5.0, RNG(7)) == strokes[7]
+    assert player(situation, RNG(7)) == strokes[7]
     straight, table = hanging()
-    assert find_player("random", straight)(straight, table, 5.0, RNG(0)).place is None
+    assert find_player("random", straight)(game_situation(straight, table, 5.0), RNG(0)).place is None
 
 
-def own(setup, argument):
+def own(argument):
     if argument == "bad":
         raise ValueError("it cannot be had")
-    return lambda setup, table, max_speed, rng: Stroke((float(argument or 1), 0.0))
+    return lambda situation, rng: Stroke((float(argument or 1), 0.0))
 
 
 @pytest.fixture
 def module(monkeypatch):
     """A module `mine` that can be imported."""
     made = types.ModuleType("mine")
-    vars(made).update(own=own, nullary=lambda: None, of_nothing=lambda setup, argument: lambda game: None)
+    vars(made).update(own=own, nullary=lambda: None, of_nothing=lambda argument: lambda game: None)
     monkeypatch.setitem(sys.modules, "mine", made)
 
 
@@ -110,7 +114,7 @@ THEIRS = importlib.metadata.EntryPoint("theirs", "mine:own", GROUP)
 def test_a_player_is_found_in_a_module_and_in_an_installed_package(text, speed, monkeypatch):
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: importlib.metadata.EntryPoints([THEIRS]))
     game, table = hanging()
-    assert find_player(text, game)(game, table, 8.0, RNG(0)) == Stroke((speed, 0.0))
+    assert find_player(text, game)(game_situation(game, table, 8.0), RNG(0)) == Stroke((speed, 0.0))
 
 
 ONE_OF = "expected one of 'aim', 'geometric', 'human', 'planner', 'policy', 'random', 'search', 'theirs', or module:"
@@ -125,13 +129,13 @@ WRONG = [
     ("", "straight", "player = ''"),
     ("geometric", "carom", "expected a game with pockets"),
     ("planner:fast", "carom", "player = 'planner:fast': expected a time such as 'planner:100ms' or a number"),
-    ("mine:nullary", "straight", r"expected a function \(setup, argument\) that returns a player", TypeError),
-    ("mine:of_nothing", "straight", r"that returns a player \(setup, game, max_speed, rng\)", TypeError),
+    ("mine:nullary", "straight", r"expected a function \(argument\) that returns a player", TypeError),
+    ("mine:of_nothing", "straight", r"that returns a player \(situation, rng\)", TypeError),
     ("geometrc", "env", r"player = 'geometrc': .*or module:function \(did you mean 'geometric'\?\)"),
     ("search:0", "env", "player = 'search:0': expected 'search:K' with a whole number K >= 1"),
     ("geometric:5", "env", "player = 'geometric:5': expected .* a name without ':'"),
     ("mine:nothing", "env", "player = 'mine:nothing': .*has no attribute 'nothing'"),
-    ("mine:nullary", "env", r"expected a function act\(observation\) that returns an action", TypeError),
+    ("mine:nullary", "env", r"expected a function \(argument\) that returns a player", TypeError),
 ]
 
 

@@ -14,9 +14,11 @@ from billiards_env.games.batch import play_batch
 from billiards_env.games.state import BEHIND, changed
 from billiards_env.players import candidates, indirect, planner
 from billiards_env.players.candidates import TIPS, _with_spin
+from billiards_env.players.env_player import acting
 from billiards_env.players.levels import EXPECTED, LEVELS, expected, level_of, with_noise
 from billiards_env.players.named import find_player
 from billiards_env.players.planner import Options, _draw_noise, noisy_strokes, plan
+from billiards_env.players.situation import game_situation
 from billiards_env.players.values import Values, pot_probability
 from tests.helpers.games import hanging, setup
 
@@ -64,7 +66,7 @@ def test_a_decision_with_hardly_any_time_simulates_four_shots(monkeypatch):
     monkeypatch.setattr(planner, "play_batch", counted)
     game = setup("snooker")
     table = opening(game, RNG(1), "random")
-    stroke = find_player("planner:0.001ms", game)(game, table, 6.0, RNG(0))
+    stroke = find_player("planner:0.001ms", game)(game_situation(game, table, 6.0), RNG(0))
     assert played == [4]
     decision = plan(game, table, 6.0, RNG(0), seconds=1e-6)
     assert played == [4, 4, 4]  # the leaves too
@@ -142,10 +144,10 @@ def test_it_sinks_more_balls_under_noise_than_search():
     game = setup("straight", 1)
     points = {}
     for name in ("planner:1500", "search:1500"):
-        player, rng, points[name] = find_player(name, game, noise=NOISE), RNG(3), 0
+        player, rng, points[name] = find_player(name, game), RNG(3), 0
         for _ in range(60):
             table = opening(game, rng, "random")
-            stroke = player(game, table, 6.0, RNG(0))
+            stroke = player(game_situation(game, table, 6.0, NOISE), RNG(0))
             errors = rng.standard_normal((1, 2)) * (np.radians(NOISE[0]), NOISE[1])
             (v,), (w,) = noisy_strokes(np.array([stroke.velocity]), np.array([stroke.spin]), errors, 6.0)
             points[name] += play(game, table, stroke._replace(velocity=tuple(v), spin=tuple(w))).verdict.points
@@ -157,10 +159,10 @@ def test_it_leaves_the_cue_ball_for_the_next_pot():
     game = setup("nine_ball")
     rng, eases = RNG(0), {}
     for name in ("planner:2000", "geometric"):
-        player, eases[name] = find_player(name, game, noise=NOISE), []
+        player, eases[name] = find_player(name, game), []
         for seed in range(12):
             table = custom_opening(game, opening(game, RNG(seed), "random").positions, {"on_table": [0, 7, 8, 9]})
-            after = play(game, table, player(game, table, 6.0, rng)).game
+            after = play(game, table, player(game_situation(game, table, 6.0, NOISE), rng)).game
             if after.state.player == 0 and not after.state.over:
                 following = plan(game, after, 6.0, RNG(0), np.inf, 1000, NOISE)
                 eases[name].append(following.probability)
@@ -236,11 +238,12 @@ def test_the_errors_have_the_size_of_the_level():
 def test_a_game_and_an_environment_accept_a_level():
     game, table = hanging()
     player: Any = find_player("planner:beginner", game)
-    assert player(game, table, 4.0, RNG(0)) == player(game, table, 4.0, RNG(0))
-    assert player(game, table, 4.0, RNG(0)) != player.intend(game, table, 4.0, RNG(0))
+    situation = game_situation(game, table, 4.0)
+    assert player(situation, RNG(0)) == player(situation, RNG(0))
+    assert player(situation, RNG(0)) != player.intend(situation, RNG(0))
     env = gym.make("Billiards/Pot1-v0")
     observation, _ = env.reset(seed=0)
-    assert find_player("planner:pro", env, seed=0)(observation).shape == (2,)
+    assert acting(find_player("planner:pro", env), env, seed=0)(observation).shape == (2,)
 
 
 def test_a_planner_expects_the_errors_of_its_level_and_of_the_game():

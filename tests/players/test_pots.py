@@ -6,15 +6,17 @@ import pytest
 from billiards_env import Scene, simulate
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.physics.laws.cloth import arrival, launch, travel_time
-from billiards_env.players.pots import Tables, pot_shots
+from billiards_env.players.env_player import env_situation
+from billiards_env.players.pots import pot_shots
 from billiards_env.scene import Balls, Physics, Table
+from billiards_env.shots.tables import Tables
 from tests.helpers.layouts import at
 
 POOL = Scene.named("pool")
 
 
 def pots_of(env):
-    return pot_shots(Tables(env.scene, env.model.targets, env.positions, env.potted, env.max_speed))
+    return env_situation(env).pots()
 
 
 def test_the_tolerance_is_the_largest_error_of_the_direction():
@@ -94,7 +96,7 @@ def test_the_speeds_of_a_ball_agree_with_the_engine(motion, slip, distance):
 def test_the_geometric_player_pots_with_a_smaller_cue_ball():
     scene = Scene.named("uk_pool", 2)
     places = np.array([[0.0, 0.0], [0.6, 0.2], [-0.6, 0.2]])
-    pots = pot_shots(Tables(scene, np.array([False, True, False]), places, np.zeros(3, bool), 5.0))
+    pots = pot_shots(Tables(scene, places[None], np.ones((1, 3), bool), np.array([[False, True, False]]), 5.0))
     assert len(pots.direction) > 0
     for direction, speed in zip(pots.direction, pots.speed, strict=True):
         shot = simulate(scene, places, speed * direction)

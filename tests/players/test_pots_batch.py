@@ -5,8 +5,9 @@ import pytest
 
 from billiards_env import Scene, simulate, simulate_batch
 from billiards_env.players import pots
-from billiards_env.players.pots import Tables, find_pots, pot_shots
+from billiards_env.players.pots import find_pots, pot_shots
 from billiards_env.scene import layouts
+from billiards_env.shots.tables import Tables
 
 MAX_SPEED = 4.0
 
@@ -19,7 +20,8 @@ def tables(scene, m, seed=0):
 
 
 def pots_of(scene, positions, potted, **kwargs):
-    return find_pots(Tables(scene, np.arange(scene.n_balls) > 0, positions, potted, MAX_SPEED), **kwargs)
+    legal = np.broadcast_to(np.arange(scene.n_balls) > 0, potted.shape)
+    return find_pots(Tables(scene, positions, ~potted, legal, MAX_SPEED), **kwargs)
 
 
 def changed(scene, **kwargs):
@@ -265,4 +267,4 @@ def test_pots_in_unusual_scenes(changes, positions, least):
         assert play(scene, table, listed)[-1].all()
     nothing = pots_of(scene, table, np.array([[False, True]]))
     assert nothing.count[0] == 0
-    assert not len(pot_shots(Tables(scene, np.zeros(2, np.bool_), table[0], np.zeros(2, np.bool_), 4.0)).speed)
+    assert not len(pot_shots(Tables(scene, table, np.ones((1, 2), np.bool_), np.zeros((1, 2), np.bool_), 4.0)).speed)

@@ -12,7 +12,9 @@ from agents.ppo import make_env, make_policy
 from billiards_env import envs
 from billiards_env.games import custom_opening, opening
 from billiards_env.play.__main__ import make_history, make_parser
+from billiards_env.players.env_player import acting
 from billiards_env.players.named import find_player
+from billiards_env.players.situation import game_situation
 from billiards_env.sb3.policy_player import playable, policy
 from billiards_env.sb3.weights import save_policy
 from tests.helpers.games import in_a_row, setup
@@ -22,15 +24,16 @@ RNG = np.random.default_rng
 
 def test_the_policy_plays_the_nearest_legal_ball(trained):
     game = setup("nine_ball")
-    player = policy(game, str(trained))
+    player = policy(str(trained), game)
     rng = RNG(0)
     table = opening(game, rng, "random")
     # Its observation is the ball on, as if it were alone on the table.
-    stroke = player(game, table, 6.0, rng)
-    alone = custom_opening(setup("straight", 1), table.positions[[0, 1]])
-    assert stroke == policy(setup("straight", 1), str(trained))(setup("straight", 1), alone, 6.0, rng)
+    stroke = player(game_situation(game, table, 6.0), rng)
+    straight = setup("straight", 1)
+    alone = custom_opening(straight, table.positions[[0, 1]])
+    assert stroke == policy(str(trained), straight)(game_situation(straight, alone, 6.0), rng)
     assert 0 < np.hypot(*stroke.velocity) <= 4.0 * (1 + 1e-6)
-    slow = player(game, table, 0.5, rng)
+    slow = player(game_situation(game, table, 0.5), rng)
     assert np.hypot(*slow.velocity) <= 0.5 * (1 + 1e-6)
 
 
@@ -48,20 +51,22 @@ def untrained(folder, head="aim", **env):
 def test_the_stroke_is_the_shot_of_the_policy_in_the_plain_environment(tmp_path, head):
     folder, model, env = untrained(tmp_path, head, max_speed=5.0)
     game = setup("straight", 1)
-    player = policy(game, str(folder))
+    player = policy(str(folder), game)
     for seed in range(5):
         observation, _ = env.reset(seed=seed)
         table = custom_opening(game, cast(Any, env.unwrapped).positions)
         action, _ = model.predict(observation, deterministic=True)
-        stroke = player(game, table, 6.0, RNG(0))
+        stroke = player(game_situation(game, table, 6.0), RNG(0))
         np.testing.assert_allclose(stroke.velocity, 5.0 * action.astype(float), rtol=1e-6)
 
 
 def test_a_policy_is_a_player_of_an_environment_made_without_gymnasium_but_of_no_other_speed(tmp_path):
     folder, model, env = untrained(tmp_path, max_speed=5.0)
     observation, _ = env.reset(seed=0)
-    act = find_player(f"policy:{folder}", envs.make_env(max_speed=5.0))
-    assert act(observation).tobytes() == model.predict(observation, deterministic=True)[0].tobytes()
+    plain = envs.make_env(max_speed=5.0)
+    plain.reset(seed=0)
+    act = acting(find_player(f"policy:{folder}", plain), plain)
+    assert act(observation).tolist() == model.predict(observation, deterministic=True)[0].tolist()
     with pytest.raises(ValueError, match=r"another max_speed: expected 5\.0, not 4\.0"):
         find_player(f"policy:{folder}", gym.make("Billiards-v0"))
 
@@ -69,7 +74,7 @@ def test_a_policy_is_a_player_of_an_environment_made_without_gymnasium_but_of_no
 @pytest.mark.parametrize("text", ["", "nowhere"])
 def test_a_folder_without_a_policy_is_refused(text):
     with pytest.raises(FileNotFoundError, match="expected 'policy:' and the folder of a finished run"):
-        policy(setup("straight"), text)
+        policy(text, setup("straight"))
     with pytest.raises(FileNotFoundError, match=r"run_dir = .*: expected the folder of a finished run"):
         find_player(f"policy:{text}", envs.make_env())
 
@@ -85,26 +90,26 @@ def test_a_policy_that_observes_physics_is_refused(tmp_path):
         tmp_path, "gaussian", randomize={"mu_roll": [0.005, 0.015]}, observe=["positions", "physics"]
     )
     with pytest.raises(ValueError, match="expected a policy trained without observed physics, strikes or a goal"):
-        policy(setup("straight"), str(folder))
+        policy(str(folder), setup("straight"))
 
 
 def test_a_policy_of_another_game_or_table_is_refused(trained):
     with pytest.raises(ValueError, match="expected a policy trained with 2 object balls, not 1"):
-        policy(setup("carom"), str(trained))
+        policy(str(trained), setup("carom"))
     for arguments in ([], ["--scene", "pool"]):
         game = make_history(make_parser().parse_args(["--rules", "straight", *arguments]), RNG(0)).setup
         if arguments:
-            assert policy(game, str(trained))
+            assert policy(str(trained), game)
         else:  # the window opens straight pool on the table with jaws
             with pytest.raises(ValueError, match="expected the table and the balls of its training; --scene"):
-                policy(game, str(trained))
+                policy(str(trained), game)
 
 
 def test_a_policy_of_one_ball_plays_the_legal_ball_with_the_largest_value(tmp_path):
     folder, model, _ = untrained(tmp_path)
     game = setup("straight", 3)
     table = custom_opening(game, [[0.1, 0.2], [0.5, 0.3], [-0.4, -0.1], [-0.9, 0.4]])
-    stroke = policy(game, str(folder))(game, table, 6.0, RNG(0))
+    stroke = policy(str(folder), game)(game_situation(game, table, 6.0), RNG(0))
     half = np.array(game.scene.half_extents)
     seen = np.array([[table.positions[0], ball] for ball in table.positions[1:]]) / half
     observations = seen.reshape(3, 4).astype(np.float32)
@@ -118,6 +123,6 @@ def test_a_policy_that_aims_plays_a_game_with_any_number_of_balls_and_only_at_le
     folder, *_ = untrained(tmp_path, n_object_balls=balls, max_shots=balls, observe=["positions", "shots_left"])
     game = setup("nine_ball")
     table = custom_opening(game, in_a_row(10, {1: (0.9, 0.5)}))
-    stroke = policy(game, str(folder))(game, table, 6.0, RNG(0))
+    stroke = policy(str(folder), game)(game_situation(game, table, 6.0), RNG(0))
     way = np.array([0.9, 0.5]) - table.positions[0]
     assert np.dot(stroke.velocity, way) > 0.99 * np.hypot(*stroke.velocity) * np.hypot(*way)  # the one is on

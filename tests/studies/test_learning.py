@@ -9,6 +9,7 @@ import yaml
 
 from agents import config as settings
 from billiards_env.evaluation import evaluation_seeds, play_episodes
+from billiards_env.players.env_player import acting
 from billiards_env.players.named import find_player
 from studies import learning
 from studies.learning import blocks, main
@@ -55,7 +56,7 @@ def test_the_command_trains_what_has_no_results(command, tmp_path, capsys):
     assert [point[0] for point in run["curve"]] == [0, 128]
     env = gym.make("Billiards/Pot1-v0")
     player = find_player(f"policy:{tmp_path / 'runs' / 'pot_mlp' / 'seed4'}", env)
-    assert play_episodes(env, player, evaluation_seeds(4, 50).tolist()) == run["tasks"]["Pot1-v0"]
+    assert play_episodes(env, acting(player, env), evaluation_seeds(4, 50).tolist()) == run["tasks"]["Pot1-v0"]
     assert run["tasks"]["Pot1Noise-v0"]["episodes"] == 50
     assert (tmp_path / "learning.png").exists()
     assert (tmp_path / "policies" / "pot" / "policy.pt").exists()

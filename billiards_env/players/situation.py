@@ -1,0 +1,168 @@
+"""What a player gets: a `Situation`. A player is a function `(situation, rng) -> Stroke`.
+
+`game_situation` makes it from the state of a game, `players.env_player.env_situation` from an environment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.checks import one_of
+from billiards_env.envs.actions import ACTIONS, PLAYED
+from billiards_env.games import GameState, Setup, Stroke, play
+from billiards_env.games.batch import PlayedBatch, best_call, play_batch
+from billiards_env.games.placement import Point, cue_ball_area, cue_ball_point
+from billiards_env.games.state import is_in, on_table
+from billiards_env.players.aim import FirstTouch, Goal, Pot, carom_goals
+from billiards_env.players.pots import PotShots, pot_shots
+from billiards_env.shots.tables import Tables
+
+Floats = NDArray[np.float64]
+Noise = tuple[float, float]
+
+PLACES = 30
+"""The number of random places for a cue ball in hand."""
+
+
+class Situation(NamedTuple):
+    """A table before a shot, and how a shot is played and scored.
+
+    A situation of an environment is valid until its next step.
+
+    Attributes:
+        table: The table; k is 1.
+        action: The kind of action, one of `envs.actions.ACTIONS`.
+        strike: Whether a cue strikes the cue ball, which can give it spin and drives balls that touch it.
+        rate: A function that simulates (m, a) actions and returns (m,) ratings; larger is better.
+        stroke: A function that returns the stroke of an action (a,). In a game with called shots it simulates the shot,
+            and calls the first callable ball that it pots.
+        find_game: A function that returns the game and its state. In a task with rules it is the game of these rules.
+            In other tasks it raises a ValueError.
+        goals: Several ways to score: the goals of each.
+        noise: The expected execution noise: standard deviations of the direction, degrees, and of the speed, m/s.
+        in_game: Whether it is a shot of a game, and not of a task.
+        run_out: Whether only the present turn counts.
+        place: x and y of the point where `stroke` places a cue ball in hand, m; None if it is not chosen yet.
+        observation: The observation of the environment; None in a game.
+    """
+
+    table: Tables
+    action: str
+    strike: bool
+    rate: Callable[[Floats], Floats]
+    stroke: Callable[[Any], Stroke]
+    find_game: Callable[[], tuple[Setup, GameState]]
+    goals: tuple[tuple[Goal, ...], ...]
+    noise: Noise = (0.0, 0.0)
+    in_game: bool = False
+    run_out: bool = False
+    place: Point | None = None
+    observation: Any = None
+
+    @property
+    def action_size(self) -> int:
+        """The number of numbers of an action. Raises a ValueError if the environment converts its actions."""
+        one_of("action of the environment of a player", self.action, PLAYED)
+        return ACTIONS[self.action].size
+
+    def pots(self) -> PotShots:
+        """Returns the direct pots, or the pots off one cushion if there is no direct pot, best first."""
+        return pot_shots(self.table)
+
+    def nearest(self) -> tuple[int, Floats]:
+        """Returns the target nearest to the cue ball, and the direction (2,) to it."""
+        (positions,), (targets,) = self.table.positions, self.table.targets
+        ways = positions - positions[self.table.cue]
+        lengths = np.where(targets, np.hypot(ways[:, 0], ways[:, 1]), np.inf)
+        ball = int(np.argmin(lengths))
+        return ball, ways[ball] / lengths[ball]
+
+
+Player = Callable[[Situation, np.random.Generator], Stroke]
+
+
+def game_situation(
+    setup: Setup, game: GameState, max_speed: float, noise: Noise = (0.0, 0.0), place: Point | None = None
+) -> Situation:
+    """Returns the situation of the player to shoot, rated by the rules. Actions are velocities.
+
+    Args:
+        setup: The game.
+        game: Its state.
+        max_speed: Speed of the fastest shot, m/s.
+        noise: As in `Situation`.
+        place: As in `Situation`. The ratings are those of shots from the position of the cue ball in `game`.
+    """
+    balls, state, sliding = np.arange(len(game.positions)), game.state, setup.scene.physics.motion == "sliding"
+    lying, legal = is_in(on_table(state), len(balls)), np.isin(balls, setup.legal(state))
+
+    def rate(actions: Floats) -> Floats:
+        lengths = np.maximum(np.hypot(actions[:, 0], actions[:, 1]), 1.0)
+        return _ratings(state.player, play_batch(setup, game, max_speed * actions / lengths[:, None]))
+
+    def stroke(action: Any) -> Stroke:
+        return game_stroke(setup, game, max_speed * np.asarray(action, np.float64), max_speed, place)
+
+    targets, rules = np.flatnonzero(legal & lying).tolist(), setup.game_rules
+    goals = carom_goals(targets, rules.cushions)
+    if rules.pockets:  # the pots of a break depend on rounding
+        goals = () if state.break_shot else tuple((FirstTouch(ball), Pot(ball)) for ball in targets)
+    return Situation(
+        table=Tables(setup.scene, game.positions[None], lying[None], legal[None], max_speed, int(state.cue_balls[0])),
+        action="velocity",
+        strike=sliding,
+        rate=rate,
+        stroke=stroke,
+        find_game=lambda: (setup, game),
+        goals=goals,
+        noise=noise,
+        in_game=True,
+        place=place,
+    )
+
+
+def game_stroke(setup: Setup, game: GameState, velocity: Floats, max_speed: float, place: Point | None) -> Stroke:
+    """Returns the stroke with a velocity (2,), m/s, whose speed is limited to `max_speed`.
+
+    In a game with called shots it calls the first callable ball that it pots.
+    """
+    x, y = (velocity * min(1.0, max_speed / max(np.hypot(*velocity), 1e-9))).tolist()
+    stroke = Stroke((x, y), place)
+    if not game.state.call_shot:
+        return stroke
+    return stroke._replace(call=best_call(setup, game.state, play(setup, game, stroke).pots))
+
+
+def placed(situation: Situation, rng: np.random.Generator, places: int = PLACES) -> Situation:
+    """Returns the situation with a cue ball in hand at a place: of some random ones that with the easiest pot."""
+    if not situation.in_game or situation.place is not None:
+        return situation
+    (setup, game), situations = situation.find_game(), []
+    if not game.state.in_hand:
+        return situation
+    x_low, x_high, y_low, y_high = cue_ball_area(setup.scene, game.state)
+    for _ in range(places):
+        drawn = x_low + (x_high - x_low) * rng.random(), y_low + (y_high - y_low) * rng.random()
+        place = cue_ball_point(setup.scene, game.positions, game.state, drawn)
+        positions = game.positions.copy()
+        positions[situation.table.cue] = place
+        moved = GameState(positions, game.state)
+        situations.append(game_situation(setup, moved, situation.table.max_speed, situation.noise, place))
+    return max(situations, key=lambda one: _pot_key(one.pots()))
+
+
+def _pot_key(pots: PotShots) -> tuple[bool, float]:
+    """Returns a key that is larger for easier pots, from the best pot: no scratch first, then the tolerance."""
+    return (not pots.scratch[0], pots.tolerance[0]) if len(pots.speed) else (False, 0.0)
+
+
+def _ratings(player: int, played: PlayedBatch) -> Floats:
+    """Returns the values (m,) of shots for their player, from the win, the points, another turn and a foul."""
+    verdicts, winner = played.verdicts, played.states["winner"]
+    won = np.where(winner < 0, 0.0, np.where(winner == player, 100.0, -100.0))
+    points = 2.0 * (verdicts["points"] - verdicts["penalty"])
+    return won + points + verdicts["continues"] - 5.0 * (verdicts["foul"] > 0)

@@ -1,0 +1,40 @@
+"""Tables before a shot, for the environments and the players."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.scene import Scene
+
+
+class Tables(NamedTuple):
+    """k tables before a shot.
+
+    Attributes:
+        scene: Balls, table and physics.
+        positions: (k, n, 2) m.
+        on_table: (k, n) bool, the balls on the table.
+        legal: (k, n) bool, the balls that count and that the cue ball may touch first, if they are on the table.
+        max_speed: Speed of the fastest shot, m/s.
+        cue: The number of the cue ball.
+    """
+
+    scene: Scene
+    positions: NDArray[np.float64]
+    on_table: NDArray[np.bool_]
+    legal: NDArray[np.bool_]
+    max_speed: float
+    cue: int = 0
+
+    @property
+    def targets(self) -> NDArray[np.bool_]:
+        """(k, n) bool, the legal balls on the table."""
+        return self.legal & self.on_table
+
+    def take(self, which: Any) -> Tables:
+        """Returns some of the tables."""
+        positions, on_table, legal = (array[which] for array in self[1:4])
+        return self._replace(positions=positions, on_table=on_table, legal=legal)
