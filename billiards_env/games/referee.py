@@ -1,8 +1,8 @@
 """The referee: judges arrays of shots of any game, and returns the states before the next shots.
 
 No other code computes the next state: the tasks, the PettingZoo environment, the players and the window use
-`judge_shots` or its kernel `judged`. The referee does not use the positions of the balls. `games.placement` computes
-the places at which balls return to the table, and `Game.free_ball` whether there is a free ball in snooker.
+`judge_shots` or its kernel `judged`. The referee does not use the positions of the balls. `games.transition` calls
+the referee, and then places the balls that return to the table and gives a free ball in snooker.
 """
 
 from __future__ import annotations

@@ -170,7 +170,7 @@ def next_games(
         ValueError: If a player does not exist, balls cannot be racked, or there is no room for a spotted ball.
     """
     check_players(states)
-    table, m = table_of(rules, scene, max(states["target"], default=0)), len(states)
+    table, m = table_of(rules, scene, states["target"].max(initial=0)), len(states)
     positions, states, verdicts = np.array(positions), states.copy(), np.zeros(m, VERDICT)
     shots = facts, calls, verdicts
     failed = finish_shots_of(rules)(0, m, table, np.zeros(m, np.bool_), positions, states, shots)

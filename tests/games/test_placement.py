@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env.games import GAMES, Setup, placement
-from billiards_env.games.state import CALL, FACTS, IN_HAND, STATE, Facts, RulesState, row, set_of
+from billiards_env.games.state import CALL, FACTS, IN_HAND, STATE, Called, Facts, RulesState, row, set_of
 from billiards_env.games.transition import next_games
 from billiards_env.scene import Balls, Scene, Table, check_positions
 from billiards_env.scene.layouts import MARGIN, layout_plan
@@ -29,8 +29,8 @@ def after_shot(scene, positions, lying, potted, *, target=0, **facts):
     balls = set_of(lying) | set_of(potted)
     state = RulesState(balls=set_of(range(1, scene.n_balls)), object_balls=balls, target=target)
     facts = row(Facts(potted=set_of(potted), **facts))
-    rows = (np.array([one], kind) for one, kind in ((row(state), STATE), (facts, FACTS)))
-    (placed,), (state,), _ = next_games(GAMES["straight"], scene, positions[None], *rows, np.zeros(1, CALL))
+    rows = (np.array([one], kind) for one, kind in ((row(state), STATE), (facts, FACTS), (row(Called()), CALL)))
+    (placed,), (state,), _ = next_games(GAMES["straight"], scene, positions[None], *rows)
     return placed, state
 
 

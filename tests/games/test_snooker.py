@@ -9,7 +9,7 @@ from billiards_env import Scene
 from billiards_env.games import Call, Setup, Stroke, custom_opening, opening, play
 from billiards_env.games.placement import SPOT_GAP, cue_ball_point, placement_area
 from billiards_env.games.snooker import points_left
-from billiards_env.games.state import CALL, FACTS, STATE, Facts, changed, row, set_of
+from billiards_env.games.state import CALL, FACTS, STATE, Called, Facts, changed, row, set_of
 from billiards_env.games.transition import next_games
 from billiards_env.scene.layouts import layout_plan
 from tests.helpers.games import judge, record_of, ruling, state, words
@@ -227,8 +227,9 @@ def test_points_left():
 
 def next_game(positions, before, **facts):
     """Returns the positions and the state after a shot with some facts."""
-    rows = (np.array([one], kind) for one, kind in ((before, STATE), (row(Facts(**facts)), FACTS)))
-    (positions,), (state,), _ = next_games(SETUP.game_rules, SCENE, positions[None], *rows, np.zeros(1, CALL))
+    rows = (before, STATE), (row(Facts(**facts)), FACTS), (row(Called()), CALL)
+    arrays = (np.array([one], kind) for one, kind in rows)
+    (positions,), (state,), _ = next_games(SETUP.game_rules, SCENE, positions[None], *arrays)
     return positions, state
 
 

@@ -422,3 +422,17 @@ def test_each_function_calls_its_own_kernel():
     two(values)
     assert values.tolist() == [5, 5]
     assert one.__qualname__ == "change_all_test_jit_add_one" != two.__qualname__  # their names on disk
+
+
+def change_one(value):
+    return change(value)
+
+
+def test_a_specialised_kernel_takes_the_place_of_a_kernel():
+    kernels = [jit.specialised(change_one, jit.inlined, change=kernel) for kernel in (add_one, add_two)]
+    values = np.zeros(1, np.int64)
+    for kernel, total in zip(kernels, (1, 3), strict=True):
+        entry = jit.specialised(change_all, change=kernel)
+        entry(values)
+        assert values.tolist() == [total]
+        assert entry.__qualname__.startswith("change_all_test_jit_change_one_test_jit_add_")

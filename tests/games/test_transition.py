@@ -1,0 +1,62 @@
+"""Many games at once have the results of single games."""
+
+import numpy as np
+import pytest
+
+from billiards_env.games import CALL, FACTS, GAMES, STATE, VERDICT, opening
+from billiards_env.games.game import opening_state
+from billiards_env.games.state import CALLS, Called, RulesState, changed, row
+from billiards_env.games.transition import call_without_shots, finish_shots_of, next_games, table_of
+from tests.helpers.games import setup
+
+COUNT = 40
+
+
+def games(rules):
+    """Returns the settings of a game, and positions, states, facts and calls of random shots."""
+    rng, settings = np.random.default_rng(0), setup(rules)
+    n = settings.scene.n_balls
+    positions = np.array([opening(settings, rng, "random").positions for _ in range(COUNT)])
+    states, facts = np.array([opening_state(settings)] * COUNT, STATE), np.zeros(COUNT, FACTS)
+    states["break_shot"] = rng.random(COUNT) < 0.1
+    facts["potted"] = rng.integers(1, 2**n, COUNT) & rng.integers(1, 2**n, COUNT) & states["object_balls"]
+    facts["first"], facts["scratch"] = 1 << rng.integers(1, n, COUNT), rng.random(COUNT) < 0.3
+    return settings, (positions, states, facts, np.array([row(Called())] * COUNT, CALL))
+
+
+@pytest.mark.parametrize("rules", [name for name in GAMES if GAMES[name].pockets])
+def test_games_do_not_depend_on_each_other(rules):
+    settings, shots = games(rules)
+    before = [array.tobytes() for array in shots]
+    many = next_games(settings.game_rules, settings.scene, *shots)
+    assert [array.tobytes() for array in shots] == before
+    assert many[2]["spotted"].any()
+    for k in range(COUNT):
+        single = next_games(settings.game_rules, settings.scene, *(array[k : k + 1] for array in shots))
+        assert [array[k].tobytes() for array in many] == [array.tobytes() for array in single]
+
+
+def test_skipped_games_do_not_change():
+    settings, (positions, states, facts, calls) = games("straight")
+    expected = next_games(settings.game_rules, settings.scene, positions, states, facts, calls)
+    table, skip = table_of(settings.game_rules, settings.scene, 0), np.arange(COUNT) % 3 == 0
+    changing = positions.copy(), states.copy(), np.zeros(COUNT, VERDICT)
+    shots = facts, calls, changing[2]
+    assert finish_shots_of(settings.game_rules)(10, 30, table, skip, *changing[:2], shots) == -1
+    for k in range(COUNT):
+        old = positions, states, np.zeros(COUNT, VERDICT)
+        source = expected if 10 <= k < 30 and not skip[k] else old
+        assert [array[k].tobytes() for array in changing] == [array[k].tobytes() for array in source]
+
+
+def test_calls_without_a_shot():
+    rng = np.random.default_rng(0)
+    now, old = rng.random((2, 3, 2)), rng.random((2, 3, 2))
+    before = row(RulesState(player=1, scores=(1, 2, 0, 0), colour=True, choices=8))
+    state = changed(before, player=0, scores=(1, 6, 0, 0), fouls=(0, 1, 0, 0), free_ball=True, choices=24, in_hand=1)
+    calls = np.array([row(Called(kind=CALLS.index(kind))) for kind in ("hand_back", "replace")], CALL)
+    positions, states = now.copy(), np.array([state] * 2, STATE)
+    call_without_shots(calls, positions, states, (old, np.array([before] * 2, STATE)))
+    assert positions.tolist() == [now[0].tolist(), old[1].tolist()]
+    assert states[0] == changed(state, player=1, choices=0, free_ball=False)
+    assert states[1] == changed(before, scores=state.scores, fouls=state.fouls, choices=0)
