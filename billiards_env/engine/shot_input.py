@@ -213,7 +213,7 @@ def check_shot(
     limit = scene.physics.max_time if max_time is None else real("max_time", max_time, "limit")
     if into is None:
         balls = np.empty((*shape, 2)), np.empty((*shape, 2)), np.empty((*shape, 3)), np.empty(shape, np.bool_)
-        start: tuple[Any, ...] = (*balls, np.full(shape[:-1], CUE_BALL))
+        start: tuple[Any, ...] = (*balls, np.zeros(shape[:-1], np.int64))  # ball 0 is the cue ball
     else:
         start = start_fields(into)
     shot = ShotInput(*start, limit=math.inf if limit is None else float(limit))

@@ -15,7 +15,7 @@ from billiards_env.engine.compile import Engine
 from billiards_env.engine.log import N_EVENTS_LOGGED, N_SEGMENTS_LOGGED, Log, named_events
 from billiards_env.engine.orientation import turning
 from billiards_env.engine.shot_input import ShotInput
-from billiards_env.engine.shots import STATUS, Shots
+from billiards_env.engine.shots import STATUS
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.scene import Scene
 from billiards_env.shots.derivatives import Differentiable
@@ -326,11 +326,10 @@ def _recording(shot: ShotResult | None, method: str) -> Recording | None:
     return None if shot is None else shot.recording(method)
 
 
-def outcome_of(shots: Shots) -> dict[str, NDArray[Any]]:
-    """Returns the fields that `ShotResult` and `BatchResult` have in common, for m shots."""
-    outcome: dict[str, NDArray[Any]] = shots._asdict()
-    outcome["potted"], outcome["status"] = ~outcome.pop("in_play"), _STATUS[shots.status]
-    return outcome
+def outcome_of(shots: dict[str, Any]) -> dict[str, Any]:
+    """Returns the fields of `Shots`, or of one of its rows, in the form that `ShotResult` and `BatchResult` share."""
+    shots["potted"], shots["status"] = ~shots.pop("in_play"), _STATUS[shots["status"]]
+    return shots
 
 
 def read_log(log: Log, scene: Scene, engine: Engine) -> dict[str, Any]:

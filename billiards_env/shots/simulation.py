@@ -135,9 +135,10 @@ def run_shot(
         if not record or (log.used[:2] <= (len(log.events), len(log.segments))).all():
             break
         room = max(4 * room, int(max(log.used[:2])))  # the log was too small: the shot runs again
-    outcome: dict[str, Any] = {
-        name: array.item() if array.ndim == 1 else array[0] for name, array in outcome_of(shots).items()
+    row = {
+        name: array.item() if array.ndim == 1 else array[0] for name, array in zip(Shots._fields, shots, strict=True)
     }
+    outcome = outcome_of(row)
     if record:
         outcome |= {**read_log(log, scene, engine), "_arguments": (shot, engine, max_events)}
     return ShotResult(**outcome)
@@ -297,7 +298,7 @@ def simulate_batch(
     settings = {"max_time": max_time, "max_events": max_events}
     arguments = scene, (positions, moving, turning, playing), settings
     common = {"_arguments": arguments, "_engine": engine, "_varied": varied, "_parts": parts}
-    return BatchResult(**outcome_of(shots), **common)
+    return BatchResult(**outcome_of(shots._asdict()), **common)
 
 
 _FIRST_SHOTS = 64  # shots that are recorded first, to find the room that the others need
