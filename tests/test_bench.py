@@ -62,10 +62,8 @@ def test_a_file_is_accepted_and_holds_the_outcomes_of_single_environments(played
 def test_who_knows_the_noise_can_subtract_it_but_not_that_of_another_seed():
     task = "Pot1Noise-v0"
     env, actions = gym.make(NAMESPACE + task), []
-    act, scales = (
-        acting(find_player("geometric", env), env),
-        np.array([NOISE["angle_std"] / 180, NOISE["speed_std"] / 4.0]),
-    )
+    act = acting(find_player("geometric", env), env)
+    scales = np.array([NOISE["angle_std"] / 180, NOISE["speed_std"] / 4.0])
     for seed in evaluation_seeds(0, 12).tolist():
         noise = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,))).standard_normal(2) * scales
         actions.append(perturb(act(env.reset(seed=seed)[0]), -noise))

@@ -51,11 +51,9 @@ class Plans:
             raise ValueError(f"action = {bad[0]:g}: expected a whole number from 0 to {self.choices - 1}")
         rows = np.arange(len(plans))
         chosen = self._pots(tables).reshape(-1, self.choices, 2)[rows, plans.astype(np.int64)]
-        ways = tables.positions - tables.positions[:, :1]
-        apart = np.where(tables.targets, np.hypot(*np.moveaxis(ways, -1, 0)), np.inf)
-        nearest = apart.argmin(axis=1)
+        _, ways = tables.nearest()
         speeds = tables.max_speed * (plans % len(SPEEDS) + 1.0) / len(SPEEDS)
-        full = (speeds / np.maximum(apart[rows, nearest], 1e-300))[:, None] * ways[rows, nearest]
+        full = (speeds / np.maximum(np.hypot(*ways.T), 1e-300))[:, None] * ways
         return np.where(chosen.any(axis=1, keepdims=True), chosen, full)
 
     def mask(self, tables: Tables) -> NDArray[np.int8]:

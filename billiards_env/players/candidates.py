@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import PIC
 from billiards_env.games import GameState, Setup
-from billiards_env.games.placement import cue_ball_area, cue_ball_point
 from billiards_env.games.state import PUSH_OUT, is_in, members, on_table
 from billiards_env.players.budget import Budget
 from billiards_env.players.indirect import find_indirect
 from billiards_env.players.pots import DY, SPEED, TOLERANCE, find_pots
+from billiards_env.players.situation import draw_places
 from billiards_env.players.values import pot_probability
 from billiards_env.scene import Scene
 from billiards_env.shots.strikes import strike
@@ -112,9 +112,7 @@ def _places(setup: Setup, game: GameState, rng: np.random.Generator) -> Floats:
     """Returns (p, 2) places of the cue ball, m: random ones, if it is in hand."""
     if not game.state.in_hand:
         return game.positions[None, game.state.cue_balls[0]]
-    x_low, x_high, y_low, y_high = cue_ball_area(setup.scene, game.state)
-    drawn = rng.uniform((x_low, y_low), (x_high, y_high), (PLACES, 2)).tolist()
-    return np.array([cue_ball_point(setup.scene, game.positions, game.state, (x, y)) for x, y in drawn])
+    return np.array(draw_places(setup, game, rng, PLACES))
 
 
 class _Pots(NamedTuple):

@@ -73,13 +73,10 @@ class Situation(NamedTuple):
         """Returns the direct pots, or the pots off one cushion if there is no direct pot, best first."""
         return pot_shots(self.table)
 
-    def nearest(self) -> tuple[int, Floats]:
-        """Returns the target nearest to the cue ball, and the direction (2,) to it."""
-        (positions,), (targets,) = self.table.positions, self.table.targets
-        ways = positions - positions[self.table.cue]
-        lengths = np.where(targets, np.hypot(ways[:, 0], ways[:, 1]), np.inf)
-        ball = int(np.argmin(lengths))
-        return ball, ways[ball] / lengths[ball]
+    def full_hit(self) -> Floats:
+        """Returns the direction (2,) to the target nearest to the cue ball."""
+        (way,) = self.table.nearest()[1]
+        return way / np.hypot(*way)
 
 
 Player = Callable[[Situation, np.random.Generator], Stroke]
@@ -144,15 +141,19 @@ def placed(situation: Situation, rng: np.random.Generator, places: int = PLACES)
     (setup, game), situations = situation.find_game(), []
     if not game.state.in_hand:
         return situation
-    x_low, x_high, y_low, y_high = cue_ball_area(setup.scene, game.state)
-    for _ in range(places):
-        drawn = x_low + (x_high - x_low) * rng.random(), y_low + (y_high - y_low) * rng.random()
-        place = cue_ball_point(setup.scene, game.positions, game.state, drawn)
+    for place in draw_places(setup, game, rng, places):
         positions = game.positions.copy()
         positions[situation.table.cue] = place
         moved = GameState(positions, game.state)
         situations.append(game_situation(setup, moved, situation.table.max_speed, situation.noise, place))
     return max(situations, key=lambda one: _pot_key(one.pots()))
+
+
+def draw_places(setup: Setup, game: GameState, rng: np.random.Generator, count: int) -> list[Point]:
+    """Returns random places for a cue ball in hand, m."""
+    x_low, x_high, y_low, y_high = cue_ball_area(setup.scene, game.state)
+    drawn = rng.uniform((x_low, y_low), (x_high, y_high), (count, 2)).tolist()
+    return [cue_ball_point(setup.scene, game.positions, game.state, (x, y)) for x, y in drawn]
 
 
 def _pot_key(pots: PotShots) -> tuple[bool, float]:

@@ -52,7 +52,7 @@ def geometric(situation: Situation, rng: np.random.Generator) -> Stroke:
     """Returns the best pot, or a full hit on the nearest target if there is no pot, with a level cue and no english."""
     situation = placed(situation, rng)
     pots, fastest = situation.pots(), situation.table.max_speed
-    velocity = pots.speed[0] / fastest * pots.direction[0] if len(pots.speed) else situation.nearest()[1]
+    velocity = pots.speed[0] / fastest * pots.direction[0] if len(pots.speed) else situation.full_hit()
     return situation.stroke(padded(velocity, situation.action_size))
 
 
@@ -71,7 +71,7 @@ def search(situation: Situation, rng: np.random.Generator, shots: int = SHOTS) -
         shots: The number of shots to simulate.
     """
     situation = placed(situation, rng)
-    noise, first = situation.noise, situation.nearest()[1][None] if situation.in_game else np.empty((0, 2))
+    noise, first = situation.noise, situation.full_hit()[None] if situation.in_game else np.empty((0, 2))
     near = _near(situation, (shots + 1) // 2, rng)
     parts = (padded(part, situation.action_size) for part in (first, near, anywhere(shots, rng)))
     actions = np.concatenate(tuple(parts))[:shots]

@@ -81,7 +81,7 @@ def _policy_of_games(argument: str, setup: Setup) -> Player:
         if isinstance(model, AimPolicy):
             action = _aimed(model, situation.table)
         else:
-            balls = [situation.nearest()[0]] if setup.game_rules.pockets else members(game.state.object_balls)
+            balls = situation.table.nearest()[0] if setup.game_rules.pockets else members(game.state.object_balls)
             observation, _ = env.reset(options={"positions": game.positions[[situation.table.cue, *balls]]})
             action, _ = model.predict(observation, deterministic=True)
         velocity = base.max_speed * np.asarray(action, np.float64)

@@ -34,6 +34,12 @@ class Tables(NamedTuple):
         """(k, n) bool, the legal balls on the table."""
         return self.legal & self.on_table
 
+    def nearest(self) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Returns the target nearest to the cue ball, (k,), and the vector to it, (k, 2) m; arbitrary without a target."""
+        ways = self.positions - self.positions[:, self.cue, None]
+        balls = np.where(self.targets, np.hypot(ways[..., 0], ways[..., 1]), np.inf).argmin(axis=1)
+        return balls, ways[np.arange(len(ways)), balls]
+
     def take(self, which: Any) -> Tables:
         """Returns some of the tables."""
         positions, on_table, legal = (array[which] for array in self[1:4])

@@ -53,9 +53,8 @@ def test_search_avoids_penalty_points_in_snooker():
     rng, penalties = RNG(0), 0
     for _ in range(10):
         table = opening(game, rng, "random")
-        penalties += play(
-            game, table, find_player("search:50", game)(game_situation(game, table, 4.0), rng)
-        ).verdict.penalty
+        stroke = find_player("search:50", game)(game_situation(game, table, 4.0), rng)
+        penalties += play(game, table, stroke).verdict.penalty
     assert penalties == 0
 
 
