@@ -27,10 +27,10 @@ from torch import nn
 
 from benchmarks import machine, rows_table, run_command
 from billiards_env.games import GAMES, GameState, Setup, custom_opening, opening, play
-from billiards_env.games.batch import PlayedBatch
+from billiards_env.games.batch import unplayed
 from billiards_env.games.placement import cue_ball_area, cue_ball_point
 from billiards_env.games.referee import legal_balls
-from billiards_env.games.state import STATE, VERDICT, members, on_table
+from billiards_env.games.state import members, on_table
 from billiards_env.players import run_outs
 from billiards_env.players.levels import with_noise
 from billiards_env.players.planner import Options, plan
@@ -95,7 +95,7 @@ def play_rack(
         game, before = next_turn(setup, game, rng), len(inputs)
         while not game.state.over and game.state.player == 0 and len(inputs) - before < LONGEST:
             values = Values(setup, game, MAX_SPEED, deviations, True, english, weights)
-            here = PlayedBatch(game.positions[None], np.array([game.state], STATE), np.zeros(1, VERDICT))
+            here = unplayed(game)
             inputs.append(
                 values.inputs(here, legal_balls(setup.rules, here.states, np.zeros(1, int)), np.ones(1, bool))[0]
             )

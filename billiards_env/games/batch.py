@@ -13,7 +13,7 @@ from billiards_env.engine.compile import cached_by_scene
 from billiards_env.games.facts import facts_of_shots
 from billiards_env.games.game import NO_CALL, Call, GameState, Setup
 from billiards_env.games.referee import callable_balls, judge_shots
-from billiards_env.games.state import CALL, STATE, members
+from billiards_env.games.state import CALL, STATE, VERDICT, members
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate_batch
 from billiards_env.shots.strikes import strike_with
@@ -100,6 +100,12 @@ def play_batch(
             back = (verdicts["spotted"] >> ball & 1) > 0
             positions[back, ball] = (setup.scene.table.foot_x, 0.0) if spots is None else spots[ball]
     return PlayedBatch(positions, states, verdicts, pockets)
+
+
+def unplayed(game: GameState) -> PlayedBatch:
+    """Returns a state as the result of one shot, which changed nothing."""
+    pockets = np.full((1, len(game.positions)), -1, np.int32)
+    return PlayedBatch(game.positions[None], np.array([game.state], STATE), np.zeros(1, VERDICT), pockets)
 
 
 def best_call(setup: Setup, state: Any, pots: tuple[tuple[int, int], ...]) -> Call:

@@ -98,8 +98,9 @@ def play(shot, options, **more):
 
 def strike_ball(ball, shot, engine=PIC, max_time=None, max_events=MAX_EVENTS):
     """Runs a shot in which a given ball is the cue ball."""
-    scene, *start = shot
-    return run_shot(scene, check_shot(scene, *start, None, max_time)._replace(cue=ball), engine, False, max_events)
+    scene, positions, velocities, spins = shot
+    start = check_shot(scene, positions, velocities, spins, None, max_time)._replace(cue=ball)
+    return run_shot(scene, start, engine, max_events=max_events)
 
 
 @engines_and_worlds

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from billiards_env.games import custom_opening
-from billiards_env.games.batch import PlayedBatch
+from billiards_env.games.batch import unplayed
 from billiards_env.games.referee import legal_balls
-from billiards_env.games.state import ANYWHERE, STATE, VERDICT
+from billiards_env.games.state import ANYWHERE
 from billiards_env.players import run_outs
 from billiards_env.players.planner import plan
 from billiards_env.players.values import Values
@@ -23,7 +23,7 @@ def chance(places, on_table, noise=NOISE, rules="nine_ball", english=True, **sta
     for ball, place in places.items():
         positions[ball] = place
     table = custom_opening(game, positions, {"on_table": [0, *on_table], **state})
-    here = PlayedBatch(table.positions[None], np.array([table.state], STATE), np.zeros(1, VERDICT))
+    here = unplayed(table)
     values = Values(game, table, 8.0, noise, run_out=True, english=english)
     inputs = values.inputs(here, legal_balls(rules, here.states, np.zeros(1, int)), np.ones(1, bool))
     return inputs[0], run_outs.chances(run_outs.trained(), inputs)[0]
@@ -86,7 +86,7 @@ def test_a_file_of_weights_runs_no_code(tmp_path, monkeypatch):
 def test_a_ball_in_hand_is_an_easy_pot():
     game = setup("nine_ball")
     table = custom_opening(game, [[0.0, 0.0], *([-1.1, 0.06 * k - 0.25] for k in range(9))], {"on_table": [0, 8, 9]})
-    here = PlayedBatch(table.positions[None], np.array([table.state], STATE), np.zeros(1, VERDICT))
+    here = unplayed(table)
     lost = here._replace(states=here.states.copy())
     lost.states["in_hand"], lost.states["player"] = ANYWHERE, 1
     values = Values(game, table, 8.0, NOISE, weights=run_outs.trained())
