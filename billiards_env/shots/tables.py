@@ -35,7 +35,7 @@ class Tables(NamedTuple):
         return self.legal & self.on_table
 
     def nearest(self) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Returns the target nearest to the cue ball, (k,), and the vector to it, (k, 2) m; arbitrary without a target."""
+        """Returns the target nearest to the cue ball, (k,), and the vector to it, (k, 2) m; any ball without one."""
         ways = self.positions - self.positions[:, self.cue, None]
         balls = np.where(self.targets, np.hypot(ways[..., 0], ways[..., 1]), np.inf).argmin(axis=1)
         return balls, ways[np.arange(len(ways)), balls]
