@@ -28,10 +28,13 @@ DOORS: dict[str, dict[str, Any]] = {
 }
 """Kinds of observations and actions, with the arguments of their environments."""
 
+GAMES = {name: {"task": name.replace(" ", "_"), "n_players": 2, "threads": 1} for name in ("nine ball", "eight ball")}
+"""Games of two players from the break, with the arguments of their environments."""
 
-def actions_for(count: int) -> np.ndarray:
-    """Returns (8, count, 2) random actions, to be played in turn."""
-    return np.random.default_rng(0).uniform(-1, 1, (8, count, 2)).astype(np.float32)
+
+def actions_for(count: int, size: int = 2) -> np.ndarray:
+    """Returns (8, count, size) random actions, to be played in turn."""
+    return np.random.default_rng(0).uniform(-1, 1, (8, count, size)).astype(np.float32)
 
 
 def single(steps: int) -> Callable[[], object]:
@@ -49,9 +52,10 @@ def single(steps: int) -> Callable[[], object]:
 
 def many(envs: Any, steps: int) -> Callable[[], object]:
     """Returns a function that steps a vector environment `steps` times."""
-    actions = actions_for(envs.num_envs)
     if choices := getattr(envs.single_action_space, "n", 0):
-        actions = np.random.default_rng(0).integers(0, choices, actions.shape[:2])
+        actions = np.random.default_rng(0).integers(0, choices, (8, envs.num_envs))
+    else:
+        actions = actions_for(*envs.action_space.shape)
 
     def play() -> None:
         for k in range(steps):
@@ -67,7 +71,7 @@ def native(count: int, **arguments: Any) -> Any:
     return envs
 
 
-def outside_engine(count: int, steps: int) -> Callable[[], float]:
+def outside_engine(count: int, steps: int, **arguments: Any) -> Callable[[], float]:
     """Returns a function that steps environments on one thread and returns the share of the time outside the engine."""
     inside = 0.0
 
@@ -83,7 +87,7 @@ def outside_engine(count: int, steps: int) -> Callable[[], float]:
         return run
 
     with patch.object(episodes, "run_shots_of", timed):
-        play = many(native(count, threads=1), steps)
+        play = many(native(count, **{"threads": 1, **arguments}), steps)
 
     def share() -> float:
         nonlocal inside
@@ -114,6 +118,14 @@ def environments(scale: float) -> list[tuple[str, int, Callable[[], object]]]:
             (f"native, 1,024, {name}", 1024 * steps(1024), many(native(1024, **arguments), steps(1024)))
             for name, arguments in DOORS.items()
         ),
+        *(
+            (
+                f"native, 1,024, one thread, {name} of two players",
+                1024 * steps(16_384),
+                many(native(1024, **arguments), steps(16_384)),
+            )
+            for name, arguments in GAMES.items()
+        ),
     ]
 
 
@@ -122,27 +134,34 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
 
     Returns:
         `steps`: a list with one entry per kind, with rates per second. `outside_engine`: the share of a step of 1,024
-        environments on one thread.
+        environments on one thread, for one object ball ("pot") and for `GAMES`.
     """
-    on = machine()
-    played, outside = environments(scale), outside_engine(1024, max(1, round(20 * scale)))
-    outside()
-    for _, _, play in played:  # compiles the kernels
+    on, steps = machine(), max(1, round(20 * scale))
+    played, shares = environments(scale), {"pot": outside_engine(1024, steps)}
+    shares |= {name: outside_engine(1024, max(1, steps // 4), **arguments) for name, arguments in GAMES.items()}
+    for share in shares.values():  # compiles the kernels
+        share()
+    for _, _, play in played:
         play()
-    passes = [[outside(), *(steps / seconds(play) for _, steps, play in played)] for _ in range(repeats)]
-    shares, *rates = zip(*passes, strict=True)
+    passes = [
+        ([share() for share in shares.values()], [count / seconds(play) for _, count, play in played])
+        for _ in range(repeats)
+    ]
+    outside, rates = (np.transpose(part).tolist() for part in zip(*passes, strict=True))
     rows = [{"kind": name, "per_second": quartiles(values)} for (name, _, _), values in zip(played, rates, strict=True)]
-    return {"machine": on, "repeats": repeats, "steps": rows, "outside_engine": quartiles(shares)}
+    shares = {name: quartiles(values) for name, values in zip(shares, outside, strict=True)}
+    return {"machine": on, "repeats": repeats, "steps": rows, "outside_engine": shares}
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
     rates = {row["kind"]: row["per_second"]["median"] for row in result["steps"]}
     one = next(iter(rates.values()))
-    outside = result["outside_engine"]["median"]
+    outside = {name: share["median"] for name, share in result["outside_engine"].items()}
+    games = " and ".join(f"{outside[name]:.0%} ({name})" for name in GAMES)
     return {
         "how": f"Medians of {result['repeats']} interleaved passes. A step of 1,024 environments on one thread spends "
-        f"{outside:.0%} of its time outside the engine.",
+        f"{outside['pot']:.0%} of its time outside the engine. In games of two players from the break it is {games}.",
         "steps": table(
             ("environments", "steps/s", "relative"),
             [(kind, f"{rate:,.0f}", f"{rate / one:.1f}") for kind, rate in rates.items()],

@@ -152,18 +152,59 @@ def _entries() -> dict[str, Frozen]:
 FROZEN = _entries()
 """The frozen tasks, by their id without `NAMESPACE`."""
 
+_GAME = {
+    "mode": "pic",
+    "action": "velocity",
+    "max_shots": 200,
+    "max_speed": 8.0,
+    "scratch_penalty": 0.0,
+    "randomize": None,
+    "n_players": 2,
+    "can_call": False,
+    "can_place": True,
+    "miss": False,
+}
+_POOL = ["positions", "legal_balls", "break", "in_hand"]
+
+# By name: the task, the scene, the number of object balls, the layout, the target and the observation.
+_GAMES: dict[str, tuple[str, str, int, str, int | None, list[str]]] = {
+    "StraightGame": ("straight", "pool", 15, "rack", 0, [*_POOL, "scores"]),
+    "EightBallGame": ("eight_ball", "pool", 15, "rack", None, _POOL),
+    "NineBallGame": ("nine_ball", "pool", 9, "rack", None, [*_POOL, "fouls"]),
+    "TenBallGame": ("ten_ball", "pool", 10, "rack", None, [*_POOL, "fouls"]),
+    "SnookerGame": ("snooker", "snooker", 21, "snooker", 0, [*_POOL, "scores"]),
+    "CaromGame": ("carom", "carom", 2, "carom_opening", 10, ["positions", "legal_balls", "break", "scores"]),
+    "ThreeCushionGame": (
+        "three_cushion",
+        "carom",
+        2,
+        "carom_opening",
+        10,
+        ["positions", "legal_balls", "break", "scores"],
+    ),
+}
+_GAME_NAMES = ("task", "scene", "n_object_balls", "layout", "target", "observe")
+
+FROZEN_GAMES = {f"{name}-v0": {**_GAME, **dict(zip(_GAME_NAMES, row, strict=True))} for name, row in _GAMES.items()}
+"""The arguments of the frozen games of two players, by their id without `NAMESPACE`."""
+
 BENCH_TASKS = ("Pot1-v0", "Clear5-v0", "ThreeCushion-v0", "Position-v0", "NineBall-v0")
 """The tasks of the leaderboard, and the default of `billiards bench`."""
 
 
 def register(register_one: Callable[..., None]) -> None:
     """Registers all ids with `gymnasium.register`."""
+    entry_points = {
+        "entry_point": "billiards_env.envs:make_env",
+        "vector_entry_point": "billiards_env.envs:make_vector_env",
+    }
     for name, task in FROZEN.items():
         register_one(
             id=NAMESPACE + name,
-            entry_point="billiards_env.envs:make_env",
-            vector_entry_point="billiards_env.envs:make_vector_env",
+            **entry_points,
             reward_threshold=task.threshold,
             nondeterministic=False,
             kwargs={**task.arguments, "noise": dict(NOISE) if task.noise else None},
         )
+    for name, arguments in FROZEN_GAMES.items():
+        register_one(id=NAMESPACE + name, **entry_points, nondeterministic=False, kwargs=arguments)

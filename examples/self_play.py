@@ -1,107 +1,94 @@
-"""Self-play in straight pool with PyTorch: `python examples/self_play.py` (extras `multi` and `train`).
+"""Self-play in nine ball with Stable-Baselines3: `python examples/self_play.py` (extra `train`).
 
-A policy plays against a frozen copy of itself in the PettingZoo environment and learns by policy gradients (REINFORCE).
-After every few updates a copy of the present policy replaces the frozen one. The return of a shot is its points minus
-the points of the other player before the next shot of the policy. A foul costs a point.
+A policy first learns to run out racks of nine ball alone. Then it plays games against frozen copies of itself, and
+learns from won and lost games. `Opponents` plays the turns of the copy, so the learner sees an environment of one
+player. The command prints the share of games that the policy wins against other players, before and after the games.
 """
 
 import copy
+from collections.abc import Callable
 from typing import Any
 
+import gymnasium as gym
+import numpy as np
 import torch
-from torch import nn
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
 
-from billiards_env.games import billiards_v0
+from billiards_env.envs import Opponents
+from billiards_env.players.env_player import acting_in
+from billiards_env.players.named import find_player
+from billiards_env.sb3 import PPO_SETTINGS, AimPolicy, SameStepVecEnv
 
-N_BALLS = 3
+TABLE = {"task": "nine_ball", "observe": ("positions", "legal_balls"), "max_speed": 8.0}
+GAME = {**TABLE, "n_players": 2, "can_place": False, "max_shots": 60}
+RIVALS = ("random", "search:20", "planner:beginner")
 
-GAMES, UPDATES_OF_A_COPY = 32, 10
-"""Games in each update, and the number of updates before the frozen copy is replaced."""
+
+def games(num_envs: int) -> Any:
+    """Returns games of two players, in which a cue ball in hand is placed near the head spot."""
+    return gym.make_vec("billiards_env:Billiards-v0", num_envs, **GAME)
 
 
-class Policy(nn.Module):
-    """A Gaussian over the two numbers that `shot` takes, and a value function as the baseline."""
+def copy_of(policy: Any) -> Callable:
+    """Returns a frozen copy of a policy for `Opponents`."""
+    frozen = copy.deepcopy(policy)
+    return lambda observations, rows: frozen.predict(observations, deterministic=True)[0]
 
-    def __init__(self, size: int) -> None:
+
+def share_of_wins(policy: Callable, rival: str, count: int) -> float:
+    """Returns the share of games with a winner that a policy wins against a player. Both break equally often."""
+    envs = games(count)
+    rival_policy = acting_in(find_player(rival, envs.unwrapped.single_env), envs.unwrapped, seed=0)
+    observations, infos = envs.reset(seed=1)
+    seats, over = np.arange(count) % 2, np.zeros(count, bool)
+    winners, next_player = np.full(count, -1), infos["next_player"].copy()
+    while not over.all():
+        actions = np.zeros(envs.action_space.shape)
+        own = next_player == seats
+        for mask, play in ((own & ~over, policy), (~own & ~over, rival_policy)):
+            if mask.any():
+                actions[mask] = play(observations[mask], np.flatnonzero(mask))
+        played = ~over
+        observations, _, over, _, infos = envs.unwrapped.step_where(played, actions)
+        winners[played], next_player[played] = infos["winner"][played], infos["next_player"][played]
+    return (winners == seats).sum() / max((winners >= 0).sum(), 1)
+
+
+class NewCopy(BaseCallback):
+    """Replaces the opponent by a copy of the policy from time to time."""
+
+    def __init__(self, envs: Opponents, every: int) -> None:
         super().__init__()
-        self.body = nn.Sequential(nn.Linear(size, 128), nn.Tanh(), nn.Linear(128, 128), nn.Tanh())
-        self.mean, self.value = nn.Linear(128, 2), nn.Linear(128, 1)
-        self.log_std = nn.Parameter(torch.full((2,), -0.5))
+        self.envs, self.every, self.rollouts = envs, every, 0
 
-    def forward(self, observations: torch.Tensor) -> tuple[torch.distributions.Normal, torch.Tensor]:
-        """Returns the distributions of the numbers (m, 2) and the values (m,) for observations (m, size)."""
-        hidden = self.body(observations)
-        return torch.distributions.Normal(self.mean(hidden), self.log_std.exp()), self.value(hidden)[:, 0]
+    def _on_rollout_start(self) -> None:
+        self.rollouts += 1
+        if self.rollouts % self.every == 0:
+            self.envs.policy = copy_of(self.model.policy)
 
-
-def shot(seen: torch.Tensor, numbers: torch.Tensor) -> torch.Tensor:
-    """Returns the action (4,) for two numbers: the angle to the direction of the nearest legal ball, and the speed."""
-    balls = seen[: 4 * N_BALLS].reshape(N_BALLS, 4)
-    to = (balls[1:, :2] - balls[0, :2]) * torch.tensor([2.0, 1.0])  # the table is twice as long as wide
-    far = torch.where(balls[1:, 3] > 0, to.norm(dim=1), torch.inf)
-    x, y = to[far.argmin()]
-    angle = torch.atan2(y, x) + 0.1 * numbers[0]
-    speed = torch.sigmoid(numbers[1])
-    place = torch.zeros(2)  # a cue ball in hand goes to the middle
-    return torch.cat((speed * torch.stack((angle.cos(), angle.sin())), place))
+    def _on_step(self) -> bool:
+        return True
 
 
-def play(env: Any, learner: Policy, opponent: Policy, first: bool) -> tuple[list, list, list]:
-    """Plays a game. Returns the learner's observations and actions, and the rewards up to its next shot."""
-    env.reset()
-    me = env.possible_agents[0 if first else 1]
-    observations, actions, rewards = [], [], []
-    for agent in env.agent_iter():
-        seen, reward, terminated, truncated, _ = env.last()
-        if agent == me and actions:
-            rewards.append(float(reward))  # for its last shot and the opponent's shots after it
-        if terminated or truncated:
-            env.step(None)
-            continue
-        seen = torch.as_tensor(seen)
-        with torch.no_grad():
-            action = (learner if agent == me else opponent)(seen[None])[0].sample()[0]
-        if agent == me:
-            observations.append(seen)
-            actions.append(action)
-        env.step(shot(seen, action).numpy())
-    return observations, actions, rewards
+def run(alone: int, against_itself: int, n_games: int = 200) -> dict[str, tuple[float, float]]:
+    """Learns alone, then in games. Returns the shares of games won against `RIVALS`, before and after the games."""
+    torch.set_num_threads(1)
+    settings: dict[str, Any] = {**PPO_SETTINGS, "n_steps": 4, "gamma": 0.9, "seed": 0}
+    arguments = {"hidden": 128, "speeds": [0.1, 0.3, 0.6, 1.0], "exploration": max(alone // 2, 1)}
+    racks = gym.make_vec("billiards_env:Billiards-v0", 1024, **TABLE, layout="random", max_shots=30)
+    model = PPO(AimPolicy, SameStepVecEnv(racks), **settings, policy_kwargs=arguments)
+    model.learn(alone)
+    before = [share_of_wins(copy_of(model.policy), rival, n_games) for rival in RIVALS]
 
-
-def lead(env: Any, policy: Policy, opponent: Policy, games: int) -> float:
-    """Returns the mean lead in points of a policy over another one at the end of a game."""
-    return sum(sum(play(env, policy, opponent, k % 2 == 0)[2]) for k in range(games)) / games
-
-
-def run(shots: int) -> tuple[Policy, float]:
-    """Trains for a number of shots of both players. Returns the policy and its lead over its first copy."""
-    env: Any = billiards_v0.env(
-        rules="straight", n_object_balls=N_BALLS - 1, layout="random", max_shots=10, max_speed=4.0
-    )
-    env.reset(seed=0)
-    torch.manual_seed(0)
-    policy = Policy(env.observation_space("player_0").shape[0])
-    opponent, first_copy = copy.deepcopy(policy), copy.deepcopy(policy)
-    optimiser, played, update = torch.optim.Adam(policy.parameters(), lr=3e-3), 0, 0
-    while played < shots:
-        batch: list[tuple] = []
-        for game in range(GAMES):
-            observations, actions, rewards = play(env, policy, opponent, game % 2 == 0)
-            played += len(env.unwrapped.history().strokes)
-            batch += zip(observations, actions, torch.tensor(rewards), strict=True)
-        observations, actions, returns = (torch.stack(part) for part in zip(*batch, strict=True))
-        density, values = policy(observations)
-        advantages = returns - values.detach()
-        advantages = advantages / (advantages.std() + 1e-6)
-        loss = -(density.log_prob(actions).sum(1) * advantages).mean() + 0.5 * (returns - values).square().mean()
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        update += 1
-        if update % UPDATES_OF_A_COPY == 0:
-            opponent = copy.deepcopy(policy)
-    return policy, lead(env, policy, first_copy, 100)
+    envs = Opponents(games(1024), copy_of(model.policy))
+    learner = PPO(AimPolicy, SameStepVecEnv(envs), **settings, policy_kwargs=arguments)
+    learner.policy.load_state_dict(model.policy.state_dict())
+    learner.learn(against_itself, NewCopy(envs, every=10))
+    after = [share_of_wins(copy_of(learner.policy), rival, n_games) for rival in RIVALS]
+    return dict(zip(RIVALS, zip(before, after, strict=True), strict=True))
 
 
 if __name__ == "__main__":
-    print(f"lead over the untrained policy: {run(20_000)[1]:.2f} points a game")
+    for rival, (first, last) in run(200_000, 200_000).items():
+        print(f"games won against {rival}: {first:.0%} before the games, {last:.0%} after them")

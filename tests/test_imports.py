@@ -55,7 +55,7 @@ MOTION = (
     "import billiards_env as b; shot = b.simulate(b.Scene.named('pool'), [[-1, 0], [1, 0]], [1, 0], record=True); "
     "shot.at(0.5), shot.motion_at(0.5)"
 )
-GAME = "import billiards_env.games.billiards_v0 as v0; env = v0.raw_env('carom'); env.reset(0); env.step([0.1, 0.1])"
+GAME = "import billiards_env.billiards_v0 as v0; env = v0.raw_env('carom'); env.reset(0); env.step([0.1, 0.1])"
 LOADED = {  # programs, and what they do not load beside `HEAVY`
     "the registration": ("import billiards_env, gymnasium; gymnasium.spec('Billiards-v0')", "numba"),
     "a shot": (SHOT.format(""), "drawing envs.action_frames envs.plans players"),
@@ -82,7 +82,7 @@ def test_a_program_loads_only_what_it_needs(name):
 
 PLAY = "from billiards_env.play.__main__ import main; main(['--players', 'human,{}'])"
 MISSING = {
-    "pettingzoo": ("import billiards_env.games.billiards_v0", r"DependencyNotInstalled: .*billiards-env\[multi\]"),
+    "pettingzoo": ("import billiards_env.billiards_v0", r"DependencyNotInstalled: .*billiards-env\[multi\]"),
     "pygame": (PLAY.format("human"), r"^error: pygame is not installed.*pip install 'billiards-env\[render\]'"),
     "stable_baselines3": (PLAY.format("policy:x"), "^error: .*stable_baselines3 is not installed.* extra 'train'"),
 }

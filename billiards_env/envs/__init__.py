@@ -3,6 +3,7 @@
 from billiards_env.engine import STATUS
 from billiards_env.envs.arguments import Model, make_model
 from billiards_env.envs.billiards import BilliardsEnv, make_env
+from billiards_env.envs.opponents import Opponents
 from billiards_env.envs.rendering import RecordVideo
 from billiards_env.envs.state import load_state, save_state
 from billiards_env.envs.vector import BilliardsVectorEnv, make_vector_env
@@ -12,6 +13,7 @@ __all__ = [
     "BilliardsEnv",
     "BilliardsVectorEnv",
     "Model",
+    "Opponents",
     "RecordVideo",
     "load_state",
     "make_env",

@@ -45,12 +45,14 @@ class Action(NamedTuple):
             whole number below it, actions are (k,), and the method `mask` returns the possible ones, (k, choices) int8.
             None for an action that is played as it is.
         has_cue: Whether a cue strikes the cue ball, which gives it spin and drives balls that touch it.
+        is_choice: Whether an action is a whole number.
     """
 
     summary: str
     size: int
     converter: Callable[[Scene, float], Any] | None = None
     has_cue: bool = False
+    is_choice: bool = False
 
 
 def _frame(name: str) -> Callable[[Scene, float], Any]:
@@ -86,12 +88,15 @@ ACTIONS = {
         "one whole number: the choice of an object ball, a pocket and one of 5 speeds, made into a shot by geometry",
         2,
         _plans,
+        is_choice=True,
     ),
 }
 """The kinds of actions by name."""
 
 PLAYED = tuple(name for name, entry in ACTIONS.items() if entry.converter is None)
 """The actions that are played as they are."""
+
+ONE_CUE_BALL = np.full(1, CUE_BALL, np.int64)
 
 # Columns of an action, after X and Y.
 SIDE, TOP, ELEVATION = 2, 3, 4
@@ -135,7 +140,8 @@ def cue_strike(action: ArrayLike, scene: Scene, max_speed: float) -> Strike:
     velocity, spin, miscue = np.zeros((1, 1, 2)), np.zeros((1, 1, 3)), np.zeros(1, np.bool_)
     velocity[0, 0] = shorten(array.item(X), array.item(Y), float(max_speed))
     if size > 2:
-        strike_balls(0, 1, np.zeros(1, np.bool_), array[None], tuple(cue_numbers(scene)), (velocity, spin, miscue))
+        starts = velocity, spin, ONE_CUE_BALL, miscue
+        strike_balls(0, 1, np.zeros(1, np.bool_), array[None], tuple(cue_numbers(scene)), starts)
     return Strike(velocity[0, 0], spin[0, 0], miscue[0])
 
 
@@ -241,20 +247,21 @@ def strike_balls(begin, end, skip, actions, cue, starts):
         skip: (m,) bool, shots that are left out.
         actions: (m, 5) float64.
         cue: `CueNumbers`, as a plain tuple.
-        starts: Velocities (m, n, 2), m/s, and spins (m, n, 3), rad/s, which change, and (m,) bool out, whether the tip
-            slipped.
+        starts: Velocities (m, n, 2), m/s, and spins (m, n, 3), rad/s, which change, the struck balls (m,) int64, and
+            (m,) bool out, whether the tip slipped.
     """
     cue = CueNumbers(*cue)
-    velocities, spins, miscues = starts
+    velocities, spins, balls, miscues = starts
     for k in range(begin, end):
         if skip[k]:
             continue
         side, top = cue.miscue * clipped(actions, k, SIDE), cue.miscue * clipped(actions, k, TOP)
         sin_elevation, cos_elevation = sine_cosine(0.5 * math.pi * clipped(actions, k, ELEVATION))
-        ux, uy = velocities[k, CUE_BALL, X], velocities[k, CUE_BALL, Y]
+        i = balls[k]
+        ux, uy = velocities[k, i, X], velocities[k, i, Y]
         vx, vy, wx, wy, wz, miscue = struck(cue, ux, uy, side, top, sin_elevation, cos_elevation)
-        velocities[k, CUE_BALL, X], velocities[k, CUE_BALL, Y] = vx, vy
-        spins[k, CUE_BALL, SPIN_X], spins[k, CUE_BALL, SPIN_Y], spins[k, CUE_BALL, SPIN_Z] = wx, wy, wz
+        velocities[k, i, X], velocities[k, i, Y] = vx, vy
+        spins[k, i, SPIN_X], spins[k, i, SPIN_Y], spins[k, i, SPIN_Z] = wx, wy, wz
         miscues[k] = miscue
 
 

@@ -4,20 +4,34 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from billiards_env.checks import integer, one_of, real, shaped, short, unmasked
+from billiards_env.checks import Range, flag, integer, one_of, real, shaped, short, unmasked
 from billiards_env.engine import Engine
 from billiards_env.engine.compile import check_varied_name
 from billiards_env.envs.actions import ACTIONS, ELEVATION, SIDE, SPEED, TOP, TURN, check_action
-from billiards_env.envs.tasks import TASKS, task_targets
+from billiards_env.envs.tasks import TASKS, task_of, task_targets
 from billiards_env.frozen import NOISE
+from billiards_env.games.referee import GAMES
+from billiards_env.games.state import MOST_PLAYERS, STATE
 from billiards_env.jit import streams
 from billiards_env.scene import Balls, Scene, check_positions, check_ranges, layouts
+
+if TYPE_CHECKING:
+    from billiards_env.games.game import Setup
+
+MAX_SPEED = 4.0
+"""m/s. The default of the speed of the fastest shot for one player."""
+
+GAME_SPEED = 8.0
+"""m/s. The same for several players, enough for a break."""
+
+SCRATCH_PENALTY = 0.1
+"""The default of the reward subtracted for a scratch for one player. For several players it is 0."""
 
 
 class Model(NamedTuple):
@@ -25,7 +39,7 @@ class Model(NamedTuple):
 
     Attributes:
         scene: The scene.
-        task: One of `TASKS`.
+        task: One of `TASKS`, or for several players one of `GAMES`.
         targets: (n,) bool, see `tasks.task_targets`.
         engine: The engine.
         action: One of `ACTIONS`.
@@ -38,6 +52,9 @@ class Model(NamedTuple):
         randomize: The ranges (low, high) of the numbers that each episode draws, by name.
         noise: The standard deviations of the noise of `actions.perturb`, one per number of an action; None for none.
         noise_seed: A second seed of the noise, or None.
+        setup: The settings of a game of several players; None for one player.
+        can_call: Whether the players call, see `BilliardsEnv`.
+        can_place: Whether the players place a cue ball in hand.
     """
 
     scene: Scene
@@ -54,6 +71,25 @@ class Model(NamedTuple):
     randomize: dict[str, tuple[float, float]]
     noise: NDArray[np.float64] | None
     noise_seed: int | None
+    setup: Setup | None = None
+    can_call: bool = False
+    can_place: bool = False
+
+    @property
+    def n_players(self) -> int:
+        """The number of players."""
+        return 1 if self.setup is None else self.setup.n_players
+
+    @property
+    def n_numbers(self) -> tuple[int, int, int]:
+        """The numbers of an action: those of the shot, of the place of a cue ball in hand, and of the call.
+
+        A choice has only those of the shot that is made of it.
+        """
+        entry = ACTIONS[self.action]
+        if entry.is_choice:
+            return entry.size, 0, 0
+        return entry.size, 2 * self.can_place, 3 * self.can_call
 
 
 def make_model(
@@ -66,14 +102,19 @@ def make_model(
     fix: str | None = None,
     action: str = "velocity",
     max_shots: int | None = None,
-    max_speed: float = 4.0,
+    max_speed: float | None = None,
     layout: str | None = None,
     observe: Sequence[Any] | None = None,
     goal_radius: float | None = None,
-    scratch_penalty: float = 0.1,
+    scratch_penalty: float | None = None,
     randomize: Mapping[str, Sequence[float]] | None = None,
     noise: Mapping[str, float] | None = None,
     noise_seed: int | None = None,
+    n_players: int = 1,
+    target: int | None = None,
+    can_call: bool = False,
+    can_place: bool = True,
+    miss: bool = False,
 ) -> Model:
     """Returns the arguments of an environment after a check. The docstring of `BilliardsEnv` describes them.
 
@@ -81,32 +122,66 @@ def make_model(
         ValueError: If an argument is invalid.
         TypeError: If an argument has the wrong type.
     """
-    one_of("task", task, tuple(TASKS))
-    entry = TASKS[task]
+    players = integer("n_players", n_players, Range(1, MOST_PLAYERS))
+    if players == 1 and task in GAMES and task not in TASKS:
+        raise ValueError(f"task = {task!r} with n_players = 1: expected n_players = 2, it is a game of several players")
+    if players > 1 and task in TASKS and task not in GAMES:
+        raise ValueError(f"task = {task!r} with n_players = {players}: expected one of {', '.join(map(repr, GAMES))}")
+    one_of("task", task, (*TASKS, *(name for name in GAMES if name not in TASKS)))
+    entry = task_of(task, players)
     least, most = entry.n_object_balls
-    board = make_scene(scene, n_object_balls, entry.scene, least if least == most else None)
-    targets, engine = task_targets(task, board), Engine(mode, dt, fix)
+    board = make_scene(scene, n_object_balls, entry.scene, most if players > 1 or least == most else None)
+    check_action(action, board)
+    targets, engine = task_targets(task, board, players), Engine(mode, dt, fix)
     layout = entry.layout if layout is None else layout
     layouts.draw(layout, board, np.random.default_rng(0))  # an invalid layout raises here, not in `reset`
-    speed = real("max_speed", max_speed, "max_speed")
+    usual_speed, usual_penalty = (MAX_SPEED, SCRATCH_PENALTY) if players == 1 else (GAME_SPEED, 0.0)
+    speed = real("max_speed", usual_speed if max_speed is None else max_speed, "max_speed")
+    penalty = usual_penalty if scratch_penalty is None else scratch_penalty
     if goal_radius is not None and not entry.goal_radius:
         raise ValueError(f"goal_radius = {short(goal_radius)} with task = {task!r}: expected a task with a goal")
+    if can_call and ACTIONS[action].is_choice:
+        raise ValueError(f"can_call = True with action = {action!r}: expected False, it has no numbers for a call")
+    setup = _make_setup(task, board, players, target, engine, can_call, miss) if players > 1 else None
+    for name, value, usual in (("target", target, None), ("can_call", can_call, False), ("miss", miss, False)):
+        if players == 1 and value is not usual:
+            raise ValueError(f"{name} = {short(value)} with n_players = 1: expected {usual}, it belongs to games")
+    if setup is not None and layout not in (names := setup.game_rules.layouts):
+        expected = ", ".join(map(repr, names))
+        raise ValueError(f"layout = {layout!r} with n_players = {players}: expected one of {expected}")
     return Model(
         scene=board,
         task=task,
         targets=targets,
         engine=engine,
-        action=check_action(action, board),
+        action=action,
         max_shots=integer("max_shots", entry.max_shots if max_shots is None else max_shots, "max_shots"),
         max_speed=speed,
         layout=layout,
         observe=observe,
         goal_radius=entry.goal_radius if goal_radius is None else real("goal_radius", goal_radius, "length"),
-        scratch_penalty=real("scratch_penalty", scratch_penalty, "scratch_penalty"),
+        scratch_penalty=real("scratch_penalty", penalty, "scratch_penalty"),
         randomize=check_randomize(randomize, board, engine),
         noise=check_noise(noise, board, action, speed),
         noise_seed=None if noise_seed is None else integer("noise_seed", noise_seed, "seed"),
+        setup=setup,
+        can_call=can_call,
+        can_place=flag("can_place", can_place) and setup is not None and setup.game_rules.pockets,
     )
+
+
+def _make_setup(
+    rules: str, scene: Scene, n_players: int, target: int | None, engine: Engine, can_call: bool, miss: bool
+) -> Setup:
+    """Returns the settings of a game of several players."""
+    from billiards_env.games.game import Setup
+
+    game = GAMES[rules]
+    if flag("can_call", can_call) and not game.pockets:
+        raise ValueError(f"can_call = True with task = {rules!r}: expected False, the game has no calls")
+    if flag("miss", miss) and not can_call:
+        raise ValueError("miss = True with can_call = False: expected can_call = True, the miss rule gives a choice")
+    return Setup(rules, scene, n_players, target, engine, can_call and game.callable is not None, miss)
 
 
 class ResetOptions(NamedTuple):
@@ -117,12 +192,14 @@ class ResetOptions(NamedTuple):
         goals: (m, 1, 2) goals, m; None to draw them.
         physics: Numbers of `randomize` by name, (m,) each; the others are drawn.
         episode_seed: (m, 8) uint64, the random streams of layouts and noise; None to continue the current ones.
+        states: (m,) `games.STATE`, the states of games of several players; None for the opening.
     """
 
     positions: NDArray[np.float64] | None = None
     goals: NDArray[np.float64] | None = None
     physics: Mapping[str, NDArray[np.float64]] = {}
     episode_seed: NDArray[np.uint64] | None = None
+    states: NDArray[Any] | None = None
 
 
 NO_OPTIONS = ResetOptions()
@@ -286,12 +363,15 @@ def check_options(
     if not isinstance(options, Mapping):
         raise TypeError(f"options = {short(options)}: expected a dict")
     scene = model.scene
-    known = "positions", *["goal"] * bool(model.goal_radius), *["physics"] * bool(model.randomize), "episode_seed"
+    own = {"goal": model.goal_radius, "physics": model.randomize, "state": model.setup}
+    known = "positions", *(key for key, value in own.items() if value), "episode_seed"
     for key in options:
         one_of("key of options", key, known)
     many = () if mask is None else (len(mask),)
-    positions = goals = seeds = None
-    if "positions" in options:
+    positions = goals = seeds = states = None
+    if model.setup is not None and ("positions" in options or "state" in options):
+        positions, states = _custom_openings(model, options, mask)
+    elif "positions" in options:
         name, shape = "options['positions']", (*many, scene.n_balls, 2)
         in_play = None if mask is None else np.broadcast_to(mask[:, None], shape[:2])
         positions = check_positions(scene, shaped(name, options["positions"], shape), name, in_play)
@@ -310,7 +390,27 @@ def check_options(
         read = seeds[... if mask is None else mask].reshape(-1, 2, 4)[:, : 1 if model.noise is None else 2]
         if not streams.are_seeded(read).all():
             raise ValueError(f"{name} = {short(array)}: expected an info['episode_seed'] of this task")
-    return ResetOptions(positions, goals, _checked_physics(model.randomize, options.get("physics", {}), mask), seeds)
+    physics = _checked_physics(model.randomize, options.get("physics", {}), mask)
+    return ResetOptions(positions, goals, physics, seeds, states)
+
+
+def _custom_openings(
+    model: Model, options: Mapping[str, Any], mask: NDArray[np.bool_] | None
+) -> tuple[NDArray[np.float64], NDArray[Any]]:
+    """Returns the positions (m, n, 2) and states (m,) of games in the options of a reset, after a check."""
+    from billiards_env.games.game import custom_opening
+
+    if "positions" not in options:
+        raise ValueError("options['state'] without options['positions']: expected both")
+    assert model.setup is not None
+    m = 1 if mask is None else len(mask)
+    shape = (*(() if mask is None else mask.shape), model.scene.n_balls, 2)
+    positions = shaped("options['positions']", options["positions"], shape).reshape(m, *shape[-2:])
+    states = np.zeros(m, STATE)
+    for k in range(m):
+        if mask is None or mask[k]:
+            states[k] = custom_opening(model.setup, positions[k], options.get("state")).state
+    return positions, states
 
 
 def _checked_physics(

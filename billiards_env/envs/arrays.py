@@ -51,6 +51,8 @@ class EpisodeArrays(NamedTuple):
         states: (m,) `games.STATE` before the next shots in the tasks that are games, (0,) in the others.
         legal_balls: (m, n) bool in the tasks that are games, (m, 0) in the others: the balls that the cue ball may
             touch first in the next shot.
+        viewers: (m,) int64 in games of several players: the player who observes, -1 for the player to shoot; (0,) in
+            other tasks.
         points: (m,) int64: points of the last shot.
         score: (m,) int64: points of its episode up to the last shot.
         shots_left: (m,) int64: number of shots left after it.
@@ -73,6 +75,7 @@ class EpisodeArrays(NamedTuple):
     goals: Any
     states: Any
     legal_balls: Any
+    viewers: Any
     points: Any
     score: Any
     shots_left: Any

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
@@ -12,10 +12,9 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import finite, one_of, short
+from billiards_env.checks import Range, finite, integer, one_of, short
 from billiards_env.engine import Engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
-from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, make_model
 from billiards_env.envs.episodes import Episodes, noise_stream
 from billiards_env.envs.goals import compute_reward
@@ -25,6 +24,9 @@ from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Render
 from billiards_env.envs.state import SPACES, EpisodeState, checked_state, copied
 from billiards_env.jit import streams
 from billiards_env.scene import Scene
+
+if TYPE_CHECKING:
+    from billiards_env.games.game import GameState, Stroke
 
 _ONE = np.ones(1, np.bool_)
 
@@ -74,6 +76,8 @@ class BilliardsEnv(gym.Env[Any, Any]):
     `billiards_env.envs.actions.ACTIONS` is the table of all actions. `"cut"` and `"sum_to_three"` have two numbers, a
     cut at the nearest ball and a speed. `"plan"` is one whole number, the choice of a ball, a pocket and a speed.
 
+    In a game of several players the place of a cue ball in hand and the call follow, see Games.
+
     ## Observation Space
 
     The observation is a `ndarray` with dtype `float32`. It consists of features, which `observe` chooses and orders.
@@ -92,7 +96,8 @@ class BilliardsEnv(gym.Env[Any, Any]):
     `env.unwrapped.decode(observation)` returns the features by name. `env.unwrapped.features` has their shapes. With
     `observe=("positions", "shots_left")` the observation has the positions and then the number of shots left, divided
     by `max_shots`. `"physics"` contains the numbers of `randomize`. Other features are distances and directions of the
-    balls and pockets, and whether the straight lines between them are free.
+    balls and pockets, and whether the straight lines between them are free. Games of several players have more
+    features, see Games.
 
     The origin is the centre of the table. Both numbers of a ball on the table are strictly between -1 and 1. A potted
     ball has the position of the pocket's centre, clipped to [-1, 1]. On a table with an outline of cushions, a ball can
@@ -126,6 +131,73 @@ class BilliardsEnv(gym.Env[Any, Any]):
 
     The default penalty is small, because with a large penalty an agent learns to avoid the pockets before it learns to
     use them.
+
+    ## Games
+
+    With `n_players` from 2 to 4 the task is a game of `billiards_env.games.GAMES`: `"straight"`, `"eight_ball"`,
+    `"nine_ball"`, `"ten_ball"`, `"snooker"`, `"carom"` or `"three_cushion"`. The players take turns in the environment:
+    each step is a shot of the player whose turn it is. The rules follow the World Pool-Billiard Association, the World
+    Professional Billiards and Snooker Association and the Union Mondiale de Billard, with the simplifications listed in
+    the docstrings of `games.pool`, `games.snooker` and `games.carom`.
+
+    An action has the numbers of the shot, and then, in games with pockets, two numbers for the place of a cue ball in
+    hand: x and y, from -1 to 1 over the table or the part behind the head string, except for a margin of 1 mm at the
+    cushions. In snooker it is the rectangle around the D. A point outside the D or within 1 mm of a ball or a pocket is
+    replaced by the nearest free point, so every action is valid. If the cue ball is not in hand, these numbers have no
+    effect. With `can_place=False` or `action="plan"` these numbers are left out, and a cue ball in hand is played from
+    a free place near the head spot. The actions are then those of one player, so a policy that pots can play games.
+
+    By default any ball potted on a legal shot counts, and a player makes no choices, so an action needs no call. With
+    `can_call=True` eight ball, ten ball and straight pool have called shots, and three numbers follow:
+
+    | Num | Action |
+    |---|---|
+    | 1 | the called ball, in snooker the nominated ball: -1 to 1 in equal parts for the object balls 1, 2, ... |
+    | 2 | the called pocket: -1 to 1 in equal parts for the pockets 0, 1, ... |
+    | 3 | up to 0 an ordinary shot; above 0, in equal parts, the player's other choices |
+
+    The other choices are a safety in the games with called shots, and then those of the state: "push_out" and
+    "hand_back" in nine ball and ten ball, "hand_back" and "replace" in snooker, see `games.state.CALLS`. A player
+    without other choices plays an ordinary shot. After "hand_back" and "replace" no ball moves, and the previous player
+    plays.
+
+    The observation is that of the player to shoot. The features "break", "in_hand", "choices", "fouls" and "scores"
+    follow the positions and the legal balls, as far as the game has them. The scores and the numbers of consecutive
+    fouls begin with those of the observing player. In the games with two cue balls the cue ball of the next shot is
+    ball 0 of the observation, and ball 0 takes its place. A cue ball in hand is observed at a free place near the head
+    spot. `env.unwrapped.observe_as(player)` returns the observation of a player who waits.
+
+    The reward is that of the player of the shot. The rewards of the other players are the negative reward in equal
+    parts. In `"eight_ball"`, `"nine_ball"` and `"ten_ball"` the points of a shot are 1 for winning the game and -1 for
+    losing it. In the other games they are those of the rules, in snooker minus the penalty points for the other player.
+    An episode is a game. It ends when the game is over, or as a draw after `max_shots` shots. The info also has:
+
+    | Key           | Type                   | Description                                             | After `reset` |
+    |---------------|------------------------|---------------------------------------------------------|---------------|
+    | `player`      | int64                  | the player of the shot                                  | -1            |
+    | `next_player` | int64                  | the player of the next shot                             | 0             |
+    | `rewards`     | (n_players,) float64   | the rewards of all players                              | 0             |
+    | `scores`      | (n_players,) int64     | the scores of all players                               | 0             |
+    | `foul`        | int64                  | index in `games.FOULS`                                  | 0             |
+    | `spotted`     | (n,) bool              | the balls that return to the table after the shot       | False         |
+    | `winner`      | int64                  | the player who has won, or -1                           | -1            |
+
+    `potted` has the balls off the table before any return to it. `score` is the score of the player of the shot, and
+    `is_success` whether this player has won.
+
+    `layout` is one of `GAMES[task].layouts`. `"random"` has no break. `reset(options={"positions": [[x, y], ...],
+    "state": {...}})` begins a game in the middle, see `games.custom_opening`. `env.unwrapped.game` is the state of the
+    game, and `env.unwrapped.stroke` the last stroke, for `games.play`. `billiards_env.envs.Opponents` makes a vector
+    environment of games an environment of one player.
+
+    ```python
+    >>> env = gym.make("billiards_env:Billiards-v0", task="nine_ball", n_players=2)
+    >>> observation, info = env.reset(seed=0)
+    >>> observation, reward, terminated, truncated, info = env.step([1.0, 0.0, 0.0, 0.2])  # a break
+    >>> info["player"].item(), info["rewards"].tolist()
+    (0, [0.0, 0.0])
+
+    ```
 
     ## Starting State
 
@@ -240,14 +312,19 @@ class BilliardsEnv(gym.Env[Any, Any]):
     | `fix`             | str or None   | `None`       | how `"pit"` treats overlaps                           |
     | `action`          | str           | `"velocity"` | the kind of action, see Action Space                  |
     | `max_shots`       | int or None   | `None`       | maximum number of shots; None for the task's          |
-    | `max_speed`       | float         | `4.0`        | speed of the fastest shot, m/s                        |
+    | `max_speed`       | float or None | `None`       | speed of the fastest shot, m/s; None: 4, in games 8   |
     | `layout`          | str or None   | `None`       | starting positions; None for the task's               |
     | `observe`         | list or None  | `None`       | features of the observation; None for the usual ones  |
     | `goal_radius`     | float or None | `None`       | largest distance from the goal, m; None: the task's   |
-    | `scratch_penalty` | float         | `0.1`        | reward subtracted for a scratch                       |
+    | `scratch_penalty` | float or None | `None`       | subtracted for a scratch; None: 0.1, in games 0       |
     | `randomize`       | dict or None  | `None`       | ranges of physics that each episode draws             |
     | `noise`           | dict or None  | `None`       | standard deviations of the execution noise, see below |
     | `noise_seed`      | int or None   | `None`       | a second seed of the noise                            |
+    | `n_players`       | int           | `1`          | number of players, see Games                          |
+    | `target`          | int or None   | `None`       | score that wins a game, or 0; None: the game's        |
+    | `can_call`        | bool          | `False`      | whether players call, see Games                       |
+    | `can_place`       | bool          | `True`       | whether players place a cue ball in hand, see Games   |
+    | `miss`            | bool          | `False`      | whether snooker has the miss rule                     |
     | `render_mode`     | str or None   | `None`       | `"human"`, `"rgb_array"` or `"rgb_array_list"`        |
 
     These are the arguments of `gym.make` and of `make_env`. The constructor instead takes a `Model`, which
@@ -319,7 +396,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
         self._episodes = Episodes(1, model, 0 if self._renderer is None else 1)
         self.features = self._episodes.observer.features
         self.observe = self._episodes.observer.names
-        self.action_space: Any = gym.spaces.Box(-1.0, 1.0, (ACTIONS[self.action].size,), np.float32)
+        self.action_space: Any = gym.spaces.Box(-1.0, 1.0, (sum(model.n_numbers),), np.float32)
         if self._episodes.choices:
             self.action_space = gym.spaces.Discrete(self._episodes.choices)
         self.observation_space = self._episodes.observer.space
@@ -413,6 +490,36 @@ class BilliardsEnv(gym.Env[Any, Any]):
         if not self._episodes.choices:
             raise AttributeError(f"action_masks with action = {self.action!r}: expected action 'plan'")
         return lambda: self._episodes.mask[0].astype(np.bool_)
+
+    @property
+    def game(self) -> GameState:
+        """The game of several players before the next shot, a copy.
+
+        Raises:
+            AttributeError: If there is one player.
+        """
+        if self.model.setup is None:
+            raise AttributeError("game with n_players = 1: expected several players")
+        return self._episodes.game_state(0)
+
+    @property
+    def stroke(self) -> Stroke:
+        """The last stroke in a game of several players, which `games.play` repeats bit for bit."""
+        return self._episodes.stroke(0)
+
+    def observe_as(self, player: int) -> Any:
+        """Returns the observation of a player of a game, who may have to wait for the turn.
+
+        Args:
+            player: 0 to `n_players` - 1. The observation of the player to shoot is that of `step`.
+
+        Raises:
+            ValueError: If there is no such player.
+        """
+        integer("player", player, Range(0, self.model.n_players - 1))
+        observations = self._episodes.observer.new(1)
+        self._episodes.observe_as(player, observations)
+        return nth(observations, 0)
 
     def decode(self, observation: Any) -> dict[str, Any]:
         """Returns the features of an observation (size,), or of several (..., size), by name; see `decode`."""

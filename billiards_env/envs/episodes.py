@@ -6,7 +6,7 @@ import functools
 import math
 import warnings
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,8 @@ from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays, info_arrays, starts_of
 from billiards_env.envs.observations import Observer, Source
 from billiards_env.envs.state import EpisodeState, StateArrays, parts, scene_hash, state_type
-from billiards_env.envs.tasks import TASKS, judge_pot, opening_of, write_legal_balls
+from billiards_env.envs.tasks import TASKS, judge_pot, opening_of, task_of, write_legal_balls
+from billiards_env.games.state import REPLACE
 from billiards_env.jit import Typed, entry_point, specialised, streams
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
@@ -29,6 +30,9 @@ from billiards_env.scene import Scene, layouts
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
 from billiards_env.shots.tables import Tables
+
+if TYPE_CHECKING:
+    from billiards_env.games.game import GameState, Stroke
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -65,9 +69,10 @@ class Episodes:
         scene = model.scene
         self.model, self.n_recorded = model, n_recorded
         self.recorded: dict[int, ShotResult] = {}
-        self.plan = layouts.layout_plan(model.layout, scene)
+        entry, setup = task_of(model.task, model.n_players), model.setup
+        self.plan = layouts.layout_plan(model.layout, scene, "" if setup is None else setup.rules)
         self.goal_plan = layouts.layout_plan("random", cue_ball_alone(scene)) if model.goal_radius else None
-        opening, legal = opening_of(model.task, scene, model.layout)
+        opening, legal = opening_of(entry, scene, model.layout, **(setup.state_fields if setup else {}))
         numbers = TaskNumbers(
             targets=model.targets,
             bits=np.left_shift(1, np.arange(scene.n_balls)),
@@ -79,7 +84,13 @@ class Episodes:
         )
         self._numbers = tuple(numbers)
         self._run_shots = Typed(run_shots_of(model.engine, scene.n_balls))
-        self._score, self._start, self._begin = map(Typed, (scoring(model.task), start_shots, begin_episodes))
+        self._start, self._begin = Typed(start_shots), Typed(begin_episodes)
+        self._score: Any = Typed(scoring(model.task)) if setup is None else None
+        self._game: Any = None
+        if setup is not None:
+            from billiards_env.envs.turns import GameKernels
+
+            self._game = GameKernels(setup, model.n_numbers)
         self._fill, self._fill_goals = Typed(layouts.fill_tables), Typed(layouts.fill_tables)
         self._limit = scene.physics.max_time or math.inf
         make = ACTIONS[model.action].converter
@@ -90,7 +101,7 @@ class Episodes:
         self._allocate(
             np.zeros(count * self.kind.itemsize, np.uint8) if memory is None else np.require(memory, None, "W")
         )
-        source = Source(scene, model.task, scene.half_extents, self.arrays, numbers, self.physics, model.randomize)
+        source = Source(model, self.seen, numbers, self.physics)
         self.observer = Observer(model.observe, source)
         if memory is None:
             state = self.state
@@ -113,6 +124,7 @@ class Episodes:
             "points": np.zeros(count, np.int64),
             "scratch": np.zeros(count, np.bool_),
             "states": state.game.reshape(-1),
+            "viewers": np.full(0 if self._game is None else count, -1),
         }
         by_name = empty_shots(count, n)._asdict() | state._asdict() | results
         self.shots = shots = Shots(*map(by_name.__getitem__, Shots._fields))
@@ -121,13 +133,18 @@ class Episodes:
         self.actions = np.zeros((count, ACTIONS[self.model.action].size))
         self.mask = np.zeros((count, self.choices), np.int8)
         # The entry points take plain tuples, see `envs.arrays`.
-        self._arrays, self._shots = tuple(self.arrays), tuple(shots)
+        self._arrays, self._shots, self._starts = tuple(self.arrays), tuple(shots), start_fields(shots)
         self.physics = {name: state.physics[:, j] for j, name in enumerate(self.model.randomize)}
         rows = {"episode_seed": state.episode_seed.view(np.int64)} | (
             {"action_mask": self.mask} if self.choices else {}
         )
         self.of_episode = InfoArrays(self.physics, rows)
         self.of_shots = info_arrays(shots, self.arrays, self.actions, None if self._cue is None else self.miscues)
+        self.turns, self.seen = None, self.arrays
+        if self._game is not None:
+            self.turns, self.seen = self._game.allocate(state, self.arrays)
+            of_shots, of_episode = self._game.infos(self.turns, self.arrays.states)
+            self.of_shots, self.of_episode = self.of_shots.joined(of_shots), self.of_episode.joined(of_episode)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Episodes:
         twin = object.__new__(Episodes)
@@ -135,7 +152,7 @@ class Episodes:
         twin.recorded = dict(self.recorded)
         twin._allocate(self.memory.copy())
         twin.mask[:] = self.mask
-        twin.observer = self.observer.bound(twin.arrays, twin.physics)
+        twin.observer = self.observer.bound(twin.seen, twin.physics)
         if self.physics:
             twin._scene = (self._scene[0].copy(), *self._scene[1:])
         return twin
@@ -164,6 +181,12 @@ class Episodes:
         self.memory[:] = memory
         self._follow_state(slice(None))
 
+    def go_on(self, mask: Bools, over: Bools) -> None:
+        """Continues the episodes in the mask (m,), which a call of `shoot` left out; `over` (m,) is from before it."""
+        self.state.over[mask] = over[mask]
+        if self.choices:
+            self._write_mask(0, len(mask), mask & ~over)
+
     def _follow_state(self, rows: Any) -> None:
         """Sets what follows from the state of episodes: the physics of the engine, and the possible choices."""
         self.set_physics(rows, {})
@@ -191,7 +214,7 @@ class Episodes:
             state.stream[rows], state.noise_stream[rows] = np.split(options.episode_seed[rows], 2, axis=1)
         keep_seeds(begin, end, mask, state.stream, state.noise_stream, state.episode_seed)
         self.draw(begin, end, mask, options)
-        self.begin(begin, end, mask, observations)
+        self.begin(begin, end, mask, observations, options.states)
 
     def draw(self, begin: int, end: int, mask: Bools, options: ResetOptions = NO_OPTIONS) -> None:
         """Draws positions of the balls, then goals if the task has any, then the physics of the episodes if it varies.
@@ -239,12 +262,50 @@ class Episodes:
         """Returns the scene and the engine of episode k."""
         return varied_shot(self.model.scene, self.model.engine, self.physics, k)
 
-    def begin(self, begin: int, end: int, mask: Bools, observations: Any) -> None:
-        """Begins the episodes in the mask (m,) with the balls where they are, and writes all observations."""
+    def begin(self, begin: int, end: int, mask: Bools, observations: Any, states: NDArray[Any] | None = None) -> None:
+        """Begins the episodes in the mask (m,) with the balls where they are, and writes all observations.
+
+        `states`, (1,) or (m,) `games.STATE`, are those of games of several players; None for the opening.
+        """
         self._begin(begin, end, mask, self._numbers, self._arrays)
+        if self._game is not None:
+            if states is not None:
+                rows = begin + np.flatnonzero(mask[begin:end])
+                self.arrays.states[rows] = states[rows if len(states) > 1 else 0]
+            self._game.begin(begin, end, mask, self._arrays)
         if self.choices:
             self._write_mask(begin, end, mask)
+        self.observe(begin, end, observations)
+
+    def observe(self, begin: int, end: int, observations: Any) -> None:
+        """Writes the observations of the episodes from `begin` to `end - 1`, memory from `Observer.new`."""
+        if self.seen is not self.arrays:
+            self._game.see(begin, end, self._arrays, self.seen)
         self.observer.write(begin, end, observations)
+
+    def observe_as(self, player: int, observations: Any) -> None:
+        """Writes the observations of a player of games, memory from `Observer.new`."""
+        arrays = self.arrays
+        arrays.viewers[:] = player
+        self._game.write_legal(0, len(arrays.over), self._arrays)
+        try:
+            self.observe(0, len(arrays.over), observations)
+        finally:
+            arrays.viewers[:] = -1
+            self._game.write_legal(0, len(arrays.over), self._arrays)
+
+    def game_state(self, k: int) -> GameState:
+        """Returns game k of several players before its next shot."""
+        from billiards_env.games.game import GameState
+
+        state, before = self.state, None
+        if self.arrays.states[k].choices >> REPLACE & 1:
+            before = GameState(state.before_positions[k].copy(), state.before_game[k].copy())
+        return GameState(state.positions[k].copy(), self.arrays.states[k].copy(), before)
+
+    def stroke(self, k: int) -> Stroke:
+        """Returns the last stroke in game k of several players."""
+        return self._game.stroke(k, self.model, self.turns)
 
     def shoot(self, begin: int, end: int, actions: Floats, rewards: Floats, observations: Any) -> None:
         """Plays a shot in each episode that is not over. The others have the reward 0, and their tally does not change.
@@ -259,30 +320,39 @@ class Episodes:
             observations: Out, memory from `Observer.new`.
         """
         model, shots, over = self.model, self.shots, self.state.over
+        if self._game is not None:
+            self._game.take(begin, end, actions, self._arrays, self.turns)
+            actions = actions if self.choices else self.turns.strokes
         if self._converter:
-            rows = begin + np.flatnonzero(~over[begin:end])
-            self.actions[rows] = self._converter.velocities(actions[rows], self._tables(rows)) / model.max_speed
-            actions = self.actions
+            shooting = ~over if self._game is None else ~over & self._game.shoots(self.turns)
+            rows = begin + np.flatnonzero(shooting[begin:end])
+            converted = self.actions if self.turns is None else self.turns.strokes
+            converted[rows] = self._converter.velocities(actions[rows], self._tables(rows)) / model.max_speed
+            actions = converted
         if model.noise is not None:
             add_noise(begin, end, over, actions, model.noise, self.state.noise_stream)
-        self._start(begin, end, actions, model.max_speed, start_fields(self._shots), self._arrays, self.actions)
+        self._start(begin, end, actions, model.max_speed, self._starts, (over, self.arrays.states), self.actions)
         if self._cue is not None:
-            strike_balls(begin, end, over, actions, self._cue, (shots.velocities, shots.spins, self.miscues))
-            strike_frozen(model.scene, self._scene, start_fields(self._shots), begin, end)
+            strike_balls(begin, end, over, actions, self._cue, (shots.velocities, shots.spins, shots.cue, self.miscues))
+        if self._cue is not None or self._game is not None:
+            strike_frozen(model.scene, self._scene, self._starts, begin, end)
         first = begin
         while first < end and first < self.n_recorded:
             self.recorded[first] = self._record(first)
             first += 1
         if first < end:
             self._run_shots(first, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
-        self._score(begin, end, self._numbers, self._arrays, rewards)
-        self.observer.write(begin, end, observations)
+        if self._game is None:
+            self._score(begin, end, self._numbers, self._arrays, rewards)
+        else:
+            self._game.score(begin, end, self._numbers, self._arrays, self.turns, rewards)
+        self.observe(begin, end, observations)
         if self.choices:
             self._write_mask(begin, end, ~over)
 
     def _tables(self, rows: NDArray[np.int64]) -> Tables:
         """Returns the tables of some episodes."""
-        model, arrays, on_table = self.model, self.arrays, self.arrays.in_play[rows]
+        model, arrays, on_table = self.model, self.seen, self.seen.in_play[rows]
         legal = arrays.legal_balls[rows] if arrays.legal_balls.size else np.tile(model.targets, (len(rows), 1))
         return Tables(model.scene, arrays.positions[rows], on_table, legal, model.max_speed)
 
@@ -362,24 +432,26 @@ def begin_episodes(begin, end, mask, numbers, arrays):
 
 
 @entry_point
-def start_shots(begin, end, actions, max_speed, starts, arrays, played):
+def start_shots(begin, end, actions, max_speed, starts, episodes, played):
     """Sets the velocities of the cue balls in the episodes with a shot, and all other velocities and spins to 0.
 
-    Writes the actions, clipped, to `played`, (m, 2) or (m, 5); 0 in the episodes without a shot.
+    Writes the actions, clipped, to `played`, (m, 2) or (m, 5); 0 in the episodes without a shot. `episodes` are the
+    arrays `over` and `states` of `EpisodeArrays`: numba takes 0.06 us to unpack each array of a tuple.
     """
-    balls, arrays = Starts(*starts), EpisodeArrays(*arrays)
+    balls, (over, states) = Starts(*starts), episodes
     for k in range(begin, end):
-        for i in range(arrays.in_play.shape[1]):
+        for i in range(balls.in_play.shape[1]):
             for c in range(2):
                 balls.velocities[k, i, c] = 0.0
             for c in range(3):
                 balls.spins[k, i, c] = 0.0
-        if arrays.over[k]:
+        if over[k]:
             for c in range(played.shape[1]):
                 played[k, c] = 0.0
             continue
-        velocity = shorten(actions[k, X], actions[k, Y], max_speed)
-        balls.velocities[k, CUE_BALL, X], balls.velocities[k, CUE_BALL, Y] = velocity
+        cue = states[k].cue_balls[0] if len(states) else CUE_BALL
+        balls.cue[k] = cue
+        balls.velocities[k, cue, X], balls.velocities[k, cue, Y] = shorten(actions[k, X], actions[k, Y], max_speed)
         played[k, X], played[k, Y] = shorten(actions[k, X], actions[k, Y], 1.0)
         for c in range(SIDE, played.shape[1]):
             played[k, c] = clipped(actions, k, c)

@@ -25,6 +25,10 @@ class InfoArrays(NamedTuple):
     numbers: dict[str, NDArray[Any]]
     rows: dict[str, NDArray[Any]]
 
+    def joined(self, other: InfoArrays) -> InfoArrays:
+        """Returns the keys of both."""
+        return InfoArrays(self.numbers | other.numbers, self.rows | other.rows)
+
 
 def info_arrays(
     shots: Shots, arrays: EpisodeArrays, actions: NDArray[np.float64], miscues: NDArray[np.bool_] | None
@@ -51,7 +55,7 @@ def info_arrays(
 
 def starts_of(info: InfoArrays, max_shots: int) -> InfoArrays:
     """Returns the constant arrays of the keys of `info_arrays` at the starts of episodes."""
-    first = {"first_hit": -1, "shots_left": max_shots}  # the others are 0 or False
+    first = {"first_hit": -1, "shots_left": max_shots, "player": -1, "winner": -1}  # the others are 0 or False
 
     def starts(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         return {key: np.full_like(values, first.get(key, 0)) for key, values in arrays.items()}

@@ -23,8 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.checks import Range, integer, one_of, sequence, short
+from billiards_env.envs.arguments import Model
 from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.goals import ACHIEVED, DESIRED, achieved_writer, write_desired
+from billiards_env.games.state import ANYWHERE, BEHIND, PUSH_OUT, REPLACE
 from billiards_env.jit import entry_point, inlined
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import distance_to_segment
@@ -33,7 +35,7 @@ from billiards_env.scene import Scene
 
 _LEEWAY = 1e-9  # m, by which a path may overlap a ball, because the positions of balls that touch are rounded
 
-USUAL = ("positions", "goal", "legal_balls")
+USUAL = ("positions", "goal", "legal_balls", "break", "in_hand", "choices", "fouls", "scores")
 """The features of an environment without the argument `observe`, as far as its task has them."""
 
 
@@ -41,22 +43,26 @@ class Source(NamedTuple):
     """The data from which features are computed.
 
     Attributes:
-        scene: The scene.
-        task: The name of the task.
-        half_extents: `Scene.half_extents`, m.
+        model: The arguments of the environment.
         arrays: The episodes.
         numbers: The constants of the task.
         physics: The numbers of `randomize` by name, (m,) each.
-        ranges: Their ranges (low, high) by name.
     """
 
-    scene: Scene
-    task: str
-    half_extents: tuple[float, float]
+    model: Model
     arrays: EpisodeArrays
     numbers: TaskNumbers
     physics: Mapping[str, NDArray[np.float64]]
-    ranges: Mapping[str, tuple[float, float]]
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+        return self.model.scene
+
+    @property
+    def half_extents(self) -> tuple[float, float]:
+        """`Scene.half_extents`, m."""
+        return self.model.scene.half_extents
 
     @property
     def pockets(self) -> NDArray[np.float64]:
@@ -86,8 +92,9 @@ class Source(NamedTuple):
             "legal balls": max(self.arrays.legal_balls.shape[1] - 1, 0),
             "pockets": len(self.pockets),
             "goals": self.arrays.goals.shape[1],
-            "numbers": len(self.ranges),
+            "numbers": len(self.physics),
             "planes": 3 + self.arrays.goals.shape[1],
+            **players_of(self.model),
         }
 
 
@@ -123,6 +130,67 @@ def write_physics(begin, end, observations, first, physics, ranges):
         for j in range(len(physics)):
             low, high = ranges[j]
             observations[k, first + j] = 2.0 * (physics[j][k] - low) / (high - low) - 1.0
+
+
+def players_of(model: Model) -> dict[str, int]:
+    """Returns the sizes of the features of games of several players; 0 where the game has no such thing."""
+    if model.setup is None:
+        return dict.fromkeys(("turn", "in hand", "choices", "fouls", "scores"), 0)
+    setup, game = model.setup, model.setup.game_rules
+    counted = game.counts_fouls and (setup.n_players == 2 if setup.target is None else setup.target > 0)
+    return {
+        "turn": 1,
+        "in hand": 2 * game.pockets,
+        "choices": 3 * model.can_call,
+        "fouls": setup.n_players * counted,
+        "scores": setup.n_players * (setup.target is not None),
+    }
+
+
+@entry_point
+def write_turn(begin, end, observations, first, states, viewers):
+    """Writes 1 if the player who observes is to shoot."""
+    for k in range(begin, end):
+        observations[k, first] = 1.0 if viewers[k] < 0 or viewers[k] == states[k].player else 0.0
+
+
+@entry_point
+def write_break(begin, end, observations, first, states):
+    """Writes 1 if the next shot is the break."""
+    for k in range(begin, end):
+        observations[k, first] = 1.0 if states[k].break_shot else 0.0
+
+
+@entry_point
+def write_in_hand(begin, end, observations, first, states):
+    """Writes whether the cue ball is in hand behind the head string, and whether it is in hand anywhere."""
+    for k in range(begin, end):
+        observations[k, first] = 1.0 if states[k].in_hand == BEHIND else 0.0
+        observations[k, first + 1] = 1.0 if states[k].in_hand == ANYWHERE else 0.0
+
+
+@entry_point
+def write_choices(begin, end, observations, first, states):
+    """Writes which of the choices "push_out", "hand_back" and "replace" the player to shoot has."""
+    for k in range(begin, end):
+        for c in range(PUSH_OUT, REPLACE + 1):
+            observations[k, first + c - PUSH_OUT] = 1.0 if states[k].choices >> c & 1 else 0.0
+
+
+@entry_point
+def write_of_players(begin, end, observations, first, values, states, viewers, limits):
+    """Writes a number of each player, the player who observes first; `limits` are the scale and the least number."""
+    scale, least = limits
+    for k in range(begin, end):
+        players, viewer = states[k].n_players, states[k].player if viewers[k] < 0 else viewers[k]
+        for p in range(players):
+            observations[k, first + p] = min(max(values[k, (viewer + p) % players] / scale, least), 1.0)
+
+
+def score_scale(model: Model) -> float:
+    """Returns the score that a feature shows as 1: the target, or the points on a full table."""
+    assert model.setup is not None
+    return float(model.setup.target or model.setup.game_rules.most_points(model.scene.n_balls - 1))
 
 
 @entry_point
@@ -259,7 +327,7 @@ FEATURES = {
         0.0,
         write_flags,
         lambda source: (source.arrays.legal_balls, 1, True),
-        "a run-out",
+        "a run-out or a game",
     ),
     "shots_left": Feature(
         "the number of shots left, divided by `max_shots`",
@@ -273,7 +341,7 @@ FEATURES = {
         ("numbers",),
         -1.0,
         write_physics,
-        lambda source: (tuple(source.physics.values()), tuple(source.ranges.values())),
+        lambda source: (tuple(source.physics.values()), tuple(source.model.randomize.values())),
         "numbers in randomize",
     ),
     "potted": Feature(
@@ -316,6 +384,60 @@ FEATURES = {
         write_free_to_pockets,
         lambda source: (source.arrays.positions, source.arrays.in_play, source.pockets, source.touching),
         "an object ball, a table with pockets",
+    ),
+    "turn": Feature(
+        "1 if the player who observes is to shoot, else 0",
+        ("turn",),
+        0.0,
+        write_turn,
+        lambda source: (source.arrays.states, source.arrays.viewers),
+        "n_players > 1",
+    ),
+    "break": Feature(
+        "1 if the next shot is the break, else 0",
+        ("turn",),
+        0.0,
+        write_break,
+        lambda source: (source.arrays.states,),
+        "n_players > 1",
+    ),
+    "in_hand": Feature(
+        "1 if the cue ball is in hand behind the head string, and 1 if it is in hand anywhere, else 0",
+        ("in hand",),
+        0.0,
+        write_in_hand,
+        lambda source: (source.arrays.states,),
+        "n_players > 1, a game with pockets",
+    ),
+    "choices": Feature(
+        '1 for each of "push_out", "hand_back" and "replace" that the player to shoot may choose, else 0',
+        ("choices",),
+        0.0,
+        write_choices,
+        lambda source: (source.arrays.states,),
+        "can_call = True",
+    ),
+    "fouls": Feature(
+        "the number of consecutive fouls of each player, divided by 3; the player who observes is the first",
+        ("fouls",),
+        0.0,
+        write_of_players,
+        lambda source: (source.arrays.states["fouls"], source.arrays.states, source.arrays.viewers, (3.0, 0.0)),
+        "n_players > 1, a game that penalises three consecutive fouls",
+    ),
+    "scores": Feature(
+        "the score of each player, divided by the target or by the points of a full table; the player who observes is "
+        "the first",
+        ("scores",),
+        -1.0,
+        write_of_players,
+        lambda source: (
+            source.arrays.states["scores"],
+            source.arrays.states,
+            source.arrays.viewers,
+            (score_scale(source.model), -1.0),
+        ),
+        "n_players > 1, a game that is won by points",
     ),
     "pixels": Feature(
         'an image (red, green, blue) of the table, its balls and the goal: `("pixels", height, width)`',
@@ -419,7 +541,7 @@ class Observer:
         if self._has_goal:
             source = self._source
             achieved = source.half_extents, tuple(source.numbers), tuple(source.arrays)
-            self._writers.append((ACHIEVED, achieved_writer(source.task), achieved))
+            self._writers.append((ACHIEVED, achieved_writer(source.model.task), achieved))
             self._writers.append((DESIRED, write_desired, (source.arrays.goals,)))
 
     def bound(self, arrays: EpisodeArrays, physics: Mapping[str, NDArray[np.float64]]) -> Observer:

@@ -22,6 +22,7 @@ from billiards_env.engine import ShotInput
 from billiards_env.envs.actions import cue_strike
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.episodes import Episodes
+from billiards_env.games.state import FOULS
 from billiards_env.scene import Scene
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
@@ -81,8 +82,24 @@ def drawn_shot(episodes: Episodes, k: int, reward: float, goals: NDArray[np.floa
     shot, model, state = episodes.recorded[k], episodes.model, episodes.state
     number = model.max_shots - state.shots_left[k]
     speed = math.hypot(*cue_strike(episodes.actions[k], model.scene, model.max_speed).velocity)
+    if episodes.turns is not None:
+        left = f"{model.task}   player {episodes.turns.player[k]}   shot {number} of {model.max_shots}"
+        return DrawnShot(shot, left, _result_text(episodes, k))
     left = f"{model.task}   shot {number} of {model.max_shots}   {speed:.2f} m/s"
     return DrawnShot(shot, left, f"reward {reward:g}   score {state.score[k]}", _goal_circles(model, goals))
+
+
+def _result_text(episodes: Episodes, k: int) -> str:
+    """Returns the text at the end of a shot in game k of several players: the foul, the scores and the winner."""
+    turns, setup = episodes.turns, episodes.model.setup
+    assert turns is not None
+    assert setup is not None
+    parts = [FOULS[turns.foul[k]].replace("_", " ")] if turns.foul[k] else []
+    if setup.target is not None:
+        parts.append(" : ".join(map(str, turns.scores[k].tolist())))
+    if episodes.state.over[k]:
+        parts.append("nobody wins" if turns.winner[k] < 0 else f"player {turns.winner[k]} wins")
+    return "   ".join(parts)
 
 
 def _goal_circles(model: Model, goals: NDArray[np.float64]) -> Circles:

@@ -33,9 +33,9 @@ from billiards_env.checks import is_masked_array, short
 from billiards_env.engine.compile import PIC, cached_by_scene
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.envs.arguments import Model
-from billiards_env.envs.tasks import TASKS
+from billiards_env.envs.tasks import task_of
 from billiards_env.files import MAX_ARCHIVE, check_path, read_arrays, write_atomically
-from billiards_env.games.state import STATE, check_players
+from billiards_env.games.state import REPLACE, STATE, check_indices
 from billiards_env.jit import streams
 from billiards_env.scene import Scene
 
@@ -53,7 +53,10 @@ class StateArrays(NamedTuple):
         positions: (m, n, 2) float64, m.
         goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks with a goal, none in the others.
         physics: (m, p) float64: the numbers of `randomize`, in its order.
+        before_positions: (m, n, 2) m, the positions before the last shot, in games in which a player may have it
+            played again; (m, 0, 2) in others.
         game: (m,) `games.STATE` in the tasks that are games, (m, 0) in the others.
+        before_game: (m,) `games.STATE` before the last shot, or (m, 0), as `before_positions`.
         score: (m,) int64: points of the episode; undefined if `fresh`.
         shots_left: (m,) int64: number of shots left; undefined if `fresh`.
         in_play: (m, n) bool: whether a ball is on the table.
@@ -72,7 +75,9 @@ class StateArrays(NamedTuple):
     positions: NDArray[np.float64]
     goals: NDArray[np.float64]
     physics: NDArray[np.float64]
+    before_positions: NDArray[np.float64]
     game: NDArray[np.void]
+    before_game: NDArray[np.void]
     score: NDArray[np.int64]
     shots_left: NDArray[np.int64]
     in_play: NDArray[np.bool_]
@@ -86,11 +91,13 @@ class StateArrays(NamedTuple):
 
 def state_type(model: Model) -> np.dtype[np.void]:
     """Returns the type of a row. The fields of 8 bytes come first, so that all arrays of a block are aligned."""
-    n, task = model.scene.n_balls, TASKS[model.task]
+    n, is_game = model.scene.n_balls, task_of(model.task, model.n_players).is_game
+    replaces = model.setup is not None and model.setup.miss
     kinds = (
         *("u8", ("u8", 4), ("u8", 4), ("u8", 8), ("f8", (n, 2)), ("f8", (1 if model.goal_radius else 0, 2))),
-        *(("f8", (len(model.randomize),)), STATE if task.is_game else (STATE, (0,)), "i8", "i8"),
-        *(("?", (n,)), ("?", (n if task.is_game else 0,))),
+        *(("f8", (len(model.randomize),)), ("f8", (n if replaces else 0, 2))),
+        *(STATE if is_game else (STATE, (0,)), STATE if replaces else (STATE, (0,)), "i8", "i8"),
+        *(("?", (n,)), ("?", (n if is_game else 0,))),
         *("?", "?", "?", "?", "S24"),
     )
     return np.dtype(list(zip(StateArrays._fields, kinds, strict=True)))
@@ -141,7 +148,7 @@ def _check_rows(rows: EpisodeState, kind: np.dtype[np.void], model: Model) -> No
             raise ValueError(f"state[{name!r}] = {other}: expected {value}, the {name} of the environment")
     if rows.dtype != kind:
         raise ValueError(f"state has the type {rows.dtype}: expected {kind}")
-    for name in ("positions", "goals", "physics"):
+    for name in ("positions", "goals", "physics", "before_positions"):
         if np.count_nonzero(np.isfinite(rows[name])) < rows[name].size:
             raise ValueError(f"state[{name!r}] has numbers that are not finite: expected finite numbers")
     for j, (name, (low, high)) in enumerate(model.randomize.items()):
@@ -152,7 +159,12 @@ def _check_rows(rows: EpisodeState, kind: np.dtype[np.void], model: Model) -> No
     if model.engine == PIC:  # balls that PIT has moved may overlap
         lying = rows[rows["begun"]]
         check_shot(model.scene, lying["positions"], np.zeros((len(lying), 2)), None, lying["in_play"], None)
-    check_players(rows["game"])
+    check_indices(rows["game"], model.scene.n_balls)
+    replaceable = rows["game"]["choices"] >> REPLACE & 1 > 0
+    if np.count_nonzero(replaceable):
+        if not rows["before_game"].size:
+            raise ValueError("state['game'] has the choice 'replace': expected a state without, the game has none")
+        check_indices(rows["before_game"][replaceable], model.scene.n_balls)
     left = rows["shots_left"]
     if not (rows["fresh"] | rows["over"] | ((left > 0) & (left <= model.max_shots))).all():
         raise ValueError(f"state['shots_left'] = {short(left)}: expected 1 to max_shots = {model.max_shots}")

@@ -14,6 +14,7 @@ for a scratch are not part of a task. The rules of games are in `billiards_env.g
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from billiards_env.games.carom import CUSHIONS, is_carom
 from billiards_env.games.facts import facts_of_shot
 from billiards_env.games.pool import EIGHT, eight_ball, group_of, group_or_eight, lowest_ball, nine_ball
-from billiards_env.games.referee import first_state, judged, legal_balls
+from billiards_env.games.referee import GAMES, first_state, judged, legal_balls
 from billiards_env.games.state import NO_FOUL, NOT_IN_HAND, SHOT, STATE, Called, size
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
@@ -189,7 +190,7 @@ NO_CALL = Called(-1, SHOT, False)
 @inlined
 def write_legal_balls(k, balls, arrays):
     """Writes the legal balls of the next shot of episode k, a set of balls; nothing if the task is no game."""
-    for i in range(1, arrays.legal_balls.shape[1]):
+    for i in range(arrays.legal_balls.shape[1]):
         arrays.legal_balls[k, i] = balls >> i & 1
 
 
@@ -263,25 +264,60 @@ TASKS = {
 }
 
 
-def opening_of(task: str, scene: Scene, layout: str) -> tuple[NDArray[Any], int]:
+GAME_SHOTS = 200
+"""The default of the number of shots of a game of several players."""
+
+
+@functools.cache
+def task_of(name: str, n_players: int = 1) -> Task:
+    """Returns a task: that of `TASKS` for one player, and for several players that of the game of `GAMES`.
+
+    The referee judges the shots of a game of several players, see `envs.turns`. Its `Task.judge` is not used.
+    """
+    if n_players == 1:
+        return TASKS[name]
+    game = GAMES[name]
+    return Task(
+        judge=judge_pot,
+        layout=game.layouts[0],
+        scene=game.scene,
+        n_object_balls=game.n_object_balls,
+        pockets=game.pockets,
+        max_shots=GAME_SHOTS,
+        cushions=None if game.pockets else game.cushions,
+        rules=name,
+        is_game=True,
+        breaks=tuple(layout for layout in game.layouts if layout != "random"),
+    )
+
+
+def opening_of(entry: Task, scene: Scene, layout: str, **fields: Any) -> tuple[NDArray[Any], int]:
     """Returns the state before the first shot of a task that is a game, (1,) `STATE`, and its legal balls.
 
-    There are none in other tasks: (0,), 0.
+    There are none in other tasks: (0,), 0. The cue ball is in hand before a break with several players.
+
+    Args:
+        entry: The task.
+        scene: The scene.
+        layout: The layout at the start.
+        **fields: Fields of `RulesState` of a game of several players.
     """
-    entry = TASKS[task]
     if not entry.is_game:
         return np.zeros(0, STATE), 0
-    state = first_state(entry.rules, scene.n_balls, break_shot=layout in entry.breaks, in_hand=NOT_IN_HAND)
-    states = np.array([state], STATE)
+    fields["break_shot"] = layout in entry.breaks
+    if not (fields["break_shot"] and "n_players" in fields):
+        fields["in_hand"] = NOT_IN_HAND
+    states = np.array([first_state(entry.rules, scene.n_balls, **fields)], STATE)
     return states, int(legal_balls(entry.rules, states, np.zeros(1, np.int64))[0])
 
 
-def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
+def task_targets(task: str, scene: Scene, n_players: int = 1) -> NDArray[np.bool_]:
     """Returns the balls that count in a task: the object balls. Tasks with pockets count only those of finite mass.
 
     Args:
-        task: One of `TASKS`.
+        task: The name of a task or, for several players, of a game.
         scene: The scene.
+        n_players: The number of players.
 
     Returns:
         (n,) bool.
@@ -289,7 +325,7 @@ def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
     Raises:
         ValueError: If the task cannot be played in the scene.
     """
-    entry, count = TASKS[task], scene.n_balls - 1
+    entry, count = task_of(task, n_players), scene.n_balls - 1
     (least, most), pockets = entry.n_object_balls, len(scene.table.pockets)
     if count == 0 < least:
         raise ValueError(f"task = {task!r} with a scene of the cue ball alone: expected at least one object ball")

@@ -325,7 +325,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         seeds = self._checked_seeds(seed)
         mask = np.ones(self.num_envs, np.bool_)
         if isinstance(options, dict) and "reset_mask" in options:
-            mask = _checked_mask(options["reset_mask"], self.num_envs)
+            mask = _checked_mask("options['reset_mask']", options["reset_mask"], self.num_envs)
             options = {key: value for key, value in options.items() if key != "reset_mask"}
         episodes, state = self._episodes, self._episodes.state
         checked = check_options(episodes.model, options, mask)
@@ -415,9 +415,44 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         begun = over if same_step else skip  # the episodes that this step has begun
         infos = masked_info(with_starts(info, begun, episodes.starts, episodes.of_episode), np.ones(m, np.bool_))
         if same_step and np.count_nonzero(over):
-            infos["final_obs"], infos["final_info"] = _masked_rows(last, over), masked_info(info, over)
+            infos["final_obs"], infos["final_info"] = masked_rows(last, over), masked_info(info, over)
             infos["_final_obs"], infos["_final_info"] = over.copy(), over.copy()
         return observations, rewards, over, np.zeros(m, np.bool_), infos
+
+    def step_where(
+        self, mask: Bools, actions: ArrayLike
+    ) -> tuple[Any, NDArray[np.float64], Bools, Bools, dict[str, Any]]:
+        """Plays one shot in some environments, and resets none. The others do not change.
+
+        In a game it plays the turns of some of the players, see `envs.opponents`. Such steps are not rendered.
+
+        Args:
+            mask: (num_envs,) bool, the environments.
+            actions: As in `step`; those of the other environments are not used.
+
+        Returns:
+            As `step`, with the reward 0 outside the mask; the infos are those of the environments in the mask.
+
+        Raises:
+            ResetNeeded: If an episode in the mask has not begun or is over.
+            TypeError: If the mask is not a bool array.
+            ValueError: As in `step`, or if the mask has another shape or is False everywhere.
+        """
+        episodes, m, state = self._episodes, self.num_envs, self._episodes.state
+        mask = _checked_mask("mask", mask, m)
+        if (mask & (state.over | ~state.begun)).any():
+            raise ResetNeeded("An episode in the mask is over or has not begun: call reset() with a reset_mask")
+        memory, over, checked = episodes.memory.copy(), state.over.copy(), self._checked_actions(actions, ~mask)
+        rewards, observations = np.empty(m), episodes.observer.new(m)
+        state.over[~mask] = True  # leaves the other environments out
+        try:
+            parallel_for(lambda begin, end: episodes.shoot(begin, end, checked, rewards, observations), m, self.threads)
+        except BaseException:
+            episodes.undo(memory)
+            raise
+        episodes.go_on(~mask, over)
+        infos = masked_info(copied_info(episodes.of_shots, episodes.of_episode), mask)
+        return observations, rewards, state.over.copy(), np.zeros(m, np.bool_), infos
 
     def render(self) -> tuple[Any, ...] | None:
         """Renders the shots of all environments, see the class.
@@ -496,18 +531,18 @@ def make_vector_env(
     return BilliardsVectorEnv(num_envs, make_model(**arguments), autoreset_mode, threads, render_mode)
 
 
-def _checked_mask(mask: Any, num_envs: int) -> Bools:
-    """Returns a copy of a reset mask."""
+def _checked_mask(name: str, mask: Any, num_envs: int) -> Bools:
+    """Returns a copy of a mask of environments."""
     if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
-        raise TypeError(f"options['reset_mask'] = {short(mask)}: expected a NumPy array of bool")
+        raise TypeError(f"{name} = {short(mask)}: expected a NumPy array of bool")
     if mask.shape != (num_envs,):
-        raise ValueError(f"options['reset_mask'] has shape {mask.shape}: expected ({num_envs},)")
+        raise ValueError(f"{name} has shape {mask.shape}: expected ({num_envs},)")
     if not mask.any():
-        raise ValueError("options['reset_mask'] is False everywhere: expected at least one environment to reset")
+        raise ValueError(f"{name} is False everywhere: expected at least one environment")
     return mask.copy()
 
 
-def _masked_rows(observations: Any, mask: Bools) -> NDArray[Any]:
+def masked_rows(observations: Any, mask: Bools) -> NDArray[Any]:
     """Returns an object array of the observations in the mask, with None for the others."""
     if isinstance(observations, dict):
         return np.array([nth(observations, k) if chosen else None for k, chosen in enumerate(mask.tolist())])

@@ -1,7 +1,7 @@
-"""Games for two or more players: states, rules, the referee, and a PettingZoo environment in `games.billiards_v0`.
+"""Games for two or more players: states, rules, the referee, and games as plain data.
 
-Only `games.billiards_v0` imports PettingZoo. The names of `games.game` are imported on first use: tasks need only the
-rules.
+`Billiards-v0` with `n_players` is their environment, and `billiards_env.billiards_v0` its view for PettingZoo. The
+names of `games.game` are imported on first use: tasks need only the rules.
 """
 
 import importlib

@@ -140,6 +140,12 @@ class Setup:
         """The entry of the game."""
         return GAMES[self.rules]
 
+    @property
+    def state_fields(self) -> dict[str, Any]:
+        """The fields of `RulesState` that stay the same in a game."""
+        same = {name: getattr(self, name) for name in ("n_players", "call_shot", "miss")}
+        return {**same, "target": self.target or 0}
+
     def legal(self, state: Any, player: int | None = None) -> tuple[int, ...]:
         """Returns the balls that a player, by default the one to shoot, may touch first."""
         return members(legal_balls(self.rules, *_asked(state, player))[0])
@@ -238,8 +244,7 @@ class History(NamedTuple):
 
 def opening_state(setup: Setup) -> Any:
     """Returns the state of the rules at the opening: player 0 breaks; in games with pockets the cue ball is in hand."""
-    same = {name: getattr(setup, name) for name in ("n_players", "call_shot", "miss")}
-    return first_state(setup.rules, setup.scene.n_balls, target=setup.target or 0, **same)
+    return first_state(setup.rules, setup.scene.n_balls, **setup.state_fields)
 
 
 def opening(setup: Setup, rng: np.random.Generator, layout: str | None = None) -> GameState:

@@ -73,7 +73,7 @@ def record_game(history: History) -> GameRecord:
     """Records a game.
 
     Args:
-        history: The game, for example from `games.billiards_v0.GameEnv.history`.
+        history: The game, for example from `billiards_v0.GameEnv.history`.
 
     Returns:
         The record, for `save`.

@@ -26,7 +26,7 @@ from billiards_env.games.state import (
     RERACK_ALL,
     VERDICT,
     RulesState,
-    check_players,
+    check_indices,
     row,
     set_of,
 )
@@ -98,7 +98,7 @@ def judge_shots(
     lengths = len(states), len(facts), len(calls)
     if len(set(lengths)) > 1:
         raise ValueError(f"states, facts and calls of lengths {lengths}: expected one length")
-    check_players(states)
+    check_indices(states)
     following, verdicts = states.copy(), np.zeros(len(states), VERDICT)
     _judging(GAMES[game].judge)(following, facts, calls, verdicts)
     return following, verdicts

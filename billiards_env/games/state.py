@@ -19,6 +19,8 @@ from billiards_env.jit import inlined
 from billiards_env.physics.state import CUE_BALL
 
 MOST_PLAYERS = 4
+MOST_BALLS = 63
+"""The number of balls that a set, a bit mask, can hold."""
 OfPlayers = tuple[int, int, int, int]
 Pair = tuple[int, int]
 
@@ -231,11 +233,13 @@ def is_in(mask: Any, n: int) -> NDArray[np.bool_]:
     return mask >> np.arange(n) & 1 > 0
 
 
-def check_players(states: Any) -> None:
-    """Raises a ValueError unless the player of each of m states exists: compiled code uses it as an index."""
-    player, players = states["player"], states["n_players"]
+def check_indices(states: Any, n_balls: int = MOST_BALLS) -> None:
+    """Raises a ValueError unless the players and cue balls of m states exist: compiled code uses them as indices."""
+    player, players, cues = states["player"], states["n_players"], states["cue_balls"]
     if not ((player >= 0) & (player < players) & (players <= MOST_PLAYERS)).all():
         raise ValueError(f"player = {short(player)} of {short(players)} players: expected 0 to the number less 1")
+    if not ((cues >= 0) & (cues < n_balls)).all():
+        raise ValueError(f"cue_balls = {short(cues)}: expected numbers of balls")
 
 
 def on_table(states: Any) -> Any:

@@ -26,7 +26,7 @@ from billiards_env.games.state import (
     NOT_IN_HAND,
     RERACK_REST,
     VERDICT,
-    check_players,
+    check_indices,
 )
 from billiards_env.jit import entry_point, inlined, specialised
 from billiards_env.physics.state import X, Y
@@ -169,7 +169,7 @@ def next_games(
     Raises:
         ValueError: If a player does not exist, balls cannot be racked, or there is no room for a spotted ball.
     """
-    check_players(states)
+    check_indices(states)
     table, m = table_of(rules, scene, states["target"].max(initial=0)), len(states)
     positions, states, verdicts = np.array(positions), states.copy(), np.zeros(m, VERDICT)
     shots = facts, calls, verdicts

@@ -12,6 +12,7 @@ Example:
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -21,16 +22,18 @@ from numpy.typing import NDArray
 
 from billiards_env.checks import finite, one_of
 from billiards_env.engine.threads import parallel_for
-from billiards_env.envs import BilliardsEnv
+from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
 from billiards_env.envs.actions import ACTIONS, PLAYED, cue_strike
 from billiards_env.envs.episodes import Episodes
+from billiards_env.envs.observations import nth
 from billiards_env.envs.tasks import TASKS
-from billiards_env.games import GameState, Setup, Stroke
+from billiards_env.games import Call, GameState, Setup, Stroke, choices
 from billiards_env.games.game import opening_state
+from billiards_env.games.placement import cue_ball_area
 from billiards_env.games.state import NOT_IN_HAND, changed, set_of
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
-from billiards_env.players.situation import Noise, Player, Situation
+from billiards_env.players.situation import Noise, Player, Situation, game_situation
 from billiards_env.shots.strikes import level_strike, strike
 from billiards_env.shots.tables import Tables
 
@@ -75,6 +78,8 @@ def env_situation(env: BilliardsEnv, observation: Any = None, noise: Noise = (0.
         observation: As in `Situation`.
         noise: As in `Situation`.
     """
+    if env.model.setup is not None:
+        return game_situation(*_game_played(env), env.max_speed, noise)._replace(observation=observation)
     on_table, legal = ~env.potted, env.legal_balls if env.legal_balls.size else env.model.targets
     table = Tables(env.episode_scene, env.positions[None], on_table[None], legal[None], env.max_speed)
     return Situation(
@@ -91,6 +96,35 @@ def env_situation(env: BilliardsEnv, observation: Any = None, noise: Noise = (0.
     )
 
 
+def acting_in(player: Player, envs: BilliardsVectorEnv, seed: int | None = None) -> Callable[[Any, Any], Floats]:
+    """Returns the function `policy(observations, rows) -> actions` of a player in some games of a vector environment.
+
+    Args:
+        player: The player.
+        envs: The environment.
+        seed: The seed of the random numbers of the player.
+    """
+    env, rng = BilliardsEnv(envs.single_env.model), np.random.default_rng(seed)
+
+    def policy(observations: Any, rows: Any) -> Floats:
+        actions = []
+        for k, state in enumerate(envs.get_state(rows)):
+            env.set_state(state)
+            actions.append(action_of(env, player(env_situation(env, nth(observations, k)), rng)))
+        return np.array(actions)
+
+    return policy
+
+
+def _game_played(env: BilliardsEnv) -> tuple[Setup, GameState]:
+    """Returns the game of several players in an environment, and its state."""
+    setup, game = env.model.setup, env.game
+    assert setup is not None
+    if not env.model.can_place:
+        game.state.in_hand = NOT_IN_HAND
+    return dataclasses.replace(setup, scene=env.episode_scene), game
+
+
 def action_of(env: BilliardsEnv, stroke: Stroke) -> Floats:
     """Returns the action of a stroke: that of which it is the stroke, or else that with its velocity and its spin.
 
@@ -99,6 +133,29 @@ def action_of(env: BilliardsEnv, stroke: Stroke) -> Floats:
     """
     if isinstance(stroke, ActionStroke) and stroke.action:
         return np.array(stroke.action).reshape(env.action_space.shape)
+    parts = [_shot_numbers(env, stroke)]
+    if env.model.can_place:
+        area, place = np.array(cue_ball_area(env.scene, env.game.state)).reshape(2, 2), stroke.place
+        parts.append(
+            np.zeros(2) if place is None else (2.0 * np.array(place) - area.sum(1)) / (area[:, 1] - area[:, 0])
+        )
+    if env.model.can_call:
+        parts.append(_call_numbers(env, stroke.call))
+    return np.concatenate(parts)
+
+
+def _call_numbers(env: BilliardsEnv, call: Call) -> Floats:
+    """Returns the numbers of a call in an action: the middles of the parts of the ball, the pocket and the choice."""
+    state = env.game.state
+    kinds = (*(("safety",) if state.call_shot else ()), *choices(state))
+    counts = env.scene.n_balls - 1, len(env.scene.table.pockets)
+    ball, pocket = (
+        (2 * max(i, 0) + 1) / count - 1.0 for i, count in zip((call.ball - 1, call.pocket), counts, strict=True)
+    )
+    return np.array([ball, pocket, (kinds.index(call.kind) + 0.5) / len(kinds) if call.kind in kinds else -1.0])
+
+
+def _shot_numbers(env: BilliardsEnv, stroke: Stroke) -> Floats:
     one_of("action of the environment of a player", env.action, PLAYED)
     if not ACTIONS[env.action].has_cue:
         return np.array(stroke.velocity) / env.max_speed

@@ -22,7 +22,7 @@ from billiards_env.checks import Range, finite, integer, numbers, one_of, sequen
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.arguments import plain
-from billiards_env.envs.tasks import TASKS
+from billiards_env.envs.tasks import task_of
 from billiards_env.sb3.aim_network import OBSERVED, AimNetwork, Mixture
 
 PPO_SETTINGS: dict[str, Any] = {
@@ -67,6 +67,9 @@ def arguments_of(env: BilliardsEnv) -> dict[str, Any]:
     scene = {"scene": env.scene.to_dict(), "n_object_balls": None}
     arguments = scene | dataclasses.asdict(env.engine) | {"observe": env.observe}
     arguments["goal_radius"] = env.model.goal_radius or None
+    arguments |= {"n_players": env.model.n_players, "can_call": env.model.can_call}
+    if (setup := env.model.setup) is not None:
+        arguments |= {"target": setup.target, "can_place": env.model.can_place, "miss": setup.miss}
     return arguments | {name: getattr(env.model, name) for name in names}
 
 
@@ -172,7 +175,7 @@ class AimPolicy(ActorCriticPolicy):
             raise ValueError(f"action_space = {action_space}: expected {self.game.action_space}, without a wrapper")
         if self.game.scene.n_balls < 2:
             raise ValueError(f"env = {short(env)}: expected an object ball, at which the policy aims")
-        aim = aim or ("ball" if TASKS[self.game.task].pockets else "layout")
+        aim = aim or ("ball" if task_of(self.game.task, self.game.model.n_players).pockets else "layout")
         one_of("aim", aim, ("ball", "layout"))
         self.network = {"points": points, "speeds": tuple(speeds), "hidden": hidden, "aim": aim}
         seen = [name for name in OBSERVED if name in self.game.features]

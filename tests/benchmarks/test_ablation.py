@@ -10,15 +10,17 @@ from benchmarks.ablation import started
 # The modules of parts, which a step without them does not import, and so no shot.
 UNUSED = (
     "agents",
+    "billiards_v0",
     "drawing",
     "engine.gradients",
     "engine.margins",
     "engine.passing",
     "envs.plans",
+    "envs.turns",
     "games.batch",
-    "games.billiards_v0",
     "games.game",
     "games.records",
+    "games.transition",
     "physics.derivatives",
     "physics.laws.mathavan_tangent",
     "physics.rules",

@@ -12,7 +12,7 @@ from billiards_env.envs.action_frames import FRAMES
 from billiards_env.envs.observations import FEATURES
 from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import SCENES, Scene, check_positions, layouts
-from tests.helpers.environments import RUN_OUTS, VARIANTS, name_of
+from tests.helpers.environments import GAME_VARIANTS, RUN_OUTS, VARIANTS, name_of
 
 INFO_TABLE = (BilliardsEnv.__doc__ or "").partition("## Info")[2].partition("Stable-Baselines3")[0]
 DOCUMENTED_INFO = {
@@ -43,7 +43,9 @@ CAROM = [[-0.3, 0.0], [DIAGONAL, -DIAGONAL], [0.3, 0.3]]
 
 
 @pytest.mark.parametrize(
-    "kwargs", [*VARIANTS, *({"action": action, "max_speed": 4.5} for action in (*FRAMES, "plan"))], ids=name_of
+    "kwargs",
+    [*VARIANTS, *GAME_VARIANTS, *({"action": action, "max_speed": 4.5} for action in (*FRAMES, "plan"))],
+    ids=name_of,
 )
 def test_environment_checkers_pass(kwargs):
     sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
@@ -56,7 +58,7 @@ def test_environment_checkers_pass(kwargs):
 def test_every_task_scene_layout_and_feature_is_in_a_variant():
     for name, values in (("task", TASKS), ("scene", SCENES), ("layout", layouts.LAYOUTS)):
         assert {str(variant.get(name, "pool")) for variant in VARIANTS} >= {*values} - {"pot"}
-    lists = [variant.get("observe", ()) for variant in VARIANTS]
+    lists = [variant.get("observe", ()) for variant in (*VARIANTS, *GAME_VARIANTS)]
     assert "goal" in lists
     observed = [name for names in lists if names != "goal" for name in names]
     assert {name if isinstance(name, str) else name[0] for name in observed} == {*FEATURES}

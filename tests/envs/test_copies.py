@@ -1,7 +1,6 @@
 """Copies and specs of single environments, of vector environments and of games, and the warning of all three."""
 
 import copy
-import dataclasses
 import json
 import pickle
 from typing import Any
@@ -12,8 +11,8 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 from numba.core.serialize import ReduceMixin
 
+from billiards_env import billiards_v0
 from billiards_env.envs import STATUS, episodes, make_env, make_vector_env
-from billiards_env.games import billiards_v0
 from billiards_env.scene import Scene
 from tests.helpers.environments import SOFT, VARIANTS, VARIED, name_of, same
 
@@ -126,17 +125,3 @@ def test_a_shot_that_reaches_the_limit_on_events_warns(monkeypatch):
     with pytest.warns(RuntimeWarning, match=r"after 2 events and .* positions \[\[-0.5, 0.0\], .* action \[0.75, 0"):
         *_, infos = envs.step([[0.0, 0.0], [0.75, 0.0]])
     assert [STATUS[code] for code in infos["final_info"]["status_code"]] == ["rest", "event_limit"]
-
-
-def test_a_shot_of_a_game_that_reaches_the_limit_on_events_warns(monkeypatch):
-    play = billiards_v0.play
-
-    def cut(*args):
-        played = play(*args)
-        return played._replace(shot=dataclasses.replace(played.shot, status="event_limit"))
-
-    monkeypatch.setattr(billiards_v0, "play", cut)
-    game = billiards_v0.raw_env("carom")
-    game.reset(seed=0)
-    with pytest.warns(RuntimeWarning, match="reached the engine.s limit"):
-        game.step(np.zeros(2, np.float32))

@@ -10,7 +10,7 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 
 from billiards_env.envs import make_env, make_model
-from billiards_env.frozen import FROZEN, NAMESPACE
+from billiards_env.frozen import FROZEN, FROZEN_GAMES, NAMESPACE
 
 HASHES = {
     "Pot1-v0": "ae50ef21077ae8cf",
@@ -45,6 +45,13 @@ HASHES = {
     "EightBallNoise-v0": "998b46d209b15729",
     "EightBallStrike-v0": "fdeabba6ebf2d884",
     "EightBallStrikeNoise-v0": "73cdaf8437a64bdf",
+    "StraightGame-v0": "0c078a16ddcc89ef",
+    "EightBallGame-v0": "9442867a3e07c2fa",
+    "NineBallGame-v0": "638856311903e209",
+    "TenBallGame-v0": "0dd358f981bd0779",
+    "SnookerGame-v0": "623ca27f46eae298",
+    "CaromGame-v0": "f2a72b9920198bd4",
+    "ThreeCushionGame-v0": "bc70f7f33b7d6b4b",
 }
 """The hashes of `first_steps`, by id."""
 
@@ -69,7 +76,7 @@ def first_steps(name: str) -> str:
 
 
 def test_the_results_do_not_change():
-    assert {name: first_steps(name) for name in FROZEN} == HASHES
+    assert {name: first_steps(name) for name in (*FROZEN, *FROZEN_GAMES)} == HASHES
 
 
 def test_the_ids_are_the_tasks_their_strikes_and_both_with_noise():
@@ -78,11 +85,11 @@ def test_the_ids_are_the_tasks_their_strikes_and_both_with_noise():
     assert set(FROZEN) == {f"{name}{noise}-v0" for name in names for noise in ("", "Noise")}
 
 
-@pytest.mark.parametrize("name", FROZEN)
+@pytest.mark.parametrize("name", [*FROZEN, *FROZEN_GAMES])
 def test_an_environment_of_an_id_and_that_of_its_json_play_as_the_vector_environment(name):
     env = gym.make(NAMESPACE + name)
     assert env.spec is not None
-    assert env.spec.reward_threshold == FROZEN[name].threshold
+    assert env.spec.reward_threshold == (FROZEN[name].threshold if name in FROZEN else None)
     again = gym.make(EnvSpec.from_json(env.spec.to_json()))
     assert again.spec == env.spec
     envs = gym.make_vec(NAMESPACE + name, 2)
@@ -106,6 +113,8 @@ def test_every_argument_with_an_effect_is_frozen():
     frozen = {"scene", "task", "n_object_balls", "mode", "action", "max_shots", "max_speed", "layout"}
     frozen |= {"observe", "scratch_penalty", "randomize"}
     assert all(set(task.arguments) == frozen for task in FROZEN.values())
-    assert inspect.signature(make_model).parameters.keys() == frozen | free
+    games = {"n_players", "target", "can_call", "can_place", "miss"}
+    assert all(set(arguments) == frozen | games for arguments in FROZEN_GAMES.values())
+    assert inspect.signature(make_model).parameters.keys() == frozen | free | games
     assert json.loads(json.dumps(FROZEN["Clear5-v0"].arguments)) == FROZEN["Clear5-v0"].arguments
     assert env.engine.mode == "pic"

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from gymnasium.error import DependencyNotInstalled
 
+from billiards_env import billiards_v0
 from billiards_env import envs as billiards_envs
 from billiards_env.engine import run_shots_of
 from billiards_env.envs import RecordVideo, episodes, make_env
 from billiards_env.envs.rendering import FPS, RENDER_MODES
-from billiards_env.games import billiards_v0
 from billiards_env.shots import simulation
 from tests.helpers.environments import same
 from tests.helpers.films import read_mp4

@@ -10,7 +10,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from billiards_env.envs import BilliardsVectorEnv, make_env, make_vector_env
-from tests.helpers.environments import SOFT, VARIANTS, VARIED, name_of, same
+from tests.helpers.environments import GAME_VARIANTS, SOFT, VARIANTS, VARIED, name_of, same
 
 MODES = tuple(AutoresetMode)
 modes = pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.value)
@@ -50,7 +50,9 @@ def compare(native, sync, steps, seed: Any = 0):
 
 
 @pytest.mark.parametrize(
-    ("kwargs", "mode"), list(zip([*VARIANTS, *ACTIONS], itertools.cycle(MODES), strict=False)), ids=name_of
+    ("kwargs", "mode"),
+    list(zip([*VARIANTS, *ACTIONS, *GAME_VARIANTS], itertools.cycle(MODES), strict=False)),
+    ids=name_of,
 )
 def test_results_equal_those_of_single_environments(kwargs, mode):
     compare(*pair(5, mode, **kwargs), steps=7, seed=11)

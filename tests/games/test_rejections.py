@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env import Scene
-from billiards_env.games import GAMES, Call, Setup, Stroke, billiards_v0, custom_opening, opening, play
+from billiards_env import Scene, billiards_v0
+from billiards_env.envs import make_env
+from billiards_env.games import GAMES, Call, Setup, Stroke, custom_opening, opening, play
 from tests.helpers.errors import refusals
 from tests.helpers.games import in_a_row, setup
 
@@ -110,7 +111,7 @@ def test_wrong_strokes(state, stroke, message, kind):
 
 
 def begun(options: Any = None, **kwargs: Any) -> Any:
-    env = billiards_v0.raw_env(**{"rules": "nine_ball", **kwargs})
+    env = billiards_v0.raw_env(**{"task": "nine_ball", **kwargs})
     env.reset(0, options)
     return env
 
@@ -121,24 +122,29 @@ CALLS = [
     (lambda: custom_opening(setup("nine_ball"), PLACES[:9]), r"positions has shape \(9, 2\)"),
     (lambda: custom_opening(setup("nine_ball"), PLACES[[0, 1, 1, *range(3, 10)]]), "balls 1 and 2"),
     (lambda: setup("nine_ball").callable(opening(setup("nine_ball"), RNG(0)).state), "game = 'nine_ball'"),
-    (lambda: begun(rules="one_pocket"), "rules = 'one_pocket'"),
-    (lambda: begun(rules="eight_ball", n_object_balls=9), "9 object balls: expected 15"),
+    (lambda: begun(task="one_pockets"), "task = 'one_pockets'"),
+    (lambda: begun(task="pot"), "task = 'pot' with n_players = 2: expected one of 'straight'"),
+    (lambda: begun(task="eight_ball", n_object_balls=9), "9 object balls and 6 pockets: expected 15 object balls"),
+    (lambda: begun(task="eight_ball", n_players=3), "n_players = 3"),
+    (lambda: begun(n_players=1), "n_players = 1: expected 2 to 4"),
+    (lambda: make_env(task="snooker"), "task = 'snooker' with n_players = 1: expected n_players = 2"),
+    (lambda: make_env(target=3), "target = 3 with n_players = 1: expected None"),
     (lambda: begun(layout="line"), "layout = 'line'"),
     (lambda: begun(max_shots=0), "max_shots = 0"),
-    (lambda: begun(rules="carom", can_call=True), "can_call = True with rules = 'carom'"),
+    (lambda: begun(task="carom", can_call=True), "can_call = True with task = 'carom'"),
     (lambda: begun(can_call=1), "can_call = 1"),
-    (lambda: begun(action="cut"), "action = 'cut'"),
-    (lambda: begun(rules="snooker", miss=True), "miss = True with can_call = False"),
+    (lambda: begun(task="eight_ball", can_call=True, action="plan"), "can_call = True with action = 'plan'"),
+    (lambda: begun(task="snooker", miss=True), "miss = True with can_call = False"),
     (lambda: begun(max_speed=0), "max_speed = 0"),
     (lambda: begun(render_mode="ansi"), "render_mode = 'ansi'"),
     (lambda: begun({"position": []}), "did you mean 'positions'"),
-    (lambda: begun({"state": {"player": 1}}), "expected positions beside the state"),
+    (lambda: begun({"state": {"player": 1}}), r"options\['state'\] without options\['positions'\]: expected both"),
     (lambda: begun([1]), r"options = \[1\]: expected a dict", TypeError),
     (lambda: begun().step(None), r"action has shape .*: expected \(4,\)|action = .*: expected finite numbers"),
     (lambda: begun().step(np.zeros(3)), r"action has shape \(3,\): expected \(4,\)"),
     (lambda: begun().step(np.full(4, np.nan)), "action = .*: expected finite numbers"),
     (lambda: billiards_v0.raw_env("nine_ball").history(), "no game has begun"),
-    (lambda: billiards_v0.env(rules="carom").agents, "before reset", AttributeError),
+    (lambda: billiards_v0.env(task="carom").agents, "before reset", AttributeError),
 ]
 
 

@@ -52,6 +52,17 @@ VARIANTS: list[dict[str, Any]] = [
     {"mode": "pit", "dt": 1 / 60, "fix": "none", "scene": "uk_pool", "max_shots": 2},
     {"mode": "pit", "dt": 1 / 30, "fix": "time_of_impact", "scene": "ideal", "task": "carom", "max_speed": 10.0},
 ]
+# Games of several players: each game, and each kind of action and choice.
+GAME_VARIANTS: list[dict[str, Any]] = [
+    {"task": "nine_ball", "n_players": 2, "max_shots": 5, "noise": {}},
+    {"task": "eight_ball", "n_players": 2, "max_shots": 4, "action": "plan", "observe": ["positions", "turn"]},
+    {"task": "ten_ball", "n_players": 2, "can_call": True, "observe": ["choices", "fouls", "in_hand", "break"]},
+    {"task": "straight", "n_players": 4, "n_object_balls": 4, "target": 2, "layout": "random", "action": "cut"},
+    {"task": "snooker", "n_players": 2, "n_object_balls": 8, "can_call": True, "miss": True, "max_shots": 9},
+    {"task": "carom", "n_players": 2, "target": 2, "action": "strike", "observe": ["cue_to_balls", "scores", "potted"]},
+    {"task": "three_cushion", "n_players": 3, "max_shots": 4, "randomize": {"mu_roll": [0.004, 0.01]}},
+    {"task": "nine_ball", "n_players": 2, "mode": "pit", "dt": 1 / 60, "max_shots": 4, "observe": [["planes", 36, 40]]},
+]
 
 
 def name_of(argument: Any) -> str:

@@ -1,0 +1,144 @@
+"""Opponents: turns a vector environment of games into one of a single player.
+
+Example:
+    >>> import numpy as np
+    >>> from billiards_env.envs import Opponents, make_vector_env
+    >>> rng = np.random.default_rng(0)
+    >>> games = make_vector_env(8, task="nine_ball", n_players=2)
+    >>> envs = Opponents(games, lambda observations, rows: rng.uniform(-1, 1, (len(rows), 4)))
+    >>> observations, infos = envs.reset(seed=0)
+    >>> observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
+    >>> bool((infos["next_player"] == envs.seats).all())
+    True
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorWrapper
+from numpy.typing import NDArray
+
+from billiards_env.checks import Range, integer, short
+from billiards_env.envs.info import masked_info
+from billiards_env.envs.observations import nth
+from billiards_env.envs.vector import BilliardsVectorEnv, masked_rows
+
+Policy = Callable[[Any, NDArray[np.int64]], NDArray[Any]]
+"""A function that returns the actions (k, size) for the observations of k games and their numbers (k,)."""
+
+
+class Opponents(VectorWrapper):
+    """A vector of games in which one player learns, and a policy plays the turns of the other players.
+
+    A step plays the shot of the learner in each game, and then shots of the others until it is the learner's turn again
+    or the game is over. Its reward is the sum of the learner's rewards in these shots. The autoreset mode is
+    "SameStep". The learner's seat changes from game to game, so each player breaks equally often. A game that ends
+    before the first turn of the learner is not an episode; `unplayed` has the returns of these games.
+
+    Args:
+        envs: A vector environment of games of several players.
+        policy: Plays the turns of the other players; `players.env_player.acting_in` makes it from a player. It may be
+            replaced at any time: the attribute `policy`.
+        seat: The player who learns, from 0 to `n_players` - 1; None to change the seat.
+
+    Attributes:
+        policy: As above.
+        seats: (num_envs,) int64, the player who learns in each game.
+        unplayed: The returns of the learner in games that ended before its first turn.
+
+    Raises:
+        TypeError: If `envs` is not a `BilliardsVectorEnv`.
+        ValueError: If it has one player, or there is no such seat.
+    """
+
+    def __init__(self, envs: BilliardsVectorEnv, policy: Policy, seat: int | None = None) -> None:
+        if not isinstance(envs, BilliardsVectorEnv):
+            raise TypeError(f"envs = {short(envs)}: expected a BilliardsVectorEnv")
+        self._players = envs.single_env.model.n_players
+        if self._players == 1:
+            raise ValueError("envs with n_players = 1: expected a game of several players")
+        super().__init__(envs)
+        self.metadata = {**envs.metadata, "autoreset_mode": AutoresetMode.SAME_STEP}
+        self.policy, self._games, self._shape = policy, envs, envs.single_env.action_space.shape
+        self._seat = seat if seat is None else integer("seat", seat, Range(0, self._players - 1))
+        self.seats = np.full(envs.num_envs, -1 if seat is None else seat)
+        self.unplayed: list[float] = []
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begins a game in every environment, or in those of a mask, as `BilliardsVectorEnv.reset`."""
+        mask = np.ones(self.num_envs, np.bool_)
+        if options is not None and "reset_mask" in options:
+            mask = options["reset_mask"]
+        if self._seat is None and seed is not None:
+            self.seats = np.arange(self.num_envs) % self._players
+        elif self._seat is None:
+            self._change_seats(mask)
+        observations, infos = self._games.reset(seed=seed, options=options)
+        return self._begin(mask, observations, infos)
+
+    def step(
+        self, actions: Any
+    ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """Plays the shots of the learner and those of the others up to its next turn, see the class."""
+        everywhere = np.ones(self.num_envs, np.bool_)
+        observations, rewards, over, truncated, infos = self._games.step_where(everywhere, actions)
+        observations, over, infos = self._play_others(everywhere, observations, over, infos, rewards)
+        if over.any():
+            last, last_info = masked_rows(observations, over), masked_info(_plain(infos), over)
+            self._change_seats(over)
+            observations, begun = self._games.reset(options={"reset_mask": over})
+            observations, begun = self._begin(over, observations, begun)
+            infos = {key: merged(over, begun[key], infos[key]) for key in infos}
+            infos |= {"final_obs": last, "final_info": last_info, "_final_obs": over, "_final_info": over.copy()}
+        return observations, rewards, over, truncated, infos
+
+    def _change_seats(self, mask: NDArray[np.bool_]) -> None:
+        if self._seat is None:
+            self.seats[mask] = (self.seats[mask] + 1) % self._players
+
+    def _begin(self, mask: NDArray[np.bool_], observations: Any, infos: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+        """Plays games that have begun up to the first turn of the learner."""
+        while True:
+            rewards = np.zeros(self.num_envs)
+            observations, over, infos = self._play_others(
+                mask, observations, np.zeros(self.num_envs, np.bool_), infos, rewards
+            )
+            mask = mask & over
+            if not mask.any():
+                return observations, infos
+            self.unplayed += rewards[mask].tolist()
+            observations, begun = self._games.reset(options={"reset_mask": mask})
+            infos = {key: merged(mask, begun[key], infos[key]) for key in infos}
+
+    def _play_others(
+        self,
+        mask: NDArray[np.bool_],
+        observations: Any,
+        over: NDArray[np.bool_],
+        infos: dict[str, Any],
+        rewards: NDArray[np.float64],
+    ) -> tuple[Any, NDArray[np.bool_], dict[str, Any]]:
+        """Plays the games in the mask up to the turn of the learner, and adds its rewards to `rewards`."""
+        games = np.arange(self.num_envs)
+        while (waiting := mask & ~over & (infos["next_player"] != self.seats)).any():
+            actions = np.zeros((self.num_envs, *self._shape))
+            actions[waiting] = self.policy(nth(observations, waiting), np.flatnonzero(waiting))
+            observations, _, over, _, played = self._games.step_where(waiting, actions)
+            rewards += np.where(waiting, played["rewards"][games, self.seats], 0.0)
+            infos = {key: merged(waiting, played[key], infos[key]) for key in infos}
+        return observations, over, infos
+
+
+def _plain(infos: dict[str, Any]) -> dict[str, Any]:
+    """Returns the infos without their masks."""
+    return {key: values for key, values in infos.items() if not key.startswith("_")}
+
+
+def merged(mask: NDArray[np.bool_], chosen: NDArray[Any], others: NDArray[Any]) -> NDArray[Any]:
+    """Returns the rows of `chosen` in the mask and those of `others` outside of it."""
+    return np.where(mask.reshape(-1, *(1,) * (chosen.ndim - 1)), chosen, others)

@@ -1,0 +1,395 @@
+"""Games of several players: what a step does besides the shot, as kernels over many games.
+
+Before the shot the numbers of an action after those of the shot place a cue ball in hand and make a call. After it the
+referee judges the shot, balls are spotted or racked again, and the next player is set. The rules are in
+`billiards_env.games`; a game here and `games.play` have the same bits.
+
+A cue ball in hand lies at a free point near the head spot until the next shot, so that each observation has a valid
+position.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.envs.actions import cue_strike
+from billiards_env.envs.arguments import Model
+from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
+from billiards_env.envs.info import InfoArrays
+from billiards_env.envs.state import StateArrays
+from billiards_env.envs.tasks import write_legal_balls
+from billiards_env.games.facts import facts_of_shot
+from billiards_env.games.game import NO_CALL, Call, Setup, Stroke
+from billiards_env.games.placement import PlacementNumbers, cue_ball_area_of, place_cue_ball
+from billiards_env.games.pool import any_ball
+from billiards_env.games.state import CALL, CALLS, HAND_BACK, REPLACE, SAFETY, SHOT, verdict
+from billiards_env.games.transition import after_shot as shot_of_game
+from billiards_env.games.transition import after_shot_of, table_of, without_shot
+from billiards_env.jit import Typed, entry_point, inlined, specialised
+from billiards_env.physics.state import X, Y
+
+Floats = NDArray[np.float64]
+
+
+class TurnArrays(NamedTuple):
+    """The last shots of m games of p players.
+
+    Attributes:
+        calls: (m,) `games.CALL` of the shots.
+        pockets: (m,) int64, the called pockets, -1 for none.
+        strokes: (m, size) float64, the numbers of the actions that describe the shots; zeros for a call without a shot.
+        places: (m, 2) float64, m: where the player placed a cue ball in hand; NaN if it was not in hand.
+        player: (m,) int64, the player of the shot.
+        next_player: (m,) int64, the player of the next shot.
+        foul: (m,) int64, index in `games.FOULS`.
+        winner: (m,) int64, the player who has won, or -1.
+        scores: (m, p) int64, the score of each player.
+        rewards: (m, p) float64, the rewards of all players.
+        spotted: (m, n) bool, the balls that return to the table.
+        before_positions: (m, n, 2) m, the positions before the last shot, if players may have a shot played again (the
+            call "replace"); else (m, 0, 2).
+        before_states: (m,) `games.STATE` before the last shot, or (0,).
+    """
+
+    calls: Any
+    pockets: Any
+    strokes: Any
+    places: Any
+    player: Any
+    next_player: Any
+    foul: Any
+    winner: Any
+    scores: Any
+    rewards: Any
+    spotted: Any
+    before_positions: Any
+    before_states: Any
+
+
+class GameNumbers(NamedTuple):
+    """The constants of a game of several players.
+
+    Attributes:
+        table: `placement.PlacementNumbers`, as a plain tuple.
+        by_points: Whether the game is won by points.
+        n_pockets: Number of pockets.
+        size: How many numbers of an action describe the shot.
+        places: How many describe the place of a cue ball in hand: 2, or 0 in a game without pockets.
+        calls: How many describe the call: 3 or 0.
+    """
+
+    table: Any
+    by_points: bool
+    n_pockets: int
+    size: int
+    places: int
+    calls: int
+
+
+def game_numbers(setup: Setup, sizes: tuple[int, int, int]) -> GameNumbers:
+    """Returns the constants of a game; `sizes` is `Model.n_numbers`."""
+    table = table_of(setup.game_rules, setup.scene, setup.target or 0)
+    return GameNumbers(table, setup.target is not None, len(setup.scene.table.pockets), *sizes)
+
+
+def turn_arrays(state: StateArrays, players: int, size: int) -> TurnArrays:
+    """Returns the arrays of the games of a state, before the first shot; `size` numbers describe a shot."""
+    count, n = state.in_play.shape
+    whole = np.zeros((4, count), np.int64)
+    return TurnArrays(
+        calls=np.zeros(count, CALL),
+        pockets=np.full(count, -1),
+        strokes=np.zeros((count, size)),
+        places=np.full((count, 2), np.nan),
+        player=whole[0],
+        next_player=whole[1],
+        foul=whole[2],
+        winner=whole[3],
+        scores=np.zeros((count, players), np.int64),
+        rewards=np.zeros((count, players)),
+        spotted=np.zeros((count, n), np.bool_),
+        before_positions=state.before_positions,
+        before_states=state.before_game.reshape(-1),
+    )
+
+
+@inlined
+def _part(value, count):
+    """Returns in which of `count` equal parts of -1 to 1 a value lies."""
+    return min(max(int((value + 1.0) / 2.0 * count), 0), count - 1)
+
+
+@inlined
+def _kind_of(choice, state):
+    """Returns the kind of call for the last number of an action: up to 0 a shot, then in equal parts the choices.
+
+    A safety is a choice in the games with called shots; the others are those of the state.
+    """
+    choices = state.choices | (1 << SAFETY if state.call_shot else 0)
+    count = 0
+    for kind in range(SAFETY, REPLACE + 1):
+        count += choices >> kind & 1
+    if choice <= 0.0 or count == 0:
+        return SHOT
+    left = _part(2.0 * choice - 1.0, count)
+    for kind in range(SAFETY, REPLACE + 1):
+        if choices >> kind & 1:
+            if left == 0:
+                return kind
+            left -= 1
+    return SHOT
+
+
+@inlined
+def _on_segment(low, high, value):
+    """Returns the point of a segment from `low` at -1 to `high` at 1."""
+    return (low + high) / 2.0 + (high - low) / 2.0 * min(max(value, -1.0), 1.0)
+
+
+@entry_point
+def take_actions(begin, end, actions, game, arrays, turns):
+    """Makes the calls of actions, places the cue balls in hand, and copies the numbers of the shots.
+
+    Args:
+        begin: First game.
+        end: One past the last.
+        actions: (m, size + places + calls) float64. The first `size` numbers may have been converted.
+        game: `GameNumbers`, as a plain tuple.
+        arrays: `EpisodeArrays`, as a plain tuple. The positions change.
+        turns: `TurnArrays`, as a plain tuple; `calls`, `pockets` and `strokes` change.
+
+    Returns:
+        -1, or a game in which there is no room for the cue ball.
+    """
+    game, arrays, turns = GameNumbers(*game), EpisodeArrays(*arrays), TurnArrays(*turns)
+    table, failed = PlacementNumbers(*game.table), -1
+    for k in range(begin, end):
+        if arrays.over[k]:
+            continue
+        state, call, first = arrays.states[k], turns.calls[k], game.size + game.places
+        call.ball, call.kind, turns.pockets[k] = -1, SHOT, -1
+        if game.calls > 0:
+            call.ball = 1 + _part(actions[k, first], arrays.positions.shape[1] - 1)
+            turns.pockets[k] = _part(actions[k, first + 1], game.n_pockets)
+            call.kind = _kind_of(actions[k, first + 2], state)
+        shoots = call.kind != HAND_BACK and call.kind != REPLACE
+        if shoots and len(turns.before_states) > 0:
+            turns.before_states[k] = state
+            for i in range(arrays.positions.shape[1]):
+                for c in range(2):
+                    turns.before_positions[k, i, c] = arrays.positions[k, i, c]
+        for c in range(game.size):
+            turns.strokes[k, c] = actions[k, c] if shoots else 0.0
+        turns.places[k, X] = turns.places[k, Y] = math.nan
+        if shoots and state.in_hand != 0:
+            area, cue = cue_ball_area_of(table, state), state.cue_balls[0]
+            if game.places > 0:
+                x = _on_segment(area.x_low, area.x_high, actions[k, game.size])
+                y = _on_segment(area.y_low, area.y_high, actions[k, game.size + 1])
+                if not place_cue_ball(table, arrays.positions[k], state, x, y):
+                    failed = k
+            turns.places[k, X], turns.places[k, Y] = arrays.positions[k, cue, X], arrays.positions[k, cue, Y]
+    return failed
+
+
+@inlined
+def set_down(table, positions, state):
+    """Places a cue ball in hand near the head spot, see the module. Returns whether there is room."""
+    return state.in_hand == 0 or place_cue_ball(table, positions, state, table.head_x, 0.0)
+
+
+after_shot, legal = shot_of_game, any_ball  # `specialised` puts those of each game in their place
+
+
+@inlined
+def _play_turn(k, after, numbers, table, arrays, turns):
+    """Changes game k to the state before the next shot; `after` is the kernel `after_shot` of the game.
+
+    Returns the verdict, and a ball without room or -1.
+    """
+    call = turns.calls[k]
+    if call.kind == HAND_BACK or call.kind == REPLACE:
+        without_shot(k, call, arrays.positions, arrays.states, (turns.before_positions, turns.before_states))
+        return verdict(), -1
+    facts, pocket = facts_of_shot(k, arrays, numbers.bits), turns.pockets[k]
+    call.made = call.ball >= 0 and pocket >= 0 and arrays.pockets[k, call.ball] == pocket
+    return after(table, arrays.positions[k], arrays.states[k], facts, call)
+
+
+@inlined
+def write_balls(k, state, arrays):
+    """Writes which balls are on the table before the next shot; a cue ball in hand is."""
+    on_table = state.object_balls | 1 << state.cue_balls[0]
+    for i in range(arrays.in_play.shape[1]):
+        arrays.in_play[k, i] = on_table >> i & 1
+
+
+def score_turns(begin, end, numbers, game, arrays, turns, rewards):
+    """Judges the shots of games and prepares the next ones.
+
+    Args:
+        begin: First game.
+        end: One past the last.
+        numbers: `TaskNumbers`, as a plain tuple, like the next three.
+        game: `GameNumbers`.
+        arrays: `EpisodeArrays`, which change.
+        turns: `TurnArrays`, which change.
+        rewards: (m,) float64 out, of the players of the shots; 0 in games without a shot.
+
+    Returns:
+        -1, or a game in which there is no room for a ball.
+    """
+    numbers, game, arrays, turns = TaskNumbers(*numbers), GameNumbers(*game), EpisodeArrays(*arrays), TurnArrays(*turns)
+    table, failed, players = PlacementNumbers(*game.table), -1, turns.rewards.shape[1]
+    for k in range(begin, end):
+        state, player = arrays.states[k], arrays.states[k].player
+        cue = state.cue_balls[0]
+        for i in range(arrays.in_play.shape[1]):
+            arrays.potted[k, i] = not arrays.in_play[k, i]
+        rewards[k] = 0.0
+        if arrays.over[k]:
+            continue
+        judgement, without_room = _play_turn(k, after_shot, numbers, table, arrays, turns)
+        if without_room >= 0 or not set_down(table, arrays.positions[k], state):
+            failed = k
+        winner, by_points = state.winner, game.by_points
+        worth = judgement.points - judgement.penalty
+        if not by_points:
+            worth = 0 if winner < 0 else (1 if winner == player else -1)
+        if arrays.fresh[k]:
+            arrays.shots_left[k], arrays.fresh[k] = numbers.max_shots, False
+        arrays.points[k], arrays.scratch[k] = worth, arrays.potted[k, cue]
+        arrays.score[k] = state.scores[player] if by_points else worth
+        arrays.shots_left[k] -= 1
+        arrays.is_success[k] = winner == player
+        arrays.over[k] = state.over or arrays.shots_left[k] == 0
+        rewards[k] = worth - numbers.scratch_penalty if arrays.scratch[k] else float(worth)
+        turns.player[k], turns.next_player[k], turns.winner[k] = player, state.player, winner
+        turns.foul[k] = judgement.foul
+        for p in range(players):
+            turns.scores[k, p] = state.scores[p]
+            turns.rewards[k, p] = rewards[k] if p == player else 0.0 - rewards[k] / (players - 1)
+        for i in range(arrays.in_play.shape[1]):
+            turns.spotted[k, i] = judgement.spotted >> i & 1
+        write_balls(k, state, arrays)
+        write_legal_balls(k, legal(state, state.player), arrays)
+    return failed
+
+
+def begin_games(begin, end, mask, game, arrays):
+    """Prepares the first shots of the games in the mask (m,); returns -1, or a game without room for the cue ball."""
+    game, arrays = GameNumbers(*game), EpisodeArrays(*arrays)
+    table, failed = PlacementNumbers(*game.table), -1
+    for k in range(begin, end):
+        if not mask[k]:
+            continue
+        state = arrays.states[k]
+        write_balls(k, state, arrays)
+        write_legal_balls(k, legal(state, state.player), arrays)
+        if not set_down(table, arrays.positions[k], state):
+            failed = k
+    return failed
+
+
+def write_legal(begin, end, arrays):
+    """Writes the balls that the players who observe may touch first."""
+    arrays = EpisodeArrays(*arrays)
+    for k in range(begin, end):
+        state, viewer = arrays.states[k], arrays.viewers[k]
+        write_legal_balls(k, legal(state, state.player if viewer < 0 else viewer), arrays)
+
+
+@entry_point
+def write_seen(begin, end, arrays, seen):
+    """Copies the tables of games, with the cue ball of the next shot as ball 0 and ball 0 in its place."""
+    arrays = EpisodeArrays(*arrays)
+    positions, in_play, legal_balls = seen
+    for k in range(begin, end):
+        cue = arrays.states[k].cue_balls[0]
+        for i in range(arrays.in_play.shape[1]):
+            j = cue if i == 0 else (0 if i == cue else i)
+            positions[k, i, X], positions[k, i, Y] = arrays.positions[k, j, X], arrays.positions[k, j, Y]
+            in_play[k, i], legal_balls[k, i] = arrays.in_play[k, j], arrays.legal_balls[k, j]
+
+
+class GameKernels:
+    """The kernels and the constants of a game of several players.
+
+    Args:
+        setup: The settings of the game.
+        sizes: `Model.n_numbers`.
+    """
+
+    def __init__(self, setup: Setup, sizes: tuple[int, int, int]) -> None:
+        self._setup, self._size = setup, sizes[0]
+        self._numbers = tuple(game_numbers(setup, sizes))
+        game = setup.game_rules
+        self._begin = Typed(specialised(begin_games, legal=game.legal))
+        self.write_legal = specialised(write_legal, legal=game.legal)
+        self._take = Typed(take_actions)
+        self._score = Typed(specialised(score_turns, legal=game.legal, after_shot=after_shot_of(game)))
+
+    def allocate(self, state: StateArrays, arrays: EpisodeArrays) -> tuple[TurnArrays, EpisodeArrays]:
+        """Returns the arrays of games, and the episodes as the player to shoot observes them.
+
+        In a game with two cue balls the cue ball of the next shot is ball 0 of an observation.
+        """
+        seen = arrays
+        if len(self._setup.game_rules.cue_balls) > 1:
+            names = ("positions", "in_play", "legal_balls")
+            seen = arrays._replace(**{name: np.zeros_like(getattr(arrays, name)) for name in names})
+        return turn_arrays(state, self._setup.n_players, self._size), seen
+
+    def take(self, begin: int, end: int, actions: Floats, arrays: tuple[Any, ...], turns: TurnArrays) -> None:
+        """Makes the calls of actions, places cue balls in hand, and sets `TurnArrays.strokes`."""
+        given = actions if actions.ndim > 1 else turns.strokes  # a choice has no other numbers
+        self._check(self._take(begin, end, given, self._numbers, arrays, tuple(turns)))
+
+    def shoots(self, turns: TurnArrays) -> NDArray[np.bool_]:
+        """Returns in which games (m,) the cue ball is struck: not after the calls "hand_back" and "replace"."""
+        return turns.calls["kind"] < HAND_BACK
+
+    def infos(self, turns: TurnArrays, states: NDArray[Any]) -> tuple[InfoArrays, InfoArrays]:
+        """Returns the arrays of the keys of `info` after a shot, and of those at the start of an episode."""
+        numbers = {name: getattr(turns, name) for name in ("player", "next_player", "foul", "winner")}
+        rows = {name: getattr(turns, name) for name in ("scores", "rewards", "spotted")}
+        scores = states["scores"][:, : self._setup.n_players]
+        return InfoArrays(numbers, rows), InfoArrays({"next_player": states["player"]}, {"scores": scores})
+
+    def score(
+        self,
+        begin: int,
+        end: int,
+        numbers: tuple[Any, ...],
+        arrays: tuple[Any, ...],
+        turns: TurnArrays,
+        rewards: Floats,
+    ) -> None:
+        """Judges the shots and prepares the next ones, see `score_turns`."""
+        self._check(self._score(begin, end, numbers, self._numbers, arrays, tuple(turns), rewards))
+
+    def begin(self, begin: int, end: int, mask: NDArray[np.bool_], arrays: tuple[Any, ...]) -> None:
+        """Prepares the first shots of the games in the mask (m,)."""
+        self._check(self._begin(begin, end, mask, self._numbers, arrays))
+
+    def stroke(self, k: int, model: Model, turns: TurnArrays) -> Stroke:
+        """Returns the last stroke in game k, which `games.play` repeats bit for bit."""
+        called, place = turns.calls[k], turns.places[k].tolist()
+        call = Call(int(called["ball"]), int(turns.pockets[k]), CALLS[called["kind"]]) if model.can_call else NO_CALL
+        if called["kind"] >= HAND_BACK:
+            return Stroke((0.0, 0.0), call=Call(kind=call.kind))
+        struck = cue_strike(turns.strokes[k], model.scene, model.max_speed)
+        (vx, vy), (wx, wy, wz) = struck.velocity.tolist(), struck.spin.tolist()
+        return Stroke((vx, vy), None if math.isnan(place[X]) else (place[X], place[Y]), (wx, wy, wz), call)
+
+    def see(self, begin: int, end: int, arrays: tuple[Any, ...], seen: EpisodeArrays) -> None:
+        """Copies the tables for an observation, see `allocate`."""
+        write_seen(begin, end, arrays, (seen.positions, seen.in_play, seen.legal_balls))
+
+    def _check(self, failed: int) -> None:
+        if failed >= 0:
+            raise ValueError(f"game {failed}: found no room for a ball on the table, expected fewer or smaller balls")
