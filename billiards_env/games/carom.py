@@ -66,7 +66,7 @@ _CAROM = functools.partial(
     n_object_balls=(2, 2),
     won_by="`target` points",
     cue_balls=(0, 2),
-    target=10,
+    target=lambda balls: 10,
     pockets=False,
     spot=no_spots,
 )

@@ -14,6 +14,11 @@ Kernel = Callable[..., Any]
 Page = tuple[tuple[str, str], ...]
 
 
+def no_target(balls: int) -> int:
+    """Is `Game.target` of a game that no score wins by default."""
+    return 0
+
+
 @inlined
 def no_spots(table, positions, balls, others, cue):
     """Is `Game.spot` of a game in which no ball returns to the table."""
@@ -47,7 +52,8 @@ class Game(NamedTuple):
         page: The rules for players: rows of two texts.
         n_players: The smallest and the largest number of players.
         cue_balls: The balls used as cue ball.
-        target: The default score that wins, or 0 if no score does; None for a game that is not won by points.
+        target: Function of the number of object balls. Returns the default score that wins, or 0 if no score does; None
+            for a game that is not won by points.
         callable: Kernel `(state, player)`. Returns the balls that the player may call; None for a game without called
             shots and safeties.
         choices: The choices that a player may have besides a shot, of `CALLS`.
@@ -56,6 +62,7 @@ class Game(NamedTuple):
         has_spots: Whether each colour returns to its own spot, as in snooker: its place in the first layout. Otherwise
             balls return to the foot spot.
         pockets: Whether the table has pockets.
+        foot_corners: Whether the rules name the pockets 2 and 3, which must then be in the foot corners.
         groups: Whether each player has a group of seven balls and then the eight ball.
         pots_any: Whether a legal shot may pot any ball, and not only those that may be touched first.
         cushions: The cushion contacts that the cue ball needs before the last ball of a carom.
@@ -77,13 +84,14 @@ class Game(NamedTuple):
     page: Page
     n_players: tuple[int, int] = (2, MOST_PLAYERS)
     cue_balls: tuple[int, ...] = (CUE_BALL,)
-    target: int | None = None
+    target: Callable[[int], int] | None = None
     callable: Kernel | None = None
     choices: tuple[str, ...] = ()
     counts_fouls: bool = False
     deciding_ball: int | None = None
     has_spots: bool = False
     pockets: bool = True
+    foot_corners: bool = False
     groups: bool = False
     pots_any: bool = False
     cushions: int = 0

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.games.state import FACTS, Facts
+from billiards_env.games.state import FACTS, FOOT_LEFT, FOOT_RIGHT, Facts
 from billiards_env.jit import entry_point, inlined
 from billiards_env.shots.result import ShotResult
 
@@ -46,7 +46,7 @@ def facts_of_shot(k, shots, bits):
     cue, hit = shots.cue[k], shots.first_hit[k]
     scratch, hits = shots.pockets[k, cue] >= 0, shots.cushions[k, cue]
     first, touched, before_last, potted, first_potted, driven = 0, 0, 0, 0, 0, 0
-    earliest = len(bits)
+    foot_right, foot_left, earliest = 0, 0, len(bits)
     for i in range(len(bits)):
         if i == cue:
             continue
@@ -55,15 +55,30 @@ def facts_of_shot(k, shots, bits):
             before_last = max(before_last, shots.cushions_before_hit[k, i])
             if shots.touched_first[k, i]:
                 first |= bits[i]
-        if shots.pockets[k, i] >= 0:
+        pocket = shots.pockets[k, i]
+        if pocket >= 0:
             potted |= bits[i]
+            foot_right |= bits[i] if pocket == FOOT_RIGHT else 0
+            foot_left |= bits[i] if pocket == FOOT_LEFT else 0
             if shots.pot_order[k, i] < earliest:
                 first_potted, earliest = bits[i], shots.pot_order[k, i]
-        if shots.pockets[k, i] >= 0 or shots.cushions[k, i] > 0:
+        if pocket >= 0 or shots.cushions[k, i] > 0:
             driven |= bits[i]
     # No object ball moves before the first contact, or before the strike that drives it together with the cue ball.
     met = hit >= 0 and (scratch or driven != 0 or hits > shots.cushions_before_hit[k, hit])
-    return Facts(first, touched, before_last, potted, first_potted, scratch, met, driven, hits > 0 or scratch)
+    return Facts(
+        first=first,
+        touched=touched,
+        cushions_before_last=before_last,
+        potted=potted,
+        first_potted=first_potted,
+        foot_right=foot_right,
+        foot_left=foot_left,
+        scratch=scratch,
+        cushion_after=met,
+        driven=driven,
+        cue_driven=hits > 0 or scratch,
+    )
 
 
 @entry_point
@@ -74,6 +89,7 @@ def write_facts(records, bits, facts):
         shot, row = facts_of_shot(k, shots, bits), facts[k]
         row.first, row.touched, row.cushions_before_last = shot.first, shot.touched, shot.cushions_before_last
         row.potted, row.first_potted, row.scratch = shot.potted, shot.first_potted, shot.scratch
+        row.foot_right, row.foot_left = shot.foot_right, shot.foot_left
         row.cushion_after, row.driven, row.cue_driven = shot.cushion_after, shot.driven, shot.cue_driven
 
 

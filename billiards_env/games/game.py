@@ -25,6 +25,8 @@ from billiards_env.games.state import (
     CALL,
     CALLS,
     FACTS,
+    FOOT_LEFT,
+    FOOT_RIGHT,
     IN_HAND,
     MOST_PLAYERS,
     NOT_IN_HAND,
@@ -95,7 +97,7 @@ class Setup:
         target: The score that wins, or 0 if no score does. None selects the default of the game; it remains None in a
             game that is not won by points.
         engine: The engine.
-        call_shot: Whether shots are called in eight ball, ten ball or straight pool, as the WPA's rules require (1.6).
+        call_shot: Whether shots are called, in a game whose rules require it, such as the WPA's (1.6).
             By default any ball potted on a legal shot counts, and a player need not call.
         miss: Whether snooker is played with the miss rule.
     """
@@ -117,6 +119,9 @@ class Setup:
         _expect(low <= balls <= high, f"{name} a scene of {balls} object ball{'s' * (balls != 1)}", numbers)
         expected = "a table with pockets" if rules.pockets else "a table without pockets"
         _expect(rules.pockets == (pockets > 0), f"{name} a table of {pockets} pockets", expected)
+        corners = [(p.x > 0.0, p.y > 0.0) for p in table.pockets[FOOT_RIGHT : FOOT_LEFT + 1]]
+        in_order = not rules.foot_corners or corners == [(True, False), (True, True)]
+        _expect(in_order, f"{name} a table of other pockets 2 and 3", "these pockets in the foot corners, y < 0 first")
         what = f"{name} a table whose cushions reach into its rectangle"
         _expect(table.is_rectangular, what, "a playing surface that is a rectangle")
         for i, mass in enumerate(self.scene.balls.mass):
@@ -127,7 +132,7 @@ class Setup:
             what = f"target = {short(self.target)} with rules {self.rules!r}"
             _expect(self.target is None, what, "None, the game has no points")
         else:
-            target = rules.target if self.target is None else self.target
+            target = rules.target(balls) if self.target is None else self.target
             object.__setattr__(self, "target", integer("target", target, Range(0, MAX_SCORE)))
         table_of(rules, self.scene, self.target or 0)  # raises if the scene has no spots or no rack
         for name, possible in (("call_shot", rules.callable is not None), ("miss", "replace" in rules.choices)):

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import functools
 
-from billiards_env.games.entry import Game
+from billiards_env.games.entry import Game, no_target
 from billiards_env.games.placement import rack_again
 from billiards_env.games.state import (
     ANYWHERE,
@@ -286,7 +286,7 @@ GAMES = (
         any_ball,
         n_object_balls=(1, 15),
         won_by="`target` points, or without a target most points in one rack",
-        target=0,
+        target=no_target,
         callable=any_ball,
         counts_fouls=True,
         sure_pot=4.0,

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from billiards_env.games.entry import Game
+from billiards_env.games.entry import Game, no_target
 from billiards_env.games.placement import Obstacles, area_of, is_free, spot_colours
 from billiards_env.games.state import (
     BEHIND,
@@ -264,7 +264,7 @@ GAMES = (
         n_object_balls=(6, 21),
         won_by="having the most points when the black ball, the last one, is potted",
         n_players=(2, 2),
-        target=0,
+        target=no_target,
         choices=("hand_back", "replace"),
         deciding_ball=-1,
         has_spots=True,

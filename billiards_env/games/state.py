@@ -21,6 +21,9 @@ from billiards_env.physics.state import CUE_BALL
 MOST_PLAYERS = 4
 MOST_BALLS = 63
 """The number of balls that a set, a bit mask, can hold."""
+FOOT_RIGHT, FOOT_LEFT = 2, 3
+"""The pockets in the foot corners, in the order of `scene.six_pockets`: with y < 0 and with y > 0."""
+
 OfPlayers = tuple[int, int, int, int]
 Pair = tuple[int, int]
 
@@ -123,6 +126,8 @@ class Facts(NamedTuple):
         cushions_before_last: Number of cushion contacts of the cue ball before it touched the last of these balls.
         potted: The potted object balls.
         first_potted: The object ball that was potted first, as a set; 0 if there is none.
+        foot_right: The object balls potted in pocket 2, the foot corner with y < 0 of `scene.six_pockets`.
+        foot_left: The object balls potted in pocket 3, the foot corner with y > 0.
         scratch: Whether the cue ball was potted.
         cushion_after: Whether any ball hit a cushion or was potted after the cue ball's first contact with a ball.
         driven: The object balls that hit a cushion or were potted (WPA 8.4).
@@ -134,6 +139,8 @@ class Facts(NamedTuple):
     cushions_before_last: int = 0
     potted: int = 0
     first_potted: int = 0
+    foot_right: int = 0
+    foot_left: int = 0
     scratch: bool = False
     cushion_after: bool = False
     driven: int = 0
@@ -177,7 +184,8 @@ STATE, CALL, FACTS, VERDICT = (_row_type(fields) for fields in (RulesState, Call
 _TYPES = {RulesState: STATE, Called: CALL, Facts: FACTS, Verdict: VERDICT}
 
 _NAMES = {"foul": FOULS, "in_hand": IN_HAND, "rack": RERACKS, "kind": CALLS, "choices": CALLS}
-_SETS = {"balls", "object_balls", "choices", "first", "potted", "first_potted", "driven", "spotted"}
+_SETS = {"balls", "object_balls", "choices", "first", "potted", "first_potted", "foot_right", "foot_left"}
+_SETS |= {"driven", "spotted"}
 
 
 def row(fields: RulesState | Called | Facts | Verdict) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from billiards_env.drawing.style import PALETTES
 from billiards_env.engine.compile import MODES, PIC, Engine
 from billiards_env.files import check_path, free_path
 from billiards_env.games import GAMES, History, Setup, opening, records
+from billiards_env.games.entry import Game
 from billiards_env.play.model import HUMAN, PACES, WindowModel, begin
 from billiards_env.players.levels import LEVELS
 from billiards_env.players.named import find_player
@@ -27,6 +28,11 @@ DT = 1 / 60
 
 REAL_SCENES = {"pool": "real_pool"}
 """The scenes of the window in place of the usual scenes of the games: they have jaws and throw."""
+
+
+def _games(condition: Callable[[Game], object]) -> str:
+    """Returns the names of the games that meet a condition."""
+    return ", ".join(name for name, game in GAMES.items() if condition(game))
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -49,13 +55,14 @@ def make_parser() -> argparse.ArgumentParser:
         "--scene",
         help=f"table, balls and physics: {', '.join(SCENES)}, or a JSON file (default: real_pool, snooker or carom)",
     )
-    add("--balls", type=int, help="number of object balls, for straight (default: 15)")
+    any_number = _games(lambda game: len(set(game.n_object_balls)) > 1)
+    add("--balls", type=int, help=f"number of object balls, for {any_number} (default: the most)")
     add("--layout", help=f"starting positions: {', '.join(layouts_of_games)} (default: the game's)")
-    add("--target", type=int, help="the score that wins, for straight and the carom games")
+    add("--target", type=int, help=f"the score that wins, for {_games(lambda game: game.target)}")
     add(
         "--call-shot",
         action="store_true",
-        help="eight ball, ten ball and straight pool: a potted ball counts only if it was called",
+        help=f"a potted ball counts only if it was called, for {_games(lambda game: game.callable)}",
     )
     add("--choices", action="store_true", help="players have choices other than a shot: push out, hand back, replace")
     add("--miss", action="store_true", help="snooker with the miss rule; needs --choices")

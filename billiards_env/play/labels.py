@@ -6,7 +6,7 @@ import numpy as np
 
 from billiards_env.drawing.style import colour_names
 from billiards_env.games import FOULS, choices
-from billiards_env.games.state import BEHIND
+from billiards_env.games.state import BEHIND, FOOT_LEFT, FOOT_RIGHT
 from billiards_env.play.model import HUMAN, WindowModel
 from billiards_env.players.levels import LEVELS
 from billiards_env.players.planner import Plan
@@ -73,6 +73,13 @@ def ball_name(scene: Scene, ball: int) -> str:
     return str(ball) if numbered else colour_names(scene)[ball]
 
 
+def pocket_name(scene: Scene, pocket: int) -> str:
+    """Returns the place of a pocket in the window."""
+    x, y = scene.table.pockets[pocket].x, scene.table.pockets[pocket].y
+    side = "middle" if abs(x) < scene.table.length / 4 else "left" if x < 0 else "right"
+    return f"{'upper' if y > 0 else 'lower'} {side} pocket"
+
+
 def status(model: WindowModel) -> str:
     """Returns the player whose turn it is and the present action."""
     state, setup, scene = model.game.state, model.setup, model.setup.scene
@@ -115,6 +122,8 @@ def on(model: WindowModel) -> str:
         return "break"
     if len(legal) == 1:
         return f"on: the {first}"
+    if setup.game_rules.foot_corners:
+        return f"any ball into the {pocket_name(scene, (FOOT_RIGHT, FOOT_LEFT)[state.player])}"
     if not setup.game_rules.groups:
         return "any ball"
     if state.solids < 0:
@@ -145,11 +154,8 @@ def advice(model: WindowModel, plan: Plan) -> str:
         return "a safety: no shot is likely to pot a ball"
     what = "keeps the turn"
     if plan.ball >= 0:
-        table = model.setup.scene.table
-        pocket = table.pockets[plan.pocket]
-        side = "middle" if abs(pocket.x) < table.length / 4 else "left" if pocket.x < 0 else "right"
-        ball = ball_name(model.setup.scene, plan.ball)
-        what = f"ball {ball} into the {'upper' if pocket.y > 0 else 'lower'} {side} pocket"
+        scene = model.setup.scene
+        what = f"ball {ball_name(scene, plan.ball)} into the {pocket_name(scene, plan.pocket)}"
     return f"{what}, {plan.probability:.0%} with the noise of a good player"
 
 

@@ -28,7 +28,7 @@ RNG, PLACES = np.random.default_rng, in_a_row(10)
 
 
 SETTINGS = [
-    ("one_pocket", {}, "rules = 'one_pocket'"),
+    ("croquet", {}, "rules = 'croquet'"),
     ("nine_ball", {"scene": Scene.named("pool", 8)}, "8 object balls: expected 9"),
     ("straight", {"scene": Scene.named("ideal", 16)}, "expected 1 to 15"),
     ("carom", {"scene": Scene.named("pool", 2)}, "without pockets"),
@@ -122,7 +122,7 @@ CALLS = [
     (lambda: custom_opening(setup("nine_ball"), PLACES[:9]), r"positions has shape \(9, 2\)"),
     (lambda: custom_opening(setup("nine_ball"), PLACES[[0, 1, 1, *range(3, 10)]]), "balls 1 and 2"),
     (lambda: setup("nine_ball").callable(opening(setup("nine_ball"), RNG(0)).state), "game = 'nine_ball'"),
-    (lambda: begun(task="one_pockets"), "task = 'one_pockets'"),
+    (lambda: begun(task="croquet"), "task = 'croquet'"),
     (lambda: begun(task="pot"), "task = 'pot' with n_players = 2: expected one of 'straight'"),
     (lambda: begun(task="eight_ball", n_object_balls=9), "9 object balls and 6 pockets: expected 15 object balls"),
     (lambda: begun(task="eight_ball", n_players=3), "n_players = 3"),
