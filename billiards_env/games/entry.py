@@ -66,6 +66,7 @@ class Game(NamedTuple):
         groups: Whether each player has a group of seven balls and then the eight ball.
         pots_any: Whether a legal shot may pot any ball, and not only those that may be touched first.
         cushions: The cushion contacts that the cue ball needs before the last ball of a carom.
+        banks: For players: whether a ball scores only after it hits a cushion.
         sure_pot: For players: the expected points of a turn with a sure pot, in a game that is won by points.
         most_points: Function of the number of object balls. Returns the most points of a rack.
         spot: Kernel `(table, positions, balls, others, cue)`, see `placement.spot_at_foot`.
@@ -95,6 +96,7 @@ class Game(NamedTuple):
     groups: bool = False
     pots_any: bool = False
     cushions: int = 0
+    banks: bool = False
     sure_pot: float = 1.0
     most_points: Callable[[int], int] = int
     spot: Kernel = spot_at_foot

@@ -46,7 +46,7 @@ def facts_of_shot(k, shots, bits):
     cue, hit = shots.cue[k], shots.first_hit[k]
     scratch, hits = shots.pockets[k, cue] >= 0, shots.cushions[k, cue]
     first, touched, before_last, potted, first_potted, driven = 0, 0, 0, 0, 0, 0
-    foot_right, foot_left, earliest = 0, 0, len(bits)
+    banked, foot_right, foot_left, earliest = 0, 0, 0, len(bits)
     for i in range(len(bits)):
         if i == cue:
             continue
@@ -58,6 +58,7 @@ def facts_of_shot(k, shots, bits):
         pocket = shots.pockets[k, i]
         if pocket >= 0:
             potted |= bits[i]
+            banked |= bits[i] if shots.cushions[k, i] > 0 else 0
             foot_right |= bits[i] if pocket == FOOT_RIGHT else 0
             foot_left |= bits[i] if pocket == FOOT_LEFT else 0
             if shots.pot_order[k, i] < earliest:
@@ -65,13 +66,16 @@ def facts_of_shot(k, shots, bits):
         if pocket >= 0 or shots.cushions[k, i] > 0:
             driven |= bits[i]
     # No object ball moves before the first contact, or before the strike that drives it together with the cue ball.
-    met = hit >= 0 and (scratch or driven != 0 or hits > shots.cushions_before_hit[k, hit])
+    before_first = shots.cushions_before_hit[k, hit] if hit >= 0 else 0
+    met = hit >= 0 and (scratch or driven != 0 or hits > before_first)
     return Facts(
         first=first,
         touched=touched,
+        cushions_before_first=before_first,
         cushions_before_last=before_last,
         potted=potted,
         first_potted=first_potted,
+        banked=banked,
         foot_right=foot_right,
         foot_left=foot_left,
         scratch=scratch,
@@ -89,6 +93,7 @@ def write_facts(records, bits, facts):
         shot, row = facts_of_shot(k, shots, bits), facts[k]
         row.first, row.touched, row.cushions_before_last = shot.first, shot.touched, shot.cushions_before_last
         row.potted, row.first_potted, row.scratch = shot.potted, shot.first_potted, shot.scratch
+        row.cushions_before_first, row.banked = shot.cushions_before_first, shot.banked
         row.foot_right, row.foot_left = shot.foot_right, shot.foot_left
         row.cushion_after, row.driven, row.cue_driven = shot.cushion_after, shot.driven, shot.cue_driven
 

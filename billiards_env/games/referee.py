@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.checks import one_of
-from billiards_env.games import carom, one_pocket, pool, snooker
+from billiards_env.games import bank_pool, carom, one_pocket, pool, snooker
 from billiards_env.games.entry import Game
 from billiards_env.games.state import (
     BEHIND,
@@ -32,7 +32,9 @@ from billiards_env.games.state import (
 )
 from billiards_env.jit import inlined, specialised
 
-GAMES: dict[str, Game] = {game.name: game for family in (pool, one_pocket, snooker, carom) for game in family.GAMES}
+GAMES: dict[str, Game] = {
+    game.name: game for family in (pool, one_pocket, bank_pool, snooker, carom) for game in family.GAMES
+}
 """The games by name."""
 
 

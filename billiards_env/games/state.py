@@ -123,9 +123,11 @@ class Facts(NamedTuple):
     Attributes:
         first: The balls that the cue ball touched first; several if it touched them at the same instant.
         touched: Number of balls that the cue ball touched.
-        cushions_before_last: Number of cushion contacts of the cue ball before it touched the last of these balls.
+        cushions_before_first: Number of cushion contacts of the cue ball before it touched the first of these balls.
+        cushions_before_last: The same for the last of these balls.
         potted: The potted object balls.
         first_potted: The object ball that was potted first, as a set; 0 if there is none.
+        banked: The potted object balls that hit a cushion; a jaw of a pocket counts.
         foot_right: The object balls potted in pocket 2, the foot corner with y < 0 of `scene.six_pockets`.
         foot_left: The object balls potted in pocket 3, the foot corner with y > 0.
         scratch: Whether the cue ball was potted.
@@ -136,9 +138,11 @@ class Facts(NamedTuple):
 
     first: int = 0
     touched: int = 0
+    cushions_before_first: int = 0
     cushions_before_last: int = 0
     potted: int = 0
     first_potted: int = 0
+    banked: int = 0
     foot_right: int = 0
     foot_left: int = 0
     scratch: bool = False
@@ -184,7 +188,7 @@ STATE, CALL, FACTS, VERDICT = (_row_type(fields) for fields in (RulesState, Call
 _TYPES = {RulesState: STATE, Called: CALL, Facts: FACTS, Verdict: VERDICT}
 
 _NAMES = {"foul": FOULS, "in_hand": IN_HAND, "rack": RERACKS, "kind": CALLS, "choices": CALLS}
-_SETS = {"balls", "object_balls", "choices", "first", "potted", "first_potted", "foot_right", "foot_left"}
+_SETS = {"balls", "object_balls", "choices", "first", "potted", "first_potted", "banked", "foot_right", "foot_left"}
 _SETS |= {"driven", "spotted"}
 
 

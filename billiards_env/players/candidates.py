@@ -146,7 +146,7 @@ def _pots(
     budget: Budget,
 ) -> _Pots | None:
     """Returns the pots of the legal balls, at most `most` of them indirect; None if there are none."""
-    state, n = game.state, len(game.positions)
+    state, n, only_banks = game.state, len(game.positions), setup.game_rules.banks
     targets = np.isin(np.arange(n), setup.legal(state))
     lying, legal = (np.tile(balls, (len(places), 1)) for balls in (is_in(on_table(state), n), targets))
     positions = np.repeat(game.positions[None], len(places), axis=0)
@@ -157,7 +157,8 @@ def _pots(
     parts, many = [], targets.sum() > _MANY  # the banks of many balls take too long
     for tip, offset in enumerate(tips):
         for piece in budget.pieces(len(places), _POT_TIME, first=tip == 0):
-            pots = find_pots(tables.take(piece), most=12, offset=offset, banks=None if many else tip == 0)
+            banks = only_banks or (None if many else tip == 0)
+            pots = find_pots(tables.take(piece), most=12, offset=offset, banks=banks, direct=not only_banks)
             place, k = np.nonzero(np.arange(pots.ball.shape[1]) < pots.count[:, None])
             tolerance = pots.rows[place, k, TOLERANCE]
             target = np.column_stack((pots.ball[place, k], pots.pocket[place, k]))
@@ -165,7 +166,7 @@ def _pots(
             shots = pots.shots[place, k]
             parts.append((piece.start + place, np.full(len(k), tip), target, shots, tolerance, share))
     easiest = max((part[-1].max(initial=0.0) for part in parts), default=0.0)
-    if not state.in_hand and setup.engine == PIC and easiest < _SURE and most:
+    if not (state.in_hand or only_banks) and setup.engine == PIC and easiest < _SURE and most:
         potted = np.arange(n) if setup.game_rules.pots_any else np.flatnonzero(targets)
         ways = find_indirect(setup, game, potted, max_speed, most, budget)
         pots = ways.target[:, 0] >= 0

@@ -99,6 +99,7 @@ def find_pots(
     offset: tuple[float, float] = (0.0, 0.0),
     banks: bool | None = False,
     speeds: bool = True,
+    direct: bool = True,
 ) -> Pots:
     """Returns the pots on m tables whose paths have no obstacle.
 
@@ -122,6 +123,7 @@ def find_pots(
             A bank that is not possible at any speed can take the place of another pot if there are more than `most`.
         speeds: False to leave out the shots (s is 0), which take most of the time. Then a pot that is not possible at
             any speed is kept, and a direct one prevents the search for banks.
+        direct: False to find banks only.
     """
     scene, m, k = tables.scene, len(tables.positions), most
     if k is None:  # a direct pot and a bank off each cushion
@@ -137,13 +139,13 @@ def find_pots(
     slip_ratio, spin_ratio = 1.0 - 2.5 * offset[1], -2.5 * offset[0]  # see `physics.strike.struck`
     on_table = tables.on_table.copy()  # numba compiles a second time for a read-only array
     fields = tables.cue, tables.positions, on_table, tables.targets, float(tables.max_speed), slip_ratio, spin_ratio
-    write_pots(scene_fields(scene), fields, (banks is not None, banks is True, speeds), tuple(pots))
+    write_pots(scene_fields(scene), fields, (banks is not None, banks is True, speeds, direct), tuple(pots))
     return pots
 
 
-def pot_shots(table: Tables) -> PotShots:
-    """Returns the pots of one table at several speeds."""
-    pots = find_pots(table)
+def pot_shots(table: Tables, direct: bool = True) -> PotShots:
+    """Returns the pots of one table at several speeds, see `find_pots`."""
+    pots = find_pots(table, direct=direct)
     count, s = int(pots.count[0]), len(SPEEDS)
     rows, shots = pots.rows[0, :count].repeat(s, axis=0), pots.shots[0, :count].reshape(-1, SHOT_WIDTH)
     scratch = shots[:, GAPS] < 0
@@ -163,8 +165,8 @@ def pot_shots(table: Tables) -> PotShots:
 def write_pots(scene, tables, flags, pots):
     """Writes the pots of all tables to `pots`; see `find_pots`.
 
-    `tables` holds the other fields of `TableArrays`. `flags`: find banks on tables without a direct
-    pot, find all banks, write the shots.
+    `tables` holds the other fields of `TableArrays`. `flags`: find banks on tables without a direct pot, find all
+    banks, write the shots, find direct pots.
     """
     scene, pots = scene_of(scene, 0), Pots(*pots)
     cue, positions, on_table, targets, max_speed, slip_ratio, spin_ratio = tables
@@ -173,8 +175,9 @@ def write_pots(scene, tables, flags, pots):
         table = TableArrays(scene, cue, positions[t], on_table[t], targets[t], max_speed, slip_ratio, spin_ratio)
         own = Pots(pots.count[t : t + 1], pots.ball[t], pots.pocket[t], pots.rows[t], pots.shots[t])
         own.count[0] = 0
-        _add_direct(table, own)
-        any_banks, all_banks, speeds = flags
+        any_banks, all_banks, speeds, direct = flags
+        if direct:
+            _add_direct(table, own)
         if speeds and not all_banks:
             _add_speeds(table, own, state)
         if all_banks or (any_banks and own.count[0] == 0):

@@ -46,6 +46,7 @@ class Situation(NamedTuple):
         noise: The expected execution noise: standard deviations of the direction, degrees, and of the speed, m/s.
         in_game: Whether it is a shot of a game, and not of a task.
         run_out: Whether only the present turn counts.
+        banks: Whether only banks score.
         place: x and y of the point where `stroke` places a cue ball in hand, m; None if it is not chosen yet.
         observation: The observation of the environment; None in a game.
     """
@@ -60,6 +61,7 @@ class Situation(NamedTuple):
     noise: Noise = (0.0, 0.0)
     in_game: bool = False
     run_out: bool = False
+    banks: bool = False
     place: Point | None = None
     observation: Any = None
 
@@ -70,8 +72,8 @@ class Situation(NamedTuple):
         return ACTIONS[self.action].size
 
     def pots(self) -> PotShots:
-        """Returns the direct pots, or the pots off one cushion if there is no direct pot, best first."""
-        return pot_shots(self.table)
+        """Returns the direct pots, or the pots off one cushion if no direct pot is possible or scores, best first."""
+        return pot_shots(self.table, direct=not self.banks)
 
     def full_hit(self) -> Floats:
         """Returns the direction (2,) to the target nearest to the cue ball."""
@@ -118,6 +120,7 @@ def game_situation(
         goals=goals,
         noise=noise,
         in_game=True,
+        banks=rules.banks,
         place=place,
     )
 

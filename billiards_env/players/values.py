@@ -24,7 +24,7 @@ Ints = NDArray[np.int64]
 
 _UNKNOWN = 0.7  # chance to pot with the next shot after a new rack, and in games without pockets
 _WITHOUT = 0.4  # probability of a win for a player who does not run out
-_NEAREST = 4  # balls whose pots are found in a leave in snooker
+_NEAREST = 4  # balls whose pots are found in a leave in snooker and bank pool
 _SECOND = 0.03  # weight of the second pot of a leave
 _LENGTH = 3.5e-3  # rad; tolerance of a usual pot with a usual leave
 _IN_HAND = np.zeros(WIDTH)  # the pots with the cue ball in hand
@@ -138,20 +138,21 @@ class Values:
     def _pots(self, played: PlayedBatch, legal: Ints, needed: NDArray[np.bool_]) -> Floats:
         """Returns (m, `run_outs.POTS`, w) the easiest pots after m shots, as in `Pots.rows`; see `next_pot_chance`."""
         rows, balls = np.zeros((len(needed), run_outs.POTS, WIDTH)), np.arange(played.positions.shape[1])
+        rules, most = self._setup.game_rules, min(_NEAREST, len(balls))
         for mask in np.unique(legal[needed]).tolist():
             which = np.flatnonzero(needed & (legal == mask))
             on_table = (played.states["object_balls"][which, None] >> balls & 1) > 0
             on_table[:, CUE_BALL] = True
             targets = (mask >> balls & 1) > 0
-            banks: bool | None = False
-            if self._setup.game_rules.has_spots:  # the pots of many balls take too long
-                banks = None
+            if rules.has_spots or rules.banks:  # the pots of many balls take too long
                 to_cue = played.positions[which] - played.positions[which, :1]
                 far = np.where(targets, np.hypot(to_cue[..., 0], to_cue[..., 1]).mean(axis=0), np.inf)
-                targets &= far <= np.sort(far)[_NEAREST - 1]
+                targets &= far <= np.sort(far)[most - 1]
             targets = np.tile(targets, (len(which), 1))
             tables = Tables(self._setup.scene, played.positions[which], on_table, targets, self._max_speed)
-            rows[which] = find_pots(tables, most=run_outs.POTS, banks=banks, speeds=False).rows
+            banks = None if rules.has_spots else rules.banks
+            pots = find_pots(tables, most=run_outs.POTS, banks=banks, speeds=False, direct=not rules.banks)
+            rows[which] = pots.rows
         return rows
 
 

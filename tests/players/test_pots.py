@@ -7,7 +7,7 @@ from billiards_env import Scene, simulate
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.physics.laws.cloth import arrival, launch, travel_time
 from billiards_env.players.env_player import env_situation
-from billiards_env.players.pots import pot_shots
+from billiards_env.players.pots import WALL, find_pots, pot_shots
 from billiards_env.scene import Balls, Physics, Table
 from billiards_env.shots.tables import Tables
 from tests.helpers.layouts import at
@@ -101,3 +101,12 @@ def test_the_geometric_player_pots_with_a_smaller_cue_ball():
     for direction, speed in zip(pots.direction, pots.speed, strict=True):
         shot = simulate(scene, places, speed * direction)
         assert shot.potted[1]
+
+
+def test_without_direct_pots_there_are_banks_only():
+    places = np.array([[0.6, 0.1], [1.07, 0.435], [-0.5, 0.0]])
+    table = Tables(Scene.named("pool", 2), places[None], np.ones((1, 3), bool), np.array([[False, True, True]]), 5.0)
+    usual, banks = find_pots(table), find_pots(table, direct=False)
+    assert (usual.rows[0, : usual.count[0], WALL] < 0).all()
+    assert banks.count[0] > 0
+    assert (banks.rows[0, : banks.count[0], WALL] >= 0).all()

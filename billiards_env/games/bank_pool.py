@@ -1,0 +1,95 @@
+"""The rules of bank pool, a game for two players.
+
+The numbers are those of the "Complete Bank Pool Rules" of OnePocket.org, a draft of 27 January 2006
+(onepocket.org/BankPoolRules.htm), of which the rules 1 to 3.2 were available. The rules for fouls are those of a
+secondary source, a copy of the rules of the Billiard Congress of America (mobsea.com/Rules-to-play-Bank-pool, 11). The
+rules are simplified:
+
+* A bank is a potted ball that the cue ball touched first, before it hit a cushion itself, and that hit a cushion before
+  its pot. The rules also exclude a ball that another ball or a second touch of the cue ball sends into the pocket; this
+  is not checked. On a table with jaws a ball that only touches a jaw counts as banked.
+* Shots are called (3.1) only in a state with `call_shot`, without the cushions of the ball's path. Otherwise any bank
+  counts. If a shot pots two banks, the one with the lower number scores.
+* Balls are spotted after each shot, and not at the end of the inning (2.1).
+* The break has no requirement (2.2, 2.3). After a break that does not meet these rules, the next player accepts the
+  balls as they lie.
+* Three consecutive fouls lose without a warning. A player who shoots from behind the head string may first touch a ball
+  behind it.
+
+The kernels have the arguments of `entry.Game`.
+"""
+
+from __future__ import annotations
+
+from billiards_env.games.entry import Game
+from billiards_env.games.one_pocket import majority, owed_balls, penalty_ball
+from billiards_env.games.pool import any_ball, called_balls, standard_foul
+from billiards_env.games.state import BEHIND, NO_FOUL, SCRATCH, end, verdict
+from billiards_env.jit import inlined
+
+
+@inlined
+def banks(facts):
+    """Returns the balls that a shot banked: see the module's docstring."""
+    return facts.banked & facts.first if facts.cushions_before_first == 0 else 0
+
+
+@inlined
+def bank_pool(state, facts, call):
+    """Judges a shot of bank pool, a game to the target score.
+
+    A bank scores a point, and the shooter continues (1, 3.2). A shot scores one point at most; all other potted balls
+    are spotted. Balls that are potted on the break do not score, but the shooter continues (2.1).
+
+    A foul costs a point, for which a ball is spotted. After a scratch the next player has the cue ball in hand behind
+    the head string. A player without a point owes a ball: the score falls below 0, and as many of the next balls that
+    score are spotted. The third consecutive foul loses (11).
+
+    The target score wins. If no ball is left, the higher score wins; a tie has no winner. Without a target (0), the
+    game ends in this way only.
+    """
+    player, foul = state.player, standard_foul(facts, state.object_balls)
+    if foul == SCRATCH:
+        state.in_hand = BEHIND
+    if foul != NO_FOUL:
+        if state.target > 0 and state.fouls[player] == 2:
+            end(state, 1 - player)
+        return verdict(foul, -1, spotted=facts.potted | penalty_ball(state))
+    if state.break_shot:
+        return verdict(continues=facts.potted != 0, spotted=facts.potted)
+    counted = called_balls(state, banks(facts), call)
+    counted &= -counted
+    points, owed = 1 if counted != 0 else 0, owed_balls(counted, state.scores[player])
+    spotted, score, other = (facts.potted & ~counted) | owed, state.scores[player] + points, state.scores[1 - player]
+    if 0 < state.target <= score:
+        end(state, player)
+    elif (state.object_balls & ~facts.potted) | spotted == 0:
+        end(state, -1 if score == other else player if score > other else 1 - player)
+    return verdict(points=points, continues=counted != 0, spotted=spotted)
+
+
+GAMES = (
+    Game(
+        "bank_pool",
+        bank_pool,
+        any_ball,
+        scene="pool",
+        layouts=("rack", "tight_rack", "random"),
+        n_object_balls=(1, 15),
+        won_by="`target` points: balls that hit a cushion before the pot, by default a majority",
+        n_players=(2, 2),
+        target=majority,
+        callable=any_ball,
+        counts_fouls=True,
+        banks=True,
+        page=(
+            ("to win", "score the target with a point for each bank"),
+            ("bank", "the cue ball first touches the ball, off no cushion; the ball hits a cushion before its pot"),
+            ("other balls", "all other potted balls are spotted, also on the break"),
+            ("turn", "a player continues after a bank, and after a pot on the break"),
+            ("foul", "cue ball potted, no ball hit, no cushion hit afterwards"),
+            ("after a foul", "1 point is lost and a ball spotted; a potted cue ball is in hand behind the line"),
+            ("three fouls", "three fouls in a row lose"),
+        ),
+    ),
+)
