@@ -33,7 +33,7 @@ def no_rack(table, positions, others, cue):
 
 @inlined
 def no_free_ball(table, positions, state, on):
-    """Is `Game.free_ball` of a game without free balls."""
+    """Is `Game.free_ball` of a game without free balls and free shots."""
     return False
 
 
@@ -72,7 +72,7 @@ class Game(NamedTuple):
         spot: Kernel `(table, positions, balls, others, cue)`, see `placement.spot_at_foot`.
         rack: Kernel `(table, positions, others, cue)`, see `placement.rack_again`.
         free_ball: Kernel `(table, positions, state, on)`, see `snooker.is_snookered`. Returns whether a foul gives the
-            next player a free ball.
+            next player a free ball or a free shot.
     """
 
     name: str

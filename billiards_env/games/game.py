@@ -17,7 +17,7 @@ from billiards_env.checks import Range, flag, integer, one_of, real, shaped, sho
 from billiards_env.engine.compile import PIC, Engine, check_engine, scene_fields
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shot_input import ShotInput
-from billiards_env.games.entry import Game
+from billiards_env.games.entry import Game, no_free_ball
 from billiards_env.games.facts import facts_of
 from billiards_env.games.placement import cue_ball_point
 from billiards_env.games.referee import GAMES, callable_balls, first_state, legal_balls
@@ -326,8 +326,8 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
         required = {*rules.cue_balls, *(() if deciding is None else (deciding % n,))}
     enough = required <= lying and len(lying) > 1
     _expect(enough, shown["on_table"], f"the balls {sorted(required)} and at least one object ball")
-    for name in ("break_shot", "colour", "free_ball"):
-        possible = name == "break_shot" or rules.has_spots
+    flags = {"break_shot": True, "colour": rules.has_spots, "free_ball": rules.free_ball is not no_free_ball}
+    for name, possible in flags.items():
         _expect(
             not flag(f"state.{name}", values[name]) or possible, f"{shown[name]} with rules {setup.rules!r}", "False"
         )

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.checks import one_of
-from billiards_env.games import bank_pool, carom, one_pocket, pool, snooker
+from billiards_env.games import bank_pool, blackball, carom, one_pocket, pool, snooker
 from billiards_env.games.entry import Game
 from billiards_env.games.state import (
     BEHIND,
@@ -33,7 +33,7 @@ from billiards_env.games.state import (
 from billiards_env.jit import inlined, specialised
 
 GAMES: dict[str, Game] = {
-    game.name: game for family in (pool, one_pocket, bank_pool, snooker, carom) for game in family.GAMES
+    game.name: game for family in (pool, one_pocket, bank_pool, blackball, snooker, carom) for game in family.GAMES
 }
 """The games by name."""
 

@@ -33,7 +33,7 @@ the table."""
 NOT_IN_HAND, BEHIND, ANYWHERE = range(len(IN_HAND))
 
 FOULS = ("", "scratch", "no_hit", "wrong_ball", "wrong_pot", "no_cushion", "illegal_break", "breaking_foul")
-"""The fouls; "" means no foul. "scratch" is a potted cue ball, "wrong_pot" a potted ball that is not on (snooker),
+"""The fouls; "" means no foul. "scratch" is a potted cue ball, "wrong_pot" a potted ball that is not on,
 "breaking_foul" a bad opening break of straight pool."""
 NO_FOUL, SCRATCH, NO_HIT, WRONG_BALL, WRONG_POT, NO_CUSHION, ILLEGAL_BREAK, BREAKING_FOUL = range(len(FOULS))
 
@@ -77,7 +77,7 @@ class RulesState(NamedTuple):
         miss: Whether snooker is played with the miss rule.
         reds: In snooker, the number of red balls of a full table: the balls 1 to `reds`.
         colour: In snooker, whether a colour of the player's choice is on.
-        free_ball: In snooker, whether the player has a free ball.
+        free_ball: Whether the player has a free ball (snooker) or a free shot (blackball).
         over: Whether the game is over.
         winner: The player who has won, or -1.
     """

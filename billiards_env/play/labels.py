@@ -118,6 +118,8 @@ def on(model: WindowModel) -> str:
         if state.free_ball:
             return f"free ball{chosen or ', any ball'}"
         return f"on: a colour{chosen}" if state.colour else f"on: {first}"
+    if state.free_ball:
+        return "free shot, any ball"
     if state.break_shot:
         return "break"
     if len(legal) == 1:

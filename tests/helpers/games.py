@@ -19,6 +19,8 @@ def setup(rules, balls=None, **kwargs):
     scene = Scene.named(game.scene, balls or game.n_object_balls[1])
     if rules == "snooker":  # it runs the code that is compiled for the pool games
         scene = dataclasses.replace(scene, physics=Scene.named("real_pool").physics)
+    if rules == "blackball":
+        scene = Scene.named("real_pool", scene.n_balls - 1)
     return Setup(rules, **{"scene": scene, **kwargs})
 
 

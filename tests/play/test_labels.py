@@ -20,6 +20,7 @@ PROMPTS = [
     ("eight_ball", {"solids": 0, "on_table": [0, 8, 9, 10]}, "on: the 8"),
     ("nine_ball", {"on_table": [0, 4, 7, 9]}, "on: the 4"),
     ("straight", {}, "any ball"),
+    ("blackball", {"free_ball": True}, "free shot, any ball"),
     ("one_pocket", {}, "any ball into the lower right pocket"),
     ("snooker", {"break_shot": True}, "on: red"),
     ("snooker", {"colour": True}, "on: a colour"),

@@ -1,0 +1,105 @@
+"""The rules of blackball, a game for two players with the balls of UK pool.
+
+The numbers are those of the "World Pool Association Blackball Rules 2005". The sources are the definitions at the
+beginning of this text (vdocuments.us) and secondary ones: the visual guide of Blackball International
+(blackballinternational.org/blackball-pool-rules/visual-guide), and for the numbers a program whose tests cite them. The
+balls 1 to 7 and 9 to 15 are the two groups, and the 8 is black. The rules are simplified:
+
+* A break that pots no ball must drive two object balls to a cushion. Rule 4b requires that two balls cross the line
+  between the middle pockets. The balls are not racked again after a bad break.
+* A black ball that is potted on the break is spotted, and the same player continues. Rule 4d requires a new break.
+* After a foul the cue ball stays where it lies, except after a scratch (6c gives the choice of the baulk area).
+* A snookered player also has to pot a ball or to drive one to a cushion (5g).
+* The rules for touching balls, jumps, stalemate and deliberate fouls are missing.
+* A black ball potted together with the last ball of the group loses (7b).
+
+The kernels have the arguments of `entry.Game`.
+"""
+
+from __future__ import annotations
+
+from billiards_env.games.entry import Game
+from billiards_env.games.pool import EIGHT, SOLIDS, STRIPES, group_of, group_or_eight, standard_foul
+from billiards_env.games.state import BEHIND, ILLEGAL_BREAK, NO_FOUL, WRONG_POT, end, size, verdict
+from billiards_env.jit import inlined
+
+
+@inlined
+def free_shot(table, positions, state, on):
+    """Returns whether a foul gives the next player a free shot, as `Game.free_ball`: always (6a)."""
+    return True
+
+
+@inlined
+def balls_on(state, player):
+    """Returns the balls that a player may touch first: any ball in a free shot (6b), else as in eight ball."""
+    if state.free_ball and player == state.player:
+        return state.object_balls
+    return group_or_eight(state, player)
+
+
+@inlined
+def blackball(state, facts, call):
+    """Judges a shot of blackball.
+
+    A player pots one group, and then the black ball. The table is open until a shot, which is neither the break nor a
+    free shot, pots balls of one group alone: this is then the group of the shooter (4e, 4f). The shooter continues
+    after potting a ball of the group, also together with balls of the other group; on an open table after potting any
+    ball. To pot only balls of the other group is a foul.
+
+    After a foul the next player has a free shot and then the visit (6a). In the free shot any ball may be touched first
+    and potted (6b), and the shooter continues with the visit, whether the shot pots a ball or not. After a scratch the
+    cue ball is in hand behind the baulk line. Potted balls remain potted.
+
+    A player who pots the black ball with a foul, or before the last ball of the group, loses (7b).
+    """
+    player, free, group = state.player, state.free_ball, group_of(state, state.player)
+    foul, own = standard_foul(facts, balls_on(state, player)), facts.potted & group
+    if facts.scratch:
+        state.in_hand = BEHIND
+    if state.break_shot:
+        if facts.potted & EIGHT != 0:
+            return verdict(continues=True, spotted=EIGHT)
+        if foul == NO_FOUL and facts.potted == 0 and size(facts.driven) < 2:
+            foul = ILLEGAL_BREAK
+        return verdict(foul, continues=foul == NO_FOUL and facts.potted != 0)
+    if facts.potted & EIGHT != 0:
+        cleared = state.object_balls & group == 0
+        end(state, player if foul == NO_FOUL and cleared else 1 - player)
+        return verdict(foul)
+    if foul == NO_FOUL and facts.potted != 0 and own == 0 and not free:
+        foul = WRONG_POT
+    if foul != NO_FOUL:
+        return verdict(foul)
+    if state.solids < 0 and own != 0 and not free:
+        if own & STRIPES == 0:
+            state.solids = player
+        elif own & SOLIDS == 0:
+            state.solids = 1 - player
+    return verdict(continues=own != 0 or free)
+
+
+GAMES = (
+    Game(
+        "blackball",
+        blackball,
+        balls_on,
+        scene="uk_pool",
+        layouts=("eight_ball", "random"),
+        n_object_balls=(15, 15),
+        won_by="potting one group of balls, then the black ball",
+        n_players=(2, 2),
+        deciding_ball=8,
+        groups=True,
+        free_ball=free_shot,
+        page=(
+            ("to win", "pot all balls of your group, then the black"),
+            ("groups", "reds and yellows; a shot that pots balls of one group decides, but no break and no free shot"),
+            ("turn", "a player continues after potting a ball of the group"),
+            ("foul", "white potted, no ball or a wrong ball hit first, no cushion hit afterwards, wrong ball potted"),
+            ("after a foul", "a free shot at any ball, then the usual visit; a potted white is behind the line"),
+            ("break", "pot a ball, or drive two balls to a cushion; the black is spotted"),
+            ("to lose", "pot the black too early or on a foul"),
+        ),
+    ),
+)
