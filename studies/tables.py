@@ -1,4 +1,4 @@
-"""The tables of games, numbers of the physics, actions and features in the documentation, from their entries."""
+"""The tables of games, their modules, numbers of the physics, actions and features in the documentation."""
 
 from __future__ import annotations
 
@@ -14,12 +14,14 @@ from billiards_env.checks import RANGES
 from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.observations import FEATURES
 from billiards_env.games import GAMES
+from billiards_env.games.referee import FAMILIES
 from billiards_env.scene import PARAMETERS, Physics
 
 
 def blocks(_: Mapping[str, Any]) -> dict[str, str]:
     """Returns the tables by name. They need no measurement."""
-    return {"games": games(), "physics": physics(), "actions": actions(), "features": features()}
+    rules = "\n\n".join(f"::: {family.__name__}" for family in FAMILIES)
+    return {"games": games(), "rules": rules, "physics": physics(), "actions": actions(), "features": features()}
 
 
 def games() -> str:

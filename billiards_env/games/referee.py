@@ -32,9 +32,10 @@ from billiards_env.games.state import (
 )
 from billiards_env.jit import inlined, specialised
 
-GAMES: dict[str, Game] = {
-    game.name: game for family in (pool, one_pocket, bank_pool, blackball, snooker, carom) for game in family.GAMES
-}
+FAMILIES = pool, one_pocket, bank_pool, blackball, snooker, carom
+"""The modules with the rules of the games."""
+
+GAMES: dict[str, Game] = {game.name: game for family in FAMILIES for game in family.GAMES}
 """The games by name."""
 
 

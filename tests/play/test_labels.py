@@ -72,6 +72,8 @@ def test_the_result_of_a_shot(make_model):
     assert labels.result(potted) == "potted 1   1 : 0"
     missed = actions.go(actions.go(actions.turn_aim(potted, 90.0)))
     assert labels.result(missed) == "foul: no hit   0 : 0"
+    given = make_model("one_pocket", [[0.97, 0.335], [1.07, 0.435], [-0.5, 0.0]])
+    assert labels.result(actions.go(actions.go(given))) == "potted 1   0 : 1"
     snooker = actions.look_at(make_model("snooker", SNOOKER, {}, choices=True, miss=True), (0.3, -0.5))
     assert labels.result(actions.go(actions.go(snooker))) == "foul and a miss: no hit, 4 points   0 : 4"
 

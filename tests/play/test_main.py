@@ -61,7 +61,8 @@ def history(*arguments, seed=0):
 def test_the_default_games():
     setup = history().setup
     assert (setup.rules, setup.n_players, setup.engine, setup.scene.n_balls) == ("eight_ball", 2, PIC, 16)
-    for rules, scene in (("eight_ball", "real_pool"), ("nine_ball", "real_pool"), ("snooker", "snooker")):
+    scenes = {"eight_ball": "real_pool", "one_pocket": "real_pool", "blackball": "uk_pool", "snooker": "snooker"}
+    for rules, scene in scenes.items():
         setup = history("--rules", rules).setup
         assert setup.scene == Scene.named(scene, setup.scene.n_balls - 1)
     assert history("--scene", "uk_pool").setup.scene == Scene.named("uk_pool")
