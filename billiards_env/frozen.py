@@ -172,6 +172,9 @@ _GAMES: dict[str, tuple[str, str, int, str, int | None, list[str]]] = {
     "EightBallGame": ("eight_ball", "pool", 15, "rack", None, _POOL),
     "NineBallGame": ("nine_ball", "pool", 9, "rack", None, [*_POOL, "fouls"]),
     "TenBallGame": ("ten_ball", "pool", 10, "rack", None, [*_POOL, "fouls"]),
+    "OnePocketGame": ("one_pocket", "pool", 15, "rack", 8, [*_POOL, "own_pocket", "fouls", "scores"]),
+    "BankPoolGame": ("bank_pool", "pool", 9, "rack", 5, [*_POOL, "fouls", "scores"]),
+    "BlackballGame": ("blackball", "uk_pool", 15, "eight_ball", None, _POOL),
     "SnookerGame": ("snooker", "snooker", 21, "snooker", 0, [*_POOL, "scores"]),
     "CaromGame": ("carom", "carom", 2, "carom_opening", 10, ["positions", "legal_balls", "break", "scores"]),
     "ThreeCushionGame": (

@@ -1,56 +1,73 @@
-"""Self-play in nine ball with Stable-Baselines3: `python examples/self_play.py` (extra `train`).
+"""Self-play in nine ball with MaskablePPO: `python examples/self_play.py` (extras `train` and `masks`).
 
-A policy first learns to run out racks of nine ball alone. Then it plays games against frozen copies of itself, and
-learns from won and lost games. `Opponents` plays the turns of the copy, so the learner sees an environment of one
-player. The command prints the share of games that the policy wins against other players, before and after the games.
+An action is a plan: a ball, a pocket and a speed, made into a shot by geometry. The policy first learns alone to pot
+the balls of a rack in their order. Then it plays games against frozen copies of itself, and learns from won and lost
+games. `Opponents` plays the turns of the copy, so the learner sees an environment of one player. The command prints the
+share of games that the policy wins against other players, before and after these games.
 """
 
-import copy
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import torch
-from stable_baselines3 import PPO
+from sb3_contrib import MaskablePPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 from billiards_env.envs import Opponents
+from billiards_env.envs.plans import Plans
 from billiards_env.players.env_player import acting_in
 from billiards_env.players.named import find_player
-from billiards_env.sb3 import PPO_SETTINGS, AimPolicy, SameStepVecEnv
+from billiards_env.sb3 import SameStepVecEnv
+from billiards_env.shots.tables import Tables
 
-TABLE = {"task": "nine_ball", "observe": ("positions", "legal_balls"), "max_speed": 8.0}
-GAME = {**TABLE, "n_players": 2, "can_place": False, "max_shots": 60}
+OBSERVE = ("positions", "potted", "legal_balls", "free_to_balls", "free_to_pockets")
+RACK = {"task": "nine_ball", "observe": OBSERVE, "max_speed": 8.0}
+GAME = {**RACK, "n_players": 2, "can_place": False, "max_shots": 60}
 RIVALS = ("random", "search:20", "planner:beginner")
 
 
-def games(num_envs: int) -> Any:
-    """Returns games of two players, in which a cue ball in hand is placed near the head spot."""
-    return gym.make_vec("billiards_env:Billiards-v0", num_envs, **GAME)
+def make(num_envs: int, **arguments: Any) -> Any:
+    """Returns a vector environment without wrappers."""
+    return gym.make_vec("billiards_env:Billiards-v0", num_envs, **arguments).unwrapped
 
 
-def copy_of(policy: Any) -> Callable:
-    """Returns a frozen copy of a policy for `Opponents`."""
-    frozen = copy.deepcopy(policy)
-    return lambda observations, rows: frozen.predict(observations, deterministic=True)[0]
+def copy_of(policy: Any) -> Any:
+    """Returns a frozen copy of a policy."""
+    copied = type(policy)(**policy._get_constructor_parameters())
+    copied.load_state_dict(policy.state_dict())
+    return copied
 
 
-def share_of_wins(policy: Callable, rival: str, count: int) -> float:
+def planning(model: Any, games: Any) -> Callable:
+    """Returns the function that plays a frozen copy of a policy of plans in games, whose actions may be velocities."""
+    policy, scene = copy_of(model.policy), games.single_env.scene
+    plans, converts = Plans(scene), games.single_env.action == "velocity"
+
+    def play(observations: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        on_table, legal = ~games.potted[rows], games.legal_balls[rows]
+        tables = Tables(scene, games.positions[rows], on_table, legal, GAME["max_speed"])
+        chosen, _ = policy.predict(observations, action_masks=plans.mask(tables), deterministic=True)
+        return plans.velocities(chosen.astype(float), tables) / GAME["max_speed"] if converts else chosen
+
+    return play
+
+
+def share_of_wins(model: Any, rival: str, count: int) -> float:
     """Returns the share of games with a winner that a policy wins against a player. Both break equally often."""
-    envs = games(count)
-    rival_policy = acting_in(find_player(rival, envs.unwrapped.single_env), envs.unwrapped, seed=0)
-    observations, infos = envs.reset(seed=1)
+    games = make(count, **GAME)
+    players = planning(model, games), acting_in(find_player(rival, games.single_env), games, seed=0)
+    observations, infos = games.reset(seed=1)
     seats, over = np.arange(count) % 2, np.zeros(count, bool)
     winners, next_player = np.full(count, -1), infos["next_player"].copy()
     while not over.all():
-        actions = np.zeros(envs.action_space.shape)
-        own = next_player == seats
-        for mask, play in ((own & ~over, policy), (~own & ~over, rival_policy)):
-            if mask.any():
-                actions[mask] = play(observations[mask], np.flatnonzero(mask))
-        played = ~over
-        observations, _, over, _, infos = envs.unwrapped.step_where(played, actions)
+        actions, played = np.zeros(games.action_space.shape), ~over
+        for own, play in zip((next_player == seats, next_player != seats), players, strict=True):
+            rows = np.flatnonzero(own & played)
+            if len(rows):
+                actions[rows] = play(observations[rows], rows)
+        observations, _, over, _, infos = games.step_where(played, actions)
         winners[played], next_player[played] = infos["winner"][played], infos["next_player"][played]
     return (winners == seats).sum() / max((winners >= 0).sum(), 1)
 
@@ -65,30 +82,32 @@ class NewCopy(BaseCallback):
     def _on_rollout_start(self) -> None:
         self.rollouts += 1
         if self.rollouts % self.every == 0:
-            self.envs.policy = copy_of(self.model.policy)
+            self.envs.policy = planning(self.model, self.envs.unwrapped)
 
     def _on_step(self) -> bool:
         return True
 
 
-def run(alone: int, against_itself: int, n_games: int = 200) -> dict[str, tuple[float, float]]:
-    """Learns alone, then in games. Returns the shares of games won against `RIVALS`, before and after the games."""
+def run(
+    alone: int, against_itself: int, n_games: int = 200, rivals: Sequence[str] = RIVALS
+) -> dict[str, tuple[float, float]]:
+    """Learns alone, then in games. Returns the shares of games won against rivals, before and after the games."""
     torch.set_num_threads(1)
-    settings: dict[str, Any] = {**PPO_SETTINGS, "n_steps": 4, "gamma": 0.9, "seed": 0}
-    arguments = {"hidden": 128, "speeds": [0.1, 0.3, 0.6, 1.0], "exploration": max(alone // 2, 1)}
-    racks = gym.make_vec("billiards_env:Billiards-v0", 1024, **TABLE, layout="random", max_shots=30)
-    model = PPO(AimPolicy, SameStepVecEnv(racks), **settings, policy_kwargs=arguments)
-    model.learn(alone)
-    before = [share_of_wins(copy_of(model.policy), rival, n_games) for rival in RIVALS]
+    settings: dict[str, Any] = {"n_steps": 32, "batch_size": 1024, "n_epochs": 4, "gamma": 0.9, "ent_coef": 0.003}
+    settings |= {"learning_rate": 1e-3, "policy_kwargs": {"net_arch": [256, 256]}, "device": "cpu", "seed": 0}
+    racks = make(128, **RACK, action="plan", layout="random", max_shots=30)
+    model = MaskablePPO("MlpPolicy", SameStepVecEnv(racks), **settings).learn(alone)
+    before = [share_of_wins(model, rival, n_games) for rival in rivals]
 
-    envs = Opponents(games(1024), copy_of(model.policy))
-    learner = PPO(AimPolicy, SameStepVecEnv(envs), **settings, policy_kwargs=arguments)
+    games = make(128, **GAME, action="plan")
+    envs = Opponents(games, planning(model, games))
+    learner = MaskablePPO("MlpPolicy", SameStepVecEnv(envs), **{**settings, "learning_rate": 3e-4})
     learner.policy.load_state_dict(model.policy.state_dict())
-    learner.learn(against_itself, NewCopy(envs, every=10))
-    after = [share_of_wins(copy_of(learner.policy), rival, n_games) for rival in RIVALS]
-    return dict(zip(RIVALS, zip(before, after, strict=True), strict=True))
+    learner.learn(against_itself, NewCopy(envs, every=5))
+    after = [share_of_wins(learner, rival, n_games) for rival in rivals]
+    return dict(zip(rivals, zip(before, after, strict=True), strict=True))
 
 
 if __name__ == "__main__":
-    for rival, (first, last) in run(200_000, 200_000).items():
+    for rival, (first, last) in run(300_000, 300_000).items():
         print(f"games won against {rival}: {first:.0%} before the games, {last:.0%} after them")

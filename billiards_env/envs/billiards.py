@@ -134,11 +134,9 @@ class BilliardsEnv(gym.Env[Any, Any]):
 
     ## Games
 
-    With `n_players` from 2 to 4 the task is a game of `billiards_env.games.GAMES`: `"straight"`, `"eight_ball"`,
-    `"nine_ball"`, `"ten_ball"`, `"snooker"`, `"carom"` or `"three_cushion"`. The players take turns in the environment:
-    each step is a shot of the player whose turn it is. The rules follow the World Pool-Billiard Association, the World
-    Professional Billiards and Snooker Association and the Union Mondiale de Billard, with the simplifications listed in
-    the docstrings of `games.pool`, `games.snooker` and `games.carom`.
+    With `n_players` from 2 to 4 the task is one of `billiards_env.games.GAMES`, such as `"straight"`, `"nine_ball"`,
+    `"snooker"` or `"carom"`. The players take turns in the environment: each step is a shot of the player whose turn it
+    is. The docstrings of the modules in `billiards_env.games` list the rules, their sources and what is simplified.
 
     An action has the numbers of the shot, and then, in games with pockets, two numbers for the place of a cue ball in
     hand: x and y, from -1 to 1 over the table or the part behind the head string, except for a margin of 1 mm at the
@@ -161,15 +159,15 @@ class BilliardsEnv(gym.Env[Any, Any]):
     without other choices plays an ordinary shot. After "hand_back" and "replace" no ball moves, and the previous player
     plays.
 
-    The observation is that of the player to shoot. The features "break", "in_hand", "choices", "fouls" and "scores"
-    follow the positions and the legal balls, as far as the game has them. The scores and the numbers of consecutive
-    fouls begin with those of the observing player. In the games with two cue balls the cue ball of the next shot is
-    ball 0 of the observation, and ball 0 takes its place. A cue ball in hand is observed at a free place near the head
-    spot. `env.unwrapped.observe_as(player)` returns the observation of a player who waits.
+    The observation is that of the player to shoot. The features "break", "in_hand", "own_pocket", "choices", "fouls"
+    and "scores" follow the positions and the legal balls, as far as the game has them. The scores and the numbers of
+    consecutive fouls begin with those of the observing player. In the games with two cue balls the cue ball of the next
+    shot is ball 0 of the observation, and ball 0 takes its place. A cue ball in hand is observed at a free place near
+    the head spot. `env.unwrapped.observe_as(player)` returns the observation of a player who waits.
 
     The reward is that of the player of the shot. The rewards of the other players are the negative reward in equal
-    parts. In `"eight_ball"`, `"nine_ball"` and `"ten_ball"` the points of a shot are 1 for winning the game and -1 for
-    losing it. In the other games they are those of the rules, in snooker minus the penalty points for the other player.
+    parts. In games without a score, such as `"eight_ball"` and `"nine_ball"`, the points of a shot are 1 for winning
+    the game and -1 for losing it. In the others they are those of the rules, minus the points for the next player.
     An episode is a game. It ends when the game is over, or as a draw after `max_shots` shots. The info also has:
 
     | Key           | Type                   | Description                                             | After `reset` |

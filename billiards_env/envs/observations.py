@@ -35,7 +35,7 @@ from billiards_env.scene import Scene
 
 _LEEWAY = 1e-9  # m, by which a path may overlap a ball, because the positions of balls that touch are rounded
 
-USUAL = ("positions", "goal", "legal_balls", "break", "in_hand", "choices", "fouls", "scores")
+USUAL = ("positions", "goal", "legal_balls", "break", "in_hand", "own_pocket", "choices", "fouls", "scores")
 """The features of an environment without the argument `observe`, as far as its task has them."""
 
 
@@ -135,12 +135,13 @@ def write_physics(begin, end, observations, first, physics, ranges):
 def players_of(model: Model) -> dict[str, int]:
     """Returns the sizes of the features of games of several players; 0 where the game has no such thing."""
     if model.setup is None:
-        return dict.fromkeys(("turn", "in hand", "choices", "fouls", "scores"), 0)
+        return dict.fromkeys(("turn", "in hand", "own pocket", "choices", "fouls", "scores"), 0)
     setup, game = model.setup, model.setup.game_rules
     counted = game.counts_fouls and (setup.n_players == 2 if setup.target is None else setup.target > 0)
     return {
         "turn": 1,
         "in hand": 2 * game.pockets,
+        "own pocket": int(game.foot_corners),
         "choices": 3 * model.can_call,
         "fouls": setup.n_players * counted,
         "scores": setup.n_players * (setup.target is not None),
@@ -167,6 +168,14 @@ def write_in_hand(begin, end, observations, first, states):
     for k in range(begin, end):
         observations[k, first] = 1.0 if states[k].in_hand == BEHIND else 0.0
         observations[k, first + 1] = 1.0 if states[k].in_hand == ANYWHERE else 0.0
+
+
+@entry_point
+def write_own_pocket(begin, end, observations, first, states, viewers):
+    """Writes 1 if the player who observes owns the foot corner with y > 0, which belongs to player 1."""
+    for k in range(begin, end):
+        viewer = states[k].player if viewers[k] < 0 else viewers[k]
+        observations[k, first] = 1.0 if viewer == 1 else 0.0
 
 
 @entry_point
@@ -408,6 +417,14 @@ FEATURES = {
         write_in_hand,
         lambda source: (source.arrays.states,),
         "n_players > 1, a game with pockets",
+    ),
+    "own_pocket": Feature(
+        "1 if the player who observes owns the foot corner with y > 0, and 0 for the other foot corner",
+        ("own pocket",),
+        0.0,
+        write_own_pocket,
+        lambda source: (source.arrays.states, source.arrays.viewers),
+        "one-pocket with n_players = 2",
     ),
     "choices": Feature(
         '1 for each of "push_out", "hand_back" and "replace" that the player to shoot may choose, else 0',

@@ -57,6 +57,10 @@ def play_game(env, seed):
     return log, total
 
 
+def test_every_game_is_in_a_variant():
+    assert {variant["task"] for variant in GAME_VARIANTS} == GAMES.keys()
+
+
 @variants
 def test_a_game_has_the_bits_of_the_functions_of_the_rules(kwargs):
     env = make_env(**kwargs)
@@ -114,9 +118,13 @@ def test_pettingzoos_api_test(kwargs, capsys):
 
 def test_pettingzoos_render_test():
     pytest.importorskip("pygame")
+
     # Slow shots are short, and a window shows films in real time.
-    render_test(  # pyright: ignore[reportArgumentType]
-        lambda render_mode="human": billiards_v0.env(render_mode=render_mode, max_speed=0.02),
+    def make(render_mode: str = "human") -> Any:
+        return billiards_v0.env(render_mode=render_mode, max_speed=0.02)
+
+    render_test(
+        make,
         {"rgb_array_list": lambda frames: all(frame.dtype == np.uint8 and frame.ndim == 3 for frame in frames)},
     )
 
@@ -227,6 +235,11 @@ def test_a_push_out_and_a_shot_that_is_handed_back():
     info = step(env, 0.5, 0, 0, 0, 0, 0, 1)
     assert (info["player"], info["next_player"], info["shot_time"]) == (1, 0, 0.0)
     assert env.stroke == Stroke((0.0, 0.0), call=Call(kind="hand_back"))
+
+
+def test_the_own_pocket_is_observed():
+    env = begun("one_pocket")
+    assert [env.decode(env.observe_as(player))["own_pocket"].tolist() for player in (0, 1)] == [[0], [1]]
 
 
 def test_consecutive_fouls_are_observed():
