@@ -140,7 +140,8 @@ class Episodes:
         )
         self.of_episode = InfoArrays(self.physics, rows)
         self.of_shots = info_arrays(shots, self.arrays, self.actions, None if self._cue is None else self.miscues)
-        self.turns, self.seen = None, self.arrays
+        self.turns: Any = None
+        self.seen = self.arrays
         if self._game is not None:
             self.turns, self.seen = self._game.allocate(state, self.arrays)
             of_shots, of_episode = self._game.infos(self.turns, self.arrays.states)
