@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 from typing import Any
 
 import gymnasium as gym
@@ -68,6 +69,7 @@ class GameEnv(pettingzoo.AECEnv[str, Any, NDArray[np.float32]]):
         self.observation_spaces = {agent: copy.deepcopy(self.env.observation_space) for agent in self.possible_agents}
         self.action_spaces = {agent: copy.deepcopy(self.env.action_space) for agent in self.possible_agents}
         self._opening: GameState | None = None
+        self._setup = model.setup  # with the physics of the game
         self._strokes: list[Stroke] = []
 
     def observation_space(self, agent: str) -> gym.Space[Any]:
@@ -89,6 +91,8 @@ class GameEnv(pettingzoo.AECEnv[str, Any, NDArray[np.float32]]):
             options = {key: value for key, value in options.items() if key != "options"}  # PettingZoo's tests pass it
         self.env.reset(seed=seed, options=options)
         self._opening, self._strokes, self.agents = self.game, [], self.possible_agents[:]
+        scene, engine = self.env.episode_scene_and_engine
+        self._setup = dataclasses.replace(self.setup, scene=scene, engine=engine)
         self.rewards = dict.fromkeys(self.agents, 0.0)
         self._cumulative_rewards = dict.fromkeys(self.agents, 0.0)
         self.terminations = dict.fromkeys(self.agents, False)
@@ -126,7 +130,7 @@ class GameEnv(pettingzoo.AECEnv[str, Any, NDArray[np.float32]]):
         """Returns the game up to now, for `games.replay` and `records.record_game`."""
         if self._opening is None:
             raise ValueError("no game has begun: expected reset() before history()")
-        return History(self.setup, self._opening, tuple(self._strokes))
+        return History(self._setup, self._opening, tuple(self._strokes))
 
     def render(self) -> Any:
         """Renders the shots as `BilliardsEnv` does."""

@@ -123,11 +123,11 @@ def make_model(
         TypeError: If an argument has the wrong type.
     """
     players = integer("n_players", n_players, Range(1, MOST_PLAYERS))
-    if players == 1 and task in GAMES and task not in TASKS:
+    one_of("task", task, (*TASKS, *(name for name in GAMES if name not in TASKS)))
+    if players == 1 and task not in TASKS:
         raise ValueError(f"task = {task!r} with n_players = 1: expected n_players = 2, it is a game of several players")
     if players > 1 and task in TASKS and task not in GAMES:
         raise ValueError(f"task = {task!r} with n_players = {players}: expected one of {', '.join(map(repr, GAMES))}")
-    one_of("task", task, (*TASKS, *(name for name in GAMES if name not in TASKS)))
     entry = task_of(task, players)
     least, most = entry.n_object_balls
     board = make_scene(scene, n_object_balls, entry.scene, most if players > 1 or least == most else None)
@@ -177,7 +177,7 @@ def _make_setup(
     from billiards_env.games.game import Setup
 
     game = GAMES[rules]
-    if flag("can_call", can_call) and not game.pockets:
+    if flag("can_call", can_call) and not (game.callable or game.choices):
         raise ValueError(f"can_call = True with task = {rules!r}: expected False, the game has no calls")
     if flag("miss", miss) and not can_call:
         raise ValueError("miss = True with can_call = False: expected can_call = True, the miss rule gives a choice")

@@ -146,7 +146,8 @@ class BilliardsEnv(gym.Env[Any, Any]):
     a free place near the head spot. The actions are then those of one player, so a policy that pots can play games.
 
     By default any ball potted on a legal shot counts, and a player makes no choices, so an action needs no call. With
-    `can_call=True` eight ball, ten ball and straight pool have called shots, and three numbers follow:
+    `can_call=True` eight ball, ten ball, straight pool and bank pool have called shots. An action then has three more
+    numbers:
 
     | Num | Action |
     |---|---|
@@ -165,10 +166,12 @@ class BilliardsEnv(gym.Env[Any, Any]):
     shot is ball 0 of the observation, and ball 0 takes its place. A cue ball in hand is observed at a free place near
     the head spot. `env.unwrapped.observe_as(player)` returns the observation of a player who waits.
 
-    The reward is that of the player of the shot. The rewards of the other players are the negative reward in equal
-    parts. In games without a score, such as `"eight_ball"` and `"nine_ball"`, the points of a shot are 1 for winning
-    the game and -1 for losing it. In the others they are those of the rules, minus the points for the next player.
-    An episode is a game. It ends when the game is over, or as a draw after `max_shots` shots. The info also has:
+    The reward is that of the player of the shot. Each other player gets minus this reward, divided by the number of
+    other players. In games without a score, such as `"eight_ball"` and `"nine_ball"`, the points of a shot are 1 for
+    winning the game and -1 for losing it. In the others they are those of the rules, minus the points for the next
+    player.
+    An episode is a game. It terminates when the game is over, or as a draw after `max_shots` shots, by default 200. To
+    win has no reward of its own in a game with a score. The info also has:
 
     | Key           | Type                   | Description                                             | After `reset` |
     |---------------|------------------------|---------------------------------------------------------|---------------|
@@ -180,13 +183,15 @@ class BilliardsEnv(gym.Env[Any, Any]):
     | `spotted`     | (n,) bool              | the balls that return to the table after the shot       | False         |
     | `winner`      | int64                  | the player who has won, or -1                           | -1            |
 
-    `potted` has the balls off the table before any return to it. `score` is the score of the player of the shot, and
+    `potted` has the balls off the table before balls are spotted. `score` is the score of the player of the shot, and
     `is_success` whether this player has won.
 
-    `layout` is one of `GAMES[task].layouts`. `"random"` has no break. `reset(options={"positions": [[x, y], ...],
-    "state": {...}})` begins a game in the middle, see `games.custom_opening`. `env.unwrapped.game` is the state of the
-    game, and `env.unwrapped.stroke` the last stroke, for `games.play`. `billiards_env.envs.Opponents` makes a vector
-    environment of games an environment of one player.
+    `layout` is one of `GAMES[task].layouts`, by default the first. `"random"` has no break.
+    `reset(options={"positions": [[x, y], ...], "state": {...}})` begins in the middle of a game, see
+    `games.custom_opening`; in a vector environment one state applies to all games. The info then has the `next_player`
+    and the `scores` of this state. `env.unwrapped.game` is the state of the
+    game, and `env.unwrapped.stroke` the last stroke, for `games.play`. `billiards_env.envs.Opponents` turns a vector
+    environment of games into one of a single player.
 
     ```python
     >>> env = gym.make("billiards_env:Billiards-v0", task="nine_ball", n_players=2)
@@ -454,7 +459,12 @@ class BilliardsEnv(gym.Env[Any, Any]):
     @property
     def episode_scene(self) -> Scene:
         """The scene with the physics of the present episode: `scene`, unless `randomize` changes it."""
-        return self._episodes.scene_and_engine(0)[0]
+        return self.episode_scene_and_engine[0]
+
+    @property
+    def episode_scene_and_engine(self) -> tuple[Scene, Engine]:
+        """The scene and the engine of the present episode."""
+        return self._episodes.scene_and_engine(0)
 
     @property
     def positions(self) -> NDArray[np.float64]:
@@ -496,17 +506,21 @@ class BilliardsEnv(gym.Env[Any, Any]):
         Raises:
             AttributeError: If there is one player.
         """
-        if self.model.setup is None:
-            raise AttributeError("game with n_players = 1: expected several players")
+        self._expect_players("game")
         return self._episodes.game_state(0)
+
+    def _expect_players(self, name: str) -> None:
+        if self.model.setup is None:
+            raise AttributeError(f"{name} with n_players = 1: expected several players")
 
     @property
     def stroke(self) -> Stroke:
         """The last stroke in a game of several players, which `games.play` repeats bit for bit."""
+        self._expect_players("stroke")
         return self._episodes.stroke(0)
 
     def observe_as(self, player: int) -> Any:
-        """Returns the observation of a player of a game, who may have to wait for the turn.
+        """Returns the observation of any player of a game, also of one who is not to shoot.
 
         Args:
             player: 0 to `n_players` - 1. The observation of the player to shoot is that of `step`.
@@ -514,6 +528,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
         Raises:
             ValueError: If there is no such player.
         """
+        self._expect_players("observe_as")
         integer("player", player, Range(0, self.model.n_players - 1))
         observations = self._episodes.observer.new(1)
         self._episodes.observe_as(player, observations)

@@ -20,7 +20,7 @@ from billiards_env.envs.arguments import NO_OPTIONS, Model, ResetOptions, cue_ba
 from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays, info_arrays, starts_of
 from billiards_env.envs.observations import Observer, Source
-from billiards_env.envs.state import EpisodeState, StateArrays, parts, scene_hash, state_type
+from billiards_env.envs.state import EpisodeState, StateArrays, hashed_names, parts, scene_hash, state_type
 from billiards_env.envs.tasks import TASKS, judge_pot, opening_of, task_of, write_legal_balls
 from billiards_env.games.state import REPLACE
 from billiards_env.jit import Typed, entry_point, specialised, streams
@@ -105,7 +105,7 @@ class Episodes:
         self.observer = Observer(model.observe, source)
         if memory is None:
             state = self.state
-            state.scene[:], state.task[:] = scene_hash(scene, tuple(model.randomize)), model.task
+            state.scene[:], state.task[:] = scene_hash(scene, hashed_names(model)), model.task
             self.arrays.states[:] = opening
             state.in_play[:] = state.fresh[:] = state.over[:] = True
             for j, (low, _) in enumerate(model.randomize.values()):
@@ -153,6 +153,7 @@ class Episodes:
         twin.recorded = dict(self.recorded)
         twin._allocate(self.memory.copy())
         twin.mask[:] = self.mask
+        twin._copy_tables(0, len(twin.state.over))
         twin.observer = self.observer.bound(twin.seen, twin.physics)
         if self.physics:
             twin._scene = (self._scene[0].copy(), *self._scene[1:])
@@ -183,7 +184,7 @@ class Episodes:
         self._follow_state(slice(None))
 
     def go_on(self, mask: Bools, over: Bools) -> None:
-        """Continues the episodes in the mask (m,), which a call of `shoot` left out; `over` (m,) is from before it."""
+        """Restores the episodes in the mask (m,), which `shoot` left out; `over` (m,) has their values from before."""
         self.state.over[mask] = over[mask]
         if self.choices:
             self._write_mask(0, len(mask), mask & ~over)
@@ -191,6 +192,7 @@ class Episodes:
     def _follow_state(self, rows: Any) -> None:
         """Sets what follows from the state of episodes: the physics of the engine, and the possible choices."""
         self.set_physics(rows, {})
+        self._copy_tables(0, len(self.state.over))
         if self.choices:
             changed = np.zeros(len(self.mask), np.bool_)
             changed[rows] = True
@@ -280,9 +282,13 @@ class Episodes:
 
     def observe(self, begin: int, end: int, observations: Any) -> None:
         """Writes the observations of the episodes from `begin` to `end - 1`, memory from `Observer.new`."""
-        if self.seen is not self.arrays:
-            self._game.see(begin, end, self._arrays, self.seen)
+        self._copy_tables(begin, end)
         self.observer.write(begin, end, observations)
+
+    def _copy_tables(self, begin: int, end: int) -> None:
+        """Copies the tables of games with two cue balls to the arrays that players observe."""
+        if self.seen is not self.arrays:
+            self._game.copy_tables(begin, end, self._arrays, self.seen)
 
     def observe_as(self, player: int, observations: Any) -> None:
         """Writes the observations of a player of games, memory from `Observer.new`."""

@@ -18,6 +18,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorWrapper
 from numpy.typing import NDArray
 
@@ -27,21 +28,25 @@ from billiards_env.envs.observations import nth
 from billiards_env.envs.vector import BilliardsVectorEnv, masked_rows
 
 Policy = Callable[[Any, NDArray[np.int64]], NDArray[Any]]
-"""A function that returns the actions (k, size) for the observations of k games and their numbers (k,)."""
+"""A function `(observations, rows) -> actions`. `rows` (k,) are the numbers of the environments."""
+
+MOST_RESTARTS = 1000
+"""The largest number of games in a row that end before the first turn of the learner."""
 
 
 class Opponents(VectorWrapper):
     """A vector of games in which one player learns, and a policy plays the turns of the other players.
 
     A step plays the shot of the learner in each game, and then shots of the others until it is the learner's turn again
-    or the game is over. Its reward is the sum of the learner's rewards in these shots. The autoreset mode is
-    "SameStep". The learner's seat changes from game to game, so each player breaks equally often. A game that ends
-    before the first turn of the learner is not an episode; `unplayed` has the returns of these games.
+    or the game is over. Its reward is the sum of the learner's rewards for these shots, and for the shots of the others
+    before the first turn. The autoreset mode is "SameStep". After each game the seat of the learner moves to the next
+    player, unless `seat` is given. The info is that of the last shot, but `is_success` is whether the learner has won.
+    A game that ends before the first turn of the learner is not an episode. The shots are not rendered.
 
     Args:
         envs: A vector environment of games of several players.
-        policy: Plays the turns of the other players; `players.env_player.acting_in` makes it from a player. It may be
-            replaced at any time: the attribute `policy`.
+        policy: Plays the turns of the other players; `players.env_player.acting_in` makes it from a player. Assign to
+            the attribute `policy` to replace it at any time.
         seat: The player who learns, from 0 to `n_players` - 1; None to change the seat.
 
     Attributes:
@@ -57,63 +62,82 @@ class Opponents(VectorWrapper):
     def __init__(self, envs: BilliardsVectorEnv, policy: Policy, seat: int | None = None) -> None:
         if not isinstance(envs, BilliardsVectorEnv):
             raise TypeError(f"envs = {short(envs)}: expected a BilliardsVectorEnv")
-        self._players = envs.single_env.model.n_players
-        if self._players == 1:
+        players = envs.single_env.model.n_players
+        if players == 1:
             raise ValueError("envs with n_players = 1: expected a game of several players")
         super().__init__(envs)
         self.metadata = {**envs.metadata, "autoreset_mode": AutoresetMode.SAME_STEP}
-        self.policy, self._games, self._shape = policy, envs, envs.single_env.action_space.shape
-        self._seat = seat if seat is None else integer("seat", seat, Range(0, self._players - 1))
-        self.seats = np.full(envs.num_envs, -1 if seat is None else seat)
-        self.unplayed: list[float] = []
+        self.policy, self._games, self._players = policy, envs, players
+        self._first = np.arange(envs.num_envs) % players  # the seats of seeded games
+        self._moves = 0 if seat is not None else 1
+        if seat is not None:
+            self._first[:] = integer("seat", seat, Range(0, players - 1))
+        self.seats, self.unplayed = self._first.copy(), list[float]()
+        self._earned = np.zeros(envs.num_envs)  # before the first turn of the learner
+        self._next = np.full(envs.num_envs, -1)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Begins a game in every environment, or in those of a mask, as `BilliardsVectorEnv.reset`."""
-        mask = np.ones(self.num_envs, np.bool_)
-        if options is not None and "reset_mask" in options:
-            mask = options["reset_mask"]
-        if self._seat is None and seed is not None:
-            self.seats = np.arange(self.num_envs) % self._players
-        elif self._seat is None:
-            self._change_seats(mask)
         observations, infos = self._games.reset(seed=seed, options=options)
+        mask = (
+            np.ones(self.num_envs, np.bool_) if options is None else options.get("reset_mask", self._next == self._next)
+        )
+        if seed is not None:
+            self.seats[mask] = self._first[mask]
+        else:
+            self._move(mask & (self._next >= 0))
         return self._begin(mask, observations, infos)
 
     def step(
         self, actions: Any
     ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Plays the shots of the learner and those of the others up to its next turn, see the class."""
+        """Plays the shots of the learner and those of the others up to its next turn, see the class.
+
+        Raises:
+            ResetNeeded: If the games have not begun, or the step before raised an exception.
+            ValueError: As in `BilliardsVectorEnv.step`.
+        """
+        if (self._next != self.seats).any():
+            raise ResetNeeded("The games have not begun, or a step was interrupted: call reset() before step()")
         everywhere = np.ones(self.num_envs, np.bool_)
         observations, rewards, over, truncated, infos = self._games.step_where(everywhere, actions)
+        rewards, self._earned = rewards + self._earned, np.zeros(self.num_envs)
+        self._next[:] = -1
         observations, over, infos = self._play_others(everywhere, observations, over, infos, rewards)
+        infos["is_success"] = infos["winner"] == self.seats
         if over.any():
             last, last_info = masked_rows(observations, over), masked_info(_plain(infos), over)
-            self._change_seats(over)
+            self._move(over)
             observations, begun = self._games.reset(options={"reset_mask": over})
             observations, begun = self._begin(over, observations, begun)
             infos = {key: merged(over, begun[key], infos[key]) for key in infos}
             infos |= {"final_obs": last, "final_info": last_info, "_final_obs": over, "_final_info": over.copy()}
+        self._next[:] = infos["next_player"]
         return observations, rewards, over, truncated, infos
 
-    def _change_seats(self, mask: NDArray[np.bool_]) -> None:
-        if self._seat is None:
-            self.seats[mask] = (self.seats[mask] + 1) % self._players
+    def _move(self, mask: NDArray[np.bool_]) -> None:
+        """Moves the seats of the learner in the mask to the next player."""
+        self.seats[mask] = (self.seats[mask] + self._moves) % self._players
 
     def _begin(self, mask: NDArray[np.bool_], observations: Any, infos: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
         """Plays games that have begun up to the first turn of the learner."""
-        while True:
+        self._earned[mask] = 0.0
+        for _ in range(MOST_RESTARTS):
             rewards = np.zeros(self.num_envs)
-            observations, over, infos = self._play_others(
-                mask, observations, np.zeros(self.num_envs, np.bool_), infos, rewards
-            )
-            mask = mask & over
+            nowhere = np.zeros(self.num_envs, np.bool_)
+            observations, over, infos = self._play_others(mask, observations, nowhere, infos, rewards)
+            going_on, mask = mask & ~over, mask & over
+            self._earned[going_on] = rewards[going_on]
+            self._next[going_on] = infos["next_player"][going_on]
             if not mask.any():
                 return observations, infos
             self.unplayed += rewards[mask].tolist()
+            self._move(mask)
             observations, begun = self._games.reset(options={"reset_mask": mask})
             infos = {key: merged(mask, begun[key], infos[key]) for key in infos}
+        raise ValueError(f"{MOST_RESTARTS} games in a row ended before the learner's turn: expected a larger max_shots")
 
     def _play_others(
         self,
@@ -126,7 +150,7 @@ class Opponents(VectorWrapper):
         """Plays the games in the mask up to the turn of the learner, and adds its rewards to `rewards`."""
         games = np.arange(self.num_envs)
         while (waiting := mask & ~over & (infos["next_player"] != self.seats)).any():
-            actions = np.zeros((self.num_envs, *self._shape))
+            actions = np.zeros((self.num_envs, *self._games.single_env.action_space.shape))
             actions[waiting] = self.policy(nth(observations, waiting), np.flatnonzero(waiting))
             observations, _, over, _, played = self._games.step_where(waiting, actions)
             rewards += np.where(waiting, played["rewards"][games, self.seats], 0.0)

@@ -103,6 +103,11 @@ def state_type(model: Model) -> np.dtype[np.void]:
     return np.dtype(list(zip(StateArrays._fields, kinds, strict=True)))
 
 
+def hashed_names(model: Model) -> tuple[str, ...]:
+    """Returns the texts that are part of the hash of a scene: the names in `randomize`, and the number of players."""
+    return (*model.randomize, *([] if model.n_players == 1 else [f"{model.n_players} players"]))
+
+
 @cached_by_scene
 def scene_hash(scene: Scene, names: tuple[str, ...]) -> int:
     """Returns a hash of a scene and of the names of the numbers that vary, the same in every process."""
@@ -141,7 +146,7 @@ def parts(count: int) -> Iterator[slice]:
 
 
 def _check_rows(rows: EpisodeState, kind: np.dtype[np.void], model: Model) -> None:
-    own = {"task": model.task.encode(), "scene": scene_hash(model.scene, tuple(model.randomize))}
+    own = {"task": model.task.encode(), "scene": scene_hash(model.scene, hashed_names(model))}
     for name, value in own.items():
         if np.count_nonzero(bad := rows[name] != value):
             other = rows[name][bad].flat[0].item()
@@ -159,16 +164,28 @@ def _check_rows(rows: EpisodeState, kind: np.dtype[np.void], model: Model) -> No
     if model.engine == PIC:  # balls that PIT has moved may overlap
         lying = rows[rows["begun"]]
         check_shot(model.scene, lying["positions"], np.zeros((len(lying), 2)), None, lying["in_play"], None)
-    check_indices(rows["game"], model.scene.n_balls)
+    _check_games(rows["game"], model)
     replaceable = rows["game"]["choices"] >> REPLACE & 1 > 0
     if np.count_nonzero(replaceable):
         if not rows["before_game"].size:
-            raise ValueError("state['game'] has the choice 'replace': expected a state without, the game has none")
-        check_indices(rows["before_game"][replaceable], model.scene.n_balls)
+            raise ValueError("state['game'] has the choice 'replace': expected no such choice without the miss rule")
+        before = rows[replaceable]
+        _check_games(before["before_game"], model)
+        lying = before["before_game"]["object_balls"] | 1 << before["before_game"]["cue_balls"][:, 0]
+        in_play = lying[:, None] >> np.arange(model.scene.n_balls) & 1 > 0
+        check_shot(model.scene, before["before_positions"], np.zeros((len(before), 2)), None, in_play, None)
     left = rows["shots_left"]
     if not (rows["fresh"] | rows["over"] | ((left > 0) & (left <= model.max_shots))).all():
         raise ValueError(f"state['shots_left'] = {short(left)}: expected 1 to max_shots = {model.max_shots}")
     _check_streams(rows, model.noise is not None)
+
+
+def _check_games(games: Any, model: Model) -> None:
+    """Raises a ValueError unless the states of games have valid indices and the settings of the environment."""
+    check_indices(games, model.scene.n_balls)
+    for name, value in (model.setup.state_fields if model.setup else {}).items():
+        if np.count_nonzero(games[name] != value):
+            raise ValueError(f"state['game'], {name} = {short(games[name])}: expected {value}, as in the environment")
 
 
 def _check_streams(rows: EpisodeState, noisy: bool) -> None:

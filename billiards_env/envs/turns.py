@@ -1,8 +1,9 @@
 """Games of several players: what a step does besides the shot, as kernels over many games.
 
-Before the shot the numbers of an action after those of the shot place a cue ball in hand and make a call. After it the
-referee judges the shot, balls are spotted or racked again, and the next player is set. The rules are in
-`billiards_env.games`; a game here and `games.play` have the same bits.
+An action has the numbers of the shot, then those of the place of a cue ball in hand, then those of the call. Before the
+shot the kernels place the cue ball and make the call. After it the referee judges the shot, balls are spotted or racked
+again, and the next player is set. The rules are in `billiards_env.games`. The same strokes in `games.play` give the
+same bits.
 
 A cue ball in hand lies at a free point near the head spot until the next shot, so that each observation has a valid
 position.
@@ -120,7 +121,7 @@ def turn_arrays(state: StateArrays, players: int, size: int) -> TurnArrays:
 @inlined
 def _part(value, count):
     """Returns in which of `count` equal parts of -1 to 1 a value lies."""
-    return min(max(int((value + 1.0) / 2.0 * count), 0), count - 1)
+    return min(int((min(max(value, -1.0), 1.0) + 1.0) / 2.0 * count), count - 1)
 
 
 @inlined
@@ -222,7 +223,7 @@ def _play_turn(k, after, numbers, table, arrays, turns):
 
 @inlined
 def write_balls(k, state, arrays):
-    """Writes which balls are on the table before the next shot; a cue ball in hand is."""
+    """Writes which balls are on the table before the next shot. A cue ball in hand counts."""
     on_table = state.object_balls | 1 << state.cue_balls[0]
     for i in range(arrays.in_play.shape[1]):
         arrays.in_play[k, i] = on_table >> i & 1
@@ -296,7 +297,7 @@ def begin_games(begin, end, mask, game, arrays):
 
 
 def write_legal(begin, end, arrays):
-    """Writes the balls that the players who observe may touch first."""
+    """Writes the balls that each observing player may touch first."""
     arrays = EpisodeArrays(*arrays)
     for k in range(begin, end):
         state, viewer = arrays.states[k], arrays.viewers[k]
@@ -304,7 +305,7 @@ def write_legal(begin, end, arrays):
 
 
 @entry_point
-def write_seen(begin, end, arrays, seen):
+def copy_tables(begin, end, arrays, seen):
     """Copies the tables of games, with the cue ball of the next shot as ball 0 and ball 0 in its place."""
     arrays = EpisodeArrays(*arrays)
     positions, in_play, legal_balls = seen
@@ -346,7 +347,7 @@ class GameKernels:
 
     def take(self, begin: int, end: int, actions: Floats, arrays: tuple[Any, ...], turns: TurnArrays) -> None:
         """Makes the calls of actions, places cue balls in hand, and sets `TurnArrays.strokes`."""
-        given = actions if actions.ndim > 1 else turns.strokes  # a choice has no other numbers
+        given = actions if actions.ndim > 1 else turns.strokes  # a choice has no numbers for the place and the call
         self._check(self._take(begin, end, given, self._numbers, arrays, tuple(turns)))
 
     def shoots(self, turns: TurnArrays) -> NDArray[np.bool_]:
@@ -386,9 +387,9 @@ class GameKernels:
         (vx, vy), (wx, wy, wz) = struck.velocity.tolist(), struck.spin.tolist()
         return Stroke((vx, vy), None if math.isnan(place[X]) else (place[X], place[Y]), (wx, wy, wz), call)
 
-    def see(self, begin: int, end: int, arrays: tuple[Any, ...], seen: EpisodeArrays) -> None:
-        """Copies the tables for an observation, see `allocate`."""
-        write_seen(begin, end, arrays, (seen.positions, seen.in_play, seen.legal_balls))
+    def copy_tables(self, begin: int, end: int, arrays: tuple[Any, ...], seen: EpisodeArrays) -> None:
+        """Copies the tables for observations, see `allocate`."""
+        copy_tables(begin, end, arrays, (seen.positions, seen.in_play, seen.legal_balls))
 
     def _check(self, failed: int) -> None:
         if failed >= 0:

@@ -71,6 +71,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
     | `positions`    | `(num_envs, n, 2)` | positions of the balls, in metres from the centre of the table        |
     | `goal`         | `(num_envs, 2)`    | goals of tasks with a goal, in metres from the centre of the table    |
     | `physics`      | `(num_envs,)` each | numbers of `randomize` by name                                        |
+    | `state`        | mapping            | the state of all games, see `games.custom_opening`                    |
     | `episode_seed` | `(num_envs, 8)`    | seeds of earlier episodes, as in `infos`, which begin again           |
     | `reset_mask`   | `(num_envs,)` bool | the environments to reset; the others continue their episodes         |
 
@@ -262,6 +263,10 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
             return tuple(self._episodes.scene_and_engine(k)[0] for k in range(self.num_envs))
         if name in _OF_EACH:
             return tuple(getattr(self, name))
+        if name in ("game", "stroke"):
+            _ = getattr(self.single_env, name)  # raises if there is one player
+            of_one = self._episodes.game_state if name == "game" else self._episodes.stroke
+            return tuple(map(of_one, range(self.num_envs)))
         if name == "action_masks":
             masks = self.action_masks
             return tuple(lambda k=k: masks()[k] for k in range(self.num_envs))
@@ -295,6 +300,11 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
             return tuple(np.asarray(row) for row in self.get_state())
         if name == "action_masks":
             return tuple(self.action_masks())
+        if name == "observe_as":
+            self.single_env.observe_as(*args, **kwargs)  # raises if there is no such player
+            observations = self._episodes.observer.new(self.num_envs)
+            self._episodes.observe_as(*args, **kwargs, observations=observations)
+            return tuple(nth(observations, k) for k in range(self.num_envs))
         if name == "render":
             return self.render() or (None,) * self.num_envs
         if name == "get_wrapper_attr":
@@ -424,7 +434,8 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
     ) -> tuple[Any, NDArray[np.float64], Bools, Bools, dict[str, Any]]:
         """Plays one shot in some environments, and resets none. The others do not change.
 
-        In a game it plays the turns of some of the players, see `envs.opponents`. Such steps are not rendered.
+        In games it plays the turns of some players only, see `envs.opponents`. The shots are not rendered, and a shot
+        that the engine cuts gives no warning.
 
         Args:
             mask: (num_envs,) bool, the environments.

@@ -24,7 +24,7 @@ from __future__ import annotations
 from billiards_env.games.entry import Game
 from billiards_env.games.one_pocket import majority, owed_balls, penalty_ball
 from billiards_env.games.pool import any_ball, called_balls, standard_foul
-from billiards_env.games.state import BEHIND, NO_FOUL, SCRATCH, end, verdict
+from billiards_env.games.state import BEHIND, NO_FOUL, SCRATCH, SHOT, end, verdict
 from billiards_env.jit import inlined
 
 
@@ -56,7 +56,7 @@ def bank_pool(state, facts, call):
             end(state, 1 - player)
         return verdict(foul, -1, spotted=facts.potted | penalty_ball(state))
     if state.break_shot:
-        return verdict(continues=facts.potted != 0, spotted=facts.potted)
+        return verdict(continues=facts.potted != 0 and call.kind == SHOT, spotted=facts.potted)
     counted = called_balls(state, banks(facts), call)
     counted &= -counted
     points, owed = 1 if counted != 0 else 0, owed_balls(counted, state.scores[player])

@@ -306,7 +306,7 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     integer("state.player", values["player"], Range(0, players - 1))
     integer("state.solids", values["solids"], Range(-1, players - 1 if rules.groups else -1))
     ball = Range(0, n - 1)
-    limits = {"scores": Range(-MAX_SCORE, MAX_SCORE), "on_table": ball, "cue_balls": ball, "fouls": Range(0, MAX_SCORE)}
+    limits = {"scores": Range(-MAX_SCORE, MAX_SCORE), "on_table": ball, "cue_balls": ball, "fouls": Range(0, 2)}
     for name, limit in limits.items():
         kinds = (list, tuple, *((set, frozenset) if name == "on_table" else ()))
         _expect(isinstance(values[name], kinds), shown[name], "a list of whole numbers")

@@ -246,12 +246,18 @@ def is_in(mask: Any, n: int) -> NDArray[np.bool_]:
 
 
 def check_indices(states: Any, n_balls: int = MOST_BALLS) -> None:
-    """Raises a ValueError unless the players and cue balls of m states exist: compiled code uses them as indices."""
+    """Raises a ValueError unless the players, balls and sets of m states exist: compiled code uses them as indices."""
     player, players, cues = states["player"], states["n_players"], states["cue_balls"]
     if not ((player >= 0) & (player < players) & (players <= MOST_PLAYERS)).all():
         raise ValueError(f"player = {short(player)} of {short(players)} players: expected 0 to the number less 1")
     if not ((cues >= 0) & (cues < n_balls)).all():
         raise ValueError(f"cue_balls = {short(cues)}: expected numbers of balls")
+    for name, bits in (("balls", n_balls), ("object_balls", n_balls), ("choices", len(CALLS))):
+        if np.count_nonzero(states[name] >> bits):  # -1 for a negative number
+            raise ValueError(f"{name} = {short(states[name])}: expected a set of numbers below {bits}")
+    for name, most in (("reds", n_balls - 1), ("in_hand", len(IN_HAND) - 1)):
+        if not ((states[name] >= 0) & (states[name] <= most)).all():
+            raise ValueError(f"{name} = {short(states[name])}: expected 0 to {most}")
 
 
 def on_table(states: Any) -> Any:

@@ -167,9 +167,13 @@ def next_games(
         (m, n, 2) positions, m, (m,) `STATE`, and (m,) `VERDICT` of the shots.
 
     Raises:
-        ValueError: If a player does not exist, balls cannot be racked, or there is no room for a spotted ball.
+        ValueError: If the arrays have different lengths, a player or a ball does not exist, balls cannot be racked, or
+            there is no room for a spotted ball.
     """
-    check_indices(states)
+    lengths = len(positions), len(states), len(facts), len(calls)
+    if len(set(lengths)) > 1:
+        raise ValueError(f"positions, states, facts and calls of lengths {lengths}: expected one length")
+    check_indices(states, scene.n_balls)
     table, m = table_of(rules, scene, states["target"].max(initial=0)), len(states)
     positions, states, verdicts = np.array(positions), states.copy(), np.zeros(m, VERDICT)
     shots = facts, calls, verdicts

@@ -27,7 +27,7 @@ from billiards_env.envs.actions import ACTIONS, PLAYED, cue_strike
 from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.observations import nth
 from billiards_env.envs.tasks import TASKS
-from billiards_env.games import Call, GameState, Setup, Stroke, choices
+from billiards_env.games import GameState, Setup, Stroke, choices, members, play
 from billiards_env.games.game import opening_state
 from billiards_env.games.placement import cue_ball_area
 from billiards_env.games.state import NOT_IN_HAND, changed, set_of
@@ -71,7 +71,9 @@ def acting(player: Player, env: gym.Env[Any, Any], noise: Noise = (0.0, 0.0), se
 
 
 def env_situation(env: BilliardsEnv, observation: Any = None, noise: Noise = (0.0, 0.0)) -> Situation:
-    """Returns the situation in an environment. The rating of an action is its reward.
+    """Returns the situation in an environment.
+
+    In a task the rating of an action is its reward. In a game it is that of `game_situation`.
 
     Args:
         env: The environment.
@@ -79,7 +81,8 @@ def env_situation(env: BilliardsEnv, observation: Any = None, noise: Noise = (0.
         noise: As in `Situation`.
     """
     if env.model.setup is not None:
-        return game_situation(*_game_played(env), env.max_speed, noise)._replace(observation=observation)
+        situation = game_situation(*_game_played(env), env.max_speed, noise)
+        return situation._replace(observation=observation, stroke=lambda action: _game_stroke(env, situation, action))
     on_table, legal = ~env.potted, env.legal_balls if env.legal_balls.size else env.model.targets
     table = Tables(env.episode_scene, env.positions[None], on_table[None], legal[None], env.max_speed)
     return Situation(
@@ -116,6 +119,16 @@ def acting_in(player: Player, envs: BilliardsVectorEnv, seed: int | None = None)
     return policy
 
 
+def _game_stroke(env: BilliardsEnv, situation: Situation, action: Any) -> Stroke:
+    """Returns the stroke of a velocity, or of a whole action of the environment."""
+    array = np.asarray(action, np.float64)
+    if array.shape != env.action_space.shape:
+        return situation.stroke(action)
+    stroke = ActionStroke((0.0, 0.0))
+    stroke.action = tuple(array.ravel().tolist())
+    return stroke
+
+
 def _game_played(env: BilliardsEnv) -> tuple[Setup, GameState]:
     """Returns the game of several players in an environment, and its state."""
     setup, game = env.model.setup, env.game
@@ -140,13 +153,20 @@ def action_of(env: BilliardsEnv, stroke: Stroke) -> Floats:
             np.zeros(2) if place is None else (2.0 * np.array(place) - area.sum(1)) / (area[:, 1] - area[:, 0])
         )
     if env.model.can_call:
-        parts.append(_call_numbers(env, stroke.call))
+        parts.append(_call_numbers(env, stroke))
     return np.concatenate(parts)
 
 
-def _call_numbers(env: BilliardsEnv, call: Call) -> Floats:
-    """Returns the numbers of a call in an action: the middles of the parts of the ball, the pocket and the choice."""
-    state = env.game.state
+def _call_numbers(env: BilliardsEnv, stroke: Stroke) -> Floats:
+    """Returns the numbers of a call in an action. Each number is the middle of its part.
+
+    An action always nominates a ball. A stroke that calls no ball nominates the one that it touches first.
+    """
+    (setup, game), call = _game_played(env), stroke.call
+    state = game.state
+    if call.ball < 0 and call.kind == "shot":
+        touched = members(play(setup, game, stroke).facts.first)
+        call = call._replace(ball=touched[0] if touched else setup.legal(state)[0])
     kinds = (*(("safety",) if state.call_shot else ()), *choices(state))
     counts = env.scene.n_balls - 1, len(env.scene.table.pockets)
     ball, pocket = (
@@ -156,6 +176,8 @@ def _call_numbers(env: BilliardsEnv, call: Call) -> Floats:
 
 
 def _shot_numbers(env: BilliardsEnv, stroke: Stroke) -> Floats:
+    if not any(stroke.velocity):
+        return np.zeros(ACTIONS[env.action].size)
     one_of("action of the environment of a player", env.action, PLAYED)
     if not ACTIONS[env.action].has_cue:
         return np.array(stroke.velocity) / env.max_speed

@@ -48,7 +48,7 @@ class Situation(NamedTuple):
         run_out: Whether only the present turn counts.
         banks: Whether only banks score.
         place: x and y of the point where `stroke` places a cue ball in hand, m; None if it is not chosen yet.
-        observation: The observation of the environment; None in a game.
+        observation: The observation of the environment; None outside of one.
     """
 
     table: Tables

@@ -7,9 +7,11 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 
-from billiards_env.envs import BilliardsEnv, Opponents, make_vector_env
+from billiards_env.envs import BilliardsEnv, Opponents, make_env, make_vector_env
+from billiards_env.games import Call, Stroke
 from billiards_env.players.env_player import acting_in, action_of, env_situation
 from billiards_env.players.named import find_player
+from tests.helpers.games import in_a_row
 
 GAME: dict[str, Any] = {"task": "nine_ball", "n_players": 2, "max_shots": 6}
 CALLED: dict[str, Any] = {"task": "straight", "n_players": 2, "n_object_balls": 3, "can_call": True, "layout": "random"}
@@ -120,3 +122,86 @@ def test_wrong_arguments_are_refused():
         Opponents(3, rolled(2))  # pyright: ignore[reportArgumentType]
     with pytest.raises(ValueError, match="seat = 2"):
         Opponents(make_vector_env(2, **GAME), rolled(4), seat=2)
+
+
+def test_is_success_is_that_of_the_learner():
+    games = make_vector_env(32, task="straight", n_players=2, n_object_balls=1, layout="random")
+    player = find_player("geometric", games.single_env)
+    envs = Opponents(games, acting_in(player, games, seed=0), seat=0)
+    envs.reset(seed=0)
+    for _ in range(3):
+        *_, over, _, infos = envs.step(np.zeros((32, 4)))
+        assert over.any()
+        final = infos["final_info"]
+        assert (final["is_success"][over] == (final["winner"][over] == 0)).all()
+        assert not final["is_success"].any()
+
+
+def test_rewards_before_the_first_turn_of_the_learner_count():
+    games = make_vector_env(8, task="snooker", n_players=2, n_object_balls=8, max_shots=4)
+    envs = Opponents(games, lambda observations, rows: np.zeros((len(rows), 4)), seat=1)
+    envs.reset(seed=0)
+    total = np.zeros(8)
+    while True:
+        _, rewards, over, _, infos = envs.step(np.zeros((8, 4)))
+        total += rewards
+        if over.all():
+            break
+    scores = infos["final_info"]["scores"]
+    assert (total == scores[:, 1] - scores[:, 0]).all()
+
+
+def test_games_that_end_before_the_learners_turn_move_the_seat_or_raise():
+    games = make_vector_env(2, **{**GAME, "max_shots": 1})
+    envs = Opponents(games, rolled(4))
+    _, infos = envs.reset(seed=0)
+    assert envs.seats.tolist() == [0, 0] == infos["next_player"].tolist()
+    assert len(envs.unplayed) == 1
+    with pytest.raises(ValueError, match="expected a larger max_shots"):
+        Opponents(games, rolled(4), seat=1).reset(seed=0)
+
+
+def test_a_reset_with_a_mask_keeps_the_seats_of_the_other_games():
+    envs, mask = Opponents(make_vector_env(4, **GAME), rolled(4)), np.array([True, False, False, False])
+    envs.reset(seed=0)
+    envs.reset()
+    assert envs.seats.tolist() == [1, 0, 1, 0]
+    envs.reset(seed=5, options={"reset_mask": mask})
+    assert envs.seats.tolist() == [0, 0, 1, 0]
+    with pytest.raises(TypeError, match="reset_mask"):
+        envs.reset(options={"reset_mask": [True] * 4})
+    assert envs.seats.tolist() == [0, 0, 1, 0]
+
+
+def test_after_an_exception_of_the_policy_the_games_have_to_be_reset():
+    def failing(observations, rows):
+        raise RuntimeError
+
+    envs = Opponents(make_vector_env(4, **GAME), rolled(4), seat=0)
+    with pytest.raises(ResetNeeded):
+        envs.step(np.zeros((4, 4)))
+    envs.reset(seed=0)
+    envs.policy = failing
+    with pytest.raises(RuntimeError):
+        envs.step(np.zeros((4, 4)))
+    with pytest.raises(ResetNeeded, match="interrupted"):
+        envs.step(np.zeros((4, 4)))
+    envs.reset(seed=0)
+
+
+def test_a_stroke_without_a_call_nominates_the_ball_that_it_touches_in_snooker():
+    env = make_env(task="snooker", n_players=2, n_object_balls=8, can_call=True, layout="random")
+    env.reset(seed=0)
+    positions = env.positions
+    env.reset(options={"positions": positions, "state": {"colour": True}})
+    stroke = find_player("search:30", env)(env_situation(env), np.random.default_rng(0))
+    info = env.step(action_of(env, stroke))[4]
+    assert (info["foul"], info["scores"][1]) == (0, 0)
+
+
+def test_the_action_of_a_shot_that_is_handed_back():
+    env = make_env(task="nine_ball", n_players=2, can_call=True, scene="real_pool", action="strike")
+    env.reset(options={"positions": in_a_row(10), "state": {"choices": ["hand_back"]}})
+    action = action_of(env, Stroke((0.0, 0.0), call=Call(kind="hand_back")))
+    env.step(action)
+    assert env.stroke.call.kind == "hand_back"

@@ -61,7 +61,7 @@ GAME_VARIANTS: list[dict[str, Any]] = [
     {"task": "snooker", "n_players": 2, "n_object_balls": 8, "can_call": True, "miss": True, "max_shots": 9},
     {"task": "carom", "n_players": 2, "target": 2, "action": "strike", "observe": ["cue_to_balls", "scores", "potted"]},
     {"task": "three_cushion", "n_players": 3, "max_shots": 4, "randomize": {"mu_roll": [0.004, 0.01]}},
-    {"task": "one_pocket", "n_players": 2, "n_object_balls": 3, "max_shots": 6, "observe": ["own_pocket"]},
+    {"task": "one_pocket", "n_players": 2, "n_object_balls": 3, "max_shots": 6, "observe": ["positions", "own_pocket"]},
     {"task": "bank_pool", "n_players": 2, "n_object_balls": 9, "can_call": True, "max_shots": 4},
     {"task": "blackball", "n_players": 2, "layout": "random", "max_shots": 5, "can_place": False},
     {"task": "nine_ball", "n_players": 2, "mode": "pit", "dt": 1 / 60, "max_shots": 4, "observe": [["planes", 36, 40]]},
