@@ -109,5 +109,5 @@ def run(
 
 
 if __name__ == "__main__":
-    for rival, (first, last) in run(300_000, 300_000).items():
+    for rival, (first, last) in run(60_000, 60_000, n_games=100).items():
         print(f"games won against {rival}: {first:.0%} before the games, {last:.0%} after them")
