@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from billiards_env.games.game import Setup
 
 MAX_SPEED = 4.0
-"""m/s. The default of the speed of the fastest shot for one player."""
+"""m/s. The default of `max_speed` for one player."""
 
 GAME_SPEED = 8.0
-"""m/s. The same for several players, enough for a break."""
+"""m/s. The default of `max_speed` in games, enough for a break."""
 
 SCRATCH_PENALTY = 0.1
-"""The default of the reward subtracted for a scratch for one player. For several players it is 0."""
+"""The default of `scratch_penalty` for one player. In games it is 0."""
 
 
 class Model(NamedTuple):

@@ -265,7 +265,7 @@ TASKS = {
 
 
 GAME_SHOTS = 200
-"""The default of the number of shots of a game of several players."""
+"""The default of `max_shots` of a game of several players."""
 
 
 @functools.cache

@@ -2,7 +2,7 @@
 
 The numbers are those of the "Official One Pocket Rules" of OnePocket.org, adopted on 19 January 2005
 (onepocket.org/one_pocket_pool_rules.htm). The source is secondary: a copy of this text in
-github.com/chalkysticks/api, `1_pocket_wpa.php`. A later edition is of 9 October 2021. The rules are simplified:
+github.com/chalkysticks/api, `1_pocket_wpa.php`. A later edition dates from 9 October 2021. The rules are simplified:
 
 * Player 0 owns pocket 2, the foot corner with y < 0, and player 1 owns pocket 3. The player who breaks does not choose
   (2.1).

@@ -46,7 +46,7 @@ RULES_OF_TASKS = {name: task.rules for name, task in TASKS.items() if task.rules
 
 
 class ActionStroke(Stroke):
-    """The stroke of an action of an environment, which plays the action: a strike from a spin would be rounded.
+    """A stroke that holds the action from which it was made. An action computed from the spin has rounding errors.
 
     A changed stroke, as from `_replace`, has no action.
 
@@ -139,7 +139,9 @@ def _game_played(env: BilliardsEnv) -> tuple[Setup, GameState]:
 
 
 def action_of(env: BilliardsEnv, stroke: Stroke) -> Floats:
-    """Returns the action of a stroke: that of which it is the stroke, or else that with its velocity and its spin.
+    """Returns the action that plays a stroke.
+
+    An `ActionStroke` has its own action. For others it is computed from the velocity, the spin, the place and the call.
 
     Raises:
         ValueError: If the stroke has no action, and the environment converts its actions.
