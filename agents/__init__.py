@@ -8,7 +8,7 @@ import importlib.util
 import sys
 from collections.abc import Sequence
 
-from billiards_env.checks import missing
+from billiards_env.support.checks import missing
 
 
 def require(extra: str, packages: Sequence[str]) -> None:

@@ -16,7 +16,7 @@ from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any, TypeVar
 
-from billiards_env.checks import missing
+from billiards_env.support.checks import missing
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -14,12 +14,13 @@ from typing import Any, TypeGuard
 
 import yaml
 
-from billiards_env.checks import Range, fields_of, flag, integer, number, one_of, real, short
+from billiards_env.bench.frozen import FROZEN
 from billiards_env.envs import make_model
 from billiards_env.envs.tasks import TASKS
-from billiards_env.frozen import FROZEN, NOISE
 from billiards_env.sb3 import PPO_SETTINGS
-from billiards_env.settings import read_settings
+from billiards_env.shots.noise import EXECUTION_NOISE
+from billiards_env.support.checks import Range, fields_of, flag, integer, number, one_of, real, short
+from billiards_env.support.settings import read_settings
 
 ENV_ID = "Billiards-v0"
 
@@ -100,8 +101,8 @@ class Config:
                 raise ValueError(f"{name} = {short(value)}: expected a mapping")
         self._set("env", _resolved(_numbers({**({} if task is None else task.arguments), **self.env})))
         for name in noise or ():
-            one_of("key of noise", name, tuple(NOISE))
-        self._set("noise", None if noise is None else NOISE | _numbers(noise))
+            one_of("key of noise", name, tuple(EXECUTION_NOISE))
+        self._set("noise", None if noise is None else EXECUTION_NOISE | _numbers(noise))
         head = self.policy.get("head", "aim")
         one_of("policy.head", head, tuple(_POLICY))
         for name in self.policy:

@@ -15,13 +15,13 @@ import torch
 
 from agents.ppo import deterministic, load_run, make_env, make_vector
 from agents.train import learning_curve
-from billiards_env.checks import Range, integer, missing
-from billiards_env.commands import Parser, ending
-from billiards_env.evaluation import evaluation_seeds, measure, play_together, row_printer
-from billiards_env.files import check_path, replacing, write_json
+from billiards_env.bench.evaluation import evaluation_seeds, measure, play_together, row_printer
 from billiards_env.games import GAMES
 from billiards_env.sb3.policy_player import playable
 from billiards_env.sb3.weights import check_finished
+from billiards_env.support.checks import Range, integer, missing
+from billiards_env.support.commands import Parser, ending
+from billiards_env.support.files import check_path, replacing, write_json
 
 LAYOUTS = 1000
 """The largest number of episodes of a player without training."""

@@ -18,7 +18,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from agents.config import ENV_ID, Config, load
 from billiards_env import sb3
-from billiards_env.evaluation import FIRST_EVALUATION_SEED
+from billiards_env.bench.evaluation import FIRST_EVALUATION_SEED
 from billiards_env.sb3.vec_env import SameStepVecEnv
 from billiards_env.sb3.weights import POLICIES, build_policy, check_finished, policy_arguments
 

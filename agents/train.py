@@ -37,11 +37,11 @@ from stable_baselines3.common.utils import safe_mean
 import billiards_env
 from agents.config import Config, load
 from agents.ppo import deterministic, make_policy, make_ppo, make_vec_env, make_vector, restart
-from billiards_env.checks import number
-from billiards_env.commands import Parser, ending
-from billiards_env.evaluation import evaluation_seeds, play_together
-from billiards_env.files import read_text, refusing, write_atomically, write_json
+from billiards_env.bench.evaluation import evaluation_seeds, play_together
 from billiards_env.sb3.weights import load_weights, save_policy, whole_archive
+from billiards_env.support.checks import number
+from billiards_env.support.commands import Parser, ending
+from billiards_env.support.files import read_text, refusing, write_atomically, write_json
 
 # The files and folders of a run, without config.yaml. A folder with a config.yaml is the folder of a run.
 _FILES = ("versions.json", "training.csv", "model.zip", "policy.pt", "evaluation.json")

@@ -25,9 +25,9 @@ from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
-from billiards_env.checks import Range, integer
-from billiards_env.commands import Parser, ending
-from billiards_env.files import write_atomically, write_json
+from billiards_env.support.checks import Range, integer
+from billiards_env.support.commands import Parser, ending
+from billiards_env.support.files import write_atomically, write_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

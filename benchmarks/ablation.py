@@ -56,7 +56,7 @@ def _steps(name: str, without: str, **arguments: Any) -> Row:
     """Returns the row of a step of the vector environment."""
     code = f"""
 import numpy as np
-from billiards_env.commands import ending
+from billiards_env.support.commands import ending
 import billiards_env
 envs = gymnasium.make_vec("Billiards-v0", num_envs={SHOTS}, threads=1, **{arguments!r})
 envs.reset(seed=0)

@@ -17,8 +17,8 @@ import numpy as np
 from benchmarks import ROOT, machine, parser_of, report, table
 from billiards_env.calibration import Calibration, Track, calibrate, read_tracks
 from billiards_env.calibration.judge import CONTACTS, Judged, together
-from billiards_env.commands import ending
 from billiards_env.scene import Scene
+from billiards_env.support.commands import ending
 
 PARTS = 5
 

@@ -13,7 +13,7 @@ from typing import Any
 from tqdm import tqdm
 
 from benchmarks import machine, processes, rows_table, run_command, workers
-from billiards_env.checks import Range, real
+from billiards_env.support.checks import Range, real
 from reference.stress import families
 from reference.stress.measure import drift
 

@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-from billiards_env import frozen
+from billiards_env.bench import frozen
 from billiards_env.scene import Scene
+from billiards_env.version import __version__
 
 if TYPE_CHECKING:
     from billiards_env.engine.compile import Engine
+    from billiards_env.engine.strikes import Strike, strike
     from billiards_env.engine.threads import set_num_threads
     from billiards_env.shots.simulation import simulate, simulate_batch
-    from billiards_env.shots.strikes import Strike, strike
-
-__version__ = "0.1.0"
 
 __all__ = ["Engine", "Scene", "Strike", "__version__", "set_num_threads", "simulate", "simulate_batch", "strike"]
 
@@ -32,11 +31,11 @@ frozen.register(gymnasium.register)
 
 _MODULES = {
     "Engine": "engine.compile",
-    "Strike": "shots.strikes",
+    "Strike": "engine.strikes",
     "set_num_threads": "engine.threads",
     "simulate": "shots.simulation",
     "simulate_batch": "shots.simulation",
-    "strike": "shots.strikes",
+    "strike": "engine.strikes",
 }
 """The module of each name that is imported on first use."""
 

@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from billiards_env import Scene, __version__
-from billiards_env.checks import MAX_SPEED, Range, finite, integer, number, one_of, real
-from billiards_env.commands import Parser, ending
+from billiards_env.bench.frozen import BENCH_TASKS, FROZEN
 from billiards_env.export import WRITERS, shot_text
-from billiards_env.files import check_path
-from billiards_env.frozen import BENCH_TASKS, FROZEN
 from billiards_env.scene import SCENES
+from billiards_env.support.checks import MAX_SPEED, Range, finite, integer, number, one_of, real
+from billiards_env.support.commands import Parser, ending
+from billiards_env.support.files import check_path
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -232,7 +232,7 @@ def simulate(args: argparse.Namespace) -> None:
 
 def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tuple[Any, Any]:
     """Returns the velocity and the spin of the cue ball that the arguments of `simulate` describe."""
-    from billiards_env.shots.strikes import strike
+    from billiards_env.engine.strikes import strike
 
     aim = positions[min(1, scene.n_balls - 1)] - positions[0]
     stroke = {name: getattr(args, name) for name in ("heading", "side", "top", "elevation")}
@@ -256,7 +256,7 @@ def evaluate(args: argparse.Namespace) -> None:
     """Runs the command `evaluate`."""
     import gymnasium as gym
 
-    from billiards_env.evaluation import find_player, measure, row_printer
+    from billiards_env.bench.evaluation import find_player, measure, row_printer
     from billiards_env.shots.records import read_scene
 
     names = ("task", "scene", "n_object_balls", "layout", "action", "max_shots", "mode", "dt")
@@ -282,7 +282,7 @@ def evaluate(args: argparse.Namespace) -> None:
 
 def bench(args: argparse.Namespace) -> None:
     """Runs the command `bench`."""
-    from billiards_env import bench
+    from billiards_env.bench import benchmark as bench
 
     if args.player == "verify":
         if not args.file:

@@ -24,10 +24,10 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
-from billiards_env.checks import missing
 from billiards_env.envs import BilliardsEnv, make_model
 from billiards_env.envs.arguments import Model
 from billiards_env.games.game import GameState, History, Stroke
+from billiards_env.support.checks import missing
 
 try:
     import pettingzoo

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from billiards_env.files import replacing, write_atomically
+from billiards_env.support.files import replacing, write_atomically
 
 if TYPE_CHECKING:
     from billiards_env.shots.result import ShotResult

@@ -22,10 +22,10 @@ from typing import Any
 
 import numpy as np
 
-from billiards_env.checks import missing
+from billiards_env.derivatives.shot_derivatives import MARGINS, margin_columns
 from billiards_env.scene import Scene
 from billiards_env.shots.functions import ShotFunction, checked_physics
-from billiards_env.shots.gradients import MARGINS, margin_columns
+from billiards_env.support.checks import missing
 
 try:
     import jax
@@ -58,7 +58,7 @@ def simulate(
         velocities: (..., n, 2) m/s.
         spins: (..., n, 3) rad/s; None for zero.
         of: An output, or several: "positions", "velocities", "spins", "ball_margins", "pocket_margins" and
-            "cushion_margins" (see `shots.gradients.Margins`).
+            "cushion_margins" (see `shot_derivatives.Margins`).
         physics: Numbers of `Physics` by name, (...) each, with derivatives. The others come from the scene.
         in_play: (n,) bool, the balls on the table. None for all.
         max_time: Time of the outputs, s; None for the limit of the scene.

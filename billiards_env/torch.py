@@ -19,12 +19,12 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import missing, short
+from billiards_env.derivatives.shot_derivatives import MARGINS
 from billiards_env.engine import PIC
 from billiards_env.scene import Scene
 from billiards_env.shots.functions import OF_BALLS, ShotFunction, checked_physics
-from billiards_env.shots.gradients import MARGINS
 from billiards_env.shots.simulation import BatchResult
+from billiards_env.support.checks import missing, short
 
 try:
     import torch
@@ -72,7 +72,7 @@ def simulate(
         velocities: (m, n, 2) m/s, or (m, 2) for the cue balls alone; (n, 2) or (2,) for one shot.
         spins: (m, n, 3) rad/s, or (m, 3) for the cue balls alone; (n, 3) or (3,) for one shot. None for zero.
         of: An output, or several: "positions", "velocities", "spins", and the signed distances to changes of outcome
-            "ball_margins", "pocket_margins" and "cushion_margins" (see `shots.gradients.Margins`).
+            "ball_margins", "pocket_margins" and "cushion_margins" (see `shot_derivatives.Margins`).
         radius: (n,) radii of the balls, m; None for the scene's.
         mass: (n,) masses of the balls, kg; None for the scene's.
         physics: Numbers of `Physics` by name, () for all shots or (m,). The others come from the scene.

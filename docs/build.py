@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
 from mkdocs.structure.files import File
 
-from billiards_env.frozen import FROZEN, NAMESPACE
+from billiards_env.bench.frozen import FROZEN, NAMESPACE
 from studies import live_shot
 from studies.tasks import page as task_page
 

@@ -12,8 +12,8 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 
-from billiards_env.evaluation import evaluation_seeds, play_episodes, play_together, steps
-from billiards_env.frozen import FROZEN
+from billiards_env.bench.evaluation import evaluation_seeds, play_episodes, play_together, steps
+from billiards_env.bench.frozen import FROZEN
 from billiards_env.players.env_player import acting
 from billiards_env.players.named import find_player
 from billiards_env.sb3 import AimPolicy, SameStepVecEnv

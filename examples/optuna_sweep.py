@@ -8,7 +8,7 @@ import optuna  # pyright: ignore[reportMissingImports]
 import torch
 from stable_baselines3 import PPO
 
-from billiards_env.evaluation import evaluation_seeds, play_together
+from billiards_env.bench.evaluation import evaluation_seeds, play_together
 from billiards_env.sb3 import AimPolicy, SameStepVecEnv
 
 ENV = "billiards_env:Billiards-v0"

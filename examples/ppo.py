@@ -33,7 +33,7 @@ from gymnasium.vector import VectorEnv
 from torch import Tensor, nn
 from torch.optim import Adam
 
-from billiards_env.evaluation import evaluation_seeds, play_together
+from billiards_env.bench.evaluation import evaluation_seeds, play_together
 from billiards_env.sb3.aim_network import AimNetwork
 
 ENV_ID = "billiards_env:Billiards-v0"

@@ -76,7 +76,7 @@ def add_machine_code(package: Path, folder: Path) -> None:
     run(sys.executable, ROOT / "release" / "shots.py", cwd=folder, **environment)
     code, cache = run(sys.executable, "-c", FOLDER_OF_CODE, cwd=folder, **environment).splitlines()
     for path in Path(cache).rglob("*.nb[ci]"):
-        target = Path(code) / path.parent.name.rpartition("_")[0]  # numba adds a hash of the path of the source
+        target = Path(code) / path.parent.name
         target.mkdir(parents=True, exist_ok=True)
         shutil.copy(path, target)
 

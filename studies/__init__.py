@@ -36,8 +36,8 @@ from tqdm import tqdm
 from agents import require
 from agents.cluster import RayExecutor
 from benchmarks import ROOT, machine, processes
-from billiards_env.files import MAX_ARCHIVE, read_arrays, replacing, write_json
 from billiards_env.shots.records import read_data
+from billiards_env.support.files import MAX_ARCHIVE, read_arrays, replacing, write_json
 
 require("plot", ("matplotlib",))
 

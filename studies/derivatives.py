@@ -41,14 +41,14 @@ from tqdm import tqdm
 
 from benchmarks import new_figure, run_command, save, table
 from benchmarks.accuracy_report import PIT_STYLES
+from billiards_env.bench.evaluation import evaluation_seeds, play_together
 from billiards_env.engine import PIC, Engine
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.envs import BilliardsVectorEnv, make_vector_env
-from billiards_env.evaluation import evaluation_seeds, play_together
-from billiards_env.intervals import as_percent, over_seeds
 from billiards_env.scene import Balls, Physics, Scene, layouts
 from billiards_env.scene.table import Table
 from billiards_env.shots.simulation import BatchResult, simulate_batch
+from billiards_env.support.intervals import as_percent, over_seeds
 from billiards_env.torch import pot_margins
 from studies import RESULTS, fill, resumed
 

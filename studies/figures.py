@@ -29,7 +29,7 @@ from billiards_env.drawing.film import write_gif
 from billiards_env.drawing.plot import draw_ball, legend_handles
 from billiards_env.drawing.style import INK, draw_table, looks
 from billiards_env.engine import Engine
-from billiards_env.files import replacing
+from billiards_env.engine.strikes import strike
 from billiards_env.games import History, Setup, opening
 from billiards_env.play import panel
 from billiards_env.play.model import HUMAN, WindowModel, aim_like, begin, go, set_tip, shoot, tick
@@ -42,7 +42,7 @@ from billiards_env.scene import Balls, Cue, Scene, layouts
 from billiards_env.scene.table import TABLES, Table
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import simulate
-from billiards_env.shots.strikes import strike
+from billiards_env.support.files import replacing
 from studies.failures import FAILURES, Failure
 
 WINDOW: dict[str, Any] = {"seed": 3, "width": 1080, "english": (-0.25, 0.2)}

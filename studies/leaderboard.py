@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks import ROOT, new_figure, run_command, save, table
-from billiards_env import bench
-from billiards_env.frozen import BENCH_TASKS
-from billiards_env.intervals import interquartile_mean
+from billiards_env.bench import benchmark as bench
+from billiards_env.bench.frozen import BENCH_TASKS
+from billiards_env.support.intervals import interquartile_mean
 
 FOLDER = ROOT / "leaderboard"
 

@@ -24,11 +24,11 @@ from agents.config import LEARNING, load, rows
 from agents.ppo import deterministic, load_run
 from agents.train import learning_curve, open_run, train, versions
 from benchmarks import machine, machine_line, new_figure, run_command, save, table
-from billiards_env.evaluation import evaluation_seeds, play_together
-from billiards_env.files import write_atomically, write_json
-from billiards_env.frozen import FROZEN, NAMESPACE
-from billiards_env.intervals import as_percent, over_seeds
-from billiards_env.settings import read_settings
+from billiards_env.bench.evaluation import evaluation_seeds, play_together
+from billiards_env.bench.frozen import FROZEN, NAMESPACE
+from billiards_env.support.files import write_atomically, write_json
+from billiards_env.support.intervals import as_percent, over_seeds
+from billiards_env.support.settings import read_settings
 from studies import JOBS, RESULTS, RUNS, completed, executor, read_results, tasks
 
 OUTPUT = RESULTS / "learning.json"

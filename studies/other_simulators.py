@@ -47,10 +47,10 @@ from numpy.typing import NDArray
 
 from benchmarks import comparison, new_figure, run_command, save, table, worker
 from billiards_env import Scene, simulate_batch
+from billiards_env.bench.evaluation import evaluation_seeds
 from billiards_env.envs import BilliardsVectorEnv, make_model
-from billiards_env.evaluation import evaluation_seeds
-from billiards_env.files import write_json
 from billiards_env.scene import Physics
+from billiards_env.support.files import write_json
 from examples import ppo
 from studies import RESULTS, completed, executor, resumed
 from studies.simulators_worker import DECAY, TIME

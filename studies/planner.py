@@ -29,15 +29,15 @@ import numpy as np
 from tqdm import tqdm
 
 from benchmarks import machine, machine_line, new_figure, run_command, save, table
-from billiards_env.evaluation import measure as play_alone
-from billiards_env.files import write_json
+from billiards_env.bench.evaluation import measure as play_alone
 from billiards_env.games import GAMES, GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
-from billiards_env.intervals import mean_interval, success_rate, wilson_interval
 from billiards_env.players.levels import LEVELS, with_noise
 from billiards_env.players.named import find_player
 from billiards_env.players.planner import parse_budget
 from billiards_env.players.situation import Player, game_situation
 from billiards_env.scene import Scene
+from billiards_env.support.files import write_json
+from billiards_env.support.intervals import mean_interval, success_rate, wilson_interval
 from studies import RESULTS, resumed
 
 OUTPUT = RESULTS / "planner.json"

@@ -27,11 +27,11 @@ from benchmarks import run_command, table
 from billiards_env.games import GAMES, Call, GameState, Setup, Stroke, custom_opening
 from billiards_env.games.batch import play_batch
 from billiards_env.games.placement import cue_ball_point
-from billiards_env.intervals import as_percent, mean_interval
 from billiards_env.players.named import find_player
 from billiards_env.players.planner import noisy_strokes
 from billiards_env.players.situation import game_situation
 from billiards_env.scene import Scene
+from billiards_env.support.intervals import as_percent, mean_interval
 from studies import RESULTS, fill, resumed
 from studies.planner import MAX_SPEED, OLYMPIAD
 

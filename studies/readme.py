@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import ROOT, all_blocks, parser_of
-from billiards_env.commands import ending
-from billiards_env.files import write_atomically
+from billiards_env.support.commands import ending
+from billiards_env.support.files import write_atomically
 
 PAGES = (ROOT / "README.md", ROOT / "paper" / "paper.md", *sorted((ROOT / "docs").rglob("*.md")))
 

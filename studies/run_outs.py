@@ -28,9 +28,9 @@ from torch import nn
 from benchmarks import machine, rows_table, run_command
 from billiards_env.games import GAMES, GameState, Setup, custom_opening, opening, play
 from billiards_env.games.batch import unplayed
+from billiards_env.games.game_state import members, on_table
 from billiards_env.games.placement import cue_ball_area, cue_ball_point
 from billiards_env.games.referee import legal_balls
-from billiards_env.games.state import members, on_table
 from billiards_env.players import run_outs
 from billiards_env.players.levels import with_noise
 from billiards_env.players.planner import Options, plan

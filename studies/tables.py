@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks import table
-from billiards_env.checks import RANGES
 from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.observations import FEATURES
 from billiards_env.games import GAMES
 from billiards_env.games.referee import FAMILIES
 from billiards_env.scene import PARAMETERS, Physics
+from billiards_env.support.checks import RANGES
 
 
 def blocks(_: Mapping[str, Any]) -> dict[str, str]:

@@ -1,8 +1,8 @@
 """Measures players without training in the frozen tasks: `python -m studies.tasks`.
 
-Each player plays the public layouts of `billiards bench`. The results are in `billiards_env/results/tasks.json`, where
-`billiards bench` finds the ends of its scale. The command skips players that have results there, so it continues after
-an interruption. If the layouts of a task change, it measures the task again.
+Each player plays the public layouts of `billiards bench`. The results are in `billiards_env/bench/results/tasks.json`,
+where `billiards bench` finds the ends of its scale. The command skips players that have results there, so it continues
+after an interruption. If the layouts of a task change, it measures the task again.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ import numpy as np
 from matplotlib.image import imsave
 
 from benchmarks import new_figure, run_command, save, table
-from billiards_env import bench
-from billiards_env.evaluation import evaluation_seeds
-from billiards_env.frozen import FROZEN, NAMESPACE, NOISE, Frozen
+from billiards_env.bench import benchmark as bench
+from billiards_env.bench.evaluation import evaluation_seeds
+from billiards_env.bench.frozen import FROZEN, NAMESPACE, Frozen
 from billiards_env.players.env_player import RULES_OF_TASKS, acting
 from billiards_env.players.named import find_player
+from billiards_env.shots.noise import EXECUTION_NOISE
 from studies import RESULTS, fill, read_results
 
 OUTPUT = Path(bench.__file__).parent / "results" / "tasks.json"
@@ -123,7 +124,7 @@ def page(name: str) -> str:
     if policy:
         rows.append((f"best learned: [{policy.policy}](../{policy.page})", _percent(policy.success), ""))
     arguments = ", ".join(f"`{key}={value!r}`" for key, value in task.arguments.items())
-    noise = ", ".join(f"`{key}={value!r}`" for key, value in NOISE.items())
+    noise = ", ".join(f"`{key}={value!r}`" for key, value in EXECUTION_NOISE.items())
     parts = [
         f"# {name.removesuffix('-v0')}",
         task.summary,

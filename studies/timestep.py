@@ -26,13 +26,13 @@ from numpy.typing import NDArray
 
 from agents.train import versions
 from benchmarks import machine, run_command
+from billiards_env.bench.evaluation import evaluation_seeds, play_together
 from billiards_env.engine import Engine
 from billiards_env.envs import BilliardsVectorEnv, make_vector_env
-from billiards_env.evaluation import evaluation_seeds, play_together
-from billiards_env.files import write_json
 from billiards_env.sb3.aim_network import AimNetwork
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
+from billiards_env.support.files import write_json
 from examples import ppo
 from studies import JOBS, RESULTS, completed, executor, load_arrays, read_results, save_arrays
 from studies.timestep_report import GROUPS, blocks, draw

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks import run_command, table
+from billiards_env.bench.evaluation import evaluation_seeds
 from billiards_env.envs.actions import cue_strike
-from billiards_env.evaluation import evaluation_seeds
 from examples import ppo
 from studies import live_shot, load_arrays
 from studies.timestep import (

@@ -64,7 +64,7 @@ LOADED = {  # programs, and what they do not load beside `HEAVY`
     "a render mode": (SHOT.format("render_mode='rgb_array'"), "drawing.canvas"),
     "records of games": ("import billiards_env.games.records", "play"),
     "a game of PettingZoo": (GAME, "play"),
-    "the players": ("import billiards_env.players.named, billiards_env.evaluation", "sb3"),
+    "the players": ("import billiards_env.players.named, billiards_env.bench.evaluation", "sb3"),
     "the command of the window": ("import billiards_env.play.__main__", "sb3"),
     "the model of the window": ("import billiards_env.play.model, billiards_env.play.labels", "drawing.canvas"),
     "the overview": ("from billiards_env.__main__ import main; main([])", "numba"),

@@ -14,7 +14,7 @@ from billiards_env.__main__ import main
 from billiards_env.engine.compile import MODES
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.games import History, Setup, Stroke, opening, records
-from billiards_env.jit.folders import source_hash
+from billiards_env.jit.folders import versions_hash
 from billiards_env.scene import SCENES
 from billiards_env.scene.layouts import LAYOUTS
 from billiards_env.shots import records as shot_records
@@ -134,7 +134,7 @@ def test_version_lists_the_packages(capsys):
 
 def test_cache_shows_and_clears_the_compiled_code(capsys, monkeypatch, tmp_path):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    folder, old = tmp_path / f"kernels-{source_hash()}", tmp_path / ("kernels-" + "0" * 16)
+    folder, old = tmp_path / f"kernels-{versions_hash()}", tmp_path / ("kernels-" + "0" * 16)
     for each in (folder, old, tmp_path / "kernels-of-others"):
         each.mkdir()
         (each / "code.nbc").write_bytes(bytes(1_500_000))

@@ -16,12 +16,14 @@ import yaml
 import studies
 from agents import config, train
 from agents.ppo import make_ppo, make_vec_env
-from billiards_env import Scene, bench, files
+from billiards_env import Scene
+from billiards_env.bench import benchmark as bench
 from billiards_env.calibration import read_tracks
 from billiards_env.envs import load_state, make_vector_env, save_state
 from billiards_env.games import records as games
 from billiards_env.sb3.weights import build_policy, load_policy, load_weights, save_policy
 from billiards_env.shots import records
+from billiards_env.support import files
 from tests.helpers.games import random_game, setup
 from tests.helpers.training import settings
 
@@ -189,7 +191,7 @@ def test_an_array_with_a_wrong_head_is_refused(head, tmp_path):
 
 def test_a_state_that_could_not_be_read_is_not_written(tmp_path, monkeypatch):
     envs: Any = make_vector_env(2, n_object_balls=1)
-    monkeypatch.setattr("billiards_env.envs.state.MAX_ARCHIVE", 2**16 + 100)
+    monkeypatch.setattr("billiards_env.envs.snapshots.MAX_ARCHIVE", 2**16 + 100)
     with pytest.raises(ValueError, match=r"state has \d+ bytes: expected at most 100"):
         save_state(tmp_path / "a.npz", envs.get_state())
     wrong: tuple[Any, ...] = None, np.zeros(2), np.ma.masked_array(envs.get_state())

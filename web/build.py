@@ -38,22 +38,21 @@ from numba.core.codegen import CPUCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 from numpy.typing import NDArray
 
-from billiards_env.bench import EPISODES
-from billiards_env.checks import RANGES, range_text
+from billiards_env.bench.benchmark import EPISODES
 from billiards_env.drawing import page
 from billiards_env.engine import compile as compiling
-from billiards_env.engine import frozen_strike, pic, pit
+from billiards_env.engine import frozen_strike, pic, pit, strikes
 from billiards_env.engine.compile import PIC, scene_fields
 from billiards_env.engine.log import KINDS, empty_log
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.shot_input import is_valid_fast
 from billiards_env.engine.shots import STATUS, empty_shots, start_fields
-from billiards_env.files import write_atomically
+from billiards_env.jit.code_hash import code_hash
 from billiards_env.jit.compiler import Kernel
-from billiards_env.jit.folders import source_hash
 from billiards_env.physics.strike import cue_numbers, many_strikes
 from billiards_env.scene import PARAMETERS, Scene, layouts
-from billiards_env.shots import strikes
+from billiards_env.support.checks import RANGES, range_text
+from billiards_env.support.files import write_atomically
 from studies.failures import FAILURES
 from web import tasks
 
@@ -356,7 +355,8 @@ def engine_file() -> bytes:
     """Returns `engine.wasm` from `build/web`, and compiles it there if the kernels or this file have changed."""
     check_versions()
     parts = Path(__file__), HERE / "tasks.py", HERE / "runtime.c"
-    sources = *(path.read_bytes() for path in parts), source_hash().encode()
+    hashes = (code_hash(function.py_func).encode() for _, function, _ in entry_points().values())
+    sources = *(path.read_bytes() for path in parts), *hashes
     versions = f"{numba.__version__} {llvmlite.__version__}".encode()
     kept = ROOT / "build" / "web" / f"{hashlib.sha256(b''.join((*sources, versions))).hexdigest()[:16]}.wasm"
     if not kept.exists():  # in a new process, because kernels that are already compiled are optimised for this machine

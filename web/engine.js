@@ -323,7 +323,7 @@ class Engine {
   }
 
   /**
-   * Plays the actions of a result again, as `replay` of `billiards_env/bench.py` does.
+   * Plays the actions of a result again, as `replay` of `billiards_env/bench/benchmark.py` does.
    *
    * shots: the number of shots of each episode; actions: a Float32Array; only: the number of one episode, null for all.
    * Returns the `success` and the `returns` of the episodes, the hashes `layouts` and `digest`, and the `starts` of the

@@ -13,11 +13,11 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.bench.frozen import FROZEN
 from billiards_env.engine import frozen_strike, pic
 from billiards_env.engine.compile import scene_fields
 from billiards_env.envs import episodes, make_env
 from billiards_env.envs.actions import ACTIONS
-from billiards_env.frozen import FROZEN
 from billiards_env.jit.decorators import EntryPoint, Typed
 
 COUNT = 9973

@@ -22,8 +22,8 @@ from agents.config import Config
 from agents.ppo import make_policy
 from agents.rllib.rollouts import as_tensors
 from agents.train import LearningCurve, locked, newest_checkpoint, one_fast_thread, open_run, train_command
-from billiards_env.commands import Parser
 from billiards_env.sb3.weights import save_policy
+from billiards_env.support.commands import Parser
 
 
 def train(config: Config, run_dir: Path, runners: int = 1) -> None:

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benchmarks import table
+from billiards_env.engine.strikes import strike
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.table import POOL_RADIUS, Table
 from billiards_env.shots.simulation import simulate_batch
-from billiards_env.shots.strikes import strike
 
 Floats = NDArray[np.float64]
 

@@ -27,14 +27,14 @@ from billiards_env.calibration.shot import SPIN, VELOCITY, Shot, prepare
 from billiards_env.calibration.stages import ENOUGH, fit_stages, read_state
 from billiards_env.calibration.starts import settle
 from billiards_env.calibration.tracks import Floats, Track, check_tracks
-from billiards_env.checks import Range, finite, flag, integer, one_of, real
-from billiards_env.scene import CUSHIONS, PARAMETERS, Scene, check_scene
-from billiards_env.shots.gradients import physics_inputs
+from billiards_env.derivatives.shot_derivatives import physics_inputs
+from billiards_env.scene import CUSHION_NAMES, PARAMETERS, Scene, check_scene
+from billiards_env.support.checks import Range, finite, flag, integer, one_of, real
 
 FREE = tuple(name for name, parameter in PARAMETERS.items() if parameter.fitted)
 """The constants that `calibrate` fits by default, if they are not 0 and enter the laws of the scene."""
 
-FRICTION_CUSHIONS = tuple(name for name in CUSHIONS if name != "restitution")
+FRICTION_CUSHIONS = tuple(name for name in CUSHION_NAMES if name != "restitution")
 """The laws of cushions that `laws` of `calibrate` may name."""
 
 _NOISE = Range(1e-9, 1.0, "m")

@@ -18,10 +18,10 @@ from billiards_env.calibration.judge import CONTACTS, Judged, Problem, judge
 from billiards_env.calibration.shot import INSTANT, PLACES, SPIN, VELOCITY, Shot, prepare
 from billiards_env.calibration.starts import errors, simulated
 from billiards_env.calibration.tracks import Bools, Floats, Track, check_tracks
-from billiards_env.checks import RANGES, finite, one_of
-from billiards_env.files import check_path, replacing, write_json
 from billiards_env.scene import PARAMETERS, Scene
 from billiards_env.shots.result import ShotResult
+from billiards_env.support.checks import RANGES, finite, one_of
+from billiards_env.support.files import check_path, replacing, write_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -18,9 +18,9 @@ from billiards_env.calibration.fit import Fit, covariance, fit_shared, values_of
 from billiards_env.calibration.shot import CAUCHY, Shot
 from billiards_env.calibration.starts import errors, search
 from billiards_env.calibration.tracks import Bools
-from billiards_env.checks import Range, finite, integer
-from billiards_env.files import refusing, write_json
 from billiards_env.shots import records
+from billiards_env.support.checks import Range, finite, integer
+from billiards_env.support.files import refusing, write_json
 
 StatePath = str | os.PathLike[str] | None
 Progress = Callable[[str], None] | None

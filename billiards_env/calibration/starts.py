@@ -10,9 +10,9 @@ import numpy as np
 from billiards_env.calibration.contacts import CUSHION, POCKET, Contact
 from billiards_env.calibration.shot import CAUCHY, INSTANT, PLACES, SPIN, VELOCITY, Shot
 from billiards_env.calibration.tracks import Bools, Floats, Ints
+from billiards_env.derivatives.shot_derivatives import Record, start_jacobians
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.scene import Scene
-from billiards_env.shots.gradients import Record, start_jacobians
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import BatchResult, simulate_batch
 

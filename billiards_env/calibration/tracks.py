@@ -19,11 +19,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import RANGES, finite, number, numbers, one_of, real, short, unmasked
-from billiards_env.files import read_text, write_atomically
 from billiards_env.scene import Scene
 from billiards_env.shots.records import data_of
 from billiards_env.shots.result import ShotResult
+from billiards_env.support.checks import RANGES, finite, number, numbers, one_of, real, short, unmasked
+from billiards_env.support.files import read_text, write_atomically
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from billiards_env.checks import missing, real
 from billiards_env.drawing.canvas import Canvas, Caption, Frame, pixels
 from billiards_env.drawing.recording import Recording
 from billiards_env.drawing.style import INK, PAPER
-from billiards_env.files import check_path, replacing
+from billiards_env.support.checks import missing, real
+from billiards_env.support.files import check_path, replacing
 
 
 def frames(

@@ -15,9 +15,9 @@ import numpy as np
 from billiards_env.drawing import style
 from billiards_env.drawing.recording import Recording
 from billiards_env.engine.orientation import VISIBLE
-from billiards_env.files import check_path, replacing
 from billiards_env.scene import Scene
 from billiards_env.scene.table import Table
+from billiards_env.support.files import check_path, replacing
 
 SIDE, CONTROLS, LIST, NARROW, LARGEST = 344, 172, 225, 760, 640
 """Pixels: the width of the events next to the table, the heights of the controls and of the events under the table, the

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from billiards_env.checks import missing
+from billiards_env.support.checks import missing
 
 try:
     from matplotlib.axes import Axes

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import numbers
 from billiards_env.engine.orientation import ERROR, Turning, turning
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.scene import Scene
+from billiards_env.support.checks import numbers
 
 Floats = NDArray[np.float64]
 

@@ -18,10 +18,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import one_of
 from billiards_env.scene import Scene
 from billiards_env.scene.outline import TOUCH, Circle, cushion_lines, pieces, polygon
 from billiards_env.scene.table import Pocket, Table
+from billiards_env.support.checks import one_of
 
 CLOTH, MOUTH, CUSHION, CUSHION_EDGE = "#1c6049", "#114031", "#2f8163", "#123d2f"
 RAIL, RAIL_EDGE, POCKET_RIM, POCKET = "#5a3a22", "#3b2413", "#28180d", "#0c0c0c"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import missing
+from billiards_env.support.checks import missing
 
 try:
     from matplotlib.figure import Figure

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import RANGES, fits, one_of, short
 from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
 from billiards_env.engine.overlaps import FIXES
@@ -19,6 +18,7 @@ from billiards_env.physics.cushion import CUSHIONS, LAWS
 from billiards_env.physics.geometry.walls import outline_arrays
 from billiards_env.physics.state import IDEAL, NUMBERS, ROLLING_ONLY, SLIDING_AND_ROLLING, Numbers, SceneArrays
 from billiards_env.scene import PARAMETERS, Physics, Scene, law_numbers
+from billiards_env.support.checks import RANGES, fits, one_of, short
 
 MODES = {"pic": pic.run_shots, "pit": pit.run_shots}
 """The function that runs shots for each mode. For at most two and for many balls `run_shots_of` returns other functions
@@ -28,7 +28,7 @@ MOTIONS = {"ideal": IDEAL, "rolling": ROLLING_ONLY, "sliding": SLIDING_AND_ROLLI
 """`Numbers.motion` for each motion of a scene."""
 
 
-BALL_BALL = {"frictionless": None, "frictional": True}
+BALL_LAWS = {"frictionless": None, "frictional": True}
 """`SceneArrays.ball_friction` for each contact between balls of a scene."""
 
 MANY_BALLS = 160
@@ -185,7 +185,7 @@ def physics_of_shots(physics: Physics, varied: Varied) -> Any:
 @cached_by_scene
 def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
     p, table = scene.physics, scene.table
-    for name, laws in (("motion", MOTIONS), ("cushion", CUSHIONS), ("ball_ball", BALL_BALL)):
+    for name, laws in (("motion", MOTIONS), ("cushion", CUSHIONS), ("ball_ball", BALL_LAWS)):
         one_of(f"physics.{name}", getattr(p, name), tuple(laws))  # `scene` may have names that have no law
     numbers = _numbers(scene, engine, {})
     pockets = np.array([(q.x, q.y, q.radius) for q in table.pockets]).reshape(-1, 3)
@@ -201,7 +201,7 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
         pockets=pockets,
         outline=outline,
         spheres=radius if scene.balls.shape == "sphere" and sizes > 1 else None,
-        ball_friction=BALL_BALL[p.ball_ball],
+        ball_friction=BALL_LAWS[p.ball_ball],
         cushion=tuple((True, None) if law is CUSHIONS[p.cushion].law else (None, True) for law in LAWS),
     )
     return (np.array([numbers], NUMBERS), *arrays[1:])

@@ -15,8 +15,8 @@ from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SL
 from billiards_env.jit import allocating, inlined
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import (
+    IMPULSE_ROUNDING,
     MARGIN,
-    NOISE,
     TINY,
     circle_time,
     contact_distance,
@@ -155,7 +155,7 @@ def predict_pair(i, j, now, state, scene, singles):
     rows = state.rows
     ax, ay = rows[j, AX] - rows[i, AX], rows[j, AY] - rows[i, AY]
     reach = contact_distance(scene.spheres, scene.radius, i, j)
-    noise = NOISE * (norm(vxi, vyi) + norm(vxj, vyj))
+    noise = IMPULSE_ROUNDING * (norm(vxi, vyi) + norm(vxj, vyj))
     t = circle_time(Path(xj - xi, yj - yi, vxj - vxi, vyj - vyi, ax, ay), reach, end, noise)
     if t == math.inf:
         return Time(math.inf, 0.0)

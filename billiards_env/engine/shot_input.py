@@ -1,4 +1,4 @@
-"""The input of shots: its arrays and its validation. `billiards_env.checks` has the ranges of the numbers."""
+"""The input of shots: its arrays and its validation. `billiards_env.support.checks` has the ranges of the numbers."""
 
 from __future__ import annotations
 
@@ -11,18 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import (
-    MAX_SPEED,
-    MAX_SPIN,
-    RANGES,
-    Range,
-    numbers,
-    range_text,
-    real,
-    shaped,
-    short,
-    unmasked,
-)
 from billiards_env.engine.cell_grid import cell_of, empty_cells
 from billiards_env.engine.compile import MANY_BALLS, Engine, check_varied_name, scene_fields
 from billiards_env.engine.shots import Shots, start_fields
@@ -44,6 +32,18 @@ from billiards_env.physics.state import (
     scene_of,
 )
 from billiards_env.scene import CONTACT_GAP, Scene, check_positions, check_ranges
+from billiards_env.support.checks import (
+    MAX_SPEED,
+    MAX_SPIN,
+    RANGES,
+    Range,
+    numbers,
+    range_text,
+    real,
+    shaped,
+    short,
+    unmasked,
+)
 
 Floats = NDArray[np.float64]
 

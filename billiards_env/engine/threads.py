@@ -16,8 +16,8 @@ from typing import Any
 
 from numba.core import config
 
-from billiards_env.checks import integer
 from billiards_env.jit.interrupt import helping
+from billiards_env.support.checks import integer
 
 _PIECE = 4e-4
 """s. Least duration of a piece of work. Taking a piece costs some hundredths of it, waking a thread up to a quarter."""

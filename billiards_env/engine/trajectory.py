@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import numbers
 from billiards_env.engine.log import SEGMENT_BALL, SEGMENT_PHASE, SEGMENT_ROW
 from billiards_env.physics.state import AX, AY, LASTS, POTTED, ROLLING, T0, T0_LO, VX, VY, X, Y
+from billiards_env.support.checks import numbers
 
 Floats = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from billiards_env.envs.arguments import Model, make_model
 from billiards_env.envs.billiards import BilliardsEnv, make_env
 from billiards_env.envs.opponents import Opponents
 from billiards_env.envs.rendering import RecordVideo
-from billiards_env.envs.state import load_state, save_state
+from billiards_env.envs.snapshots import load_state, save_state
 from billiards_env.envs.vector import BilliardsVectorEnv, make_vector_env
 
 __all__ = [

@@ -25,13 +25,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import finite, numbers, one_of, shaped
+from billiards_env.engine.strikes import Strike
 from billiards_env.jit import entry_point, inlined, kernel, streams
 from billiards_env.physics.elementary import norm, sine_cosine
 from billiards_env.physics.state import CUE_BALL, SPIN_X, SPIN_Y, SPIN_Z, X, Y
 from billiards_env.physics.strike import CueNumbers, cue_numbers, speed_gain, squirt, struck
 from billiards_env.scene import Scene
-from billiards_env.shots.strikes import Strike
+from billiards_env.support.checks import finite, numbers, one_of, shaped
 
 
 class Action(NamedTuple):

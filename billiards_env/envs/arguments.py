@@ -10,16 +10,16 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from billiards_env.checks import Range, flag, integer, one_of, real, shaped, short, unmasked
 from billiards_env.engine import Engine
 from billiards_env.engine.compile import check_varied_name
 from billiards_env.envs.actions import ACTIONS, ELEVATION, SIDE, SPEED, TOP, TURN, check_action
 from billiards_env.envs.tasks import TASKS, task_of, task_targets
-from billiards_env.frozen import NOISE
+from billiards_env.games.game_state import MOST_PLAYERS, STATE
 from billiards_env.games.referee import GAMES
-from billiards_env.games.state import MOST_PLAYERS, STATE
 from billiards_env.jit import streams
 from billiards_env.scene import Balls, Scene, check_positions, check_ranges, layouts
+from billiards_env.shots.noise import EXECUTION_NOISE
+from billiards_env.support.checks import Range, flag, integer, one_of, real, shaped, short, unmasked
 
 if TYPE_CHECKING:
     from billiards_env.games.game import Setup
@@ -293,10 +293,10 @@ def check_noise(
     if noise is None:
         return None
     if not isinstance(noise, Mapping):
-        raise TypeError(f"noise = {short(noise)}: expected a mapping from {', '.join(NOISE)} to numbers")
+        raise TypeError(f"noise = {short(noise)}: expected a mapping from {', '.join(EXECUTION_NOISE)} to numbers")
     for key in noise:
-        one_of("key of noise", key, tuple(NOISE))
-    stds = {name: real(name, value, name) for name, value in {**NOISE, **noise}.items()}
+        one_of("key of noise", key, tuple(EXECUTION_NOISE))
+    stds = {name: real(name, value, name) for name, value in {**EXECUTION_NOISE, **noise}.items()}
     scales = np.empty(5)
     scales[TURN], scales[SPEED] = stds["angle_std"] / 180.0, stds["speed_std"] / max_speed
     scales[[SIDE, TOP]] = stds["offset_std"] / (scene.cue.miscue_offset * scene.balls.radius[0])

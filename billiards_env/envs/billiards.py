@@ -12,7 +12,6 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, finite, integer, one_of, short
 from billiards_env.engine import Engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, make_model
@@ -21,9 +20,10 @@ from billiards_env.envs.goals import compute_reward
 from billiards_env.envs.info import single_info
 from billiards_env.envs.observations import decode, nth
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
-from billiards_env.envs.state import SPACES, EpisodeState, checked_state, copied
+from billiards_env.envs.snapshots import SPACES, EpisodeState, checked_state, copied
 from billiards_env.jit import streams
 from billiards_env.scene import Scene
+from billiards_env.support.checks import Range, finite, integer, one_of, short
 
 if TYPE_CHECKING:
     from billiards_env.games.game import GameState, Stroke
@@ -156,7 +156,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
     | 3 | up to 0 an ordinary shot; above 0, in equal parts, the player's other choices |
 
     The other choices are a safety in the games with called shots, and then those of the state: "push_out" and
-    "hand_back" in nine ball and ten ball, "hand_back" and "replace" in snooker, see `games.state.CALLS`. A player
+    "hand_back" in nine ball and ten ball, "hand_back" and "replace" in snooker, see `games.game_state.CALLS`. A player
     without other choices plays an ordinary shot. After "hand_back" and "replace" no ball moves, and the previous player
     plays.
 
@@ -346,7 +346,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
       between 0 and `max_speed`. A shot of speed 0 stays at speed 0. An action is clipped before the noise is added.
     - The values of `fix` are `"push_apart"` (the same as None), `"move_back"`, `"none"` and `"time_of_impact"`.
     - An `EnvSpec` can be converted to JSON and back. The spec stores a `Scene` as a dict. All other arguments are JSON
-      values. `billiards_env.checks.RANGES` contains the range of each number.
+      values. `billiards_env.support.checks.RANGES` contains the range of each number.
 
     ## Rendering
 
@@ -436,7 +436,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
             self._episodes.state.stream[0] = streams.read(self._np_random)
 
     def get_state(self) -> EpisodeState:
-        """Returns the state: all that a step may read or change, a structured array of shape (), see `envs.state`."""
+        """Returns the state: all that a step may read or change, a structured array of shape (), see `snapshots`."""
         self._write_stream()
         return np.ndarray((), self._episodes.kind, self._episodes.memory.copy())
 

@@ -20,9 +20,9 @@ from billiards_env.envs.arguments import NO_OPTIONS, Model, ResetOptions, cue_ba
 from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays, info_arrays, starts_of
 from billiards_env.envs.observations import Observer, Source
-from billiards_env.envs.state import EpisodeState, StateArrays, hashed_names, parts, scene_hash, state_type
+from billiards_env.envs.snapshots import EpisodeState, StateArrays, hashed_names, parts, scene_hash, state_type
 from billiards_env.envs.tasks import TASKS, judge_pot, opening_of, task_of, write_legal_balls
-from billiards_env.games.state import REPLACE
+from billiards_env.games.game_state import REPLACE
 from billiards_env.jit import Typed, entry_point, specialised, streams
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
@@ -45,7 +45,7 @@ class Episodes:
 
     Attributes:
         model: The arguments of the environment.
-        kind: The type of a row of the state, see `envs.state`.
+        kind: The type of a row of the state, see `envs.snapshots`.
         memory: The state of the episodes, one block.
         state: The arrays in `memory`.
         shots: The balls and, after `shoot`, the outcomes of the shots (see `engine.Shots`).

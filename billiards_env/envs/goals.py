@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from billiards_env.checks import unmasked
 from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.tasks import TASKS, touches_a_ball
 from billiards_env.jit import entry_point, specialised
 from billiards_env.physics.state import CUE_BALL, X, Y
+from billiards_env.support.checks import unmasked
 
 ACHIEVED, DESIRED = "achieved_goal", "desired_goal"
 CONDITION = 2

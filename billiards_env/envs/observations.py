@@ -22,16 +22,16 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import Range, integer, one_of, sequence, short
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.goals import ACHIEVED, DESIRED, achieved_writer, write_desired
-from billiards_env.games.state import ANYWHERE, BEHIND, PUSH_OUT, REPLACE
+from billiards_env.games.game_state import ANYWHERE, BEHIND, PUSH_OUT, REPLACE
 from billiards_env.jit import entry_point, inlined
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import distance_to_segment
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
+from billiards_env.support.checks import Range, integer, one_of, sequence, short
 
 _LEEWAY = 1e-9  # m, by which a path may overlap a ball, because the positions of balls that touch are rounded
 

@@ -22,10 +22,10 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorWrapper
 from numpy.typing import NDArray
 
-from billiards_env.checks import Range, integer, short
 from billiards_env.envs.info import masked_info
 from billiards_env.envs.observations import nth
 from billiards_env.envs.vector import BilliardsVectorEnv, masked_rows
+from billiards_env.support.checks import Range, integer, short
 
 Policy = Callable[[Any, NDArray[np.int64]], NDArray[Any]]
 """A function `(observations, rows) -> actions`. `rows` (k,) are the numbers of the environments."""

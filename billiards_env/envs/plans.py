@@ -1,6 +1,6 @@
 """The action "plan": a choice of an object ball, a pocket and a speed, made into a shot by geometry.
 
-A plan is a whole number, `(ball - 1, pocket, speed)` in row-major order. `players.pots` finds the pots of all tables in
+A plan is a whole number, `(ball - 1, pocket, speed)` in row-major order. `pots.finder` finds the pots of all tables in
 one call: the direct ones and, on a table without any, those off one cushion. A plan that is not one of these pots is a
 full hit on the nearest ball that may be touched first. The mask has 1 for each pot. On a table without a pot it is 1
 everywhere.
@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.players.pots import DX, DY, SPEED, SPEEDS, find_pots
+from billiards_env.pots.finder import DX, DY, SPEED, SPEEDS, find_pots
 from billiards_env.scene import Scene
 from billiards_env.shots.tables import Tables
 
@@ -63,7 +63,7 @@ class Plans:
 
     def _pots(self, tables: Tables) -> Floats:
         """Returns the velocities (k, *shape, 2) of the cue ball of each plan, 0 for a plan that is no pot."""
-        objects = np.broadcast_to(np.arange(tables.on_table.shape[1]) > 0, tables.on_table.shape)
+        objects = np.broadcast_to(np.arange(tables.in_play.shape[1]) > 0, tables.in_play.shape)
         pots = find_pots(tables._replace(legal=objects))
         by_choice = np.zeros((len(tables.positions), *self.shape, 2))
         for j in range(pots.ball.shape[1])[::-1]:  # of several banks the one with the largest tolerance comes last

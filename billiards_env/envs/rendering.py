@@ -22,7 +22,7 @@ from billiards_env.engine import ShotInput
 from billiards_env.envs.actions import cue_strike
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.episodes import Episodes
-from billiards_env.games.state import FOULS
+from billiards_env.games.game_state import FOULS
 from billiards_env.scene import Scene
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot

@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.games.carom import CUSHIONS, is_carom
+from billiards_env.games.carom import CUSHIONS_TO_TOUCH, is_carom
 from billiards_env.games.facts import facts_of_shot
+from billiards_env.games.game_state import NO_FOUL, NOT_IN_HAND, SHOT, STATE, Called, size
 from billiards_env.games.pool import EIGHT, eight_ball, group_of, group_or_eight, lowest_ball, nine_ball
 from billiards_env.games.referee import GAMES, first_state, judged, legal_balls
-from billiards_env.games.state import NO_FOUL, NOT_IN_HAND, SHOT, STATE, Called, size
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
@@ -65,7 +65,7 @@ def judge_three_cushion(k, numbers, arrays):
 
     The other rules are as in `judge_carom`. Several contacts with the same cushion count.
     """
-    return judge_cushions(k, numbers, arrays, CUSHIONS)
+    return judge_cushions(k, numbers, arrays, CUSHIONS_TO_TOUCH)
 
 
 @inlined
@@ -233,7 +233,7 @@ class Task:
 TASKS = {
     "pot": Task(judge=judge_pot, layout="random", pockets=True, rules="straight"),
     "carom": Task(judge=judge_carom, layout="carom_opening", scene="carom", cushions=0),
-    "three_cushion": Task(judge=judge_three_cushion, layout="carom_opening", scene="carom", cushions=CUSHIONS),
+    "three_cushion": Task(judge=judge_three_cushion, layout="carom_opening", scene="carom", cushions=CUSHIONS_TO_TOUCH),
     "sum_to_three": Task(
         judge=judge_sum_to_three, layout="line", scene="sum_to_three", n_object_balls=(1, 1), pockets=False
     ),

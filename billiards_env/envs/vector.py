@@ -14,7 +14,6 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import integer, one_of, shaped, short
 from billiards_env.engine import parallel_for
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, make_model
@@ -23,8 +22,9 @@ from billiards_env.envs.episodes import Episodes, noise_stream
 from billiards_env.envs.info import copied_info, masked_info, with_starts
 from billiards_env.envs.observations import nth
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
-from billiards_env.envs.state import SPACES, EpisodeState, checked_state, copied
+from billiards_env.envs.snapshots import SPACES, EpisodeState, checked_state, copied
 from billiards_env.jit import streams
+from billiards_env.support.checks import integer, one_of, shaped, short
 
 Bools = NDArray[np.bool_]
 
@@ -172,7 +172,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
             rows: The environments, an index for an array (num_envs,), such as a list of numbers; None for all.
 
         Returns:
-            A structured array with one row for each environment, see `envs.state`.
+            A structured array with one row for each environment, see `envs.snapshots`.
 
         Raises:
             ValueError: If there is no such environment.

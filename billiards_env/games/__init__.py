@@ -7,8 +7,8 @@ names of `games.game` are imported on first use: tasks need only the rules.
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from billiards_env.games.game_state import CALL, CALLS, FACTS, FOULS, IN_HAND, STATE, VERDICT, members, to_dict
 from billiards_env.games.referee import GAMES
-from billiards_env.games.state import CALL, CALLS, FACTS, FOULS, IN_HAND, STATE, VERDICT, members, to_dict
 
 if TYPE_CHECKING:
     from billiards_env.games.game import (

@@ -22,9 +22,9 @@ The kernels have the arguments of `entry.Game`.
 from __future__ import annotations
 
 from billiards_env.games.entry import Game
+from billiards_env.games.game_state import BEHIND, NO_FOUL, SCRATCH, SHOT, end, verdict
 from billiards_env.games.one_pocket import majority, owed_balls, penalty_ball
 from billiards_env.games.pool import any_ball, called_balls, standard_foul
-from billiards_env.games.state import BEHIND, NO_FOUL, SCRATCH, SHOT, end, verdict
 from billiards_env.jit import inlined
 
 

@@ -8,15 +8,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import numbers
 from billiards_env.engine.compile import cached_by_scene
+from billiards_env.engine.strikes import strike_with
 from billiards_env.games.facts import facts_of_shots
 from billiards_env.games.game import NO_CALL, Call, GameState, Setup
+from billiards_env.games.game_state import CALL, STATE, VERDICT, members
 from billiards_env.games.referee import callable_balls, judge_shots
-from billiards_env.games.state import CALL, STATE, VERDICT, members
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate_batch
-from billiards_env.shots.strikes import strike_with
+from billiards_env.support.checks import numbers
 
 
 class PlayedBatch(NamedTuple):

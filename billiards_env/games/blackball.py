@@ -19,8 +19,8 @@ The kernels have the arguments of `entry.Game`.
 from __future__ import annotations
 
 from billiards_env.games.entry import Game
+from billiards_env.games.game_state import BEHIND, ILLEGAL_BREAK, NO_FOUL, WRONG_POT, end, size, verdict
 from billiards_env.games.pool import EIGHT, SOLIDS, STRIPES, group_of, group_or_eight, standard_foul
-from billiards_env.games.state import BEHIND, ILLEGAL_BREAK, NO_FOUL, WRONG_POT, end, size, verdict
 from billiards_env.jit import inlined
 
 

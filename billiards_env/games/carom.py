@@ -9,11 +9,11 @@ from __future__ import annotations
 import functools
 
 from billiards_env.games.entry import Game, no_spots
-from billiards_env.games.state import end, verdict
+from billiards_env.games.game_state import end, verdict
 from billiards_env.jit import inlined
 
 RED = 1 << 1
-CUSHIONS = 3
+CUSHIONS_TO_TOUCH = 3
 """The cushion contacts before the second ball in three-cushion carom."""
 
 
@@ -45,7 +45,7 @@ def carom(state, facts, call):
 @inlined
 def three_cushion(state, facts, call):
     """Judges a shot of three-cushion carom: three cushion contacts come before the second ball (UMB, art. 83)."""
-    return _carom(state, facts, CUSHIONS)
+    return _carom(state, facts, CUSHIONS_TO_TOUCH)
 
 
 @inlined
@@ -75,7 +75,7 @@ GAMES = (
     _CAROM(
         "three_cushion",
         three_cushion,
-        cushions=CUSHIONS,
+        cushions=CUSHIONS_TO_TOUCH,
         page=(
             ("to win", "score the target"),
             _POINT,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from billiards_env.games.game_state import MOST_PLAYERS, NOT_IN_HAND
 from billiards_env.games.placement import spot_at_foot
-from billiards_env.games.state import MOST_PLAYERS, NOT_IN_HAND
 from billiards_env.jit import inlined
 from billiards_env.physics.state import CUE_BALL
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.games.state import FACTS, FOOT_LEFT, FOOT_RIGHT, Facts
+from billiards_env.games.game_state import FACTS, FOOT_LEFT, FOOT_RIGHT, Facts
 from billiards_env.jit import entry_point, inlined
 from billiards_env.shots.result import ShotResult
 

@@ -13,15 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, flag, integer, one_of, real, shaped, short
 from billiards_env.engine.compile import PIC, Engine, check_engine, scene_fields
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.games.entry import Game, no_free_ball
 from billiards_env.games.facts import facts_of
-from billiards_env.games.placement import cue_ball_point
-from billiards_env.games.referee import GAMES, callable_balls, first_state, legal_balls
-from billiards_env.games.state import (
+from billiards_env.games.game_state import (
     CALL,
     CALLS,
     FACTS,
@@ -44,11 +41,14 @@ from billiards_env.games.state import (
     set_of,
     to_dict,
 )
+from billiards_env.games.placement import cue_ball_point
+from billiards_env.games.referee import GAMES, callable_balls, first_state, legal_balls
 from billiards_env.games.transition import call_without_shots, next_games, table_of
 from billiards_env.scene import Scene, check_positions, check_scene, layouts
 from billiards_env.scene.outline import Point
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
+from billiards_env.support.checks import Range, flag, integer, one_of, real, shaped, short
 
 MAX_SCORE = 1_000_000
 """The largest absolute value of a score."""

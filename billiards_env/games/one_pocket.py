@@ -17,8 +17,8 @@ The kernels have the arguments of `entry.Game`.
 from __future__ import annotations
 
 from billiards_env.games.entry import Game
+from billiards_env.games.game_state import BEHIND, NO_FOUL, SCRATCH, end, size, verdict
 from billiards_env.games.pool import any_ball, standard_foul
-from billiards_env.games.state import BEHIND, NO_FOUL, SCRATCH, end, size, verdict
 from billiards_env.jit import inlined
 
 

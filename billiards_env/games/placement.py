@@ -1,8 +1,8 @@
 """Placement of balls during a game: spotted balls, racks and the cue ball in hand.
 
-A placed ball keeps a gap of at least `MARGIN` to other balls, cushions and pockets, or of `SPOT_GAP` on the spots of
-snooker. A spotted ball of pool may touch object balls. The computation uses only `+ - * /` and `sqrt` of doubles, so a
-point has the same bits on every machine.
+A placed ball keeps a gap of at least `PLACING_GAP` to other balls, cushions and pockets, or of `SPOT_GAP` on the spots
+of snooker. A spotted ball of pool may touch object balls. The computation uses only `+ - * /` and `sqrt` of doubles, so
+a point has the same bits on every machine.
 
 The kernels read `table`, a `PlacementNumbers`, and change `positions`, those of all balls of one game, (n, 2) m. Sets
 of balls are bit masks. A kernel that finds no room on the table returns a flag, and the functions that Python calls
@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine.compile import cached_by_scene
-from billiards_env.games.state import BEHIND, NOT_IN_HAND, STATE
+from billiards_env.games.game_state import BEHIND, NOT_IN_HAND, STATE
 from billiards_env.jit import entry_point, inlined, kernel
 from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
 from billiards_env.scene import CONTACT_GAP, Scene, layouts
-from billiards_env.scene.layouts import MARGIN
+from billiards_env.scene.layouts import PLACING_GAP
 from billiards_env.scene.outline import Point
 
 SPOT_GAP = 1e-5
@@ -135,8 +135,8 @@ def area_of(table, ball, behind):
 
     Behind the head string of a table with a D it is the D.
     """
-    x = table.half_length - table.radius[ball] - MARGIN
-    y = table.half_width - table.radius[ball] - MARGIN
+    x = table.half_length - table.radius[ball] - PLACING_GAP
+    y = table.half_width - table.radius[ball] - PLACING_GAP
     head, d = table.head_x, table.d_radius
     if behind and d > 0.0:
         return Area(head - d, head, -d, d, d)
@@ -286,7 +286,7 @@ def nearest_free_point(x, y, area, obstacles):
 def place_cue_ball(table, positions, state, x, y):  # out: positions
     """Places the cue ball in hand at the free point nearest to (x, y), m, and returns whether there is one."""
     cue = state.cue_balls[0]
-    obstacles = Obstacles(table, positions, cue, state.object_balls, 0, MARGIN)
+    obstacles = Obstacles(table, positions, cue, state.object_balls, 0, PLACING_GAP)
     x, y, found = nearest_free_point(x, y, cue_ball_area_of(table, state), obstacles)
     if found:
         positions[cue, X], positions[cue, Y] = x, y
@@ -327,11 +327,11 @@ def spot_at_foot(table, positions, balls, others, cue):  # out: positions
     A ball is placed on the long string (the table's long axis), behind the foot spot and as close to it as possible. If
     there is no room behind the foot spot, it is placed in front of it. If the whole long string is blocked, it is
     placed at the free point nearest to the foot spot. It touches an object ball that is in the way, and keeps a gap of
-    `MARGIN` to the cue ball `cue`. `others` are the balls on the table.
+    `PLACING_GAP` to the cue ball `cue`. `others` are the balls on the table.
     """
     for ball in range(len(table.radius)):
         if balls >> ball & 1:
-            obstacles = Obstacles(table, positions, ball, others, others & ~(1 << cue), MARGIN)
+            obstacles = Obstacles(table, positions, ball, others, others & ~(1 << cue), PLACING_GAP)
             x, y, found = spot_on_line(table.foot_x, 0.0, obstacles)
             if not found:
                 return ball

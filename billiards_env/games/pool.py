@@ -21,8 +21,7 @@ from __future__ import annotations
 import functools
 
 from billiards_env.games.entry import Game, no_target
-from billiards_env.games.placement import rack_again
-from billiards_env.games.state import (
+from billiards_env.games.game_state import (
     ANYWHERE,
     BEHIND,
     BREAKING_FOUL,
@@ -41,6 +40,7 @@ from billiards_env.games.state import (
     size,
     verdict,
 )
+from billiards_env.games.placement import rack_again
 from billiards_env.jit import inlined
 
 BREAK_PENALTY, FOULS_PENALTY = 2, 15

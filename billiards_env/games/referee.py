@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import one_of
 from billiards_env.games import bank_pool, blackball, carom, one_pocket, pool, snooker
 from billiards_env.games.entry import Game
-from billiards_env.games.state import (
+from billiards_env.games.game_state import (
     BEHIND,
     BREAKING_FOUL,
     NO_FOUL,
@@ -31,6 +30,7 @@ from billiards_env.games.state import (
     set_of,
 )
 from billiards_env.jit import inlined, specialised
+from billiards_env.support.checks import one_of
 
 FAMILIES = pool, one_pocket, bank_pool, blackball, snooker, carom
 """The modules with the rules of the games."""

@@ -19,8 +19,7 @@ from __future__ import annotations
 import math
 
 from billiards_env.games.entry import Game, no_target
-from billiards_env.games.placement import Obstacles, area_of, is_free, spot_colours
-from billiards_env.games.state import (
+from billiards_env.games.game_state import (
     BEHIND,
     HAND_BACK,
     NO_FOUL,
@@ -34,10 +33,11 @@ from billiards_env.games.state import (
     size,
     verdict,
 )
+from billiards_env.games.placement import Obstacles, area_of, is_free, spot_colours
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import CONTACT_GAP
-from billiards_env.scene.layouts import MARGIN
+from billiards_env.scene.layouts import PLACING_GAP
 
 LEAST_PENALTY, MOST_PENALTY = 4, 7
 """Points for a foul (WPBSA 3.10)."""
@@ -210,7 +210,7 @@ def is_snookered(table, positions, state, on):
         return not sees_a_ball(table, positions, positions[CUE_BALL], state.object_balls, on)
     area = area_of(table, CUE_BALL, True)
     d = area.x_high - area.x_low
-    obstacles = Obstacles(table, positions, CUE_BALL, state.object_balls, 0, MARGIN)
+    obstacles = Obstacles(table, positions, CUE_BALL, state.object_balls, 0, PLACING_GAP)
     for i in range(_STEPS):
         x = area.x_low + d * (i / (_STEPS - 1))
         for j in range(_STEPS):

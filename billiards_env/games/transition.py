@@ -15,10 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.games.entry import Game, no_free_ball, no_rack, no_spots
-from billiards_env.games.placement import PlacementNumbers, no_room, placement_area, placement_numbers
-from billiards_env.games.pool import any_ball, straight
-from billiards_env.games.referee import judged
-from billiards_env.games.state import (
+from billiards_env.games.game_state import (
     HAND_BACK,
     MOST_PLAYERS,
     NO_FOUL,
@@ -28,6 +25,9 @@ from billiards_env.games.state import (
     VERDICT,
     check_indices,
 )
+from billiards_env.games.placement import PlacementNumbers, no_room, placement_area, placement_numbers
+from billiards_env.games.pool import any_ball, straight
+from billiards_env.games.referee import judged
 from billiards_env.jit import entry_point, inlined, specialised
 from billiards_env.physics.state import X, Y
 from billiards_env.scene import Scene

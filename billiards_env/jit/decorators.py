@@ -19,6 +19,7 @@ from numba.core import config as _numba_config
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, UserProvidedCacheLocator
 from numba.core.registry import CPUDispatcher
 
+from billiards_env.jit.code_hash import code_hash, fields_of
 from billiards_env.jit.compiler import Kernel, ShortCompiler
 from billiards_env.jit.folders import cache_folder, shipped_folder
 
@@ -30,11 +31,20 @@ GENERIC = "generic", ""  # NUMBA_CPU_NAME and the CPU features of the code in th
 
 
 class _Locator(UserProvidedCacheLocator):
-    """The folder of the files of a `_Cache`. The folder may be missing."""
+    """The folder and the names of the files of a `_Cache`. The folder may be missing.
+
+    The names contain the hash of all code that the function reaches, so an edit elsewhere compiles nothing.
+    """
 
     def __init__(self, py_func: Any, py_file: str) -> None:
-        self._py_file, self._lineno = py_file, py_func.__code__.co_firstlineno
-        self._cache_path = os.path.join(_FOLDER or "", self.get_suitable_cache_subpath(py_file))
+        self._hash = code_hash(py_func)
+        self._cache_path = os.path.join(_FOLDER or "", py_func.__module__.rpartition(".")[0])
+
+    def get_source_stamp(self) -> str:
+        return self._hash
+
+    def get_disambiguator(self) -> str:
+        return self._hash
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> _Locator:
@@ -55,7 +65,7 @@ class _Cache(FunctionCache):
         if cached is not None or not _SHIPPED or _config.CPU_NAME or not self._enabled:
             return cached
         signature, (triple, *_), code = self._index_key(sig, target_context.codegen())
-        folder = str(_SHIPPED / Path(self._py_func.__code__.co_filename).parent.name)
+        folder = str(_SHIPPED / Path(self.cache_path).name)
         files = IndexDataCacheFile(folder, self._impl.filename_base, self._impl.locator.get_source_stamp())
         try:
             shipped = files.load((signature, (triple, *GENERIC), code))
@@ -66,6 +76,9 @@ class _Cache(FunctionCache):
     def _save_overload(self, sig: Any, data: Any) -> None:
         if _FOLDER:
             super()._save_overload(sig, data)
+
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        return *super()._index_key(sig, codegen)[:2], tuple(fields_of(sig))
 
     def _print_discarded(self, folder: str, error: Exception) -> None:
         code = f"the compiled code of {self._py_func.__qualname__} in {folder}"
@@ -88,8 +101,13 @@ class EntryPoint(CPUDispatcher):
 
     def __init__(self, py_func: Any, locals: Any, targetoptions: Any) -> None:
         super().__init__(py_func, locals, targetoptions, ShortCompiler)
-        if _FOLDER or _SHIPPED:
-            self._cache = _Cache(py_func)
+        self._has_cache = False
+
+    def compile(self, sig: Any) -> Any:
+        """Loads or compiles the code for the types of the arguments."""
+        if (_FOLDER or _SHIPPED) and not self._has_cache:  # not before all kernels are imported
+            self._cache, self._has_cache = _Cache(self.py_func), True
+        return super().compile(sig)
 
 
 class Typed:
@@ -160,8 +178,7 @@ def specialised(
 ) -> Callable[..., Any]:
     """Compiles a function with kernels in place of some of its global names.
 
-    The machine code contains only these kernels, so a scene compiles only the kernels that it needs. The name of the
-    function on disk includes the names of the kernels, because numba's cache does not check global names.
+    The machine code contains only these kernels, so a scene compiles only the kernels that it needs.
 
     Args:
         function: A function of a module, without a decorator.
@@ -169,7 +186,5 @@ def specialised(
         **kernels: The kernels, by the names that the function calls.
     """
     made: Any = FunctionType(function.__code__, {**function.__globals__, **kernels}, function.__name__)
-    names = (f"{kernel.__module__.rpartition('.')[2]}_{kernel.__qualname__}" for kernel in kernels.values())
-    made.__qualname__ = "_".join((function.__name__, *names))
-    made.__module__, made.__doc__ = function.__module__, function.__doc__
+    made.__module__, made.__qualname__, made.__doc__ = function.__module__, function.__qualname__, function.__doc__
     return decorator(made)

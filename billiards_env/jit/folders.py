@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 import sys
 import tempfile
 import warnings
@@ -14,27 +13,13 @@ import llvmlite
 import numba
 
 _PACKAGE = Path(__file__).resolve().parent.parent
-_IMPORT = re.compile(r"^from billiards_env\.([\w.]+) import", re.MULTILINE)
 
 
-def kernel_sources() -> list[Path]:
-    """Returns the files of the package that import `billiards_env.jit`, and all files that they import."""
-    imports: dict[Path, set[Path]] = {}
-    for path in _PACKAGE.rglob("*.py"):
-        modules = [_PACKAGE.joinpath(*name.split(".")) for name in _IMPORT.findall(path.read_text(encoding="utf-8"))]
-        imports[path] = {m / "__init__.py" if m.is_dir() else m.with_suffix(".py") for m in modules}
-    sources = [path for path in imports if _PACKAGE / "jit" / "__init__.py" in imports[path]]
-    for path in sources:
-        sources += [other for other in imports[path] if other in imports and other not in sources]
-    return sorted(sources)
-
-
-def source_hash() -> str:
-    """Returns a hash of the source of all kernels and of the constants that they import.
-
-    Numba's cache checks only the file of the function that it stores, not the files of the functions that it calls.
-    """
-    return hashlib.sha256(b"".join(path.read_bytes() for path in kernel_sources())).hexdigest()[:16]
+def versions_hash() -> str:
+    """Returns a hash of the versions of Python, numba and llvmlite, and of the source of `billiards_env.jit`."""
+    sources = b"".join(path.read_bytes() for path in sorted((_PACKAGE / "jit").glob("*.py")))
+    versions = sys.implementation.cache_tag, numba.__version__, llvmlite.__version__, sources
+    return hashlib.sha256(repr(versions).encode()).hexdigest()[:16]
 
 
 def _writable(folder: Path) -> bool:
@@ -49,13 +34,13 @@ def _writable(folder: Path) -> bool:
 def cache_folder() -> Path | None:
     """Returns the folder of the compiled code, or None if no folder is writable.
 
-    It is the first writable one of these: the environment variable `NUMBA_CACHE_DIR`, the package's `__pycache__`, the
-    user's cache folder. Warns if there is none, or if the variable is set and its folder is not writable.
+    It is in the first writable one of these: the environment variable `NUMBA_CACHE_DIR`, the package's `__pycache__`,
+    the user's cache folder. Warns if there is none, or if the variable is set and its folder is not writable.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "billiards_env"
     folders = [*([Path(chosen)] if chosen else []), _PACKAGE / "__pycache__", user]
-    name = f"kernels-{source_hash()}"
+    name = f"kernels-{versions_hash()}"
     cache = next((folder / name for folder in folders if _writable(folder / name)), None)
     if cache is None or (chosen and cache.parent != Path(chosen)):
         so = f"billiards_env writes its compiled code to {cache}" if cache else "every process compiles billiards_env"
@@ -65,12 +50,8 @@ def cache_folder() -> Path | None:
 
 
 def code_folder() -> Path:
-    """Returns the folder of the code that is part of the package, for the versions of this process. It may not exist.
-
-    Its name is a hash of the source of the kernels and of the versions of Python, numba and llvmlite.
-    """
-    versions = sys.implementation.cache_tag, numba.__version__, llvmlite.__version__, source_hash()
-    return _PACKAGE / "machine_code" / hashlib.sha256(repr(versions).encode()).hexdigest()[:16]
+    """Returns the folder of the code in the package for the versions of this process. It may not exist."""
+    return _PACKAGE / "machine_code" / versions_hash()
 
 
 def shipped_folder() -> Path | None:

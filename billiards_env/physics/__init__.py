@@ -2,8 +2,6 @@
 
 Modules:
     laws: The laws, one file each.
-    tangent, rules: The derivatives of the laws, generated from the source code of the laws.
-    derivatives: The change at the end of a flight or an event, from the change before it.
     state: The arrays that the functions use.
     motion: The motion of balls.
     ball_ball, clusters: Impacts of balls, alone and at one instant.

@@ -9,7 +9,7 @@ from typing import Any
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.contact import NOISE
+from billiards_env.physics.geometry.contact import IMPULSE_ROUNDING
 from billiards_env.physics.laws.cushion import Cushion, CushionMotion, cushion_restitution
 from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, WZ, BallState
 from billiards_env.scene import scene as scenes
@@ -18,7 +18,7 @@ _TURNS = 4
 """Largest number of impacts on each of two cushions in `reflect_both`. The engine resolves an approach that remains."""
 
 CUSHIONS: dict[str, Cushion] = {
-    name: importlib.import_module(f"billiards_env.physics.laws.cushion_{name}").CUSHION for name in scenes.CUSHIONS
+    name: importlib.import_module(f"billiards_env.physics.laws.cushion_{name}").CUSHION for name in scenes.CUSHION_NAMES
 }
 """The cushions of scenes, each from the module `cushion_*` of its name."""
 
@@ -168,7 +168,7 @@ def hit(motion, n, share, rebound, radius, scene):
 def _hit_in_turn(motion, one, two, rebounds, radius, scene):
     """Returns the motion after impacts on the cushions with the normals `one` and `two` in turn; the rest as `hit`."""
     sine, raised = one[0] * two[1] - one[1] * two[0], False
-    noise = NOISE * norm(motion[0], motion[1])
+    noise = IMPULSE_ROUNDING * norm(motion[0], motion[1])
     for turn in range(_TURNS):
         share = (motion[0] * two[1] - motion[1] * two[0]) / sine
         if share > (-rebounds[0] if turn == 0 and rebounds[0] > 0.0 else noise):

@@ -9,11 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from billiards_env.checks import Range, integer, number, one_of, real
-from billiards_env.commands import Parser, ending
 from billiards_env.drawing.style import PALETTES
 from billiards_env.engine.compile import MODES, PIC, Engine
-from billiards_env.files import check_path, free_path
 from billiards_env.games import GAMES, History, Setup, opening, records
 from billiards_env.games.entry import Game
 from billiards_env.play.model import HUMAN, PACES, WindowModel, begin
@@ -22,6 +19,9 @@ from billiards_env.players.named import find_player
 from billiards_env.scene import SCENES, Scene, layouts
 from billiards_env.shots.records import read_scene
 from billiards_env.shots.simulation import simulate
+from billiards_env.support.checks import Range, integer, number, one_of, real
+from billiards_env.support.commands import Parser, ending
+from billiards_env.support.files import check_path, free_path
 
 DT = 1 / 60
 """s. The default timestep of PIT: a game that moves its balls once per frame at 60 frames per second."""

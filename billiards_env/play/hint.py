@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from billiards_env.games import Stroke
+from billiards_env.games.game_state import is_in, members, on_table
 from billiards_env.games.placement import Point
-from billiards_env.games.state import is_in, members, on_table
 from billiards_env.play.model import WindowModel
 from billiards_env.players.aim import FirstTouch, Pot, aim
 

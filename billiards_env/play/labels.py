@@ -6,7 +6,7 @@ import numpy as np
 
 from billiards_env.drawing.style import colour_names
 from billiards_env.games import FOULS, choices
-from billiards_env.games.state import BEHIND, FOOT_LEFT, FOOT_RIGHT
+from billiards_env.games.game_state import BEHIND, FOOT_LEFT, FOOT_RIGHT
 from billiards_env.play.model import HUMAN, WindowModel
 from billiards_env.players.levels import LEVELS
 from billiards_env.players.planner import Plan

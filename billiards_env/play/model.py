@@ -27,18 +27,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env import strike
-from billiards_env.checks import MAX_SPEED, Range, real
 from billiards_env.drawing.pace import faster, slower
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.engine import PIC, Engine
 from billiards_env.engine.orientation import VISIBLE
+from billiards_env.engine.strikes import level_strike
 from billiards_env.games import NO_CALL, Call, GameState, History, PlayedShot, Setup, Stroke, choices, play
 from billiards_env.games.placement import Point, cue_ball_point
 from billiards_env.play.controls import STEEPEST, on_face
 from billiards_env.play.preview import Preview, make_preview
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
-from billiards_env.shots.strikes import level_strike
+from billiards_env.support.checks import MAX_SPEED, Range, real
 
 HUMAN = "human"
 """The name of a player who is a person."""

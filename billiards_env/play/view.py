@@ -14,7 +14,7 @@ from billiards_env.drawing.canvas import PATH_ZOOM, RESULT_SHOWN, Canvas, Motion
 from billiards_env.drawing.recording import Floats
 from billiards_env.drawing.style import CHALK
 from billiards_env.drawing.text import text_image
-from billiards_env.games.state import BEHIND, is_in, members, on_table
+from billiards_env.games.game_state import BEHIND, is_in, members, on_table
 from billiards_env.play import controls, labels
 from billiards_env.play.model import NO_SHOT, WindowModel
 from billiards_env.play.pages import KEYS, rules_page

@@ -20,7 +20,6 @@ from billiards_env.drawing.canvas import pygame  # raises with a hint if pygame 
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.drawing.text import text_image
 from billiards_env.drawing.window import FASTER_KEYS, SLOWER_KEYS, Screen
-from billiards_env.files import free_path
 from billiards_env.games import GameState, History, Stroke, opening, records
 from billiards_env.play import labels
 from billiards_env.play import model as actions
@@ -33,6 +32,7 @@ from billiards_env.play.view import FPS, View
 from billiards_env.players.levels import EXPECTED, LevelPlayer, with_noise
 from billiards_env.players.planner import Plan, plan
 from billiards_env.players.situation import Player, game_situation
+from billiards_env.support.files import free_path
 
 T = TypeVar("T")
 

@@ -3,9 +3,10 @@
 The goals are data: `Pot`, `Leave`, `Touch`, `FirstTouch` and `Cushions`. A shot reaches several goals at once. In every
 case the cue ball must stay on the table.
 
-`aim` begins with many shots in one batch: pots and hits by geometry (`players.pots`), and then random shots. From those
+`aim` begins with many shots in one batch: pots and hits by geometry (`pots.finder`), and then random shots. From those
 nearest to the goals it follows the Gauss-Newton method, with a line search. The residuals of a shot are the distance of
-a ball from the place to leave it, and the margins (see `shots.gradients.Margins`) by which it misses its other goals.
+a ball from the place to leave it, and the margins (see `shot_derivatives.Margins`) by which it misses its other
+goals.
 """
 
 from __future__ import annotations
@@ -17,15 +18,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, finite, flag, integer, real, shaped, short, unmasked
+from billiards_env.derivatives.shot_derivatives import margin_columns, margins_by_cue_ball, rest_by_cue_ball
+from billiards_env.engine.strikes import Strike, strike_with
 from billiards_env.physics.state import CUE_BALL
-from billiards_env.players.pots import SPEED, TOLERANCE, find_pots
+from billiards_env.pots.finder import SPEED, TOLERANCE, find_pots
 from billiards_env.scene import Scene, check_scene
-from billiards_env.shots.gradients import margin_columns, margins_by_cue_ball, rest_by_cue_ball
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import BatchResult, simulate, simulate_batch
-from billiards_env.shots.strikes import Strike, strike_with
 from billiards_env.shots.tables import Tables
+from billiards_env.support.checks import Range, finite, flag, integer, real, shaped, short, unmasked
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -225,7 +226,7 @@ def aim(
     order = np.lexsort((-_room(problem, tried), np.maximum(tried.off, _EXACT), tried.missed, ~tried.solved))
     best, others = order[0], order[1:][tried.solved[order[1:]]]
     velocity = tried.velocities[best]
-    (places,), (playing,) = problem.table.positions, problem.table.on_table
+    (places,), (playing,) = problem.table.positions, problem.table.in_play
     shot = simulate(scene, places, _stroke(problem, velocity), in_play=playing, record=True)
     return Aim(bool(tried.solved[best]), velocity, float(tried.off[best]), shot, tried.velocities[others])
 
@@ -272,7 +273,7 @@ def _stroke(problem: _Problem, velocities: Floats) -> Floats | Strike:
 def _run(problem: _Problem, velocities: Floats, record: bool = False) -> BatchResult:
     table, strokes = problem.table, _stroke(problem, velocities)
     places = np.broadcast_to(table.positions, (len(velocities), *table.positions.shape[1:]))
-    return simulate_batch(table.scene, places, strokes, in_play=table.on_table[0], record=record, threads=1)
+    return simulate_batch(table.scene, places, strokes, in_play=table.in_play[0], record=record, threads=1)
 
 
 def _starts(problem: _Problem, shots: int, rng: np.random.Generator) -> Iterator[Floats]:

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine import PIC
+from billiards_env.engine.strikes import strike
 from billiards_env.games import GameState, Setup
-from billiards_env.games.state import PUSH_OUT, is_in, members, on_table
-from billiards_env.players.budget import Budget
-from billiards_env.players.indirect import find_indirect
-from billiards_env.players.pots import DY, SPEED, TOLERANCE, find_pots
+from billiards_env.games.game_state import PUSH_OUT, is_in, members, on_table
 from billiards_env.players.situation import draw_places
 from billiards_env.players.values import pot_probability
+from billiards_env.pots.budget import Budget
+from billiards_env.pots.finder import DY, SPEED, TOLERANCE, find_pots
+from billiards_env.pots.indirect import find_indirect
 from billiards_env.scene import Scene
-from billiards_env.shots.strikes import strike
 from billiards_env.shots.tables import Tables
 
 Floats = NDArray[np.float64]
@@ -148,12 +148,12 @@ def _pots(
     """Returns the pots of the legal balls, at most `most` of them indirect; None if there are none."""
     state, n, only_banks = game.state, len(game.positions), setup.game_rules.banks
     targets = np.isin(np.arange(n), setup.legal(state))
-    lying, legal = (np.tile(balls, (len(places), 1)) for balls in (is_in(on_table(state), n), targets))
+    in_play, legal = (np.tile(balls, (len(places), 1)) for balls in (is_in(on_table(state), n), targets))
     positions = np.repeat(game.positions[None], len(places), axis=0)
     positions[:, state.cue_balls[0]] = places
     if not setup.game_rules.pockets:
         return None
-    tables = Tables(setup.scene, positions, lying, legal, max_speed, int(state.cue_balls[0]))
+    tables = Tables(setup.scene, positions, in_play, legal, max_speed, int(state.cue_balls[0]))
     parts, many = [], targets.sum() > _MANY  # the banks of many balls take too long
     for tip, offset in enumerate(tips):
         for piece in budget.pieces(len(places), _POT_TIME, first=tip == 0):
@@ -168,7 +168,7 @@ def _pots(
     easiest = max((part[-1].max(initial=0.0) for part in parts), default=0.0)
     if not (state.in_hand or only_banks) and setup.engine == PIC and easiest < _SURE and most:
         potted = np.arange(n) if setup.game_rules.pots_any else np.flatnonzero(targets)
-        ways = find_indirect(setup, game, potted, max_speed, most, budget)
+        ways = find_indirect(tables, potted, most, budget)
         pots = ways.target[:, 0] >= 0
         share = len(tips) * (pots * pot_probability(ways.tolerance, noise) + _LEAST_SHARE)
         nothing = np.zeros(len(share), np.int64)

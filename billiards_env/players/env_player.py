@@ -20,7 +20,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import finite, one_of
+from billiards_env.engine.strikes import level_strike, strike
 from billiards_env.engine.threads import parallel_for
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
 from billiards_env.envs.actions import ACTIONS, PLAYED, cue_strike
@@ -29,13 +29,13 @@ from billiards_env.envs.observations import nth
 from billiards_env.envs.tasks import TASKS
 from billiards_env.games import GameState, Setup, Stroke, choices, members, play
 from billiards_env.games.game import opening_state
+from billiards_env.games.game_state import NOT_IN_HAND, changed, set_of
 from billiards_env.games.placement import cue_ball_area
-from billiards_env.games.state import NOT_IN_HAND, changed, set_of
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
 from billiards_env.players.situation import Noise, Player, Situation, game_situation
-from billiards_env.shots.strikes import level_strike, strike
 from billiards_env.shots.tables import Tables
+from billiards_env.support.checks import finite, one_of
 
 Floats = NDArray[np.float64]
 Act = Callable[[Any], NDArray[np.floating[Any]]]

@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from billiards_env.checks import real
 from billiards_env.games import Stroke
-from billiards_env.players.planner import NOISE, Options, noisy_strokes, parse_budget, plan
+from billiards_env.players.planner import EXPECTED_NOISE, Options, noisy_strokes, parse_budget, plan
 from billiards_env.players.situation import Noise, Player, Situation
+from billiards_env.support.checks import real
 
 
 class Level(NamedTuple):
@@ -65,7 +65,7 @@ class LevelPlayer(NamedTuple):
 def planning(argument: str) -> LevelPlayer:
     """Returns the planner as a player. It plays games and the tasks with the rules of a game.
 
-    It expects the noise of the situation in addition to its own. Without any noise it expects `planner.NOISE`.
+    It expects the noise of the situation in addition to its own. Without any noise it expects `planner.EXPECTED_NOISE`.
 
     Args:
         argument: The name of a level, or the budget of a decision: its time, such as "100ms" or "1s", or a number of
@@ -106,7 +106,7 @@ def expected(noise: Noise, level: Level) -> Noise:
     """Returns the standard deviations that a level plans for, from the noise of the environment and its own noise."""
     of_env = real("noise[0]", noise[0], "angle_std"), real("noise[1]", noise[1], "speed_std")
     degrees, speed = map(math.hypot, of_env, map(min, level.noise, EXPECTED))
-    return (degrees, speed) if degrees or speed else NOISE
+    return (degrees, speed) if degrees or speed else EXPECTED_NOISE
 
 
 def with_noise(stroke: Stroke, noise: Noise, max_speed: float, rng: np.random.Generator) -> Stroke:

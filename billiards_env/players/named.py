@@ -19,11 +19,11 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 
-from billiards_env.checks import suggestion
 from billiards_env.games import Setup
 from billiards_env.players.levels import planning
 from billiards_env.players.situation import Player
 from billiards_env.players.strategies import SHOTS, geometric, random, reach_goals, search
+from billiards_env.support.checks import suggestion
 
 Where = Setup | gym.Env[Any, Any]
 """The game that a player plays, or the environment."""

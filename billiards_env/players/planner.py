@@ -28,15 +28,15 @@ from numpy.typing import NDArray
 from billiards_env.games import NO_CALL, Call, GameState, Setup, Stroke, choices
 from billiards_env.games.batch import PlayedBatch, play_batch
 from billiards_env.players import run_outs
-from billiards_env.players.budget import Budget
 from billiards_env.players.candidates import LEAST_CANDIDATES, TIPS, Candidates, candidates, rotated
 from billiards_env.players.values import Values
+from billiards_env.pots.budget import Budget
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Noise = tuple[float, float]
 
-NOISE = (0.057, 0.02)
+EXPECTED_NOISE = (0.057, 0.02)
 """The noise that a player expects if none is given: standard deviations of direction, degrees, and speed, m/s."""
 
 FINALISTS = 4
@@ -134,7 +134,7 @@ def plan(
     rng: np.random.Generator,
     seconds: float = 0.1,
     shots: float = math.inf,
-    noise: Noise = NOISE,
+    noise: Noise = EXPECTED_NOISE,
     options: Options = _USUAL,
 ) -> Plan:
     """Returns the best shot that the planner finds.

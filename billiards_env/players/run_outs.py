@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.files import read_arrays
-from billiards_env.players.pots import APPROACH, CUT_COS, RUN, TOLERANCE
+from billiards_env.pots.finder import APPROACH, CUT_COS, RUN, TOLERANCE
+from billiards_env.support.files import read_arrays
 
 Floats = NDArray[np.float64]
 Weights = Mapping[str, NDArray[np.float32]]

@@ -11,15 +11,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import one_of
 from billiards_env.envs.actions import ACTIONS, PLAYED
 from billiards_env.games import GameState, Setup, Stroke, play
 from billiards_env.games.batch import PlayedBatch, best_call, play_batch
+from billiards_env.games.game_state import is_in, on_table
 from billiards_env.games.placement import Point, cue_ball_area, cue_ball_point
-from billiards_env.games.state import is_in, on_table
 from billiards_env.players.aim import FirstTouch, Goal, Pot, carom_goals
-from billiards_env.players.pots import PotShots, pot_shots
+from billiards_env.pots.finder import PotShots, pot_shots
 from billiards_env.shots.tables import Tables
+from billiards_env.support.checks import one_of
 
 Floats = NDArray[np.float64]
 Noise = tuple[float, float]

@@ -2,7 +2,7 @@
 
 * "random" plays a random shot.
 * "geometric" plays the best direct pot or, if there is none, the best pot off one cushion
-  (`billiards_env.players.pots`). If there is no pot at all, it plays a full hit on the nearest target at the largest
+  (`billiards_env.pots.finder`). If there is no pot at all, it plays a full hit on the nearest target at the largest
   speed. It does not use the engine.
 * "search" simulates shots and plays the best one; "search:20" simulates 20 shots.
 * "aim" computes shots that reach the goals of a task or a game (`billiards_env.players.aim`), and plays the best one.
@@ -100,7 +100,7 @@ def reach_goals(situation: Situation, rng: np.random.Generator) -> Stroke:
             table.positions[0],
             goals,
             max_speed=table.max_speed,
-            in_play=table.on_table[0],
+            in_play=table.in_play[0],
             strike=situation.strike,
             shots=shots,
         )

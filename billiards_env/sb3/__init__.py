@@ -9,7 +9,7 @@ Example:
     128
 """
 
-from billiards_env.checks import missing
+from billiards_env.support.checks import missing
 
 try:
     import stable_baselines3  # noqa: F401

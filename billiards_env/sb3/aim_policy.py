@@ -18,12 +18,12 @@ from stable_baselines3.common.utils import LinearSchedule
 from torch import Tensor
 
 import billiards_env  # noqa: F401  (registers the environment)
-from billiards_env.checks import Range, finite, integer, numbers, one_of, sequence, short
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.arguments import plain
 from billiards_env.envs.tasks import task_of
 from billiards_env.sb3.aim_network import OBSERVED, AimNetwork, Mixture
+from billiards_env.support.checks import Range, finite, integer, numbers, one_of, sequence, short
 
 PPO_SETTINGS: dict[str, Any] = {
     "n_steps": 1,

@@ -102,7 +102,7 @@ def playable(run_dir: Path) -> str | None:
 
 def _aimed(model: AimPolicy, table: Tables) -> NDArray[np.float32]:
     """Returns the action of a policy for the balls on the table."""
-    (targets,), others = table.targets, table.on_table[0].copy()
+    (targets,), others = table.targets, table.in_play[0].copy()
     others[table.cue] = False
     seen = np.flatnonzero(targets)[:, None] if model.game.scene.n_balls == 2 else np.flatnonzero(others)[None]
     flags = torch.tensor(targets[seen])

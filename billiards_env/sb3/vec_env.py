@@ -16,9 +16,9 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
-from billiards_env.checks import short
 from billiards_env.envs import BilliardsEnv
 from billiards_env.sb3.aim_policy import arguments_of
+from billiards_env.support.checks import short
 
 
 class SameStepVecEnv(VecEnv):

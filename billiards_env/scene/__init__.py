@@ -2,8 +2,8 @@
 
 from billiards_env.scene.scene import (
     CONTACT_GAP,
-    CUSHIONS,
-    MOTIONS,
+    CUSHION_NAMES,
+    MOTION_NAMES,
     PARAMETERS,
     SCENES,
     Balls,
@@ -20,8 +20,8 @@ from billiards_env.scene.table import TABLES, Pocket, Table
 
 __all__ = [
     "CONTACT_GAP",
-    "CUSHIONS",
-    "MOTIONS",
+    "CUSHION_NAMES",
+    "MOTION_NAMES",
     "PARAMETERS",
     "SCENES",
     "TABLES",

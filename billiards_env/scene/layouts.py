@@ -7,7 +7,7 @@ head string, which is called baulk line in snooker. All balls lie inside the rec
 
 "random"
     Balls anywhere on the table. They are placed one after the other, the largest first, uniformly in the free area
-    (random sequential addition, Widom 1966), at least `MARGIN` from other balls, cushions and pockets.
+    (random sequential addition, Widom 1966), at least `PLACING_GAP` from other balls, cushions and pockets.
 "rack"
     Cue ball anywhere behind the head string, object balls in a loose rack at the foot spot. The rack is a triangle that
     is filled row by row from the foot spot, or a diamond for 9 object balls. Each ball is displaced at random so that
@@ -54,15 +54,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import one_of
 from billiards_env.jit import entry_point, kernel, streams
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.scene import Scene, check_positions, check_scene
 from billiards_env.scene.outline import pieces
+from billiards_env.support.checks import one_of
 
 Floats = NDArray[np.float64]
 
-MARGIN = 1e-3
+PLACING_GAP = 1e-3
 """m. Smallest gap between a randomly placed ball and other balls, cushions and pockets."""
 
 RACK_GAP = (1e-4, 5e-4)
@@ -297,15 +297,15 @@ def is_clear(plan, i, x, y, placed, positions):
 
     The limits of the plan keep it clear of the cushions of a rectangle.
     """
-    if not is_inside(plan.outline, x, y, plan.radius[i] + MARGIN):
+    if not is_inside(plan.outline, x, y, plan.radius[i] + PLACING_GAP):
         return False
     for k in range(placed):
         j = plan.order[k]
-        dx, dy, reach = x - positions[j, 0], y - positions[j, 1], plan.radius[j] + plan.radius[i] + MARGIN
+        dx, dy, reach = x - positions[j, 0], y - positions[j, 1], plan.radius[j] + plan.radius[i] + PLACING_GAP
         if dx * dx + dy * dy < reach * reach:
             return False
     for k in range(len(plan.pockets)):
-        dx, dy, reach = x - plan.pockets[k, 0], y - plan.pockets[k, 1], plan.pockets[k, 2] + MARGIN
+        dx, dy, reach = x - plan.pockets[k, 0], y - plan.pockets[k, 1], plan.pockets[k, 2] + PLACING_GAP
         if dx * dx + dy * dy < reach * reach:
             return False
     return True
@@ -433,7 +433,7 @@ def _plan(
     placed = [i for i in range(scene.n_balls) if i not in drawn]
     order, n_spots = np.array([*placed, *drawn], np.int64), len(placed)
     radius = np.array(scene.balls.radius)
-    x_limit, y_limit = (side / 2 - radius - MARGIN for side in (scene.table.length, scene.table.width))
+    x_limit, y_limit = (side / 2 - radius - PLACING_GAP for side in (scene.table.length, scene.table.width))
     x_least = x_most - d_radius if d_radius < math.inf else -math.inf  # inf - inf is not a number
     limits = np.column_stack(
         (np.maximum(-x_limit, x_least), np.minimum(x_limit, x_most), np.minimum(y_limit, d_radius))

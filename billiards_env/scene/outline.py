@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import real, short
+from billiards_env.support.checks import real, short
 
 Floats = NDArray[np.float64]
 Point = tuple[float, float]

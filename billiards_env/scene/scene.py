@@ -46,13 +46,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, check_fields, fields_of, integer, numbers, one_of, real, sequence, short
 from billiards_env.scene.outline import extents
 from billiards_env.scene.table import INCH, POOL_RADIUS, Table, six_pockets
+from billiards_env.support.checks import Range, check_fields, fields_of, integer, numbers, one_of, real, sequence, short
 
-MOTIONS = ("ideal", "rolling", "sliding")
-CUSHIONS = ("restitution", "han2005", "stronge", "mathavan2010", "han2005_variable")
-BALL_BALL = ("frictionless", "frictional")
+MOTION_NAMES = ("ideal", "rolling", "sliding")
+CUSHION_NAMES = ("restitution", "han2005", "stronge", "mathavan2010", "han2005_variable")
+BALL_BALL_NAMES = ("frictionless", "frictional")
 COLOURS = ("pool", "snooker", "uk")
 SHAPES = ("disk", "sphere")
 
@@ -230,9 +230,9 @@ class Physics:
     max_time: float | None = None
 
     def __post_init__(self) -> None:
-        one_of("physics.motion", self.motion, MOTIONS)
-        one_of("physics.cushion", self.cushion, CUSHIONS)
-        one_of("physics.ball_ball", self.ball_ball, BALL_BALL)
+        one_of("physics.motion", self.motion, MOTION_NAMES)
+        one_of("physics.cushion", self.cushion, CUSHION_NAMES)
+        one_of("physics.ball_ball", self.ball_ball, BALL_BALL_NAMES)
         optional = "mu_ball", "mu_roll_speed"
         names = (name for name in PARAMETERS if getattr(self, name) is not None or name not in optional)
         check_fields(self, "physics", **{name: PARAMETERS[name].within for name in names})

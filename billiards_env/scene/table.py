@@ -45,8 +45,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import check_fields, fields_of, one_of, real, sequence, short
 from billiards_env.scene.outline import TOUCH, Corner, check_outline, clearance, enters
+from billiards_env.support.checks import check_fields, fields_of, one_of, real, sequence, short
 
 INCH = 0.0254  # m, exactly
 POOL_LENGTH, POOL_WIDTH, POOL_RADIUS = 100 * INCH, 50 * INCH, 2.25 * INCH / 2

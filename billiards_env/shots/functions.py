@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import one_of, shaped, short
+from billiards_env.derivatives.shot_derivatives import MARGINS, physics_inputs
 from billiards_env.scene import Scene, check_scene
-from billiards_env.shots.gradients import MARGINS, physics_inputs
 from billiards_env.shots.simulation import BatchResult, simulate_batch
+from billiards_env.support.checks import one_of, shaped, short
 
 Floats = NDArray[np.float64]
 

@@ -30,15 +30,16 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from billiards_env.checks import Range, flag, integer, one_of, real, short
 from billiards_env.engine.compile import Engine
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import STATUS
-from billiards_env.files import read_text, replacing
+from billiards_env.engine.strikes import Strike
 from billiards_env.scene import Scene
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import simulate
-from billiards_env.shots.strikes import Strike
+from billiards_env.support.checks import Range, flag, integer, one_of, real, short
+from billiards_env.support.files import read_text, replacing
+from billiards_env.version import __version__
 
 VERSION = 2
 """The version of the format that is written, and the newest version that is read."""
@@ -240,8 +241,6 @@ def _scene(data: Any) -> Scene:
 
 def json_text(kind: str, data: Mapping[str, Any]) -> str:
     """Returns the JSON text of a file of a kind, with one line per field."""
-    from billiards_env import __version__
-
     content = {"format": kind, "version": VERSION, "written_by": f"billiards_env {__version__}", **data}
     lines = (f"  {json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in content.items())
     return "{\n" + ",\n".join(lines) + "\n}\n"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import numbers, short
+from billiards_env.derivatives.differentiable import Differentiable
 from billiards_env.engine.compile import Engine
 from billiards_env.engine.log import N_EVENTS_LOGGED, N_SEGMENTS_LOGGED, Log, named_events
 from billiards_env.engine.orientation import turning
@@ -18,12 +18,12 @@ from billiards_env.engine.shot_input import ShotInput
 from billiards_env.engine.shots import STATUS
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.scene import Scene
-from billiards_env.shots.derivatives import Differentiable
+from billiards_env.support.checks import numbers, short
 
 if TYPE_CHECKING:
+    from billiards_env.derivatives.shot_derivatives import Record, Sensitivity
     from billiards_env.drawing.plot import Axes
     from billiards_env.drawing.recording import Recording
-    from billiards_env.shots.gradients import Record, Sensitivity
 
 Floats = NDArray[np.float64]
 
@@ -178,9 +178,9 @@ class ShotResult(Differentiable):
         Raises:
             ValueError: As in `sensitivity`, or if a time is earlier than the one before.
         """
-        from billiards_env.shots import gradients
+        from billiards_env.derivatives import shot_derivatives
 
-        return gradients.sensitivities(self._record("sensitivity"), times)
+        return shot_derivatives.sensitivities(self._record("sensitivity"), times)
 
     def _of_each(self, result: Any) -> Any:
         """Returns the results of the first shot."""
@@ -191,7 +191,7 @@ class ShotResult(Differentiable):
         return result[0]
 
     def _record(self, method: str) -> Record:
-        from billiards_env.shots.gradients import Part, Record
+        from billiards_env.derivatives.shot_derivatives import Part, Record
 
         if self.trajectory is None or self.scene is None or self._log is None:
             raise ValueError(f"shot.{method}: expected a shot of simulate(..., record=True) by PIC")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import flag, integer, numbers, short
+from billiards_env.derivatives.differentiable import Differentiable
 from billiards_env.engine.compile import (
     MAX_EVENTS,
     PIC,
@@ -25,14 +25,14 @@ from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.log import NO_LOG, empty_log
 from billiards_env.engine.shot_input import ShotInput, check_shot, check_varied
 from billiards_env.engine.shots import STATUS, Shots, empty_shots, start_fields
+from billiards_env.engine.strikes import Strike
 from billiards_env.engine.threads import parallel_for
 from billiards_env.scene import Scene, check_scene
-from billiards_env.shots.derivatives import Differentiable
 from billiards_env.shots.result import ShotResult, outcome_of, read_log
-from billiards_env.shots.strikes import Strike
+from billiards_env.support.checks import flag, integer, numbers, short
 
 if TYPE_CHECKING:
-    from billiards_env.shots.gradients import Part, Record
+    from billiards_env.derivatives.shot_derivatives import Part, Record
 
 
 def simulate(
@@ -196,7 +196,7 @@ class BatchResult(Differentiable):
         return simulate(scene, positions, velocities, spins=spins, in_play=in_play, **settings)
 
     def _record(self, method: str) -> Record:
-        from billiards_env.shots.gradients import Record
+        from billiards_env.derivatives.shot_derivatives import Record
 
         if self._parts is None:
             raise ValueError(f"batch.{method}: expected a batch of simulate_batch(..., record=True) by PIC")
@@ -309,7 +309,7 @@ def _run_recorded(run: Callable[..., None], shots: Shots, threads: int | None) -
 
     The room in a log is that of the shots so far, with a margin. Shots that do not fit run again.
     """
-    from billiards_env.shots.gradients import Part
+    from billiards_env.derivatives.shot_derivatives import Part
 
     m, n = shots.in_play.shape
     start = [array.copy() for array in start_fields(shots)]

@@ -16,7 +16,7 @@ class Tables(NamedTuple):
     Attributes:
         scene: Balls, table and physics.
         positions: (k, n, 2) m.
-        on_table: (k, n) bool, the balls on the table.
+        in_play: (k, n) bool, the balls on the table.
         legal: (k, n) bool, the balls that count and that the cue ball may touch first, if they are on the table.
         max_speed: Speed of the fastest shot, m/s.
         cue: The number of the cue ball.
@@ -24,7 +24,7 @@ class Tables(NamedTuple):
 
     scene: Scene
     positions: NDArray[np.float64]
-    on_table: NDArray[np.bool_]
+    in_play: NDArray[np.bool_]
     legal: NDArray[np.bool_]
     max_speed: float
     cue: int = 0
@@ -32,7 +32,7 @@ class Tables(NamedTuple):
     @property
     def targets(self) -> NDArray[np.bool_]:
         """(k, n) bool, the legal balls on the table."""
-        return self.legal & self.on_table
+        return self.legal & self.in_play
 
     def nearest(self) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
         """Returns the target nearest to the cue ball, (k,), and the vector to it, (k, 2) m; any ball without one."""
@@ -42,5 +42,5 @@ class Tables(NamedTuple):
 
     def take(self, which: Any) -> Tables:
         """Returns some of the tables."""
-        positions, on_table, legal = (array[which] for array in self[1:4])
-        return self._replace(positions=positions, on_table=on_table, legal=legal)
+        positions, in_play, legal = (array[which] for array in self[1:4])
+        return self._replace(positions=positions, in_play=in_play, legal=legal)

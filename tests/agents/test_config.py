@@ -7,8 +7,9 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 
 from agents.config import Config, load, rows
 from agents.ppo import make_env, make_policy, make_ppo, make_vec_env
-from billiards_env.frozen import FROZEN, NOISE
+from billiards_env.bench.frozen import FROZEN
 from billiards_env.sb3 import PPO_SETTINGS, AimPolicy
+from billiards_env.shots.noise import EXECUTION_NOISE
 
 
 @pytest.mark.parametrize("name", rows())
@@ -16,7 +17,7 @@ def test_each_row_is_a_policy_for_its_task_and_a_frozen_task(name):
     row, config = rows()[name], load(name, seed=3)
     assert (config.seed, config.task) == (3, row["task"])
     assert set(row["plays"]) <= FROZEN.keys()
-    assert config.noise == (NOISE if FROZEN[row["task"]].noise else None)
+    assert config.noise == (EXECUTION_NOISE if FROZEN[row["task"]].noise else None)
     assert type(make_policy(config)) is (ActorCriticPolicy if config.policy["head"] == "gaussian" else AimPolicy)
     assert config.env["task"] in (FROZEN[row["task"]].arguments["task"], row["env"].get("task"))
 
@@ -113,6 +114,6 @@ def test_a_file_without_settings_is_refused(tmp_path, content, message):
 def test_the_noise_is_that_of_the_configuration():
     noise = {"angle_std": 1.0, "offset_std": 0.002}
     spec: Any = make_env(Config(timesteps=0, noise=noise)).spec
-    assert spec.kwargs["noise"] == NOISE | noise
-    assert Config(timesteps=0, task="Pot1Noise-v0").noise == NOISE
+    assert spec.kwargs["noise"] == EXECUTION_NOISE | noise
+    assert Config(timesteps=0, task="Pot1Noise-v0").noise == EXECUTION_NOISE
     assert Config(timesteps=0, task="Pot1Noise-v0", noise=None).noise is None

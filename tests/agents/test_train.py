@@ -18,7 +18,7 @@ from agents import train as module
 from agents.config import Config, load
 from agents.evaluate import evaluate
 from agents.ppo import training_seed
-from billiards_env.evaluation import evaluation_seeds
+from billiards_env.bench.evaluation import evaluation_seeds
 from tests.helpers.training import Pickled
 
 ROOT = Path(__file__).resolve().parents[2]

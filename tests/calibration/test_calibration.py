@@ -16,8 +16,8 @@ from billiards_env.calibration import Track, calibrate, observed, write_tracks
 from billiards_env.calibration.fit import reduced
 from billiards_env.calibration.shot import PLACES, SPIN, VELOCITY, prepare
 from billiards_env.calibration.starts import allowed, settle
+from billiards_env.derivatives import shot_derivatives as gradients
 from billiards_env.scene import PARAMETERS, Physics, check_positions, layouts
-from billiards_env.shots import gradients
 
 SCENE = Scene.named("carom", 1)
 FRAMES = np.arange(60) / 30

@@ -14,7 +14,7 @@ from billiards_env.calibration.contacts import CUSHION, find_contacts
 from billiards_env.calibration.frame import fit_frame
 from billiards_env.calibration.shot import prepare
 from billiards_env.calibration.tracks import with_rest
-from billiards_env.checks import RANGES, Range
+from billiards_env.support.checks import RANGES, Range
 from tests.helpers.tracks import FRAME, LATE, SCENE, raw_tracks, whole_tracks
 
 TRUTH = {name: getattr(SCENE.physics, name) for name in ("mu_slide", "mu_roll", "e_ball", "e_cushion", "mu_cushion")}

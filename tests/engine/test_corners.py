@@ -11,7 +11,7 @@ from billiards_env.engine.compile import scene_arrays
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.jit import allocating_entry_point
 from billiards_env.physics.state import UX, UY, VX, VY, X, Y, empty_state
-from billiards_env.players.paths import follow_path
+from billiards_env.pots.paths import follow_path
 from billiards_env.scene import Balls, Physics, Table
 from reference.oracle import run
 from tests.helpers.outlines import table, with_corners

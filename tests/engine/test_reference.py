@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
+from billiards_env.derivatives.shot_derivatives import UNIT_ROUNDOFF
 from billiards_env.scene import Balls, Physics, Table
-from billiards_env.shots.gradients import UNIT_ROUNDOFF
 from reference.oracle import run
 from tests.helpers.derivatives import FALLING
 from tests.helpers.outlines import MARBLES, TABLES, apart_places

@@ -8,7 +8,7 @@ from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.tasks import TASKS
 from billiards_env.games import GAMES, STATE, Stroke, opening, play
 from billiards_env.games.batch import play_batch
-from billiards_env.games.state import changed, members, set_of
+from billiards_env.games.game_state import changed, members, set_of
 from tests.helpers.games import setup
 
 MAX_SPEED = 8.0  # m/s; a power of two, so actions are exact

@@ -5,7 +5,7 @@ import pytest
 
 from billiards_env.games import CALL, FACTS, FOULS, GAMES, STATE, Call, Stroke, opening, play, referee
 from billiards_env.games.batch import best_call, play_batch
-from billiards_env.games.state import changed, in_play, members, set_of
+from billiards_env.games.game_state import changed, in_play, members, set_of
 from tests.helpers.games import setup, state
 
 CASES = {f"{rules} {layout}": (rules, layout, {}) for rules in GAMES for layout in (GAMES[rules].layouts[0], "random")}

@@ -15,8 +15,8 @@ from billiards_env import billiards_v0, simulate
 from billiards_env.envs import BilliardsEnv, make_env, make_vector_env
 from billiards_env.envs.actions import cue_strike
 from billiards_env.games import FOULS, GAMES, Call, Stroke, play, replay, to_dict
-from billiards_env.games.state import ANYWHERE
-from billiards_env.scene.layouts import MARGIN
+from billiards_env.games.game_state import ANYWHERE
+from billiards_env.scene.layouts import PLACING_GAP
 from tests.helpers.environments import GAME_VARIANTS, name_of
 from tests.helpers.games import in_a_row
 
@@ -267,7 +267,7 @@ def test_a_scratch_penalty_goes_to_the_other_players():
 def test_actions_cover_the_whole_placement_area():
     env = make_env(task="nine_ball", n_players=2)
     r = env.scene.balls.radius[0]
-    x_end, y_end = 1.27 - r - MARGIN, 0.635 - r - MARGIN
+    x_end, y_end = 1.27 - r - PLACING_GAP, 0.635 - r - PLACING_GAP
     for action, place in [
         ((-1, 0), (-x_end, 0)),
         ((1, 0.5), (-0.635, 0.5 * y_end)),

@@ -6,9 +6,9 @@ import pytest
 
 from billiards_env.engine import PIC, Engine
 from billiards_env.games import GAMES, Call, Stroke, custom_opening, opening, play
-from billiards_env.games.state import in_play, is_in
+from billiards_env.games.game_state import in_play, is_in
 from billiards_env.scene import check_positions, layouts
-from billiards_env.scene.layouts import MARGIN, draw
+from billiards_env.scene.layouts import PLACING_GAP, draw
 from tests.helpers.games import in_a_row, random_game, setup, words
 
 PIT = Engine("pit", 1 / 240)
@@ -104,7 +104,7 @@ def test_a_blocked_point_is_replaced_by_the_nearest_free_point():
     game = custom_opening(NINE, PLACES, {"in_hand": "anywhere"})
     wish = tuple((PLACES[5] + [0.0, 0.01]).tolist())
     start = play(NINE, game, Stroke((0.0, -1.0), wish)).shot.at(0.0)
-    assert start[0] == pytest.approx(PLACES[5] + [0.0, 2 * NINE.scene.balls.radius[0] + MARGIN])
+    assert start[0] == pytest.approx(PLACES[5] + [0.0, 2 * NINE.scene.balls.radius[0] + PLACING_GAP])
 
 
 def test_carom_players_alternate_cue_balls():

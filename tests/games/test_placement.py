@@ -6,14 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env.games import GAMES, Setup, placement
-from billiards_env.games.state import CALL, FACTS, IN_HAND, STATE, Called, Facts, RulesState, row, set_of
+from billiards_env.games.game_state import CALL, FACTS, IN_HAND, STATE, Called, Facts, RulesState, row, set_of
 from billiards_env.games.transition import next_games
 from billiards_env.scene import Balls, Scene, Table, check_positions
-from billiards_env.scene.layouts import MARGIN, layout_plan
+from billiards_env.scene.layouts import PLACING_GAP, layout_plan
 
 SCENE = Scene.named("pool", 15)
 R = SCENE.balls.radius[0]
-REACH = 2 * R + MARGIN
+REACH = 2 * R + PLACING_GAP
 FOOT = SCENE.table.length / 4
 AWAY = np.array([[-1.2 + 0.1 * i, 0.55] for i in range(16)])
 
@@ -111,7 +111,7 @@ def test_a_point_outside_the_area_is_clipped():
     assert place((9.0, 0.3)) == (x_high, 0.3)
     assert place((0.3, -9.0)) == (0.3, y_low)
     assert place((0.3, 0.1), in_hand="behind") == (-SCENE.table.length / 4, 0.1)
-    assert (x_low, y_low, x_high) == (-x_high, -y_high, SCENE.table.length / 2 - R - MARGIN)
+    assert (x_low, y_low, x_high) == (-x_high, -y_high, SCENE.table.length / 2 - R - PLACING_GAP)
     with_jaws = Scene.named("uk_pool")
     assert placement.placement_area(with_jaws, 0, behind=True)[1] == with_jaws.table.head_x < 0.0
 
@@ -119,7 +119,7 @@ def test_a_point_outside_the_area_is_clipped():
 def test_pockets_are_avoided():
     side = SCENE.table.pockets[5]
     x, y = place((side.x, side.y))
-    assert math.hypot(x - side.x, y - side.y) == pytest.approx(side.radius + MARGIN, abs=1e-9)
+    assert math.hypot(x - side.x, y - side.y) == pytest.approx(side.radius + PLACING_GAP, abs=1e-9)
 
 
 def brute(point, area, circles, steps=401):
@@ -134,13 +134,13 @@ def brute(point, area, circles, steps=401):
 
 def nearest_free_point(point, area, circles):
     """Returns the place of a cue ball of radius 0 on a table with these circles as pockets."""
-    pockets = np.array(circles) - [0.0, 0.0, MARGIN]
+    pockets = np.array(circles) - [0.0, 0.0, PLACING_GAP]
     numbers = placement.PlacementNumbers(
         radius=np.zeros(1),
         touching=np.zeros((1, 1)),
         pockets=pockets,
-        half_length=area[1] + MARGIN,
-        half_width=area[3] + MARGIN,
+        half_length=area[1] + PLACING_GAP,
+        half_width=area[3] + PLACING_GAP,
         head_x=-0.5,
         foot_x=0.5,
         d_radius=0.0,
@@ -217,8 +217,8 @@ def test_the_cue_ball_is_placed_at_the_nearest_free_point_of_its_area(name, in_h
     positions, wish = rng.uniform(low, high, (n, 2)), rng.uniform(low - 0.1, high + 0.1)
     point = placement.cue_ball_point(scene, positions, state, tuple(wish.tolist()))
     lying = [i for i in range(1, n) if state.object_balls >> i & 1]
-    circles = [(*positions[i], radius[i] + radius[0] + MARGIN) for i in lying]
-    circles += [(p.x, p.y, p.radius + MARGIN) for p in table.pockets]
+    circles = [(*positions[i], radius[i] + radius[0] + PLACING_GAP) for i in lying]
+    circles += [(p.x, p.y, p.radius + PLACING_GAP) for p in table.pockets]
     d = [(table.head_x, 0.0, table.d_radius)] if in_hand == "behind" and table.d_radius else []
 
     def is_allowed(points, slack):

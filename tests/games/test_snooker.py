@@ -7,9 +7,9 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.games import Call, Setup, Stroke, custom_opening, opening, play
+from billiards_env.games.game_state import CALL, FACTS, STATE, Called, Facts, changed, row, set_of
 from billiards_env.games.placement import SPOT_GAP, cue_ball_point, placement_area
 from billiards_env.games.snooker import points_left
-from billiards_env.games.state import CALL, FACTS, STATE, Called, Facts, changed, row, set_of
 from billiards_env.games.transition import next_games
 from billiards_env.scene.layouts import layout_plan
 from tests.helpers.games import judge, record_of, ruling, state, words

@@ -5,7 +5,7 @@ import pytest
 
 from billiards_env.games import CALL, FACTS, GAMES, STATE, VERDICT, opening
 from billiards_env.games.game import opening_state
-from billiards_env.games.state import CALLS, Called, RulesState, changed, row
+from billiards_env.games.game_state import CALLS, Called, RulesState, changed, row
 from billiards_env.games.transition import call_without_shots, finish_shots_of, next_games, table_of
 from tests.helpers.games import setup
 

@@ -103,7 +103,7 @@ def changed_constant(name, tangent, scene):
 
 
 def directional_differences(scene, start, name, tangent, max_time):
-    """Returns one-sided differences of all outputs of `shots.gradients` along a tangent of one input.
+    """Returns one-sided differences of all outputs of `derivatives.shot_derivatives` along a tangent of one input.
 
     The events are in the order of their balls.
 

@@ -403,7 +403,7 @@ def test_every_impact_ends_and_does_not_add_energy():
 
 def test_each_cushion_of_a_scene_has_its_own_law():
     ends = {}
-    for name in scenes.CUSHIONS:
+    for name in scenes.CUSHION_NAMES:
         # With this friction and table other tests compile the same engines.
         rubs = name in ("stronge", "mathavan2010")
         friction, table = ("frictional", with_corners(Table())) if rubs else ("frictionless", Table())
@@ -415,13 +415,13 @@ def test_each_cushion_of_a_scene_has_its_own_law():
         shot = simulate(scene, [[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0]], [0.3, 1.5])
         assert shot.cushions[0] > 0
         ends[name] = shot.positions.tobytes()
-    assert len(set(ends.values())) == len(scenes.CUSHIONS)
+    assert len(set(ends.values())) == len(scenes.CUSHION_NAMES)
 
 
 NEW_NAMES = [
-    ("MOTIONS", {"motion": "new", "cushion": "restitution"}),
-    ("CUSHIONS", {"cushion": "new"}),
-    ("BALL_BALL", {"ball_ball": "new"}),
+    ("MOTION_NAMES", {"motion": "new", "cushion": "restitution"}),
+    ("CUSHION_NAMES", {"cushion": "new"}),
+    ("BALL_BALL_NAMES", {"ball_ball": "new"}),
 ]
 
 

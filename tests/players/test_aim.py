@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate
+from billiards_env.engine.strikes import strike_with
 from billiards_env.games import opening
 from billiards_env.players.aim import Cushions, FirstTouch, Leave, Pot, Touch, aim
 from billiards_env.scene import layouts
-from billiards_env.shots.strikes import strike_with
 from tests.helpers.games import setup
 
 POOL, CAROM = Scene.named("pool", 1), Scene.named("carom", 2)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from billiards_env import Engine, Scene, strike
-from billiards_env.evaluation import measure
+from billiards_env.bench.evaluation import measure
 from billiards_env.games import GameState, Setup, Stroke, choices, custom_opening, opening, play
 from billiards_env.games.batch import play_batch
-from billiards_env.games.state import BEHIND, changed
-from billiards_env.players import candidates, indirect, planner
+from billiards_env.games.game_state import BEHIND, changed
+from billiards_env.players import candidates, planner
 from billiards_env.players.candidates import TIPS, _with_spin
 from billiards_env.players.env_player import acting
 from billiards_env.players.levels import EXPECTED, LEVELS, expected, level_of, with_noise
@@ -20,6 +20,7 @@ from billiards_env.players.named import find_player
 from billiards_env.players.planner import Options, _draw_noise, noisy_strokes, plan
 from billiards_env.players.situation import game_situation
 from billiards_env.players.values import Values, pot_probability
+from billiards_env.pots import indirect
 from tests.helpers.games import hanging, setup
 
 RNG = np.random.default_rng
@@ -41,7 +42,7 @@ def test_slow_shots_keep_the_time_of_a_decision(rules, monkeypatch):
 
         monkeypatch.setattr(module, name, slow)
 
-    monkeypatch.setattr("billiards_env.players.budget.time", types.SimpleNamespace(thread_time=lambda: now))
+    monkeypatch.setattr("billiards_env.pots.budget.time", types.SimpleNamespace(thread_time=lambda: now))
     timed(planner, "play_batch", 0.002, lambda setup, game, velocities, *_: len(velocities))
     timed(indirect, "simulate_batch", 0.02, lambda scene, places, strokes: len(places))
     timed(candidates, "find_pots", 0.003, lambda tables: len(tables.positions))

@@ -20,7 +20,7 @@ def draws(name, scene, count, seed=0):
 def reach_of(scene):
     """Returns the largest abs(x) and abs(y) of the centre of each ball, (n, 2) m."""
     half = np.array([scene.table.length, scene.table.width]) / 2
-    return half - np.array(scene.balls.radius)[:, None] - layouts.MARGIN
+    return half - np.array(scene.balls.radius)[:, None] - layouts.PLACING_GAP
 
 
 def check_clear(scene, positions):
@@ -32,7 +32,7 @@ def check_clear(scene, positions):
         gaps.append(np.linalg.norm(positions[:, i] - positions[:, j], axis=-1) - (radius[i] + radius[j]))
     for pocket in scene.table.pockets:
         gaps += list(np.linalg.norm(positions - (pocket.x, pocket.y), axis=-1) - pocket.radius)
-    assert all(gap.min() >= layouts.MARGIN - 1e-15 for gap in gaps)
+    assert all(gap.min() >= layouts.PLACING_GAP - 1e-15 for gap in gaps)
 
 
 @pytest.mark.parametrize("n_object_balls", [0, 1, 2, 9, 15])
@@ -179,7 +179,7 @@ def test_random_balls_are_inside_an_outline_that_is_no_rectangle():
     positions = draws("random", scene, 300)
     check_positions(scene, positions)
     gaps = scene.table.clearance(positions) - 0.03
-    assert layouts.MARGIN <= gaps.min() < 2 * layouts.MARGIN
+    assert layouts.PLACING_GAP <= gaps.min() < 2 * layouts.PLACING_GAP
 
 
 @pytest.mark.parametrize("scene", SCENES)

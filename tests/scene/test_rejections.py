@@ -1,4 +1,4 @@
-"""Scenes, tables, balls, physics, positions and layouts that are refused. `tests/test_checks.py` has the ranges."""
+"""Scenes, tables, balls, physics, positions and layouts that are refused."""
 
 import math
 import re

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from billiards_env import Engine, Scene, simulate, simulate_batch
+from billiards_env.derivatives.shot_derivatives import physics_inputs
 from billiards_env.engine.compile import PIC, scene_fields, varied_fields
 from billiards_env.scene import PARAMETERS
 from billiards_env.shots import records
-from billiards_env.shots.gradients import physics_inputs
 from tests.helpers.shots import check_same, draw_starts, run_both, with_physics
 
 SCENES: dict[str, Any] = {name: Scene.named(name, 2) for name in ("pool", "ideal", "real_pool", "snooker", "uk_pool")}

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from billiards_env import Engine, simulate
-from billiards_env.checks import RANGES
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.runner import LOOK_AFTER
 from billiards_env.physics.cushion import CUSHIONS
 from billiards_env.scene import Balls, Physics, Scene, Table
+from billiards_env.support.checks import RANGES
 from tests.helpers.looks import looks
 from tests.helpers.outlines import with_corners
 

@@ -6,8 +6,8 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from billiards_env import bench
-from billiards_env.frozen import BENCH_TASKS
+from billiards_env.bench import benchmark as bench
+from billiards_env.bench.frozen import BENCH_TASKS
 from studies import RESULTS, leaderboard
 from studies.leaderboard import blocks, entries, main
 

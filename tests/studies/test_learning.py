@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from agents import config as settings
-from billiards_env.evaluation import evaluation_seeds, play_episodes
+from billiards_env.bench.evaluation import evaluation_seeds, play_episodes
 from billiards_env.players.env_player import acting
 from billiards_env.players.named import find_player
 from studies import learning

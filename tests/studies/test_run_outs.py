@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("torch")
 
 from billiards_env.games import Setup, opening
-from billiards_env.games.state import ANYWHERE, changed
+from billiards_env.games.game_state import ANYWHERE, changed
 from billiards_env.scene import Scene
 from studies import load_arrays, run_outs
 

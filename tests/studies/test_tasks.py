@@ -9,8 +9,8 @@ pytest.importorskip("matplotlib")
 pytest.importorskip("pygame")
 
 from benchmarks import IMAGES
-from billiards_env import bench
-from billiards_env.frozen import FROZEN
+from billiards_env.bench import benchmark as bench
+from billiards_env.bench.frozen import FROZEN
 from studies import tasks
 from studies.tasks import blocks, main
 

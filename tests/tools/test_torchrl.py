@@ -5,7 +5,7 @@ from typing import Any
 import gymnasium as gym
 import pytest
 
-from billiards_env.frozen import FROZEN, NAMESPACE
+from billiards_env.bench.frozen import FROZEN, NAMESPACE
 
 pytestmark = [pytest.mark.tools, pytest.mark.filterwarnings("ignore")]
 

@@ -11,7 +11,8 @@ import numba
 import numpy as np
 import pytest
 
-from billiards_env import Engine, Scene, bench, simulate, strike
+from billiards_env import Engine, Scene, simulate, strike
+from billiards_env.bench import benchmark as bench
 from web import build, check, tasks
 
 ENTRY = build.ROOT / "leaderboard" / "aim.json"

@@ -21,7 +21,7 @@ TINY = 1e-290
 """Squares below it lose digits."""
 
 # If the rounding that a plastic impact leaves counted as an approach, the impact would repeat without end.
-NOISE = 2.0**-48
+IMPULSE_ROUNDING = 2.0**-48
 """Relative rounding of a velocity after several impulses. A plastic impact leaves a normal velocity of about this size,
 of either sign."""
 

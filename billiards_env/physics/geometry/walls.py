@@ -23,7 +23,14 @@ import numpy as np
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.contact import MARGIN, NOISE, circle_time, line_time, misses_circle, sweep
+from billiards_env.physics.geometry.contact import (
+    IMPULSE_ROUNDING,
+    MARGIN,
+    circle_time,
+    line_time,
+    misses_circle,
+    sweep,
+)
 from billiards_env.physics.motion import path_of, place_after, relative_to
 from billiards_env.physics.state import AX, AY, VX, VY, X, Y
 from billiards_env.scene import CONTACT_GAP
@@ -271,7 +278,7 @@ def any_wall_time(path, radius, end, outline):
         t = _segment_time(path, radius, end, lines[k])
         if t < first:
             first, number, end = t, k, t
-    swept, noise = sweep(path, end), NOISE * norm(path.vx, path.vy)
+    swept, noise = sweep(path, end), IMPULSE_ROUNDING * norm(path.vx, path.vy)
     for k in range(len(tips)):
         from_tip, reach, _ = tip_circle(path, tips[k], radius)
         if misses_circle(from_tip, swept, reach):
@@ -353,8 +360,8 @@ def _segment_time(path, radius, end, line):
     if gap > (1.0 + MARGIN) * end * (max(v, 0.0) + 0.5 * end * max(a, 0.0)) and gap > 0.0:
         return math.inf
     if gap <= CONTACT_GAP:  # the rounding of a motion along the cushion is no approach
-        v = 0.0 if abs(v) <= NOISE * norm(vx, vy) else v
-        a = 0.0 if abs(a) <= NOISE * norm(ax, ay) else a
+        v = 0.0 if abs(v) <= IMPULSE_ROUNDING * norm(vx, vy) else v
+        a = 0.0 if abs(a) <= IMPULSE_ROUNDING * norm(ax, ay) else a
     foot = line[TX] * dx + line[TY] * dy
     if gap > 0.0 or (gap > -radius and abs(foot) <= line[HALF_LINE] + JOINT):
         t = line_time(gap, v, a, end)
@@ -477,7 +484,7 @@ def _walls_around(path, dx, dy, wall, radius, outline):
     """
     x, y, vx, vy, _, _ = path
     mx, my = _outline_normal(x, y, wall, outline)
-    still, noise = NOISE * norm(vx, vy), NOISE * norm(dx, dy)
+    still, noise = IMPULSE_ROUNDING * norm(vx, vy), IMPULSE_ROUNDING * norm(dx, dy)
     left, right, left_ahead, right_ahead = -1, -1, noise, noise
     for k in range(len(outline.lines) + len(outline.tips)):
         if k != wall and not _touches(x, y, k, radius, outline):

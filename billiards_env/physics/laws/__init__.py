@@ -1,4 +1,4 @@
 """The laws of physics: one file each. A law is a kernel of the state before and the numbers of the scene.
 
-`physics.tangent` makes the derivatives of the laws from their sources.
+`derivatives.tangent` makes the derivatives of the laws from their sources.
 """

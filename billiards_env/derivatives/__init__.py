@@ -1,0 +1,14 @@
+"""The derivatives of recorded shots, the margins to other outcomes, and where there is no derivative.
+
+Modules:
+    tangent: Makes the derivative of a law from its source.
+    rules, mathavan_tangent: The derivatives that are written by hand.
+    lanes: The change of balls through a flight or an event.
+    sweeps: The change through a whole shot, forwards and backwards.
+    nonsmooth: Events without a derivative.
+    margins: The distances to other outcomes.
+    passing: The bodies that a ball passes between two events.
+    error_bounds: Bounds of the rounding errors of a shot.
+    shot_derivatives: The derivatives of shots by name.
+    differentiable: The methods of results that call `shot_derivatives`.
+"""

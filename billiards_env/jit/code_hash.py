@@ -1,0 +1,92 @@
+"""A hash of the code that a compiled function reaches: its own, that of the kernels that it calls, and their constants.
+
+Numba's cache checks only the file of the function that it stores. With this hash in the names of the files, an edit
+compiles exactly the functions whose machine code may change.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import re
+from collections.abc import Iterator
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+from numba.core import types
+from numba.core.registry import CPUDispatcher
+
+_ADDRESS = re.compile(r" at 0x[0-9a-f]+")
+
+
+def code_hash(function: FunctionType) -> str:
+    """Returns the hash of a function that may call kernels. The modules of all these functions must be imported."""
+    found: dict[int, tuple[Any, bytes]] = {}
+    waiting: list[FunctionType] = [function]
+    while waiting:
+        one = waiting.pop()
+        if id(one) not in found:
+            text, callees = _own(one)
+            found[id(one)] = one, text
+            waiting += callees
+    return hashlib.sha256(b"".join(sorted(text for _, text in found.values()))).hexdigest()[:16]
+
+
+@functools.cache
+def _own(function: FunctionType) -> tuple[bytes, tuple[FunctionType, ...]]:
+    """Returns the hash of a function without that of its callees, and these."""
+    callees: list[FunctionType] = []
+    values: list[Any] = [function.__qualname__, function.__code__, function.__defaults__, function.__kwdefaults__]
+    values += [cell.cell_contents for cell in function.__closure__ or ()]
+    names, packages = sorted(set(_names(function.__code__))), ("billiards_env", function.__module__.partition(".")[0])
+    for name in names:
+        if name not in function.__globals__:
+            continue  # an attribute or a builtin
+        value = function.__globals__[name]
+        values += [name, value]
+        if isinstance(value, ModuleType) and value.__name__.partition(".")[0] in packages:
+            values += [(other, getattr(value, other)) for other in names if hasattr(value, other)]
+    text = "\n".join(token for value in values for token in _tokens(value, callees))
+    return hashlib.sha256(text.encode()).digest(), tuple(callees)
+
+
+def _names(code: CodeType) -> Iterator[str]:
+    yield from code.co_names
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _names(constant)
+
+
+def _tokens(value: Any, callees: list[FunctionType]) -> Iterator[str]:
+    """Yields texts that are the same in each process, and differ if the machine code may differ."""
+    if isinstance(value, CPUDispatcher):
+        yield repr(sorted(value.targetoptions.items()))
+        value = value.py_func
+    if isinstance(value, FunctionType):
+        callees.append(value)
+        yield f"calls {value.__module__}.{value.__qualname__}"
+    elif isinstance(value, CodeType):
+        yield f"{value.co_code!r} {value.co_names} {value.co_varnames} {value.co_argcount} {value.co_flags}"
+        for k, constant in enumerate(value.co_consts):
+            if k or not isinstance(constant, str):  # a function's docstring is its first constant
+                yield from _tokens(constant, callees)
+    elif isinstance(value, (tuple, list)):
+        yield f"{type(value).__name__} {len(value)} {getattr(value, '_fields', '')}"
+        for item in value:
+            yield from _tokens(item, callees)
+    elif isinstance(value, np.ndarray):
+        yield f"array {value.dtype!r} {value.shape} {value.tobytes()!r}"
+    elif isinstance(value, (type, ModuleType, BuiltinFunctionType)):
+        yield f"{value.__name__} {getattr(value, '_fields', '')} {getattr(value, '_field_defaults', '')}"
+    else:
+        yield f"{type(value).__name__} {_ADDRESS.sub('', repr(value))}"
+
+
+def fields_of(kind: Any) -> Iterator[tuple[str, ...]]:
+    """Yields the names of the fields of the named tuples in a type of numba, which compares only their classes."""
+    if isinstance(kind, types.BaseNamedTuple):
+        yield kind.fields
+    if isinstance(kind, (tuple, types.BaseTuple)):
+        for item in kind:
+            yield from fields_of(item)

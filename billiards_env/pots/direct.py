@@ -1,0 +1,204 @@
+"""The geometry of a direct pot, and the open mouth of a pocket."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from billiards_env.jit import inlined, kernel
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import contact_distance
+from billiards_env.physics.geometry.walls import TIP_RADIUS, TIP_X, TIP_Y
+from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
+from billiards_env.pots.hits import Hit, approach_gap, ball_gap, can_hit, enters_pocket, hit_along, hit_at, room_of
+from billiards_env.pots.paths import cross, half_chord, pocket_gap
+
+THINNEST = 0.05
+"""The cosine of the thinnest cut."""
+
+_LEEWAY = 0.02  # radians by which a ball on a cushion may miss the open mouth, because the cushion guides it
+_CLEAR = 1e-6  # m; gap between the cue ball at the hit and a cushion
+
+
+class PotGeometry(NamedTuple):
+    """How the cue ball sends an object ball into a pocket.
+
+    Attributes:
+        ball: The object ball.
+        pocket: The pocket.
+        wall: The cushion of a bank, 0 to 3 for -x, +x, -y, +y; -1 for a direct pot.
+        hit: The hit.
+        run: The distance from the object ball to the pocket, m.
+        mouth: Half the angle of the open mouth as seen from the object ball, minus the error of its direction, radians.
+        gap: The smallest gap to a third ball, m, at most `FAR`; negative if the pot is not possible.
+    """
+
+    ball: int
+    pocket: int
+    wall: int
+    hit: Hit
+    run: float
+    mouth: float
+    gap: float
+
+
+NO_POT = PotGeometry(-1, -1, -1, Hit(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, -1.0)
+"""A pot that is not possible."""
+
+
+@inlined
+def direct_pot(table, i, p):
+    """Returns the `PotGeometry` at which ball i goes straight into pocket p.
+
+    The object ball goes to the middle of the pocket's open mouth. If the cue ball would overlap a cushion at this hit,
+    the cue ball is moved off the cushion, along the object ball's surface.
+    """
+    if _is_behind(table, i, p):
+        return NO_POT
+    scene, x, y = table.scene, table.positions[i, X], table.positions[i, Y]
+    mouth = open_mouth(scene, i, p, x, y)
+    if mouth.half <= 0.0:
+        return NO_POT
+    reach = contact_distance(scene.spheres, scene.radius, table.cue, i)
+    room_x, room_y = room_of(scene, table.cue)
+    ghost = hit_along(table, i, mouth.dx, mouth.dy)
+    ghost_x, ghost_y = _off_cushion(ghost.x, ghost.y, x, y, room_x - _CLEAR, reach)
+    ghost_y, ghost_x = _off_cushion(ghost_y, ghost_x, y, x, room_y - _CLEAR, reach)
+    hit = hit_at(table, i, ghost_x, ghost_y)
+    if not can_hit(table, hit, THINNEST):
+        return NO_POT
+    along = mouth.dx * hit.line_x + mouth.dy * hit.line_y
+    off = abs(math.atan2(cross(mouth.dx, mouth.dy, hit.line_x, hit.line_y), along))
+    run = distance_to_rim(scene, p, x, y, hit.line_x, hit.line_y)
+    end_x, end_y = x + run * hit.line_x, y + run * hit.line_y
+    if off > mouth.half + _LEEWAY or enters_pocket(table, hit) or pocket_gap(scene.pockets, p, x, y, end_x, end_y) < 0:
+        return NO_POT
+    gap = min(approach_gap(table, i, hit), ball_gap(table, i, i, x, y, end_x, end_y))
+    return PotGeometry(i, p, -1, hit, run, max(mouth.half - off, mouth.half / 10), gap)
+
+
+@inlined
+def _is_behind(table, i, p):
+    """Returns whether the cut angle is more than 90 degrees for every point of the mouth of pocket p."""
+    positions, pockets = table.positions, table.scene.pockets
+    way_x, way_y = positions[i, X] - positions[table.cue, X], positions[i, Y] - positions[table.cue, Y]
+    to_x, to_y = pockets[p, POCKET_X] - positions[i, X], pockets[p, POCKET_Y] - positions[i, Y]
+    widest = pockets[p, POCKET_RADIUS] + _LEEWAY * norm(to_x, to_y)
+    return way_x * to_x + way_y * to_y < -norm(way_x, way_y) * widest
+
+
+class Mouth(NamedTuple):
+    """The open mouth of a pocket as seen from a point.
+
+    Attributes:
+        dx, dy: The direction of its middle.
+        half: Half its angle, radians; 0 if no point of the rim can be reached.
+    """
+
+    dx: float
+    dy: float
+    half: float
+
+
+@kernel
+def open_mouth(scene, i, p, x, y):
+    """Returns the open mouth of pocket p as seen from the point (x, y), which is outside of the pocket.
+
+    On a rectangle the open mouth is the part of the rim that the centre of ball i can reach. Its ends are tangents of
+    the rim, or the points where the rim meets the limits of the ball's centre. On a table with an outline it lies
+    between the tips of the jaws.
+    """
+    return _between_tips(scene, scene.outline, i, p, x, y)
+
+
+@inlined
+def _between_tips(scene, outline, i, p, x, y):
+    """Implements `open_mouth`."""
+    if outline is None:
+        return _rim_mouth(scene, i, p, x, y)
+    right, left = outline.mouths[p]
+    if min(right, left) < 0:
+        return _rim_mouth(scene, i, p, x, y)
+    right_tip, left_tip, radius = outline.tips[right], outline.tips[left], scene.radius[i]
+    right_x, right_y = _tangent(right_tip[TIP_X] - x, right_tip[TIP_Y] - y, right_tip[TIP_RADIUS] + radius, 1.0)
+    left_x, left_y = _tangent(left_tip[TIP_X] - x, left_tip[TIP_Y] - y, left_tip[TIP_RADIUS] + radius, -1.0)
+    return _middle(right_x, right_y, left_x, left_y)
+
+
+@inlined
+def _tangent(to_x, to_y, radius, side):
+    """Returns the direction, (x, y), of a tangent of a circle with its centre at (to_x, to_y).
+
+    The tangent begins at the origin. The circle is on its right (side = 1) or left (side = -1).
+    """
+    along = max(half_chord(norm(to_x, to_y), radius), 0.0)
+    return along * to_x - side * radius * to_y, along * to_y + side * radius * to_x
+
+
+@kernel
+def _rim_mouth(scene, i, p, x, y):
+    """Implements `open_mouth` for a rectangle."""
+    r = scene.pockets[p, POCKET_RADIUS]
+    room_x, room_y = room_of(scene, i)
+    to_x, to_y = scene.pockets[p, POCKET_X] - x, scene.pockets[p, POCKET_Y] - y
+    square = to_x * to_x + to_y * to_y
+    if square <= r * r:
+        return Mouth(0.0, 0.0, 0.0)
+    mouth = (0.0, 0.0, 0.0, 0.0)
+    length = math.sqrt(square - r * r) / square
+    for side in (-1.0, 1.0):
+        along_x, along_y = _tangent(to_x, to_y, r, side)
+        mouth = _wider(mouth, length * along_x, length * along_y, x, y, room_x, room_y)
+        for limit_x in (-room_x, room_x):
+            half = half_chord(r, limit_x - x - to_x)
+            if half >= 0.0:
+                mouth = _wider(mouth, limit_x - x, to_y + side * half, x, y, room_x, room_y)
+        for limit_y in (-room_y, room_y):
+            half = half_chord(r, limit_y - y - to_y)
+            if half >= 0.0:
+                mouth = _wider(mouth, to_x + side * half, limit_y - y, x, y, room_x, room_y)
+    return _middle(*mouth)
+
+
+@inlined
+def _middle(right_x, right_y, left_x, left_y):
+    """Returns the `Mouth` between two vectors."""
+    turn = cross(right_x, right_y, left_x, left_y)
+    if turn <= 0.0:
+        return Mouth(0.0, 0.0, 0.0)
+    right, left = norm(right_x, right_y), norm(left_x, left_y)
+    dx, dy = right_x / right + left_x / left, right_y / right + left_y / left
+    length = norm(dx, dy)
+    return Mouth(dx / length, dy / length, 0.5 * math.atan2(turn, right_x * left_x + right_y * left_y))
+
+
+@inlined
+def _wider(mouth, to_x, to_y, x, y, room_x, room_y):
+    """Returns the ends of a mouth, as vectors from (x, y), after it is extended by a point that a ball can reach."""
+    if abs(x + to_x) > room_x + _CLEAR or abs(y + to_y) > room_y + _CLEAR:
+        return mouth
+    right_x, right_y, left_x, left_y = mouth
+    if right_x == 0.0 and right_y == 0.0:
+        return to_x, to_y, to_x, to_y
+    if cross(right_x, right_y, to_x, to_y) < 0.0:
+        right_x, right_y = to_x, to_y
+    if cross(left_x, left_y, to_x, to_y) > 0.0:
+        left_x, left_y = to_x, to_y
+    return right_x, right_y, left_x, left_y
+
+
+@inlined
+def distance_to_rim(scene, p, x, y, dx, dy):
+    """Returns the distance from (x, y) along a line to a pocket's rim, or to the line's point nearest to the pocket."""
+    to_x, to_y, r = scene.pockets[p, POCKET_X] - x, scene.pockets[p, POCKET_Y] - y, scene.pockets[p, POCKET_RADIUS]
+    return to_x * dx + to_y * dy - max(half_chord(r, cross(dx, dy, to_x, to_y)), 0.0)
+
+
+@inlined
+def _off_cushion(a, b, ball_a, ball_b, room, reach):
+    """Returns the point (a, b), moved so that abs(a) <= `room` and its distance from (ball_a, ball_b) is `reach`."""
+    if abs(a) <= room:
+        return a, b
+    limit = math.copysign(room, a)
+    half = half_chord(reach, limit - ball_a)
+    return (limit, ball_b + math.copysign(half, b - ball_b)) if half >= 0.0 else (a, b)

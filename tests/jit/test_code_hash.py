@@ -1,0 +1,127 @@
+"""The hash of the code that a compiled function reaches, which is in the names of its files on disk."""
+
+import sys
+from types import FunctionType, ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from numba import typeof
+
+from billiards_env.engine import PIC, Engine
+from billiards_env.engine.compile import run_shots_of
+from billiards_env.jit.code_hash import _own, code_hash, fields_of
+
+KERNELS = '''
+import math
+from typing import NamedTuple
+from billiards_env.jit import entry_point, inlined
+from kernels_of_a_test import constants
+from kernels_of_a_test.constants import PLACES, REACH
+
+class Way(NamedTuple):
+    x: float
+    y: float
+
+@inlined
+def gap(x):
+    """Returns the gap."""
+    return x - REACH
+
+@inlined
+def unused(x):
+    return 2.0 * x
+
+def by_law(one, other):
+    @inlined
+    def call(x):
+        return one(x) + other(x)
+    return call
+
+shifted = by_law(gap, gap)
+
+@entry_point
+def run(x):
+    """Runs."""
+    way = Way(shifted(x), constants.SIZE)
+    return math.sqrt(way.x) + PLACES[1]
+'''
+CONSTANTS = "REACH = 2.0\nSIZE = 3\nPLACES = (1, 2)\nOTHER = 4\n"
+
+
+def made(monkeypatch, *edits: tuple[str, str]) -> str:
+    """Returns the hash of `run` after edits of the two modules, with a line before everything."""
+    package, modules = ModuleType("kernels_of_a_test"), {}
+    monkeypatch.setitem(sys.modules, package.__name__, package)
+    for name, text in (("constants", CONSTANTS), ("kernels", KERNELS)):
+        for old, new in edits:
+            text = text.replace(old, new)
+        module: Any = ModuleType(f"{package.__name__}.{name}")
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+        setattr(package, name, module)
+        exec(compile("\n" * len(edits) + text, f"{name}.py", "exec"), vars(module))
+        modules[name] = module
+    run = modules["kernels"].run
+    return code_hash(getattr(run, "py_func", run))
+
+
+CHANGES = [
+    ("x - REACH", "x + REACH"),
+    ("x - REACH", "REACH - x"),
+    ("REACH = 2.0", "REACH = 2.5"),
+    ("REACH = 2.0", "REACH = 2"),
+    ("SIZE = 3", "SIZE = 4"),
+    ("(1, 2)", "(1, 3)"),
+    ("by_law(gap, gap)", "by_law(gap, unused)"),
+    ("one(x) + other(x)", "one(x) - other(x)"),
+    ("math.sqrt", "math.sin"),
+    ("x: float\n    y: float", "y: float\n    x: float"),
+    ("def gap(x)", "def gap(x, y=1.0)"),
+]
+
+
+@pytest.mark.parametrize("edit", CHANGES)
+def test_an_edit_of_code_that_is_reached_changes_the_hash(monkeypatch, edit):
+    assert made(monkeypatch, edit) != made(monkeypatch)
+
+
+OTHERS = [
+    ("2.0 * x", "3.0 * x"),
+    ("OTHER = 4", "OTHER = 5"),
+    ('"""Returns the gap."""', '"""Returns the distance."""'),
+    ('"""Runs."""', "# runs"),
+    ("import math\n", "import math\nimport os\n\n"),
+]
+
+
+@pytest.mark.parametrize("edit", OTHERS)
+def test_other_edits_do_not_change_the_hash(monkeypatch, edit):
+    assert made(monkeypatch, edit) == made(monkeypatch)
+
+
+@pytest.mark.parametrize("engine", [PIC, Engine("pit", dt=0.01)])
+def test_engines_do_not_depend_on_rules_and_environments(engine):
+    """So an edit of a rule, a task or a feature compiles no engine."""
+    run: Any = run_shots_of(engine, 3)
+    while not hasattr(run, "py_func"):
+        run = run.entry
+    reached: set[FunctionType] = set()
+    waiting = [run.py_func]
+    while waiting:
+        function = waiting.pop()
+        if function not in reached:
+            reached.add(function)
+            waiting += _own(function)[1]
+    rooms = {function.__module__.split(".")[1] for function in reached}
+    assert rooms == {"engine", "jit", "physics"}
+    assert len(reached) > 100
+
+
+class Place(NamedTuple):
+    x: float
+    y: float
+
+
+def test_types_contain_the_names_of_fields():
+    kind = typeof((1.0, Place(0.0, 0.0), (np.zeros(1), Place(1.0, 2.0))))
+    assert list(fields_of(kind)) == [("x", "y")] * 2

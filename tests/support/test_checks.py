@@ -1,0 +1,263 @@
+"""The range of each number, and its check at every entry point."""
+
+import math
+import re
+from fractions import Fraction
+from typing import Any, cast
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from billiards_env import Engine, simulate, simulate_batch, strike
+from billiards_env.engine.pit import MAX_STEPS
+from billiards_env.envs import BilliardsVectorEnv, make_vector_env
+from billiards_env.envs.actions import aimed_strikes, perturb
+from billiards_env.games import GameState, Setup, Stroke, opening, play, records
+from billiards_env.games.batch import play_batch
+from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
+from billiards_env.support.checks import RANGES, Range, fits, integer, numbers, one_of, real, short
+from tests.helpers.errors import rejected
+
+PLACES = [[-0.6, 0.0], [0.6, 0.3]]
+
+
+def test_every_range_has_a_reason():
+    for name, (least, most, _, reason) in RANGES.items():
+        assert reason, name
+        assert most is None or least < most, name
+
+
+FIELDS = {
+    "table.length": ("length", lambda v: Table(length=v)),
+    "table.width": ("length", lambda v: Table(width=v)),
+    "table.cushion_height": ("cushion_height", lambda v: Table(cushion_height=v)),
+    "pocket.x": ("coordinate", lambda v: Pocket(v, 0.0, 0.1)),
+    "pocket.y": ("coordinate", lambda v: Pocket(0.0, v, 0.1)),
+    "pocket.radius": ("length", lambda v: Pocket(0.0, 0.0, v)),
+    "balls.radius[1]": ("length", lambda v: Balls((0.03, v), (1.0, 1.0))),
+    "balls.mass[1]": ("mass", lambda v: Balls((0.03, 0.03), (1.0, v))),
+    "physics.g": ("g", lambda v: Physics(g=v)),
+    "physics.mu_slide": ("friction", lambda v: Physics(mu_slide=v)),
+    "physics.mu_roll": ("friction", lambda v: Physics(mu_roll=v)),
+    "physics.mu_cushion": ("mu_cushion", lambda v: Physics(mu_cushion=v)),
+    "physics.spin_decay": ("spin_decay", lambda v: Physics(spin_decay=v)),
+    "physics.e_ball": ("restitution", lambda v: Physics(e_ball=v)),
+    "physics.e_cushion": ("restitution", lambda v: Physics(e_cushion=v)),
+    "physics.max_time": ("max_time", lambda v: Physics(max_time=v)),
+    "max_speed": ("max_speed", lambda v: gym.make("Billiards-v0", max_speed=v)),
+    "max_shots": ("max_shots", lambda v: gym.make("Billiards-v0", max_shots=v)),
+    "goal_radius": ("length", lambda v: gym.make("Billiards-v0", task="place", goal_radius=v)),
+    "scratch_penalty": ("scratch_penalty", lambda v: gym.make("Billiards-v0", scratch_penalty=v)),
+    "dt": ("dt", lambda v: gym.make("Billiards-v0", mode="pit", dt=v)),
+    "max_events": ("max_events", lambda v: simulate(Scene.named("pool"), PLACES, [0.0, 0.0], max_events=v)),
+    "threads": ("threads", lambda v: simulate_batch(Scene.named("pool"), [PLACES], [[0.0, 0.0]], threads=v)),
+}
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_a_number_is_accepted_exactly_within_its_range(name):
+    key, take = FIELDS[name]
+    least, most, *_ = RANGES[key]
+    assert most is not None
+    beyond = [least - 1, most + 1, -(10**400), 10**400]
+    if isinstance(least, float):
+        beyond += [math.nextafter(least, -math.inf), math.nextafter(most, math.inf), math.nan, -math.inf]
+        beyond += [1e300, -1e300] + ([math.inf] if key != "mass" else [])
+    for value in (least, most):
+        take(value)
+    for value in beyond:
+        with rejected(f"{name} = "):
+            take(value)
+    for value in ("1", [1.0], True, np.bool_(True)):
+        with pytest.raises((TypeError, ValueError), match=re.escape(f"{name} = {short(value)}")):
+            take(value)
+
+
+def test_infinite_masses_and_mass_ratios_up_to_1e16_are_allowed():
+    assert Balls((0.03,) * 3, (1e-8, 1e8, math.inf)).mass == (1e-8, 1e8, math.inf)
+
+
+# Values that once took minutes or gave wrong results
+
+
+def test_the_largest_number_of_shots_is_counted():
+    env = gym.make("Billiards-v0", max_shots=10**9)
+    env.reset(seed=0)
+    assert env.step(np.zeros(2, np.float32))[4]["shots_left"] == 10**9 - 1
+
+
+def test_a_pit_shot_stops_after_the_largest_number_of_timesteps():
+    scene = Scene(Balls.uniform(1), physics=Physics(motion="rolling", cushion="restitution"))
+    shot = simulate(scene, [[0.0, 0.0]], [1.0, 0.0], engine=Engine("pit", 1e-9))
+    assert (shot.status, shot.n_events) == ("step_limit", 0)
+    assert shot.time == pytest.approx(MAX_STEPS * 1e-9, rel=1e-6)
+    assert shot.positions[0, 0] == pytest.approx(shot.time - 0.5 * 0.0981 * shot.time**2)
+    assert 0 < shot.velocities[0, 0] < 1
+    assert RANGES["dt"][0] == 1e-9
+
+
+# The checks themselves
+
+
+def test_real_returns_a_float():
+    for value in (2, 2.0, np.float32(2), np.int64(2), np.uint8(2)):
+        assert type(real("x", value)) is float
+        assert real("x", value, "length") == 2.0
+
+
+@pytest.mark.parametrize("value", ["2", None, [2.0], 2j, True, np.bool_(True)])
+def test_values_that_are_not_numbers_are_rejected(value):
+    with rejected(f"x = {short(value)}: expected a number, not {type(value).__name__}", TypeError):
+        real("x", value, "length")
+    assert not fits(value, "length")
+    with rejected(f"x = {short(value)}: expected a whole number from 1 to 9"):
+        integer("x", value, Range(1, 9))
+
+
+TEXTS = [
+    (np.float64(0.5), "0.5"),
+    (np.float32(0.5), "0.5"),
+    (np.int64(3), "3"),
+    (np.bool_(True), "True"),
+    (np.str_("pool"), "'pool'"),
+    ([np.float64(-0.5), (np.int8(1),)], "[-0.5, (1,)]"),
+    ({"velocity": np.float64(1.5)}, "{'velocity': 1.5}"),
+    (np.array([0.5, 1.0]), "array([0.5, 1. ])"),
+]
+
+
+@pytest.mark.parametrize(("value", "text"), TEXTS)
+def test_numpy_scalars_look_like_numbers_of_python_in_messages(value, text):
+    assert short(value) == text
+
+
+ONE: Any = np.complex128(1)
+COMPLEX = np.array([0.5 + 1j, 0.0])
+UNREAL = [COMPLEX, COMPLEX.tolist(), [np.complex64(0.5), 0.0], COMPLEX.astype(object), ["0.5", "0"], [10**400, 0]]
+
+
+@pytest.mark.parametrize("value", UNREAL)
+def test_arrays_of_other_than_real_numbers_are_refused(value):
+    """NumPy once discarded imaginary parts with a warning."""
+    with rejected(f"x = {short(value)}: expected finite numbers in an array"):
+        numbers("x", value)
+    assert numbers("x", cast("Any", [Fraction(1, 2), 10**30])).tolist() == [0.5, 1e30]
+    assert numbers("x", np.array([[1, 2], [3, 4]], np.int8, order="F")).flags.c_contiguous
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 10**400])
+def test_a_number_without_a_range_must_be_finite(value):
+    with rejected("x = "):
+        real("x", value)
+
+
+def test_a_whole_number_is_an_integer_of_python_or_numpy():
+    assert (integer("n", np.int64(3), Range(0, 5)), integer("n", 10**30, "seed")) == (3, 10**30)
+    for value in (3.0, np.float64(3), 10**5000):
+        with rejected("n = "):
+            integer("n", value, Range(0, 5, "of them"))
+    with rejected("n = -1: expected a whole number >= 0"):
+        integer("n", -1, "seed")
+
+
+def test_an_unknown_name_is_rejected_with_a_suggestion():
+    one_of("mode", "pic", ("pic", "pit"))
+    with rejected("mode = 'pick': expected one of 'pic', 'pit' (did you mean 'pic'?)"):
+        one_of("mode", "pick", ("pic", "pit"))
+
+
+@pytest.mark.parametrize(
+    ("value", "closest"), [("pci", "pic"), ("PIT", "pit"), ("tip", "pit"), ("xyz", None), (3, None), (["pic"], "pic")]
+)
+def test_the_suggestion_is_the_name_with_the_same_letters(value, closest):
+    with pytest.raises(ValueError, match=r"expected one of 'pit', 'pic'") as error:
+        one_of("mode", value, ("pit", "pic"))
+    assert str(error.value).partition("did you mean ")[2] == (f"{closest!r}?)" if closest else "")
+
+
+POOL, NINE = Scene.named("pool"), Scene.named("pool", 9)
+
+
+def begun(name: str, vector: bool = False, **arguments: Any) -> Any:
+    env = gym.make_vec(name, 2, **arguments) if vector else gym.make(name, **arguments)
+    env.reset(seed=0)
+    return env
+
+
+def new_game() -> tuple[Setup, GameState]:
+    setup = Setup("nine_ball", NINE)
+    return setup, opening(setup, np.random.default_rng(0))
+
+
+def shot(*start: Any, **arguments: Any) -> Any:
+    """Returns a function that simulates a shot; what is left out of the start is as in a usual shot."""
+    return lambda: simulate(*start, *(POOL, PLACES, [1, 0])[len(start) :], **arguments)
+
+
+def made(**arguments: Any) -> Any:
+    return lambda: gym.make("Billiards-v0", **arguments)
+
+
+def stroke(*arguments: Any) -> Any:
+    return lambda: play(*new_game(), Stroke(*arguments))
+
+
+WRONG_TYPES = [
+    (shot("poool"), "scene = 'poool': expected one of 'pool', "),
+    (lambda: simulate_batch(cast("Any", None), [PLACES], [[1, 0]]), "scene = None: expected a Scene"),
+    (shot(POOL, "rack"), "positions = 'rack': expected finite numbers in an array"),
+    (shot(POOL, PLACES, None), "velocities = None: expected finite numbers in an array"),
+    (shot(in_play=[0, 5]), "in_play = [0, 5]: expected True or False for each"),
+    (shot(record="yes"), "record = 'yes': expected True or False"),
+    (lambda: Scene(cast("Any", "pool")), "scene.balls = 'pool': expected a Balls; Scene.named(name) returns"),
+    (lambda: Setup("nine_ball", cast("Any", "pool")), "scene = 'pool': expected a Scene"),
+    (lambda: shot(record=True)().save("no/shot.json"), "path = 'no/shot.json': expec"),
+    (lambda: records.to_json(shot()()), "record = ShotResult: 2 balls, rest aft"),
+    (made(layout=["rack"]), "layout = ['rack']: expected one of 'random', 'rack'"),
+    (lambda: made()().unwrapped.step("go"), "The episode is over or has not begun"),
+    (lambda: gym.make_vec("Billiards-v0", 2).reset(seed=cast("Any", 1.5)), "seed = 1.5: expected a whole number"),
+    (lambda: begun("Billiards-v0").step(COMPLEX), "action = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
+    (lambda: begun("Billiards-v0", vector=True).step([COMPLEX] * 2), "actions = [array([0.5+1.j, 0. +0.j]), array"),
+    (lambda: begun("Billiards-v0", action="strike").step(np.zeros(5, complex)), "action = array("),
+    (shot(POOL, PLACES, COMPLEX), "velocities = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
+    (shot(spins=np.zeros(3, complex)), "spins = array("),
+    (shot(max_time=ONE), "max_time = (1+0j): expected a number"),
+    (lambda: shot(record=True)().at(ONE), "t = (1+0j): expected finite numbers"),
+    (lambda: shot(record=True)().trajectory.path(0, COMPLEX), "times = array("),
+    (lambda: simulate_batch(POOL, [PLACES], [COMPLEX]), "velocities = [array("),
+    (lambda: strike(POOL, COMPLEX, 0.0), "speed = array("),
+    (shot(POOL, np.ma.masked_equal(PLACES, PLACES[1][0])), "positions = masked_array("),
+    (shot(POOL, [np.ma.masked_equal(place, PLACES[1][0]) for place in PLACES]), "positions = [masked_array("),
+    (shot(in_play=np.ma.array([True, False], mask=[False, True])), "in_play = masked_array("),
+    (lambda: begun("Billiards-v0").step(np.ma.array([0.5, 0.5], mask=[False, True])), "action = masked_array("),
+    (
+        lambda: begun("Billiards-v0", vector=True).step([np.ma.array([0.5, 0.5], mask=[False, True])] * 2),
+        "actions = [masked_array(",
+    ),
+    (lambda: strike(POOL, np.float64(2e3), 0.0), "speed = 2000.0: expected numbers from "),
+    (lambda: aimed_strikes(POOL, [COMPLEX], [[0, 0]]), "actions = [array("),
+    (lambda: perturb([0, 0], COMPLEX), "noise = array("),
+    (lambda: play_batch(*new_game(), [COMPLEX]), "velocities = [array("),
+    (stroke((ONE, 0.0), (-0.8, 0.0)), "stroke.velocity[0] = (1+0j): expected a number"),
+    (stroke((0.0, 1e200), (-0.8, 0.0)), "stroke.velocity[1] = 1e+200: expected a number from -1000 to 1000 m/s"),
+    (stroke((1.0, 0.0), (math.nan, 0.0)), "stroke.place[0] = nan: expected a number from -1e+06 to 1e+06 m"),
+    (stroke((1.0, 0.0), (np.float64(0.5),)), "stroke.place = (0.5,): expected "),
+    (lambda: Engine(dt=np.float64(0.5)), "dt = 0.5 with mode='pic'"),
+    (lambda: Engine(np.str_("pci")), "mode = 'pci': expected one of"),
+    (lambda: Setup("nine_ball", NINE, target=cast("Any", np.int64(3))), "target = 3 with rules 'nine_ball'"),
+    (made(max_speed=np.float64(2), action="sum_to_three"), "max_speed = 2.0 with action 'sum_to_three': expected at"),
+    (lambda: make_vector_env(2).reset(options={"positions": "abc"}), "options['positions'] = 'abc': expected"),
+]
+
+
+@pytest.mark.parametrize(("call", "message"), WRONG_TYPES)
+def test_a_wrong_type_is_named(call, message):
+    with pytest.raises((TypeError, ValueError, OSError, gym.error.ResetNeeded)) as error:
+        call()
+    assert str(error.value).startswith(message)
+    assert "np." not in str(error.value)
+
+
+def test_a_vector_environment_whose_construction_failed_can_be_closed():
+    BilliardsVectorEnv.__new__(BilliardsVectorEnv).close_extras()
