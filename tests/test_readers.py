@@ -16,7 +16,7 @@ import yaml
 import studies
 from agents import config, train
 from agents.ppo import make_ppo, make_vec_env
-from billiards_env import Scene
+from billiards_env import Scene, simulate
 from billiards_env.bench import benchmark as bench
 from billiards_env.calibration import read_tracks
 from billiards_env.envs import load_state, make_vector_env, save_state
@@ -54,7 +54,7 @@ def write_state(path: Path) -> None:
 
 
 def write_shot(path: Path) -> None:
-    records.save(path, records.record_shot(Scene.named("pool"), [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45]))
+    records.save(path, simulate("pool", [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45], record=True).to_record())
 
 
 def write_game(path: Path) -> None:

@@ -22,9 +22,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.envs.actions import cos_sin
 from billiards_env.jit import entry_point, kernel
-from billiards_env.physics.elementary import norm
+from billiards_env.physics.elementary import cos_sin, norm
 from billiards_env.physics.state import X, Y
 from billiards_env.scene import Scene
 from billiards_env.shots.tables import Tables

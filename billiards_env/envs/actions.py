@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.engine.strikes import Strike
 from billiards_env.jit import entry_point, inlined, kernel, streams
-from billiards_env.physics.elementary import norm, sine_cosine
+from billiards_env.physics.elementary import cos_sin, norm, sine_cosine
 from billiards_env.physics.state import CUE_BALL, SPIN_X, SPIN_Y, SPIN_Z, X, Y
 from billiards_env.physics.strike import CueNumbers, cue_numbers, speed_gain, squirt, struck
 from billiards_env.scene import Scene
@@ -214,27 +214,6 @@ def clipped(actions, k, column):
     """Returns the side, the top or the elevation of action k, clipped."""
     least = 0.0 if column == ELEVATION else -1.0
     return min(max(actions[k, column], least), 1.0)
-
-
-@kernel
-def cos_sin(turns):
-    """Returns the cosine (exactly even) and sine (exactly odd) of `turns` half turns, with errors of at most 2e-16."""
-    quarters = np.rint(2.0 * turns)
-    x = math.pi * (turns - 0.5 * quarters)
-    xx = x * x
-    c = s = 0.0
-    for k in range(9, 0, -1):  # Taylor series for abs(x) <= pi / 4
-        c = (1.0 + c) * (-xx / ((2 * k - 1) * (2 * k)))
-        s = (1.0 + s) * (-xx / ((2 * k) * (2 * k + 1)))
-    c, s = 1.0 + c, x + x * s
-    quarter = int(quarters) & 3
-    if quarter == 0:
-        return c, s
-    if quarter == 1:
-        return -s, c
-    if quarter == 2:
-        return -c, -s
-    return s, -c
 
 
 @entry_point

@@ -16,6 +16,7 @@ from billiards_env.games.game_state import CALLS, to_dict
 from billiards_env.shots import records as shots
 from billiards_env.shots.records import Rows, ShotRecord, check_equal, fields, head, items, pair, rows_of, tuples
 from billiards_env.shots.result import ShotResult
+from billiards_env.shots.simulation import replay as replay_shot
 from billiards_env.support.checks import Range, flag, integer, one_of, real, short
 
 GAME = "billiards_env/game"
@@ -111,7 +112,7 @@ def replay(record: Record, *, check: bool = True, record_events: bool = False) -
         ValueError: If the result differs from the recorded one.
     """
     if isinstance(record, ShotRecord):
-        return shots.replay(record, check=check, record_events=record_events)
+        return replay_shot(record, check=check, record_events=record_events)
     game = _play_again(record.history)
     if check:
         check_equal(record.end, _end_of_game(game))
@@ -142,7 +143,7 @@ def to_json(record: Record) -> str:
     if isinstance(record, ShotRecord):
         return shots.to_json(record)
     if not isinstance(record, GameRecord):
-        raise TypeError(f"record = {short(record)}: expected the result of record_shot or record_game")
+        raise TypeError(f"record = {short(record)}: expected the result of ShotResult.to_record or record_game")
     setup, state = record.setup, to_dict(record.state)
     data = shots.plain(setup)
     data["positions"] = record.positions

@@ -69,7 +69,7 @@ def _tokens(value: Any, callees: list[FunctionType]) -> Iterator[str]:
     elif isinstance(value, CodeType):
         yield f"{value.co_code!r} {value.co_names} {value.co_varnames} {value.co_argcount} {value.co_flags}"
         for k, constant in enumerate(value.co_consts):
-            if k or not isinstance(constant, str):  # a function's docstring is its first constant
+            if k or not isinstance(constant, (str, type(None))):  # the first constant of a function is its docstring
                 yield from _tokens(constant, callees)
     elif isinstance(value, (tuple, list)):
         yield f"{type(value).__name__} {len(value)} {getattr(value, '_fields', '')}"

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from billiards_env.jit import kernel
 
 _LOG2_HI, _LOG2_LO = 6.93147180369123816490e-01, 1.90821492927058770002e-10  # ln 2; the first part has 33 bits
@@ -120,3 +122,24 @@ def arccosine(x: float) -> float:
     high = t - (t - s)
     rest = (z - high * high) / (s + high) if s > 0.0 else 0.0
     return 2.0 * (high + (_arc_ratio(z) * s + rest))
+
+
+@kernel
+def cos_sin(turns):
+    """Returns the cosine (exactly even) and sine (exactly odd) of `turns` half turns, with errors of at most 2e-16."""
+    quarters = np.rint(2.0 * turns)
+    x = math.pi * (turns - 0.5 * quarters)
+    xx = x * x
+    c = s = 0.0
+    for k in range(9, 0, -1):  # Taylor series for abs(x) <= pi / 4
+        c = (1.0 + c) * (-xx / ((2 * k - 1) * (2 * k)))
+        s = (1.0 + s) * (-xx / ((2 * k) * (2 * k + 1)))
+    c, s = 1.0 + c, x + x * s
+    quarter = int(quarters) & 3
+    if quarter == 0:
+        return c, s
+    if quarter == 1:
+        return -s, c
+    if quarter == 2:
+        return -c, -s
+    return s, -c

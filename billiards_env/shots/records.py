@@ -1,18 +1,18 @@
 """Shots as JSON files that are validated when loaded and replay bit for bit.
 
 ```python
->>> from billiards_env import Scene
+>>> from billiards_env import simulate
 >>> from billiards_env.shots import records
->>> record = records.record_shot(Scene.named("pool"), [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45])
->>> records.from_json(records.to_json(record)) == record
-True
->>> records.replay(record).potted.tolist()
+>>> from billiards_env.shots.simulation import replay
+>>> shot = simulate("pool", [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45], record=True)
+>>> record = records.from_json(records.to_json(shot.to_record()))
+>>> replay(record).potted.tolist()
 [False, True]
 
 ```
 
-A file holds the input of a shot and its result. `replay` compares its result with the recorded one and so checks that
-this machine and this version of the engine produce the same bits. Numbers are written with enough digits to restore the
+A file holds the input of a shot and its result. `simulation.replay` compares its result with the recorded one and so
+checks that this machine and this version of the engine produce the same bits. Numbers are written with enough digits to restore the
 same double. A file contains only data, no code. Invalid content raises a `ValueError` that names the invalid value.
 `games.records` writes games in the same format.
 """
@@ -21,22 +21,17 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from billiards_env.engine.compile import Engine
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import STATUS
-from billiards_env.engine.strikes import Strike
 from billiards_env.scene import Scene
-from billiards_env.shots.result import ShotResult
-from billiards_env.shots.simulation import simulate
 from billiards_env.support.checks import Range, flag, integer, one_of, real, short
 from billiards_env.support.files import read_text, replacing
 from billiards_env.version import __version__
@@ -51,8 +46,6 @@ MAX_BALLS = 1000
 """The largest number of balls in a scene that is read."""
 
 SHOT = "billiards_env/shot"
-
-_OPTIONS = ("engine", "spins", "in_play", "max_time", "max_events")  # of `simulate`
 
 Rows = tuple[tuple[float, ...], ...]
 T = TypeVar("T")
@@ -104,55 +97,6 @@ class ShotRecord:
     end: ShotEnd
 
 
-def record_shot(scene: Scene, positions: ArrayLike, velocities: ArrayLike | Strike, **options: Any) -> ShotRecord:
-    """Simulates a shot and returns its record, for `save`. The arguments and the errors are as in `simulate`."""
-    return record_of(simulate(scene, positions, velocities, record=True, **options))
-
-
-def record_of(shot: ShotResult) -> ShotRecord:
-    """Returns the record of a shot of `simulate(..., record=True)`, for `save`.
-
-    Raises:
-        ValueError: If the shot was not recorded.
-    """
-    if shot.scene is None or shot._arguments is None:
-        raise ValueError(f"shot = {short(shot)}: expected a recorded shot, from simulate(..., record=True)")
-    start, engine, max_events = shot._arguments
-    turns = start.spins.any() or np.signbit(start.spins).any()
-    return ShotRecord(
-        scene=shot.scene,
-        positions=tuples(start.positions),
-        velocities=tuples(start.velocities),
-        spins=tuples(start.spins) if turns else None,
-        in_play=tuple(start.in_play.tolist()),
-        engine=engine,
-        max_time=None if start.limit in (shot.scene.physics.max_time, math.inf) else start.limit,
-        max_events=int(max_events),
-        end=_end_of_shot(shot),
-    )
-
-
-def replay(record: ShotRecord, *, check: bool = True, record_events: bool = False) -> ShotResult:
-    """Plays a recorded shot again.
-
-    Args:
-        record: The record.
-        check: Whether to compare the result with the recorded one, bit for bit.
-        record_events: Whether to record the events and trajectories.
-
-    Returns:
-        The shot.
-
-    Raises:
-        ValueError: If the result differs from the recorded one.
-    """
-    options: dict[str, Any] = {name: getattr(record, name) for name in _OPTIONS}
-    shot = simulate(record.scene, record.positions, record.velocities, record=record_events, **options)
-    if check:
-        check_equal(record.end, _end_of_shot(shot))
-    return shot
-
-
 def save(path: str | os.PathLike[str], record: ShotRecord) -> None:
     """Writes a record to a file, completely or not at all; an existing file is replaced.
 
@@ -175,7 +119,7 @@ def load(path: str | os.PathLike[str]) -> ShotRecord:
 def to_json(record: ShotRecord) -> str:
     """Returns a record as JSON text with one line per field."""
     if not isinstance(record, ShotRecord):
-        raise TypeError(f"record = {short(record)}: expected the result of record_shot")
+        raise TypeError(f"record = {short(record)}: expected the result of ShotResult.to_record")
     return json_text(SHOT, {**plain(record), "end": dataclasses.asdict(record.end)})
 
 
@@ -322,10 +266,6 @@ def read_shot(data: dict[str, Any]) -> ShotRecord:
             potted=bools("end.potted", end["potted"], n),
         ),
     )
-
-
-def _end_of_shot(shot: ShotResult) -> ShotEnd:
-    return ShotEnd(shot.status, shot.time, shot.n_events, tuples(shot.positions), tuple(shot.potted.tolist()))
 
 
 def check_equal(recorded: Any, now: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from billiards_env.derivatives.shot_derivatives import Record, Sensitivity
     from billiards_env.drawing.plot import Axes
     from billiards_env.drawing.recording import Recording
+    from billiards_env.shots.records import ShotRecord
 
 Floats = NDArray[np.float64]
 
@@ -298,7 +300,31 @@ class ShotResult(Differentiable):
         """
         from billiards_env.shots import records
 
-        records.save(path, records.record_of(self))
+        records.save(path, self.to_record())
+
+    def to_record(self) -> ShotRecord:
+        """Returns the input and the result of the shot as plain data, see `shots.records`.
+
+        Raises:
+            ValueError: If the shot was not recorded.
+        """
+        from billiards_env.shots.records import ShotEnd, ShotRecord, tuples
+
+        if self.scene is None or self._arguments is None:
+            raise ValueError(f"shot = {short(self)}: expected a recorded shot, from simulate(..., record=True)")
+        start, engine, max_events = self._arguments
+        turns = start.spins.any() or np.signbit(start.spins).any()
+        return ShotRecord(
+            scene=self.scene,
+            positions=tuples(start.positions),
+            velocities=tuples(start.velocities),
+            spins=tuples(start.spins) if turns else None,
+            in_play=tuple(start.in_play.tolist()),
+            engine=engine,
+            max_time=None if start.limit in (self.scene.physics.max_time, math.inf) else start.limit,
+            max_events=int(max_events),
+            end=ShotEnd(self.status, self.time, self.n_events, tuples(self.positions), tuple(self.potted.tolist())),
+        )
 
     def recording(self, method: str = "recording") -> Recording:
         """Returns the shot as the `Recording` that `billiards_env.drawing` uses.

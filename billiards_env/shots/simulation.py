@@ -33,6 +33,7 @@ from billiards_env.support.checks import flag, integer, numbers, short
 
 if TYPE_CHECKING:
     from billiards_env.derivatives.shot_derivatives import Part, Record
+    from billiards_env.shots.records import ShotRecord
 
 
 def simulate(
@@ -142,6 +143,32 @@ def run_shot(
     if record:
         outcome |= {**read_log(log, scene, engine), "_arguments": (shot, engine, max_events)}
     return ShotResult(**outcome)
+
+
+def replay(record: ShotRecord, *, check: bool = True, record_events: bool = False) -> ShotResult:
+    """Plays the shot of a record again.
+
+    Args:
+        record: The record.
+        check: Whether to compare the result with the recorded one, bit for bit.
+        record_events: Whether to record the events and trajectories.
+
+    Returns:
+        The shot.
+
+    Raises:
+        ValueError: If the result differs from the recorded one.
+    """
+    from billiards_env.shots.records import check_equal
+
+    options: dict[str, Any] = {name: getattr(record, name) for name in _OPTIONS}
+    shot = simulate(record.scene, record.positions, record.velocities, record=check or record_events, **options)
+    if check:
+        check_equal(record.end, shot.to_record().end)
+    return shot
+
+
+_OPTIONS = ("engine", "spins", "in_play", "max_time", "max_events")  # of `simulate` in a record
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

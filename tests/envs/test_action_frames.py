@@ -15,9 +15,10 @@ from billiards_env import Engine, simulate_batch, strike
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.envs import make_env, make_vector_env
 from billiards_env.envs.action_frames import ActionFrame, cut, nearest_ball, passing_direction, sum_to_three
-from billiards_env.envs.actions import ACTIONS, add_noise, cos_sin, cue_strike, perturb
+from billiards_env.envs.actions import ACTIONS, add_noise, cue_strike, perturb
 from billiards_env.envs.arguments import check_noise
 from billiards_env.envs.episodes import noise_stream
+from billiards_env.physics.elementary import cos_sin
 from billiards_env.physics.strike import cue_numbers, speed_gain
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.tables import Tables

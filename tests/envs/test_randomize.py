@@ -11,6 +11,7 @@ from billiards_env.envs import make_env, make_vector_env
 from billiards_env.envs.actions import cue_strike
 from billiards_env.players.env_player import env_situation, rewards
 from billiards_env.shots import records
+from billiards_env.shots.simulation import replay
 from tests.helpers.environments import same
 
 RANGES = {"mu_roll": [0.004, 0.02], "e_ball": [0.8, 1.0]}
@@ -87,4 +88,4 @@ def test_players_and_records_have_the_physics_of_the_episode(tmp_path):
     env._episodes.recorded[0].save(tmp_path / "shot.json")
     record = records.load(tmp_path / "shot.json")
     assert record.scene.physics.e_ball == info["e_ball"]
-    assert records.replay(record).positions.tobytes() == env.positions.tobytes()
+    assert replay(record).positions.tobytes() == env.positions.tobytes()

@@ -15,7 +15,7 @@ from billiards_env import Engine, Scene, __version__, simulate, strike
 from billiards_env.games import GAMES, records, to_dict
 from billiards_env.scene import Balls
 from billiards_env.shots import records as shot_records
-from billiards_env.shots.records import record_shot
+from billiards_env.shots import simulation
 from tests.helpers.errors import refusals
 from tests.helpers.games import random_game, setup
 
@@ -35,7 +35,8 @@ SHOTS: dict[str, dict[str, Any]] = {  # what differs from a shot with a velocity
 
 
 def recorded_shot(name="plain"):
-    return record_shot(**{"scene": Scene.named("pool"), "positions": POOL, "velocities": [2.0, 0.45], **SHOTS[name]})
+    shot = {"scene": "pool", "positions": POOL, "velocities": [2.0, 0.45], "record": True, **SHOTS[name]}
+    return simulate(**shot).to_record()
 
 
 def recorded_game(rules="nine_ball", shots=12, **kwargs):
@@ -298,7 +299,7 @@ def test_changed_bytes_are_either_valid_or_a_value_error(tmp_path_factory, data)
 def test_loading_does_not_simulate(monkeypatch):
     texts = shot_text(), game_text()
 
-    for module, name in ((shot_records, "simulate"), (records, "play")):
+    for module, name in ((simulation, "simulate"), (records, "play")):
         monkeypatch.setattr(module, name, lambda *_, **__: pytest.fail("a shot was run"))
     for text in texts:
         records.from_json(text)
@@ -310,9 +311,9 @@ def test_a_shot_saves_itself(tmp_path):
     shot = simulate(scene, POOL, hit, max_time=3.0, record=True)
     shot.save(tmp_path / "shot.json")
     record = shot_records.load(tmp_path / "shot.json")
-    assert record == record_shot(scene, POOL, hit, max_time=3.0)
+    assert record == simulate(scene, POOL, hit, record=True, max_time=3.0).to_record()
     assert (record.velocities[0], record.max_time) == (tuple(hit.velocity.tolist()), 3.0)
-    assert shot_records.replay(record).positions.tobytes() == shot.positions.tobytes()
+    assert records.replay(record).positions.tobytes() == shot.positions.tobytes()
     with pytest.raises(ValueError, match=r"shot = ShotResult.*: expected a recorded shot"):
         simulate(scene, POOL, hit).save(tmp_path / "shot.json")
     with pytest.raises(ValueError, match="format = 'billiards_env/game': expected 'billiards_env/shot'"):

@@ -14,6 +14,7 @@ from billiards_env.derivatives.shot_derivatives import physics_inputs
 from billiards_env.engine.compile import PIC, scene_fields, varied_fields
 from billiards_env.scene import PARAMETERS
 from billiards_env.shots import records
+from billiards_env.shots.simulation import replay
 from tests.helpers.shots import check_same, draw_starts, run_both, with_physics
 
 SCENES: dict[str, Any] = {name: Scene.named(name, 2) for name in ("pool", "ideal", "real_pool", "snooker", "uk_pool")}
@@ -125,7 +126,7 @@ def test_a_shot_of_a_batch_is_saved_with_its_physics(tmp_path):
         batch_or_copy[2].save(tmp_path / "shot.json")
         record = records.load(tmp_path / "shot.json")
         assert record.scene.physics.mu_roll == 0.014
-        assert records.replay(record).positions.tobytes() == batch.positions[2].tobytes()
+        assert replay(record).positions.tobytes() == batch.positions[2].tobytes()
 
 
 def test_a_batch_with_shared_physics_has_the_numbers_of_its_scene():
