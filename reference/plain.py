@@ -29,7 +29,7 @@ from billiards_env.engine.runner import for_all_shots
 from billiards_env.jit import allocating, allocating_entry_point, kernel
 from billiards_env.physics.clusters.impulses import empty_scratch
 from billiards_env.physics.geometry.contact import circle_time, line_time
-from billiards_env.physics.geometry.walls import any_wall_time
+from billiards_env.physics.geometry.outline_walls import any_wall_time
 from billiards_env.physics.motion import path_of, relative_to
 from billiards_env.physics.state import (
     LASTS,

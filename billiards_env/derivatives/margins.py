@@ -56,7 +56,8 @@ from billiards_env.engine.log import BALL, BALL_BALL, BALL_CUSHION, BALL_POCKET,
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import misses_circle
-from billiards_env.physics.geometry.walls import is_beside, wall_time
+from billiards_env.physics.geometry.outline_walls import is_beside
+from billiards_env.physics.geometry.walls import wall_time
 from billiards_env.physics.motion import place_after
 from billiards_env.physics.state import Time, later, law_numbers_of
 

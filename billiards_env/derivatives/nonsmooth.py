@@ -51,7 +51,8 @@ from billiards_env.engine.log import (
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import misses_circle
-from billiards_env.physics.geometry.walls import is_at_joint, is_beside
+from billiards_env.physics.geometry.outline_walls import is_beside
+from billiards_env.physics.geometry.walls import is_at_joint
 from billiards_env.physics.laws.cloth import NEAR, roll_speed_near
 from billiards_env.physics.motion import place_after
 from billiards_env.physics.state import (

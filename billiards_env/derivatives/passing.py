@@ -24,8 +24,9 @@ from billiards_env.engine.log import (
 )
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.geometry.contact import contact_distance, sweep
+from billiards_env.physics.geometry.outline_walls import Circle, is_on_arc, line_side, tip_circle
 from billiards_env.physics.geometry.roots import bracketed_root, quartic
-from billiards_env.physics.geometry.walls import Circle, is_on_arc, line_side, rectangle_side, tip_circle
+from billiards_env.physics.geometry.walls import rectangle_side
 from billiards_env.physics.motion import Path, difference, path_after, place_after, relative_to
 from billiards_env.physics.state import (
     AX,

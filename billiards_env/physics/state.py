@@ -146,7 +146,7 @@ class SceneArrays(NamedTuple):
         radius: (n,) float64, m.
         inv_mass: (n,) float64, 1/kg; 0 for a fixed ball.
         pockets: (k, 3) float64, see the columns above.
-        outline: The `walls.Outline`; None for a rectangle.
+        outline: The `outline_walls.Outline`; None for a rectangle.
         spheres: (n,) float64, the radii of spheres of different size, m; None for disks and for equal balls.
         ball_friction: True for balls with friction; None for others.
         cushion: For each of `cushion.LAWS`, (True, None) if the cushions have this law; (None, True) for the others.

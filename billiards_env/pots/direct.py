@@ -8,7 +8,7 @@ from typing import NamedTuple
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
-from billiards_env.physics.geometry.walls import TIP_RADIUS, TIP_X, TIP_Y
+from billiards_env.physics.geometry.outline_walls import TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
 from billiards_env.pots.hits import Hit, approach_gap, ball_gap, can_hit, enters_pocket, hit_along, hit_at, room_of
 from billiards_env.pots.paths import cross, half_chord, pocket_gap

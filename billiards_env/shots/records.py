@@ -12,8 +12,9 @@
 ```
 
 A file holds the input of a shot and its result. `simulation.replay` compares its result with the recorded one and so
-checks that this machine and this version of the engine produce the same bits. Numbers are written with enough digits to restore the
-same double. A file contains only data, no code. Invalid content raises a `ValueError` that names the invalid value.
+checks that this machine and this version of the engine produce the same bits. Numbers are written with enough digits to
+restore the same double. A file contains only data, no code. Invalid content raises a `ValueError` that names the
+invalid value.
 `games.records` writes games in the same format.
 """
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.jit import allocating_entry_point
 from billiards_env.physics.geometry.contact import contact_distance
-from billiards_env.physics.geometry.walls import TIP_RADIUS, TIP_X, TIP_Y
+from billiards_env.physics.geometry.outline_walls import TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.outline import Corner

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.physics.geometry import walls
-from billiards_env.physics.geometry.walls import BOX_X, HALF_LINE, outline_arrays
+from billiards_env.physics.geometry.outline_walls import BOX_X, HALF_LINE, outline_arrays
 from billiards_env.physics.motion import Path
 from billiards_env.physics.state import VX, VY, WIDTH, State, X, Y
 from billiards_env.scene import Balls, Physics, Scene, Table

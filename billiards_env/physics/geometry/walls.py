@@ -1,13 +1,7 @@
 """The cushions of a table: the times at which a ball touches them, and their normals.
 
-A table without an outline is a rectangle with cushions 0 to 3: -x, +x, -y, +y. Otherwise the straight cushions of the
-outline come first and then its tips, both in the order of `billiards_env.scene.outline.pieces`. The type of the outline
-decides at compile time which code is compiled.
-
-A ball touches a straight cushion if its centre is at the distance R from it and the point nearest to the centre lies
-between the ends of the cushion. It touches a tip of radius r if the centres are R + r apart and the arc is the nearest
-part of the tip's circle. An arc and the cushions at its ends have common tangents, and pieces are longer by `JOINT` at
-each end, so no path passes between them.
+A table without an outline is a rectangle with cushions 0 to 3: -x, +x, -y, +y. For the cushions of an outline, see
+`outline_walls`. The type of the outline decides at compile time which code is compiled.
 
 If a ball touches several cushions at one instant, at most two of them act: of those on the left of its direction of
 motion the one whose normal is nearest to this direction, and the same on the right (see `walls_met`).
@@ -16,172 +10,41 @@ motion the one whose normal is nearest to this direction, and the same on the ri
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any, NamedTuple
-
-import numpy as np
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.contact import (
-    IMPULSE_ROUNDING,
-    MARGIN,
-    circle_time,
-    line_time,
-    misses_circle,
-    sweep,
+from billiards_env.physics.geometry.contact import MARGIN, line_time
+from billiards_env.physics.geometry.outline_walls import (
+    BEGIN_TX,
+    BEGIN_TY,
+    BOX_X,
+    BOX_Y,
+    END_TX,
+    END_TY,
+    HALF_LINE,
+    JOINT,
+    LINE_X,
+    LINE_Y,
+    NX,
+    NY,
+    TIP_RADIUS,
+    TIP_X,
+    TIP_Y,
+    TX,
+    TY,
+    Side,
+    back_to_piece,
+    centrifugal,
+    distance_outside,
+    next_piece,
+    outline_normal,
+    outline_time,
+    piece_overlap,
+    touches_another,
+    walls_around,
 )
-from billiards_env.physics.motion import path_of, place_after, relative_to
+from billiards_env.physics.motion import path_of
 from billiards_env.physics.state import AX, AY, VX, VY, X, Y
 from billiards_env.scene import CONTACT_GAP
-from billiards_env.scene.outline import Corner, Line, Tip, pieces
-
-JOINT = 1e-10
-"""m. A piece of an outline is longer by this at each end. It is far more than the rounding of the ends. A straight
-cushion that ends at a sharp corner then extends beyond the path of a ball's centre by JOINT^2 / (2 R) < 1e-16 m."""
-
-# Columns of `Outline.lines`.
-LINE_X, LINE_Y = 0, 1  # the middle, m; a mirrored cushion has the mirrored middle
-TX, TY = 2, 3  # unit tangent
-NX, NY = 4, 5  # unit normal, from the table into the cushion
-HALF_LINE = 6  # half the length, m; negative if it is so short that the arcs at its ends meet
-
-# Columns of `Outline.tips`.
-TIP_X, TIP_Y, TIP_RADIUS = 0, 1, 2  # m
-BEGIN_TX, BEGIN_TY, END_TX, END_TY = 3, 4, 5, 6  # unit tangents at the beginning and at the end
-
-# Columns of `Outline.rails`.
-RAIL_SIDE, RAIL_FROM, RAIL_TO, RAIL_LINE = 0, 1, 2, 3
-
-# Entries of `Outline.box`.
-BOX_X, BOX_Y = 0, 1
-
-
-class Outline(NamedTuple):
-    """The cushions of a table that is not a plain rectangle.
-
-    Attributes:
-        lines: (k, 7) float64, the straight cushions, see the columns above.
-        tips: (m, 7) float64, the arcs, see the columns above.
-        box: (2,) float64, m: no cushion reaches into the rectangle abs(x) < box[0], abs(y) < box[1].
-        rails: (j, 4) float64, the straight cushions on the sides of this rectangle: the side, 0 to 3 for -x, +x, -y,
-            +y, the smallest and the largest coordinate along it, m, and the row of `lines`.
-        mouths: (p, 2) int64, for each pocket the tips to the right and to the left of its mouth, as seen from the
-            centre of the table; -1 for none.
-        ends: (2 k, 2) float64, m, the ends of the straight cushions in their order: a polygon that has chords instead
-            of arcs.
-    """
-
-    lines: Any
-    tips: Any
-    box: Any
-    rails: Any
-    mouths: Any
-    ends: Any
-
-
-class Circle(NamedTuple):
-    """A circle that the centre of a ball may enter.
-
-    Attributes:
-        path: The `Path` of the ball relative to its centre.
-        reach: Its radius, m.
-        tip: The row of `Outline.tips`; None for a ball or a pocket.
-    """
-
-    path: Any
-    reach: Any
-    tip: Any
-
-
-class Side(NamedTuple):
-    """A straight cushion.
-
-    Attributes:
-        nx: Unit normal into the cushion along x.
-        ny: The same along y.
-        room: Largest coordinate of the ball along the normal, m.
-        line: The row of `Outline.lines`; None for a side of a rectangle.
-    """
-
-    nx: Any
-    ny: Any
-    room: Any
-    line: Any
-
-
-def outline_arrays(
-    corners: Sequence[Corner], half_length: float, half_width: float, pockets: Sequence[Sequence[float]] = ()
-) -> Outline:
-    """Returns the arrays of an outline.
-
-    Args:
-        corners: The corners of the outline.
-        half_length: Half the length of the table, m. If a cushion reaches into the table's rectangle, the box is empty.
-        half_width: m.
-        pockets: (p, 3), see `state.SceneArrays`.
-    """
-    lines, tips = pieces(corners)
-    rows = []
-    for (x0, y0, x1, y1), corner, after in zip(lines, corners, (*corners[1:], corners[0]), strict=True):
-        dx, dy = after.x - corner.x, after.y - corner.y
-        length = math.sqrt(dx * dx + dy * dy)
-        tx, ty = dx / length, dy / length
-        half = 0.5 * math.sqrt((x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0))
-        rows.append((0.5 * (x0 + x1), 0.5 * (y0 + y1), tx, ty, ty, -tx, half if half > 0.5 * JOINT else -1.0))
-    before = {line[2:]: row for line, row in zip(lines, rows, strict=True)}
-    behind = {line[:2]: row for line, row in zip(lines, rows, strict=True)}
-    arcs = [(*tip[:3], *before[tip[3:5]][TX : TY + 1], *behind[tip[5:]][TX : TY + 1]) for tip in tips]
-    box = (half_length, half_width)
-    if any(_reaches_into(line, *box) for line in lines) or any(_tip_reaches_into(tip, *box) for tip in tips):
-        box = (0.0, 0.0)
-    rails = []
-    for k, line in enumerate(lines):
-        for side in range(4):
-            axis = side // 2
-            place = box[axis] if side % 2 else -box[axis]
-            if line[axis] == line[2 + axis] == place:
-                along = sorted((line[1 - axis], line[3 - axis]))
-                rails.append((side, *along, k))
-    return Outline(
-        np.array(rows),
-        np.array(arcs).reshape(-1, 7),
-        np.array(box),
-        np.array(rails).reshape(-1, 4),
-        np.array([_mouth(tips, x, y) for x, y, _ in pockets], np.int64).reshape(-1, 2),
-        np.array(lines).reshape(-1, 2),
-    )
-
-
-def _mouth(tips: list[Tip], x: float, y: float) -> tuple[int, int]:
-    """Returns the tips that are nearest to a pocket's centre on the right and on the left; -1 for none."""
-    nearest, distance = [-1, -1], [math.inf, math.inf]
-    for k, tip in enumerate(tips):
-        dx, dy = tip.x - x, tip.y - y
-        left = int(x * dy - y * dx > 0.0)
-        if math.hypot(dx, dy) < distance[left]:
-            nearest[left], distance[left] = k, math.hypot(dx, dy)
-    return nearest[0], nearest[1]
-
-
-def _reaches_into(line: Line, half_length: float, half_width: float) -> bool:
-    """Returns whether a straight cushion has points inside a rectangle (Liang and Barsky 1984)."""
-    begin, end = 0.0, 1.0
-    for start, stop, half in ((line.x0, line.x1, half_length), (line.y0, line.y1, half_width)):
-        way = stop - start
-        if way == 0.0:
-            if abs(start) >= half:
-                return False
-            continue
-        near, far = sorted(((-half - start) / way, (half - start) / way))
-        begin, end = max(begin, near), min(end, far)
-    return begin < end
-
-
-def _tip_reaches_into(tip: Tip, half_length: float, half_width: float) -> bool:
-    """Returns whether the circle of a tip has points inside a rectangle, apart from the rounding of its centre."""
-    dx, dy = max(0.0, abs(tip.x) - half_length), max(0.0, abs(tip.y) - half_width)
-    return math.hypot(dx, dy) < tip.radius - 0.1 * CONTACT_GAP
 
 
 @inlined
@@ -222,7 +85,7 @@ def wall_time(path, radius, end, numbers, outline):
     first, side = _exit_time(path, half_length - radius, half_width - radius, end)
     if outline is None:
         return first, side
-    return _outline_time(path, radius, end, first, side, outline)
+    return outline_time(path, radius, end, first, side, outline)
 
 
 @inlined
@@ -246,92 +109,10 @@ def _exit_time(path, room_x, room_y, end):
 
 
 @inlined
-def _outline_time(path, radius, end, leaves, side, outline):
-    """Implements `wall_time` for an outline; the path leaves the outline's box, less the radius, at a time and a side.
-
-    A ball in the box touches no cushion before it leaves the box. If it leaves it at a rail, it touches the rail.
-    """
-    room_x, room_y = outline.box[BOX_X] - radius, outline.box[BOX_Y] - radius
-    if abs(path.x) <= room_x + CONTACT_GAP and abs(path.y) <= room_y + CONTACT_GAP:
-        if leaves == math.inf:
-            return math.inf, -1
-        x, y = place_after(path, leaves)
-        along = y if side < 2 else x
-        rails = outline.rails
-        for k in range(len(rails)):
-            if rails[k, RAIL_SIDE] == side and rails[k, RAIL_FROM] < along < rails[k, RAIL_TO]:
-                number = int(rails[k, RAIL_LINE])
-                t = _segment_time(path, radius, end, outline.lines[number])
-                # The two times differ by the rounding of the gap. If the ball accelerates from rest into the rail, this
-                # is large enough for another cushion to come first.
-                if t <= (1.0 + MARGIN) * leaves:
-                    return t, number
-    return any_wall_time(path, radius, end, outline)
-
-
-@kernel
-def any_wall_time(path, radius, end, outline):
-    """Returns the same as `wall_time` for an outline, or another cushion at the same instant. It tests all cushions."""
-    first, number = math.inf, -1
-    lines, tips = outline.lines, outline.tips
-    for k in range(len(lines)):
-        t = _segment_time(path, radius, end, lines[k])
-        if t < first:
-            first, number, end = t, k, t
-    swept, noise = sweep(path, end), IMPULSE_ROUNDING * norm(path.vx, path.vy)
-    for k in range(len(tips)):
-        from_tip, reach, _ = tip_circle(path, tips[k], radius)
-        if misses_circle(from_tip, swept, reach):
-            continue
-        t = circle_time(from_tip, reach, end, noise)
-        if t >= first:
-            continue
-        x, y = place_after(path, t)
-        if faces(tips[k], x, y):
-            first, number = t, len(lines) + k
-    return first, number
-
-
-@inlined
-def faces(tip, x, y):
-    """Returns whether the arc of a tip is the part of its circle that is nearest to a point."""
-    dx, dy = x - tip[TIP_X], y - tip[TIP_Y]
-    return dx * tip[BEGIN_TX] + dy * tip[BEGIN_TY] >= -JOINT and dx * tip[END_TX] + dy * tip[END_TY] <= JOINT
-
-
-@inlined
-def tip_circle(path, tip, radius):
-    """Returns the `Circle` of a tip for a ball with a `Path` and a radius, m."""
-    return Circle(relative_to(path, tip[TIP_X], tip[TIP_Y]), tip[TIP_RADIUS] + radius, tip)
-
-
-@inlined
-def is_on_arc(tip, x, y):
-    """Returns whether the arc of a tip is the part of its circle that is nearest to (x, y), relative to its centre."""
-    if tip is None:
-        return True
-    return faces(tip, tip[TIP_X] + x, tip[TIP_Y] + y)
-
-
-@inlined
 def rectangle_side(wall, radius, numbers):
     """Returns the `Side` of a cushion of a rectangle for a ball with a radius, m."""
     nx, ny = normal_at(0.0, 0.0, wall, None)
     return Side(nx, ny, (numbers.half_length if wall < 2 else numbers.half_width) - radius, None)
-
-
-@inlined
-def line_side(line, radius):
-    """Returns the `Side` of a row of `Outline.lines` for a ball with a radius, m."""
-    return Side(line[NX], line[NY], line[NX] * line[LINE_X] + line[NY] * line[LINE_Y] - radius, line)
-
-
-@inlined
-def is_beside(line, x, y):
-    """Returns whether the point of a straight cushion that is nearest to a ball lies between its ends."""
-    if line is None:
-        return True
-    return abs(line[TX] * (x - line[LINE_X]) + line[TY] * (y - line[LINE_Y])) <= line[HALF_LINE] + JOINT
 
 
 @inlined
@@ -349,40 +130,12 @@ def is_at_joint(outline, wall, x, y, gap):
 
 
 @inlined
-def _segment_time(path, radius, end, line):
-    """Returns the time at which a ball next touches a straight cushion, s, or infinity."""
-    x, y, vx, vy, ax, ay = path
-    v, a = line[NX] * vx + line[NY] * vy, line[NX] * ax + line[NY] * ay
-    if v <= 0.0 and a <= 0.0:
-        return math.inf
-    dx, dy = x - line[LINE_X], y - line[LINE_Y]
-    gap = -(line[NX] * dx + line[NY] * dy) - radius
-    if gap > (1.0 + MARGIN) * end * (max(v, 0.0) + 0.5 * end * max(a, 0.0)) and gap > 0.0:
-        return math.inf
-    if gap <= CONTACT_GAP:  # the rounding of a motion along the cushion is no approach
-        v = 0.0 if abs(v) <= IMPULSE_ROUNDING * norm(vx, vy) else v
-        a = 0.0 if abs(a) <= IMPULSE_ROUNDING * norm(ax, ay) else a
-    foot = line[TX] * dx + line[TY] * dy
-    if gap > 0.0 or (gap > -radius and abs(foot) <= line[HALF_LINE] + JOINT):
-        t = line_time(gap, v, a, end)
-    else:  # beyond the straight continuation of the cushion: the ball comes back across it first
-        disc = v * v + 2.0 * a * gap
-        t = (math.sqrt(disc) - v) / a if v < 0.0 and a > 0.0 and disc > 0.0 else math.inf
-        t = t if t <= end else math.inf
-    if t < math.inf:
-        along, bend = line[TX] * vx + line[TY] * vy, line[TX] * ax + line[TY] * ay
-        if abs(foot + t * (along + 0.5 * t * bend)) > line[HALF_LINE] + JOINT:
-            return math.inf
-    return t
-
-
-@inlined
 def normal_at(x, y, wall, outline):
     """Returns the unit normal of a cushion at a ball at (x, y), m, which points into the cushion."""
     if outline is None:
         sign = 1.0 if wall % 2 else -1.0
         return (sign, 0.0) if wall < 2 else (0.0, sign)
-    return _outline_normal(x, y, wall, outline)
+    return outline_normal(x, y, wall, outline)
 
 
 @inlined
@@ -398,20 +151,6 @@ def curvature_at(wall, radius, outline):
         return 0.0
     tip = wall - len(outline.lines)
     return 0.0 if tip < 0 else 1.0 / (radius + outline.tips[tip, TIP_RADIUS])
-
-
-@kernel
-def _outline_normal(x, y, wall, outline):
-    """Implements `normal_at` for an outline."""
-    lines, tips = outline.lines, outline.tips
-    if wall < len(lines):
-        return lines[wall, NX], lines[wall, NY]
-    tip = tips[wall - len(lines)]
-    dx, dy = tip[TIP_X] - x, tip[TIP_Y] - y
-    if dx == 0.0 and dy == 0.0:  # at the centre of the arc: its middle decides
-        dx, dy = tip[BEGIN_TY] + tip[END_TY], -(tip[BEGIN_TX] + tip[END_TX])
-    distance = norm(dx, dy)
-    return dx / distance, dy / distance
 
 
 @inlined
@@ -450,14 +189,14 @@ def _walls_met(path, wall, radius, outline):
     x, y, vx, vy, ax, ay = path
     if outline is None:
         return _sides_met(path, wall)
-    if not _touches_another(x, y, wall, radius, outline):
+    if not touches_another(x, y, wall, radius, outline):
         return wall, -1
-    one, two = _walls_around(path, vx, vy, wall, radius, outline)
+    one, two = walls_around(path, vx, vy, wall, radius, outline)
     if one < 0:
-        one, two = _walls_around(path, ax, ay, wall, radius, outline)
+        one, two = walls_around(path, ax, ay, wall, radius, outline)
     if two < 0:
         return (wall if one < 0 else one), -1
-    (nx, ny), (mx, my) = _outline_normal(x, y, one, outline), _outline_normal(x, y, two, outline)
+    (nx, ny), (mx, my) = outline_normal(x, y, one, outline), outline_normal(x, y, two, outline)
     if (abs(nx), nx * vx + ny * vy, two) > (abs(mx), mx * vx + my * vy, one):
         return one, two
     return two, one
@@ -477,73 +216,13 @@ def _sides_met(path, wall):
 
 
 @inlined
-def _walls_around(path, dx, dy, wall, radius, outline):
-    """Returns the cushions with the normals on both sides of the direction (dx, dy), or one and -1, or -1 and -1.
-
-    The ball must touch them and not leave them. `wall` counts as one that it touches.
-    """
-    x, y, vx, vy, _, _ = path
-    mx, my = _outline_normal(x, y, wall, outline)
-    still, noise = IMPULSE_ROUNDING * norm(vx, vy), IMPULSE_ROUNDING * norm(dx, dy)
-    left, right, left_ahead, right_ahead = -1, -1, noise, noise
-    for k in range(len(outline.lines) + len(outline.tips)):
-        if k != wall and not _touches(x, y, k, radius, outline):
-            continue
-        nx, ny = _outline_normal(x, y, k, outline)
-        if k != wall and radius * norm(nx - mx, ny - my) <= JOINT:  # the ends of two pieces touch it at one point
-            continue
-        ahead, side = nx * dx + ny * dy, dx * ny - dy * nx
-        if ahead <= noise or nx * vx + ny * vy < -still:
-            continue
-        if abs(side) <= noise:
-            return k, -1
-        if side > 0.0 and ahead > left_ahead:
-            left, left_ahead = k, ahead
-        elif side < 0.0 and ahead > right_ahead:
-            right, right_ahead = k, ahead
-    return (left, right) if left >= 0 else (right, -1)
-
-
-@inlined
-def _touches(x, y, wall, radius, outline):
-    """Returns whether a ball at (x, y), m, is nearer to a piece of an outline than `CONTACT_GAP`."""
-    if wall < len(outline.lines):
-        line = outline.lines[wall]
-        dx, dy = x - line[LINE_X], y - line[LINE_Y]
-        gap = -(line[NX] * dx + line[NY] * dy) - radius
-        return gap <= CONTACT_GAP and gap > -radius and abs(line[TX] * dx + line[TY] * dy) <= line[HALF_LINE] + JOINT
-    tip = outline.tips[wall - len(outline.lines)]
-    dx, dy, reach = tip[TIP_X] - x, tip[TIP_Y] - y, tip[TIP_RADIUS] + radius + CONTACT_GAP
-    return dx * dx + dy * dy <= reach * reach and faces(tip, x, y)
-
-
-@inlined
-def _touches_another(x, y, wall, radius, outline):
-    """Returns whether a ball that touches `wall` touches another piece of an outline."""
-    touches = False
-    for k in range(len(outline.lines) + len(outline.tips)):
-        touches = touches or (k != wall and _touches(x, y, k, radius, outline))
-    return touches
-
-
-@inlined
 def wall_pressing(state, i, nx, ny, wall, scene_radius, outline):
     """Returns the acceleration of ball i towards a cushion with the normal (nx, ny), m/s^2."""
     s = state.rows[i]
     towards = nx * s[AX] + ny * s[AY]
     if outline is None:
         return towards
-    return towards - _centrifugal(s[VX], s[VY], nx, ny, wall, scene_radius, outline)
-
-
-@kernel
-def _centrifugal(vx, vy, nx, ny, wall, radius, outline):
-    """Returns the acceleration at which a ball that moves along a tip leaves it, m/s^2; 0 at a straight cushion."""
-    lines, tips = outline.lines, outline.tips
-    if wall < len(lines):
-        return 0.0
-    around = nx * vy - ny * vx
-    return around * around / (radius + tips[wall - len(lines), TIP_RADIUS])
+    return towards - centrifugal(s[VX], s[VY], nx, ny, wall, scene_radius, outline)
 
 
 @inlined
@@ -581,57 +260,7 @@ def next_overlap(x, y, vx, vy, radius, turn, numbers, outline):
     """
     if outline is None:
         return turn % 4 if wall_overlap(x, y, radius, turn % 4, numbers, outline)[0] > 0.0 else -1
-    return _next_overlap(x, y, vx, vy, radius, outline)
-
-
-@kernel
-def _next_overlap(x, y, vx, vy, radius, outline):
-    """Implements `next_overlap` for an outline.
-
-    Of several cushions the one whose normal is nearest to the x axis comes first, then the deepest overlap.
-    """
-    outside = _distance_outside(x, y, outline)
-    first, widest, deepest = -1, -1.0, 0.0
-    for wall in range(len(outline.lines) + len(outline.tips)):
-        beyond, nx, ny = _piece_overlap(x, y, radius, wall, outside, outline)
-        if beyond <= 0.0 or nx * vx + ny * vy < 0.0:
-            continue
-        if abs(nx) > widest or (abs(nx) == widest and beyond > deepest):
-            first, widest, deepest = wall, abs(nx), beyond
-    return first
-
-
-@kernel
-def _distance_outside(x, y, outline):
-    """Returns the distance of a point outside the outline from it, m; 0 for a point inside the polygon `ends`.
-
-    The area between an arc and its chord belongs to the polygon, but `_piece_overlap` does not need its distance.
-    """
-    ends, inside = outline.ends, False
-    x0, y0 = ends[-1, X], ends[-1, Y]
-    for k in range(len(ends)):
-        x1, y1 = ends[k, X], ends[k, Y]
-        if (y0 > y) != (y1 > y) and x < x0 + (x1 - x0) * ((y - y0) / (y1 - y0)):
-            inside = not inside
-        x0, y0 = x1, y1
-    if inside:
-        return 0.0
-    nearest = math.inf
-    for line in outline.lines:
-        if line[HALF_LINE] > 0.0:
-            nearest = min(nearest, _line_distance(x, y, line))
-    for tip in outline.tips:
-        if faces(tip, x, y):
-            nearest = min(nearest, abs(norm(x - tip[TIP_X], y - tip[TIP_Y]) - tip[TIP_RADIUS]))
-    return nearest
-
-
-@inlined
-def _line_distance(x, y, line):
-    """Returns the distance of a point from a straight cushion with its ends, m."""
-    dx, dy = x - line[LINE_X], y - line[LINE_Y]
-    past = max(0.0, abs(line[TX] * dx + line[TY] * dy) - line[HALF_LINE])
-    return norm(past, line[NX] * dx + line[NY] * dy)
+    return next_piece(x, y, vx, vy, radius, outline)
 
 
 @inlined
@@ -645,27 +274,7 @@ def wall_overlap(x, y, radius, wall, numbers, outline):
         if wall < 2:
             return sign * x - (numbers.half_length - radius), sign, 0.0
         return sign * y - (numbers.half_width - radius), 0.0, sign
-    return _piece_overlap(x, y, radius, wall, _distance_outside(x, y, outline), outline)
-
-
-@kernel
-def _piece_overlap(x, y, radius, wall, outside, outline):
-    """Implements `wall_overlap` for an outline and a ball whose centre is `outside` (m) beyond it."""
-    lines, tips = outline.lines, outline.tips
-    nx, ny = _outline_normal(x, y, wall, outline)
-    if wall < len(lines):
-        line = lines[wall]
-        dx, dy = x - line[LINE_X], y - line[LINE_Y]
-        beyond = nx * dx + ny * dy
-        if outside > 0.0:
-            hits = line[HALF_LINE] > 0.0 and beyond > 0.0 and _line_distance(x, y, line) <= outside + CONTACT_GAP
-        else:
-            hits = -radius < beyond <= 0.0 and abs(line[TX] * dx + line[TY] * dy) <= line[HALF_LINE]
-        return (beyond + radius if hits else 0.0), nx, ny
-    tip = tips[wall - len(lines)]
-    distance = norm(tip[TIP_X] - x, tip[TIP_Y] - y)
-    hits = faces(tip, x, y) and (outside == 0.0 or abs(distance - tip[TIP_RADIUS]) <= outside + CONTACT_GAP)
-    return (tip[TIP_RADIUS] + radius - distance if hits else 0.0), nx, ny
+    return piece_overlap(x, y, radius, wall, distance_outside(x, y, outline), outline)
 
 
 @kernel
@@ -681,10 +290,10 @@ def deepest_overlap(x, y, radius, numbers, outline):
             if beyond > deepest:
                 deepest, cushion = beyond, wall
     else:
-        outside = _distance_outside(x, y, outline)
+        outside = distance_outside(x, y, outline)
         for wall in range(len(outline.lines) + len(outline.tips)):
             for side in (outside if outside > CONTACT_GAP else 0.0, max(outside, CONTACT_GAP)):
-                beyond, _, _ = _piece_overlap(x, y, radius, wall, side, outline)
+                beyond, _, _ = piece_overlap(x, y, radius, wall, side, outline)
                 if beyond > deepest:
                     deepest, cushion = beyond, wall
     return cushion
@@ -718,19 +327,4 @@ def back_to_wall(x, y, radius, wall, numbers, outline):
         if wall < 2:
             return sign * (numbers.half_length - radius), y
         return x, sign * (numbers.half_width - radius)
-    return _back_to_piece(x, y, radius, wall, outline)
-
-
-@kernel
-def _back_to_piece(x, y, radius, wall, outline):
-    """Implements `back_to_wall` for an outline."""
-    lines, tips = outline.lines, outline.tips
-    nx, ny = _outline_normal(x, y, wall, outline)
-    if wall < len(lines):
-        line = lines[wall]
-        foot = line[TX] * (x - line[LINE_X]) + line[TY] * (y - line[LINE_Y])
-        foot = max(-line[HALF_LINE], min(foot, line[HALF_LINE]))
-        return line[LINE_X] + foot * line[TX] - radius * nx, line[LINE_Y] + foot * line[TY] - radius * ny
-    tip = tips[wall - len(lines)]
-    reach = tip[TIP_RADIUS] + radius
-    return tip[TIP_X] - reach * nx, tip[TIP_Y] - reach * ny
+    return back_to_piece(x, y, radius, wall, outline)
