@@ -4,7 +4,6 @@ PYTHON ?= $(if $(wildcard .venv/.installed-*),.venv/bin/python,python3)
 VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
 BIN := .venv/bin
 INSTALLED := .venv/.installed-$(VERSION)
-POOLTOOL := .venv-pooltool/.installed
 SIMULATORS := .venv-simulators/.installed
 RLLIB := .venv-rllib/.installed
 TOOLS := .venv-tools/.installed
@@ -46,14 +45,14 @@ tools: $(TOOLS)  ## test the integrations with TorchRL, Minari, Optuna and JAX, 
 
 web: $(INSTALLED)  ## build the engines for browsers and the page play.html in site/, and compare their bits with Python's
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[web]'
-	$(BIN)/python -m web.build
-	$(BIN)/python -m web.check --shots 100 --output build/web/check.json
+	$(BIN)/python -m docs.web.build
+	$(BIN)/python -m docs.web.check --shots 100 --output build/web/check.json
 
 docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
 dist: $(INSTALLED)  ## build the source archive and the wheel in dist/, and try the wheel in an empty environment
-	$(BIN)/python -m release.dist --output build/dist.json
+	$(BIN)/python -m benchmarks.release.dist --output build/dist.json
 
 ci: test pythons tools rllib web docs smoke dist  ## run the steps of .github/workflows/ci.yml locally
 
@@ -71,7 +70,7 @@ lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
-bench: $(INSTALLED) $(POOLTOOL)  ## measure speed and accuracy (JSON in benchmarks/results) and write the tables of the README and the docs (45 minutes)
+bench: $(INSTALLED) $(SIMULATORS)  ## measure speed and accuracy (JSON in benchmarks/results) and write the tables of the README and the docs (45 minutes)
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.ablation
@@ -80,8 +79,7 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure speed and accuracy (JSON in benchmar
 	$(BIN)/python -m benchmarks.comparison
 	$(BIN)/python -m benchmarks.accuracy
 	$(BIN)/python -m benchmarks.validation
-	$(BIN)/python -m benchmarks.differentiable
-	$(BIN)/python -m release.dist
+	$(BIN)/python -m benchmarks.release.dist
 	$(BIN)/python -m studies.readme
 
 errors: $(INSTALLED)  ## compare 1,000 shots of each kind with the 50-digit reference, and make 200 fits of simulated tables (hours)
@@ -91,10 +89,7 @@ errors: $(INSTALLED)  ## compare 1,000 shots of each kind with the 50-digit refe
 
 results: $(WORKS)  ## train every row of configs/learning.yaml with its seeds, and measure the players (up to five hours; what has results is not measured again)
 	$(WORK)/python -m studies.learning $(SPREAD)
-	$(WORK)/python -m studies.run_outs
-	$(WORK)/python -m studies.planner
-	$(WORK)/python -m studies.positions
-	$(WORK)/python -m studies.tasks
+	$(WORK)/python -m studies.frozen_tasks
 	$(WORK)/python -m studies.leaderboard
 	$(WORK)/python -m studies.readme
 
@@ -118,7 +113,7 @@ format: $(INSTALLED)  ## format the code in place
 	$(BIN)/ruff format .
 
 clean:  ## remove the virtual environment, builds and caches; trained runs stay
-	rm -rf .venv .venv-3.* .venv-pooltool .venv-simulators .venv-rllib .venv-tools build dist site *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv .venv-3.* .venv-simulators .venv-rllib .venv-tools build dist site *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Runs if .venv is missing or incomplete, or if its Python or the list of packages changes. It starts from an empty .venv.
@@ -156,12 +151,7 @@ $(TOOLS): pyproject.toml constraints.txt
 	touch $@
 
 # pooltool needs other versions of numba and llvmlite than this package.
-$(POOLTOOL): benchmarks/pooltool.txt
-	$(PYTHON) -m venv .venv-pooltool
-	.venv-pooltool/bin/pip install --quiet --no-deps -r benchmarks/pooltool.txt
-	touch $@
-
-$(SIMULATORS): studies/simulators.txt
+$(SIMULATORS): benchmarks/simulators.txt
 	$(PYTHON) -m venv .venv-simulators
-	.venv-simulators/bin/pip install --quiet --no-deps -r studies/simulators.txt
+	.venv-simulators/bin/pip install --quiet --no-deps -r benchmarks/simulators.txt
 	touch $@

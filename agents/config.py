@@ -16,7 +16,7 @@ import yaml
 
 from billiards_env.bench.frozen import FROZEN
 from billiards_env.envs import make_model
-from billiards_env.envs.tasks import TASKS
+from billiards_env.envs.tasks import task_of
 from billiards_env.sb3 import PPO_SETTINGS
 from billiards_env.shots.noise import EXECUTION_NOISE
 from billiards_env.support.checks import Range, fields_of, flag, integer, number, one_of, real, short
@@ -240,9 +240,8 @@ def _resolved(own: Mapping[str, Any]) -> dict[str, Any]:
     for key in own:
         one_of("key of env", key, tuple(parameters))
     arguments = {name: own.get(name, parameter.default) for name, parameter in parameters.items()}
-    if isinstance(arguments["task"], str) and arguments["task"] in TASKS:
-        task = TASKS[arguments["task"]]
-        of_task = {"scene": task.scene, "layout": task.layout, "max_shots": task.max_shots}
-        of_task["goal_radius"] = task.goal_radius or None
-        arguments |= {name: default for name, default in of_task.items() if arguments[name] is None}
-    return arguments
+    integer("n_players", arguments["n_players"], Range(1, None))
+    task = task_of(arguments["task"], arguments["n_players"])
+    of_task = {"scene": task.scene, "layout": task.layout, "max_shots": task.max_shots}
+    of_task["goal_radius"] = task.goal_radius or None
+    return arguments | {name: default for name, default in of_task.items() if arguments[name] is None}

@@ -93,25 +93,23 @@ def film(run_dir: Path, path: Path, episodes: int = FILMED, seed: int | None = N
         ValueError: If `path` does not end in ".mp4".
     """
     target = check_path(path, ".mp4")
-    from billiards_env.drawing.film import mp4_writer
+    from billiards_env.drawing.film import film_writer
 
     config, policy = load_run(run_dir)
     env: Any = make_env(config, "rgb_array_list")
-    infos, write = [], None
-    with contextlib.ExitStack() as stack:
-        stack.callback(env.close)
+    infos, fps = [], env.metadata["render_fps"]
+    with contextlib.closing(env), film_writer(target, fps) as write:
         for number in evaluation_seeds(config.seed if seed is None else seed, episodes).tolist():
             observation, info = env.reset(seed=number)
-            over, fps = False, env.metadata["render_fps"]
-            while True:
-                frames = env.render()
-                if write is None:
-                    write = stack.enter_context(mp4_writer(target, frames[0].shape[1::-1], fps))
-                for frame in frames + frames[-1:] * round(over * PAUSE * fps):
+            over = False
+            while not over:
+                for frame in env.render():
                     write(frame)
-                if over:
-                    break
                 observation, _, over, _, info = env.step(policy.predict(observation, deterministic=True)[0])
+            frames = env.render()
+            for frame in frames:
+                write(frame)
+            write(frames[-1], PAUSE)
             infos.append(info)
     return infos
 

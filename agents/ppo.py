@@ -129,7 +129,7 @@ def load_run(run_dir: Path, env: Mapping[str, Any] | None = None) -> tuple[Confi
 
     Args:
         run_dir: The folder of the run.
-        env: As in `billiards_env.sb3.load_policy`.
+        env: Arguments of `gym.make("Billiards-v0", ...)` that replace those of the run.
 
     Returns:
         The configuration, and the policy. `policy.predict` returns actions for `make_env(config)`.

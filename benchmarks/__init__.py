@@ -152,6 +152,12 @@ def workers() -> tuple[int, str]:
     return num_threads(), "processes"
 
 
+def results_file(command: str, root: Path = ROOT) -> Path:
+    """Returns the file of the results of a command, such as "benchmarks.speed", in a repository."""
+    *package, name = command.split(".")
+    return root.joinpath(*package, "results", f"{name}.json")
+
+
 def run_command(
     command: str,
     description: str,
@@ -172,11 +178,10 @@ def run_command(
         options: The options, as in `parser_of`. Every command also has `output` and, with pictures, `images`.
         draw: Draws the pictures of the results in a folder; None if there are none.
     """
-    package, _, name = command.rpartition(".")
-    files: dict[str, tuple[Any, str]] = {"output": (ROOT / package / "results" / f"{name}.json", "JSON file")}
+    files: dict[str, tuple[Any, str]] = {"output": (results_file(command), "JSON file")}
     if draw is not None:
         files["images"] = (IMAGES, "folder of the pictures")
-    with ending("the same command continues" if package == "studies" else ""):
+    with ending("the same command continues" if command.startswith("studies.") else ""):
         args = parser_of(command, description, **{**files, **options}).parse_args(arguments)
         result = measure(**{option: getattr(args, option) for option in options})
         if draw is not None:

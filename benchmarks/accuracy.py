@@ -21,11 +21,11 @@ from tqdm import tqdm
 
 from benchmarks import accuracy_report, error_limit, machine, run_command, run_kinds, workers
 from benchmarks.accuracy_report import blocks, draw
+from benchmarks.reference.oracle import OracleError, run
 from billiards_env.engine import PIC, Engine
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate, simulate_batch
 from billiards_env.support.checks import Range, integer
-from reference.oracle import OracleError, run
 
 Floats = NDArray[np.float64]
 

@@ -8,13 +8,8 @@ so a shot with such a contact has no error. pymunk and billiards-env run elastic
 has one object ball, or is a break of 15 balls. The simulators take turns on one core. The errors are measured against
 the 50-digit oracle.
 
-pooltool needs other versions of numba and llvmlite and has a Python environment of its own, in which
-`benchmarks/pooltool_worker.py` runs. `make bench` creates it:
-
-    python3 -m venv .venv-pooltool
-    .venv-pooltool/bin/pip install --no-deps -r benchmarks/pooltool.txt
-
-A simulator that is not installed is left out.
+pooltool and pymunk run in the environment of `benchmarks.simulators`, which `make bench` creates. Without it they are
+left out.
 
     python -m benchmarks.comparison
     python -m benchmarks.comparison --shots 10 --passes 1
@@ -24,11 +19,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import importlib.metadata
-import importlib.util
-import math
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple, TypeAlias
 
@@ -36,14 +27,12 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import ROOT, error_limit, machine, machine_line, metres, ratio, run_command, table, worker
+from benchmarks import error_limit, machine, machine_line, metres, ratio, run_command, simulators, table
+from benchmarks.reference.oracle import OracleError, run
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate
-from reference.oracle import OracleError, run
 
 Floats = NDArray[np.float64]
-POOLTOOL_PYTHON = ROOT / ".venv-pooltool" / "bin" / "python"
-WORKER = Path(__file__).with_name("pooltool_worker.py")
 
 MAX_EVENTS = 2000
 """Events after which pooltool stops a shot. In some breaks the same pair of balls collides again and again."""
@@ -53,11 +42,6 @@ LAWS = {"friction and spin": "pooltool_carom", "throw and jaws": "pooltool_pool"
 
 PYMUNK_STEPS = (60, 1920)
 """Timesteps of pymunk, as steps per second."""
-
-PYMUNK_SLOP = 1e-4
-"""m, the overlap that pymunk tolerates; the default of 0.1 is meant for pixels and is larger than a ball."""
-
-_WALL = 1.0  # m, thickness of pymunk's walls, so that no disk passes through one
 
 POOLTOOL_GAPS = (1e-6, 1e-9)
 """m. pooltool moves balls to this distance at each contact. The first value is pooltool's own."""
@@ -104,50 +88,34 @@ def billiards_env(record: bool) -> Runner:
     return run_shot
 
 
-def pymunk(steps: int) -> Runner:
-    """Returns the runner of pymunk with a number of timesteps per second: elasticity 1, friction 0, no damping."""
+@contextlib.contextmanager
+def pymunk(steps: int) -> Iterator[tuple[str, Runner]]:
+    """Yields the version of pymunk, and its runner with a number of timesteps per second."""
+    with simulators.opened("pymunk", steps) as (version, ask):
 
-    def run_shot(scene: Scene, positions: Floats, velocity: Floats, time: float | None) -> Outcome:
-        space, bodies = pymunk_space(scene, positions, velocity)
-        end = scene.physics.max_time if time is None else time
-        assert end is not None
-        begin = perf_counter()
-        for _ in range(round(end * steps)):
-            space.step(1 / steps)
-        seconds = perf_counter() - begin
-        return Outcome(np.array([tuple(body.position) for body in bodies]), seconds)
+        def run_shot(scene: Scene, positions: Floats, velocity: Floats, time: float | None) -> Outcome:
+            end = scene.physics.max_time if time is None else time
+            shot = {
+                "scene": scene.to_dict(),
+                "positions": positions.tolist(),
+                "velocity": velocity.tolist(),
+                "time": end,
+            }
+            return outcome(ask(shot))
 
-    return run_shot
+        yield version, run_shot
 
 
-def pymunk_space(scene: Scene, positions: Floats, velocity: Floats) -> tuple[Any, list[Any]]:
-    """Returns the space of pymunk in which the cue ball has a velocity, and the bodies of the balls."""
-    import pymunk as library  # pyright: ignore[reportMissingImports]
-
-    space = library.Space()
-    space.collision_slop = PYMUNK_SLOP
-    half_x, half_y = scene.table.length / 2 + _WALL, scene.table.width / 2 + _WALL
-    corners = [(-half_x, -half_y), (half_x, -half_y), (half_x, half_y), (-half_x, half_y)]
-    for k in range(4):
-        wall = library.Segment(space.static_body, corners[k], corners[(k + 1) % 4], _WALL)
-        wall.elasticity, wall.friction = 1.0, 0.0
-        space.add(wall)
-    bodies = []
-    for place, radius, mass in zip(positions, scene.balls.radius, scene.balls.mass, strict=True):
-        body = library.Body(mass, library.moment_for_circle(mass, 0.0, radius))
-        body.position = tuple(place)
-        shape = library.Circle(body, radius)
-        shape.elasticity, shape.friction = 1.0, 0.0
-        space.add(body, shape)
-        bodies.append(body)
-    bodies[0].velocity = tuple(velocity)
-    return space, bodies
+def outcome(answer: dict[str, Any]) -> Outcome:
+    """Returns the outcome in an answer of the worker."""
+    places = answer["positions"]
+    return Outcome(None if places is None else np.array(places), answer["seconds"], answer["finished"])
 
 
 @contextlib.contextmanager
-def pooltool(python: Path, program: Path = WORKER) -> Iterator[tuple[str, list[Runner]]]:
-    """Yields the version of pooltool in another Python environment, and its runner for each of `POOLTOOL_GAPS`."""
-    with worker(program.name, [python, program]) as ask:
+def pooltool() -> Iterator[tuple[str, list[Runner]]]:
+    """Yields the version of pooltool, and its runner for each of `POOLTOOL_GAPS`."""
+    with simulators.opened("pooltool") as (version, ask):
 
         def run_shot(gap: float, scene: Scene, positions: Floats, velocity: Floats, time: float | None) -> Outcome:
             physics, half_x, half_y = scene.physics, scene.table.length / 2, scene.table.width / 2
@@ -175,14 +143,13 @@ def pooltool(python: Path, program: Path = WORKER) -> Iterator[tuple[str, list[R
                 "gap": gap,
                 "max_events": MAX_EVENTS,
             }
-            answer = ask(shot)
-            if answer["positions"] is None:
-                return Outcome(None, answer["seconds"], finished=False)
-            theirs = np.array(answer["positions"])
-            ours = np.column_stack((theirs[:, 1] - half_x, half_y - theirs[:, 0]))
-            return Outcome(ours, answer["seconds"], answer["finished"])
+            theirs = outcome(ask(shot))
+            if theirs.positions is None:
+                return theirs
+            x, y = theirs.positions.T
+            return theirs._replace(positions=np.column_stack((y - half_x, half_y - x)))
 
-        yield ask(), [functools.partial(run_shot, gap) for gap in POOLTOOL_GAPS]
+        yield version, [functools.partial(run_shot, gap) for gap in POOLTOOL_GAPS]
 
 
 def nose_height(scene: Scene) -> float:
@@ -193,7 +160,7 @@ def nose_height(scene: Scene) -> float:
     """
     radius = scene.balls.radius[0]
     sine = scene.table.cushion_height / radius - 1.0
-    return radius * (1.0 + sine / math.sqrt(1.0 - sine * sine))
+    return radius * (1.0 + sine / (1.0 - sine * sine) ** 0.5)
 
 
 def draw_shots(laws: str, kind: str, count: int) -> list[tuple[Floats, Floats]]:
@@ -231,24 +198,21 @@ def measure(shots: int, passes: int) -> dict[str, Any]:
     result: dict[str, Any] = {"machine": machine(), "shots": shots, "passes": passes, "versions": {}, "rows": []}
     # By the laws: name, method and runner of each simulator. billiards-env is the first one. It records the shots that
     # are compared with pooltool, because pooltool always records them.
-    simulators: dict[str, list[tuple[str, str, Runner]]] = {
+    compared: dict[str, list[tuple[str, str, Runner]]] = {
         laws: [("billiards-env", "event-driven", billiards_env(record=laws != "elastic disks"))] for laws in LAWS
     }
     with contextlib.ExitStack() as stack:
-        if POOLTOOL_PYTHON.exists():
-            version, runners = stack.enter_context(pooltool(POOLTOOL_PYTHON))
-            result["versions"]["pooltool"] = version
+        if simulators.installed():
+            result["versions"]["pooltool"], runners = stack.enter_context(pooltool())
             ways = ("event-driven", *(f"event-driven, gap {1e9 * gap:g} nm" for gap in POOLTOOL_GAPS[1:]))
             for laws in ("friction and spin", "throw and jaws"):
-                simulators[laws] += [("pooltool", *way) for way in zip(ways, runners, strict=True)]
+                compared[laws] += [("pooltool", *way) for way in zip(ways, runners, strict=True)]
+            for steps in PYMUNK_STEPS:
+                result["versions"]["pymunk"], runner = stack.enter_context(pymunk(steps))
+                compared["elastic disks"].append(("pymunk", f"timestep 1/{steps} s", runner))
         else:
-            print("pooltool is left out: there is no .venv-pooltool; `make bench` creates it")
-        if importlib.util.find_spec("pymunk"):
-            result["versions"]["pymunk"] = importlib.metadata.version("pymunk")
-            simulators["elastic disks"] += [
-                ("pymunk", f"timestep 1/{steps} s", pymunk(steps)) for steps in PYMUNK_STEPS
-            ]
-        for laws, group in tqdm(simulators.items(), unit="comparison"):
+            print("pooltool and pymunk are left out: there is no .venv-simulators; `make bench` creates it")
+        for laws, group in tqdm(compared.items(), unit="comparison"):
             runners = [runner for *_, runner in group]
             columns = {kind: compare(laws, kind, runners, shots, passes) for kind in KINDS}
             for k, (name, method, _) in enumerate(group):

@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import machine, new_figure, rows_table, run_command, run_kinds, save, workers
+from benchmarks.reference.oracle import OracleError, run
 from billiards_env.derivatives.shot_derivatives import UNIT_ROUNDOFF
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate
-from reference.oracle import OracleError, run
 
 Floats = NDArray[np.float64]
 Draw: TypeAlias = Callable[[Scene, np.random.Generator], tuple[Floats, Floats]]

@@ -13,9 +13,9 @@ from typing import Any
 from tqdm import tqdm
 
 from benchmarks import machine, processes, rows_table, run_command, workers
+from benchmarks.reference.stress import families
+from benchmarks.reference.stress.measure import drift
 from billiards_env.support.checks import Range, real
-from reference.stress import families
-from reference.stress.measure import drift
 
 # Thousands of shots of each kind, and the number of shots in one task.
 SHOTS = {

@@ -1,7 +1,7 @@
 """Billiards for reinforcement learning: one action is one cue shot, run to rest by an exact event-driven engine.
 
-Importing the package registers `Billiards-v0` and the ids of `frozen` with Gymnasium. The engine and numba are imported
-on first use.
+Importing the package registers `Billiards-v0` and the ids of `bench.frozen` with Gymnasium. The engine and numba are
+imported on first use.
 """
 
 import importlib
@@ -17,9 +17,32 @@ if TYPE_CHECKING:
     from billiards_env.engine.compile import Engine
     from billiards_env.engine.strikes import Strike, strike
     from billiards_env.engine.threads import set_num_threads
+    from billiards_env.envs.actions import register_action
+    from billiards_env.envs.observations import register_feature
+    from billiards_env.envs.tasks import register_task
+    from billiards_env.games.referee import register_game
+    from billiards_env.players.named import register_player
+    from billiards_env.scene.layouts import register_layout
+    from billiards_env.scene.scene import register_scene
     from billiards_env.shots.simulation import simulate, simulate_batch
 
-__all__ = ["Engine", "Scene", "Strike", "__version__", "set_num_threads", "simulate", "simulate_batch", "strike"]
+__all__ = [
+    "Engine",
+    "Scene",
+    "Strike",
+    "__version__",
+    "register_action",
+    "register_feature",
+    "register_game",
+    "register_layout",
+    "register_player",
+    "register_scene",
+    "register_task",
+    "set_num_threads",
+    "simulate",
+    "simulate_batch",
+    "strike",
+]
 
 gymnasium.register(
     id="Billiards-v0",
@@ -36,6 +59,13 @@ _MODULES = {
     "simulate": "shots.simulation",
     "simulate_batch": "shots.simulation",
     "strike": "engine.strikes",
+    "register_action": "envs.actions",
+    "register_feature": "envs.observations",
+    "register_game": "games.referee",
+    "register_layout": "scene.layouts",
+    "register_player": "players.named",
+    "register_scene": "scene.scene",
+    "register_task": "envs.tasks",
 }
 """The module of each name that is imported on first use."""
 

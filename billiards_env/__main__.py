@@ -72,7 +72,11 @@ def make_parser() -> argparse.ArgumentParser:
 def _add_simulate(parser: argparse.ArgumentParser) -> None:
     parser.description = "Run one shot. Lengths are in metres from the centre of the table, x along its length."
     add = parser.add_argument
-    add("--scene", default="pool", help=f"the scene: {', '.join(SCENES)}, or a JSON file (default: %(default)s)")
+    add(
+        "--scene",
+        default="pool",
+        help=f"the scene: {', '.join(SCENES)}, module:name or a JSON file (default: %(default)s)",
+    )
     add("--balls", type=int, metavar="N", help="number of object balls (default: the scene's)")
     add(
         "--layout",
@@ -112,8 +116,8 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
         metavar="PLAYER",
         help="players to compare with (default: random geometric search:200)",
     )
-    add("--task", help="the task, such as pot, carom or nine_ball (default: pot)")
-    add("--scene", help=f"the scene: {', '.join(SCENES)}, or a JSON file (default: the task's)")
+    add("--task", help="the task, such as pot, carom, nine_ball or module:name (default: pot)")
+    add("--scene", help=f"the scene: {', '.join(SCENES)}, module:name or a JSON file (default: the task's)")
     add("--balls", type=int, metavar="N", dest="n_object_balls", help="number of object balls (default: the task's)")
     add("--layout", help="starting positions (default: the task's)")
     add("--action", help="velocity or strike (default: velocity)")
@@ -173,7 +177,11 @@ def _add_calibrate(parser: argparse.ArgumentParser) -> None:
     )
     add = parser.add_argument
     add("tracks", type=Path, help="the file")
-    add("--scene", default="pool", help=f"{', '.join(SCENES)}, or a JSON file of a scene (default: %(default)s)")
+    add(
+        "--scene",
+        default="pool",
+        help=f"{', '.join(SCENES)}, module:name or a JSON file of a scene (default: %(default)s)",
+    )
     add("--balls", type=int, metavar="N", help="number of object balls (default: those in the file)")
     add("--free", nargs="+", metavar="CONSTANT", help="the constants (default: friction and restitution)")
     add("--unit", default="m", help="unit of x and y: m, cm, mm, in or px (default: %(default)s)")

@@ -24,8 +24,8 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
-from billiards_env.envs import BilliardsEnv, make_model
-from billiards_env.envs.arguments import Model
+from billiards_env.envs import BilliardsEnv
+from billiards_env.envs.arguments import Model, model_of
 from billiards_env.games.game import GameState, History, Stroke
 from billiards_env.support.checks import missing
 
@@ -49,7 +49,7 @@ class GameEnv(pettingzoo.AECEnv[str, Any, NDArray[np.float32]]):
 
     Args:
         model: The arguments, see `make_model`.
-        render_mode: As in `BilliardsEnv`.
+        render_mode: One of `rendering.RENDER_MODES`, or None.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012  (an instance variable in AECEnv)
@@ -113,7 +113,9 @@ class GameEnv(pettingzoo.AECEnv[str, Any, NDArray[np.float32]]):
             return
         self._cumulative_rewards[agent] = 0.0
         _, _, over, _, info = self.env.step(action)
-        self._strokes.append(self.env.stroke)
+        stroke = self.env.stroke
+        assert stroke is not None
+        self._strokes.append(stroke)
         self.rewards = dict(zip(self.agents, info["rewards"].tolist(), strict=True))
         self._accumulate_rewards()
         decided = bool(self.game.state.over)
@@ -145,7 +147,7 @@ def raw_env(
     task: str = "eight_ball", *, n_players: int = 2, render_mode: str | None = None, **arguments: Any
 ) -> GameEnv:
     """Returns the environment without PettingZoo's wrappers. `BilliardsEnv` documents the arguments and errors."""
-    return GameEnv(make_model(task=task, n_players=n_players, **arguments), render_mode)
+    return GameEnv(model_of(raw_env, {"task": task, "n_players": n_players, **arguments}), render_mode)
 
 
 def env(**arguments: Any) -> OrderEnforcingWrapper[str, Any, NDArray[np.float32]]:

@@ -62,7 +62,7 @@ def simulate(
         physics: Numbers of `Physics` by name, (...) each, with derivatives. The others come from the scene.
         in_play: (n,) bool, the balls on the table. None for all.
         max_time: Time of the outputs, s; None for the limit of the scene.
-        threads: As in `simulate_batch`.
+        threads: Number of threads; None for the number of `set_num_threads`.
 
     Returns:
         The output at the end of the shots, or a dict with the outputs by name, with the axes (...) of all inputs

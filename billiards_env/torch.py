@@ -78,10 +78,10 @@ def simulate(
         physics: Numbers of `Physics` by name, () for all shots or (m,). The others come from the scene.
         varied: Numbers of `Physics` that differ from shot to shot, (m,) each, without derivatives: `physics` of
             `simulate_batch`.
-        in_play: As in `simulate_batch`.
+        in_play: (m, n) or (n,) bool; by default all balls are in play.
         max_time: Time of the outputs, s; None for the limit of the scene. A shot that ends earlier has the outputs of
             its end.
-        threads: As in `simulate_batch`.
+        threads: Number of threads; None for the number of `set_num_threads`.
 
     Returns:
         The output at the end of the shots, or a dict with the outputs by name. They have the device of `velocities` and
@@ -142,7 +142,7 @@ def pot_margins(
         positions: (m, n, 2) positions of the balls, m, such as `env.positions`. With `randomize` m is the number of
             environments, or any number with a single one.
         actions: (m, 2) actions. One that is longer than 1 is scaled to length 1.
-        threads: As in `simulate`.
+        threads: Number of threads; None for the number of `set_num_threads`.
         in_play: As there, such as `~env.potted`.
 
     Returns:
@@ -151,11 +151,11 @@ def pot_margins(
     Raises:
         ValueError: If the actions are strikes, the engine is "pit", or as in `simulate`.
     """
-    from billiards_env.envs.actions import ACTIONS
+    from billiards_env.envs.actions import action_named
 
     base = env.unwrapped
     single = getattr(base, "single_env", base)
-    if ACTIONS[single.action].has_cue or ACTIONS[single.action].converter:
+    if action_named(single.action).has_cue or action_named(single.action).converter:
         raise ValueError(f"env.action = {single.action!r}: expected 'velocity'")
     if single.engine != PIC:
         raise ValueError(f"env.engine = {single.engine}: expected PIC, shots by PIT have no derivatives")

@@ -17,7 +17,7 @@ from mkdocs.structure.files import File
 
 from billiards_env.bench.frozen import FROZEN, NAMESPACE
 from studies import live_shot
-from studies.tasks import page as task_page
+from studies.frozen_tasks import page as task_page
 
 _EM = 8.5  # points; smaller than the font size of 10, as the letters of Computer Modern are small
 # The output of pymdownx.arithmatex in its generic mode: <span> for $...$, <div> for $$...$$.
@@ -39,7 +39,7 @@ def formula(tex: str) -> str:
 
 
 def on_files(files: Any, config: Any) -> None:
-    """Adds a page for each frozen task and the files of `web.build`; MkDocs calls this once."""
+    """Adds a page for each frozen task and the files of `docs.web.build`; MkDocs calls this once."""
     for name in FROZEN:
         files.append(File.generated(config, f"tasks/{name}.md", content=task_page(name)))
     for name, content in web_files().items():
@@ -50,7 +50,7 @@ def web_files() -> dict[str, bytes]:
     """Returns the engines for browsers and the page that plays, or without the extra `web` a page with the command."""
     if importlib.util.find_spec("ziglang") is None:
         return {"play.html": b"<!doctype html><title>Not built</title>Run <code>make web</code> to build this page."}
-    from web import build
+    from docs.web import build
 
     return build.files()
 

@@ -6,15 +6,11 @@ Modules:
     timestep_report: Makes its tables and pictures.
     timestep_shots: Chooses shots of these policies for the page of the study.
     other_simulators: Trains such policies in pymunk and MuJoCo, and plays policies of exact worlds in them.
-    simulators_worker: Plays shots in pymunk or MuJoCo, in a separate environment.
-    derivatives: Compares derivatives through timesteps with exact ones, and trains networks by derivatives.
+    derivatives: Trains networks by derivatives, exact ones and those through a timestep.
     failures: The four failures of a timestep, as small scenes.
-    planner: Measures the planner under execution noise.
-    positions: Measures the strokes of players in a fixed set of positions.
-    tasks: Measures players without training in the frozen tasks.
+    frozen_tasks: Measures players without training in the frozen tasks.
     leaderboard: Verifies the files of the leaderboard and makes its tables.
     figures: Draws the pictures that show no measurement, and a film of a run-out of the planner.
-    run_outs: Trains the network that computes the probability of a run-out from a position.
     tables: Makes the tables of games, numbers, actions and features.
     readme: Writes the measured tables into the pages.
 """
@@ -115,7 +111,7 @@ def live_shot(scene: str, positions: Any, velocity: Any, steps: int) -> str:
     """Returns the address of a page that plays a shot with both engines, escaped for an attribute of HTML.
 
     Args:
-        scene: The name of a scene of `web.build`.
+        scene: The name of a scene of `docs.web.build`.
         positions: (n, 2) m.
         velocity: (2,) velocity of the cue ball, m/s.
         steps: The number of timesteps in a second.

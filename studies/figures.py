@@ -25,7 +25,7 @@ os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
 from benchmarks import GREY, IMAGES, new_figure, parser_of, save, save_image
 from billiards_env.drawing.canvas import pixels
-from billiards_env.drawing.film import write_gif
+from billiards_env.drawing.film import film_writer, write_film
 from billiards_env.drawing.plot import draw_ball, legend_handles
 from billiards_env.drawing.style import INK, draw_table, looks
 from billiards_env.engine import Engine
@@ -42,7 +42,6 @@ from billiards_env.scene import Balls, Cue, Scene, layouts
 from billiards_env.scene.table import TABLES, Table
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import simulate
-from billiards_env.support.files import replacing
 from studies.failures import FAILURES, Failure
 
 WINDOW: dict[str, Any] = {"seed": 3, "width": 1080, "english": (-0.25, 0.2)}
@@ -221,27 +220,24 @@ def filmed_run_out(seed: int) -> list[tuple[WindowModel, str]] | None:
     return [*plans, (model, "")] if model.game.state.winner == 0 else None
 
 
-def film_images(models: Sequence[tuple[WindowModel, str]]) -> Iterator[tuple[Image.Image, float]]:
+def film_images(models: Sequence[tuple[WindowModel, str]]) -> Iterator[tuple[np.ndarray, float]]:
     """Yields the images of a film and their durations, s: each plan, and the shot that follows."""
     view = View(models[0][0].setup.scene, FILM["width"])
     for (model, text), (following, _) in itertools.pairwise(models):
-        yield Image.fromarray(pixels(view.draw(model, text))), FILM["plan"]
+        yield pixels(view.draw(model, text)), FILM["plan"]
         shown = dataclasses.replace(following, aim=model.aim, phase="rolling", preview=None, clock=0.0)
         while shown.phase == "rolling":
-            yield Image.fromarray(pixels(view.draw(shown, text))), FILM["frame"]
+            yield pixels(view.draw(shown, text)), FILM["frame"]
             shown = tick(shown, FILM["frame"])
-    yield Image.fromarray(pixels(view.draw(models[-1][0]))), 2 * FILM["plan"]
+    yield pixels(view.draw(models[-1][0])), 2 * FILM["plan"]
 
 
-def write_film(path: Path, models: Sequence[tuple[WindowModel, str]]) -> None:
+def write_run_out(path: Path, models: Sequence[tuple[WindowModel, str]]) -> None:
     """Writes a film, .gif, completely or not at all."""
     images = list(film_images(models))
-    # All balls are in the first image. They have few pixels, and an octree keeps their colours.
-    palette = images[0][0].quantize(96, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-    first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image, _ in images)
-    times = [round(1000 * seconds) for _, seconds in images]
-    with replacing(path) as temporary:
-        first.save(temporary, save_all=True, append_images=others, duration=times, loop=0, optimize=False)
+    with film_writer(path, 1 / FILM["frame"], images[0][0], 96) as write:  # all balls are in the first image
+        for image, seconds in images:
+            write(image, seconds)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -261,8 +257,9 @@ def main(arguments: list[str] | None = None) -> None:
     save_image(Image.fromarray(pixels(frame)), args.folder / "play.png", octree=True)
     velocity = shot.recording().trajectory.velocity[0]
     rough = simulate(scene, shot.at(0.0), velocity, engine=Engine("pit", 1 / 60), record=True)
-    write_gif(args.folder / "shot.gif", shot.recording(), 25, 640, rough.recording(), (panel.PAPER, panel.INK))
-    write_film(args.folder / "run_out.gif", next(filter(None, map(filmed_run_out, itertools.count()))))
+    colours = panel.PAPER, panel.INK
+    write_film(args.folder / "shot.gif", ".gif", shot.recording(), 25, 640, rough.recording(), colours)
+    write_run_out(args.folder / "run_out.gif", next(filter(None, map(filmed_run_out, itertools.count()))))
     print(f"Written to {args.folder}.")
 
 

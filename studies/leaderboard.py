@@ -1,4 +1,4 @@
-"""Verifies the files in `leaderboard` and makes the table and the picture of the page: `python -m studies.leaderboard`.
+"""Verifies the files in `docs/leaderboard` and makes the page from them: `python -m studies.leaderboard`.
 
 An entry is a file of `billiards bench` with the public layouts and the layouts of a second seed, `SEEDS`. The results
 are in `studies/results/leaderboard.json`.
@@ -17,23 +17,12 @@ from billiards_env.bench import benchmark as bench
 from billiards_env.bench.frozen import BENCH_TASKS
 from billiards_env.support.intervals import interquartile_mean
 
-FOLDER = ROOT / "leaderboard"
+FOLDER = ROOT / "docs" / "leaderboard"
 
 SEEDS = (bench.SEED, 1)
 """The seeds of an entry: the seed of the public layouts and one more, because a player may be fitted to those."""
 
-RUN = (
-    "aim",
-    "distilled",
-    "geometric",
-    "gradient",
-    "planner_300",
-    "ppo_points",
-    "ppo_pot",
-    "random",
-    "ratings",
-    "search_200",
-)
+RUN = ("aim", "geometric", "planner_300", "ppo_points", "random", "ratings", "search_200")
 """The files whose players the maintainers have run. Of the other files only the actions were replayed."""
 
 

@@ -29,7 +29,7 @@ from billiards_env.bench.frozen import FROZEN, NAMESPACE
 from billiards_env.support.files import write_atomically, write_json
 from billiards_env.support.intervals import as_percent, over_seeds
 from billiards_env.support.settings import read_settings
-from studies import JOBS, RESULTS, RUNS, completed, executor, read_results, tasks
+from studies import JOBS, RESULTS, RUNS, completed, executor, frozen_tasks, read_results
 
 OUTPUT = RESULTS / "learning.json"
 
@@ -37,7 +37,7 @@ EPISODES = 10_000
 """The number of layouts of each task and seed."""
 
 PLAYERS = ("random", "search:200", "planner:300")
-"""The players without training beside the policies. `studies.tasks` measures them."""
+"""The players without training beside the policies. `studies.frozen_tasks` measures them."""
 
 Result = Mapping[str, Any]
 
@@ -119,7 +119,7 @@ def runs(result: Result) -> list[Result]:
 
 def players() -> dict[str, dict[str, float]]:
     """Returns the success of the players without training by task and name, as `share_of`."""
-    measured = read_results(tasks.OUTPUT)
+    measured = read_results(frozen_tasks.OUTPUT)
     return {
         task: {name: share_of(task, one["success"], one["return"]) for name, one in known["players"].items()}
         for task, known in measured.items()

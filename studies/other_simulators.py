@@ -1,7 +1,7 @@
 """Trains the learner of the timestep study in simulators of other projects: `python -m studies.other_simulators`.
 
 The learner is `examples/ppo.py` with the layouts of `studies.timestep`. pymunk (rigid contacts) or MuJoCo (soft
-contacts) plays the shots, in separate processes (`studies.simulators_worker`). The game is a direct pot: the object
+contacts) plays the shots, in separate processes (`benchmarks.simulators`). The game is a direct pot: the object
 ball has to drop without touching a cushion, and the cue ball must not touch a cushion before the hit. A ball slows down
 at the rate `DECAY`: by `space.damping` in pymunk, and by the damping of the joints in MuJoCo.
 
@@ -22,7 +22,7 @@ at a hit that is thicker by v * delay * sin(a) * cos(a).
 3. A policy of an exact world succeeds in a simulator as often as in the exact world after each hit is turned by a
    delay, drawn from the delays of the head-on hits. (At first MuJoCo's mean delay was used for all its hits.)
 4. pooltool has no timestep. A policy that trains exactly with pooltool's laws and table succeeds as often in pooltool.
-   It may use cushions. The command skips this part without the environment of `benchmarks.comparison`.
+   It may use cushions.
 
 The results are in `studies/results/other_simulators.json`. Each run is written there when it ends, and the command
 skips runs that have results.
@@ -45,7 +45,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import comparison, new_figure, run_command, save, table, worker
+from benchmarks import comparison, new_figure, run_command, save, simulators, table
+from benchmarks.simulators_worker import DECAY, TIME
 from billiards_env import Scene, simulate_batch
 from billiards_env.bench.evaluation import evaluation_seeds
 from billiards_env.envs import BilliardsVectorEnv, make_model
@@ -53,7 +54,6 @@ from billiards_env.scene import Physics
 from billiards_env.support.files import write_json
 from examples import ppo
 from studies import RESULTS, completed, executor, resumed
-from studies.simulators_worker import DECAY, TIME
 from studies.timestep import LAYOUT_SEED, LAYOUTS, actions_of, aims, aims_by_group
 from studies.timestep_report import GROUPS, finished
 
@@ -61,9 +61,6 @@ Floats = NDArray[np.float64]
 Play = Callable[[Floats, Floats], NDArray[np.intp]]
 """Plays m shots. The arguments are positions (m, 2, 2), m, and velocities (m, 2), m/s. The result (m,) is the pocket of
 each direct pot, or -1."""
-
-WORKER = Path(__file__).with_name("simulators_worker.py")
-PYTHON = WORKER.parents[1] / ".venv-simulators" / "bin" / "python"
 
 
 class SimulatorWorld(NamedTuple):
@@ -134,12 +131,11 @@ def opened(name: str) -> Iterator[tuple[Play, Floats]]:
     if world.simulator == "exact":
         yield lambda *shots: play_exactly(scene, *shots), np.zeros(1)
     elif world.simulator == "pooltool":
-        with comparison.pooltool(comparison.POOLTOOL_PYTHON) as (_, (run, *_)):
+        with comparison.pooltool() as (_, (run, *_)):
             yield lambda *shots: play_in_pooltool(run, scene, *shots), np.zeros(1)
     else:
-        with worker(WORKER.name, [PYTHON, WORKER]) as ask:
-            delays = np.array(ask([world.simulator, world.dt, scene.to_dict()]))
-            yield lambda *shots: np.array(ask([numbers.tolist() for numbers in shots])), delays
+        with simulators.opened("pots", world.simulator, world.dt, scene.to_dict()) as (delays, ask):
+            yield lambda *shots: np.array(ask([numbers.tolist() for numbers in shots])), np.array(delays)
 
 
 class PlayedEnvs(BilliardsVectorEnv):
@@ -233,8 +229,9 @@ def measure(output: Path, jobs: int, shots: int, layouts: int) -> dict[str, Any]
         for name, world in WORLDS.items()
         for seed in range(11, 11 + world.seeds)
         if (key := f"{name}, seed {seed}") not in content["runs"]
-        and (world.exact != "exact, pooltool" or comparison.POOLTOOL_PYTHON.exists())
     }
+    if calls and not simulators.installed():
+        raise ValueError(f"{simulators.PYTHON} is missing: expected the environment that `make study` makes")
     with executor(jobs) as pool:
         for key, result in completed(pool, calls):
             content["runs"][key] = result

@@ -15,11 +15,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks import ROOT, all_blocks, parser_of
+from benchmarks import ROOT, all_blocks, parser_of, results_file
 from billiards_env.support.commands import ending
 from billiards_env.support.files import write_atomically
 
-PAGES = (ROOT / "README.md", ROOT / "paper" / "paper.md", *sorted((ROOT / "docs").rglob("*.md")))
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 
 
 SOURCES = {
@@ -29,7 +29,6 @@ SOURCES = {
         "benchmarks.accuracy",
         "benchmarks.calibration",
         "benchmarks.comparison",
-        "benchmarks.differentiable",
         "benchmarks.error_limit",
         "benchmarks.gradients",
         "benchmarks.real_tracks",
@@ -37,18 +36,15 @@ SOURCES = {
         "benchmarks.stress",
         "benchmarks.validation",
         "benchmarks.vector",
-        "release.dist",
+        "benchmarks.release.dist",
         "studies.derivatives",
         "studies.leaderboard",
         "studies.learning",
         "studies.other_simulators",
-        "studies.planner",
-        "studies.positions",
-        "studies.run_outs",
-        "studies.tasks",
+        "studies.frozen_tasks",
         "studies.timestep",
         "studies.timestep_shots",
-        "web.check",
+        "docs.web.check",
     )
 }
 """The commands whose results the pages show, by the name of the results."""
@@ -60,9 +56,8 @@ _BEGIN, _END = re.compile(r"<!-- (\w+): (.+) -->"), "<!-- end -->"
 
 
 def results(source: str, root: Path = ROOT) -> Path:
-    """Returns the file of the results of a source, in the package of its command; `bench` reads the file of "tasks"."""
-    package = "billiards_env" if source == "tasks" else SOURCES[source].partition(".")[0]
-    return root / package / "results" / f"{source}.json"
+    """Returns the file of the results of a source, in the package of its command, or in `bench`."""
+    return results_file("billiards_env.bench.frozen_tasks" if source == "frozen_tasks" else SOURCES[source], root)
 
 
 def block(source: str, name: str, root: Path = ROOT) -> str:

@@ -27,10 +27,10 @@ def blocks(_: Mapping[str, Any]) -> dict[str, str]:
 def games() -> str:
     """Returns the table of the games."""
     rows = []
-    for game in GAMES.values():
+    for name, game in GAMES.items():
         calls = [*(["ball and pocket, safety"] if game.callable else []), *(c.replace("_", " ") for c in game.choices)]
         numbers = (" to ".join(map(str, dict.fromkeys(pair))) for pair in (game.n_players, game.n_object_balls))
-        rows.append((f"`{game.name}`", *numbers, game.won_by, ", ".join(calls) or "-"))
+        rows.append((f"`{name}`", *numbers, game.won_by, ", ".join(calls) or "-"))
     return table(("`rules`", "Players", "Object balls", "Won by", "Calls and choices"), rows, left=5)
 
 

@@ -12,6 +12,8 @@ os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 # The examples are the same in every run. No test fails because a machine is slow or a kernel is compiled.
+collect_ignore = ["data"]  # the tests import the modules there
+
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 

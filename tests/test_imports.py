@@ -34,7 +34,7 @@ def test_the_lists_of_modules_are_complete():
 
 def test_only_tests_import_tests():
     root = TESTS.parent
-    for package in ("agents", "benchmarks", "billiards_env", "reference", "release", "studies"):
+    for package in ("agents", "benchmarks", "billiards_env", "docs", "studies"):
         for path in (root / package).rglob("*.py"):
             assert all(name.split(".")[0] != "tests" for name in imported(path)), path
 

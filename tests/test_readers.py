@@ -27,7 +27,7 @@ from billiards_env.support import files
 from tests.helpers.games import random_game, setup
 from tests.helpers.training import settings
 
-LEADERBOARD = Path(__file__).parents[1] / "leaderboard"
+LEADERBOARD = Path(__file__).parents[1] / "docs" / "leaderboard"
 ENV, POLICY = {"task": "pot", "n_object_balls": 1}, {"head": "gaussian", "hidden": [8], "activation": "tanh"}
 ROWS = "shot,time,ball,x,y\na,0,0,0.1,0.2\na,0.02,0,0.11,0.2\nb,0,red,1e-1,-.2\n"
 FRAMES = "time;cue_x;cue_y;red_x;red_y\n0;0,1;0,2;0,3;0,4\n0,02;0,11;0,2;;\n"
@@ -90,7 +90,7 @@ READERS = {
         lambda path: files.write_json(path, Scene.named("real_pool").to_dict()),
         lambda: lambda path: records.read_scene(str(path)),
     ),
-    "bench": Reader("a.json", text_file((LEADERBOARD / "ppo_pot.json").read_text()), lambda: bench.load),
+    "bench": Reader("a.json", text_file((LEADERBOARD / "ppo_points.json").read_text()), lambda: bench.load),
     "results": Reader("a.json", text_file('{"settings": {}, "a": [1, {"b": null}]}'), lambda: studies.read_results),
     "rows of tracks": Reader("a.csv", text_file(ROWS), lambda: read_tracks),
     "frames of tracks": Reader("a.csv", text_file(FRAMES), lambda: read_tracks),

@@ -1,4 +1,4 @@
-"""The frozen tasks, and how good players are in tasks.
+"""The frozen tasks, and measurements of players.
 
 Modules:
     frozen: The frozen tasks.

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from billiards_env.bench.evaluation import evaluation_seeds, steps
 from billiards_env.bench.frozen import FROZEN, NAMESPACE
-from billiards_env.envs.actions import ACTIONS
+from billiards_env.envs.actions import action_named
 from billiards_env.players.env_player import acting
 from billiards_env.players.named import find_player
 from billiards_env.shots import records
@@ -38,7 +38,7 @@ EPISODES = 1000
 """The number of layouts of each task."""
 
 SEED = 0
-"""The seed of the public layouts. The hash of the layouts of each task is in `results/tasks.json`."""
+"""The seed of the public layouts. The hash of the layouts of each task is in `results/frozen_tasks.json`."""
 
 BENCH = "billiards_env/bench"
 
@@ -313,7 +313,7 @@ def _result_of(name: str, item: Any) -> Result:
     shots = np.frombuffer(_bytes(f"{name}.shots", data["shots"], EPISODES), np.uint8)
     for limit in (shots.min(), shots.max()):
         integer(f"a number in {name}.shots", limit, Range(1, arguments["max_shots"]))
-    size, count = ACTIONS[arguments["action"]].size, int(shots.sum(dtype=np.int64))
+    size, count = action_named(arguments["action"]).size, int(shots.sum(dtype=np.int64))
     packed = _bytes(f"{name}.actions", data["actions"], 4 * size * count)
     actions = np.frombuffer(packed, "<f4").astype(np.float32).reshape(count, size)
     if not np.isfinite(actions).all():
@@ -370,12 +370,12 @@ def _text(name: str, value: Any, pattern: str, expected: str) -> str:
 
 @cache
 def reference() -> dict[str, dict[str, Any]]:
-    """Returns the content of `results/tasks.json`: for each id the hash of the public `layouts`, and the `players`.
+    """Returns `results/frozen_tasks.json`: for each id the hash of the public `layouts`, and the `players`.
 
     `players` maps names of players to `success` and `return`, the means over the public layouts. The command
-    `python -m studies.tasks` measures them.
+    `python -m studies.frozen_tasks` measures them.
     """
-    path = Path(__file__).parent / "results" / "tasks.json"
+    path = Path(__file__).parent / "results" / "frozen_tasks.json"
     return records.read_data(path, "scores") if path.exists() else {}
 
 

@@ -144,8 +144,8 @@ def _fit(fit: Fit, run: Callable[[Fit], Fit], contacts: int, hold_back: bool) ->
     Args:
         fit: The start of the fit, with all shots.
         run: Makes all stages of a fit.
-        contacts: As in `calibrate`.
-        hold_back: As in `calibrate`.
+        contacts: The contact of the cue ball until which rows are fitted, 2 to 9.
+        hold_back: Whether every fifth of ten or more shots is held back at first.
     """
     shots = fit.shots
     if not hold_back or len(shots) < _FEWEST:

@@ -101,8 +101,10 @@ def fit_shared(fit: Fit, contact: int) -> tuple[Fit, float]:
     Returns:
         The fit, and the loss of the rows.
     """
-    scene, names, usual, damping = fit.scene, fit.names, usual_of(fit), 1e-3
-    numbers, initial, bounds = numbers_of(scene, names), numbers_of(fit.start, names), bounds_of(names)
+    scene, names = fit.scene, fit.names
+    numbers, initial = numbers_of(scene, names), numbers_of(fit.start, names)
+    usual, bounds = usual_of(fit), bounds_of(names)
+    damping = 1e-3
     shots = [shot.until(contact) for shot in fit.shots]
     fits = [settle(scene, shot.starts, shot, names) for shot in shots]
     for _ in range(_STEPS):
@@ -182,7 +184,8 @@ def determined(fit: Fit, contact: int) -> Fit:
     The covariance includes the `unexplained_shifts`, with which an interval may be wider than `_WIDE` allows.
     """
     while True:
-        names, numbers, initial = fit.names, numbers_of(fit.scene, fit.names), numbers_of(fit.start, fit.names)
+        names = fit.names
+        numbers, initial = numbers_of(fit.scene, names), numbers_of(fit.start, names)
         spread = covariance(fit, contact)
         width = half_widths(spread, len(fit.shots)) / np.maximum(np.maximum(np.abs(numbers), np.abs(initial)), 1e-9)
         edge = np.any(np.abs(numbers - bounds_of(names)) <= _EDGE * np.maximum(np.abs(numbers), 1e-3), axis=0)

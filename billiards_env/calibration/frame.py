@@ -19,6 +19,7 @@ _BEYOND, _SHORT = 0.01, 0.006  # m, a row beyond the cushions, and a line of reb
 _FASTEST = 20.0  # m/s
 _ROLL = 0.1  # the least of mu_roll over its start, for the longest way of a ball
 _CUSHIONS = ("+x", "-x", "+y", "-y")
+_EXPECTED = "expected metres from the centre of the table with x along its length, or frame='fit'"
 
 
 class Frame(NamedTuple):
@@ -63,7 +64,8 @@ def find_lines(contacts: Sequence[Contact]) -> tuple[Floats, Ints, float, float]
     side, sign = 2 * axis + (at < 0.0), np.sign(at)
     # Turned by a small angle, x = at - angle y at the ends of the table and y = at + angle x at its sides.
     turns, speeds = (2 * axis - 1) * along * sign, [rebound.speed for rebound in rebounds]
-    design, weight, line = np.column_stack((np.eye(4)[side], turns, speeds)), np.ones(len(rebounds)), np.zeros(6)
+    design = np.column_stack((np.eye(4)[side], turns, speeds))
+    weight, line = np.ones(len(rebounds)), np.zeros(6)
     for _ in range(20):
         line = np.linalg.lstsq(design * weight[:, None], sign * at * weight, rcond=None)[0]
         weight = 1.0 / np.sqrt(1.0 + np.square((design @ line - sign * at) / _NEAR))
@@ -88,9 +90,11 @@ def fit_frame(scene: Scene, tracks: Sequence[Track], contacts: int) -> tuple[Fra
     Raises:
         ValueError: If there are fewer than five rebounds at a cushion.
     """
-    rows, reach, give = np.concatenate([track.positions for track in tracks]), reach_of(scene), 0.0
+    rows = np.concatenate([track.positions for track in tracks])
+    reach, give = reach_of(scene), 0.0
     least, most = np.percentile(rows, (0.1, 99.9), axis=0)
-    offset, scale, angle = (least + most) / 2.0, 2.0 * reach / np.maximum(most - least, 1e-12), 0.0
+    offset, scale = (least + most) / 2.0, 2.0 * reach / np.maximum(most - least, 1e-12)
+    angle = 0.0
     frame = Frame(tuple(offset.tolist()), tuple(scale.tolist()), angle)
     for _ in range(_ROUNDS):
         shots = [find_contacts(scene, with_rest(frame.apply(track))[0]) for track in tracks]
@@ -120,40 +124,26 @@ def check_frame(scene: Scene, shots: Sequence[Shot], noise: float) -> None:
     """
     reach, rolls = reach_of(scene), _ROLL * scene.physics.mu_roll * scene.physics.g
     most = np.array(scene.half_extents) if scene.table.outline else reach  # the jaws of pockets are beyond the cushions
-    tracks = [shot.track for shot in shots]
-    paths = [(f"shot {track.name}, ball {ball}:", *path) for track in tracks for ball, path in track.paths().items()]
-    for where, t, p in paths:
+    paths = [(shot.track.name, *path) for shot in shots for path in shot.track.paths().items()]
+    for name, ball, (t, p) in paths:
+        where = f"shot {name}, ball {ball}:"
         beyond = (np.abs(p) - most).max(axis=1)
         count = np.count_nonzero(beyond > _BEYOND + 4.0 * noise)
         if count > 2:
-            guess = _guess_frame(reach, tracks)
-            raise ValueError(f"{where} {count} rows up to {beyond.max():.2g} m beyond the cushion: {guess}")
+            raise ValueError(f"{where} {count} rows up to {beyond.max():.2g} m beyond the cushion: {_EXPECTED}")
         if len(t) < 4:
             continue
         steps, way = np.hypot(*np.diff(p, axis=0).T), float(np.hypot(*(p[-1] - p[0])))
         speeds = steps / np.maximum(np.diff(t), 1e-9)
         usual, fast = np.median([*speeds[steps > 4.0 * noise + 1e-3]] or [0.0]), float(np.sort(speeds)[-3])
         if usual > _FASTEST:
-            raise ValueError(f"{where} {usual:.3g} m/s: expected at most {_FASTEST:g}; are the times in seconds?")
+            raise ValueError(f"{where} {usual:.3g} m/s: expected at most {_FASTEST:g}, and times in seconds")
         if way > 0.1 and fast * fast < 2.0 * rolls * way:
-            why = "a ball does not roll that far; are the times in seconds (not frame numbers)?"
+            why = "expected a way that a ball can roll, and times in seconds, not frame numbers"
             raise ValueError(f"{where} {way:.2g} m at {fast:.2g} m/s or less: {why}")
     lines, counts, _, _ = find_lines([contact for shot in shots for contact in shot.contacts])
     error = _SHORT + 4.0 * _NEAR / np.sqrt(np.maximum(counts, 1)) + noise
     for name, off, largest in zip(_CUSHIONS, lines - np.repeat(reach, 2), error, strict=True):
         if abs(off) > largest:
             where = f"{abs(off):.3f} m {'short of' if off < 0.0 else 'beyond'} the cushion at {name}"
-            raise ValueError(f"balls turn {where}: expected metres from the centre of the table, or frame='fit'")
-
-
-def _guess_frame(reach: Floats, tracks: Sequence[Track]) -> str:
-    """Returns a question about the frame of tracks that do not lie on the table."""
-    places = np.concatenate([track.positions for track in tracks])
-    least, most = np.percentile(places, (1.0, 99.0), axis=0)
-    if np.abs(places).max() > 20.0 * reach.max():
-        return "are the coordinates pixels or millimetres?"
-    if (least > -_BEYOND).all() and (most < 2.0 * reach + 0.1).all():
-        return "is the origin a corner of the table, not its centre?"
-    if (np.maximum(most, -least) < reach[::-1] + 0.05).all():
-        return "are x and y exchanged?"
-    return "is the file in metres of the playing surface?"
+            raise ValueError(f"balls turn {where}: {_EXPECTED}")

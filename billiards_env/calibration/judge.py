@@ -1,6 +1,6 @@
 """Measures how well a scene with fixed constants explains and predicts tracks, and finds the rows that do not fit.
 
-Problems are rows far from the model, exchanged balls, and contacts that only the track or only the model has.
+Problems are rows far from the model, exchanged balls, and tracks that leave the model.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.calibration.contacts import CUSHION, POCKET, distinct
+from billiards_env.calibration.contacts import CUSHION, distinct
 from billiards_env.calibration.shot import Shot
 from billiards_env.calibration.starts import errors, model_contacts, search
 from billiards_env.calibration.tracks import Bools, Floats
@@ -25,9 +25,7 @@ SCALE = 0.003
 
 _GAP = 0.1  # s, the longest gap of a track within which the cue ball's place is interpolated
 _LATER = 0.1  # s, the rows after the third cushion that are fitted
-_BEFORE, _AFTER = 0.3, 0.05  # s, where the contact is looked for, around the first row far from the path
-_CORNER = 4  # rows before and after a corner of a track
-_CLEAR = 4.0  # the change of a velocity that is a corner, over its standard deviation
+_AFTER = 0.05  # s, the latest contact of the model after the first row far from the path
 
 
 class Problem(NamedTuple):
@@ -35,9 +33,8 @@ class Problem(NamedTuple):
 
     Attributes:
         shot: Name of the shot.
-        kind: "outliers" for rows far from the path, or "swapped balls" for two balls with exchanged names. From a time
-            on the track leaves the path of the model because only the model has a contact ("missed contact"), only the
-            track ("extra contact"), or for another reason ("other path").
+        kind: "outliers" for rows far from the path, "swapped balls" for two balls with exchanged names, or "other path"
+            if the track leaves the path of the model from a time on.
         ball: The ball.
         begin: Time of the first row, s, as in the track.
         end: Time of the last row, s.
@@ -145,42 +142,11 @@ def find_problems(scene: Scene, shot: Shot) -> Iterator[Problem]:
         yield Problem(name, "outliers", ball, float(at[0]), float(at[-1]), text)
     if np.isfinite(leave):
         ball = shot.leaves[1]
-        kind, why = _contact(scene, shot, ball, leave)
-        yield Problem(name, kind, ball, leave, last, f"the track of ball {ball} leaves the model at {leave:.3f} s{why}")
+        hits = [hit for hit in model_contacts(scene, shot, ball) if hit.time <= leave + _AFTER]
+        near = f", the last contact of the model is at {hits[-1].time:.3f} s" if hits else ""
+        yield Problem(name, "other path", ball, leave, last, f"ball {ball} leaves the model at {leave:.3f} s{near}")
     i, j, begin, end = shot.exchanged
     if np.isfinite(begin):
         until = f"to {end:.3f} s" if np.isfinite(end) else "on"
         text = f"from {begin:.3f} s {until} balls {i} and {j} are exchanged"
         yield Problem(name, "swapped balls", i, begin, min(end, last), text)
-
-
-def _contact(scene: Scene, shot: Shot, ball: int, leave: float) -> tuple[str, str]:
-    """Returns the kind of problem of a track that leaves the model, and a text with the contact and its time."""
-    contacts = [hit for hit in model_contacts(scene, shot, ball) if leave - _BEFORE <= hit.time <= leave + _AFTER]
-    corner = _corner(scene, *shot.track.paths()[ball], leave)
-    if not contacts:
-        if corner is None:
-            return "other path", ""
-        return "extra contact", f": only the track has a contact at {corner:.3f} s"
-    nearest = min(contacts, key=lambda hit: abs(hit.time - (leave if corner is None else corner)))
-    other = {CUSHION: "a cushion", POCKET: "a pocket"}.get(nearest.other, f"ball {nearest.other}")
-    kind, what = ("missed contact", "only the model has") if corner is None else ("other path", "after")
-    return kind, f": {what} a contact with {other} at {nearest.time:.3f} s"
-
-
-def _corner(scene: Scene, times: Floats, places: Floats, leave: float) -> float | None:
-    """Returns the time of the sharpest corner of a path near a time, s, or None.
-
-    A velocity that changes by the friction of the cloth makes no corner.
-    """
-    sharpest, corner, slows = _CLEAR, None, scene.physics.mu_slide * scene.physics.g
-    for row in range(_CORNER, len(times) - _CORNER + 1):
-        if leave - _BEFORE <= times[row] <= leave + _AFTER:
-            sides = slice(row - _CORNER, row), slice(row, row + _CORNER)
-            (before, error), (after, other_error) = (np.polyfit(times[k], places[k], 1, cov=True) for k in sides)
-            usual = slows * float(times[sides[1]].mean() - times[sides[0]].mean())
-            spread = max(float((error + other_error)[0, 0].sum()), 1e-18)
-            change = (float(np.hypot(*(after - before)[0])) - usual) / np.sqrt(spread)
-            if change > sharpest:
-                sharpest, corner = change, float(times[row])
-    return corner

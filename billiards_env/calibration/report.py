@@ -213,7 +213,8 @@ class Calibration:
         """
         from billiards_env.drawing.tracks import draw_fit
 
-        rms, tracks, fitted, shots = np.nan_to_num(self.rms), self.tracks, self.fitted, {}
+        rms, tracks, fitted = np.nan_to_num(self.rms), self.tracks, self.fitted
+        shots = {}
         order, half = np.argsort(-rms, kind="stable"), _DRAWN // 2
         middle = max(len(order) // 2, half)
         for k in (*order[:half], *order[middle : middle + half]):

@@ -106,7 +106,9 @@ def prepare(scene: Scene, track: Track, noise: float, known: Floats | None = Non
         known: (width,), the numbers of the start that are known; NaN for the others.
     """
     filled, added = with_rest(track)
-    n, paths, exchanged, least = scene.n_balls, filled.paths(), find_exchange(scene, track), max(_MOVED, 4.0 * noise)
+    n, paths = scene.n_balls, filled.paths()
+    exchanged = find_exchange(scene, track)
+    least = max(_MOVED, 4.0 * noise)
     contacts = find_contacts(scene, filled.rows(filled.times < exchanged[2]))
     moving, rest, rests = np.zeros(len(added), np.bool_), np.full((n, 2), np.nan), {}
     for ball, (_, path) in paths.items():
@@ -116,7 +118,8 @@ def prepare(scene: Scene, track: Track, noise: float, known: Floats | None = Non
         moving[np.flatnonzero(filled.balls == ball)[rests[ball] : len(path) - int(ends[::-1].argmax()) + 1]] = True
 
     (t, p), last = paths[0], rests[0] - 1
-    begin, gap, hit = float(t[0]), 0.0, min((one.time for one in contacts if one.ball == 0), default=np.inf)
+    begin, gap = float(t[0]), 0.0
+    hit = min((one.time for one in contacts if one.ball == 0), default=np.inf)
     starts = np.zeros((len(_WINDOWS), 2 * n + 6))
     places = starts[:, PLACES].reshape(-1, n, 2)  # a view
     places[:] = np.nan_to_num(rest)

@@ -194,7 +194,8 @@ def settle(
     Returns:
         The starts, and the `Normal` at them.
     """
-    current, damping, width = evaluate(scene, starts, shot, names), np.full(len(starts), 1e-3), starts.shape[1]
+    current, width = evaluate(scene, starts, shot, names), starts.shape[1]
+    damping = np.full(len(starts), 1e-3)
     for _ in range(most):
         slope = current.slope[:, :width]
         step = damped(current.matrix[:, :width, :width], slope, damping)
@@ -214,7 +215,8 @@ def settle(
 def _with_spin_prior(scene: Scene, shot: Shot) -> Shot:
     """Returns a shot with a prior of the spin for the velocity of its start."""
     x, y = shot.starts[0, VELOCITY]
-    speed, prior, target = max(float(np.hypot(x, y)), 1e-6), shot.prior.copy(), shot.target.copy()
+    speed = max(float(np.hypot(x, y)), 1e-6)
+    prior, target = shot.prior.copy(), shot.target.copy()
     turn = np.array([[x, y, 0.0], [-y, x, 0.0], [0.0, 0.0, speed]]) / np.array([SPINS]).T
     prior[-3:, SPIN], target[-2] = turn * scene.balls.radius[0] / speed**2, 0.5 / SPINS[1]
     return shot._replace(prior=prior, target=target)

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.scene import Scene
 from billiards_env.shots.records import data_of
 from billiards_env.shots.result import ShotResult
-from billiards_env.support.checks import RANGES, finite, number, numbers, one_of, real, short, unmasked
+from billiards_env.support.checks import RANGES, finite, integer, number, numbers, one_of, real, short, unmasked
 from billiards_env.support.files import read_text, write_atomically
 
 Floats = NDArray[np.float64]
@@ -87,11 +87,13 @@ def observed(name: str, shot: ShotResult, times: ArrayLike, noise: float = 0.0, 
     Raises:
         ValueError: If the shot was not recorded, or a time is negative or not finite.
     """
+    if not isinstance(shot, ShotResult):
+        raise TypeError(f"shot = {short(shot)}: expected a ShotResult, the result of simulate")
     at = numbers("times", times)
     positions = shot.at(at)
     assert shot.trajectory is not None
     frame, ball = np.nonzero(at[:, None] < shot.trajectory.potted_at)
-    error = real("noise", noise) * np.random.default_rng(seed).standard_normal((len(frame), 2))
+    error = real("noise", noise) * np.random.default_rng(integer("seed", seed, "seed")).standard_normal((len(frame), 2))
     return Track(name, at[frame], ball, positions[frame, ball] + error)
 
 
@@ -301,7 +303,8 @@ def with_rest(track: Track) -> tuple[Track, Bools]:
     Returns:
         The track with its rows in the order of time, and whether a row was added.
     """
-    steps, end, parts = np.diff(np.unique(track.times)), float(track.times.max()), [track]
+    steps, end = np.diff(np.unique(track.times)), float(track.times.max())
+    parts = [track]
     frame = float(np.median(steps[steps > _APART])) if (steps > _APART).any() else 1.0
     for ball, (t, p) in track.paths().items():
         gaps = np.diff(t, append=end)

@@ -2,9 +2,9 @@
 
 Modules:
     tangent: Makes the derivative of a law from its source.
-    rules, mathavan_tangent: The derivatives that are written by hand.
+    rules, mathavan_tangent: The derivatives of laws that `tangent` does not make.
     lanes: The change of balls through a flight or an event.
-    sweeps: The change through a whole shot, forwards and backwards.
+    sweeps: How a change passes through a whole shot, forwards and backwards.
     nonsmooth: Events without a derivative.
     margins: The distances to other outcomes.
     passing: The bodies that a ball passes between two events.

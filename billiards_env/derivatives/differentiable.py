@@ -89,9 +89,9 @@ class Differentiable:
         Args:
             cotangents: The derivatives of the function with respect to the outputs by name.
             by: An input, or several.
-            t: As in `jvp`.
-            strike: As in `jvp`.
-            threads: As in `jvp`.
+            t: Time of the positions, velocities and spins, s, or (m,) times; None for the end of the shot.
+            strike: (5,) or (m, 5) speed, heading, side, top and elevation of the strike of the shot, if it is an input.
+            threads: Number of threads for a batch; None for that of `set_num_threads`.
 
         Returns:
             The gradient, or a dict with the gradients by name; see `jvp`.
@@ -121,9 +121,9 @@ class Differentiable:
         Args:
             of: An output.
             by: An input.
-            t: As in `jvp`.
-            strike: As in `jvp`.
-            threads: As in `jvp`.
+            t: Time of the positions, velocities and spins, s, or (m,) times; None for the end of the shot.
+            strike: (5,) or (m, 5) speed, heading, side, top and elevation of the strike of the shot, if it is an input.
+            threads: Number of threads for a batch; None for that of `set_num_threads`.
 
         Raises:
             ValueError: As in `jvp`.
@@ -141,7 +141,7 @@ class Differentiable:
 
         Args:
             t: Time until which the shot counts, s, or (m,) times; None for its end.
-            threads: As in `jvp`.
+            threads: Number of threads for a batch; None for that of `set_num_threads`.
 
         Raises:
             ValueError: If the shot was not recorded or not run by "pic", or t is negative or not finite.
@@ -170,7 +170,7 @@ class Differentiable:
 
         Args:
             t: Time until which the shot counts, s, or (m,) times; None for its end.
-            threads: As in `jvp`.
+            threads: Number of threads for a batch; None for that of `set_num_threads`.
 
         Raises:
             ValueError: If the shot was not recorded or not run by "pic", or t is negative or not finite.

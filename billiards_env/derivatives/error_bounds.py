@@ -65,7 +65,7 @@ def bound_errors(begin, end, shots, times, inputs, ratio, largest, bounds):  # o
     Args:
         begin: First shot.
         end: One past the last.
-        shots: The `shot_derivatives.RecordedShots`, as a plain tuple.
+        shots: The `sweeps.RecordedShots`, as a plain tuple.
         times: (m,) float64, s, the ends of the shots.
         inputs: (m, k, 9 n) float64, the changes of the inputs by their sizes.
         ratio: The ratio of a bound to the condition.

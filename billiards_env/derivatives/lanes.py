@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from billiards_env.derivatives.rules import SMOOTH
 from billiards_env.derivatives.tangent import rule, tangent_of
 from billiards_env.jit import entry_point, inlined
-from billiards_env.physics.cushion import CUSHIONS, LAWS, bounce, by_law, impact
+from billiards_env.physics.ball_cushion import CUSHIONS, LAWS, bounce, by_law, impact
 from billiards_env.physics.geometry.walls import curvature_at, normal_at
 from billiards_env.physics.laws.balls import distance_of, meet
 from billiards_env.physics.laws.cloth import SLIP_RATE, drive, fly, slip_of, spin_after, spin_of
@@ -82,7 +82,7 @@ _d_law_of_states = by_law(*(tangent_of(law, constant=_OTHERS) for law in LAWS))
 @rule(impact, constant=("laws",))
 @inlined
 def d_impact(laws, before, others, d_before, d_others):
-    """Returns the result of `cushion.impact` and its change."""
+    """Returns the result of `ball_cushion.impact` and its change."""
     d_radius, _, d_numbers, _ = d_others
     return _d_law(laws, (before,) + others + (d_before, d_radius, d_numbers))  # noqa: RUF005  (numba has no stars here)
 

@@ -71,7 +71,7 @@ class MarginsOut(NamedTuple):
     Attributes:
         margin: (n, q) m; minus infinity without an approach, infinity if the path does not turn back.
         time: (n, q) s, when the two are nearest.
-        rate: (n, q) m/s: the derivative of the margin by time, at an event that ends the approach.
+        rate: m/s, the derivative of the margin by time if an event ends the approach; otherwise 0.
         slope: (k, n, q) the changes of the margins by the changes of the inputs.
     """
 
@@ -116,7 +116,7 @@ def _set(meeting, margin, normal, rate, now, over):  # out: over
         meeting: The `Meeting`.
         margin: m.
         normal: Unit vector (x, y) from the ball towards the other body.
-        rate: As in `MarginsOut`.
+        rate: m/s, the derivative of the margin by time if an event ends the approach; otherwise 0.
         now: The `Time` at which the two are nearest. The lanes then have the positions at this time.
         over: The `MarginPass`.
     """
@@ -280,7 +280,7 @@ def push_margins(begin, end, shots, times, inputs, selected, results):  # out: r
     Args:
         begin: First shot.
         end: One past the last.
-        shots: The `shot_derivatives.RecordedShots`, as a plain tuple.
+        shots: The `sweeps.RecordedShots`, as a plain tuple.
         times: (m,) float64, s: only the shot until then counts.
         inputs: (m, k, 9 n) or (m, k, 9 n + NUMBER_INPUTS) float64, the changes of the inputs.
         selected: (n, q) bool, the margins to compute; of two balls, those of the lower number to the higher.

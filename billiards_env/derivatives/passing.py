@@ -212,7 +212,7 @@ def passing(pass_circle: Callable[..., None], pass_side: Callable[..., None], at
     def pass_bodies(i, until, event, over):  # out: over
         """Visits all bodies on the current piece of ball i until a `Time`; `event` is the event then, as in `Span`.
 
-        `over` has the fields `shot`, a `shot_derivatives.RecordedShot`, and `tape`. At the start of the shot the
+        `over` has the fields `shot`, a `sweeps.RecordedShot`, and `tape`. At the start of the shot the
         balls with higher numbers are visited, even if none moves.
         """
         segments, scene, tape = over.shot.segments, over.shot.scene, over.tape

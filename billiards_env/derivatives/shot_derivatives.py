@@ -40,7 +40,7 @@ from billiards_env.engine.strikes import checked_strike
 from billiards_env.engine.threads import parallel_for
 from billiards_env.physics.state import LAW_NUMBERS, UX, UY, VX, VY, WZ, X, Y
 from billiards_env.scene import PARAMETERS, Physics, Scene, law_numbers
-from billiards_env.support.checks import numbers, one_of, short
+from billiards_env.support.checks import integer, numbers, one_of, short
 
 Floats = NDArray[np.float64]
 
@@ -379,6 +379,8 @@ def _for_all(record: Record, run: Callable[..., Any], threads: int | None, input
         inputs: Its changes of the inputs, see `_zeros`; None if it has none.
         *arrays: Its arguments after the shots.
     """
+    if threads is not None:
+        integer("threads", threads, "threads")
     scene = record.scene
     fields, is_sphere = varied_fields(scene, PIC, record.varied, len(record.time)), scene.balls.shape == "sphere"
     constants = inputs is not None and inputs.shape[-1] > BALL_INPUTS * scene.n_balls
@@ -510,7 +512,7 @@ def _chosen(of: str, outputs: Floats, at_events: Floats) -> Floats:
 def _names(argument: str, names: str | Sequence[str]) -> tuple[str, ...]:
     if isinstance(names, str):
         return (names,)
-    if not names or not all(isinstance(name, str) for name in names):
+    if not isinstance(names, (list, tuple)) or not names or not all(isinstance(name, str) for name in names):
         raise ValueError(f"{argument} = {short(names)}: expected a name or names")
     return tuple(names)
 

@@ -64,7 +64,7 @@ from billiards_env.engine.log import (
 )
 from billiards_env.jit import allocating, allocating_entry_point, expanded, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
-from billiards_env.physics.cushion import bounce
+from billiards_env.physics.ball_cushion import bounce
 from billiards_env.physics.geometry.walls import normal_at
 from billiards_env.physics.laws.balls import meet
 from billiards_env.physics.laws.cloth import coast, drive, phase_of

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import copy
 import functools
-import itertools
 import math
 import os
 import re
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,7 +30,7 @@ from billiards_env.drawing.materials import paint_table
 from billiards_env.drawing.recording import Floats, Recording, check_pair, frame_times
 from billiards_env.drawing.spheres import Painter, shadow
 from billiards_env.drawing.style import ARROW, ARROW_START, CHALK, INK, PAPER, POTTED, RAIL, looks, rail_width, tray
-from billiards_env.drawing.text import text_image
+from billiards_env.drawing.text import text_image, write
 from billiards_env.engine.orientation import VISIBLE
 from billiards_env.scene import Scene
 
@@ -157,9 +156,7 @@ class Canvas:
         duration = max(shot.time for shot in (recording, compare) if shot is not None)
         shown = Motion(self, recording, compare, 1.0 / fps)
         for x, y, radius in circles:
-            angles = np.linspace(0.0, 2 * np.pi, 97)
-            rim = np.column_stack((x + radius * np.cos(angles), y + radius * np.sin(angles)))
-            self.draw_path(shown.base, self.pixels_of(rim), CHALK)
+            self.draw_path(shown.base, self.pixels_of(circle((x, y), radius)), CHALK)
         if arrow and recording.gone[0] > 0:
             paths = recording.trajectory
             self.draw_arrow(shown.base, 0, paths.position[0], paths.velocity[0])
@@ -230,19 +227,12 @@ class Canvas:
         """Draws a line with round ends through points (m, 2), pixels."""
         if not np.ptp(points, axis=0).any():
             return
-        wide = max(1.6, self.size[0] / 420)
-        large, corner = _enlarged(points, wide, colour)
-        line = PATH_ZOOM * (points - corner)
-        half = PATH_ZOOM * wide / 2
-        for start, end in itertools.pairwise(line):
-            along = end - start
-            length = math.hypot(*along)
-            if length > 0:
-                across = half / length * np.array([-along[1], along[0]])
-                pygame.draw.polygon(large, colour, [*(start + across, end + across), *(end - across, start - across)])
-        for point in line:
-            pygame.draw.circle(large, colour, point, half)
-        surface.blit(_reduced(large), corner.tolist())
+        half = max(1.6, self.size[0] / 420) / 2
+        ways = np.diff(points, axis=0)
+        lengths = np.hypot(*ways.T)[:, None]
+        across = half * np.column_stack((-ways[:, 1], ways[:, 0])) / np.where(lengths > 0, lengths, np.inf)
+        sides = points[:-1] + across, points[1:] + across, points[1:] - across, points[:-1] - across
+        draw_shapes(surface, [(corners, colour) for corners in np.stack(sides, 1)], 255, points, half)
 
     def draw_arrow(self, surface: Surface, ball: int, position: Floats, velocity: Floats) -> None:
         """Draws the velocity (2,), m/s, of a ball at `position` (2,), m, as an arrow from its edge."""
@@ -263,30 +253,22 @@ class Canvas:
         tip, neck = start + length * along, start + (length - head) * along
         shape = [start + half * across, neck + half * across, neck + 0.45 * radius * across, tip]
         shape += [neck - 0.45 * radius * across, neck - half * across, start - half * across]
-        points = np.array(shape)
-        large, corner = _enlarged(points, 1.0, CHALK)
-        pygame.draw.polygon(large, CHALK, (PATH_ZOOM * (points - corner)).tolist())
-        small = _reduced(large)
-        small.set_alpha(210)
-        surface.blit(small, corner.tolist())
+        draw_shapes(surface, [(np.array(shape), CHALK)], 210)
 
     def draw_bar(self, surface: Surface, left: str, right: str, potted: Sequence[int] | NDArray[np.intp]) -> None:
         """Draws the bar under the table: two texts and the potted balls, if the table has pockets."""
         place, edge, y = self._tray, 2.0 * self._margin, self.size[1] - self._bar / 2
         size = round(0.62 * self._bar)
-        end = text_image(right, size, self._ink)
-        texts = [(end, self.size[0] - edge - end.get_width())]
+        top = round(y - 0.35 * size)
+        write(surface, right, size, self._ink, topright=(self.size[0] - edge, top))
         for part in re.findall(r"\d|\D+", left):  # the images of single digits are kept, and the time changes quickly
-            texts.append((text_image(part, size, self._ink), edge))
-            edge += texts[-1][0].get_width()
+            edge += write(surface, part, size, self._ink, topleft=(edge, top)).width
         if self.scene.table.pockets:
             label = text_image(POTTED, size, self._ink)
             room = label.get_width() + 3 * place.radius  # a long text on the left moves the tray to the right
             middle = max(self.size[0] / 2, edge + room + place.half)
-            texts.append((label, middle - place.half - place.radius - label.get_width()))
             self.draw_tray(surface, middle, potted)
-        for image, x in texts:
-            surface.blit(image, (round(x), round(y - 0.35 * size)))
+            write(surface, POTTED, size, self._ink, topright=(middle - place.half - place.radius, top))
 
     def draw_tray(self, surface: Surface, middle: float, potted: Sequence[int] | NDArray[np.intp]) -> pygame.Rect:
         """Draws the potted balls in their groove with its middle at x, pixels, and returns the place of the groove."""
@@ -384,17 +366,36 @@ class Motion:
                     self._canvas.draw_path(surface, line, self._canvas.looks[ball].path)
 
 
-def _enlarged(points: Floats, margin: float, colour: str) -> tuple[Surface, NDArray[np.int_]]:
-    """Returns a transparent surface, `PATH_ZOOM` times as large as points and a margin, and its corner, pixels."""
-    corner = np.floor(points.min(0) - margin).astype(int)
-    side = np.ceil(points.max(0) + margin).astype(int) - corner
-    large = Surface((PATH_ZOOM * side).tolist(), pygame.SRCALPHA, 32)
+def draw_shapes(
+    surface: Surface, shapes: Sequence[tuple[Floats, str]], alpha: int = 255, dots: Any = (), half: float = 1.0
+) -> None:
+    """Draws polygons, and dots with the colour of the first one, with smooth edges.
+
+    Args:
+        surface: The surface.
+        shapes: The corners of each polygon, (m, 2) pixels, and its colour.
+        alpha: The opacity, up to 255.
+        dots: The centre of each dot, (2,) pixels.
+        half: The radius of the dots, pixels.
+    """
+    points, colour = np.vstack([*(corners for corners, _ in shapes), *np.reshape(dots, (-1, 1, 2))]), shapes[0][1]
+    low, high = np.floor(points.min(0) - half).astype(int), np.ceil(points.max(0) + half).astype(int)
+    area = pygame.Rect(*low.tolist(), *(high - low).tolist()).clip(surface.get_rect())
+    large = Surface((PATH_ZOOM * area.width, PATH_ZOOM * area.height), pygame.SRCALPHA, 32)
     large.fill((*pygame.Color(colour)[:3], 0))
-    return large, corner
+    for corners, fill in shapes:
+        pygame.draw.polygon(large, fill, (PATH_ZOOM * (corners - area.topleft)).tolist())
+    for centre in dots:
+        pygame.draw.circle(large, colour, PATH_ZOOM * (centre - area.topleft), PATH_ZOOM * half)
+    small = pygame.transform.smoothscale(large, area.size)
+    small.set_alpha(alpha)
+    surface.blit(small, area)
 
 
-def _reduced(large: Surface) -> Surface:
-    return pygame.transform.smoothscale(large, [side // PATH_ZOOM for side in large.get_size()])
+def circle(centre: ArrayLike, radius: float, first: float = 0.0, last: float = math.tau) -> Floats:
+    """Returns points (97, 2) of a circle, m, from one angle to another, radians."""
+    angles = np.linspace(first, last, 97)
+    return np.asarray(centre, dtype=np.float64) + radius * np.column_stack((np.cos(angles), np.sin(angles)))
 
 
 def pixels(surface: Surface) -> Frame:

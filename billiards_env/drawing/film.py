@@ -1,9 +1,10 @@
-"""Films of a recorded shot: GIF (pillow) and MP4 (imageio-ffmpeg)."""
+"""Films: GIF (pillow) and MP4 (imageio-ffmpeg)."""
 
 from __future__ import annotations
 
 import contextlib
 import errno
+import functools
 import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -18,99 +19,107 @@ from billiards_env.support.checks import missing, real
 from billiards_env.support.files import check_path, replacing
 
 
-def frames(
-    recording: Recording, fps: float, width: int, compare: Recording | None = None, around: Sequence[str] = (PAPER, INK)
-) -> tuple[tuple[int, int], Iterator[Frame]]:
-    """Returns the size (width, height) of a film, pixels, and its frames, (height, width, 3) uint8.
-
-    Another run of the shot, `compare`, is drawn as rings. `around` are the colours around the table and of the text.
-
-    Raises:
-        TypeError: If `fps` is not a number.
-        ValueError: If `fps` or `width` is outside its range.
-    """
-    fps = real("fps", fps, "fps")
-    canvas = Canvas(recording.scene, width, *around)
-    left = recording.label if compare is None else f"{recording.label}; rings: {compare.label}"
-    return canvas.size, (pixels(frame) for frame in canvas.film(recording, fps, Caption(left), compare))
-
-
-def write_gif(
+def write_film(
     path: str | os.PathLike[str],
+    suffix: str,
     recording: Recording,
     fps: float,
     width: int,
-    compare: Recording | None,
+    compare: Recording | None = None,
     around: Sequence[str] = (PAPER, INK),
 ) -> None:
-    """Writes a shot as an animated GIF; the format stores the time of a frame in whole hundredths of a second."""
+    """Writes a shot as a film with frames of `width` pixels; `suffix` is ".gif" or ".mp4".
+
+    Another run of the shot, `compare`, is drawn as rings. `around` are the colours around the table and of the text. A
+    GIF stores the time of a frame in whole hundredths of a second.
+
+    Raises:
+        TypeError: If `fps` is not a number.
+        ValueError: If `fps` or `width` is outside its range, or the name of the file has another suffix.
+        OSError: If the file cannot be written.
+    """
+    target, fps = check_path(path, suffix), real("fps", fps, "fps")
+    if suffix == ".gif":
+        fps = 100 / max(2, round(100 / fps))  # viewers show shorter times slowly
+    canvas = Canvas(recording.scene, width, *around)
+    left = recording.label if compare is None else f"{recording.label}; rings: {compare.label}"
+    film = functools.partial(canvas.film, recording, fps, Caption(left), compare)
+    colours = None
+    if suffix == ".gif":
+        (last,) = film(only_last=True)  # it has the most colours
+        colours = pixels(last)
+    with film_writer(target, fps, colours) as write:
+        for frame in film():
+            write(pixels(frame))
+
+
+@contextlib.contextmanager
+def film_writer(
+    target: Path, fps: float, colours: Frame | None = None, count: int = 255
+) -> Iterator[Callable[..., None]]:
+    """Yields a function that writes a frame to a film, which appears when the block succeeds.
+
+    Its arguments are the frame (height, width, 3) uint8, whose sides are even, and the time for which it is shown, s;
+    by default 1 / fps. Without `colours` the film is an MP4. Otherwise it is a GIF with at most `count`
+    colours, which are chosen for the frame `colours`.
+
+    Raises:
+        ModuleNotFoundError: If imageio-ffmpeg or pillow is not installed.
+        OSError: If the file cannot be written.
+    """
+    begin = functools.partial(_mp4, target) if colours is None else functools.partial(_gif, colours, count)
+    with replacing(target) as temporary, begin(temporary, fps) as write:
+        yield write
+
+
+@contextlib.contextmanager
+def _gif(colours: Frame, count: int, temporary: Path, fps: float) -> Iterator[Callable[..., None]]:
     try:
         from PIL import Image
     except ModuleNotFoundError as error:
         raise missing("pillow", "render") from error
-    target = check_path(path, ".gif")
-    hundredths = max(2, round(100 / real("fps", fps, "fps")))  # viewers show shorter times slowly
-
-    def draw() -> Iterator[Frame]:
-        return frames(recording, 100 / hundredths, width, compare, around)[1]
-
-    *_, last = draw()  # the last frame has the most colours
     # An octree keeps the colours of the balls, which have few pixels. The default method prefers the colours of the
     # cloth.
-    palette = Image.fromarray(last).quantize(255, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-    indexed = (Image.fromarray(image).quantize(palette=palette, dither=Image.Dither.NONE) for image in draw())
-    with replacing(target) as temporary:
-        next(indexed).save(
-            temporary, save_all=True, append_images=indexed, duration=10 * hundredths, loop=0, disposal=1
-        )
+    palette = Image.fromarray(colours).quantize(count, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    images, times = [], []
 
+    def write(frame: Frame, seconds: float = 1 / fps) -> None:
+        images.append(Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE))
+        times.append(round(1000 * seconds))
 
-def write_mp4(
-    path: str | os.PathLike[str], recording: Recording, fps: float, width: int, compare: Recording | None
-) -> None:
-    """Writes a shot as an MP4 film (H.264)."""
-    target = check_path(path, ".mp4")
-    size, images = frames(recording, fps, width, compare)
-    with mp4_writer(target, size, fps) as write:
-        for image in images:
-            write(image)
+    yield write
+    images[0].save(temporary, save_all=True, append_images=images[1:], duration=times, loop=0, disposal=1)
 
 
 @contextlib.contextmanager
-def mp4_writer(target: Path, size: tuple[int, int], fps: float) -> Iterator[Callable[[Frame], None]]:
-    """Yields a function that writes a frame (height, width, 3) uint8; the file appears when the block succeeds.
-
-    The `size` of a frame is (width, height), pixels, both even.
-
-    Raises:
-        ModuleNotFoundError: If imageio-ffmpeg is not installed.
-        OSError: If the file cannot be written.
-    """
+def _mp4(target: Path, temporary: Path, fps: float) -> Iterator[Callable[..., None]]:
     try:
         import imageio_ffmpeg
     except ModuleNotFoundError as error:
         raise missing("imageio_ffmpeg", "render") from error
-    with replacing(target) as temporary:
-        options: dict[str, Any] = {"fps": fps, "quality": 8, "macro_block_size": 2}
-        options["output_params"] = ["-movflags", "+faststart"]
-        writer = imageio_ffmpeg.write_frames(str(temporary), size, **options)
-        writer.send(None)
-        failure = OSError(errno.EIO, "the encoder of the film failed, the disk may be full", str(target))
-        written = 0
+    failure = OSError(errno.EIO, "the encoder of the film failed, the disk may be full", str(target))
+    written, writer = 0, None
 
-        def write(frame: Frame) -> None:
-            nonlocal written
+    def write(frame: Frame, seconds: float = 1 / fps) -> None:
+        nonlocal written, writer
+        if writer is None:
+            options: Any = {"fps": fps, "quality": 8, "macro_block_size": 2}
+            options["output_params"] = ["-movflags", "+faststart"]
+            writer = imageio_ffmpeg.write_frames(str(temporary), frame.shape[1::-1], **options)
+            writer.send(None)
+        for _ in range(round(seconds * fps)):
             try:
                 writer.send(np.ascontiguousarray(frame))
             except OSError:
                 raise failure from None
             written += 1
 
-        try:
-            yield write
-        finally:
+    try:
+        yield write
+    finally:
+        if writer is not None:
             writer.close()  # reports no error of the encoder
-        with contextlib.suppress(RuntimeError):  # the file is no film
-            if imageio_ffmpeg.count_frames_and_secs(str(temporary))[0] == written:
-                return
-        raise failure
+    with contextlib.suppress(RuntimeError):  # the file is no film
+        if imageio_ffmpeg.count_frames_and_secs(str(temporary))[0] == written:
+            return
+    raise failure

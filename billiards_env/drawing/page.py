@@ -24,24 +24,12 @@ SIDE, CONTROLS, LIST, NARROW, LARGEST = 344, 172, 225, 760, 640
 least width for events next to the table, and the largest height of a table in a notebook. page.html has the
 same layout."""
 
-FACE = {
-    "chalk": style.CHALK,
-    "ink": style.INK,
-    "stripe": style.STRIPE,
-    "disc": style.DISC,
-    "dots": style.DOTS,
-    "light": style.LIGHT,
-    "ambient": style.AMBIENT,
-    "diffuse": style.DIFFUSE,
-    "darkest": style.DARKEST,
-    "shine": style.SHINE,
-    "shinePower": style.SHINE_POWER,
-    "shineLight": style.SHINE_LIGHT,
-    "shadow": style.SHADOW,
-    "reach": style.SHADOW_REACH,
-    "dark": style.SHADOW_DARK,
+STYLE = {
+    name.lower(): value
+    for name, value in vars(style).items()
+    if name.isupper() and not name.startswith("_") and isinstance(value, (str, float, int, tuple))
 }
-"""The marks, the light and the shadow of the balls, see `style`."""
+"""The colours of all pictures, and the marks, the light and the shadow of the balls, by their names in `style`."""
 
 
 def write_page(path: str | os.PathLike[str], recording: Recording, title: str | None) -> None:
@@ -90,10 +78,9 @@ def table_data(scene: Scene) -> dict[str, Any]:
     return {
         "view": view,
         "shapes": [[colour, corners.round(4).ravel().tolist()] for corners, colour in style.draw_table(scene.table)],
-        "tray": {**tray._asdict(), "label": style.POTTED, "colour": style.RAIL},
+        "tray": tray._asdict(),
         "balls": [{"radius": r, **look._asdict()} for r, look in zip(scene.balls.radius, looks, strict=True)],
-        "colours": {"cloth": style.CLOTH, "rail": style.RAIL, "edge": style.CUSHION_EDGE, "rubber": style.CUSHION},
-        "face": FACE,
+        "style": STYLE,
     }
 
 

@@ -24,21 +24,9 @@ try:
 except ModuleNotFoundError as error:
     raise missing("matplotlib", "plot") from error
 
+from billiards_env.drawing import style
 from billiards_env.drawing.recording import Floats, Recording, check_pair
-from billiards_env.drawing.style import (
-    CHALK,
-    CLOTH,
-    INK,
-    POCKET,
-    POTTED,
-    RAIL,
-    Look,
-    draw_table,
-    looks,
-    rail_width,
-    tray,
-    tray_height,
-)
+from billiards_env.drawing.style import CHALK, CLOTH, INK, RAIL, Look, looks, rail_width
 from billiards_env.engine.orientation import VISIBLE, Turning
 from billiards_env.scene import Scene
 from billiards_env.scene.table import Table
@@ -89,7 +77,8 @@ def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording |
         for i in _in_play(compare):
             _draw_path(ax, compare, i, look[i])
             if compare.gone[i] == np.inf:
-                _draw_ring(ax, scene, i, look[i], compare.path(i, [compare.time])[0], 1.6)
+                end = compare.path(i, [compare.time])[0]
+                _disc(ax, end, scene.balls.radius[i], 5, fill=False, edgecolor=look[i].path, linewidth=1.6)
     for i in _in_play(recording):
         if recording.moves(i):
             _draw_path(ax, recording, i, look[i], fastest, turns)
@@ -107,18 +96,18 @@ def _draw_table(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None:
     table, strip = recording.scene.table, strip_height(recording.scene.table)
     x, y = draw_empty(ax, table, strip)
     if table.pockets:
-        radius, half, places = tray(recording.scene.n_balls, 2 * x, strip)
+        radius, half, places = style.tray(recording.scene.n_balls, 2 * x, strip)
         corner, size = (-half, -y - strip / 2 - 1.35 * radius), (2 * half, 2.7 * radius)
         groove = f"round,pad=0,rounding_size={1.35 * radius}"
         ax.add_patch(FancyBboxPatch(corner, *size, boxstyle=groove, facecolor=RAIL, edgecolor="none", zorder=1))
-        ax.text(-half - radius, -y - strip / 2, POTTED, fontsize=8.5, ha="right", va="center_baseline")
+        ax.text(-half - radius, -y - strip / 2, style.POTTED, fontsize=8.5, ha="right", va="center_baseline")
         for ball, place in zip(np.flatnonzero(np.isfinite(recording.gone)).tolist(), places, strict=False):
             draw_ball(ax, radius, look[ball], (place, -y - strip / 2), ghost=False)
 
 
 def draw_empty(ax: Axes, table: Table, strip: float = 0.0) -> tuple[float, float]:
     """Draws an empty table over a strip of a height, m. Returns the right and the upper end of the picture, m."""
-    for corners, colour in draw_table(table):
+    for corners, colour in style.draw_table(table):
         ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="none", zorder=1))
     x, y = (side / 2 + 1.1 * rail_width(table) for side in (table.length, table.width))
     ax.set(xlim=(-x, x), ylim=(-y - strip, y), aspect="equal")
@@ -128,12 +117,11 @@ def draw_empty(ax: Axes, table: Table, strip: float = 0.0) -> tuple[float, float
 
 def legend_handles() -> list[Line2D]:
     """Returns the legend entries of the balls and marks."""
-    marks = [("o", 9, "#63762f", "#e69f00", "start"), ("o", 9, "#e69f00", CHALK, "end")]
+    marks = [("|", 7, "#888888", "#888888", "side spin"), ("o", 9, "#63762f", "#e69f00", "start")]
+    marks.append(("o", 9, "#e69f00", CHALK, "end"))
     for kind, (marker, size, label) in MARKS.items():
-        fill = CHALK if kind in ("sliding_rolling", "ball_ball") else "#888888"
-        marks.append((marker, size, fill, INK, label))
-    spin = Line2D([], [], marker="|", linestyle="none", markersize=7, color="#888888", label="side spin")
-    return [spin] + [
+        marks.append((marker, size, CHALK if kind in ("sliding_rolling", "ball_ball") else "#888888", INK, label))
+    return [
         Line2D([], [], marker=m, linestyle="none", markersize=s, color=f, markeredgecolor=e, label=text)
         for m, s, f, e, text in marks
     ]
@@ -191,38 +179,35 @@ def _draw_speeds(ax: Axes, scene: Scene, fastest: float) -> None:
 
 def strip_height(table: Table) -> float:
     """Returns the height of the strip under a plotted table, m: of the tray, or of the scale of the speeds."""
-    return tray_height(table) or 0.09 * (table.length * table.width / 2) ** 0.5
+    return style.tray_height(table) or 0.09 * (table.length * table.width / 2) ** 0.5
 
 
-def _draw_ring(ax: Axes, scene: Scene, ball: int, look: Look, position: Floats, width: float) -> None:
-    centre = (float(position[0]), float(position[1]))
-    circle = Circle(centre, scene.balls.radius[ball], fill=False, edgecolor=look.path, linewidth=width, zorder=5)
-    ax.add_patch(circle)
+def _disc(ax: Axes, centre: ArrayLike, radius: float, zorder: float, **colours: Any) -> Circle:
+    """Draws a disc of the facecolor, with an edge of the edgecolor, and returns it."""
+    x, y = np.asarray(centre).tolist()
+    options: Any = {"facecolor": "none", "edgecolor": "none", **colours}
+    disc = Circle((x, y), radius, zorder=zorder, **options)
+    ax.add_patch(disc)
+    return disc
 
 
 def draw_ball(ax: Axes, radius: float, look: Look, position: ArrayLike, ghost: bool) -> None:
     """Draws a ball at a position (2,), m; faint if it is a `ghost`."""
     x, y = np.asarray(position).tolist()
-    centre = x, y
     if ghost:
-        ax.add_patch(Circle(centre, radius, facecolor=CLOTH, edgecolor="none", zorder=5))
-        ax.add_patch(Circle(centre, radius, facecolor=look.fill, alpha=0.35, edgecolor="none", zorder=5.1))
-        dashes = {"edgecolor": look.path, "linewidth": 1, "linestyle": (0, (2, 1.5))}
-        ax.add_patch(Circle(centre, radius, facecolor="none", zorder=6, **dashes))
+        _disc(ax, (x, y), radius, 5, facecolor=CLOTH)
+        _disc(ax, (x, y), radius, 5.1, facecolor=look.fill, alpha=0.35)
+        _disc(ax, (x, y), radius, 6, edgecolor=look.path, linewidth=1, linestyle=(0, (2, 1.5)))
     else:
-        disc = Circle(centre, radius, facecolor=CHALK if look.striped else look.fill, edgecolor="none", zorder=8)
-        ax.add_patch(disc)
+        disc = _disc(ax, (x, y), radius, 8, facecolor=CHALK if look.striped else look.fill)
         if look.striped:
-            low, size = (centre[0] - radius, centre[1] - 0.56 * radius), (2 * radius, 1.12 * radius)
+            low, size = (x - radius, y - style.STRIPE * radius), (2 * radius, 2 * style.STRIPE * radius)
             band = Rectangle(low, *size, facecolor=look.fill, edgecolor="none", zorder=8.1)
             ax.add_patch(band)
             band.set_clip_path(disc)
-        ax.add_patch(Circle(centre, radius, facecolor="none", edgecolor=CHALK, linewidth=0.8, zorder=8.2))
-    size = 8 if len(look.number) < 2 else 6.5
-    colour = CHALK if ghost else look.ink
-    ax.text(
-        *centre, look.number, fontsize=size, color=colour, ha="center", va="center_baseline", zorder=9, clip_on=True
-    )
+        _disc(ax, (x, y), radius, 8.2, edgecolor=CHALK, linewidth=0.8)
+    size, ink = 8 if len(look.number) < 2 else 6.5, CHALK if ghost else look.ink
+    ax.text(x, y, look.number, fontsize=size, color=ink, ha="center", va="center_baseline", zorder=9, clip_on=True)
 
 
 def _draw_events(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None:
@@ -242,7 +227,7 @@ def _draw_events(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None
             fill = CHALK
             for k, centre in ((ball, first), (other, second)):  # only balls that have moved
                 if (centre != recording.path(k, [0.0])[0]).any():
-                    _draw_ring(ax, scene, k, look[k], centre, 0.8)
+                    _disc(ax, centre, scene.balls.radius[k], 5, fill=False, edgecolor=look[k].path, linewidth=0.8)
         elif kind == "pocket":
             pocket = scene.table.pockets[other]
             point, edge = np.array([pocket.x, pocket.y]), CHALK
@@ -258,18 +243,15 @@ def _draw_events(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None
 
 def _label(ax: Axes, kind: str, scene: Scene, point: Floats, text: str) -> None:
     """Writes an event's time on the rail, in the pocket, or next to two balls, towards the centre of the table."""
-    style: dict[str, Any] = {"textcoords": "offset points", "fontsize": 6.5, "zorder": 10}
+    x, y = np.where(point > 0, -1, 1).tolist()
+    ground, offset, place = style.POCKET, (0, -4), {"ha": "center", "va": "top"}
     if kind == "ball_ball":
-        x, y = np.where(point > 0, -1, 1).tolist()
-        ground, style["color"], style["xytext"] = CLOTH, CHALK, (8 * x, 8 * y)
-        style |= {"ha": "left" if x > 0 else "right", "va": "bottom" if y > 0 else "top"}
+        ground, offset = CLOTH, (8 * x, 8 * y)
+        place = {"ha": "left" if x > 0 else "right", "va": "bottom" if y > 0 else "top"}
     elif kind == "cushion":
         across = np.array([scene.table.length, scene.table.width]) / 2 - abs(point)
         x, y = (np.sign(point) * (across == across.min())).astype(int).tolist()
-        ground, style["color"], style["xytext"] = RAIL, CHALK, (20 * x, 20 * y)
-        style |= {"ha": "center", "va": "center", "rotation": 90 * abs(x)}
-    else:
-        ground, style["color"], style["xytext"] = POCKET, CHALK, (0, -4)
-        style |= {"ha": "center", "va": "top"}
-    style["bbox"] = {"facecolor": ground, "edgecolor": "none", "pad": 0.6}
-    ax.annotate(text, point.tolist(), **style)
+        ground, offset, place = RAIL, (20 * x, 20 * y), {"ha": "center", "va": "center", "rotation": 90 * abs(x)}
+    options: dict[str, Any] = {"textcoords": "offset points", "xytext": offset, "fontsize": 6.5, "zorder": 10, **place}
+    box = {"facecolor": ground, "edgecolor": "none", "pad": 0.6}
+    ax.annotate(text, point.tolist(), color=CHALK, bbox=box, **options)

@@ -163,13 +163,9 @@ def looks(scene: Scene, palette: str = "colour_blind") -> tuple[Look, ...]:
         fill, path = PALETTES[palette][name]
         striped = name != "grey" and colours == "pool" and not carom and i % 16 > 8
         plain = colours == "snooker" or (colours == "uk" and name != "black")
-        dots = (
-            (dot_red if name == "yellow" else CHALK, DOT)
-            if carom
-            else (INK if name == "yellow" else CHALK, SPOT)
-            if plain
-            else ("", 0.0)
-        )
+        dots = ("", 0.0)
+        if carom or plain:
+            dots = (dot_red if carom else INK) if name == "yellow" else CHALK, DOT if carom else SPOT
         balls.append(Look(fill, CHALK if name in _DARK else INK, path, striped, str(i), *dots))
     return tuple(balls)
 
@@ -202,12 +198,8 @@ def draw_table(table: Table) -> list[Shape]:
 def _draw_rectangle(table: Table, holes: list[Circle]) -> list[Shape]:
     """Returns the cloth, the cushions and the pockets of a table without an outline."""
     unit = _unit(table)
-    shapes = [
-        _box(table, 0.031 * unit, CUSHION_EDGE),
-        _box(table, 0.028 * unit, CUSHION),
-        _box(table, 0.0, CUSHION_EDGE),
-        _box(table, -0.003 * unit, CLOTH),
-    ]
+    margins = (0.031, CUSHION_EDGE), (0.028, CUSHION), (0.0, CUSHION_EDGE), (-0.003, CLOTH)
+    shapes = [_box(table, margin * unit, colour) for margin, colour in margins]
     for pocket, (x, y, radius) in zip(table.pockets, holes, strict=True):
         outwards = math.atan2(y - pocket.y, x - pocket.x)
         inner = _arc(pocket.x, pocket.y, pocket.radius, outwards + math.pi / 2, math.pi)
@@ -223,15 +215,13 @@ def _draw_outline(table: Table, holes: list[Circle]) -> list[Shape]:
     behind = [_line_behind(table, pocket) for pocket in table.pockets]
     hidden = {tuple(line.ravel()) for line in behind if line is not None}
     begins = np.cumsum([0, *(len(run) - 1 for run in cushions)]).tolist()
-    alone = [
-        (k, (k + 1) % len(cloth))
-        for k, run in zip(begins, cushions, strict=False)
-        if len(run) == 2 and tuple(run.ravel()) not in hidden
-    ]
     shapes = []
     for depth, colour in ((0.031, CUSHION_EDGE), (0.028, CUSHION), (0.003, CUSHION_EDGE)):
         outer = _inset(cloth, depth * unit)
-        shapes += [Shape(np.array([cloth[i], cloth[j], outer[j], outer[i]]), colour) for i, j in alone]
+        for k, run in zip(begins, cushions, strict=False):
+            if len(run) == 2 and tuple(run.ravel()) not in hidden:
+                ends = [k, (k + 1) % len(cloth)]
+                shapes.append(Shape(np.vstack((cloth[ends], outer[ends[::-1]])), colour))
     shapes += [Shape(_arc(x, y, 1.16 * radius), POCKET_RIM) for x, y, radius in holes]
     shapes += [Shape(_arc(*hole), POCKET) for hole in holes]
     shapes.append(Shape(cloth, CLOTH))

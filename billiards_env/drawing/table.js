@@ -1,6 +1,6 @@
 // Draws a table and its balls on a canvas. The data are those of `drawing.page`: the size of the picture in m, colours,
 // the shapes of the table, the marks and the light of the balls, and the looks of the balls.
-function painter(canvas, { view: [wide, high, strip], colours, shapes, face, tray, balls }) {
+function painter(canvas, { view: [wide, high, strip], shapes, style, tray, balls }) {
 const pen = canvas.getContext("2d");
 const outlines = shapes.map(([colour, corners]) => {
   const outline = new Path2D();
@@ -48,16 +48,16 @@ function paintTable() {
   const pen = ground.getContext("2d"), half = [wide / 2, (high - strip) / 2];
   place0(pen);
   const clipped = (path, rule, paint) => { pen.save(); pen.clip(path, rule); paint(); pen.restore(); };
-  const [, cloth] = outlines.find(([colour]) => colour === colours.cloth);
+  const [, cloth] = outlines.find(([colour]) => colour === style.cloth);
   const fill = (colour, outline) => {
     pen.fillStyle = colour; pen.fill(outline);
-    if (colour === colours.rubber) clipped(outline, "nonzero", () => {
+    if (colour === style.cushion) clipped(outline, "nonzero", () => {
       for (const width of [0.008, 0.018, 0.03]) { pen.strokeStyle = "rgba(255,255,255,0.07)"; pen.lineWidth = width; pen.stroke(cloth); }
     });
   };
   for (const [colour, outline] of outlines) {
     fill(colour, outline);
-    if (colour === colours.rail) clipped(outline, "nonzero", () => {
+    if (colour === style.rail) clipped(outline, "nonzero", () => {
       const wood = grain(Math.max(2, Math.round(2 * half[0] * scale)), Math.max(2, Math.round(2 * half[1] * scale)));
       for (const turn of [0, 1]) {
         pen.save();
@@ -81,7 +81,7 @@ function paintTable() {
         pen.fillStyle = shine; pen.fillRect(-half[0], -half[1], 2 * half[0], 2 * half[1]);
       }
     });
-    if (colour === colours.cloth) {
+    if (colour === style.cloth) {
       clipped(outline, "nonzero", () => {
         pen.save(); pen.setTransform(1, 0, 0, 1, 0, 0);
         pen.fillStyle = pen.createPattern(weave(), "repeat"); pen.fillRect(0, 0, ground.width, ground.height);
@@ -97,7 +97,7 @@ function paintTable() {
   around.rect(-2 * half[0], -2 * half[1], 4 * half[0], 4 * half[1]); around.addPath(cloth);
   clipped(cloth, "nonzero", () => {
     pen.shadowColor = "rgba(0,0,0,0.55)"; pen.shadowBlur = 0.022 * scale; pen.shadowOffsetX = 0.005 * scale; pen.shadowOffsetY = 0.007 * scale;
-    pen.fillStyle = colours.edge; pen.fill(around, "evenodd");
+    pen.fillStyle = style.cushion_edge; pen.fill(around, "evenodd");
   });
   for (const shape of outlines.slice(outlines.findIndex(([, one]) => one === cloth) + 1)) fill(...shape);
 }
@@ -112,7 +112,7 @@ function glyph(text, size) {
   return ink.getImageData(0, 0, size, size).data;
 }
 function faceOf(look, size) {
-  const map = new Uint8Array(2 * size * size * 3), fill = rgb(look.fill), white = rgb(face.chalk), ink = rgb(face.ink), dots = look.dots ? rgb(look.dots) : null;
+  const map = new Uint8Array(2 * size * size * 3), fill = rgb(look.fill), white = rgb(style.chalk), ink = rgb(style.ink), dots = look.dots ? rgb(look.dots) : null;
   const letters = look.dots || !look.number ? null : glyph(look.number, size), sharp = size / 2.8;
   const share = value => Math.min(1, Math.max(0, value * sharp + 0.5));
   let k = 0;
@@ -121,11 +121,11 @@ function faceOf(look, size) {
     const x = u * stretch, y = v * stretch, z = sign * (1 - square);
     const colour = look.striped ? [...white] : [...fill];
     const mix = (part, other) => { for (let c = 0; c < 3; c++) colour[c] += part * (other[c] - colour[c]); };
-    if (look.striped) mix(share(face.stripe - Math.abs(y)), fill);
-    if (dots) for (const [a, b, c] of face.dots) mix(share(look.dot - Math.acos(Math.min(1, Math.max(-1, a * x + b * y + c * z)))), dots);
+    if (look.striped) mix(share(style.stripe - Math.abs(y)), fill);
+    if (dots) for (const [a, b, c] of style.dots) mix(share(look.dot - Math.acos(Math.min(1, Math.max(-1, a * x + b * y + c * z)))), dots);
     else {
-      mix(share(face.disc - Math.hypot(x, y)), white);
-      if (letters && Math.hypot(x, y) < face.disc) {
+      mix(share(style.disc - Math.hypot(x, y)), white);
+      if (letters && Math.hypot(x, y) < style.disc) {
         const i = Math.floor((0.5 + 0.5 * sign * x) * size), j = Math.floor((0.5 - 0.5 * y) * size);
         mix(letters[4 * (j * size + i) + 3] / 255, ink);
       }
@@ -144,7 +144,7 @@ function mapOf(ball, radius) {
 const sheet = document.createElement("canvas"), sheetPen = sheet.getContext("2d");
 function paintBall(ball, cx, cy, radius, q) {
   const [map, size] = mapOf(ball, radius), left = Math.floor(cx - radius - 1), top = Math.floor(cy - radius - 1), side = Math.ceil(2 * radius) + 3;
-  const [w, x, y, z] = q, lamp = face.light, shine = face.shine, image = sheetPen.createImageData(side, side), out = image.data;
+  const [w, x, y, z] = q, lamp = style.light, shine = style.shine, image = sheetPen.createImageData(side, side), out = image.data;
   const m = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y), 2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x), 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)];
   for (let row = 0; row < side; row++) for (let column = 0; column < side; column++) {
     let red = 0, green = 0, blue = 0, seen = 0;
@@ -154,8 +154,8 @@ function paintBall(ball, cx, cy, radius, q) {
       const nz = Math.sqrt(1 - square), a = m[0] * nx + m[1] * ny + m[2] * nz, b = m[3] * nx + m[4] * ny + m[5] * nz, c = m[6] * nx + m[7] * ny + m[8] * nz;
       const stretch = 0.499 * size / Math.sqrt(1 + Math.abs(c));
       const k = 3 * (((c < 0 ? size : 0) + Math.floor(0.5 * size - b * stretch)) * size + Math.floor(0.5 * size + a * stretch));
-      const light = Math.min(1, Math.max(face.darkest, face.ambient + face.diffuse * (nx * lamp[0] + ny * lamp[1] + nz * lamp[2])));
-      const glint = 255 * face.shineLight * Math.max(0, nx * shine[0] + ny * shine[1] + nz * shine[2]) ** face.shinePower;
+      const light = Math.min(1, Math.max(style.darkest, style.ambient + style.diffuse * (nx * lamp[0] + ny * lamp[1] + nz * lamp[2])));
+      const glint = 255 * style.shine_light * Math.max(0, nx * shine[0] + ny * shine[1] + nz * shine[2]) ** style.shine_power;
       red += map[k] * light + glint; green += map[k + 1] * light + glint; blue += map[k + 2] * light + glint; seen++;
     }
     if (seen) { const k = 4 * (row * side + column); out[k] = red / seen; out[k + 1] = green / seen; out[k + 2] = blue / seen; out[k + 3] = 63.75 * seen; }
@@ -179,7 +179,7 @@ function drawBall(ball, x, y, radius, q = [1, 0, 0, 0]) {
   paintBall(ball, e + scale * x, f - scale * y, scale * radius, q);
 }
 function drawShadow(x, y, radius) {
-  const [dx, dy] = face.shadow, [begin, end] = face.reach, dark = face.dark, cx = x + dx * radius, cy = y + dy * radius;
+  const [dx, dy] = style.shadow, [begin, end] = style.shadow_reach, dark = style.shadow_dark, cx = x + dx * radius, cy = y + dy * radius;
   const fade = pen.createRadialGradient(cx, cy, begin * radius, cx, cy, end * radius);
   for (const part of [0, 0.25, 0.5, 0.75, 1]) fade.addColorStop(part, `rgba(0,0,0,${dark * (1 - part * part * (3 - 2 * part))})`);
   pen.fillStyle = fade; pen.beginPath(); pen.arc(cx, cy, end * radius, 0, 2 * Math.PI); pen.fill();
@@ -187,8 +187,8 @@ function drawShadow(x, y, radius) {
 function drawTray(isPotted) {
   if (!strip) return;
   const { radius, half, x } = tray, y = -high / 2;
-  write(tray.label, -half - radius, y, 0.5 * strip, getComputedStyle(document.body).color, "right");
-  pen.beginPath(); pen.roundRect(-half, y - 1.35 * radius, 2 * half, 2.7 * radius, 1.35 * radius); pen.fillStyle = tray.colour; pen.fill();
+  write(style.potted, -half - radius, y, 0.5 * strip, getComputedStyle(document.body).color, "right");
+  pen.beginPath(); pen.roundRect(-half, y - 1.35 * radius, 2 * half, 2.7 * radius, 1.35 * radius); pen.fillStyle = style.rail; pen.fill();
   let slot = 0;
   balls.forEach((_, ball) => { if (isPotted(ball)) drawBall(ball, x[slot++], y, radius); });
 }

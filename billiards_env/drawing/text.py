@@ -7,7 +7,9 @@ drawn larger and then reduced.
 from __future__ import annotations
 
 import functools
+from typing import Any
 
+import numpy as np
 import pygame
 
 TEXT_ZOOM = 4
@@ -29,3 +31,13 @@ def text_image(text: str, size: int, colour: str, width: int | None = None) -> p
     zoom = max(TEXT_ZOOM, large.get_width() / width if width else 0)
     reduced = max(1, int(large.get_width() / zoom)), max(1, round(large.get_height() / zoom))
     return pygame.transform.smoothscale(large, reduced)
+
+
+def write(
+    surface: pygame.Surface, text: str, size: int, colour: str, width: int | None = None, **place: Any
+) -> pygame.Rect:
+    """Draws a text, see `text_image`, and returns its place, such as center=(x, y), an attribute of `pygame.Rect`."""
+    image = text_image(text, size, colour, width)
+    return surface.blit(
+        image, image.get_rect(**{key: np.round(value).astype(int).tolist() for key, value in place.items()})
+    )

@@ -7,10 +7,10 @@ import os
 from billiards_env.drawing.canvas import pygame  # raises with a hint if pygame is missing
 from billiards_env.drawing.pace import faster, slower
 from billiards_env.drawing.style import CHALK, CLOTH, GREY, INK
-from billiards_env.drawing.text import text_image
+from billiards_env.drawing.text import write
 
-SLOWER_KEYS = (pygame.K_MINUS, pygame.K_KP_MINUS)
-FASTER_KEYS = (pygame.K_PLUS, pygame.K_EQUALS, pygame.K_KP_PLUS)
+PACE_KEYS = {"-": slower, "[-]": slower, "+": faster, "=": faster, "[+]": faster}
+"""The keys that change the playback speed, by their names in pygame; "[-]" is on the keypad."""
 
 INVISIBLE = ("dummy", "offscreen")
 """The video drivers of SDL without a display."""
@@ -89,15 +89,12 @@ class Window:
             if event.type == pygame.QUIT or event.key in (pygame.K_q, pygame.K_ESCAPE):
                 self.close()
                 return
-            if event.key in SLOWER_KEYS:
-                self.pace = slower(self.pace)
-            elif event.key in FASTER_KEYS:
-                self.pace = faster(self.pace)
+            self.pace = PACE_KEYS.get(pygame.key.name(event.key), float)(self.pace)
         self._frame.fill(frame.get_at((0, 0)))
         self._frame.blit(frame, (0, 0))
         text = f"speed {self.pace:g} x   slower, faster: - +   close: Q"
-        line = text_image(text, 17, GREY, frame.get_width())
-        self._frame.blit(line, (frame.get_width() // 40, frame.get_height() + (LINE - line.get_height()) // 3))
+        left = frame.get_width() // 40, frame.get_height() + LINE * 2 // 5
+        write(self._frame, text, 17, GREY, frame.get_width() - 2 * left[0], midleft=left)
         self._screen.show(self._frame)
         self._screen.wait(fps * self.pace)
 
@@ -114,6 +111,5 @@ def make_icon() -> pygame.Surface:
     pygame.draw.rect(large, CLOTH, large.get_rect(), border_radius=56)
     pygame.draw.circle(large, INK, (128, 128), 104)
     pygame.draw.circle(large, CHALK, (128, 128), 58)
-    number = text_image("8", 130, INK)
-    large.blit(number, number.get_rect(center=(128, 132)))
+    write(large, "8", 130, INK, center=(128, 132))
     return pygame.transform.smoothscale(large, (64, 64))

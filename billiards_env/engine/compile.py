@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.physics.cushion import CUSHIONS, LAWS
+from billiards_env.physics.ball_cushion import CUSHIONS, LAWS
 from billiards_env.physics.geometry.outline_walls import outline_arrays
 from billiards_env.physics.state import IDEAL, NUMBERS, ROLLING_ONLY, SLIDING_AND_ROLLING, Numbers, SceneArrays
 from billiards_env.scene import PARAMETERS, Physics, Scene, law_numbers

@@ -40,7 +40,7 @@ import numpy as np
 
 from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.ball_ball import change_velocity, exchange, exchange_pair
-from billiards_env.physics.cushion import reflect, reflect_both
+from billiards_env.physics.ball_cushion import reflect, reflect_both
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.walls import wall_pressing
 from billiards_env.physics.laws.cloth import largest_friction, launch

@@ -44,8 +44,8 @@ from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMI
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange
+from billiards_env.physics.ball_cushion import reflect, reflect_both
 from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts, empty_scratch
-from billiards_env.physics.cushion import reflect, reflect_both
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.walls import (

@@ -76,7 +76,7 @@ class ShotInput(NamedTuple):
 
 
 @inlined
-def _is_valid_alone(i, place, velocity, spin, playing, scene):
+def _is_valid_alone(i, place, velocity, spin, in_play, scene):
     """Returns whether the numbers of ball i are within their ranges and, in play, its place is valid.
 
     Its place (x, y) is valid inside the cushions and outside the pockets. A ball of infinite mass has to rest.
@@ -92,7 +92,7 @@ def _is_valid_alone(i, place, velocity, spin, playing, scene):
     total = vx + vy + wx + wy + wz
     if not (fastest <= MAX_SPEED and most <= MAX_SPIN and total == total and abs(x) + abs(y) < math.inf):
         return False
-    if not playing:
+    if not in_play:
         return True
     if abs(x) > half_length - radius or abs(y) > half_width - radius:
         return False
@@ -196,10 +196,10 @@ def check_shot(
     Args:
         scene: The scene.
         positions: As in `simulate` or `simulate_batch`.
-        velocities: As in `simulate`.
-        spins: As in `simulate`.
-        in_play: As in `simulate`.
-        max_time: As in `simulate`.
+        velocities: (m, n, 2) m/s, or (m, 2) for the cue balls alone; (n, 2) or (2,) for one shot.
+        spins: (m, n, 3) rad/s, or (m, 3) for the cue balls alone; (n, 3) or (3,) for one shot.
+        in_play: (m, n) or (n,) bool; balls that are not in play are ignored and count as potted.
+        max_time: Time at which a shot ends, s; None for the limit of the scene.
         into: The `Shots` to write a batch to; None for new arrays.
         threads: Number of threads that check a batch; None for the number of `set_num_threads`.
 

@@ -94,7 +94,7 @@ def level_strike(scene: Scene, velocity: ArrayLike, spin: ArrayLike) -> tuple[fl
     and the same size about the horizontal ones.
 
     Args:
-        scene: As in `strike`.
+        scene: The scene.
         velocity: (2,) m/s, not zero.
         spin: (3,) rad/s.
 

@@ -31,7 +31,7 @@ from billiards_env.physics.elementary import cos_sin, norm, sine_cosine
 from billiards_env.physics.state import CUE_BALL, SPIN_X, SPIN_Y, SPIN_Z, X, Y
 from billiards_env.physics.strike import CueNumbers, cue_numbers, speed_gain, squirt, struck
 from billiards_env.scene import Scene
-from billiards_env.support.checks import finite, numbers, one_of, shaped
+from billiards_env.support.checks import add_entry, entry_of, finite, numbers, shaped
 
 
 class Action(NamedTuple):
@@ -93,6 +93,17 @@ ACTIONS = {
 }
 """The kinds of actions by name."""
 
+
+def register_action(name: str, action: Action) -> None:
+    """Adds a kind of action of another package to `ACTIONS`. The errors are those of `checks.add_entry`."""
+    add_entry("action", name, action, ACTIONS, Action)
+
+
+def action_named(name: str) -> Action:
+    """Returns the kind of action of a name."""
+    return entry_of("action", name, ACTIONS)
+
+
 PLAYED = tuple(name for name, entry in ACTIONS.items() if entry.converter is None)
 """The actions that are played as they are."""
 
@@ -104,15 +115,13 @@ SIDE, TOP, ELEVATION = 2, 3, 4
 TURN, SPEED = 0, 1
 
 
-def check_action(action: str, scene: Scene, known: tuple[str, ...] = tuple(ACTIONS)) -> str:
-    """Returns the kind of action of an environment, one of `known`. Raises a ValueError unless the scene allows it."""
-    one_of("action", action, known)
-    if ACTIONS[action].has_cue and scene.physics.motion != "sliding":
+def check_action(action: str, scene: Scene) -> None:
+    """Raises a ValueError unless a scene allows a kind of action."""
+    if action_named(action).has_cue and scene.physics.motion != "sliding":
         raise ValueError(
             f"action = {action!r} with physics.motion = {scene.physics.motion!r}: expected motion 'sliding', "
             f"a {action} gives spin"
         )
-    return action
 
 
 def cue_strike(action: ArrayLike, scene: Scene, max_speed: float) -> Strike:

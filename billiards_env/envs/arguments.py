@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+import inspect
+from collections import ChainMap
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,14 +14,27 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import Engine
 from billiards_env.engine.compile import check_varied_name
-from billiards_env.envs.actions import ACTIONS, ELEVATION, SIDE, SPEED, TOP, TURN, check_action
+from billiards_env.envs.actions import ELEVATION, SIDE, SPEED, TOP, TURN, action_named, check_action
 from billiards_env.envs.tasks import TASKS, task_of, task_targets
 from billiards_env.games.game_state import MOST_PLAYERS, STATE
 from billiards_env.games.referee import GAMES
 from billiards_env.jit import streams
 from billiards_env.scene import Balls, Scene, check_positions, check_ranges, layouts
 from billiards_env.shots.noise import EXECUTION_NOISE
-from billiards_env.support.checks import Range, flag, integer, one_of, real, shaped, short, unmasked
+from billiards_env.support.checks import (
+    Range,
+    entry_of,
+    flag,
+    integer,
+    key_of,
+    one_of,
+    real,
+    shaped,
+    short,
+    short_name,
+    suggestion,
+    unmasked,
+)
 
 if TYPE_CHECKING:
     from billiards_env.games.game import Setup
@@ -86,7 +101,7 @@ class Model(NamedTuple):
 
         A choice has only those of the shot that is made of it.
         """
-        entry = ACTIONS[self.action]
+        entry = action_named(self.action)
         if entry.is_choice:
             return entry.size, 0, 0
         return entry.size, 2 * self.can_place, 3 * self.can_call
@@ -123,10 +138,10 @@ def make_model(
         TypeError: If an argument has the wrong type.
     """
     players = integer("n_players", n_players, Range(1, MOST_PLAYERS))
-    one_of("task", task, (*TASKS, *(name for name in GAMES if name not in TASKS)))
-    if players == 1 and task not in TASKS:
+    key = key_of("task", task, ChainMap(GAMES, TASKS))
+    if players == 1 and key not in TASKS:
         raise ValueError(f"task = {task!r} with n_players = 1: expected n_players = 2, it is a game of several players")
-    if players > 1 and task in TASKS and task not in GAMES:
+    if players > 1 and key not in GAMES:
         raise ValueError(f"task = {task!r} with n_players = {players}: expected one of {', '.join(map(repr, GAMES))}")
     entry = task_of(task, players)
     least, most = entry.n_object_balls
@@ -140,13 +155,13 @@ def make_model(
     penalty = usual_penalty if scratch_penalty is None else scratch_penalty
     if goal_radius is not None and not entry.goal_radius:
         raise ValueError(f"goal_radius = {short(goal_radius)} with task = {task!r}: expected a task with a goal")
-    if can_call and ACTIONS[action].is_choice:
+    if flag("can_call", can_call) and action_named(action).is_choice:
         raise ValueError(f"can_call = True with action = {action!r}: expected False, it has no numbers for a call")
     setup = _make_setup(task, board, players, target, engine, can_call, miss) if players > 1 else None
     for name, value, usual in (("target", target, None), ("can_call", can_call, False), ("miss", miss, False)):
         if players == 1 and value is not usual:
             raise ValueError(f"{name} = {short(value)} with n_players = 1: expected {usual}, it belongs to games")
-    if setup is not None and layout not in (names := setup.game_rules.layouts):
+    if setup is not None and short_name(layout) not in (names := setup.game_rules.layouts):
         expected = ", ".join(map(repr, names))
         raise ValueError(f"layout = {layout!r} with n_players = {players}: expected one of {expected}")
     return Model(
@@ -170,14 +185,30 @@ def make_model(
     )
 
 
+def model_of(maker: Callable[..., Any], arguments: Mapping[str, Any]) -> Model:
+    """Returns the model for the arguments of a function that makes an environment, besides its own.
+
+    Raises:
+        TypeError: If an argument is unknown, or as in `make_model`.
+        ValueError: As in `make_model`.
+    """
+    known = list({**inspect.signature(make_model).parameters, **inspect.signature(maker).parameters})
+    known.remove("arguments")
+    for name, value in arguments.items():
+        if name not in known:
+            expected = f"one of the arguments {', '.join(known)}{suggestion(name, known)}"
+            raise TypeError(f"{name} = {short(value)}: expected {expected}")
+    return make_model(**arguments)
+
+
 def _make_setup(
     rules: str, scene: Scene, n_players: int, target: int | None, engine: Engine, can_call: bool, miss: bool
 ) -> Setup:
     """Returns the settings of a game of several players."""
     from billiards_env.games.game import Setup
 
-    game = GAMES[rules]
-    if flag("can_call", can_call) and not (game.callable or game.choices):
+    game = entry_of("task", rules, GAMES)
+    if can_call and not (game.callable or game.choices):
         raise ValueError(f"can_call = True with task = {rules!r}: expected False, the game has no calls")
     if flag("miss", miss) and not can_call:
         raise ValueError("miss = True with can_call = False: expected can_call = True, the miss rule gives a choice")
@@ -301,7 +332,7 @@ def check_noise(
     scales[TURN], scales[SPEED] = stds["angle_std"] / 180.0, stds["speed_std"] / max_speed
     scales[[SIDE, TOP]] = stds["offset_std"] / (scene.cue.miscue_offset * scene.balls.radius[0])
     scales[ELEVATION] = stds["elevation_std"] / 90.0
-    return scales[: ACTIONS[action].size]
+    return scales[: action_named(action).size]
 
 
 class _Fixed:

@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.engine import Engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
-from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, make_model
+from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, model_of
 from billiards_env.envs.episodes import Episodes, noise_stream
 from billiards_env.envs.goals import compute_reward
 from billiards_env.envs.info import single_info
 from billiards_env.envs.observations import decode, nth
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
-from billiards_env.envs.snapshots import SPACES, EpisodeState, checked_state, copied
+from billiards_env.envs.snapshots import SPACES, EpisodeState, OfEpisodes, checked_state, copied
 from billiards_env.jit import streams
 from billiards_env.scene import Scene
 from billiards_env.support.checks import Range, finite, integer, one_of, short
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 _ONE = np.ones(1, np.bool_)
 
 
-class BilliardsEnv(gym.Env[Any, Any]):
+class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     """A billiards table on which each action is one shot.
 
     ## Description
@@ -345,6 +345,7 @@ class BilliardsEnv(gym.Env[Any, Any]):
       tournaments at the Computer Olympiad (Smith 2007, PickPocket: A computer billiards shark). The speed stays
       between 0 and `max_speed`. A shot of speed 0 stays at speed 0. An action is clipped before the noise is added.
     - The values of `fix` are `"push_apart"` (the same as None), `"move_back"`, `"none"` and `"time_of_impact"`.
+    - `"module:name"` names a task, a scene, a layout, a feature or an action that a package of yours registers.
     - An `EnvSpec` can be converted to JSON and back. The spec stores a `Scene` as a dict. All other arguments are JSON
       values. `billiards_env.support.checks.RANGES` contains the range of each number.
 
@@ -467,26 +468,6 @@ class BilliardsEnv(gym.Env[Any, Any]):
         return self._episodes.scene_and_engine(0)
 
     @property
-    def positions(self) -> NDArray[np.float64]:
-        """(n, 2) positions of the balls, m, a copy. A potted ball is at the centre of its pocket."""
-        return self._episodes.shots.positions[0].copy()
-
-    @property
-    def potted(self) -> NDArray[np.bool_]:
-        """(n,) balls off the table, a copy."""
-        return ~self._episodes.shots.in_play[0]
-
-    @property
-    def goals(self) -> NDArray[np.float64]:
-        """(g, 2) goals, m, a copy: one in a task with a goal, none in the others."""
-        return self._episodes.arrays.goals[0].copy()
-
-    @property
-    def legal_balls(self) -> NDArray[np.bool_]:
-        """(n,) balls that the cue ball may touch first in a run-out, a copy; (0,) in other tasks."""
-        return self._episodes.arrays.legal_balls[0].copy()
-
-    @property
     def action_masks(self) -> Callable[[], NDArray[np.bool_]]:
         """A method that returns the plans that are possible in the next shot, (choices,), a copy.
 
@@ -514,8 +495,11 @@ class BilliardsEnv(gym.Env[Any, Any]):
             raise AttributeError(f"{name} with n_players = 1: expected several players")
 
     @property
-    def stroke(self) -> Stroke:
-        """The last stroke in a game of several players, which `games.play` repeats bit for bit."""
+    def stroke(self) -> Stroke | None:
+        """The last stroke in a game of several players, which `games.play` repeats bit for bit.
+
+        None before the first shot after a reset, after `set_state`, and in a copy.
+        """
         self._expect_players("stroke")
         return self._episodes.stroke(0)
 
@@ -645,4 +629,4 @@ def make_env(*, render_mode: str | None = None, **arguments: Any) -> BilliardsEn
         ValueError: If an argument is invalid.
         TypeError: If an argument is unknown or has the wrong type.
     """
-    return BilliardsEnv(make_model(**arguments), render_mode)
+    return BilliardsEnv(model_of(make_env, arguments), render_mode)

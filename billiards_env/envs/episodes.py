@@ -15,13 +15,13 @@ from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, 
 from billiards_env.engine.compile import varied_fields, varied_shot, vary
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shots import Starts, arrays_in, start_fields
-from billiards_env.envs.actions import ACTIONS, SIDE, add_noise, clipped, shorten, strike_balls
+from billiards_env.envs.actions import SIDE, action_named, add_noise, clipped, shorten, strike_balls
 from billiards_env.envs.arguments import NO_OPTIONS, Model, ResetOptions, cue_ball_alone
 from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays, info_arrays, starts_of
 from billiards_env.envs.observations import Observer, Source
 from billiards_env.envs.snapshots import EpisodeState, StateArrays, hashed_names, parts, scene_hash, state_type
-from billiards_env.envs.tasks import TASKS, judge_pot, opening_of, task_of, write_legal_balls
+from billiards_env.envs.tasks import judge_pot, opening_of, task_of, write_legal_balls
 from billiards_env.games.game_state import REPLACE
 from billiards_env.jit import Typed, entry_point, specialised, streams
 from billiards_env.physics.state import CUE_BALL, X, Y
@@ -30,6 +30,7 @@ from billiards_env.scene import Scene, layouts
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
 from billiards_env.shots.tables import Tables
+from billiards_env.support.checks import short_name
 
 if TYPE_CHECKING:
     from billiards_env.games.game import GameState, Stroke
@@ -85,7 +86,7 @@ class Episodes:
         self._numbers = tuple(numbers)
         self._run_shots = Typed(run_shots_of(model.engine, scene.n_balls))
         self._start, self._begin = Typed(start_shots), Typed(begin_episodes)
-        self._score: Any = Typed(scoring(model.task)) if setup is None else None
+        self._score: Any = Typed(scoring(entry.judge)) if setup is None else None
         self._game: Any = None
         if setup is not None:
             from billiards_env.envs.turns import GameKernels
@@ -93,10 +94,10 @@ class Episodes:
             self._game = GameKernels(setup, model.n_numbers)
         self._fill, self._fill_goals = Typed(layouts.fill_tables), Typed(layouts.fill_tables)
         self._limit = scene.physics.max_time or math.inf
-        make = ACTIONS[model.action].converter
+        make = action_named(model.action).converter
         self._converter: Any = make and make(scene, model.max_speed)
-        self.choices = self._converter.choices if self._converter else 0
-        self._cue = tuple(cue_numbers(scene)) if ACTIONS[model.action].has_cue else None
+        self.choices = getattr(self._converter, "choices", 0)
+        self._cue = tuple(cue_numbers(scene)) if action_named(model.action).has_cue else None
         self.kind = state_type(model)
         self._allocate(
             np.zeros(count * self.kind.itemsize, np.uint8) if memory is None else np.require(memory, None, "W")
@@ -105,7 +106,7 @@ class Episodes:
         self.observer = Observer(model.observe, source)
         if memory is None:
             state = self.state
-            state.scene[:], state.task[:] = scene_hash(scene, hashed_names(model)), model.task
+            state.scene[:], state.task[:] = scene_hash(scene, hashed_names(model)), short_name(model.task)
             self.arrays.states[:] = opening
             state.in_play[:] = state.fresh[:] = state.over[:] = True
             for j, (low, _) in enumerate(model.randomize.values()):
@@ -130,7 +131,7 @@ class Episodes:
         self.shots = shots = Shots(*map(by_name.__getitem__, Shots._fields))
         self.arrays = EpisodeArrays(*map(by_name.__getitem__, EpisodeArrays._fields))
         self.miscues = np.zeros(count, np.bool_)
-        self.actions = np.zeros((count, ACTIONS[self.model.action].size))
+        self.actions = np.zeros((count, action_named(self.model.action).size))
         self.mask = np.zeros((count, self.choices), np.int8)
         # The entry points take plain tuples, see `envs.arrays`.
         self._arrays, self._shots, self._starts = tuple(self.arrays), tuple(shots), start_fields(shots)
@@ -192,6 +193,8 @@ class Episodes:
     def _follow_state(self, rows: Any) -> None:
         """Sets what follows from the state of episodes: the physics of the engine, and the possible choices."""
         self.set_physics(rows, {})
+        if self.turns is not None:
+            self.turns.strokes[rows] = math.nan
         self._copy_tables(0, len(self.state.over))
         if self.choices:
             changed = np.zeros(len(self.mask), np.bool_)
@@ -310,9 +313,9 @@ class Episodes:
             before = GameState(state.before_positions[k].copy(), state.before_game[k].copy())
         return GameState(state.positions[k].copy(), self.arrays.states[k].copy(), before)
 
-    def stroke(self, k: int) -> Stroke:
-        """Returns the last stroke in game k of several players."""
-        return self._game.stroke(k, self.model, self.turns)
+    def stroke(self, k: int) -> Stroke | None:
+        """Returns the last stroke in game k of several players, see `BilliardsEnv.stroke`."""
+        return None if self.state.fresh[k] else self._game.stroke(k, self.model, self.turns)
 
     def shoot(self, begin: int, end: int, actions: Floats, rewards: Floats, observations: Any) -> None:
         """Plays a shot in each episode that is not over. The others have the reward 0, and their tally does not change.
@@ -468,9 +471,9 @@ judge = judge_pot  # `scoring` puts the kernel of each task in its place
 
 
 @functools.cache
-def scoring(task: str) -> Callable[..., None]:
+def scoring(judge: Callable[..., Any]) -> Callable[..., None]:
     """Returns `score_shots` with the kernel of a task. An environment compiles only the kernel of its task."""
-    return specialised(score_shots, judge=TASKS[task].judge)
+    return specialised(score_shots, judge=judge)
 
 
 def score_shots(begin, end, numbers, arrays, rewards):

@@ -25,13 +25,14 @@ from numpy.typing import NDArray
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.goals import ACHIEVED, DESIRED, achieved_writer, write_desired
+from billiards_env.envs.tasks import task_of
 from billiards_env.games.game_state import ANYWHERE, BEHIND, PUSH_OUT, REPLACE
 from billiards_env.jit import entry_point, inlined
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import distance_to_segment
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
-from billiards_env.support.checks import Range, integer, one_of, sequence, short
+from billiards_env.support.checks import Range, add_entry, integer, key_of, sequence, short
 
 _LEEWAY = 1e-9  # m, by which a path may overlap a ball, because the positions of balls that touch are rounded
 
@@ -153,13 +154,6 @@ def write_turn(begin, end, observations, first, states, viewers):
     """Writes 1 if the player who observes is to shoot."""
     for k in range(begin, end):
         observations[k, first] = 1.0 if viewers[k] < 0 or viewers[k] == states[k].player else 0.0
-
-
-@entry_point
-def write_break(begin, end, observations, first, states):
-    """Writes 1 if the next shot is the break."""
-    for k in range(begin, end):
-        observations[k, first] = 1.0 if states[k].break_shot else 0.0
 
 
 @entry_point
@@ -406,8 +400,8 @@ FEATURES = {
         "1 if the next shot is the break, else 0",
         ("turn",),
         0.0,
-        write_break,
-        lambda source: (source.arrays.states,),
+        write_flags,
+        lambda source: (source.arrays.states["break_shot"][:, None], 0, True),
         "n_players > 1",
     ),
     "in_hand": Feature(
@@ -476,6 +470,12 @@ FEATURES = {
 }
 """The features by name."""
 
+
+def register_feature(name: str, feature: Feature) -> None:
+    """Adds a feature of another package to `FEATURES`. The errors are those of `checks.add_entry`."""
+    add_entry("feature", name, feature, FEATURES, Feature)
+
+
 ROW = "observation"
 """The key of the row of features in an observation that also has images or goals."""
 
@@ -507,8 +507,9 @@ class Observer:
     def __init__(self, observe: Sequence[Any] | None, source: Source) -> None:
         sizes, self._source = source.sizes, source
         usual = [name for name in USUAL if sizes[cast(str, FEATURES[name].shape[0])]]
-        self._has_goal = observe == "goal"
-        if self._has_goal and not source.numbers.goal_radius:
+        self._task = task_of(source.model.task, source.model.n_players)
+        self._has_goal = isinstance(observe, str) and observe == "goal"
+        if self._has_goal and self._task.condition is None:
             raise ValueError(f"observe = 'goal': expected {FEATURES['goal'].needs}")
         if observe is None or self._has_goal:
             observe = [name for name in usual if not (self._has_goal and name == "goal")]
@@ -517,7 +518,7 @@ class Observer:
         self.features = dict[str, tuple[int, ...]]()
         for entry in names:
             name, *sides = cast(Any, entry if isinstance(entry, tuple) and entry else (entry,))
-            one_of("observe", name, tuple(FEATURES))
+            name = key_of("observe", name, FEATURES)
             if len(sides) != (2 if is_image(name) else 0):
                 right = (name, "height", "width") if is_image(name) else name
                 raise ValueError(f"observe = {short(entry)}: expected {right!r}")
@@ -558,7 +559,7 @@ class Observer:
         if self._has_goal:
             source = self._source
             achieved = source.half_extents, tuple(source.numbers), tuple(source.arrays)
-            self._writers.append((ACHIEVED, achieved_writer(source.model.task), achieved))
+            self._writers.append((ACHIEVED, achieved_writer(self._task.condition), achieved))
             self._writers.append((DESIRED, write_desired, (source.arrays.goals,)))
 
     def bound(self, arrays: EpisodeArrays, physics: Mapping[str, NDArray[np.float64]]) -> Observer:

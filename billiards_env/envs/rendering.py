@@ -61,20 +61,13 @@ class DrawnShot(NamedTuple):
     circles: Circles = ()
 
 
-def balls_at_rest(
-    scene: Scene, positions: NDArray[np.float64], in_play: NDArray[np.bool_], left: str, circles: Circles = ()
-) -> DrawnShot:
-    """Returns balls at rest for drawing: `positions` (n, 2) m and `in_play` (n,) bool. See `DrawnShot` for the rest."""
-    n = len(positions)
-    start = ShotInput(positions, np.zeros((n, 2)), np.zeros((n, 3)), in_play, limit=0.0)
-    return DrawnShot(run_shot(scene, start, record=True), left, circles=circles)
-
-
 def drawn_layout(episodes: Episodes, k: int) -> DrawnShot:
     """Returns the balls and goals of episode k for drawing."""
     model, state = episodes.model, episodes.state
-    circles = _goal_circles(model, state.goals[k])
-    return balls_at_rest(model.scene, state.positions[k], state.in_play[k], model.task, circles)
+    n = len(state.positions[k])
+    start = ShotInput(state.positions[k], np.zeros((n, 2)), np.zeros((n, 3)), state.in_play[k], limit=0.0)
+    shot = run_shot(model.scene, start, record=True)
+    return DrawnShot(shot, model.task, circles=_goal_circles(model, state.goals[k]))
 
 
 def drawn_shot(episodes: Episodes, k: int, reward: float, goals: NDArray[np.float64]) -> DrawnShot:
@@ -235,18 +228,16 @@ class RecordVideo(gym.wrappers.RecordVideo):
             )
         super().__init__(env, *args, **kwargs)
         self._file = contextlib.ExitStack()
-        self._write: Callable[[Image], None] | None = None
+        self._write: Callable[..., None] | None = None
 
     def _capture_frame(self) -> None:
-        from billiards_env.drawing.film import mp4_writer
+        from billiards_env.drawing.film import film_writer
 
-        frames = cast("list[Image]", self.env.render())
-        self.render_history = list(frames)  # returned by the next call of `render`
-        for frame in frames:
-            if self._write is None:
-                path = Path(self.video_folder, f"{self._video_name}.mp4")
-                size = (frame.shape[1], frame.shape[0])
-                self._write = self._file.enter_context(mp4_writer(path, size, self.frames_per_sec))
+        self.render_history = list(cast("list[Image]", self.env.render()))  # returned by the next call of `render`
+        if self._write is None:
+            path = Path(self.video_folder, f"{self._video_name}.mp4")
+            self._write = self._file.enter_context(film_writer(path, self.frames_per_sec))
+        for frame in self.render_history:
             self._write(frame)
             self.recorded_frames.append("")  # Gymnasium compares the length of this list with `video_length`
 

@@ -36,7 +36,7 @@ from billiards_env.envs.tasks import task_of
 from billiards_env.games.game_state import REPLACE, STATE, check_indices
 from billiards_env.jit import streams
 from billiards_env.scene import Scene
-from billiards_env.support.checks import is_masked_array, short
+from billiards_env.support.checks import is_masked_array, short, short_name
 from billiards_env.support.files import MAX_ARCHIVE, check_path, read_arrays, write_atomically
 
 EpisodeState = NDArray[np.void]
@@ -65,7 +65,7 @@ class StateArrays(NamedTuple):
         fresh: (m,) bool: whether the episode has had no shot.
         over: (m,) bool: whether the episode has ended; True before the first episode.
         begun: (m,) bool: whether there was a first episode.
-        task: (m,) S24: the name of the task.
+        task: (m,) S24, or longer for a longer name: the name of the task, without its module.
     """
 
     scene: NDArray[np.uint64]
@@ -98,7 +98,7 @@ def state_type(model: Model) -> np.dtype[np.void]:
         *(("f8", (len(model.randomize),)), ("f8", (n if replaces else 0, 2))),
         *(STATE if is_game else (STATE, (0,)), STATE if replaces else (STATE, (0,)), "i8", "i8"),
         *(("?", (n,)), ("?", (n if is_game else 0,))),
-        *("?", "?", "?", "?", "S24"),
+        *("?", "?", "?", "?", ("S", max(24, len(short_name(model.task))))),
     )
     return np.dtype(list(zip(StateArrays._fields, kinds, strict=True)))
 
@@ -146,7 +146,7 @@ def parts(count: int) -> Iterator[slice]:
 
 
 def _check_rows(rows: EpisodeState, kind: np.dtype[np.void], model: Model) -> None:
-    own = {"task": model.task.encode(), "scene": scene_hash(model.scene, hashed_names(model))}
+    own = {"task": short_name(model.task).encode(), "scene": scene_hash(model.scene, hashed_names(model))}
     for name, value in own.items():
         if np.count_nonzero(bad := rows[name] != value):
             other = rows[name][bad].flat[0].item()
@@ -162,8 +162,8 @@ def _check_rows(rows: EpisodeState, kind: np.dtype[np.void], model: Model) -> No
             expected = f"expected numbers from {low:g} to {high:g}, as in randomize"
             raise ValueError(f"state['physics'], {name} = {short(numbers)}: {expected}")
     if model.engine == PIC:  # balls that PIT has moved may overlap
-        lying = rows[rows["begun"]]
-        check_shot(model.scene, lying["positions"], np.zeros((len(lying), 2)), None, lying["in_play"], None)
+        begun = rows[rows["begun"]]
+        check_shot(model.scene, begun["positions"], np.zeros((len(begun), 2)), None, begun["in_play"], None)
     _check_games(rows["game"], model)
     replaceable = rows["game"]["choices"] >> REPLACE & 1 > 0
     if np.count_nonzero(replaceable):
@@ -171,8 +171,8 @@ def _check_rows(rows: EpisodeState, kind: np.dtype[np.void], model: Model) -> No
             raise ValueError("state['game'] has the choice 'replace': expected no such choice without the miss rule")
         before = rows[replaceable]
         _check_games(before["before_game"], model)
-        lying = before["before_game"]["object_balls"] | 1 << before["before_game"]["cue_balls"][:, 0]
-        in_play = lying[:, None] >> np.arange(model.scene.n_balls) & 1 > 0
+        on_table = before["before_game"]["object_balls"] | 1 << before["before_game"]["cue_balls"][:, 0]
+        in_play = on_table[:, None] >> np.arange(model.scene.n_balls) & 1 > 0
         check_shot(model.scene, before["before_positions"], np.zeros((len(before), 2)), None, in_play, None)
     left = rows["shots_left"]
     if not (rows["fresh"] | rows["over"] | ((left > 0) & (left <= model.max_shots))).all():
@@ -201,6 +201,35 @@ def _check_streams(rows: EpisodeState, noisy: bool) -> None:
         if not (seeded.all(axis=1) | allowed).all():
             expected = "a state of an environment" + " with noise" * noisy
             raise ValueError(f"state[{name!r}] is not seeded: expected {expected}")
+
+
+class OfEpisodes:
+    """The balls of the episodes of an environment, as copies: of episode 0, or of all m episodes with the first axis m.
+
+    A subclass sets `_episodes`, and `_which` to the index of its episodes.
+    """
+
+    _which: Any = 0
+
+    @property
+    def positions(self: Any) -> NDArray[np.float64]:
+        """(n, 2) positions of the balls, m. A potted ball is at the centre of its pocket."""
+        return self._episodes.state.positions[self._which].copy()
+
+    @property
+    def potted(self: Any) -> NDArray[np.bool_]:
+        """(n,) balls off the table."""
+        return ~self._episodes.state.in_play[self._which]
+
+    @property
+    def goals(self: Any) -> NDArray[np.float64]:
+        """(g, 2) goals, m: one in a task with a goal, none in the others."""
+        return self._episodes.state.goals[self._which].copy()
+
+    @property
+    def legal_balls(self: Any) -> NDArray[np.bool_]:
+        """(n,) balls that the cue ball may touch first in a run-out or a game; (0,) in other tasks."""
+        return self._episodes.state.legal_balls[self._which].copy()
 
 
 SPACES = {prefix + name for prefix in ("", "single_") for name in ("action_space", "observation_space")}

@@ -13,10 +13,8 @@ for a scratch are not part of a task. The rules of games are in `billiards_env.g
 
 from __future__ import annotations
 
-import dataclasses
-import functools
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +27,7 @@ from billiards_env.games.referee import GAMES, first_state, judged, legal_balls
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
+from billiards_env.support.checks import add_entry, entry_of, short_name
 
 
 @kernel
@@ -157,12 +156,12 @@ def judge_nine_ball(k, numbers, arrays):
     ball is potted without a foul.
     """
     state, facts = arrays.states[k], facts_of_shot(k, arrays, numbers.bits)
-    lying = state.object_balls
+    on_table = state.object_balls
     verdict = judged(nine_ball, state, facts, NO_CALL)
     write_legal_balls(k, lowest_ball(state, 0) & ~facts.potted, arrays)
     if verdict.foul != NO_FOUL:
         return 0, True, False
-    return size(lying if state.over else facts.potted), not verdict.continues or state.over, state.over
+    return size(on_table if state.over else facts.potted), not verdict.continues or state.over, state.over
 
 
 @kernel
@@ -194,8 +193,7 @@ def write_legal_balls(k, balls, arrays):
         arrays.legal_balls[k, i] = balls >> i & 1
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Task:
+class Task(NamedTuple):
     """A task.
 
     Attributes:
@@ -268,15 +266,19 @@ GAME_SHOTS = 200
 """The default of `max_shots` of a game of several players."""
 
 
-@functools.cache
+def register_task(name: str, task: Task) -> None:
+    """Adds a task of another package to `TASKS`. The errors are those of `checks.add_entry`."""
+    add_entry("task", name, task, TASKS, Task)
+
+
 def task_of(name: str, n_players: int = 1) -> Task:
     """Returns a task: that of `TASKS` for one player, and for several players that of the game of `GAMES`.
 
     The referee judges the shots of a game of several players, see `envs.turns`. Its `Task.judge` is not used.
     """
     if n_players == 1:
-        return TASKS[name]
-    game = GAMES[name]
+        return entry_of("task", name, TASKS)
+    game = entry_of("task", name, GAMES)
     return Task(
         judge=judge_pot,
         layout=game.layouts[0],
@@ -304,7 +306,7 @@ def opening_of(entry: Task, scene: Scene, layout: str, **fields: Any) -> tuple[N
     """
     if not entry.is_game:
         return np.zeros(0, STATE), 0
-    fields["break_shot"] = layout in entry.breaks
+    fields["break_shot"] = short_name(layout) in entry.breaks
     if not (fields["break_shot"] and "n_players" in fields):
         fields["in_hand"] = NOT_IN_HAND
     states = np.array([first_state(entry.rules, scene.n_balls, **fields)], STATE)

@@ -42,7 +42,8 @@ class TurnArrays(NamedTuple):
     Attributes:
         calls: (m,) `games.CALL` of the shots.
         pockets: (m,) int64, the called pockets, -1 for none.
-        strokes: (m, size) float64, the numbers of the actions that describe the shots; zeros for a call without a shot.
+        strokes: (m, size) float64, the numbers of the actions that describe the shots; zeros for a call without a shot,
+            and NaN if the last shot is not known.
         places: (m, 2) float64, m: where the player placed a cue ball in hand; NaN if it was not in hand.
         player: (m,) int64, the player of the shot.
         next_player: (m,) int64, the player of the next shot.
@@ -104,7 +105,7 @@ def turn_arrays(state: StateArrays, players: int, size: int) -> TurnArrays:
     return TurnArrays(
         calls=np.zeros(count, CALL),
         pockets=np.full(count, -1),
-        strokes=np.zeros((count, size)),
+        strokes=np.full((count, size), np.nan),
         places=np.full((count, 2), np.nan),
         player=whole[0],
         next_player=whole[1],
@@ -377,8 +378,10 @@ class GameKernels:
         """Prepares the first shots of the games in the mask (m,)."""
         self._check(self._begin(begin, end, mask, self._numbers, arrays))
 
-    def stroke(self, k: int, model: Model, turns: TurnArrays) -> Stroke:
-        """Returns the last stroke in game k, which `games.play` repeats bit for bit."""
+    def stroke(self, k: int, model: Model, turns: TurnArrays) -> Stroke | None:
+        """Returns the last stroke in game k, which `games.play` repeats bit for bit; None if it is not known."""
+        if math.isnan(turns.strokes[k, X]):
+            return None
         called, place = turns.calls[k], turns.places[k].tolist()
         call = Call(int(called["ball"]), int(turns.pockets[k]), CALLS[called["kind"]]) if model.can_call else NO_CALL
         if called["kind"] >= HAND_BACK:

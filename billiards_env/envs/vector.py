@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.engine import parallel_for
 from billiards_env.engine.shots import AT_EVENT_LIMIT
-from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, make_model
+from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, model_of
 from billiards_env.envs.billiards import BilliardsEnv
 from billiards_env.envs.episodes import Episodes, noise_stream
 from billiards_env.envs.info import copied_info, masked_info, with_starts
 from billiards_env.envs.observations import nth
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
-from billiards_env.envs.snapshots import SPACES, EpisodeState, checked_state, copied
+from billiards_env.envs.snapshots import SPACES, EpisodeState, OfEpisodes, checked_state, copied
 from billiards_env.jit import streams
 from billiards_env.support.checks import integer, one_of, shaped, short
 
@@ -51,7 +51,7 @@ class _NamesItsAdapter(type):
         return f"{super().__repr__()} (Stable-Baselines3 needs billiards_env.sb3.SameStepVecEnv(envs))"
 
 
-class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsAdapter):
+class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsAdapter):
     """A vector of `BilliardsEnv` that plays all shots of a step in compiled code on several threads.
 
     `gym.make_vec("Billiards-v0", num_envs)` returns this environment. Its results, including the infos, equal those of
@@ -124,6 +124,7 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         "render_fps": FPS,
         "autoreset_mode": AutoresetMode.SAME_STEP,
     }
+    _which = slice(None)
     _spec = None
     spec = json_spec
     num_envs: int = fixed()
@@ -222,26 +223,6 @@ class BilliardsVectorEnv(VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsA
         """A copy of each environment's random generator in its present state."""
         self._seed_unseeded()
         return tuple(map(streams.generator, self._episodes.state.stream))
-
-    @property
-    def positions(self) -> NDArray[np.float64]:
-        """(num_envs, n, 2) positions of the balls, m, a copy. A potted ball is at the centre of its pocket."""
-        return self._episodes.state.positions.copy()
-
-    @property
-    def potted(self) -> Bools:
-        """(num_envs, n) balls off the table, a copy."""
-        return ~self._episodes.state.in_play
-
-    @property
-    def goals(self) -> NDArray[np.float64]:
-        """(num_envs, g, 2) goals, m, a copy: one per environment in a task with a goal, none in the others."""
-        return self._episodes.state.goals.copy()
-
-    @property
-    def legal_balls(self) -> Bools:
-        """(num_envs, n) balls that the cue ball may touch first in a run-out, a copy; (num_envs, 0) in other tasks."""
-        return self._episodes.state.legal_balls.copy()
 
     @property
     def action_masks(self) -> Callable[[], Bools]:
@@ -539,7 +520,7 @@ def make_vector_env(
     if "max_episode_steps" in arguments:
         steps = short(arguments["max_episode_steps"])
         raise ValueError(f"max_episode_steps = {steps}: expected max_shots, one step is one shot")
-    return BilliardsVectorEnv(num_envs, make_model(**arguments), autoreset_mode, threads, render_mode)
+    return BilliardsVectorEnv(num_envs, model_of(make_vector_env, arguments), autoreset_mode, threads, render_mode)
 
 
 def _checked_mask(name: str, mask: Any, num_envs: int) -> Bools:

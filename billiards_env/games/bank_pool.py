@@ -21,17 +21,10 @@ The kernels have the arguments of `entry.Game`.
 
 from __future__ import annotations
 
-from billiards_env.games.entry import Game
 from billiards_env.games.game_state import BEHIND, NO_FOUL, SCRATCH, SHOT, end, verdict
-from billiards_env.games.one_pocket import majority, owed_balls, penalty_ball
+from billiards_env.games.one_pocket import FOULS_OF_PAGE, SHORT_GAME, end_of_rack, owed_balls, penalty_ball
 from billiards_env.games.pool import any_ball, called_balls, standard_foul
 from billiards_env.jit import inlined
-
-
-@inlined
-def banks(facts):
-    """Returns the balls that a shot banked: see the module's docstring."""
-    return facts.banked & facts.first if facts.cushions_before_first == 0 else 0
 
 
 @inlined
@@ -57,39 +50,29 @@ def bank_pool(state, facts, call):
         return verdict(foul, -1, spotted=facts.potted | penalty_ball(state))
     if state.break_shot:
         return verdict(continues=facts.potted != 0 and call.kind == SHOT, spotted=facts.potted)
-    counted = called_balls(state, banks(facts), call)
+    counted = called_balls(state, facts.banked, call)
     counted &= -counted
     points, owed = 1 if counted != 0 else 0, owed_balls(counted, state.scores[player])
     spotted, score, other = (facts.potted & ~counted) | owed, state.scores[player] + points, state.scores[1 - player]
     if 0 < state.target <= score:
         end(state, player)
-    elif (state.object_balls & ~facts.potted) | spotted == 0:
-        end(state, -1 if score == other else player if score > other else 1 - player)
+    else:
+        end_of_rack(state, facts, spotted, score, other)
     return verdict(points=points, continues=counted != 0, spotted=spotted)
 
 
-GAMES = (
-    Game(
-        "bank_pool",
+GAMES = {
+    "bank_pool": SHORT_GAME(
         bank_pool,
-        any_ball,
-        scene="pool",
-        layouts=("rack", "tight_rack", "random"),
-        n_object_balls=(1, 15),
         won_by="`target` points: balls that hit a cushion before the pot, by default a majority",
-        n_players=(2, 2),
-        target=majority,
         callable=any_ball,
-        counts_fouls=True,
         banks=True,
         page=(
             ("to win", "score the target with a point for each bank"),
             ("bank", "the cue ball first touches the ball, off no cushion; the ball hits a cushion before its pot"),
             ("other balls", "all other potted balls are spotted, also on the break"),
             ("turn", "a player continues after a bank, and after a pot on the break"),
-            ("foul", "cue ball potted, no ball hit, no cushion hit afterwards"),
-            ("after a foul", "1 point is lost and a ball spotted; a potted cue ball is in hand behind the line"),
-            ("three fouls", "three fouls in a row lose"),
+            *FOULS_OF_PAGE,
         ),
     ),
-)
+}

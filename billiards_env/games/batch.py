@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.engine.compile import cached_by_scene
 from billiards_env.engine.strikes import strike_with
 from billiards_env.games.facts import facts_of_shots
-from billiards_env.games.game import NO_CALL, Call, GameState, Setup
+from billiards_env.games.game import NO_CALL, Call, GameState, PlayedShot, Setup
 from billiards_env.games.game_state import CALL, STATE, VERDICT, members
 from billiards_env.games.referee import callable_balls, judge_shots
 from billiards_env.scene import Scene, layouts
@@ -28,12 +28,14 @@ class PlayedBatch(NamedTuple):
         states: (m,) `STATE`, before the next shots, without a free ball.
         verdicts: (m,) `VERDICT`.
         pockets: (m, n) int32, the pocket in which the shot potted the ball, -1 if it did not pot it.
+        called: (m,) the called ball, or -1.
     """
 
     positions: NDArray[np.float64]
     states: NDArray[Any]
     verdicts: NDArray[Any]
     pockets: NDArray[np.int32]
+    called: NDArray[np.int64]
 
 
 def play_batch(
@@ -55,8 +57,8 @@ def play_batch(
         velocities: (m, 2) velocities of the cue ball, m/s.
         spins: (m, 3) its angular velocities, rad/s; None for zero.
         places: (m, 2) free places of the cue ball, m; None for its place in `game`.
-        calls: (m, 2) the called balls and pockets, -1 for none. With None each shot calls the lowest ball that it pots
-            and that may be called. Calls have no effect in a game without called shots.
+        calls: (m, 2) the called balls and pockets, -1 for none. With None each shot calls the lowest ball that it pots,
+            in bank pool that it banks, and that may be called. Calls have no effect in a game without called shots.
         threads: As in `simulate_batch`.
 
     Example:
@@ -86,7 +88,7 @@ def play_batch(
     called["ball"] = NO_CALL.ball
     if state.call_shot and not state.break_shot:
         if calls is None:
-            pots = facts["potted"] & callable_balls(setup.rules, states, states["player"])
+            pots = facts["banked" if rules.banks else "potted"] & callable_balls(setup.rules, states, states["player"])
             called["ball"], called["made"] = np.frexp(pots & -pots)[1] - 1, pots != 0
         else:
             called["ball"], pocket = calls.T
@@ -99,23 +101,25 @@ def play_batch(
         for ball in range(1, setup.scene.n_balls):
             back = (verdicts["spotted"] >> ball & 1) > 0
             positions[back, ball] = (setup.scene.table.foot_x, 0.0) if spots is None else spots[ball]
-    return PlayedBatch(positions, states, verdicts, pockets)
+    return PlayedBatch(positions, states, verdicts, pockets, called["ball"])
 
 
 def unplayed(game: GameState) -> PlayedBatch:
     """Returns a state as the result of one shot, which changed nothing."""
     pockets = np.full((1, len(game.positions)), -1, np.int32)
-    return PlayedBatch(game.positions[None], np.array([game.state], STATE), np.zeros(1, VERDICT), pockets)
+    states, verdicts = np.array([game.state], STATE), np.zeros(1, VERDICT)
+    return PlayedBatch(game.positions[None], states, verdicts, pockets, np.full(1, NO_CALL.ball))
 
 
-def best_call(setup: Setup, state: Any, pots: tuple[tuple[int, int], ...]) -> Call:
-    """Returns the call of the first pot (ball, pocket) whose ball may be called; `NO_CALL` if there is none."""
-    if state.call_shot and not state.break_shot:
-        candidates = setup.callable(state)
-        for ball, pocket in pots:
-            if ball in candidates:
-                return Call(ball, pocket)
-    return NO_CALL
+def best_call(setup: Setup, state: Any, played: PlayedShot) -> Call:
+    """Returns the call of the first pot of a shot whose ball may be called, in bank pool of the first bank.
+
+    It is `NO_CALL` if there is none. `state` is the one before the shot.
+    """
+    if not state.call_shot or state.break_shot:
+        return NO_CALL
+    scores = set(setup.callable(state)) & set(members(played.facts["banked" if setup.game_rules.banks else "potted"]))
+    return next((Call(ball, pocket) for ball, pocket in played.pots if ball in scores), NO_CALL)
 
 
 @cached_by_scene

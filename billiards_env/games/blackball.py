@@ -79,9 +79,8 @@ def blackball(state, facts, call):
     return verdict(continues=own != 0 or free)
 
 
-GAMES = (
-    Game(
-        "blackball",
+GAMES = {
+    "blackball": Game(
         blackball,
         balls_on,
         scene="uk_pool",
@@ -102,4 +101,4 @@ GAMES = (
             ("to lose", "pot the black too early or on a foul"),
         ),
     ),
-)
+}

@@ -70,10 +70,9 @@ _CAROM = functools.partial(
     pockets=False,
     spot=no_spots,
 )
-GAMES = (
-    _CAROM("carom", carom, page=(("to win", "score the target"), _POINT)),
-    _CAROM(
-        "three_cushion",
+GAMES = {
+    "carom": _CAROM(carom, page=(("to win", "score the target"), _POINT)),
+    "three_cushion": _CAROM(
         three_cushion,
         cushions=CUSHIONS_TO_TOUCH,
         page=(
@@ -82,4 +81,4 @@ GAMES = (
             ("cushions", "the cue ball hits three or more before it touches the second ball"),
         ),
     ),
-)
+}

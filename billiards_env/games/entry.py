@@ -41,7 +41,6 @@ class Game(NamedTuple):
     """A game.
 
     Attributes:
-        name: The name of the game.
         judge: Kernel `(state, facts, call)`, see `referee.judged`. Returns the `Verdict` of a shot, and updates the
             state for the next shot, except the turn, the scores and the balls on the table.
         legal: Kernel `(state, player)`. Returns the balls that the player may touch first.
@@ -75,7 +74,6 @@ class Game(NamedTuple):
             next player a free ball or a free shot.
     """
 
-    name: str
     judge: Kernel
     legal: Kernel
     scene: str

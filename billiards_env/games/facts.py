@@ -71,11 +71,10 @@ def facts_of_shot(k, shots, bits):
     return Facts(
         first=first,
         touched=touched,
-        cushions_before_first=before_first,
         cushions_before_last=before_last,
         potted=potted,
         first_potted=first_potted,
-        banked=banked,
+        banked=banked & first if before_first == 0 else 0,
         foot_right=foot_right,
         foot_left=foot_left,
         scratch=scratch,
@@ -93,8 +92,7 @@ def write_facts(records, bits, facts):
         shot, row = facts_of_shot(k, shots, bits), facts[k]
         row.first, row.touched, row.cushions_before_last = shot.first, shot.touched, shot.cushions_before_last
         row.potted, row.first_potted, row.scratch = shot.potted, shot.first_potted, shot.scratch
-        row.cushions_before_first, row.banked = shot.cushions_before_first, shot.banked
-        row.foot_right, row.foot_left = shot.foot_right, shot.foot_left
+        row.banked, row.foot_right, row.foot_left = shot.banked, shot.foot_right, shot.foot_left
         row.cushion_after, row.driven, row.cue_driven = shot.cushion_after, shot.driven, shot.cue_driven
 
 

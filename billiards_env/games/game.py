@@ -48,7 +48,7 @@ from billiards_env.scene import Scene, check_positions, check_scene, layouts
 from billiards_env.scene.outline import Point
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
-from billiards_env.support.checks import Range, flag, integer, one_of, real, shaped, short
+from billiards_env.support.checks import Range, entry_of, flag, integer, one_of, real, shaped, short, short_name
 
 MAX_SCORE = 1_000_000
 """The largest absolute value of a score."""
@@ -111,7 +111,6 @@ class Setup:
     miss: bool = False
 
     def __post_init__(self) -> None:
-        one_of("rules", self.rules, tuple(GAMES))
         check_scene(self.scene)
         rules, table, balls = self.game_rules, self.scene.table, self.scene.n_balls - 1
         name, (low, high), pockets = f"rules = {self.rules!r} with", rules.n_object_balls, len(table.pockets)
@@ -137,13 +136,13 @@ class Setup:
         table_of(rules, self.scene, self.target or 0)  # raises if the scene has no spots or no rack
         for name, possible in (("call_shot", rules.callable is not None), ("miss", "replace" in rules.choices)):
             what = f"{name} = True with rules {self.rules!r}"
-            _expect(possible or not flag(name, getattr(self, name)), what, "False, the game has no such rule")
+            _expect(not flag(name, getattr(self, name)) or possible, what, "False, the game has no such rule")
         check_engine(self.engine)
 
     @property
     def game_rules(self) -> Game:
         """The entry of the game."""
-        return GAMES[self.rules]
+        return entry_of("rules", self.rules, GAMES)
 
     @property
     def state_fields(self) -> dict[str, Any]:
@@ -275,9 +274,11 @@ def opening(setup: Setup, rng: np.random.Generator, layout: str | None = None) -
     names = setup.game_rules.layouts
     layout = names[0] if layout is None else layout
     what = f"layout = {short(layout)} with rules {setup.rules!r}"
-    _expect(layout in names, what, f"one of {', '.join(map(repr, names))}")
+    _expect(isinstance(layout, str) and short_name(layout) in names, what, f"one of {', '.join(map(repr, names))}")
     positions, state = layouts.draw(layout, setup.scene, rng, setup.rules), opening_state(setup)
-    return GameState(positions, changed(state, break_shot=False, in_hand=NOT_IN_HAND) if layout == "random" else state)
+    return GameState(
+        positions, changed(state, break_shot=False, in_hand=NOT_IN_HAND) if short_name(layout) == "random" else state
+    )
 
 
 def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] | None = None) -> GameState:
@@ -316,15 +317,15 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
         _expect(len(values[name]) == players, shown[name], f"{players} {name}, one per player")
     below = not setup.target or max(values["scores"]) < setup.target
     _expect(below, shown["scores"], f"scores below the target, {setup.target}")
-    lying, cues = set(values["on_table"]), values["cue_balls"]
-    _expect(len(lying) == len(values["on_table"]), shown["on_table"], "each ball once")
+    balls, cues = set(values["on_table"]), values["cue_balls"]
+    _expect(len(balls) == len(values["on_table"]), shown["on_table"], "each ball once")
     _expect(sorted(cues) == sorted(rules.cue_balls), shown["cue_balls"], f"{rules.cue_balls} in some order")
     # Cue balls and the ball that decides the game never leave the table before the end.
     required = set(range(n))
     if rules.pockets:
         deciding = rules.deciding_ball
         required = {*rules.cue_balls, *(() if deciding is None else (deciding % n,))}
-    enough = required <= lying and len(lying) > 1
+    enough = required <= balls and len(balls) > 1
     _expect(enough, shown["on_table"], f"the balls {sorted(required)} and at least one object ball")
     flags = {"break_shot": True, "colour": rules.has_spots, "free_ball": rules.free_ball is not no_free_ball}
     for name, possible in flags.items():
@@ -334,8 +335,8 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     if rules.has_spots:
         # The colours on the table are all of them or, without reds, the highest ones.
         reds = default["reds"]
-        colours = sorted(ball for ball in lying if ball > reds)
-        count = 6 if values["colour"] or len(lying) > 1 + len(colours) else len(colours)
+        colours = sorted(ball for ball in balls if ball > reds)
+        count = 6 if values["colour"] or len(balls) > 1 + len(colours) else len(colours)
         highest = colours == list(range(reds + 7 - count, reds + 7))
         _expect(highest, shown["on_table"], "all colours, or without reds the highest ones")
     _expect(isinstance(values["choices"], (list, tuple)), shown["choices"], "a list of names")
@@ -346,7 +347,7 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     del values["on_table"]
     spare = (0,) * (MOST_PLAYERS - players)
     values |= {
-        "object_balls": set_of(lying - {cues[0]}),
+        "object_balls": set_of(balls - {cues[0]}),
         "cue_balls": (cues[0], cues[-1]),
         "in_hand": IN_HAND.index(values["in_hand"]),
         "choices": set_of(map(CALLS.index, values["choices"])),
@@ -385,8 +386,8 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
     velocities, spins = np.zeros((n, 2)), np.zeros((n, 3))
     velocities[cue], spins[cue] = stroke.velocity, stroke.spin
     no_shot = stroke.call.kind in ("hand_back", "replace")
-    lying = is_in(in_play(state) if no_shot else on_table(state), n)
-    shot_input = ShotInput(positions, velocities, spins, lying, cue, scene.physics.max_time or math.inf)
+    balls = is_in(in_play(state) if no_shot else on_table(state), n)
+    shot_input = ShotInput(positions, velocities, spins, balls, cue, scene.physics.max_time or math.inf)
     strike_frozen(scene, scene_fields(scene), shot_input.as_batch())
     shot = run_shot(scene, shot_input, setup.engine, record=True)
     if no_shot:

@@ -123,11 +123,11 @@ class Facts(NamedTuple):
     Attributes:
         first: The balls that the cue ball touched first; several if it touched them at the same instant.
         touched: Number of balls that the cue ball touched.
-        cushions_before_first: Number of cushion contacts of the cue ball before it touched the first of these balls.
-        cushions_before_last: The same for the last of these balls.
+        cushions_before_last: Number of cushion contacts of the cue ball before it touched the last of these balls.
         potted: The potted object balls.
         first_potted: The object ball that was potted first, as a set; 0 if there is none.
-        banked: The potted object balls that hit a cushion; a jaw of a pocket counts.
+        banked: The potted object balls that the cue ball touched first, before it hit a cushion itself, and that hit a
+            cushion; a jaw of a pocket counts.
         foot_right: The object balls potted in pocket 2, the foot corner with y < 0 of `scene.six_pockets`.
         foot_left: The object balls potted in pocket 3, the foot corner with y > 0.
         scratch: Whether the cue ball was potted.
@@ -138,7 +138,6 @@ class Facts(NamedTuple):
 
     first: int = 0
     touched: int = 0
-    cushions_before_first: int = 0
     cushions_before_last: int = 0
     potted: int = 0
     first_potted: int = 0
@@ -274,6 +273,13 @@ def in_play(state: Any) -> Any:
 def verdict(foul=NO_FOUL, points=0, penalty=0, continues=False, spotted=0, rack=NO_RERACK):
     """Returns a verdict. By default nobody scores and the turn passes."""
     return Verdict(foul, points, penalty, continues, spotted, rack)
+
+
+@inlined
+def write_verdict(verdict, row):  # out: row
+    """Writes a `Verdict` to a row of `VERDICT`."""
+    row.foul, row.points, row.penalty = verdict.foul, verdict.points, verdict.penalty
+    row.continues, row.spotted, row.rack = verdict.continues, verdict.spotted, verdict.rack
 
 
 @inlined

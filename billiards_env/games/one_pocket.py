@@ -16,6 +16,8 @@ The kernels have the arguments of `entry.Game`.
 
 from __future__ import annotations
 
+import functools
+
 from billiards_env.games.entry import Game
 from billiards_env.games.game_state import BEHIND, NO_FOUL, SCRATCH, end, size, verdict
 from billiards_env.games.pool import any_ball, standard_foul
@@ -43,6 +45,13 @@ def owed_balls(balls, score):
         balls &= balls - 1
         score += 1
     return paid
+
+
+@inlined
+def end_of_rack(state, facts, spotted, score, other):
+    """Ends a game if no ball is left. The player with the higher score wins; a tie has no winner."""
+    if (state.object_balls & ~facts.potted) | spotted == 0:
+        end(state, -1 if score == other else state.player if score > other else 1 - state.player)
 
 
 @inlined
@@ -78,32 +87,39 @@ def one_pocket(state, facts, call):
         end(state, player)
     elif state.target > 0 and (others >= state.target or (foul != NO_FOUL and state.fouls[player] == 2)):
         end(state, other)
-    elif (state.object_balls & ~facts.potted) | spotted == 0:
-        end(state, -1 if score == others else player if score > others else other)
+    else:
+        end_of_rack(state, facts, spotted, score, others)
     return verdict(foul, points, size(theirs), mine != 0, spotted)
 
 
-GAMES = (
-    Game(
-        "one_pocket",
+FOULS_OF_PAGE = (
+    ("foul", "cue ball potted, no ball hit, no cushion hit afterwards"),
+    ("after a foul", "1 point is lost and a ball spotted; a potted cue ball is in hand behind the line"),
+    ("three fouls", "three fouls in a row lose"),
+)
+SHORT_GAME = functools.partial(
+    Game,
+    legal=any_ball,
+    scene="pool",
+    layouts=("rack", "tight_rack", "random"),
+    n_object_balls=(1, 15),
+    n_players=(2, 2),
+    target=majority,
+    counts_fouls=True,
+)
+"""A game of pool for two players. By default a majority of the balls wins."""
+
+GAMES = {
+    "one_pocket": SHORT_GAME(
         one_pocket,
-        any_ball,
-        scene="pool",
-        layouts=("rack", "tight_rack", "random"),
-        n_object_balls=(1, 15),
         won_by="`target` points: balls in the own foot corner, by default a majority",
-        n_players=(2, 2),
-        target=majority,
-        counts_fouls=True,
         foot_corners=True,
         page=(
             ("to win", "score the target with a point for each ball in your own pocket"),
             ("pockets", "player 1 owns the lower right pocket, player 2 the upper right pocket"),
             ("other pockets", "balls in the other player's pocket count for that player; others are spotted"),
             ("turn", "a player continues after a legal pot in the own pocket"),
-            ("foul", "cue ball potted, no ball hit, no cushion hit afterwards"),
-            ("after a foul", "1 point is lost and a ball spotted; a potted cue ball is in hand behind the line"),
-            ("three fouls", "three fouls in a row lose"),
+            *FOULS_OF_PAGE,
         ),
     ),
-)
+}

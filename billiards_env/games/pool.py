@@ -279,9 +279,8 @@ _POOL = functools.partial(Game, scene="pool", layouts=("rack", "tight_rack", "ra
 _ROTATION = functools.partial(
     _POOL, legal=lowest_ball, choices=("push_out", "hand_back"), counts_fouls=True, pots_any=True
 )
-GAMES = (
-    _POOL(
-        "straight",
+GAMES = {
+    "straight": _POOL(
         straight,
         any_ball,
         n_object_balls=(1, 15),
@@ -300,8 +299,7 @@ GAMES = (
             ("with a target", "14 balls are racked again; three fouls in a row lose 15 points more"),
         ),
     ),
-    _POOL(
-        "eight_ball",
+    "eight_ball": _POOL(
         eight_ball,
         group_or_eight,
         n_object_balls=(15, 15),
@@ -319,8 +317,7 @@ GAMES = (
             ("to lose", "pot the 8 too early or on a foul; on the break it is spotted"),
         ),
     ),
-    _ROTATION(
-        "nine_ball",
+    "nine_ball": _ROTATION(
         nine_ball,
         n_object_balls=(9, 9),
         won_by="potting the nine ball",
@@ -334,8 +331,7 @@ GAMES = (
             _AFTER,
         ),
     ),
-    _ROTATION(
-        "ten_ball",
+    "ten_ball": _ROTATION(
         ten_ball,
         n_object_balls=(10, 10),
         won_by="potting the ten ball as the last ball",
@@ -350,4 +346,4 @@ GAMES = (
             _AFTER,
         ),
     ),
-)
+}

@@ -28,15 +28,21 @@ from billiards_env.games.game_state import (
     check_indices,
     row,
     set_of,
+    write_verdict,
 )
 from billiards_env.jit import inlined, specialised
-from billiards_env.support.checks import one_of
+from billiards_env.support.checks import add_entry, entry_of
 
 FAMILIES = pool, one_pocket, bank_pool, blackball, snooker, carom
 """The modules with the rules of the games."""
 
-GAMES: dict[str, Game] = {game.name: game for family in FAMILIES for game in family.GAMES}
+GAMES: dict[str, Game] = {name: game for family in FAMILIES for name, game in family.GAMES.items()}
 """The games by name."""
+
+
+def register_game(name: str, game: Game) -> None:
+    """Adds a game of another package to `GAMES`. The errors are those of `checks.add_entry`."""
+    add_entry("game", name, game, GAMES, Game)
 
 
 @inlined
@@ -97,13 +103,13 @@ def judge_shots(
         >>> [FOULS[foul] for foul in verdicts["foul"]], states["player"].tolist()
         (['no_hit', 'no_cushion', 'wrong_ball'], [1, 1, 1])
     """
-    one_of("game", game, tuple(GAMES))
+    kernel = entry_of("game", game, GAMES).judge
     lengths = len(states), len(facts), len(calls)
     if len(set(lengths)) > 1:
         raise ValueError(f"states, facts and calls of lengths {lengths}: expected one length")
     check_indices(states)
     following, verdicts = states.copy(), np.zeros(len(states), VERDICT)
-    _judging(GAMES[game].judge)(following, facts, calls, verdicts)
+    _judging(kernel)(following, facts, calls, verdicts)
     return following, verdicts
 
 
@@ -112,7 +118,7 @@ def first_state(game: str, n_balls: int, **fields: Any) -> Any:
 
     In games with pockets the cue ball is in hand. `fields` are other fields of `RulesState`.
     """
-    entry = GAMES[game]
+    entry = entry_of("game", game, GAMES)
     first, second = entry.cue_balls[0], entry.cue_balls[-1]
     usual = RulesState(
         balls=set_of(range(1, n_balls)),
@@ -139,8 +145,7 @@ def legal_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) -> 
     Raises:
         ValueError: If the game is unknown.
     """
-    one_of("game", game, tuple(GAMES))
-    return _balls(GAMES[game].legal, states, players)
+    return _balls(entry_of("game", game, GAMES).legal, states, players)
 
 
 def callable_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -149,8 +154,10 @@ def callable_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) 
     Raises:
         ValueError: If the game is unknown or has no called shots.
     """
-    one_of("game", game, tuple(name for name in GAMES if GAMES[name].callable))
-    return _balls(GAMES[game].callable, states, players)
+    kernel = entry_of("game", game, GAMES).callable
+    if kernel is None:
+        raise ValueError(f"game = {game!r}: expected a game with called shots")
+    return _balls(kernel, states, players)
 
 
 judge, legal = pool.straight, pool.any_ball  # `specialised` puts the kernels of each game in their place
@@ -158,9 +165,7 @@ judge, legal = pool.straight, pool.any_ball  # `specialised` puts the kernels of
 
 def _judge_shots(states, facts, calls, verdicts):
     for k in range(len(states)):
-        verdict, row = judged(judge, states[k], facts[k], calls[k]), verdicts[k]
-        row.foul, row.points, row.penalty = verdict.foul, verdict.points, verdict.penalty
-        row.continues, row.spotted, row.rack = verdict.continues, verdict.spotted, verdict.rack
+        write_verdict(judged(judge, states[k], facts[k], calls[k]), verdicts[k])
 
 
 def _write_legal_balls(states, players, balls):
@@ -168,7 +173,7 @@ def _write_legal_balls(states, players, balls):
         balls[k] = legal(states[k], players[k])
 
 
-def _balls(kernel: Callable[..., Any] | None, states: NDArray[Any], players: NDArray[np.int64]) -> NDArray[np.int64]:
+def _balls(kernel: Callable[..., Any], states: NDArray[Any], players: NDArray[np.int64]) -> NDArray[np.int64]:
     balls = np.empty(len(states), np.int64)
     _finding(kernel)(states, players, balls)
     return balls

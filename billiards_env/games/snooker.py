@@ -185,8 +185,8 @@ def snooker(state, facts, call):
         state.choices = 0
     elif state.miss and not touches_ball_on(facts, on, free):
         lead = abs(state.scores[0] - state.scores[1])
-        lying = (state.object_balls & ~facts.potted) | spotted
-        if lead <= left and abs(mine - others) <= points_left(lying, state.reds, False):
+        on_table = (state.object_balls & ~facts.potted) | spotted
+        if lead <= left and abs(mine - others) <= points_left(on_table, state.reds, False):
             state.choices |= 1 << REPLACE
     return verdict(foul, points, penalty, points > 0, spotted)
 
@@ -254,9 +254,8 @@ def sees(table, positions, place, target, others):
     return True
 
 
-GAMES = (
-    Game(
-        "snooker",
+GAMES = {
+    "snooker": Game(
         snooker,
         balls_on,
         scene="snooker",
@@ -282,4 +281,4 @@ GAMES = (
             ("free ball", "who is snookered after a foul may play any ball as the ball on"),
         ),
     ),
-)
+}

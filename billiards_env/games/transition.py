@@ -24,6 +24,7 @@ from billiards_env.games.game_state import (
     RERACK_REST,
     VERDICT,
     check_indices,
+    write_verdict,
 )
 from billiards_env.games.placement import PlacementNumbers, no_room, placement_area, placement_numbers
 from billiards_env.games.pool import any_ball, straight
@@ -53,8 +54,8 @@ def after_shot(table, positions, state, facts, call):  # out: positions, state
     """
     cue, others = state.cue_balls[0], state.object_balls & ~facts.potted
     verdict = judged(judge, state, facts, call)
-    lying = others if state.in_hand != NOT_IN_HAND else others | 1 << cue  # a cue ball in hand does not block a spot
-    failed = spot(table, positions, verdict.spotted, lying, cue)
+    in_play = others if state.in_hand != NOT_IN_HAND else others | 1 << cue  # a cue ball in hand does not block a spot
+    failed = spot(table, positions, verdict.spotted, in_play, cue)
     if verdict.rack == RERACK_REST:
         state.in_hand = rack(table, positions, others, cue)
     elif verdict.rack != NO_RERACK:
@@ -104,21 +105,13 @@ def without_shot(k, call, positions, states, before):  # out: positions, states,
     state.choices = 0
 
 
-def finish_shots(begin, end, table, skip, positions, states, shots):
-    """Runs `after_shot` for the games `begin` to `end` - 1, except those to skip; the state and the positions change.
-
-    `shots` are the facts, the calls and the verdicts, which are written. Returns a ball for which there is no room on
-    the table of one of the games, or -1.
-    """
-    facts, calls, verdicts = shots
+def finish_shots(table, positions, states, facts, calls, verdicts):  # out: positions, states, verdicts
+    """Runs `after_shot` for m games. Returns a ball for which there is no room on the table of a game, or -1."""
     failed = -1
-    for k in range(begin, end):
-        if skip[k]:
-            continue
+    for k in range(len(states)):
         verdict, without_room = after_shot(PlacementNumbers(*table), positions[k], states[k], facts[k], calls[k])
-        failed, row = max(failed, without_room), verdicts[k]
-        row.foul, row.points, row.penalty = verdict.foul, verdict.points, verdict.penalty
-        row.continues, row.spotted, row.rack = verdict.continues, verdict.spotted, verdict.rack
+        failed = max(failed, without_room)
+        write_verdict(verdict, verdicts[k])
     return failed
 
 
@@ -174,10 +167,9 @@ def next_games(
     if len(set(lengths)) > 1:
         raise ValueError(f"positions, states, facts and calls of lengths {lengths}: expected one length")
     check_indices(states, scene.n_balls)
-    table, m = table_of(rules, scene, states["target"].max(initial=0)), len(states)
-    positions, states, verdicts = np.array(positions), states.copy(), np.zeros(m, VERDICT)
-    shots = facts, calls, verdicts
-    failed = finish_shots_of(rules)(0, m, table, np.zeros(m, np.bool_), positions, states, shots)
+    table = table_of(rules, scene, states["target"].max(initial=0))
+    positions, states, verdicts = np.array(positions), states.copy(), np.zeros(len(states), VERDICT)
+    failed = finish_shots_of(rules)(table, positions, states, facts, calls, verdicts)
     if failed >= 0:
         raise no_room(placement_area(scene, failed, False))
     return positions, states, verdicts

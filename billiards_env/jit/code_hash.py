@@ -1,4 +1,4 @@
-"""A hash of the code that a compiled function reaches: its own, that of the kernels that it calls, and their constants.
+"""A hash of all code that a compiled function uses: its own code, its kernels and their constants.
 
 Numba's cache checks only the file of the function that it stores. With this hash in the names of the files, an edit
 compiles exactly the functions whose machine code may change.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import re
+import sys
 from collections.abc import Iterator
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
@@ -18,6 +19,7 @@ from numba.core import types
 from numba.core.registry import CPUDispatcher
 
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")
+_FIXED = {*sys.stdlib_module_names, "numba", "numpy"}  # modules whose content belongs to a version
 
 
 def code_hash(function: FunctionType) -> str:
@@ -35,19 +37,18 @@ def code_hash(function: FunctionType) -> str:
 
 @functools.cache
 def _own(function: FunctionType) -> tuple[bytes, tuple[FunctionType, ...]]:
-    """Returns the hash of a function without that of its callees, and these."""
+    """Returns the hash of a function alone, and the functions that it calls."""
     callees: list[FunctionType] = []
     values: list[Any] = [function.__qualname__, function.__code__, function.__defaults__, function.__kwdefaults__]
     values += [cell.cell_contents for cell in function.__closure__ or ()]
-    names, packages = sorted(set(_names(function.__code__))), ("billiards_env", function.__module__.partition(".")[0])
-    for name in names:
-        if name not in function.__globals__:
-            continue  # an attribute or a builtin
-        value = function.__globals__[name]
-        values += [name, value]
-        if isinstance(value, ModuleType) and value.__name__.partition(".")[0] in packages:
-            values += [(other, getattr(value, other)) for other in names if hasattr(value, other)]
-    text = "\n".join(token for value in values for token in _tokens(value, callees))
+    names = sorted(set(_names(function.__code__)))
+    reached = [function.__globals__[name] for name in names if name in function.__globals__]
+    modules: list[ModuleType] = []
+    for value in reached:  # grows
+        if isinstance(value, ModuleType) and value not in modules and value.__name__.partition(".")[0] not in _FIXED:
+            modules.append(value)
+            reached += [getattr(value, name) for name in names if hasattr(value, name)]
+    text = "\n".join(token for value in (*values, *reached) for token in _tokens(value, callees))
     return hashlib.sha256(text.encode()).digest(), tuple(callees)
 
 
@@ -84,9 +85,9 @@ def _tokens(value: Any, callees: list[FunctionType]) -> Iterator[str]:
 
 
 def fields_of(kind: Any) -> Iterator[tuple[str, ...]]:
-    """Yields the names of the fields of the named tuples in a type of numba, which compares only their classes."""
+    """Yields the field names of the named tuples in a numba type. Numba compares only the classes."""
     if isinstance(kind, types.BaseNamedTuple):
-        yield kind.fields
-    if isinstance(kind, (tuple, types.BaseTuple)):
-        for item in kind:
-            yield from fields_of(item)
+        yield getattr(kind, "fields")  # noqa: B009  (numba declares no fields)
+    items: Any = kind if isinstance(kind, (tuple, types.BaseTuple)) else ()
+    for item in items:
+        yield from fields_of(item)

@@ -16,7 +16,13 @@ from types import FunctionType
 from typing import Any, TypeVar
 
 from numba.core import config as _numba_config
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, UserProvidedCacheLocator
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    NullCache,
+    UserProvidedCacheLocator,
+)
 from numba.core.registry import CPUDispatcher
 
 from billiards_env.jit.code_hash import code_hash, fields_of
@@ -40,8 +46,8 @@ class _Locator(UserProvidedCacheLocator):
         self._hash = code_hash(py_func)
         self._cache_path = os.path.join(_FOLDER or "", py_func.__module__.rpartition(".")[0])
 
-    def get_source_stamp(self) -> str:
-        return self._hash
+    def get_source_stamp(self) -> bytes:
+        return self._hash.encode()
 
     def get_disambiguator(self) -> str:
         return self._hash
@@ -52,13 +58,17 @@ class _Locator(UserProvidedCacheLocator):
 
 
 class _Cache(FunctionCache):
-    """The files with the machine code of a function. They save all later processes the first compile.
+    """The files with the machine code of a function. Later processes load them and do not compile.
 
-    `release.dist` measures both. The code of the user's cache comes first, because it is for this CPU, and then
+    `make dist` measures both. The code of the user's cache comes first, because it is for this CPU, and then
     that of the package.
     """
 
     _impl_class = type("_Files", (CompileResultCacheImpl,), {"_locator_classes": (_Locator,)})
+
+    def __init__(self, entry: Any) -> None:
+        super().__init__(entry.py_func)
+        self._options = repr(sorted(entry.targetoptions.items()))
 
     def _load_overload(self, sig: Any, target_context: Any) -> Any:
         cached = super()._load_overload(sig, target_context) if _FOLDER else None
@@ -78,7 +88,7 @@ class _Cache(FunctionCache):
             super()._save_overload(sig, data)
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
-        return *super()._index_key(sig, codegen)[:2], tuple(fields_of(sig))
+        return *super()._index_key(sig, codegen)[:2], (self._options, *fields_of(sig))
 
     def _print_discarded(self, folder: str, error: Exception) -> None:
         code = f"the compiled code of {self._py_func.__qualname__} in {folder}"
@@ -97,16 +107,15 @@ class _Cache(FunctionCache):
 
 
 class EntryPoint(CPUDispatcher):
-    """A function that Python calls. It has a `_Cache` if there is a folder for it."""
+    """A function that Python calls. From its first compilation on it has a `_Cache`, if there is a folder for it."""
 
     def __init__(self, py_func: Any, locals: Any, targetoptions: Any) -> None:
         super().__init__(py_func, locals, targetoptions, ShortCompiler)
-        self._has_cache = False
 
     def compile(self, sig: Any) -> Any:
-        """Loads or compiles the code for the types of the arguments."""
-        if (_FOLDER or _SHIPPED) and not self._has_cache:  # not before all kernels are imported
-            self._cache, self._has_cache = _Cache(self.py_func), True
+        """Returns the machine code for a signature, compiled or from a file."""
+        if isinstance(self._cache, NullCache) and (_FOLDER or _SHIPPED):  # now all that the function uses is defined
+            self._cache = _Cache(self)
         return super().compile(sig)
 
 

@@ -1,4 +1,4 @@
-"""The folders of the compiled code: the cache of the user, and the code that a wheel of `release.dist` contains."""
+"""The folders of the compiled code: the cache of the user, and the code that a wheel of `make dist` contains."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def code_folder() -> Path:
 def shipped_folder() -> Path | None:
     """Returns the folder of the code that is part of the package, or None if there is no code for these versions.
 
-    `release.dist` compiles this code for any CPU of the architecture. With the environment variable
+    `make dist` compiles this code for any CPU of the architecture. With the environment variable
     `BILLIARDS_ENV_COMPILE=1` the result is None. Numba then compiles for the CPU of this machine and keeps the code in
     the cache, which later processes search first.
 

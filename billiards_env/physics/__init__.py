@@ -5,7 +5,7 @@ Modules:
     state: The arrays that the functions use.
     motion: The motion of balls.
     ball_ball, clusters: Impacts of balls, alone and at one instant.
-    cushion: Impacts on cushions.
+    ball_cushion: Impacts on cushions.
     strike: The cue.
     geometry: Contact times, cushions and roots.
     elementary, double_double: Arithmetic.

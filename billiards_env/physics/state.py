@@ -149,7 +149,7 @@ class SceneArrays(NamedTuple):
         outline: The `outline_walls.Outline`; None for a rectangle.
         spheres: (n,) float64, the radii of spheres of different size, m; None for disks and for equal balls.
         ball_friction: True for balls with friction; None for others.
-        cushion: For each of `cushion.LAWS`, (True, None) if the cushions have this law; (None, True) for the others.
+        cushion: For each of `ball_cushion.LAWS`, (True, None) if the cushions have this law; otherwise (None, True).
 
     Numba compiles the code of a feature only for scenes in which its field is not None: a function with the field as an
     argument begins with `if field is None`.
@@ -232,7 +232,10 @@ def moves(state, i):
 
 
 def _reader(sources: str) -> Any:
-    """Returns a kernel that makes `LawNumbers` of the expressions for their fields; numba has no `getattr`."""
+    """Returns a kernel that makes `LawNumbers` of the expressions for their fields.
+
+    Numba compiles a recursion over the names, with `getattr`, in 13 s instead of 0.7 s.
+    """
     return inlined(eval(f"lambda numbers: LawNumbers({sources})"))
 
 

@@ -19,7 +19,7 @@ from billiards_env.players.named import find_player
 from billiards_env.scene import SCENES, Scene, layouts
 from billiards_env.shots.records import read_scene
 from billiards_env.shots.simulation import simulate
-from billiards_env.support.checks import Range, integer, number, one_of, real
+from billiards_env.support.checks import Range, entry_of, integer, number, one_of, real
 from billiards_env.support.commands import Parser, ending
 from billiards_env.support.files import check_path, free_path
 
@@ -53,7 +53,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     add(
         "--scene",
-        help=f"table, balls and physics: {', '.join(SCENES)}, or a JSON file (default: real_pool, snooker or carom)",
+        help=f"table, balls and physics: {', '.join(SCENES)}, module:name or a JSON file (default: that of the game)",
     )
     any_number = _games(lambda game: len(set(game.n_object_balls)) > 1)
     add("--balls", type=int, help=f"number of object balls, for {any_number} (default: the most)")
@@ -104,8 +104,7 @@ def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
     if args.miss and not args.choices:
         raise ValueError("--miss without --choices: expected both, the miss rule gives a choice")
     rules = args.rules or "eight_ball"
-    one_of("rules", rules, tuple(GAMES))
-    game_rules = GAMES[rules]
+    game_rules = entry_of("rules", rules, GAMES)
     balls = game_rules.n_object_balls[1] if args.balls is None else args.balls
     named = args.scene or REAL_SCENES.get(game_rules.scene, game_rules.scene)
     scene = read_scene(named, args.balls if named.endswith(".json") else balls)

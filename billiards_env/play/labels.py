@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from billiards_env.drawing.style import colour_names
-from billiards_env.games import FOULS, choices
+from billiards_env.games import FOULS, Setup, choices
+from billiards_env.games.entry import Page
 from billiards_env.games.game_state import BEHIND, FOOT_LEFT, FOOT_RIGHT
 from billiards_env.play.model import HUMAN, WindowModel
 from billiards_env.players.levels import LEVELS
@@ -18,21 +19,40 @@ BUTTONS = {"placing": "Place", "aiming": "Shoot", "rolling": "Skip", "replaying"
 END = "N: new game   R: replay   U: undo   S: save"
 """The keys after the end of a game."""
 
+_PAGES = "   keys: H   rules: F1"
 _HINTS = {
-    "placing": "place: click, space   move: mouse, arrows   undo: U   keys: H   rules: F1",
-    "aiming": "aim: drag, arrows   fine: comma, period   pot: A   zoom: F   shoot: space   undo: U   keys: H   "
-    "rules: F1",
-    "thinking": "undo: U   save: S   quit: Q   keys: H   rules: F1",
+    "placing": "place: click, space   move: mouse, arrows   undo: U" + _PAGES,
+    "aiming": "aim: drag, arrows   fine: comma, period   pot: A   zoom: F   shoot: space   undo: U" + _PAGES,
+    "thinking": "undo: U   save: S   quit: Q" + _PAGES,
     "rolling": "skip: click, space   slower, faster: - +   undo: U   quit: Q   keys: H",
     "replaying": "continue: space   again: R   ghost: G   slower, faster: - +   keys: H",
     "over": "new game: N   undo: U   replay: R   save: S   quit: Q   keys: H",
 }
 
 
+_CALLS = ("calls", "only the called ball in the called pocket counts; a safety ends the turn")
+_MISS = ("miss", "if the ball on was not hit first, the balls may be replaced")
+_CHOICES = {
+    "push_out": ("push out", "after the break: hit any ball or none; the next player may hand it back"),
+    "replace": ("choice", "after a foul the next player may hand the shot back"),
+}
+
+
+def rules_page(setup: Setup, choices: bool) -> Page:
+    """Returns the rules of a game, with or without its choices other than a shot, as rows of two texts."""
+    title = (_spaced(setup.rules).capitalize(), f"to {setup.target} points" if setup.target else "")
+    offered = tuple(_CHOICES[one] for one in setup.game_rules.choices if choices and one in _CHOICES)
+    return (title, *setup.game_rules.page, *(_CALLS,) * setup.call_shot, *offered, *(_MISS,) * setup.miss)
+
+
+def _spaced(name: str) -> str:
+    return name.replace("_", " ")
+
+
 def key_hint(model: WindowModel) -> str:
     """Returns the keys of the model's phase, and in a replay the engines of the shown shots."""
     if model.page:
-        return "close: space, escape"
+        return "" if model.page == "unsaved" else "close: space, escape"
     if model.phase != "replaying":
         return _HINTS[model.phase]
     shot, comparison = model.shown_shots
@@ -42,29 +62,22 @@ def key_hint(model: WindowModel) -> str:
 
 def button(model: WindowModel) -> str:
     """Returns the text of the button, which names the action of space."""
-    if model.phase == "aiming" and model.aim.call.kind != "shot":
-        return model.aim.call.kind.capitalize().replace("_", " ")
-    return BUTTONS.get(model.phase, "")
+    named = model.phase == "aiming" and model.aim.call.kind != "shot"
+    return _spaced(model.aim.call.kind.capitalize()) if named else BUTTONS.get(model.phase, "")
 
 
 def choice(model: WindowModel) -> str:
     """Returns the key of the next kind of call, if there are several."""
-    kinds = model.kinds
-    if len(kinds) == 1 or model.phase != "aiming":
-        return ""
-    following = kinds[(kinds.index(model.aim.call.kind) + 1) % len(kinds)]
-    return f"X: {following.replace('_', ' ')}"
+    several = len(model.kinds) > 1 and model.phase == "aiming"
+    return f"X: {_spaced(model.following_kind)}" if several else ""
 
 
 def player_name(model: WindowModel, player: int) -> str:
     """Returns the label of a player."""
-    kind = model.players[player]
-    if kind == HUMAN:
+    if (kind := model.players[player]) == HUMAN:
         return f"Player {player + 1}"
-    module, _, function = kind.partition(":")
-    if function in LEVELS:
-        return f"Player {player + 1} ({function})"
-    return f"Player {player + 1} ({function.partition(':')[0] if '.' in module else module})"
+    name, *rest = kind.split(":")  # a program: NAME[:ARGUMENT] or module:function[:ARGUMENT]
+    return f"Player {player + 1} ({rest[0] if rest and (rest[0] in LEVELS or '.' in name) else name})"
 
 
 def ball_name(scene: Scene, ball: int) -> str:
@@ -84,9 +97,8 @@ def status(model: WindowModel) -> str:
     """Returns the player whose turn it is and the present action."""
     state, setup, scene = model.game.state, model.setup, model.setup.scene
     if model.phase in ("rolling", "replaying"):
-        shooter = player_name(model, model.games[-2].state.player)
-        parts = [shooter, cushions(model, model.clock), "" if model.pace == 1 else f"{model.pace:g} x"]
-        return "   ".join(filter(None, parts))
+        pace = "" if model.pace == 1 else f"{model.pace:g} x"
+        return _joined(player_name(model, model.games[-2].state.player), cushions(model, model.clock), pace)
     if state.over:
         return "Nobody wins" if state.winner < 0 else f"{player_name(model, state.winner)} wins"
     player = player_name(model, state.player)
@@ -152,22 +164,20 @@ def cushions(model: WindowModel, time: float = np.inf) -> str:
 
 def advice(model: WindowModel, plan: Plan) -> str:
     """Returns what a planned shot does, and how often it keeps the turn with the noise of a player."""
-    if plan.ball < 0 and plan.probability < 0.1 and model.setup.game_rules.pockets:
-        return "a safety: no shot is likely to pot a ball"
-    what = "keeps the turn"
+    scene, what = model.setup.scene, "keeps the turn"
     if plan.ball >= 0:
-        scene = model.setup.scene
         what = f"ball {ball_name(scene, plan.ball)} into the {pocket_name(scene, plan.pocket)}"
+    elif plan.probability < 0.1 and model.setup.game_rules.pockets:
+        return "a safety: no shot is likely to pot a ball"
     return f"{what}, {plan.probability:.0%} with the noise of a good player"
 
 
 def aim_text(model: WindowModel) -> str:
     """Returns the speed and the direction of the aim, and the offset of the cue's tip."""
     (side, top), degrees = model.aim.tip, round(np.degrees(model.aim.angle), 2) + 0.0  # converts -0 to 0
-    parts = [f"{model.aim.speed:.2f} m/s", f"{degrees:.2f}°"]
-    parts += [f"{abs(side):.2f} R {'left' if side > 0 else 'right'}"] if round(side, 2) else []
-    parts += [f"{abs(top):.2f} R {'follow' if top > 0 else 'draw'}"] if round(top, 2) else []
-    return "   ".join(parts)
+    across = f"{abs(side):.2f} R {'left' if side > 0 else 'right'}" if round(side, 2) else ""
+    along = f"{abs(top):.2f} R {'follow' if top > 0 else 'draw'}" if round(top, 2) else ""
+    return _joined(f"{model.aim.speed:.2f} m/s", f"{degrees:.2f}°", across, along)
 
 
 def score_text(model: WindowModel) -> str:
@@ -178,19 +188,20 @@ def score_text(model: WindowModel) -> str:
 
 def result(model: WindowModel) -> str:
     """Returns the result of the last shot and the scores."""
-    parts = []
-    if model.last_shot is not None:
-        verdict, scene = model.last_shot.verdict, model.setup.scene
-        potted = [ball for ball, _ in model.last_shot.pots if ball != model.cue]
-        kind = model.turns[-1].stroke.call.kind
-        if verdict.foul:
-            miss = " and a miss" * ("replace" in choices(model.game.state))
-            points = f", {verdict.penalty} points" * bool(verdict.penalty)
-            parts.append(f"foul{miss}: {FOULS[verdict.foul].replace('_', ' ')}{points}")
-        elif potted:
-            parts.append(f"potted {', '.join(ball_name(scene, ball) for ball in potted)}")
-        elif kind != "shot":
-            parts.append(kind.replace("_", " "))
-        else:
-            parts.append(cushions(model))
-    return "   ".join(filter(None, [*parts, score_text(model)]))
+    if model.last_shot is None:
+        return score_text(model)
+    verdict, kind, what = model.last_shot.verdict, model.turns[-1].stroke.call.kind, cushions(model)
+    potted = [ball_name(model.setup.scene, ball) for ball, _ in model.last_shot.pots if ball != model.cue]
+    if verdict.foul:
+        miss = " and a miss" * ("replace" in choices(model.game.state))
+        points = f", {verdict.penalty} points" * bool(verdict.penalty)
+        what = f"foul{miss}: {_spaced(FOULS[verdict.foul])}{points}"
+    elif potted:
+        what = f"potted {', '.join(potted)}"
+    elif kind != "shot":
+        what = _spaced(kind)
+    return _joined(what, score_text(model))
+
+
+def _joined(*parts: str) -> str:
+    return "   ".join(filter(None, parts))

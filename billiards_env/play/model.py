@@ -17,25 +17,25 @@ An action that does not apply in the present phase returns the same model.
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env import strike
-from billiards_env.drawing.pace import faster, slower
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.engine import PIC, Engine
 from billiards_env.engine.orientation import VISIBLE
 from billiards_env.engine.strikes import level_strike
 from billiards_env.games import NO_CALL, Call, GameState, History, PlayedShot, Setup, Stroke, choices, play
+from billiards_env.games.game_state import is_in, members, on_table
 from billiards_env.games.placement import Point, cue_ball_point
-from billiards_env.play.controls import STEEPEST, on_face
 from billiards_env.play.preview import Preview, make_preview
+from billiards_env.players.aim import FirstTouch, Pot, aim
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
 from billiards_env.support.checks import MAX_SPEED, Range, real
@@ -51,6 +51,15 @@ LEAST_SPEED, USUAL_SPEED, BREAK_SHARE = 0.05, 2.0, 0.9
 
 TIP_SHARE = 0.999
 """The largest offset of the cue's tip over that at which it slips."""
+
+STEEPEST = 90.0
+"""degrees. The largest elevation of the cue."""
+
+REACH = 1.5
+"""A pocket or a ball is under the mouse within this distance of its centre, over its radius."""
+
+SHOTS = 3_000
+"""The largest number of random shots to aim for a pot. Around a rack of 15 balls they take some seconds."""
 
 NO_SHOT = ("hand_back", "replace")
 """The kinds of calls without a shot."""
@@ -75,6 +84,11 @@ class StrokeInput(NamedTuple):
     place: Point | None = None
     call: Call = NO_CALL
 
+    @property
+    def along(self) -> NDArray[np.float64]:
+        """The direction as a unit vector (2,)."""
+        return np.array([math.cos(self.angle), math.sin(self.angle)])
+
 
 class Turn(NamedTuple):
     """A played stroke with its aim: the person's aim, or the aim with a level cue."""
@@ -84,7 +98,7 @@ class Turn(NamedTuple):
     aim: StrokeInput
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class WindowModel:
     """The state of a game in the window.
 
@@ -103,7 +117,7 @@ class WindowModel:
         clock: Time within the shot that is shown, or time that a program has been thinking, s.
         pace: Playback speed divided by real time.
         ghost: Whether a replay shows `comparison`.
-        page: The page that covers the table: "keys", "rules" or "" for none.
+        page: The page that covers the table: "keys", "rules", "unsaved", the question before the window closes, or "".
         zoom: Whether the ball that the aimed shot touches first is shown enlarged.
         faces: (n, 4) the present orientations of the balls; None for upright balls.
         first_faces: (n, 4) those at the start of the last shot.
@@ -117,7 +131,7 @@ class WindowModel:
     choices: bool = False
     turns: tuple[Turn, ...] = ()
     phase: str = "thinking"
-    aim: StrokeInput = dataclasses.field(default_factory=StrokeInput)
+    aim: StrokeInput = field(default_factory=StrokeInput)
     preview: Preview | None = None
     comparison: ShotResult | None = None
     clock: float = 0.0
@@ -160,10 +174,20 @@ class WindowModel:
         return x, y
 
     @property
+    def aimed(self) -> Preview | None:
+        """The preview; None also for a call without a shot."""
+        return None if self.aim.call.kind in NO_SHOT else self.preview
+
+    @property
     def kinds(self) -> tuple[str, ...]:
         """The kinds of calls that the player has, "shot" first."""
         state = self.game.state
         return ("shot", *(("safety",) if state.call_shot else ()), *(choices(state) if self.choices else ()))
+
+    @property
+    def following_kind(self) -> str:
+        """The kind of call after the present one."""
+        return self.kinds[(self.kinds.index(self.aim.call.kind) + 1) % len(self.kinds)]
 
     @property
     def call(self) -> Call:
@@ -236,16 +260,16 @@ def begin(
 def tick(model: WindowModel, seconds: float) -> WindowModel:
     """Returns the model `seconds` later; the same object if nothing changes. An open page pauses a shown shot."""
     if model.phase == "thinking":
-        return dataclasses.replace(model, clock=model.clock + seconds)
+        return replace(model, clock=model.clock + seconds)
     if model.phase not in ("rolling", "replaying") or model.page:
         return model
     if model.clock + model.pace * seconds < model.duration:
-        return dataclasses.replace(model, clock=model.clock + model.pace * seconds)
+        return replace(model, clock=model.clock + model.pace * seconds)
     if model.phase == "rolling":
         recording = model.shown_shots[0].recording()
         faces = recording.turning(model.first_faces, VISIBLE).at(recording.time)
-        return _next_turn(dataclasses.replace(model, faces=faces))
-    return model if model.clock == model.duration else dataclasses.replace(model, clock=model.duration)
+        return _next_turn(replace(model, faces=faces))
+    return model if model.clock == model.duration else replace(model, clock=model.duration)
 
 
 def shoot(model: WindowModel, stroke: Stroke, aim: StrokeInput | None = None) -> WindowModel:
@@ -257,45 +281,30 @@ def shoot(model: WindowModel, stroke: Stroke, aim: StrokeInput | None = None) ->
         ValueError: As `games.play` does.
     """
     aim = _level_aim(model, stroke) if aim is None else aim
-    return dataclasses.replace(
-        model,
-        aim=aim,
-        turns=(*model.turns, Turn(stroke, play(model.setup, model.game, stroke), aim)),
-        comparison=None,
-        phase="rolling",
-        preview=None,
-        clock=0.0,
-        first_faces=model.faces,
-    )
+    turns = (*model.turns, Turn(stroke, play(model.setup, model.game, stroke), aim))
+    model = replace(model, aim=aim, turns=turns, comparison=None, preview=None, clock=0.0)
+    return replace(model, phase="rolling", first_faces=model.faces)
 
 
 def _next_turn(model: WindowModel) -> WindowModel:
     """Returns the model at the start of the next turn; the first aim is full on the nearest legal ball."""
-    state = model.game.state
-    model = dataclasses.replace(model, aim=StrokeInput(speed=_first_speed(model)), preview=None, clock=0.0)
+    state, rules = model.game.state, model.setup.game_rules
+    breaks = state.break_shot and rules.pockets and not rules.has_spots
+    speed = BREAK_SHARE * model.max_speed if breaks else min(USUAL_SPEED, model.max_speed)
+    model = replace(model, aim=StrokeInput(speed=speed), preview=None, clock=0.0)
     if state.over:
-        return dataclasses.replace(model, phase="over")
+        return replace(model, phase="over")
     if model.players[state.player] != HUMAN:
-        return dataclasses.replace(model, phase="thinking")
+        return replace(model, phase="thinking")
     if state.in_hand:
-        head_spot = model.setup.scene.table.head_x, 0.0
-        return move_to(dataclasses.replace(model, phase="placing"), head_spot)
-    return _aimed(model, angle=_first_angle(model))
+        return move_to(replace(model, phase="placing"), (model.setup.scene.table.head_x, 0.0))
+    return _aim_at_nearest(model)
 
 
-def _first_speed(model: WindowModel) -> float:
-    rules = model.setup.game_rules
-    if model.game.state.break_shot and rules.pockets and not rules.has_spots:
-        return BREAK_SHARE * model.max_speed
-    return min(USUAL_SPEED, model.max_speed)
-
-
-def _first_angle(model: WindowModel) -> float:
-    state = model.game.state
-    balls = list(model.setup.legal(state))
-    offsets = model.game.positions[balls] - model.cue_position
+def _aim_at_nearest(model: WindowModel) -> WindowModel:
+    offsets = model.game.positions[list(model.setup.legal(model.game.state))] - model.cue_position
     x, y = offsets[np.argmin(np.hypot(offsets[:, 0], offsets[:, 1]))].tolist()
-    return math.atan2(y, x)
+    return _aimed(model, angle=math.atan2(y, x))
 
 
 def _aimed(model: WindowModel, **changes: Any) -> WindowModel:
@@ -303,8 +312,8 @@ def _aimed(model: WindowModel, **changes: Any) -> WindowModel:
     aim = model.aim._replace(**changes)
     speed = min(max(aim.speed, LEAST_SPEED), model.max_speed)
     aim = aim._replace(angle=math.remainder(aim.angle, math.tau), speed=speed)
-    model = dataclasses.replace(model, phase="aiming", aim=aim._replace(call=NO_CALL), preview=None)
-    return dataclasses.replace(model, aim=aim, preview=make_preview(model.setup, model.game, model.stroke))
+    model = replace(model, phase="aiming", aim=aim._replace(call=NO_CALL), preview=None)
+    return replace(model, aim=aim, preview=make_preview(model.setup, model.game, model.stroke))
 
 
 def _only(phase: str) -> Callable[[Callable[..., WindowModel]], Callable[..., WindowModel]]:
@@ -325,12 +334,7 @@ def move_to(model: WindowModel, point: Point) -> WindowModel:
     """Moves the cue ball in hand to the free point nearest to a point, m."""
     positions, state, _ = model.game
     point = cue_ball_point(model.setup.scene, positions, state, point)
-    return dataclasses.replace(model, aim=model.aim._replace(place=point))
-
-
-def move_by(model: WindowModel, offset: Point) -> WindowModel:
-    """Moves the cue ball in hand by an offset, m."""
-    return move_to(model, tuple(np.add(model.cue_position, offset).tolist()))
+    return replace(model, aim=model.aim._replace(place=point))
 
 
 @_only("aiming")
@@ -346,24 +350,11 @@ def change_speed(model: WindowModel, change: float) -> WindowModel:
 
 
 @_only("aiming")
-def set_speed(model: WindowModel, share: float) -> WindowModel:
-    """Sets the speed of the shot to a share of the largest speed."""
-    return _aimed(model, speed=share * model.max_speed)
-
-
-@_only("aiming")
-def look_at(model: WindowModel, point: Point) -> WindowModel:
-    """Aims at a point, m, with the same speed."""
+def look_at(model: WindowModel, point: Point, arrow: bool = False) -> WindowModel:
+    """Aims at a point, m, with the same speed, or with the speed at which the tip of the `arrow` is there."""
     dx, dy = np.subtract(point, model.cue_position).tolist()
-    return _aimed(model, angle=math.atan2(dy, dx))
-
-
-@_only("aiming")
-def aim_at(model: WindowModel, point: Point) -> WindowModel:
-    """Moves the tip of the aiming arrow to a point, m."""
-    dx, dy = np.subtract(point, model.cue_position).tolist()
-    radius = model.setup.scene.balls.radius[model.cue]
-    return _aimed(model, angle=math.atan2(dy, dx), speed=(math.hypot(dx, dy) - ARROW_START * radius) / ARROW)
+    speed = (math.hypot(dx, dy) - ARROW_START * model.setup.scene.balls.radius[model.cue]) / ARROW
+    return _aimed(model, angle=math.atan2(dy, dx), speed=speed if arrow else model.aim.speed)
 
 
 def aim_like(model: WindowModel, made: Stroke) -> WindowModel:
@@ -375,7 +366,7 @@ def aim_like(model: WindowModel, made: Stroke) -> WindowModel:
         return model
     preview = make_preview(model.setup, model.game, made)
     phase = "thinking" if model.phase == "thinking" else "aiming"
-    return dataclasses.replace(model, phase=phase, aim=_level_aim(model, made), preview=preview, clock=0.0)
+    return replace(model, phase=phase, aim=_level_aim(model, made), preview=preview, clock=0.0)
 
 
 def _level_aim(model: WindowModel, made: Stroke) -> StrokeInput:
@@ -393,8 +384,8 @@ def set_tip(model: WindowModel, side: float, top: float) -> WindowModel:
     """Sets the offset of the cue's tip, to the left and up, in ball radii, limited to where the tip does not slip."""
     if not model.has_spin:
         return model
-    tip = on_face(side, top, TIP_SHARE * model.setup.scene.cue.miscue_offset)
-    return _aimed(model, tip=tip)
+    share = min(1.0, TIP_SHARE * model.setup.scene.cue.miscue_offset / max(math.hypot(side, top), 1e-9))
+    return _aimed(model, tip=(share * side, share * top))
 
 
 def move_tip(model: WindowModel, side: float, top: float) -> WindowModel:
@@ -403,11 +394,11 @@ def move_tip(model: WindowModel, side: float, top: float) -> WindowModel:
 
 
 @_only("aiming")
-def set_elevation(model: WindowModel, degrees: float) -> WindowModel:
-    """Sets the elevation of the cue."""
+def raise_cue(model: WindowModel, degrees: float) -> WindowModel:
+    """Increases the elevation of the cue by some degrees."""
     if not model.has_spin:
         return model
-    return _aimed(model, elevation=min(max(degrees, 0.0), STEEPEST))
+    return _aimed(model, elevation=min(max(model.aim.elevation + degrees, 0.0), STEEPEST))
 
 
 @_only("aiming")
@@ -419,26 +410,21 @@ def level(model: WindowModel) -> WindowModel:
 @_only("aiming")
 def next_kind(model: WindowModel) -> WindowModel:
     """Selects the next kind of call that the player has."""
-    kinds = model.kinds
-    kind = kinds[(kinds.index(model.aim.call.kind) + 1) % len(kinds)]
-    return dataclasses.replace(model, aim=model.aim._replace(call=Call(kind=kind)))
+    return replace(model, aim=model.aim._replace(call=Call(kind=model.following_kind)))
 
 
 @_only("aiming")
 def next_called(model: WindowModel, name: str) -> WindowModel:
     """Calls the next "ball" that may be called or nominated, or the next "pocket", if the game has such a call."""
     state, call, setup = model.game.state, model.aim.call, model.setup
-    balls = ()
-    if state.call_shot:
-        balls = setup.callable(state)
-    elif state.colour or state.free_ball:
-        balls = setup.legal(state)
-    pockets = range(len(setup.scene.table.pockets)) if state.call_shot else ()
-    possible = sorted({"ball": balls, "pocket": pockets}[name])
+    possible = range(len(setup.scene.table.pockets)) if state.call_shot else ()
+    if name == "ball":
+        nominated = setup.legal(state) if state.colour or state.free_ball else ()
+        possible = sorted(setup.callable(state) if state.call_shot else nominated)
     if call.kind != "shot" or not possible:
         return model
     following = next((one for one in possible if one > getattr(model.call, name)), possible[0])
-    return dataclasses.replace(model, aim=model.aim._replace(call=call._replace(**{name: following})))
+    return replace(model, aim=model.aim._replace(call=call._replace(**{name: following})))
 
 
 def go(model: WindowModel) -> WindowModel:
@@ -448,7 +434,7 @@ def go(model: WindowModel) -> WindowModel:
     if model.phase == "aiming":
         return shoot(model, model.stroke, model.aim)
     if model.phase == "placing":
-        return _aimed(model, angle=_first_angle(model))
+        return _aim_at_nearest(model)
     if model.phase == "rolling":
         return tick(model, math.inf)
     return _next_turn(model) if model.phase == "replaying" else model
@@ -457,7 +443,7 @@ def go(model: WindowModel) -> WindowModel:
 @_only("aiming")
 def place(model: WindowModel) -> WindowModel:
     """Takes the cue ball in hand again."""
-    return model if model.aim.place is None else dataclasses.replace(model, phase="placing", preview=None)
+    return model if model.aim.place is None else replace(model, phase="placing", preview=None)
 
 
 def undo(model: WindowModel) -> WindowModel:
@@ -465,7 +451,7 @@ def undo(model: WindowModel) -> WindowModel:
     for k in range(len(model.turns) - 1, -1, -1):
         if model.players[model.games[k].state.player] == HUMAN:
             aim = model.turns[k].aim
-            model = _next_turn(dataclasses.replace(model, turns=model.turns[:k], comparison=None))
+            model = _next_turn(replace(model, turns=model.turns[:k], comparison=None))
             return model if aim.call.kind in NO_SHOT else _aimed(model, **aim._asdict())
     return model
 
@@ -474,34 +460,53 @@ def replay(model: WindowModel) -> WindowModel:
     """Shows the last shot again, with the same shot by the other engine."""
     if model.last_shot is None:
         return model
-    comparison = model.comparison
-    if comparison is None:
-        engine = Engine("pit", model.ghost_dt) if model.setup.engine == PIC else PIC
-        comparison = run_shot(model.setup.scene, model.last_shot.shot_input, engine, record=True)
-    aim = model.turns[-1].aim
-    return dataclasses.replace(model, comparison=comparison, phase="replaying", aim=aim, preview=None, clock=0.0)
+    engine = Engine("pit", model.ghost_dt) if model.setup.engine == PIC else PIC
+    other = model.comparison or run_shot(model.setup.scene, model.last_shot.shot_input, engine, record=True)
+    return replace(model, comparison=other, phase="replaying", aim=model.turns[-1].aim, preview=None, clock=0.0)
 
 
-def toggle_ghost(model: WindowModel) -> WindowModel:
-    """Shows or hides the shot by the other engine in replays."""
-    return dataclasses.replace(model, ghost=not model.ghost)
+def toggle(model: WindowModel, name: str) -> WindowModel:
+    """Switches "ghost", the shot by the other engine in replays, or "zoom", the enlarged view of the object ball."""
+    return replace(model, **{name: not getattr(model, name)})
 
 
 def toggle_page(model: WindowModel, page: str) -> WindowModel:
-    """Shows or hides the page "keys" or "rules"."""
-    return dataclasses.replace(model, page="" if model.page == page else page)
+    """Shows or hides a page."""
+    return replace(model, page="" if model.page == page else page)
 
 
-def toggle_zoom(model: WindowModel) -> WindowModel:
-    """Switches the enlarged view of the ball that the aimed shot touches first."""
-    return dataclasses.replace(model, zoom=not model.zoom)
+def change_pace(model: WindowModel, change: Callable[[float], float]) -> WindowModel:
+    """Changes the pace of the playback with `slower` or `faster` of `drawing.pace`."""
+    return replace(model, pace=change(model.pace))
 
 
-def slow_down(model: WindowModel) -> WindowModel:
-    """Slows the playback down."""
-    return dataclasses.replace(model, pace=slower(model.pace))
+def press_arrow(model: WindowModel, x: float, y: float) -> WindowModel:
+    """Handles an arrow key: moves the cue ball by x and y cm, or turns the aim by -x degrees, or adds y / 10 m/s."""
+    if model.phase == "placing":
+        return move_to(model, tuple(np.add(model.cue_position, (0.01 * x, 0.01 * y)).tolist()))
+    return turn_aim(model, -x) if x else change_speed(model, 0.1 * y)
 
 
-def speed_up(model: WindowModel) -> WindowModel:
-    """Speeds the playback up."""
-    return dataclasses.replace(model, pace=faster(model.pace))
+def pot_at(model: WindowModel, point: Point) -> Pot | None:
+    """Returns the pot at a point, m: a ball there into any pocket, or the ball that is aimed at into a pocket there."""
+    scene, positions = model.setup.scene, model.game.positions
+    for number, pocket in enumerate(scene.table.pockets):
+        if math.dist((pocket.x, pocket.y), point) <= REACH * pocket.radius:
+            return None if model.preview is None or model.preview.ball < 0 else Pot(model.preview.ball, number)
+    near = [
+        b
+        for b in members(model.game.state.object_balls)
+        if math.dist(positions[b], point) <= REACH * scene.balls.radius[b]
+    ]
+    return Pot(near[0]) if near and scene.table.pockets else None
+
+
+def stroke_for(model: WindowModel, pot: Pot) -> Stroke | None:
+    """Returns the stroke for a pot with a level cue and no english; None if there is none."""
+    scene, positions = model.setup.scene, model.game.positions.copy()
+    positions[model.cue] = model.cue_position
+    in_play = is_in(on_table(model.game.state), scene.n_balls)
+    options: Any = {"max_speed": model.max_speed, "in_play": in_play, "strike": model.has_spin, "shots": SHOTS}
+    aimed = aim(scene, positions, (FirstTouch(pot.ball), pot), **options)
+    x, y = aimed.velocity.tolist()
+    return Stroke((x, y), model.aim.place, call=model.aim.call) if aimed.solved else None

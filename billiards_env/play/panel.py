@@ -1,16 +1,13 @@
-"""Draws the row of controls with pygame."""
+"""The row of controls under the table: the cue ball's face, the elevation of the cue, the speed and the button."""
 
 from __future__ import annotations
 
-import functools
-import math
-
+import numpy as np
 import pygame
 
-from billiards_env.drawing.text import text_image
+from billiards_env.drawing.text import write
 from billiards_env.play import labels
-from billiards_env.play.controls import STEEPEST, Box, Controls
-from billiards_env.play.model import WindowModel
+from billiards_env.play.model import STEEPEST, WindowModel
 
 PAPER, INK, SOFT = "#14181a", "#eceae2", "#9aa3a0"
 """Colours of the window around the table, of its texts and of the hints."""
@@ -22,75 +19,100 @@ ZOOM = 3
 """Enlargement of the controls before they are reduced."""
 
 
-class Panel:
-    """Draws the controls at their places."""
+def place_controls(row: pygame.Rect) -> dict[str, pygame.Rect]:
+    """Returns the places of the controls in a row, pixels: "ball", "elevation", "speed" and "shoot", the button."""
+    gap, inner, scale = 0.1 * row.height, 0.8 * row.height, max(0.16 * row.height, 8.0)
+    x, y, button = row.x + gap, row.y + gap, min(1.6 * row.height, 0.22 * row.width)
+    begin, end = x + inner + 5.5 * scale, row.right - gap - button
+    places = {
+        "ball": (x, y, inner, inner),
+        "elevation": (x + inner + 1.6 * scale, y, scale, inner),
+        "speed": (begin, y + 0.5 * inner, max(end - begin - 2 * gap, 1.0), 0.26 * inner),
+        "shoot": (end, y + 0.16 * inner, button, 0.68 * inner),
+    }
+    return {name: pygame.Rect(*map(round, place)) for name, place in places.items()}
 
-    def __init__(self, controls: Controls, row: tuple[float, float, float, float]) -> None:
-        """Prepares the drawing in a row: its left and upper edge, its width and its height, pixels."""
-        self._places, self._row = controls, Box(*row)
-        self._size = round(self._row.width), round(self._row.height)
-        self._key: object = None
-        self._image = pygame.Surface(self._size)
+
+class Panel:
+    """The controls of a frame.
+
+    Attributes:
+        places: The rectangle of each control, pixels, from `place_controls`.
+    """
+
+    def __init__(self, row: pygame.Rect, miscue_offset: float) -> None:
+        """Prepares the drawing in a row of the frame. The cue slips at an offset of `miscue_offset` ball radii."""
+        self.places, self._row = place_controls(row), row
+        self._large = {name: _zoomed(box.move(-row.x, -row.y)) for name, box in self.places.items()}
+        self._face = _face(self._large["ball"].width // 2, miscue_offset)
+        self._speeds = _speeds(self._large["speed"].size)
+        self._painted: tuple[object, pygame.Surface | None] = None, None
+
+    def at(self, pixel: tuple[int, int]) -> str | None:
+        """Returns the name of the control at a pixel, or None."""
+        return next((name for name, box in self.places.items() if box.inflate(2, 2).collidepoint(pixel)), None)
+
+    def share(self, name: str, pixel: tuple[int, int]) -> tuple[float, float]:
+        """Returns how far a pixel is from the left to the right and from the lower to the upper edge of a control."""
+        box = self.places[name]
+        return (pixel[0] - box.x) / box.width, 1 - (pixel[1] - box.y) / box.height
 
     def draw(self, frame: pygame.Surface, model: WindowModel) -> None:
         """Draws the controls for a model; controls that have no effect are faint."""
         key = model.phase, model.aim, model.kinds, model.max_speed
-        if key != self._key:
-            self._key, self._image = key, self._paint(model)
-        frame.blit(self._image, (round(self._row.x), round(self._row.y)))
+        if key != self._painted[0]:
+            self._painted = key, self._paint(model)
+        assert self._painted[1] is not None
+        frame.blit(self._painted[1], self._row)
 
     def _paint(self, model: WindowModel) -> pygame.Surface:
-        places, row = self._places, self._row
-        large = pygame.Surface((ZOOM * self._size[0], ZOOM * self._size[1]), pygame.SRCALPHA, 32)
-        large.fill((*pygame.Color(PAPER)[:3], 0))
-        ball, elevation, speed, button = (self._zoomed(box) for box in places)
-        radius = ball.width / 2
-        large.blit(_face(round(radius), model.setup.scene.cue.miscue_offset), ball)
-        (side, top), height = model.aim.tip, model.aim.elevation
-        tip = ball.centerx - side * radius, ball.centery - top * radius
-        pygame.draw.circle(large, "#274f7d", tip, 0.19 * radius)
-        pygame.draw.circle(large, "#5a92cc", tip, 0.15 * radius)
+        large = pygame.Surface(_zoomed(self._row).size, pygame.SRCALPHA, 32)
+        large.fill((*pygame.Color(PAPER)[:3], 0))  # `smoothscale` darkens what is not transparent
+        ball, elevation, speed, button = self._large.values()
+        large.blit(self._face, ball)
+        radius, (side, top) = ball.width / 2, model.aim.tip
+        for colour, share in (("#274f7d", 0.19), ("#5a92cc", 0.15)):
+            pygame.draw.circle(
+                large, colour, (ball.centerx - side * radius, ball.centery - top * radius), share * radius
+            )
 
-        pygame.draw.rect(large, GROOVE, elevation, border_radius=elevation.width // 2)
-        filled = elevation.height * height / STEEPEST
-        bar = pygame.Rect(elevation.x, round(elevation.bottom - filled), elevation.width, round(filled))
-        pygame.draw.rect(large, LEVEL, bar, border_radius=elevation.width // 2)
+        filled = round(elevation.height * model.aim.elevation / STEEPEST)
+        for colour, height in ((GROOVE, elevation.height), (LEVEL, filled)):
+            bar = pygame.Rect(elevation.x, elevation.bottom - height, elevation.width, height)
+            pygame.draw.rect(large, colour, bar, border_radius=elevation.width // 2)
         _draw_knob(large, elevation.centerx, elevation.bottom - filled, 0.62 * elevation.width)
 
+        filled = round(speed.width * model.aim.speed / model.max_speed)
         pygame.draw.rect(large, GROOVE, speed, border_radius=speed.height // 2)
-        filled = speed.width * model.aim.speed / model.max_speed
-        large.blit(_speeds(speed.size), speed, (0, 0, round(filled), speed.height))
+        large.blit(self._speeds, speed, (0, 0, filled, speed.height))
         _draw_knob(large, speed.x + filled, speed.centery, 0.62 * speed.height)
 
         if model.phase in labels.BUTTONS:
             pygame.draw.rect(large, BUTTON, button, border_radius=button.height // 5)
-        image = pygame.Surface(self._size, 0, 32)
+        image, row = pygame.Surface(self._row.size), self._row
         image.fill(PAPER)
-        image.blit(pygame.transform.smoothscale(large, self._size), (0, 0))
+        image.blit(pygame.transform.smoothscale(large, row.size), (0, 0))
+        ball, elevation, speed, button = (box.move(-row.x, -row.y) for box in self.places.values())
         if model.phase != "aiming":
-            veil = pygame.Surface((round(places.shoot.x - row.x), self._size[1]))
+            veil = pygame.Surface((button.x, row.height))
             veil.fill(PAPER)
             veil.set_alpha(150)
             image.blit(veil, (0, 0))
-
-        def write(text: str, x: float, y: float, colour: str, height: float, room: float) -> None:
-            drawn = text_image(text, max(9, round(height * row.height)), colour, max(1, round(room)))
-            image.blit(drawn, drawn.get_rect(center=(round(x - row.x), round(y - row.y))))
-
-        box, x = places.elevation, places.elevation.x + 2.7 * places.elevation.width
-        write("cue", x, box.y + 0.2 * box.height, SOFT, 0.17, 3 * box.width)
-        write(f"{height:.0f}\u00b0", x, box.y + 0.8 * box.height, INK, 0.17, 3 * box.width)
-        box = places.speed
-        write(labels.aim_text(model), box.x + box.width / 2, box.y - 0.19 * row.height, SOFT, 0.17, box.width)
-        box = places.shoot
-        middle = box.x + box.width / 2, box.y + box.height / 2
-        write(labels.button(model), *middle, INK, 0.3, 0.86 * box.width)
-        write(labels.choice(model), middle[0], row.y + 0.9 * row.height, LEVEL, 0.2, box.width)
+        x, width = elevation.x + 2.7 * elevation.width, 3 * elevation.width
+        texts = (
+            ("cue", (x, elevation.y + 0.2 * elevation.height), SOFT, 0.17, width),
+            (f"{model.aim.elevation:.0f}°", (x, elevation.y + 0.8 * elevation.height), INK, 0.17, width),
+            (labels.aim_text(model), (speed.centerx, speed.y - 0.19 * row.height), SOFT, 0.17, speed.width),
+            (labels.button(model), button.center, INK, 0.3, 0.86 * button.width),
+            (labels.choice(model), (button.centerx, 0.9 * row.height), LEVEL, 0.2, button.width),
+        )
+        for text, middle, colour, share, room in texts:
+            write(image, text, max(9, round(share * row.height)), colour, max(1, round(room)), center=middle)
         return image
 
-    def _zoomed(self, box: Box) -> pygame.Rect:
-        x, y = box.x - self._row.x, box.y - self._row.y
-        return pygame.Rect([round(ZOOM * value) for value in (x, y, box.width, box.height)])
+
+def _zoomed(box: pygame.Rect) -> pygame.Rect:
+    return pygame.Rect([ZOOM * value for value in box])
 
 
 def _draw_knob(surface: pygame.Surface, x: float, y: float, radius: float) -> None:
@@ -98,33 +120,26 @@ def _draw_knob(surface: pygame.Surface, x: float, y: float, radius: float) -> No
     pygame.draw.circle(surface, INK, (x, y), radius)
 
 
-@functools.lru_cache(maxsize=4)
 def _speeds(size: tuple[int, int]) -> pygame.Surface:
     """Returns the filled scale of the speeds, from green to red, with round ends."""
-    image = pygame.Surface(size, pygame.SRCALPHA, 32)
+    image, colours = (pygame.Surface(size, pygame.SRCALPHA, 32) for _ in range(2))
     pygame.draw.rect(image, "white", image.get_rect(), border_radius=size[1] // 2)
-    colours = pygame.Surface(size, pygame.SRCALPHA, 32)
+    stops = np.array([pygame.Color(colour)[:3] for colour in (BUTTON, LEVEL, FAST)])
     for x in range(size[0]):
-        share = x / size[0]
-        slow, fast, part = (BUTTON, LEVEL, share / 0.4) if share < 0.4 else (LEVEL, FAST, (share - 0.4) / 0.6)
-        pygame.draw.line(colours, pygame.Color(slow).lerp(fast, part), (x, 0), (x, size[1]))
+        colour = [np.interp(x / size[0], (0.0, 0.4, 1.0), channel) for channel in stops.T]
+        pygame.draw.line(colours, colour, (x, 0), (x, size[1]))
     image.blit(colours, (0, 0), special_flags=pygame.BLEND_RGBA_MULT)
     return image
 
 
-@functools.lru_cache(maxsize=4)
 def _face(radius: int, limit: float) -> pygame.Surface:
     """Returns the cue ball as seen along the cue, with a ring at the offset at which the cue slips."""
     image = pygame.Surface((2 * radius, 2 * radius), pygame.SRCALPHA, 32)
-    steps = 48
-    for k in range(steps):
-        share = 1 - k / steps
-        light = round(252 - 75 * share**3)
-        away = 0.3 * radius * (1 - share)
-        pygame.draw.circle(image, (light, light, light - 6), (radius - away, radius - away), radius * share)
-    for turn in (0.0, math.pi / 2):
-        way = 0.92 * radius * math.cos(turn), 0.92 * radius * math.sin(turn)
-        begin, end = ((radius + s * way[0], radius + s * way[1]) for s in (-1, 1))
+    for share in np.linspace(1.0, 0.0, 48, endpoint=False).tolist():
+        light, middle = round(252 - 75 * share**3), radius - 0.3 * radius * (1 - share)
+        pygame.draw.circle(image, (light, light, light - 6), (middle, middle), radius * share)
+    ends = 0.08 * radius, 1.92 * radius
+    for begin, end in (((ends[0], radius), (ends[1], radius)), ((radius, ends[0]), (radius, ends[1]))):
         pygame.draw.line(image, "#cfc9c0", begin, end, max(1, radius // 50))
     pygame.draw.circle(image, "#c0392b", (radius, radius), limit * radius, max(1, radius // 35))
     return image

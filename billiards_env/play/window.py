@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import math
 import signal
 import tempfile
 import threading
@@ -11,63 +10,26 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.drawing.canvas import pygame  # raises with a hint if pygame is missing
 from billiards_env.drawing.style import ARROW, ARROW_START
-from billiards_env.drawing.text import text_image
-from billiards_env.drawing.window import FASTER_KEYS, SLOWER_KEYS, Screen
+from billiards_env.drawing.text import write
+from billiards_env.drawing.window import PACE_KEYS, Screen
 from billiards_env.games import GameState, History, Stroke, opening, records
 from billiards_env.play import labels
-from billiards_env.play import model as actions
-from billiards_env.play.controls import STEEPEST
-from billiards_env.play.hint import pot_at, stroke_for
-from billiards_env.play.model import WindowModel, begin, shoot, tick
-from billiards_env.play.pages import UNSAVED
-from billiards_env.play.panel import INK, PAPER
-from billiards_env.play.view import FPS, View
+from billiards_env.play import model as act
+from billiards_env.play.model import STEEPEST, WindowModel, begin, pot_at, shoot, stroke_for, tick
+from billiards_env.play.view import FPS, INK, PAPER, View
 from billiards_env.players.levels import EXPECTED, LevelPlayer, with_noise
-from billiards_env.players.planner import Plan, plan
+from billiards_env.players.planner import plan
 from billiards_env.players.situation import Player, game_situation
+from billiards_env.support.checks import short_name
 from billiards_env.support.files import free_path
 
 T = TypeVar("T")
-
-COMMANDS: dict[int, tuple[Any, ...]] = {
-    pygame.K_c: (actions.level,),
-    pygame.K_SPACE: (actions.go,),
-    pygame.K_RETURN: (actions.go,),
-    pygame.K_KP_ENTER: (actions.go,),
-    pygame.K_p: (actions.place,),
-    pygame.K_u: (actions.undo,),
-    pygame.K_r: (actions.replay,),
-    pygame.K_g: (actions.toggle_ghost,),
-    pygame.K_f: (actions.toggle_zoom,),
-    pygame.K_h: (actions.toggle_page, "keys"),
-    pygame.K_F1: (actions.toggle_page, "rules"),
-    pygame.K_x: (actions.next_kind,),
-    pygame.K_b: (actions.next_called, "ball"),
-    pygame.K_k: (actions.next_called, "pocket"),
-    pygame.K_z: (actions.undo,),
-    **dict.fromkeys(SLOWER_KEYS, (actions.slow_down,)),
-    **dict.fromkeys(FASTER_KEYS, (actions.speed_up,)),
-}
-"""The action of each key, with its arguments."""
-
-ARROWS = {pygame.K_LEFT: (-1, 0), pygame.K_RIGHT: (1, 0), pygame.K_UP: (0, 1), pygame.K_DOWN: (0, -1)}
-
-DEGREES, METRES_PER_SECOND, METRES, RADII = 1.0, 0.1, 0.01, 0.05
-"""Changes of the aim, the speed, the cue ball in hand and, with control, the tip of the cue by an arrow key; a tenth of
-them with shift."""
-
-FINE = {pygame.K_COMMA: 0.01, pygame.K_PERIOD: -0.01}
-"""Changes of the aim, degrees; a tenth of them with shift."""
-
-ELEVATIONS = {pygame.K_PAGEUP: 5.0, pygame.K_PAGEDOWN: -5.0}
-"""Changes of the elevation of the cue, degrees."""
 
 DOUBLE_CLICK = 0.35
 """s. The longest time between the two clicks of a double click."""
@@ -75,18 +37,107 @@ DOUBLE_CLICK = 0.35
 HINT_TIME, INTENT = 0.5, 0.6
 """s. Time of the planner to find a shot for a person, and time for which it shows its own shot before the stroke."""
 
-_OTHER_FOLDERS = (Path.home(), Path(tempfile.gettempdir()))
-"""The folders for a game whose file cannot be written."""
-
 GRIP = 14
 """pixels. A drag starts within this distance of the cue ball's edge or of the arrow's tip."""
 
+_OTHER_FOLDERS = (Path.home(), Path(tempfile.gettempdir()))
+"""The folders for a game whose file cannot be written."""
+
+_ARROWS = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "up": (0.0, 1.0), "down": (0.0, -1.0)}
+
+KEYS: tuple[tuple[str, str, dict[str, tuple[Any, ...]]], ...] = (
+    ("drag from the cue ball", "aim; the arrow's length is the speed", {}),
+    ("drag on the table", "aim at a point with the same speed", {}),
+    ("left, right", "turn the aim by 1 degree; with shift 0.1", {}),
+    (
+        "comma, period",
+        "turn the aim by 0.01 degrees; with shift 0.001",
+        {",": (act.turn_aim, 0.01), ".": (act.turn_aim, -0.01)},
+    ),
+    ("F", "enlarge the object ball; the wheel then turns the aim by 0.01 degrees", {"f": (act.toggle, "zoom")}),
+    ("A", "aim to pot the ball under the mouse, or the aimed ball into the pocket under it", {"a": ("find_pot",)}),
+    ("Shift A", "aim for the best shot that the planner finds", {"shift a": ("find_plan",)}),
+    (
+        "up, down, wheel",
+        "speed by 0.1 m/s; with shift 0.01",
+        {k: (act.press_arrow, *way) for k, way in _ARROWS.items()},
+    ),
+    ("the white ball below", "drag the tip of the cue: english, follow and draw", {}),
+    (
+        "ctrl + arrows",
+        "move the tip of the cue; with shift by less",
+        {f"ctrl {key}": (act.move_tip, -0.05 * x, 0.05 * y) for key, (x, y) in _ARROWS.items()},
+    ),
+    ("double click on it, C", "level cue at the centre of the ball", {"c": (act.level,)}),
+    (
+        "page up, page down",
+        "raise and lower the cue by 5 degrees; with shift 0.5",
+        {"page up": (act.raise_cue, 5.0), "page down": (act.raise_cue, -5.0)},
+    ),
+    (
+        "space, the button",
+        "shoot; place the cue ball; continue",
+        dict.fromkeys(("space", "return", "enter"), (act.go,)),
+    ),
+    ("mouse, arrows", "move a cue ball in hand by 1 cm; with shift 1 mm", {}),
+    ("P", "move the cue ball in hand again", {"p": (act.place,)}),
+    (
+        "B, K",
+        "call the next ball, the next pocket",
+        {"b": (act.next_called, "ball"), "k": (act.next_called, "pocket")},
+    ),
+    ("X", "the next choice: safety, push out, hand back, replace", {"x": (act.next_kind,)}),
+    ("U or Z", "undo a person's shot; the aim of the shot is kept", dict.fromkeys("uz", (act.undo,))),
+    (
+        "R, G",
+        "replay the last shot; with or without the other engine as rings",
+        {"r": (act.replay,), "g": (act.toggle, "ghost")},
+    ),
+    (
+        "-, +",
+        "show shots slower, faster",
+        {key: (act.change_pace, change) for key, change in PACE_KEYS.items()},
+    ),
+    (
+        "S, N, Q",
+        "save the game; a new game when one is over; quit",
+        {"s": ("answer_save",), "n": ("begin_again",), "q": ("quit",), "escape": ("quit",)},
+    ),
+    (
+        "H, F1",
+        "these keys; the rules of the game",
+        {"h": (act.toggle_page, "keys"), **dict.fromkeys(("f1", "?"), (act.toggle_page, "rules"))},
+    ),
+)
+"""The page of the keys and mouse actions: their names and effects, and the actions of the keys.
+
+A key has its name in pygame, alone or after a modifier, or is the character that it types. Its action is a function of
+the model or the name of a method of the window, with its arguments. Shift divides numbers by ten.
+"""
+
+COMMANDS = {key: command for *_, commands in KEYS for key, command in commands.items()}
+"""The action of each key."""
+
+_MODIFIERS = {"ctrl": pygame.KMOD_CTRL, "shift": pygame.KMOD_SHIFT}
+
+UNSAVED = (
+    ("The game is not saved.", ""),
+    ("S", "save and quit"),
+    ("Q", "quit without saving"),
+    ("any other key", "continue"),
+)
+"""The page with the question before the window closes."""
+
 
 class _Work(Future[T]):
-    """The result of a function that runs in a thread. The window can close before the function ends."""
+    """The result of a function that runs in a thread. The window can close before the function ends.
 
-    def __init__(self, work: Callable[[], T]) -> None:
+    `game` is the state of the game for which it runs, and `start` the time of its start, see `time.monotonic`.
+    """
+
+    def __init__(self, work: Callable[[], T], game: GameState | None = None) -> None:
         super().__init__()
+        self.game, self.start = game, time.monotonic()
         self._thread = threading.Thread(target=self._run, args=(work,), daemon=True)
         self._thread.start()
 
@@ -111,8 +162,7 @@ def wait_for(work: Callable[[], T], text: str, width: int) -> T:
     screen = Screen((width, 2 * width // 3), "Billiards")
     frame = pygame.Surface(screen.size)
     frame.fill(PAPER)
-    image = text_image(text, width // 30, INK, width)
-    frame.blit(image, image.get_rect(center=frame.get_rect().center))
+    write(frame, text, width // 30, INK, width, center=frame.get_rect().center)
     running = _Work(work)
     try:
         while not running.done():
@@ -126,21 +176,6 @@ def wait_for(work: Callable[[], T], text: str, width: int) -> T:
         raise
 
 
-class _Thought(NamedTuple):
-    """The stroke that a program computes in a state of the game. `start` is a time of `time.monotonic`."""
-
-    game: GameState
-    stroke: _Work[Stroke]
-    start: float
-
-
-class _Hint(NamedTuple):
-    """A shot that a thread computes for a state of the game: the stroke for a pot, or the plan of the best shot."""
-
-    game: GameState
-    shot: _Work[Stroke | None] | _Work[Plan]
-
-
 class GameWindow:
     """A game in a window.
 
@@ -149,7 +184,6 @@ class GameWindow:
         open: False after the user has quit.
         ask: Whether the window asks before it closes a game that is not saved; True by default.
         interrupted: Whether Ctrl-C or SIGTERM has closed the window.
-        asking: Whether the question is shown.
         message: The result of the last command, such as saving.
     """
 
@@ -166,19 +200,18 @@ class GameWindow:
 
         None in `players` is a person. The key S saves to the path `save`.
         """
-        self.interrupted = False
-        self.model, self.open, self.message = model, True, ""
-        self.ask, self.asking = True, False
+        self.model, self.message = model, ""
+        self.open, self.ask, self.interrupted = True, True, False
         self._players, self._rng, self._save, self._saved = players, rng, save, model.strokes
         self._view = View(model.setup.scene, width, palette)
-        self._screen = Screen(self._view.size, f"Billiards: {model.setup.rules.replace('_', ' ')}")
+        self._screen = Screen(self._view.size, f"Billiards: {short_name(model.setup.rules).replace('_', ' ')}")
         pygame.key.set_repeat(300, 30)
         # The part that the mouse drags: a control, "arrow", "table" or nothing
         self._dragged: str | None = None
         self._clicked, self._seconds = -1.0, 0.0
         self._mouse = (0, 0)  # pixels
-        self._thought: _Thought | None = None
-        self._hint: _Hint | None = None
+        # The stroke of the program whose turn it is, or the stroke and the message of a hint
+        self._work: _Work[Any] | None = None
         self._shown: object = None
         self._frame = self._view.draw(model)
 
@@ -198,25 +231,18 @@ class GameWindow:
 
     def close(self) -> None:
         """Closes the window."""
-        self._stop()
+        self._start(None)
         self._screen.close()
-
-    def _stop(self) -> None:
-        """Stops the searches for shots."""
-        if self._thought is not None:
-            self._thought.stroke.stop()
-        if self._hint is not None:
-            self._hint.shot.stop()
-        self._thought = self._hint = None
 
     @property
     def saved(self) -> bool:
         """Whether all strokes are saved."""
         return self.model.strokes == self._saved
 
-    def pixels_of(self, point: ArrayLike) -> NDArray[np.float64]:
-        """Returns the pixels (2,) of a point (2,), m, from the upper left corner."""
-        return self._view.pixels_of(point)
+    @property
+    def asking(self) -> bool:
+        """Whether the window asks if the game is to be saved."""
+        return self.model.page == "unsaved"
 
     def frame(self) -> pygame.Surface:
         """Handles the events and waits until 1 / FPS s after the last call. Draws only if something has changed.
@@ -225,22 +251,29 @@ class GameWindow:
             The frame, valid until the next call.
         """
         for event in pygame.event.get():
-            self._take(event)
-        if self._hint is not None and self._hint.shot.done():
-            self._take_hint(self._hint)
+            if event.type in EVENTS:
+                EVENTS[event.type](self, event)
+        if self._work is not None and self._work.game is not self.model.game:
+            self._start(None)
         if self.model.phase == "thinking":
             self._think()
-        elif not self.asking:
+        else:
+            self._take_hint()
             self.model = tick(self.model, self._seconds)
         if self._screen.size != self._view.size:
             self._view.resize(self.model.setup.scene, self._screen.size)
-        shown = self.model, self.message, self.asking, self._screen.size
+        shown = self.model, self.message, self._screen.size
         if shown != self._shown:
-            self._frame = self._view.draw(self.model, self.message, UNSAVED if self.asking else ())
+            self._frame = self._view.draw(self.model, self.message, self._page())
             self._screen.show(self._frame)
             self._shown = shown
         self._seconds = self._screen.wait(FPS)
         return self._frame
+
+    def _page(self) -> Sequence[tuple[str, str]]:
+        if self.model.page == "rules":
+            return labels.rules_page(self.model.setup, self.model.choices)
+        return {"keys": [row[:2] for row in KEYS], "unsaved": UNSAVED}.get(self.model.page, ())
 
     def save(self) -> None:
         """Saves the game; to another folder, under a new name, if its file cannot be written."""
@@ -255,201 +288,175 @@ class GameWindow:
                 failed = failed or f"not saved: {error}; "
         self.message = failed.removesuffix("; ")
 
+    def _start(self, work: Callable[[], Any] | None) -> None:
+        """Stops the search for a shot, and starts another one in a thread, if any."""
+        if self._work is not None:
+            self._work.stop()
+        self._work = None if work is None else _Work(work, self.model.game)
+
     def _think(self) -> None:
-        """Plays the stroke of the program whose turn it is, when its thread has found it."""
-        if self._thought is None or self._thought.game is not self.model.game:
-            self._stop()
-            self._thought = self._start_thought()
-        elif self._thought.stroke.done():
-            stroke, now = self._thought.stroke.result(), time.monotonic()
-            if self.model.preview is None and self._shows_plan and stroke.call.kind not in actions.NO_SHOT:
-                self._do(actions.aim_like, stroke)
-                self._thought = self._thought._replace(start=now)
-            elif self.model.preview is None or now - self._thought.start >= INTENT:
-                self.model = shoot(self.model, self._executed(stroke))
-        elif time.monotonic() - self._thought.start > self.model.clock + 1:
-            self.model = tick(self.model, 1.0)  # once per second, because the window shows whole seconds
+        """Plays the stroke of the program whose turn it is, when its thread has found it.
 
-    @property
-    def _shows_plan(self) -> bool:
-        """Whether the program whose turn it is shows its shot before it plays it."""
-        return isinstance(self._players[self.model.game.state.player], LevelPlayer)
+        A level first shows its shot without the noise of the stroke.
+        """
+        model, work, player = self.model, self._work, self._players[self.model.game.state.player]
+        assert player is not None
+        level = player if isinstance(player, LevelPlayer) else None
+        if work is None:
+            (rng,), intend = self._rng.spawn(1), level.intend if level else player
+            self._start(lambda: intend(game_situation(model.setup, model.game, model.max_speed), rng))
+        elif not work.done():
+            if time.monotonic() - work.start > model.clock + 1:
+                self.model = tick(model, 1.0)  # once per second, because the window shows whole seconds
+        elif level and model.preview is None and work.result().call.kind not in act.NO_SHOT:
+            self._do(act.aim_like, work.result())
+            work.start = time.monotonic()
+        elif model.preview is None or time.monotonic() - work.start >= INTENT:
+            stroke: Stroke = work.result()
+            if level:
+                stroke = with_noise(stroke, level.noise, model.max_speed, self._rng.spawn(1)[0])
+            self.model = shoot(model, stroke)
 
-    def _start_thought(self) -> _Thought:
-        """Starts a thread that finds a stroke. If the turn is undone, the result of the thread is not used."""
-        model, (rng,) = self.model, self._rng.spawn(1)
-        player: Any = self._players[model.game.state.player]
-        player = player.intend if isinstance(player, LevelPlayer) else player
-        stroke = _Work(lambda: player(game_situation(model.setup, model.game, model.max_speed), rng))
-        return _Thought(model.game, stroke, time.monotonic())
-
-    def _executed(self, stroke: Stroke) -> Stroke:
-        """Returns the stroke that is played. That of a level has noise, which the window does not show in advance."""
-        player = self._players[self.model.game.state.player]
-        if not isinstance(player, LevelPlayer):
-            return stroke
-        return with_noise(stroke, player.noise, self.model.max_speed, self._rng.spawn(1)[0])
-
-    def _start_hint(self) -> None:
+    def find_pot(self) -> None:
         """Starts a thread that finds the aim for the ball and the pocket under the mouse."""
         model = self.model
         pot = pot_at(model, self._view.point_of(self._mouse)) if model.phase == "aiming" else None
-        if pot is None:
-            self.message = "point at a ball or a pocket"
-        else:
-            self.message, self._hint = "", _Hint(model.game, _Work(lambda: stroke_for(model, pot)))
+        self.message = "" if pot else "point at a ball or a pocket"
+        if pot:
+            self._start(lambda: (stroke_for(model, pot), ""))
 
-    def _start_plan(self) -> None:
+    def find_plan(self) -> None:
         """Starts a thread that finds the best shot for a person."""
+
+        def find() -> tuple[Stroke, str]:
+            best = plan(model.setup, model.game, model.max_speed, rng, HINT_TIME, noise=EXPECTED)
+            return best.stroke, labels.advice(model, best)
+
         model, (rng,) = self.model, self._rng.spawn(1)
         if model.phase in ("placing", "aiming"):
-            running = _Work(lambda: plan(model.setup, model.game, model.max_speed, rng, HINT_TIME, noise=EXPECTED))
-            self.message, self._hint = "thinking", _Hint(model.game, running)
+            self.message = "thinking"
+            self._start(find)
 
-    def _take_hint(self, hint: _Hint) -> None:
-        """Aims as the thread has found, unless the game went on."""
-        self._hint, shot = None, hint.shot.result()
-        if shot is None:
-            self.message = "no pot found"
-        elif hint.game is not self.model.game:
-            self.message = ""
-        elif isinstance(shot, Plan):
-            self._do(actions.aim_like, shot.stroke)
-            self.message = labels.advice(self.model, shot)
-        else:
-            self._do(actions.aim_like, shot)
+    def _take_hint(self) -> None:
+        """Aims as the thread has found."""
+        if self._work is not None and self._work.done():
+            stroke, text = self._work.result()
+            self.message, self._work = text if stroke else "no pot found", None
+            self.model = act.aim_like(self.model, stroke) if stroke else self.model
 
-    def _quit(self) -> None:
+    def quit(self, _: object = None) -> None:
         """Closes the window, but asks first if the game is not saved. A second call closes it."""
-        self.open = self.asking = self.ask and not self.asking and not self.saved
+        self.open = self.ask and not self.asking and not self.saved
+        if self.open:
+            self._do(act.toggle_page, "unsaved")
 
-    def _answer(self, key: int) -> None:
-        """Handles a key after the question whether to save."""
-        if key == pygame.K_s:
-            self.save()
+    def answer_save(self) -> None:
+        """Saves the game, and then quits if that is the answer to the question."""
+        asked = self.asking
+        self.save()
+        if asked:
             self.open = not self.saved
-        elif key == pygame.K_q:
-            self.open = False
-        self.asking = False
+            self._do(act.toggle_page, "unsaved")
 
-    def _take(self, event: pygame.event.Event) -> None:
-        if event.type == pygame.QUIT:
-            self._quit()
-        elif event.type in (pygame.VIDEOEXPOSE, pygame.WINDOWRESTORED):
-            self._shown = None
-        elif self.asking:
-            if event.type == pygame.KEYDOWN:
-                self._answer(event.key)
-            elif event.type == pygame.MOUSEBUTTONDOWN:
-                self.asking = False
-        elif event.type == pygame.KEYDOWN:
-            self.message = ""
-            if event.key == pygame.K_ESCAPE and self.model.page:
-                self._do(actions.toggle_page, self.model.page)
-            elif event.key in (pygame.K_q, pygame.K_ESCAPE):
-                self._quit()
-            elif event.key == pygame.K_s:
-                self.save()
-            elif event.key == pygame.K_a:
-                (self._start_plan if event.mod & pygame.KMOD_SHIFT else self._start_hint)()
-            elif event.key == pygame.K_n and self.model.phase == "over":
-                self._new_game()
-            elif event.key in ELEVATIONS:
-                self._do(actions.set_elevation, self.model.aim.elevation + ELEVATIONS[event.key])
-            elif event.key in FINE:
-                self._do(actions.turn_aim, FINE[event.key] * _share(event.mod))
-            elif event.key in ARROWS:
-                self._move(*ARROWS[event.key], event.mod)
-            elif event.key in COMMANDS:
-                self._do(*COMMANDS[event.key])
-            elif event.unicode == "?":
-                self._do(actions.toggle_page, "rules")
-        elif event.type == pygame.MOUSEBUTTONDOWN and event.button == 1:
-            self.message = ""
-            self._press(event.pos)
-        elif event.type == pygame.MOUSEBUTTONUP and event.button == 1:
-            self._dragged = None
-        elif event.type == pygame.MOUSEMOTION:
-            self._mouse = event.pos
-            self._drag(event.pos)
-            self._do(actions.move_to, self._view.point_of(event.pos))
-        elif event.type == pygame.MOUSEWHEEL:
-            share = _share(pygame.key.get_mods())
-            if self.model.zoom:
-                self._do(actions.turn_aim, FINE[pygame.K_COMMA] * share * event.y)
-            else:
-                self._do(actions.change_speed, METRES_PER_SECOND * share * event.y)
-
-    def _press(self, pixel: tuple[int, int]) -> None:
-        """Handles the left button: it presses a control, aims, places the cue ball or continues."""
-        control = self._view.controls.at(pixel)
-        if control == "shoot" and self.model.phase == "over":
-            self._new_game()
-        elif self.model.page or control == "shoot" or (self.model.phase != "aiming" and control is None):
-            self._do(actions.go)
-        elif self.model.phase == "aiming":
-            double = control == "ball" and time.monotonic() - self._clicked < DOUBLE_CLICK
-            self._clicked = time.monotonic() if control == "ball" else -1.0
-            self._dragged = control or (
-                "arrow" if self._on_arrow(pixel) else "table" if self._on_table(pixel) else None
-            )
-            if double:
-                self._dragged = None
-                self._do(actions.level)
-            elif self._dragged != "arrow":
-                self._drag(pixel)
-
-    def _drag(self, pixel: tuple[int, int]) -> None:
-        """Moves the part that the mouse drags."""
-        places, point = self._view.controls, self._view.point_of(pixel)
-        if self._dragged is None:
-            return
-        if self._dragged == "ball":
-            self._do(actions.set_tip, *places.tip(pixel))
-        elif self._dragged == "elevation":
-            self._do(actions.set_elevation, STEEPEST * places.elevation.share(pixel)[1])
-        elif self._dragged == "speed":
-            self._do(actions.set_speed, places.speed.share(pixel)[0])
-        else:
-            self._do(actions.aim_at if self._dragged == "arrow" else actions.look_at, point)
-
-    def _new_game(self) -> None:
-        """Starts a game with the same settings; the old one is no longer saved."""
-        self._stop()
+    def begin_again(self) -> None:
+        """Starts a game with the same settings after the end of one; the old one is no longer saved."""
         model = self.model
-        history = History(model.setup, opening(model.setup, self._rng), ())
-        self.model = begin(history, model.players, model.max_speed, model.ghost_dt, model.pace, model.choices)
+        if model.phase == "over":
+            history = History(model.setup, opening(model.setup, self._rng), ())
+            self.model = begin(history, model.players, model.max_speed, model.ghost_dt, model.pace, model.choices)
 
     def _do(self, action: Callable[..., WindowModel], *args: Any) -> None:
         self.model = action(self.model, *args)
 
-    def _move(self, x: int, y: int, modifiers: int) -> None:
-        """Handles an arrow key that points along (x, y)."""
-        share = _share(modifiers)
-        if modifiers & pygame.KMOD_CTRL:
-            self._do(actions.move_tip, -RADII * share * x, RADII * share * y)
-        elif self.model.phase == "placing":
-            self._do(actions.move_by, (METRES * share * x, METRES * share * y))
-        elif x:
-            self._do(actions.turn_aim, -DEGREES * share * x)
+    def _expose(self, _: object) -> None:
+        self._shown = None
+
+    def _key(self, event: pygame.event.Event) -> None:
+        """Handles a key. While a question is shown, a key that is no answer removes it."""
+        self.message = ""
+        key = pygame.key.name(event.key)
+        held = [f"{name} {key}" for name, mask in _MODIFIERS.items() if event.mod & mask]
+        action, *arguments = next((COMMANDS[one] for one in (*held, key, event.unicode) if one in COMMANDS), ("",))
+        leaves = key == "escape" or (self.asking and action not in ("answer_save", "quit"))
+        if self.model.page and leaves:
+            self._do(act.toggle_page, self.model.page)
+        elif isinstance(action, str):
+            getattr(self, action, lambda: None)()
         else:
-            self._do(actions.change_speed, METRES_PER_SECOND * share * y)
+            share = _share(event.mod)
+            self._do(action, *(share * one if isinstance(one, float) else one for one in arguments))
 
-    def _on_arrow(self, pixel: tuple[int, int]) -> bool:
-        """Returns whether a pixel is on the aimed cue ball or on the tip of the arrow."""
-        model = self.model
-        if model.phase != "aiming":
-            return False
-        radius = model.setup.scene.balls.radius[model.cue]
-        along = np.array([math.cos(model.aim.angle), math.sin(model.aim.angle)])
-        tip = np.array(model.cue_position) + (ARROW * model.aim.speed + ARROW_START * radius) * along
-        ball, tip = (float(np.hypot(*(self.pixels_of(p) - pixel))) for p in (model.cue_position, tip))
-        return ball < self._view.canvas.scale * radius + GRIP or tip < GRIP
+    def _press(self, event: pygame.event.Event) -> None:
+        """Handles the left button: it presses a control, aims, places the cue ball or continues."""
+        if event.button != 1:
+            return
+        self.message, control, phase = "", self._view.panel.at(event.pos), self.model.phase
+        if control == "shoot" and phase == "over" and not self.model.page:
+            self.begin_again()
+        elif self.model.page or control == "shoot" or (phase != "aiming" and control is None):
+            self._do(act.go)
+        elif phase == "aiming":
+            double = control == "ball" and time.monotonic() - self._clicked < DOUBLE_CLICK
+            self._clicked = time.monotonic() if control == "ball" else -1.0
+            self._dragged = None if double else control or self._part_at(event.pos)
+            if double:
+                self._do(act.level)
+            elif self._dragged != "arrow":
+                self._drag(event.pos)
 
-    def _on_table(self, pixel: tuple[int, int]) -> bool:
-        """Returns whether a pixel is on the playing surface."""
-        table, (x, y) = self.model.setup.scene.table, self._view.point_of(pixel)
-        return abs(x) <= table.length / 2 and abs(y) <= table.width / 2
+    def _release(self, event: pygame.event.Event) -> None:
+        self._dragged = None if event.button == 1 else self._dragged
+
+    def _point(self, event: pygame.event.Event) -> None:
+        """Handles the motion of the mouse: it drags a part and moves a cue ball in hand."""
+        self._mouse = event.pos
+        if self.asking:
+            return
+        self._drag(event.pos)
+        self._do(act.move_to, self._view.point_of(event.pos))
+
+    def _wheel(self, event: pygame.event.Event) -> None:
+        if self.asking:
+            return
+        action, step = (act.turn_aim, 0.01) if self.model.zoom else (act.change_speed, 0.1)
+        self._do(action, step * _share(pygame.key.get_mods()) * event.y)
+
+    def _drag(self, pixel: tuple[int, int]) -> None:
+        """Moves the part that the mouse drags."""
+        aim, part = self.model.aim, self._dragged
+        if part in ("arrow", "table"):
+            self._do(act.look_at, self._view.point_of(pixel), part == "arrow")
+        elif part is not None:
+            across, up = self._view.panel.share(part, pixel)
+            if part == "ball":
+                self._do(act.set_tip, 1 - 2 * across, 2 * up - 1)
+            elif part == "elevation":
+                self._do(act.raise_cue, STEEPEST * up - aim.elevation)
+            else:
+                self._do(act.change_speed, self.model.max_speed * across - aim.speed)
+
+    def _part_at(self, pixel: tuple[int, int]) -> str | None:
+        """Returns the part of the table at a pixel in the phase "aiming": the "arrow", the "table" or None."""
+        model, view, (x, y) = self.model, self._view, self._view.point_of(pixel)
+        radius, cue = model.setup.scene.balls.radius[model.cue], np.array(model.cue_position)
+        tip = cue + (ARROW * model.aim.speed + ARROW_START * radius) * model.aim.along
+        ball, tip = (float(np.hypot(*(view.pixels_of(place) - pixel))) for place in (cue, tip))
+        if ball < view.canvas.scale * radius + GRIP or tip < GRIP:
+            return "arrow"
+        table = model.setup.scene.table
+        return "table" if abs(x) <= table.length / 2 and abs(y) <= table.width / 2 else None
+
+
+EVENTS: dict[int, Callable[[GameWindow, Any], None]] = {
+    pygame.QUIT: GameWindow.quit,
+    **dict.fromkeys((pygame.VIDEOEXPOSE, pygame.WINDOWRESTORED), GameWindow._expose),
+    pygame.KEYDOWN: GameWindow._key,
+    pygame.MOUSEBUTTONDOWN: GameWindow._press,
+    pygame.MOUSEBUTTONUP: GameWindow._release,
+    pygame.MOUSEMOTION: GameWindow._point,
+    pygame.MOUSEWHEEL: GameWindow._wheel,
+}
+"""The handler of each kind of event."""
 
 
 def _share(modifiers: int) -> float:

@@ -226,8 +226,8 @@ def aim(
     order = np.lexsort((-_room(problem, tried), np.maximum(tried.off, _EXACT), tried.missed, ~tried.solved))
     best, others = order[0], order[1:][tried.solved[order[1:]]]
     velocity = tried.velocities[best]
-    (places,), (playing,) = problem.table.positions, problem.table.in_play
-    shot = simulate(scene, places, _stroke(problem, velocity), in_play=playing, record=True)
+    (places,), (in_play,) = problem.table.positions, problem.table.in_play
+    shot = simulate(scene, places, _stroke(problem, velocity), in_play=in_play, record=True)
     return Aim(bool(tried.solved[best]), velocity, float(tried.off[best]), shot, tried.velocities[others])
 
 
@@ -243,14 +243,14 @@ def _checked(
     n, checked = scene.n_balls, tuple(goals) if isinstance(goals, Sequence) else (goals,)
     if not checked or not all(isinstance(goal, Goal) for goal in checked):
         raise ValueError(f"goals = {short(goals)}: expected goals such as Pot(1)")
-    playing = np.ones(n, bool) if in_play is None else np.array(unmasked("in_play", in_play))
-    if playing.shape != (n,) or playing.dtype != bool or not playing[CUE_BALL]:
+    in_play = np.ones(n, bool) if in_play is None else np.array(unmasked("in_play", in_play))
+    if in_play.shape != (n,) or in_play.dtype != bool or not in_play[CUE_BALL]:
         raise ValueError(f"in_play = {short(in_play)}: expected ({n},) bool, with the cue ball in play")
     for goal in checked:
         name = type(goal).__name__
         least, field = 0 if isinstance(goal, Leave) else 1, "before" if isinstance(goal, Cushions) else "ball"
         ball = getattr(goal, field)
-        if (ball is not None or field == "ball") and not playing[integer(f"{name}.{field}", ball, Range(least, n - 1))]:
+        if (ball is not None or field == "ball") and not in_play[integer(f"{name}.{field}", ball, Range(least, n - 1))]:
             raise ValueError(f"{name}.{field} = {ball}: expected a ball in play")
         if isinstance(goal, Cushions):
             integer("Cushions.least", goal.least, Range(0, None))
@@ -260,9 +260,9 @@ def _checked(
             finite("Leave.position", goal.position, (2,))
             real("Leave.radius", goal.radius, _RADIUS)
     fastest = real("max_speed", max_speed, "max_speed")
-    objects = playing & (np.arange(n) != CUE_BALL)
+    objects = in_play & (np.arange(n) != CUE_BALL)
     places = shaped("positions", positions, (n, 2))
-    return _Problem(Tables(scene, places[None], playing[None], objects[None], fastest), checked, strike)
+    return _Problem(Tables(scene, places[None], in_play[None], objects[None], fastest), checked, strike)
 
 
 def _stroke(problem: _Problem, velocities: Floats) -> Floats | Strike:
@@ -451,7 +451,7 @@ def _margins(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
 
 
 def _margin_rows(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
-    """Like `_leave_rows`, for the margins of missed pots and touches."""
+    """Returns the derivatives and the residuals of the margins of missed pots and touches."""
     margins, by = _margins(problem, batch)
     missed = (margins < _CLEAR) & np.isfinite(margins)
     return np.where(missed[..., None], by, 0.0), np.where(missed, margins - _CLEAR, 0.0)

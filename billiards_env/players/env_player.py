@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from billiards_env.engine.strikes import level_strike, strike
 from billiards_env.engine.threads import parallel_for
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
-from billiards_env.envs.actions import ACTIONS, PLAYED, cue_strike
+from billiards_env.envs.actions import PLAYED, action_named, cue_strike
 from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.observations import nth
-from billiards_env.envs.tasks import TASKS
+from billiards_env.envs.tasks import TASKS, task_of
 from billiards_env.games import GameState, Setup, Stroke, choices, members, play
 from billiards_env.games.game import opening_state
 from billiards_env.games.game_state import NOT_IN_HAND, changed, set_of
@@ -40,9 +40,6 @@ from billiards_env.support.checks import finite, one_of
 Floats = NDArray[np.float64]
 Act = Callable[[Any], NDArray[np.floating[Any]]]
 """A function that returns the action for an observation."""
-
-RULES_OF_TASKS = {name: task.rules for name, task in TASKS.items() if task.rules}
-"""The tasks that the planner can play, with the games whose rules it follows."""
 
 
 class ActionStroke(Stroke):
@@ -77,8 +74,8 @@ def env_situation(env: BilliardsEnv, observation: Any = None, noise: Noise = (0.
 
     Args:
         env: The environment.
-        observation: As in `Situation`.
-        noise: As in `Situation`.
+        observation: The observation of the environment; None outside of one.
+        noise: The expected execution noise: standard deviations of the direction, degrees, and of the speed, m/s.
     """
     if env.model.setup is not None:
         situation = game_situation(*_game_played(env), env.max_speed, noise)
@@ -88,7 +85,7 @@ def env_situation(env: BilliardsEnv, observation: Any = None, noise: Noise = (0.
     return Situation(
         table=table,
         action=env.action,
-        strike=ACTIONS[env.action].has_cue,
+        strike=action_named(env.action).has_cue,
         rate=lambda actions: rewards(env, actions),
         stroke=lambda action: _stroke(env, table, action),
         find_game=lambda: _game(env),
@@ -179,9 +176,9 @@ def _call_numbers(env: BilliardsEnv, stroke: Stroke) -> Floats:
 
 def _shot_numbers(env: BilliardsEnv, stroke: Stroke) -> Floats:
     if not any(stroke.velocity):
-        return np.zeros(ACTIONS[env.action].size)
+        return np.zeros(action_named(env.action).size)
     one_of("action of the environment of a player", env.action, PLAYED)
-    if not ACTIONS[env.action].has_cue:
+    if not action_named(env.action).has_cue:
         return np.array(stroke.velocity) / env.max_speed
     scene = env.episode_scene
     cue, heading, side, top = level_strike(scene, stroke.velocity, stroke.spin)
@@ -191,7 +188,7 @@ def _shot_numbers(env: BilliardsEnv, stroke: Stroke) -> Floats:
 
 
 def _stroke(env: BilliardsEnv, table: Tables, action: Any) -> ActionStroke:
-    array, convert = finite("action", action, env.action_space.shape), ACTIONS[env.action].converter
+    array, convert = finite("action", action, env.action_space.shape), action_named(env.action).converter
     if convert:
         (velocity,), spin = convert(env.scene, table.max_speed).velocities(array[None], table), np.zeros(3)
     else:
@@ -204,7 +201,7 @@ def _stroke(env: BilliardsEnv, table: Tables, action: Any) -> ActionStroke:
 
 def _goals(env: BilliardsEnv, balls: list[int]) -> tuple[tuple[Goal, ...], ...]:
     """Returns the ways to score in the task of an environment, with the legal balls."""
-    task = TASKS[env.task]
+    task = task_of(env.task)
     if task.cushions is not None:
         return carom_goals(balls, task.cushions)
     leave = tuple(Leave((x, y), env.model.goal_radius) for x, y in env.goals.tolist())
@@ -215,10 +212,13 @@ def _goals(env: BilliardsEnv, balls: list[int]) -> tuple[tuple[Goal, ...], ...]:
 
 def _game(env: BilliardsEnv) -> tuple[Setup, GameState]:
     """Returns the game whose rules the task of an environment follows, and its state."""
-    one_of("task of the player 'planner'", env.task, tuple(RULES_OF_TASKS))
-    setup = Setup(RULES_OF_TASKS[env.task], env.episode_scene)
-    lying = set_of(np.flatnonzero(~env.potted).tolist()) & ~set_of([CUE_BALL])
-    plain = changed(opening_state(setup), break_shot=False, in_hand=NOT_IN_HAND, object_balls=lying)
+    rules = task_of(env.task).rules
+    if not rules:
+        with_rules = tuple(name for name, task in TASKS.items() if task.rules)
+        one_of("task of the player 'planner'", env.task, with_rules)
+    setup = Setup(rules, env.episode_scene)
+    object_balls = set_of(np.flatnonzero(~env.potted).tolist()) & ~set_of([CUE_BALL])
+    plain = changed(opening_state(setup), break_shot=False, in_hand=NOT_IN_HAND, object_balls=object_balls)
     of_task = np.atleast_1d(env.get_state()["game"])  # (0,) if the task is no game
     return setup, GameState(env.positions, next(iter(of_task), plain))
 

@@ -51,7 +51,7 @@ class LevelPlayer(NamedTuple):
 
     Attributes:
         intend: The player without noise.
-        noise: As in `Level`.
+        noise: Standard deviations of direction, degrees, and speed, m/s, of its strokes.
     """
 
     intend: Player

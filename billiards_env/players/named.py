@@ -1,8 +1,9 @@
 """Players by name: `find_player`. A player is a function `(situation, rng) -> Stroke`, see `players.situation`.
 
 `PLAYERS` is the table of the names. A colon and an argument may follow a name: "search:500", "planner:100ms",
-"planner:club" (a level, see `players.levels`), "policy:runs/pot" (the folder of a run of `agents.train`). Other names
-are those of makers. A *maker* is a function `(argument) -> player`, whose argument is a text:
+"planner:club" (a level, see `players.levels`), "policy:runs/pot" (the folder of a run of `agents.train`).
+"module:NAME" and "module:NAME:ARGUMENT" name a player that the module adds with `register_player`. Other names are
+those of makers. A *maker* is a function `(argument) -> player`, whose argument is a text:
 
 * "module:function" and "module:function:ARGUMENT" name a function of a module;
 * the name of an entry point in the group `billiards_env.players` of an installed package loads a maker.
@@ -23,7 +24,7 @@ from billiards_env.games import Setup
 from billiards_env.players.levels import planning
 from billiards_env.players.situation import Player
 from billiards_env.players.strategies import SHOTS, geometric, random, reach_goals, search
-from billiards_env.support.checks import suggestion
+from billiards_env.support.checks import add_entry, suggestion
 
 Where = Setup | gym.Env[Any, Any]
 """The game that a player plays, or the environment."""
@@ -67,6 +68,11 @@ PLAYERS = {
 """The players by name; "policy" needs the extra `train`."""
 
 
+def register_player(name: str, player: PlayerEntry) -> None:
+    """Adds a player of another package to `PLAYERS`. The errors are those of `checks.add_entry`."""
+    add_entry("player", name, player, PLAYERS, PlayerEntry)
+
+
 def find_player(text: str, where: Where, others: Sequence[str] = ()) -> Player:
     """Returns the player of a name.
 
@@ -83,32 +89,43 @@ def find_player(text: str, where: Where, others: Sequence[str] = ()) -> Player:
     """
     name, colon, argument = text.partition(":")
     if name in PLAYERS:
-        entry = PLAYERS[name]
-        if colon and entry.argument is None:
-            raise ValueError(f"player = {text!r}: expected {name!r}, a name without ':'")
-        if entry.needs_pockets and isinstance(where, Setup) and not where.game_rules.pockets:
-            raise ValueError(f"player = {text!r} with rules = {where.rules!r}: expected a game with pockets")
-        return entry.make(argument if colon else entry.argument or "", where)
+        return _made(PLAYERS[name], text, argument if colon else None, where)
     offered = importlib.metadata.entry_points(group=GROUP)
     if name in offered.names:
         maker = offered[name].load()
     else:
-        function, _, argument = argument.partition(":")
+        function, colon, argument = argument.partition(":")
         maker = _imported(text, name, function, sorted({*PLAYERS, *offered.names, *others}))
+        if isinstance(maker, PlayerEntry):
+            return _made(maker, text, argument if colon else None, where)
     _check_call(text, maker, 1, "(argument) that returns a player")
     player = maker(argument)
     _check_call(text, player, 2, "that returns a player (situation, rng)")
     return player
 
 
+def _made(entry: PlayerEntry, text: str, argument: str | None, where: Where) -> Player:
+    """Returns the player of an entry. Raises a ValueError if it takes no argument or cannot play the game."""
+    if argument is not None and entry.argument is None:
+        raise ValueError(f"player = {text!r}: expected {text.removesuffix(f':{argument}')!r}, a name without ':'")
+    if entry.needs_pockets and isinstance(where, Setup) and not where.game_rules.pockets:
+        raise ValueError(f"player = {text!r} with rules = {where.rules!r}: expected a game with pockets")
+    return entry.make(entry.argument or "" if argument is None else argument, where)
+
+
 def _imported(text: str, module: str, function: str, names: Sequence[str]) -> Any:
-    """Returns a function of a module. Raises a ValueError that lists the known names if there is none."""
+    """Returns the maker of a module, or the entry of `PLAYERS` that it registers.
+
+    Raises a ValueError that lists the known names if there is neither.
+    """
     try:
-        return getattr(importlib.import_module(module), function)
+        found, entry = importlib.import_module(module), PLAYERS.get(function)
+        theirs = entry is not None and entry.make.__module__.partition(".")[0] == module.partition(".")[0]
+        return entry if theirs else getattr(found, function)  # an entry of another package hides no function
     except SyntaxError as error:
         where = f"{error.filename}, line {error.lineno}: {error.msg}"
         raise ValueError(f"player = {text!r}: expected a module of Python ({where})") from error
-    except (AttributeError, ImportError, ValueError) as error:
+    except Exception as error:  # the code of the module may raise any
         name, ours = text.partition(":")[0], module.removesuffix(".py")
         if ours != module or (not function and isinstance(error, AttributeError)):
             why = f" (did you mean '{ours}:{function or 'FUNCTION'}'?)"

@@ -281,7 +281,8 @@ def _without_noise(search: _Search, first: Candidates) -> Sums:
         part = first.take(slice(budget.used, budget.used + budget.chunk(0.1, *_CHUNK)))
         played = play_batch(setup, game, part.velocities, part.spins, part.places, threads=1)
         budget.used += len(part.velocities)
-        _set_targets(setup, game, part.targets, played)
+        new = np.flatnonzero((played.called >= 0) & (part.targets[:, 0] < 0))
+        part.targets[new] = np.column_stack((played.called[new], played.pockets[new, played.called[new]]))
         new = search.values(played, part.push_out), _kept(search, played, part.push_out), np.ones(len(part.velocities))
         exact = Sums(*(np.concatenate(pair) for pair in zip(exact, new, strict=True)))
     return exact
@@ -313,16 +314,6 @@ def _sample(search: _Search, shots: Candidates, samples: int) -> tuple[Sums, Flo
     better = np.where(done, np.maximum(values - (sums.total / np.maximum(sums.samples, 1.0))[:, None], 0.0), 0.0)
     shifts = (better[..., None] * noise.reshape(k, samples, 2)).sum(axis=1)
     return sums, shifts / np.maximum(better.sum(axis=1), 1e-9)[:, None]
-
-
-def _set_targets(setup: Setup, game: GameState, targets: Ints, played: PlayedBatch) -> None:
-    """Sets the calls (k, 2) of random shots: the first ball that a shot pots and that may be called."""
-    if not game.state.call_shot or game.state.break_shot:
-        return
-    for ball in setup.callable(game.state):
-        pocket = played.pockets[:, ball]
-        new = (pocket >= 0) & (targets[:, 0] < 0)
-        targets[new] = np.column_stack((np.full(new.sum(), ball), pocket[new]))
 
 
 def noisy_strokes(velocities: Floats, spins: Floats, noise: Floats, max_speed: float) -> tuple[Floats, Floats]:

@@ -1,8 +1,8 @@
 """The probability that a player runs out from the position after a shot, by a small network.
 
 The inputs of the network are the two easiest pots, the numbers of balls to pot and of legal balls, the place of the cue
-ball, the size of the noise, and whether english is allowed. `python -m studies.run_outs` trains it on racks that the
-planner plays, and writes its weights.
+ball, the size of the noise, and whether english is allowed. It was trained on racks that the planner played. Commit
+88643de1 is the last one with the program that trained it.
 """
 
 from __future__ import annotations

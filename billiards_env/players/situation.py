@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.envs.actions import ACTIONS, PLAYED
+from billiards_env.envs.actions import PLAYED, action_named
 from billiards_env.games import GameState, Setup, Stroke, play
 from billiards_env.games.batch import PlayedBatch, best_call, play_batch
 from billiards_env.games.game_state import is_in, on_table
@@ -69,7 +69,7 @@ class Situation(NamedTuple):
     def action_size(self) -> int:
         """The number of numbers of an action. Raises a ValueError if the environment converts its actions."""
         one_of("action of the environment of a player", self.action, PLAYED)
-        return ACTIONS[self.action].size
+        return action_named(self.action).size
 
     def pots(self) -> PotShots:
         """Returns the direct pots, or the pots off one cushion if no direct pot is possible or scores, best first."""
@@ -93,11 +93,11 @@ def game_situation(
         setup: The game.
         game: Its state.
         max_speed: Speed of the fastest shot, m/s.
-        noise: As in `Situation`.
+        noise: The expected execution noise: standard deviations of the direction, degrees, and of the speed, m/s.
         place: As in `Situation`. The ratings are those of shots from the position of the cue ball in `game`.
     """
     balls, state, sliding = np.arange(len(game.positions)), game.state, setup.scene.physics.motion == "sliding"
-    lying, legal = is_in(on_table(state), len(balls)), np.isin(balls, setup.legal(state))
+    in_play, legal = is_in(on_table(state), len(balls)), np.isin(balls, setup.legal(state))
 
     def rate(actions: Floats) -> Floats:
         lengths = np.maximum(np.hypot(actions[:, 0], actions[:, 1]), 1.0)
@@ -106,12 +106,12 @@ def game_situation(
     def stroke(action: Any) -> Stroke:
         return game_stroke(setup, game, max_speed * np.asarray(action, np.float64), max_speed, place)
 
-    targets, rules = np.flatnonzero(legal & lying).tolist(), setup.game_rules
+    targets, rules = np.flatnonzero(legal & in_play).tolist(), setup.game_rules
     goals = carom_goals(targets, rules.cushions)
     if rules.pockets:  # the pots of a break depend on rounding
         goals = () if state.break_shot else tuple((FirstTouch(ball), Pot(ball)) for ball in targets)
     return Situation(
-        table=Tables(setup.scene, game.positions[None], lying[None], legal[None], max_speed, int(state.cue_balls[0])),
+        table=Tables(setup.scene, game.positions[None], in_play[None], legal[None], max_speed, int(state.cue_balls[0])),
         action="velocity",
         strike=sliding,
         rate=rate,
@@ -134,7 +134,7 @@ def game_stroke(setup: Setup, game: GameState, velocity: Floats, max_speed: floa
     stroke = Stroke((x, y), place)
     if not game.state.call_shot:
         return stroke
-    return stroke._replace(call=best_call(setup, game.state, play(setup, game, stroke).pots))
+    return stroke._replace(call=best_call(setup, game.state, play(setup, game, stroke)))
 
 
 def placed(situation: Situation, rng: np.random.Generator, places: int = PLACES) -> Situation:

@@ -59,8 +59,8 @@ class Values:
             game: Its state before the shots.
             max_speed: Speed of the fastest shot, m/s.
             noise: Standard deviations of the direction, rad, and of the speed, m/s.
-            run_out: As in `planner.Options`.
-            english: As in `planner.Options`.
+            run_out: Whether only the present turn counts.
+            english: Whether to try offsets of the tip, in a scene with spin.
             weights: The network that computes the probability of a run-out, in games that are not won by points. None
                 for an estimate from the next pot and the number of balls left.
         """

@@ -137,8 +137,8 @@ def find_pots(
         np.zeros((m, k, len(SPEEDS) if speeds else 0, SHOT_WIDTH)),
     )
     slip_ratio, spin_ratio = 1.0 - 2.5 * offset[1], -2.5 * offset[0]  # see `physics.strike.struck`
-    on_table = tables.in_play.copy()  # numba compiles a second time for a read-only array
-    fields = tables.cue, tables.positions, on_table, tables.targets, float(tables.max_speed), slip_ratio, spin_ratio
+    in_play = tables.in_play.copy()  # numba compiles a second time for a read-only array
+    fields = tables.cue, tables.positions, in_play, tables.targets, float(tables.max_speed), slip_ratio, spin_ratio
     write_pots(scene_fields(scene), fields, (banks is not None, banks is True, speeds, direct), tuple(pots))
     return pots
 
@@ -169,10 +169,10 @@ def write_pots(scene, tables, flags, pots):
     banks, write the shots, find direct pots.
     """
     scene, pots = scene_of(scene, 0), Pots(*pots)
-    cue, positions, on_table, targets, max_speed, slip_ratio, spin_ratio = tables
+    cue, positions, in_play, targets, max_speed, slip_ratio, spin_ratio = tables
     state = empty_state(positions.shape[1])
     for t in range(len(positions)):
-        table = TableArrays(scene, cue, positions[t], on_table[t], targets[t], max_speed, slip_ratio, spin_ratio)
+        table = TableArrays(scene, cue, positions[t], in_play[t], targets[t], max_speed, slip_ratio, spin_ratio)
         own = Pots(pots.count[t : t + 1], pots.ball[t], pots.pocket[t], pots.rows[t], pots.shots[t])
         own.count[0] = 0
         any_banks, all_banks, speeds, direct = flags

@@ -33,7 +33,7 @@ class TableArrays(NamedTuple):
         scene: The scene.
         cue: The number of the cue ball.
         positions: (n, 2) m.
-        on_table: (n,) bool, the balls on the table.
+        in_play: (n,) bool, the balls on the table.
         targets: (n,) bool, those of them to pot.
         max_speed: Speed of the fastest shot, m/s.
         slip_ratio: Initial slip of the cue ball divided by its initial speed, see `physics.laws.cloth.launch`.
@@ -43,7 +43,7 @@ class TableArrays(NamedTuple):
     scene: SceneArrays
     cue: int
     positions: NDArray[np.float64]
-    on_table: NDArray[np.bool_]
+    in_play: NDArray[np.bool_]
     targets: NDArray[np.bool_]
     max_speed: float
     slip_ratio: float

@@ -61,12 +61,12 @@ class _Chains(NamedTuple):
     """k ways before the correction.
 
     Attributes:
-        target: As in `Ways`.
+        target: (k, 2) the ball to pot and the pocket, -1 for a kick without a pot.
         legal: (k,) the ball that the cue ball touches first.
         ends: (k, 3, 2, 2) m: the beginnings and ends of three straight paths; equal where a path is not used.
         spare: (k, 3, 2) two balls that each path may touch.
         aim: (k, 2) m: the point at which the cue ball is aimed.
-        tolerance: As in `Ways`.
+        tolerance: (k,) rad: the largest error of the direction that still reaches the target, to first order.
     """
 
     target: Ints
@@ -81,7 +81,7 @@ def find_indirect(tables: Tables, targets: Ints, most: int = MOST, budget: Budge
     """Returns the ways with the largest tolerance.
 
     Args:
-        tables: One table with pockets.
+        tables: One table with pockets and with the cue ball in its place. The shots use the engine "pic".
         targets: The balls that may be potted.
         most: The largest number of ways, at most `MOST`.
         budget: Corrections end when a share `TIME` of its time is used.

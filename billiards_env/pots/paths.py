@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.cushion import reflect, reflect_both
+from billiards_env.physics.ball_cushion import reflect, reflect_both
 from billiards_env.physics.geometry.contact import distance_to_segment
 from billiards_env.physics.geometry.walls import wall_normal, wall_time, walls_met
 from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after, path_of

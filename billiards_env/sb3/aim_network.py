@@ -140,7 +140,9 @@ class AimNetwork(nn.Module):
         strikes: bool = False,
     ) -> None:
         super().__init__()
-        self.aim, self.ranges, self.numbers = aim, len(speeds) - 1, TIP * strikes
+        self.aim = aim
+        self.ranges = len(speeds) - 1
+        self.numbers = TIP * strikes
         self.goal, self.legal = "goal" in features, "legal_balls" in features
         self.rest = [name for name in ("shots_left", "physics") if name in features]
         inputs, half = 8 + 2 * self.goal + sum(math.prod(features[name]) for name in self.rest), hidden // 2

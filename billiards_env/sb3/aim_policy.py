@@ -19,7 +19,7 @@ from torch import Tensor
 
 import billiards_env  # noqa: F401  (registers the environment)
 from billiards_env.envs import BilliardsEnv
-from billiards_env.envs.actions import ACTIONS
+from billiards_env.envs.actions import action_named
 from billiards_env.envs.arguments import plain
 from billiards_env.envs.tasks import task_of
 from billiards_env.sb3.aim_network import OBSERVED, AimNetwork, Mixture
@@ -189,7 +189,7 @@ class AimPolicy(ActorCriticPolicy):
 
     def _build(self, lr_schedule: Callable[[float], float]) -> None:
         features = {name: self.game.features[name] for name in self.observe}
-        strikes = ACTIONS[self.game.action].has_cue
+        strikes = action_named(self.game.action).has_cue
         self.net = AimNetwork(self.game.scene.half_extents, **self.network, features=features, strikes=strikes)
         self.register_buffer("shots", torch.zeros((), dtype=torch.int64))
         self.set_shots(0)

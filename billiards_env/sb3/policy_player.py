@@ -20,7 +20,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from billiards_env.envs.actions import ACTIONS
+from billiards_env.envs.actions import action_named
 from billiards_env.games import GAMES, Setup, Stroke, members
 from billiards_env.players.situation import Player, Situation, game_stroke, placed
 from billiards_env.sb3.aim_policy import AimPolicy, arguments_of
@@ -70,7 +70,7 @@ def _policy_of_games(argument: str, setup: Setup) -> Player:
             f"{error} the table and the balls of its training; --scene of billiards play, for example --scene pool, "
             "chooses them"
         )
-    if "physics" in base.features or ACTIONS[base.action].has_cue or len(base.goals):
+    if "physics" in base.features or action_named(base.action).has_cue or len(base.goals):
         raise ValueError(
             f"player = 'policy:{argument}': expected a policy trained without observed physics, strikes or a goal"
         )

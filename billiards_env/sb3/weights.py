@@ -18,7 +18,7 @@ from billiards_env.bench.frozen import FROZEN
 from billiards_env.envs import BilliardsEnv
 from billiards_env.sb3.aim_network import OBSERVED
 from billiards_env.sb3.aim_policy import AimPolicy, find_game
-from billiards_env.support.checks import Range, integer, one_of, sequence, short
+from billiards_env.support.checks import Range, integer, one_of, sequence, short, short_name
 from billiards_env.support.files import MAX_ARCHIVE, read_bytes, unzipped, write_atomically
 from billiards_env.support.settings import read_settings
 
@@ -61,8 +61,9 @@ def build_policy(
     """Returns an untrained policy.
 
     Args:
-        env: As in `policy_arguments`.
-        description: As in `policy_arguments`.
+        env: Arguments of `gym.make("Billiards-v0", ...)`.
+        description: The section `policy` of a configuration: `head`, and `arguments` for the head "aim", or `hidden`
+            and `activation` for "gaussian".
         learning_rate: The step size of the optimiser, as a function of the share of the steps that remain.
 
     Raises:
@@ -143,9 +144,10 @@ def _check_world(folder: Path, trained: BilliardsEnv, played: BilliardsEnv, froz
     The number of the balls, their friction and the engine may differ. The task may also be the frozen task that the run
     was made for, whose rewards may differ from those of the training.
     """
-    tasks = {trained.task, FROZEN[frozen].arguments["task"]} if frozen in FROZEN else {trained.task}
+    task, other = short_name(trained.task), short_name(played.task)
+    tasks = {task, FROZEN[frozen].arguments["task"]} if frozen in FROZEN else {task}
     for name, there, here in (
-        ("task", trained.task, trained.task if played.task in tasks else played.task),
+        ("task", task, task if other in tasks else other),
         ("action", trained.action, played.action),
         ("max_speed", trained.max_speed, played.max_speed),
         ("table", trained.scene.table, played.scene.table),

@@ -8,6 +8,7 @@ from billiards_env.scene.scene import (
     SCENES,
     Balls,
     Cue,
+    NamedScene,
     Physics,
     Scene,
     ball_friction,
@@ -15,6 +16,7 @@ from billiards_env.scene.scene import (
     check_ranges,
     check_scene,
     law_numbers,
+    register_scene,
 )
 from billiards_env.scene.table import TABLES, Pocket, Table
 
@@ -27,6 +29,7 @@ __all__ = [
     "TABLES",
     "Balls",
     "Cue",
+    "NamedScene",
     "Physics",
     "Pocket",
     "Scene",
@@ -36,4 +39,5 @@ __all__ = [
     "check_ranges",
     "check_scene",
     "law_numbers",
+    "register_scene",
 ]

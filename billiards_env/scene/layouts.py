@@ -49,6 +49,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Sequence
+from types import FunctionType
 from typing import NamedTuple
 
 import numpy as np
@@ -58,7 +59,7 @@ from billiards_env.jit import entry_point, kernel, streams
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.scene import Scene, check_positions, check_scene
 from billiards_env.scene.outline import pieces
-from billiards_env.support.checks import one_of
+from billiards_env.support.checks import add_entry, key_of, short_name
 
 Floats = NDArray[np.float64]
 
@@ -107,8 +108,6 @@ RACKS = {
 }
 """The games with rules for the order of the balls in a rack. Each is also the name of a layout."""
 
-LAYOUTS = ("random", "rack", "tight_rack", *RACKS, "carom_opening", "line", "snookered", "snooker")
-
 
 def draw(name: str, scene: Scene, rng: np.random.Generator, game: str = "") -> Floats:
     """Draws a layout.
@@ -117,7 +116,7 @@ def draw(name: str, scene: Scene, rng: np.random.Generator, game: str = "") -> F
         name: One of `LAYOUTS`.
         scene: The scene.
         rng: The generator to draw from.
-        game: As in `layout_plan`.
+        game: The layouts "rack" and "tight_rack" have the order of this game if it is one of `RACKS`.
 
     Returns:
         (n, 2) positions, m.
@@ -186,31 +185,36 @@ def layout_plan(name: str, scene: Scene, game: str = "") -> LayoutPlan:
     Raises:
         ValueError: If the name is unknown or the layout does not suit the scene's balls.
     """
-    one_of("layout", name, LAYOUTS)
+    key = key_of("layout", name, LAYOUTS)
     check_scene(scene)
-    ordered = name if name in RACKS else game if name in ("rack", "tight_rack") and game in RACKS else ""
-    return _make_plan(name, scene, ordered)
+    rack = RACKS.get(short_name(game)) if key in ("rack", "tight_rack") else None
+    return _cached_plan(key, scene, LAYOUTS[key], rack)
 
 
 @functools.lru_cache(maxsize=256)
-def _make_plan(name: str, scene: Scene, game: str) -> LayoutPlan:
-    n = scene.n_balls
-    if name == "random":
-        largest_first = sorted(range(n), key=lambda i: -scene.balls.radius[i])
-        return _plan(name, scene, largest_first, np.zeros((n, 2)))
-    if name in ("rack", "tight_rack", *RACKS):
-        return _rack_plan(name, scene, game)
-    if name == "snookered":
-        return _snookered_plan(name, scene)
-    if name == "snooker":
-        return _snooker_plan(name, scene)
-    _expect_object_balls(scene, name, 1, 1 if name == "line" else 2)
+def _cached_plan(name: str, scene: Scene, make: PlanMaker, rack: Rack | None) -> LayoutPlan:
+    return make(name, scene) if rack is None else rack_plan(name, scene, rack)
+
+
+def _random_plan(name: str, scene: Scene) -> LayoutPlan:
+    """Returns the plan of "random": all balls are drawn, the largest first."""
+    largest_first = sorted(range(scene.n_balls), key=lambda i: -scene.balls.radius[i])
+    return make_plan(name, scene, largest_first, np.zeros((scene.n_balls, 2)))
+
+
+def _line_plan(name: str, scene: Scene) -> LayoutPlan:
+    """Returns the plan of "line"."""
+    expect_object_balls(scene, name, 1, 1)
     foot = scene.table.foot_x
-    spots = {
-        "line": [(-foot, 0.0), (foot, 0.0)],
-        "carom_opening": [(-foot, -_STARTING_SPOT * scene.table.width), (foot, 0.0), (-foot, 0.0)],
-    }
-    return _plan(name, scene, (), np.array(spots[name][:n]))
+    return make_plan(name, scene, (), np.array([(-foot, 0.0), (foot, 0.0)]))
+
+
+def _carom_plan(name: str, scene: Scene) -> LayoutPlan:
+    """Returns the plan of "carom_opening"."""
+    expect_object_balls(scene, name, 1, 2)
+    foot = scene.table.foot_x
+    spots = [(-foot, -_STARTING_SPOT * scene.table.width), (foot, 0.0), (-foot, 0.0)]
+    return make_plan(name, scene, (), np.array(spots[: scene.n_balls]))
 
 
 def draw_one(plan: LayoutPlan, rng: np.random.Generator) -> Floats:
@@ -261,7 +265,7 @@ def draw_tables(
     """
     failed = (fill or fill_tables)(plan, begin, end, mask, table_streams, positions)
     if failed >= 0:
-        raise _no_room(LAYOUTS[plan.layout], failed, plan.radius[failed])
+        raise _no_room(list(LAYOUTS)[plan.layout], failed, plan.radius[failed])
 
 
 _ONE = np.ones(1, np.bool_)
@@ -414,7 +418,7 @@ def shuffle(balls, stream, positions):
         left -= 1
 
 
-def _plan(
+def make_plan(
     name: str,
     scene: Scene,
     drawn: Sequence[int],
@@ -447,7 +451,7 @@ def _plan(
     if not scene.table.is_rectangular:
         lines, tips = pieces(scene.table.outline)
         outline = np.array([*lines, *(tip[3:] for tip in tips)]), np.array([tip[:3] for tip in tips]).reshape(-1, 3)
-    layout = LAYOUTS.index(name)
+    layout = list(LAYOUTS).index(name)
     return LayoutPlan(layout, spots, displacement, order, n_spots, limits, radius, pockets, outline, d)
 
 
@@ -460,11 +464,11 @@ def _check_spots(name: str, scene: Scene, spots: Floats, displacement: float, ba
         check_positions(scene, spots + corner, f"layout {name!r}", in_play)
 
 
-def _rack_plan(name: str, scene: Scene, game: str) -> LayoutPlan:
+def rack_plan(name: str, scene: Scene, rack: Rack | None = None) -> LayoutPlan:
     """Returns the plan of a rack: object balls at the foot spot, the cue ball drawn behind the head string."""
     radius = scene.balls.radius
-    rack = RACKS[game] if game else Rack(tuple(range(1, scene.n_balls)), tuple(range(1, scene.n_balls)))
-    _expect_object_balls(scene, name, len(rack.balls), len(rack.balls))
+    rack = rack or Rack(tuple(range(1, scene.n_balls)), tuple(range(1, scene.n_balls)))
+    expect_object_balls(scene, name, len(rack.balls), len(rack.balls))
     if name != "tight_rack":
         low, high = RACK_GAP
         gap = (low + high) / 2
@@ -479,7 +483,7 @@ def _rack_plan(name: str, scene: Scene, game: str) -> LayoutPlan:
     spots[list(rack.balls)] = _rack(len(rack.balls), scene.table.foot_x, 2 * max(radius[1:], default=0.0) + gap)
     corners = np.array([(ball, group[0], len(group)) for ball, group in rack.corners], np.int64).reshape(-1, 3)
     shuffled = sum(1 << ball for ball in set(rack.balls) - set(rack.fixed))
-    plan = _plan(name, scene, (0,), spots, displacement, scene.table.head_x)
+    plan = make_plan(name, scene, (0,), spots, displacement, scene.table.head_x)
     return plan._replace(shuffled=shuffled, corners=corners)
 
 
@@ -494,7 +498,7 @@ def _rack(count: int, foot: float, pitch: float) -> Floats:
 
 def _snooker_plan(name: str, scene: Scene) -> LayoutPlan:
     """Returns the plan of "snooker": object balls on their spots, the cue ball drawn in the D."""
-    _expect_object_balls(scene, name, 6, 21)
+    expect_object_balls(scene, name, 6, 21)
     table, radius = scene.table, scene.balls.radius[1:]
     if not table.d_radius:
         raise ValueError(
@@ -508,12 +512,12 @@ def _snooker_plan(name: str, scene: Scene) -> LayoutPlan:
     black = table.length / 2 - _BLACK_SPOT * table.length
     across = ((table.head_x, -table.d_radius), (table.head_x, table.d_radius), (table.head_x, 0.0))
     spots[1 + reds :] = (*across, (0.0, 0.0), (table.foot_x, 0.0), (black, 0.0))
-    return _plan(name, scene, (0,), spots, x_most=table.head_x, d_radius=table.d_radius)
+    return make_plan(name, scene, (0,), spots, x_most=table.head_x, d_radius=table.d_radius)
 
 
 def _snookered_plan(name: str, scene: Scene) -> LayoutPlan:
     """Returns the plan of "snookered": cue ball and ball 1 are drawn, the larger first, with ball 2 midway."""
-    _expect_object_balls(scene, name, 2, 2)
+    expect_object_balls(scene, name, 2, 2)
     radius = scene.balls.radius
     if radius[1] > radius[2]:
         raise ValueError(
@@ -521,10 +525,11 @@ def _snookered_plan(name: str, scene: Scene) -> LayoutPlan:
             "which hides ball 1, to be at least as large"
         )
     order = (0, 1, 2) if radius[0] >= radius[1] else (1, 0, 2)
-    return _plan(name, scene, order, np.zeros((3, 2)))._replace(midway=True)
+    return make_plan(name, scene, order, np.zeros((3, 2)))._replace(midway=True)
 
 
-def _expect_object_balls(scene: Scene, layout: str, low: int, high: int) -> None:
+def expect_object_balls(scene: Scene, layout: str, low: int, high: int) -> None:
+    """Raises a ValueError unless a scene has from `low` to `high` object balls."""
     if not low <= scene.n_balls - 1 <= high:
         allowed = str(low) if low == high else f"{low} to {high}"
         balls = f"{scene.n_balls - 1} object ball{'s' * (scene.n_balls != 2)}"
@@ -536,3 +541,33 @@ def _no_room(layout: str, ball: int, radius: float) -> ValueError:
         f"layout = {layout!r}: found no room for ball {ball} (radius {radius} m) in {_TRIES} tries: "
         "expected fewer or smaller balls, or a larger table"
     )
+
+
+PlanMaker = Callable[[str, Scene], LayoutPlan]
+"""A function that returns the plan of a layout from its name and the scene."""
+
+LAYOUTS: dict[str, PlanMaker] = {
+    "random": _random_plan,
+    "rack": rack_plan,
+    "tight_rack": rack_plan,
+    **{name: functools.partial(rack_plan, rack=rack) for name, rack in RACKS.items()},
+    "carom_opening": _carom_plan,
+    "line": _line_plan,
+    "snookered": _snookered_plan,
+    "snooker": _snooker_plan,
+}
+"""The layouts by name."""
+
+
+def register_layout(name: str, make: PlanMaker) -> None:
+    """Adds a layout of another package to `LAYOUTS`.
+
+    Args:
+        name: The name.
+        make: The function `(name, scene)` that returns its `LayoutPlan`, for example with `make_plan` or `rack_plan`;
+            not a `functools.partial`.
+
+    Raises:
+        TypeError, ValueError: See `checks.add_entry`.
+    """
+    add_entry("layout", name, make, LAYOUTS, FunctionType)

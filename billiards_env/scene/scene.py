@@ -48,7 +48,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.scene.outline import extents
 from billiards_env.scene.table import INCH, POOL_RADIUS, Table, six_pockets
-from billiards_env.support.checks import Range, check_fields, fields_of, integer, numbers, one_of, real, sequence, short
+from billiards_env.support.checks import (
+    Range,
+    add_entry,
+    check_fields,
+    entry_of,
+    fields_of,
+    fits,
+    integer,
+    numbers,
+    one_of,
+    real,
+    sequence,
+    short,
+)
 
 MOTION_NAMES = ("ideal", "rolling", "sliding")
 CUSHION_NAMES = ("restitution", "han2005", "stronge", "mathavan2010", "han2005_variable")
@@ -71,6 +84,7 @@ _CAROM_RADIUS, _CAROM_MASS = 0.03075, 0.21
 _SNOOKER_RADIUS, _SNOOKER_MASS = 0.0525 / 2, 0.14
 _UK_RADIUS, _UK_MASS = 2 * INCH / 2, 0.116
 _UK_CUE_RADIUS, _UK_CUE_MASS = 1.875 * INCH / 2, 0.094
+_INFINITE = Range(math.inf, math.inf)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -101,7 +115,7 @@ class Balls:
             if not isinstance(values, tuple):
                 raise TypeError(f"balls.{name} = {short(values)}: expected a tuple of numbers")
             checked = (
-                math.inf if name == "mass" and value == math.inf else real(f"balls.{name}[{i}]", value, within)
+                math.inf if name == "mass" and fits(value, _INFINITE) else real(f"balls.{name}[{i}]", value, within)
                 for i, value in enumerate(values)
             )
             object.__setattr__(self, name, tuple(checked))
@@ -435,8 +449,7 @@ class Scene:
             >>> scene.n_balls, len(scene.table.pockets), scene.physics.motion
             (16, 6, 'sliding')
         """
-        one_of("scene", name, tuple(_NAMED))
-        build, usual, most = _NAMED[name]
+        build, usual, most = entry_of("scene", name, _NAMED)
         n = usual if n_object_balls is None else n_object_balls
         return build(integer("n_object_balls", n, Range(0, most, f"for scene {name!r}")) + 1)
 
@@ -643,24 +656,42 @@ def _sum_to_three(n_balls: int) -> Scene:
     return Scene(Balls.uniform(n_balls, 0.03048, 0.21), Table(1.22, 0.61, 0.036576), physics)
 
 
+class NamedScene(NamedTuple):
+    """A scene with a name.
+
+    Attributes:
+        build: Returns the scene from its number of balls, with the cue ball.
+        usual: The default number of object balls.
+        most: The largest number of object balls.
+    """
+
+    build: Callable[[int], Scene]
+    usual: int
+    most: int
+
+
 # To add a scene, write its builder, list it here and describe it in `Scene.named`.
-# name: (builder, default number of object balls, largest number)
-_NAMED: dict[str, tuple[Callable[[int], Scene], int, int]] = {
-    "pool": (_pool, 1, 15),
-    "blocked_pool": (_blocked_pool, 2, 15),
-    "carom": (_carom, 2, 15),
-    "ideal": (_ideal, 1, 500),
-    "pooltool_carom": (_pooltool_carom, 2, 15),
-    "sum_to_three": (_sum_to_three, 1, 15),
-    "real_pool": (_real_pool, 1, 15),
-    "real_carom": (_real_carom, 2, 15),
-    "match_carom": (_match_carom, 2, 15),
-    "snooker": (_snooker, 21, 21),
-    "uk_pool": (_uk_pool, 15, 15),
-    "pooltool_pool": (_pooltool_pool, 1, 15),
-    "pooltool_real_carom": (_pooltool_real_carom, 2, 15),
+_NAMED: dict[str, NamedScene] = {
+    "pool": NamedScene(_pool, 1, 15),
+    "blocked_pool": NamedScene(_blocked_pool, 2, 15),
+    "carom": NamedScene(_carom, 2, 15),
+    "ideal": NamedScene(_ideal, 1, 500),
+    "pooltool_carom": NamedScene(_pooltool_carom, 2, 15),
+    "sum_to_three": NamedScene(_sum_to_three, 1, 15),
+    "real_pool": NamedScene(_real_pool, 1, 15),
+    "real_carom": NamedScene(_real_carom, 2, 15),
+    "match_carom": NamedScene(_match_carom, 2, 15),
+    "snooker": NamedScene(_snooker, 21, 21),
+    "uk_pool": NamedScene(_uk_pool, 15, 15),
+    "pooltool_pool": NamedScene(_pooltool_pool, 1, 15),
+    "pooltool_real_carom": NamedScene(_pooltool_real_carom, 2, 15),
 }
 SCENES = tuple(_NAMED)
+
+
+def register_scene(name: str, scene: NamedScene) -> None:
+    """Adds a scene of another package to those of `Scene.named`. The errors are those of `checks.add_entry`."""
+    add_entry("scene", name, scene, _NAMED, NamedScene)
 
 
 def check_scene(scene: Scene) -> None:
@@ -670,7 +701,7 @@ def check_scene(scene: Scene) -> None:
 
 
 def _first_overlap(
-    balls: Balls, positions: NDArray[np.float64], playing: NDArray[np.bool_]
+    balls: Balls, positions: NDArray[np.float64], in_play: NDArray[np.bool_]
 ) -> tuple[int, int, int, float, float] | None:
     """Returns (shot, ball, ball, distance, distance at contact) of balls in play that overlap; None if there are none.
 
@@ -679,7 +710,7 @@ def _first_overlap(
     places = positions.reshape(-1, len(balls), 2)
     shots = np.arange(len(places))[:, None]
     along = int(np.ptp(places[..., 1]) > np.ptp(places[..., 0])) if places.size else 0
-    x = np.where(playing.reshape(-1, len(balls)), places[..., along], np.inf)
+    x = np.where(in_play.reshape(-1, len(balls)), places[..., along], np.inf)
     order = np.argsort(x, axis=1)
     x, places, overlaps = x[shots, order], places[shots, order], []
     for k in range(1, len(balls)):
@@ -720,7 +751,7 @@ def check_positions(
     if array.ndim not in (2, 3) or array.shape[-2:] != (n, 2):
         raise ValueError(f"{name} has shape {array.shape}: expected ({n}, 2) or (m, {n}, 2), one row per ball")
 
-    playing = np.ones(array.shape[:-1], np.bool_) if in_play is None else in_play
+    in_play = np.ones(array.shape[:-1], np.bool_) if in_play is None else in_play
 
     def where(index: tuple[np.intp, ...]) -> str:
         shot = f"shot {index[0]}, " if array.ndim == 3 else ""
@@ -730,9 +761,9 @@ def check_positions(
     if len(bad):
         at = tuple(bad[0])
         raise ValueError(f"{where(at)} is at {array[at].tolist()}: expected finite coordinates")
-    placed = np.where(playing[..., None], array, 0.0)  # the others may be so far away that distances overflow
+    placed = np.where(in_play[..., None], array, 0.0)  # the others may be so far away that distances overflow
     radius = np.array(scene.balls.radius)
-    bad = np.argwhere((scene.table.clearance(placed) < radius - CONTACT_GAP) & playing)
+    bad = np.argwhere((scene.table.clearance(placed) < radius - CONTACT_GAP) & in_play)
     if len(bad):
         at = tuple(bad[0])
         least = scene.balls.radius[at[-1]]
@@ -743,14 +774,14 @@ def check_positions(
         raise ValueError(f"{where(at)} is at {array[at].tolist()}: expected {expected}")
     for k, pocket in enumerate(scene.table.pockets):
         inside = np.hypot(placed[..., 0] - pocket.x, placed[..., 1] - pocket.y) < pocket.radius - CONTACT_GAP
-        bad = np.argwhere(inside & playing)
+        bad = np.argwhere(inside & in_play)
         if len(bad):
             at = tuple(bad[0])
             raise ValueError(
                 f"{where(at)} is at {array[at].tolist()}: expected a place outside pocket {k}, "
                 f"a circle of radius {pocket.radius} m about ({pocket.x}, {pocket.y})"
             )
-    overlap = _first_overlap(scene.balls, placed, playing)
+    overlap = _first_overlap(scene.balls, placed, in_play)
     if overlap is not None:
         at, i, j, distance, reach = overlap
         shot = f"shot {at}, " if array.ndim == 3 else ""

@@ -259,14 +259,14 @@ def pool_table(
     behind each pocket closes the outline. No ball reaches this line, because its centre enters the hole first.
 
     Args:
-        length: As in `Table`.
-        width: As in `Table`.
-        cushion_height: As in `Table`.
+        length: Length of the playing surface, from nose to nose of the cushions (along x), m.
+        width: Width of the playing surface (along y), m.
+        cushion_height: Height of the cushions' noses above the cloth, m; "restitution" cushions do not use it.
         cushion_depth: Depth of the facings behind the noses, m.
         corner: The jaws of the corner pockets.
         side: The jaws of the side pockets.
-        head_string: As in `Table`.
-        d_radius: As in `Table`.
+        head_string: x of the head string (baulk line), m; None for -length / 4.
+        d_radius: Radius of the D behind the head string, m; 0 for a table without a D.
 
     Raises:
         ValueError: If the jaws do not fit together or a number is outside its range.

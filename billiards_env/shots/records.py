@@ -57,7 +57,8 @@ class ShotEnd:
     """The result of a shot, for comparison.
 
     Attributes:
-        status: As in `ShotResult`.
+        status: "rest", "max_time" or, if the engine ended the shot, "event_limit" or "step_limit" (see
+            `engine.MAX_EVENTS` and `pit.MAX_STEPS`).
         time: Duration, s.
         n_events: Number of events.
         positions: x and y of each ball, m.
@@ -83,7 +84,8 @@ class ShotRecord:
         in_play: One bool per ball.
         engine: The engine.
         max_time: Time limit, s; None for the scene's.
-        max_events: As in `simulate`.
+        max_events: Number of events after which the engine ends the shot with the status "event_limit". "pit" also ends
+            it after `pit.MAX_STEPS` timesteps, with the status "step_limit".
         end: The result.
     """
 
@@ -267,6 +269,11 @@ def read_shot(data: dict[str, Any]) -> ShotRecord:
             potted=bools("end.potted", end["potted"], n),
         ),
     )
+
+
+def end_of(shot: Any) -> ShotEnd:
+    """Returns the end of a `ShotResult`."""
+    return ShotEnd(shot.status, shot.time, shot.n_events, tuples(shot.positions), tuple(shot.potted.tolist()))
 
 
 def check_equal(recorded: Any, now: Any) -> None:

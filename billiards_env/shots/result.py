@@ -135,7 +135,7 @@ class ShotResult(Differentiable):
         """Returns the velocities and the spins of the balls at time t, after the events of this instant.
 
         Args:
-            t: As in `at`.
+            t: Seconds since the start of the shot, a number or an array of any shape.
 
         Returns:
             (..., n, 2) float64, m/s, and (..., n, 3) float64, rad/s, zero unless the motion is "sliding". From the end
@@ -238,9 +238,9 @@ class ShotResult(Differentiable):
             ModuleNotFoundError: If pygame is not installed.
         """
         recording, other = self.recording("to_gif"), _recording(compare, "to_gif")
-        from billiards_env.drawing.film import write_gif
+        from billiards_env.drawing.film import write_film
 
-        write_gif(path, recording, fps, width, other)
+        write_film(path, ".gif", recording, fps, width, other)
 
     def to_mp4(
         self, path: str | os.PathLike[str], *, fps: float = 60, width: int = 960, compare: ShotResult | None = None
@@ -260,9 +260,9 @@ class ShotResult(Differentiable):
             ModuleNotFoundError: If pygame or imageio-ffmpeg is not installed.
         """
         recording, other = self.recording("to_mp4"), _recording(compare, "to_mp4")
-        from billiards_env.drawing.film import write_mp4
+        from billiards_env.drawing.film import write_film
 
-        write_mp4(path, recording, fps, width, other)
+        write_film(path, ".mp4", recording, fps, width, other)
 
     def to_html(self, path: str | os.PathLike[str], *, title: str | None = None) -> None:
         """Writes a self-contained page that plays the shot in any browser. An error leaves no partial file.
@@ -308,7 +308,7 @@ class ShotResult(Differentiable):
         Raises:
             ValueError: If the shot was not recorded.
         """
-        from billiards_env.shots.records import ShotEnd, ShotRecord, tuples
+        from billiards_env.shots.records import ShotRecord, end_of, tuples
 
         if self.scene is None or self._arguments is None:
             raise ValueError(f"shot = {short(self)}: expected a recorded shot, from simulate(..., record=True)")
@@ -323,7 +323,7 @@ class ShotResult(Differentiable):
             engine=engine,
             max_time=None if start.limit in (self.scene.physics.max_time, math.inf) else start.limit,
             max_events=int(max_events),
-            end=ShotEnd(self.status, self.time, self.n_events, tuples(self.positions), tuple(self.potted.tolist())),
+            end=end_of(self),
         )
 
     def recording(self, method: str = "recording") -> Recording:

@@ -119,8 +119,9 @@ def run_shot(
         scene: Table, balls and physics.
         shot: Valid input, such as the end of another shot.
         engine: The engine.
-        record: As in `simulate`.
-        max_events: As in `simulate`.
+        record: Whether to record the events and trajectories.
+        max_events: Number of events after which the engine ends the shot with the status "event_limit". "pit" also ends
+            it after `pit.MAX_STEPS` timesteps, with the status "step_limit".
 
     Returns:
         The balls at the end of the shot, and what happened.
@@ -159,12 +160,12 @@ def replay(record: ShotRecord, *, check: bool = True, record_events: bool = Fals
     Raises:
         ValueError: If the result differs from the recorded one.
     """
-    from billiards_env.shots.records import check_equal
+    from billiards_env.shots.records import check_equal, end_of
 
     options: dict[str, Any] = {name: getattr(record, name) for name in _OPTIONS}
-    shot = simulate(record.scene, record.positions, record.velocities, record=check or record_events, **options)
+    shot = simulate(record.scene, record.positions, record.velocities, record=record_events, **options)
     if check:
-        check_equal(record.end, shot.to_record().end)
+        check_equal(record.end, end_of(shot))
     return shot
 
 
@@ -265,15 +266,15 @@ def simulate_batch(
     """Runs m shots in one scene, each until every ball rests, with the same bits as `simulate`.
 
     Args:
-        scene: As in `simulate`.
+        scene: Table, balls and physics.
         positions: (m, n, 2) centres of the balls, m; ball 0 is the cue ball.
         velocities: (m, n, 2) m/s, or (m, 2) for the cue balls alone, or a `Strike` of m strikes.
-        engine: As in `simulate`.
+        engine: The engine: exact by default, or one with a timestep, such as `Engine("pit", dt=1 / 60)`.
         physics: Numbers of `Physics` that differ from shot to shot, by name, such as {"mu_roll": ...}, (m,) each. They
             replace the scene's. `max_time` is not one of them. The engine "pit" also accepts the timestep "dt", s.
         spins: (m, n, 3) or (m, 3) angular velocities, rad/s; None for zero, or for a `Strike`.
         in_play: (m, n) or (n,) bool; by default all balls are in play.
-        max_time: As in `simulate`.
+        max_time: Time at which a shot ends, s; None for the limit of the scene.
         record: Whether to keep the events and trajectories, for the derivatives of the shots. Only shots by
             "pic" have derivatives.
         max_events: As in `simulate`, for each shot.
@@ -310,7 +311,7 @@ def simulate_batch(
     moving, turning = _motion(velocities, spins)
     moving, turning = numbers("velocities", moving), None if turning is None else numbers("spins", turning)
     limit = check_shot(scene, positions, moving, turning, in_play, max_time, shots, threads).limit
-    playing = None if in_play is None else np.broadcast_to(np.array(in_play), shots.in_play.shape)
+    in_play = None if in_play is None else np.broadcast_to(np.array(in_play), shots.in_play.shape)
     run_shots, plain = run_shots_of(engine, scene.n_balls), tuple(shots)
     arrays = varied_fields(scene, engine, varied, m)
     if isinstance(velocities, Strike) and strike_frozen(scene, arrays, start_fields(plain), end=m):
@@ -323,7 +324,7 @@ def simulate_batch(
     else:
         parallel_for(lambda begin, end: run_shots(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
     settings = {"max_time": max_time, "max_events": max_events}
-    arguments = scene, (positions, moving, turning, playing), settings
+    arguments = scene, (positions, moving, turning, in_play), settings
     common = {"_arguments": arguments, "_engine": engine, "_varied": varied, "_parts": parts}
     return BatchResult(**outcome_of(shots._asdict()), **common)
 

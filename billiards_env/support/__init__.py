@@ -1,9 +1,9 @@
-"""What all other packages use.
+"""Helpers for all other packages.
 
 Modules:
     checks: Checks of arguments, and the ranges of numbers.
-    files: Files that are written whole, and checked before they are read.
+    files: Writes files completely or not at all, and checks files before it reads them.
     settings: Settings in YAML.
-    commands: The output of commands, and their end by a signal.
+    commands: How commands print, and how signals end them.
     intervals: Confidence intervals.
 """

@@ -9,15 +9,18 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import importlib
 import math
 import re
 import sys
 from collections.abc import Mapping, Sequence
 from numbers import Real
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+T = TypeVar("T")
 
 MAX_SPEED, MAX_SPIN = 1e3, 1e6
 """m/s and rad/s. The largest component of a velocity and of a spin."""
@@ -213,6 +216,83 @@ def one_of(name: str, value: Any, choices: tuple[str, ...]) -> None:
         raise ValueError(
             f"{name} = {short(value)}: expected one of {', '.join(map(repr, choices))}{suggestion(str(value), choices)}"
         )
+
+
+def key_of(what: str, value: Any, table: Mapping[str, Any]) -> str:
+    """Returns the key of an entry of a table, such as `TASKS`, from its name.
+
+    Args:
+        what: The name used in error messages.
+        value: The key, or "module:key". The module is imported first; it may add the entry with `add_entry`.
+        table: The entries by key.
+
+    Raises:
+        ValueError: If there is no such entry, or the module cannot be imported.
+
+    Example:
+        >>> key_of("task", "billiards_env.envs:pot", {"pot": 1}), key_of("task", "pot", {"pot": 1})
+        ('pot', 'pot')
+    """
+    module, colon, key = value.rpartition(":") if isinstance(value, str) else ("", "", value)
+    if not colon:
+        one_of(what, key, tuple(table))
+        return key
+    try:
+        importlib.import_module(module)
+    except Exception as error:  # the code of the module may raise any
+        why = f"{type(error).__name__}: {error}"
+        raise ValueError(f"{what} = {short(value)}: expected a module that can be imported ({why})") from error
+    if key not in table:
+        expected = f"a name that {module!r} registers{suggestion(key, tuple(table))}"
+        raise ValueError(f"{what} = {short(value)}: expected {expected}")
+    return key
+
+
+def entry_of(what: str, value: Any, table: Mapping[str, T]) -> T:
+    """Returns an entry of a table from its name; the arguments and errors are those of `key_of`."""
+    return table[key_of(what, value, table)]
+
+
+def short_name(name: str) -> str:
+    """Returns the key of an entry from its name, "key" or "module:key"."""
+    return name.rpartition(":")[2]
+
+
+def add_entry(what: str, name: str, entry: T, table: dict[str, T], kind: type) -> None:
+    """Adds an entry of another package to a table, such as `TASKS`.
+
+    The same entry may be added again, for example if its module is loaded again. Its functions are then other objects
+    with the same names, and replace the earlier ones.
+
+    Args:
+        what: What the table holds, for error messages.
+        name: The name of the entry, an identifier of ASCII letters, digits and underscores.
+        entry: The entry.
+        table: The entries by name.
+        kind: The type of the entries.
+
+    Raises:
+        TypeError: If the entry has another type.
+        ValueError: If the name is not an identifier, or another entry has it.
+    """
+    if not (isinstance(name, str) and name.isascii() and name.isidentifier()):
+        raise ValueError(f"name = {short(name)}: expected ASCII letters, digits and underscores, such as 'my_{what}'")
+    if not isinstance(entry, kind):
+        raise TypeError(f"{what} = {short(entry)}: expected the type {kind.__name__}, not {type(entry).__name__}")
+    if name in table and _definition(table[name]) != _definition(entry):
+        raise ValueError(f"name = {name!r}: expected a name that no other {what} has")
+    table[name] = entry
+
+
+def _definition(entry: Any) -> Any:
+    """Returns what stays the same if a module is loaded again: the values of an entry, and its functions by name.
+
+    Functions with the same name and code in one module, such as two equal lambdas, count as the same.
+    """
+    if isinstance(entry, tuple):
+        return tuple(map(_definition, entry))
+    code = getattr(getattr(entry, "py_func", entry), "__code__", None)
+    return (entry.__module__, entry.__qualname__, code and code.co_code) if hasattr(entry, "__qualname__") else entry
 
 
 def suggestion(name: str, choices: Sequence[str]) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import benchmarks
-from benchmarks import ROOT, accuracy, accuracy_report, calibration, differentiable, error_limit, speed, stress, vector
+from benchmarks import ROOT, accuracy, accuracy_report, calibration, error_limit, speed, stress, vector
 from billiards_env.engine import PIC, Engine
 from billiards_env.scene import Scene, check_positions
 
@@ -119,23 +119,3 @@ def test_every_step_of_every_environment_plays_a_shot_and_draws_a_layout():
         assert infos["final_info"]["_n_events"].all()
         assert not (observations == last).any()
         last = observations
-
-
-# The published tasks are solved with the exact derivatives.
-
-
-def test_a_break_of_difftaichi_is_moved_to_the_goal():
-    result = differentiable.difftaichi(0)["own"]
-    assert result["iterations"] <= 10
-    assert result["distance"] < 1e-6
-
-
-@pytest.mark.parametrize("control", [-5.0, -2.0, 0.1, 3.0])
-def test_a_push_of_diffmjx_is_found_in_five_iterations(control):
-    result = differentiable.solve_push(control)
-    assert result["iterations"] <= 5
-    assert result["distance"] < 1e-6
-
-
-def test_the_gradient_of_nimble_is_exact():
-    assert differentiable.nimble() == pytest.approx([1.0, 0.0, 1.0, 0.0], abs=1e-15)

@@ -1,28 +1,32 @@
 """The comparison with other simulators; no time is asserted."""
 
+import dataclasses
 import json
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks import comparison, metres
+from benchmarks import comparison, metres, simulators, simulators_worker
+from billiards_env.scene import Physics, Scene
 
 ECHO = """
 import json, sys
-print(json.dumps("1.2"), flush=True)
+print(json.dumps(json.loads(sys.stdin.readline())[0]), flush=True)
 for line in sys.stdin:
     shot = json.loads(line)
     reply = {"seconds": shot["gap"], "finished": True, "positions": shot["positions"]}
-    print(json.dumps(reply if shot["time"] is None else {**reply, "positions": None}), flush=True)
+    print(json.dumps(reply if shot["time"] is None else {**reply, "finished": False, "positions": None}), flush=True)
 """
 
 
 @pytest.fixture
-def worker(tmp_path):
+def worker(tmp_path, monkeypatch):
+    """A worker that returns the positions of a shot. It answers the name of the simulator as its version."""
     path = tmp_path / "worker.py"
     path.write_text(ECHO)
+    monkeypatch.setattr(simulators, "WORKER", path)
+    monkeypatch.setattr(simulators, "PYTHON", sys.executable)
     return path
 
 
@@ -40,8 +44,8 @@ def test_shots_are_repeatable(laws, kind):
 def test_a_worker_runs_shots_in_the_frame_of_the_scene(worker):
     laws, kind = "friction and spin", "15-ball break"
     scene, (shot,) = comparison.scene_of_kind(laws, kind), comparison.draw_shots(laws, kind, 1)
-    with comparison.pooltool(Path(sys.executable), worker) as (version, runners):
-        assert version == "1.2"
+    with comparison.pooltool() as (version, runners):
+        assert version == "pooltool"
         for gap, runner in zip(comparison.POOLTOOL_GAPS, runners, strict=True):
             outcome = runner(scene, *shot, None)
             assert outcome.positions == pytest.approx(shot[0], abs=1e-15)
@@ -49,24 +53,22 @@ def test_a_worker_runs_shots_in_the_frame_of_the_scene(worker):
         assert runners[0](scene, *shot, 0.5) == (None, comparison.POOLTOOL_GAPS[0], False)
 
 
-@pytest.mark.skipif(not comparison.POOLTOOL_PYTHON.exists(), reason="pooltool_worker needs .venv-pooltool")
-def test_the_pooltool_worker_runs_a_shot():
+@pytest.mark.skipif(not simulators.installed(), reason="simulators_worker needs .venv-simulators")
+def test_the_worker_runs_a_shot_with_pooltool():
     laws, kind = "friction and spin", "1 object ball"
-    with comparison.pooltool(comparison.POOLTOOL_PYTHON) as (_, runners):
+    with comparison.pooltool() as (_, runners):
         ours, theirs = comparison.compare(laws, kind, [comparison.billiards_env(True), runners[0]], 1, 1)
     assert ours["median_error_m"] < theirs["median_error_m"] < 1e-3
 
 
-def test_a_failing_worker_is_not_a_measurement(tmp_path):
-    path = tmp_path / "worker.py"
-    path.write_text("raise SystemExit(1)")
-    with pytest.raises(RuntimeError, match=r"worker\.py ended"), comparison.pooltool(Path(sys.executable), path):
+def test_a_failing_worker_is_not_a_measurement(worker):
+    worker.write_text("raise SystemExit(1)")
+    with pytest.raises(RuntimeError, match=r"worker\.py ended"), comparison.pooltool():
         pass
 
 
 def test_the_engine_is_exact_and_simulators_that_are_missing_are_left_out(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(comparison, "POOLTOOL_PYTHON", tmp_path / "python")
-    monkeypatch.setattr(comparison.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(simulators, "PYTHON", tmp_path / "python")
     runner, recorded = comparison.billiards_env, []
     monkeypatch.setattr(comparison, "billiards_env", lambda record: recorded.append(record) or runner(record))
     comparison.main(["--shots", "2", "--passes", "1", "--output", str(tmp_path / "comparison.json")])
@@ -75,7 +77,7 @@ def test_the_engine_is_exact_and_simulators_that_are_missing_are_left_out(tmp_pa
         "throw and jaws": True,
         "elastic disks": False,  # as in the README
     }
-    assert "pooltool is left out" in capsys.readouterr().out
+    assert "pooltool and pymunk are left out" in capsys.readouterr().out
     written = json.loads((tmp_path / "comparison.json").read_text())
     assert [(row["laws"], row["simulator"]) for row in written["rows"]] == [
         (laws, "billiards-env") for laws in comparison.LAWS
@@ -83,10 +85,60 @@ def test_the_engine_is_exact_and_simulators_that_are_missing_are_left_out(tmp_pa
     assert all(row[kind]["median_error_m"] < 1e-9 for row in written["rows"] for kind in comparison.KINDS)
 
 
-def test_pymunk_is_compared(tmp_path):
+def test_pymunk_is_compared(monkeypatch):
     pytest.importorskip("pymunk")
+    monkeypatch.setattr(simulators, "PYTHON", sys.executable)
     laws, kind = "elastic disks", "1 object ball"
-    ours, theirs = comparison.compare(laws, kind, [comparison.billiards_env(False), comparison.pymunk(60)], 1, 1)
+    with comparison.pymunk(60) as (_, runner):
+        ours, theirs = comparison.compare(laws, kind, [comparison.billiards_env(False), runner], 1, 1)
     assert ours["ratio"] == 1.0
     assert theirs["us"] > 0
     assert theirs["median_error_m"] > ours["median_error_m"]
+
+
+def rigid():
+    """Returns the scene of `studies.other_simulators` with the laws of pymunk."""
+    physics = Physics("ideal", "restitution", e_ball=0.95, e_cushion=0.85, max_time=1.0)
+    return dataclasses.replace(Scene.named("pool", 1), physics=physics).to_dict()
+
+
+def test_a_shot_of_the_worker_ends_in_a_pocket_at_a_cushion_or_when_nothing_can_happen():
+    x, v = np.zeros((2, simulators_worker.SLOTS, 2), complex)
+
+    def place(k, positions, velocity):
+        x[k], v[k] = positions, (velocity, 0.0)
+
+    def step():  # without contacts
+        x[:] += 0.01 * v
+        v[:] *= np.exp(-0.01 * simulators_worker.DECAY)
+        return x, v
+
+    scene = rigid()
+    starts = np.array([[-0.5 + 0.3j, -0.5 - 0.3j]] * 200)
+    speeds = np.resize([0.0, 3.0, 1.0j, 0.2j, 0.01, 2.0 + 1.0j], 200)
+    assert (simulators_worker.play_shots(0.01, scene, place, step, starts, speeds) == -1).all()
+
+
+@pytest.mark.parametrize("module", ["pymunk", "mujoco"])
+def test_the_worker_plays_direct_pots(module):
+    pytest.importorskip(module)
+    scene = rigid()
+    place, step, at_end = getattr(simulators_worker, f"in_{module}")(0.002, scene)
+    late = simulators_worker.delays(0.002, scene, place, step, at_end)
+    assert np.mean(late) == pytest.approx(0.001 if module == "pymunk" else 0.0085, abs=2e-4)
+    starts = np.array([[-0.2j, 0.4j], [-0.2j, 0.4j], [0.5, 0.9 + 0.3j]] * 100)
+    pockets = simulators_worker.play_shots(0.002, scene, place, step, starts, np.array([2.0j, -2.0j, 0.0] * 100))
+    assert pockets.tolist() == [5, -1, -1] * 100
+
+
+@pytest.mark.parametrize("module", ["pymunk", "mujoco"])
+def test_a_shot_of_the_worker_does_not_depend_on_earlier_ones(module):
+    pytest.importorskip(module)
+    scene, random = rigid(), np.random.default_rng(0)
+    place, step, _ = getattr(simulators_worker, f"in_{module}")(0.01, scene)
+    starts = random.uniform(-0.5, 0.5, (2000, 2, 2)) @ (1, 1j) + np.array([-0.6, 0.6])
+    speeds = 2.0 * np.diff(starts)[:, 0] * np.exp(0.05j * random.normal(size=2000))
+    pockets = simulators_worker.play_shots(0.01, scene, place, step, starts, speeds)
+    assert (pockets >= 0).sum() > 20
+    again = simulators_worker.play_shots(0.01, scene, place, step, starts[::-1], speeds[::-1])
+    assert again[::-1].tolist() == pockets.tolist()

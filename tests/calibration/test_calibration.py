@@ -13,6 +13,7 @@ import pytest
 from billiards_env import Scene, simulate, simulate_batch
 from billiards_env.__main__ import main
 from billiards_env.calibration import Track, calibrate, observed, write_tracks
+from billiards_env.calibration.contacts import find_exchange
 from billiards_env.calibration.fit import reduced
 from billiards_env.calibration.shot import PLACES, SPIN, VELOCITY, prepare
 from billiards_env.calibration.starts import allowed, settle
@@ -77,7 +78,7 @@ def test_exact_tracks_give_the_numbers_and_the_starts():
 
 def test_known_starts_are_not_fitted():
     velocities, spins = np.array([v for _, v, _ in STRIKES]), np.array([w for _, _, w in STRIKES])
-    result = calibrate(OFF, tracks(), ("mu_slide", "mu_roll"), velocities=velocities, spins=spins)
+    result = calibrate(OFF, tracks(), ("mu_slide", "mu_roll"), velocities=velocities, spins=spins, contacts=2)
     assert np.array_equal(result.velocities, velocities)
     assert np.array_equal(result.spins, spins)
 
@@ -157,80 +158,44 @@ def test_a_minimum_with_another_order_of_events_is_found():
         assert abs(result.values[name] - TRUTH[name]) < high - low
 
 
-def only(result, kind):
-    assert {(problem.kind, problem.shot) for problem in result.problems} == {(kind, "1")}
-    assert all(result.fitted[k].all() for k in (0, 2, 3))
+def problems_of(shot_tracks, **expected):
+    """Returns the fit of tracks, after a check of the kinds of its problems by shot and of its constants."""
+    result = calibrate(OFF, shot_tracks, FREE)
+    assert {problem.shot: problem.kind for problem in result.problems} == {k[-1]: v for k, v in expected.items()}
+    assert all(
+        rows.all() for track, rows in zip(result.tracks, result.fitted, strict=True) if f"_{track.name}" not in expected
+    )
     for name, (low, high) in result.intervals.items():
         assert abs(result.values[name] - TRUTH[name]) < high - low
-    return result.problems
+    return result
 
 
-def test_outliers_are_reported_and_not_fitted():
+def test_outliers_and_swapped_balls_are_reported_and_not_fitted():
     shot_tracks = tracks()
     shot_tracks[1].positions[[20, 51]] += 0.3
-    result = calibrate(OFF, shot_tracks, FREE)
-    problems = only(result, "outliers")
-    assert sum(int(p.text.split()[0]) for p in problems) == 2 == np.count_nonzero(~result.fitted[1])
-
-
-def test_swapped_balls_are_reported_and_not_fitted():
-    shot_tracks = tracks()
-    exchanged = (shot_tracks[1].times > 0.2) & (shot_tracks[1].times < 0.6)
-    shot_tracks[1].balls[exchanged] = 1 - shot_tracks[1].balls[exchanged]
-    result = calibrate(OFF, shot_tracks, FREE)
-    (problem,) = only(result, "swapped balls")
-    assert problem.text == "from 0.233 s to 0.567 s balls 0 and 1 are exchanged"
-    assert not result.fitted[1][exchanged].any()
-
-
-def test_balls_that_are_exchanged_from_a_collision_on_are_named():
-    shot_tracks = tracks()
-    exchanged = shot_tracks[1].times > 0.6
-    shot_tracks[1].balls[exchanged] = 1 - shot_tracks[1].balls[exchanged]
-    (problem,) = only(calibrate(OFF, shot_tracks, FREE), "swapped balls")
-    assert problem.text == "from 0.633 s on balls 0 and 1 are exchanged"
-
-
-def test_a_contact_that_only_the_model_has_is_reported():
-    places, v, w = STRIKES[1]
-    alone = simulate(SCENE, places, v, spins=w, in_play=[True, False], record=True)
-    shot_tracks = tracks()
-    still = shot_tracks[1].positions[shot_tracks[1].balls == 1][:1]
-    row = alone.at(FRAMES)[:, 0]
-    k = len(FRAMES)
-    positions = np.concatenate((row, np.repeat(still, k, axis=0)))
-    shot_tracks[1] = Track("1", np.tile(FRAMES, 2), np.repeat([0, 1], k), positions)
-    (problem,) = only(calibrate(OFF, shot_tracks, FREE), "missed contact")
-    first: Any = shots()[1].events
-    hit = first["time"][first["kind"] == "ball_ball"][0]
-    assert problem.begin == pytest.approx(hit, abs=0.3)
-    assert "only the model has a contact with ball" in problem.text
+    exchanged = (shot_tracks[2].times > 0.2) & (shot_tracks[2].times < 0.6)
+    shot_tracks[2].balls[exchanged] = 1 - shot_tracks[2].balls[exchanged]
+    result = problems_of(shot_tracks, _1="outliers", _2="swapped balls")
+    *outliers, swapped = result.problems
+    assert sum(int(p.text.split()[0]) for p in outliers) == 2 == np.count_nonzero(~result.fitted[1])
+    assert swapped.text == "from 0.233 s to 0.567 s balls 0 and 1 are exchanged"
+    assert not result.fitted[2][exchanged].any()
+    track, from_collision = tracks()[1], tracks()[1].times > 0.6
+    later = track._replace(balls=np.where(from_collision, 1 - track.balls, track.balls))
+    assert find_exchange(SCENE, later) == (0, 1, pytest.approx(19 / 30), np.inf)
 
 
 def test_a_contact_that_only_the_track_has_is_reported():
     scene = Scene.named("carom", 2)
     places, v, w = STRIKES[1]
     far = shots()[1].at(1.1)[0]  # another ball is here, without rows
-    shot = simulate(scene, [*places, far], v, spins=w, record=True)
-    shot_tracks = tracks()
+    shot_tracks, shot = tracks(), simulate(scene, [*places, far], v, spins=w, record=True)
     seen = observed("1", shot, FRAMES, 0.002, seed=1)
-    rows = seen.balls < 2
-    shot_tracks[1] = Track("1", seen.times[rows], seen.balls[rows], seen.positions[rows])
-    (problem,) = only(calibrate(OFF, shot_tracks, FREE), "extra contact")
+    shot_tracks[1] = seen.rows(seen.balls < 2)
+    (problem,) = problems_of(shot_tracks, _1="other path").problems
     assert problem.ball == 0
     assert problem.begin == pytest.approx(1.0, abs=0.2)
-
-
-def test_gaps_are_allowed():
-    shot_tracks = [
-        Track(track.name, track.times[keep], track.balls[keep], track.positions[keep])
-        for track in tracks()
-        for keep in [np.random.default_rng(0).random(len(track.times)) < 0.6]
-    ]
-    result = calibrate(OFF, shot_tracks, FREE)
-    assert result.problems == []
-    for name, (low, high) in result.intervals.items():
-        assert abs(result.values[name] - TRUTH[name]) < high - low
+    assert problem.text.startswith("ball 0 leaves the model at ")
 
 
 def test_the_shots_of_pooltool_give_its_numbers():

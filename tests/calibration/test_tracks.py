@@ -77,24 +77,15 @@ def test_columns_may_have_any_order_and_cells_may_be_empty(tmp_path):
     ("text", "message"),
     [
         ("", r"tracks.csv, line 1: head = '': expected one column 'ball'"),
-        ("shot,time,ball,x\n", "line 1: head = 'shot,time,ball,x': expected one column 'y'"),
         ("shot,time,ball,x,y,x\n", "line 1: head = .*: expected one column 'x'"),
         (HEAD + "a,0,0,1,2\na,0,0,1\n", "line 3: 4 cells: expected 5"),
-        (HEAD + "a,0,-1,1,2\n", "tracks.csv: ball = -1: expected a whole number from 0 to 99999"),
         (HEAD + "a,0,0,1,2\na,0,1e30,1,2\n", "tracks.csv: ball = 1e30: expected a whole number from 0 to 99999"),
         (HEAD + "a,0,0,1,here\n", "line 2: y = 'here': expected a finite number"),
-        (HEAD + "a,soon,0,1,2\n", "line 2: time = 'soon': expected a finite number"),
         (HEAD + "a,0,0,inf,2\n", "line 2: x = 'inf': expected a finite number"),
-        ("t,red_x,red_y\n0,1,here\n", "line 2: y = 'here': expected a finite number"),
         ("t,red_x,red_y\n0,1\n", "line 2: 2 cells: expected 3"),
         ("t,red_x,cue_x,cue_y\n", "line 1: head = .*: expected two columns for each ball, such as cue_x and cue_y"),
-        ("t,cue_x,cue_y,cue_x\n", "expected two columns for each ball"),
         ("t,cue_x (mm),cue_y (mm),red_x,red_y\n", "expected two columns for each ball"),
-        ("frame,cue_x,cue_y\n", "expected one column 'ball', as in 'shot,time,ball,x,y' and 'a,0.02,red,"),
         ("t,x,y,x,y\n", "expected one column 'ball', as in"),  # the program Tracker
-        ("scorer,net,net,net\nbodyparts,cue,cue,cue\ncoords,x,y,likelihood\n", "expected .*, as in"),  # DeepLabCut
-        ("Label,ID,TRACK_ID,POSITION_X,POSITION_Y,POSITION_T,FRAME\n", "expected .*, as in"),  # TrackMate
-        ("y,x,mass,size,ecc,signal,raw_mass,ep,frame,particle\n", "expected .*, as in"),  # trackpy
         ("track,frame_idx,instance.score,cue.x,cue.y,cue.score\n", "expected .*, as in"),  # SLEAP
     ],
 )

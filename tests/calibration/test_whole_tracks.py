@@ -29,7 +29,7 @@ OFF = changed(mu_slide=0.22, mu_roll=0.011, e_ball=0.93, e_cushion=0.82, mu_cush
 
 @functools.cache
 def calibration():
-    return calibrate(OFF, whole_tracks(), tuple(TRUTH), contacts=3)
+    return calibrate(OFF, whole_tracks(), tuple(TRUTH), contacts=2)
 
 
 def test_whole_shots_give_the_numbers_and_the_instants_of_the_strikes():
@@ -194,20 +194,10 @@ def test_one_far_row_never_ends_a_track():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (
-            lambda t, p: (t, 1.1 * p),
-            r"shot s\d+, ball \d: \d+ rows up to 0.\d+ m beyond the cushion: is the file in metres",
-        ),
-        (lambda t, p: (t, 1.015 * p), r"beyond the cushion|balls turn 0.0\d+ m beyond the cushion"),
+        (lambda t, p: (t, 1.1 * p), r"shot s\d+, ball \d: \d+ rows up to 0.\d+ m beyond the cushion: expected metres"),
         (lambda t, p: (t, 0.985 * p), r"balls turn 0.0\d+ m short of the cushion at [+-][xy]: expected metres"),
-        (lambda t, p: (t, 500.0 * p), "beyond the cushion: are the coordinates pixels or millimetres"),
-        (lambda t, p: (t, np.array([1.42, 0.71]) + p), "beyond the cushion: is the origin a corner of the table"),
-        (lambda t, p: (t, p[:, ::-1]), "beyond the cushion: are x and y exchanged"),
-        (
-            lambda t, p: (50.0 * t, p),
-            r"a ball does not roll that far; are the times in seconds \(not frame numbers\)",
-        ),
-        (lambda t, p: (t / 50.0, p), r"m/s: expected at most 20; are the times in seconds"),
+        (lambda t, p: (50.0 * t, p), r"m at .* m/s or less: expected a way that a ball can roll"),
+        (lambda t, p: (t / 50.0, p), r"m/s: expected at most 20, and times in seconds"),
     ],
 )
 def test_a_file_that_does_not_lie_on_the_table_is_refused(change, message):

@@ -7,7 +7,7 @@ import pytest
 
 from billiards_env.derivatives.lanes import Wall, cushion_is_smooth, cushion_solution, d_impact
 from billiards_env.engine.compile import scene_arrays
-from billiards_env.physics.cushion import impact
+from billiards_env.physics.ball_cushion import impact
 from billiards_env.physics.laws.cushion import CushionMotion, cushion_restitution
 from billiards_env.physics.state import BallState, LawNumbers, law_numbers_of
 from billiards_env.scene import Scene

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.reference.oracle import run
 from billiards_env import Scene, simulate_batch, strike
 from billiards_env.derivatives.nonsmooth import REASONS
 from billiards_env.derivatives.shot_derivatives import physics_inputs
 from billiards_env.scene import Balls, Pocket, Table, layouts
-from reference.oracle import run
 from tests.helpers.derivatives import start_of
 from tests.helpers.shots import simulate
 

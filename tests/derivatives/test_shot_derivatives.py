@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.reference.oracle import run
 from billiards_env import Scene, simulate_batch, strike
 from billiards_env import scene as scenes
 from billiards_env.derivatives.shot_derivatives import OUTPUTS, UNIT_ROUNDOFF, physics_inputs
 from billiards_env.scene import PARAMETERS, Balls, Pocket, Table, layouts
 from billiards_env.support.checks import RANGES
-from reference.oracle import run
 from tests.helpers.derivatives import SCENES, VARIABLE, directional_differences, recorded, start_of, tangent_of
 from tests.helpers.shots import draw_starts, simulate
 

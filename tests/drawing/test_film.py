@@ -83,13 +83,13 @@ def test_bad_arguments_are_rejected_and_leave_no_file(suffix, shot, elsewhere, t
     assert os.listdir(tmp_path) == [f"folder.{suffix}"]
 
 
-@pytest.mark.parametrize(("suffix", "passes"), [("gif", 2), ("mp4", 1)])  # a GIF is drawn twice
-def test_an_error_in_a_frame_keeps_the_old_file(suffix, passes, shot, tmp_path, monkeypatch):
-    drawable = iter(range(passes * (math.ceil(5 * shot.time) + 1) - 1))  # all frames but the last
+@pytest.mark.parametrize(("suffix", "more"), [("gif", 1), ("mp4", 0)])  # a GIF begins with its last frame
+def test_an_error_in_a_frame_keeps_the_old_file(suffix, more, shot, tmp_path, monkeypatch):
+    drawable = iter(range(math.ceil(5 * shot.time) + more))  # all frames but the last
     monkeypatch.setattr(film, "pixels", lambda frame: (next(drawable), pixels(frame))[1])
     target = tmp_path / f"a.{suffix}"
     target.write_text("old")
-    with pytest.raises(RuntimeError, match="StopIteration"):
+    with pytest.raises(StopIteration):
         getattr(shot, f"to_{suffix}")(target, fps=5, width=160)
     assert next(drawable, None) is None
     assert os.listdir(tmp_path) == [target.name]

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from mpmath import mpf
 
+from benchmarks.reference import oracle
+from benchmarks.reference.stress import scenes
 from billiards_env.scene.table import Pocket, Table
-from reference import oracle
-from reference.stress import scenes
 from tests.helpers.shots import FREE, MOTIONS, ROLLING, SLIDING, R, simulate, world
 
 DIGITS = 70

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.reference.stress.scenes import R, ideal, rough
 from billiards_env.engine.contact_rule import longest_run
 from billiards_env.jit import kernel
 from billiards_env.scene import Balls, Physics, Scene, Table
-from reference.stress.scenes import R, ideal, rough
 from tests.helpers.shots import simulate
 
 INF = math.inf

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.reference.oracle import run
 from billiards_env import Engine, Scene
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.engine.overlaps import FIXES
@@ -13,7 +14,6 @@ from billiards_env.jit import allocating_entry_point
 from billiards_env.physics.state import UX, UY, VX, VY, X, Y, empty_state
 from billiards_env.pots.paths import follow_path
 from billiards_env.scene import Balls, Physics, Table
-from reference.oracle import run
 from tests.helpers.outlines import table, with_corners
 from tests.helpers.shots import FREE, SLIDING, instants, kinds, kinetic_energy, simulate
 

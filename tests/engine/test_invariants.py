@@ -9,6 +9,9 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.reference import plain
+from benchmarks.reference.stress import checks, families
+from benchmarks.reference.stress.draw import star
 from billiards_env import Scene
 from billiards_env.engine import MAX_EVENTS, PIC, Engine, pic, pit
 from billiards_env.engine.log import N_EVENTS_LOGGED, N_SEGMENTS_LOGGED, SEGMENT_ROW, TIME, Log
@@ -18,9 +21,6 @@ from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_REST, Shots
 from billiards_env.physics.state import T0
 from billiards_env.scene import Balls, Physics, Table, layouts
 from billiards_env.shots.simulation import run_shot
-from reference import plain
-from reference.stress import checks, families
-from reference.stress.draw import star
 from tests.helpers.engine_runs import run
 from tests.helpers.impacts import cluster
 from tests.helpers.outlines import MARBLES, TABLES, mirrored

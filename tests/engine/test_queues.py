@@ -1,15 +1,15 @@
-"""PIC has the same results, bit for bit, with both of its queues and with the simple queue of `reference.plain`."""
+"""PIC has the same results, bit for bit, with both of its queues and with the queue of `benchmarks.reference.plain`."""
 
 from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks.reference.stress import families
 from billiards_env import Scene
 from billiards_env.engine import pic
 from billiards_env.engine.compile import MANY_BALLS, PIC, run_shots_of
 from billiards_env.scene import Balls, Physics, Table
-from reference.stress import families
 from tests.helpers.engine_runs import CELL_GRID, ORDINARY, PLAIN, check
 from tests.helpers.shots import lattice
 

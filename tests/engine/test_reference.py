@@ -1,4 +1,4 @@
-"""The engine agrees with shots of pooltool and with the high-precision simulator in `reference.oracle`."""
+"""The engine agrees with shots of pooltool and with the high-precision simulator in `benchmarks.reference.oracle`."""
 
 import dataclasses
 import json
@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.reference.oracle import run
 from billiards_env import Scene
 from billiards_env.derivatives.shot_derivatives import UNIT_ROUNDOFF
 from billiards_env.scene import Balls, Physics, Table
-from reference.oracle import run
 from tests.helpers.derivatives import FALLING
 from tests.helpers.outlines import MARBLES, TABLES, apart_places
 from tests.helpers.shots import aimed_shot, kinds, real, simulate

@@ -12,7 +12,7 @@ from billiards_env.envs.action_frames import FRAMES
 from billiards_env.envs.observations import FEATURES
 from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import SCENES, Scene, check_positions, layouts
-from tests.helpers.environments import GAME_VARIANTS, RUN_OUTS, VARIANTS, name_of
+from tests.helpers.environments import GAME_VARIANTS, VARIANTS, name_of
 
 INFO_TABLE = (BilliardsEnv.__doc__ or "").partition("## Info")[2].partition("Stable-Baselines3")[0]
 DOCUMENTED_INFO = {
@@ -200,24 +200,6 @@ def test_neither_velocity_nor_spin_remains_after_a_shot(max_time, status):
     assert (info["shot_time"], info["n_events"]) == (0.0, 0)
 
 
-def test_three_cushion_needs_three_contacts_before_the_second_ball():
-    """The cue ball moves at 45 degrees off cushions +y, +x and -y to ball 1, and from there up to ball 2."""
-    env, carom = (make_env(scene="ideal", task=task, n_object_balls=2) for task in ("three_cushion", "carom"))
-    radius = env.scene.balls.radius[0]
-    right, top = 1.27 - radius, 0.635 - radius
-    x = 0.38
-    hit = np.array([x, 2 * right - x - 4 * top])  # position of the cue ball at ball 1; its unfolded path is (s, s)
-    places = [hit - [2 * radius, 0.0], [x, 0.05]]
-    for start, direction, contacts in (([0.0, 0.0], 1, 3), ([0.7, 2 * top - 0.7], -1, 2)):
-        for game in (env, carom):
-            game.reset(options={"positions": [start, *places]})
-        action = [0.25, 0.25 * direction]
-        assert carom.step(action)[-1]["is_success"]
-        _, reward, terminated, _, info = env.step(action)
-        assert info["first_hit"] == 1
-        assert (reward, terminated, info["is_success"]) == (float(contacts == 3), True, contacts == 3)
-
-
 def test_a_shot_of_sum_to_three_starts_without_spin():
     env = make_env(**SUM_TO_THREE, action="sum_to_three", render_mode="rgb_array")
     env.reset()
@@ -286,50 +268,6 @@ def test_positions_and_goals_from_options_are_not_drawn():
     env.reset(options={})
     assert np.array_equal(env.positions, drawn)
     assert env.goals.tolist() != [goal]
-
-
-OF_TASKS = [
-    ("pot", "pool", 1, "random"),
-    ("carom", "carom", 2, "carom_opening"),
-    ("three_cushion", "carom", 2, "carom_opening"),
-    ("sum_to_three", "sum_to_three", 1, "line"),
-    ("place", "pool", 1, "random"),
-    ("position", "pool", 1, "random"),
-    ("clear", "pool", 1, "random"),
-    ("nine_ball", "pool", 9, "nine_ball"),
-    ("eight_ball", "pool", 15, "eight_ball"),
-]
-
-
-@pytest.mark.parametrize(("task", "scene", "n_object_balls", "layout"), OF_TASKS)
-def test_a_task_has_its_own_scene_and_layout(task, scene, n_object_balls, layout):
-    env = make_env(task=task)
-    assert (env.scene, env.model.layout) == (Scene.named(scene, n_object_balls), layout)
-    assert env.model.max_shots == (30 if task in RUN_OUTS else 1)
-    assert TASKS[task].judge.__name__ == f"judge_{task}"
-    other = make_env(task=task, scene={"base": scene, "n_object_balls": n_object_balls}, layout="random")
-    assert (other.scene, other.model.layout) == (env.scene, "random")
-
-
-def test_without_a_fix_balls_may_overlap_before_the_next_shot():
-    # 4 m/s in steps of 1/15 s: without a fix some balls come to rest deep inside another ball or beyond a cushion
-    env = make_env(n_object_balls=9, layout="tight_rack", max_shots=20, mode="pit", dt=1 / 15, fix="none")
-    deepest, beyond = 0.0, -np.inf
-    room = np.array([env.scene.table.length, env.scene.table.width]) / 2 - env.scene.balls.radius[0]
-    for seed in range(10):
-        env.reset(seed=seed)
-        rng = np.random.default_rng(seed)
-        terminated = False
-        while not terminated:
-            observation, _, terminated, _, info = env.step(rng.uniform(-1, 1, 2))
-            assert observation in env.observation_space
-            assert STATUS[info["status_code"]] == "rest"
-            places = env._episodes.shots.positions[0][~info["potted"]]
-            apart = np.linalg.norm(places[:, None] - places, axis=-1) + np.diag(np.full(len(places), np.inf))
-            deepest = max(deepest, 2 * env.scene.balls.radius[0] - apart.min())
-            beyond = max(beyond, (np.abs(places) - room).max())
-    assert deepest > 1e-3
-    assert beyond > 1e-4
 
 
 THROUGH_A_BALL = [({}, False), *(({"mode": "pit", "dt": 1 / n}, n <= 60) for n in (15, 30, 60, 240))]

@@ -8,7 +8,7 @@ import pytest
 from billiards_env.drawing.raster import rgb
 from billiards_env.drawing.style import rail_width
 from billiards_env.envs import make_env, make_vector_env
-from billiards_env.envs.observations import FEATURES, Feature, decode
+from billiards_env.envs.observations import decode
 from billiards_env.envs.tasks import TASKS
 
 WAYS = ("cue_to_balls", "balls_to_pockets", "free_to_balls", "free_to_pockets")
@@ -200,16 +200,3 @@ def test_decode_returns_views_of_arrays_and_tensors():
     tensor = torch.zeros(3, 5)
     decode(tensor, envs.single_env.features)["positions"][1, 1] = 1.0
     assert tensor.sum(0).tolist() == [0.0, 0.0, 1.0, 1.0, 0.0]
-
-
-def test_a_new_feature_is_one_entry(monkeypatch):
-    def write(begin, end, observations, first, score):
-        observations[begin:end, first] = score[begin:end] / 100.0
-
-    entry = Feature("the score", (), 0.0, write, lambda source: (source.arrays.score,))
-    monkeypatch.setitem(FEATURES, "score", entry)
-    env, envs = make_env(observe=("score",)), make_vector_env(2, "Disabled", observe=["positions", "score"])
-    env.reset(options={"positions": [[0.97, 0.335], [1.07, 0.435]]})
-    assert env.step([0.25, 0.25])[0].tolist() == [np.float32(0.01)]
-    envs.reset(seed=0)
-    assert envs.decode(envs.step(np.zeros((2, 2)))[0])["score"].tolist() == [0.0, 0.0]

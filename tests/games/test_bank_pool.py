@@ -1,10 +1,12 @@
 """Bank pool, case by case. Numbers are those of the rules of OnePocket.org (2006)."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from billiards_env.games import Call
+from billiards_env.games.batch import best_call
 from billiards_env.games.facts import facts_of_shots
 from tests.helpers.games import judge, record_of, ruling, setup, state, words
 
@@ -14,9 +16,9 @@ BANK = "hit 0 3, cushion 3, pocket 3 5"
 POINT = ruling(points=1, continues=True)
 
 FACTS = [
-    ("hit 0 3, cushion 3, cushion 4, pocket 3, pocket 5", {"banked": (3,), "cushions_before_first": 0}),
-    ("cushion 0, cushion 0, hit 0 3, cushion 0, hit 0 4", {"cushions_before_first": 2, "cushions_before_last": 3}),
-    ("cushion 0", {"banked": (), "cushions_before_first": 0}),
+    ("hit 0 3, cushion 3, cushion 4, pocket 3, pocket 5, pocket 4", {"banked": (3,)}),
+    ("cushion 0, cushion 0, hit 0 3, cushion 3, hit 0 4, pocket 3", {"banked": (), "cushions_before_last": 2}),
+    ("cushion 0", {"banked": ()}),
 ]
 
 
@@ -89,3 +91,10 @@ def test_the_end_of_a_game(fields, log, winner):
 
 def test_the_usual_games_end_at_five_of_nine_and_eight_of_fifteen():
     assert [setup("bank_pool", balls).target for balls in (9, 15)] == [5, 8]
+
+
+def test_the_call_that_a_player_does_not_choose_is_that_of_the_bank():
+    record = record_of("hit 0 5, pocket 1 0, cushion 5, pocket 5 2")
+    played: Any = SimpleNamespace(facts=facts_of_shots(record)[0], pots=((1, 0), (5, 2)))
+    assert best_call(setup("bank_pool"), state("bank_pool", call_shot=True), played) == Call(5, 2)
+    assert best_call(setup("straight"), state("straight", call_shot=True), played) == Call(1, 0)

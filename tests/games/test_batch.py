@@ -1,27 +1,67 @@
-"""Many shots are judged as one shot is."""
+"""A shot has the same verdict and the same next state in `play`, in `play_batch` and in the tasks that are games."""
+
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from billiards_env.envs.arguments import make_model
+from billiards_env.envs.episodes import Episodes
+from billiards_env.envs.tasks import TASKS
 from billiards_env.games import CALL, FACTS, FOULS, GAMES, STATE, Call, Stroke, opening, play, referee
 from billiards_env.games.batch import best_call, play_batch
+from billiards_env.games.entry import no_free_ball
 from billiards_env.games.game_state import changed, in_play, members, set_of
 from tests.helpers.games import setup, state
 
-CASES = {f"{rules} {layout}": (rules, layout, {}) for rules in GAMES for layout in (GAMES[rules].layouts[0], "random")}
-CASES |= {
-    "called eight ball": ("eight_ball", "random", {"call_shot": True}),
-    "called straight pool": ("straight", "random", {"call_shot": True}),
-    "the second cue ball of carom": ("carom", "random", {"cue_balls": (2, 0), "object_balls": 0b11, "player": 1}),
-    "two object balls": ("eight_ball", "random", {"object_balls": set_of((3, 8)), "solids": 0}),
-}
+CALLED = [name for name in GAMES if GAMES[name].callable]
+CASES = (
+    [("break", rules) for rules in GAMES] + [("mid game", rules) for rules in GAMES] + [("called", r) for r in CALLED]
+)
+MAX_SPEED = 8.0  # m/s; a power of two, so actions are exact
 
 
-def shots(m, seed=0):
+def mid_game(settings, rng):
+    """Returns a random state in the middle of a game, with the cue ball in place."""
+    game, rules = opening(settings, rng, "random"), settings.game_rules
+    balls = np.array(members(game.state.object_balls))
+    if not rules.pockets:
+        fields = {"cue_balls": (2, 0), "object_balls": set_of((0, 1)), "player": 1} if rng.random() < 0.5 else {}
+        return game._replace(state=changed(game.state, **fields))
+    kept = balls[rng.random(len(balls)) < rng.uniform(0.2, 1.0)].tolist()
+    always = range(len(balls) - 5, len(balls) + 1) if rules.has_spots else (rules.deciding_ball or 1,)
+    fields = {"object_balls": set_of((*kept, *(ball % (len(balls) + 1) for ball in always)))}
+    if rules.groups:
+        fields["solids"] = int(rng.integers(-1, 2))
+    if rules.has_spots:
+        fields["colour"] = bool(rng.random() < 0.5)
+    if rules.free_ball is not no_free_ball:
+        fields["free_ball"] = bool(rng.random() < 0.3)
+    return game._replace(state=changed(game.state, **fields))
+
+
+def played_as_task(settings, game, velocities):
+    """Returns the states after shots of a task that is a game, (m,) `STATE`, and whether the episodes are over."""
+    n = settings.scene.n_balls - 1
+    model = make_model(scene="pool", task=settings.rules, n_object_balls=n, max_speed=MAX_SPEED, layout="random")
+    episodes = Episodes(len(velocities), model)
+    episodes.state.positions[:], episodes.arrays.states[:] = game.positions, np.array([game.state], STATE)
+    episodes.state.in_play[:] = [i == 0 or game.state.object_balls >> i & 1 for i in range(n + 1)]
+    episodes.state.over[:] = False
+    rewards = np.empty(len(velocities))
+    episodes.shoot(0, len(velocities), velocities / MAX_SPEED, rewards, episodes.observer.new(len(velocities)))
+    return episodes.arrays.states, episodes.arrays.over
+
+
+def shots(m, seed, game):
+    """Returns velocities (m, 2) and spins (m, 3): half of the shots towards an object ball, the others anywhere."""
     rng = np.random.default_rng(seed)
-    angles, speeds = rng.uniform(-np.pi, np.pi, m), rng.uniform(0.5, 5.0, m)
-    spins = rng.uniform(-50.0, 50.0, (m, 3))
-    return speeds[:, None] * np.column_stack((np.cos(angles), np.sin(angles))), spins
+    headings, cue = rng.uniform(-np.pi, np.pi, m), game.positions[game.state.cue_balls[0]]
+    to = game.positions[rng.choice(members(game.state.object_balls), m // 2)] - cue
+    headings[: m // 2] = np.arctan2(to[:, 1], to[:, 0]) + rng.normal(0.0, 0.02, m // 2)
+    velocities = rng.uniform(0.5, 7.0, m)[:, None] * np.column_stack((np.cos(headings), np.sin(headings)))
+    return velocities, rng.uniform(-50.0, 50.0, (m, 3))
 
 
 def one_by_one(settings, game, velocities, spins, places):
@@ -31,36 +71,47 @@ def one_by_one(settings, game, velocities, spins, places):
         positions[game.state.cue_balls[0]] = place
         start, stroke = game._replace(positions=positions), Stroke(tuple(velocity), spin=tuple(spin))
         if settings.call_shot:
-            pots = play(settings, start, stroke).pots
-            stroke = stroke._replace(call=best_call(settings, game.state, tuple(sorted(pots))))
+            lowest = SimpleNamespace(facts=(shot := play(settings, start, stroke)).facts, pots=sorted(shot.pots))
+            stroke = stroke._replace(call=best_call(settings, game.state, cast(Any, lowest)))
         played.append(play(settings, start, stroke))
     return played
 
 
-@pytest.mark.parametrize(("rules", "layout", "state"), CASES.values(), ids=CASES)
-def test_a_batch_has_the_verdicts_states_and_positions_of_single_shots(rules, layout, state):
-    settings = setup(rules, call_shot=state.get("call_shot", False))
-    game = opening(settings, np.random.default_rng(1), layout)
-    game = game._replace(state=changed(game.state, **{"in_hand": 0, **state}))  # a break with the cue ball in place
-    velocities, spins = shots(400 if state else 60)
-    places = np.repeat(game.positions[None, game.state.cue_balls[0]], len(spins), axis=0)
-    if layout == "random":
-        places[:, 1] += np.linspace(-1e-3, 1e-3, len(spins))
-    batch = play_batch(settings, game, velocities, spins, places if layout == "random" else None)
-    single = one_by_one(settings, game, velocities, spins, places)
-    assert batch.verdicts.tolist() == [played.verdict.tolist() for played in single]
-    assert not state or batch.verdicts["continues"].any()
-    for after, positions, played in zip(batch.states, batch.positions, single, strict=True):
-        np.testing.assert_equal(after.tolist(), changed(played.game.state, free_ball=False).tolist())
-        if not played.verdict.spotted and not played.verdict.rack:  # a batch does not look for a free place
-            lying = list(members(in_play(after)))
-            np.testing.assert_array_equal(positions[lying], played.game.positions[lying])
+@pytest.mark.parametrize(("kind", "rules"), CASES)
+def test_a_batch_and_a_task_have_the_verdicts_states_and_positions_of_single_shots(kind, rules):
+    settings, rng, continues = setup(rules, call_shot=kind == "called"), np.random.default_rng(0), 0
+    for seed in range(1 if kind == "break" else 8):
+        game = mid_game(settings, rng) if kind != "break" else opening(settings, rng)
+        game = game._replace(state=changed(game.state, in_hand=0))  # a break with the cue ball in place
+        velocities, spins = shots(30, seed, game)
+        places = np.repeat(game.positions[None, game.state.cue_balls[0]], len(spins), axis=0)
+        if kind != "break":
+            places[:, 1] += np.linspace(-1e-3, 1e-3, len(spins))
+        batch = play_batch(settings, game, velocities, spins, places if kind != "break" else None)
+        single = one_by_one(settings, game, velocities, spins, places)
+        assert batch.verdicts.tolist() == [played.verdict.tolist() for played in single]
+        assert batch.pockets.tolist() == [played.shot.pockets.tolist() for played in single]
+        continues += batch.verdicts["continues"].sum()
+        for after, positions, played in zip(batch.states, batch.positions, single, strict=True):
+            state = changed(played.game.state, free_ball=False)
+            assert after == state or played.verdict.rack  # a new rack may put the cue ball in hand
+            if not played.verdict.spotted and not played.verdict.rack:  # a batch does not look for a free place
+                lying = list(members(in_play(after)))
+                np.testing.assert_array_equal(positions[lying], played.game.positions[lying])
+        if kind != "called" and rules in TASKS and TASKS[rules].is_game:
+            plain = play_batch(settings, game, velocities)
+            after, over = played_as_task(settings, game, velocities)
+            assert after.tobytes() == plain.states.tobytes()
+            eight = rules == "eight_ball" and plain.pockets[:, 8] >= 0
+            lost = (plain.verdicts["foul"] > 0) | ~plain.verdicts["continues"]
+            assert over.tolist() == (lost | after["over"] | eight).tolist()
+    assert continues > 1 or rules == "three_cushion" or kind == "break"  # random shots rarely score there
 
 
 def test_a_call_counts_if_its_ball_drops_in_its_pocket():
     settings = setup("straight", 2, call_shot=True)
     game = opening(settings, np.random.default_rng(1), "random")
-    velocities, _ = shots(3000)
+    velocities, _ = shots(3000, 0, game)
     exact = play_batch(settings, game, velocities)
     called = np.flatnonzero(exact.verdicts["points"] > 0)[:4]
     assert len(called) == 4

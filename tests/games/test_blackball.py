@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from billiards_env.games import Setup, Stroke, custom_opening, opening, play, to_dict
-from billiards_env.games.batch import play_batch
 from billiards_env.scene import Scene
 from tests.helpers.games import in_a_row, judge, ruling, setup, state
 
@@ -107,16 +106,6 @@ def test_a_foul_gives_one_free_shot_and_then_the_visit():
         game = play(settings, game, Stroke(velocity)).game
         turns.append((int(game.state.player), bool(game.state.free_ball)))
     assert turns == [(0, True), (0, False), (1, True)]
-
-
-def test_a_batch_starts_from_a_free_shot():
-    settings = setup("blackball")
-    places = in_a_row(16, {0: (0.0, 0.3), 9: (0.5, 0.3)})
-    velocities, continues = [[2.0, 0.0], [-0.1, 0.0]], []
-    for free in (False, True):
-        game = custom_opening(settings, places, {"solids": 0, "free_ball": free})
-        continues.append(play_batch(settings, game, velocities).verdicts["continues"].tolist())
-    assert continues == [[False, False], [True, False]]
 
 
 def test_a_frame_begins_on_the_usual_table_with_the_black_ball_in_the_middle():

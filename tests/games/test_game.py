@@ -65,31 +65,6 @@ def test_no_shot_is_allowed_after_the_end():
 
 # Shots on the table.
 
-CORNER = {0: (0.9, 0.265), 8: (1.1, 0.465)}
-"""The cue ball and the eight ball on a line into a corner pocket."""
-
-
-def test_a_break_from_behind_the_head_string():
-    played = play(NINE, opening(NINE, np.random.default_rng(0)), Stroke((8.0, 0.0), (1.0, 0.0)))
-    assert played.shot.trajectory is not None
-    assert played.shot.at(0.0)[0].tolist() == [-0.635, 0.0]
-    assert words(played.facts).first == (1,)
-    assert words(played.verdict).foul in ("", "scratch")
-
-
-def test_the_eight_ball_potted_on_the_break_is_spotted():
-    played = play(EIGHT, custom_opening(EIGHT, in_a_row(16, CORNER), {"break_shot": True}), Stroke((1.5, 1.5)))
-    assert (played.pots[0][0], words(played.verdict).spotted) == (8, (8,))
-    assert played.game.positions[8].tolist() == [0.635, 0.0]
-    assert 8 in words(played.game.state).on_table
-
-
-def test_a_cue_ball_in_hand_does_not_block_a_spotted_ball():
-    played = play(NINE, custom_opening(NINE, in_a_row(10, {0: (0.625, -0.01), 9: (0.685, 0.05)})), Stroke((1.5, 1.5)))
-    assert (words(played.verdict).foul, words(played.facts).potted) == ("wrong_ball", (9,))
-    assert math.dist(played.shot.positions[0], (0.635, 0.0)) < 2 * NINE.scene.balls.radius[0]
-    assert played.game.positions[9].tolist() == [0.635, 0.0]
-
 
 def test_after_a_scratch_the_cue_ball_is_in_hand():
     settings = setup("straight", 2)
@@ -105,17 +80,6 @@ def test_a_blocked_point_is_replaced_by_the_nearest_free_point():
     wish = tuple((PLACES[5] + [0.0, 0.01]).tolist())
     start = play(NINE, game, Stroke((0.0, -1.0), wish)).shot.at(0.0)
     assert start[0] == pytest.approx(PLACES[5] + [0.0, 2 * NINE.scene.balls.radius[0] + PLACING_GAP])
-
-
-def test_carom_players_alternate_cue_balls():
-    settings = setup("carom")
-    game = opening(settings, np.random.default_rng(0))
-    for player, cue in [(0, 0), (1, 2), (0, 0)]:
-        assert game.state.player == player
-        played = play(settings, game, Stroke((0.0, 0.4)))
-        moved = np.flatnonzero((played.game.positions != game.positions).any(axis=1))
-        assert moved[0] == cue
-        game = played.game
 
 
 def test_straight_pool_a_rack_on_the_table():

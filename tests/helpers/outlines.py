@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 from hypothesis import strategies as st
 
+from benchmarks.reference.stress.draw import outline_table as table
+from benchmarks.reference.stress.draw import star
 from billiards_env.scene import Balls, Scene, Table
 from billiards_env.scene.outline import Corner, clearance, pieces
-from reference.stress.draw import outline_table as table
-from reference.stress.draw import star
 
 
 def with_corners(rectangle):

@@ -16,6 +16,7 @@ KERNELS = '''
 import math
 from typing import NamedTuple
 from billiards_env.jit import entry_point, inlined
+import kernels_of_a_test.constants
 from kernels_of_a_test import constants
 from kernels_of_a_test.constants import PLACES, REACH
 
@@ -44,9 +45,9 @@ shifted = by_law(gap, gap)
 def run(x):
     """Runs."""
     way = Way(shifted(x), constants.SIZE)
-    return math.sqrt(way.x) + PLACES[1]
+    return math.sqrt(way.x) + PLACES[1] + kernels_of_a_test.constants.DEEP
 '''
-CONSTANTS = "REACH = 2.0\nSIZE = 3\nPLACES = (1, 2)\nOTHER = 4\n"
+CONSTANTS = "REACH = 2.0\nSIZE = 3\nPLACES = (1, 2)\nDEEP = 5\nOTHER = 4\n"
 
 
 def made(monkeypatch, *edits: tuple[str, str]) -> str:
@@ -71,6 +72,7 @@ CHANGES = [
     ("REACH = 2.0", "REACH = 2.5"),
     ("REACH = 2.0", "REACH = 2"),
     ("SIZE = 3", "SIZE = 4"),
+    ("DEEP = 5", "DEEP = 6"),
     ("(1, 2)", "(1, 3)"),
     ("by_law(gap, gap)", "by_law(gap, unused)"),
     ("one(x) + other(x)", "one(x) - other(x)"),
@@ -113,7 +115,7 @@ def test_engines_do_not_depend_on_rules_and_environments(engine):
             reached.add(function)
             waiting += _own(function)[1]
     rooms = {function.__module__.split(".")[1] for function in reached}
-    assert rooms == {"engine", "jit", "physics"}
+    assert rooms <= {"engine", "jit", "physics"}
     assert len(reached) > 100
 
 

@@ -1,7 +1,5 @@
-import os
 import pickle
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,6 +14,7 @@ from billiards_env.jit import compiler, folders
 from billiards_env.jit import decorators as jit
 from billiards_env.jit.code_hash import code_hash
 from billiards_env.physics import elementary
+from tests.helpers.processes import run, start
 
 ROOT = Path(jit.__file__).parents[2]
 
@@ -37,21 +36,6 @@ def cache(tmp_path, monkeypatch):
     monkeypatch.setattr(jit, "_FOLDER", tmp_path / "cache")
     monkeypatch.setattr(compiler, "LONG", 300.0)  # no announcement on a busy machine
     return tmp_path / "cache"
-
-
-def start(*arguments: str, **environment: str) -> subprocess.Popen[str]:
-    """Starts Python with this package."""
-    env = os.environ | {"PYTHONPATH": str(ROOT)} | environment
-    pipe = subprocess.PIPE
-    return subprocess.Popen([sys.executable, *arguments], env=env, stdout=pipe, stderr=pipe, text=True)
-
-
-def run(*arguments: str, **environment: str) -> tuple[str, str]:
-    """Runs Python with this package. Returns what it prints to stdout and stderr."""
-    process = start(*arguments, **environment)
-    out, errors = process.communicate()
-    assert process.returncode == 0, errors
-    return out, errors
 
 
 def double(x):

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.reference.oracle import laws
+from benchmarks.reference.oracle.laws import World
 from billiards_env.jit import allocating_entry_point
 from billiards_env.physics.clusters.complementarity import MOST
 from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch, solve_plastic
 from billiards_env.physics.state import VX, VY, WIDTH
 from billiards_env.scene import Balls, Physics, Scene
-from reference.oracle import laws
-from reference.oracle.laws import World
 from tests.helpers.impacts import KINDS, RACKS, arrays_of, check_order_and_side, collided, drawn, energy, motion_of
 
 SEEDS = st.integers(0, 2**32)

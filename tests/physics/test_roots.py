@@ -75,49 +75,38 @@ def test_powers_of_two_as_units_of_time_and_length_change_no_digit(high, size, s
     assert first_descent(*scaled, math.ldexp(3.0, -speed)) == math.ldexp(root, -speed)
 
 
-@pytest.mark.parametrize("leading", [0.0, 1e-300, -1e-300, 1e-40, -1e-40, 1e-17])
-def test_tiny_leading_coefficients_are_harmless(leading):
-    assert first_descent(1.0, -2.0, 0.0, 0.0, leading, 3.0) == pytest.approx(0.5, rel=1e-15)
-    assert first_descent(1.0, -2.0, 0.0, leading, 0.0, 3.0) == pytest.approx(0.5, rel=1e-15)
-    assert first_descent(1.0, -2.0, leading, 0.0, 0.0, 3.0) == pytest.approx(0.5, rel=1e-15)
-    assert first_descent(1.0, 0.0, leading, leading, leading, 3.0) == math.inf
-
-
-ROOT_AT_1 = [
-    (1.0, -1.0, 0.0, 0.0, 0.0),
-    (1.0, 0.0, -1.0, 0.0, 0.0),
-    (1.0, 0.0, 0.0, -1.0, 0.0),
-    (1.0, 0.0, 0.0, 0.0, -1.0),
-    (1.0, -3.0, 3.0, -1.0, 0.0),  # (1 - t)^3
+LEADING = [0.0, 1e-300, -1e-300, 1e-40, -1e-40, 1e-17]
+ROOTS: list[tuple[tuple[float, ...], float, float, float]] = [
+    # Coefficients; the end of the interval; the root; its largest relative error
+    *(((1.0, -2.0, 0.0, 0.0, leading), 3.0, 0.5, 1e-15) for leading in LEADING),
+    *(((1.0, -2.0, 0.0, leading, 0.0), 3.0, 0.5, 1e-15) for leading in LEADING),
+    *(((1.0, -2.0, leading, 0.0, 0.0), 3.0, 0.5, 1e-15) for leading in LEADING),
+    *(((1.0, 0.0, leading, leading, leading), 3.0, math.inf, 0.0) for leading in LEADING),
+    # A root at the end of the interval counts, a later root does not.
+    *(((1.0, *np.eye(4)[k] * -1.0), 1.0, 1.0, 1e-5) for k in range(4)),
+    *(((1.0, *np.eye(4)[k] * -1.0), 0.999, math.inf, 0.0) for k in range(4)),
+    ((1.0, -3.0, 3.0, -1.0, 0.0), 1.0, 1.0, 1e-5),  # (1 - t)^3
+    ((1.0, -3.0, 3.0, -1.0, 0.0), 0.999, math.inf, 0.0),
+    ((1.0, -1.0, 0.0, 0.0, 0.0), 1.0, 1.0, 2e-16),
+    ((1.0, -1.0, 0.0, 0.0, 0.0), math.nextafter(1.0, 0.0), math.inf, 0.0),
+    # (t - 1)^2 -+ 1e-8 and (t^2 - 1)^2 -+ 1e-8: two close roots, and a minimum just above zero
+    ((1.0 - 1e-8, -2.0, 1.0, 0.0, 0.0), 3.0, 1 - 1e-4, 1e-9),
+    ((1.0 + 1e-8, -2.0, 1.0, 0.0, 0.0), 3.0, math.inf, 0.0),
+    ((1.0 - 1e-8, 0.0, -2.0, 0.0, 1.0), 3.0, math.sqrt(1 - 1e-4), 1e-9),
+    ((1.0 + 1e-8, 0.0, -2.0, 0.0, 1.0), 3.0, math.inf, 0.0),
+    ((2.0, -3.0, 3.0, -1.0, 0.0), 3.0, 2.0, 1e-15),  # 1 - (t - 1)^3 has zero slope at 1
+    ((3.0, -10.0, 12.0, -6.0, 1.0), 2.0, 1.0, 1e-4),  # (1 - t)^3 (3 - t) has a triple root
+    # (t - 1)^4 -+ 1/16: the only root of the derivative is triple
+    ((0.9375, -4.0, 6.0, -4.0, 1.0), 3.0, 0.5, 1e-14),
+    ((1.0625, -4.0, 6.0, -4.0, 1.0), 3.0, math.inf, 0.0),
+    ((1.0, 0.0, 0.0, 0.0, 0.0), 9.0, math.inf, 0.0),  # a slope of zero at the start
+    ((1.0, 0.0, 1.0, -1.0, 0.0), 9.0, 1.4655712318767680, 1e-14),
 ]
 
 
-@pytest.mark.parametrize("coefficients", ROOT_AT_1)
-def test_a_root_at_the_end_of_the_interval_counts_and_a_later_root_does_not(coefficients):
-    assert first_descent(*coefficients, 1.0) == pytest.approx(1.0, abs=1e-5)
-    assert first_descent(*coefficients, 0.999) == math.inf
-
-
-def test_the_end_of_the_interval_is_exact():
-    assert first_descent(1.0, -1.0, 0.0, 0.0, 0.0, 1.0) == pytest.approx(1.0, rel=2e-16)
-    assert first_descent(1.0, -1.0, 0.0, 0.0, 0.0, math.nextafter(1.0, 0.0)) == math.inf
-
-
-def test_two_close_roots_are_found_and_a_minimum_just_above_zero_is_not_a_root():
-    # (t - 1)^2 -+ 1e-8 and (t^2 - 1)^2 -+ 1e-8
-    assert first_descent(1.0 - 1e-8, -2.0, 1.0, 0.0, 0.0, 3.0) == pytest.approx(1 - 1e-4, rel=1e-9)
-    assert first_descent(1.0 + 1e-8, -2.0, 1.0, 0.0, 0.0, 3.0) == math.inf
-    assert first_descent(1.0 - 1e-8, 0.0, -2.0, 0.0, 1.0, 3.0) == pytest.approx(math.sqrt(1 - 1e-4), rel=1e-9)
-    assert first_descent(1.0 + 1e-8, 0.0, -2.0, 0.0, 1.0, 3.0) == math.inf
-
-
-def test_an_inflection_with_zero_slope_does_not_end_the_search():
-    # 1 - (t - 1)^3 has zero slope at 1 and the root 2; (1 - t)^3 (3 - t) has a triple root
-    assert first_descent(2.0, -3.0, 3.0, -1.0, 0.0, 3.0) == pytest.approx(2.0, rel=1e-15)
-    assert first_descent(3.0, -10.0, 12.0, -6.0, 1.0, 2.0) == pytest.approx(1.0, abs=1e-4)
-    # (t - 1)^4 -+ 1/16: the only root of the derivative is triple
-    assert first_descent(0.9375, -4.0, 6.0, -4.0, 1.0, 3.0) == pytest.approx(0.5, rel=1e-14)
-    assert first_descent(1.0625, -4.0, 6.0, -4.0, 1.0, 3.0) == math.inf
+@pytest.mark.parametrize(("coefficients", "end", "root", "error"), ROOTS)
+def test_the_root_of_a_polynomial_is_found(coefficients, end, root, error):
+    assert first_descent(*coefficients, end) == pytest.approx(root, rel=error, abs=0)
 
 
 def test_a_root_at_the_second_of_two_minima_is_found():
@@ -129,11 +118,6 @@ def test_a_root_at_the_second_of_two_minima_is_found():
     assert 1.5 < root < 2.3
     assert abs(value(coefficients, root)) < Fraction(1, 10**14)
     assert quartic(*coefficients, 0.8) > 0
-
-
-def test_a_slope_of_zero_at_the_start_is_not_a_root():
-    assert first_descent(1.0, 0.0, 0.0, 0.0, 0.0, 9.0) == math.inf
-    assert first_descent(1.0, 0.0, 1.0, -1.0, 0.0, 9.0) == pytest.approx(1.4655712318767680, rel=1e-14)
 
 
 @given(st.floats(1e-6, 1e6), st.floats(1e-6, 1e6))

@@ -8,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from billiards_env.engine.compile import scene_arrays
-from billiards_env.physics.geometry import walls
+from billiards_env.physics.geometry import outline_walls, walls
 from billiards_env.physics.geometry.outline_walls import BOX_X, HALF_LINE, outline_arrays
 from billiards_env.physics.motion import Path
 from billiards_env.physics.state import VX, VY, WIDTH, State, X, Y
@@ -53,7 +53,7 @@ def check(path, a_table, end, radius=R):
     assert abs(gap(path, t, a_table, radius)) < 1e-12
     outline = arrays(a_table)
     x, y = position(path, t)
-    nx, ny = walls._outline_normal(x, y, wall, outline)
+    nx, ny = outline_walls.outline_normal(x, y, wall, outline)
     vx, vy = path[2] + t * path[4], path[3] + t * path[5]
     assert nx * vx + ny * vy > -1e-12
     assert math.hypot(nx, ny) == pytest.approx(1.0, abs=1e-15)
@@ -91,7 +91,7 @@ def test_a_ball_that_touches_a_cushion_leaves_it(a_table, seed, force):
             break
         x, y = position(path, t)
         vx, vy = vx + t * ax, vy + t * ay
-        nx, ny = walls._outline_normal(x, y, wall, outline)
+        nx, ny = outline_walls.outline_normal(x, y, wall, outline)
         normal = nx * vx + ny * vy
         vx, vy = vx - 2 * normal * nx, vy - 2 * normal * ny
 
@@ -105,7 +105,7 @@ def test_the_rectangle_without_cushions_is_only_a_short_cut(name):
     for place in free_places(a_table, R, rng, 300):
         path = Path(*map(float, place), *rng.normal(size=2), *(rng.normal(size=2) * rng.choice([0.0, 2.0])))
         end = INF if path.ax == 0.0 else 2.0
-        assert walls.wall_time(path, R, end, NUMBERS, quick) == walls.any_wall_time(path, R, end, quick)
+        assert walls.wall_time(path, R, end, NUMBERS, quick) == outline_walls.any_wall_time(path, R, end, quick)
 
 
 def test_a_table_with_a_corner_half_a_micrometre_inside_its_rectangle_has_no_short_cut():
@@ -213,7 +213,7 @@ def test_a_ball_that_touches_a_cushion_now_and_approaches_it_meets_it_now(name):
         angle = rng.uniform(0, 2 * math.pi)
         t, wall = wall_time((*place, math.cos(angle), math.sin(angle), 0, 0), a_table)
         x, y = position((*place, math.cos(angle), math.sin(angle), 0, 0), t)
-        nx, ny = walls._outline_normal(x, y, wall, outline)
+        nx, ny = outline_walls.outline_normal(x, y, wall, outline)
         for off in (0.0, 1e-16, -1e-16):
             path = (x + off * nx, y + off * ny, nx - 0.1 * ny, ny + 0.1 * nx, 0.3 * nx, 0.3 * ny)
             assert wall_time(path, a_table, 1.0)[0] < 1e-15
@@ -271,9 +271,9 @@ def test_two_pieces_that_touch_a_ball_at_one_point_are_one_cushion():
     place = joint + R * inward
     outline = arrays(a_table)
     x, y = place.tolist()
-    line = min(range(len(outline.lines)), key=lambda k: walls._line_distance(x, y, outline.lines[k]))
+    line = min(range(len(outline.lines)), key=lambda k: outline_walls._line_distance(x, y, outline.lines[k]))
     for wall in (line, len(outline.lines)):
-        assert walls._touches(x, y, wall, R, outline)
+        assert outline_walls._touches(x, y, wall, R, outline)
         assert walls_met(place, -inward, wall, a_table) == (wall, -1)
 
 

@@ -5,7 +5,6 @@ import pytest
 from billiards_env.games import GAMES
 from billiards_env.play import labels
 from billiards_env.play import model as actions
-from billiards_env.play.pages import rules_page
 
 EIGHT = [[0.0, 0.0], *([-1.0 + 0.12 * i, 0.5 if i % 2 else -0.5] for i in range(15))]
 SNOOKER = [[0.0, 0.0], *([-1.5 + 0.12 * i, 0.5] for i in range(21))]
@@ -79,10 +78,10 @@ def test_the_result_of_a_shot(make_model):
 
 
 def test_each_game_has_a_page_of_rules(make_model):
-    assert all(len(rules_page(make_model(rules).setup, choices=False)) > 2 for rules in GAMES)
-    snooker = rules_page(make_model("snooker", miss=True).setup, choices=True)
+    assert all(len(labels.rules_page(make_model(rules).setup, choices=False)) > 2 for rules in GAMES)
+    snooker = labels.rules_page(make_model("snooker", miss=True).setup, choices=True)
     assert {"choice", "miss"} <= {row[0] for row in snooker}
-    assert "calls" in dict(rules_page(make_model("straight", call_shot=True).setup, choices=False))
+    assert "calls" in dict(labels.rules_page(make_model("straight", call_shot=True).setup, choices=False))
 
 
 def test_each_player_has_a_label(make_model):
@@ -95,7 +94,7 @@ def test_each_player_has_a_label(make_model):
 def test_a_replay_shows_the_engines(make_model):
     model = actions.replay(actions.go(make_model(positions=EIGHT[:3])))
     assert labels.key_hint(model).startswith("balls: PIC   rings: PIT, dt = 1/60 s")
-    assert labels.key_hint(actions.toggle_ghost(model)).startswith("balls: PIC   continue")
+    assert labels.key_hint(actions.toggle(model, "ghost")).startswith("balls: PIC   continue")
 
 
 def test_minus_zero_is_not_shown(make_model):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, strike
-from billiards_env.drawing.pace import PACES
+from billiards_env.drawing.pace import PACES, faster, slower
 from billiards_env.engine import PIC, Engine
 from billiards_env.games import NO_CALL, Call, History, Setup, Stroke, custom_opening, play, to_dict
 from billiards_env.games.placement import placement_area
@@ -75,24 +75,23 @@ def test_arrow_keys_change_direction_and_speed(make_model):
 def test_the_arrow_follows_the_mouse(make_model):
     model = make_model(positions=STRAIGHT)
     r = model.setup.scene.balls.radius[0]
-    model = after(model, (actions.aim_at, (-0.4, 0.09 * 3.0 + 1.4 * r)))
+    model = after(model, (actions.look_at, (-0.4, 0.09 * 3.0 + 1.4 * r), True))
     assert model.aim.angle == math.pi / 2
     assert model.aim.speed == pytest.approx(3.0)
-    assert after(model, (actions.aim_at, (-0.4, 0.0))).aim.speed == LEAST_SPEED
+    assert after(model, (actions.look_at, (-0.4, 0.0), True)).aim.speed == LEAST_SPEED
 
 
 def test_inputs_that_do_not_apply_have_no_effect(make_model):
     aiming = make_model(positions=STRAIGHT)
     for inputs in (
         (actions.move_to, (0.0, 0.0)),
-        (actions.move_by, (0.1, 0.0)),
         actions.place,
         actions.undo,
         actions.replay,
     ):
         assert after(aiming, inputs) is aiming
     placing = make_model("nine_ball")
-    for inputs in ((actions.turn_aim, 1.0), (actions.change_speed, 1.0), (actions.aim_at, (0.0, 0.0))):
+    for inputs in ((actions.turn_aim, 1.0), (actions.change_speed, 1.0), (actions.look_at, (0.0, 0.0))):
         assert after(placing, inputs) is placing
     assert tick(aiming, 1.0) is aiming
     rolling = after(aiming, actions.go)
@@ -102,7 +101,7 @@ def test_inputs_that_do_not_apply_have_no_effect(make_model):
 def test_a_cue_ball_in_hand_moves_to_the_nearest_free_point(make_model):
     model = after(make_model("nine_ball"), (actions.move_to, (-0.9, 0.2)))
     assert model.cue_position == (-0.9, 0.2)
-    model = after(model, (actions.move_by, (0.01, -0.02)))
+    model = after(model, (actions.press_arrow, 1.0, -2.0))
     assert model.cue_position == pytest.approx((-0.89, 0.18))
     model = after(model, (actions.move_to, (0.5, 9.0)))  # limited by the head string and the cushion
     _, x, _, y = placement_area(model.setup.scene, 0, behind=True)
@@ -143,7 +142,7 @@ def test_the_preview_ends_at_the_first_contact_of_the_engine(make_model, engine)
 
 def test_the_preview_has_the_throw_and_the_spin_of_the_engine(make_model):
     plain = after(make_model(positions=STRAIGHT), (actions.look_at, (0.4, 0.03)))
-    turned = after(plain, (actions.set_tip, -0.4, 0.2), (actions.set_elevation, 10.0))
+    turned = after(plain, (actions.set_tip, -0.4, 0.2), (actions.raise_cue, 10.0))
     assert (turned.aim.angle, turned.aim.speed) == (plain.aim.angle, plain.aim.speed)
     assert not np.allclose(turned.preview.path[:50], plain.preview.path[:50], atol=1e-4)
     scene, (side, top) = turned.setup.scene, turned.aim.tip
@@ -161,7 +160,7 @@ def test_the_tip_of_the_cue_does_not_slip(make_model):
     model = after(make_model(positions=STRAIGHT), (actions.set_tip, 0.9, -1.2))
     assert math.hypot(*model.aim.tip) == pytest.approx(0.5, rel=2e-3)
     assert model.aim.tip[0] / model.aim.tip[1] == pytest.approx(-0.75)
-    assert after(model, (actions.set_elevation, 200.0)).aim.elevation == 90.0
+    assert after(model, (actions.raise_cue, 200.0)).aim.elevation == 90.0
     assert after(model, actions.level).aim.tip == (0.0, 0.0)
     assert after(model, actions.go, actions.go).aim.tip == (0.0, 0.0)  # the next turn begins with a level cue
 
@@ -171,7 +170,7 @@ def test_scenes_without_spin_have_no_english():
     rolling = Physics(motion="rolling", cushion="restitution")
     setup = Setup("straight", dataclasses.replace(scene, physics=rolling))
     model = begin(History(setup, custom_opening(setup, STRAIGHT), ()), ("human",) * 2, 8.0, 1 / 60)
-    assert after(model, (actions.set_tip, 0.3, 0.0), (actions.set_elevation, 20.0)) is model
+    assert after(model, (actions.set_tip, 0.3, 0.0), (actions.raise_cue, 20.0)) is model
     assert model.stroke.velocity == (2.0, 0.0)
 
 
@@ -256,7 +255,7 @@ def test_a_replay_shows_the_shot_of_the_other_engine(make_model, engine, ghost):
     assert (comparison.positions == expected.positions).all()
     assert (shot.positions == simulate(model.setup.scene, STRAIGHT, velocity, engine=engine).positions).all()
     assert (shot.positions != comparison.positions).any()
-    assert after(model, actions.toggle_ghost).shown_shots[1] is None
+    assert after(model, (actions.toggle, "ghost")).shown_shots[1] is None
     assert tick(model, 1e9).phase == "replaying"  # the end remains visible
     assert tick(model, 1e9).clock == max(shot.time, comparison.time)
     back = after(tick(model, 1e9), actions.go)
@@ -265,10 +264,10 @@ def test_a_replay_shows_the_shot_of_the_other_engine(make_model, engine, ghost):
 
 
 def test_slower_and_faster_change_the_pace(make_model):
-    model = after(make_model(positions=STRAIGHT), actions.slow_down, actions.go)
+    model = after(make_model(positions=STRAIGHT), (actions.change_pace, slower), actions.go)
     assert tick(model, 1.0).clock == 0.5
-    assert after(model, *[actions.slow_down] * 20).pace == PACES[0]
-    assert after(model, *[actions.speed_up] * 20).pace == PACES[-1]
+    assert after(model, *[(actions.change_pace, slower)] * 20).pace == PACES[0]
+    assert after(model, *[(actions.change_pace, faster)] * 20).pace == PACES[-1]
 
 
 def test_nothing_changes_while_nothing_moves(make_model):

@@ -16,10 +16,11 @@ import pygame
 
 from billiards_env import Engine, simulate
 from billiards_env.drawing.canvas import Canvas, pixels
+from billiards_env.drawing.pace import slower
 from billiards_env.games import Stroke, records
-from billiards_env.play.controls import height_of, place_controls
-from billiards_env.play.model import go, replay, slow_down, tick, toggle_ghost, turn_aim
-from billiards_env.play.view import View
+from billiards_env.play.model import change_pace, go, replay, tick, toggle, turn_aim
+from billiards_env.play.panel import place_controls
+from billiards_env.play.view import View, _row
 from billiards_env.play.window import GameWindow
 from billiards_env.players.levels import LevelPlayer
 from billiards_env.players.named import find_player
@@ -59,8 +60,12 @@ def press(shown, *keys, mod=0):
     return pixels(shown.frame())
 
 
+def view_of(shown):
+    return getattr(shown, "_view", shown)
+
+
 def at(shown, point):
-    return tuple(np.round(shown.pixels_of(point)).astype(int).tolist())
+    return tuple(np.round(view_of(shown).pixels_of(point)).astype(int).tolist())
 
 
 def click(shown, point):
@@ -75,7 +80,7 @@ def press_mouse(shown, pixel):
 
 def click_on(shown, control, across=0.5, down=0.5):
     """Clicks on a control of the window, at shares of its width and height."""
-    box = getattr(shown._view.controls, control)
+    box = shown._view.panel.places[control]
     press_mouse(shown, (round(box.x + across * box.width), round(box.y + down * box.height)))
 
 
@@ -141,15 +146,10 @@ def test_a_shot_by_mouse(shown):
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 900), (320, 240), (401, 777), (900, 300)])
 def test_controls_do_not_overlap(width, height):
-    row = height_of((width, height))
-    controls = place_controls(5, 400, width - 10, row)
-    for box in controls:
-        assert box.x >= 5
-        assert box.x + box.width <= width - 5
-        assert box.y >= 400
-        assert box.y + box.height <= 400 + row
-    for one, two in itertools.combinations(controls, 2):
-        assert one.x + one.width <= two.x
+    row = pygame.Rect(5, 400, width - 10, _row((width, height)))
+    boxes = place_controls(row).values()
+    assert all(row.contains(box) for box in boxes)
+    assert all(one.right <= two.x for one, two in itertools.combinations(boxes, 2))
 
 
 def test_the_controls_set_the_tip_the_elevation_and_the_speed(shown):
@@ -173,8 +173,9 @@ def test_the_controls_set_the_tip_the_elevation_and_the_speed(shown):
 def test_keys_set_the_tip_the_elevation_and_the_call(shown, make_model, window):
     press(shown, pygame.K_LEFT, pygame.K_UP, pygame.K_UP, mod=pygame.KMOD_LCTRL)
     press(shown, pygame.K_PAGEUP, pygame.K_PAGEUP, pygame.K_PAGEDOWN)
+    press(shown, pygame.K_PAGEUP, mod=SHIFT)
     assert shown.model.aim.tip == pytest.approx((0.05, 0.1))
-    assert shown.model.aim.elevation == 5.0
+    assert shown.model.aim.elevation == 5.5
     assert shown.model.aim.angle == 0.0
     press(shown, pygame.K_c)
     assert (shown.model.aim.tip, shown.model.aim.elevation) == ((0.0, 0.0), 0.0)
@@ -213,17 +214,18 @@ def hint(shown, point):
     """Points at a place and presses A, until the window has an answer."""
     post(pygame.MOUSEMOTION, pos=at(shown, point), rel=(0, 0), buttons=(0, 0, 0))
     press(shown, pygame.K_a)
-    while shown._hint is not None:
+    while shown._work is not None:
         shown.frame()
     return shown.model
 
 
 def test_shift_and_the_key_aim_for_the_best_shot(shown, monkeypatch):
     monkeypatch.setattr("billiards_env.play.window.HINT_TIME", 0.05)
-    press(shown, pygame.K_a, mod=SHIFT)
-    assert shown.message == "thinking"
-    while shown._hint is not None:
-        shown.frame()
+    for _ in range(2):  # the first search may spend its time on compilation
+        press(shown, pygame.K_a, mod=SHIFT)
+        assert shown.message == "thinking"
+        while shown._work is not None:
+            shown.frame()
     assert shown.model.phase == "aiming"
     assert re.fullmatch(r"ball \S+ into the \w+ \w+ pocket, \d+% with the noise of a good player", shown.message)
     assert shot_of(shown.model).potted.any()
@@ -255,7 +257,7 @@ def test_the_texts_of_snooker_do_not_overlap_the_tray(make_model, monkeypatch):
         monkeypatch.setattr("billiards_env.play.labels.result", lambda _, text=text: text)
         monkeypatch.setattr("billiards_env.play.labels.status", lambda _, text=text: text)
         frames.append(pixels(view.draw(model)))
-    (x, y), (width, height) = np.add(trays[0].topleft, view._corner), trays[0].size
+    (x, y), (width, height) = np.add(trays[0].topleft, view._place.topleft), trays[0].size
     assert (frames[0][y : y + height, x : x + width] == frames[1][y : y + height, x : x + width]).all()
     for side in (slice(0, x), slice(x + width, None)):
         assert (frames[0][y : y + height, side] != frames[1][y : y + height, side]).any()
@@ -316,7 +318,7 @@ def test_quitting_asks_if_the_game_is_not_saved(shown, tmp_path):
     asked = press(shown, pygame.K_ESCAPE)
     assert (shown.open, shown.asking) == (True, True)
     assert (asked != plain).any()
-    left, top, *_ = map(round, shown._view.controls.shoot)
+    left, top, *_ = shown._view.panel.places["shoot"]
     assert (asked[top + 3 :, left:] == asked[-1, -1]).all()  # without the button
     press(shown, pygame.K_LEFT)  # any other key continues and has no other effect
     assert (shown.asking, shown.model.phase) == (False, "aiming")
@@ -326,7 +328,7 @@ def test_quitting_asks_if_the_game_is_not_saved(shown, tmp_path):
     assert (record.strokes, len(record.strokes)) == (shown.model.strokes, 1)
 
 
-QUIT, Q = {"kind": pygame.QUIT}, {"kind": pygame.KEYDOWN, "key": pygame.K_q}
+QUIT, Q = {"kind": pygame.QUIT}, {"kind": pygame.KEYDOWN, "key": pygame.K_q, "mod": 0, "unicode": ""}
 QUITS = {
     "the game is saved": (pygame.K_s, True, [QUIT]),
     "it is saved afterwards": (None, False, [QUIT]),
@@ -366,7 +368,7 @@ def test_the_table_fits_a_window_of_any_size(size, shown):
     pygame.display.set_mode(size, pygame.RESIZABLE)
     frame = press(shown)
     assert frame.shape == (size[1], size[0], 3)
-    corners = np.array([shown.pixels_of((1.27 * x, 0.635 * y)) for x in (-1, 1) for y in (-1, 1)])
+    corners = np.array([shown._view.pixels_of((1.27 * x, 0.635 * y)) for x in (-1, 1) for y in (-1, 1)])
     assert (corners > 0).all()
     assert (corners < size).all()
     assert lit(frame, shown, BALLS[1], YELLOW)
@@ -381,7 +383,7 @@ def test_the_pace_changes_without_drawing_the_shot_again(make_model, window, mon
     view.draw(tick(model, 0.5))
     starts = []
     monkeypatch.setattr(View, "_start_paths", lambda *_: starts.append(1))
-    frame = pixels(view.draw(slow_down(tick(model, 0.51))))
+    frame = pixels(view.draw(change_pace(tick(model, 0.51), slower)))
     assert starts == []
     assert lit(frame, view, model.last_shot.shot.at(0.51)[0], WHITE)
 
@@ -466,8 +468,8 @@ def test_a_planner_that_thinks_does_not_hold_the_window_up(make_model, window):
     for _ in range(10):
         shown.frame()
     assert shown.model.phase == "thinking"
-    thought: Any = shown._thought
-    thread = thought.stroke._thread
+    work: Any = shown._work
+    thread = work._thread
     assert thread.is_alive()
     post(pygame.QUIT)
     shown.run()
@@ -499,7 +501,7 @@ def test_the_ghost_is_visible_in_a_replay(make_model):
     model = tick(replay(go(go(turn_aim(make_model(positions=BALLS), 1.0)))), 3.0)
     view = View(model.setup.scene, 640)
     with_ghost = pixels(view.draw(model))
-    without = pixels(view.draw(toggle_ghost(model)))
+    without = pixels(view.draw(toggle(model, "ghost")))
     pit = simulate(model.setup.scene, BALLS, model.strokes[0].velocity, engine=Engine("pit", 1 / 60), record=True)
     comparison = pit.at(3.0)
     differ = (with_ghost != without).any(axis=2)

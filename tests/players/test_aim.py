@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate
 from billiards_env.engine.strikes import strike_with
@@ -27,20 +25,6 @@ def test_pot_and_position_are_exact():
     pocket = POOL.table.pockets[3]
     assert shot.positions[1].tolist() == [pocket.x, pocket.y]
     np.testing.assert_array_equal(aimed.shot.positions, shot.positions)
-
-
-@settings(max_examples=10, deadline=None)
-@given(seed=st.integers(0, 10**6))
-def test_where_a_pot_leaves_the_cue_ball_aim_leaves_it_too(seed):
-    rng = np.random.default_rng(seed)
-    places = layouts.draw("random", POOL, rng)
-    begin = aim(POOL, places, Pot(1))
-    if not begin.solved:
-        return
-    goal = Leave(tuple(begin.shot.positions[0].tolist()))
-    aimed = aim(POOL, places, [Pot(1), goal])
-    assert aimed.solved
-    assert aimed.residual < 1e-9
 
 
 def test_the_alternatives_reach_the_goals_and_have_smaller_margins():

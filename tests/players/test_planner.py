@@ -19,7 +19,7 @@ from billiards_env.players.levels import EXPECTED, LEVELS, expected, level_of, w
 from billiards_env.players.named import find_player
 from billiards_env.players.planner import Options, _draw_noise, noisy_strokes, plan
 from billiards_env.players.situation import game_situation
-from billiards_env.players.values import Values, pot_probability
+from billiards_env.players.values import Values
 from billiards_env.pots import indirect
 from tests.helpers.games import hanging, setup
 
@@ -156,21 +156,6 @@ def test_it_sinks_more_balls_under_noise_than_search():
     assert points["planner:1500"] > 35
 
 
-def test_it_leaves_the_cue_ball_for_the_next_pot():
-    game = setup("nine_ball")
-    rng, eases = RNG(0), {}
-    for name in ("planner:2000", "geometric"):
-        player, eases[name] = find_player(name, game), []
-        for seed in range(12):
-            table = custom_opening(game, opening(game, RNG(seed), "random").positions, {"on_table": [0, 7, 8, 9]})
-            after = play(game, table, player(game_situation(game, table, 6.0, NOISE), rng)).game
-            if after.state.player == 0 and not after.state.over:
-                following = plan(game, after, 6.0, RNG(0), np.inf, 1000, NOISE)
-                eases[name].append(following.probability)
-    assert len(eases["planner:2000"]) >= len(eases["geometric"])
-    assert np.mean(eases["planner:2000"]) > np.mean(eases["geometric"])
-
-
 def test_a_stroke_with_spin_is_one_of_the_cue():
     scene = Scene.named("real_pool", 1)
     velocities = np.array([[1.0, 0.5], [-2.0, 0.1], [0.3, -3.0]])
@@ -193,10 +178,6 @@ def test_errors_are_normal_and_stratified():
     np.testing.assert_allclose(errors.std(axis=(0, 1)), (0.1, 2.0), rtol=0.01)
     assert abs(errors.mean(axis=1)).max() < 0.1 * 2.0
     assert abs(np.corrcoef(errors.reshape(-1, 2).T)[0, 1]) < 0.05
-
-
-def test_the_success_of_a_pot_is_that_of_a_normal_error():
-    assert pot_probability(np.array([1.0]), 1.0)[0] == pytest.approx(0.6827, abs=1e-3)
 
 
 @pytest.mark.slow

@@ -1,7 +1,6 @@
 """The probability of a run-out: the same in a mirror, less with more balls, and positive without a pot."""
 
 import numpy as np
-import pytest
 
 from billiards_env.games import custom_opening
 from billiards_env.games.batch import unplayed
@@ -73,14 +72,6 @@ def test_the_weights_are_small_and_are_loaded_where_they_are_used():
         table = custom_opening(game, places[: game.scene.n_balls])
         plan(game, table, 6.0, np.random.default_rng(0), np.inf, shots)
         assert run_outs.trained.cache_info().misses == loads
-
-
-def test_a_file_of_weights_runs_no_code(tmp_path, monkeypatch):
-    run_outs.trained.cache_clear()
-    monkeypatch.setattr(run_outs, "WEIGHTS", tmp_path / "bad.npz")
-    np.savez(run_outs.WEIGHTS, w0=np.array([print], object))
-    with pytest.raises(ValueError, match="allow_pickle=False"):
-        run_outs.trained()
 
 
 def test_a_ball_in_hand_is_an_easy_pot():

@@ -7,7 +7,7 @@ from billiards_env import Scene, simulate
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.physics.laws.cloth import arrival, launch, travel_time
 from billiards_env.players.env_player import env_situation
-from billiards_env.pots.finder import WALL, find_pots, pot_shots
+from billiards_env.pots.finder import WALL, find_pots
 from billiards_env.scene import Balls, Physics, Table
 from billiards_env.shots.tables import Tables
 from tests.helpers.layouts import at
@@ -90,17 +90,6 @@ def test_the_speeds_of_a_ball_agree_with_the_engine(motion, slip, distance):
         left, rest = arrival(numbers, distance, start, slip)
         assert left == pytest.approx(speed, rel=1e-12)
         assert rest == pytest.approx(left - 0.03 * shot.spins[0, 1] if motion == "sliding" else 0.0, abs=1e-9)
-
-
-@pytest.mark.slow  # compiles the search for this scene
-def test_the_geometric_player_pots_with_a_smaller_cue_ball():
-    scene = Scene.named("uk_pool", 2)
-    places = np.array([[0.0, 0.0], [0.6, 0.2], [-0.6, 0.2]])
-    pots = pot_shots(Tables(scene, places[None], np.ones((1, 3), bool), np.array([[False, True, False]]), 5.0))
-    assert len(pots.direction) > 0
-    for direction, speed in zip(pots.direction, pots.speed, strict=True):
-        shot = simulate(scene, places, speed * direction)
-        assert shot.potted[1]
 
 
 def test_without_direct_pots_there_are_banks_only():

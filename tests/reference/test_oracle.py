@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import mpf
 
+from benchmarks.reference.oracle import OracleShot, RestingContactError, contact, laws, run
+from benchmarks.reference.oracle.roots import Real, first_entry, first_possible_entry, real_roots
+from benchmarks.reference.stress.scenes import R, ideal
 from billiards_env.scene import Balls, Physics, Scene, Table, layouts
-from reference.oracle import OracleShot, RestingContactError, contact, laws, run
-from reference.oracle.roots import Real, first_entry, first_possible_entry, real_roots
-from reference.stress.scenes import R, ideal
 from tests.helpers.polynomials import expand
 
 DIGITS = 50

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.release import dist, shots
 from billiards_env.jit import folders
-from release import dist, shots
 
 
 def test_the_tags_are_those_of_numba():
@@ -34,14 +34,14 @@ def test_machine_code_is_stored_where_the_package_looks_for_it(tmp_path, monkeyp
         commands.append(environment)
         if "-c" in command:
             return f"{tmp_path / 'package' / 'code'}\n{cwd / 'kernels-0'}\n"
-        (cwd / "kernels-0" / "engine_0123").mkdir(parents=True)
-        (cwd / "kernels-0" / "engine_0123" / "pic.run-1.py311.nbi").write_text("index")
+        (cwd / "kernels-0" / "billiards_env.engine").mkdir(parents=True)
+        (cwd / "kernels-0" / "billiards_env.engine" / "pic.run-1.py311.nbi").write_text("index")
         return ""
 
     monkeypatch.setattr(dist, "run", run)
     dist.add_machine_code(tmp_path / "package", tmp_path)
     assert [p.relative_to(tmp_path / "package").as_posix() for p in (tmp_path / "package").rglob("*.nbi")] == [
-        "code/engine/pic.run-1.py311.nbi"
+        "code/billiards_env.engine/pic.run-1.py311.nbi"
     ]
     assert all((e["NUMBA_CPU_NAME"], e["NUMBA_CPU_FEATURES"]) == ("generic", "") for e in commands)
 
@@ -75,7 +75,15 @@ def test_a_wheel_is_rejected_if_its_code_is_not_used_or_gives_other_results(tmp_
 
 @pytest.mark.slow
 def test_the_wheel_starts_without_compiling_in_an_empty_environment(tmp_path):
-    command = [sys.executable, "-m", "release.dist", "--folder", str(tmp_path), "--output", str(tmp_path / "r.json")]
+    command = [
+        sys.executable,
+        "-m",
+        "benchmarks.release.dist",
+        "--folder",
+        str(tmp_path),
+        "--output",
+        str(tmp_path / "r.json"),
+    ]
     done = subprocess.run([*command, "--repeats", "1"], cwd=dist.ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     (wheel,) = tmp_path.glob("*.whl")

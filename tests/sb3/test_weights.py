@@ -1,5 +1,6 @@
 """A folder with a wrong configuration is refused with a ValueError that names what is wrong."""
 
+import itertools
 from typing import Any
 
 import pytest
@@ -21,27 +22,22 @@ def settings(env=None, **policy):
     return yaml.safe_dump({"env": ENV | (env or {}), "policy": POLICY | policy})
 
 
-def nested(row):
+def nested():
     """Returns nine to the power of eight items in nine lines."""
-    rows = [row("abcdefghi"[k], "*" + "abcdefghi"[k - 1]) for k in range(1, 9)]
+    rows = [f"{name}: &{name} [{','.join(['*' + last] * 9)}]" for last, name in itertools.pairwise("abcdefghi")]
     return "\n".join(["a: &a {x: 1}", *rows, "env: *i", "policy: *i"])
 
 
 WRONG: dict[str, tuple[Any, ...]] = {
     "nothing": ("", "expected the sections env and policy of a run"),
-    "a list": ("[1]", "expected the sections env and policy of a run"),
-    "a list for a section": ("env: [1]\npolicy: {}", "expected the sections env and policy of a run"),
     "no policy": ("env: {}\npolicy: null", "expected the sections env and policy of a run"),
     "deep": ("[" * 50_000, "more than 1000 lists and mappings in brackets"),
-    "deep block": ("- " * 10_000, "nested too deeply"),
-    "aliases": (nested(lambda name, last: f"{name}: &{name} [{','.join([last] * 9)}]"), r"an alias, \*a"),
-    "merges": (nested(lambda name, last: f"{name}: &{name} {{<<: [{','.join([last] * 9)}]}}"), r"an alias, \*a"),
+    "aliases": (nested(), r"an alias, \*a"),
     "a loop": ("env: &a {task: *a}\npolicy: {}", r"an alias, \*a"),
     "large": (" " * 100_001, "a file of more than 100000 bytes"),
-    "an unknown argument": (settings({"tsk": "pot"}), "unexpected keyword argument 'tsk'"),
+    "an unknown argument": (settings({"tsk": "pot"}), "tsk = 'pot': expected one of the arguments"),
     "a wrong type": (settings({"max_speed": "fast"}), "max_speed = 'fast': expected a number"),
     "units": (settings(hidden=3), "policy.hidden = 3: expected a list"),
-    "no number": (settings(hidden=["a"]), "policy.hidden = 'a': expected a whole number"),
     "many units": (settings(hidden=[8, 10**9]), r"expected more weights for \[8, 1000000000\]"),
     "activation": (settings(activation=["tanh"]), r"policy.activation = \['tanh'\]: expected one of"),
     "head": (settings(head=["pots"]), r"policy.head = \['pots'\]: expected one of"),
@@ -49,13 +45,10 @@ WRONG: dict[str, tuple[Any, ...]] = {
     "an unknown one": (settings(head="aim", arguments={"point": 3}), "policy.arguments = 'point': expected one of"),
     "points": (settings(head="aim", arguments={"points": 10**9}), "points = 1000000000: expected a whole number"),
     "speeds": (settings(head="aim", arguments={"speeds": 3}), "speeds = 3: expected from 2 to 100 numbers"),
-    "std": (settings(head="aim", arguments={"std_aim": [0.1, 0.0]}), r"std_aim = \[0.1, 0.0\]: expected two positive"),
-    "aim": (settings(head="aim", arguments={"aim": "table"}), "aim = 'table': expected one of"),
     "another task": (settings(), "another task: expected 'pot', not 'place'", {"task": "place"}),
     "another action": (settings(), "another action: expected 'velocity', not 'strike'", {"action": "strike"}),
     "another speed": (settings(), "another max_speed: expected 4.0, not 5.0", {"max_speed": 5.0}),
     "jaws": (settings(), "another table: expected the same table", {"scene": "real_pool"}),
-    "a smaller table": (settings(), "another table: expected the same table", {"scene": "uk_pool"}),
     "features": (settings(), r"observes \('positions',\): expected this, not \('cue_", {"observe": ["cue_to_balls"]}),
 }
 

@@ -56,75 +56,41 @@ ONE = {"radius": [0.03], "mass": [0.2]}
 
 NAMES = [
     (of(named, "pol"), "scene = 'pol': expected one of 'pool', 'blocked_pool', 'carom', 'ideal', 'pooltool_carom', "),
-    (of(named, "pool", 16), "n_object_balls = 16: expected a whole number from 0 to 15 for scene 'pool'"),
     (of(Table.named, "pool_10ft"), "table = 'pool_10ft': expected one of 'pool_7ft', 'pool_8ft', 'pool_9ft'"),
-    (of(from_dict, {"balls": ONE, "table": "pool_9"}), "table = 'pool_9': expected one of"),
-    (of(from_dict, {"base": "pol"}), "scene = 'pol': expected one of"),
-    (of(from_dict, {"base": "pool", "n_object_balls": 99}), "n_object_balls = 99: expected"),
     (of(from_dict, {"base": "pool", "physic": {}}), "key of scene = 'physic': expected one of"),
-    (of(from_dict, {"base": "pool", "physics": {"mu_rol": 0.1}}), "key of scene.physics = 'mu_rol': expected one of"),
     (of(from_dict, {"n_object_balls": 3}), "key of scene = 'n_object_balls': expected one of"),
 ]
 DATA = [
     (changed("tabel", to={}), "key of scene = 'tabel': expected one of 'balls', 'table', 'physics', 'cue'"),
-    (changed("physics", "mu_rol", to=0.1), "key of scene.physics = 'mu_rol': expected one of"),
-    (changed("table", "widht", to=1.0), "key of scene.table = 'widht'"),
     (changed("table", "pockets", 0, "z", to=0.0), "key of scene.table.pockets[0] = 'z'"),
     (changed("table", "pockets", 3, "x"), "scene.table.pockets[3].x is missing: expected a value, it has no default"),
-    (changed("balls"), "scene.balls is missing"),
-    (changed("balls", "mass"), "scene.balls.mass is missing"),
     (changed("balls", to=[1.0]), "scene.balls = [1.0]: expected a mapping"),
-    (changed("physics", to=None), "scene.physics = None: expected a mapping"),
     (changed("table", "pockets", to=6), "scene.table.pockets = 6: expected a list"),
-    (changed("balls", "radius", to=0.03), "scene.balls.radius = 0.03: expected a list"),
     (changed("balls", "mass", to=[1.0, "infinite"]), "balls.mass[1] = 'infinite': expected a"),
-    (changed("physics", "g", to="9.81"), "physics.g = '9.81': expected a number, not str"),
     (changed("balls", "radius", to=[0.03, "inf"]), "balls.radius[1] = inf: expected a number from 0.0001 to 10000 m"),
-    *((of(from_dict, data), f"scene = {data!r}: expected a mapping") for data in (None, "pool")),
-    (of(Table.from_dict, {"lenght": 2.0}), "key of table = 'lenght': expected one of 'length', "),
     (of(Table.from_dict, {"outline": 4}), "table.outline = 4: expected a list"),
-    (of(Table.from_dict, {"outline": [[0.0, 0.0]]}), "table.outline[0] = [0.0, 0.0]: expected a mapping"),
-    (of(Table.from_dict, {"outline": [{"x": 0.0}]}), "table.outline[0].y is missing"),
     (of(Table.from_dict, {"outline": [{"x": 0.0, "y": 0.0, "r": 1.0}]}), "key of table.outline[0] = 'r'"),
     (of(Table.from_dict, {"outline": [{"x": 0.0, "y": 0.0, "radius": -1.0}]}), "corner.radius = -1.0: expected"),
-    (of(Table.from_dict, 7), "table = 7: expected a mapping"),
     *map(incomplete, ("balls", "table", "physics", "cue")),
 ]
 FLOOR = {"cushion": "stronge", "e_cushion_loss": 0.1}
 ROUGH = {"motion": "rolling", "cushion": "restitution", "ball_ball": "frictional"}
 PARTS = [
-    (of(physics, motion="slide"), "physics.motion = 'slide': expected one of 'ideal', 'rolling', 'sliding' (did"),
-    (
-        of(physics, cushion="han"),
-        "physics.cushion = 'han': expected one of 'restitution', 'han2005', 'stronge', 'mathavan2010', 'han2005_va",
-    ),
     (of(physics, motion="ideal", cushion="restitution"), "physics.max_time = None: expected a number of seconds"),
     (of(physics, motion="rolling"), "physics.cushion = 'han2005' with physics.motion = 'rolling': expected motion"),
     (of(physics, cushion="stronge", e_cushion=0.3), "physics.e_cushion = 0.3 with physics.cushion = 'stronge'"),
     (of(physics, **FLOOR), "physics.e_cushion_floor = 0.0 with"),
     (of(physics, e_cushion_floor=0.9), "physics.e_cushion_floor = 0.9: expected at most e_cushion = 0.85"),
-    (of(physics, cushion_frequency_ratio=2.5), "physics.cushion_frequency_ratio = 2.5: expected a number from 1 to 2"),
     (of(physics, **ROUGH), "physics.ball_ball = 'frictional'"),
-    (of(physics, ball_ball="rough"), "physics.ball_ball = 'rough': expected one of 'frictionless', 'frictional'"),
-    (of(physics, mu_ball=-0.1), "physics.mu_ball = -0.1: expected a number from 0 to 100"),
     (of(Table, pockets=[Pocket(1.0, 0.5, 0.05)]), "table.pockets = [Pocket(x=1.0, y=0.5, radius=0.05)]: expected"),
-    (of(Table, pockets=((1.0, 0.5, 0.05),)), "table.pockets[0] = (1.0, 0.5, 0.05): expected a Pocket"),
     (of(Table, pockets=(Pocket(1.27, 0.0, 0.1), Pocket(1.4, 0.0, 0.1))), "table.pockets[1] = Pocket(x=1.4"),
     (of(Table, pockets=(Pocket(0, -0.75, 0.1),)), "... expected a circle that reaches the table (2.54 x 1.27 m"),
     (of(Table, 2.0, 1.0, head_string=-1.0), "table.head_string = -1.0: expected a number between -1.0 and 1.0"),
-    (of(Table, 2.0, 1.0, head_string=NAN), "table.head_string = nan: expected a finite number"),
-    (of(Table, 2.0, 1.0, d_radius=-0.1), "table.d_radius = -0.1: expected 0 or a number below 0.5"),
     (of(Table, 2.0, 1.0, head_string=-0.8, d_radius=0.25), "table.d_radius = 0.25: expected 0 or a number below 0.1"),
     (of(Balls, (), ()), "balls.radius = (): expected at least one ball, the cue ball"),
     (of(Balls, (R, R), (1.0,)), "balls.mass has 1 values and balls.radius has 2: expected one value per ball"),
     (of(Balls, (R, R), (INF, 1.0)), "balls.mass[0] = inf: expected a finite mass, the cue ball must be able to move"),
-    (of(Balls, [R, R], (1.0, 1.0)), f"balls.radius = [{R}, {R}]: expected a tuple of numbers"),
     (of(Balls, (R,), (1.0,), shape="cube"), "balls.shape = 'cube': expected one of 'disk', 'sphere'"),
-    *((of(Balls.uniform, n), f"n_balls = {n!r}: expected a whole number from 1 to 100000") for n in (0, "2")),
-    *(
-        (of(Scene, **{"balls": Balls.uniform(1), name: value}), f"scene.{name} = {value!r}: expected a {kind}")
-        for name, value, kind in (("balls", None, "Balls"), ("table", {}, "Table"), ("physics", "sliding", "Physics"))
-    ),
     (of(Scene, Balls((R,), (1.0,)), Table(width=0.05)), "scene.table of 2.54 x 0.05 m: expected room for a ball"),
     (
         of(Scene, Balls((2 * R, R), (1.0, 1.0)), Table(cushion_height=2.5 * R)),
@@ -179,10 +145,7 @@ OUTLINES = [
 ]
 POSITIONS = [
     (placed([0, 0]), "positions has shape (1, 2): expected (2, 2) or (m, 2, 2), one row per ball"),
-    (placed(0, 0), "positions has shape (2,): expected (2, 2)"),
-    (placed([0] * 3, [0] * 3), "positions has shape (2, 3): expected (2, 2)"),
     (placed([[[0, 0]] * 2]), "positions has shape (1, 1, 2, 2): expected (2, 2)"),
-    (placed([0, 0], [NAN, 0.1]), "positions: ball 1 is at [nan, 0.1]: expected finite coordinates"),
     (placed([0.97, 0], [0, 0]), "positions: ball 0 is at [0.97, 0.0]: expected |x| <= 0.96875 and |y| <= 0.46875"),
     (
         placed([0.95, 0.45], [0, 0]),
@@ -190,7 +153,6 @@ POSITIONS = [
     ),
     (placed([0, 0], [0, 0.06]), "positions: balls 0 and 1 are 0.06 m apart: expected at least 0.0625 m"),
     (placed(CLEAR, CLEAR, [[0, 0], [9, 0]]), "positions: shot 2, ball 1 is at [9.0, 0.0]: expected |x|"),
-    (placed([9, 0], [0, 0], name="spots"), "spots: ball 0 is at"),
     (placed(*[[[0, 0]] * 2] * 2, in_play=np.array([[True, True], [True, False]])), "positions: shot 0, balls 0 and 1"),
     *(
         (of(positions, named(name), [[0, 0], [1e308, -1.7e308]]), "positions: ball 1 is at ")
@@ -203,16 +165,12 @@ LAYOUTS = [
         (layout(name, named(scene, n)), f"layout = '{name}' with {n} object ball{'s' * (n != 1)}: expected {most}")
         for name, scene, n, most in (
             ("snookered", "pool", 1, "2"),
-            ("line", "pool", 2, "1"),
             ("carom_opening", "pool", 3, "1 to 2"),
-            ("nine_ball", "pool", 3, "9"),
-            ("eight_ball", "pool", 3, "15"),
             ("snooker", "snooker", 5, "6 to 21"),
         )
     ),
     (layout("snookered", three_balls(0.03, 0.03, 0.02)), "... balls 1 and 2 of radii 0.03 and 0.02 m: expected"),
     (layout("snookered", ideal(Balls.uniform(3, 0.45))), "layout = 'snookered': found no room for ball "),
-    (layout("random", ideal(Balls.uniform(8, 0.3))), "layout = 'random': found no room for ball "),
     (layout("random", ideal(Balls.uniform(8, 0.3))), "... 10000 tries"),
     (layout("random", from_dict(NARROW)), "... found no room for ball 0"),
     (layout("rak", named("pool", 1)), "... (did you mean 'rack'?)"),

@@ -63,44 +63,26 @@ def of_shot(method, *arguments, start=START, engine=PIC, recorded=True, **option
 
 
 ONE_SHOT = [
-    (one(positions=[0.0, 0.0]), "positions has shape (2,): expected (2, 2), one row per ball"),
     (one(positions=[PLACES]), "positions has shape (1, 2, 2): expected (2, 2), one row per ball"),
-    (one(positions=[[0.0, 0.0]]), "positions has shape (1, 2): expected (2, 2)"),
     (one(positions=[[0.0, 0.0], [0.0, 0.05]]), "positions: balls 0 and 1 are 0.05 m apart: expected at least"),
     (one(positions=[[0.0, 0.0], [1.25, 0.0]]), "positions: ball 1 is at [1.25, 0.0]: expected |x|"),
     (one(velocities=[1.0]), "velocities has shape (1,): expected (2, 2) for all balls or (2,) for the cue ball"),
-    (one(velocities=[[1.0, 0.0]] * 3), "velocities has shape (3, 2): expected (2, 2) for all balls"),
     (one(velocities=[NAN, 0.0]), "velocities: ball 0 has [nan, 0.0]: expected numbers from -1000 to 1000 m/s"),
-    (one(velocities=[0.0, -1000.1]), "velocities: ball 0 has [0.0, -1000.1]: expected numbers from -1000 to 1000 m/s"),
     (one(spins=[1.0, 2.0]), "spins has shape (2,): expected (2, 3) for all balls or (3,) for the cue ball"),
-    (one(spins=[0, 0, NAN]), "spins: ball 0 has [0.0, 0.0, nan]: expected numbers from -1e+06 to 1e+06 rad/s"),
     (one(spins=[0, 0, -1.1e6]), "spins: ball 0 has [0.0, 0.0, -1100000.0]: expected numbers from"),
     (one(in_play=[True]), "in_play has shape (1,): expected (2,), one value per ball"),
-    (one(in_play=True), "in_play has shape (): expected (2,), one value per ball"),
-    (one(max_time=-1.0), "max_time = -1.0: expected a number from 0 to 1e+12 s"),
     (one(FIXED, velocities=[[0, 0], [0, 0.1]]), "velocities: ball 1 has an infinite mass: expected it to be at rest"),
-    (one(FIXED, spins=[[0] * 3, [0, 0, 1]]), "spins: ball 1 has an infinite mass: expected it to be at rest"),
     (one(without_spin("ideal"), spins=[0, 0, 0]), "spins with physics.motion = 'ideal': expected None, spins need"),
-    (one(without_spin("rolling"), spins=[0, 0, 0]), "spins with physics.motion = 'rolling': expected None, spins need"),
 ]
 BATCHES = [
     (many(positions=PLACES), "positions has shape (2, 2): expected (m, 2, 2)"),
     (many(positions=[PLACES, [[0, 0], [0.05, 0]]]), "positions: shot 1, balls 0 and 1 are 0.05 m apart"),
-    (many(positions=[PLACES, [[0, 0], [9, 0]]]), "positions: shot 1, ball 1 is at [9.0, 0.0]"),
-    (many(positions=[[[NAN, 0], [0, 0]], PLACES]), "positions: shot 0, ball 0 is at [nan, 0.0]"),
     (many(velocities=[1, 0, 0]), "velocities has shape (3,): expected (2, 2, 2) for all balls or (2, 2) for"),
     (many(velocities=[[1, 0], [1e200, 0]]), "velocities: shot 1, ball 0 has [1e+200, 0.0]: expected numbers from"),
-    (many(spins=[[0, 0, 1]]), "spins has shape (1, 3): expected (2, 2, 3) for all balls or (2, 3) for"),
-    (many(in_play=[[True, True]]), "in_play has shape (1, 2): expected (2,), one value per ball"),
-    (many(max_events=1.5), "max_events = 1.5: expected a whole number from 0 to 1000000000"),
-    (many(engine="pit"), "engine = 'pit': expected an Engine, such as Engine('pit', dt=1/60)"),
-    (many(max_time=-1), "max_time = -1: expected a number from 0 to 1e+12 s"),
     (many(engine=Engine("pit", 0.01), record=True), "record = True with engine PIT, dt = 1/100 s: expected PIC"),
     (lambda: many()()[2], "batch[2]: expected an index from -2 to 1"),
     (many(physics={"mu_rol": [1, 1]}), "key of physics = 'mu_rol': expected one of "),
     (many(physics={"mu_roll": [0.1]}), "physics['mu_roll'] has shape (1,): expected (2,)"),
-    (many(physics={"mu_roll": ["a", "a"]}), "physics['mu_roll'] = ['a', 'a']: expected finite numbers"),
-    (many(physics=[1.0]), "physics = [1.0]: expected a mapping"),
     (many(physics={"mu_roll": [0.1, -1]}), "shot 1: physics.mu_roll = -1.0: expected a number from 1e-12 to 10"),
     (
         many(physics={"e_cushion": [0.9, 0.6], "e_cushion_floor": [0.6, 0.7]}),
@@ -108,40 +90,30 @@ BATCHES = [
     ),
 ]
 TIMESTEPS = [
-    (one(velocities=[1e200, 0], engine=Engine("pit", 0.1)), "velocities: ball 0 has [1e+200, 0.0]: expected numbers"),
     *(
         (
             engine("pit", dt),
             f"dt = {dt!r} with mode='pit': expected the timestep, a number from 1e-09 to 1e+06 s, such as 1/60",
         )
-        for dt in (None, 0, NAN, "x", True)
+        for dt in (None, 0)
     ),
     (many(engine=Engine("pit", 0.1), physics={"dt": [0.1] * 3}), "physics['dt'] has shape (3,): expected (2,)"),
     (many(engine=Engine("pit", 0.1), physics={"dt": [0.1, 0]}), "shot 1: dt = 0.0 with mode='pit': expected the times"),
     (many(physics={"dt": [0.1, 0.1]}), "physics['dt'] with mode='pic': expected mode='pit', PIC has no timestep"),
-    (engine("pig"), "mode = 'pig': expected one of 'pic'"),
     (
         engine("pit", 0.1, "pushapart"),
         "fix = 'pushapart': expected one of 'push_apart', 'move_back', 'none', 'time_of_impact' (did",
     ),
-    (engine("pit", 0.1, 1), "fix = 1: expected one of"),
     (engine("pic", 1 / 60), f"dt = {1 / 60} with mode='pic': expected None, PIC has no timestep"),
     (engine("pic", None, "none"), "fix = 'none' with mode='pic': expected None, PIC has no overlaps to fix"),
 ]
 BACKWARDS = POOL, PLACES, strike(POOL, -1.5, 0.0)
 RECORDED = "expected a shot of simulate(..., record=True) by PIC"
 DERIVATIVES = [
-    (of_shot("jvp", {}), "tangents = {}"),
-    (of_shot("jvp", {"mu": 1.0}), "by = 'mu'"),
     (of_shot("jvp", {"positions": [1.0, 2.0]}), "tangents['positions'] has shape (2,): expected (2, 2)"),
     (of_shot("jvp", {"e_ball": 1.0}, "places"), "of = 'places'"),
-    (of_shot("jvp", {"e_ball": 1.0}, t=-1.0), "t = -1.0"),
-    (of_shot("jvp", {"e_ball": 1.0}, ()), "of = ()"),
-    (of_shot("vjp", {"positions": np.zeros((2, 2))}, "mu_ball"), "by = 'mu_ball'"),
-    (of_shot("vjp", {"places": 1.0}), "of = 'places'"),
     (of_shot("vjp", {"positions": 1.0}), "cotangents['positions'] has shape ()"),
     (of_shot("jacobian", "positions", "strike"), "strike = None"),
-    (of_shot("jacobian", "positions", "strike", strike=[1, 0]), "strike has shape (2,)"),
     (
         of_shot("jacobian", "positions", "strike", strike=[1, 0, 0, 0, 0]),
         "strike = [1.0, 0.0, 0.0, 0.0, 0.0]: expected the strike of",
@@ -150,8 +122,6 @@ DERIVATIVES = [
         of_shot("jacobian", "positions", "strike", start=BACKWARDS, strike=[-1.5, 0, 0, 0, 0]),
         "speed = -1.5: expected a number >= 0 for a derivative",
     ),
-    (of_shot("jvp", {"e_ball": 1.0}, recorded=False), f"shot.jvp: {RECORDED}"),
-    (of_shot("certainty", recorded=False), f"shot.certainty: {RECORDED}"),
     (of_shot("sensitivity", recorded=False), f"shot.sensitivity: {RECORDED}"),
     (of_shot("sensitivity", engine=Engine("pit", 0.1)), f"shot.sensitivity: {RECORDED}"),
     (lambda: many()().vjp({"positions": 1.0}), "batch.vjp: expected a batch of simulate_batch(..., record=True) by"),
@@ -159,7 +129,6 @@ DERIVATIVES = [
         of_shot("sensitivities", [1.0, 0.5]),
         "times = [1.0, 0.5]: expected finite numbers of seconds >= 0 in ascending order",
     ),
-    (of_shot("sensitivity", NAN), "times = [nan]: expected finite numbers of seconds >= 0"),
     (of_shot("at", 0.1, recorded=False), "shot.at: the shot was not recorded, expected simulate(..., record=True)"),
     *((of_shot("at", t), f"t = {t!r}: expected a finite number of seconds >= 0") for t in (-1e-9, NAN, math.inf)),
     (
@@ -168,11 +137,9 @@ DERIVATIVES = [
     ),
 ]
 STRIKES = [
-    (struck(speed=NAN), "speed = nan: expected numbers from -1000 to 1000 m/s"),
     (struck(heading=11.0), "heading = 11.0: expected numbers from -10 to 10 rad"),
     (struck(side=1.1), "side = 1.1: expected numbers from -1 to 1 ball radii"),
     (struck(side=0.8, top=0.8), "(side, top) = [0.8, 0.8]: expected an offset of at most 1 ball radius"),
-    (struck(elevation=-0.1), "elevation = -0.1: expected numbers from 0 to 1.5708 rad"),
     (
         struck(speed=[1, 2], side=[0, 0, 0]),
         "shapes of speed (2,), heading (), side (3,), top (), elevation (): expected shapes that broadcast",

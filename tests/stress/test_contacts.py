@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.reference.stress.scenes import R, ideal, kinds, rough, run
 from billiards_env.scene import CONTACT_GAP
 from billiards_env.shots.simulation import simulate
-from reference.stress.scenes import R, ideal, kinds, rough, run
 
 
 @pytest.mark.parametrize("where", [[2.0 - R, 0.0], [2.0 - R, 1.0 - R], [0.0, R - 1.0]])

@@ -5,11 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
+from benchmarks.reference import oracle
+from benchmarks.reference.stress import families
+from benchmarks.reference.stress.scenes import R, kinds, rough, run
 from billiards_env.physics.geometry.contact import circle_time
 from billiards_env.physics.motion import Path
-from reference import oracle
-from reference.stress import families
-from reference.stress.scenes import R, kinds, rough, run
 
 
 @pytest.mark.parametrize("motion", ["rolling", "sliding"])

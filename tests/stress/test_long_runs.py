@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from reference.stress import measure
-from reference.stress.scenes import R, ideal, kinds, run
+from benchmarks.reference.stress import measure
+from benchmarks.reference.stress.scenes import R, ideal, kinds, run
 
 PI_DIGITS = [math.floor(math.pi * 10**k) for k in range(6)]
 

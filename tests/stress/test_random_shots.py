@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from reference.stress import checks, draw, families
+from benchmarks.reference.stress import checks, draw, families
 from tests.helpers.engine_runs import ORDINARY
 
 

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.reference import oracle
 from billiards_env.engine import PIC, Engine
 from billiards_env.shots import simulation
-from reference import oracle
 from studies.failures import FAILURES, Failure
 from tests.helpers.shots import kinds
 

@@ -19,9 +19,9 @@ from studies.failures import FAILURES
 
 def test_pictures_are_small_and_reproducible(tmp_path, monkeypatch):
     monkeypatch.setattr(figures, "filmed_run_out", lambda _: True)
-    monkeypatch.setattr(figures, "write_film", lambda *_: None)  # its own test is below
+    monkeypatch.setattr(figures, "write_run_out", lambda *_: None)  # its own test is below
     figures.main(["--folder", str(tmp_path / "one")])
-    monkeypatch.setattr(figures, "write_gif", lambda *_: None)  # slow
+    monkeypatch.setattr(figures, "write_film", lambda *_: None)  # slow
     figures.main(["--folder", str(tmp_path / "two")])
     drawn = sorted(path.name for path in (tmp_path / "one").iterdir())
     names = ["failures.png", "masse.png", "play.png", "shot.gif", "shot.png", "tables.png"]
@@ -75,7 +75,7 @@ def test_the_film_of_a_run_out_shows_each_plan_and_ends_with_the_win(tmp_path, m
     models = next(filter(None, map(figures.filmed_run_out, itertools.count())))
     assert models[-1][0].game.state.winner == 0
     assert all(model.preview is not None for model, _ in models[:-1])
-    figures.write_film(tmp_path / "film.gif", models)
+    figures.write_run_out(tmp_path / "film.gif", models)
     with GifImageFile(tmp_path / "film.gif") as film:
         assert film.n_frames >= 2 * len(models) - 1
     assert (figures.IMAGES / "run_out.gif").stat().st_size < 2 * 2**20

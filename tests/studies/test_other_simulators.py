@@ -6,9 +6,9 @@ import sys
 import numpy as np
 import pytest
 
+from benchmarks import simulators
 from billiards_env import simulate_batch
 from studies import other_simulators as study
-from studies import simulators_worker
 from tests.helpers.processes import InThisProcess
 
 pytest.importorskip("matplotlib")
@@ -46,10 +46,10 @@ def test_the_study_trains_resumes_and_shows_its_results(tmp_path, monkeypatch, c
     worlds = {name: study.WORLDS[name]._replace(seeds=1) for name in ("pymunk 1/240 s", "exact, rigid", "exact, soft")}
     worker = tmp_path / "worker.py"
     worker.write_text(FAKE)
-    monkeypatch.setattr(study, "WORKER", worker)
+    monkeypatch.setattr(simulators, "WORKER", worker)
     monkeypatch.setattr(study, "WORLDS", worlds)
     monkeypatch.setattr(study, "executor", lambda *_: InThisProcess())
-    monkeypatch.setattr(study, "PYTHON", sys.executable)
+    monkeypatch.setattr(simulators, "PYTHON", sys.executable)
     argv = ["--shots", "4096", "--layouts", "300", "--output", str(tmp_path / "o.json"), "--images", str(tmp_path)]
     study.main(argv)
     results = json.loads((tmp_path / "o.json").read_text())["runs"]
@@ -73,49 +73,7 @@ def test_the_published_errors_have_the_predicted_sign_and_in_pymunk_the_predicte
             assert thick[:, 1] == pytest.approx(thick[:, 2], abs=0.5), name
 
 
-def test_a_shot_of_the_worker_ends_in_a_pocket_at_a_cushion_or_when_nothing_can_happen():
-    x, v = np.zeros((2, simulators_worker.SLOTS, 2), complex)
-
-    def place(k, positions, velocity):
-        x[k], v[k] = positions, (velocity, 0.0)
-
-    def step():  # without contacts
-        x[:] += 0.01 * v
-        v[:] *= np.exp(-0.01 * simulators_worker.DECAY)
-        return x, v
-
-    scene = study.SCENES["exact, rigid"].to_dict()
-    starts = np.array([[-0.5 + 0.3j, -0.5 - 0.3j]] * 200)
-    speeds = np.resize([0.0, 3.0, 1.0j, 0.2j, 0.01, 2.0 + 1.0j], 200)
-    assert (simulators_worker.play_shots(0.01, scene, place, step, starts, speeds) == -1).all()
-
-
-@pytest.mark.parametrize("module", ["pymunk", "mujoco"])
-def test_the_worker_plays_direct_pots(module):
-    pytest.importorskip(module)
-    scene = study.SCENES["exact, rigid"].to_dict()
-    place, step, at_end = getattr(simulators_worker, f"in_{module}")(0.002, scene)
-    late = simulators_worker.delays(0.002, scene, place, step, at_end)
-    assert np.mean(late) == pytest.approx(0.001 if module == "pymunk" else 0.0085, abs=2e-4)
-    starts = np.array([[-0.2j, 0.4j], [-0.2j, 0.4j], [0.5, 0.9 + 0.3j]] * 100)
-    pockets = simulators_worker.play_shots(0.002, scene, place, step, starts, np.array([2.0j, -2.0j, 0.0] * 100))
-    assert pockets.tolist() == [5, -1, -1] * 100
-
-
-@pytest.mark.parametrize("module", ["pymunk", "mujoco"])
-def test_a_shot_of_the_worker_does_not_depend_on_earlier_ones(module):
-    pytest.importorskip(module)
-    scene, random = study.SCENES["exact, rigid"].to_dict(), np.random.default_rng(0)
-    place, step, _ = getattr(simulators_worker, f"in_{module}")(0.01, scene)
-    starts = random.uniform(-0.5, 0.5, (2000, 2, 2)) @ (1, 1j) + np.array([-0.6, 0.6])
-    speeds = 2.0 * np.diff(starts)[:, 0] * np.exp(0.05j * random.normal(size=2000))
-    pockets = simulators_worker.play_shots(0.01, scene, place, step, starts, speeds)
-    assert (pockets >= 0).sum() > 20
-    again = simulators_worker.play_shots(0.01, scene, place, step, starts[::-1], speeds[::-1])
-    assert again[::-1].tolist() == pockets.tolist()
-
-
-@pytest.mark.skipif(not study.PYTHON.exists(), reason="the worker needs .venv-simulators")
+@pytest.mark.skipif(not simulators.installed(), reason="the worker needs .venv-simulators")
 @pytest.mark.parametrize(("world", "delay"), [("pymunk 1/60 s", 1 / 120), ("MuJoCo 10 ms", 0.0051)])
 def test_the_process_of_the_worker_plays_shots(world, delay):
     with study.opened(world) as (play, delays):

@@ -1,7 +1,11 @@
 """The range of each number, and its check at every entry point."""
 
+import dataclasses
+import inspect
 import math
 import re
+import types
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from typing import Any, cast
 
@@ -9,17 +13,20 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from billiards_env import Engine, simulate, simulate_batch, strike
+from billiards_env import Engine, set_num_threads, simulate, simulate_batch, strike
+from billiards_env import scene as scenes
+from billiards_env.calibration import observed
 from billiards_env.engine.pit import MAX_STEPS
-from billiards_env.envs import BilliardsVectorEnv, make_vector_env
+from billiards_env.envs import BilliardsVectorEnv, make_env, make_model, make_vector_env
 from billiards_env.envs.actions import aimed_strikes, perturb
-from billiards_env.games import GameState, Setup, Stroke, opening, play, records
-from billiards_env.games.batch import play_batch
+from billiards_env.games import Setup, Stroke, opening, play, records
 from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
+from billiards_env.scene.outline import Corner
 from billiards_env.support.checks import RANGES, Range, fits, integer, numbers, one_of, real, short
 from tests.helpers.errors import rejected
 
 PLACES = [[-0.6, 0.0], [0.6, 0.3]]
+POOL = Scene.named("pool")
 
 
 def test_every_range_has_a_reason():
@@ -50,8 +57,9 @@ FIELDS = {
     "goal_radius": ("length", lambda v: gym.make("Billiards-v0", task="place", goal_radius=v)),
     "scratch_penalty": ("scratch_penalty", lambda v: gym.make("Billiards-v0", scratch_penalty=v)),
     "dt": ("dt", lambda v: gym.make("Billiards-v0", mode="pit", dt=v)),
-    "max_events": ("max_events", lambda v: simulate(Scene.named("pool"), PLACES, [0.0, 0.0], max_events=v)),
-    "threads": ("threads", lambda v: simulate_batch(Scene.named("pool"), [PLACES], [[0.0, 0.0]], threads=v)),
+    "max_time": ("limit", lambda v: simulate(POOL, PLACES, [0.0, 0.0], max_time=v)),
+    "max_events": ("max_events", lambda v: simulate(POOL, PLACES, [0.0, 0.0], max_events=v)),
+    "threads": ("threads", lambda v: simulate_batch(POOL, [PLACES], [[0.0, 0.0]], threads=v)),
 }
 
 
@@ -132,7 +140,6 @@ def test_numpy_scalars_look_like_numbers_of_python_in_messages(value, text):
     assert short(value) == text
 
 
-ONE: Any = np.complex128(1)
 COMPLEX = np.array([0.5 + 1j, 0.0])
 UNREAL = [COMPLEX, COMPLEX.tolist(), [np.complex64(0.5), 0.0], COMPLEX.astype(object), ["0.5", "0"], [10**400, 0]]
 
@@ -176,83 +183,97 @@ def test_the_suggestion_is_the_name_with_the_same_letters(value, closest):
     assert str(error.value).partition("did you mean ")[2] == (f"{closest!r}?)" if closest else "")
 
 
-POOL, NINE = Scene.named("pool"), Scene.named("pool", 9)
-
-
-def begun(name: str, vector: bool = False, **arguments: Any) -> Any:
-    env = gym.make_vec(name, 2, **arguments) if vector else gym.make(name, **arguments)
+def begun(name: str, vector: bool = False) -> Any:
+    env = gym.make_vec(name, 2) if vector else gym.make(name)
     env.reset(seed=0)
     return env
 
 
-def new_game() -> tuple[Setup, GameState]:
-    setup = Setup("nine_ball", NINE)
-    return setup, opening(setup, np.random.default_rng(0))
+# Every argument of the public functions
+
+SHOT = simulate(POOL, PLACES, [1.0, 0.0], record=True)
+BATCH = simulate_batch(POOL, [PLACES], [[1.0, 0.0]], record=True)
+GIVEN: dict[str, Any] = {
+    **{"scene": POOL, "balls": POOL.balls, "physics": POOL.physics, "name": "pool", "data": POOL.to_dict()},
+    **{"positions": PLACES, "velocities": [1.0, 0.0], "speed": 1.0, "heading": 0.0, "n": 1, "n_balls": 2},
+    **{"radius": (0.03, 0.03), "mass": (0.2, 0.2), "x": 1.27, "y": 0.0, "rules": "nine_ball", "shot": SHOT},
+    **{"t": 0.1, "times": [0.1], "of": "positions", "by": "positions", "tangents": {"e_ball": 1.0}},
+    **{"cotangents": {"positions": np.zeros((2, 2))}, "path": "no/file"},
+}
+"""The required arguments by name. Those of a class or a method may need others, see `public`."""
+
+UNCHECKED = {"path", "ax", "method", "arguments"}
+"""Arguments that the standard library or matplotlib checks, and those of other functions."""
 
 
-def shot(*start: Any, **arguments: Any) -> Any:
-    """Returns a function that simulates a shot; what is left out of the start is as in a usual shot."""
-    return lambda: simulate(*start, *(POOL, PLACES, [1, 0])[len(start) :], **arguments)
+def methods(owner: Any, kinds: Any) -> Iterator[Any]:
+    """Yields the public methods of an object or a class that are defined as `kinds`."""
+    kind = owner if isinstance(owner, type) else type(owner)
+    names = [name for base in kind.__mro__ for name, value in vars(base).items() if isinstance(value, kinds)]
+    yield from (getattr(owner, name) for name in names if not name.startswith("_"))
 
 
-def made(**arguments: Any) -> Any:
-    return lambda: gym.make("Billiards-v0", **arguments)
+def public() -> Iterator[tuple[str, Callable[..., Any], str]]:
+    """Yields the name of each public function with checks, the function, and the name of each argument."""
+    named = [Engine, Corner, Setup, *(getattr(scenes, name) for name in scenes.__all__)]
+    kinds = [kind for kind in named if dataclasses.is_dataclass(kind)]
+    functions = [*kinds, simulate, simulate_batch, strike, set_num_threads, make_vector_env, observed]
+    functions += [method for kind in kinds for method in methods(kind, (classmethod, staticmethod))]
+    functions += [method for result in (SHOT, BATCH) for method in methods(result, types.FunctionType)]
+    functions += [begun("Billiards-v0").unwrapped.step, begun("Billiards-v0", vector=True).step]
+    for function in functions:
+        for name in inspect.signature(function).parameters.keys() - UNCHECKED:
+            if (function, name) != (observed, "name"):  # any text
+                yield f"{function.__qualname__}({name})", function, name
+    for name in inspect.signature(make_model).parameters:
+        yield f"make_env({name})", make_env, name
+
+
+@pytest.mark.parametrize(
+    "value",
+    [object(), np.float64(math.nan), np.complex128(1j), np.ma.masked_all((2, 2))],
+    ids=lambda value: type(value).__name__,
+)
+def test_every_argument_of_a_public_function_is_checked(value):
+    accepted = []
+    for place, function, name in public():
+        given = [key for key, p in inspect.signature(function).parameters.items() if p.default is p.empty]
+        arguments = {key: GIVEN[key] for key in given if key in GIVEN} | {name: value}
+        try:
+            result = function(**arguments)
+            _ = list(result) if inspect.isgenerator(result) else None
+        except Exception as error:
+            form = re.match(r"(?!.*np\.)[^:=]+(?: = [^:]+| has shape [^:]+|: [^:]+)?: expected ", str(error), re.DOTALL)
+            accepted += [] if form else [f"{place}: {type(error).__name__}: {error}"]
+        else:
+            accepted.append(place)
+    assert not accepted, "\n".join(accepted)
 
 
 def stroke(*arguments: Any) -> Any:
-    return lambda: play(*new_game(), Stroke(*arguments))
+    setup = Setup("nine_ball", Scene.named("pool", 9))
+    return lambda: play(setup, opening(setup, np.random.default_rng(0)), Stroke(*arguments))
 
 
-WRONG_TYPES = [
-    (shot("poool"), "scene = 'poool': expected one of 'pool', "),
-    (lambda: simulate_batch(cast("Any", None), [PLACES], [[1, 0]]), "scene = None: expected a Scene"),
-    (shot(POOL, "rack"), "positions = 'rack': expected finite numbers in an array"),
-    (shot(POOL, PLACES, None), "velocities = None: expected finite numbers in an array"),
-    (shot(in_play=[0, 5]), "in_play = [0, 5]: expected True or False for each"),
-    (shot(record="yes"), "record = 'yes': expected True or False"),
-    (lambda: Scene(cast("Any", "pool")), "scene.balls = 'pool': expected a Balls; Scene.named(name) returns"),
-    (lambda: Setup("nine_ball", cast("Any", "pool")), "scene = 'pool': expected a Scene"),
-    (lambda: shot(record=True)().save("no/shot.json"), "path = 'no/shot.json': expec"),
-    (lambda: records.to_json(shot()()), "record = ShotResult: 2 balls, rest aft"),
-    (made(layout=["rack"]), "layout = ['rack']: expected one of 'random', 'rack'"),
-    (lambda: made()().unwrapped.step("go"), "The episode is over or has not begun"),
-    (lambda: gym.make_vec("Billiards-v0", 2).reset(seed=cast("Any", 1.5)), "seed = 1.5: expected a whole number"),
-    (lambda: begun("Billiards-v0").step(COMPLEX), "action = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
-    (lambda: begun("Billiards-v0", vector=True).step([COMPLEX] * 2), "actions = [array([0.5+1.j, 0. +0.j]), array"),
-    (lambda: begun("Billiards-v0", action="strike").step(np.zeros(5, complex)), "action = array("),
-    (shot(POOL, PLACES, COMPLEX), "velocities = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
-    (shot(spins=np.zeros(3, complex)), "spins = array("),
-    (shot(max_time=ONE), "max_time = (1+0j): expected a number"),
-    (lambda: shot(record=True)().at(ONE), "t = (1+0j): expected finite numbers"),
-    (lambda: shot(record=True)().trajectory.path(0, COMPLEX), "times = array("),
-    (lambda: simulate_batch(POOL, [PLACES], [COMPLEX]), "velocities = [array("),
-    (lambda: strike(POOL, COMPLEX, 0.0), "speed = array("),
-    (shot(POOL, np.ma.masked_equal(PLACES, PLACES[1][0])), "positions = masked_array("),
-    (shot(POOL, [np.ma.masked_equal(place, PLACES[1][0]) for place in PLACES]), "positions = [masked_array("),
-    (shot(in_play=np.ma.array([True, False], mask=[False, True])), "in_play = masked_array("),
-    (lambda: begun("Billiards-v0").step(np.ma.array([0.5, 0.5], mask=[False, True])), "action = masked_array("),
-    (
-        lambda: begun("Billiards-v0", vector=True).step([np.ma.array([0.5, 0.5], mask=[False, True])] * 2),
-        "actions = [masked_array(",
-    ),
-    (lambda: strike(POOL, np.float64(2e3), 0.0), "speed = 2000.0: expected numbers from "),
-    (lambda: aimed_strikes(POOL, [COMPLEX], [[0, 0]]), "actions = [array("),
-    (lambda: perturb([0, 0], COMPLEX), "noise = array("),
-    (lambda: play_batch(*new_game(), [COMPLEX]), "velocities = [array("),
-    (stroke((ONE, 0.0), (-0.8, 0.0)), "stroke.velocity[0] = (1+0j): expected a number"),
+OTHERS = [
+    (stroke((COMPLEX[0], 0.0), (-0.8, 0.0)), "stroke.velocity[0] = (0.5+1j): expected a number"),
     (stroke((0.0, 1e200), (-0.8, 0.0)), "stroke.velocity[1] = 1e+200: expected a number from -1000 to 1000 m/s"),
-    (stroke((1.0, 0.0), (math.nan, 0.0)), "stroke.place[0] = nan: expected a number from -1e+06 to 1e+06 m"),
     (stroke((1.0, 0.0), (np.float64(0.5),)), "stroke.place = (0.5,): expected "),
     (lambda: Engine(dt=np.float64(0.5)), "dt = 0.5 with mode='pic'"),
-    (lambda: Engine(np.str_("pci")), "mode = 'pci': expected one of"),
-    (lambda: Setup("nine_ball", NINE, target=cast("Any", np.int64(3))), "target = 3 with rules 'nine_ball'"),
-    (made(max_speed=np.float64(2), action="sum_to_three"), "max_speed = 2.0 with action 'sum_to_three': expected at"),
-    (lambda: make_vector_env(2).reset(options={"positions": "abc"}), "options['positions'] = 'abc': expected"),
+    (
+        lambda: simulate(POOL, [np.ma.masked_equal(place, 0.6) for place in PLACES], [1, 0]),
+        "positions = [masked_array(",
+    ),
+    (lambda: SHOT.save("no/shot.json"), "path = 'no/shot.json': expec"),
+    (lambda: records.to_json(cast("Any", SHOT)), "record = ShotResult: 2 balls, rest aft"),
+    (lambda: aimed_strikes(POOL, [COMPLEX], [[0, 0]]), "actions = [array("),
+    (lambda: perturb([0, 0], COMPLEX), "noise = array("),
+    (lambda: gym.make("Billiards-v0").unwrapped.step(cast("Any", "go")), "The episode is over or has not begun"),
 ]
 
 
-@pytest.mark.parametrize(("call", "message"), WRONG_TYPES)
-def test_a_wrong_type_is_named(call, message):
+@pytest.mark.parametrize(("call", "message"), OTHERS)
+def test_a_wrong_value_is_named(call, message):
     with pytest.raises((TypeError, ValueError, OSError, gym.error.ResetNeeded)) as error:
         call()
     assert str(error.value).startswith(message)

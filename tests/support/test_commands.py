@@ -21,7 +21,7 @@ from studies import readme
 from tests.helpers.imports import imported
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("agents", "benchmarks", "billiards_env", "reference", "release", "studies", "web")
+PACKAGES = ("agents", "benchmarks", "billiards_env", "docs", "studies")
 COMMANDS = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__")
     for package in PACKAGES
@@ -52,9 +52,7 @@ def few_engines(patch: pytest.MonkeyPatch, module: Any) -> None:
 
 TINY: dict[str, tuple[str, Callable[[pytest.MonkeyPatch, Any], None]]] = {
     "benchmarks.accuracy": ("--shots 4 --outcomes 40 --passes 1 --workers 1", few_engines),
-    "benchmarks.differentiable": ("--tasks 2", lambda patch, module: patch.setattr(module, "FRESH", 32)),
     "benchmarks.error_limit": ("--shots 1 --workers 1", two_kinds),
-    "benchmarks.gradients": ("--repeats 1", few_steps),
     "benchmarks.speed": ("--repeats 1", few_steps),
     "benchmarks.stress": ("--scale 1e-9 --workers 1", few_shots),
     "benchmarks.validation": ("", lambda *_: None),
@@ -93,7 +91,7 @@ def test_a_command_writes_and_prints_its_results(command, tmp_path, monkeypatch,
     module = module_of(command)
     shrink(monkeypatch, module)
     monkeypatch.setattr(benchmarks, "processes", ThreadPoolExecutor)
-    committed = {path: path.stat().st_mtime_ns for path in ROOT.glob("*/results/*.json")}
+    committed = {path: path.stat().st_mtime_ns for path in map(readme.results, readme.SOURCES)}
     pictures = ["--images", str(tmp_path)] if command in PICTURES else []
     assert not module.main([*arguments.split(), "--output", str(tmp_path / "results.json"), *pictures])
     result = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
@@ -108,7 +106,7 @@ def test_ctrl_c_ends_a_benchmark_with_one_line(command, monkeypatch, capsys):
     def interrupt(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    if command.endswith("_worker"):
+    if command.endswith(("_worker", ".shots")):
         pytest.skip("its parent ends it")
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", interrupt)
     with pytest.raises(SystemExit, match="130"):

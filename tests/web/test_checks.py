@@ -5,13 +5,12 @@ import json
 import math
 import shutil
 import subprocess
-from unittest.mock import patch
 
 import pytest
 
 from billiards_env import Engine, Scene, simulate, strike
 from billiards_env.engine.compile import scene_fields
-from web import build, tasks
+from docs.web import build
 
 NAN = math.nan
 PLACES = [[-0.6, 0.0], [0.6, 0.02]]
@@ -42,22 +41,15 @@ def cue(speed, heading, *others, scene="pool"):
 
 
 SAME = [
-    ("{maxTime: -1}", shot(max_time=-1)),
     ("{maxTime: NaN}", shot(max_time=NAN)),
     ("{maxEvents: 1.5}", shot(max_events=1.5)),
-    ("{maxEvents: -1}", shot(max_events=-1)),
     ("{mode: 'pci'}", engine("pci")),
     ("{mode: 'pit'}", engine("pit")),
     ("{mode: 'pit', dt: 1e-12}", engine("pit", 1e-12)),
-    ("{mode: 'pit', dt: NaN}", engine("pit", NAN)),
-    ("{mode: 'pit', dt: '0.1'}", engine("pit", "0.1")),
     ("{mode: 'pit', dt: 0.1, fix: 'x'}", engine("pit", 0.1, "x")),
     ("{dt: 0.1}", engine("pic", 0.1)),
     ("{fix: 'none'}", engine("pic", None, "none")),
     ("{physics: {e_ball: 2}}", physics(e_ball=2)),
-    ("{physics: {e_ball: NaN}}", physics(e_ball=NAN)),
-    ("{physics: {mu_slide: 0}}", physics(mu_slide=0)),
-    ("{physics: {mu_roll: -0.1}}", physics(mu_roll=-0.1)),
     ("{physics: {g: 5000.5}}", physics(g=5000.5)),
     ("{physics: {e_cushion: 0.1, e_cushion_floor: 0.5}}", physics(e_cushion=0.1, e_cushion_floor=0.5)),
     ("'real_pool', {physics: {e_cushion: 0.3}}", physics("real_pool", e_cushion=0.3)),
@@ -67,11 +59,8 @@ SAME = [
     ),
     ("places, [2000.5, 0.5]", shot(velocities=[2000.5, 0.5])),
     ("{spins: [0.5, 2000000.5, 0.5]}", shot(spins=[0.5, 2000000.5, 0.5])),
-    ("strike {speed: 2000.5, heading: 0}", cue(2000.5, 0.0)),
-    ("strike {speed: NaN, heading: 0}", cue(NAN, 0.0)),
     ("strike {speed: 1, heading: 11.5}", cue(1.0, 11.5)),
     ("strike {speed: 1, heading: 0, side: 1.5}", cue(1.0, 0.0, 1.5)),
-    ("strike {speed: 1, heading: 0, elevation: 3.5}", cue(1.0, 0.0, 0.0, 0.0, 3.5)),
     ("strike {speed: 1, heading: 0, side: 0.75, top: -0.75}", cue(1.0, 0.0, 0.75, -0.75)),
     ("strike 'ideal', {speed: 1, heading: 0}", cue(1.0, 0.0, scene="ideal")),
 ]
@@ -81,14 +70,10 @@ OTHER = [
     ("'pol', {}", "scene = 'pol': expected one of 'pool', 'carom', "),
     ("5", "options = 5: expected an object"),
     ("{maxtime: 1}", "key of options = 'maxtime': expected one of 'mode', "),
-    ("{numbers: {roll: -0.1}}", "key of options = 'numbers': expected one of 'mode', "),
     ("{physics: 5}", "physics = 5: expected an object"),
     ("{physics: {slide: 0}}", "key of physics = 'slide': expected one of 'g', 'mu_slide', "),
-    ("{physics: {half_length: 9}}", "key of physics = 'half_length': expected one of 'g', "),
-    ("{physics: {mu_ball: 0.1}}", "key of physics = 'mu_ball': expected one of 'g', "),
     ("{physics: {e_ball: undefined}}", "physics.e_ball = undefined: expected a number from 0 to 1"),
     ("{physics: {e_ball: '1'}}", "physics.e_ball = '1': expected a number from 0 to 1"),
-    ("{inPlay: []}", "inPlay = []: expected true or false for each of 2 balls"),
     ("{inPlay: ['no', true]}", "inPlay = ['no', true]: expected true or false"),
     ("{spins: [0, 0]}", "spins = [0, 0]: expected 3 finite numbers for each of 2 balls"),
     ("'ideal', {spins: [0, 0, 1]}", "spins = [0, 0, 1] with physics.motion = 'ideal': expected null"),
@@ -97,14 +82,9 @@ OTHER = [
         "spins = [0, 0, 1] with a strike: expected null",
     ),
     ("places, null", "velocities = null: expected 2 finite numbers"),
-    ("places, 'ab'", "velocities = 'ab': expected 2 finite numbers"),
-    ("places, [[1, 0], [0, 0], [0, 0]]", "velocities = [[1, 0], [0, 0], [0, 0]]: expected 2 finite numbers"),
     ("[[0, 0], [0.5, NaN]], [1, 0]", "positions = [[0, 0], [0.5, NaN]]: expected 2 finite numbers for each of 2 balls"),
-    ("[0.5, 0.2], [1, 0]", "positions = [0.5, 0.2]: expected 2 finite numbers for each of 2 balls"),
-    ("[], [1, 0]", "positions = []: expected 2 finite numbers"),
     ("undefined, [1, 0]", "positions = undefined: expected 2 finite numbers"),
     ("Array.from({length: 17}, () => [0, 0]), [1, 0]", "positions has 17 balls: expected at most 16"),
-    ("strike undefined", "strike = undefined: expected an object"),
     ("strike {heading: 0}", "speed = undefined: expected numbers from -1000 to 1000 m/s"),
     ("strike {speed: 1, heading: 0, elevaton: 1}", "key of strike = 'elevaton': expected one of 'speed', "),
 ]
@@ -129,8 +109,7 @@ def run():
     node = shutil.which("node")
     if node is None:
         pytest.skip("node is not on the PATH")
-    with patch.object(tasks, "TASKS", ()):
-        data = build.data()
+    data = build.data()
 
     def evaluate(calls):
         program = build.module().replace("export ", "") + SCRIPT

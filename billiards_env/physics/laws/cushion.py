@@ -17,7 +17,7 @@ class Cushion(NamedTuple):
 
     Attributes:
         law: The law of its impacts, see `cushion_han2005.han2005`.
-        rubs: Whether it has friction. Without friction `physics.cushion` needs only the restitution.
+        rubs: Whether it has friction. Without friction `physics.ball_cushion` needs only the restitution.
         work: `Numbers.cushion_work`; with extreme numbers an impact may take twenty times as long.
         solution: The kernel of (before, radius, numbers) that solves the equation of the law; None if it has none.
     """

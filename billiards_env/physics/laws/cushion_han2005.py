@@ -30,10 +30,10 @@ def impact(before, nose, slips, rebound, mu, e):
     """Returns the result of `han2005` for a `Nose`.
 
     Args:
-        before: As in `han2005`.
+        before: The `CushionMotion` before the impact, vn >= 0.
         nose: The `Nose`.
         slips: The changes of the slip if the friction is large enough: the result of `slip_at`, or larger.
-        rebound: As in `han2005`.
+        rebound: Least speed away from the cushion after the impact, m/s, >= 0.
         mu: The friction.
         e: The restitution.
     """

@@ -1,0 +1,146 @@
+"""Families of random shots for the stress test: each has a scene, a layout and a distribution of strokes."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.reference.stress import draw
+from benchmarks.reference.stress.checks import MOMENTUM, OUTSIDE, OVERLAP, RISE, check_shots
+from benchmarks.reference.stress.scenes import ideal
+from billiards_env.scene import Balls, Physics, Scene, layouts
+from billiards_env.scene.table import Table
+
+Floats = NDArray[np.float64]
+RandomShots = tuple[Scene, Floats, Floats, Floats | None]
+
+
+def _scattered(scene: Scene) -> Callable[[np.random.Generator, int], RandomShots | None]:
+    def shots(rng: np.random.Generator, m: int) -> RandomShots | None:
+        places = draw.layouts(scene, rng, m)
+        return None if places is None else (scene, places, *draw.cue_shots(scene, rng, m))
+
+    return shots
+
+
+def _break(layout: str, balls: int) -> Callable[[np.random.Generator, int], RandomShots]:
+    scene = Scene.named("pool", balls)
+
+    def shots(rng: np.random.Generator, m: int) -> RandomShots:
+        places = np.array([layouts.draw(layout, scene, rng) for _ in range(m)])
+        aim = places[:, 1] - places[:, 0]
+        aim[:, 1] += rng.uniform(-0.02, 0.02, m)
+        velocities = aim * (rng.uniform(4, 12, m) / np.hypot(*aim.T))[:, None]
+        return scene, places, velocities, rng.uniform(-1, 1, (m, 3)) * 100
+
+    return shots
+
+
+def _gas(n: int) -> Callable[[np.random.Generator, int], RandomShots | None]:
+    scene = ideal(*(0.17,) * n, radius=(0.03,) * n, length=1.0, width=1.0, max_time=1.0)
+
+    def shots(rng: np.random.Generator, m: int) -> RandomShots | None:
+        places = draw.layouts(scene, rng, m)
+        return None if places is None else (scene, places, rng.normal(size=(m, n, 2)), None)
+
+    return shots
+
+
+def _wild(rng: np.random.Generator, m: int) -> RandomShots | None:
+    scene = draw.wild_scene(rng)
+    shots = draw.wild_shots(scene, rng, m)
+    return None if shots is None else (scene, *shots)
+
+
+def _wild_outline(rng: np.random.Generator, m: int) -> RandomShots | None:
+    """Returns wild shots on a table with a random outline, or with the jaws of real pockets, some without holes."""
+    scene = draw.wild_scene(rng)
+    radius = tuple(min(r, 0.035) for r in scene.balls.radius)
+    if rng.random() < 0.5:
+        table = draw.star(int(rng.integers(2**32)))
+    else:
+        table = Table.named(str(rng.choice(["pool_7ft", "pool_9ft", "snooker_12ft", "uk_7ft"])))
+        if rng.random() < 0.5:
+            table = dataclasses.replace(table, pockets=())
+    table = dataclasses.replace(table, cushion_height=float(rng.uniform(0.05, 1.95) * min(radius)))
+    try:
+        scene = dataclasses.replace(scene, balls=Balls(radius, scene.balls.mass), table=table)
+    except ValueError:  # no room for a ball
+        return None
+    shots = draw.wild_shots(scene, rng, m)
+    return None if shots is None else (scene, *shots)
+
+
+def _rolling(scene: Scene) -> Scene:
+    return dataclasses.replace(scene, physics=Physics(motion="rolling", cushion="restitution"))
+
+
+def _with_balls(scene: Scene, n: int) -> Scene:
+    """Returns a scene with its first n balls."""
+    return dataclasses.replace(
+        scene, balls=dataclasses.replace(scene.balls, radius=scene.balls.radius[:n], mass=scene.balls.mass[:n])
+    )
+
+
+def _closed(scene: Scene) -> Scene:
+    """Returns a scene without pockets; balls rattle in the jaws."""
+    return dataclasses.replace(scene, table=dataclasses.replace(scene.table, pockets=()))
+
+
+FAMILIES: dict[str, Callable[[np.random.Generator, int], RandomShots | None]] = {
+    "pool, cue ball alone": _scattered(Scene.named("pool", 0)),
+    "carom, cue ball alone": _scattered(Scene.named("carom", 0)),
+    "pool, 1 object ball": _scattered(Scene.named("pool", 1)),
+    "pool, 5 object balls": _scattered(Scene.named("pool", 5)),
+    "carom, 2 object balls": _scattered(Scene.named("carom", 2)),
+    "pooltool carom, 2 object balls": _scattered(Scene.named("pooltool_carom", 2)),
+    "rolling pool, 3 object balls": _scattered(_rolling(Scene.named("pool", 3))),
+    "9-ball break, loose rack": _break("rack", 9),
+    "9-ball break, tight rack": _break("tight_rack", 9),
+    "15-ball break, loose rack": _break("rack", 15),
+    "15-ball break, tight rack": _break("tight_rack", 15),
+    "ideal gas of 16 disks": _gas(16),
+    "wild": _wild,
+    "real pool, cue ball alone": _scattered(Scene.named("real_pool", 0)),
+    "real pool, 1 object ball": _scattered(Scene.named("real_pool", 1)),
+    "real pool, 5 object balls": _scattered(Scene.named("real_pool", 5)),
+    "7-foot pool, 1 object ball": _scattered(Scene.named("pooltool_pool", 1)),
+    "snooker, 5 object balls": _scattered(_with_balls(Scene.named("snooker"), 6)),
+    "UK pool, 5 object balls": _scattered(_with_balls(Scene.named("uk_pool"), 6)),
+    "jaws without holes, 2 object balls": _scattered(_closed(Scene.named("pooltool_pool", 2))),
+    "wild outlines": _wild_outline,
+}
+
+
+def run(name: str, seed: int, shots: int) -> dict[str, Any]:
+    """Runs shots of a family and checks every event of each.
+
+    Returns:
+        `shots`, their number; `overlap` and `outside`, the deepest overlap and the largest distance beyond a cushion,
+        m; `rise` and `momentum`, the largest relative rise of the energy and change of the momentum in shots without
+        acts of the contact-time rule; `contact_rule`, the number of shots with such acts; `most_events` and `events`,
+        the largest and the total number of events; and `bad`, (seed, index, status) of each bad shot.
+    """
+    rng = np.random.default_rng([seed, list(FAMILIES).index(name)])
+    drawn = FAMILIES[name](rng, shots)
+    if drawn is None:
+        return {"shots": 0, "bad": []}
+    scene, places, velocities, spins = drawn
+    result = check_shots(scene, places, velocities, spins)
+    free = result.shots.n_contact_rule == 0
+    bad = np.flatnonzero(result.bad(scene.physics.motion == "ideal"))
+    return {
+        "shots": shots,
+        "overlap": float(result.findings[:, OVERLAP].max()),
+        "outside": float(result.findings[:, OUTSIDE].max()),
+        "rise": float(result.findings[free, RISE].max(initial=0.0)),
+        "momentum": float(result.findings[free, MOMENTUM].max(initial=0.0)),
+        "contact_rule": int((~free).sum()),
+        "most_events": int(result.shots.n_events.max()),
+        "events": int(result.shots.n_events.sum()),
+        "bad": [(seed, int(k), int(result.shots.status[k])) for k in bad],
+    }

@@ -1,0 +1,1 @@
+"""The pages, the helpers of their build, and the engines for browsers (`docs.web`)."""

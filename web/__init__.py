@@ -1,9 +1,0 @@
-"""The engines as WebAssembly, for browsers.
-
-Modules:
-    build: Compiles the engines and writes the module and the page: `python -m web.build`, or `make web`.
-    check: Compares shots in a browser and in wasmtime with those of Python, bit for bit: `python -m web.check`.
-
-The other files are the run time of the compiled code (runtime.c), the JavaScript module (engine.js and checks.js) and
-the page (play.html).
-"""
