@@ -210,7 +210,8 @@ def test_equal_batches_have_equal_pickles():
     sizes = []
     for byte in (0, 255):
         fill_heap(byte, *sizes)
-        batch: Any = simulate_batch(scene, places, velocities, record=True)
+        # With more threads their timing decides how the log is divided.
+        batch: Any = simulate_batch(scene, places, velocities, record=True, threads=1)
         pickles.add(pickle.dumps(batch))
         sizes = [(rows if rows.base is None else rows.base).nbytes for part in batch._parts for rows in part[2:]]
         del batch

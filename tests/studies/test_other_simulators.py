@@ -2,6 +2,7 @@
 
 import json
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -49,7 +50,7 @@ def test_the_study_trains_resumes_and_shows_its_results(tmp_path, monkeypatch, c
     monkeypatch.setattr(simulators, "WORKER", worker)
     monkeypatch.setattr(study, "WORLDS", worlds)
     monkeypatch.setattr(study, "executor", lambda *_: InThisProcess())
-    monkeypatch.setattr(simulators, "PYTHON", sys.executable)
+    monkeypatch.setattr(simulators, "PYTHON", Path(sys.executable))
     argv = ["--shots", "4096", "--layouts", "300", "--output", str(tmp_path / "o.json"), "--images", str(tmp_path)]
     study.main(argv)
     results = json.loads((tmp_path / "o.json").read_text())["runs"]
