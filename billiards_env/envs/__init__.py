@@ -6,6 +6,7 @@ from billiards_env.envs.billiards import BilliardsEnv, make_env
 from billiards_env.envs.opponents import Opponents
 from billiards_env.envs.rendering import RecordVideo
 from billiards_env.envs.snapshots import load_state, save_state
+from billiards_env.envs.trials import Outcomes
 from billiards_env.envs.vector import BilliardsVectorEnv, make_vector_env
 
 __all__ = [
@@ -14,6 +15,7 @@ __all__ = [
     "BilliardsVectorEnv",
     "Model",
     "Opponents",
+    "Outcomes",
     "RecordVideo",
     "load_state",
     "make_env",

@@ -21,6 +21,7 @@ from billiards_env.envs.info import single_info
 from billiards_env.envs.observations import decode, nth
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.snapshots import SPACES, EpisodeState, OfEpisodes, checked_state, copied
+from billiards_env.envs.trials import Outcomes, Trials
 from billiards_env.jit import streams
 from billiards_env.scene import Scene
 from billiards_env.support.checks import Range, finite, integer, one_of, short
@@ -407,9 +408,10 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         self._action_shape = self.action_space.shape
         if self.observe == "goal":  # other environments have no `compute_reward`
             self.compute_reward = functools.partial(compute_reward, model.goal_radius, model.scratch_penalty)
+        self._trials = Trials(model, self._action_shape)
         self._first_info = single_info({}, self._episodes.starts, self._episodes.of_episode)
         self._first_rows = self._episodes.starts._replace(numbers={})
-        self._shared = {*vars(self), "_np_random", "_shared", "_spec"} - {"_episodes", "_renderer", *SPACES}
+        self._shared = {*vars(self), "_np_random", "_shared", "_spec"} - {"_episodes", "_renderer", "_trials", *SPACES}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> BilliardsEnv:
         """Returns a copy that continues with the same bits. It shares what does not change, such as the scene."""
@@ -456,6 +458,21 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         self._np_random, self._np_random_seed = None, -1
         if self._renderer is not None:
             self._renderer.begin([drawn_layout(episodes, 0)])
+
+    def try_actions(self, actions: ArrayLike, states: EpisodeState | None = None) -> Outcomes:
+        """Plays a shot for each action, without noise, and does not change the environment.
+
+        Args:
+            actions: (m, 2), (m, 5) or (m,), as in `step`.
+            states: The states to play from, one for each action or one for all, as from `get_state`. None for the
+                present state.
+
+        Raises:
+            ResetNeeded: If an episode has not begun, or is over.
+            TypeError: As in `set_state`.
+            ValueError: As in `set_state`, or if the actions have another shape or a number is not finite.
+        """
+        return self._trials.play(actions, self.get_state()[None], states, None)
 
     @property
     def episode_scene(self) -> Scene:

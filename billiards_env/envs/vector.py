@@ -23,6 +23,7 @@ from billiards_env.envs.info import copied_info, masked_info, with_starts
 from billiards_env.envs.observations import nth
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.snapshots import SPACES, EpisodeState, OfEpisodes, checked_state, copied
+from billiards_env.envs.trials import Outcomes, Trials
 from billiards_env.jit import streams
 from billiards_env.support.checks import integer, one_of, shaped, short
 
@@ -159,8 +160,16 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
 
         self._n_shown = 0 if self._renderer is None else self._renderer.n_shown
         self._episodes = Episodes(self.num_envs, model, self._n_shown)
+        self._trials = Trials(model, env._action_shape)
         self._seeds = np.full(self.num_envs, -1, object)  # -1: not known
-        self._shared = {*vars(self), "_shared", "_spec"} - {"single_env", "_episodes", "_renderer", "_seeds", *SPACES}
+        self._shared = {*vars(self), "_shared", "_spec"} - {
+            "single_env",
+            "_episodes",
+            "_renderer",
+            "_seeds",
+            "_trials",
+            *SPACES,
+        }
 
     def __deepcopy__(self, memo: dict[int, Any]) -> BilliardsVectorEnv:
         """Returns a copy that continues with the same bits. It shares what does not change, such as the scene."""
@@ -197,6 +206,21 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
         episodes.put(chosen, checked_state(state, episodes.kind, episodes.model, count))
         self._seeds[... if chosen is None else chosen] = -1
         self._draw_layouts()
+
+    def try_actions(self, actions: ArrayLike, states: EpisodeState | None = None) -> Outcomes:
+        """Plays a shot for each action, without noise, and does not change the environments.
+
+        Args:
+            actions: (m, 2), (m, 5) or (m,), as in `step`.
+            states: The states to play from, one for each action or one for all, as from `get_state`. None for the
+                present states, with one action for each environment.
+
+        Raises:
+            ResetNeeded: If an episode has not begun, or is over.
+            TypeError: As in `set_state`.
+            ValueError: As in `set_state`, or if the actions have another shape or a number is not finite.
+        """
+        return self._trials.play(actions, self.get_state(), states, self.threads)
 
     def _rows(self, rows: Any) -> NDArray[np.int64] | None:
         """Returns the numbers of environments after a check, None for all."""

@@ -21,10 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine.strikes import level_strike, strike
-from billiards_env.engine.threads import parallel_for
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
 from billiards_env.envs.actions import PLAYED, action_named, cue_strike
-from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.observations import nth
 from billiards_env.envs.tasks import TASKS, task_of
 from billiards_env.games import GameState, Setup, Stroke, choices, members, play
@@ -33,7 +31,7 @@ from billiards_env.games.game_state import NOT_IN_HAND, changed, set_of
 from billiards_env.games.placement import cue_ball_area
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
-from billiards_env.players.situation import Noise, Player, Situation, game_situation
+from billiards_env.players.situation import Noise, Player, Situation, game_situation, rating
 from billiards_env.shots.tables import Tables
 from billiards_env.support.checks import finite, one_of
 
@@ -79,14 +77,18 @@ def env_situation(env: BilliardsEnv, observation: Any = None, noise: Noise = (0.
     """
     if env.model.setup is not None:
         situation = game_situation(*_game_played(env), env.max_speed, noise)
-        return situation._replace(observation=observation, stroke=lambda action: _game_stroke(env, situation, action))
+        return situation._replace(
+            observation=observation,
+            rate=lambda actions: _game_ratings(env, situation, actions),
+            stroke=lambda action: _game_stroke(env, situation, action),
+        )
     on_table, legal = ~env.potted, env.legal_balls if env.legal_balls.size else env.model.targets
     table = Tables(env.episode_scene, env.positions[None], on_table[None], legal[None], env.max_speed)
     return Situation(
         table=table,
         action=env.action,
         strike=action_named(env.action).has_cue,
-        rate=lambda actions: rewards(env, actions),
+        rate=lambda actions: env.try_actions(actions).rewards,
         stroke=lambda action: _stroke(env, table, action),
         find_game=lambda: _game(env),
         goals=_goals(env, np.flatnonzero(table.targets[0]).tolist()),
@@ -114,6 +116,14 @@ def acting_in(player: Player, envs: BilliardsVectorEnv, seed: int | None = None)
         return np.array(actions)
 
     return policy
+
+
+def _game_ratings(env: BilliardsEnv, situation: Situation, actions: Floats) -> Floats:
+    """Returns the ratings (m,) of velocities, or of whole actions of the environment."""
+    if actions.shape[1:] != env.action_space.shape:
+        return situation.rate(actions)
+    infos, player = env.try_actions(actions).infos, env.game.state.player
+    return rating(player, infos["winner"], infos["points"], infos["next_player"] == player, infos["foul"] > 0)
 
 
 def _game_stroke(env: BilliardsEnv, situation: Situation, action: Any) -> Stroke:
@@ -221,21 +231,3 @@ def _game(env: BilliardsEnv) -> tuple[Setup, GameState]:
     plain = changed(opening_state(setup), break_shot=False, in_hand=NOT_IN_HAND, object_balls=object_balls)
     of_task = np.atleast_1d(env.get_state()["game"])  # (0,) if the task is no game
     return setup, GameState(env.positions, next(iter(of_task), plain))
-
-
-def rewards(env: BilliardsEnv, actions: Floats) -> Floats:
-    """Returns the reward (m,) of each action (m, 2) or (m, 5), if it were the next step of the environment.
-
-    The environment does not change. Its execution noise is left out.
-    """
-    m = len(actions)
-    episodes, earned = Episodes(m, env.model._replace(noise=None)), np.empty(m)
-    episodes.put(None, env.get_state()[None])
-    episodes.state.over[:] = False
-    observations = episodes.observer.new(m)
-
-    def work(begin: int, end: int) -> None:
-        episodes.shoot(begin, end, actions, earned, observations)
-
-    parallel_for(work, m)
-    return earned

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from billiards_env.envs.actions import PLAYED, action_named
 from billiards_env.games import GameState, Setup, Stroke, play
-from billiards_env.games.batch import PlayedBatch, best_call, play_batch
+from billiards_env.games.batch import best_call, play_batch
 from billiards_env.games.game_state import is_in, on_table
 from billiards_env.games.placement import Point, cue_ball_area, cue_ball_point
 from billiards_env.players.aim import FirstTouch, Goal, Pot, carom_goals
@@ -22,6 +22,8 @@ from billiards_env.shots.tables import Tables
 from billiards_env.support.checks import one_of
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 Noise = tuple[float, float]
 
 PLACES = 30
@@ -101,7 +103,9 @@ def game_situation(
 
     def rate(actions: Floats) -> Floats:
         lengths = np.maximum(np.hypot(actions[:, 0], actions[:, 1]), 1.0)
-        return _ratings(state.player, play_batch(setup, game, max_speed * actions / lengths[:, None]))
+        played = play_batch(setup, game, max_speed * actions / lengths[:, None])
+        verdicts, points = played.verdicts, played.verdicts["points"] - played.verdicts["penalty"]
+        return rating(state.player, played.states["winner"], points, verdicts["continues"], verdicts["foul"] > 0)
 
     def stroke(action: Any) -> Stroke:
         return game_stroke(setup, game, max_speed * np.asarray(action, np.float64), max_speed, place)
@@ -164,9 +168,7 @@ def _pot_key(pots: PotShots) -> tuple[bool, float]:
     return (not pots.scratch[0], pots.tolerance[0]) if len(pots.speed) else (False, 0.0)
 
 
-def _ratings(player: int, played: PlayedBatch) -> Floats:
+def rating(player: int, winner: Ints, points: Ints, continues: Bools, foul: Bools) -> Floats:
     """Returns the values (m,) of shots for their player, from the win, the points, another turn and a foul."""
-    verdicts, winner = played.verdicts, played.states["winner"]
     won = np.where(winner < 0, 0.0, np.where(winner == player, 100.0, -100.0))
-    points = 2.0 * (verdicts["points"] - verdicts["penalty"])
-    return won + points + verdicts["continues"] - 5.0 * (verdicts["foul"] > 0)
+    return won + 2.0 * points + continues - 5.0 * foul

@@ -32,7 +32,7 @@ SHOTS = 200
 """The number of shots that "search" simulates."""
 
 FINALISTS, REPEATS = 16, 16
-"""With execution noise, "search" simulates each of its best `FINALISTS` shots `REPEATS` times with noise."""
+"""With execution noise, `best_of` simulates each of the best `FINALISTS` shots `REPEATS` times with noise."""
 
 
 AIM_SHOTS = 3_000
@@ -61,9 +61,8 @@ def search(situation: Situation, rng: np.random.Generator, shots: int = SHOTS) -
 
     The first half of the shots are the pots, best first, and then variations of them with directions turned by
     about the tolerance, random speeds and, if actions are strikes, random offsets of the tip. The other shots have
-    random directions and speeds. If there is no pot, all shots are random. In a game a full hit comes first.
-
-    If there is noise, the best shots are simulated again with it, and the highest mean rating decides.
+    random directions and speeds. If there is no pot, all shots are random. In a game a full hit comes first. `best_of`
+    chooses.
 
     Args:
         situation: The situation.
@@ -71,11 +70,19 @@ def search(situation: Situation, rng: np.random.Generator, shots: int = SHOTS) -
         shots: The number of shots to simulate.
     """
     situation = placed(situation, rng)
-    noise, first = situation.noise, situation.full_hit()[None] if situation.in_game else np.empty((0, 2))
+    first = situation.full_hit()[None] if situation.in_game else np.empty((0, 2))
     near = _near(situation, (shots + 1) // 2, rng)
     parts = (padded(part, situation.action_size) for part in (first, near, anywhere(shots, rng)))
-    actions = np.concatenate(tuple(parts))[:shots]
-    ratings = situation.rate(actions)
+    return best_of(situation, np.concatenate(tuple(parts))[:shots], rng)
+
+
+def best_of(situation: Situation, actions: Floats, rng: np.random.Generator) -> Stroke:
+    """Simulates proposed actions (k, a), and returns the stroke of the first one with the highest rating.
+
+    If there is noise, the `FINALISTS` best actions are simulated `REPEATS` times with it, and the highest mean rating
+    decides. The noise is drawn from `rng`: it is not the noise of the shot that is played.
+    """
+    ratings, noise = situation.rate(actions), situation.noise
     if any(noise):
         actions = actions[np.argsort(-ratings, kind="stable")[:FINALISTS]]
         drawn = np.moveaxis(rng.standard_normal((2, REPEATS, len(actions))), 0, -1)

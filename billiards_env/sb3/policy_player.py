@@ -5,6 +5,9 @@ In an environment it gets the observation. In a game it gets that of a similar t
 `AimPolicy` plays with any number of balls. If it was trained with one object ball, it observes each legal ball as if
 this ball were alone with the cue ball, and plays the one with the largest value. Otherwise it observes all balls.
 
+With a number of proposals, as in `policy:runs/pot:16`, the player simulates as many actions of the policy and plays the
+best one.
+
 Another policy must be trained with one object ball for a game with pockets, and then observes the nearest legal ball.
 In a carom game a policy must be trained with two object balls.
 """
@@ -12,6 +15,7 @@ In a carom game a policy must be trained with two object balls.
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,34 +26,81 @@ from numpy.typing import NDArray
 
 from billiards_env.envs.actions import action_named
 from billiards_env.games import GAMES, Setup, Stroke, members
-from billiards_env.players.situation import Player, Situation, game_stroke, placed
+from billiards_env.players.situation import Player, Situation, placed
+from billiards_env.players.strategies import best_of
+from billiards_env.sb3.aim_network import Mixture
 from billiards_env.sb3.aim_policy import AimPolicy, arguments_of
 from billiards_env.sb3.weights import load_policy
 from billiards_env.scene import Scene
 from billiards_env.shots.tables import Tables
+from billiards_env.support.checks import Range, integer
+
+MOST_PROPOSALS = 100_000
+
+
+Propose = Callable[[Situation, int, np.random.Generator], NDArray[np.float64]]
+"""A function that returns k actions (k, a) for a situation, the best guess first."""
 
 
 def policy(argument: str, where: Setup | gym.Env[Any, Any]) -> Player:
     """Returns the player of a trained policy.
 
     Args:
-        argument: The folder of the run, with `config.yaml` and `policy.pt`.
+        argument: The folder of the run, with `config.yaml` and `policy.pt`. A colon and a whole number k may follow.
+            The player then simulates k actions that the policy proposes, and `strategies.best_of` chooses.
         where: The game, or the environment, whose arguments replace those of the training.
 
     Raises:
         OSError: If the folder holds no finished run.
         TypeError: As in `load_policy`.
-        ValueError: As in `load_policy`. In a game also if the policy was trained on another table, with another number
-            of balls, for strikes, with a goal or with an observation of the physics.
+        ValueError: As in `load_policy`, or if k is less than 1. In a game also if the policy was trained on another
+            table, with another number of balls, for strikes, with a goal or with an observation of the physics.
     """
-    if isinstance(where, Setup):
-        return _policy_of_games(argument, where)
+    folder, _, number = argument.rpartition(":") if argument.rpartition(":")[2].isdecimal() else (argument, "", "1")
+    count = integer("number of proposals", int(number), Range(1, MOST_PROPOSALS))
+    propose = _proposing_in_games(folder, where) if isinstance(where, Setup) else _proposing(folder, where)
+
+    def player(situation: Situation, rng: np.random.Generator) -> Stroke:
+        situation = placed(situation, rng)
+        actions = propose(situation, count, rng)
+        return situation.stroke(actions[0]) if count == 1 else best_of(situation, actions, rng)
+
+    return player
+
+
+def _proposing(folder: str, where: gym.Env[Any, Any]) -> Propose:
+    """Returns the function that proposes the actions of a policy in an environment."""
     base: Any = where.unwrapped
-    model = load_policy(argument, arguments_of(base))[1]
-    return lambda situation, rng: situation.stroke(model.predict(situation.observation, deterministic=True)[0])
+    model: Any = load_policy(folder, arguments_of(base))[1]
+    return lambda situation, count, rng: proposals(model, situation.observation, count, rng)
 
 
-def _policy_of_games(argument: str, setup: Setup) -> Player:
+def proposals(model: Any, observation: Any, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Returns (count, a) actions of a policy for an observation: the one without exploration, then random ones.
+
+    The actions of an `AimPolicy` are those of `Mixture.proposals`.
+    """
+    first = np.asarray(model.predict(observation, deterministic=True)[0], np.float64)[None]
+    if count == 1:
+        return first
+    seed = int(rng.integers(2**63))
+    if isinstance(model, AimPolicy):
+        mixture = model.get_distribution(torch.as_tensor(observation)[None])
+        return np.concatenate((first, _drawn(mixture, count, seed)[1:]))
+    many = np.repeat(np.asarray(observation)[None], count - 1, axis=0)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        return np.concatenate((first, np.asarray(model.predict(many, deterministic=False)[0], np.float64)))
+
+
+def _drawn(mixture: Mixture, count: int, seed: int) -> NDArray[np.float64]:
+    with torch.no_grad():
+        drawn = mixture.proposals(count, torch.Generator().manual_seed(seed))
+    return drawn.clamp(-1, 1).numpy().astype(np.float64)
+
+
+def _proposing_in_games(argument: str, setup: Setup) -> Propose:
+    """Returns the function that proposes the actions of a policy in a game, see the module."""
     folder = Path(argument)
     if not argument or not (folder / "policy.pt").is_file():
         raise FileNotFoundError(
@@ -75,19 +126,17 @@ def _policy_of_games(argument: str, setup: Setup) -> Player:
             f"player = 'policy:{argument}': expected a policy trained without observed physics, strikes or a goal"
         )
 
-    def stroke(situation: Situation, rng: np.random.Generator) -> Stroke:
-        situation = placed(situation, rng)
+    def propose(situation: Situation, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
         setup, game = situation.find_game()
         if isinstance(model, AimPolicy):
-            action = _aimed(model, situation.table)
+            actions = _aimed(model, situation.table, count, rng)
         else:
             balls = situation.table.nearest()[0] if setup.game_rules.pockets else members(game.state.object_balls)
             observation, _ = env.reset(options={"positions": game.positions[[situation.table.cue, *balls]]})
-            action, _ = model.predict(observation, deterministic=True)
-        velocity = base.max_speed * np.asarray(action, np.float64)
-        return game_stroke(setup, game, velocity, situation.table.max_speed, situation.place)
+            actions = proposals(model, observation, count, rng)
+        return base.max_speed / situation.table.max_speed * actions
 
-    return stroke
+    return propose
 
 
 def playable(run_dir: Path) -> str | None:
@@ -100,8 +149,8 @@ def playable(run_dir: Path) -> str | None:
     return None
 
 
-def _aimed(model: AimPolicy, table: Tables) -> NDArray[np.float32]:
-    """Returns the action of a policy for the balls on the table."""
+def _aimed(model: AimPolicy, table: Tables, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Returns (count, 2) actions of a policy for the balls on the table."""
     (targets,), others = table.targets, table.in_play[0].copy()
     others[table.cue] = False
     seen = np.flatnonzero(targets)[:, None] if model.game.scene.n_balls == 2 else np.flatnonzero(others)[None]
@@ -110,4 +159,7 @@ def _aimed(model: AimPolicy, table: Tables) -> NDArray[np.float32]:
     observed = places[np.insert(seen, 0, table.cue, axis=1)]
     with torch.no_grad():
         mixtures, values = model.net(observed, flags, legal_balls=flags.float(), shots_left=torch.ones(len(seen)))
-        return mixtures.mode()[values.argmax()].clamp(-1, 1).numpy()
+        first = mixtures.mode()[values.argmax()].clamp(-1, 1).numpy().astype(np.float64)[None]
+        if count == 1:
+            return first
+        return np.concatenate((first, _drawn(mixtures.joined(values), count, int(rng.integers(2**63)))[1:]))

@@ -9,7 +9,7 @@ from billiards_env import simulate
 from billiards_env.engine import PIC, Engine
 from billiards_env.envs import make_env, make_vector_env
 from billiards_env.envs.actions import cue_strike
-from billiards_env.players.env_player import env_situation, rewards
+from billiards_env.players.env_player import env_situation
 from billiards_env.shots import records
 from billiards_env.shots.simulation import replay
 from tests.helpers.environments import same
@@ -81,7 +81,7 @@ def test_players_and_records_have_the_physics_of_the_episode(tmp_path):
     _, info = env.reset(seed=0)
     plain.reset(seed=0)
     assert env_situation(env).table.scene.physics.mu_roll == info["mu_roll"]
-    rated = rewards(env, np.array([[0.5, 0.1]] * 3)).tolist()
+    rated = env.try_actions([[0.5, 0.1]] * 3).rewards.tolist()
     _, reward, _, _, after = env.step([0.5, 0.1])
     assert rated == [reward] * 3
     assert after["shot_time"] == plain.step([0.5, 0.1])[4]["shot_time"]

@@ -6,7 +6,7 @@ import pytest
 from billiards_env import simulate
 from billiards_env.envs import make_env
 from billiards_env.envs.actions import PLAYED
-from billiards_env.players.env_player import action_of, env_situation, rewards
+from billiards_env.players.env_player import action_of, env_situation
 from billiards_env.players.named import find_player
 from billiards_env.players.strategies import FINALISTS, REPEATS, geometric, random, search
 from tests.helpers.layouts import NAMED_POTS, at
@@ -59,7 +59,7 @@ def test_ratings_are_the_rewards_of_steps(kwargs):
         while not over:
             before = env.positions
             actions = np.concatenate((rng.uniform(-1, 1, (50, 2)), chosen(env, search, rng, 200)[None]))
-            rated = rewards(env, actions)
+            rated = env.try_actions(actions).rewards
             assert env.positions.tobytes() == before.tobytes()
             k = int(np.argmax(rated))
             _, reward, over, _, _ = env.step(actions[k])
@@ -109,7 +109,7 @@ def test_the_search_tries_strikes_with_spin():
 
     def rate(actions):
         tried.append(actions)
-        return rewards(env, actions)
+        return env.try_actions(actions).rewards
 
     action = chosen(env, search, RNG(0), 400, rate=rate)
     assert action.shape == (5,)
@@ -120,7 +120,7 @@ def test_the_search_tries_strikes_with_spin():
     assert np.hypot(*actions[:, 2:4].T).max() < 1.0
     assert not actions[:, 4].any()
     assert chosen(env, geometric, RNG(0))[2:].tolist() == [0.0, 0.0, 0.0]
-    (expected,) = rewards(env, action[None])
+    (expected,) = env.try_actions(action[None]).rewards
     assert env.step(action)[1] == expected
 
 

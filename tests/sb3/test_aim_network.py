@@ -126,3 +126,37 @@ def test_all_tensors_are_on_the_device_of_the_weights(form):
     for actions in (mixture.mode(), mixture.sample()):
         assert actions.device == mixture.log_prob(actions).device == mixture.entropy().device == values.device
         assert values.device.type == "meta"
+
+
+@pytest.mark.parametrize("strikes", [False, True])
+def test_proposals_are_the_mode_means_and_random_actions_in_turn(strikes):
+    torch.manual_seed(0)
+    net = AimNetwork(HALF, 6, (0.1, 0.3, 0.6), 16, strikes=strikes)
+    net.std[:] = torch.tensor([0.01, 0.001, 0.01])
+    layout = torch.tensor([[[0.2, -0.3], [-0.4, 0.5]]])
+    with torch.no_grad():
+        mixture, _ = net(layout)
+        proposals = mixture.proposals(30, torch.Generator().manual_seed(1))
+        assert proposals.shape == (30, 5 if strikes else 2)
+        assert torch.equal(proposals, mixture.proposals(30, torch.Generator().manual_seed(1)))
+        assert not torch.equal(proposals, mixture.proposals(30, torch.Generator().manual_seed(2)))
+        assert torch.equal(proposals[:1], mixture.mode())
+        for count in range(1, 9):
+            assert len(mixture.proposals(count, torch.Generator().manual_seed(1))) == count
+        means = torch.cat([mixture._action(k[None, None], torch.zeros(5, 1)) for k in mixture.log_weight[0].argsort()])
+        assert torch.equal(proposals[:30:3], means.flip(0)[:10])
+        near = torch.cdist(mixture.proposals(3000, torch.Generator()), means).amin(1)
+    random, wide = near[1:36:3], near[2:36:3]
+    assert random.median() > 0.001
+    assert wide.median() > 1.5 * random.median()
+
+
+def test_joined_mixtures_have_the_density_of_the_weighted_sum(form):
+    balls, net = form
+    with torch.no_grad():
+        mixtures, _ = net(**layouts_of(balls))
+        worth = torch.linspace(0.1, 0.9, len(mixtures.log_weight))
+        joined, actions = mixtures.joined(worth), mixtures.sample()[:1]
+        densities = mixtures.log_prob(actions.expand(len(worth), -1)).exp()
+        expected = (worth * densities).sum() / worth.sum()
+    torch.testing.assert_close(joined.log_prob(actions).exp()[0], expected)

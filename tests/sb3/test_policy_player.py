@@ -10,11 +10,12 @@ import torch
 from agents.config import Config
 from agents.ppo import make_env, make_policy
 from billiards_env import envs
-from billiards_env.games import custom_opening, opening
+from billiards_env.games import custom_opening, opening, play
 from billiards_env.play.__main__ import make_history, make_parser
-from billiards_env.players.env_player import acting
+from billiards_env.players.env_player import acting, env_situation
 from billiards_env.players.named import find_player
 from billiards_env.players.situation import game_situation
+from billiards_env.players.strategies import FINALISTS, REPEATS
 from billiards_env.sb3.policy_player import playable, policy
 from billiards_env.sb3.weights import save_policy
 from tests.helpers.games import in_a_row, setup
@@ -71,10 +72,67 @@ def test_a_policy_is_a_player_of_an_environment_made_without_gymnasium_but_of_no
         find_player(f"policy:{folder}", gym.make("Billiards-v0"))
 
 
+@pytest.mark.parametrize("head", ["gaussian", "aim"])
+def test_the_best_of_several_proposals_is_played(tmp_path, head):
+    folder, _, env = untrained(tmp_path, head)
+    alone, best = (acting(find_player(f"policy:{folder}{count}", env), env, seed=1) for count in ("", ":64"))
+    earned, base = np.zeros((2, 40)), cast(Any, env.unwrapped)
+    for seed in range(40):
+        observation, _ = env.reset(seed=seed)
+        actions = np.array([alone(observation), best(observation)])
+        earned[:, seed] = base.try_actions(actions).rewards
+    assert (earned[1] >= earned[0]).all()
+    assert (earned[1] > 0).sum() > (earned[0] > 0).sum()
+    again = acting(find_player(f"policy:{folder}:64", env), env, seed=2)
+    assert again(observation).tolist() != again(observation).tolist()  # new proposals each time
+
+
+def test_with_noise_proposals_are_tried_with_noise_of_their_own(tmp_path):
+    folder, *_ = untrained(tmp_path)
+    env = envs.make_env(noise={"angle_std": 5.0})
+    observation, _ = env.reset(seed=0)
+    before = env.get_state()
+    tried = []
+
+    def player(situation, rng):
+        rate = situation.rate
+        return found(situation._replace(rate=lambda actions: tried.append(len(actions)) or rate(actions)), rng)
+
+    found = find_player(f"policy:{folder}:20", env)
+    acting(player, env, noise=(5.0, 0.05))(observation)
+    assert tried == [20, FINALISTS * REPEATS]
+    assert env.get_state() == before
+
+
+@pytest.mark.parametrize("rules", ["straight", "nine_ball"])
+def test_proposals_in_a_game_are_rated_by_its_rules(tmp_path, rules):
+    folder, *_ = untrained(tmp_path)
+    game = setup(rules, 9)
+    alone, best = policy(str(folder), game), policy(f"{folder}:100", game)
+    kept = np.zeros(2)
+    for seed in range(15):
+        table = opening(game, RNG(seed), "random")
+        for k, player in enumerate((alone, best)):
+            kept[k] += play(game, table, player(game_situation(game, table, 6.0), RNG(0))).verdict.continues
+    assert kept[1] > kept[0] + 3
+
+
+def test_proposals_of_a_policy_of_games_are_rated_by_their_rules():
+    env = envs.make_env(task="nine_ball", n_players=2, layout="random", can_place=False)
+    env.reset(seed=1)
+    actions = RNG(0).uniform(-1, 1, (300, 2))
+    situation = env_situation(env)
+    expected = game_situation(env.model.setup, env.game, env.max_speed).rate(actions)
+    assert np.minimum(situation.rate(actions), 101).tolist() == expected.tolist()  # a win is also a point here
+    assert len(set(expected.tolist())) > 1
+
+
 @pytest.mark.parametrize("text", ["", "nowhere"])
 def test_a_folder_without_a_policy_is_refused(text):
     with pytest.raises(FileNotFoundError, match="expected 'policy:' and the folder of a finished run"):
         policy(text, setup("straight"))
+    with pytest.raises(ValueError, match="number of proposals = 0"):
+        policy(f"{text}:0", setup("straight"))
     with pytest.raises(FileNotFoundError, match=r"run_dir = .*: expected the folder of a finished run"):
         find_player(f"policy:{text}", envs.make_env())
 

@@ -1,0 +1,91 @@
+"""Shots that are tried: the results of steps, and an environment that does not change."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+
+from billiards_env.envs import make_env, make_vector_env
+from tests.envs.test_snapshots import kinds
+from tests.helpers.environments import VARIED, same
+from tests.helpers.errors import refusals
+
+
+@kinds
+def test_outcomes_are_the_results_of_steps_without_noise(kwargs):
+    quiet = {**kwargs, "noise": None}
+    env, envs = make_env(**quiet), make_vector_env(6, **quiet, autoreset_mode="Disabled")
+    rng = np.random.default_rng(0)
+    env.reset(seed=3)
+    envs.reset(seed=3)
+    actions = rng.uniform(-1, 1, (6, *env.action_space.shape))
+    for states in (envs.get_state(), np.stack([env.get_state()] * 6)):
+        envs.set_state(states)
+        before, outcomes = envs.get_state(), envs.try_actions(actions)
+        same(envs.get_state(), before)
+        same(env.try_actions(actions, states), outcomes)
+        same(envs.try_actions(actions[:4], states[:4]).rewards, outcomes.rewards[:4])
+        _, rewards, _, _, infos = envs.step(actions)
+        same(outcomes.rewards, rewards)
+        same(outcomes.infos, {name: infos[name] for name in outcomes.infos})
+        same(outcomes.states, envs.get_state())
+    same(env.try_actions(actions), outcomes)
+    noisy = make_env(**{**kwargs, "noise": {}})
+    noisy.reset(seed=3)
+    same(noisy.try_actions(actions).rewards, outcomes.rewards)
+
+
+def test_episodes_continue_from_outcomes():
+    env = make_env(**VARIED)
+    env.reset(seed=0)
+    actions = np.random.default_rng(0).uniform(-0.3, 0.3, (20, 2))
+    first = env.try_actions(actions)
+    left = ~first.states["over"]
+    second = env.try_actions(actions[left], first.states[left])
+    env.step(actions[left][0])
+    _, reward, *_ = env.step(actions[left][0])
+    assert second.rewards[0] == reward
+    assert (env.get_state()["positions"] == second.states["positions"][0]).all()
+
+
+def test_copies_of_an_environment_try_shots_of_their_own():
+    env = make_env()
+    env.reset(seed=0)
+    actions = np.random.default_rng(0).uniform(-1, 1, (3, 2))
+    expected = env.try_actions(actions)
+    twin = copy.deepcopy(env)
+    assert twin._trials is not env._trials
+    same(twin.try_actions(actions), expected)
+    same(pickle.loads(pickle.dumps(env._trials)).play(actions, env.get_state()[None], None, 1), expected)
+
+
+def test_an_episode_that_has_not_begun_or_is_over_is_refused():
+    env = make_env(max_shots=1)
+    with pytest.raises(ResetNeeded, match="has not begun or is over"):
+        env.try_actions([[0.1, 0.2]])
+    env.reset(seed=0)
+    assert env.try_actions(np.empty((0, 2))).rewards.shape == (0,)
+    env.step([0.1, 0.2])
+    with pytest.raises(ResetNeeded, match="has not begun or is over"):
+        env.try_actions([[0.1, 0.2]])
+
+
+OTHER = make_env(n_object_balls=2)
+
+
+@refusals(
+    "arguments",
+    [
+        (([0.1, 0.2],), "actions"),
+        (([[0.1, np.nan]],), "actions = .*: expected finite numbers"),
+        (([[0.1, 0.2]],), "actions: expected 3, one for each environment, not 1"),
+        (([[0.1, 0.2]], OTHER.get_state()[None]), r"state\['scene'\]"),
+    ],
+)
+def test_wrong_trials_are_refused(arguments, message, kind):
+    envs = make_vector_env(3)
+    envs.reset(seed=0)
+    with pytest.raises(kind, match=message):
+        envs.try_actions(*arguments)
