@@ -103,7 +103,8 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
 def _add_evaluate(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Measure players in Billiards-v0, on layouts that training never uses. A player is module:function for a "
-        "function that makes the player, policy:FOLDER for a run of agents.train, random, geometric, "
+        "function that makes the player, policy:FOLDER for a run of agents.train, policy:FOLDER:K (the best of K "
+        "actions that it proposes), random, geometric, "
         "search:K (simulates K shots), aim (computes shots), planner:TIME (plans under noise) or a level such as "
         "planner:club (its strokes are noisy)."
     )

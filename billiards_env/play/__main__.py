@@ -49,7 +49,7 @@ def make_parser() -> argparse.ArgumentParser:
         metavar="A,B",
         help="the players: human, random, geometric, search[:SHOTS], aim, planner[:TIME], "
         f"{', '.join(f'planner:{level}' for level in LEVELS)} (levels, the weakest first), "
-        "policy:RUN_FOLDER or module:function[:ARGUMENT] (default: all human)",
+        "policy:RUN_FOLDER[:PROPOSALS] or module:function[:ARGUMENT] (default: all human)",
     )
     add(
         "--scene",

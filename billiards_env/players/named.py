@@ -1,7 +1,8 @@
 """Players by name: `find_player`. A player is a function `(situation, rng) -> Stroke`, see `players.situation`.
 
 `PLAYERS` is the table of the names. A colon and an argument may follow a name: "search:500", "planner:100ms",
-"planner:club" (a level, see `players.levels`), "policy:runs/pot" (the folder of a run of `agents.train`).
+"planner:club" (a level, see `players.levels`), "policy:runs/pot" (the folder of a run of `agents.train`),
+"policy:runs/pot:16" (the best of 16 actions that the policy proposes).
 "module:NAME" and "module:NAME:ARGUMENT" name a player that the module adds with `register_player`. Other names are
 those of makers. A *maker* is a function `(argument) -> player`, whose argument is a text:
 
