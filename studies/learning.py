@@ -3,7 +3,8 @@
 Each row is trained with each seed by `agents.train`, in `runs/learning/ROW/seedN`. The policy then plays new layouts of
 the frozen tasks of its row without exploration. The results are
 
-* `studies/results/learning.json`: for each row its settings, and for each seed the learning curve and the successes,
+* `studies/results/learning.json`: for each row its settings, and for each seed the learning curve and the successes;
+  for the policy of the first seed also its successes as a player that simulates what it proposes, see `propose`,
 * `studies/results/policies/ROW`: the policy of the first seed, with its configuration,
 * `docs/images/learning.png`: the learning curves.
 
@@ -13,6 +14,7 @@ The command skips the seeds that have results with the same settings. A training
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,20 +26,29 @@ from agents.config import LEARNING, load, rows
 from agents.ppo import deterministic, load_run
 from agents.train import learning_curve, open_run, train, versions
 from benchmarks import machine, machine_line, new_figure, run_command, save, table
+from billiards_env.bench import benchmark as bench
+from billiards_env.bench import evaluation
 from billiards_env.bench.evaluation import evaluation_seeds, play_together
 from billiards_env.bench.frozen import FROZEN, NAMESPACE
+from billiards_env.players.strategies import FINALISTS, REPEATS
 from billiards_env.support.files import write_atomically, write_json
 from billiards_env.support.intervals import as_percent, over_seeds
 from billiards_env.support.settings import read_settings
-from studies import JOBS, RESULTS, RUNS, completed, executor, frozen_tasks, read_results
+from studies import JOBS, RESULTS, RUNS, completed, executor, fill, frozen_tasks, read_results
 
 OUTPUT = RESULTS / "learning.json"
 
 EPISODES = 10_000
 """The number of layouts of each task and seed."""
 
+LAYOUTS = bench.EPISODES
+"""The number of public layouts that the players with proposals play, as the players without training do."""
+
 PLAYERS = ("random", "search:200", "planner:300")
 """The players without training beside the policies. `studies.frozen_tasks` measures them."""
+
+PROPOSALS = (1, 16, 64)
+"""The numbers of simulated proposals of the player "policy"; 1 for the policy alone."""
 
 Result = Mapping[str, Any]
 
@@ -84,7 +95,7 @@ def measure(output: Path, jobs: int, address: str) -> dict[str, Any]:
     seeds, measured = read_settings(LEARNING, "settings")["seeds"], {}
     for name, settings in rows().items():
         known = old.get(name, {})
-        measured[name] = {"settings": settings, "runs": known["runs"] if known.get("settings") == settings else {}}
+        measured[name] = {"settings": settings, "runs": {}, **(known if known.get("settings") == settings else {})}
     order = [(seed, name) for seed in seeds for name in rows()]
     calls = {
         (seed, name): (run_row, name, seed, folder / name / f"seed{seed}", EPISODES)
@@ -97,7 +108,39 @@ def measure(output: Path, jobs: int, address: str) -> dict[str, Any]:
             write_json(output, measured)
             for file, content in files.items() if seed == seeds[0] else ():
                 write_atomically(output.parent / "policies" / name / file, content)
-    return measured
+    policies = output.parent / "policies"
+    return fill(
+        output,
+        measured,
+        {
+            (name, "proposals", task, str(count)): functools.partial(propose, policies / name, task, count)
+            for name in rows()
+            for task in with_noise(rows()[name]["plays"])
+            for count in PROPOSALS
+        },
+    )
+
+
+def propose(folder: Path, task: str, count: int) -> dict[str, float]:
+    """Returns the results of the player `policy:FOLDER:COUNT` in the public layouts of a task.
+
+    Returns:
+        `success`, as `share_of`, `simulated`, the number of simulated shots for each decision, and `ms`, its median
+        time.
+    """
+    player, frozen = f"policy:{folder}" + (f":{count}" if count > 1 else ""), FROZEN[task]
+    result = evaluation.measure(player, frozen.arguments, frozen.execution_noise, LAYOUTS, bench.SEED)
+    return {
+        "success": share_of(task, result["success_rate"], result["mean_score"]),
+        "simulated": 0 if count == 1 else count + REPEATS * min(count, FINALISTS) * frozen.noise,
+        "ms": result["ms_per_decision"],
+    }
+
+
+def with_noise(tasks: Sequence[str]) -> list[str]:
+    """Returns tasks, each followed by the same task with noise if there is one."""
+    both = [one for task in tasks for one in (task, task.replace("-v0", "Noise-v0")) if one in FROZEN]
+    return list(dict.fromkeys(both))
 
 
 def mean_rates(result: Result, task: str) -> list[float]:
@@ -146,6 +189,7 @@ def blocks(measured: Result) -> dict[str, str]:
     return {
         "machine": machine_line(runs(pot)[0]["machine"]),
         "table": table(head, lines, left=2),
+        "proposals": _proposals(measured, others),
         "solved": _solved(measured, others),
         "summary": f"The training takes at most {max(run['curve'][-1][1] for run in runs(pot)):.0f} s on one core. The "
         f"policy then pots the ball on {as_percent(over_seeds(mean_rates(pot, 'Pot1-v0')))} of new layouts (mean of "
@@ -157,26 +201,47 @@ def blocks(measured: Result) -> dict[str, str]:
 
 
 def _solved(measured: Result, others: Mapping[str, Mapping[str, float]]) -> str:
-    """Returns the table "solved and open": the best policy of each task beside the best player without training."""
-    usual: dict[str, str] = {}
-    best: dict[str, tuple[float, str]] = {}
-    for _, task, result in policies(measured):
-        mean = float(np.mean(mean_rates(result, task)))
-        if result["settings"].get("policy", {}).get("head") == "gaussian":
-            usual[task] = f"{mean:.1%}"
-        else:
-            text = f"{mean:.1%} ({result['settings']['timesteps'] / 1e6:g} M)"
-            best[task] = max(best.get(task, (0.0, "")), (mean, text))
+    """Returns the table "solved and open": the best policy of each task beside the best players without training."""
     lines = []
     for task, known in others.items():
-        noisy = task.replace("-v0", "Noise-v0")
-        if task in best and noisy in FROZEN:
-            cells = (f"{known['random']:.1%}", usual.get(task, ""), best[task][1], _rival(known))
-            noise = f"{best[noisy][0]:.1%}" if noisy in best else ""
-            lines.append((f"`{task.removesuffix('-v0')}`", *cells, noise, _rival(others[noisy])))
-    ours, theirs = "`AimPolicy`", "planner or search"
-    head = ("task", "random", '`PPO("MlpPolicy")`', f"{ours} (shots)", theirs, f"{ours}, noise", f"{theirs}, noise")
+        rows = [one for one in measured.values() if task in one.get("proposals", {})]
+        usual = [one for one in rows if one["settings"].get("policy", {}).get("head") == "gaussian"]
+        ours = sorted((one for one in rows if one not in usual), key=lambda one: _alone(one, task))
+        if ours:
+            alone = "".join(f"{_alone(one, task):.1%}" for one in usual[:1])
+            cells = (f"{known['random']:.1%}", alone, f"{_alone(ours[-1], task):.1%}", *_of_proposals(ours[-1], task))
+            lines.append((f"`{task.removesuffix('-v0')}`", *cells, _rival(known)))
+    counts = (f"of {count}" for count in PROPOSALS[1:])
+    head = ("task", "random", '`PPO("MlpPolicy")`', "`AimPolicy`", *counts, "best without training")
     return table(head, lines)
+
+
+def _alone(result: Result, task: str) -> float:
+    """Returns the mean success over the seeds, or that of the first seed's policy in a task that it alone plays."""
+    if task in runs(result)[0]["tasks"]:
+        return float(np.mean(mean_rates(result, task)))
+    return result["proposals"][task][str(PROPOSALS[0])]["success"]
+
+
+def _of_proposals(result: Result, task: str) -> list[str]:
+    """Returns the success with each number of simulated proposals."""
+    return [f"{result['proposals'][task][str(count)]['success']:.1%}" for count in PROPOSALS[1:]]
+
+
+def _proposals(measured: Result, others: Mapping[str, Mapping[str, float]]) -> str:
+    """Returns the table of the players with proposals."""
+    lines = []
+    for name, result in measured.items():
+        for task, counts in result.get("proposals", {}).items():
+            shots = [f"{counts[str(count)]['simulated']:.0f}" for count in PROPOSALS[1:]]
+            times = [f"{counts[str(count)]['ms']:.1f} ms" for count in PROPOSALS]
+            cells = (f"{others[task][player]:.1%}" if player in others[task] else "" for player in PLAYERS[1:])
+            alone = f"{counts[str(PROPOSALS[0])]['success']:.1%}"
+            line = (f"`{name}`", f"`{task.removesuffix('-v0')}`", alone, *_of_proposals(result, task), *cells)
+            lines.append((*line, ", ".join(shots), ", ".join(times)))
+    counts = (f"of {count}" for count in PROPOSALS[1:])
+    head = ("row", "task", "alone", *counts, *(f"`{name}`" for name in PLAYERS[1:]), "simulated shots", "time")
+    return table(head, lines, left=2)
 
 
 def _rival(known: Mapping[str, float]) -> str:

@@ -405,8 +405,12 @@ def noise_stream(seed: int, noise_seed: int | None) -> NDArray[np.uint64]:
 
     A seed of -1, which Gymnasium uses for a generator of unknown seed, gives a random stream.
     """
-    key = (0,) if noise_seed is None else (0, noise_seed)
-    return streams.seeded(np.random.SeedSequence(None if seed < 0 else seed, spawn_key=key))
+    return streams.seeded(np.random.SeedSequence(None if seed < 0 else seed, spawn_key=noise_key(noise_seed)))
+
+
+def noise_key(noise_seed: int | None) -> tuple[int, ...]:
+    """Returns the key of `np.random.SeedSequence` for the noise."""
+    return (0,) if noise_seed is None else (0, noise_seed)
 
 
 @entry_point

@@ -18,7 +18,7 @@ from billiards_env.engine import parallel_for
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, model_of
 from billiards_env.envs.billiards import BilliardsEnv
-from billiards_env.envs.episodes import Episodes, noise_stream
+from billiards_env.envs.episodes import Episodes, noise_key, noise_stream
 from billiards_env.envs.info import copied_info, masked_info, with_starts
 from billiards_env.envs.observations import nth
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
@@ -349,9 +349,7 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
                 "reset_mask leaves out environments that have never been reset: reset all environments first"
             )
         if seeds is not None:
-            for i in np.flatnonzero(mask).tolist():
-                if seeds[i] is not None:
-                    self._seed(i, seeds[i])
+            self._seed_rows([i for i in np.flatnonzero(mask).tolist() if seeds[i] is not None], seeds)
         if not state.begun.all():
             self._seed_unseeded()
         observations = episodes.observer.new(self.num_envs)
@@ -490,24 +488,36 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
         if self._renderer is not None:
             self._renderer.close()
 
-    def _seed(self, i: int, seed: int) -> None:
+    def _seed_rows(self, rows: list[int], seeds: Sequence[Any]) -> None:
+        """Seeds some environments; `seeds` has an entry for each environment."""
         state, model = self._episodes.state, self._episodes.model
-        state.stream[i], self._seeds[i] = streams.seeded(seed), seed
-        if model.noise is not None:
-            state.noise_stream[i] = noise_stream(seed, model.noise_seed)
+        chosen = [seeds[i] for i in rows]
+        self._seeds[rows] = chosen
+        if max(chosen, default=0) < 2**64:
+            array = np.array(chosen, np.uint64)
+            state.stream[rows] = streams.seeded_all(array)
+            if model.noise is not None:
+                state.noise_stream[rows] = streams.seeded_all(array, noise_key(model.noise_seed))
+        else:
+            for i in rows:
+                state.stream[i] = streams.seeded(seeds[i])
+                if model.noise is not None:
+                    state.noise_stream[i] = noise_stream(seeds[i], model.noise_seed)
 
     def _seed_unseeded(self) -> None:
         """Draws a seed for each environment that has none."""
-        unseeded = np.flatnonzero(self._episodes.state.stream[:, 3] == 0).tolist()
-        for i, seed in zip(unseeded, np.random.SeedSequence().generate_state(len(unseeded), np.uint64), strict=True):
-            self._seed(i, int(seed))
+        unseeded = np.flatnonzero(self._episodes.state.stream[:, 3] == 0)
+        seeds = np.zeros(self.num_envs, np.uint64)
+        seeds[unseeded] = np.random.SeedSequence().generate_state(len(unseeded), np.uint64)
+        self._seed_rows(unseeded.tolist(), seeds.tolist())
 
     def _checked_seeds(self, seed: int | Sequence[int | None] | None) -> Sequence[int | None] | None:
         """Returns one seed per environment, or None."""
         if seed is None:
             return None
         if isinstance(seed, (int, np.integer)):
-            seed = [int(seed) + i for i in range(self.num_envs)]
+            first = integer("seed of environment 0", int(seed), "seed")
+            return list(range(first, first + self.num_envs))
         if not isinstance(seed, (list, tuple, np.ndarray)):
             raise TypeError(f"seed = {short(seed)}: expected a whole number >= 0, or a list with one per environment")
         seeds = list(seed)

@@ -24,11 +24,57 @@ _LOW_HALF = np.uint64(0xFFFFFFFF)
 _1, _8, _9, _11, _32, _58, _63 = (np.uint64(bits) for bits in (1, 8, 9, 11, 32, 58, 63))
 _LAYERS, _PLACES = np.uint64(0xFF), np.uint64(0x000FFFFFFFFFFFFF)
 _TO_UNIT = 2.0**-53
+# The constants of `numpy.random.SeedSequence`.
+_INIT_A, _MULT_A, _INIT_B, _MULT_B, _SHIFT = 0x43B0D7E5, 0x931E8875, 0x8B51F9DD, 0x58F38DED, np.uint32(16)
+_MIX_LEFT, _MIX_RIGHT = np.uint32(0xCA01F9DD), np.uint32(0x4973F715)
 
 
 def seeded(seed: int | np.random.SeedSequence) -> Stream:
     """Returns the (4,) uint64 stream of `numpy.random.default_rng(seed)`."""
     return _halves(np.random.PCG64(seed))
+
+
+def seeded_all(seeds: NDArray[np.uint64], spawn_key: tuple[int, ...] = ()) -> Stream:
+    """Returns the (m, 4) uint64 streams of `SeedSequence(seed, spawn_key=spawn_key)` for seeds (m,).
+
+    It is `numpy.random.SeedSequence` (O'Neill 2015, Developing a seed_seq alternative) for all seeds together.
+    """
+    low, high = seeds.astype(np.uint32), (seeds >> _32).astype(np.uint32)
+    zero = np.zeros_like(low)
+    words = [low, high, zero, zero]
+    for number in spawn_key:
+        parts = [number >> shift & 0xFFFFFFFF for shift in range(0, max(number.bit_length(), 1), 32)]
+        words += [np.full_like(low, part) for part in parts]
+    pool, factor = [], _INIT_A
+    for word in words[:4]:
+        word, factor = _hashed(word, factor, _MULT_A)
+        pool.append(word)
+    for source in range(len(words)):
+        for target in range(4):
+            if source != target:
+                word, factor = _hashed(pool[source] if source < 4 else words[source], factor, _MULT_A)
+                mixed = _MIX_LEFT * pool[target] - _MIX_RIGHT * word
+                pool[target] = mixed ^ mixed >> _SHIFT
+    drawn, factor = [], _INIT_B
+    for k in range(8):
+        word, factor = _hashed(pool[k % 4], factor, _MULT_B)
+        drawn.append(word.astype(np.uint64))
+    state_hi, state_lo, sequence_hi, sequence_lo = (drawn[k] | drawn[k + 1] << _32 for k in range(0, 8, 2))
+    # PCG64 starts with the increment 2 * sequence + 1 and one step from the state plus the increment.
+    increment_hi, increment_lo = sequence_hi << _1 | sequence_lo >> _63, sequence_lo << _1 | _1
+    lo = state_lo + increment_lo
+    hi = state_hi + increment_hi + (lo < state_lo)
+    hi = hi * _MULTIPLIER_LO + lo * _MULTIPLIER_HI + high_product.py_func(lo, _MULTIPLIER_LO)
+    lo = lo * _MULTIPLIER_LO + increment_lo
+    hi += increment_hi + (lo < increment_lo)
+    return np.column_stack((hi, lo, increment_hi, increment_lo))
+
+
+def _hashed(words: Any, factor: int, multiplier: int) -> tuple[Any, int]:
+    """Returns hashed words, and the factor of the next ones."""
+    following = factor * multiplier & 0xFFFFFFFF
+    words = (words ^ np.uint32(factor)) * np.uint32(following)
+    return words ^ words >> _SHIFT, following
 
 
 def are_seeded(streams: Stream) -> NDArray[np.bool_]:

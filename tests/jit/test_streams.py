@@ -34,6 +34,12 @@ def test_a_seeded_stream_returns_the_numbers_of_numpy(seed, count):
     assert stream.tobytes() == streams.read(streams.generator(stream)).tobytes() == streams.read(rng).tobytes()
 
 
+@given(st.lists(WORDS, min_size=1, max_size=5), st.lists(st.integers(0, 2**70), max_size=2))
+def test_streams_that_are_seeded_together_are_those_of_numpy(seeds, key):
+    expected = [streams.seeded(np.random.SeedSequence(seed, spawn_key=key)) for seed in seeds]
+    assert streams.seeded_all(np.array(seeds, np.uint64), tuple(key)).tobytes() == np.array(expected).tobytes()
+
+
 def test_a_million_normal_numbers_are_those_of_numpy():
     out = np.empty(1_000_000)
     draw_normal(streams.seeded(0), out)

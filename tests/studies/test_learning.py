@@ -37,6 +37,7 @@ def command(tmp_path, monkeypatch):
     monkeypatch.setattr(settings, "LEARNING", tmp_path / "learning.yaml")
     monkeypatch.setattr(learning, "LEARNING", tmp_path / "learning.yaml")
     monkeypatch.setattr(learning, "EPISODES", 50)
+    monkeypatch.setattr(learning, "LAYOUTS", 30)
     monkeypatch.setattr(learning, "executor", lambda *_: contextlib.nullcontext(InThisProcess()))
 
     def run(rows=ROWS):
@@ -58,6 +59,11 @@ def test_the_command_trains_what_has_no_results(command, tmp_path, capsys):
     player = find_player(f"policy:{tmp_path / 'runs' / 'pot_mlp' / 'seed4'}", env)
     assert play_episodes(env, acting(player, env), evaluation_seeds(4, 50).tolist()) == run["tasks"]["Pot1-v0"]
     assert run["tasks"]["Pot1Noise-v0"]["episodes"] == 50
+    proposals = content["pot"]["proposals"]
+    assert list(proposals) == ["Pot1-v0", "Pot1Noise-v0"]
+    assert all(list(counts) == ["1", "16", "64"] for counts in proposals.values())
+    assert proposals["Pot1-v0"]["64"]["success"] > proposals["Pot1-v0"]["1"]["success"]
+    assert [one["simulated"] for one in proposals["Pot1Noise-v0"].values()] == [0, 16 + 256, 64 + 256]
     assert (tmp_path / "learning.png").exists()
     assert (tmp_path / "policies" / "pot" / "policy.pt").exists()
 
