@@ -397,10 +397,7 @@ def _show(scene: Scene, shots: Sequence[ShotResult]) -> None:
     canvas = Canvas(scene, WIDTH)
     window = Window(canvas.size, "Billiards")
     for k, shot in enumerate(shots, start=1):
-        for frame in canvas.film(shot.recording(), FPS, Caption(f"shot {k} of {len(shots)}")):
-            window.show(frame, FPS)
-            if not window.open:  # the user closed it
-                return
+        window.play(canvas.film(shot.recording(), FPS, Caption(f"shot {k} of {len(shots)}")), FPS)
     window.close()
 
 

@@ -130,7 +130,6 @@ class Canvas:
         fps: float,
         caption: Caption = NO_CAPTION,
         compare: Recording | None = None,
-        arrow: bool = True,
         only_last: bool = False,
         circles: Sequence[tuple[float, float, float]] = (),
     ) -> Iterator[Surface]:
@@ -141,7 +140,6 @@ class Canvas:
             fps: Frames per second.
             caption: The texts under the table.
             compare: Another run of the same shot, drawn as rings.
-            arrow: Whether to show the initial velocity of the cue ball.
             only_last: Whether to yield only the last frame, which is the same as in the whole film.
             circles: Circles to mark on the cloth: x, y and radius, m.
 
@@ -157,9 +155,6 @@ class Canvas:
         shown = Motion(self, recording, compare, 1.0 / fps)
         for x, y, radius in circles:
             self.draw_path(shown.base, self.pixels_of(circle((x, y), radius)), CHALK)
-        if arrow and recording.gone[0] > 0:
-            paths = recording.trajectory
-            self.draw_arrow(shown.base, 0, paths.position[0], paths.velocity[0])
         frame = self.table.copy()
         for t in [duration] if only_last else frame_times(duration, fps).tolist():
             shown.draw(frame, t)
@@ -298,7 +293,7 @@ class Motion:
     """Draws a shot in motion, and another run of it as rings, at times that increase.
 
     Attributes:
-        base: The table with the paths up to now, and with what the caller adds.
+        base: The table with the initial velocity of the cue ball, the paths up to now, and what the caller adds.
     """
 
     def __init__(
@@ -318,6 +313,9 @@ class Motion:
             self._runs.append((run, {ball: self._points(run, ball) for ball in moving}))
         for ball in self._runs[-1][1]:
             canvas.stamp(self.base, ball, canvas.pixels_of(recording.path(ball, [0.0])[0]), GHOST)
+        if recording.gone[recording.cue] > 0:
+            paths, first = recording.trajectory, np.argmax(recording.trajectory.ball == recording.cue)
+            canvas.draw_arrow(self.base, recording.cue, paths.position[first], paths.velocity[first])
 
     @property
     def least_time(self) -> float:

@@ -24,6 +24,7 @@ class Recording(NamedTuple):
         label: The engine, such as "PIC".
         trajectory: The paths of the balls.
         events: Structured array, as in `ShotResult.events`.
+        cue: The cue ball.
     """
 
     scene: Scene
@@ -31,6 +32,7 @@ class Recording(NamedTuple):
     label: str
     trajectory: Trajectory
     events: NDArray[Any]
+    cue: int = 0
 
     @property
     def gone(self) -> Floats:

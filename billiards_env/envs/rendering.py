@@ -146,15 +146,14 @@ class Renderer:
         if self._window is not None and not self._window.open:
             return
         (film,) = self._films((shot,))
-        for frame in film:
-            if self._window is None:
-                from billiards_env.drawing.window import Window
+        if self._window is None:
+            from billiards_env.drawing.window import Window
 
-                self._window = Window(frame.get_size(), "Billiards")
-            self._window.show(frame, FPS)
-            if not self._window.open:
-                gym.logger.warn("The window was closed: the environment continues without it.")
-                return
+            assert self._canvas is not None
+            self._window = Window(self._canvas.size, "Billiards")
+        self._window.play(film, FPS)
+        if not self._window.open:
+            gym.logger.warn("The window was closed: the environment continues without it.")
 
     def render(self) -> tuple[RenderFrame | list[RenderFrame] | None, ...] | None:
         """Returns the result of `Env.render` in the render mode for each environment.

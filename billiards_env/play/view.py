@@ -205,9 +205,6 @@ class View:
         self._shots = shot, ghost = model.shown_shots
         recording, rings = shot.recording(), None if ghost is None else ghost.recording()
         self._motion = Motion(self.canvas, recording, rings, STEP, model.first_faces)
-        cue = int(model.games[-2].state.cue_balls[0])
-        velocity = np.array(model.strokes[-1].velocity)
-        self.canvas.draw_arrow(self._motion.base, cue, recording.path(cue, [0.0])[0], velocity)
 
     def _draw_rows(self, rows: Sequence[Sequence[str]]) -> None:
         """Draws rows of two texts on a page that covers the table."""
