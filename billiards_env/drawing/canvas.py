@@ -13,7 +13,7 @@ import math
 import os
 import re
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -54,16 +54,6 @@ PATH_STEPS = 4
 
 RESULT_SHOWN = 1.0
 """s. The text on the right is shown for this time at the end of a shot, when balls are slow."""
-
-
-class Caption(NamedTuple):
-    """The texts under a film: on the left, before the time, and on the right, shown in the last second."""
-
-    left: str = ""
-    right: str = ""
-
-
-NO_CAPTION = Caption()
 
 
 class Canvas:
@@ -128,7 +118,8 @@ class Canvas:
         self,
         recording: Recording,
         fps: float,
-        caption: Caption = NO_CAPTION,
+        left: str = "",
+        right: str = "",
         compare: Recording | None = None,
         only_last: bool = False,
         circles: Sequence[tuple[float, float, float]] = (),
@@ -138,7 +129,8 @@ class Canvas:
         Args:
             recording: The shot.
             fps: Frames per second.
-            caption: The texts under the table.
+            left: The text under the table on the left, before the time.
+            right: The text under the table on the right, shown in the last second.
             compare: Another run of the same shot, drawn as rings.
             only_last: Whether to yield only the last frame, which is the same as in the whole film.
             circles: Circles to mark on the cloth: x, y and radius, m.
@@ -158,8 +150,8 @@ class Canvas:
         frame = self.table.copy()
         for t in [duration] if only_last else frame_times(duration, fps).tolist():
             shown.draw(frame, t)
-            line = f"{caption.left}   {t:.2f} s" if duration > 0 else caption.left
-            self.draw_bar(frame, line, caption.right if t >= duration - RESULT_SHOWN else "", shown.potted(t))
+            line = f"{left}   {t:.2f} s" if duration > 0 else left
+            self.draw_bar(frame, line, right if t >= duration - RESULT_SHOWN else "", shown.potted(t))
             yield frame
 
     @functools.cached_property
@@ -399,8 +391,4 @@ def circle(centre: ArrayLike, radius: float, first: float = 0.0, last: float = m
 def pixels(surface: Surface) -> Frame:
     """Returns a copy of a frame as an array (height, width, 3) uint8, RGB."""
     width, height = surface.get_size()
-    array = np.empty((height, width, 3), np.uint8)
-    planes = pygame.surfarray.pixels_red, pygame.surfarray.pixels_green, pygame.surfarray.pixels_blue
-    for k, view in enumerate(planes):
-        array[..., k] = view(surface).T
-    return array
+    return np.frombuffer(bytearray(pygame.image.tobytes(surface, "RGB")), np.uint8).reshape(height, width, 3)

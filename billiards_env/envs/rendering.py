@@ -190,15 +190,15 @@ class Renderer:
     def _films(self, shots: Sequence[DrawnShot], only_last: bool = False) -> list[Iterator[Surface]]:
         """Returns the frames of a step, one iterator for each environment."""
         try:
-            from billiards_env.drawing.canvas import Canvas, Caption
+            from billiards_env.drawing.canvas import Canvas
         except ModuleNotFoundError as error:
             raise DependencyNotInstalled(f"render_mode = {self.render_mode!r}: {error}") from error
         if self._canvas is None:
             self._canvas = Canvas(self._scene, WIDTH)
         films = []
         for shot, left, right, circles in shots:
-            caption = Caption(left, right)
-            films.append(self._canvas.film(shot.recording(), FPS, caption, only_last=only_last, circles=circles))
+            texts = left, right
+            films.append(self._canvas.film(shot.recording(), FPS, *texts, only_last=only_last, circles=circles))
         return films
 
 

@@ -8,7 +8,7 @@ from billiards_env.scene import Balls, Table
 
 pytest.importorskip("pygame")
 
-from billiards_env.drawing.canvas import Canvas, Caption, pixels
+from billiards_env.drawing.canvas import Canvas, pixels
 from billiards_env.drawing.raster import rgb
 from billiards_env.drawing.style import CHALK, CLOTH, POCKET, RAIL, looks, rail_width
 
@@ -32,7 +32,7 @@ def still(scene, positions, **kwargs):
 
 def test_frames_are_the_same_every_time(shot, pit):
     canvas, other = Canvas(shot.scene, width=400), Canvas(shot.scene, width=400)
-    arguments = shot, 20, Caption("one", "two"), pit.recording()
+    arguments = shot, 20, "one", "two", pit.recording()
     frames = film(canvas, *arguments)
     assert np.array_equal(frames, film(canvas, *arguments))
     assert np.array_equal(frames, film(other, *arguments))
@@ -160,7 +160,7 @@ def test_the_other_run_is_drawn_as_rings(shot, pit):
 
 def test_texts_are_drawn_in_the_bar(shot):
     canvas = Canvas(shot.scene)
-    plain, left, right = (film(canvas, shot, 10, Caption(*text)) for text in ((), ("a task",), ("", "a reward")))
+    plain, left, right = (film(canvas, shot, 10, *text) for text in ((), ("a task",), ("", "a reward")))
     assert all((a != b).any() for a, b in zip(plain, left, strict=True))
     shown = [(a != b).any() for a, b in zip(plain, right, strict=True)]
     assert shown == [t >= shot.time - 1.0 for t in [*(np.arange(len(plain) - 1) / 10), shot.time]]
