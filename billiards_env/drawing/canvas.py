@@ -242,24 +242,30 @@ class Canvas:
         shape += [neck - 0.45 * radius * across, neck - half * across, start - half * across]
         draw_shapes(surface, [(np.array(shape), CHALK)], 210)
 
-    def draw_bar(self, surface: Surface, left: str, right: str, potted: Sequence[int] | NDArray[np.intp]) -> None:
-        """Draws the bar under the table: two texts and the potted balls, if the table has pockets."""
-        place, edge, y = self._tray, 2.0 * self._margin, self.size[1] - self._bar / 2
-        size = round(0.62 * self._bar)
-        top = round(y - 0.35 * size)
-        write(surface, right, size, self._ink, topright=(self.size[0] - edge, top))
-        for part in re.findall(r"\d|\D+", left):  # the images of single digits are kept, and the time changes quickly
-            edge += write(surface, part, size, self._ink, topleft=(edge, top)).width
-        if self.scene.table.pockets:
-            label = text_image(POTTED, size, self._ink)
-            room = label.get_width() + 3 * place.radius  # a long text on the left moves the tray to the right
-            middle = max(self.size[0] / 2, edge + room + place.half)
-            self.draw_tray(surface, middle, potted)
-            write(surface, POTTED, size, self._ink, topright=(middle - place.half - place.radius, top))
+    def draw_bar(
+        self, surface: Surface, left: str, right: str, potted: Sequence[int] | NDArray[np.intp], label: str = POTTED
+    ) -> None:
+        """Draws the bar under the table: two texts, and the potted balls with a label, if the table has pockets.
 
-    def draw_tray(self, surface: Surface, middle: float, potted: Sequence[int] | NDArray[np.intp]) -> pygame.Rect:
-        """Draws the potted balls in their groove with its middle at x, pixels, and returns the place of the groove."""
-        y = self.size[1] - self._bar / 2
+        A text that is too long for its place beside the tray becomes smaller.
+        """
+        edge, size, y = 2 * self._margin, round(0.6 * self._bar), self.size[1] - self._bar / 2
+        begin = end = self.size[0] * 2 // 3
+        if self.scene.table.pockets:
+            tray = self.draw_tray(surface, potted)
+            begin, end = tray.left, tray.right
+            if label:
+                begin = write(surface, label, size, self._ink, midright=(begin - self._tray.radius, y)).left
+        write(surface, right, size, self._ink, self.size[0] - end - 2 * edge, midright=(self.size[0] - edge, y))
+        parts = re.findall(r"\d|\D+", left)  # the images of single digits are kept, and the time changes quickly
+        wide = sum(text_image(part, size, self._ink).get_width() for part in parts)
+        size = max(1, min(size, size * (begin - 2 * edge) // max(wide, 1)))
+        for part in parts:
+            edge += write(surface, part, size, self._ink, midleft=(edge, y)).width
+
+    def draw_tray(self, surface: Surface, potted: Sequence[int] | NDArray[np.intp]) -> pygame.Rect:
+        """Draws the potted balls in their groove and returns the place of the groove."""
+        middle, y = self.size[0] / 2, self.size[1] - self._bar / 2
         groove = surface.blit(self._groove, np.round((middle, y) - np.array(self._groove.get_size()) / 2).tolist())
         for ball, x in zip(potted, self._tray.x, strict=False):
             image = self._tray_balls[ball]

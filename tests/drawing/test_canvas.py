@@ -10,7 +10,7 @@ pytest.importorskip("pygame")
 
 from billiards_env.drawing.canvas import Canvas, pixels
 from billiards_env.drawing.raster import rgb
-from billiards_env.drawing.style import CHALK, CLOTH, POCKET, RAIL, looks, rail_width
+from billiards_env.drawing.style import CHALK, CLOTH, PAPER, POCKET, looks, rail_width
 
 
 def near(frame, where, colour, tolerance=6, dx=0.0, dy=0.0):
@@ -136,14 +136,18 @@ def test_arrows_stay_in_the_frame(velocity):
         assert np.hypot(columns - ends[0], rows - ends[1]).max() > 20
 
 
-def test_a_long_text_moves_the_tray():
-    canvas = Canvas(Scene.named("pool", 15))
-    starts = []
-    for text in ("", "a text that is as long as half of the frame"):
+@pytest.mark.parametrize(("name", "balls"), [("pool", 15), ("carom", 2)])
+def test_long_texts_do_not_overlap(name, balls):
+    canvas, frames = Canvas(Scene.named(name, balls)), []
+    for texts in (("", ""), (200 * "l", ""), ("", 200 * "l")):
         frame = canvas.table.copy()
-        canvas.draw_bar(frame, text, "", [])
-        starts.append(np.flatnonzero(np.abs(pixels(frame)[-17].astype(int) - rgb(RAIL)).max(-1) < 3)[0])
-    assert starts[1] > starts[0] + 50
+        canvas.draw_bar(frame, *texts, [])
+        frames.append(pixels(frame))
+    left, right = ((frame != frames[0]).any(-1).any(0) for frame in frames[1:])  # by column
+    assert left.sum() > 100
+    assert right.sum() > 100
+    labelled = (np.abs(frames[0][-17:].astype(int) - rgb(PAPER)).max(-1) > 20).any(0)
+    assert not (left & right | left & labelled | right & labelled).any()
 
 
 def test_the_other_run_is_drawn_as_rings(shot, pit):
