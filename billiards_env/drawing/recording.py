@@ -45,11 +45,7 @@ class Recording(NamedTuple):
 
     def speeds(self, ball: int, times: ArrayLike) -> Floats:
         """Returns the speeds of a ball at some times (s), (m,) m/s; at a contact the speed after it."""
-        at, paths = numbers("times", times), self.trajectory
-        mine = np.flatnonzero(paths.ball == ball)
-        pieces = mine[np.maximum(np.searchsorted(paths.start[mine], at, side="right") - 1, 0)]
-        since = np.clip(at - paths.start[pieces], 0.0, paths.duration[pieces])[:, None]
-        return np.hypot(*(paths.velocity[pieces] + since * paths.acceleration[pieces]).T)
+        return np.hypot(*self.trajectory.velocities(ball, numbers("times", times)).T)
 
     def turning(self, faces: ArrayLike | None = None, error: float = ERROR) -> Turning:
         """Returns the rotation of the balls; the arguments are as in `engine.orientation.turning`."""
