@@ -392,11 +392,9 @@ def level(model: WindowModel) -> WindowModel:
 
 def next_kind(model: WindowModel) -> WindowModel:
     """Selects the next kind of call that the player has."""
-    return (
-        model
-        if model.phase != "aiming"
-        else replace(model, aim=model.aim._replace(call=Call(kind=model.following_kind)))
-    )
+    if model.phase != "aiming":
+        return model
+    return replace(model, aim=model.aim._replace(call=Call(kind=model.following_kind)))
 
 
 def next_called(model: WindowModel, name: str) -> WindowModel:

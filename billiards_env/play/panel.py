@@ -73,8 +73,8 @@ class Panel:
         for colour, share in (("#274f7d", 0.19), ("#5a92cc", 0.15)):
             pygame.draw.circle(large, colour, middle, share * ball.width / 2)
         _draw_scale(large, elevation, model.aim.elevation / STEEPEST, LEVEL)
-        fast = model.aim.speed / model.max_speed
-        colour = pygame.Color(BUTTON).lerp(LEVEL, min(fast / 0.4, 1.0)).lerp(FAST, max(fast / 0.6 - 2 / 3, 0.0))
+        fast = min(model.aim.speed / model.max_speed, 1.0)  # noise may make a stroke faster
+        colour = pygame.Color(BUTTON).lerp(LEVEL, min(fast / 0.4, 1.0)).lerp(FAST, max((fast - 0.4) / 0.6, 0.0))
         _draw_scale(large, speed, fast, colour)
         if model.phase in labels.BUTTONS:
             pygame.draw.rect(large, BUTTON, button, border_radius=button.height // 5)
