@@ -47,10 +47,10 @@ def make_preview(setup: Setup, game: GameState, stroke: Stroke) -> Preview:
     for one in (cue, ball):
         later = contacts(recording, one)["time"]
         after.append(_path(recording, one, time, min(later[later > time], default=recording.time)))
-    struck, pockets = after[1], setup.scene.table.pockets
+    (rest, struck), pockets = after, setup.scene.table.pockets
     ways = np.reshape([(pocket.x, pocket.y) for pocket in pockets], (-1, 2)) - struck[0]
     cosines = ways @ (struck[1] - struck[0]) / np.hypot(*ways.T)
-    return Preview(_path(recording, cue, 0.0, time), ball, *after, int(cosines.argmax()) if pockets else -1)
+    return Preview(_path(recording, cue, 0.0, time), ball, rest, struck, int(cosines.argmax()) if pockets else -1)
 
 
 def contacts(recording: Recording, ball: int) -> NDArray[Any]:
