@@ -322,8 +322,8 @@ class GameWindow:
             self._start(find)
 
     def _take_hint(self) -> None:
-        """Aims as the thread has found."""
-        if self._work is not None and self._work.done():
+        """Aims as the thread has found. During a replay the thread may be that of a program, whose turn it is."""
+        if self.model.phase in ("placing", "aiming") and self._work is not None and self._work.done():
             stroke, text = self._work.result()
             self.message, self._work = text if stroke else "no pot found", None
             self.model = act.aim_like(self.model, stroke) if stroke else self.model

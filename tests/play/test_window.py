@@ -452,6 +452,19 @@ def test_the_window_handles_keys_while_a_program_thinks(make_model, window):
     assert calls == [asked, asked]
 
 
+def test_a_shot_is_replayed_while_a_program_thinks(make_model, window):
+    shown = window(make_model(positions=BALLS, players=("human", "program")), (None, lambda *_: Stroke((0.3, 0.4))))
+    press(shown, pygame.K_LEFT, pygame.K_SPACE, pygame.K_SPACE)
+    press(shown, pygame.K_r)
+    work: Any = shown._work
+    assert work.result(10.0) == Stroke((0.3, 0.4))
+    press(shown)
+    assert (shown.model.phase, len(shown.model.strokes)) == ("replaying", 1)
+    press(shown, pygame.K_SPACE)
+    press(shown)
+    assert (shown.model.phase, len(shown.model.strokes)) == ("rolling", 2)
+
+
 @pytest.mark.parametrize(
     ("name", "noise"), [("planner:1s", None), ("planner:club", (1.0, 0.2))], ids=["planner", "level"]
 )
