@@ -299,10 +299,9 @@ class Motion:
 
     def _points(self, run: Recording, ball: int) -> tuple[Floats, Floats]:
         """Returns the times (m,), s, and the points (m, 2), pixels, of a ball's path up to its end."""
-        end, step = min(run.time, run.gone[ball]), self._step / PATH_STEPS
-        times = np.union1d(np.arange(math.ceil(end / step)) * step, run.corners(ball))
-        times = np.append(times[times < end], end)
-        return times, self._canvas.pixels_of(run.trajectory.path(ball, times, before=True))
+        step = self._step / PATH_STEPS
+        times, points = run.track(ball, np.arange(math.ceil(run.time / step)) * step)
+        return times, self._canvas.pixels_of(points)
 
     def _draw_paths(self, surface: Surface, end: float) -> None:
         """Draws the paths from the start of the present step to a later time, s."""

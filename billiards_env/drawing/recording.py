@@ -55,6 +55,22 @@ class Recording(NamedTuple):
         """Returns the times at which a ball's path may have a corner, s, ascending."""
         return np.unique(self.trajectory.start[self.trajectory.ball == ball])
 
+    def track(self, ball: int, times: Floats) -> tuple[Floats, Floats]:
+        """Returns a ball's path for drawing, up to its end.
+
+        Args:
+            ball: The ball.
+            times: (k,) s.
+
+        Returns:
+            (m,) s, the times before the end of the ball's path, with those of its corners, and this end; and (m, 2) m,
+            the positions. The path of a potted ball ends where it is captured, not at the centre of the pocket.
+        """
+        end = min(self.time, float(self.gone[ball]))
+        times = np.union1d(times, self.corners(ball))
+        times = np.append(times[times < end], end)
+        return times, self.trajectory.path(ball, times, before=True)
+
     def moves(self, ball: int) -> bool:
         """Returns whether a ball is in play and moves during the shot."""
         paths = self.trajectory

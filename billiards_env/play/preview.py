@@ -41,7 +41,7 @@ def make_preview(setup: Setup, game: GameState, stroke: Stroke) -> Preview:
     cue, own = recording.cue, contacts(recording, recording.cue)
     hits = own[own["kind"] == "ball_ball"]
     if len(hits) == 0:
-        return Preview(_path(recording, cue, 0.0, min(recording.time, float(recording.gone[cue]))), -1)
+        return Preview(_path(recording, cue, 0.0, recording.time), -1)
     time, ball = float(hits["time"][0]), int(hits["ball"][0] + hits["other"][0]) - cue
     after = []
     for one in (cue, ball):
@@ -62,7 +62,5 @@ def contacts(recording: Recording, ball: int) -> NDArray[Any]:
 
 def _path(recording: Recording, ball: int, start: float, end: float) -> Floats:
     """Returns the path of a ball between two times, (m, 2) m."""
-    corners = recording.corners(ball)
-    times = np.union1d(np.linspace(start, end, POINTS), corners[(corners > start) & (corners < end)])
-    # At the instant of a pot the later piece is at the pocket's centre.
-    return recording.trajectory.path(ball, times, before=True)
+    times, path = recording.track(ball, np.linspace(start, end, POINTS))
+    return path[(times >= start) & (times <= end)]
