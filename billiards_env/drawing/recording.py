@@ -55,7 +55,7 @@ class Recording(NamedTuple):
         """Returns the times at which a ball's path may have a corner, s, ascending."""
         return np.unique(self.trajectory.start[self.trajectory.ball == ball])
 
-    def track(self, ball: int, times: Floats) -> tuple[Floats, Floats]:
+    def track(self, ball: int, times: ArrayLike) -> tuple[Floats, Floats]:
         """Returns a ball's path for drawing, up to its end.
 
         Args:
@@ -67,7 +67,7 @@ class Recording(NamedTuple):
             the positions. The path of a potted ball ends where it is captured, not at the centre of the pocket.
         """
         end = min(self.time, float(self.gone[ball]))
-        times = np.union1d(times, self.corners(ball))
+        times = np.union1d(np.asarray(times, np.float64), self.corners(ball))
         times = np.append(times[times < end], end)
         return times, self.trajectory.path(ball, times, before=True)
 
