@@ -18,49 +18,40 @@ left out.
 from __future__ import annotations
 
 import contextlib
-import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from time import perf_counter
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from tqdm import tqdm
 
 from benchmarks import error_limit, machine, machine_line, metres, ratio, run_command, simulators, table
 from benchmarks.reference.oracle import OracleError, run
+from benchmarks.simulators import Floats, Outcome, Runner
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate
-
-Floats = NDArray[np.float64]
-
-MAX_EVENTS = 2000
-"""Events after which pooltool stops a shot. In some breaks the same pair of balls collides again and again."""
 
 LAWS = {"friction and spin": "pooltool_carom", "throw and jaws": "pooltool_pool", "elastic disks": "ideal"}
 """The scene of each comparison."""
 
-PYMUNK_STEPS = (60, 1920)
-"""Timesteps of pymunk, as steps per second."""
 
-POOLTOOL_GAPS = (1e-6, 1e-9)
-"""m. pooltool moves balls to this distance at each contact. The first value is pooltool's own."""
+class Other(NamedTuple):
+    """Another simulator: its entry in `SIMULATORS` of the worker with its arguments, its method and its comparisons."""
 
-
-class Outcome(NamedTuple):
-    """The outcome of a shot: positions (n, 2), m, the run time, and whether the simulator ran the whole shot.
-
-    The positions are None if it stopped before the time of comparison.
-    """
-
-    positions: Floats | None
-    seconds: float
-    finished: bool = True
+    name: str
+    argument: float
+    method: str
+    laws: tuple[str, ...]
 
 
-Runner: TypeAlias = Callable[[Scene, Floats, Floats, float | None], Outcome]
-"""Runs a shot. The arguments are the scene, the positions, the velocity of the cue ball, and the time of the returned
-positions, s, or None for the end of the shot."""
+OTHERS = (
+    Other("pooltool", 1e-6, "event-driven", ("friction and spin", "throw and jaws")),
+    Other("pooltool", 1e-9, "event-driven, gap 1 nm", ("friction and spin", "throw and jaws")),
+    Other("pymunk", 60, "timestep 1/60 s", ("elastic disks",)),
+    Other("pymunk", 1920, "timestep 1/1920 s", ("elastic disks",)),
+)
+"""The other simulators, with the gap of pooltool, m (the first one is its default), and the timesteps per second of
+pymunk."""
 
 
 class Kind(NamedTuple):
@@ -86,81 +77,6 @@ def billiards_env(record: bool) -> Runner:
         return Outcome(shot.positions, perf_counter() - begin, shot.status != "event_limit")
 
     return run_shot
-
-
-@contextlib.contextmanager
-def pymunk(steps: int) -> Iterator[tuple[str, Runner]]:
-    """Yields the version of pymunk, and its runner with a number of timesteps per second."""
-    with simulators.opened("pymunk", steps) as (version, ask):
-
-        def run_shot(scene: Scene, positions: Floats, velocity: Floats, time: float | None) -> Outcome:
-            end = scene.physics.max_time if time is None else time
-            shot = {
-                "scene": scene.to_dict(),
-                "positions": positions.tolist(),
-                "velocity": velocity.tolist(),
-                "time": end,
-            }
-            return outcome(ask(shot))
-
-        yield version, run_shot
-
-
-def outcome(answer: dict[str, Any]) -> Outcome:
-    """Returns the outcome in an answer of the worker."""
-    places = answer["positions"]
-    return Outcome(None if places is None else np.array(places), answer["seconds"], answer["finished"])
-
-
-@contextlib.contextmanager
-def pooltool() -> Iterator[tuple[str, list[Runner]]]:
-    """Yields the version of pooltool, and its runner for each of `POOLTOOL_GAPS`."""
-    with simulators.opened("pooltool") as (version, ask):
-
-        def run_shot(gap: float, scene: Scene, positions: Floats, velocity: Floats, time: float | None) -> Outcome:
-            physics, half_x, half_y = scene.physics, scene.table.length / 2, scene.table.width / 2
-            shot = {
-                "jaws": bool(scene.table.outline),
-                "table": {
-                    "l": scene.table.length,
-                    "w": scene.table.width,
-                    "cushion_height": nose_height(scene) if scene.table.outline else scene.table.cushion_height,
-                },
-                "ball": {
-                    "m": scene.balls.mass[0],
-                    "R": scene.balls.radius[0],
-                    "u_s": physics.mu_slide,
-                    "u_r": physics.mu_roll,
-                    "u_sp_proportionality": 2 * physics.spin_decay / (5 * physics.g),
-                    "e_b": physics.e_ball,
-                    "e_c": physics.e_cushion,
-                    "f_c": physics.mu_cushion,
-                    "g": physics.g,
-                },
-                "positions": [[half_y - y, half_x + x] for x, y in positions.tolist()],
-                "velocity": [-velocity[1], velocity[0]],
-                "time": time,
-                "gap": gap,
-                "max_events": MAX_EVENTS,
-            }
-            theirs = outcome(ask(shot))
-            if theirs.positions is None:
-                return theirs
-            x, y = theirs.positions.T
-            return theirs._replace(positions=np.column_stack((y - half_x, half_y - x)))
-
-        yield version, [functools.partial(run_shot, gap) for gap in POOLTOOL_GAPS]
-
-
-def nose_height(scene: Scene) -> float:
-    """Returns the height of pooltool's nose, m, at which its contacts with straight cushions have the same normal.
-
-    In pooltool the nose is at the horizontal distance R from the centre of a ball, at the height h, so the tangent of
-    the angle of the normal is h/R - 1. In billiards-env h/R - 1 is its sine.
-    """
-    radius = scene.balls.radius[0]
-    sine = scene.table.cushion_height / radius - 1.0
-    return radius * (1.0 + sine / (1.0 - sine * sine) ** 0.5)
 
 
 def draw_shots(laws: str, kind: str, count: int) -> list[tuple[Floats, Floats]]:
@@ -201,17 +117,14 @@ def measure(shots: int, passes: int) -> dict[str, Any]:
     compared: dict[str, list[tuple[str, str, Runner]]] = {
         laws: [("billiards-env", "event-driven", billiards_env(record=laws != "elastic disks"))] for laws in LAWS
     }
+    if not simulators.installed():
+        print("pooltool and pymunk are left out: there is no .venv-simulators; `make bench` creates it")
     with contextlib.ExitStack() as stack:
-        if simulators.installed():
-            result["versions"]["pooltool"], runners = stack.enter_context(pooltool())
-            ways = ("event-driven", *(f"event-driven, gap {1e9 * gap:g} nm" for gap in POOLTOOL_GAPS[1:]))
-            for laws in ("friction and spin", "throw and jaws"):
-                compared[laws] += [("pooltool", *way) for way in zip(ways, runners, strict=True)]
-            for steps in PYMUNK_STEPS:
-                result["versions"]["pymunk"], runner = stack.enter_context(pymunk(steps))
-                compared["elastic disks"].append(("pymunk", f"timestep 1/{steps} s", runner))
-        else:
-            print("pooltool and pymunk are left out: there is no .venv-simulators; `make bench` creates it")
+        for other in OTHERS if simulators.installed() else ():
+            version, runner = stack.enter_context(simulators.runner(other.name, other.argument))
+            result["versions"][other.name] = version
+            for laws in other.laws:
+                compared[laws].append((other.name, other.method, runner))
         for laws, group in tqdm(compared.items(), unit="comparison"):
             runners = [runner for *_, runner in group]
             columns = {kind: compare(laws, kind, runners, shots, passes) for kind in KINDS}

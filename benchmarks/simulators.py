@@ -1,4 +1,4 @@
-"""The environment of other simulators, pooltool, pymunk and MuJoCo, and the processes that run shots there.
+"""Shots in other simulators, pooltool, pymunk and MuJoCo, in processes with an environment of their own.
 
 pooltool needs other versions of numba and llvmlite than billiards-env. `make bench` and `make study` create the
 environment, in which `benchmarks/simulators_worker.py` runs:
@@ -12,12 +12,34 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks import ROOT, worker
+from billiards_env.scene import Scene
+
+Floats = NDArray[np.float64]
 
 PYTHON = ROOT / ".venv-simulators" / "bin" / "python"
 WORKER = Path(__file__).with_name("simulators_worker.py")
+
+
+class Outcome(NamedTuple):
+    """The outcome of a shot: positions (n, 2), m, the run time, and whether the simulator ran the whole shot.
+
+    The positions are None if it stopped before the time of comparison.
+    """
+
+    positions: Floats | None
+    seconds: float
+    finished: bool = True
+
+
+Runner: TypeAlias = Callable[[Scene, Floats, Floats, float | None], Outcome]
+"""Runs a shot. The arguments are the scene, the positions, the velocity of the cue ball, and the time of the returned
+positions, s, or None for the end of the shot."""
 
 
 def installed() -> bool:
@@ -34,3 +56,16 @@ def opened(name: str, *arguments: Any) -> Iterator[tuple[Any, Callable[..., Any]
     """
     with worker(WORKER.name, [PYTHON, WORKER]) as ask:
         yield ask([name, *arguments]), ask
+
+
+@contextlib.contextmanager
+def runner(name: str, *arguments: Any) -> Iterator[tuple[str, Runner]]:
+    """Yields the version of a simulator that runs single shots, and its runner."""
+    with opened(name, *arguments) as (version, ask):
+
+        def run_shot(scene: Scene, positions: Floats, velocity: Floats, time: float | None) -> Outcome:
+            shot = {"scene": scene.to_dict(), "positions": positions.tolist(), "velocity": velocity.tolist()}
+            answer = Outcome(**ask({**shot, "time": time}))
+            return answer if answer.positions is None else answer._replace(positions=np.array(answer.positions))
+
+        yield version, run_shot

@@ -21,6 +21,9 @@ SLOTS = 128
 PIXELS = 500.0
 """The number of pixels per metre for pymunk, whose default slop of 0.1 is in pixels."""
 
+MAX_EVENTS = 2000
+"""Events after which pooltool stops a shot. In some breaks the same pair of balls collides again and again."""
+
 SLOP = 1e-4
 """m, the overlap that pymunk tolerates in `in_metres`; the default of 0.1 is meant for pixels, and exceeds a ball."""
 
@@ -28,18 +31,12 @@ WALL = 1.0
 """m, thickness of the walls in `in_metres`, so that no disk passes through one."""
 
 
-def in_pooltool() -> tuple[str, Callable[[dict[str, Any]], Any]]:
-    """Returns the version of pooltool, and a function that runs a shot and times `pooltool.simulate`.
+def in_pooltool(gap: float) -> tuple[str, Callable[[dict[str, Any]], Any]]:
+    """Returns the version of pooltool, and a function that runs a shot, see `benchmarks.simulators.runner`.
 
-    The argument of the function has `jaws`, whether the table is pooltool's own with jaws, pockets and its own laws, or
-    one without pockets, with balls without friction between them and the cushions of Han (2005); `table`, the arguments
-    of `PocketTableSpecs` or `BilliardTableSpecs`; `ball`, the arguments of `BallParams`; `positions`, (n, 2) m;
-    `velocity` of the cue ball, (2,) m/s; `time` of the returned positions, s, or None for the end; `gap`, the distance
-    to which pooltool moves balls at a contact, m; and `max_events`, after which the shot stops. The frame is
-    pooltool's: the origin is a corner, and y is along the length.
-
-    The result has `seconds`, the run time; `finished`, whether all balls are at rest; and `positions`, or None if the
-    shot stopped before `time`.
+    pooltool moves balls to the distance `gap`, m, at a contact. A scene with an outline is pooltool's own table with
+    jaws, pockets and its own laws. Another scene is a table without pockets, with balls without friction between them
+    and the cushions of Han (2005).
     """
     import attrs  # pyright: ignore[reportMissingImports]
     import pooltool as pt  # pyright: ignore[reportMissingImports]
@@ -54,60 +51,108 @@ def in_pooltool() -> tuple[str, Callable[[dict[str, Any]], Any]]:
 
     smooth = attrs.evolve(default_resolver(), ball_ball=FrictionlessElastic(), ball_linear_cushion=Han2005Linear())
     engines = {True: (PocketTableSpecs, PhysicsEngine()), False: (BilliardTableSpecs, PhysicsEngine(smooth))}
+    pt.constants.MIN_DIST = gap
 
     def run(shot: dict[str, Any]) -> dict[str, Any]:
-        params = pt.BallParams(**shot["ball"])
+        sides, physics, radius = shot["scene"]["table"], shot["scene"]["physics"], shot["scene"]["balls"]["radius"][0]
+        specs, engine = engines[bool(sides["outline"])]
+        height = nose_height(sides["cushion_height"], radius) if sides["outline"] else sides["cushion_height"]
+        table = pt.Table.from_table_specs(specs(l=sides["length"], w=sides["width"], cushion_height=height))
+        params = pt.BallParams(
+            m=shot["scene"]["balls"]["mass"][0],
+            R=radius,
+            u_s=physics["mu_slide"],
+            u_r=physics["mu_roll"],
+            u_sp_proportionality=2 * physics["spin_decay"] / (5 * physics["g"]),
+            e_b=physics["e_ball"],
+            e_c=physics["e_cushion"],
+            f_c=physics["mu_cushion"],
+            g=physics["g"],
+        )
+        half_x, half_y = sides["length"] / 2, sides["width"] / 2  # the origin of pooltool is a corner; y is our x
         balls = {}
         for i, (x, y) in enumerate(shot["positions"]):
             ball = pt.Ball(str(i), params=params)
-            ball.state.rvw = np.array([[x, y, params.R], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+            ball.state.rvw = np.array([[half_y - y, half_x + x, radius], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
             balls[ball.id] = ball
-        balls["0"].state.rvw[1, :2] = shot["velocity"]
+        balls["0"].state.rvw[1, :2] = -shot["velocity"][1], shot["velocity"][0]
         balls["0"].state.s = pt.constants.sliding
-        specs, engine = engines[shot["jaws"]]
-        table = pt.Table.from_table_specs(specs(**shot["table"]))
         system = pt.System(cue=pt.Cue(cue_ball_id="0"), table=table, balls=balls)
-        pt.constants.MIN_DIST = shot["gap"]
         begin = perf_counter()
-        pt.simulate(system, engine=engine, inplace=True, max_events=shot["max_events"])
+        pt.simulate(system, engine=engine, inplace=True, max_events=MAX_EVENTS)
         seconds = perf_counter() - begin
-        finished, time = len(system.events) <= shot["max_events"], shot["time"]
+        finished, time = len(system.events) <= MAX_EVENTS, shot["time"]
         if not finished and (time is None or time > system.t):
             return {"seconds": seconds, "finished": False, "positions": None}
         time = system.t if time is None else min(time, system.t)
-        states = [interpolate_ball_states(ball, [time])[0] for ball in balls.values()]
-        return {"seconds": seconds, "finished": finished, "positions": [state.rvw[0, :2].tolist() for state in states]}
+        places = [interpolate_ball_states(ball, [time])[0].rvw[0].tolist() for ball in balls.values()]
+        return {
+            "seconds": seconds,
+            "finished": finished,
+            "positions": [[y - half_x, half_y - x] for x, y, _ in places],
+        }
 
     return pt.__version__, run
 
 
-def in_metres(steps: int) -> tuple[str, Callable[[dict[str, Any]], Any]]:
-    """Returns the version of pymunk, and a function that runs a shot with a number of timesteps per second.
+def nose_height(height: float, radius: float) -> float:
+    """Returns the height of pooltool's nose, m, at which its contacts with straight cushions have the same normal.
 
-    Elasticity 1, friction 0, no damping. The argument of the function has `scene` (`Scene.to_dict`), `positions`,
-    (n, 2) m, `velocity` of the cue ball, (2,) m/s, and the `time` of the shot, s. The result is as in `in_pooltool`.
+    In pooltool the nose is at the horizontal distance R from the centre of a ball, at the height h, so the tangent of
+    the angle of the normal is h/R - 1. In billiards-env h/R - 1 is its sine.
+    """
+    sine = height / radius - 1.0
+    return radius * (1.0 + sine / (1.0 - sine * sine) ** 0.5)
+
+
+def add_table(space: Any, left: float, half: tuple[float, float], wall: float, elasticity: tuple[float, float]) -> Any:
+    """Adds the cushions of a table to a space of pymunk, and returns a function that adds a ball.
+
+    Args:
+        space: The space.
+        left: x of the middle of the table.
+        half: Half its length and half its width.
+        wall: Half the thickness of a cushion.
+        elasticity: The elasticity of the cushions and of the balls.
+    """
+    import pymunk  # pyright: ignore[reportMissingImports]
+
+    x, y = half[0] + wall, half[1] + wall
+    for ends in pairwise([(left - x, -y), (left + x, -y), (left + x, y), (left - x, y), (left - x, -y)]):
+        cushion = pymunk.Segment(space.static_body, *ends, wall)
+        cushion.elasticity = elasticity[0]
+        space.add(cushion)
+
+    def add_ball(radius: float, mass: float, moment: float = math.inf, place: Any = (0.0, 0.0)) -> Any:
+        """Adds a ball without friction and returns its body."""
+        body = pymunk.Body(mass, moment)
+        body.position = tuple(place)
+        shape = pymunk.Circle(body, radius)
+        shape.elasticity = elasticity[1]
+        space.add(body, shape)
+        return body
+
+    return add_ball
+
+
+def in_metres(steps: int) -> tuple[str, Callable[[dict[str, Any]], Any]]:
+    """Returns the version of pymunk, and a function that runs a shot, see `benchmarks.simulators.runner`.
+
+    It makes a number of timesteps per second. Elasticity 1, no friction, no damping.
     """
     import pymunk  # pyright: ignore[reportMissingImports]
 
     def run(shot: dict[str, Any]) -> dict[str, Any]:
-        table, balls = shot["scene"]["table"], shot["scene"]["balls"]
-        space, bodies = pymunk.Space(), []
+        table, balls, physics = (shot["scene"][part] for part in ("table", "balls", "physics"))
+        space = pymunk.Space()
         space.collision_slop = SLOP
-        x, y = table["length"] / 2 + WALL, table["width"] / 2 + WALL
-        for ends in pairwise([(-x, -y), (x, -y), (x, y), (-x, y), (-x, -y)]):
-            wall = pymunk.Segment(space.static_body, *ends, WALL)
-            wall.elasticity, wall.friction = 1.0, 0.0
-            space.add(wall)
+        add_ball = add_table(space, 0.0, (table["length"] / 2, table["width"] / 2), WALL, (1.0, 1.0))
+        bodies = []
         for place, radius, mass in zip(shot["positions"], balls["radius"], balls["mass"], strict=True):
-            body = pymunk.Body(mass, pymunk.moment_for_circle(mass, 0.0, radius))
-            body.position = tuple(place)
-            disk = pymunk.Circle(body, radius)
-            disk.elasticity, disk.friction = 1.0, 0.0
-            space.add(body, disk)
-            bodies.append(body)
+            bodies.append(add_ball(radius, mass, pymunk.moment_for_circle(mass, 0.0, radius), place))
         bodies[0].velocity = tuple(shot["velocity"])
         begin = perf_counter()
-        for _ in range(round(shot["time"] * steps)):
+        for _ in range(round((physics["max_time"] if shot["time"] is None else shot["time"]) * steps)):
             space.step(1 / steps)
         seconds = perf_counter() - begin
         return {"seconds": seconds, "finished": True, "positions": [list(body.position) for body in bodies]}
@@ -125,20 +170,13 @@ def in_pymunk(dt: float, scene: Any) -> tuple[Any, Any, bool]:
 
     space, buffer = pymunk.Space(), batch.Buffer()
     space.damping = math.exp(-DECAY)
-    elasticity, wall = math.sqrt(scene["physics"]["e_ball"]), 0.1 * PIXELS  # wall: the half thickness of a cushion
-    x, y = 0.5 * PIXELS * scene["table"]["length"] + wall, 0.5 * PIXELS * scene["table"]["width"] + wall
+    elasticity = math.sqrt(scene["physics"]["e_ball"])
+    bounces = scene["physics"]["e_cushion"] / elasticity, elasticity
+    half = 0.5 * PIXELS * scene["table"]["length"], 0.5 * PIXELS * scene["table"]["width"]
     origins, bodies = 4.0 * np.arange(SLOTS), []
     for left in PIXELS * origins:
-        for ends in pairwise([(left - x, -y), (left + x, -y), (left + x, y), (left - x, y), (left - x, -y)]):
-            cushion = pymunk.Segment(space.static_body, *ends, wall)
-            cushion.elasticity = scene["physics"]["e_cushion"] / elasticity
-            space.add(cushion)
-        for radius in scene["balls"]["radius"]:
-            body = pymunk.Body(1.0, math.inf)
-            shape = pymunk.Circle(body, PIXELS * radius)
-            shape.elasticity = elasticity
-            space.add(body, shape)
-            bodies.append(body)
+        add_ball = add_table(space, left, half, 0.1 * PIXELS, bounces)
+        bodies += [add_ball(PIXELS * radius, 1.0) for radius in scene["balls"]["radius"]]
 
     def place(k: int, positions: Any, velocity: complex) -> None:
         for body, at, speed in zip(bodies[2 * k : 2 * k + 2], positions + origins[k], (velocity, 0j), strict=True):

@@ -391,17 +391,14 @@ def replay(args: argparse.Namespace) -> None:
 
 def _show(scene: Scene, shots: Sequence[ShotResult]) -> None:
     """Shows shots in a window, one after the other."""
-    from billiards_env.drawing.canvas import Canvas, Caption
+    from billiards_env.drawing.canvas import Canvas
     from billiards_env.drawing.window import Window
     from billiards_env.envs.rendering import FPS, WIDTH
 
     canvas = Canvas(scene, WIDTH)
     window = Window(canvas.size, "Billiards")
     for k, shot in enumerate(shots, start=1):
-        for frame in canvas.film(shot.recording(), FPS, Caption(f"shot {k} of {len(shots)}")):
-            window.show(frame, FPS)
-            if not window.open:  # the user closed it
-                return
+        window.play(canvas.film(shot.recording(), FPS, f"shot {k} of {len(shots)}"), FPS)
     window.close()
 
 

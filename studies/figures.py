@@ -18,7 +18,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon
+from matplotlib.patches import Circle
 from PIL import Image
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
@@ -26,8 +26,8 @@ os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 from benchmarks import GREY, IMAGES, new_figure, parser_of, save, save_image
 from billiards_env.drawing.canvas import pixels
 from billiards_env.drawing.film import film_writer, write_film
-from billiards_env.drawing.plot import draw_ball, legend_handles
-from billiards_env.drawing.style import INK, draw_table, looks
+from billiards_env.drawing.plot import draw_ball, draw_empty, legend_handles
+from billiards_env.drawing.style import INK, looks
 from billiards_env.engine import Engine
 from billiards_env.engine.strikes import strike
 from billiards_env.games import History, Setup, opening
@@ -82,12 +82,11 @@ def tables() -> Figure:
     rows = math.ceil(len(names) / 2)
     figure = new_figure(9, 2.7 * rows, dpi=120, facecolor="none")
     for k, name in enumerate(names):
-        ax = figure.add_subplot(rows, 2, k + 1, title=name, aspect="equal", xlim=(-2.0, 2.0), ylim=(-1.1, 1.1))
-        ax.axis("off")
+        ax = figure.add_subplot(rows, 2, k + 1, title=name)
         game, count, layout = GAMES.get(name, ("real_pool", 15, "tight_rack"))
         scene = dataclasses.replace(Scene.named(game, count), table=Table.named(name))
-        for corners, colour in draw_table(scene.table):
-            ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="none"))
+        draw_empty(ax, scene.table)
+        ax.set(xlim=(-2.0, 2.0), ylim=(-1.1, 1.1))
         positions = layouts.draw(layout, scene, np.random.default_rng(0))
         for radius, look, position in zip(scene.balls.radius, looks(scene), positions, strict=True):
             draw_ball(ax, radius, look._replace(number=""), position, ghost=False)

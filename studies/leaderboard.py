@@ -22,7 +22,7 @@ FOLDER = ROOT / "docs" / "leaderboard"
 SEEDS = (bench.SEED, 1)
 """The seeds of an entry: the seed of the public layouts and one more, because a player may be fitted to those."""
 
-RUN = ("aim", "geometric", "planner_300", "ppo_points", "random", "ratings", "search_200")
+RUN = ("aim", "geometric", "planner_300", "ppo_points", "random", "search_200")
 """The files whose players the maintainers have run. Of the other files only the actions were replayed."""
 
 

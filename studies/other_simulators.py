@@ -45,7 +45,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import comparison, new_figure, run_command, save, simulators, table
+from benchmarks import new_figure, run_command, save, simulators, table
 from benchmarks.simulators_worker import DECAY, TIME
 from billiards_env import Scene, simulate_batch
 from billiards_env.bench.evaluation import evaluation_seeds
@@ -110,7 +110,7 @@ def play_exactly(scene: Scene, positions: Floats, velocities: Floats) -> NDArray
     return np.where(potted, gaps_of(scene, shots.positions[:, 1]).argmin(1), -1)
 
 
-def play_in_pooltool(run: comparison.Runner, scene: Scene, positions: Floats, velocities: Floats) -> NDArray[np.intp]:
+def play_in_pooltool(run: simulators.Runner, scene: Scene, positions: Floats, velocities: Floats) -> NDArray[np.intp]:
     """Plays shots in pooltool, see `Play`. A potted ball stays in its pocket; a shot that pooltool stops has no pot."""
     shots = (run(scene, *shot, None).positions for shot in zip(positions, velocities, strict=True))
     gaps = gaps_of(scene, np.array([(0.0, 0.0) if shot is None else shot[1] for shot in shots]))
@@ -131,7 +131,7 @@ def opened(name: str) -> Iterator[tuple[Play, Floats]]:
     if world.simulator == "exact":
         yield lambda *shots: play_exactly(scene, *shots), np.zeros(1)
     elif world.simulator == "pooltool":
-        with comparison.pooltool() as (_, (run, *_)):
+        with simulators.runner("pooltool", 1e-6) as (_, run):
             yield lambda *shots: play_in_pooltool(run, scene, *shots), np.zeros(1)
     else:
         with simulators.opened("pots", world.simulator, world.dt, scene.to_dict()) as (delays, ask):

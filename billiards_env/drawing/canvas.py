@@ -12,8 +12,8 @@ import functools
 import math
 import os
 import re
-from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,7 +28,7 @@ except ModuleNotFoundError as error:
 
 from billiards_env.drawing.materials import paint_table
 from billiards_env.drawing.recording import Floats, Recording, check_pair, frame_times
-from billiards_env.drawing.spheres import Painter, shadow
+from billiards_env.drawing.spheres import Painter, ring, shadow
 from billiards_env.drawing.style import ARROW, ARROW_START, CHALK, INK, PAPER, POTTED, RAIL, looks, rail_width, tray
 from billiards_env.drawing.text import text_image, write
 from billiards_env.engine.orientation import VISIBLE
@@ -37,11 +37,8 @@ from billiards_env.scene import Scene
 Frame = NDArray[np.uint8]
 Surface = pygame.Surface
 
-TABLE_ZOOM, BALL_ZOOM, PATH_ZOOM = 3, 8, 4
+TABLE_ZOOM, PATH_ZOOM = 3, 4
 """Enlargement of the parts before they are reduced."""
-
-RING, GHOST, SHADOW = 0, 1, 2
-"""Styles of a stamp: a ring (for another run), a faint disc (for the initial position), the shadow of a ball."""
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 """The orientation of a ball that shows its number."""
@@ -54,16 +51,6 @@ PATH_STEPS = 4
 
 RESULT_SHOWN = 1.0
 """s. The text on the right is shown for this time at the end of a shot, when balls are slow."""
-
-
-class Caption(NamedTuple):
-    """The texts under a film: on the left, before the time, and on the right, shown in the last second."""
-
-    left: str = ""
-    right: str = ""
-
-
-NO_CAPTION = Caption()
 
 
 class Canvas:
@@ -95,13 +82,12 @@ class Canvas:
         self._middle = (width / 2, self._margin + breadth * self.scale / 2)
         self.looks = looks(scene, palette)
         self._tray = tray(scene.n_balls, width, self._bar)
+        self._tray_painter = Painter(self.looks, np.full(scene.n_balls, self._tray.radius))
         self._reset()
 
     def _reset(self) -> None:
         """Discards the images of the balls, which depend on the scale."""
         self._painter = Painter(self.looks, self.scale * np.array(self.scene.balls.radius))
-        self._stamps: dict[tuple[int, int, int, int], Surface] = {}
-        self._painted: dict[int, tuple[bytes, Surface]] = {}
 
     def enlarged(self, size: tuple[int, int], zoom: float, point: ArrayLike) -> Canvas:
         """Returns a canvas of `size` pixels with a point of the table, m, in its middle, `zoom` times as large."""
@@ -128,9 +114,9 @@ class Canvas:
         self,
         recording: Recording,
         fps: float,
-        caption: Caption = NO_CAPTION,
+        left: str = "",
+        right: str = "",
         compare: Recording | None = None,
-        arrow: bool = True,
         only_last: bool = False,
         circles: Sequence[tuple[float, float, float]] = (),
     ) -> Iterator[Surface]:
@@ -139,9 +125,9 @@ class Canvas:
         Args:
             recording: The shot.
             fps: Frames per second.
-            caption: The texts under the table.
+            left: The text under the table on the left, before the time.
+            right: The text under the table on the right, shown in the last second.
             compare: Another run of the same shot, drawn as rings.
-            arrow: Whether to show the initial velocity of the cue ball.
             only_last: Whether to yield only the last frame, which is the same as in the whole film.
             circles: Circles to mark on the cloth: x, y and radius, m.
 
@@ -157,14 +143,11 @@ class Canvas:
         shown = Motion(self, recording, compare, 1.0 / fps)
         for x, y, radius in circles:
             self.draw_path(shown.base, self.pixels_of(circle((x, y), radius)), CHALK)
-        if arrow and recording.gone[0] > 0:
-            paths = recording.trajectory
-            self.draw_arrow(shown.base, 0, paths.position[0], paths.velocity[0])
         frame = self.table.copy()
         for t in [duration] if only_last else frame_times(duration, fps).tolist():
             shown.draw(frame, t)
-            line = f"{caption.left}   {t:.2f} s" if duration > 0 else caption.left
-            self.draw_bar(frame, line, caption.right if t >= duration - RESULT_SHOWN else "", shown.potted(t))
+            line = f"{left}   {t:.2f} s" if duration > 0 else left
+            self.draw_bar(frame, line, right if t >= duration - RESULT_SHOWN else "", shown.potted(t))
             yield frame
 
     @functools.cached_property
@@ -180,48 +163,14 @@ class Canvas:
         `faces` are (n, 4) orientations of all balls of the scene, see `orientation`; None for upright balls.
         """
         for ball, centre in zip(balls, centres, strict=True):
-            self.stamp(surface, ball, centre, SHADOW)
+            _stamp(surface, centre, functools.partial(shadow, self.scale * self.scene.balls.radius[ball]))
         turned = np.tile(UPRIGHT, (self.scene.n_balls, 1)) if faces is None else faces
-        corners = np.floor(np.reshape(centres, (-1, 2))).astype(int)
-        keys = [
-            np.append(centre - corner, turned[k]) for k, centre, corner in zip(balls, centres, corners, strict=True)
-        ]
-        stale = [k for k, key in enumerate(keys) if self._painted.get(balls[k], (b"",))[0] != key.tobytes()]
-        if stale:
-            shown = np.array([keys[k] for k in stale])
-            images = self._painter.paint(np.array([balls[k] for k in stale]), shown[:, :2], shown[:, 2:])
-            for k, image in zip(stale, images, strict=True):
-                self._painted[balls[k]] = keys[k].tobytes(), image
-        for ball, corner in zip(balls, corners, strict=True):
-            image = self._painted[ball][1]
-            surface.blit(image, (corner - image.get_width() // 2).tolist())
+        self._painter.draw(surface, balls, np.reshape(centres, (-1, 2)), turned[list(balls)])
 
-    def stamp(self, surface: Surface, ball: int, centre: Floats, style: int) -> None:
-        """Draws a ball in one of the styles with its centre at (2,) pixels."""
-        pixel = np.floor(centre)
-        fx, fy = ((centre - pixel) * SUBPIXELS).astype(int).tolist()
-        key = (ball, style, fx, fy)
-        if key not in self._stamps:
-            self._stamps[key] = self._draw_stamp(ball, style, (fx + 0.5) / SUBPIXELS, (fy + 0.5) / SUBPIXELS)
-        image = self._stamps[key]
-        surface.blit(image, (pixel - image.get_width() // 2).astype(int).tolist())
-
-    def _draw_stamp(self, ball: int, style: int, dx: float, dy: float) -> Surface:
-        """Draws a ball (dx, dy) pixels off the centre of a new surface."""
-        radius = self.scale * self.scene.balls.radius[ball]
-        if style == SHADOW:
-            return shadow(radius, dx, dy)
-        side, z = 2 * math.ceil(radius + 2), BALL_ZOOM
-        ink = pygame.Color(self.looks[ball].path)
-        # The transparent background has the colour of the edge, because the reduction mixes them.
-        large = Surface((z * side, z * side), pygame.SRCALPHA, 32)
-        large.fill((ink.r, ink.g, ink.b, 0))
-        centre = z * (side / 2 + dx), z * (side / 2 + dy)
-        if style == RING:
-            pygame.draw.circle(large, ink, centre, z * radius, round(max(1.6 * z, 0.16 * z * radius)))
-        else:
-            pygame.draw.circle(large, (ink.r, ink.g, ink.b, 90), centre, z * radius)
-        return pygame.transform.smoothscale(large, (side, side))
+    def draw_ring(self, surface: Surface, ball: int, centre: Floats) -> None:
+        """Draws a ball of another run as a ring around a centre (2,), pixels."""
+        colour, radius = self.looks[ball].path, self.scale * self.scene.balls.radius[ball]
+        _stamp(surface, centre, functools.partial(ring, radius, colour))
 
     def draw_path(self, surface: Surface, points: Floats, colour: str) -> None:
         """Draws a line with round ends through points (m, 2), pixels."""
@@ -255,28 +204,33 @@ class Canvas:
         shape += [neck - 0.45 * radius * across, neck - half * across, start - half * across]
         draw_shapes(surface, [(np.array(shape), CHALK)], 210)
 
-    def draw_bar(self, surface: Surface, left: str, right: str, potted: Sequence[int] | NDArray[np.intp]) -> None:
-        """Draws the bar under the table: two texts and the potted balls, if the table has pockets."""
-        place, edge, y = self._tray, 2.0 * self._margin, self.size[1] - self._bar / 2
-        size = round(0.62 * self._bar)
-        top = round(y - 0.35 * size)
-        write(surface, right, size, self._ink, topright=(self.size[0] - edge, top))
-        for part in re.findall(r"\d|\D+", left):  # the images of single digits are kept, and the time changes quickly
-            edge += write(surface, part, size, self._ink, topleft=(edge, top)).width
-        if self.scene.table.pockets:
-            label = text_image(POTTED, size, self._ink)
-            room = label.get_width() + 3 * place.radius  # a long text on the left moves the tray to the right
-            middle = max(self.size[0] / 2, edge + room + place.half)
-            self.draw_tray(surface, middle, potted)
-            write(surface, POTTED, size, self._ink, topright=(middle - place.half - place.radius, top))
+    def draw_bar(
+        self, surface: Surface, left: str, right: str, potted: Sequence[int] | NDArray[np.intp], label: str = POTTED
+    ) -> None:
+        """Draws the bar under the table: two texts, and the potted balls with a label, if the table has pockets.
 
-    def draw_tray(self, surface: Surface, middle: float, potted: Sequence[int] | NDArray[np.intp]) -> pygame.Rect:
-        """Draws the potted balls in their groove with its middle at x, pixels, and returns the place of the groove."""
-        y = self.size[1] - self._bar / 2
+        A text that is too long for its place beside the tray becomes smaller.
+        """
+        edge, size, y = 2 * self._margin, round(0.6 * self._bar), self.size[1] - self._bar / 2
+        begin = end = self.size[0] * 2 // 3
+        if self.scene.table.pockets:
+            tray = self.draw_tray(surface, potted)
+            begin, end = tray.left, tray.right
+            if label:
+                begin = write(surface, label, size, self._ink, midright=(begin - self._tray.radius, y)).left
+        write(surface, right, size, self._ink, self.size[0] - end - 2 * edge, midright=(self.size[0] - edge, y))
+        parts = re.findall(r"\d|\D+", left)  # the images of single digits are kept, and the time changes quickly
+        wide = sum(text_image(part, size, self._ink).get_width() for part in parts)
+        size = max(1, min(size, size * (begin - 2 * edge) // max(wide, 1)))
+        for part in parts:
+            edge += write(surface, part, size, self._ink, midleft=(edge, y)).width
+
+    def draw_tray(self, surface: Surface, potted: Sequence[int] | NDArray[np.intp]) -> pygame.Rect:
+        """Draws the potted balls in their groove and returns the place of the groove."""
+        middle, y = self.size[0] / 2, self.size[1] - self._bar / 2
         groove = surface.blit(self._groove, np.round((middle, y) - np.array(self._groove.get_size()) / 2).tolist())
-        for ball, x in zip(potted, self._tray.x, strict=False):
-            image = self._tray_balls[ball]
-            surface.blit(image, (round(middle + x - image.get_width() / 2), round(y - image.get_height() / 2)))
+        places = np.array([(middle + x, y) for x in self._tray.x[: len(potted)]]).reshape(-1, 2)
+        self._tray_painter.draw(surface, list(potted), places, np.tile(UPRIGHT, (len(potted), 1)))
         return groove
 
     @functools.cached_property
@@ -287,18 +241,12 @@ class Canvas:
         pygame.draw.rect(large, RAIL, large.get_rect(), border_radius=large.get_height() // 2)
         return pygame.transform.smoothscale(large, size.tolist())
 
-    @functools.cached_property
-    def _tray_balls(self) -> list[Surface]:
-        n, radius = self.scene.n_balls, self._tray.radius
-        faces = np.tile(UPRIGHT, (n, 1))
-        return Painter(self.looks, np.full(n, radius)).paint(np.arange(n), np.zeros((n, 2)), faces)
-
 
 class Motion:
     """Draws a shot in motion, and another run of it as rings, at times that increase.
 
     Attributes:
-        base: The table with the paths up to now, and with what the caller adds.
+        base: The table with the initial velocity of the cue ball, the paths up to now, and what the caller adds.
     """
 
     def __init__(
@@ -317,7 +265,11 @@ class Motion:
             moving = [ball for ball in range(canvas.scene.n_balls) if run.moves(ball)]
             self._runs.append((run, {ball: self._points(run, ball) for ball in moving}))
         for ball in self._runs[-1][1]:
-            canvas.stamp(self.base, ball, canvas.pixels_of(recording.path(ball, [0.0])[0]), GHOST)
+            start = circle(recording.path(ball, [0.0])[0], canvas.scene.balls.radius[ball])
+            draw_shapes(self.base, [(canvas.pixels_of(start), canvas.looks[ball].path)], 90)
+        if recording.gone[recording.cue] > 0:
+            paths, cue = recording.trajectory, recording.cue
+            canvas.draw_arrow(self.base, cue, paths.position[cue], paths.velocity[cue])
 
     @property
     def least_time(self) -> float:
@@ -343,14 +295,13 @@ class Motion:
                 canvas.draw_balls(frame, shown, [places[ball] for ball in shown], self._turning.at(time))
             else:
                 for ball in shown:
-                    canvas.stamp(frame, ball, places[ball], RING)
+                    canvas.draw_ring(frame, ball, places[ball])
 
     def _points(self, run: Recording, ball: int) -> tuple[Floats, Floats]:
         """Returns the times (m,), s, and the points (m, 2), pixels, of a ball's path up to its end."""
-        end, step = min(run.time, run.gone[ball]), self._step / PATH_STEPS
-        times = np.union1d(np.arange(math.ceil(end / step)) * step, run.corners(ball))
-        times = np.append(times[times < end], end)
-        return times, self._canvas.pixels_of(run.trajectory.path(ball, times, before=True))
+        step = self._step / PATH_STEPS
+        times, points = run.track(ball, np.arange(math.ceil(run.time / step)) * step)
+        return times, self._canvas.pixels_of(points)
 
     def _draw_paths(self, surface: Surface, end: float) -> None:
         """Draws the paths from the start of the present step to a later time, s."""
@@ -364,6 +315,14 @@ class Motion:
                     line = np.vstack((line, self._canvas.pixels_of(run.path(ball, [end]))))
                 if len(line) > 1:
                     self._canvas.draw_path(surface, line, self._canvas.looks[ball].path)
+
+
+def _stamp(surface: Surface, centre: Floats, picture: Callable[[float, float], Surface]) -> None:
+    """Draws a picture around a centre (2,), pixels. It is made for some fractions of a pixel along x and along y."""
+    pixel = np.floor(centre)
+    fractions = (np.floor((centre - pixel) * SUBPIXELS) + 0.5) / SUBPIXELS
+    image = picture(*fractions.tolist())
+    surface.blit(image, (pixel - image.get_width() // 2).astype(int).tolist())
 
 
 def draw_shapes(
@@ -401,8 +360,4 @@ def circle(centre: ArrayLike, radius: float, first: float = 0.0, last: float = m
 def pixels(surface: Surface) -> Frame:
     """Returns a copy of a frame as an array (height, width, 3) uint8, RGB."""
     width, height = surface.get_size()
-    array = np.empty((height, width, 3), np.uint8)
-    planes = pygame.surfarray.pixels_red, pygame.surfarray.pixels_green, pygame.surfarray.pixels_blue
-    for k, view in enumerate(planes):
-        array[..., k] = view(surface).T
-    return array
+    return np.frombuffer(bytearray(pygame.image.tobytes(surface, "RGB")), np.uint8).reshape(height, width, 3)

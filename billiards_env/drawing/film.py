@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from billiards_env.drawing.canvas import Canvas, Caption, Frame, pixels
+from billiards_env.drawing.canvas import Canvas, Frame, pixels
 from billiards_env.drawing.recording import Recording
 from billiards_env.drawing.style import INK, PAPER
 from billiards_env.support.checks import missing, real
@@ -43,7 +43,7 @@ def write_film(
         fps = 100 / max(2, round(100 / fps))  # viewers show shorter times slowly
     canvas = Canvas(recording.scene, width, *around)
     left = recording.label if compare is None else f"{recording.label}; rings: {compare.label}"
-    film = functools.partial(canvas.film, recording, fps, Caption(left), compare)
+    film = functools.partial(canvas.film, recording, fps, left, compare=compare)
     colours = None
     if suffix == ".gif":
         (last,) = film(only_last=True)  # it has the most colours

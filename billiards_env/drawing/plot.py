@@ -137,9 +137,7 @@ def _draw_path(
     """Draws a path: with its speed and side spin, or dashed if there are no `turns`."""
     if not shot.moves(ball):
         return
-    times = np.union1d(np.linspace(0, shot.time, SAMPLES), shot.corners(ball))
-    times = times[times < shot.gone[ball]]
-    path = shot.path(ball, times)
+    times, path = shot.track(ball, np.linspace(0, shot.time, SAMPLES))
     if turns is None:
         ax.plot(*path.T, linestyle=(0, (3, 2)), color=look.path, linewidth=1.6, solid_joinstyle="miter", zorder=4)
         return

@@ -24,6 +24,7 @@ class Recording(NamedTuple):
         label: The engine, such as "PIC".
         trajectory: The paths of the balls.
         events: Structured array, as in `ShotResult.events`.
+        cue: The cue ball.
     """
 
     scene: Scene
@@ -31,6 +32,7 @@ class Recording(NamedTuple):
     label: str
     trajectory: Trajectory
     events: NDArray[Any]
+    cue: int = 0
 
     @property
     def gone(self) -> Floats:
@@ -43,11 +45,7 @@ class Recording(NamedTuple):
 
     def speeds(self, ball: int, times: ArrayLike) -> Floats:
         """Returns the speeds of a ball at some times (s), (m,) m/s; at a contact the speed after it."""
-        at, paths = numbers("times", times), self.trajectory
-        mine = np.flatnonzero(paths.ball == ball)
-        pieces = mine[np.maximum(np.searchsorted(paths.start[mine], at, side="right") - 1, 0)]
-        since = np.clip(at - paths.start[pieces], 0.0, paths.duration[pieces])[:, None]
-        return np.hypot(*(paths.velocity[pieces] + since * paths.acceleration[pieces]).T)
+        return np.hypot(*self.trajectory.velocities(ball, numbers("times", times)).T)
 
     def turning(self, faces: ArrayLike | None = None, error: float = ERROR) -> Turning:
         """Returns the rotation of the balls; the arguments are as in `engine.orientation.turning`."""
@@ -56,6 +54,22 @@ class Recording(NamedTuple):
     def corners(self, ball: int) -> Floats:
         """Returns the times at which a ball's path may have a corner, s, ascending."""
         return np.unique(self.trajectory.start[self.trajectory.ball == ball])
+
+    def track(self, ball: int, times: ArrayLike) -> tuple[Floats, Floats]:
+        """Returns a ball's path for drawing, up to its end.
+
+        Args:
+            ball: The ball.
+            times: (k,) s.
+
+        Returns:
+            (m,) s, the times before the end of the ball's path, with those of its corners, and this end; and (m, 2) m,
+            the positions. The path of a potted ball ends where it is captured, not at the centre of the pocket.
+        """
+        end = min(self.time, float(self.gone[ball]))
+        times = np.union1d(np.asarray(times, np.float64), self.corners(ball))
+        times = np.append(times[times < end], end)
+        return times, self.trajectory.path(ball, times, before=True)
 
     def moves(self, ball: int) -> bool:
         """Returns whether a ball is in play and moves during the shot."""

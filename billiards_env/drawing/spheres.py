@@ -7,6 +7,8 @@ as large and then reduced, which smooths their edges and marks.
 
 from __future__ import annotations
 
+import functools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,8 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.drawing import style
 from billiards_env.engine.orientation import Floats, matrices
 
-ZOOM = 2
-"""Enlargement of a ball before it is reduced."""
+ZOOM, RING_ZOOM = 2, 8
+"""Enlargement of a ball and of a ring before they are reduced."""
 
 
 class Painter:
@@ -32,6 +34,22 @@ class Painter:
         self._kind = np.array([kinds[look._replace(path="")] for look in looks])
         maps = np.stack([face(look, self._texels) for look in kinds]).astype(np.float32)
         self._maps = [np.ascontiguousarray(maps[..., c].ravel()) for c in range(3)]
+        self._painted: dict[int, tuple[bytes, pygame.Surface]] = {}
+
+    def draw(self, surface: pygame.Surface, balls: Sequence[int], centres: Floats, faces: Floats) -> None:
+        """Draws balls at their centres (m, 2), pixels, with the orientations `faces` (m, 4).
+
+        A ball is painted again only if it has moved by a part of a pixel or has turned.
+        """
+        corners = np.floor(centres)
+        keys = np.column_stack((centres - corners, faces))
+        stale = [k for k, ball in enumerate(balls) if self._painted.get(ball, (b"",))[0] != keys[k].tobytes()]
+        if stale:
+            images = self.paint(np.array(balls)[stale], keys[stale, :2], keys[stale, 2:])
+            for k, image in zip(stale, images, strict=True):
+                self._painted[balls[k]] = keys[k].tobytes(), image
+        for ball, place in zip(balls, corners.astype(int) - self._side // 2, strict=True):
+            surface.blit(self._painted[ball][1], place.tolist())
 
     def paint(self, balls: NDArray[np.intp], fractions: Floats, faces: Floats) -> list[pygame.Surface]:
         """Returns an image of each of m balls with the orientations `faces` (m, 4).
@@ -118,6 +136,19 @@ def _number(text: str, x: Floats, y: Floats, texels: int) -> Floats:
     return np.where(inside, alpha[np.clip(row, 0, small[1] - 1), np.clip(column, 0, small[0] - 1)], 0.0)
 
 
+@functools.lru_cache(maxsize=2048)
+def ring(radius: float, colour: str, dx: float, dy: float) -> pygame.Surface:
+    """Returns a ring whose centre is (dx, dy) pixels from the middle of the image; radius in pixels."""
+    side, z = 2 * math.ceil(radius + 2), RING_ZOOM
+    # The transparent background has the colour of the ring, because the reduction mixes them.
+    large = pygame.Surface((z * side, z * side), pygame.SRCALPHA, 32)
+    large.fill((*pygame.Color(colour)[:3], 0))
+    centre = z * (side / 2 + dx), z * (side / 2 + dy)
+    pygame.draw.circle(large, colour, centre, z * radius, round(max(1.6 * z, 0.16 * z * radius)))
+    return pygame.transform.smoothscale(large, (side, side))
+
+
+@functools.lru_cache(maxsize=2048)
 def shadow(radius: float, dx: float, dy: float) -> pygame.Surface:
     """Returns the shadow of a ball whose centre is (dx, dy) pixels from the middle of the image; radius in pixels."""
     side = 2 * int(np.ceil(1.7 * radius + 1))

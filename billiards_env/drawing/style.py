@@ -54,31 +54,25 @@ SHADOW, SHADOW_REACH, SHADOW_DARK = (0.22, -0.28), (0.7, 1.3), 0.5
 POTTED = "potted"
 """The label of the tray."""
 
-# The fill of each colour of a ball, and the colour of its path.
-_COLOUR_BLIND = {
-    "yellow": ("#f0e442", "#f0e442"),
-    "blue": ("#0072b2", "#6cbcf0"),
-    "vermilion": ("#d55e00", "#ff8f4d"),
-    "purple": ("#cc79a7", "#eba6cb"),
-    "orange": ("#e69f00", "#e69f00"),
-    "green": ("#009e73", "#4fd6ac"),
-    "wine": ("#882255", "#c9a0dc"),
+# The fill of each colour of a ball and the colour of its path: for colour-blind readers, and near those of real balls.
+_COLOURS = {
+    "yellow": ("#f0e442", "#f0e442", "#f6c714", "#f6c714"),
+    "blue": ("#0072b2", "#6cbcf0", "#1d4fb4", "#7fb2f5"),
+    "vermilion": ("#d55e00", "#ff8f4d", "#c0281c", "#ff8a80"),
+    "purple": ("#cc79a7", "#eba6cb", "#5b2a91", "#c3a1e8"),
+    "orange": ("#e69f00", "#e69f00", "#ee7623", "#ff9d5c"),
+    "green": ("#009e73", "#4fd6ac", "#0b6b3a", "#5fdca0"),
+    "wine": ("#882255", "#c9a0dc", "#7c1d2b", "#dd95a2"),
     "black": ("#1c1c1c", "#b8bfbc"),
     "brown": ("#7a4a1e", "#d9a066"),
     "pink": ("#eba6cb", "#eba6cb"),
     "red": ("#c0281c", "#ff8a80"),
     "grey": (GREY, GREY),
 }
-_REALISTIC = {
-    "yellow": ("#f6c714", "#f6c714"),
-    "blue": ("#1d4fb4", "#7fb2f5"),
-    "vermilion": ("#c0281c", "#ff8a80"),
-    "purple": ("#5b2a91", "#c3a1e8"),
-    "orange": ("#ee7623", "#ff9d5c"),
-    "green": ("#0b6b3a", "#5fdca0"),
-    "wine": ("#7c1d2b", "#dd95a2"),
+PALETTES = {
+    "colour_blind": {name: colours[:2] for name, colours in _COLOURS.items()},
+    "realistic": {name: colours[-2:] for name, colours in _COLOURS.items()},
 }
-PALETTES = {"colour_blind": _COLOUR_BLIND, "realistic": _COLOUR_BLIND | _REALISTIC}
 """The colours of the balls, by palette and by name."""
 
 _POOL = ("yellow", "blue", "vermilion", "purple", "orange", "green", "wine", "black")
@@ -156,7 +150,7 @@ def looks(scene: Scene, palette: str = "colour_blind") -> tuple[Look, ...]:
     """Returns the look of each ball in one of `PALETTES`; fixed balls are grey."""
     one_of("palette", palette, tuple(PALETTES))
     colours, carom = scene.balls.colours, _is_carom(scene)
-    dot_red, _ = _COLOUR_BLIND["red"]
+    dot_red, *_ = _COLOURS["red"]
     balls = [Look(CHALK, INK, "#d2dbd6", False, "", dot_red, DOT)]
     for i, name in enumerate(colour_names(scene)[1:], start=1):
         name = "grey" if math.isinf(scene.balls.mass[i]) else name

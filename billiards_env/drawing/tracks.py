@@ -68,7 +68,7 @@ def _draw_shot(ax: Any, track: Any, used: NDArray[np.bool_], recording: Recordin
         mine = track.balls == ball
         if not mine.any():
             continue
-        path = recording.path(ball, np.union1d(times, recording.corners(ball)))
+        _, path = recording.track(ball, times)
         ax.plot(*path.T, color=CHALK, linewidth=0.8, zorder=3)
         dots = {"marker": "o", "linestyle": "none", "color": look.path, "markeredgecolor": INK, "markeredgewidth": 0.2}
         ax.plot(*track.positions[mine & used].T, markersize=2.6, zorder=4, **dots)

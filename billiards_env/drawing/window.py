@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 
 from billiards_env.drawing.canvas import pygame  # raises with a hint if pygame is missing
 from billiards_env.drawing.pace import faster, slower
@@ -97,6 +98,13 @@ class Window:
         write(self._frame, text, 17, GREY, frame.get_width() - 2 * left[0], midleft=left)
         self._screen.show(self._frame)
         self._screen.wait(fps * self.pace)
+
+    def play(self, film: Iterable[pygame.Surface], fps: float) -> None:
+        """Shows the frames of a film until the window is closed."""
+        for frame in film:
+            if not self.open:
+                break
+            self.show(frame, fps)
 
     def close(self) -> None:
         """Closes the window."""

@@ -146,15 +146,14 @@ class Renderer:
         if self._window is not None and not self._window.open:
             return
         (film,) = self._films((shot,))
-        for frame in film:
-            if self._window is None:
-                from billiards_env.drawing.window import Window
+        if self._window is None:
+            from billiards_env.drawing.window import Window
 
-                self._window = Window(frame.get_size(), "Billiards")
-            self._window.show(frame, FPS)
-            if not self._window.open:
-                gym.logger.warn("The window was closed: the environment continues without it.")
-                return
+            assert self._canvas is not None
+            self._window = Window(self._canvas.size, "Billiards")
+        self._window.play(film, FPS)
+        if not self._window.open:
+            gym.logger.warn("The window was closed: the environment continues without it.")
 
     def render(self) -> tuple[RenderFrame | list[RenderFrame] | None, ...] | None:
         """Returns the result of `Env.render` in the render mode for each environment.
@@ -191,15 +190,15 @@ class Renderer:
     def _films(self, shots: Sequence[DrawnShot], only_last: bool = False) -> list[Iterator[Surface]]:
         """Returns the frames of a step, one iterator for each environment."""
         try:
-            from billiards_env.drawing.canvas import Canvas, Caption
+            from billiards_env.drawing.canvas import Canvas
         except ModuleNotFoundError as error:
             raise DependencyNotInstalled(f"render_mode = {self.render_mode!r}: {error}") from error
         if self._canvas is None:
             self._canvas = Canvas(self._scene, WIDTH)
         films = []
         for shot, left, right, circles in shots:
-            caption = Caption(left, right)
-            films.append(self._canvas.film(shot.recording(), FPS, caption, only_last=only_last, circles=circles))
+            texts = left, right
+            films.append(self._canvas.film(shot.recording(), FPS, *texts, only_last=only_last, circles=circles))
         return films
 
 

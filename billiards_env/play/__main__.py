@@ -44,38 +44,26 @@ def make_parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     layouts_of_games = dict.fromkeys(name for rules in GAMES.values() for name in rules.layouts)
     add("--rules", help=f"the game: {', '.join(GAMES)} (default: eight_ball)")
-    add(
-        "--players",
-        metavar="A,B",
-        help="the players: human, random, geometric, search[:SHOTS], aim, planner[:TIME], "
-        f"{', '.join(f'planner:{level}' for level in LEVELS)} (levels, the weakest first), "
-        "policy:RUN_FOLDER[:PROPOSALS] or module:function[:ARGUMENT] (default: all human)",
-    )
-    add(
-        "--scene",
-        help=f"table, balls and physics: {', '.join(SCENES)}, module:name or a JSON file (default: that of the game)",
-    )
+    levels = ", ".join(f"planner:{level}" for level in LEVELS)
+    text = f"the players: human, random, geometric, search[:SHOTS], aim, planner[:TIME], {levels} (levels, the weakest "
+    text += "first), policy:RUN_FOLDER[:PROPOSALS] or module:function[:ARGUMENT] (default: all human)"
+    add("--players", metavar="A,B", help=text)
+    text = f"table, balls and physics: {', '.join(SCENES)}, module:name or a JSON file (default: that of the game)"
+    add("--scene", help=text)
     any_number = _games(lambda game: len(set(game.n_object_balls)) > 1)
     add("--balls", type=int, help=f"number of object balls, for {any_number} (default: the most)")
     add("--layout", help=f"starting positions: {', '.join(layouts_of_games)} (default: the game's)")
     add("--target", type=int, help=f"the score that wins, for {_games(lambda game: game.target)}")
-    add(
-        "--call-shot",
-        action="store_true",
-        help=f"a potted ball counts only if it was called, for {_games(lambda game: game.callable)}",
-    )
+    text = f"a potted ball counts only if it was called, for {_games(lambda game: game.callable)}"
+    add("--call-shot", action="store_true", help=text)
     add("--choices", action="store_true", help="players have choices other than a shot: push out, hand back, replace")
     add("--miss", action="store_true", help="snooker with the miss rule; needs --choices")
     add("--max-speed", type=number, default=8.0, help="speed of the fastest shot, m/s (default: %(default)s)")
     add("--mode", help=f"the engine of the game: {' or '.join(MODES)} (default: pic)")
     add("--dt", type=number, default=DT, help="timestep of PIT, s (default: 1/60)")
     add("--load", type=Path, metavar="FILE", help="continue a saved game")
-    add(
-        "--save",
-        type=Path,
-        metavar="FILE",
-        help="save to this file with S and on quitting (default for S: the loaded file or a new game.json)",
-    )
+    text = "save to this file with S and on quitting (default for S: the loaded file or a new game.json)"
+    add("--save", type=Path, metavar="FILE", help=text)
     add("--seed", type=int, help="seed of the rack and of the programs (default: random)")
     add("--speed", type=number, default=1.0, help="playback speed over real time (default: %(default)s)")
     add("--width", type=int, default=1080, help="width of the window, pixels (default: %(default)s)")

@@ -9,6 +9,7 @@ from billiards_env.games import FOULS, Setup, choices
 from billiards_env.games.entry import Page
 from billiards_env.games.game_state import BEHIND, FOOT_LEFT, FOOT_RIGHT
 from billiards_env.play.model import HUMAN, WindowModel
+from billiards_env.play.preview import contacts
 from billiards_env.players.levels import LEVELS
 from billiards_env.players.planner import Plan
 from billiards_env.scene import Scene
@@ -150,15 +151,12 @@ def cushions(model: WindowModel, time: float = np.inf) -> str:
     """Returns how often the cue ball hits cushions before the second ball in three cushion, up to a time, s."""
     if not model.setup.game_rules.cushions or model.last_shot is None:
         return ""
-    cue, events = model.games[-2].state.cue_balls[0], model.last_shot.shot.events
-    assert events is not None
-    own = events[((events["ball"] == cue) | ((events["kind"] == "ball_ball") & (events["other"] == cue)))]
-    count, touched = 0, set()
-    for _, kind, *balls in own[own["time"] <= time][["time", "kind", "ball", "other"]].tolist():
-        touched |= set(balls) - {cue} if kind == "ball_ball" else set()
-        if len(touched) > 1:
-            break
-        count += kind == "cushion"
+    shot = model.last_shot.shot.recording()
+    own = contacts(shot, shot.cue)
+    own = own[own["time"] <= time]
+    touched = np.where(own["kind"] == "ball_ball", own["ball"] + own["other"], -1)
+    second = np.isin(touched, (-1, *touched[touched >= 0][:1]), invert=True)
+    count = int(np.sum((own["kind"] == "cushion") & ~np.logical_or.accumulate(second)))
     return f"{count} cushion{'s' * (count != 1)}"
 
 

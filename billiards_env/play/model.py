@@ -17,7 +17,6 @@ An action that does not apply in the present phase returns the same model.
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -49,8 +48,8 @@ PACES = Range(1e-3, 1e3)
 LEAST_SPEED, USUAL_SPEED, BREAK_SHARE = 0.05, 2.0, 0.9
 """The slowest speed and the initial speed of an aim, m/s; the initial speed of a break over `max_speed`."""
 
-TIP_SHARE = 0.999
-"""The largest offset of the cue's tip over that at which it slips."""
+TIP_SHARE, TIP_STEP = 0.999, 0.05
+"""The largest offset of the cue's tip over that at which it slips; a step of the tip in ball radii."""
 
 STEEPEST = 90.0
 """degrees. The largest elevation of the cue."""
@@ -304,52 +303,43 @@ def _next_turn(model: WindowModel) -> WindowModel:
 def _aim_at_nearest(model: WindowModel) -> WindowModel:
     offsets = model.game.positions[list(model.setup.legal(model.game.state))] - model.cue_position
     x, y = offsets[np.argmin(np.hypot(offsets[:, 0], offsets[:, 1]))].tolist()
-    return _aimed(model, angle=math.atan2(y, x))
+    return _aimed(replace(model, phase="aiming"), angle=math.atan2(y, x))
 
 
 def _aimed(model: WindowModel, **changes: Any) -> WindowModel:
-    """Returns the model in phase "aiming" with changes of the aim, and its preview."""
+    """Returns the model in phase "aiming" with changes of the aim, within their limits, and its preview."""
     aim = model.aim._replace(**changes)
-    speed = min(max(aim.speed, LEAST_SPEED), model.max_speed)
-    aim = aim._replace(angle=math.remainder(aim.angle, math.tau), speed=speed)
-    model = replace(model, phase="aiming", aim=aim._replace(call=NO_CALL), preview=None)
+    aim = aim._replace(
+        angle=math.remainder(aim.angle, math.tau),
+        speed=min(max(aim.speed, LEAST_SPEED), model.max_speed),
+        tip=aim.tip if model.has_spin else (0.0, 0.0),
+        elevation=min(max(aim.elevation, 0.0), STEEPEST * model.has_spin),
+    )
+    if model.phase != "aiming" or (aim == model.aim and model.preview is not None):
+        return model
+    model = replace(model, aim=aim._replace(call=NO_CALL), preview=None)
     return replace(model, aim=aim, preview=make_preview(model.setup, model.game, model.stroke))
 
 
-def _only(phase: str) -> Callable[[Callable[..., WindowModel]], Callable[..., WindowModel]]:
-    """Returns a decorator of an action that has no effect in other phases."""
-
-    def decorate(action: Callable[..., WindowModel]) -> Callable[..., WindowModel]:
-        @functools.wraps(action)
-        def act(model: WindowModel, *args: Any) -> WindowModel:
-            return action(model, *args) if model.phase == phase else model
-
-        return act
-
-    return decorate
-
-
-@_only("placing")
 def move_to(model: WindowModel, point: Point) -> WindowModel:
     """Moves the cue ball in hand to the free point nearest to a point, m."""
+    if model.phase != "placing":
+        return model
     positions, state, _ = model.game
     point = cue_ball_point(model.setup.scene, positions, state, point)
     return replace(model, aim=model.aim._replace(place=point))
 
 
-@_only("aiming")
 def turn_aim(model: WindowModel, degrees: float) -> WindowModel:
     """Turns the aim counterclockwise."""
     return _aimed(model, angle=model.aim.angle + math.radians(degrees))
 
 
-@_only("aiming")
 def change_speed(model: WindowModel, change: float) -> WindowModel:
     """Increases the speed of the shot by `change`, m/s."""
     return _aimed(model, speed=model.aim.speed + change)
 
 
-@_only("aiming")
 def look_at(model: WindowModel, point: Point, arrow: bool = False) -> WindowModel:
     """Aims at a point, m, with the same speed, or with the speed at which the tip of the `arrow` is there."""
     dx, dy = np.subtract(point, model.cue_position).tolist()
@@ -379,41 +369,34 @@ def _level_aim(model: WindowModel, made: Stroke) -> StrokeInput:
     return StrokeInput(math.remainder(heading, math.tau), speed, (tip[0], tip[1]), place=place, call=call)
 
 
-@_only("aiming")
 def set_tip(model: WindowModel, side: float, top: float) -> WindowModel:
     """Sets the offset of the cue's tip, to the left and up, in ball radii, limited to where the tip does not slip."""
-    if not model.has_spin:
-        return model
     share = min(1.0, TIP_SHARE * model.setup.scene.cue.miscue_offset / max(math.hypot(side, top), 1e-9))
     return _aimed(model, tip=(share * side, share * top))
 
 
-def move_tip(model: WindowModel, side: float, top: float) -> WindowModel:
-    """Moves the cue's tip by an offset to the left and up, in ball radii."""
-    return set_tip(model, *np.add(model.aim.tip, (side, top)).tolist())
+def move_tip(model: WindowModel, x: float, y: float) -> WindowModel:
+    """Moves the cue's tip by some steps to the right and up."""
+    return set_tip(model, model.aim.tip[0] - TIP_STEP * x, model.aim.tip[1] + TIP_STEP * y)
 
 
-@_only("aiming")
 def raise_cue(model: WindowModel, degrees: float) -> WindowModel:
     """Increases the elevation of the cue by some degrees."""
-    if not model.has_spin:
-        return model
-    return _aimed(model, elevation=min(max(model.aim.elevation + degrees, 0.0), STEEPEST))
+    return _aimed(model, elevation=model.aim.elevation + degrees)
 
 
-@_only("aiming")
 def level(model: WindowModel) -> WindowModel:
     """Levels the cue and moves its tip to the centre of the ball."""
     return _aimed(model, tip=(0.0, 0.0), elevation=0.0)
 
 
-@_only("aiming")
 def next_kind(model: WindowModel) -> WindowModel:
     """Selects the next kind of call that the player has."""
+    if model.phase != "aiming":
+        return model
     return replace(model, aim=model.aim._replace(call=Call(kind=model.following_kind)))
 
 
-@_only("aiming")
 def next_called(model: WindowModel, name: str) -> WindowModel:
     """Calls the next "ball" that may be called or nominated, or the next "pocket", if the game has such a call."""
     state, call, setup = model.game.state, model.aim.call, model.setup
@@ -421,7 +404,7 @@ def next_called(model: WindowModel, name: str) -> WindowModel:
     if name == "ball":
         nominated = setup.legal(state) if state.colour or state.free_ball else ()
         possible = sorted(setup.callable(state) if state.call_shot else nominated)
-    if call.kind != "shot" or not possible:
+    if model.phase != "aiming" or call.kind != "shot" or not possible:
         return model
     following = next((one for one in possible if one > getattr(model.call, name)), possible[0])
     return replace(model, aim=model.aim._replace(call=call._replace(**{name: following})))
@@ -440,10 +423,10 @@ def go(model: WindowModel) -> WindowModel:
     return _next_turn(model) if model.phase == "replaying" else model
 
 
-@_only("aiming")
 def place(model: WindowModel) -> WindowModel:
     """Takes the cue ball in hand again."""
-    return model if model.aim.place is None else replace(model, phase="placing", preview=None)
+    held = model.phase == "aiming" and model.aim.place is not None
+    return replace(model, phase="placing", preview=None) if held else model
 
 
 def undo(model: WindowModel) -> WindowModel:
@@ -452,7 +435,7 @@ def undo(model: WindowModel) -> WindowModel:
         if model.players[model.games[k].state.player] == HUMAN:
             aim = model.turns[k].aim
             model = _next_turn(replace(model, turns=model.turns[:k], comparison=None))
-            return model if aim.call.kind in NO_SHOT else _aimed(model, **aim._asdict())
+            return model if aim.call.kind in NO_SHOT else _aimed(replace(model, phase="aiming"), **aim._asdict())
     return model
 
 
@@ -489,16 +472,12 @@ def press_arrow(model: WindowModel, x: float, y: float) -> WindowModel:
 
 def pot_at(model: WindowModel, point: Point) -> Pot | None:
     """Returns the pot at a point, m: a ball there into any pocket, or the ball that is aimed at into a pocket there."""
-    scene, positions = model.setup.scene, model.game.positions
-    for number, pocket in enumerate(scene.table.pockets):
-        if math.dist((pocket.x, pocket.y), point) <= REACH * pocket.radius:
-            return None if model.preview is None or model.preview.ball < 0 else Pot(model.preview.ball, number)
-    near = [
-        b
-        for b in members(model.game.state.object_balls)
-        if math.dist(positions[b], point) <= REACH * scene.balls.radius[b]
-    ]
-    return Pot(near[0]) if near and scene.table.pockets else None
+    places, radius, pockets = model.game.positions, model.setup.scene.balls.radius, model.setup.scene.table.pockets
+    holes = [k for k, hole in enumerate(pockets) if math.dist((hole.x, hole.y), point) <= REACH * hole.radius]
+    balls = [b for b in members(model.game.state.object_balls) if math.dist(places[b], point) <= REACH * radius[b]]
+    if holes:
+        return None if model.preview is None or model.preview.ball < 0 else Pot(model.preview.ball, holes[0])
+    return Pot(balls[0]) if balls and pockets else None
 
 
 def stroke_for(model: WindowModel, pot: Pot) -> Stroke | None:

@@ -13,7 +13,7 @@ PAPER, INK, SOFT = "#14181a", "#eceae2", "#9aa3a0"
 """Colours of the window around the table, of its texts and of the hints."""
 
 GROOVE, LEVEL, BUTTON, FAST = "#0a0c0d", "#d9a441", "#2f8163", "#c8452f"
-"""Colours of the controls: an empty scale, a filled scale, the button and the start of the speeds, and their end."""
+"""Colours of the controls: an empty scale, a filled scale, the button and a slow shot, and a fast shot."""
 
 ZOOM = 3
 """Enlargement of the controls before they are reduced."""
@@ -43,10 +43,10 @@ class Panel:
     def __init__(self, row: pygame.Rect, miscue_offset: float) -> None:
         """Prepares the drawing in a row of the frame. The cue slips at an offset of `miscue_offset` ball radii."""
         self.places, self._row = place_controls(row), row
-        self._large = {name: _zoomed(box.move(-row.x, -row.y)) for name, box in self.places.items()}
+        moved = {name: box.move(-row.x, -row.y) for name, box in self.places.items()}
+        self._large = {name: pygame.Rect([ZOOM * side for side in box]) for name, box in moved.items()}
         self._face = _face(self._large["ball"].width // 2, miscue_offset)
-        self._speeds = _speeds(self._large["speed"].size)
-        self._painted: tuple[object, pygame.Surface | None] = None, None
+        self._painted: tuple[object, pygame.Surface] = None, pygame.Surface(row.size)
 
     def at(self, pixel: tuple[int, int]) -> str | None:
         """Returns the name of the control at a pixel, or None."""
@@ -62,74 +62,50 @@ class Panel:
         key = model.phase, model.aim, model.kinds, model.max_speed
         if key != self._painted[0]:
             self._painted = key, self._paint(model)
-        assert self._painted[1] is not None
         frame.blit(self._painted[1], self._row)
 
     def _paint(self, model: WindowModel) -> pygame.Surface:
-        large = pygame.Surface(_zoomed(self._row).size, pygame.SRCALPHA, 32)
+        large = pygame.Surface((ZOOM * self._row.width, ZOOM * self._row.height), pygame.SRCALPHA, 32)
         large.fill((*pygame.Color(PAPER)[:3], 0))  # `smoothscale` darkens what is not transparent
         ball, elevation, speed, button = self._large.values()
         large.blit(self._face, ball)
-        radius, (side, top) = ball.width / 2, model.aim.tip
+        middle = ball.center - ball.width / 2 * pygame.Vector2(model.aim.tip)
         for colour, share in (("#274f7d", 0.19), ("#5a92cc", 0.15)):
-            pygame.draw.circle(
-                large, colour, (ball.centerx - side * radius, ball.centery - top * radius), share * radius
-            )
-
-        filled = round(elevation.height * model.aim.elevation / STEEPEST)
-        for colour, height in ((GROOVE, elevation.height), (LEVEL, filled)):
-            bar = pygame.Rect(elevation.x, elevation.bottom - height, elevation.width, height)
-            pygame.draw.rect(large, colour, bar, border_radius=elevation.width // 2)
-        _draw_knob(large, elevation.centerx, elevation.bottom - filled, 0.62 * elevation.width)
-
-        filled = round(speed.width * model.aim.speed / model.max_speed)
-        pygame.draw.rect(large, GROOVE, speed, border_radius=speed.height // 2)
-        large.blit(self._speeds, speed, (0, 0, filled, speed.height))
-        _draw_knob(large, speed.x + filled, speed.centery, 0.62 * speed.height)
-
+            pygame.draw.circle(large, colour, middle, share * ball.width / 2)
+        _draw_scale(large, elevation, model.aim.elevation / STEEPEST, LEVEL)
+        fast = min(model.aim.speed / model.max_speed, 1.0)  # noise may make a stroke faster
+        colour = pygame.Color(BUTTON).lerp(LEVEL, min(fast / 0.4, 1.0)).lerp(FAST, max((fast - 0.4) / 0.6, 0.0))
+        _draw_scale(large, speed, fast, colour)
         if model.phase in labels.BUTTONS:
             pygame.draw.rect(large, BUTTON, button, border_radius=button.height // 5)
-        image, row = pygame.Surface(self._row.size), self._row
-        image.fill(PAPER)
-        image.blit(pygame.transform.smoothscale(large, row.size), (0, 0))
-        ball, elevation, speed, button = (box.move(-row.x, -row.y) for box in self.places.values())
         if model.phase != "aiming":
-            veil = pygame.Surface((button.x, row.height))
-            veil.fill(PAPER)
-            veil.set_alpha(150)
-            image.blit(veil, (0, 0))
-        x, width = elevation.x + 2.7 * elevation.width, 3 * elevation.width
+            large.fill((255, 255, 255, 105), (0, 0, button.x, large.get_height()), pygame.BLEND_RGBA_MULT)
+        height, x, width = large.get_height(), elevation.x + 2.7 * elevation.width, 3 * elevation.width
         texts = (
             ("cue", (x, elevation.y + 0.2 * elevation.height), SOFT, 0.17, width),
             (f"{model.aim.elevation:.0f}°", (x, elevation.y + 0.8 * elevation.height), INK, 0.17, width),
-            (labels.aim_text(model), (speed.centerx, speed.y - 0.19 * row.height), SOFT, 0.17, speed.width),
+            (labels.aim_text(model), (speed.centerx, speed.y - 0.19 * height), SOFT, 0.17, speed.width),
             (labels.button(model), button.center, INK, 0.3, 0.86 * button.width),
-            (labels.choice(model), (button.centerx, 0.9 * row.height), LEVEL, 0.2, button.width),
+            (labels.choice(model), (button.centerx, 0.9 * height), LEVEL, 0.2, button.width),
         )
-        for text, middle, colour, share, room in texts:
-            write(image, text, max(9, round(share * row.height)), colour, max(1, round(room)), center=middle)
+        for text, place, ink, share, room in texts:
+            write(large, text, round(max(9 * ZOOM, share * height)), ink, round(room), center=place)
+        image = pygame.Surface(self._row.size)
+        image.fill(PAPER)
+        image.blit(pygame.transform.smoothscale(large, self._row.size), (0, 0))
         return image
 
 
-def _zoomed(box: pygame.Rect) -> pygame.Rect:
-    return pygame.Rect([ZOOM * value for value in box])
-
-
-def _draw_knob(surface: pygame.Surface, x: float, y: float, radius: float) -> None:
-    pygame.draw.circle(surface, PAPER, (x, y), 1.2 * radius)
-    pygame.draw.circle(surface, INK, (x, y), radius)
-
-
-def _speeds(size: tuple[int, int]) -> pygame.Surface:
-    """Returns the filled scale of the speeds, from green to red, with round ends."""
-    image, colours = (pygame.Surface(size, pygame.SRCALPHA, 32) for _ in range(2))
-    pygame.draw.rect(image, "white", image.get_rect(), border_radius=size[1] // 2)
-    stops = np.array([pygame.Color(colour)[:3] for colour in (BUTTON, LEVEL, FAST)])
-    for x in range(size[0]):
-        colour = [np.interp(x / size[0], (0.0, 0.4, 1.0), channel) for channel in stops.T]
-        pygame.draw.line(colours, colour, (x, 0), (x, size[1]))
-    image.blit(colours, (0, 0), special_flags=pygame.BLEND_RGBA_MULT)
-    return image
+def _draw_scale(surface: pygame.Surface, box: pygame.Rect, share: float, colour: pygame.Color | str) -> None:
+    """Draws a scale that is filled up to a share of its longer side, from the left or from below, with a knob."""
+    upright, radius = box.height > box.width, min(box.size) / 2
+    filled = round(share * max(box.size))
+    part = (box.x, box.bottom - filled, box.width, filled) if upright else (box.x, box.y, filled, box.height)
+    for area, fill in ((box, GROOVE), (part, colour)):
+        pygame.draw.rect(surface, fill, area, border_radius=round(radius))
+    end = (box.centerx, box.bottom - filled) if upright else (box.x + filled, box.centery)
+    for fill, width in ((PAPER, 1.49), (INK, 1.24)):
+        pygame.draw.circle(surface, fill, end, width * radius)
 
 
 def _face(radius: int, limit: float) -> pygame.Surface:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,6 @@ from billiards_env.drawing.recording import Recording
 from billiards_env.games import GameState, Setup, Stroke, play
 
 Floats = NDArray[np.float64]
-
-CONTACTS = ("ball_ball", "cushion", "pocket")
 
 POINTS = 240
 """Number of points of a path, in addition to its corners."""
@@ -32,42 +30,37 @@ class Preview(NamedTuple):
 
     path: Floats
     ball: int
-    cue: Floats
-    struck: Floats
+    cue: Floats = np.empty((0, 2))
+    struck: Floats = np.empty((0, 2))
     pocket: int = -1
 
 
 def make_preview(setup: Setup, game: GameState, stroke: Stroke) -> Preview:
     """Simulates a shot and returns its start, up to the second contact of the cue ball and of the struck ball."""
-    cue = int(game.state.cue_balls[0])
     recording = play(setup, game, stroke).shot.recording()
-    hits = _contacts(recording, cue, ("ball_ball",))
+    cue, own = recording.cue, contacts(recording, recording.cue)
+    hits = own[own["kind"] == "ball_ball"]
     if len(hits) == 0:
-        end = min(recording.time, float(recording.gone[cue]))
-        return Preview(_path(recording, cue, 0.0, end), -1, np.zeros((0, 2)), np.zeros((0, 2)))
+        return Preview(_path(recording, cue, 0.0, recording.time), -1)
     time, ball = float(hits["time"][0]), int(hits["ball"][0] + hits["other"][0]) - cue
     after = []
     for one in (cue, ball):
-        later = _contacts(recording, one, CONTACTS)["time"]
-        later = later[later > time]
-        after.append(_path(recording, one, time, float(later[0]) if len(later) else recording.time))
-    left, struck = after
-    ways = np.reshape([(pocket.x, pocket.y) for pocket in setup.scene.table.pockets], (-1, 2)) - struck[0]
+        later = contacts(recording, one)["time"]
+        after.append(_path(recording, one, time, min(later[later > time], default=recording.time)))
+    (rest, struck), pockets = after, setup.scene.table.pockets
+    ways = np.reshape([(pocket.x, pocket.y) for pocket in pockets], (-1, 2)) - struck[0]
     cosines = ways @ (struck[1] - struck[0]) / np.hypot(*ways.T)
-    pocket = int(cosines.argmax()) if len(ways) else -1
-    return Preview(_path(recording, cue, 0.0, time), ball, left, struck, pocket)
+    return Preview(_path(recording, cue, 0.0, time), ball, rest, struck, int(cosines.argmax()) if pockets else -1)
 
 
-def _contacts(recording: Recording, ball: int, kinds: tuple[str, ...]) -> NDArray[np.void]:
-    """Returns the events of some kinds in which a ball takes part."""
+def contacts(recording: Recording, ball: int) -> NDArray[Any]:
+    """Returns the events of a shot in which a ball touches a ball, a cushion or a pocket."""
     events = recording.events
     both = (events["ball"] == ball) | ((events["kind"] == "ball_ball") & (events["other"] == ball))
-    return events[both & np.isin(events["kind"], kinds)]
+    return events[both & np.isin(events["kind"], ("ball_ball", "cushion", "pocket"))]
 
 
 def _path(recording: Recording, ball: int, start: float, end: float) -> Floats:
     """Returns the path of a ball between two times, (m, 2) m."""
-    corners = recording.corners(ball)
-    times = np.union1d(np.linspace(start, end, POINTS), corners[(corners > start) & (corners < end)])
-    # At the instant of a pot the later piece is at the pocket's centre.
-    return recording.trajectory.path(ball, times, before=True)
+    times, path = recording.track(ball, np.linspace(start, end, POINTS))
+    return path[(times >= start) & (times <= end)]

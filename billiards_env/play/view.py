@@ -8,7 +8,7 @@ import operator
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from billiards_env.drawing.canvas import RESULT_SHOWN, Canvas, Motion, Surface, circle, draw_shapes, pygame
 from billiards_env.drawing.recording import Floats
@@ -107,7 +107,7 @@ class View:
                 self._draw_cue(model)
                 self._inset = self._draw_inset(model) if model.zoom and model.aimed.ball >= 0 else None
             potted = np.flatnonzero(~is_in(on_table(model.game.state), len(model.game.positions))).tolist()
-            self._draw_bar(labels.status(model), labels.result(model), potted)
+            self.canvas.draw_bar(self._table, labels.status(model), labels.result(model), potted, label="")
         self._frame.blit(self._table, self._place)
         if model.page != "unsaved":
             self.panel.draw(self._frame, model)
@@ -166,16 +166,6 @@ class View:
         pygame.draw.rect(self._table, INK, rect, max(2, side // 120))
         return rect.move(self._place.topleft), self._enlarged[point]
 
-    def _draw_bar(self, left: str, right: str, potted: Sequence[int] | NDArray[np.intp]) -> None:
-        """Draws the bar under the table; a text that is too long for its place beside the tray becomes smaller."""
-        (width, height), frame = self.canvas.size, self._table
-        bar, edge, tray = width // 24, width // 40, pygame.Rect(width * 2 // 3, 0, 0, 0)
-        if self.canvas.scene.table.pockets:
-            tray = self.canvas.draw_tray(frame, width / 2, potted)
-        y, size = height - bar / 2, round(0.55 * bar)
-        write(frame, left, size, INK, tray.left - 2 * edge, midleft=(edge, y))
-        write(frame, right, size, INK, width - 2 * edge - tray.right, midright=(width - edge, y))
-
     def _draw_cue(self, model: WindowModel) -> None:
         """Draws the cue behind the cue ball, drawn back over the speed; a raised cue is shorter."""
         radius, along = model.setup.scene.balls.radius[model.cue], model.aim.along
@@ -198,16 +188,14 @@ class View:
             self._start_paths(model)
         self._motion.draw(self._table, time)
         result = labels.result(model) if time >= model.duration - RESULT_SHOWN else ""
-        self._draw_bar(f"{labels.status(model)}   {time:.2f} s", result, self._motion.potted(time))
+        status = f"{labels.status(model)}   {time:.2f} s"
+        self.canvas.draw_bar(self._table, status, result, self._motion.potted(time), label="")
 
     def _start_paths(self, model: WindowModel) -> None:
         """Draws the table at the start of the shown shots."""
         self._shots = shot, ghost = model.shown_shots
         recording, rings = shot.recording(), None if ghost is None else ghost.recording()
         self._motion = Motion(self.canvas, recording, rings, STEP, model.first_faces)
-        cue = int(model.games[-2].state.cue_balls[0])
-        velocity = np.array(model.strokes[-1].velocity)
-        self.canvas.draw_arrow(self._motion.base, cue, recording.path(cue, [0.0])[0], velocity)
 
     def _draw_rows(self, rows: Sequence[Sequence[str]]) -> None:
         """Draws rows of two texts on a page that covers the table."""

@@ -43,7 +43,12 @@ GRIP = 14
 _OTHER_FOLDERS = (Path.home(), Path(tempfile.gettempdir()))
 """The folders for a game whose file cannot be written."""
 
-_ARROWS = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "up": (0.0, 1.0), "down": (0.0, -1.0)}
+
+def _arrows(action: Callable[..., WindowModel], held: str = "") -> dict[str, tuple[Any, ...]]:
+    """Returns the commands of the four arrow keys with a modifier: an action with the direction on the screen."""
+    ways = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "up": (0.0, 1.0), "down": (0.0, -1.0)}
+    return {held + key: (action, *way) for key, way in ways.items()}
+
 
 KEYS: tuple[tuple[str, str, dict[str, tuple[Any, ...]]], ...] = (
     ("drag from the cue ball", "aim; the arrow's length is the speed", {}),
@@ -57,56 +62,32 @@ KEYS: tuple[tuple[str, str, dict[str, tuple[Any, ...]]], ...] = (
     ("F", "enlarge the object ball; the wheel then turns the aim by 0.01 degrees", {"f": (act.toggle, "zoom")}),
     ("A", "aim to pot the ball under the mouse, or the aimed ball into the pocket under it", {"a": ("find_pot",)}),
     ("Shift A", "aim for the best shot that the planner finds", {"shift a": ("find_plan",)}),
-    (
-        "up, down, wheel",
-        "speed by 0.1 m/s; with shift 0.01",
-        {k: (act.press_arrow, *way) for k, way in _ARROWS.items()},
-    ),
+    ("up, down, wheel", "speed by 0.1 m/s; with shift 0.01", _arrows(act.press_arrow)),
     ("the white ball below", "drag the tip of the cue: english, follow and draw", {}),
-    (
-        "ctrl + arrows",
-        "move the tip of the cue; with shift by less",
-        {f"ctrl {key}": (act.move_tip, -0.05 * x, 0.05 * y) for key, (x, y) in _ARROWS.items()},
-    ),
+    ("ctrl + arrows", "move the tip of the cue; with shift by less", _arrows(act.move_tip, "ctrl ")),
     ("double click on it, C", "level cue at the centre of the ball", {"c": (act.level,)}),
     (
         "page up, page down",
         "raise and lower the cue by 5 degrees; with shift 0.5",
         {"page up": (act.raise_cue, 5.0), "page down": (act.raise_cue, -5.0)},
     ),
-    (
-        "space, the button",
-        "shoot; place the cue ball; continue",
-        dict.fromkeys(("space", "return", "enter"), (act.go,)),
-    ),
+    ("space, the button", "shoot; place the cue ball; continue", {"space": (act.go,)}),
     ("mouse, arrows", "move a cue ball in hand by 1 cm; with shift 1 mm", {}),
     ("P", "move the cue ball in hand again", {"p": (act.place,)}),
-    (
-        "B, K",
-        "call the next ball, the next pocket",
-        {"b": (act.next_called, "ball"), "k": (act.next_called, "pocket")},
-    ),
+    ("B, K", "call the next ball, the next pocket", {"b": (act.next_called, "ball"), "k": (act.next_called, "pocket")}),
     ("X", "the next choice: safety, push out, hand back, replace", {"x": (act.next_kind,)}),
-    ("U or Z", "undo a person's shot; the aim of the shot is kept", dict.fromkeys("uz", (act.undo,))),
-    (
-        "R, G",
-        "replay the last shot; with or without the other engine as rings",
-        {"r": (act.replay,), "g": (act.toggle, "ghost")},
-    ),
-    (
-        "-, +",
-        "show shots slower, faster",
-        {key: (act.change_pace, change) for key, change in PACE_KEYS.items()},
-    ),
+    ("U or Z", "undo a person's shot; the aim of the shot is kept", {"u": (act.undo,)}),
+    ("R, G", "replay the last shot; show or hide the other engine", {"r": (act.replay,), "g": (act.toggle, "ghost")}),
+    ("-, +", "show shots slower, faster", {key: (act.change_pace, change) for key, change in PACE_KEYS.items()}),
     (
         "S, N, Q",
         "save the game; a new game when one is over; quit",
-        {"s": ("answer_save",), "n": ("begin_again",), "q": ("quit",), "escape": ("quit",)},
+        {"s": ("answer_save",), "n": ("begin_again",), "q": ("quit",)},
     ),
     (
         "H, F1",
         "these keys; the rules of the game",
-        {"h": (act.toggle_page, "keys"), **dict.fromkeys(("f1", "?"), (act.toggle_page, "rules"))},
+        {"h": (act.toggle_page, "keys"), "f1": (act.toggle_page, "rules")},
     ),
 )
 """The page of the keys and mouse actions: their names and effects, and the actions of the keys.
@@ -117,6 +98,9 @@ the model or the name of a method of the window, with its arguments. Shift divid
 
 COMMANDS = {key: command for *_, commands in KEYS for key, command in commands.items()}
 """The action of each key."""
+
+for _alias, _key in {"return": "space", "enter": "space", "z": "u", "escape": "q", "?": "f1"}.items():
+    COMMANDS[_alias] = COMMANDS[_key]
 
 _MODIFIERS = {"ctrl": pygame.KMOD_CTRL, "shift": pygame.KMOD_SHIFT}
 
@@ -338,8 +322,8 @@ class GameWindow:
             self._start(find)
 
     def _take_hint(self) -> None:
-        """Aims as the thread has found."""
-        if self._work is not None and self._work.done():
+        """Aims as the thread has found. During a replay the thread may be that of a program, whose turn it is."""
+        if self.model.phase in ("placing", "aiming") and self._work is not None and self._work.done():
             stroke, text = self._work.result()
             self.message, self._work = text if stroke else "no pot found", None
             self.model = act.aim_like(self.model, stroke) if stroke else self.model

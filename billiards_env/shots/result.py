@@ -338,7 +338,7 @@ class ShotResult(Differentiable):
         scene, paths, events = self._recorded(method)
         from billiards_env.drawing.recording import Recording
 
-        return Recording(scene, self.time, self.engine, paths, events)
+        return Recording(scene, self.time, self.engine, paths, events, self.cue)
 
     def _recorded(self, method: str) -> tuple[Scene, Trajectory, NDArray[Any]]:
         if self.trajectory is None or self.events is None or self.scene is None:

@@ -15,7 +15,7 @@ import json, sys
 print(json.dumps(json.loads(sys.stdin.readline())[0]), flush=True)
 for line in sys.stdin:
     shot = json.loads(line)
-    reply = {"seconds": shot["gap"], "finished": True, "positions": shot["positions"]}
+    reply = {"seconds": shot["velocity"][0], "finished": True, "positions": shot["positions"]}
     print(json.dumps(reply if shot["time"] is None else {**reply, "finished": False, "positions": None}), flush=True)
 """
 
@@ -41,29 +41,28 @@ def test_shots_are_repeatable(laws, kind):
         assert all(np.array_equal(a, b) for a, b in zip(shot, again, strict=True))
 
 
-def test_a_worker_runs_shots_in_the_frame_of_the_scene(worker):
+def test_a_worker_runs_shots(worker):
     laws, kind = "friction and spin", "15-ball break"
     scene, (shot,) = comparison.scene_of_kind(laws, kind), comparison.draw_shots(laws, kind, 1)
-    with comparison.pooltool() as (version, runners):
+    with simulators.runner("pooltool", 1e-6) as (version, runner):
         assert version == "pooltool"
-        for gap, runner in zip(comparison.POOLTOOL_GAPS, runners, strict=True):
-            outcome = runner(scene, *shot, None)
-            assert outcome.positions == pytest.approx(shot[0], abs=1e-15)
-            assert (outcome.seconds, outcome.finished) == (gap, True)
-        assert runners[0](scene, *shot, 0.5) == (None, comparison.POOLTOOL_GAPS[0], False)
+        outcome = runner(scene, *shot, None)
+        assert (outcome.positions == shot[0]).all()
+        assert (outcome.seconds, outcome.finished) == (shot[1][0], True)
+        assert runner(scene, *shot, 0.5) == (None, shot[1][0], False)
 
 
 @pytest.mark.skipif(not simulators.installed(), reason="simulators_worker needs .venv-simulators")
 def test_the_worker_runs_a_shot_with_pooltool():
     laws, kind = "friction and spin", "1 object ball"
-    with comparison.pooltool() as (_, runners):
-        ours, theirs = comparison.compare(laws, kind, [comparison.billiards_env(True), runners[0]], 1, 1)
+    with simulators.runner("pooltool", 1e-6) as (_, runner):
+        ours, theirs = comparison.compare(laws, kind, [comparison.billiards_env(True), runner], 1, 1)
     assert ours["median_error_m"] < theirs["median_error_m"] < 1e-3
 
 
 def test_a_failing_worker_is_not_a_measurement(worker):
     worker.write_text("raise SystemExit(1)")
-    with pytest.raises(RuntimeError, match=r"worker\.py ended"), comparison.pooltool():
+    with pytest.raises(RuntimeError, match=r"worker\.py ended"), simulators.runner("pooltool", 1e-6):
         pass
 
 
@@ -89,7 +88,7 @@ def test_pymunk_is_compared(monkeypatch):
     pytest.importorskip("pymunk")
     monkeypatch.setattr(simulators, "PYTHON", sys.executable)
     laws, kind = "elastic disks", "1 object ball"
-    with comparison.pymunk(60) as (_, runner):
+    with simulators.runner("pymunk", 60) as (_, runner):
         ours, theirs = comparison.compare(laws, kind, [comparison.billiards_env(False), runner], 1, 1)
     assert ours["ratio"] == 1.0
     assert theirs["us"] > 0

@@ -11,12 +11,12 @@ pytest.importorskip("pygame")
 from PIL.GifImagePlugin import GifImageFile
 
 from billiards_env.drawing import film
-from billiards_env.drawing.canvas import Canvas, Caption, pixels
+from billiards_env.drawing.canvas import Canvas, pixels
 from tests.helpers.films import read_mp4
 
 
 def drawn(shot, fps, width):
-    return [pixels(f) for f in Canvas(shot.scene, width).film(shot.recording(), fps, Caption(shot.engine))]
+    return [pixels(f) for f in Canvas(shot.scene, width).film(shot.recording(), fps, shot.engine)]
 
 
 def test_mp4(shot, tmp_path):

@@ -23,6 +23,15 @@ def test_a_recording_has_the_times_of_potting(shot):
     assert np.isinf(gone[[0, 1, 4]]).all()
 
 
+def test_the_track_of_a_potted_ball_has_its_corners_and_ends_at_the_edge_of_the_pocket(shot):
+    recording, pocket = shot.recording(), shot.scene.table.pockets[shot.pockets[3]]
+    times, path = recording.track(3, [0.0, 0.3, 99.0])
+    corners = recording.corners(3)
+    assert times.tolist() == sorted({0.0, 0.3, *corners[corners < recording.gone[3]], recording.gone[3]})
+    assert np.hypot(*(path[-1] - [pocket.x, pocket.y])) == pytest.approx(pocket.radius)
+    assert path[:-1] == pytest.approx(recording.path(3, times[:-1]), abs=1e-12)
+
+
 def test_balls_not_in_play_are_gone_from_the_start():
     options = {"in_play": [True, False], "record": True}
     recording = simulate(Scene.named("pool"), [[0.0, 0.0], [9.0, 9.0]], [1.0, 0.2], **options).recording()

@@ -120,7 +120,7 @@ FILMS = {
 
 @pytest.mark.parametrize(("kwargs", "positions", "speeds", "results"), FILMS.values(), ids=FILMS)
 def test_the_frames_are_those_of_the_shots_with_texts(kwargs, positions, speeds, results):
-    from billiards_env.drawing.canvas import Canvas, Caption, pixels
+    from billiards_env.drawing.canvas import Canvas, pixels
 
     both: list[Any] = [make_env(render_mode=mode, max_shots=3, **kwargs) for mode in ("rgb_array_list", "rgb_array")]
     env, single = both
@@ -128,7 +128,7 @@ def test_the_frames_are_those_of_the_shots_with_texts(kwargs, positions, speeds,
 
     def add(shot, *texts):
         circles = [(*goal, 0.2) for goal in env.goals.tolist()]
-        film = canvas.film(shot.recording(), FPS, Caption(*texts), circles=circles)
+        film = canvas.film(shot.recording(), FPS, *texts, circles=circles)
         films.extend(pixels(frame) for frame in film)
         assert np.array_equal(single.render(), films[-1])
 

@@ -18,7 +18,7 @@ from billiards_env import Engine, simulate
 from billiards_env.drawing.canvas import Canvas, pixels
 from billiards_env.drawing.pace import slower
 from billiards_env.games import Stroke, records
-from billiards_env.play.model import change_pace, go, replay, tick, toggle, turn_aim
+from billiards_env.play.model import change_pace, go, replay, shoot, tick, toggle, turn_aim
 from billiards_env.play.panel import place_controls
 from billiards_env.play.view import View, _row
 from billiards_env.play.window import GameWindow
@@ -168,6 +168,17 @@ def test_the_controls_set_the_tip_the_elevation_and_the_speed(shown):
     assert math.hypot(*shown.model.aim.tip) < shown.model.setup.scene.cue.miscue_offset
     click_on(shown, "ball", 1.0, 0.5)  # the second click of a double click
     assert (shown.model.aim.tip, shown.model.aim.elevation) == ((0.0, 0.0), 0.0)
+
+
+def test_a_stroke_that_noise_makes_faster_than_the_fastest_shot_is_shown(make_model):
+    model = make_model(positions=BALLS)
+    view, scales = View(model.setup.scene, 320), []
+    box = view.panel.places["speed"]
+    for speed in (4.0, 8.0, 8.5):
+        frame = pixels(view.draw(shoot(model, Stroke((speed, 0.0)))))
+        scales.append(frame[box.top : box.bottom, box.left : box.right])
+    assert (scales[2] == scales[1]).all()
+    assert (scales[1] != scales[0]).any()
 
 
 def test_keys_set_the_tip_the_elevation_and_the_call(shown, make_model, window):
@@ -439,6 +450,19 @@ def test_the_window_handles_keys_while_a_program_thinks(make_model, window):
     press(shown, pygame.K_SPACE)
     assert (shown.model.phase, shown.model.game.state.player) == ("aiming", 0)
     assert calls == [asked, asked]
+
+
+def test_a_shot_is_replayed_while_a_program_thinks(make_model, window):
+    shown = window(make_model(positions=BALLS, players=("human", "program")), (None, lambda *_: Stroke((0.3, 0.4))))
+    press(shown, pygame.K_LEFT, pygame.K_SPACE, pygame.K_SPACE)
+    press(shown, pygame.K_r)
+    work: Any = shown._work
+    assert work.result(10.0) == Stroke((0.3, 0.4))
+    press(shown)
+    assert (shown.model.phase, len(shown.model.strokes)) == ("replaying", 1)
+    press(shown, pygame.K_SPACE)
+    press(shown)
+    assert (shown.model.phase, len(shown.model.strokes)) == ("rolling", 2)
 
 
 @pytest.mark.parametrize(
