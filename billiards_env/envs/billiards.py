@@ -459,20 +459,24 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         if self._renderer is not None:
             self._renderer.begin([drawn_layout(episodes, 0)])
 
-    def try_actions(self, actions: ArrayLike, states: EpisodeState | None = None) -> Outcomes:
-        """Plays a shot for each action, without noise, and does not change the environment.
+    def try_actions(
+        self, actions: ArrayLike, states: EpisodeState | None = None, noise: np.random.Generator | None = None
+    ) -> Outcomes:
+        """Plays a shot for each action, and does not change the environment.
 
         Args:
             actions: (m, 2), (m, 5) or (m,), as in `step`.
             states: The states to play from, one for each action or one for all, as from `get_state`. None for the
                 present state.
+            noise: The generator from which the execution noise of the environment is drawn; None for no noise. It is
+                not the noise of the next step.
 
         Raises:
             ResetNeeded: If an episode has not begun, or is over.
             TypeError: As in `set_state`.
             ValueError: As in `set_state`, or if the actions have another shape or a number is not finite.
         """
-        return self._trials.play(actions, self.get_state()[None], states, None)
+        return self._trials.play(actions, self.get_state()[None], states, noise, None)
 
     @property
     def episode_scene(self) -> Scene:

@@ -77,6 +77,11 @@ def _hashed(words: Any, factor: int, multiplier: int) -> tuple[Any, int]:
     return words ^ words >> _SHIFT, following
 
 
+def drawn(count: int, rng: np.random.Generator) -> Stream:
+    """Returns (count, 4) uint64 streams with random states and increments. Each increment is odd."""
+    return rng.integers(0, 2**64, (count, 4), np.uint64) | np.array((0, 0, 0, 1), np.uint64)
+
+
 def are_seeded(streams: Stream) -> NDArray[np.bool_]:
     """Returns for streams (..., 4) whether the increment is odd, as that of each seeded one (O'Neill 2014)."""
     return streams[..., 3] % 2 == 1
