@@ -43,7 +43,7 @@ from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, count_hit, end_at, pot
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
-from billiards_env.physics.ball_ball import exchange
+from billiards_env.physics.ball_ball import exchange, restitution_at
 from billiards_env.physics.ball_cushion import reflect, reflect_both
 from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts, empty_scratch
 from billiards_env.physics.elementary import norm
@@ -274,7 +274,7 @@ def _resolve_overlaps(count, now, k, scene, work, shots, log):  # out: work, sho
             work.changed[i] = True
     count = fix_before(fix, count, scene, work)
     if count > 0:
-        exchange(count, contacts, state, scene, work.scratch)
+        exchange(restitution_at(count, contacts, scene), count, contacts, state, scene, work.scratch)
     if fix_after(fix, count, scene, work):
         shots.time[k] = now.hi  # the balls may be at rest already
     for c in range(count):

@@ -148,8 +148,9 @@ class SceneArrays(NamedTuple):
         pockets: (k, 3) float64, see the columns above.
         outline: The `outline_walls.Outline`; None for a rectangle.
         spheres: (n,) float64, the radii of spheres of different size, m; None for disks and for equal balls.
-        ball_friction: True for balls with friction; None for others.
-        cushion: For each of `ball_cushion.LAWS`, (True, None) if the cushions have this law; otherwise (None, True).
+        ball_restitution: The restitution of two balls: a `tables.choice` of `tables.RESTITUTIONS`.
+        ball_friction: Their friction: a choice of `tables.FRICTIONS`; None for balls without friction.
+        cushion: The law of the cushions: a choice of `tables.CUSHION_LAWS`.
 
     Numba compiles the code of a feature only for scenes in which its field is not None: a function with the field as an
     argument begins with `if field is None`.
@@ -164,6 +165,7 @@ class SceneArrays(NamedTuple):
     pockets: Floats
     outline: Any = None
     spheres: Any = None
+    ball_restitution: Any = ()
     ball_friction: Any = None
     cushion: Any = ()
 
