@@ -20,6 +20,7 @@ from billiards_env.derivatives.tangent import rule, tangent_of
 from billiards_env.jit import entry_point, inlined
 from billiards_env.physics.ball_ball import impulse_of, meet
 from billiards_env.physics.ball_cushion import bounce, impact
+from billiards_env.physics.geometry.pockets import outwards_at
 from billiards_env.physics.geometry.walls import curvature_at, normal_at
 from billiards_env.physics.laws.balls import distance_of, normal_impulse
 from billiards_env.physics.laws.cloth import SLIP_RATE, drive, fly, slip_of, spin_after, spin_of
@@ -30,8 +31,6 @@ from billiards_env.physics.state import (
     CLOTH_NUMBERS,
     IDEAL,
     LAW_NUMBERS,
-    POCKET_X,
-    POCKET_Y,
     POTTED,
     REST,
     ROLLING,
@@ -309,7 +308,7 @@ def phase_end_lane(lane, flight, before, after, changing):  # out: lane
 @inlined
 def pocket_lane(lane, ball, pocket):  # out: lane
     """Changes a lane by a pocket. The ball ends at the pocket's centre, wherever it enters."""
-    dx, dy = ball.x - pocket[POCKET_X], ball.y - pocket[POCKET_Y]
+    dx, dy = outwards_at(pocket, ball.x, ball.y)
     speed = dx * ball.vx + dy * ball.vy
     lane[D_TIME] = -(dx * lane[DX] + dy * lane[DY]) / speed if speed != 0.0 else 0.0
     lane[D_PLACE_X] = lane[D_PLACE_Y] = 0.0

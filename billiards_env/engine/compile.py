@@ -184,17 +184,17 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
     for name, laws in (("motion", MOTIONS), ("cushion", CUSHIONS), ("ball_ball", BALL_LAWS)):
         one_of(f"physics.{name}", getattr(p, name), tuple(laws))  # `scene` may have names that have no law
     numbers, law = _numbers(scene, engine, {}), BALL_LAWS[p.ball_ball]
-    pockets = np.array([(q.x, q.y, q.radius) for q in table.pockets]).reshape(-1, 3)
     outline = None
     if table.outline:
-        outline = outline_arrays(table.outline, numbers.half_length, numbers.half_width, pockets.tolist())
+        places = table.pocket_places.tolist()
+        outline = outline_arrays(table.outline, numbers.half_length, numbers.half_width, places)
     radius = np.array(scene.balls.radius)
     sizes = len(set(scene.balls.radius))
     arrays = SceneArrays(
         numbers=numbers,
         radius=radius,
         inv_mass=1.0 / np.array(scene.balls.mass),
-        pockets=pockets,
+        pockets=table.pocket_rows,
         outline=outline,
         spheres=radius if scene.balls.shape == "sphere" and sizes > 1 else None,
         ball_restitution=choice(RESTITUTIONS, law.restitution),

@@ -48,6 +48,7 @@ from billiards_env.physics.ball_cushion import reflect, reflect_both
 from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts, empty_scratch
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
+from billiards_env.physics.geometry.pockets import pocket_at
 from billiards_env.physics.geometry.walls import (
     half_sizes,
     next_overlap,
@@ -62,9 +63,6 @@ from billiards_env.physics.motion import Path, advance, begin_phase, end_phase, 
 from billiards_env.physics.state import (
     IDEAL,
     LASTS,
-    POCKET_RADIUS,
-    POCKET_X,
-    POCKET_Y,
     POTTED,
     ROLLING,
     VX,
@@ -200,18 +198,17 @@ def _end_next_phase(k, scene, work, shots, log):  # out: work, shots, log
 @inlined
 def _test_pockets_of(i, now, k, scene, work, shots, log):  # out: work, shots, log
     """Captures ball i if its centre, in `here`, is inside a pocket at a `Time`. Returns whether it is."""
-    here, pockets = work.here, scene.pockets
-    for q in range(len(pockets)):
-        dx, dy = here[i, X] - pockets[q, POCKET_X], here[i, Y] - pockets[q, POCKET_Y]
-        if dx * dx + dy * dy < pockets[q, POCKET_RADIUS] * pockets[q, POCKET_RADIUS]:
-            advance(work.state, i, now, scene.numbers)
-            pot(k, i, q, work.state, scene, shots)
-            shots.n_events[k] += 1
-            log_event(log, now, BALL_POCKET, i, q, work.state, norm(here[i, VX], here[i, VY]), False)
-            shots.time[k] = now.hi
-            work.changed[i] = True
-            return True
-    return False
+    here = work.here
+    pocket = pocket_at(scene.pockets, here[i, X], here[i, Y], 1.0)
+    if pocket < 0:
+        return False
+    advance(work.state, i, now, scene.numbers)
+    pot(k, i, pocket, work.state, scene, shots)
+    shots.n_events[k] += 1
+    log_event(log, now, BALL_POCKET, i, pocket, work.state, norm(here[i, VX], here[i, VY]), False)
+    shots.time[k] = now.hi
+    work.changed[i] = True
+    return True
 
 
 @inlined

@@ -68,7 +68,7 @@ class Source(NamedTuple):
     @property
     def pockets(self) -> NDArray[np.float64]:
         """(p, 2) the centres of the pockets, m."""
-        return np.array([(pocket.x, pocket.y) for pocket in self.scene.table.pockets]).reshape(-1, 2)
+        return self.scene.table.pocket_places
 
     @property
     def reach(self) -> float:

@@ -491,7 +491,8 @@ def pot_at(model: WindowModel, point: Point) -> Pot | None:
     """Returns the pot at a point, m: a ball there into any pocket, or the ball that is aimed at into a pocket there."""
     scene, positions = model.setup.scene, model.game.positions
     for number, pocket in enumerate(scene.table.pockets):
-        if math.dist((pocket.x, pocket.y), point) <= REACH * pocket.radius:
+        *centre, radius = pocket.circle
+        if math.dist(centre, point) <= REACH * radius:
             return None if model.preview is None or model.preview.ball < 0 else Pot(model.preview.ball, number)
     near = [
         b

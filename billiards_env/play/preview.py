@@ -52,7 +52,7 @@ def make_preview(setup: Setup, game: GameState, stroke: Stroke) -> Preview:
         later = later[later > time]
         after.append(_path(recording, one, time, float(later[0]) if len(later) else recording.time))
     left, struck = after
-    ways = np.reshape([(pocket.x, pocket.y) for pocket in setup.scene.table.pockets], (-1, 2)) - struck[0]
+    ways = setup.scene.table.pocket_places - struck[0]
     cosines = ways @ (struck[1] - struck[0]) / np.hypot(*ways.T)
     pocket = int(cosines.argmax()) if len(ways) else -1
     return Preview(_path(recording, cue, 0.0, time), ball, left, struck, pocket)

@@ -568,7 +568,7 @@ def _room(table: Table, radius: float) -> tuple[float, float] | None:
     """Returns the largest abs(x) and abs(y), m, of the centre of a ball in play; None if there is no room for it."""
     if not table.outline:
         return table.length / 2 - radius, table.width / 2 - radius
-    return extents(table.outline, tuple((p.x, p.y, p.radius) for p in table.pockets), radius)
+    return extents(table.outline, tuple(pocket.circle for pocket in table.pockets), radius)
 
 
 def _range(values: tuple[float, ...]) -> str:
@@ -811,13 +811,11 @@ def check_positions(
             expected = f"|x| <= {x} and |y| <= {y}, inside the cushions"
         raise ValueError(f"{where(at)} is at {array[at].tolist()}: expected {expected}")
     for k, pocket in enumerate(scene.table.pockets):
-        inside = np.hypot(placed[..., 0] - pocket.x, placed[..., 1] - pocket.y) < pocket.radius - CONTACT_GAP
-        bad = np.argwhere(inside & in_play)
+        bad = np.argwhere(pocket.contains(placed, CONTACT_GAP) & in_play)
         if len(bad):
             at = tuple(bad[0])
             raise ValueError(
-                f"{where(at)} is at {array[at].tolist()}: expected a place outside pocket {k}, "
-                f"a circle of radius {pocket.radius} m about ({pocket.x}, {pocket.y})"
+                f"{where(at)} is at {array[at].tolist()}: expected a place outside pocket {k}, {pocket.shape}"
             )
     overlap = _first_overlap(scene.balls, placed, in_play)
     if overlap is not None:
