@@ -30,14 +30,13 @@ from billiards_env.engine.log import (
     phase_ended,
 )
 from billiards_env.engine.overlaps import (
-    PUSH_APART,
     Bounce,
     fix_after,
     fix_after_cushion,
     fix_at_cushion,
     fix_at_rest,
     fix_before,
-    push_along,
+    fix_in_corner,
 )
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, count_hit, end_at, pot
@@ -331,8 +330,7 @@ def _hit_cushions(i, wall, scene, work):  # out: work
         else:
             mx, my = wall_normal(state, i, other, outline)
             other_speed = mx * here[i, VX] + my * here[i, VY]
-            if numbers.fix == PUSH_APART:
-                push_along(i, other, (nx, ny), (mx, my), scene, work)
+            fix_in_corner(numbers.fix, i, other, (nx, ny), (mx, my), scene, work)
             reflect_both(state, i, (nx, ny), (mx, my), (0.0, 0.0), scene)
         here[i, VX], here[i, VY] = state.rows[i, VX], state.rows[i, VY]
     fix_after_cushion(numbers.fix, i, scene, work)
