@@ -89,21 +89,17 @@ def billiards_env(record: bool) -> Runner:
 
 
 @contextlib.contextmanager
-def pymunk(steps: int) -> Iterator[tuple[str, Runner]]:
-    """Yields the version of pymunk, and its runner with a number of timesteps per second."""
-    with simulators.opened("pymunk", steps) as (version, ask):
+def pymunk() -> Iterator[tuple[str, list[Runner]]]:
+    """Yields the version of pymunk, and its runner for each of `PYMUNK_STEPS`."""
 
-        def run_shot(scene: Scene, positions: Floats, velocity: Floats, time: float | None) -> Outcome:
-            end = scene.physics.max_time if time is None else time
-            shot = {
-                "scene": scene.to_dict(),
-                "positions": positions.tolist(),
-                "velocity": velocity.tolist(),
-                "time": end,
-            }
-            return outcome(ask(shot))
+    def run_shot(ask: Any, scene: Scene, positions: Floats, velocity: Floats, time: float | None) -> Outcome:
+        end = scene.physics.max_time if time is None else time
+        shot = {"scene": scene.to_dict(), "positions": positions.tolist(), "velocity": velocity.tolist(), "time": end}
+        return outcome(ask(shot))
 
-        yield version, run_shot
+    with contextlib.ExitStack() as stack:
+        workers = [stack.enter_context(simulators.opened("pymunk", steps)) for steps in PYMUNK_STEPS]
+        yield workers[0][0], [functools.partial(run_shot, ask) for _, ask in workers]
 
 
 def outcome(answer: dict[str, Any]) -> Outcome:
@@ -150,6 +146,31 @@ def pooltool() -> Iterator[tuple[str, list[Runner]]]:
             return theirs._replace(positions=np.column_stack((y - half_x, half_y - x)))
 
         yield version, [functools.partial(run_shot, gap) for gap in POOLTOOL_GAPS]
+
+
+class Simulator(NamedTuple):
+    """Another simulator.
+
+    Attributes:
+        laws: The comparisons that it takes part in, of `LAWS`.
+        methods: The names of its methods.
+        opened: Returns a context with its version and a runner for each method.
+    """
+
+    laws: tuple[str, ...]
+    methods: tuple[str, ...]
+    opened: Callable[[], contextlib.AbstractContextManager[tuple[str, list[Runner]]]]
+
+
+SIMULATORS = {
+    "pooltool": Simulator(
+        ("friction and spin", "throw and jaws"),
+        ("event-driven", *(f"event-driven, gap {1e9 * gap:g} nm" for gap in POOLTOOL_GAPS[1:])),
+        pooltool,
+    ),
+    "pymunk": Simulator(("elastic disks",), tuple(f"timestep 1/{steps} s" for steps in PYMUNK_STEPS), pymunk),
+}
+"""The other simulators, by name. Each has a function in `benchmarks.simulators_worker`."""
 
 
 def nose_height(scene: Scene) -> float:
@@ -203,15 +224,13 @@ def measure(shots: int, passes: int) -> dict[str, Any]:
     }
     with contextlib.ExitStack() as stack:
         if simulators.installed():
-            result["versions"]["pooltool"], runners = stack.enter_context(pooltool())
-            ways = ("event-driven", *(f"event-driven, gap {1e9 * gap:g} nm" for gap in POOLTOOL_GAPS[1:]))
-            for laws in ("friction and spin", "throw and jaws"):
-                compared[laws] += [("pooltool", *way) for way in zip(ways, runners, strict=True)]
-            for steps in PYMUNK_STEPS:
-                result["versions"]["pymunk"], runner = stack.enter_context(pymunk(steps))
-                compared["elastic disks"].append(("pymunk", f"timestep 1/{steps} s", runner))
+            for name, simulator in SIMULATORS.items():
+                result["versions"][name], runners = stack.enter_context(simulator.opened())
+                for laws in simulator.laws:
+                    compared[laws] += [(name, *way) for way in zip(simulator.methods, runners, strict=True)]
         else:
-            print("pooltool and pymunk are left out: there is no .venv-simulators; `make bench` creates it")
+            left_out = " and ".join(SIMULATORS)
+            print(f"{left_out} are left out: there is no .venv-simulators; `make bench` creates it")
         for laws, group in tqdm(compared.items(), unit="comparison"):
             runners = [runner for *_, runner in group]
             columns = {kind: compare(laws, kind, runners, shots, passes) for kind in KINDS}

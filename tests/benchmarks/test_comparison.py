@@ -53,6 +53,14 @@ def test_a_worker_runs_shots_in_the_frame_of_the_scene(worker):
         assert runners[0](scene, *shot, 0.5) == (None, comparison.POOLTOOL_GAPS[0], False)
 
 
+@pytest.mark.parametrize("name", comparison.SIMULATORS)
+def test_a_simulator_has_a_runner_for_each_of_its_methods(worker, name):
+    simulator = comparison.SIMULATORS[name]
+    assert set(simulator.laws) <= set(comparison.LAWS)
+    with simulator.opened() as (version, runners):
+        assert (version, len(runners)) == (name, len(simulator.methods))
+
+
 @pytest.mark.skipif(not simulators.installed(), reason="simulators_worker needs .venv-simulators")
 def test_the_worker_runs_a_shot_with_pooltool():
     laws, kind = "friction and spin", "1 object ball"
@@ -89,7 +97,7 @@ def test_pymunk_is_compared(monkeypatch):
     pytest.importorskip("pymunk")
     monkeypatch.setattr(simulators, "PYTHON", sys.executable)
     laws, kind = "elastic disks", "1 object ball"
-    with comparison.pymunk(60) as (_, runner):
+    with comparison.pymunk() as (_, (runner, _)):
         ours, theirs = comparison.compare(laws, kind, [comparison.billiards_env(False), runner], 1, 1)
     assert ours["ratio"] == 1.0
     assert theirs["us"] > 0
