@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.envs.arguments import Model
-from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
-from billiards_env.envs.goals import ACHIEVED, DESIRED, achieved_writer, write_desired
+from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
+from billiards_env.envs.goal_observations import ACHIEVED, DESIRED, achieved_writer, write_desired
 from billiards_env.envs.tasks import task_of
 from billiards_env.games.game_state import ANYWHERE, BEHIND, PUSH_OUT, REPLACE
 from billiards_env.jit import entry_point, inlined
