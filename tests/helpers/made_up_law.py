@@ -33,7 +33,7 @@ def types_of_scenes():
 
 def results_of(law):
     """Returns facts about shots of three balls with a law."""
-    from billiards_env import simulate
+    from tests.helpers.shots import simulate
 
     scenes = [Scene(Balls.uniform(3), physics=Physics(ball_ball=law, mu_ball=mu)) for mu in (0.0, 0.2)]
     radius, away = scenes[0].balls.radius[0], [0.9, 0.5]
@@ -51,7 +51,7 @@ def results_of(law):
         "full": first_hit(scenes[0], [[-0.3, 0.0], [0.0, 0.0], away]),
         "thin": first_hit(scenes[1], [[-1.6 * radius - 1e-11, 1.2 * radius], [0.0, 0.0], away]),
         "two at once": first_hit(scenes[0], [[-0.3, 0.0], [0.0, gap], [0.0, -gap]]),
-        "derivative": np.asarray(shot.jvp({"velocities": [way, [0.0, 0.0], [0.0, 0.0]]})).tolist(),
+        "derivative": np.asarray(shot.jvp({"velocities": np.vstack((way, np.zeros((2, 2))))})).tolist(),
         "difference": ((ends[0] - ends[1]) / (2 * step)).tolist(),
     }
 
