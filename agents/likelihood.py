@@ -27,7 +27,7 @@ from torch import Tensor, nn
 from agents.config import Config
 from agents.ppo import make_policy, make_vector, training_seed
 from billiards_env.envs import BilliardsVectorEnv
-from billiards_env.envs.goals import ACHIEVED, CONDITION
+from billiards_env.envs.goal_observations import ACHIEVED, CONDITION
 from billiards_env.players.strategies import hits
 from billiards_env.sb3.aim_network import Mixture
 from billiards_env.sb3.aim_policy import AimPolicy

@@ -164,8 +164,7 @@ def allowed(scene: Scene, starts: Floats, shot: Shot) -> tuple[Floats, Bools]:
         inwards = (scene.table.clearance(at + steps) - scene.table.clearance(at - steps)).T / 2e-7
         places[close] += inwards * (radius[ball] - scene.table.clearance(at) + 1e-9)[:, None]
     for pocket in scene.table.pockets:
-        inside = np.hypot(places[..., 0] - pocket.x, places[..., 1] - pocket.y) < pocket.radius
-        invalid |= (inside & shot.in_play).any(axis=1)
+        invalid |= (pocket.contains(places) & shot.in_play).any(axis=1)
     return moved, ~invalid
 
 

@@ -158,7 +158,7 @@ def _draw_path(
         ends = begin + TICK * spin[:, None] * left
         clear = np.ones(len(at), np.bool_)  # not over a pocket: there a tick looks like a mark on the table
         for pocket in shot.scene.table.pockets:
-            clear &= np.hypot(*(ends - (pocket.x, pocket.y)).T) > pocket.radius
+            clear &= ~pocket.contains(ends)
         ticks = list(np.stack((begin, ends), 1)[clear])
         ax.add_collection(LineCollection(ticks, colors=CHALK, linewidths=0.9, zorder=4.1))
 

@@ -16,7 +16,7 @@ from billiards_env.engine import Engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, model_of
 from billiards_env.envs.episodes import Episodes, noise_stream
-from billiards_env.envs.goals import compute_reward
+from billiards_env.envs.goal_observations import compute_reward
 from billiards_env.envs.info import single_info
 from billiards_env.envs.observations import decode, nth
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
@@ -27,7 +27,7 @@ from billiards_env.scene import Scene
 from billiards_env.support.checks import Range, finite, integer, one_of, short
 
 if TYPE_CHECKING:
-    from billiards_env.games.game import GameState, Stroke
+    from billiards_env.games.playing import GameState, Stroke
 
 _ONE = np.ones(1, np.bool_)
 

@@ -231,12 +231,17 @@ def test_bad_numbers_are_rejected(free, message):
         calibrate(SCENE, tracks(), free)
 
 
-def test_the_decay_of_the_friction_between_balls_is_fitted_only_where_it_has_an_effect():
+def test_a_number_is_fitted_only_if_a_law_of_the_scene_reads_it():
     names: Any = import_module("billiards_env.calibration.calibrate")._free_names
     frictional = changed(SCENE, ball_ball="frictional")
     assert "mu_ball_decay" in names(frictional, None)
     assert "mu_ball_decay" not in names(changed(frictional, mu_ball=0.05), None)
     assert "mu_ball_decay" not in names(changed(SCENE, ball_ball="frictionless"), None)
+    variable = changed(SCENE, cushion="han2005_variable", mu_cushion_angle=0.1)
+    assert "mu_cushion_angle" in names(variable, None)
+    assert "mu_cushion_angle" not in names(changed(variable, cushion="han2005"), None)
+    rolling = changed(SCENE, motion="rolling", cushion="restitution", ball_ball="frictionless", e_cushion_loss=0.1)
+    assert names(rolling, None) == ("mu_roll", "e_ball", "e_cushion", "e_cushion_loss")
 
 
 def test_a_law_that_the_numbers_do_not_allow_is_not_compared():

@@ -22,7 +22,7 @@ from benchmarks.reference.stress import measure
 from billiards_env import Engine, simulate, simulate_batch
 from billiards_env.engine.compile import MANY_BALLS
 from billiards_env.engine.runner import LOOK_AFTER
-from billiards_env.physics.ball_cushion import CUSHIONS
+from billiards_env.physics.laws.tables import CUSHIONS
 from billiards_env.scene import Scene, layouts
 from tests.helpers.environments import same
 from tests.helpers.looks import looks

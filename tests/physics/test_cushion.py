@@ -428,7 +428,8 @@ NEW_NAMES = [
 @pytest.mark.parametrize(("names", "physics"), NEW_NAMES)
 def test_a_name_without_a_law_is_an_error(monkeypatch, names, physics):
     """A new cushion once ran as han2005, and a new contact of balls without friction."""
-    monkeypatch.setattr(scenes, names, (*getattr(scenes, names), "new"))
+    known = getattr(scenes, names)
+    monkeypatch.setattr(scenes, names, (*known, "new") if isinstance(known, tuple) else {**known, "new": False})
     scene = Scene(Balls.uniform(1), physics=Physics(**physics))
     with pytest.raises(ValueError, match=rf"physics.{next(iter(physics))} = 'new': expected one of '\w+', "):
         simulate(scene, [[0.0, 0.0]], [1.0, 0.0])
