@@ -138,20 +138,22 @@ def random_hits(envs: BilliardsVectorEnv, policy: AimPolicy, count: int, rng: np
     """Returns (m, count, a) random hits of the object balls, at the speeds of the policy."""
     net = policy.net
     slowest, fastest = float(net.slowest.min()), float((net.slowest + net.faster).max())
-    size = envs.single_action_space.shape[0]
+    size = len(envs.single_env.action_space.low)
     return hits(envs.positions, envs.single_env.scene.balls.radius, count, (slowest, fastest), size, rng)
 
 
 def labels_of(envs: BilliardsVectorEnv, shots: Floats, outcomes: Any, rng: np.random.Generator) -> Labels:
     """Returns the shots (m, k, a) that score, see the module."""
     model, (m, k) = envs.single_env.model, shots.shape[:2]
-    achieved = outcomes.observations[ACHIEVED].reshape(m, k, 3) if model.goal_radius else None
-    met = outcomes.infos["is_success"].reshape(m, k) if achieved is None else achieved[..., CONDITION] > 0
+    achieved, met = np.empty(0), outcomes.infos["is_success"].reshape(m, k)
+    if model.goal_radius:
+        achieved = outcomes.observations[ACHIEVED].reshape(m, k, 3)
+        met = achieved[..., CONDITION] > 0
     rows, which = np.nonzero(met)
     if len(rows) > _MOST_LABELS:
         kept = rng.choice(len(rows), _MOST_LABELS, replace=False)
         rows, which = rows[kept], which[kept]
-    if achieved is None:
+    if not model.goal_radius:
         reached, goals = met.sum(1)[rows], None
     else:
         ends, radius, half = achieved[..., :2], model.goal_radius, np.array(model.scene.half_extents)

@@ -64,7 +64,8 @@ def seeded_all(seeds: NDArray[np.uint64], spawn_key: tuple[int, ...] = ()) -> St
     increment_hi, increment_lo = sequence_hi << _1 | sequence_lo >> _63, sequence_lo << _1 | _1
     lo = state_lo + increment_lo
     hi = state_hi + increment_hi + (lo < state_lo)
-    hi = hi * _MULTIPLIER_LO + lo * _MULTIPLIER_HI + high_product.py_func(lo, _MULTIPLIER_LO)
+    product = getattr(high_product, "py_func", high_product)  # of arrays
+    hi = hi * _MULTIPLIER_LO + lo * _MULTIPLIER_HI + product(lo, _MULTIPLIER_LO)
     lo = lo * _MULTIPLIER_LO + increment_lo
     hi += increment_hi + (lo < increment_lo)
     return np.column_stack((hi, lo, increment_hi, increment_lo))

@@ -91,9 +91,9 @@ class Mixture(NamedTuple):
         """Returns one mixture of the components of all m, whose weights are multiplied by `worth` (m,)."""
         m, k = self.dx.shape
         log_weight = (self.log_weight + worth.clamp(min=_LEAST_WORTH).log()[:, None]).reshape(1, -1).log_softmax(1)
-        parts = (part.reshape(1, m * k) for part in self[1:5])
+        dx, dy, speed, across = (part.reshape(1, m * k) for part in self[1:5])
         tip = self.tip.transpose(0, 1).flatten(1)[None]
-        return Mixture(log_weight, *parts, self.along, tip, *self[7:])
+        return self._replace(log_weight=log_weight, dx=dx, dy=dy, speed=speed, across=across, tip=tip)
 
     def _repeated(self, count: int) -> Mixture:
         """Returns one mixture `count` times."""
@@ -269,7 +269,8 @@ class AimNetwork(nn.Module):
             legal = flags > 0
         allowed = on_table if legal is None else on_table & legal.flatten()
         parts = self.choice(features, chosen), signs, dx, dy, inverse
-        layouts = Layouts(*(part.reshape(m, n, -1) for part in parts), allowed.reshape(m, n))
+        choice, signs, dx, dy, inverse = (part.reshape(m, n, -1) for part in parts)
+        layouts = Layouts(choice, signs, dx, dy, inverse, allowed.reshape(m, n))
         on_table = on_table.reshape(m, n)
         values = self.critic(features, judged).reshape(m, n) * on_table
         return layouts, values.sum(1) / on_table.sum(1).clamp(min=1)
