@@ -45,7 +45,7 @@ def test_whole_shots_give_the_numbers_and_the_instants_of_the_strikes():
 
 def test_the_report_has_the_errors_until_each_contact():
     text = str(calibration())
-    assert "12 shots: rows until contact  within 5 mm" in text
+    assert "10 shots: rows until contact  within 5 mm" in text
     assert "2 shots that were not fitted: rows until contact" in text
     assert set(calibration().judged.to_dict()) == {
         *("rows_5mm_contact2", "rows_5mm_contact3", "rows_10mm_contact3", "median_mm_contact3", "median_mm_contact4"),
@@ -64,7 +64,7 @@ def test_ranges_and_noise_for_training():
 def test_contacts_are_found_without_a_model():
     seen = [find_contacts(SCENE, with_rest(track)[0]) for track in whole_tracks()]
     assert sum(len(contacts) for contacts in seen) > 60
-    assert sum(any(one.other == 1 for one in contacts if one.ball == 0) for contacts in seen) >= 11  # a thin hit
+    assert sum(any(one.other == 1 for one in contacts if one.ball == 0) for contacts in seen) >= 9  # a thin hit
     rebounds = [one for contacts in seen for one in contacts if one.other == CUSHION]
     reach = np.array([1.42, 0.71]) - SCENE.balls.radius[0]
     off = [abs(abs(one.place[one.body // 2]) - reach[one.body // 2]) for one in rebounds]
@@ -134,14 +134,14 @@ def test_times_of_lost_frames_are_corrected():
     lost[2] = without_frame(lost[2], 1.6)
     cleaned, said = clean(lost)
     assert said == [
-        "frames were lost in 12 of 12 shots, 13 times in all, between 0.89 and 1.59 s: the later times are corrected"
+        "frames were lost in 10 of 10 shots, 11 times in all, between 0.89 and 1.59 s: the later times are corrected"
     ]
     for track, before, after in zip(tracks, lost, cleaned, strict=True):
         true = track.times[(np.abs(track.times - 0.9) > 0.01)]
         true = true[np.abs(true - 1.62) > 0.01] if track is tracks[2] else true
         assert len(true) == len(before.times)
         assert np.mean(np.abs(after.times - true) < 1e-9) > 0.98  # rows in the same step are ambiguous
-    assert any("frames were lost" in text for text in calibrate(SCENE, lost[:4], ["mu_roll"], contacts=2).warnings)
+    assert any("frames were lost" in text for text in calibrate(SCENE, lost[1:3], ["mu_roll"], contacts=2).warnings)
 
 
 def test_a_jump_of_one_ball_is_no_lost_frame():
@@ -219,6 +219,7 @@ def test_a_fit_goes_on_after_an_interrupt(tmp_path, monkeypatch):
     module = import_module("billiards_env.calibration.calibrate")
     for name in ("_FEWEST", "_EACH"):
         monkeypatch.setattr(module, name, 3)  # the last of three shots is held back in the first fit
+    monkeypatch.setattr(module, "judge", lambda scene, shots: None)
     state, texts, three_tracks = tmp_path / "state.json", [], whole_tracks()[:3]
     both = ("mu_slide", "e_cushion")
 
@@ -265,7 +266,7 @@ def test_numbers_that_are_not_determined_or_end_at_a_bound_are_kept(monkeypatch)
 def test_there_are_no_numbers_if_few_rows_fit(monkeypatch):
     monkeypatch.setattr(stages, "_FAR", 0.01)
     monkeypatch.setattr(stages, "_LEAST", 0.0)
-    result = calibrate(OFF, whole_tracks()[:3], ("mu_slide",), contacts=2)
+    result = calibrate(OFF, whole_tracks()[:2], ("mu_slide",), contacts=2)
     assert result.values == {}
     assert result.scene == OFF
     assert "warning: only " in str(result)

@@ -405,8 +405,8 @@ def test_each_cushion_of_a_scene_has_its_own_law():
     ends = {}
     for name in scenes.CUSHION_NAMES:
         # With this friction and table other tests compile the same engines.
-        rubs = name in ("stronge", "mathavan2010")
-        friction, table = ("frictional", with_corners(Table())) if rubs else ("frictionless", Table())
+        friction = "frictionless" if name in ("restitution", "han2005") else "frictional"
+        table = with_corners(Table()) if name in ("stronge", "mathavan2010") else Table()
         scene = Scene(
             Balls.uniform(3),
             table,
