@@ -1,6 +1,5 @@
 """Whole tracks, as tracking programs write them: what a calibration cuts, finds, refuses and says."""
 
-import dataclasses
 import functools
 import json
 from importlib import import_module
@@ -20,11 +19,7 @@ from tests.helpers.tracks import FRAME, LATE, SCENE, raw_tracks, whole_tracks
 TRUTH = {name: getattr(SCENE.physics, name) for name in ("mu_slide", "mu_roll", "e_ball", "e_cushion", "mu_cushion")}
 
 
-def changed(**numbers):
-    return dataclasses.replace(SCENE, physics=dataclasses.replace(SCENE.physics, **numbers))
-
-
-OFF = changed(mu_slide=0.22, mu_roll=0.011, e_ball=0.93, e_cushion=0.82, mu_cushion=0.22)
+OFF = fit.with_physics(SCENE, mu_slide=0.22, mu_roll=0.011, e_ball=0.93, e_cushion=0.82, mu_cushion=0.22)
 
 
 @functools.cache
@@ -59,9 +54,12 @@ def test_ranges_and_noise_for_training():
     noise = calibration().noise(calibration().velocities * 1.02)
     assert noise["angle_std"] == pytest.approx(0.0, abs=1e-9)
     assert 0.0 < noise["speed_std"] < 0.1
+    turned = calibration().velocities @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    assert calibration().noise(turned) == pytest.approx({"angle_std": 0.0, "speed_std": 0.0}, abs=1e-9)
 
 
-def test_contacts_are_found_without_a_model():
+def test_contacts_and_noise_are_found_without_a_model():
+    assert noise_of(whole_tracks()) == pytest.approx(0.0005, rel=0.3)
     seen = [find_contacts(SCENE, with_rest(track)[0]) for track in whole_tracks()]
     assert sum(len(contacts) for contacts in seen) > 60
     assert sum(any(one.other == 1 for one in contacts if one.ball == 0) for contacts in seen) >= 9  # a thin hit
@@ -167,10 +165,6 @@ def test_a_common_loss_belongs_to_the_tracks_around_it():
     assert all(one.time > 99.0 for one in found[1])
 
 
-def test_the_noise_is_estimated():
-    assert noise_of(whole_tracks()) == pytest.approx(0.0005, rel=0.3)
-
-
 def test_a_ball_without_rows_rests_where_it_was():
     track = Track("", np.array([0.0, 0.02, 0.04, 0.0, 0.52, 0.54]), np.array([0, 0, 0, 1, 1, 1]), np.zeros((6, 2)))
     track.positions[3:, 0] = 0.5, 0.52, 0.56
@@ -258,7 +252,7 @@ def test_numbers_that_are_not_determined_or_end_at_a_bound_are_kept(monkeypatch)
     assert result.kept == {"mu_ball_factor": "the rows do not determine it"}
     assert "mu_ball_factor  1" in str(result)
     monkeypatch.setitem(RANGES, "restitution", Range(0.0, 0.9))  # e_ball is 0.95
-    result = calibrate(changed(e_ball=0.85), whole_tracks()[:3], ("mu_slide", "e_ball"), contacts=2)
+    result = calibrate(fit.with_physics(SCENE, e_ball=0.85), whole_tracks()[:3], ("mu_slide", "e_ball"), contacts=2)
     assert result.kept == {"e_ball": "it ends at the bound of its range"}
     assert result.scene.physics.e_ball == 0.85
 
