@@ -5,7 +5,7 @@ import json
 import numpy as np
 
 from benchmarks import real_tracks
-from billiards_env.calibration import calibrate, write_tracks
+from billiards_env.calibration import calibrate, starts, write_tracks
 from tests.helpers.tracks import FRAME, SCENE, raw_tracks
 
 
@@ -21,6 +21,7 @@ def test_figures_are_printed_and_written(tmp_path, monkeypatch, capsys):
 
     monkeypatch.setattr(real_tracks, "fit", fit)
     monkeypatch.setattr(real_tracks, "PARTS", 3)
+    monkeypatch.setattr(starts, "SIDES", (0.02,))
     for judge in ([], ["--judge", str(source)]):
         real_tracks.main([str(source), *judge, "--scene", "carom", "--output", str(path)])
         written = json.loads(path.read_text())

@@ -7,7 +7,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from billiards_env.calibration import Frame, Track, calibrate, fit, stages
+from billiards_env.calibration import Frame, Track, calibrate, fit, stages, starts
 from billiards_env.calibration.cleaning import clean, drop_clipped, lost_frames, noise_of
 from billiards_env.calibration.contacts import CUSHION, find_contacts
 from billiards_env.calibration.frame import fit_frame
@@ -20,6 +20,13 @@ TRUTH = {name: getattr(SCENE.physics, name) for name in ("mu_slide", "mu_roll", 
 
 
 OFF = fit.with_physics(SCENE, mu_slide=0.22, mu_roll=0.011, e_ball=0.93, e_cushion=0.82, mu_cushion=0.22)
+
+
+@pytest.fixture(autouse=True)
+def few_guesses(monkeypatch):
+    """Fits from two spins of the cue ball in place of twenty, which `test_calibration.py` has."""
+    monkeypatch.setattr(starts, "SIDES", (-0.35, 0.35))
+    monkeypatch.setattr(starts, "ROLLS", (0.7,))
 
 
 @functools.cache
