@@ -28,7 +28,7 @@ VARIANTS: list[dict[str, Any]] = [
     {"scene": "snooker", "layout": "snooker", "max_shots": 2},
     {"scene": "ideal", "task": "carom", "n_object_balls": 5, "layout": "random", "max_shots": 2},
     {"scene": "carom", "task": "carom", "layout": "carom_opening", **LONG},
-    {"scene": "real_carom", "task": "three_cushion"},
+    {"scene": "real_carom", "task": "place"},  # the engine for two balls
     {"scene": "match_carom", "task": "three_cushion", "layout": "random", "max_shots": 2},
     {"task": "clear", "n_object_balls": 10, "layout": "ten_ball", "max_shots": 2},
     {"scene": "pooltool_carom", "task": "three_cushion", **LONG},
