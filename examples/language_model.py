@@ -7,6 +7,7 @@ place. The actions are plans: an answer names a ball, a pocket and a speed, and 
 import argparse
 import re
 from collections.abc import Callable
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -49,7 +50,7 @@ def describe(env, summary: str, shots_left: int) -> str:
     lines += [line(f"pocket {name}", p.x, p.y) for name, p in zip(POCKETS, table.pockets, strict=True)]
     for ball in np.flatnonzero(~env.potted).tolist():
         note = "" if ball == 0 else ", legal" if ball in legal else ", not legal"
-        lines.append(line(f"ball {ball}" if ball else "cue ball", *env.positions[ball], note))
+        lines.append(line(f"ball {ball}" if ball else "cue ball", *env.positions[ball].tolist(), note=note))
     lines.append("The cue ball may touch legal balls first. If the pot is not possible, it hits the nearest one full.")
     return "\n".join([*lines, f"Speed 1 is the slowest, and 5 the fastest. Answer with one line such as: {FORM}"])
 
@@ -87,32 +88,31 @@ def choose(model: Callable[[str], str], text: str, legal: list[int]) -> int:
     return parse(f"{legal[0]} 1 1", legal)
 
 
-def run(
-    task: str, episodes: int, model: Callable[[str], str] = respond, players: tuple[str, ...] = ()
-) -> dict[str, float]:
-    """Prints and returns the mean score of the model and of players on the same layouts."""
-    frozen, env, scores = FROZEN[task], gym.make(f"Billiards/{task}", action="plan"), {}
+def run(task: str, episodes: int, model: Callable[[str], str] = respond, players: tuple[str, ...] = ()):
+    """Prints and returns the mean scores of the model and of players on the same layouts, by name."""
+    frozen, scores = FROZEN[task], {}
+    env: Any = gym.make(f"Billiards/{task}", action="plan").unwrapped
+
+    def act(observation) -> Any:
+        text = describe(env, frozen.summary, int(env.get_state()["shots_left"]))
+        return choose(model, text, legal_balls(env))
+
+    def results():
+        yield "text model", play_episodes(env, act, evaluation_seeds(0, episodes))
+        for name in players:
+            yield name, measure(name, frozen.arguments, frozen.execution_noise, episodes, 0)
+
     show = row_printer(("text model", *players))
-
-    def act(observation) -> int:
-        legal, left = legal_balls(env.unwrapped), env.unwrapped.get_state()["shots_left"]
-        return choose(model, describe(env.unwrapped, frozen.summary, int(left)), legal)
-
-    results = {"text model": lambda: play_episodes(env, act, evaluation_seeds(0, episodes))}
-    noise = frozen.execution_noise
-    results |= {name: lambda name=name: measure(name, frozen.arguments, noise, episodes, 0) for name in players}
-    for name, measured in results.items():
-        result = measured()
+    for name, result in results():
         show(name, result)
         scores[name] = result["mean_score"]
     return scores
 
 
 if __name__ == "__main__":
-    tasks = [
-        name for name, one in FROZEN.items() if one.arguments["task"] in ("pot", "clear", "nine_ball", "eight_ball")
-    ]
+    kinds = ("pot", "clear", "nine_ball", "eight_ball")
     parser = argparse.ArgumentParser(description="Compares a function from text to text with other players.")
+    tasks = [name for name, frozen in FROZEN.items() if frozen.arguments["task"] in kinds]
     parser.add_argument("--task", choices=tasks, default="Pot3-v0")
     parser.add_argument("--episodes", type=int, default=20)
     options = parser.parse_args()
