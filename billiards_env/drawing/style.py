@@ -28,6 +28,9 @@ RAIL, RAIL_EDGE, POCKET_RIM, POCKET = "#5a3a22", "#3b2413", "#28180d", "#0c0c0c"
 MARKING = "#84b8a2"
 PAPER, INK, CHALK, GREY = "#ffffff", "#1a1a1a", "#ffffff", "#6b6b6b"
 
+TEXT = "#808080"
+"""The colour of text and lines outside the table: a grey with the same contrast to white and to a dark page."""
+
 ARROW, ARROW_START = 0.09, 1.4
 """Length of an arrow over the speed, s; distance of its start from the ball's centre over the radius."""
 
