@@ -8,8 +8,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 
 from billiards_env.envs import make_env, make_vector_env
-from tests.envs.test_snapshots import kinds
-from tests.helpers.environments import VARIED, same
+from tests.helpers.environments import VARIED, kinds, same
 from tests.helpers.errors import refusals
 
 
