@@ -355,7 +355,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     Rendering needs pygame (extra `render`). With a render mode each step also records its shot for drawing. Frames are
     drawn to scale. `"human"` and `"rgb_array_list"` have 30 frames for each second of a shot.
 
-    - `"human"`: a window shows each shot in real time during `step`.
+    - `"human"`: a window shows each shot in real time during `step`. Without a display it is drawn off screen.
     - `"rgb_array"`: `render()` returns one frame, the end of the last shot with the paths of the balls.
     - `"rgb_array_list"`: `render()` returns all frames since its last call or since the reset: one of the starting
       state, and those of each shot.
