@@ -93,6 +93,13 @@ class Model(NamedTuple):
     can_place: bool = False
 
     @property
+    def summary(self) -> str:
+        """The task, the scene, the balls and the engine in one line, for the `repr` of an environment."""
+        table = self.scene.table
+        size = f"table {table.length:g} x {table.width:g} m, {len(table.pockets)} pockets"
+        return f"task {self.task!r}, {size}, {self.scene.n_balls} balls, {self.engine}"
+
+    @property
     def n_players(self) -> int:
         """The number of players."""
         return 1 if self.setup is None else self.setup.n_players

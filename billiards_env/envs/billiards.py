@@ -413,6 +413,9 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         self._first_rows = self._episodes.starts._replace(numbers={})
         self._shared = {*vars(self), "_np_random", "_shared", "_spec"} - {"_episodes", "_renderer", "_trials", *SPACES}
 
+    def __repr__(self) -> str:
+        return f"BilliardsEnv({self.model.summary})"
+
     def __deepcopy__(self, memo: dict[int, Any]) -> BilliardsEnv:
         """Returns a copy that continues with the same bits. It shares what does not change, such as the scene."""
         self._write_stream()
