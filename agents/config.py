@@ -29,6 +29,8 @@ LEARNING = Path(__file__).resolve().parent.parent / "configs" / "learning.yaml"
 AIM_POLICY: dict[str, Any] = {"arguments": {}}
 USUAL_POLICY: dict[str, Any] = {"hidden": [64, 64], "activation": "tanh"}
 
+LEARNERS = ("ppo", "likelihood")
+
 _PPO = (
     *("learning_rate", "n_steps", "batch_size", "n_epochs", "gamma", "gae_lambda", "clip_range", "clip_range_vf"),
     *("normalize_advantage", "ent_coef", "vf_coef", "max_grad_norm", "target_kl"),
@@ -37,6 +39,9 @@ _POLICY = {"aim": ("head", "arguments"), "gaussian": ("head", "hidden", "activat
 _COUNTS = ("n_steps", "batch_size", "n_epochs")
 _SHARES = ("learning_rate", "gamma", "gae_lambda")
 _OPTIONAL = ("clip_range_vf", "target_kl")  # None: no limit
+
+LIKELIHOOD = {"layouts": 256, "hits": 24, "own": 16, "learning_rate": [2e-3, 2e-5]}
+"""The defaults of `Config.likelihood`."""
 
 AIM_PPO = {**{name: PPO_SETTINGS[name] for name in PPO_SETTINGS if name in _PPO}, "learning_rate": [2e-3, 2e-5]}
 """`PPO_SETTINGS` as plain data."""
@@ -66,6 +71,9 @@ class Config:
             the usual policy of Stable-Baselines3, with `hidden` and `activation`.
         ppo: Arguments of `stable_baselines3.PPO`. A pair of learning rates has the rate of the start and of the end.
             For "aim" they replace those in `billiards_env.sb3.PPO_SETTINGS`.
+        learner: "ppo", or "likelihood" for `agents.likelihood`, which learns tasks of one shot with the policy "aim".
+        likelihood: For this learner, `layouts`, the number of layouts of an update, `hits` and `own`, the numbers of
+            random hits and of actions of the policy in each layout, and `learning_rate`, a pair as in `ppo`.
 
     Raises:
         ValueError: If a key is unknown or a value is invalid.
@@ -84,6 +92,8 @@ class Config:
     evaluation_episodes: int = 2000
     policy: dict[str, Any] = dataclasses.field(default_factory=dict)
     ppo: dict[str, Any] = dataclasses.field(default_factory=dict)
+    learner: str = "ppo"
+    likelihood: dict[str, Any] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         least = {"timesteps": 0, "seed": 0, "n_envs": 1, "checkpoint_every": 1, "evaluation_episodes": 1}
@@ -95,7 +105,8 @@ class Config:
         noise: Any = self.noise
         if noise == "task":
             noise = {} if task is not None and task.noise else None
-        mappings = {"env": self.env, "policy": self.policy, "ppo": self.ppo, "noise": {} if noise is None else noise}
+        mappings = {name: getattr(self, name) for name in ("env", "policy", "ppo", "likelihood")}
+        mappings["noise"] = {} if noise is None else noise
         for name, value in mappings.items():
             if not isinstance(value, Mapping):
                 raise ValueError(f"{name} = {short(value)}: expected a mapping")
@@ -112,7 +123,9 @@ class Config:
         for name in self.ppo:
             one_of("key of ppo", name, _PPO)
         self._set("ppo", {**ppo, **_numbers(self.ppo)})
+        one_of("learner", self.learner, LEARNERS)
         self._check_ppo()
+        self._check_likelihood()
         if self.curriculum is not None:
             self._set("curriculum", _curriculum(self.curriculum, self.env["goal_radius"]))
 
@@ -129,6 +142,25 @@ class Config:
         rollout, batch = self.n_envs * ppo.get("n_steps", 2048), ppo.get("batch_size", 64)
         if rollout % min(batch, rollout):
             raise ValueError(f"ppo.batch_size = {batch}: expected a divisor of n_envs * ppo.n_steps = {rollout}")
+
+    def _check_likelihood(self) -> None:
+        known = LIKELIHOOD if self.learner == "likelihood" else {}
+        for name in self.likelihood:
+            one_of(f"key of likelihood (learner = {self.learner!r})", name, tuple(known))
+        if not known:
+            return
+        if self.policy["head"] != "aim" or self.env["max_shots"] != 1 or self.curriculum:
+            raise ValueError(
+                "learner = 'likelihood': expected the policy 'aim', a task with max_shots = 1, and no curriculum"
+            )
+        settings = {**known, **_numbers(self.likelihood)}
+        for name in ("layouts", "hits", "own"):
+            settings[name] = integer(f"likelihood.{name}", _as_integer(settings[name]), Range(1, 1_000_000))
+        if not _is_pair(rates := settings["learning_rate"]):
+            raise ValueError(f"likelihood.learning_rate = {short(rates)}: expected a pair of rates")
+        for rate in rates:
+            real("likelihood.learning_rate", rate, Range(0.0, 1.0))
+        self._set("likelihood", settings)
 
     def goal_radius(self, timesteps: int) -> float | None:
         """Returns the radius of the goals after `timesteps` steps of the training, m; None without goals."""

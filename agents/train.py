@@ -36,6 +36,7 @@ from stable_baselines3.common.utils import safe_mean
 
 import billiards_env
 from agents.config import Config, load
+from agents.likelihood import Learner
 from agents.ppo import deterministic, make_policy, make_ppo, make_vec_env, make_vector, restart
 from billiards_env.bench.evaluation import evaluation_seeds, play_together
 from billiards_env.sb3.weights import load_weights, save_policy, whole_archive
@@ -108,7 +109,35 @@ def train(config: Config, run_dir: Path) -> None:
     if (run_dir / "policy.pt").exists():
         print(f"{run_dir} is trained already ({config.timesteps:,} shots); --fresh starts again")
         return
-    with locked(run_dir), one_fast_thread(), closing(make_vec_env(config)) as envs:
+    with locked(run_dir), one_fast_thread():
+        (_learn if config.learner == "likelihood" else _train_ppo)(config, run_dir)
+
+
+def _learn(config: Config, run_dir: Path) -> None:
+    """Trains by likelihood. Each checkpoint seeds the generators, so a resumed run ends with the same weights."""
+    learner = Learner(config)
+    if (checkpoint := newest_checkpoint(run_dir)) is not None:
+        learner.load(checkpoint)
+    elif config.start_from is not None:
+        start_from(learner.policy, config.start_from)
+    print(f"{run_dir}: {learner.shots:,} of {config.timesteps:,} shots")
+    learner.restart()
+    rate = 0.0
+    with closing(LearningCurve(config, run_dir, learner.shots)) as curve:
+        while True:
+            curve.measure(learner.policy, learner.shots, rate)
+            if learner.shots >= config.timesteps:
+                break
+            goal = (learner.shots // config.checkpoint_every + 1) * config.checkpoint_every
+            while learner.shots < min(goal, config.timesteps):
+                rate = learner.update()
+            learner.save(run_dir / "checkpoints" / f"{learner.shots:09d}.zip")
+            learner.restart()
+    save_policy(learner.policy, run_dir / "policy.pt")
+
+
+def _train_ppo(config: Config, run_dir: Path) -> None:
+    with closing(make_vec_env(config)) as envs:
         model = make_ppo(config, envs)
         model.set_logger(configure(str(run_dir / "tensorboard"), ["tensorboard"]))
         if (checkpoint := newest_checkpoint(run_dir)) is not None:

@@ -366,7 +366,7 @@ def calibrate(args: argparse.Namespace) -> None:
 def replay(args: argparse.Namespace) -> None:
     """Runs the command `replay`."""
     from billiards_env.games import records, to_dict
-    from billiards_env.games.game import replay as shots_of
+    from billiards_env.games.playing import replay as shots_of
 
     _check_out(args.out, without=".json")
     record = records.load(args.file)

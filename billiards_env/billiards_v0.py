@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.arguments import Model, model_of
-from billiards_env.games.game import GameState, History, Stroke
+from billiards_env.games.playing import GameState, History, Stroke
 from billiards_env.support.checks import missing
 
 try:

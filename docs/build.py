@@ -16,6 +16,7 @@ from matplotlib.mathtext import MathTextParser
 from mkdocs.structure.files import File
 
 from billiards_env.bench.frozen import FROZEN, NAMESPACE
+from billiards_env.drawing.style import TEXT
 from studies import live_shot
 from studies.frozen_tasks import page as task_page
 
@@ -110,4 +111,4 @@ def _svg(figure: Figure, **options: Any) -> str:
     file = io.StringIO()
     figure.savefig(file, format="svg", transparent=True, **options)
     text = file.getvalue()
-    return text[text.index("<svg") :].replace("#000000", "currentcolor")  # black text has the colour of the page's text
+    return text[text.index("<svg") :].replace(TEXT, "currentcolor")  # the colour of the page's text

@@ -58,7 +58,7 @@ def search(env: Any, simulations: int, rng: np.random.Generator) -> Any:
 def _shots(env: Any, rng: np.random.Generator) -> Any:
     """Returns shots that send legal balls towards pockets, at random speeds and with random errors."""
     balls, radius = rng.choice(np.flatnonzero(env.legal_balls & ~env.potted), WIDTH), env.scene.balls.radius[0]
-    targets, pockets = env.positions[balls], np.array([(p.x, p.y) for p in env.scene.table.pockets])
+    targets, pockets = env.positions[balls], env.scene.table.pocket_places
     line = targets - rng.choice(pockets, WIDTH)
     ghosts = targets + 2 * radius * line / np.linalg.norm(line, axis=1, keepdims=True)  # the cue ball at the impact
     way = ghosts + rng.normal(0.0, 0.1 * radius, (WIDTH, 2)) - env.positions[0]

@@ -246,7 +246,7 @@ def main(arguments: list[str] | None = None) -> None:
     scene = Scene.named("pool", 4)
     shot = random_shot(scene, **SHOT)
     title = f"One action, one shot: {shot.n_events} events in {shot.time:.1f} s. Ball 2 pots ball 3 and is then potted"
-    with rc_context(dict.fromkeys(("text.color", "xtick.color", "axes.edgecolor"), GREY)):
+    with rc_context({"text.color": GREY}):
         save(picture(shot, title), args.folder / "shot.png")
         save(tables(), args.folder / "tables.png")
     save(masse(), args.folder / "masse.png")

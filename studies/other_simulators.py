@@ -119,8 +119,7 @@ def play_in_pooltool(run: simulators.Runner, scene: Scene, positions: Floats, ve
 
 def gaps_of(scene: Scene, places: Floats) -> Floats:
     """Returns the distances (m, pockets) of places (m, 2) from the circles of the pockets, m; negative inside."""
-    pockets = np.array([(pocket.x, pocket.y, pocket.radius) for pocket in scene.table.pockets])
-    return np.linalg.norm(places[:, None] - pockets[:, :2], axis=2) - pockets[:, 2]
+    return np.stack([pocket.distance(places) for pocket in scene.table.pockets], axis=1)
 
 
 @contextlib.contextmanager

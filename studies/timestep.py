@@ -161,7 +161,7 @@ def direct_pots(
         world: The engine, an entry of `WORLDS`.
     """
     shots = simulate_batch(scene, positions, max_speed * actions, threads=1, engine=Engine(**world))
-    places = np.array([(pocket.x, pocket.y) for pocket in scene.table.pockets])
+    places = scene.table.pocket_places
     pockets = np.linalg.norm(shots.positions[:, 1, None] - places, axis=2).argmin(1)
     direct = (shots.cushions_before_hit[:, 1] == 0) & (shots.cushions[:, 1] == 0)
     return direct & shots.potted[:, 1] & ~shots.potted[:, 0], pockets
@@ -200,7 +200,7 @@ def aims(
     speed = max_speed * np.linalg.norm(actions, axis=1)
     line = max_speed * actions / np.maximum(speed, 1e-9)[:, None]
     touching = 2.0 * scene.balls.radius[0]
-    to_pocket = np.array([(pocket.x, pocket.y) for pocket in scene.table.pockets])[pockets] - ball
+    to_pocket = scene.table.pocket_places[pockets] - ball
     to_pocket /= np.linalg.norm(to_pocket, axis=1, keepdims=True)
     to_ghost = ball - touching * to_pocket - cue_ball
     to_ghost /= np.linalg.norm(to_ghost, axis=1, keepdims=True)

@@ -218,8 +218,8 @@ def algorithm_config(config: Config, runners: int) -> PPOConfig:
         ValueError: If the environments cannot be shared, or the policy is not `AimPolicy`.
     """
     ppo, players = config.ppo, max(runners, 1)
-    if (unsupported := (config.policy["head"], config.start_from)) != ("aim", None):
-        raise ValueError(f"policy.head, start_from = {unsupported}: expected 'aim' and None with RLlib")
+    if (unsupported := (config.policy["head"], config.start_from, config.learner)) != ("aim", None, "ppo"):
+        raise ValueError(f"policy.head, start_from, learner = {unsupported}: expected 'aim', None and 'ppo' with RLlib")
     if runners < 0 or config.n_envs % players:
         raise ValueError(f"runners = {runners}: expected a divisor of n_envs = {config.n_envs}")
     for name in ("target_kl", "clip_range_vf"):

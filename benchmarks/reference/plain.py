@@ -30,12 +30,10 @@ from billiards_env.jit import allocating, allocating_entry_point, kernel
 from billiards_env.physics.clusters.impulses import empty_scratch
 from billiards_env.physics.geometry.contact import circle_time, line_time
 from billiards_env.physics.geometry.outline_walls import any_wall_time
-from billiards_env.physics.motion import path_of, relative_to
+from billiards_env.physics.geometry.pockets import path_to
+from billiards_env.physics.motion import path_of
 from billiards_env.physics.state import (
     LASTS,
-    POCKET_RADIUS,
-    POCKET_X,
-    POCKET_Y,
     POTTED,
     REST,
     ROLLING,
@@ -107,9 +105,7 @@ def _predict_single(i, state, scene, singles):
         path = path_of(state, i)
         end, kind, other = _predict_wall(scene.outline, path, scene.radius[i], end, kind, other, scene.numbers)
         for k in range(len(scene.pockets)):
-            pocket = scene.pockets[k]
-            from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
-            t = circle_time(from_pocket, pocket[POCKET_RADIUS], end, 0.0)
+            t = circle_time(*path_to(path, scene.pockets[k]), end, 0.0)
             if t < end or (t == end and kind != BALL_POCKET and t < math.inf):
                 end, kind, other = t, BALL_POCKET, k
     if end < math.inf:

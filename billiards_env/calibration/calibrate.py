@@ -34,7 +34,7 @@ from billiards_env.support.checks import Range, finite, flag, integer, one_of, r
 FREE = tuple(name for name, parameter in PARAMETERS.items() if parameter.fitted)
 """The constants that `calibrate` fits by default, if they are not 0 and enter the laws of the scene."""
 
-FRICTION_CUSHIONS = tuple(name for name in CUSHION_NAMES if name != "restitution")
+FRICTION_CUSHIONS = tuple(name for name, rubs in CUSHION_NAMES.items() if rubs)
 """The laws of cushions that `laws` of `calibrate` may name."""
 
 _NOISE = Range(1e-9, 1.0, "m")
@@ -173,11 +173,10 @@ def _losses(fit: Fit, laws: Sequence[str], contacts: int, warnings: list[str]) -
 
 def _free_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
     """Returns the names of the constants to fit."""
-    physics, friction = scene.physics, scene.physics.ball_ball != "frictionless"
+    physics = scene.physics
     if free is None:
-        names = FREE if physics.motion == "sliding" else ("mu_roll", "e_ball", "e_cushion", "mu_roll_speed")
-        in_use = {"mu_ball_factor": friction, "mu_ball_decay": friction and physics.mu_ball is None}
-        return tuple(name for name in names if in_use.get(name, True) and getattr(physics, name))
+        used = (name for name in FREE if PARAMETERS[name].has_effect(physics) and getattr(physics, name))
+        return tuple(name for name in used if name != "mu_ball_decay" or physics.mu_ball is None)
     names = (free,) if isinstance(free, str) else tuple(free)
     if not names or len(set(names)) < len(names):
         raise ValueError(f"free = {list(names)}: expected names of constants, each once")

@@ -52,7 +52,11 @@ def clean(tracks: Sequence[Track]) -> tuple[list[Track], list[str]]:
             f"frames were lost in {sum(map(bool, lost))} of {len(lost)} shots, {len(times)} times in all, between "
             f"{min(times):.2f} and {max(times):.2f} s: the later times are corrected"
         )
-    return [with_lost_frames(track, each) for track, each in zip(kept, lost, strict=True)], sentences
+    corrected = []
+    for track, each in zip(kept, lost, strict=True):
+        late = sum(np.where(track.times > one.time, one.duration, 0.0) for one in each)
+        corrected.append(track._replace(times=track.times + late))
+    return corrected, sentences
 
 
 def drop_clipped(tracks: Sequence[Track]) -> tuple[list[Track], int]:
@@ -154,9 +158,3 @@ def _visible_losses(track: Track, frame: float, noise: float) -> list[Lost]:
         if not denied and all(abs(time - one.time) > 2.0 * _SIDE * frame for one in lost):
             lost.append(Lost(time, duration))
     return lost
-
-
-def with_lost_frames(track: Track, lost: Sequence[Lost]) -> Track:
-    """Returns a track whose later times are increased by the lost frames."""
-    late = sum((np.where(track.times > one.time, one.duration, 0.0) for one in lost), np.zeros(len(track.times)))
-    return track._replace(times=track.times + late)

@@ -126,7 +126,10 @@ def fit_shared(fit: Fit, contact: int) -> tuple[Fit, float]:
         away = (np.square((numbers - initial) / usual) - np.square((tried - initial) / usual)).sum()
         gain = np.clip(losses - other_losses, -_JUMP, _JUMP).sum() + away
         if gain > 0.0:
-            scene, numbers, fits, damping = changed, tried, others, max(damping / 10.0, 1e-9)
+            scene = changed
+            numbers = tried
+            fits = others
+            damping = max(damping / 10.0, 1e-9)
         else:
             damping *= 10.0
         if 0.0 < gain < _CONVERGED * losses.sum() or damping > 1e3:
@@ -149,7 +152,9 @@ def covariance(fit: Fit, contact: int) -> Floats:
     shots = [shot for shot in (shot.until(contact) for shot in fit.shots) if shot.used.any()]
     parts = [reduced(evaluate(fit.scene, shot.starts, shot, fit.names), shot.starts.size) for shot in shots]
     square = np.concatenate([np.square(errors(fit.scene, shot) / shot.scale[:, None])[shot.used] for shot in shots])
-    weight, m, prior = 1.0 / (1.0 + square), len(shots), np.diag(1.0 / usual_of(fit) ** 2)
+    weight = 1.0 / (1.0 + square)
+    prior = np.diag(1.0 / usual_of(fit) ** 2)
+    m = len(shots)
     bend = ((1.0 - square) * weight * weight).mean() / weight.mean()
     slopes, matrices, _ = (np.array(arrays) for arrays in zip(*parts, strict=True))
     inverse = np.linalg.inv(matrices.sum(axis=0) + prior)

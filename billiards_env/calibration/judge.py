@@ -103,7 +103,9 @@ def judge(scene: Scene, shots: Sequence[Shot]) -> Judged:
 
 
 def _judge_shot(scene: Scene, shot: Shot) -> Judged:
-    distances, predicted, same = {}, {}, np.zeros(0, np.bool_)
+    distances = {}
+    predicted = {}
+    same = np.zeros(0, np.bool_)
     shot = shot._replace(scale=np.full_like(shot.scale, SCALE))
     for contact in CONTACTS:
         shot = search(scene, shot.wide(contact, SCALE))

@@ -213,9 +213,12 @@ class Calibration:
         """
         from billiards_env.drawing.tracks import draw_fit
 
-        rms, tracks, fitted = np.nan_to_num(self.rms), self.tracks, self.fitted
+        rms = np.nan_to_num(self.rms)
+        tracks = self.tracks
+        fitted = self.fitted
         shots = {}
-        order, half = np.argsort(-rms, kind="stable"), _DRAWN // 2
+        order = np.argsort(-rms, kind="stable")
+        half = _DRAWN // 2
         middle = max(len(order) // 2, half)
         for k in (*order[:half], *order[middle : middle + half]):
             shots[f"{tracks[k].name}, {1000 * rms[k]:.1f} mm"] = tracks[k], fitted[k], self.shot(k).recording()

@@ -110,7 +110,9 @@ def prepare(scene: Scene, track: Track, noise: float, known: Floats | None = Non
     exchanged = find_exchange(scene, track)
     least = max(_MOVED, 4.0 * noise)
     contacts = find_contacts(scene, filled.rows(filled.times < exchanged[2]))
-    moving, rest, rests = np.zeros(len(added), np.bool_), np.full((n, 2), np.nan), {}
+    moving = np.zeros(len(added), np.bool_)
+    rest = np.full((n, 2), np.nan)
+    rests = {}
     for ball, (_, path) in paths.items():
         away, ends = (np.hypot(*(path - path[k]).T) > least for k in (0, -1))
         rests[ball] = int(away.argmax()) if away.any() else len(path)

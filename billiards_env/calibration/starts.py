@@ -102,9 +102,12 @@ def errors(scene: Scene, shot: Shot) -> Floats:
 
 def evaluate(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = ()) -> Normal:
     """Returns the `Normal` of starts (g, width), with the derivatives by constants of `Physics` by name."""
-    record, rows = run(scene, starts, shot)._record("evaluate"), np.flatnonzero(shot.used)
+    record = run(scene, starts, shot)._record("evaluate")
+    rows = np.flatnonzero(shot.used)
+    ball = shot.track.balls[rows]
     times, frame = np.unique(np.append(0.0, shot.time[rows]), return_inverse=True)
-    frame, ball, g = frame[1:], shot.track.balls[rows], len(starts)
+    frame = frame[1:]
+    g = len(starts)
     # The simulated shots begin at the strike.
     clock = np.clip(times - starts[:, INSTANT, None], 0.0, record.time[:, None])
     places, velocities = _motion(record, ball, clock[:, frame])
@@ -139,8 +142,10 @@ def allowed(scene: Scene, starts: Floats, shot: Shot) -> tuple[Floats, Bools]:
     Returns:
         The starts (g, width), and whether they are allowed (g,).
     """
-    radius, index = np.array(scene.balls.radius), np.arange(scene.n_balls)
-    reach, moved = scene.balls.contact_distances(index[:, None], index), starts.copy()
+    radius = np.array(scene.balls.radius)
+    index = np.arange(scene.n_balls)
+    reach = scene.balls.contact_distances(index[:, None], index)
+    moved = starts.copy()
     moved[:, VELOCITY] = np.clip(moved[:, VELOCITY], -MOST_SPEED, MOST_SPEED)
     moved[:, INSTANT] = np.clip(moved[:, INSTANT], 0.0, shot.gap)
     most = MOST_SPIN * spin_of_cue(scene, np.hypot(*moved[:, VELOCITY].T))[:, None]
@@ -148,7 +153,8 @@ def allowed(scene: Scene, starts: Floats, shot: Shot) -> tuple[Floats, Bools]:
     np.clip(spins, -most, most, out=spins, where=np.isnan(shot.known[SPIN]))
     pairs = shot.in_play[:, None] & shot.in_play & (index[:, None] != index)
     order = np.sign(index[:, None] - index)  # for balls at one place
-    steps, invalid = 1e-7 * np.eye(2)[:, None], np.zeros(len(moved), np.bool_)
+    steps = 1e-7 * np.eye(2)[:, None]
+    invalid = np.zeros(len(moved), np.bool_)
     for _ in range(20):
         line = places[:, :, None] - places[:, None]
         line[..., 0] += 1e-9 * order * (line == 0.0).all(axis=-1)
@@ -164,8 +170,7 @@ def allowed(scene: Scene, starts: Floats, shot: Shot) -> tuple[Floats, Bools]:
         inwards = (scene.table.clearance(at + steps) - scene.table.clearance(at - steps)).T / 2e-7
         places[close] += inwards * (radius[ball] - scene.table.clearance(at) + 1e-9)[:, None]
     for pocket in scene.table.pockets:
-        inside = np.hypot(places[..., 0] - pocket.x, places[..., 1] - pocket.y) < pocket.radius
-        invalid |= (inside & shot.in_play).any(axis=1)
+        invalid |= (pocket.contains(places) & shot.in_play).any(axis=1)
     return moved, ~invalid
 
 
@@ -222,6 +227,20 @@ def _with_spin_prior(scene: Scene, shot: Shot) -> Shot:
     return shot._replace(prior=prior, target=target)
 
 
+def _guesses(scene: Scene, shot: Shot) -> Floats:
+    """Returns the starts (g, width) of a shot, and their copies with other spins if balls can spin."""
+    starts = shot.starts
+    if scene.physics.motion != "sliding":
+        return starts
+    spins = [(side, roll) for side in SIDES for roll in ROLLS]
+    side, roll = np.tile(spins, (len(starts), 1)).T
+    others = np.repeat(starts, len(spins), axis=0)
+    x, y = others[:, VELOCITY].T
+    radius, most = scene.balls.radius[0], spin_of_cue(scene, np.hypot(x, y))
+    others[:, SPIN] = np.column_stack((-roll * y / radius, roll * x / radius, side * most))
+    return np.concatenate((starts, others))
+
+
 def search(scene: Scene, shot: Shot) -> Shot:
     """Returns a shot with its best start, fitted from its starts and from copies with other spins.
 
@@ -233,15 +252,7 @@ def search(scene: Scene, shot: Shot) -> Shot:
     """
     if len(shot.starts) == 1:  # the result of a fit
         shot = _with_spin_prior(scene, shot)
-    tried = shot.starts
-    if scene.physics.motion == "sliding":
-        spins = [(side, roll) for side in SIDES for roll in ROLLS]
-        others, (side, roll) = np.repeat(tried, len(spins), axis=0), np.tile(spins, (len(tried), 1)).T
-        x, y = others[:, VELOCITY].T
-        radius, most = scene.balls.radius[0], spin_of_cue(scene, np.hypot(x, y))
-        others[:, SPIN] = np.column_stack((-roll * y / radius, roll * x / radius, side * most))
-        tried = np.concatenate((tried, others))
-    tried, valid = allowed(scene, np.where(np.isnan(shot.known), tried, shot.known), shot)
+    tried, valid = allowed(scene, np.where(np.isnan(shot.known), _guesses(scene, shot), shot.known), shot)
     if not valid.any():
         raise ValueError(f"shot {shot.track.name} begins with balls that overlap or lie outside of the table")
     tried = tried[valid]

@@ -18,18 +18,19 @@ from typing import Any, NamedTuple
 from billiards_env.derivatives.rules import SMOOTH
 from billiards_env.derivatives.tangent import rule, tangent_of
 from billiards_env.jit import entry_point, inlined
-from billiards_env.physics.ball_cushion import CUSHIONS, LAWS, bounce, by_law, impact
+from billiards_env.physics.ball_ball import impulse_of, meet
+from billiards_env.physics.ball_cushion import bounce, impact
+from billiards_env.physics.geometry.pockets import outwards_at
 from billiards_env.physics.geometry.walls import curvature_at, normal_at
-from billiards_env.physics.laws.balls import distance_of, meet
+from billiards_env.physics.laws.balls import distance_of, normal_impulse
 from billiards_env.physics.laws.cloth import SLIP_RATE, drive, fly, slip_of, spin_after, spin_of
 from billiards_env.physics.laws.cushion import CushionMotion, restitution_is_smooth
+from billiards_env.physics.laws.tables import CUSHION_LAWS, CUSHIONS, FRICTIONS, RESTITUTIONS, by_law, friction_of
 from billiards_env.physics.state import (
     BALL_NUMBERS,
     CLOTH_NUMBERS,
     IDEAL,
     LAW_NUMBERS,
-    POCKET_X,
-    POCKET_Y,
     POTTED,
     REST,
     ROLLING,
@@ -75,8 +76,8 @@ def _tangent(function: Callable[..., Any], constant: Collection[str], constants:
 
 
 _OTHERS = ("radius", "rebound", "numbers", "solution")
-_d_law = by_law(*(tangent_of(law, constant=("rebound", "solution")) for law in LAWS))
-_d_law_of_states = by_law(*(tangent_of(law, constant=_OTHERS) for law in LAWS))
+_d_law = by_law(*(tangent_of(law, constant=("rebound", "solution")) for law in CUSHION_LAWS))
+_d_law_of_states = by_law(*(tangent_of(law, constant=_OTHERS) for law in CUSHION_LAWS))
 
 
 @rule(impact, constant=("laws",))
@@ -93,12 +94,36 @@ def _d_impact_of_states(laws, before, others, d_before):
     return _d_law_of_states(laws, (before,) + others + (d_before,))  # noqa: RUF005
 
 
+def _impulse_by(restitution: Callable[..., Any]) -> Callable[..., Any]:
+    """Returns `ball_ball.impulse_of` with a restitution, as the source of its tangent."""
+
+    def impulse(closing, inv_mass_i, inv_mass_j, numbers):
+        return normal_impulse(closing, inv_mass_i, inv_mass_j, restitution(numbers, closing))
+
+    return inlined(impulse)
+
+
+def _rule_by_law(function: Callable[..., Any], kernels: Collection[Any], law: str, constant: Collection[str]) -> None:
+    """Makes the tangents of kernels, one for each law, that of a function of the argument `law` and their arguments."""
+
+    def call(tangent: Any) -> Any:
+        return inlined(lambda choice, *arguments: tangent(choice, arguments))
+
+    for kept in ((), constant):
+        tangents = (tangent_of(kernel, constant=kept) for kernel in kernels)
+        rule(function, constant=(law, *kept))(call(by_law(*tangents)))
+
+
+_IMPULSES = tuple(map(_impulse_by, RESTITUTIONS))
+_rule_by_law(impulse_of, _IMPULSES, "ball_restitution", ("inv_mass_i", "inv_mass_j", "numbers"))
+_rule_by_law(friction_of, FRICTIONS, "law", ("numbers",))
+
 _d_drive = _tangent(drive, ("phase",), ("numbers",))
 _d_fly = _tangent(fly, ("phase", "t"), ("numbers",))
 _d_spin_after = tangent_of(spin_after, constant=("t", "numbers"))
 _d_slip_of, _d_spin_of = _tangent(slip_of, (), ("radius",)), _tangent(spin_of, (), ("radius",))
 _d_distance_of = _tangent(distance_of, ("are_spheres",), ("radius_i", "radius_j"))
-_d_meet = _tangent(meet, ("ball_friction", "are_spheres"), ("bodies", "numbers"))
+_d_meet = _tangent(meet, ("ball_restitution", "ball_friction", "are_spheres"), ("bodies", "numbers"))
 _d_bounce = _tangent(bounce, ("cushion", "solution"), ("radius", "numbers"))
 
 
@@ -113,8 +138,8 @@ def _always_smooth(before, radius, numbers):
 
 
 _SOLUTIONS = {cushion.law: cushion.solution or _no_solution for cushion in CUSHIONS.values()}
-_solution = by_law(*(_SOLUTIONS[law] for law in LAWS))
-_is_smooth = by_law(*(SMOOTH.get(law, _always_smooth) for law in LAWS))
+_solution = by_law(*(_SOLUTIONS[law] for law in CUSHION_LAWS))
+_is_smooth = by_law(*(SMOOTH.get(law, _always_smooth) for law in CUSHION_LAWS))
 
 
 @inlined
@@ -283,7 +308,7 @@ def phase_end_lane(lane, flight, before, after, changing):  # out: lane
 @inlined
 def pocket_lane(lane, ball, pocket):  # out: lane
     """Changes a lane by a pocket. The ball ends at the pocket's centre, wherever it enters."""
-    dx, dy = ball.x - pocket[POCKET_X], ball.y - pocket[POCKET_Y]
+    dx, dy = outwards_at(pocket, ball.x, ball.y)
     speed = dx * ball.vx + dy * ball.vy
     lane[D_TIME] = -(dx * lane[DX] + dy * lane[DY]) / speed if speed != 0.0 else 0.0
     lane[D_PLACE_X] = lane[D_PLACE_Y] = 0.0
@@ -380,7 +405,7 @@ def wall_lane(lane, wall, jump, cushion, numbers, solution, changing):  # out: l
 
 
 @inlined
-def pair_lane(lane, one, two, are_spheres, ball_friction, numbers, changing):  # out: lane
+def pair_lane(lane, one, two, are_spheres, laws, numbers, changing):  # out: lane
     """Changes a lane by the impact of its two balls.
 
     Args:
@@ -388,7 +413,7 @@ def pair_lane(lane, one, two, are_spheres, ball_friction, numbers, changing):  #
         one: The `Jump` of the first ball.
         two: That of the second.
         are_spheres: Whether the balls are spheres.
-        ball_friction: `SceneArrays.ball_friction`.
+        laws: `SceneArrays.ball_restitution` and `SceneArrays.ball_friction`.
         numbers: The `LawNumbers`.
         changing: What changes.
     """
@@ -402,7 +427,8 @@ def pair_lane(lane, one, two, are_spheres, ball_friction, numbers, changing):  #
     dt = late * (1.0 / closing) if closing != 0.0 else 0.0
     d_a, d_b = _shifted(d_a, one.before, dt), _shifted(d_b, two.before, dt)
     _note(lane, dt, d_a)
-    at = (ball_friction, are_spheres, a, b, bodies, numbers, d_a, d_b, d_bodies, _changes(lane))
+    restitution, friction = laws
+    at = (restitution, friction, are_spheres, a, b, bodies, numbers, d_a, d_b, d_bodies, _changes(lane))
     d_a, d_b = _d_meet(changing, at)[1]
     put_ball(lane, 0, _shifted(d_a, one.after, -dt))
     put_ball(lane, BALL_WIDTH, _shifted(d_b, two.after, -dt))

@@ -25,15 +25,13 @@ from billiards_env.engine.log import (
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.geometry.contact import contact_distance, sweep
 from billiards_env.physics.geometry.outline_walls import Circle, is_on_arc, line_side, tip_circle
+from billiards_env.physics.geometry.pockets import path_to
 from billiards_env.physics.geometry.roots import bracketed_root, quartic
 from billiards_env.physics.geometry.walls import rectangle_side
-from billiards_env.physics.motion import Path, difference, path_after, place_after, relative_to
+from billiards_env.physics.motion import Path, difference, path_after, place_after
 from billiards_env.physics.state import (
     AX,
     AY,
-    POCKET_RADIUS,
-    POCKET_X,
-    POCKET_Y,
     POTTED,
     VX,
     VY,
@@ -167,8 +165,7 @@ def touched_circle(e, over):
         between = difference(path, second) if i < other else difference(second, path)
         return Circle(between, contact_distance(scene.spheres, scene.radius, i, other), None)
     if kind == BALL_POCKET:
-        pocket = scene.pockets[other]
-        return Circle(relative_to(path, pocket[POCKET_X], pocket[POCKET_Y]), pocket[POCKET_RADIUS], None)
+        return Circle(*path_to(path, scene.pockets[other]), None)
     return _touched_cushion(scene.outline, path, other, scene.radius[i])
 
 
@@ -225,11 +222,8 @@ def passing(pass_circle: Callable[..., None], pass_side: Callable[..., None], at
         if moves:
             swept, span = sweep(path, end), Span(begin, end, event)
             for p in range(len(scene.pockets)):
-                pocket = scene.pockets[p]
-                from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
-                pass_circle(
-                    Meeting(BALL_POCKET, i, p), Circle(from_pocket, pocket[POCKET_RADIUS], None), swept, span, over
-                )
+                circle = Circle(*path_to(path, scene.pockets[p]), None)
+                pass_circle(Meeting(BALL_POCKET, i, p), circle, swept, span, over)
             pass_cushions(scene.outline, i, path, swept, span, over)
         for k in range(i + 1 if starts else 0, len(scene.radius)):
             other = segments[tape.current[k]]

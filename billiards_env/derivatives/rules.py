@@ -12,7 +12,8 @@ from billiards_env.derivatives.mathavan_tangent import is_smooth
 from billiards_env.derivatives.tangent import rule, tangent_of
 from billiards_env.jit import inlined
 from billiards_env.physics.elementary import arccosine, exponential, norm, sine_cosine
-from billiards_env.physics.laws.balls import falling_friction, friction_coefficient, rub, rubbed
+from billiards_env.physics.laws.balls import rub, rubbed
+from billiards_env.physics.laws.balls_frictional import falling_friction, friction_coefficient
 from billiards_env.physics.laws.cushion_han2005_variable import gain_is_smooth, han2005_variable
 from billiards_env.physics.laws.cushion_mathavan2010 import mathavan2010
 from billiards_env.physics.laws.cushion_stronge import known_end

@@ -64,9 +64,9 @@ from billiards_env.engine.log import (
 )
 from billiards_env.jit import allocating, allocating_entry_point, expanded, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
+from billiards_env.physics.ball_ball import meet
 from billiards_env.physics.ball_cushion import bounce
 from billiards_env.physics.geometry.walls import normal_at
-from billiards_env.physics.laws.balls import meet
 from billiards_env.physics.laws.cloth import coast, drive, phase_of
 from billiards_env.physics.state import (
     AX,
@@ -305,7 +305,8 @@ def trace(shot, tape):  # out: tape
                 second = ball_before(piece + 1, flight, segments, tape)
                 if _approach(ball, second):
                     bodies = (scene.radius[i], scene.radius[other], scene.inv_mass[i], scene.inv_mass[other])
-                    ball, second = meet(scene.ball_friction, shot.is_sphere, ball, second, bodies, numbers)
+                    laws = scene.ball_restitution, scene.ball_friction
+                    ball, second = meet(*laws, shot.is_sphere, ball, second, bodies, numbers)
                 _begin_within(piece + 1, second, segments, tape)
             else:
                 wall = wall_at(ball.x, ball.y, other, scene.radius[i], scene.outline)
@@ -347,7 +348,8 @@ def apply_event(e, count, shot, tape):  # out: tape
             flight_lane(lane, 0, flight, changing)
             flight_lane(lane, BALL_WIDTH, second, changing)
             if meets:
-                pair_lane(lane, one, two, is_sphere, scene.ball_friction, numbers, changing)
+                laws = (scene.ball_restitution, scene.ball_friction)
+                pair_lane(lane, one, two, is_sphere, laws, numbers, changing)
             else:
                 lane[D_TIME] = lane[D_TIME + 1] = lane[D_TIME + 2] = 0.0
             settle_lane(lane, 0, phase, numbers)

@@ -15,6 +15,8 @@ A kernel may consist of:
 * `abs`, `math.sqrt`, `max` and `min` of two numbers, NamedTuples, which may have keyword arguments, and calls of other
   kernels with positional arguments, but no call of a kernel within `a if condition else b` or a condition.
 
+A call whose result does not depend on what changes is left as it is.
+
 Everything else is an error, whose message has the line. The tangents of called kernels are made in the same way. `rule`
 gives a kernel a tangent of another form: for an iteration, differentiate the equation that it solves.
 
@@ -61,6 +63,11 @@ class Tangent:
     @functools.cached_property
     def _writer(self) -> _Writer:
         return _Writer(self.plain, self.constant)
+
+    @property
+    def result_changes(self) -> bool:
+        """Whether its result depends on the arguments that change."""
+        return self._writer.result_changes
 
     @property
     def source(self) -> str:
@@ -158,11 +165,15 @@ class _Writer:
                 self.refuse(name)
         arguments = [argument.arg for argument in definition.args.args]
         self.kept, self.active = constant, set(arguments) - constant
+        self.complete = False  # whether `active` is
         while (larger := self.active | self.changed(definition)) != self.active:
             self.active = larger
+        self.complete = True
         changes = [f"d_{name}" for name in arguments if name not in constant]
         self.write(f"def d_{definition.name}({', '.join(arguments + changes)}):")
         self.block(definition.body)
+        returned = (node.value for node in ast.walk(definition) if isinstance(node, ast.Return))
+        self.result_changes = any(map(self.changes, returned))
         self.source = ast.unparse(ast.parse("\n".join(self.lines))) + "\n"
 
     def refuse(self, node: Any) -> NoReturn:
@@ -197,7 +208,22 @@ class _Writer:
                 return self.changes(node.value)
             case ast.Call(func=ast.Name(id="len" | "range")):
                 return False
+            case ast.Call() if self.complete and self.is_kernel(node) and any(map(self.changes, node.args)):
+                tangent: Any = _tangent(*self.called(node)).call
+                return not isinstance(tangent, Tangent) or tangent.result_changes
         return any(self.changes(part) for part in ast.iter_child_nodes(node))
+
+    def is_kernel(self, node: ast.Call) -> bool:
+        """Returns whether a call calls a kernel."""
+        function = ast.unparse(node.func)
+        return function in self.globals and not _is_plain(function) and not hasattr(self.globals[function], "_fields")
+
+    def called(self, node: ast.Call) -> tuple[Any, frozenset[str]]:
+        """Returns the kernel that a call calls, and the names of its arguments that do not change."""
+        kernel = self.globals[ast.unparse(node.func)]
+        names = inspect.signature(getattr(kernel, "py_func", kernel)).parameters
+        parts = zip(names, node.args, strict=True)
+        return kernel, frozenset(name for name, part in parts if not self.changes(part))
 
     # Statements. --------------------------------------------------------------------------------------------------
 
@@ -355,18 +381,16 @@ class _Calls(ast.NodeTransformer):
             return node
         if called is None:
             writer.refuse(node)
-        names = inspect.signature(getattr(called, "py_func", called)).parameters
-        parts = dict(zip(names, node.args, strict=True))
-        constant = frozenset(name for name, part in parts.items() if not writer.changes(part))
         result, values = f"_{writer.calls}", ", ".join(map(ast.unparse, node.args))
         writer.calls += 1
-        if len(constant) == len(parts):
+        if not writer.changes(node):
             writer.write(f"{result} = {function}({values})")
         else:
-            tangent, d_function = _tangent(called, constant), f"d_{function}"
+            tangent, d_function = _tangent(*writer.called(node)), f"d_{function}"
             while writer.tangents.setdefault(d_function, tangent.call) is not tangent.call:
                 d_function += "_"
-            changing = [part for name, part in parts.items() if name not in tangent.constant]
+            names = inspect.signature(getattr(called, "py_func", called)).parameters
+            changing = [part for name, part in zip(names, node.args, strict=True) if name not in tangent.constant]
             changes = [writer.change(part) or writer.zero(part) for part in changing]
             writer.write(f"{result}, d_{result} = {d_function}({', '.join([values, *changes])})")
             writer.active.add(result)

@@ -3,7 +3,7 @@
 The picture of a shot shows the initial positions as faint balls, the paths, the final positions, a ring for each ball
 in a contact, and a mark with the time of each event. Each kind of event has a different mark. The colour of a path is
 the speed; its edges have the colour of the ball. Ticks show the side spin: they point to the left of the path if the
-ball turns counterclockwise.
+ball turns counterclockwise. Text outside the table is grey, so it is readable on white and on a dark page.
 """
 
 from __future__ import annotations
@@ -49,12 +49,15 @@ TICK_EVERY, TICK, WEAKEST_SPIN = 0.06, 0.045, 0.06
 """m, s and m/s. The distance of the ticks of the side spin along a path, and their length over the speed of the ball's
 equator that is due to this spin; slower equators have no tick."""
 
+LEGEND_SPIN = 3 * WEAKEST_SPIN
+"""m/s. Up to this speed the line of the path hides the ticks, so the legend does not explain them."""
+
 WEAK = 0.02
 """m/s. Slower contacts have no mark, because balls that come to rest against each other touch about a hundred times."""
 
 
 def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording | None = None) -> Axes:
-    """Draws a shot in metres and returns the axes. Without `ax` it makes a figure.
+    """Draws a shot in metres and returns the axes. Without `ax` it makes a figure with a legend.
 
     Another run of the shot, `compare`, is drawn with dashed paths and rings.
 
@@ -63,12 +66,12 @@ def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording |
     """
     if compare is not None:
         check_pair(recording, compare)
+    figure = None
     if ax is None:
         from matplotlib import pyplot
 
         ratio = recording.scene.table.width / recording.scene.table.length
         figure, ax = pyplot.subplots(figsize=(9, 0.6 + 9 * min(max(ratio, 0.2), 2)), layout="constrained")
-        figure.legend(handles=legend_handles(), loc="outside lower center", ncols=7, frameon=False, fontsize=8)
     scene, look = recording.scene, looks(recording.scene)
     _draw_table(ax, recording, look)
     fastest = max((recording.speeds(i, recording.corners(i)).max() for i in _in_play(recording)), default=0.0)
@@ -79,15 +82,19 @@ def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording |
             if compare.gone[i] == np.inf:
                 end = compare.path(i, [compare.time])[0]
                 _disc(ax, end, scene.balls.radius[i], 5, fill=False, edgecolor=look[i].path, linewidth=1.6)
+    spins = False
     for i in _in_play(recording):
         if recording.moves(i):
-            _draw_path(ax, recording, i, look[i], fastest, turns)
+            spins |= _draw_path(ax, recording, i, look[i], fastest, turns)
             draw_ball(ax, scene.balls.radius[i], look[i], recording.path(i, [0.0])[0], ghost=True)
         if recording.gone[i] == np.inf:
             draw_ball(ax, scene.balls.radius[i], look[i], recording.path(i, [recording.time])[0], ghost=False)
     _draw_events(ax, recording, look)
     if fastest > 0.0:
         _draw_speeds(ax, recording.scene, fastest)
+    if figure is not None:
+        place: Any = {"loc": "outside lower center", "ncols": 7, "frameon": False, "fontsize": 8}
+        figure.legend(handles=legend_handles(spins), labelcolor=style.TEXT, **place)
     return ax
 
 
@@ -100,7 +107,15 @@ def _draw_table(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None:
         corner, size = (-half, -y - strip / 2 - 1.35 * radius), (2 * half, 2.7 * radius)
         groove = f"round,pad=0,rounding_size={1.35 * radius}"
         ax.add_patch(FancyBboxPatch(corner, *size, boxstyle=groove, facecolor=RAIL, edgecolor="none", zorder=1))
-        ax.text(-half - radius, -y - strip / 2, style.POTTED, fontsize=8.5, ha="right", va="center_baseline")
+        ax.text(
+            -half - radius,
+            -y - strip / 2,
+            style.POTTED,
+            fontsize=8.5,
+            color=style.TEXT,
+            ha="right",
+            va="center_baseline",
+        )
         for ball, place in zip(np.flatnonzero(np.isfinite(recording.gone)).tolist(), places, strict=False):
             draw_ball(ax, radius, look[ball], (place, -y - strip / 2), ghost=False)
 
@@ -115,12 +130,12 @@ def draw_empty(ax: Axes, table: Table, strip: float = 0.0) -> tuple[float, float
     return x, y
 
 
-def legend_handles() -> list[Line2D]:
-    """Returns the legend entries of the balls and marks."""
-    marks = [("|", 7, "#888888", "#888888", "side spin"), ("o", 9, "#63762f", "#e69f00", "start")]
-    marks.append(("o", 9, "#e69f00", CHALK, "end"))
+def legend_handles(side_spin: bool = True) -> list[Line2D]:
+    """Returns the legend entries of the balls and marks, and of the ticks of the `side_spin`."""
+    marks = [("|", 7, style.TEXT, style.TEXT, "side spin")] if side_spin else []
+    marks += [("o", 9, "#63762f", "#e69f00", "start"), ("o", 9, "#e69f00", CHALK, "end")]
     for kind, (marker, size, label) in MARKS.items():
-        marks.append((marker, size, CHALK if kind in ("sliding_rolling", "ball_ball") else "#888888", INK, label))
+        marks.append((marker, size, CHALK if kind in ("sliding_rolling", "ball_ball") else style.TEXT, INK, label))
     return [
         Line2D([], [], marker=m, linestyle="none", markersize=s, color=f, markeredgecolor=e, label=text)
         for m, s, f, e, text in marks
@@ -133,14 +148,14 @@ def _in_play(recording: Recording) -> Sequence[int]:
 
 def _draw_path(
     ax: Axes, shot: Recording, ball: int, look: Look, fastest: float = 0.0, turns: Turning | None = None
-) -> None:
-    """Draws a path: with its speed and side spin, or dashed if there are no `turns`."""
+) -> bool:
+    """Draws a path with speed and side spin, or dashed if there are no `turns`. Returns whether ticks are visible."""
     if not shot.moves(ball):
-        return
+        return False
     times, path = shot.track(ball, np.linspace(0, shot.time, SAMPLES))
     if turns is None:
         ax.plot(*path.T, linestyle=(0, (3, 2)), color=look.path, linewidth=1.6, solid_joinstyle="miter", zorder=4)
-        return
+        return False
     ax.plot(*path.T, linestyle="-", color=look.path, linewidth=3.4, solid_joinstyle="miter", zorder=4)
     steps = LineCollection(
         list(np.stack((path[:-1], path[1:]), 1)), cmap=SPEEDS, linewidths=1.8, capstyle="round", zorder=4.2
@@ -152,15 +167,16 @@ def _draw_path(
     at = np.interp(np.arange(0.5 * TICK_EVERY, along[-1], TICK_EVERY), along, times)
     spin = turns.spins(ball, at)[:, 2] * shot.scene.balls.radius[ball]
     at, spin = at[abs(spin) > WEAKEST_SPIN], spin[abs(spin) > WEAKEST_SPIN]
+    clear = np.ones(len(at), np.bool_)  # not over a pocket: there a tick looks like a mark on the table
     if len(at):
         begin, ahead = shot.path(ball, at), shot.path(ball, at + 1e-4) - shot.path(ball, at)
         left = np.column_stack((-ahead[:, 1], ahead[:, 0])) / np.maximum(np.hypot(*ahead.T), 1e-12)[:, None]
         ends = begin + TICK * spin[:, None] * left
-        clear = np.ones(len(at), np.bool_)  # not over a pocket: there a tick looks like a mark on the table
         for pocket in shot.scene.table.pockets:
-            clear &= np.hypot(*(ends - (pocket.x, pocket.y)).T) > pocket.radius
+            clear &= ~pocket.contains(ends)
         ticks = list(np.stack((begin, ends), 1)[clear])
         ax.add_collection(LineCollection(ticks, colors=CHALK, linewidths=0.9, zorder=4.1))
+    return bool((clear & (abs(spin) > LEGEND_SPIN)).any())
 
 
 def _draw_speeds(ax: Axes, scene: Scene, fastest: float) -> None:
@@ -171,8 +187,9 @@ def _draw_speeds(ax: Axes, scene: Scene, fastest: float) -> None:
     scale = ax.inset_axes((x - width, -y - 0.5 * strip, width, height), transform=ax.transData)
     scale.imshow(np.linspace(0.0, 1.0, 200)[None], aspect="auto", cmap=SPEEDS, extent=(0.0, fastest, 0.0, 1.0))
     scale.set_yticks([])
-    scale.tick_params(labelsize=6.5, length=2, pad=1)
-    scale.set_title("speed, m/s", fontsize=7, pad=2)
+    scale.tick_params(labelsize=6.5, length=2, pad=1, colors=style.TEXT)
+    scale.spines[:].set_color(style.TEXT)
+    scale.set_title("speed, m/s", fontsize=7, pad=2, color=style.TEXT)
 
 
 def strip_height(table: Table) -> float:

@@ -28,6 +28,9 @@ RAIL, RAIL_EDGE, POCKET_RIM, POCKET = "#5a3a22", "#3b2413", "#28180d", "#0c0c0c"
 MARKING = "#84b8a2"
 PAPER, INK, CHALK, GREY = "#ffffff", "#1a1a1a", "#ffffff", "#6b6b6b"
 
+TEXT = "#808080"
+"""The colour of text and lines outside the table: a grey with the same contrast to white and to a dark page."""
+
 ARROW, ARROW_START = 0.09, 1.4
 """Length of an arrow over the speed, s; distance of its start from the ball's centre over the radius."""
 
@@ -196,7 +199,7 @@ def _draw_rectangle(table: Table, holes: list[Circle]) -> list[Shape]:
     shapes = [_box(table, margin * unit, colour) for margin, colour in margins]
     for pocket, (x, y, radius) in zip(table.pockets, holes, strict=True):
         outwards = math.atan2(y - pocket.y, x - pocket.x)
-        inner = _arc(pocket.x, pocket.y, pocket.radius, outwards + math.pi / 2, math.pi)
+        inner = pocket.rim(outwards + math.pi / 2, math.pi)
         outer = _arc(x, y, radius, outwards - math.pi / 2, math.pi)
         shapes.append(Shape(_arc(x, y, 1.16 * radius), POCKET_RIM))
         shapes.append(Shape(np.vstack((inner, outer)), MOUTH))
@@ -230,7 +233,7 @@ def _draw_outline(table: Table, holes: list[Circle]) -> list[Shape]:
 def _line_behind(table: Table, pocket: Pocket) -> NDArray[np.float64] | None:
     """Returns the ends (2, 2) of the line of an outline behind a pocket, m; None if there is none."""
     for run in cushion_lines(table.outline):
-        if len(run) == 2 and math.hypot(*(run.mean(0) - [pocket.x, pocket.y])) < pocket.radius:
+        if len(run) == 2 and pocket.contains(run.mean(0)):
             return run
     return None
 
@@ -241,9 +244,9 @@ def _fall(table: Table, pocket: Pocket, line: NDArray[np.float64] | None) -> NDA
     Two points beyond this line avoid a seam between this polygon and the hole in the rail.
     """
     if line is None:
-        return _arc(pocket.x, pocket.y, pocket.radius)
+        return pocket.rim()
     way = line[1] - line[0]
-    circle = _arc(pocket.x, pocket.y, pocket.radius, math.atan2(way[0], -way[1]) - math.pi, 2 * math.pi, 240)
+    circle = pocket.rim(math.atan2(way[0], -way[1]) - math.pi, points=240)
     beyond = line.mean(0) + np.outer((-0.4, 0.4), way) + 0.2 * np.array([way[1], -way[0]])
     return np.vstack((line[0], beyond, line[1], circle[table.clearance(circle) > 0.0]))
 
@@ -329,15 +332,15 @@ def _hole(table: Table, pocket: Pocket) -> tuple[float, float, float]:
     if table.outline:
         line = _line_behind(table, pocket)
         if line is None:
-            return pocket.x, pocket.y, pocket.radius
+            return pocket.circle
         x, y = line.mean(0).tolist()
         return x, y, 0.53 * math.hypot(*(line[1] - line[0]))
-    r = pocket.radius
+    x, y, r = pocket.circle
     shift = [
         math.copysign(0.45 * min(max(abs(c) + r - side / 2, 0.0), r), c)
-        for c, side in ((pocket.x, table.length), (pocket.y, table.width))
+        for c, side in ((x, table.length), (y, table.width))
     ]
-    return pocket.x + shift[0], pocket.y + shift[1], r - 0.36 * math.hypot(*shift)
+    return x + shift[0], y + shift[1], r - 0.36 * math.hypot(*shift)
 
 
 def _arc(

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.physics.ball_cushion import CUSHIONS, LAWS
 from billiards_env.physics.geometry.outline_walls import outline_arrays
+from billiards_env.physics.laws.tables import BALL_LAWS, CUSHION_LAWS, CUSHIONS, FRICTIONS, RESTITUTIONS, choice
 from billiards_env.physics.state import IDEAL, NUMBERS, ROLLING_ONLY, SLIDING_AND_ROLLING, Numbers, SceneArrays
-from billiards_env.scene import PARAMETERS, Physics, Scene, law_numbers
+from billiards_env.scene import CUSHION_NAMES, PARAMETERS, Physics, Scene, law_numbers
 from billiards_env.support.checks import RANGES, fits, one_of, short
 
 MODES = {"pic": pic.run_shots, "pit": pit.run_shots}
@@ -26,10 +26,6 @@ of PIC. All have the same arguments."""
 
 MOTIONS = {"ideal": IDEAL, "rolling": ROLLING_ONLY, "sliding": SLIDING_AND_ROLLING}
 """`Numbers.motion` for each motion of a scene."""
-
-
-BALL_LAWS = {"frictionless": None, "frictional": True}
-"""`SceneArrays.ball_friction` for each contact between balls of a scene."""
 
 MANY_BALLS = 160
 """From this number of balls on PIC uses `engine.cell_grid`.
@@ -187,22 +183,23 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
     p, table = scene.physics, scene.table
     for name, laws in (("motion", MOTIONS), ("cushion", CUSHIONS), ("ball_ball", BALL_LAWS)):
         one_of(f"physics.{name}", getattr(p, name), tuple(laws))  # `scene` may have names that have no law
-    numbers = _numbers(scene, engine, {})
-    pockets = np.array([(q.x, q.y, q.radius) for q in table.pockets]).reshape(-1, 3)
+    numbers, law = _numbers(scene, engine, {}), BALL_LAWS[p.ball_ball]
     outline = None
     if table.outline:
-        outline = outline_arrays(table.outline, numbers.half_length, numbers.half_width, pockets.tolist())
+        places = table.pocket_places.tolist()
+        outline = outline_arrays(table.outline, numbers.half_length, numbers.half_width, places)
     radius = np.array(scene.balls.radius)
     sizes = len(set(scene.balls.radius))
     arrays = SceneArrays(
         numbers=numbers,
         radius=radius,
         inv_mass=1.0 / np.array(scene.balls.mass),
-        pockets=pockets,
+        pockets=table.pocket_rows,
         outline=outline,
         spheres=radius if scene.balls.shape == "sphere" and sizes > 1 else None,
-        ball_friction=BALL_LAWS[p.ball_ball],
-        cushion=tuple((True, None) if law is CUSHIONS[p.cushion].law else (None, True) for law in LAWS),
+        ball_restitution=choice(RESTITUTIONS, law.restitution),
+        ball_friction=None if law.friction is None else choice(FRICTIONS, law.friction),
+        cushion=choice(CUSHION_LAWS, CUSHIONS[p.cushion].law),
     )
     return (np.array([numbers], NUMBERS), *arrays[1:])
 
@@ -215,7 +212,7 @@ def _numbers(scene: Scene, engine: Engine, varied: Varied) -> Any:
     return Numbers(
         **known,
         motion=motion,
-        cushion_rubs=CUSHIONS[p.cushion].rubs,
+        cushion_rubs=CUSHION_NAMES[p.cushion],
         cushion_work=CUSHIONS[p.cushion].work,
         half_length=table.length / 2,
         half_width=table.width / 2,

@@ -39,7 +39,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.jit import allocating, inlined, kernel
-from billiards_env.physics.ball_ball import change_velocity, exchange, exchange_pair
+from billiards_env.physics.ball_ball import change_velocity, exchange, exchange_pair, restitution_at
 from billiards_env.physics.ball_cushion import reflect, reflect_both
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.walls import wall_pressing
@@ -339,7 +339,7 @@ def _collide_again(count, time, contacts, state, scene, scratch, memory):  # out
         return 1
     if count == 1 and resolve_jam(contacts, state, scene, memory):
         return 1
-    return exchange(count, contacts, state, scene, scratch)
+    return exchange(restitution_at(count, contacts, scene), count, contacts, state, scene, scratch)
 
 
 @inlined
@@ -364,7 +364,7 @@ def collide(count, time, contacts, state, scene, scratch, memory):  # out: conta
         count_ordinary(i, time, memory)
         count_ordinary(j, time, memory)
         contacts.rebound[0] = 0.0
-        exchange_pair(contacts, state, scene)
+        exchange_pair(restitution_at(1, contacts, scene), contacts, state, scene)
     else:
         acts = _collide_again(count, time, contacts, state, scene, scratch, memory)
     return acts

@@ -51,10 +51,8 @@ def strike_frozen(scene: Scene, fields: tuple[Any, ...], starts: tuple[Any, ...]
     """
     if scene.physics.motion != "sliding" or not _is_ahead(begin, end, fields, starts):
         return False
-    numbers = fields[0].copy()
-    numbers["e_ball"] = -LEFT
     for ball in np.unique(Starts(*starts).cue[begin:end]).tolist():
-        _drive(begin, end, ball, tuple(cue_numbers(scene, ball)), (numbers, *fields[1:]), starts)
+        _drive(begin, end, ball, tuple(cue_numbers(scene, ball)), fields, starts)
     return True
 
 
@@ -137,7 +135,7 @@ def _drive(begin, end, ball, cue, scene, starts):  # out: starts
         spin = _spin_energy(ball, speed, state, arrays)
         if spin > 1e100:  # hardly moving, so the impulse does not change; larger numbers could overflow
             continue
-        exchange(_gather(k, arrays, starts, state, contacts), contacts, state, arrays, scratch)
+        exchange(-LEFT, _gather(k, arrays, starts, state, contacts), contacts, state, arrays, scratch)
         share = 0.0  # of the energy of the free ball
         for i in range(n):
             if arrays.inv_mass[i] > 0.0:

@@ -56,6 +56,8 @@ class Fix(NamedTuple):
         after: (count, scene, work) after these impacts. Returns whether it moves balls.
         at_cushion: (i, wall, beyond, bounce, scene, work) before the `Bounce` of ball i, which is beyond a cushion by
             `beyond` m and does not come back. Returns the `Bounce` at the new position.
+        in_corner: (i, wall, n, m, scene, work) before the impact of ball i on two cushions at once, with the normals n
+            and m. It touches the first and may overlap the second, `wall`.
         after_cushion: (i, scene, work) after this `Bounce`.
         at_rest: (i, scene, work) if ball i is at rest after its bounces. Returns whether it moves the ball.
     """
@@ -63,6 +65,7 @@ class Fix(NamedTuple):
     before: Any
     after: Any
     at_cushion: Any
+    in_corner: Any
     after_cushion: Any
     at_rest: Any
 
@@ -85,6 +88,11 @@ def _keep_positions(count, scene, work):
 
 @kernel
 def _keep_motion(i, scene, work):
+    pass
+
+
+@kernel
+def _keep_in_corner(i, wall, n, m, scene, work):
     pass
 
 
@@ -257,7 +265,7 @@ def _bring_back(i, scene, work):  # out: work
 
 
 @kernel
-def push_along(i, wall, n, m, scene, work):  # out: work
+def _push_along(i, wall, n, m, scene, work):  # out: work
     """Moves ball i along the cushion with the normal n, which it touches, to touch the cushion with the normal m."""
     x, y = work.here[i, X], work.here[i, Y]
     beyond, _, _ = wall_overlap(x, y, scene.radius[i], wall, scene.numbers, scene.outline)
@@ -268,16 +276,14 @@ def push_along(i, wall, n, m, scene, work):  # out: work
 _touch_balls, _touch_cushion = _going_back(_step_back)
 _hit_balls, _hit_cushion = _going_back(_rewind)
 _FIXES = {
-    "push_apart": Fix(_keep_contacts, _push_apart, _push_inside, _keep_motion, _bring_back),
-    "move_back": Fix(_touch_balls, _keep_positions, _touch_cushion, _keep_motion, _bring_back),
-    "none": Fix(_keep_contacts, _keep_positions, _keep_place, _keep_motion, _keep_positions),
-    "time_of_impact": Fix(_hit_balls, _finish_steps, _hit_cushion, _finish_step, _bring_back),
+    "push_apart": Fix(_keep_contacts, _push_apart, _push_inside, _push_along, _keep_motion, _bring_back),
+    "move_back": Fix(_touch_balls, _keep_positions, _touch_cushion, _keep_in_corner, _keep_motion, _bring_back),
+    "none": Fix(_keep_contacts, _keep_positions, _keep_place, _keep_in_corner, _keep_motion, _keep_positions),
+    "time_of_impact": Fix(_hit_balls, _finish_steps, _hit_cushion, _keep_in_corner, _finish_step, _bring_back),
 }
 
 FIXES = tuple(_FIXES)
 """The names of the treatments; the first is the default. `Numbers.fix` is an index into them."""
-
-PUSH_APART = FIXES.index("push_apart")
 
 
 def _choice(kernels: Sequence[Any]) -> Any:
@@ -296,7 +302,7 @@ def _choice(kernels: Sequence[Any]) -> Any:
     return choose
 
 
-fix_before, fix_after, fix_at_cushion, fix_after_cushion, fix_at_rest = (
+fix_before, fix_after, fix_at_cushion, fix_in_corner, fix_after_cushion, fix_at_rest = (
     _choice(kernels) for kernels in zip(*_FIXES.values(), strict=True)
 )
 """The kernels of `Fix`, with the index of the treatment as an additional first argument."""

@@ -30,24 +30,24 @@ from billiards_env.engine.log import (
     phase_ended,
 )
 from billiards_env.engine.overlaps import (
-    PUSH_APART,
     Bounce,
     fix_after,
     fix_after_cushion,
     fix_at_cushion,
     fix_at_rest,
     fix_before,
-    push_along,
+    fix_in_corner,
 )
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, count_hit, end_at, pot
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
-from billiards_env.physics.ball_ball import exchange
+from billiards_env.physics.ball_ball import exchange, restitution_at
 from billiards_env.physics.ball_cushion import reflect, reflect_both
 from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts, empty_scratch
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
+from billiards_env.physics.geometry.pockets import pocket_at
 from billiards_env.physics.geometry.walls import (
     half_sizes,
     next_overlap,
@@ -62,9 +62,6 @@ from billiards_env.physics.motion import Path, advance, begin_phase, end_phase, 
 from billiards_env.physics.state import (
     IDEAL,
     LASTS,
-    POCKET_RADIUS,
-    POCKET_X,
-    POCKET_Y,
     POTTED,
     ROLLING,
     VX,
@@ -200,18 +197,17 @@ def _end_next_phase(k, scene, work, shots, log):  # out: work, shots, log
 @inlined
 def _test_pockets_of(i, now, k, scene, work, shots, log):  # out: work, shots, log
     """Captures ball i if its centre, in `here`, is inside a pocket at a `Time`. Returns whether it is."""
-    here, pockets = work.here, scene.pockets
-    for q in range(len(pockets)):
-        dx, dy = here[i, X] - pockets[q, POCKET_X], here[i, Y] - pockets[q, POCKET_Y]
-        if dx * dx + dy * dy < pockets[q, POCKET_RADIUS] * pockets[q, POCKET_RADIUS]:
-            advance(work.state, i, now, scene.numbers)
-            pot(k, i, q, work.state, scene, shots)
-            shots.n_events[k] += 1
-            log_event(log, now, BALL_POCKET, i, q, work.state, norm(here[i, VX], here[i, VY]), False)
-            shots.time[k] = now.hi
-            work.changed[i] = True
-            return True
-    return False
+    here = work.here
+    pocket = pocket_at(scene.pockets, here[i, X], here[i, Y], 1.0)
+    if pocket < 0:
+        return False
+    advance(work.state, i, now, scene.numbers)
+    pot(k, i, pocket, work.state, scene, shots)
+    shots.n_events[k] += 1
+    log_event(log, now, BALL_POCKET, i, pocket, work.state, norm(here[i, VX], here[i, VY]), False)
+    shots.time[k] = now.hi
+    work.changed[i] = True
+    return True
 
 
 @inlined
@@ -274,7 +270,7 @@ def _resolve_overlaps(count, now, k, scene, work, shots, log):  # out: work, sho
             work.changed[i] = True
     count = fix_before(fix, count, scene, work)
     if count > 0:
-        exchange(count, contacts, state, scene, work.scratch)
+        exchange(restitution_at(count, contacts, scene), count, contacts, state, scene, work.scratch)
     if fix_after(fix, count, scene, work):
         shots.time[k] = now.hi  # the balls may be at rest already
     for c in range(count):
@@ -334,8 +330,7 @@ def _hit_cushions(i, wall, scene, work):  # out: work
         else:
             mx, my = wall_normal(state, i, other, outline)
             other_speed = mx * here[i, VX] + my * here[i, VY]
-            if numbers.fix == PUSH_APART:
-                push_along(i, other, (nx, ny), (mx, my), scene, work)
+            fix_in_corner(numbers.fix, i, other, (nx, ny), (mx, my), scene, work)
             reflect_both(state, i, (nx, ny), (mx, my), (0.0, 0.0), scene)
         here[i, VX], here[i, VY] = state.rows[i, VX], state.rows[i, VY]
     fix_after_cushion(numbers.fix, i, scene, work)

@@ -23,15 +23,13 @@ from billiards_env.physics.geometry.contact import (
     misses_circle,
     sweep,
 )
+from billiards_env.physics.geometry.pockets import path_to
 from billiards_env.physics.geometry.walls import wall_time
-from billiards_env.physics.motion import Path, motion_after, path_of, relative_to
+from billiards_env.physics.motion import Path, motion_after, path_of
 from billiards_env.physics.state import (
     AX,
     AY,
     LASTS,
-    POCKET_RADIUS,
-    POCKET_X,
-    POCKET_Y,
     POTTED,
     REST,
     ROLLING,
@@ -112,8 +110,7 @@ def predict_single(i, state, scene, singles):  # out: singles
             end, kind, other = t, BALL_CUSHION, wall
         swept, pockets = sweep(path, end), scene.pockets
         for k in range(len(pockets)):
-            from_pocket = relative_to(path, pockets[k, POCKET_X], pockets[k, POCKET_Y])
-            reach = pockets[k, POCKET_RADIUS]
+            from_pocket, reach = path_to(path, pockets[k])
             if misses_circle(from_pocket, swept, reach):
                 continue
             t = circle_time(from_pocket, reach, end, 0.0)

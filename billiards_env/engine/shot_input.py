@@ -18,12 +18,10 @@ from billiards_env.engine.threads import parallel_for
 from billiards_env.jit import allocating_entry_point, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.geometry.contact import contact_distance
+from billiards_env.physics.geometry.pockets import pocket_at
 from billiards_env.physics.geometry.walls import half_sizes
 from billiards_env.physics.state import (
     CUE_BALL,
-    POCKET_RADIUS,
-    POCKET_X,
-    POCKET_Y,
     SPIN_X,
     SPIN_Y,
     SPIN_Z,
@@ -96,11 +94,7 @@ def _is_valid_alone(i, place, velocity, spin, in_play, scene):
         return True
     if abs(x) > half_length - radius or abs(y) > half_width - radius:
         return False
-    for q in range(len(scene.pockets)):
-        dx, dy, reach = x - scene.pockets[q, POCKET_X], y - scene.pockets[q, POCKET_Y], scene.pockets[q, POCKET_RADIUS]
-        if dx * dx + dy * dy < _CLOSE * (reach * reach):
-            return False
-    return True
+    return pocket_at(scene.pockets, x, y, _CLOSE) < 0
 
 
 @inlined

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.jit import inlined
+from billiards_env.physics.geometry.pockets import centre_of
 from billiards_env.physics.motion import advance, capture
 from billiards_env.physics.state import (
     CUE_BALL,
-    POCKET_X,
-    POCKET_Y,
     POTTED,
     REST,
     SLIDING_AND_ROLLING,
@@ -190,7 +189,7 @@ def count_hit(k, i, j, now, shots):  # out: shots
 @inlined
 def pot(k, i, pocket, state, scene, shots):  # out: state, shots
     """Moves ball i to the centre of a pocket, where it stays, and records this."""
-    capture(state, i, scene.pockets[pocket, POCKET_X], scene.pockets[pocket, POCKET_Y])
+    capture(state, i, *centre_of(scene.pockets[pocket]))
     potted = 0
     for j in range(len(state.phase)):
         if shots.pockets[k, j] >= 0:

@@ -13,7 +13,7 @@ five numbers that describe the motion of the cue:
   which the tip slips (`Cue.miscue_offset`).
 * `elevation` is the elevation of the cue divided by 90 degrees. Negative numbers count as 0.
 
-The kernels use only `+ - * /` and `sqrt`, as the engine does, so an action is the same shot on every machine.
+The kernels use only `+ - * /` and `sqrt`, as the engine does, so an action is the same shot on every IEEE 754 machine.
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ ACTIONS = {
     "velocity": Action("velocity of the cue ball along x and along y, divided by `max_speed`", 2),
     "strike": Action("motion of the cue, 5 numbers", 5, has_cue=True),
     "cut": Action(
-        "sine of the cut angle at the nearest ball (0 is a full hit, and 1 and -1 only graze the ball), and speed from "
-        "0.4 m/s to `max_speed`",
+        "sine of the cut angle at the nearest ball (0: full hit; 1 and -1: the thinnest hits), and speed from 0.4 m/s "
+        "to `max_speed`",
         2,
         _frame("cut"),
     ),
@@ -85,7 +85,7 @@ ACTIONS = {
         _frame("sum_to_three"),
     ),
     "plan": Action(
-        "one whole number: the choice of an object ball, a pocket and one of 5 speeds, made into a shot by geometry",
+        "one whole number, which chooses an object ball, a pocket and one of 5 speeds; geometry computes the shot",
         2,
         _plans,
         is_choice=True,

@@ -39,7 +39,7 @@ from billiards_env.support.checks import (
 )
 
 if TYPE_CHECKING:
-    from billiards_env.games.game import Setup
+    from billiards_env.games.playing import Setup
 
 MAX_SPEED = 4.0
 """m/s. The default of `max_speed` for one player."""
@@ -214,7 +214,7 @@ def _make_setup(
     rules: str, scene: Scene, n_players: int, target: int | None, engine: Engine, can_call: bool, miss: bool
 ) -> Setup:
     """Returns the settings of a game of several players."""
-    from billiards_env.games.game import Setup
+    from billiards_env.games.playing import Setup
 
     game = entry_of("task", rules, GAMES)
     if can_call and not (game.callable or game.choices):
@@ -454,7 +454,7 @@ def _custom_openings(
     model: Model, options: Mapping[str, Any], mask: NDArray[np.bool_] | None
 ) -> tuple[NDArray[np.float64], NDArray[Any]]:
     """Returns the positions (m, n, 2) and states (m,) of games in the options of a reset, after a check."""
-    from billiards_env.games.game import custom_opening
+    from billiards_env.games.playing import custom_opening
 
     if "positions" not in options:
         raise ValueError("options['state'] without options['positions']: expected both")

@@ -16,7 +16,7 @@ from billiards_env.engine import Engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, model_of
 from billiards_env.envs.episodes import Episodes, noise_stream
-from billiards_env.envs.goals import compute_reward
+from billiards_env.envs.goal_observations import compute_reward
 from billiards_env.envs.info import single_info
 from billiards_env.envs.observations import decode, nth
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
@@ -27,7 +27,7 @@ from billiards_env.scene import Scene
 from billiards_env.support.checks import Range, finite, integer, one_of, short
 
 if TYPE_CHECKING:
-    from billiards_env.games.game import GameState, Stroke
+    from billiards_env.games.playing import GameState, Stroke
 
 _ONE = np.ones(1, np.bool_)
 
@@ -462,20 +462,24 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         if self._renderer is not None:
             self._renderer.begin([drawn_layout(episodes, 0)])
 
-    def try_actions(self, actions: ArrayLike, states: EpisodeState | None = None) -> Outcomes:
-        """Plays a shot for each action, without noise, and does not change the environment.
+    def try_actions(
+        self, actions: ArrayLike, states: EpisodeState | None = None, noise: np.random.Generator | None = None
+    ) -> Outcomes:
+        """Plays a shot for each action, and does not change the environment.
 
         Args:
             actions: (m, 2), (m, 5) or (m,), as in `step`.
             states: The states to play from, one for each action or one for all, as from `get_state`. None for the
                 present state.
+            noise: The generator from which the execution noise of the environment is drawn; None for no noise. It is
+                not the noise of the next step.
 
         Raises:
             ResetNeeded: If an episode has not begun, or is over.
             TypeError: As in `set_state`.
             ValueError: As in `set_state`, or if the actions have another shape or a number is not finite.
         """
-        return self._trials.play(actions, self.get_state()[None], states, None)
+        return self._trials.play(actions, self.get_state()[None], states, noise, None)
 
     @property
     def episode_scene(self) -> Scene:

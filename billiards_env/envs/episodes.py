@@ -17,7 +17,7 @@ from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shots import Starts, arrays_in, start_fields
 from billiards_env.envs.actions import SIDE, action_named, add_noise, clipped, shorten, strike_balls
 from billiards_env.envs.arguments import NO_OPTIONS, Model, ResetOptions, cue_ball_alone
-from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
+from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays, info_arrays, starts_of
 from billiards_env.envs.observations import Observer, Source
 from billiards_env.envs.snapshots import EpisodeState, StateArrays, hashed_names, parts, scene_hash, state_type
@@ -33,7 +33,7 @@ from billiards_env.shots.tables import Tables
 from billiards_env.support.checks import short_name
 
 if TYPE_CHECKING:
-    from billiards_env.games.game import GameState, Stroke
+    from billiards_env.games.playing import GameState, Stroke
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -133,7 +133,7 @@ class Episodes:
         self.miscues = np.zeros(count, np.bool_)
         self.actions = np.zeros((count, action_named(self.model.action).size))
         self.mask = np.zeros((count, self.choices), np.int8)
-        # The entry points take plain tuples, see `envs.arrays`.
+        # The entry points take plain tuples, see `envs.episode_arrays`.
         self._arrays, self._shots, self._starts = tuple(self.arrays), tuple(shots), start_fields(shots)
         self.physics = {name: state.physics[:, j] for j, name in enumerate(self.model.randomize)}
         rows = {"episode_seed": state.episode_seed.view(np.int64)} | (
@@ -306,7 +306,7 @@ class Episodes:
 
     def game_state(self, k: int) -> GameState:
         """Returns game k of several players before its next shot."""
-        from billiards_env.games.game import GameState
+        from billiards_env.games.playing import GameState
 
         state, before = self.state, None
         if self.arrays.states[k].choices >> REPLACE & 1:

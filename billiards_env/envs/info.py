@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine import Shots
-from billiards_env.envs.arrays import TALLY, EpisodeArrays
+from billiards_env.envs.episode_arrays import TALLY, EpisodeArrays
 
 
 class InfoArrays(NamedTuple):

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.envs.arguments import Model
-from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
-from billiards_env.envs.goals import ACHIEVED, DESIRED, achieved_writer, write_desired
+from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
+from billiards_env.envs.goal_observations import ACHIEVED, DESIRED, achieved_writer, write_desired
 from billiards_env.envs.tasks import task_of
 from billiards_env.games.game_state import ANYWHERE, BEHIND, PUSH_OUT, REPLACE
 from billiards_env.jit import entry_point, inlined
@@ -68,7 +68,7 @@ class Source(NamedTuple):
     @property
     def pockets(self) -> NDArray[np.float64]:
         """(p, 2) the centres of the pockets, m."""
-        return np.array([(pocket.x, pocket.y) for pocket in self.scene.table.pockets]).reshape(-1, 2)
+        return self.scene.table.pocket_places
 
     @property
     def reach(self) -> float:
@@ -487,7 +487,7 @@ class Observer:
     """Writes observations: the features one after the other, and images.
 
     An observation is the row of the numbers of all features, or one image. With both, or with several images, it is a
-    dict: the images by name, and the row with the key `ROW`. With "goal" it is the dict of `envs.goals`.
+    dict: the images by name, and the row with the key `ROW`. With "goal" it is the dict of `envs.goal_observations`.
 
     Args:
         observe: The names of the features, for an image with height and width: `("pixels", 84, 84)`. None for the
@@ -591,8 +591,8 @@ def row_of(features: Mapping[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]
     return {name: shape for name, shape in features.items() if not is_image(name)}
 
 
-def nth(observations: Any, k: int) -> Any:
-    """Returns observation k of an array or of a dict of arrays."""
+def nth(observations: Any, k: int | slice) -> Any:
+    """Returns observation k, or some observations, of an array or of a dict of arrays."""
     return {key: array[k] for key, array in observations.items()} if isinstance(observations, dict) else observations[k]
 
 

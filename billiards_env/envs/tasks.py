@@ -8,7 +8,8 @@ Each kernel has the arguments
 
 and returns the points of the shot, whether the episode is decided, and whether the task is achieved. The kernels of the
 games also change the state of the game and write the `legal_balls` of the next shot. The limit on shots and the penalty
-for a scratch are not part of a task. The rules of games are in `billiards_env.games`. See `envs.arrays` for the types.
+for a scratch are not part of a task. The rules of games are in `billiards_env.games`, and the types of the arguments in
+`envs.episode_arrays`.
 """
 
 from __future__ import annotations

@@ -20,7 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.engine.threads import parallel_for
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.episodes import Episodes
+from billiards_env.envs.observations import nth
 from billiards_env.envs.snapshots import EpisodeState, checked_state
+from billiards_env.jit import streams
 from billiards_env.support.checks import finite
 
 
@@ -28,11 +30,13 @@ class Outcomes(NamedTuple):
     """What m tried shots do.
 
     Attributes:
+        observations: (m, size) the observations after the shots, or a dict of arrays.
         rewards: (m,) float64.
         infos: The keys of `info` after a step, except `episode_seed`, each an array with m rows.
         states: (m,) the states after the shots, see `envs.snapshots`. An episode can continue from them.
     """
 
+    observations: Any
     rewards: NDArray[np.float64]
     infos: dict[str, NDArray[Any]]
     states: EpisodeState
@@ -42,31 +46,43 @@ class Trials:
     """Plays shots from states. It keeps its memory, so many small calls are fast.
 
     Args:
-        model: The arguments of the environment. Its execution noise is left out.
+        model: The arguments of the environment.
         shape: The shape of an action.
     """
 
     def __init__(self, model: Model, shape: tuple[int, ...]) -> None:
-        self._model, self._shape = model._replace(noise=None), shape
+        self._model, self._shape = model, shape
+        self._without_noise = model._replace(noise=None)
         self._episodes: Episodes | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Trials, (self._model, self._shape)
 
-    def play(self, actions: ArrayLike, own: EpisodeState, states: EpisodeState | None, threads: int | None) -> Outcomes:
+    def play(
+        self,
+        actions: ArrayLike,
+        own: EpisodeState,
+        states: EpisodeState | None,
+        noise: np.random.Generator | None,
+        threads: int | None,
+    ) -> Outcomes:
         """Plays actions, see `BilliardsEnv.try_actions`; `own` are the states of the environment."""
         m = len(actions := np.asarray(actions, np.float64)) if np.ndim(actions) else 0
         actions = finite("actions", actions, (m, *self._shape))
         if self._episodes is None or len(self._episodes.state.over) < m:
-            self._episodes = Episodes(1 << max(m - 1, 0).bit_length(), self._model)
+            self._episodes = Episodes(1 << max(m - 1, 0).bit_length(), self._without_noise)
         episodes, rows = self._episodes, np.arange(m)
         if states is not None:
-            own = checked_state(states, episodes.kind, self._model, m)
+            own = checked_state(states, episodes.kind, self._without_noise, m)
         elif len(own) not in (1, m):
             raise ValueError(f"actions: expected {len(own)}, one for each environment, not {m}")
         if (own["over"] | ~own["begun"]).any():
             raise ResetNeeded("An episode has not begun or is over: call reset() before try_actions()")
         episodes.put(rows, own)
+        episodes.model = self._without_noise
+        if noise is not None and self._model.noise is not None:
+            episodes.model = self._model
+            episodes.state.noise_stream[:m] = streams.drawn(m, noise)
         rewards, observations = np.empty(m), episodes.observer.new(len(episodes.state.over))
 
         def work(begin: int, end: int) -> None:
@@ -74,4 +90,4 @@ class Trials:
 
         parallel_for(work, m, threads)
         infos = {name: array[:m].copy() for part in episodes.of_shots for name, array in part.items()}
-        return Outcomes(rewards, infos, episodes.take(rows))
+        return Outcomes(nth(observations, slice(m)), rewards, infos, episodes.take(rows))

@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 
 from billiards_env.envs.actions import cue_strike
 from billiards_env.envs.arguments import Model
-from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
+from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays
 from billiards_env.envs.snapshots import StateArrays
 from billiards_env.envs.tasks import write_legal_balls
 from billiards_env.games.facts import facts_of_shot
-from billiards_env.games.game import NO_CALL, Call, Setup, Stroke
 from billiards_env.games.game_state import CALL, CALLS, HAND_BACK, REPLACE, SAFETY, SHOT, verdict
 from billiards_env.games.placement import PlacementNumbers, cue_ball_area_of, place_cue_ball
+from billiards_env.games.playing import NO_CALL, Call, Setup, Stroke
 from billiards_env.games.pool import any_ball
 from billiards_env.games.transition import after_shot as shot_of_game
 from billiards_env.games.transition import after_shot_of, table_of, without_shot

@@ -210,20 +210,24 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
         self._seeds[... if chosen is None else chosen] = -1
         self._draw_layouts()
 
-    def try_actions(self, actions: ArrayLike, states: EpisodeState | None = None) -> Outcomes:
-        """Plays a shot for each action, without noise, and does not change the environments.
+    def try_actions(
+        self, actions: ArrayLike, states: EpisodeState | None = None, noise: np.random.Generator | None = None
+    ) -> Outcomes:
+        """Plays a shot for each action, and does not change the environments.
 
         Args:
             actions: (m, 2), (m, 5) or (m,), as in `step`.
             states: The states to play from, one for each action or one for all, as from `get_state`. None for the
                 present states, with one action for each environment.
+            noise: The generator from which the execution noise of the environment is drawn; None for no noise. It is
+                not the noise of the next step.
 
         Raises:
             ResetNeeded: If an episode has not begun, or is over.
             TypeError: As in `set_state`.
             ValueError: As in `set_state`, or if the actions have another shape or a number is not finite.
         """
-        return self._trials.play(actions, self.get_state(), states, self.threads)
+        return self._trials.play(actions, self.get_state(), states, noise, self.threads)
 
     def _rows(self, rows: Any) -> NDArray[np.int64] | None:
         """Returns the numbers of environments after a check, None for all."""

@@ -1,7 +1,7 @@
 """Games for two or more players: states, rules, the referee, and games as plain data.
 
 `Billiards-v0` with `n_players` is their environment, and `billiards_env.billiards_v0` its view for PettingZoo. The
-names of `games.game` are imported on first use: tasks need only the rules.
+names of `games.playing` are imported on first use: tasks need only the rules.
 """
 
 import importlib
@@ -11,7 +11,7 @@ from billiards_env.games.game_state import CALL, CALLS, FACTS, FOULS, IN_HAND, S
 from billiards_env.games.referee import GAMES
 
 if TYPE_CHECKING:
-    from billiards_env.games.game import (
+    from billiards_env.games.playing import (
         NO_CALL,
         Call,
         GameState,
@@ -55,4 +55,4 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module("billiards_env.games.game"), name)
+    return getattr(importlib.import_module("billiards_env.games.playing"), name)

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.engine.compile import cached_by_scene
 from billiards_env.engine.strikes import strike_with
 from billiards_env.games.facts import facts_of_shots
-from billiards_env.games.game import NO_CALL, Call, GameState, PlayedShot, Setup
 from billiards_env.games.game_state import CALL, STATE, VERDICT, members
+from billiards_env.games.playing import NO_CALL, Call, GameState, PlayedShot, Setup
 from billiards_env.games.referee import callable_balls, judge_shots
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate_batch

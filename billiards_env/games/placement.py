@@ -2,7 +2,7 @@
 
 A placed ball keeps a gap of at least `PLACING_GAP` to other balls, cushions and pockets, or of `SPOT_GAP` on the spots
 of snooker. A spotted ball of pool may touch object balls. The computation uses only `+ - * /` and `sqrt` of doubles, so
-a point has the same bits on every machine.
+a point has the same bits on every IEEE 754 machine.
 
 The kernels read `table`, a `PlacementNumbers`, and change `positions`, those of all balls of one game, (n, 2) m. Sets
 of balls are bit masks. A kernel that finds no room on the table returns a flag, and the functions that Python calls
@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from billiards_env.engine.compile import cached_by_scene
 from billiards_env.games.game_state import BEHIND, NOT_IN_HAND, STATE
 from billiards_env.jit import entry_point, inlined, kernel
-from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
+from billiards_env.physics.geometry.pockets import bounding_circle
+from billiards_env.physics.state import X, Y
 from billiards_env.scene import CONTACT_GAP, Scene, layouts
 from billiards_env.scene.layouts import PLACING_GAP
 from billiards_env.scene.outline import Point
@@ -72,7 +73,7 @@ def placement_numbers(scene: Scene, layout: str) -> tuple[Any, ...]:
     numbers = PlacementNumbers(
         radius=np.array(scene.balls.radius),
         touching=scene.balls.contact_distances(balls[:, None]),
-        pockets=np.array([(p.x, p.y, p.radius) for p in table.pockets]).reshape(-1, 3),
+        pockets=table.pocket_rows,
         half_length=table.length / 2,
         half_width=table.width / 2,
         head_x=table.head_x,
@@ -186,8 +187,8 @@ def circle_of(obstacles, k):
     """Returns x, y and the radius of circle k, m."""
     table, n = obstacles.table, len(obstacles.table.radius)
     if k >= n:
-        pocket = table.pockets[k - n]
-        return pocket[POCKET_X], pocket[POCKET_Y], pocket[POCKET_RADIUS] + obstacles.gap
+        x, y, radius = bounding_circle(table.pockets[k - n])
+        return x, y, radius + obstacles.gap
     reach = table.radius[k] + table.radius[obstacles.ball] + obstacles.gap
     if obstacles.touchable >> k & 1:
         reach = table.touching[obstacles.ball, k]

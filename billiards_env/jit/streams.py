@@ -64,7 +64,8 @@ def seeded_all(seeds: NDArray[np.uint64], spawn_key: tuple[int, ...] = ()) -> St
     increment_hi, increment_lo = sequence_hi << _1 | sequence_lo >> _63, sequence_lo << _1 | _1
     lo = state_lo + increment_lo
     hi = state_hi + increment_hi + (lo < state_lo)
-    hi = hi * _MULTIPLIER_LO + lo * _MULTIPLIER_HI + high_product.py_func(lo, _MULTIPLIER_LO)
+    product = getattr(high_product, "py_func", high_product)  # of arrays
+    hi = hi * _MULTIPLIER_LO + lo * _MULTIPLIER_HI + product(lo, _MULTIPLIER_LO)
     lo = lo * _MULTIPLIER_LO + increment_lo
     hi += increment_hi + (lo < increment_lo)
     return np.column_stack((hi, lo, increment_hi, increment_lo))
@@ -75,6 +76,11 @@ def _hashed(words: Any, factor: int, multiplier: int) -> tuple[Any, int]:
     following = factor * multiplier & 0xFFFFFFFF
     words = (words ^ np.uint32(factor)) * np.uint32(following)
     return words ^ words >> _SHIFT, following
+
+
+def drawn(count: int, rng: np.random.Generator) -> Stream:
+    """Returns (count, 4) uint64 streams with random states and increments. Each increment is odd."""
+    return rng.integers(0, 2**64, (count, 4), np.uint64) | np.array((0, 0, 0, 1), np.uint64)
 
 
 def are_seeded(streams: Stream) -> NDArray[np.bool_]:

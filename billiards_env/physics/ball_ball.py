@@ -1,4 +1,4 @@
-"""The impact of two balls, alone or at the same instant as others."""
+"""The impact of two balls by the law of the scene, alone or at the same instant as others."""
 
 from __future__ import annotations
 
@@ -6,8 +6,84 @@ from billiards_env.jit import inlined, kernel
 from billiards_env.physics.clusters.friction import add_normal_impulses, rub_all, tilt_of
 from billiards_env.physics.clusters.impulses import apply_changes, separation_speed, solve_plastic
 from billiards_env.physics.double_double import HI, LO, add
-from billiards_env.physics.laws.balls import Pair, normal_impulse, push_apart, push_ball
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.laws.balls import (
+    Pair,
+    along_normal,
+    contact_slip,
+    friction_impulse,
+    normal_impulse,
+    push_ball,
+    rub,
+    tilt_between,
+    up_after,
+)
+from billiards_env.physics.laws.tables import friction_of, restitution_of
 from billiards_env.physics.state import ball_of, set_motion
+
+
+@inlined
+def impulse_of(ball_restitution, closing, inv_mass_i, inv_mass_j, numbers):
+    """Returns `normal_impulse` with the restitution of the law `SceneArrays.ball_restitution`."""
+    return normal_impulse(closing, inv_mass_i, inv_mass_j, restitution_of(ball_restitution, numbers, closing))
+
+
+@inlined
+def _rub_both(ball_friction, tilt, a, b, pair, p, numbers):
+    """Returns the states of two balls after the friction of an impact; the arguments are those of `push_apart`."""
+    if ball_friction is None:
+        return a, b
+    inverse = pair.inv_mass_i + pair.inv_mass_j
+    across, up = contact_slip(tilt, a, b, pair)
+    up = up_after(tilt, up, p * inverse)
+    slip = norm(across, up)
+    limit = friction_of(ball_friction, numbers, slip) * along_normal(tilt, p)
+    push = friction_impulse(across, up, slip, limit, 1.0 / (3.5 * inverse))
+    return rub(a, 1.0, push, tilt, pair), rub(b, -1.0, push, tilt, pair)
+
+
+@inlined
+def push_apart(ball_friction, tilt, a, b, pair, p, numbers):
+    """Returns the states of two balls after an impulse along their line of centres and its friction.
+
+    Args:
+        ball_friction: `SceneArrays.ball_friction`.
+        tilt: See `contact_slip`.
+        a: The `BallState` of the first ball.
+        b: That of the second ball.
+        pair: The `Pair`.
+        p: The horizontal part of the impulse, kg m/s.
+        numbers: The `Numbers`.
+    """
+    a, b = _rub_both(ball_friction, tilt, a, b, pair, p, numbers)
+    nx, ny, mi, mj = pair.nx, pair.ny, pair.inv_mass_i, pair.inv_mass_j
+    return (
+        push_ball(a, -p * mi * nx, -p * mi * ny, numbers.motion),
+        push_ball(b, p * mj * nx, p * mj * ny, numbers.motion),
+    )
+
+
+@inlined
+def meet(ball_restitution, ball_friction, are_spheres, a, b, bodies, numbers):
+    """Returns the states of two balls after their impact.
+
+    Args:
+        ball_restitution: `SceneArrays.ball_restitution`.
+        ball_friction: `SceneArrays.ball_friction`.
+        are_spheres: Whether the balls are spheres.
+        a: The `BallState` of the first ball.
+        b: That of the second ball.
+        bodies: The radii and the inverse masses of both, (m, m, 1/kg, 1/kg).
+        numbers: The `Numbers`.
+    """
+    radius_i, radius_j, inv_mass_i, inv_mass_j = bodies
+    dx, dy = b.x - a.x, b.y - a.y
+    distance = norm(dx, dy)
+    nx, ny = dx / distance, dy / distance
+    closing = -(nx * (b.vx - a.vx) + ny * (b.vy - a.vy))
+    p = impulse_of(ball_restitution, closing, inv_mass_i, inv_mass_j, numbers)
+    pair = Pair(nx, ny, radius_i, radius_j, inv_mass_i, inv_mass_j)
+    return push_apart(ball_friction, tilt_between(are_spheres, radius_i, radius_j), a, b, pair, p, numbers)
 
 
 @kernel
@@ -17,11 +93,11 @@ def change_velocity(state, i, dvx, dvy, numbers):  # out: state
 
 
 @kernel
-def _exchange_many(count, contacts, state, scene, scratch):  # out: state, scratch
+def _exchange_many(e, count, contacts, state, scene, scratch):  # out: state, scratch
     """Implements `exchange` for more than one contact. With `scratch=None` numba drops the rest."""
     if scratch is None:
         return 0
-    e, increase, friction = scene.numbers.e_ball, scratch.increase, scene.ball_friction
+    increase, friction = scratch.increase, scene.ball_friction
     for c in range(count):
         increase[c, HI] = increase[c, LO] = 0.0
         if contacts.closing[c] > 0.0:
@@ -57,9 +133,9 @@ def push_pair(i, j, n, p, state, scene):  # out: state
 
 
 @inlined
-def exchange_pair(contacts, state, scene):  # out: state
+def exchange_pair(e, contacts, state, scene):  # out: state
     """Implements `exchange` for one contact. Returns whether `rebound` has raised the speed of separation."""
-    e, inv_mass = scene.numbers.e_ball, scene.inv_mass
+    inv_mass = scene.inv_mass
     i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
     raised = e * closing < rebound
     if raised:
@@ -70,11 +146,24 @@ def exchange_pair(contacts, state, scene):  # out: state
     return raised
 
 
+@inlined
+def restitution_at(count, contacts, scene):
+    """Returns the restitution of `count` impacts at one instant, which is that at their largest speed of approach.
+
+    With one restitution for all of them, the energy does not rise.
+    """
+    closing = 0.0
+    for c in range(count):
+        closing = max(closing, contacts.closing[c])
+    return restitution_of(scene.ball_restitution, scene.numbers, closing)
+
+
 @kernel
-def exchange(count, contacts, state, scene, scratch):  # out: state, scratch
+def exchange(e, count, contacts, state, scene, scratch):  # out: state, scratch
     """Changes the velocities of the balls in `count` impacts at one instant.
 
     Args:
+        e: The restitution: the result of `restitution_at`.
         count: Number of contacts, > 0.
         contacts: The `Contacts`.
         state: The `State`.
@@ -85,5 +174,5 @@ def exchange(count, contacts, state, scene, scratch):  # out: state, scratch
         The number of contacts whose speed of separation `rebound` has raised.
     """
     if count > 1:
-        return _exchange_many(count, contacts, state, scene, scratch)
-    return 1 if exchange_pair(contacts, state, scene) else 0
+        return _exchange_many(e, count, contacts, state, scene, scratch)
+    return 1 if exchange_pair(e, contacts, state, scene) else 0

@@ -2,61 +2,19 @@
 
 from __future__ import annotations
 
-import importlib
 import math
-from collections.abc import Callable
-from typing import Any
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import IMPULSE_ROUNDING
-from billiards_env.physics.laws.cushion import Cushion, CushionMotion, cushion_restitution
+from billiards_env.physics.laws.cushion import CushionMotion, cushion_restitution
+from billiards_env.physics.laws.tables import CUSHION_LAWS, by_law
 from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, WZ, BallState
-from billiards_env.scene import scene as scenes
 
 _TURNS = 4
 """Largest number of impacts on each of two cushions in `reflect_both`. The engine resolves an approach that remains."""
 
-CUSHIONS: dict[str, Cushion] = {
-    name: importlib.import_module(f"billiards_env.physics.laws.cushion_{name}").CUSHION for name in scenes.CUSHION_NAMES
-}
-"""The cushions of scenes, each from the module `cushion_*` of its name."""
-
-LAWS = tuple(dict.fromkeys(cushion.law for cushion in CUSHIONS.values()))
-"""The laws, in the order of `SceneArrays.cushion`."""
-
-
-def by_law(kernel: Callable[..., Any], *others: Callable[..., Any]) -> Callable[..., Any]:
-    """Returns a kernel that calls one of the given kernels, that of the scene's law.
-
-    The given kernels are in the order of `LAWS`, one for each law. The arguments of the returned kernel are
-    `SceneArrays.cushion` and a tuple with the arguments of the given kernel. Numba compiles only the kernel that is
-    called. In a condition `x is None` it leaves out the other branch if x is None, but no branch if x is not None, so
-    each law has two arguments of which one is None.
-    """
-    others_by_law: Any = by_law(*others) if others else None
-
-    @inlined
-    def call(is_law, is_other, laws, arguments):
-        if is_law is None:
-            if is_other is None:
-                raise ValueError  # never
-            return others_by_law(laws[1:], arguments)
-        return kernel(*arguments)
-
-    @inlined
-    def call_last(laws, arguments):
-        return kernel(*arguments)
-
-    @inlined
-    def call_first(laws, arguments):
-        is_law, is_other = laws[0]
-        return call(is_law, is_other, laws, arguments)
-
-    return call_first if others else call_last
-
-
-_impact = by_law(*LAWS)
+_impact = by_law(*CUSHION_LAWS)
 
 
 @inlined

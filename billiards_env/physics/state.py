@@ -39,9 +39,6 @@ IDEAL, ROLLING_ONLY, SLIDING_AND_ROLLING = 0, 1, 2
 # Columns of angular velocities.
 SPIN_X, SPIN_Y, SPIN_Z = 0, 1, 2  # rad/s
 
-# Columns of `SceneArrays.pockets`.
-POCKET_X, POCKET_Y, POCKET_RADIUS = 0, 1, 2  # m
-
 Floats = NDArray[np.float64]
 
 
@@ -145,11 +142,12 @@ class SceneArrays(NamedTuple):
         numbers: The `Numbers`.
         radius: (n,) float64, m.
         inv_mass: (n,) float64, 1/kg; 0 for a fixed ball.
-        pockets: (k, 3) float64, see the columns above.
+        pockets: (k, 3) float64, a row of `Table.pocket_rows` for each pocket, see `geometry.pockets`.
         outline: The `outline_walls.Outline`; None for a rectangle.
         spheres: (n,) float64, the radii of spheres of different size, m; None for disks and for equal balls.
-        ball_friction: True for balls with friction; None for others.
-        cushion: For each of `ball_cushion.LAWS`, (True, None) if the cushions have this law; otherwise (None, True).
+        ball_restitution: The restitution of two balls: a `tables.choice` of `tables.RESTITUTIONS`.
+        ball_friction: Their friction: a choice of `tables.FRICTIONS`; None for balls without friction.
+        cushion: The law of the cushions: a choice of `tables.CUSHION_LAWS`.
 
     Numba compiles the code of a feature only for scenes in which its field is not None: a function with the field as an
     argument begins with `if field is None`.
@@ -164,6 +162,7 @@ class SceneArrays(NamedTuple):
     pockets: Floats
     outline: Any = None
     spheres: Any = None
+    ball_restitution: Any = ()
     ball_friction: Any = None
     cushion: Any = ()
 

@@ -473,7 +473,8 @@ def press_arrow(model: WindowModel, x: float, y: float) -> WindowModel:
 def pot_at(model: WindowModel, point: Point) -> Pot | None:
     """Returns the pot at a point, m: a ball there into any pocket, or the ball that is aimed at into a pocket there."""
     places, radius, pockets = model.game.positions, model.setup.scene.balls.radius, model.setup.scene.table.pockets
-    holes = [k for k, hole in enumerate(pockets) if math.dist((hole.x, hole.y), point) <= REACH * hole.radius]
+    circles = [pocket.circle for pocket in pockets]
+    holes = [k for k, (*centre, size) in enumerate(circles) if math.dist(centre, point) <= REACH * size]
     balls = [b for b in members(model.game.state.object_balls) if math.dist(places[b], point) <= REACH * radius[b]]
     if holes:
         return None if model.preview is None or model.preview.ball < 0 else Pot(model.preview.ball, holes[0])

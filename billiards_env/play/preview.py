@@ -48,7 +48,7 @@ def make_preview(setup: Setup, game: GameState, stroke: Stroke) -> Preview:
         later = contacts(recording, one)["time"]
         after.append(_path(recording, one, time, min(later[later > time], default=recording.time)))
     (rest, struck), pockets = after, setup.scene.table.pockets
-    ways = np.reshape([(pocket.x, pocket.y) for pocket in pockets], (-1, 2)) - struck[0]
+    ways = setup.scene.table.pocket_places - struck[0]
     cosines = ways @ (struck[1] - struck[0]) / np.hypot(*ways.T)
     return Preview(_path(recording, cue, 0.0, time), ball, rest, struck, int(cosines.argmax()) if pockets else -1)
 

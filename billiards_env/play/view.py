@@ -138,8 +138,8 @@ class View:
             if model.call.ball >= 0:
                 lines.append((circle(game.positions[model.call.ball], 1.5 * radius[model.call.ball]), LEVEL))
             if model.call.pocket >= 0:
-                hole = table.pockets[model.call.pocket]
-                lines.append((circle((hole.x, hole.y), hole.radius), LEVEL))
+                *centre, reach = table.pockets[model.call.pocket].circle
+                lines.append((circle(centre, reach), LEVEL))
         for line, colour in lines:
             _draw_line(canvas, frame, line, colour)
         shown = {ball: game.positions[ball] for ball in members(game.state.object_balls)}

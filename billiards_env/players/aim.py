@@ -332,7 +332,7 @@ def _hits(problem: _Problem, ball: int) -> Floats:
 def _met(problem: _Problem, batch: BatchResult) -> Bools:
     """Returns whether shots reach the goals, (m, g); a `Leave` is always met."""
     met = np.ones((len(batch), len(problem.goals)), bool)
-    pockets = np.array([(p.x, p.y) for p in problem.table.scene.table.pockets]).reshape(-1, 2)
+    pockets = problem.table.scene.table.pocket_places
     for g, goal in enumerate(problem.goals):
         if isinstance(goal, Pot):
             met[:, g] = batch.potted[:, goal.ball]

@@ -26,9 +26,9 @@ from billiards_env.envs.actions import PLAYED, action_named, cue_strike
 from billiards_env.envs.observations import nth
 from billiards_env.envs.tasks import TASKS, task_of
 from billiards_env.games import GameState, Setup, Stroke, choices, members, play
-from billiards_env.games.game import opening_state
 from billiards_env.games.game_state import NOT_IN_HAND, changed, set_of
 from billiards_env.games.placement import cue_ball_area
+from billiards_env.games.playing import opening_state
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
 from billiards_env.players.situation import Noise, Player, Situation, game_situation, rating

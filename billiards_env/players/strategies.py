@@ -17,6 +17,8 @@ The others draw some places, and choose the one with the easiest pot.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,6 +36,8 @@ SHOTS = 200
 FINALISTS, REPEATS = 16, 16
 """With execution noise, `best_of` simulates each of the best `FINALISTS` shots `REPEATS` times with noise."""
 
+
+_LEVEL = -0.5  # an elevation of an action below 0 is a level cue
 
 AIM_SHOTS = 3_000
 """The largest number of random shots for each way to score with which "aim" begins."""
@@ -149,3 +153,35 @@ def anywhere(count: int, rng: np.random.Generator) -> Floats:
     """Returns (count, 2) random actions in all directions, with 0.1 to 1 of the largest speed."""
     angles, speeds = rng.uniform(-np.pi, np.pi, count), rng.uniform(0.1, 1.0, count)
     return speeds[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
+
+
+def hits(
+    positions: Floats,
+    radius: Sequence[float],
+    count: int,
+    speeds: tuple[float, float],
+    size: int,
+    rng: np.random.Generator,
+) -> Floats:
+    """Returns (m, count, size) random actions that send the cue ball at random parts of random object balls.
+
+    Args:
+        positions: (m, n, 2) m, all balls on the table.
+        radius: (n,) m.
+        count: The number of actions for each table.
+        speeds: The least and the largest speed, over the largest speed of the environment. Slower ones are more likely.
+        size: 2 for velocities, 5 for strikes with random offsets of the tip and a level cue.
+        rng: The generator to draw from.
+    """
+    m, n = positions.shape[:2]
+    balls = rng.integers(1, n, (m, count))
+    ways = np.take_along_axis(positions, balls[:, :, None], axis=1) - positions[:, :1]
+    reach = (radius[0] + np.array(radius)[balls]) / np.hypot(ways[..., 0], ways[..., 1])
+    angles = np.arctan2(ways[..., 1], ways[..., 0])
+    angles += np.arcsin(np.minimum(reach, 1.0)) * rng.uniform(-1.0, 1.0, (m, count))
+    speed = speeds[0] + (speeds[1] - speeds[0]) * rng.random((m, count)) ** 1.5
+    velocities = speed[..., None] * np.stack((np.cos(angles), np.sin(angles)), axis=2)
+    if size == 2:
+        return velocities
+    offsets, level = random_offsets(m * count, rng).reshape(m, count, 2), np.full((m, count, 1), _LEVEL)
+    return np.concatenate((velocities, offsets, level), axis=2)

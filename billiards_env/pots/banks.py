@@ -7,10 +7,12 @@ from typing import NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm, sine_cosine
+from billiards_env.physics.geometry.contact import cross
+from billiards_env.physics.geometry.pockets import centre_of, distance_along
 from billiards_env.physics.geometry.walls import is_side
 from billiards_env.physics.motion import motion_after
-from billiards_env.physics.state import POCKET_X, POCKET_Y, REST, T0, X, Y
-from billiards_env.pots.direct import NO_POT, THINNEST, PotGeometry, distance_to_rim, open_mouth
+from billiards_env.physics.state import REST, T0, X, Y
+from billiards_env.pots.direct import NO_POT, THINNEST, PotGeometry, open_mouth
 from billiards_env.pots.hits import (
     approach_gap,
     ball_gap,
@@ -21,7 +23,7 @@ from billiards_env.pots.hits import (
     play_hit,
     room_of,
 )
-from billiards_env.pots.paths import LEGS, begin_leg, cross, end_leg, pocket_gap
+from billiards_env.pots.paths import LEGS, begin_leg, end_leg, pocket_gap
 
 _STEPS = 6  # of the secant method
 _MISS = 2e-3  # m: the largest accepted distance of the path from the target
@@ -101,8 +103,8 @@ def _mirrored(scene, i, p, wall):
     line at which the cushion stops the centre of ball i.
     """
     room_x, room_y = room_of(scene, i)
-    x = min(max(scene.pockets[p, POCKET_X], -room_x), room_x)
-    y = min(max(scene.pockets[p, POCKET_Y], -room_y), room_y)
+    x, y = centre_of(scene.pockets[p])
+    x, y = min(max(x, -room_x), room_x), min(max(y, -room_y), room_y)
     sign = 2.0 * (wall & 1) - 1.0
     if wall < 2:
         return 2.0 * sign * room_x - x, y, 2.0 * abs(sign * room_x - x)
@@ -148,5 +150,5 @@ def _bounce(scene, i, p, x, y):
     mouth = open_mouth(scene, i, p, x, y)
     if mouth.half <= 0.0:
         return NO_BANK
-    second = distance_to_rim(scene, p, x, y, mouth.dx, mouth.dy)
+    second = distance_along(scene.pockets[p], x, y, mouth.dx, mouth.dy)
     return Bank(x, y, x + second * mouth.dx, y + second * mouth.dy, second, mouth.half, 0.0, 0.0)

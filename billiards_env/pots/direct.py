@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.contact import contact_distance
+from billiards_env.physics.geometry.contact import contact_distance, cross, half_chord
 from billiards_env.physics.geometry.outline_walls import TIP_RADIUS, TIP_X, TIP_Y
-from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
+from billiards_env.physics.geometry.pockets import centre_of, circle_tangent, distance_along, half_width_of, rim_ends
+from billiards_env.physics.state import X, Y
 from billiards_env.pots.hits import Hit, approach_gap, ball_gap, can_hit, enters_pocket, hit_along, hit_at, room_of
-from billiards_env.pots.paths import cross, half_chord, pocket_gap
+from billiards_env.pots.paths import pocket_gap
 
 THINNEST = 0.05
 """The cosine of the thinnest cut."""
@@ -69,7 +70,7 @@ def direct_pot(table, i, p):
         return NO_POT
     along = mouth.dx * hit.line_x + mouth.dy * hit.line_y
     off = abs(math.atan2(cross(mouth.dx, mouth.dy, hit.line_x, hit.line_y), along))
-    run = distance_to_rim(scene, p, x, y, hit.line_x, hit.line_y)
+    run = distance_along(scene.pockets[p], x, y, hit.line_x, hit.line_y)
     end_x, end_y = x + run * hit.line_x, y + run * hit.line_y
     if off > mouth.half + _LEEWAY or enters_pocket(table, hit) or pocket_gap(scene.pockets, p, x, y, end_x, end_y) < 0:
         return NO_POT
@@ -80,10 +81,11 @@ def direct_pot(table, i, p):
 @inlined
 def _is_behind(table, i, p):
     """Returns whether the cut angle is more than 90 degrees for every point of the mouth of pocket p."""
-    positions, pockets = table.positions, table.scene.pockets
+    positions, pocket = table.positions, table.scene.pockets[p]
     way_x, way_y = positions[i, X] - positions[table.cue, X], positions[i, Y] - positions[table.cue, Y]
-    to_x, to_y = pockets[p, POCKET_X] - positions[i, X], pockets[p, POCKET_Y] - positions[i, Y]
-    widest = pockets[p, POCKET_RADIUS] + _LEEWAY * norm(to_x, to_y)
+    to_x, to_y = centre_of(pocket)
+    to_x, to_y = to_x - positions[i, X], to_y - positions[i, Y]
+    widest = half_width_of(pocket) + _LEEWAY * norm(to_x, to_y)
     return way_x * to_x + way_y * to_y < -norm(way_x, way_y) * widest
 
 
@@ -115,49 +117,14 @@ def open_mouth(scene, i, p, x, y):
 def _between_tips(scene, outline, i, p, x, y):
     """Implements `open_mouth`."""
     if outline is None:
-        return _rim_mouth(scene, i, p, x, y)
+        return _middle(*rim_ends(scene.pockets[p], x, y, *room_of(scene, i), _CLEAR))
     right, left = outline.mouths[p]
     if min(right, left) < 0:
-        return _rim_mouth(scene, i, p, x, y)
+        return _middle(*rim_ends(scene.pockets[p], x, y, *room_of(scene, i), _CLEAR))
     right_tip, left_tip, radius = outline.tips[right], outline.tips[left], scene.radius[i]
-    right_x, right_y = _tangent(right_tip[TIP_X] - x, right_tip[TIP_Y] - y, right_tip[TIP_RADIUS] + radius, 1.0)
-    left_x, left_y = _tangent(left_tip[TIP_X] - x, left_tip[TIP_Y] - y, left_tip[TIP_RADIUS] + radius, -1.0)
+    right_x, right_y = circle_tangent(right_tip[TIP_X] - x, right_tip[TIP_Y] - y, right_tip[TIP_RADIUS] + radius, 1.0)
+    left_x, left_y = circle_tangent(left_tip[TIP_X] - x, left_tip[TIP_Y] - y, left_tip[TIP_RADIUS] + radius, -1.0)
     return _middle(right_x, right_y, left_x, left_y)
-
-
-@inlined
-def _tangent(to_x, to_y, radius, side):
-    """Returns the direction, (x, y), of a tangent of a circle with its centre at (to_x, to_y).
-
-    The tangent begins at the origin. The circle is on its right (side = 1) or left (side = -1).
-    """
-    along = max(half_chord(norm(to_x, to_y), radius), 0.0)
-    return along * to_x - side * radius * to_y, along * to_y + side * radius * to_x
-
-
-@kernel
-def _rim_mouth(scene, i, p, x, y):
-    """Implements `open_mouth` for a rectangle."""
-    r = scene.pockets[p, POCKET_RADIUS]
-    room_x, room_y = room_of(scene, i)
-    to_x, to_y = scene.pockets[p, POCKET_X] - x, scene.pockets[p, POCKET_Y] - y
-    square = to_x * to_x + to_y * to_y
-    if square <= r * r:
-        return Mouth(0.0, 0.0, 0.0)
-    mouth = (0.0, 0.0, 0.0, 0.0)
-    length = math.sqrt(square - r * r) / square
-    for side in (-1.0, 1.0):
-        along_x, along_y = _tangent(to_x, to_y, r, side)
-        mouth = _wider(mouth, length * along_x, length * along_y, x, y, room_x, room_y)
-        for limit_x in (-room_x, room_x):
-            half = half_chord(r, limit_x - x - to_x)
-            if half >= 0.0:
-                mouth = _wider(mouth, limit_x - x, to_y + side * half, x, y, room_x, room_y)
-        for limit_y in (-room_y, room_y):
-            half = half_chord(r, limit_y - y - to_y)
-            if half >= 0.0:
-                mouth = _wider(mouth, to_x + side * half, limit_y - y, x, y, room_x, room_y)
-    return _middle(*mouth)
 
 
 @inlined
@@ -170,28 +137,6 @@ def _middle(right_x, right_y, left_x, left_y):
     dx, dy = right_x / right + left_x / left, right_y / right + left_y / left
     length = norm(dx, dy)
     return Mouth(dx / length, dy / length, 0.5 * math.atan2(turn, right_x * left_x + right_y * left_y))
-
-
-@inlined
-def _wider(mouth, to_x, to_y, x, y, room_x, room_y):
-    """Returns the ends of a mouth, as vectors from (x, y), after it is extended by a point that a ball can reach."""
-    if abs(x + to_x) > room_x + _CLEAR or abs(y + to_y) > room_y + _CLEAR:
-        return mouth
-    right_x, right_y, left_x, left_y = mouth
-    if right_x == 0.0 and right_y == 0.0:
-        return to_x, to_y, to_x, to_y
-    if cross(right_x, right_y, to_x, to_y) < 0.0:
-        right_x, right_y = to_x, to_y
-    if cross(left_x, left_y, to_x, to_y) > 0.0:
-        left_x, left_y = to_x, to_y
-    return right_x, right_y, left_x, left_y
-
-
-@inlined
-def distance_to_rim(scene, p, x, y, dx, dy):
-    """Returns the distance from (x, y) along a line to a pocket's rim, or to the line's point nearest to the pocket."""
-    to_x, to_y, r = scene.pockets[p, POCKET_X] - x, scene.pockets[p, POCKET_Y] - y, scene.pockets[p, POCKET_RADIUS]
-    return to_x * dx + to_y * dy - max(half_chord(r, cross(dx, dy, to_x, to_y)), 0.0)
 
 
 @inlined

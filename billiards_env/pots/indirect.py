@@ -89,7 +89,8 @@ def find_indirect(tables: Tables, targets: Ints, most: int = MOST, budget: Budge
     scene, (positions,) = tables.scene, tables.positions
     balls = np.flatnonzero(tables.in_play[0])
     balls, legal = balls[balls != tables.cue], np.flatnonzero(tables.targets[0])
-    pockets = np.array([(p.x, p.y, p.radius) for p in scene.table.pockets])
+    widths = [pocket.half_width for pocket in scene.table.pockets]
+    pockets = np.column_stack((scene.table.pocket_places, widths))  # (p, 3): the places and half the widths
     reach = 2.0 * max(scene.balls.radius)
     room = np.array([scene.table.length, scene.table.width]) / 2.0 - reach / 2.0
     cue, others = positions[tables.cue], np.intersect1d(balls, targets)
@@ -229,7 +230,8 @@ def _corrected(tables: Tables, chains: _Chains, budget: Budget) -> Ways:
     ball, pocket = chains.target[chain].T
     potted = ball >= 0
     row, column = np.where(potted, ball, cue), np.where(potted, n + pocket, chains.legal[chain])
-    deepest = np.where(potted, np.array([p.radius for p in scene.table.pockets])[pocket], 2.0 * scene.balls.radius[0])
+    widths = np.array([pocket.half_width for pocket in scene.table.pockets])
+    deepest = np.where(potted, widths[pocket], 2.0 * scene.balls.radius[0])
     selected = np.zeros((n, margin_columns(scene)["cushion_margins"].stop), bool)
     selected[row, column] = True
     best, kept, slopes = np.full(len(chain), -np.inf), angles.copy(), np.ones(len(chain))

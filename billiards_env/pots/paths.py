@@ -7,16 +7,13 @@ from typing import NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.ball_cushion import reflect, reflect_both
-from billiards_env.physics.geometry.contact import distance_to_segment
+from billiards_env.physics.geometry.pockets import bounding_circle, segment_gap
 from billiards_env.physics.geometry.walls import wall_normal, wall_time, walls_met
 from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after, path_of
 from billiards_env.physics.state import (
     AX,
     AY,
     LASTS,
-    POCKET_RADIUS,
-    POCKET_X,
-    POCKET_Y,
     REST,
     SLIDING,
     VX,
@@ -35,19 +32,6 @@ LEGS = 20
 """The largest number of legs of a path."""
 
 _CHORDS = 4  # straight lines that approximate a leg of a sliding ball
-
-
-@inlined
-def cross(ax, ay, bx, by):
-    """Returns the cross product of two vectors."""
-    return ax * by - ay * bx
-
-
-@inlined
-def half_chord(radius, distance):
-    """Returns half the length of the chord of a circle at a distance from its centre, or -1 if there is none."""
-    square = radius * radius - distance * distance
-    return math.sqrt(square) if square >= 0.0 else -1.0
 
 
 class Leg(NamedTuple):
@@ -136,13 +120,13 @@ def _leg_gap(pockets, state, i, leg, gap):
     low_x, high_x = _extremes(row[X], row[VX], row[AX], leg.lasts)
     low_y, high_y = _extremes(row[Y], row[VY], row[AY], leg.lasts)
     for p in range(len(pockets)):
-        x, y, radius = pockets[p, POCKET_X], pockets[p, POCKET_Y], pockets[p, POCKET_RADIUS]
+        x, y, radius = bounding_circle(pockets[p])
         near = gap + radius
         if low_x - near < x < high_x + near and low_y - near < y < high_y + near:
             ax, ay = row[X], row[Y]
             for k in range(1, leg.chords + 1):
                 bx, by, _, _ = motion_after(state, i, leg.lasts * k / leg.chords)
-                gap = min(gap, distance_to_segment(ax, ay, bx, by, x, y) - radius)
+                gap = min(gap, segment_gap(pockets[p], ax, ay, bx, by))
                 ax, ay = bx, by
     return gap
 
@@ -156,6 +140,5 @@ def pocket_gap(pockets, goal, ax, ay, bx, by):
     gap = FAR
     for p in range(len(pockets)):
         if p != goal:
-            distance = distance_to_segment(ax, ay, bx, by, pockets[p, POCKET_X], pockets[p, POCKET_Y])
-            gap = min(gap, distance - pockets[p, POCKET_RADIUS])
+            gap = min(gap, segment_gap(pockets[p], ax, ay, bx, by))
     return gap

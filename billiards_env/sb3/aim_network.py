@@ -91,9 +91,9 @@ class Mixture(NamedTuple):
         """Returns one mixture of the components of all m, whose weights are multiplied by `worth` (m,)."""
         m, k = self.dx.shape
         log_weight = (self.log_weight + worth.clamp(min=_LEAST_WORTH).log()[:, None]).reshape(1, -1).log_softmax(1)
-        parts = (part.reshape(1, m * k) for part in self[1:5])
+        dx, dy, speed, across = (part.reshape(1, m * k) for part in self[1:5])
         tip = self.tip.transpose(0, 1).flatten(1)[None]
-        return Mixture(log_weight, *parts, self.along, tip, *self[7:])
+        return self._replace(log_weight=log_weight, dx=dx, dy=dy, speed=speed, across=across, tip=tip)
 
     def _repeated(self, count: int) -> Mixture:
         """Returns one mixture `count` times."""
@@ -137,6 +137,26 @@ class Mixture(NamedTuple):
         return -(self.log_weight.exp() * self.log_weight).sum(1)
 
 
+class Layouts(NamedTuple):
+    """m layouts as the networks take them, once for each of their n object balls.
+
+    Attributes:
+        choice: (m, n, c) the outputs of the first network of the choice.
+        signs: (m, n, 2) 1 or -1, the reflection of x and y.
+        dx: (m, n, p) the directions to the points, reflected back.
+        dy: (m, n, p)
+        inverse: (m, n, p) 1/m: 1 over the distances of the points.
+        allowed: (m, n) bool, whether a component may aim at the ball.
+    """
+
+    choice: Tensor
+    signs: Tensor
+    dx: Tensor
+    dy: Tensor
+    inverse: Tensor
+    allowed: Tensor
+
+
 class AimNetwork(nn.Module):
     """The mixture for observations, and the value function.
 
@@ -154,6 +174,10 @@ class AimNetwork(nn.Module):
         features: The shapes of the features that the networks observe, by name, some of `OBSERVED`. With "legal_balls"
             only the components of legal balls have weight.
         strikes: Whether the actions are strikes.
+        waves: The number of octaves of sines and cosines of the positions that the networks also take. With them they
+            learn fine differences faster (Tancik et al. 2020, Fourier features).
+        goal_units: Units of two more layers of the choice, the only ones that depend on the goal. Many goals of one
+            layout then share the other layers. 0 without these layers: the goal is an input of all networks.
 
     Attributes:
         std: Standard deviations of the speed, over the largest, of the point aimed at, m, and of the three other
@@ -177,22 +201,29 @@ class AimNetwork(nn.Module):
         *,
         features: Mapping[str, tuple[int, ...]] = MappingProxyType({}),
         strikes: bool = False,
+        waves: int = 0,
+        goal_units: int = 0,
     ) -> None:
         super().__init__()
-        self.aim = aim
+        self.aim, self.waves, self.goal_units = aim, waves, goal_units
         self.ranges = len(speeds) - 1
         self.numbers = TIP * strikes
         self.goal, self.legal = "goal" in features, "legal_balls" in features
         self.rest = [name for name in ("shots_left", "physics") if name in features]
-        inputs, half = 8 + 2 * self.goal + sum(math.prod(features[name]) for name in self.rest), hidden // 2
+        goals = 2 * (self.goal and not goal_units)
+        inputs, half = 8 + 8 * waves + goals + sum(math.prod(features[name]) for name in self.rest), hidden // 2
         borders, angles = torch.tensor(speeds), 2 * math.pi / points * torch.arange(points)
         self.register_buffer("half_extents", torch.tensor(half_extents))
         self.register_buffer("slowest", borders[:-1].repeat_interleave(points))
         self.register_buffer("faster", borders.diff().repeat_interleave(points))
         self.register_buffer("std", torch.ones(3))
         self.first_points = nn.Parameter(self.CIRCLE * torch.stack((angles.cos(), angles.sin())))
-        self.points = _Layers(2 if aim == "ball" else inputs, half, 2 * points, 0.02)
-        self.choice = _Layers(inputs, hidden, (2 + self.numbers) * points * self.ranges, 0.02)
+        outputs = (2 + self.numbers) * points * self.ranges
+        self.points = _Layers(2 + 4 * waves if aim == "ball" else inputs, half, 2 * points, 0.02)
+        self.choice = _Layers(inputs, hidden, goal_units or outputs, 1.0 if goal_units else 0.02)
+        if goal_units:
+            self.of_goal = nn.Linear(2 + 4 * waves, goal_units, bias=False)
+            self.choice_for_goal = nn.Sequential(nn.ReLU(), *list(_Layers(goal_units, goal_units, outputs, 0.02))[2:])
         self.critic = _Layers(inputs, half, 1)
         self.turn = nn.Parameter(torch.zeros(()))
         self.widths = hidden, half, half if aim == "layout" else 0
@@ -208,8 +239,13 @@ class AimNetwork(nn.Module):
             legal: (m, n) bool, the balls at which a component may aim; None for the feature "legal_balls", or for all.
             others: The other features by name, as in the construction.
         """
+        layouts, values = self.layouts(positions, legal, **others)
+        return self.mixtures(layouts, others.get("goal")), values
+
+    def layouts(self, positions: Tensor, legal: Tensor | None = None, **others: Tensor) -> tuple[Layouts, Tensor]:
+        """Returns the layouts for `mixtures`, and the values (m,). The arguments are those of `forward`."""
         m, n = len(positions), positions.shape[1] - 1
-        places = torch.cat((positions, others["goal"]), 1) if self.goal else positions
+        places = torch.cat((positions, others["goal"]), 1) if self.goal and not self.goal_units else positions
         flags = others["legal_balls"] if self.legal else positions.new_empty(m, 0)
         rest = torch.cat([positions.new_empty(m, 0), *(others[name].reshape(m, -1) for name in self.rest)], 1)
         signs = torch.where(places[:, 1 : 1 + n] < 0, -1.0, 1.0)
@@ -220,31 +256,58 @@ class AimNetwork(nn.Module):
         distance = to_ball.norm(dim=1, keepdim=True).clamp(min=1e-6)  # two balls in the same pocket have distance 0
         way = to_ball / distance
         goals, rest = tables[:, :, 1 + n :].reshape(m * n, -1), rest.repeat_interleave(n, 0)
-        features = torch.cat((cue_ball, ball, way, distance, 1 / (distance + 0.1), goals, rest), 1)
+        waves = self._waves(cue_ball), self._waves(ball)
+        features = torch.cat((cue_ball, ball, way, distance, 1 / (distance + 0.1), goals, rest, *waves), 1)
         on_table = ball[:, 1] != 1  # of a potted ball this number is 1
         chosen, judged, aimed = self._other_balls(tables, flags, way, on_table) if n > 1 else (None, None, None)
-        offset = self.points(ball) if self.aim == "ball" else self.points(features, aimed)
+        near = torch.cat((ball, waves[1]), 1)
+        offset = self.points(near) if self.aim == "ball" else self.points(features, aimed)
         dx, dy = (to_ball[:, :, None] + (self.first_points + self.CIRCLE * offset.unflatten(1, (2, -1)))).unbind(1)
         inverse = torch.rsqrt(dx * dx + dy * dy + 1e-9)
         dx, dy = dx * inverse * signs[:, :1], dy * inverse * signs[:, 1:]
-        dx, dy, inverse = (part.repeat(1, self.ranges) for part in (dx, dy, inverse))
-        logit, faster, *tip = self.choice(features, chosen).chunk(2 + self.numbers, 1)
         if legal is None and self.legal:
             legal = flags > 0
         allowed = on_table if legal is None else on_table & legal.flatten()
-        logit = logit.masked_fill(~allowed[:, None], _NEVER)
+        parts = self.choice(features, chosen), signs, dx, dy, inverse
+        choice, signs, dx, dy, inverse = (part.reshape(m, n, -1) for part in parts)
+        layouts = Layouts(choice, signs, dx, dy, inverse, allowed.reshape(m, n))
+        on_table = on_table.reshape(m, n)
+        values = self.critic(features, judged).reshape(m, n) * on_table
+        return layouts, values.sum(1) / on_table.sum(1).clamp(min=1)
+
+    def mixtures(self, layouts: Layouts, goal: Tensor | None = None, rows: Tensor | None = None) -> Mixture:
+        """Returns the mixtures for layouts.
+
+        Args:
+            layouts: m layouts.
+            goal: (k, 1, 2), the feature "goal"; used with `goal_units` alone.
+            rows: (k,) the layout of each goal; None for one goal for each layout.
+        """
+        if rows is not None:
+            layouts = Layouts(*(part.index_select(0, rows) for part in layouts))
+        choice, signs, *parts, allowed = layouts
+        dx, dy, inverse = (part.repeat(1, 1, self.ranges) for part in parts)
+        if self.goal_units and goal is not None:
+            near = (goal * signs).flatten(0, 1)
+            near = self.of_goal(torch.cat((near, self._waves(near)), 1))
+            choice = self.choice_for_goal(choice + near.reshape(choice.shape))
+        logit, faster, *tip = choice.chunk(2 + self.numbers, 2)
+        logit = logit.masked_fill(~allowed[:, :, None], _NEVER)
         speed = self.slowest + self.faster * faster.sigmoid()
         # The std of the direction is the std of the point over its distance. The limit is for points near the cue ball.
         across = speed * self.std[1] * inverse.clamp(max=10.0)
         if tip:
             side, top, elevation = tip  # a reflection at one axis changes the sign of the side
-            tip = [_MOST * side.tanh() * signs.prod(1, keepdim=True), _MOST * top.tanh(), _LEVEL + elevation]
-        logit, dx, dy, speed, across, *tip = (part.reshape(m, -1) for part in (logit, dx, dy, speed, across, *tip))
-        strike = torch.stack(tip, 1) if tip else logit.new_empty(m, 0, 1)
-        mixture = Mixture(logit.log_softmax(1), dx, dy, speed, across, self.std[0], strike, self.std[2], self.turn)
-        on_table = on_table.reshape(m, n)
-        values = self.critic(features, judged).reshape(m, n) * on_table
-        return mixture, values.sum(1) / on_table.sum(1).clamp(min=1)
+            tip = [_MOST * side.tanh() * signs.prod(2, keepdim=True), _MOST * top.tanh(), _LEVEL + elevation]
+        logit, dx, dy, speed, across, *tip = (part.flatten(1) for part in (logit, dx, dy, speed, across, *tip))
+        strike = torch.stack(tip, 1) if tip else logit.new_empty(len(logit), 0, 1)
+        return Mixture(logit.log_softmax(1), dx, dy, speed, across, self.std[0], strike, self.std[2], self.turn)
+
+    def _waves(self, places: Tensor) -> Tensor:
+        """Returns sines and cosines (k, 4 * waves) of places (k, 2)."""
+        octaves = math.pi * 2.0 ** torch.arange(self.waves, device=places.device)
+        angles = (places[:, :, None] * octaves).flatten(1)
+        return torch.cat((angles.sin(), angles.cos()), 1)
 
     def _other_balls(self, tables: Tensor, flags: Tensor, way: Tensor, on_table: Tensor) -> Sequence[Tensor]:
         """Returns what the other object balls add to the first layers of `choice`, `critic` and `points`.

@@ -101,6 +101,7 @@ class AimPolicy(ActorCriticPolicy):
         observe: The features of the environment that the networks observe, with "positions": some of
             `aim_network.OBSERVED`. None for all of them that the environment has.
         points, speeds, hidden: As in `AimNetwork`.
+        waves, goal_units: As in `AimNetwork`.
         aim: As in `AimNetwork`; None for "ball" in the tasks that need pockets and "layout" in the others.
         exploration: The number of shots after which the next four arguments have their last values.
         std_speed: First and last standard deviation of the speed, over the largest.
@@ -137,6 +138,8 @@ class AimPolicy(ActorCriticPolicy):
         speeds: Sequence[float] = (0.2, 0.4, 0.8),
         hidden: int = 192,
         aim: str | None = None,
+        waves: int = 0,
+        goal_units: int = 0,
         exploration: int = 500_000,
         std_speed: Sequence[float] = (0.1, 0.03),
         std_aim: Sequence[float] = (0.025, 0.0015),
@@ -146,6 +149,8 @@ class AimPolicy(ActorCriticPolicy):
     ) -> None:
         for name, number in (("points", points), ("hidden", hidden)):
             integer(name, number, _UNITS)
+        integer("waves", waves, Range(0, 16))
+        integer("goal_units", goal_units, Range(0, 4096))
         integer("exploration", exploration, Range(1, None))
         borders = numbers("speeds", speeds)
         if borders.ndim != 1 or not 2 <= len(borders) <= _MOST_SPEEDS or not (np.diff(borders) > 0.0).all():
@@ -177,7 +182,8 @@ class AimPolicy(ActorCriticPolicy):
             raise ValueError(f"env = {short(env)}: expected an object ball, at which the policy aims")
         aim = aim or ("ball" if task_of(self.game.task, self.game.model.n_players).pockets else "layout")
         one_of("aim", aim, ("ball", "layout"))
-        self.network = {"points": points, "speeds": tuple(speeds), "hidden": hidden, "aim": aim}
+        self.network: dict[str, Any] = {"points": points, "speeds": tuple(speeds), "hidden": hidden, "aim": aim}
+        self.network |= {"waves": waves, "goal_units": goal_units}
         seen = [name for name in OBSERVED if name in self.game.features]
         self.observe = seen if observe is None else list(sequence("observe", observe))
         for name in self.observe:

@@ -445,7 +445,7 @@ def make_plan(
     for i in order[n_spots:].tolist():
         if limits[i, 1] < limits[i, 0] or limits[i, 2] < 0:
             raise _no_room(name, i, float(radius[i]))
-    pockets = np.array([(p.x, p.y, p.radius) for p in scene.table.pockets]).reshape(-1, 3)
+    pockets = np.array([pocket.circle for pocket in scene.table.pockets]).reshape(-1, 3)
     _check_spots(name, scene, spots, displacement, order[:n_spots])
     outline, d = None, (x_most if d_radius < math.inf else 0.0, d_radius)
     if not scene.table.is_rectangular:

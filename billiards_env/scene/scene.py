@@ -64,8 +64,17 @@ from billiards_env.support.checks import (
 )
 
 MOTION_NAMES = ("ideal", "rolling", "sliding")
-CUSHION_NAMES = ("restitution", "han2005", "stronge", "mathavan2010", "han2005_variable")
-BALL_BALL_NAMES = ("frictionless", "frictional")
+CUSHION_NAMES = {
+    "restitution": False,
+    "han2005": True,
+    "stronge": True,
+    "mathavan2010": True,
+    "han2005_variable": True,
+}
+"""The names of the cushions, and whether their friction acts on spin."""
+BALL_BALL_NAMES = {"frictionless": False, "frictional": True}
+"""The same for the laws of two balls."""
+_WITH_FRICTION = tuple(name for name, rubs in CUSHION_NAMES.items() if rubs)
 COLOURS = ("pool", "snooker", "uk")
 SHAPES = ("disk", "sphere")
 
@@ -159,17 +168,25 @@ class Parameter(NamedTuple):
             `law_numbers` makes of it.
         source: Where the default comes from; "" for 0 and 1.
         fitted: Whether `calibrate` fits it by default. Tracks rarely determine the numbers that it leaves out.
+        only: The names of the motions, cushions or laws of two balls that read it; empty if all read it.
     """
 
     within: str
     law: str
     source: str = ""
     fitted: bool = True
+    only: tuple[str, ...] = ()
+
+    def has_effect(self, physics: Physics) -> bool:
+        """Returns whether one of the laws of a `Physics` reads it."""
+        return not self.only or bool({physics.motion, physics.cushion, physics.ball_ball}.intersection(self.only))
 
 
-def _number(default: float | None, within: str, law: str, source: str = "", fitted: bool = True) -> Any:
+def _number(
+    default: float | None, within: str, law: str, source: str = "", fitted: bool = True, only: tuple[str, ...] = ()
+) -> Any:
     """Returns the field of a number of `Physics`. All code takes these numbers from `PARAMETERS`."""
-    return dataclasses.field(default=default, metadata={"parameter": Parameter(within, law, source, fitted)})
+    return dataclasses.field(default=default, metadata={"parameter": Parameter(within, law, source, fitted, only)})
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -217,36 +234,56 @@ class Physics:
     ball_ball: str = "frictionless"
     g: float = _number(9.81, "g", "", "standard gravity, rounded", fitted=False)
     mu_slide: float = _number(
-        0.2, "friction", "", "Marlow (1995), The Physics of Pocket Billiards; Alciatore (2004): 0.15 to 0.4"
+        0.2,
+        "friction",
+        "",
+        "Marlow (1995), The Physics of Pocket Billiards; Alciatore (2004): 0.15 to 0.4",
+        only=("sliding",),
     )
-    mu_roll: float = _number(0.01, "friction", "", "Marlow (1995); Alciatore (2004): 0.005 to 0.015")
+    mu_roll: float = _number(
+        0.01, "friction", "", "Marlow (1995); Alciatore (2004): 0.005 to 0.015", only=("rolling", "sliding")
+    )
     spin_decay: float = _number(
-        10.0, "spin_decay", "cloth", "Alciatore (2004), The Illustrated Principles of Pool and Billiards: 5 to 15"
+        10.0,
+        "spin_decay",
+        "cloth",
+        "Alciatore (2004), The Illustrated Principles of Pool and Billiards: 5 to 15",
+        only=("sliding",),
     )
     e_ball: float = _number(0.95, "restitution", "balls", "Marlow (1995); Alciatore (2004): 0.92 to 0.98")
     e_cushion: float = _number(0.85, "restitution", "cushion", "Han (2005); Alciatore (2004): 0.6 to 0.9")
-    mu_cushion: float = _number(0.2, "mu_cushion", "cushion", "Han (2005): 0.14 to 0.2")
+    mu_cushion: float = _number(0.2, "mu_cushion", "cushion", "Han (2005): 0.14 to 0.2", only=_WITH_FRICTION)
     mu_ball: float | None = _number(
-        None, "mu_ball", "", "Alciatore (2019), TP A.14: a fit of Marlow (1995), Table 10", fitted=False
+        None,
+        "mu_ball",
+        "",
+        "Alciatore (2019), TP A.14: a fit of Marlow (1995), Table 10",
+        fitted=False,
+        only=("frictional",),
     )
-    mu_ball_factor: float = _number(1.0, "mu_ball", "")
-    mu_ball_decay: float = _number(MARLOW[2], "speed_loss", "", "as `mu_ball`")
+    mu_ball_factor: float = _number(1.0, "mu_ball", "", only=("frictional",))
+    mu_ball_decay: float = _number(MARLOW[2], "speed_loss", "", "as `mu_ball`", only=("frictional",))
     cushion_frequency_ratio: float = _number(
-        1.8, "frequency_ratio", "cushion", "the default of the simulator pooltool 0.6", fitted=False
+        1.8,
+        "frequency_ratio",
+        "cushion",
+        "the default of the simulator pooltool 0.6",
+        fitted=False,
+        only=("stronge",),
     )
     e_cushion_loss: float = _number(0.0, "speed_loss", "cushion")
     e_cushion_onset: float = _number(0.0, "onset", "cushion", fitted=False)
     e_cushion_floor: float = _number(0.0, "restitution", "cushion", fitted=False)
-    mu_cushion_angle: float = _number(0.0, "mu_cushion", "cushion")
-    e_cushion_topspin: float = _number(0.0, "restitution", "cushion")
-    e_cushion_tangent: float = _number(0.0, "restitution", "cushion")
-    mu_roll_speed: float | None = _number(None, "speed_loss", "")
+    mu_cushion_angle: float = _number(0.0, "mu_cushion", "cushion", only=("han2005_variable",))
+    e_cushion_topspin: float = _number(0.0, "restitution", "cushion", only=("han2005_variable",))
+    e_cushion_tangent: float = _number(0.0, "restitution", "cushion", only=("han2005_variable",))
+    mu_roll_speed: float | None = _number(None, "speed_loss", "", only=("rolling", "sliding"))
     max_time: float | None = None
 
     def __post_init__(self) -> None:
         one_of("physics.motion", self.motion, MOTION_NAMES)
-        one_of("physics.cushion", self.cushion, CUSHION_NAMES)
-        one_of("physics.ball_ball", self.ball_ball, BALL_BALL_NAMES)
+        one_of("physics.cushion", self.cushion, tuple(CUSHION_NAMES))
+        one_of("physics.ball_ball", self.ball_ball, tuple(BALL_BALL_NAMES))
         optional = "mu_ball", "mu_roll_speed"
         names = (name for name in PARAMETERS if getattr(self, name) is not None or name not in optional)
         check_fields(self, "physics", **{name: PARAMETERS[name].within for name in names})
@@ -254,13 +291,14 @@ class Physics:
             check_fields(self, "physics", max_time="max_time")
         if self.motion == "ideal" and self.max_time is None:
             raise ValueError("physics.max_time = None: expected a number of seconds, ideal motion never ends")
-        if self.motion != "sliding":
-            for name, other in (("cushion", "restitution"), ("ball_ball", "frictionless")):
-                if getattr(self, name) != other:
-                    raise ValueError(
-                        f"physics.{name} = {getattr(self, name)!r} with physics.motion = {self.motion!r}: "
-                        f"expected motion 'sliding' (its friction acts on spin) or {name} {other!r}"
-                    )
+        for name, rubs in (("cushion", CUSHION_NAMES), ("ball_ball", BALL_BALL_NAMES)):
+            law = getattr(self, name)
+            if rubs[law] and self.motion != "sliding":
+                smooth = " or ".join(repr(other) for other in rubs if not rubs[other])
+                raise ValueError(
+                    f"physics.{name} = {law!r} with physics.motion = {self.motion!r}: "
+                    f"expected motion 'sliding' (its friction acts on spin) or {name} {smooth}"
+                )
         if self.e_cushion_floor > self.e_cushion:
             raise ValueError(
                 f"physics.e_cushion_floor = {self.e_cushion_floor!r}: expected at most e_cushion = {self.e_cushion!r}"
@@ -383,7 +421,7 @@ class Scene:
                 f"cue.tip_restitution = {self.cue.tip_restitution!r}: expected at least {least:.4g}, so that the tip "
                 f"leaves the ball at the miscue_offset {self.cue.miscue_offset!r}"
             )
-        if self.physics.cushion != "restitution":
+        if CUSHION_NAMES[self.physics.cushion]:
             for i, radius in enumerate(self.balls.radius):
                 if not 0 < self.table.cushion_height < 2 * radius:
                     raise ValueError(
@@ -399,7 +437,7 @@ class Scene:
             f"Scene: table {table.length:g} x {table.width:g} m, {len(table.pockets)} pockets\n"
             f"  balls: {self.n_balls}, radius {_range(self.balls.radius)} m, mass {_range(self.balls.mass)} kg\n"
             f"  physics: {physics.motion} motion, {physics.cushion} cushions, "
-            + ("frictional balls, " if physics.ball_ball == "frictional" else "")
+            + ("" if physics.ball_ball == next(iter(BALL_BALL_NAMES)) else f"{physics.ball_ball} balls, ")
             + ", ".join(f"{name} {getattr(physics, name):g}" for name in constants)
         )
 
@@ -530,7 +568,7 @@ def _room(table: Table, radius: float) -> tuple[float, float] | None:
     """Returns the largest abs(x) and abs(y), m, of the centre of a ball in play; None if there is no room for it."""
     if not table.outline:
         return table.length / 2 - radius, table.width / 2 - radius
-    return extents(table.outline, tuple((p.x, p.y, p.radius) for p in table.pockets), radius)
+    return extents(table.outline, tuple(pocket.circle for pocket in table.pockets), radius)
 
 
 def _range(values: tuple[float, ...]) -> str:
@@ -773,13 +811,11 @@ def check_positions(
             expected = f"|x| <= {x} and |y| <= {y}, inside the cushions"
         raise ValueError(f"{where(at)} is at {array[at].tolist()}: expected {expected}")
     for k, pocket in enumerate(scene.table.pockets):
-        inside = np.hypot(placed[..., 0] - pocket.x, placed[..., 1] - pocket.y) < pocket.radius - CONTACT_GAP
-        bad = np.argwhere(inside & in_play)
+        bad = np.argwhere(pocket.contains(placed, CONTACT_GAP) & in_play)
         if len(bad):
             at = tuple(bad[0])
             raise ValueError(
-                f"{where(at)} is at {array[at].tolist()}: expected a place outside pocket {k}, "
-                f"a circle of radius {pocket.radius} m about ({pocket.x}, {pocket.y})"
+                f"{where(at)} is at {array[at].tolist()}: expected a place outside pocket {k}, {pocket.shape}"
             )
     overlap = _first_overlap(scene.balls, placed, in_play)
     if overlap is not None:

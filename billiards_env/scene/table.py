@@ -58,6 +58,9 @@ _CORNER_MOUTH, _SIDE_MOUTH = 4.5625 * INCH, 5.0625 * INCH
 class Pocket:
     """A circle that captures every ball whose centre enters it.
 
+    Only this class, `physics.geometry.pockets` and the 50-digit reference contain its shape. Other code reads `x` and
+    `y` as the place at which a captured ball stays.
+
     Attributes:
         x: Centre along the table's length, m.
         y: Centre along the table's width, m.
@@ -70,6 +73,36 @@ class Pocket:
 
     def __post_init__(self) -> None:
         check_fields(self, "pocket", x="coordinate", y="coordinate", radius="length")
+
+    @property
+    def circle(self) -> tuple[float, float, float]:
+        """X, y and the radius of a circle that contains it, m."""
+        return self.x, self.y, self.radius
+
+    @property
+    def half_width(self) -> float:
+        """Half the width of its mouth, m; a captured ball is at most this far inside."""
+        return self.radius
+
+    @property
+    def shape(self) -> str:
+        """Its shape and its place in words."""
+        return f"a circle of radius {self.radius} m about ({self.x}, {self.y})"
+
+    def contains(self, points: ArrayLike, by: float = 0.0) -> NDArray[np.bool_]:
+        """Returns whether points (..., 2) are inside its rim, farther from it than `by`, m."""
+        places = np.asarray(points)
+        return np.hypot(places[..., 0] - self.x, places[..., 1] - self.y) < self.radius - by
+
+    def distance(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Returns the distances (...) of points (..., 2) from its rim, m; negative inside."""
+        places = np.asarray(points)
+        return np.hypot(places[..., 0] - self.x, places[..., 1] - self.y) - self.radius
+
+    def rim(self, start: float = 0.0, angle: float = 2 * math.pi, points: int = 40) -> NDArray[np.float64]:
+        """Returns points (points, 2) of its rim from the direction `start` over `angle`, in radians, m."""
+        angles = start + angle * (np.arange(points) + 0.5) / points
+        return np.column_stack((self.x + self.radius * np.cos(angles), self.y + self.radius * np.sin(angles)))
 
 
 def six_pockets(length: float = POOL_LENGTH, width: float = POOL_WIDTH) -> tuple[Pocket, ...]:
@@ -118,10 +151,11 @@ class Table:
         if self.outline:
             self._check_outline()
         for k, p in enumerate(self.pockets):
+            x, y, radius = p.circle
             if self.outline:
-                reaches = self.clearance((p.x, p.y)) > -p.radius
+                reaches = self.clearance((x, y)) > -radius
             else:
-                reaches = abs(p.x) <= self.length / 2 + p.radius and abs(p.y) <= self.width / 2 + p.radius
+                reaches = abs(x) <= self.length / 2 + radius and abs(y) <= self.width / 2 + radius
             if not reaches:
                 raise ValueError(
                     f"table.pockets[{k}] = {p}: expected a circle that reaches the table "
@@ -164,6 +198,16 @@ class Table:
         if self.outline:
             return clearance(self.outline, points)
         return (np.array([self.length / 2, self.width / 2]) - np.abs(points)).min(axis=-1)
+
+    @property
+    def pocket_rows(self) -> NDArray[np.float64]:
+        """(p, 3) the numbers of the pockets that compiled functions read, see `physics.geometry.pockets`."""
+        return np.array([dataclasses.astuple(pocket) for pocket in self.pockets], float).reshape(-1, 3)
+
+    @property
+    def pocket_places(self) -> NDArray[np.float64]:
+        """(p, 2) the places of the pockets, at which potted balls stay, m."""
+        return np.array([(pocket.x, pocket.y) for pocket in self.pockets], float).reshape(-1, 2)
 
     @property
     def head_x(self) -> float:

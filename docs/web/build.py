@@ -168,7 +168,6 @@ def data() -> dict[str, Any]:
         "kinds": KINDS,
         "status": STATUS,
         "fixes": FIXES,
-        "left": -frozen_strike.LEFT,
         "ranges": ranges(),
         "scenes": {
             name: {

@@ -216,7 +216,7 @@ class Engine {
    * an object that replaces numbers of the scene, such as {e_ball: 1}. The names and ranges of the numbers are those of Python.
    */
   simulate(scene, positions, velocities, options = {}) {
-    const { fixes, kinds, status, left, ranges } = this.data, { kind, max_time, cue } = this.scene(scene), n = positions?.length;
+    const { fixes, kinds, status, ranges } = this.data, { kind, max_time, cue } = this.scene(scene), n = positions?.length;
     const { mode, dt, fix, maxTime, maxEvents, physics, spins, inPlay } = checkedOptions(options, ranges, fixes), struck = velocities?.velocity;
     if (struck && spins) refuse("spins", spins, "null, the strike has a spin", " with a strike");
     const moving = struck ?? velocities, start = { spins: struck ? [velocities.spin] : spins, inPlay }, numbers = checkedNumbers(this.scene(scene), physics, ranges);
@@ -233,7 +233,7 @@ class Engine {
       const log = [out("f8", room, EVENT_WIDTH), out("f8", 4 * room, PIECE_WIDTH), used, out("i8", 0, 2)];
       const limit = maxTime ?? max_time ?? Infinity;
       reset(this.exports);
-      if (struck) call(this.exports, `drive_${kind}`, [0n, 1n, 0n, cue, this.fields(scene, n, { ...numbers, e_ball: left }), starts]);
+      if (struck) call(this.exports, `drive_${kind}`, [0n, 1n, 0n, cue, this.fields(scene, n, numbers), starts]);
       call(this.exports, `${mode}_${kind}`, [0n, 1n, this.fields(scene, n, changes), limit, BigInt(maxEvents), starts, results, log]);
       const [nEvents, nSegments] = [...used.read()].map(Number);
       if (nEvents > room || nSegments > 4 * room) continue;  // the log was too small: the shot runs again

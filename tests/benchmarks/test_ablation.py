@@ -25,7 +25,7 @@ UNUSED = (
     "envs.plans",
     "envs.turns",
     "games.batch",
-    "games.game",
+    "games.playing",
     "games.records",
     "games.transition",
     "play",

@@ -8,6 +8,7 @@ import pytest
 
 import benchmarks
 from benchmarks import ROOT, accuracy, accuracy_report, calibration, error_limit, speed, stress, vector
+from billiards_env.calibration import starts
 from billiards_env.engine import PIC, Engine
 from billiards_env.scene import Scene, check_positions
 
@@ -26,7 +27,8 @@ def test_cases_of_speed_are_repeatable_and_as_documented():
 def test_calibration_counts_the_intervals_with_the_truth(tmp_path, monkeypatch):
     monkeypatch.setattr(benchmarks, "processes", ThreadPoolExecutor)
     monkeypatch.setattr(calibration, "SCENE", "real_pool")  # its derivatives are compiled for other tests
-    monkeypatch.setattr(calibration, "SHOTS", 8)
+    monkeypatch.setattr(calibration, "SHOTS", 3)
+    monkeypatch.setattr(starts, "SIDES", (-0.35, 0.35))
     monkeypatch.setattr(calibration, "LAWS", ("stronge",))
     path = tmp_path / "calibration.json"
     calibration.main(["--repeats", "2", "--workers", "1", "--output", str(path)])

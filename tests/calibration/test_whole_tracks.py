@@ -1,6 +1,5 @@
 """Whole tracks, as tracking programs write them: what a calibration cuts, finds, refuses and says."""
 
-import dataclasses
 import functools
 import json
 from importlib import import_module
@@ -8,7 +7,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from billiards_env.calibration import Frame, Track, calibrate, fit, stages
+from billiards_env.calibration import Frame, Track, calibrate, fit, stages, starts
 from billiards_env.calibration.cleaning import clean, drop_clipped, lost_frames, noise_of
 from billiards_env.calibration.contacts import CUSHION, find_contacts
 from billiards_env.calibration.frame import fit_frame
@@ -20,11 +19,14 @@ from tests.helpers.tracks import FRAME, LATE, SCENE, raw_tracks, whole_tracks
 TRUTH = {name: getattr(SCENE.physics, name) for name in ("mu_slide", "mu_roll", "e_ball", "e_cushion", "mu_cushion")}
 
 
-def changed(**numbers):
-    return dataclasses.replace(SCENE, physics=dataclasses.replace(SCENE.physics, **numbers))
+OFF = fit.with_physics(SCENE, mu_slide=0.22, mu_roll=0.011, e_ball=0.93, e_cushion=0.82, mu_cushion=0.22)
 
 
-OFF = changed(mu_slide=0.22, mu_roll=0.011, e_ball=0.93, e_cushion=0.82, mu_cushion=0.22)
+@pytest.fixture(autouse=True)
+def few_guesses(monkeypatch):
+    """Fits from two spins of the cue ball in place of twenty, which `test_calibration.py` has."""
+    monkeypatch.setattr(starts, "SIDES", (-0.35, 0.35))
+    monkeypatch.setattr(starts, "ROLLS", (0.7,))
 
 
 @functools.cache
@@ -45,7 +47,7 @@ def test_whole_shots_give_the_numbers_and_the_instants_of_the_strikes():
 
 def test_the_report_has_the_errors_until_each_contact():
     text = str(calibration())
-    assert "12 shots: rows until contact  within 5 mm" in text
+    assert "10 shots: rows until contact  within 5 mm" in text
     assert "2 shots that were not fitted: rows until contact" in text
     assert set(calibration().judged.to_dict()) == {
         *("rows_5mm_contact2", "rows_5mm_contact3", "rows_10mm_contact3", "median_mm_contact3", "median_mm_contact4"),
@@ -59,12 +61,15 @@ def test_ranges_and_noise_for_training():
     noise = calibration().noise(calibration().velocities * 1.02)
     assert noise["angle_std"] == pytest.approx(0.0, abs=1e-9)
     assert 0.0 < noise["speed_std"] < 0.1
+    turned = calibration().velocities @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    assert calibration().noise(turned) == pytest.approx({"angle_std": 0.0, "speed_std": 0.0}, abs=1e-9)
 
 
-def test_contacts_are_found_without_a_model():
+def test_contacts_and_noise_are_found_without_a_model():
+    assert noise_of(whole_tracks()) == pytest.approx(0.0005, rel=0.3)
     seen = [find_contacts(SCENE, with_rest(track)[0]) for track in whole_tracks()]
     assert sum(len(contacts) for contacts in seen) > 60
-    assert sum(any(one.other == 1 for one in contacts if one.ball == 0) for contacts in seen) >= 11  # a thin hit
+    assert sum(any(one.other == 1 for one in contacts if one.ball == 0) for contacts in seen) >= 9  # a thin hit
     rebounds = [one for contacts in seen for one in contacts if one.other == CUSHION]
     reach = np.array([1.42, 0.71]) - SCENE.balls.radius[0]
     off = [abs(abs(one.place[one.body // 2]) - reach[one.body // 2]) for one in rebounds]
@@ -134,14 +139,14 @@ def test_times_of_lost_frames_are_corrected():
     lost[2] = without_frame(lost[2], 1.6)
     cleaned, said = clean(lost)
     assert said == [
-        "frames were lost in 12 of 12 shots, 13 times in all, between 0.89 and 1.59 s: the later times are corrected"
+        "frames were lost in 10 of 10 shots, 11 times in all, between 0.89 and 1.59 s: the later times are corrected"
     ]
     for track, before, after in zip(tracks, lost, cleaned, strict=True):
         true = track.times[(np.abs(track.times - 0.9) > 0.01)]
         true = true[np.abs(true - 1.62) > 0.01] if track is tracks[2] else true
         assert len(true) == len(before.times)
         assert np.mean(np.abs(after.times - true) < 1e-9) > 0.98  # rows in the same step are ambiguous
-    assert any("frames were lost" in text for text in calibrate(SCENE, lost[:4], ["mu_roll"], contacts=2).warnings)
+    assert any("frames were lost" in text for text in calibrate(SCENE, lost[1:3], ["mu_roll"], contacts=2).warnings)
 
 
 def test_a_jump_of_one_ball_is_no_lost_frame():
@@ -165,10 +170,6 @@ def test_a_common_loss_belongs_to_the_tracks_around_it():
     assert found[0] == []
     assert [len(each) for each in found[2:]] == [1, 1, 1, 1]
     assert all(one.time > 99.0 for one in found[1])
-
-
-def test_the_noise_is_estimated():
-    assert noise_of(whole_tracks()) == pytest.approx(0.0005, rel=0.3)
 
 
 def test_a_ball_without_rows_rests_where_it_was():
@@ -219,6 +220,7 @@ def test_a_fit_goes_on_after_an_interrupt(tmp_path, monkeypatch):
     module = import_module("billiards_env.calibration.calibrate")
     for name in ("_FEWEST", "_EACH"):
         monkeypatch.setattr(module, name, 3)  # the last of three shots is held back in the first fit
+    monkeypatch.setattr(module, "judge", lambda scene, shots: None)
     state, texts, three_tracks = tmp_path / "state.json", [], whole_tracks()[:3]
     both = ("mu_slide", "e_cushion")
 
@@ -257,7 +259,7 @@ def test_numbers_that_are_not_determined_or_end_at_a_bound_are_kept(monkeypatch)
     assert result.kept == {"mu_ball_factor": "the rows do not determine it"}
     assert "mu_ball_factor  1" in str(result)
     monkeypatch.setitem(RANGES, "restitution", Range(0.0, 0.9))  # e_ball is 0.95
-    result = calibrate(changed(e_ball=0.85), whole_tracks()[:3], ("mu_slide", "e_ball"), contacts=2)
+    result = calibrate(fit.with_physics(SCENE, e_ball=0.85), whole_tracks()[:3], ("mu_slide", "e_ball"), contacts=2)
     assert result.kept == {"e_ball": "it ends at the bound of its range"}
     assert result.scene.physics.e_ball == 0.85
 
@@ -265,7 +267,7 @@ def test_numbers_that_are_not_determined_or_end_at_a_bound_are_kept(monkeypatch)
 def test_there_are_no_numbers_if_few_rows_fit(monkeypatch):
     monkeypatch.setattr(stages, "_FAR", 0.01)
     monkeypatch.setattr(stages, "_LEAST", 0.0)
-    result = calibrate(OFF, whole_tracks()[:3], ("mu_slide",), contacts=2)
+    result = calibrate(OFF, whole_tracks()[:2], ("mu_slide",), contacts=2)
     assert result.values == {}
     assert result.scene == OFF
     assert "warning: only " in str(result)

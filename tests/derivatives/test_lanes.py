@@ -96,7 +96,7 @@ def test_the_derivative_of_an_impact_is_that_of_small_changes(cushion, weakest):
 
 
 def test_the_derivative_of_a_mathavan_cushion_is_that_of_its_equation():
-    rng, m = np.random.default_rng(1), 12
+    rng, m = np.random.default_rng(1), 6
     values = rng.normal(size=(9, m)) * np.array([0.0, 1.0, 1.0, 1.0, 2.0, 0.0, 0.0, 0.0, 0.0])[:, None]
     values[0] = rng.uniform(0.2, 4.0, m)
     values[2:4, ::2] = 0.0  # half of the balls roll

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from billiards_env import Scene
+from billiards_env import Scene, strike
 from tests.helpers.shots import simulate
 
 pytest.importorskip("matplotlib")
@@ -38,6 +38,35 @@ def test_a_plot_uses_a_new_figure_or_given_axes(shot):
     _, own = pyplot.subplots()
     assert shot.plot(own) is own
     assert shot.plot(ax=own).figure is own.figure
+
+
+@pytest.mark.parametrize(("side", "entries"), [(0.0, []), (0.4, ["side spin"])])
+def test_the_legend_has_side_spin_only_if_a_path_shows_it(side, entries):
+    scene = Scene.named("pool", n_object_balls=1)  # a cushion adds a little side spin
+    hit = strike(scene, 2.0, 0.22, side=side)
+    axes = simulate(scene, [[-0.635, 0.0], [0.635, 0.3]], hit, record=True).plot()
+    (legend,) = axes.figure.legends
+    assert [text.get_text() for text in legend.get_texts()][:-6] == entries
+
+
+def test_text_outside_the_table_is_readable_on_white_and_on_dark(shot):
+    axes = shot.plot()
+    (scale,) = axes.child_axes
+    (legend,) = axes.figure.legends
+    texts = [text for text in axes.texts if text.get_text() == "potted"]
+    texts += [*legend.get_texts(), scale.title, *scale.get_xticklabels()]
+    assert len(texts) > 9
+
+    def contrast(first, second):
+        low, high = sorted(luminance(colour) + 0.05 for colour in (first, second))
+        return high / low
+
+    def luminance(colour):  # of WCAG 2
+        linear = [c / 12.92 if c <= 0.03928 else ((c + 0.055) / 1.055) ** 2.4 for c in colors.to_rgb(colour)]
+        return np.dot([0.2126, 0.7152, 0.0722], linear)
+
+    for page in ("#ffffff", "#1e2129", "#111111"):
+        assert min(contrast(text.get_color(), page) for text in texts) > 3.9
 
 
 def test_balls_are_drawn_at_their_initial_and_final_positions(shot):

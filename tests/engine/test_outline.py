@@ -132,7 +132,7 @@ FIXES_BY_TABLE = [
 def test_pit_approaches_pic_as_the_timestep_falls(name, fix):
     rng = np.random.default_rng(0)
     errors = {1e-3: [], 1e-5: []}
-    for _ in range(40):
+    for _ in range(12):
         scene, places, velocities, spins = outline_shot(TABLES[name], rng)
         exact = simulate(scene, places, velocities, spins=spins, max_time=1.5)
         for dt, distances in errors.items():

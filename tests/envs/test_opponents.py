@@ -1,5 +1,6 @@
 """`Opponents` plays the turns of the other players, so a game looks like an environment of one player."""
 
+import dataclasses
 from typing import Any, cast
 
 import numpy as np
@@ -11,6 +12,7 @@ from billiards_env.envs import BilliardsEnv, Opponents, make_env, make_vector_en
 from billiards_env.games import Call, Stroke
 from billiards_env.players.env_player import acting_in, action_of, env_situation
 from billiards_env.players.named import find_player
+from billiards_env.scene import Scene
 from tests.helpers.games import in_a_row
 
 GAME: dict[str, Any] = {"task": "nine_ball", "n_players": 2, "max_shots": 6}
@@ -191,7 +193,8 @@ def test_after_an_exception_of_the_policy_the_games_have_to_be_reset():
 
 
 def test_a_stroke_without_a_call_nominates_the_ball_that_it_touches_in_snooker():
-    env = make_env(task="snooker", n_players=2, n_object_balls=8, can_call=True, layout="random")
+    scene = dataclasses.replace(Scene.named("snooker", 8), physics=Scene.named("real_pool").physics)
+    env = make_env(task="snooker", n_players=2, can_call=True, layout="random", scene=scene)
     env.reset(seed=0)
     positions = env.positions
     env.reset(options={"positions": positions, "state": {"colour": True}})

@@ -12,21 +12,9 @@ from hypothesis import strategies as st
 
 from billiards_env.envs import BilliardsEnv, load_state, make_env, make_vector_env, save_state
 from billiards_env.games.game_state import CALL, FACTS, STATE, VERDICT
-from tests.helpers.environments import SOFT, STRIKE, VARIED, name_of, same
+from tests.helpers.environments import NINE, VARIED, kinds, same
 from tests.helpers.errors import refusals
 from tests.helpers.heap import fill_heap
-
-NINE: dict[str, Any] = {"task": "nine_ball", "max_shots": 3, "max_speed": 8.0, "noise": {}}
-KINDS: list[dict[str, Any]] = [
-    {**VARIED, "noise": {"angle_std": 2.0}},
-    NINE,
-    {"task": "place", "max_shots": 3},
-    {**STRIKE, "noise": {}},
-    {**SOFT, "mode": "pit", "dt": 1 / 15, "randomize": {"dt": [0.01, 0.1]}},
-    {"task": "snooker", "n_players": 2, "n_object_balls": 8, "can_call": True, "miss": True, "max_shots": 3},
-    {"task": "carom", "n_players": 2, "action": "cut", "max_shots": 3},
-]
-kinds = pytest.mark.parametrize("kwargs", KINDS, ids=name_of)
 
 
 def played(env, actions):

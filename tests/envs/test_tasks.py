@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from billiards_env.envs import make_env, tasks
-from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
+from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.games import STATE
 from tests.helpers.environments import RUN_OUTS
 from tests.helpers.games import state

@@ -8,8 +8,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 
 from billiards_env.envs import make_env, make_vector_env
-from tests.envs.test_snapshots import kinds
-from tests.helpers.environments import VARIED, same
+from tests.helpers.environments import VARIED, kinds, same
 from tests.helpers.errors import refusals
 
 
@@ -27,7 +26,8 @@ def test_outcomes_are_the_results_of_steps_without_noise(kwargs):
         same(envs.get_state(), before)
         same(env.try_actions(actions, states), outcomes)
         same(envs.try_actions(actions[:4], states[:4]).rewards, outcomes.rewards[:4])
-        _, rewards, _, _, infos = envs.step(actions)
+        observations, rewards, _, _, infos = envs.step(actions)
+        same(outcomes.observations, observations)
         same(outcomes.rewards, rewards)
         same(outcomes.infos, {name: infos[name] for name in outcomes.infos})
         same(outcomes.states, envs.get_state())
@@ -50,6 +50,24 @@ def test_episodes_continue_from_outcomes():
     assert (env.get_state()["positions"] == second.states["positions"][0]).all()
 
 
+def test_noise_is_drawn_from_the_given_generator():
+    env = make_env(noise={"angle_std": 3.0, "speed_std": 0.1}, max_shots=2)
+    env.reset(seed=0)
+    actions = np.tile([0.3, 0.1], (2000, 1))
+    played = env.try_actions(actions, noise=np.random.default_rng(1)).infos["played_action"]
+    again = env.try_actions(actions, noise=np.random.default_rng(1)).infos["played_action"]
+    assert played.tobytes() == again.tobytes()
+    angles = np.degrees(np.arctan2(played[:, 1], played[:, 0]))
+    assert angles.mean() == pytest.approx(np.degrees(np.arctan2(0.1, 0.3)), abs=0.3)
+    assert angles.std() == pytest.approx(3.0, rel=0.05)
+    assert (env.try_actions(actions).infos["played_action"] == actions).all()
+    *_, info = env.step(actions[0])
+    assert info["played_action"].tolist() not in played.tolist()
+    quiet = make_env()
+    quiet.reset(seed=0)
+    same(quiet.try_actions(actions, noise=np.random.default_rng(1)), quiet.try_actions(actions))
+
+
 def test_copies_of_an_environment_try_shots_of_their_own():
     env = make_env()
     env.reset(seed=0)
@@ -58,7 +76,7 @@ def test_copies_of_an_environment_try_shots_of_their_own():
     twin = copy.deepcopy(env)
     assert twin._trials is not env._trials
     same(twin.try_actions(actions), expected)
-    same(pickle.loads(pickle.dumps(env._trials)).play(actions, env.get_state()[None], None, 1), expected)
+    same(pickle.loads(pickle.dumps(env._trials)).play(actions, env.get_state()[None], None, None, 1), expected)
 
 
 def test_an_episode_that_has_not_begun_or_is_over_is_refused():

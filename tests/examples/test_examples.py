@@ -1,5 +1,6 @@
 """The programs in `examples` run with small sizes."""
 
+import dataclasses
 import gc
 import importlib.util
 import json
@@ -8,7 +9,11 @@ import runpy
 import sys
 from pathlib import Path
 
+import gymnasium as gym
+import numpy as np
 import pytest
+
+from billiards_env.scene import Physics, Scene
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples"
 PAGE = (FOLDER.parent / "docs" / "examples.md").read_text(encoding="utf-8")
@@ -45,13 +50,65 @@ def test_stable_baselines3_trains_and_writes_curves(tmp_path, capsys):
 
 
 def test_a_policy_trains_on_a_fitted_table():
-    shares = load("calibrated_table", "stable_baselines3")["run"](512, shots=3, episodes=20, seeds=[0, 1])
+    run, carom = load("calibrated_table", "stable_baselines3")["run"], Scene.named("carom")
+    table = dataclasses.replace(carom, physics=Physics(mu_roll=0.0046))
+    run.__globals__.update(DEFAULT=carom, TABLE=table)  # the engines of "carom", which other tests compile too
+    shares = run(512, shots=3, episodes=20, seeds=[0])
     assert set(shares) == {"fitted", "default"}
     assert all(0.0 <= share["mean"] <= 1.0 for share in shares.values())
 
 
 def test_tree_search_plays_an_episode():
     assert 0.0 <= load("tree_search")["main"](["--episodes", "1", "--simulations", "10"]) <= 9.0
+
+
+def test_a_function_from_text_to_text_plays_plans():
+    program, asked = load("language_model"), []
+
+    def model(text):
+        asked.append(text)
+        return "I pot the nine." if text.endswith("speed 2 of 5") else program["respond"](text)
+
+    scores = program["run"]("Pot1-v0", 10, model, ("random",))
+    assert list(scores) == ["text model", "random"]
+    assert scores["text model"] > scores["random"]
+    assert len(asked) == 20  # each first answer is wrong, and each second one is played
+    assert asked[1].startswith(asked[0])
+    assert "Error: answer = 'I pot the nine.': expected a line such as: ball 3, pocket B" in asked[1]
+    assert program["choose"](lambda text: "ball 9, pocket A, speed 1", "", [2, 3]) == program["parse"]("2 1 1", [2, 3])
+
+
+def test_the_text_of_a_table_has_names_and_diamonds():
+    program, env = load("language_model"), gym.make("Billiards/NineBall-v0", action="plan").unwrapped
+    positions = np.zeros((10, 2))
+    positions[:3] = [[-0.635, 0.0], [0.635, 0.3175], [0.0, 0.3]]
+    positions[3:] = [[0.1 * k, -0.3] for k in range(7)]
+    env.reset(options={"positions": positions.tolist()})
+    lines = program["describe"](env, "Run out.", 30).splitlines()
+    assert {"pocket D: 8.00, 4.00", "cue ball: 2.00, 2.00", "ball 1: 6.00, 3.00, legal"} <= set(lines)
+    assert len([line for line in lines if line.endswith(", not legal")]) == 8
+
+
+@pytest.mark.parametrize(
+    "answer", ["ball 2, pocket B, speed 3 of 5", "Ball 2 - Pocket b - Speed 3", "2, 2, 3", "2 2 3"]
+)
+def test_an_answer_is_an_action_of_the_environment(answer):
+    assert load("language_model")["parse"](answer, [2]) == np.ravel_multi_index((1, 1, 2), (9, 6, 5))
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        ("the eight", "answer = 'the eight': expected a line such as: ball 3, pocket B, speed 2 of 5"),
+        ("ball 1, pocket B, speed 2", "ball = 1: expected one of the legal balls 2, 3"),
+        ("ball 2, pocket G, speed 2", "pocket = G: expected one of A, B, C, D, E, F"),
+        ("2 7 2", "pocket = 7: expected one of A, B, C, D, E, F"),
+        ("ball 2, pocket B, speed 6", "speed = 6: expected a number from 1 to 5"),
+    ],
+)
+def test_a_wrong_answer_has_one_clear_message(answer, message):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        load("language_model")["parse"](answer, [2, 3])
 
 
 PROGRAMS = [

@@ -9,7 +9,7 @@ import pytest
 from billiards_env import Scene, billiards_v0
 from billiards_env.envs import make_env
 from billiards_env.games import Call, Setup, Stroke, custom_opening, opening, play
-from billiards_env.games.game import STATE_FIELDS
+from billiards_env.games.playing import STATE_FIELDS
 from tests.helpers.errors import refusals
 from tests.helpers.games import in_a_row, setup
 

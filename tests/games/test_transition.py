@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from billiards_env.games import CALL, FACTS, GAMES, STATE, opening
-from billiards_env.games.game import opening_state
 from billiards_env.games.game_state import CALLS, Called, RulesState, changed, row
+from billiards_env.games.playing import opening_state
 from billiards_env.games.transition import call_without_shots, next_games
 from tests.helpers.games import setup
 

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pytest
 
 from billiards_env.envs.tasks import TASKS
 
@@ -28,7 +29,7 @@ VARIANTS: list[dict[str, Any]] = [
     {"scene": "snooker", "layout": "snooker", "max_shots": 2},
     {"scene": "ideal", "task": "carom", "n_object_balls": 5, "layout": "random", "max_shots": 2},
     {"scene": "carom", "task": "carom", "layout": "carom_opening", **LONG},
-    {"scene": "real_carom", "task": "three_cushion"},
+    {"scene": "real_carom", "task": "place"},  # the engine for two balls
     {"scene": "match_carom", "task": "three_cushion", "layout": "random", "max_shots": 2},
     {"task": "clear", "n_object_balls": 10, "layout": "ten_ball", "max_shots": 2},
     {"scene": "pooltool_carom", "task": "three_cushion", **LONG},
@@ -73,6 +74,20 @@ def name_of(argument: Any) -> str:
     if isinstance(argument, dict):
         return ",".join(map(str, argument.values()))[:60]
     return str(getattr(argument, "value", argument))
+
+
+NINE: dict[str, Any] = {"task": "nine_ball", "max_shots": 3, "max_speed": 8.0, "noise": {}}
+# Kinds of states.
+KINDS: list[dict[str, Any]] = [
+    {**VARIED, "noise": {"angle_std": 2.0}},
+    NINE,
+    {"task": "place", "max_shots": 3},
+    {**STRIKE, "noise": {}},
+    {**SOFT, "mode": "pit", "dt": 1 / 15, "randomize": {"dt": [0.01, 0.1]}},
+    {"task": "snooker", "n_players": 2, "n_object_balls": 8, "can_call": True, "miss": True, "max_shots": 3},
+    {"task": "carom", "n_players": 2, "action": "cut", "max_shots": 3},
+]
+kinds = pytest.mark.parametrize("kwargs", KINDS, ids=name_of)
 
 
 def same(one: Any, other: Any) -> None:

@@ -9,8 +9,8 @@ from billiards_env import Scene
 from billiards_env.engine import empty_shots
 from billiards_env.games import CALLS, GAMES, IN_HAND, NO_CALL, Call, Setup, referee, to_dict
 from billiards_env.games.facts import facts_of_shots
-from billiards_env.games.game import History, Stroke, custom_opening, opening, play
 from billiards_env.games.game_state import CALL, FACTS, STATE, Called, changed, row, set_of
+from billiards_env.games.playing import History, Stroke, custom_opening, opening, play
 
 
 def setup(rules, balls=None, **kwargs):

@@ -8,7 +8,7 @@ import numpy as np
 
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.jit import allocating_entry_point
-from billiards_env.physics.ball_ball import exchange
+from billiards_env.physics.ball_ball import exchange, restitution_at
 from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch
 from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, State
 from billiards_env.scene import Balls, Physics, Scene
@@ -22,7 +22,8 @@ def collide(impacts, rebound, rows, scene):
     contacts.first[:], contacts.second[:] = first, second
     contacts.nx[:], contacts.ny[:], contacts.closing[:], contacts.rebound[:] = nx, ny, closing, rebound
     state = State(rows, np.zeros(len(rows), np.int8))
-    return exchange(len(first), contacts, state, scene, empty_scratch(len(rows), len(first), scene.ball_friction))
+    e = restitution_at(len(first), contacts, scene)
+    return exchange(e, len(first), contacts, state, scene, empty_scratch(len(rows), len(first), scene.ball_friction))
 
 
 def approaching(places, velocities, pairs):

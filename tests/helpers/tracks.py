@@ -17,7 +17,7 @@ NOISE = 0.0005
 
 
 @functools.cache
-def whole_tracks(count: int = 12) -> list[Track]:
+def whole_tracks(count: int = 10) -> list[Track]:
     """Returns tracks of whole shots at 50 Hz. A ball has a row only after it has moved, and in the last frame."""
     rng, tracks = np.random.default_rng(5), []
     while len(tracks) < count:

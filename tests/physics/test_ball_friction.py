@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.physics.geometry.contact import contact_distance
-from billiards_env.physics.laws.balls import friction_coefficient
+from billiards_env.physics.laws.balls_frictional import friction_coefficient
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.scene import SHAPES
 from tests.helpers.impacts import energy, impact, rows_of, three_dimensional

@@ -24,14 +24,11 @@ def distance_after(t, dx, dy, wx, wy, bx, by):
 # Circles
 
 
-def test_circles_on_straight_paths_meet_at_the_exact_time():
+def test_circles_meet_at_the_exact_time_in_the_interval():
     assert circle_time(2.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.5, 9.0) == 1.5
     assert circle_time(2.0, 0.3, -1.0, 0.0, 0.0, 0.0, 0.5, 9.0) == pytest.approx(2 - 0.4, rel=1e-15)
     assert circle_time(2.0, 0.3, 1.0, 0.0, 0.0, 0.0, 0.5, 9.0) == INF
     assert circle_time(2.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.5, 9.0) == INF
-
-
-def test_circles_do_not_meet_after_the_end_of_the_interval():
     assert circle_time(2.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.5, 1.5) == 1.5
     assert circle_time(2.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.5, 1.4999) == INF
     assert circle_time(2.0, 0.0, -1.0, 0.0, 0.5, 0.0, 0.5, 1.0) == INF
@@ -53,10 +50,7 @@ def test_touching_circles_meet_at_time_0_only_if_they_approach():
     assert circle_time(0.5, 0.0, 0.0, 0.0, -1.0, 0.0, 0.5, 9.0) == 0.0
     assert circle_time(0.5, 0.0, 0.0, 0.0, 1.0, 0.0, 0.5, 9.0) == INF
     assert circle_time(0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 9.0) == INF
-
-
-def test_touching_circles_with_tangential_velocity_meet_only_if_the_acceleration_exceeds_the_centripetal_one():
-    # The centripetal acceleration is v^2 / d = 2.
+    # With tangential velocity the acceleration must exceed the centripetal one, v^2 / d = 2.
     assert circle_time(0.5, 0.0, 0.0, 1.0, -1.9, 0.0, 0.5, 0.1) == INF
     assert circle_time(0.5, 0.0, 0.0, 1.0, -2.1, 0.0, 0.5, 0.1) == 0.0
 
@@ -66,10 +60,7 @@ def test_the_known_root_at_zero_is_divided_out():
     assert circle_time(0.5, 0.0, 1.0, 0.0, -4.0, 0.0, 0.5, 9.0) == pytest.approx(0.5, rel=1e-15)
     assert circle_time(0.5, 0.0, 1e-9, 0.0, -4.0, 0.0, 0.5, 9.0) == pytest.approx(0.5e-9, rel=1e-12, abs=0)
     assert circle_time(0.5, 0.0, 1.0, 0.0, -4.0, 0.0, 0.5, 0.49) == INF
-
-
-def test_an_overlap_by_rounding_is_a_contact():
-    overlap = 0.5 - 1e-16
+    overlap = 0.5 - 1e-16  # by rounding: a contact
     assert circle_time(overlap, 0.0, -1.0, 0.0, 0.0, 0.0, 0.5, 9.0) == 0.0
     assert circle_time(overlap, 0.0, 1.0, 0.0, 0.0, 0.0, 0.5, 9.0) == INF
     assert circle_time(overlap, 0.0, 1.0, 0.0, -4.0, 0.0, 0.5, 9.0) == pytest.approx(0.5, rel=1e-12)
@@ -150,13 +141,10 @@ def test_the_contact_time_with_a_line_is_exact(gap, v, a, t):
     assert line_time(gap, v, a, 10.0) == t
 
 
-def test_a_line_is_not_met_after_the_end_of_the_interval():
+def test_a_line_is_met_in_the_interval_and_a_small_acceleration_loses_no_digits():
     assert line_time(1.0, 1.0, 0.0, 1.0) == 1.0
     assert line_time(1.0, 1.0, 0.0, 0.999) == INF
     assert line_time(0.0, -1.0, 4.0, 0.4) == INF
-
-
-def test_a_small_acceleration_loses_no_digits():
     assert line_time(1.0, 1.0, 1e-20, 9.0) == 1.0
     assert line_time(1.0, 1.0, -1e-20, 9.0) == 1.0
     assert line_time(1e-18, 1.0, -4.0, 9.0) == pytest.approx(1e-18, rel=1e-15, abs=0)

@@ -97,7 +97,8 @@ class Writes(ast.NodeVisitor):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_a_signature_names_what_the_kernel_changes(path):
+    known = known_in(path)
     for node, out in kernels_of(path):
-        writes, at = Writes(node, known_in(path)), f"{path.name}:{node.lineno}: {node.name}"
+        writes, at = Writes(node, known), f"{path.name}:{node.lineno}: {node.name}"
         assert writes.sure <= set(out) <= writes.sure | writes.perhaps, f"{at} changes {sorted(writes.sure)}"
         assert len(node.args.args) <= MOST, at

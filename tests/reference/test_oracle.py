@@ -292,7 +292,7 @@ WRONG = [
     ((ideal(1.0, 1.0), [[0.0, 0.0], [R, 0.0]], [1.0, 0.0]), "balls 0 and 1"),
     (
         (Scene.named("snooker", 0), [(0.0, 0.0)], [(1.0, 0.0)]),
-        r"physics\.cushion = 'mathavan2010': expected cushions with a closed form",
+        r"physics\.cushion = 'mathavan2010': expected one of \['restitution', ",
     ),
 ]
 

@@ -12,6 +12,7 @@ FORMS = {
     "one ball": (1, {}),
     "three balls": (3, {"aim": "layout"}),
     "goal": (2, {"features": {"goal": (1, 2), "shots_left": (), "physics": (2,)}}),
+    "goal in two layers": (2, {"features": {"goal": (1, 2)}, "waves": 2, "goal_units": 8}),
     "run-out": (4, {"features": {"legal_balls": (4,)}}),
     "strikes": (2, {"aim": "layout", "strikes": True}),
 }
@@ -160,3 +161,17 @@ def test_joined_mixtures_have_the_density_of_the_weighted_sum(form):
         densities = mixtures.log_prob(actions.expand(len(worth), -1)).exp()
         expected = (worth * densities).sum() / worth.sum()
     torch.testing.assert_close(joined.log_prob(actions).exp()[0], expected)
+
+
+def test_many_goals_of_a_layout_have_the_mixtures_of_one_goal_each():
+    torch.manual_seed(0)
+    net = AimNetwork(HALF, 3, (0.1, 0.3, 0.6), 16, features={"goal": (1, 2)}, waves=2, goal_units=8)
+    positions, rows = torch.rand(4, 3, 2) * 2 - 1, torch.tensor([2, 0, 2, 3, 1])
+    goals = torch.rand(5, 1, 2) * 2 - 1
+    with torch.no_grad():
+        layouts, _ = net.layouts(positions)
+        many, (each, _) = net.mixtures(layouts, goals, rows), net(positions[rows], goal=goals)
+        other, _ = net(positions[rows], goal=goals.flip(0))
+    for one, expected in zip(many, each, strict=True):
+        torch.testing.assert_close(one, expected)
+    assert not torch.allclose(many.log_weight, other.log_weight)

@@ -113,12 +113,12 @@ def test_the_densities_of_an_update_are_those_of_its_rollout():
 
 def test_the_policy_gets_the_table_and_the_task_from_the_environment(tmp_path):
     """Without `policy_kwargs` it once took every table for that of "pool"."""
-    model = PPO(AimPolicy, vector(scene="real_carom", task="carom"), **SETTINGS)
+    model = PPO(AimPolicy, vector(scene="match_carom", task="carom"), **SETTINGS)
     policy: Any = model.policy
-    assert (policy.game.scene, policy.game.task) == (Scene.named("real_carom"), "carom")
+    assert (policy.game.scene, policy.game.task) == (Scene.named("match_carom"), "carom")
     model.save(tmp_path / "model")
     loaded: Any = PPO.load(tmp_path / "model", device="cpu").policy
-    assert loaded.game.scene == Scene.named("real_carom")
+    assert loaded.game.scene == Scene.named("match_carom")
 
 
 def alone(of: dict[str, Any], **arguments: Any) -> AimPolicy:

@@ -83,6 +83,7 @@ def test_the_best_of_several_proposals_is_played(tmp_path, head):
         earned[:, seed] = base.try_actions(actions).rewards
     assert (earned[1] >= earned[0]).all()
     assert (earned[1] > 0).sum() > (earned[0] > 0).sum()
+    observation, _ = env.reset(seed=0)
     again = acting(find_player(f"policy:{folder}:64", env), env, seed=2)
     assert again(observation).tolist() != again(observation).tolist()  # new proposals each time
 
@@ -122,6 +123,7 @@ def test_proposals_of_a_policy_of_games_are_rated_by_their_rules():
     env.reset(seed=1)
     actions = RNG(0).uniform(-1, 1, (300, 2))
     situation = env_situation(env)
+    assert env.model.setup is not None
     expected = game_situation(env.model.setup, env.game, env.max_speed).rate(actions)
     assert np.minimum(situation.rate(actions), 101).tolist() == expected.tolist()  # a win is also a point here
     assert len(set(expected.tolist())) > 1

@@ -38,15 +38,12 @@ def test_the_motion_at_a_time_is_that_of_a_shot_that_ends_there(recorded):
     assert [array.tolist() for array in ideal.motion_at(0.5)] == [[[1.0, 0.0], [0.0, 0.0]], [[0.0] * 3] * 2]
 
 
-def test_positions_are_continuous_at_every_event(recorded):
+def test_positions_are_continuous_and_a_captured_ball_moves_to_the_centre_of_its_pocket(recorded):
     gone = {e["ball"] for e in recorded.events if e["kind"] == "pocket"}
     stay = [i for i in range(16) if i not in gone]
     for t in np.unique(recorded.events["time"]):
         before, after = recorded.at(max(0.0, t - 1e-10)), recorded.at(t + 1e-10)
         assert np.abs(after - before)[stay].max() < 3e-9  # at 10 m/s at most
-
-
-def test_a_captured_ball_moves_to_the_centre_of_its_pocket(recorded):
     pockets = Scene.named("pool").table.pockets
     captures = recorded.events[recorded.events["kind"] == "pocket"]
     assert len(captures) > 0

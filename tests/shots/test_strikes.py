@@ -98,16 +98,13 @@ def test_a_strike_does_not_add_energy(offset, angle, elevation):
     assert miscue == (math.hypot(offset * math.cos(angle), offset * math.sin(angle)) > 0.5)
 
 
-def test_the_result_is_continuous_at_the_miscue():
+def test_a_miscue_is_continuous_deflects_the_ball_away_from_the_tip_and_gives_less_spin():
     edge = 0.5 * np.array([0.6, 0.8])
     just_below, just_above = (strike(POOL, 2.0, 0.3, k * edge[0], k * edge[1], 0.4) for k in (1 - 1e-12, 1 + 1e-12))
     assert not just_below.miscue
     assert just_above.miscue
     np.testing.assert_allclose(just_below.velocity, just_above.velocity, atol=1e-10)
     np.testing.assert_allclose(just_below.spin, just_above.spin, atol=1e-8)
-
-
-def test_a_miscue_deflects_the_ball_away_from_the_tip_and_gives_less_spin():
     edge, beyond = strike(POOL, 2.0, 0.0, side=0.5), strike(POOL, 2.0, 0.0, side=0.7)
     assert beyond.miscue
     assert beyond.velocity[1] < edge.velocity[1] < 0  # to the right

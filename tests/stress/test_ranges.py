@@ -10,7 +10,7 @@ import pytest
 from billiards_env import Engine, simulate
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.runner import LOOK_AFTER
-from billiards_env.physics.ball_cushion import CUSHIONS
+from billiards_env.physics.laws.tables import CUSHIONS
 from billiards_env.scene import Balls, Physics, Scene, Table
 from billiards_env.support.checks import RANGES
 from tests.helpers.looks import looks

@@ -51,7 +51,7 @@ def few_engines(patch: pytest.MonkeyPatch, module: Any) -> None:
 
 
 TINY: dict[str, tuple[str, Callable[[pytest.MonkeyPatch, Any], None]]] = {
-    "benchmarks.accuracy": ("--shots 4 --outcomes 40 --passes 1 --workers 1", few_engines),
+    "benchmarks.accuracy": ("--shots 4 --outcomes 10 --passes 1 --workers 1", few_engines),
     "benchmarks.error_limit": ("--shots 1 --workers 1", two_kinds),
     "benchmarks.speed": ("--repeats 1", few_steps),
     "benchmarks.stress": ("--scale 1e-9 --workers 1", few_shots),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import mpmath
 
@@ -36,12 +36,13 @@ class World:
         walls: The cushions.
         extent: Half the table's length and width with the jaws, m.
         pockets: (x, y, radius) of each pocket, m.
-        ball_friction: (a, b, c) of the friction a + b exp(-c v) between balls, or None.
+        ball_friction: (a, b, c) of the friction a + b exp(-c v) between balls, if `ball_ball` has friction.
         tiny: The relative size below which a difference counts as rounding.
     """
 
     motion: str
     cushion: str
+    ball_ball: str
     g: Real
     mu_slide: Real
     mu_roll: Real
@@ -57,7 +58,7 @@ class World:
     e_cushion_tangent: Real
     mu_cushion: Real
     cushion_frequency_ratio: Real
-    ball_friction: Vector | None
+    ball_friction: Vector
     cushion_height: Real
     radius: Vector
     spheres: bool
@@ -72,20 +73,21 @@ class World:
         """Returns the constants of a scene in the working precision of the caller.
 
         Raises:
-            ValueError: If the cushions have no closed form.
+            ValueError: If this simulator does not have the law of the cushions or of two balls.
         """
-        if scene.physics.cushion == "mathavan2010":
-            raise ValueError("physics.cushion = 'mathavan2010': expected cushions with a closed form")
+        for name, laws in (("cushion", CUSHIONS), ("ball_ball", BALL_LAWS)):
+            if getattr(scene.physics, name) not in laws:
+                raise ValueError(f"physics.{name} = {getattr(scene.physics, name)!r}: expected one of {list(laws)}")
         mpf, table, balls, physics = mpmath.mpf, scene.table, scene.balls, scene.physics
         numbers = ((name, getattr(physics, name)) for name in PARAMETERS if name in cls.__dataclass_fields__)
-        friction = map(mpf, ball_friction(physics)) if physics.ball_ball == "frictional" else None
         corners = [(c.x, c.y) for c in table.outline] or [(table.length / 2, table.width / 2)]
         extent = tuple(max(abs(mpf(place[axis])) for place in corners) for axis in (0, 1))
         return cls(
             motion=physics.motion,
             cushion=physics.cushion,
+            ball_ball=physics.ball_ball,
             **{name: value if value is None else mpf(value) for name, value in numbers},
-            ball_friction=friction and tuple(friction),
+            ball_friction=tuple(map(mpf, ball_friction(physics))),
             cushion_height=mpf(table.cushion_height),
             radius=tuple(mpf(r) for r in balls.radius),
             spheres=balls.shape == "sphere",
@@ -255,11 +257,7 @@ def bounce(world: World, ball: int, n: Vector, velocity: Vector, spin: Vector) -
     t = (-n[1], n[0])
     vn, vt = n[0] * velocity[0] + n[1] * velocity[1], t[0] * velocity[0] + t[1] * velocity[1]
     wn, wt, wz = n[0] * spin[0] + n[1] * spin[1], t[0] * spin[0] + t[1] * spin[1], spin[2]
-    if world.cushion == "restitution":
-        vn = -_restitution(world, vn) * vn
-    else:
-        law = {"han2005": _han, "han2005_variable": _han_variable, "stronge": _stronge}[world.cushion]
-        vn, vt, wn, wt, wz = law(world, ball, vn, vt, wn, wt, wz)
+    vn, vt, wn, wt, wz = CUSHIONS[world.cushion](world, ball, vn, vt, wn, wt, wz)
     return (n[0] * vn + t[0] * vt, n[1] * vn + t[1] * vt), (n[0] * wn + t[0] * wt, n[1] * wn + t[1] * wt, wz)
 
 
@@ -303,6 +301,11 @@ def _restitution(world: World, speed: Real) -> Real:
     """Returns the restitution of a cushion at a normal speed."""
     loss = world.e_cushion_loss * max(mpmath.mpf(0), speed - world.e_cushion_onset)
     return max(world.e_cushion_floor, world.e_cushion - loss)
+
+
+def _smooth(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real) -> Vector:
+    """Returns the state after a cushion without friction."""
+    return (-_restitution(world, vx) * vx, vy, wx, wy, wz)
 
 
 def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real, reversed_share: Real = 0) -> Vector:
@@ -414,6 +417,25 @@ def _compliant(x: Real, e: Real, world: World) -> Real:
     return held - beta * e * (1 + mpmath.cos(psi(high)))
 
 
+CUSHIONS = {"restitution": _smooth, "han2005": _han, "han2005_variable": _han_variable, "stronge": _stronge}
+"""The laws of cushions: functions of the world, the ball, (vx, vy) and (wx, wy, wz); x points into the cushion."""
+
+
+def _constant(world: World, speed: Real) -> Real:
+    """Returns a restitution that does not depend on the speed of approach."""
+    return world.e_ball
+
+
+def _falling(world: World, speed: Real) -> Real:
+    """Returns a friction that falls exponentially with the sliding speed."""
+    a, b, c = world.ball_friction
+    return a + b * mpmath.exp(-c * speed)
+
+
+BALL_LAWS = {"frictionless": (_constant, None), "frictional": (_constant, _falling)}
+"""The laws of two balls: the restitution by the speed of approach, and the friction by the sliding speed or None."""
+
+
 def _sum(a: Vector, b: Vector) -> Vector:
     return tuple(x + y for x, y in zip(a, b, strict=True))
 
@@ -441,7 +463,8 @@ def collide(
     """Returns the velocities and spins after the impacts of one instant.
 
     All approaching contacts get one joint impulse, the generalised reflection of Smith, Kaufman, Vouga, Tamstorf and
-    Grinspun (2012) with restitution, and then their friction. This is repeated until no contact approaches.
+    Grinspun (2012) with restitution, and then their friction. This is repeated until no contact approaches. All have
+    the restitution at the largest speed of approach.
 
     Args:
         world: The constants.
@@ -458,6 +481,7 @@ def collide(
         TooManyRoundsError: If contacts still approach after `ROUNDS` joint impulses.
     """
     velocities, spins = dict(velocities), dict(spins)
+    restitution, friction = BALL_LAWS[world.ball_ball]
     hits: list[tuple[int, int]] = []
     normals = {}
     for i, j in contacts:
@@ -474,23 +498,23 @@ def collide(
             return velocities, spins, hits
         rates = [rate(pair) for pair in due]
         coupling = [[_coupling(world, p, q, normals) for q in due] for p in due]
-        impulses = plastic_impulses(coupling, rates, noise)
+        impulses, e = plastic_impulses(coupling, rates, noise), restitution(world, -min(rates))
         for (i, j), impulse in zip(due, impulses, strict=True):
             if impulse == 0:
                 continue
             hits.append((i, j))
             for ball, sign in ((i, -1), (j, 1)):
-                change = sign * (1 + world.e_ball) * impulse * world.inverse_mass[ball]
+                change = sign * (1 + e) * impulse * world.inverse_mass[ball]
                 velocities[ball] = _sum(velocities[ball], _scale(change, normals[i, j]))
-        if world.ball_friction:
-            pressing = {pair: (1 + world.e_ball) * p for pair, p in zip(due, impulses, strict=True) if p > 0}
-            _rub(world, world.ball_friction, pressing, normals, velocities, spins)
+        if friction:
+            pressing = {pair: (1 + e) * p for pair, p in zip(due, impulses, strict=True) if p > 0}
+            _rub(world, friction, pressing, normals, velocities, spins)
     raise TooManyRoundsError
 
 
 def _rub(
     world: World,
-    friction: Vector,
+    friction: Callable[[World, Real], Real],
     pressing: dict[tuple[int, int], Real],
     normals: dict[tuple[int, int], Vector],
     velocities: dict[int, Vector],
@@ -516,12 +540,10 @@ def _rub(
         u = _sum(_sum(v[i], _scale(-1, v[j])), _cross(turning, normal[pair]))
         return _sum(u, _scale(-_dot(u, normal[pair]), normal[pair]))
 
-    a, b, c = friction
     speeds = {pair: norm(slip_at(pair)) for pair in pressing}
     limit = {}
     for pair, horizontal in pressing.items():
-        mu = a + b * mpmath.exp(-c * speeds[pair])
-        limit[pair] = mu * horizontal / norm(normal[pair][:2])
+        limit[pair] = friction(world, speeds[pair]) * horizontal / norm(normal[pair][:2])
     done = mpmath.mpf(10) ** (10 - mpmath.mp.dps) * max(speeds.values())
     for _ in range(ROUNDS):
         largest = zero

@@ -32,12 +32,10 @@ from billiards_env.jit import allocating, allocating_entry_point, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.outline_walls import BEGIN_TX, BEGIN_TY, END_TX, END_TY, TIP_RADIUS, TIP_X, TIP_Y
+from billiards_env.physics.geometry.pockets import distance_from
 from billiards_env.physics.laws.cloth import spin_after
 from billiards_env.physics.motion import motion_after, slip_after
 from billiards_env.physics.state import (
-    POCKET_RADIUS,
-    POCKET_X,
-    POCKET_Y,
     POTTED,
     SLIDING_AND_ROLLING,
     UX,
@@ -135,7 +133,7 @@ def _check_positions(now, state, scene, xy, findings):
         xy[i, X], xy[i, Y] = x, y
         out = _outside(x, y, radius[i], numbers, scene.outline)
         for k in range(len(pockets)):
-            out = max(out, pockets[k, POCKET_RADIUS] - norm(x - pockets[k, POCKET_X], y - pockets[k, POCKET_Y]))
+            out = max(out, -distance_from(pockets[k], x, y))
         findings[OUTSIDE] = max(findings[OUTSIDE], out)
         for j in range(i):
             if state.phase[j] != POTTED:

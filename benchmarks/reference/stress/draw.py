@@ -14,9 +14,11 @@ from billiards_env.engine.compile import scene_arrays
 from billiards_env.jit import allocating_entry_point
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.outline_walls import TIP_RADIUS, TIP_X, TIP_Y
-from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
+from billiards_env.physics.geometry.pockets import distance_from
+from billiards_env.physics.state import X, Y
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.outline import Corner
+from billiards_env.scene.scene import BALL_BALL_NAMES
 from billiards_env.scene.table import Pocket, Table
 
 _TRIES = 1000
@@ -73,8 +75,7 @@ def _scatter(rng, order, frozen, scene, outline, out):
                     dx, dy = x - out[shot, j, X], y - out[shot, j, Y]
                     good = good and math.sqrt(dx * dx + dy * dy) >= reach
                 for k in range(len(pockets)):
-                    dx, dy = x - pockets[k, POCKET_X], y - pockets[k, POCKET_Y]
-                    good = good and math.sqrt(dx * dx + dy * dy) >= pockets[k, POCKET_RADIUS] + 1e-12
+                    good = good and distance_from(pockets[k], x, y) >= 1e-12
                 if good:
                     out[shot, i, X], out[shot, i, Y] = x, y
                     break
@@ -131,9 +132,11 @@ def wild_scene(rng: np.random.Generator) -> Scene:
     def restitution() -> float:
         return float(rng.choice([0.0, 1.0, rng.random(), rng.uniform(0.8, 1.0)]))
 
+    laws = [name for name, rubs in BALL_BALL_NAMES.items() if motion == "sliding" or not rubs]
     physics = Physics(
         motion=motion,
         cushion="han2005" if han else "restitution",
+        ball_ball=str(rng.spawn(1)[0].choice(laws)),  # the other numbers do not depend on the number of laws
         mu_slide=float(10.0 ** rng.uniform(-1, 0)),
         mu_roll=float(10.0 ** rng.uniform(-2, -1)),
         spin_decay=float(10.0 ** rng.uniform(0, 2)),

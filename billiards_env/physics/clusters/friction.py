@@ -17,7 +17,8 @@ from billiards_env.physics.clusters.complementarity import solve_smallest
 from billiards_env.physics.clusters.impulses import RESIDUE, quantum, to_double
 from billiards_env.physics.double_double import HI, LO
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.laws.balls import Pair, along_normal, contact_slip, friction_coefficient, tilt_between
+from billiards_env.physics.laws.balls import Pair, along_normal, contact_slip, tilt_between
+from billiards_env.physics.laws.tables import friction_of
 from billiards_env.physics.state import UX, UY, VX, VY, WZ, ball_of
 
 # Columns of `Rubbing.sums`: the impulse, and the impulses that turn a ball about z and about horizontal axes.
@@ -192,7 +193,8 @@ def _rub_together(count, contacts, state, scene, rubbing):  # out: state, rubbin
         pair = Pair(nx, ny, radius[i], radius[j], inv_mass[i], inv_mass[j])
         slip[c, _ACROSS], slip[c, _UP] = contact_slip(tilt, ball_of(state.rows[i]), ball_of(state.rows[j]), pair)
         speed = norm(slip[c, _ACROSS], slip[c, _UP])
-        rubbing.limit[c] = friction_coefficient(scene.numbers, speed) * along_normal(tilt, rubbing.normal[c])
+        mu = friction_of(scene.ball_friction, scene.numbers, speed)
+        rubbing.limit[c] = mu * along_normal(tilt, rubbing.normal[c])
     _minimise_energy(count, contacts, inv_mass, scene.spheres, rubbing)
     _sum_friction(count, contacts, rubbing.last, scene.spheres, rubbing)
     for c in range(count):

@@ -106,7 +106,7 @@ class Side(NamedTuple):
 
 
 def outline_arrays(
-    corners: Sequence[Corner], half_length: float, half_width: float, pockets: Sequence[Sequence[float]] = ()
+    corners: Sequence[Corner], half_length: float, half_width: float, places: Sequence[Sequence[float]] = ()
 ) -> Outline:
     """Returns the arrays of an outline.
 
@@ -114,7 +114,7 @@ def outline_arrays(
         corners: The corners of the outline.
         half_length: Half the length of the table, m. If a cushion reaches into the table's rectangle, the box is empty.
         half_width: m.
-        pockets: (p, 3), see `state.SceneArrays`.
+        places: (p, 2) the places of the pockets, m.
     """
     lines, tips = pieces(corners)
     rows = []
@@ -143,7 +143,7 @@ def outline_arrays(
         np.array(arcs).reshape(-1, 7),
         np.array(box),
         np.array(rails).reshape(-1, 4),
-        np.array([_mouth(tips, x, y) for x, y, _ in pockets], np.int64).reshape(-1, 2),
+        np.array([_mouth(tips, x, y) for x, y in places], np.int64).reshape(-1, 2),
         np.array(lines).reshape(-1, 2),
     )
 

@@ -1,4 +1,4 @@
-"""The impact of two balls: restitution along the line of centres, and friction, which throws balls and transfers spin.
+"""What the laws of two balls share: their contact, restitution along the line of centres, and friction against slip.
 
 Friction acts against the slip of the two surfaces. The slip has a part "across", along t = z x h with the horizontal
 unit vector h from ball 1 to ball 2, and a part "up", along b = n x t. For disks and balls of equal radius the normal n
@@ -16,11 +16,25 @@ belongs to the slip after the normal impulse, so it never raises the energy.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined
-from billiards_env.physics.elementary import exponential, norm
 from billiards_env.physics.state import SLIDING_AND_ROLLING, BallState
+
+
+class BallLaw(NamedTuple):
+    """A law of two balls. It gives the restitution and the friction of the impact that this module describes.
+
+    Attributes:
+        restitution: Kernel of (numbers, closing): the restitution of two balls that approach at `closing`, m/s. It is
+            from 0 to 1 and may only fall with the speed.
+        friction: Kernel of (numbers, speed): the coefficient of friction of two balls whose surfaces slide at `speed`,
+            m/s. None for balls without friction.
+    """
+
+    restitution: Callable[..., Any]
+    friction: Callable[..., Any] | None = None
 
 
 class Pair(NamedTuple):
@@ -61,26 +75,18 @@ def tilt_between(are_spheres, radius_i, radius_j):
 
 
 @inlined
+def constant_restitution(numbers, closing):
+    """Returns `e_ball` at each speed."""
+    return numbers.e_ball
+
+
+@inlined
 def normal_impulse(closing, inv_mass_i, inv_mass_j, e):
     """Returns the impulse along the line of centres of two smooth balls that approach at speed `closing`, kg m/s.
 
     The relative normal velocity is reversed and multiplied by e; e = 1 and equal masses exchange the normal velocities.
     """
     return (1.0 + e) * closing / (inv_mass_i + inv_mass_j)
-
-
-@inlined
-def falling_friction(numbers, speed):
-    """Returns the coefficient of friction of two balls whose surfaces slide at `speed`, m/s."""
-    return numbers.mu_limit + numbers.mu_drop * exponential(-numbers.mu_rate * speed)
-
-
-@inlined
-def friction_coefficient(numbers, speed):
-    """Returns `falling_friction`. A constant friction needs no exponential."""
-    if numbers.mu_drop > 0.0:
-        return falling_friction(numbers, speed)
-    return numbers.mu_limit
 
 
 @inlined
@@ -93,7 +99,7 @@ def along_normal(tilt, p):
 
 
 @inlined
-def _up_after(tilt, up, change):
+def up_after(tilt, up, change):
     """Returns the upward slip after the speed of separation has risen by `change`, m/s."""
     if tilt is None:
         return up
@@ -197,59 +203,3 @@ def push_ball(ball, dvx, dvy, motion):
     if motion == SLIDING_AND_ROLLING:
         ux, uy = ux + dvx, uy + dvy
     return BallState(x=ball.x, y=ball.y, vx=vx, vy=vy, ux=ux, uy=uy, wz=ball.wz)
-
-
-@inlined
-def _rub_both(ball_friction, tilt, a, b, pair, p, numbers):
-    """Returns the states of two balls after the friction of an impact; the arguments are those of `push_apart`."""
-    if ball_friction is None:
-        return a, b
-    inverse = pair.inv_mass_i + pair.inv_mass_j
-    across, up = contact_slip(tilt, a, b, pair)
-    up = _up_after(tilt, up, p * inverse)
-    slip = norm(across, up)
-    limit = friction_coefficient(numbers, slip) * along_normal(tilt, p)
-    push = friction_impulse(across, up, slip, limit, 1.0 / (3.5 * inverse))
-    return rub(a, 1.0, push, tilt, pair), rub(b, -1.0, push, tilt, pair)
-
-
-@inlined
-def push_apart(ball_friction, tilt, a, b, pair, p, numbers):
-    """Returns the states of two balls after an impulse along their line of centres and its friction.
-
-    Args:
-        ball_friction: `SceneArrays.ball_friction`.
-        tilt: See `contact_slip`.
-        a: The `BallState` of the first ball.
-        b: That of the second ball.
-        pair: The `Pair`.
-        p: The horizontal part of the impulse, kg m/s.
-        numbers: The `Numbers`.
-    """
-    a, b = _rub_both(ball_friction, tilt, a, b, pair, p, numbers)
-    nx, ny, mi, mj = pair.nx, pair.ny, pair.inv_mass_i, pair.inv_mass_j
-    return (
-        push_ball(a, -p * mi * nx, -p * mi * ny, numbers.motion),
-        push_ball(b, p * mj * nx, p * mj * ny, numbers.motion),
-    )
-
-
-@inlined
-def meet(ball_friction, are_spheres, a, b, bodies, numbers):
-    """Returns the states of two balls after their impact.
-
-    Args:
-        ball_friction: `SceneArrays.ball_friction`.
-        are_spheres: Whether the balls are spheres.
-        a: The `BallState` of the first ball.
-        b: That of the second ball.
-        bodies: The radii and the inverse masses of both, (m, m, 1/kg, 1/kg).
-        numbers: The `Numbers`.
-    """
-    radius_i, radius_j, inv_mass_i, inv_mass_j = bodies
-    dx, dy = b.x - a.x, b.y - a.y
-    distance = norm(dx, dy)
-    nx, ny = dx / distance, dy / distance
-    p = normal_impulse(-(nx * (b.vx - a.vx) + ny * (b.vy - a.vy)), inv_mass_i, inv_mass_j, numbers.e_ball)
-    pair = Pair(nx, ny, radius_i, radius_j, inv_mass_i, inv_mass_j)
-    return push_apart(ball_friction, tilt_between(are_spheres, radius_i, radius_j), a, b, pair, p, numbers)

@@ -17,13 +17,11 @@ class Cushion(NamedTuple):
 
     Attributes:
         law: The law of its impacts, see `cushion_han2005.han2005`.
-        rubs: Whether it has friction. Without friction `physics.ball_cushion` needs only the restitution.
         work: `Numbers.cushion_work`; with extreme numbers an impact may take twenty times as long.
         solution: The kernel of (before, radius, numbers) that solves the equation of the law; None if it has none.
     """
 
     law: Callable[..., Any]
-    rubs: bool = True
     work: int = 1
     solution: Callable[..., Any] | None = None
 

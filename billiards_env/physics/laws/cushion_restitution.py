@@ -3,5 +3,5 @@
 from billiards_env.physics.laws.cushion import Cushion
 from billiards_env.physics.laws.cushion_han2005 import han2005
 
-CUSHION = Cushion(han2005, rubs=False)
+CUSHION = Cushion(han2005)
 """Without friction, `physics.ball_cushion` calls only `cushion_restitution`, never the law of this entry."""

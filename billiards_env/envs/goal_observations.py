@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
+from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.tasks import touches_a_ball
 from billiards_env.jit import entry_point, specialised
 from billiards_env.physics.state import CUE_BALL, X, Y

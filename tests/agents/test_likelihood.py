@@ -1,0 +1,126 @@
+"""Learning from every shot that scores."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from agents import train as module
+from agents.config import Config, load
+from agents.likelihood import Learner, labels_of, random_hits
+from billiards_env.players.strategies import hits
+from tests.helpers.errors import refusals
+from tests.helpers.training import trained_run
+
+TINY: dict[str, Any] = {
+    "task": "Place-v0",
+    "timesteps": 30_000,
+    "learner": "likelihood",
+    "checkpoint_every": 15_000,
+    "evaluation_episodes": 200,
+    "policy": {"arguments": {"hidden": 32, "points": 4, "speeds": [0.05, 0.3, 0.8], "waves": 1, "goal_units": 16}},
+    "likelihood": {"layouts": 64, "hits": 12, "own": 4},
+}
+
+
+def test_random_hits_touch_a_ball_at_the_given_speeds():
+    learner: Any = Learner(Config.from_dict({**TINY, "task": "Carom-v0", "policy": {"arguments": {"hidden": 8}}}))
+    learner.restart()
+    envs = learner._envs
+    actions = random_hits(envs, learner.policy, 20, np.random.default_rng(0))
+    assert actions.shape == (64, 20, 2)
+    speeds = np.hypot(*np.moveaxis(actions, 2, 0))
+    assert 0.2 <= speeds.min() < 0.25 < 0.7 < speeds.max() <= 0.8
+    infos = envs.try_actions(actions.reshape(-1, 2), envs.get_state().repeat(20)).infos
+    assert (infos["first_hit"] > 0).mean() > 0.95  # a few slow ones stop before
+    assert {1, 2} <= set(infos["first_hit"].tolist())
+
+
+def test_random_hits_of_strikes_have_random_offsets_and_a_level_cue():
+    positions = np.tile([[0.0, 0.0], [0.5, 0.2]], (3, 1, 1))
+    actions = hits(positions, (0.0286, 0.0286), 500, (0.1, 0.9), 5, np.random.default_rng(0))
+    offsets = np.hypot(*np.moveaxis(actions[..., 2:4], 2, 0))
+    assert 0.8 < offsets.max() < 1.0
+    assert (actions[..., 4] < 0).all()
+
+
+@pytest.mark.parametrize("task", ["Place-v0", "Position-v0", "Pot1-v0"])
+def test_labels_are_shots_that_reach_their_goals(task):
+    learner: Any = Learner(Config.from_dict({**TINY, "task": task}))
+    learner.restart()
+    envs, rng = learner._envs, np.random.default_rng(0)
+    states, shots = envs.get_state(), random_hits(envs, learner.policy, 40, rng)
+    labels = labels_of(envs, shots, envs.try_actions(shots.reshape(-1, 2), states.repeat(40)), rng)
+    rows = labels.rows.numpy()
+    assert len(rows) > 20
+    again = states[rows].copy()
+    if labels.goals is None:
+        assert task == "Pot1-v0"
+        counts = np.bincount(rows, minlength=len(states))[rows]
+        assert np.allclose(labels.weights.numpy(), 1.0 / counts)
+    else:
+        again["goals"] = labels.goals.numpy() * envs.single_env.scene.half_extents
+        assert (labels.weights <= 1).all()
+        assert (labels.weights < 1).any()
+    success = envs.try_actions(labels.actions.numpy(), again).infos["is_success"]
+    assert success.mean() > 0.99  # goals at the rim, and actions in single precision
+
+
+def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(tmp_path, monkeypatch):
+    config = Config.from_dict(TINY)
+    whole = trained_run(config, tmp_path / "whole")
+    curve = module.learning_curve(whole)
+    assert curve[-1].success > curve[0].success
+    update = Learner.update
+
+    def stop(self):
+        if self.shots > 20_000:
+            raise KeyboardInterrupt
+        return update(self)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Learner, "update", stop)
+        with pytest.raises(KeyboardInterrupt):
+            trained_run(config, tmp_path / "parts")
+    trained_run(config, tmp_path / "parts")
+    ours, theirs = (torch.load(tmp_path / run / "policy.pt", weights_only=True) for run in ("whole", "parts"))
+    assert all(torch.equal(ours[name], theirs[name]) for name in ours)
+    assert load(whole / "config.yaml") == config
+    assert [point[:1] + point[2:] for point in module.learning_curve(tmp_path / "parts")] == [
+        point[:1] + point[2:] for point in curve
+    ]
+
+
+def test_with_noise_the_shots_of_an_update_are_noisy(monkeypatch):
+    learner: Any = Learner(Config.from_dict({**TINY, "task": "Pot1Noise-v0"}))
+    learner.restart()
+    played = []
+    tried = type(learner._envs).try_actions
+
+    def spy(self, actions, *arguments):
+        outcomes = tried(self, actions, *arguments)
+        played.append((actions, outcomes.infos["played_action"]))
+        return outcomes
+
+    monkeypatch.setattr(type(learner._envs), "try_actions", spy)
+    learner.update()
+    ((actions, noisy),) = played
+    assert (np.abs(actions - noisy).max(axis=1) > 0).all()
+
+
+@refusals(
+    "changes",
+    [
+        ({"learner": "sac"}, "learner = 'sac': expected one of 'ppo', 'likelihood'"),
+        ({"learner": "ppo"}, "key of likelihood .learner = 'ppo'. = 'layouts'"),
+        ({"likelihood": {"shots": 3}}, "key of likelihood .* = 'shots'"),
+        ({"likelihood": {"hits": 0}}, "likelihood.hits = 0: expected"),
+        ({"likelihood": {"learning_rate": 0.1}}, "likelihood.learning_rate = 0.1: expected a pair of rates"),
+        ({"policy": {"head": "gaussian"}}, "learner = 'likelihood': expected the policy 'aim'"),
+        ({"task": "Pot3-v0"}, "learner = 'likelihood': expected .* a task with max_shots = 1"),
+    ],
+)
+def test_wrong_settings_are_refused(changes, message, kind):
+    with pytest.raises(kind, match=message):
+        Config.from_dict({**TINY, **changes})

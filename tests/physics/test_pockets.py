@@ -1,0 +1,62 @@
+"""The geometry of pockets: compiled functions and the methods of `Pocket` agree, and both agree with the definition."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from billiards_env.physics.geometry import pockets as kernels
+from billiards_env.scene import Pocket, Table
+from billiards_env.scene.table import six_pockets
+
+POCKETS = (Pocket(0.3, -0.2, 0.06), *six_pockets()[:2])
+ROWS = Table(pockets=POCKETS).pocket_rows
+
+
+def points_near(pocket, count=200):
+    x, y, radius = pocket.circle
+    return np.random.default_rng(0).normal((x, y), radius, (count, 2))
+
+
+def test_the_rows_of_a_table_are_the_fields_of_its_pockets():
+    assert ROWS.tolist() == [list(dataclasses.astuple(pocket)) for pocket in POCKETS]
+    assert Table(pockets=POCKETS).pocket_places.tolist() == [[pocket.x, pocket.y] for pocket in POCKETS]
+    assert (Table().pocket_rows.shape, Table().pocket_places.shape) == ((0, 3), (0, 2))
+
+
+@pytest.mark.parametrize("k", range(len(POCKETS)))
+def test_compiled_functions_agree_with_the_methods_of_a_pocket(k):
+    pocket, row = POCKETS[k], ROWS[k]
+    points = points_near(pocket)
+    distances = [kernels.distance_from(row, x, y) for x, y in points]
+    np.testing.assert_allclose(pocket.distance(points), distances, rtol=0, atol=1e-15)
+    inside = pocket.contains(points)
+    assert 0 < inside.sum() < len(points)
+    assert [kernels.pocket_at(ROWS[k : k + 1], x, y, 1.0) == 0 for x, y in points] == inside.tolist()
+    assert pocket.contains(points, 0.01).tolist() == (pocket.distance(points) < -0.01).tolist()
+    assert kernels.centre_of(row) == (pocket.x, pocket.y)
+    assert kernels.half_width_of(row) == pocket.half_width
+    assert kernels.bounding_circle(row) == pocket.circle
+    rim = pocket.rim()
+    np.testing.assert_allclose(pocket.distance(rim), 0.0, atol=1e-15)
+    for x, y in rim:
+        nx, ny = kernels.outwards_at(row, x, y)
+        assert kernels.distance_from(row, x + 0.01 * nx, y + 0.01 * ny) > 0.0
+
+
+def test_the_gap_of_a_segment_is_its_least_distance_from_the_rim():
+    pocket, row = POCKETS[0], ROWS[0]
+    for a, b in points_near(pocket).reshape(-1, 2, 2):
+        path = a + np.linspace(0, 1, 2001)[:, None] * (b - a)
+        assert kernels.segment_gap(row, *a, *b) == pytest.approx(pocket.distance(path).min(), abs=1e-4)
+
+
+def test_the_ends_of_a_rim_are_tangents():
+    pocket, row = POCKETS[0], ROWS[0]
+    right_x, right_y, left_x, left_y = kernels.rim_ends(row, 0.0, 0.0, 1.0, 1.0, 0.0)
+    for end in ((right_x, right_y), (left_x, left_y)):
+        assert pocket.distance(end) == pytest.approx(0.0, abs=1e-15)
+        assert np.dot(end, np.subtract(end, (pocket.x, pocket.y))) == pytest.approx(0.0, abs=1e-15)
+    assert right_x * left_y - right_y * left_x > 0.0
+    assert kernels.rim_ends(row, pocket.x, pocket.y, 1.0, 1.0, 0.0) == (0.0, 0.0, 0.0, 0.0)
+    assert kernels.distance_along(row, pocket.x - 1.0, pocket.y, 1.0, 0.0) == pytest.approx(1.0 - 0.06)
