@@ -19,7 +19,7 @@ from billiards_env.bench.evaluation import evaluation_seeds, measure, play_toget
 from billiards_env.games import GAMES
 from billiards_env.sb3.policy_player import playable
 from billiards_env.sb3.weights import check_finished
-from billiards_env.support.checks import Range, integer, missing
+from billiards_env.support.checks import Range, integer
 from billiards_env.support.commands import Parser, ending
 from billiards_env.support.files import check_path, replacing, write_json
 
@@ -122,10 +122,8 @@ def draw_curves(runs: Sequence[Path], path: Path) -> None:
         ValueError: If `path` does not end in ".png".
     """
     target = check_path(path, ".png")
-    try:
-        from matplotlib.figure import Figure
-    except ModuleNotFoundError as error:
-        raise missing("matplotlib", "plot") from error
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(7, 4), dpi=110, layout="constrained")
     axes = figure.add_subplot()
     for run in runs:

@@ -17,7 +17,8 @@ def run(steps: int, episodes: int = 1000) -> float:
     """Trains for a number of steps. Returns the share of the goals that the mean actions reach with the first shot."""
     torch.set_num_threads(1)
     settings = {"gamma": 0.9, "learning_starts": 1000, "batch_size": 256, "gradient_steps": 16, "device": "cpu"}
-    model = SAC("MultiInputPolicy", make(64), replay_buffer_class=HerReplayBuffer, **settings).learn(steps)
+    model = SAC("MultiInputPolicy", make(64), replay_buffer_class=HerReplayBuffer, **settings, verbose=1)
+    model.learn(steps, log_interval=200)
     envs = make(episodes)
     envs.seed(1)
     _, rewards, _, _ = envs.step(model.predict(envs.reset(), deterministic=True)[0])

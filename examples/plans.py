@@ -6,6 +6,7 @@ import torch
 from stable_baselines3 import DQN
 
 from billiards_env.sb3 import SameStepVecEnv
+from billiards_env.support.checks import missing
 
 try:
     from sb3_contrib import MaskablePPO
@@ -44,7 +45,8 @@ def run(steps: int, episodes: int = 1000) -> dict[str, float]:
     }
 
     settings = {"learning_starts": 1000, "train_freq": 1, "gradient_steps": 8, "batch_size": 256, "gamma": 0.9}
-    dqn = DQN("MlpPolicy", SameStepVecEnv(make(64)), **settings, buffer_size=100_000, device="cpu").learn(steps)
+    dqn = DQN("MlpPolicy", SameStepVecEnv(make(64)), **settings, buffer_size=100_000, device="cpu", verbose=1)
+    dqn.learn(steps, log_interval=1000)
 
     def most_valued(observations, masks):
         with torch.no_grad():
@@ -53,10 +55,11 @@ def run(steps: int, episodes: int = 1000) -> dict[str, float]:
 
     shares["DQN"] = success(most_valued, episodes)
     if MaskablePPO is None:
-        print("MaskablePPO needs the extra masks: pip install 'billiards-env[masks]'")
+        print(missing("sb3_contrib", "masks"))
         return shares
     settings = {"n_steps": 32, "batch_size": 512, "gamma": 0.9, "ent_coef": 0.01, "learning_rate": 1e-3}
-    ppo = MaskablePPO("MlpPolicy", SameStepVecEnv(make(64)), **settings, device="cpu").learn(steps)
+    ppo = MaskablePPO("MlpPolicy", SameStepVecEnv(make(64)), **settings, device="cpu", verbose=1)
+    ppo.learn(steps, log_interval=5)
 
     def most_probable(observations, masks):
         return ppo.predict(observations, action_masks=masks, deterministic=True)[0]

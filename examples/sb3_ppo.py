@@ -15,7 +15,7 @@ def run(steps: int, logs: str | None = "runs/sb3_ppo") -> PPO:
     torch.set_num_threads(1)  # small networks are faster on one thread
     envs = SameStepVecEnv(gym.make_vec("billiards_env:Billiards-v0", num_envs=1024))
     # The policy aims at learned points next to the ball. "MlpPolicy" works too.
-    return PPO(AimPolicy, envs, **PPO_SETTINGS, tensorboard_log=logs).learn(steps)
+    return PPO(AimPolicy, envs, **PPO_SETTINGS, verbose=1, tensorboard_log=logs).learn(steps, log_interval=10)
 
 
 if __name__ == "__main__":

@@ -134,11 +134,8 @@ def try_wheel(wheel: Path, folder: Path, repeats: int) -> dict[str, tuple[float,
     python, times = install(wheel, folder / "venv"), {}
     shipped, compiled = {"NUMBA_CACHE_DIR": str(folder / "none")}, {"NUMBA_CACHE_DIR": str(folder / "fresh")}
     compiled["BILLIARDS_ENV_COMPILE"] = "1"
-    for environment, prefix, after in (
-        (shipped, "", " after the installation"),
-        (compiled, "with BILLIARDS_ENV_COMPILE=1, ", ""),
-    ):
-        times[f"{prefix}first start{after}"] = start(python, folder, **environment)
+    for environment, prefix in ((shipped, "wheel with machine code, "), (compiled, "pip install ., ")):
+        times[f"{prefix}first start"] = start(python, folder, **environment)
         later = [start(python, folder, **environment) for _ in range(repeats)]
         times[f"{prefix}later starts"] = sorted(later)[repeats // 2]
     shots = python, ROOT / "benchmarks" / "release" / "shots.py"
@@ -157,7 +154,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     same = "The wheel's machine code and newly compiled code give the same bits"
     return {
         "files": f"It makes {files}. {same} in {result['environments']} environments.",
-        "times": table(("start, wheel alone", "s", "processor s"), rows),
+        "times": table(("start", "s", "processor s"), rows),
     }
 
 

@@ -16,6 +16,7 @@ import base64
 import hashlib
 import os
 import re
+import traceback
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
@@ -105,7 +106,7 @@ def play(
 
     Raises:
         ValueError: If a task or a player is unknown, a name has characters other than letters, digits and ".:/+ -_",
-            an action has the wrong shape or is not finite, or `part` holds other results.
+            an action has the wrong shape or is not finite, `part` holds other results, or the player raises an error.
         OSError, TypeError: As `find_player` does, or if `part` cannot be written.
     """
     names, seeds = [task.strip().removeprefix(NAMESPACE) for task in tasks], list(seeds)
@@ -121,7 +122,12 @@ def play(
     results = {} if part is None or not part.exists() else _kept(part, source, keys)
     for key in keys:
         if key not in results:
-            results[key] = _play(player, *key, progress)
+            try:
+                results[key] = _play(player, *key, progress)
+            except Exception as error:  # the code of the player may raise any
+                if len(set(names)) == 1 or isinstance(error, (ImportError, OSError)):
+                    raise
+                raise _failure(key[0], error) from error
             if part is not None:
                 save(part, Bench(source, tuple(results.values())))
     return Bench(title, tuple(results[key] for key in dict.fromkeys(keys)))
@@ -137,6 +143,16 @@ def _kept(part: Path, player: str, keys: Sequence[_Key]) -> dict[_Key, Result]:
     if bench.player != player or not results.keys() <= set(keys):
         raise ValueError(f"{part} holds results of another command: expected none, move it or delete it")
     return results
+
+
+def _failure(task: str, error: Exception) -> Exception:
+    """Returns the error of a player with the name of its task."""
+    text = str(error)
+    if not isinstance(error, (TypeError, ValueError)):
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        text = f"{type(error).__name__}: {error} ({where.filename}, line {where.lineno})"
+    kind = TypeError if isinstance(error, TypeError) else ValueError
+    return kind(f"{task}: {text}; --tasks chooses other tasks")
 
 
 def _play(player: str, task: str, seed: int, noise_seed: int | None, progress: Callable[[str, int], object]) -> Result:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable
 
 from billiards_env.drawing.canvas import pygame  # raises with a hint if pygame is missing
@@ -20,26 +21,29 @@ LINE = 26
 """Height of the line under a film, pixels."""
 
 
-def open_display() -> None:
-    """Connects to the display. Raises an OSError if there is none, unless SDL_VIDEODRIVER selects an invisible one."""
+def open_display(visible: bool = True) -> None:
+    """Connects to the display. Without one, raises an OSError, or warns if the window need not be `visible`.
+
+    If SDL_VIDEODRIVER selects an invisible display, that is no error and no warning.
+    """
     pygame.display.init()
     driver = pygame.display.get_driver()
     if driver in INVISIBLE and os.environ.get("SDL_VIDEODRIVER") not in INVISIBLE:
-        pygame.display.quit()
-        raise OSError(
-            f"display = {driver!r}: expected one that shows a window (is DISPLAY or WAYLAND_DISPLAY set?); "
-            "SDL_VIDEODRIVER=dummy runs without a display"
-        )
+        text = f"display = {driver!r}: expected one that shows a window (is DISPLAY or WAYLAND_DISPLAY set?)"
+        if visible:
+            pygame.display.quit()
+            raise OSError(f"{text}; SDL_VIDEODRIVER=dummy runs without a display")
+        warnings.warn(f"{text}; the frames are drawn off screen", stacklevel=2)
 
 
 class Screen:
     """A window of the desktop with the project's name and icon, which the user can resize."""
 
-    def __init__(self, size: tuple[int, int], title: str) -> None:
-        """Opens a window of `size` (width, height), pixels."""
+    def __init__(self, size: tuple[int, int], title: str, visible: bool = True) -> None:
+        """Opens a window of `size` (width, height), pixels. See `open_display` for `visible`."""
         for system in ("X11", "WAYLAND"):
             os.environ[f"SDL_VIDEO_{system}_WMCLASS"] = "billiards-env"  # the name of the application
-        open_display()
+        open_display(visible)
         pygame.display.set_caption(title)
         pygame.display.set_icon(make_icon())
         pygame.display.set_mode(size, pygame.RESIZABLE)
@@ -78,11 +82,11 @@ class Window:
         pace: Playback speed over real time.
     """
 
-    def __init__(self, size: tuple[int, int], title: str) -> None:
-        """Opens a window for frames of `size` (width, height), pixels."""
+    def __init__(self, size: tuple[int, int], title: str, visible: bool = True) -> None:
+        """Opens a window for frames of `size` (width, height), pixels. See `open_display` for `visible`."""
         self.open, self.pace = True, 1.0
         self._frame = pygame.Surface((size[0], size[1] + LINE), 0, 32)
-        self._screen = Screen(self._frame.get_size(), title)
+        self._screen = Screen(self._frame.get_size(), title, visible)
 
     def show(self, frame: pygame.Surface, fps: float) -> None:
         """Shows a frame at least 1 / (fps * pace) seconds after the last one; closes the window at a key."""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import json
 from collections import ChainMap
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
@@ -89,6 +91,13 @@ class Model(NamedTuple):
     setup: Setup | None = None
     can_call: bool = False
     can_place: bool = False
+
+    @property
+    def summary(self) -> str:
+        """The task, the scene, the balls and the engine in one line, for the `repr` of an environment."""
+        table = self.scene.table
+        size = f"table {table.length:g} x {table.width:g} m, {len(table.pockets)} pockets"
+        return f"task {self.task!r}, {size}, {self.scene.n_balls} balls, {self.engine}"
 
     @property
     def n_players(self) -> int:
@@ -366,7 +375,20 @@ def plain(value: Any) -> Any:
 def _set_spec(env: Any, spec: EnvSpec | None) -> None:
     if spec is not None:
         spec.kwargs = plain(spec.kwargs)
+        _warn_of_changes(spec)
     env._spec = spec
+
+
+def _warn_of_changes(spec: EnvSpec) -> None:
+    """Warns if an argument that changes the results differs from that of a frozen task, such as `Billiards/Pot1-v0`."""
+    if spec.namespace != "Billiards" or spec.id not in gym.registry:
+        return
+    usual = {name: parameter.default for name, parameter in inspect.signature(make_model).parameters.items()}
+    frozen = {**usual, **gym.registry[spec.id].kwargs, "noise_seed": spec.kwargs.get("noise_seed")}
+    given = json.loads(json.dumps({name: spec.kwargs.get(name, value) for name, value in frozen.items()}, default=str))
+    changed = ", ".join(f"{name} = {short(value)}" for name, value in given.items() if value != frozen[name])
+    if changed:
+        gym.logger.warn(f"{changed} in {spec.id}: this is no longer the frozen task, results are not comparable")
 
 
 json_spec: Any = property(lambda env: env._spec, _set_spec)
@@ -397,6 +419,9 @@ def check_options(
     own = {"goal": model.goal_radius, "physics": model.randomize, "state": model.setup}
     known = "positions", *(key for key, value in own.items() if value), "episode_seed"
     for key in options:
+        if key == "physics" and not model.randomize:
+            text = short(options[key])
+            raise ValueError(f"options['physics'] = {text} without randomize: expected the argument randomize")
         one_of("key of options", key, known)
     many = () if mask is None else (len(mask),)
     positions = goals = seeds = states = None

@@ -355,7 +355,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     Rendering needs pygame (extra `render`). With a render mode each step also records its shot for drawing. Frames are
     drawn to scale. `"human"` and `"rgb_array_list"` have 30 frames for each second of a shot.
 
-    - `"human"`: a window shows each shot in real time during `step`.
+    - `"human"`: a window shows each shot in real time during `step`. Without a display it is drawn off screen.
     - `"rgb_array"`: `render()` returns one frame, the end of the last shot with the paths of the balls.
     - `"rgb_array_list"`: `render()` returns all frames since its last call or since the reset: one of the starting
       state, and those of each shot.
@@ -412,6 +412,9 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         self._first_info = single_info({}, self._episodes.starts, self._episodes.of_episode)
         self._first_rows = self._episodes.starts._replace(numbers={})
         self._shared = {*vars(self), "_np_random", "_shared", "_spec"} - {"_episodes", "_renderer", "_trials", *SPACES}
+
+    def __repr__(self) -> str:
+        return f"BilliardsEnv({self.model.summary})"
 
     def __deepcopy__(self, memo: dict[int, Any]) -> BilliardsEnv:
         """Returns a copy that continues with the same bits. It shares what does not change, such as the scene."""

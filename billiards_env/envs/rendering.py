@@ -134,6 +134,7 @@ class Renderer:
         """Adds a step, one shot per environment that is drawn. In the mode "human" the window shows it immediately.
 
         Keys change the pace. The close button, Q and Escape close the window. Later steps then run without a window.
+        Without a display the frames are drawn off screen, with a warning.
         """
         if self.render_mode != "rgb_array_list":
             self._steps = []
@@ -150,7 +151,7 @@ class Renderer:
             from billiards_env.drawing.window import Window
 
             assert self._canvas is not None
-            self._window = Window(self._canvas.size, "Billiards")
+            self._window = Window(self._canvas.size, "Billiards", visible=False)
         self._window.play(film, FPS)
         if not self._window.open:
             gym.logger.warn("The window was closed: the environment continues without it.")

@@ -171,6 +171,9 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
             *SPACES,
         }
 
+    def __repr__(self) -> str:
+        return f"BilliardsVectorEnv({self.num_envs} environments, {self.single_env.model.summary})"
+
     def __deepcopy__(self, memo: dict[int, Any]) -> BilliardsVectorEnv:
         """Returns a copy that continues with the same bits. It shares what does not change, such as the scene."""
         return copied(self, self._shared, memo)

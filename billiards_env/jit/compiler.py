@@ -23,7 +23,7 @@ from numba.core.types import unliteral
 from numba.core.types.functions import BaseFunction
 from numba.core.untyped_passes import InlineClosureLikes, LiteralPropagationSubPipelinePass, LiteralUnroll, WithLifting
 
-LONG = 1.0  # s; a compilation that takes longer prints a message
+LONG = 2.0  # s; each compilation that takes longer prints a message
 
 _UNUSED: Any = (WithLifting, InlineClosureLikes, LiteralUnroll, LiteralPropagationSubPipelinePass, NopythonRewrites)
 """Passes for code that no function of this package has, such as closures. They take 5% of the time."""
@@ -44,7 +44,6 @@ def _resolve_once(self: Any, context: Any, args: Any, kws: Any) -> Any:
     return _signatures[key]
 
 
-@functools.cache
 def _announce() -> None:
     clear = "\r\x1b[K" if sys.stderr.isatty() else ""  # the line may hold a progress bar
     print(f"{clear}billiards_env: compiling, up to a minute ...", file=sys.stderr, flush=True)

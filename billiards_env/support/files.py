@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import gzip
+import importlib.util
 import io
 import itertools
 import json
@@ -22,6 +23,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from billiards_env.support.checks import missing
+
+_EXTRAS = {
+    **dict.fromkeys((".png", ".svg", ".pdf"), ("plot", "matplotlib")),
+    ".gif": ("render", "pygame", "PIL"),
+    ".mp4": ("render", "pygame", "imageio_ffmpeg"),
+}
+"""The extra that writes a file and its modules, by suffix."""
 
 MAX_ARCHIVE = 2**28
 """The largest number of bytes of a zip file that is read, and of its content."""
@@ -41,6 +51,7 @@ def check_path(path: str | os.PathLike[str], *suffixes: str) -> Path:
         TypeError: If it is not a path.
         ValueError: If the path has another suffix.
         OSError: If the file cannot be written, see `_end_of`.
+        ModuleNotFoundError: If a module that writes files with this suffix is not installed.
     """
     if not isinstance(path, (str, os.PathLike)):
         raise TypeError(f"path = {path!r}: expected a path, not {type(path).__name__}")
@@ -48,6 +59,10 @@ def check_path(path: str | os.PathLike[str], *suffixes: str) -> Path:
     if suffixes and target.suffix.lower() not in suffixes:
         raise ValueError(f"path = {str(target)!r}: expected a name that ends in {' or '.join(map(repr, suffixes))}")
     _end_of(target)
+    extra, *modules = _EXTRAS.get(target.suffix.lower(), ("",))
+    for module in modules:
+        if importlib.util.find_spec(module) is None:
+            raise missing(module, extra)
     return target
 
 

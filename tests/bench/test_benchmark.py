@@ -4,6 +4,7 @@ import base64
 import json
 import os
 import re
+import sys
 import tracemalloc
 from functools import cache
 
@@ -261,6 +262,29 @@ def test_a_pipe_is_refused_and_not_read(tmp_path):
     os.mkfifo(tmp_path / "pipe.json")  # a reader would wait for a writer
     with pytest.raises(SystemExit, match=r"pipe\.json': expected a file of a benchmark, but it is not a regular file"):
         main(["bench", "verify", str(tmp_path / "pipe.json")])
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ("situation.stroke([1, 0, 0])", "error: Carom-v0: .*; --tasks chooses other tasks"),
+        ("[][1]", r"error: Carom-v0: IndexError: .* \(.*one_task.py, line 4\); --tasks chooses other tasks"),
+    ],
+)
+def test_the_error_of_a_player_for_one_task_names_the_other(tmp_path, monkeypatch, fault, message):
+    (tmp_path / "one_task.py").write_text(
+        "def maker(argument):\n"
+        "    def act(situation, rng):\n"
+        "        if len(situation.observation) == 6:\n"
+        f"            {fault}\n"
+        "        return situation.stroke([0.5, 0.0])\n"
+        "    return act\n"
+    )
+    monkeypatch.delitem(sys.modules, "one_task", raising=False)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(bench, "EPISODES", 1)
+    with pytest.raises(SystemExit, match=message):
+        main(["bench", "one_task:maker", "--tasks", "Pot1-v0,Carom-v0"])
 
 
 def test_an_action_of_a_player_that_is_wrong_leaves_no_file(tmp_path, monkeypatch):

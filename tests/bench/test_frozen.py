@@ -3,6 +3,7 @@
 import hashlib
 import inspect
 import json
+import warnings
 
 import gymnasium as gym
 import numpy as np
@@ -107,6 +108,28 @@ def test_an_environment_of_an_id_and_that_of_its_json_play_as_the_vector_environ
         expected = infos["final_info"] if terminated else infos
         assert info["shot_time"] == expected["shot_time"][k]
         assert observation.shape == together[k].shape
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"n_object_balls": 4, "mode": "pic"}, "n_object_balls = 4"),
+        ({"mode": "pit", "dt": 0.01}, "mode = 'pit', dt = 0.01"),
+        ({"noise": {"angle_std": 1.0}}, "noise = {'angle_std': 1.0}"),
+        ({"noise_seed": 1, "observe": ("positions", "shots_left"), "render_mode": "rgb_array", "max_speed": 4}, None),
+    ],
+)
+def test_a_changed_argument_of_a_frozen_task_warns(changes, named):
+    kept = {name: value for name, value in changes.items() if name != "render_mode"}
+    vectors = [{**changes, "num_envs": 2, "threads": 1}, {**kept, "vectorization_mode": "sync"}]
+    for make, arguments in ((gym.make, changes), *((gym.make_vec, vector) for vector in vectors)):
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("default")
+            make("Billiards/Pot3-v0", **arguments)
+        texts = [str(warning.message) for warning in said]
+        expected = f"{named} in Billiards/Pot3-v0: this is no longer the frozen task"
+        assert [expected in text for text in texts] == ([] if named is None else [True])
+    gym.make("Billiards-v0", n_object_balls=4)
 
 
 def test_every_argument_with_an_effect_is_frozen():

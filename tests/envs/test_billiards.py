@@ -55,6 +55,22 @@ def test_environment_checkers_pass(kwargs):
         sb3.check_env(gym.make("Billiards-v0", **kwargs).unwrapped, warn=True)  # wrappers hide `compute_reward`
 
 
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ({}, "task 'pot', table 2.54 x 1.27 m, 6 pockets, 2 balls, PIC"),
+        (
+            {"task": "carom", "mode": "pit", "dt": 0.01},
+            "task 'carom', table 2.84 x 1.42 m, 0 pockets, 3 balls, PIT, dt = 1/100 s",
+        ),
+    ],
+)
+def test_the_repr_of_an_environment_describes_it(arguments, text):
+    assert repr(gym.make("Billiards-v0", **arguments).unwrapped) == f"BilliardsEnv({text})"
+    envs = gym.make_vec("Billiards-v0", 3, **arguments)
+    assert repr(envs.unwrapped) == f"BilliardsVectorEnv(3 environments, {text})"
+
+
 def test_every_task_scene_layout_and_feature_is_in_a_variant():
     for name, values in (("task", TASKS), ("scene", SCENES), ("layout", layouts.LAYOUTS)):
         assert {str(variant.get(name, "pool")) for variant in VARIANTS} >= {*values} - {"pot"}

@@ -112,6 +112,11 @@ RESETS_OF_TWO: list[tuple[Any, ...]] = [
 RESETS = [
     *((lambda: make_env(task="place", randomize=RANGES), {"options": one}, *rest) for one, *rest in OPTIONS),
     *((lambda: make_vector_env(2, "NextStep", task="place"), start, *rest) for start, *rest in RESETS_OF_TWO),
+    (
+        make_env,
+        {"options": {"physics": {"g": 9}}},
+        r"options\['physics'\] = {'g': 9} without randomize: expected the arg",
+    ),
     (make_env, {"options": {"goal": [0, 0]}}, "key of options = 'goal': expected one of 'positions'"),
 ]
 

@@ -2,12 +2,14 @@ import math
 import os
 import re
 import sys
+from types import SimpleNamespace
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.error import DependencyNotInstalled
+from gymnasium.utils.env_checker import check_env
 
 from billiards_env import billiards_v0
 from billiards_env import envs as billiards_envs
@@ -170,6 +172,23 @@ def test_human_shows_a_shot_in_real_time(pygame, monkeypatch):
     assert env.render() is None
     env.close()
     assert not pygame.display.get_init()
+    env.close()
+
+
+def test_without_a_display_human_draws_off_screen_with_a_warning(pygame, monkeypatch):
+    from billiards_env.drawing import window
+
+    shown = []
+    monkeypatch.setattr(window, "os", SimpleNamespace(environ={}))  # SDL_VIDEODRIVER is not set
+    monkeypatch.setattr(pygame.display, "get_driver", lambda: "offscreen")
+    monkeypatch.setattr(window.Screen, "wait", lambda self, fps: shown.append(fps))
+    env = make("Billiards-v0", render_mode="human")
+    with pytest.warns(UserWarning, match="^display = 'offscreen': expected .* the frames are drawn off screen") as said:
+        check_env(env.unwrapped, skip_render_check=True)
+    env.reset(seed=0)
+    env.step(SLOWLY)
+    assert len([warning for warning in said if "offscreen" in str(warning.message)]) == 1
+    assert len(shown) > 1
     env.close()
 
 

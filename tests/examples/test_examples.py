@@ -27,15 +27,25 @@ def load(name, *packages):
     return runpy.run_path(str(FOLDER / f"{name}.py"))
 
 
+def test_the_extra_train_has_what_a_progress_bar_needs():
+    PPO = pytest.importorskip("stable_baselines3").PPO
+    with pytest.warns(match="rich is experimental"):
+        PPO("MlpPolicy", "CartPole-v1", n_steps=64, device="cpu").learn(64, progress_bar=True)
+    train = re.search(r"^train = \[(.*?)\]", (FOLDER.parent / "pyproject.toml").read_text(), re.MULTILINE | re.DOTALL)
+    assert train is not None
+    assert {"rich", "tqdm"} <= set(re.findall(r'"([\w-]+)', train[1]))
+
+
 def test_every_program_is_on_the_page():
     programs = {path.name for path in FOLDER.glob("[a-z]*.*")}
     assert set(re.findall(r"^\| `examples/([\w.]+)`", PAGE, re.MULTILINE)) == programs
 
 
-def test_stable_baselines3_trains_and_writes_curves(tmp_path):
+def test_stable_baselines3_trains_and_writes_curves(tmp_path, capsys):
     pytest.importorskip("tensorboard")
-    model = load("sb3_ppo", "stable_baselines3")["run"](2048, str(tmp_path))
-    assert model.num_timesteps == 2048
+    model = load("sb3_ppo", "stable_baselines3")["run"](10240, str(tmp_path))
+    assert model.num_timesteps == 10240
+    assert re.search(r"total_timesteps +\| 10240 ", capsys.readouterr().out)
     assert list(tmp_path.rglob("events*"))
 
 
@@ -111,11 +121,12 @@ PROGRAMS = [
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(("name", "package", "steps", "arguments", "least", "most"), PROGRAMS)
-def test_a_program_returns_a_number_in_its_range(name, package, steps, arguments, least, most):
+def test_a_program_returns_a_number_in_its_range(name, package, steps, arguments, least, most, capsys):
     value = load(name, package)["run"](steps, **arguments)
     chance, value = value if isinstance(value, tuple) else (0.5, getattr(value, "best_value", value))
     assert 0.1 < chance < 0.9
     assert least <= value <= most
+    assert name != "goals" or "total_timesteps" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("learners", [["DQN"], ["DQN", "MaskablePPO"]], ids=" and ".join)
@@ -129,7 +140,9 @@ def test_learners_choose_among_plans(learners, monkeypatch, capsys):
     assert list(shares) == ["random plans with the masks", *learners]
     assert 0.1 < shares.pop("random plans with the masks") < 0.9
     assert all(0.0 <= share <= 1.0 for share in shares.values())
-    assert ("pip install 'billiards-env[masks]'" in capsys.readouterr().out) is (len(learners) == 1)
+    said = capsys.readouterr().out
+    assert ("pip install 'billiards-env[masks]'" in said) is (len(learners) == 1)
+    assert said.count("Using cpu device") == len(learners)  # each prints its progress
 
 
 def test_ppo_trains_from_pixels():
