@@ -122,6 +122,7 @@ class Config:
         self._set("policy", {"head": head, **policy, **_numbers(self.policy)})
         for name in self.ppo:
             one_of("key of ppo", name, _PPO)
+        ppo = ppo if self.learner == "ppo" else {}
         self._set("ppo", {**ppo, **_numbers(self.ppo)})
         one_of("learner", self.learner, LEARNERS)
         self._check_ppo()
@@ -149,6 +150,8 @@ class Config:
             one_of(f"key of likelihood (learner = {self.learner!r})", name, tuple(known))
         if not known:
             return
+        if self.ppo:
+            raise ValueError(f"ppo = {short(self.ppo)}: expected no settings of PPO with learner = 'likelihood'")
         if self.policy["head"] != "aim" or self.env["max_shots"] != 1 or self.curriculum:
             raise ValueError(
                 "learner = 'likelihood': expected the policy 'aim', a task with max_shots = 1, and no curriculum"
@@ -161,6 +164,7 @@ class Config:
         for rate in rates:
             real("likelihood.learning_rate", rate, Range(0.0, 1.0))
         self._set("likelihood", settings)
+        self._set("n_envs", settings["layouts"])
 
     def goal_radius(self, timesteps: int) -> float | None:
         """Returns the radius of the goals after `timesteps` steps of the training, m; None without goals."""

@@ -2,20 +2,21 @@
 
 An update plays many shots from each of some layouts: random hits of the object balls, and random actions of the policy.
 The policy then maximises the likelihood of the shots that score (Peters and Schaal 2007, Reinforcement learning by
-reward-weighted regression, with the rewards 0 and 1). A mixture keeps all ways to score that it finds, and the standard
-deviations follow from the data.
+reward-weighted regression, with the rewards 0 and 1). The mixture of the policy can represent several ways to score,
+and its standard deviations are learned.
 
 In a task with a goal a shot is also a label for another goal (hindsight, Andrychowicz et al. 2017). If it meets the
 other condition of the task, it scores for every goal near the place where the cue ball stops, and its goal is drawn
-there. So almost every pot is a label, and the training begins with the goals of the task.
+there. Almost every such shot can be used, so the training needs no larger goals at the start.
 
-A shot counts 1 over the number of shots of its layout that reach the same goal. So difficult layouts and goals count as
-much as easy ones.
+The weight of a shot is 1 over the number of shots of its layout that reach the same goal. So easy and difficult layouts
+and goals have a similar total weight.
 """
 
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -58,7 +59,7 @@ class Labels(NamedTuple):
 
 
 class Learner:
-    """A policy in training. What follows a call of `restart` depends only on its arguments and the weights.
+    """A policy in training. What follows a call of `restart` depends only on the settings and on what `save` writes.
 
     Attributes:
         policy: The policy.
@@ -69,12 +70,16 @@ class Learner:
         torch.manual_seed(config.seed)
         policy: Any = make_policy(config)
         self.policy: AimPolicy = policy
-        self.policy.set_training_mode(False)  # its schedules, which follow the updates of PPO, stay at their start
+        self.policy.set_training_mode(False)
+        self.policy.set_shots(-1)
+        if not set(self.policy.observe) <= {"positions", "goal"}:
+            raise ValueError(
+                f"env.observe = {self.policy.observe}: expected only 'positions' and 'goal' with learner = 'likelihood'"
+            )
         self.shots, self._config, self._settings = 0, config, config.likelihood
         has_goal = config.env["goal_radius"] is not None
         observe = "goal" if has_goal else ["positions"]
-        count, threads = self._settings["layouts"], None
-        self._envs: Any = make_vector(config, count, threads, observe=observe, scratch_penalty=0.0).unwrapped
+        self._envs: Any = make_vector(config, self._settings["layouts"], observe=observe).unwrapped
         self._log_std = nn.Parameter(self.policy.net.std.log())
         parameters = [*self.policy.net.parameters(), self._log_std]
         self._optimizer = torch.optim.Adam(parameters, eps=1e-5, fused=True)
@@ -84,8 +89,14 @@ class Learner:
         """Seeds all random generators."""
         seed = training_seed(self._config, self.shots)
         torch.manual_seed(seed)
+        self._log_std.data.copy_(self.policy.net.std.log())
         self._rng = np.random.default_rng(seed)
         self._envs.reset(seed=seed)
+
+    def compile(self) -> None:
+        """Plays a shot from each layout, so that compiling the engine is no part of the time of the training."""
+        self._envs.reset(seed=0)
+        self._envs.try_actions(random_hits(self._envs, self.policy, 1, self._rng)[:, 0], noise=self._rng)
 
     def update(self) -> float:
         """Plays shots, learns from them, and returns the share of the policy's own shots that score."""
@@ -95,20 +106,20 @@ class Learner:
             group["lr"] = last + (first - last) * (1.0 - part)
         envs.reset()
         states = envs.get_state()
-        places = states["positions"] / np.array(envs.single_env.scene.half_extents)
-        layouts, _ = self.policy.net.layouts(torch.from_numpy(places).float())
+        half = np.array(envs.single_env.scene.half_extents)
+        places, goals = (torch.from_numpy(states[name] / half).float() for name in ("positions", "goals"))
+        mixtures = self._mixtures(places)
         with torch.no_grad():
-            goals = torch.from_numpy(states["goals"] / np.array(envs.single_env.scene.half_extents)).float()
             count, own = len(states), settings["own"]
             every = torch.arange(count).repeat_interleave(own)
-            mixture = self.policy.net.mixtures(layouts, goals[every] if goals.shape[1] else None, every)
+            mixture = mixtures(every, goals[every] if goals.shape[1] else None)
             own_actions = mixture.sample().clamp(-1, 1).numpy().reshape(count, own, -1)
         shots = np.concatenate((random_hits(envs, self.policy, settings["hits"], self._rng), own_actions), axis=1)
         outcomes = envs.try_actions(shots.reshape(-1, shots.shape[2]), states.repeat(shots.shape[1]), self._rng)
         self.shots += shots.shape[0] * shots.shape[1]
         labels = labels_of(envs, shots, outcomes, self._rng)
         if len(labels.rows):
-            mixture = self.policy.net.mixtures(layouts, labels.goals, labels.rows)
+            mixture = mixtures(labels.rows, labels.goals)
             logs = _with_gradient(mixture, self._log_std.exp()).log_prob(labels.actions).clamp(min=_LEAST_LOG)
             self._optimizer.zero_grad()
             (-(labels.weights * logs).sum() / labels.weights.sum()).backward()
@@ -117,10 +128,21 @@ class Learner:
             self.policy.net.std.copy_(self._log_std.detach().exp())
         return float(outcomes.infos["is_success"].reshape(count, -1)[:, -own:].mean())
 
+    def _mixtures(self, places: Tensor) -> Callable[[Tensor, Tensor | None], Mixture]:
+        """Returns a function that returns the mixtures of layouts, by their numbers, and goals.
+
+        With `goal_units` the goals of a layout share its first layers.
+        """
+        net = self.policy.net
+        if net.goal and not net.goal_units:
+            return lambda rows, goals: net(places[rows], goal=goals)[0]
+        layouts, _ = net.layouts(places)
+        return lambda rows, goals: net.mixtures(layouts, goals, rows)
+
     def save(self, path: Path) -> None:
         """Writes a checkpoint."""
         buffer, state = io.BytesIO(), {"policy": self.policy.state_dict(), "optimizer": self._optimizer.state_dict()}
-        torch.save({**state, "log_std": self._log_std.detach()}, buffer)
+        torch.save(state, buffer)
         path.parent.mkdir(exist_ok=True)
         write_atomically(path, buffer.getvalue())
 
@@ -130,7 +152,6 @@ class Learner:
             state = torch.load(file, map_location="cpu", weights_only=True)
             self.policy.load_state_dict(state["policy"])
             self._optimizer.load_state_dict(state["optimizer"])
-            self._log_std.data.copy_(state["log_std"])
         self.shots = int(path.stem)
 
 
@@ -145,7 +166,7 @@ def random_hits(envs: BilliardsVectorEnv, policy: AimPolicy, count: int, rng: np
 def labels_of(envs: BilliardsVectorEnv, shots: Floats, outcomes: Any, rng: np.random.Generator) -> Labels:
     """Returns the shots (m, k, a) that score, see the module."""
     model, (m, k) = envs.single_env.model, shots.shape[:2]
-    achieved, met = np.empty(0), outcomes.infos["is_success"].reshape(m, k)
+    achieved, met = np.zeros((m, k, 3)), outcomes.infos["is_success"].reshape(m, k)
     if model.goal_radius:
         achieved = outcomes.observations[ACHIEVED].reshape(m, k, 3)
         met = achieved[..., CONDITION] > 0

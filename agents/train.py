@@ -1,8 +1,9 @@
 """Trains a policy on `Billiards-v0`: `python -m agents.train pot`, a row of `configs/learning.yaml`, or a YAML file.
 
 The folder of a run holds `config.yaml` (all settings, with the seed), `versions.json`, `training.csv` (the learning
-curve, see `Point`), `tensorboard/` and `checkpoints/`. After the training it also holds `model.zip`, which
-Stable-Baselines3 loads, and `policy.pt`, the weights of the policy. Reading `policy.pt` runs no code from the file.
+curve, see `Point`) and `checkpoints/`. After the training it also holds `policy.pt`, the weights of the policy. Reading
+`policy.pt` runs no code from the file. A training with PPO also has `tensorboard/`, and at the end `model.zip`, which
+Stable-Baselines3 loads.
 
 The same command resumes an interrupted run from its newest checkpoint. At each checkpoint the seed and the number of
 steps determine the seeds of all random generators. A resumed run therefore ends with the same weights as an
@@ -117,10 +118,12 @@ def _learn(config: Config, run_dir: Path) -> None:
     """Trains by likelihood. Each checkpoint seeds the generators, so a resumed run ends with the same weights."""
     learner = Learner(config)
     if (checkpoint := newest_checkpoint(run_dir)) is not None:
-        learner.load(checkpoint)
+        with _damaged():
+            learner.load(checkpoint)
     elif config.start_from is not None:
         start_from(learner.policy, config.start_from)
     print(f"{run_dir}: {learner.shots:,} of {config.timesteps:,} shots")
+    learner.compile()
     learner.restart()
     rate = 0.0
     with closing(LearningCurve(config, run_dir, learner.shots)) as curve:
@@ -172,12 +175,18 @@ def one_fast_thread() -> Iterator[None]:
 
 def _resume(model: PPO, checkpoint: Path) -> None:
     """Reads the weights and the number of steps of a checkpoint. Nothing else is read, so no code runs."""
+    with _damaged(), whole_archive(checkpoint, "a checkpoint of these settings") as file:
+        model.set_parameters(cast(Any, file), device="cpu")
+    model.num_timesteps = int(checkpoint.stem)
+
+
+@contextmanager
+def _damaged() -> Iterator[None]:
+    """Adds to the error of a damaged checkpoint what to do."""
     try:
-        with whole_archive(checkpoint, "a checkpoint of these settings") as file:
-            model.set_parameters(cast(Any, file), device="cpu")
+        yield
     except ValueError as error:
         raise ValueError(f"{error}; delete it, or start again with --fresh") from None
-    model.num_timesteps = int(checkpoint.stem)
 
 
 def start_from(policy: BasePolicy, run_dir: str) -> None:
@@ -203,7 +212,8 @@ class Point(NamedTuple):
     Attributes:
         steps: The number of environment steps (shots).
         seconds: The processor time that they took, s, without the evaluations; with RLlib the time on the clock.
-        training_success: Success in the last 1000 episodes of the training, with exploration.
+        training_success: Success in the last 1000 episodes of the training, with exploration; with the learner
+            "likelihood" that of the policy's own shots in the last update.
         success: Success in `config.evaluation_episodes` episodes without exploration, on layouts that do not occur in
             training.
         score: The mean score of these episodes.

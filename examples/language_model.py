@@ -14,6 +14,7 @@ import numpy as np
 
 from billiards_env.bench.evaluation import evaluation_seeds, measure, play_episodes, row_printer
 from billiards_env.bench.frozen import FROZEN
+from billiards_env.shots.noise import EXECUTION_NOISE
 
 POCKETS = "ABCDEF"
 SPEEDS = 5
@@ -91,7 +92,8 @@ def choose(model: Callable[[str], str], text: str, legal: list[int]) -> int:
 def run(task: str, episodes: int, model: Callable[[str], str] = respond, players: tuple[str, ...] = ()):
     """Prints and returns the mean scores of the model and of players on the same layouts, by name."""
     frozen, scores = FROZEN[task], {}
-    env: Any = gym.make(f"Billiards/{task}", action="plan").unwrapped
+    noise = dict(EXECUTION_NOISE) if frozen.noise else None
+    env: Any = gym.make("Billiards-v0", **{**frozen.arguments, "noise": noise, "action": "plan"}).unwrapped
 
     def act(observation) -> Any:
         text = describe(env, frozen.summary, int(env.get_state()["shots_left"]))

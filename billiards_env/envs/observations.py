@@ -591,8 +591,8 @@ def row_of(features: Mapping[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]
     return {name: shape for name, shape in features.items() if not is_image(name)}
 
 
-def nth(observations: Any, k: int | slice) -> Any:
-    """Returns observation k, or some observations, of an array or of a dict of arrays."""
+def nth(observations: Any, k: int) -> Any:
+    """Returns observation k of an array or of a dict of arrays."""
     return {key: array[k] for key, array in observations.items()} if isinstance(observations, dict) else observations[k]
 
 

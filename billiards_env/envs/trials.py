@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,20 +21,20 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.engine.threads import parallel_for
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.episodes import Episodes
-from billiards_env.envs.observations import nth
 from billiards_env.envs.snapshots import EpisodeState, checked_state
 from billiards_env.jit import streams
 from billiards_env.support.checks import finite
 
 
 class Outcomes(NamedTuple):
-    """What m tried shots do.
+    """The results of m tried shots.
 
     Attributes:
         observations: (m, size) the observations after the shots, or a dict of arrays.
         rewards: (m,) float64.
         infos: The keys of `info` after a step, except `episode_seed`, each an array with m rows.
-        states: (m,) the states after the shots, see `envs.snapshots`. An episode can continue from them.
+        states: (m,) the states after the shots, see `envs.snapshots`. An episode that is not over can continue from
+            them. Without `noise` they have the stream of the noise from before the shots.
     """
 
     observations: Any
@@ -43,7 +44,7 @@ class Outcomes(NamedTuple):
 
 
 class Trials:
-    """Plays shots from states. It keeps its memory, so many small calls are fast.
+    """Plays shots from states. Its arrays are kept between calls.
 
     Args:
         model: The arguments of the environment.
@@ -54,9 +55,13 @@ class Trials:
         self._model, self._shape = model, shape
         self._without_noise = model._replace(noise=None)
         self._episodes: Episodes | None = None
+        self._lock = threading.Lock()
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Trials, (self._model, self._shape)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Trials:
+        return Trials(self._model, self._shape)
 
     def play(
         self,
@@ -67,6 +72,17 @@ class Trials:
         threads: int | None,
     ) -> Outcomes:
         """Plays actions, see `BilliardsEnv.try_actions`; `own` are the states of the environment."""
+        with self._lock:
+            return self._play(actions, own, states, noise, threads)
+
+    def _play(
+        self,
+        actions: ArrayLike,
+        own: EpisodeState,
+        states: EpisodeState | None,
+        noise: np.random.Generator | None,
+        threads: int | None,
+    ) -> Outcomes:
         m = len(actions := np.asarray(actions, np.float64)) if np.ndim(actions) else 0
         actions = finite("actions", actions, (m, *self._shape))
         if self._episodes is None or len(self._episodes.state.over) < m:
@@ -83,11 +99,12 @@ class Trials:
         if noise is not None and self._model.noise is not None:
             episodes.model = self._model
             episodes.state.noise_stream[:m] = streams.drawn(m, noise)
-        rewards, observations = np.empty(m), episodes.observer.new(len(episodes.state.over))
+        rewards, observations = np.empty(m), episodes.observer.new(m)
 
         def work(begin: int, end: int) -> None:
             episodes.shoot(begin, end, actions, rewards, observations)
 
         parallel_for(work, m, threads)
-        infos = {name: array[:m].copy() for part in episodes.of_shots for name, array in part.items()}
-        return Outcomes(nth(observations, slice(m)), rewards, infos, episodes.take(rows))
+        arrays = {name: array for part in (*episodes.of_shots, *episodes.of_episode) for name, array in part.items()}
+        infos = {name: array[:m].copy() for name, array in arrays.items() if name != "episode_seed"}
+        return Outcomes(observations, rewards, infos, episodes.take(rows))

@@ -68,7 +68,8 @@ def acting(player: Player, env: gym.Env[Any, Any], noise: Noise = (0.0, 0.0), se
 def env_situation(env: BilliardsEnv, observation: Any = None, noise: Noise = (0.0, 0.0)) -> Situation:
     """Returns the situation in an environment.
 
-    In a task the rating of an action is its reward. In a game it is that of `game_situation`.
+    In a task the rating of an action is its reward. In a game it is that of `game_situation`; a win is also a point if
+    the action is a whole one of the environment.
 
     Args:
         env: The environment.
@@ -79,7 +80,7 @@ def env_situation(env: BilliardsEnv, observation: Any = None, noise: Noise = (0.
         situation = game_situation(*_game_played(env), env.max_speed, noise)
         return situation._replace(
             observation=observation,
-            rate=lambda actions: _game_ratings(env, situation, actions),
+            rate=lambda actions, noise=None: _game_ratings(env, situation, actions, noise),
             stroke=lambda action: _game_stroke(env, situation, action),
         )
     on_table, legal = ~env.potted, env.legal_balls if env.legal_balls.size else env.model.targets
@@ -88,7 +89,7 @@ def env_situation(env: BilliardsEnv, observation: Any = None, noise: Noise = (0.
         table=table,
         action=env.action,
         strike=action_named(env.action).has_cue,
-        rate=lambda actions: env.try_actions(actions).rewards,
+        rate=lambda actions, noise=None: env.try_actions(actions, noise=noise).rewards,
         stroke=lambda action: _stroke(env, table, action),
         find_game=lambda: _game(env),
         goals=_goals(env, np.flatnonzero(table.targets[0]).tolist()),
@@ -118,11 +119,13 @@ def acting_in(player: Player, envs: BilliardsVectorEnv, seed: int | None = None)
     return policy
 
 
-def _game_ratings(env: BilliardsEnv, situation: Situation, actions: Floats) -> Floats:
-    """Returns the ratings (m,) of velocities, or of whole actions of the environment."""
+def _game_ratings(
+    env: BilliardsEnv, situation: Situation, actions: Floats, noise: np.random.Generator | None
+) -> Floats:
+    """Returns the ratings (m,) of velocities, or of whole actions of the environment, see `Situation.rate`."""
     if actions.shape[1:] != env.action_space.shape:
         return situation.rate(actions)
-    infos, player = env.try_actions(actions).infos, env.game.state.player
+    infos, player = env.try_actions(actions, noise=noise).infos, env.game.state.player
     return rating(player, infos["winner"], infos["points"], infos["next_player"] == player, infos["foul"] > 0)
 
 

@@ -39,7 +39,8 @@ class Situation(NamedTuple):
         table: The table; k is 1.
         action: The kind of action, one of `envs.actions.ACTIONS`.
         strike: Whether a cue strikes the cue ball, which can give it spin and drives balls that touch it.
-        rate: A function that simulates (m, a) actions and returns (m,) ratings; larger is better.
+        rate: A function that simulates (m, a) actions and returns (m,) ratings; larger is better. In an environment
+            a generator may follow, from which the noise of the environment is drawn.
         stroke: A function that returns the stroke of an action (a,). In a game with called shots it simulates the shot,
             and calls the first callable ball that it pots.
         find_game: A function that returns the game and its state. In a task with rules it is the game of these rules.
@@ -56,7 +57,7 @@ class Situation(NamedTuple):
     table: Tables
     action: str
     strike: bool
-    rate: Callable[[Floats], Floats]
+    rate: Callable[..., Floats]
     stroke: Callable[[Any], Stroke]
     find_game: Callable[[], tuple[Setup, GameState]]
     goals: tuple[tuple[Goal, ...], ...]

@@ -22,7 +22,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.envs.actions import aimed_strikes, perturb
+from billiards_env.envs.actions import PLAYED, aimed_strikes, perturb
 from billiards_env.games import Stroke
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.aim import aim
@@ -81,19 +81,24 @@ def search(situation: Situation, rng: np.random.Generator, shots: int = SHOTS) -
 
 
 def best_of(situation: Situation, actions: Floats, rng: np.random.Generator) -> Stroke:
-    """Simulates proposed actions (k, a), and returns the stroke of the first one with the highest rating.
+    """Simulates proposed actions (k, ...), and returns the stroke of the first one with the highest rating.
 
     If there is noise, the `FINALISTS` best actions are simulated `REPEATS` times with it, and the highest mean rating
-    decides. The noise is drawn from `rng`: it is not the noise of the shot that is played.
+    decides. The noise is drawn from `rng`: it is not the noise of the shot that is played. If the actions are not plain
+    velocities or strikes, its deviations are those of the environment.
     """
     ratings, noise = situation.rate(actions), situation.noise
-    if any(noise):
-        actions = actions[np.argsort(-ratings, kind="stable")[:FINALISTS]]
+    if not any(noise):
+        return situation.stroke(actions[np.argmax(ratings)])
+    actions = actions[np.argsort(-ratings, kind="stable")[:FINALISTS]]
+    if situation.action in PLAYED and actions.shape[1:] == (situation.action_size,):
         drawn = np.moveaxis(rng.standard_normal((2, REPEATS, len(actions))), 0, -1)
         drawn = padded(drawn * (noise[0] / 180.0, noise[1] / situation.table.max_speed), situation.action_size)
         perturbed = perturb(np.broadcast_to(actions, drawn.shape), drawn)
-        ratings = situation.rate(perturbed.reshape(-1, situation.action_size)).reshape(drawn.shape[:2]).mean(axis=0)
-    return situation.stroke(actions[np.argmax(ratings)])
+        ratings = situation.rate(perturbed.reshape(-1, situation.action_size))
+    else:
+        ratings = situation.rate(np.tile(actions, (REPEATS, *(1,) * (actions.ndim - 1))), rng)
+    return situation.stroke(actions[ratings.reshape(REPEATS, -1).mean(axis=0).argmax()])
 
 
 def reach_goals(situation: Situation, rng: np.random.Generator) -> Stroke:

@@ -74,10 +74,11 @@ class Mixture(NamedTuple):
         """Returns `count` proposed actions of one mixture, (count, a): the mode first.
 
         The means of the components, the largest weights first, take turns with random actions, and with random actions
-        of more even weights and larger deviations. Of 64 such actions one succeeds more often than of 64 random ones,
-        and under noise a better one is among them.
+        of more even weights and larger deviations. The best of 64 such actions succeeds more often than the best of 64
+        random ones, with and without noise.
         """
-        means = self.log_weight.argsort(1, descending=True)[0, : (count + 2) // 3]
+        possible = int((self.log_weight > -_FAR).sum())
+        means = self.log_weight.argsort(1, descending=True)[0, : min((count + 2) // 3, possible)]
         many = self._repeated(max(1, (count - len(means) + 1) // 2))
         parts = (
             self._repeated(len(means))._action(means[:, None], self.log_weight.new_zeros(2 + self.tip.shape[1], 1)),
@@ -177,7 +178,8 @@ class AimNetwork(nn.Module):
         waves: The number of octaves of sines and cosines of the positions that the networks also take. With them they
             learn fine differences faster (Tancik et al. 2020, Fourier features).
         goal_units: Units of two more layers of the choice, the only ones that depend on the goal. Many goals of one
-            layout then share the other layers. 0 without these layers: the goal is an input of all networks.
+            layout then share the other layers. 0 without these layers: the goal is an input of all networks. It has no
+            effect without a goal.
 
     Attributes:
         std: Standard deviations of the speed, over the largest, of the point aimed at, m, and of the three other
@@ -205,11 +207,12 @@ class AimNetwork(nn.Module):
         goal_units: int = 0,
     ) -> None:
         super().__init__()
-        self.aim, self.waves, self.goal_units = aim, waves, goal_units
+        self.aim, self.waves = aim, waves
         self.ranges = len(speeds) - 1
         self.numbers = TIP * strikes
         self.goal, self.legal = "goal" in features, "legal_balls" in features
         self.rest = [name for name in ("shots_left", "physics") if name in features]
+        self.goal_units = goal_units = goal_units * self.goal
         goals = 2 * (self.goal and not goal_units)
         inputs, half = 8 + 8 * waves + goals + sum(math.prod(features[name]) for name in self.rest), hidden // 2
         borders, angles = torch.tensor(speeds), 2 * math.pi / points * torch.arange(points)

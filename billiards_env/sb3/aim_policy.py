@@ -202,11 +202,15 @@ class AimPolicy(ActorCriticPolicy):
         self.optimizer = torch.optim.Adam(self.parameters(), lr=lr_schedule(1), eps=1e-5, fused=True)
 
     def set_shots(self, shots: int) -> None:
-        """Sets the number of shots of the training, and the standard deviations and the entropy that belong to it."""
+        """Sets the number of shots of the training, and the standard deviations and the entropy that belong to it.
+
+        -1 if the deviations are learned, so that no schedule changes them (`agents.likelihood`).
+        """
         self.shots.fill_(shots)
-        part = min(shots / self.exploration, 1.0)
+        part = min(max(shots, 0) / self.exploration, 1.0)
         *std, self.entropy_factor = (first * (last / first) ** part for first, last in self.schedules.values())
-        self.net.std.copy_(torch.tensor(std))
+        if shots >= 0:
+            self.net.std.copy_(torch.tensor(std))
 
     def set_training_mode(self, mode: bool) -> None:
         """Sets the mode. At the end of an update, the standard deviations and the entropy change."""

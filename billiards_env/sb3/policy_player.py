@@ -53,15 +53,17 @@ def policy(argument: str, where: Setup | gym.Env[Any, Any]) -> Player:
     Raises:
         OSError: If the folder holds no finished run.
         TypeError: As in `load_policy`.
-        ValueError: As in `load_policy`, or if k is less than 1. In a game also if the policy was trained on another
-            table, with another number of balls, for strikes, with a goal or with an observation of the physics.
+        ValueError: As in `load_policy`, or if k is not from 1 to `MOST_PROPOSALS`. In a game also if the policy was
+            trained on another table, with another number of balls, for strikes, with a goal or with an observation of
+            the physics.
     """
     folder, _, number = argument.rpartition(":") if argument.rpartition(":")[2].isdecimal() else (argument, "", "1")
     count = integer("number of proposals", int(number), Range(1, MOST_PROPOSALS))
     propose = _proposing_in_games(folder, where) if isinstance(where, Setup) else _proposing(folder, where)
 
     def player(situation: Situation, rng: np.random.Generator) -> Stroke:
-        situation = placed(situation, rng)
+        if isinstance(where, Setup):
+            situation = placed(situation, rng)
         actions = propose(situation, count, rng)
         return situation.stroke(actions[0]) if count == 1 else best_of(situation, actions, rng)
 
@@ -162,4 +164,4 @@ def _aimed(model: AimPolicy, table: Tables, count: int, rng: np.random.Generator
         first = mixtures.mode()[values.argmax()].clamp(-1, 1).numpy().astype(np.float64)[None]
         if count == 1:
             return first
-        return np.concatenate((first, _drawn(mixtures.joined(values), count, int(rng.integers(2**63)))[1:]))
+        return np.concatenate((first, _drawn(mixtures.joined(values), count - 1, int(rng.integers(2**63)))))

@@ -10,6 +10,7 @@ from agents import train as module
 from agents.config import Config, load
 from agents.likelihood import Learner, labels_of, random_hits
 from billiards_env.players.strategies import hits
+from billiards_env.sb3 import load_policy
 from tests.helpers.errors import refusals
 from tests.helpers.training import trained_run
 
@@ -19,7 +20,7 @@ TINY: dict[str, Any] = {
     "learner": "likelihood",
     "checkpoint_every": 15_000,
     "evaluation_episodes": 200,
-    "policy": {"arguments": {"hidden": 32, "points": 4, "speeds": [0.05, 0.3, 0.8], "waves": 1, "goal_units": 16}},
+    "policy": {"arguments": {"hidden": 32, "points": 4, "speeds": [0.05, 0.3, 0.8], "waves": 1, "goal_units": 20}},
     "likelihood": {"layouts": 64, "hits": 12, "own": 4},
 }
 
@@ -84,12 +85,45 @@ def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(tmp_path, m
         with pytest.raises(KeyboardInterrupt):
             trained_run(config, tmp_path / "parts")
     trained_run(config, tmp_path / "parts")
+    loaded: Any = load_policy(whole)[1]
+    assert torch.equal(loaded.net.std, torch.load(whole / "policy.pt", weights_only=True)["net.std"])
+    assert not torch.equal(loaded.net.std, torch.tensor([0.1, 0.025, 0.2]))  # they are learned
+    learner = Learner(config)
+    module.start_from(learner.policy, str(whole))
+    learner.restart()
+    learner.update()
+    assert torch.allclose(learner.policy.net.std, loaded.net.std, rtol=0.02)
     ours, theirs = (torch.load(tmp_path / run / "policy.pt", weights_only=True) for run in ("whole", "parts"))
     assert all(torch.equal(ours[name], theirs[name]) for name in ours)
     assert load(whole / "config.yaml") == config
     assert [point[:1] + point[2:] for point in module.learning_curve(tmp_path / "parts")] == [
         point[:1] + point[2:] for point in curve
     ]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"task": "PositionStrike-v0"},
+        {"task": "Pot1-v0"},
+        {"policy": {"arguments": {"hidden": 16}}},  # the goal is an input of all networks
+        {"task": "Carom-v0", "policy": {"arguments": {"hidden": 16}}},
+    ],
+)
+def test_the_learner_learns_tasks_with_and_without_goals_and_strikes(changes):
+    learner: Any = Learner(Config.from_dict({**TINY, **changes}))
+    learner.restart()
+    before = {name: tensor.clone() for name, tensor in learner.policy.net.state_dict().items()}
+    for _ in range(3):
+        assert 0.0 <= learner.update() <= 1.0
+    moved = [name for name, tensor in learner.policy.net.state_dict().items() if not torch.equal(tensor, before[name])]
+    assert {"std", "first_points", "choice.4.weight"} <= set(moved)
+
+
+def test_other_features_than_positions_and_the_goal_are_refused():
+    config = Config.from_dict({**TINY, "env": {"observe": ["positions", "goal", "shots_left"]}})
+    with pytest.raises(ValueError, match="expected only 'positions' and 'goal' with learner = 'likelihood'"):
+        Learner(config)
 
 
 def test_with_noise_the_shots_of_an_update_are_noisy(monkeypatch):
@@ -117,6 +151,7 @@ def test_with_noise_the_shots_of_an_update_are_noisy(monkeypatch):
         ({"likelihood": {"shots": 3}}, "key of likelihood .* = 'shots'"),
         ({"likelihood": {"hits": 0}}, "likelihood.hits = 0: expected"),
         ({"likelihood": {"learning_rate": 0.1}}, "likelihood.learning_rate = 0.1: expected a pair of rates"),
+        ({"ppo": {"n_epochs": 2}}, "ppo = .*: expected no settings of PPO with learner = 'likelihood'"),
         ({"policy": {"head": "gaussian"}}, "learner = 'likelihood': expected the policy 'aim'"),
         ({"task": "Pot3-v0"}, "learner = 'likelihood': expected .* a task with max_shots = 1"),
     ],

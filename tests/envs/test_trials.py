@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -50,6 +51,28 @@ def test_episodes_continue_from_outcomes():
     assert (env.get_state()["positions"] == second.states["positions"][0]).all()
 
 
+def test_infos_have_the_physics_and_the_possible_plans():
+    env = make_env(action="plan", n_object_balls=2, max_shots=2, randomize={"mu_roll": [0.005, 0.02]})
+    _, info = env.reset(seed=0)
+    plans = np.flatnonzero(info["action_mask"])[:5]
+    outcomes = env.try_actions(plans)
+    assert (outcomes.infos["mu_roll"] == info["mu_roll"]).all()
+    for k, plan in enumerate(plans):
+        twin = copy.deepcopy(env)
+        *_, after = twin.step(plan)
+        assert outcomes.infos["action_mask"][k].tolist() == after["action_mask"].tolist()
+
+
+def test_threads_may_try_shots_of_one_environment():
+    env = make_env(n_object_balls=5)
+    env.reset(seed=0)
+    actions = np.random.default_rng(0).uniform(-1, 1, (300, 2))
+    expected = env.try_actions(actions)
+    with ThreadPoolExecutor(4) as pool:
+        for outcomes in pool.map(lambda _: env.try_actions(actions), range(20)):
+            same(outcomes.states["positions"], expected.states["positions"])
+
+
 def test_noise_is_drawn_from_the_given_generator():
     env = make_env(noise={"angle_std": 3.0, "speed_std": 0.1}, max_shots=2)
     env.reset(seed=0)
@@ -75,6 +98,7 @@ def test_copies_of_an_environment_try_shots_of_their_own():
     expected = env.try_actions(actions)
     twin = copy.deepcopy(env)
     assert twin._trials is not env._trials
+    assert twin._trials._model is env.model
     same(twin.try_actions(actions), expected)
     same(pickle.loads(pickle.dumps(env._trials)).play(actions, env.get_state()[None], None, None, 1), expected)
 

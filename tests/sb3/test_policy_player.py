@@ -6,17 +6,18 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
+from stable_baselines3 import PPO
 
 from agents.config import Config
 from agents.ppo import make_env, make_policy
 from billiards_env import envs
 from billiards_env.games import custom_opening, opening, play
 from billiards_env.play.__main__ import make_history, make_parser
-from billiards_env.players.env_player import acting, env_situation
+from billiards_env.players.env_player import acting, action_of, env_situation
 from billiards_env.players.named import find_player
 from billiards_env.players.situation import game_situation
-from billiards_env.players.strategies import FINALISTS, REPEATS
-from billiards_env.sb3.policy_player import playable, policy
+from billiards_env.players.strategies import FINALISTS, REPEATS, best_of
+from billiards_env.sb3.policy_player import playable, policy, proposals
 from billiards_env.sb3.weights import save_policy
 from tests.helpers.games import in_a_row, setup
 
@@ -116,6 +117,26 @@ def test_proposals_in_a_game_are_rated_by_its_rules(tmp_path, rules):
         for k, player in enumerate((alone, best)):
             kept[k] += play(game, table, player(game_situation(game, table, 6.0), RNG(0))).verdict.continues
     assert kept[1] > kept[0] + 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "noise"),
+    [
+        ({"task": "nine_ball", "n_players": 2}, (0.0, 0.0)),  # the cue ball is in hand
+        ({"task": "nine_ball", "n_players": 2}, (1.0, 0.1)),
+        ({"task": "carom", "n_players": 2, "action": "strike"}, (1.0, 0.1)),
+        ({"action": "cut"}, (1.0, 0.1)),
+        ({"action": "plan"}, (1.0, 0.1)),
+    ],
+)
+def test_policies_propose_whole_actions_of_an_environment(tmp_path, arguments, noise):
+    env = envs.make_env(**arguments, noise={} if any(noise) else None)
+    observation, _ = env.reset(seed=0)
+    model: Any = PPO("MlpPolicy", env, n_steps=8, batch_size=8, device="cpu").policy
+    situation = env_situation(env, observation, noise)
+    actions = proposals(model, observation, 8, RNG(0))
+    assert actions.shape == (8, *env.action_space.shape)
+    env.step(action_of(env, best_of(situation, actions, RNG(0))).astype(actions.dtype))
 
 
 def test_proposals_of_a_policy_of_games_are_rated_by_their_rules():
