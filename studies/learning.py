@@ -201,19 +201,38 @@ def blocks(measured: Result) -> dict[str, str]:
 
 
 def _solved(measured: Result, others: Mapping[str, Mapping[str, float]]) -> str:
-    """Returns the table "solved and open": the best policy of each task beside the best players without training."""
+    """Returns the table "solved and open": the best policy of each task beside the best players without training.
+
+    A cell has the success without noise, and with noise where it was measured.
+    """
+    cells = {task: line for task in others if (line := _line_of(task, measured, others))}
     lines = []
-    for task, known in others.items():
-        rows = [one for one in measured.values() if task in one.get("proposals", {})]
-        usual = [one for one in rows if one["settings"].get("policy", {}).get("head") == "gaussian"]
-        ours = sorted((one for one in rows if one not in usual), key=lambda one: _alone(one, task))
-        if ours:
-            alone = "".join(f"{_alone(one, task):.1%}" for one in usual[:1])
-            cells = (f"{known['random']:.1%}", alone, f"{_alone(ours[-1], task):.1%}", *_of_proposals(ours[-1], task))
-            lines.append((f"`{task.removesuffix('-v0')}`", *cells, _rival(known)))
+    for task, line in cells.items():
+        if "Noise" not in task:
+            noisy = cells.get(task.replace("-v0", "Noise-v0"), [""] * len(line))
+            pairs = zip(line, noisy, strict=True)
+            lines.append((f"`{task.removesuffix('-v0')}`", *(" / ".join(filter(None, pair)) for pair in pairs)))
     counts = (f"of {count}" for count in PROPOSALS[1:])
     head = ("task", "random", '`PPO("MlpPolicy")`', "`AimPolicy`", *counts, "best without training")
     return table(head, lines)
+
+
+def _line_of(task: str, measured: Result, others: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """Returns the cells of a task; none if no row but those of the usual policy has proposals in it."""
+    rows = [one for one in measured.values() if task in one.get("proposals", {})]
+    usual = [one for one in rows if one["settings"].get("policy", {}).get("head") == "gaussian"]
+    ours = sorted((one for one in rows if one not in usual), key=lambda one: _alone(one, task))
+    if not ours:
+        return []
+    alone = "".join(f"{_alone(one, task):.1%}" for one in usual[:1])
+    best = ours[-1]
+    return [
+        f"{others[task]['random']:.1%}",
+        alone,
+        f"{_alone(best, task):.1%}",
+        *_of_proposals(best, task),
+        _rival(others[task]),
+    ]
 
 
 def _alone(result: Result, task: str) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import yaml
 
-from agents.config import Config
+from agents.config import LIKELIHOOD, Config
 from agents.ppo import make_ppo, make_vec_env
 from benchmarks import speed
 from billiards_env.envs import BilliardsEnv, arguments, make_env, make_vector_env, observations
@@ -145,8 +145,10 @@ def test_the_readme_is_short():
 
 
 def test_the_configuration_shown_trains():
-    (text,) = (code for language, _, code in FENCE.findall(PAGES["docs/training.md"]) if language == "yaml")
-    config = Config.from_dict(yaml.safe_load(text))
+    texts = (code for language, _, code in FENCE.findall(PAGES["docs/training.md"]) if language == "yaml")
+    by_likelihood, config = (Config.from_dict(yaml.safe_load(text)) for text in texts)
+    assert (by_likelihood.learner, config.learner) == ("likelihood", "ppo")
+    assert by_likelihood.likelihood == LIKELIHOOD
     envs = make_vec_env(config)
     model = make_ppo(config, envs)
     before = [weights.clone() for weights in model.policy.parameters()]

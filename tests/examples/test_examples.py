@@ -13,6 +13,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from billiards_env.bench.frozen import FROZEN
 from billiards_env.scene import Physics, Scene
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples"
@@ -79,7 +80,8 @@ def test_a_function_from_text_to_text_plays_plans():
 
 
 def test_the_text_of_a_table_has_names_and_diamonds():
-    program, env = load("language_model"), gym.make("Billiards/NineBall-v0", action="plan").unwrapped
+    arguments = {**FROZEN["NineBall-v0"].arguments, "action": "plan"}
+    program, env = load("language_model"), gym.make("Billiards-v0", **arguments).unwrapped
     positions = np.zeros((10, 2))
     positions[:3] = [[-0.635, 0.0], [0.635, 0.3175], [0.0, 0.3]]
     positions[3:] = [[0.1 * k, -0.3] for k in range(7)]
