@@ -72,39 +72,31 @@ class Trials:
         threads: int | None,
     ) -> Outcomes:
         """Plays actions, see `BilliardsEnv.try_actions`; `own` are the states of the environment."""
-        with self._lock:
-            return self._play(actions, own, states, noise, threads)
-
-    def _play(
-        self,
-        actions: ArrayLike,
-        own: EpisodeState,
-        states: EpisodeState | None,
-        noise: np.random.Generator | None,
-        threads: int | None,
-    ) -> Outcomes:
         m = len(actions := np.asarray(actions, np.float64)) if np.ndim(actions) else 0
         actions = finite("actions", actions, (m, *self._shape))
-        if self._episodes is None or len(self._episodes.state.over) < m:
-            self._episodes = Episodes(1 << max(m - 1, 0).bit_length(), self._without_noise)
-        episodes, rows = self._episodes, np.arange(m)
-        if states is not None:
-            own = checked_state(states, episodes.kind, self._without_noise, m)
-        elif len(own) not in (1, m):
-            raise ValueError(f"actions: expected {len(own)}, one for each environment, not {m}")
-        if (own["over"] | ~own["begun"]).any():
-            raise ResetNeeded("An episode has not begun or is over: call reset() before try_actions()")
-        episodes.put(rows, own)
-        episodes.model = self._without_noise
-        if noise is not None and self._model.noise is not None:
-            episodes.model = self._model
-            episodes.state.noise_stream[:m] = streams.drawn(m, noise)
-        rewards, observations = np.empty(m), episodes.observer.new(m)
+        with self._lock:
+            if self._episodes is None or len(self._episodes.state.over) < m:
+                self._episodes = Episodes(1 << max(m - 1, 0).bit_length(), self._without_noise)
+            episodes, rows = self._episodes, np.arange(m)
+            if states is not None:
+                own = checked_state(states, episodes.kind, self._without_noise, m)
+            elif len(own) not in (1, m):
+                raise ValueError(f"actions: expected {len(own)}, one for each environment, not {m}")
+            if (own["over"] | ~own["begun"]).any():
+                raise ResetNeeded("An episode has not begun or is over: call reset() before try_actions()")
+            episodes.put(rows, own)
+            episodes.model = self._without_noise
+            if noise is not None and self._model.noise is not None:
+                episodes.model = self._model
+                episodes.state.noise_stream[:m] = streams.drawn(m, noise)
+            rewards, observations = np.empty(m), episodes.observer.new(m)
 
-        def work(begin: int, end: int) -> None:
-            episodes.shoot(begin, end, actions, rewards, observations)
+            def work(begin: int, end: int) -> None:
+                episodes.shoot(begin, end, actions, rewards, observations)
 
-        parallel_for(work, m, threads)
-        arrays = {name: array for part in (*episodes.of_shots, *episodes.of_episode) for name, array in part.items()}
-        infos = {name: array[:m].copy() for name, array in arrays.items() if name != "episode_seed"}
-        return Outcomes(observations, rewards, infos, episodes.take(rows))
+            parallel_for(work, m, threads)
+            arrays = {
+                name: array for part in (*episodes.of_shots, *episodes.of_episode) for name, array in part.items()
+            }
+            infos = {name: array[:m].copy() for name, array in arrays.items() if name != "episode_seed"}
+            return Outcomes(observations, rewards, infos, episodes.take(rows))
