@@ -40,7 +40,7 @@ _COUNTS = ("n_steps", "batch_size", "n_epochs")
 _SHARES = ("learning_rate", "gamma", "gae_lambda")
 _OPTIONAL = ("clip_range_vf", "target_kl")  # None: no limit
 
-LIKELIHOOD = {"layouts": 256, "hits": 24, "own": 16, "learning_rate": [2e-3, 2e-5]}
+LIKELIHOOD = {"layouts": 128, "hits": 32, "own": 8, "passes": 2, "learning_rate": [4e-3, 4e-5]}
 """The defaults of `Config.likelihood`."""
 
 AIM_PPO = {**{name: PPO_SETTINGS[name] for name in PPO_SETTINGS if name in _PPO}, "learning_rate": [2e-3, 2e-5]}
@@ -58,9 +58,6 @@ class Config:
             all missing arguments.
         noise: The argument `noise` of `Billiards-v0`; None for no noise, "task" for the noise of `task`. The
             constructor replaces "task" and adds all missing numbers.
-        curriculum: A mapping with `goal_radius`, m, and `shots`. The training begins with goals of this radius. During
-            the first `shots` steps the radius falls geometrically to that of the environment; it changes at each
-            checkpoint. None for a constant radius.
         start_from: The folder of a finished run. The training starts with its weights. None for new weights.
         n_envs: The number of environments that are stepped together.
         seed: The seed of all random numbers; equal seeds give equal runs.
@@ -73,7 +70,8 @@ class Config:
             For "aim" they replace those in `billiards_env.sb3.PPO_SETTINGS`.
         learner: "ppo", or "likelihood" for `agents.likelihood`, which learns tasks of one shot with the policy "aim".
         likelihood: For this learner, `layouts`, the number of layouts of an update, `hits` and `own`, the numbers of
-            random hits and of actions of the policy in each layout, and `learning_rate`, a pair as in `ppo`.
+            random hits and of actions of the policy in each layout, `passes`, the number of steps of the optimizer for
+            each update, and `learning_rate`, a pair as in `ppo`.
 
     Raises:
         ValueError: If a key is unknown or a value is invalid.
@@ -84,7 +82,6 @@ class Config:
     task: str | None = None
     env: dict[str, Any] = dataclasses.field(default_factory=dict)
     noise: Any = "task"
-    curriculum: dict[str, Any] | None = None
     start_from: str | None = None
     n_envs: int = 4096
     seed: int = 0
@@ -127,8 +124,6 @@ class Config:
         one_of("learner", self.learner, LEARNERS)
         self._check_ppo()
         self._check_likelihood()
-        if self.curriculum is not None:
-            self._set("curriculum", _curriculum(self.curriculum, self.env["goal_radius"]))
 
     def _check_ppo(self) -> None:
         ppo = self.ppo
@@ -152,12 +147,10 @@ class Config:
             return
         if self.ppo:
             raise ValueError(f"ppo = {short(self.ppo)}: expected no settings of PPO with learner = 'likelihood'")
-        if self.policy["head"] != "aim" or self.env["max_shots"] != 1 or self.curriculum:
-            raise ValueError(
-                "learner = 'likelihood': expected the policy 'aim', a task with max_shots = 1, and no curriculum"
-            )
+        if self.policy["head"] != "aim" or self.env["max_shots"] != 1:
+            raise ValueError("learner = 'likelihood': expected the policy 'aim' and a task with max_shots = 1")
         settings = {**known, **_numbers(self.likelihood)}
-        for name in ("layouts", "hits", "own"):
+        for name in ("layouts", "hits", "own", "passes"):
             settings[name] = integer(f"likelihood.{name}", _as_integer(settings[name]), Range(1, 1_000_000))
         if not _is_pair(rates := settings["learning_rate"]):
             raise ValueError(f"likelihood.learning_rate = {short(rates)}: expected a pair of rates")
@@ -165,14 +158,6 @@ class Config:
             real("likelihood.learning_rate", rate, Range(0.0, 1.0))
         self._set("likelihood", settings)
         self._set("n_envs", settings["layouts"])
-
-    def goal_radius(self, timesteps: int) -> float | None:
-        """Returns the radius of the goals after `timesteps` steps of the training, m; None without goals."""
-        last = self.env["goal_radius"]
-        if self.curriculum is None:
-            return last
-        first, shots = self.curriculum["goal_radius"], self.curriculum["shots"]
-        return first * (last / first) ** min(timesteps / shots, 1.0)
 
     def _set(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, value)
@@ -232,21 +217,6 @@ def load(source: str | Path, **changes: Any) -> Config:
         return Config.from_dict({**data, **changes})
     except TypeError as error:
         raise ValueError(str(error)) from error
-
-
-def _curriculum(value: Any, goal_radius: float | None) -> dict[str, Any]:
-    """Returns the curriculum of an environment after a check."""
-    if goal_radius is None:
-        raise ValueError(f"curriculum = {short(value)}: expected None in a task without a goal")
-    if not isinstance(value, Mapping) or value.keys() != {"goal_radius", "shots"}:
-        raise ValueError(f"curriculum = {short(value)}: expected a mapping with the keys goal_radius and shots")
-    first = real("curriculum.goal_radius", number(value["goal_radius"]), "length")
-    if first < goal_radius:
-        raise ValueError(f"curriculum.goal_radius = {first}: expected at least that of the environment, {goal_radius}")
-    return {
-        "goal_radius": first,
-        "shots": integer("curriculum.shots", _as_integer(value["shots"]), Range(1, None)),
-    }
 
 
 def _is_pair(value: Any) -> TypeGuard[list[Any]]:

@@ -7,7 +7,7 @@ and its standard deviations are learned.
 
 In a task with a goal a shot is also a label for another goal (hindsight, Andrychowicz et al. 2017). If it meets the
 other condition of the task, it scores for every goal near the place where the cue ball stops, and its goal is drawn
-there. Almost every such shot can be used, so the training needs no larger goals at the start.
+there. So almost every such shot can be used.
 
 The weight of a shot is 1 over the number of shots of its layout that reach the same goal. So easy and difficult layouts
 and goals have a similar total weight.
@@ -16,6 +16,7 @@ and goals have a similar total weight.
 from __future__ import annotations
 
 import io
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -38,6 +39,7 @@ from billiards_env.support.files import write_atomically
 Floats = NDArray[np.float64]
 
 _MOST_LABELS = 3000  # of an update, drawn from all
+_KEPT = 32  # updates whose labels are fitted again
 _LEAST_LOG = -20.0  # log-likelihoods below have no gradient
 _NORM = 5.0  # largest norm of a gradient
 
@@ -84,6 +86,7 @@ class Learner:
         parameters = [*self.policy.net.parameters(), self._log_std]
         self._optimizer = torch.optim.Adam(parameters, eps=1e-5, fused=True)
         self._rng = np.random.default_rng(config.seed)
+        self._kept: deque[tuple[Tensor, Labels]] = deque(maxlen=_KEPT)
 
     def restart(self) -> None:
         """Seeds all random generators."""
@@ -91,6 +94,7 @@ class Learner:
         torch.manual_seed(seed)
         self._log_std.data.copy_(self.policy.net.std.log())
         self._rng = np.random.default_rng(seed)
+        self._kept.clear()
         self._envs.reset(seed=seed)
 
     def compile(self) -> None:
@@ -111,22 +115,29 @@ class Learner:
         mixtures = self._mixtures(places)
         with torch.no_grad():
             count, own = len(states), settings["own"]
-            every = torch.arange(count).repeat_interleave(own)
-            mixture = mixtures(every, goals[every] if goals.shape[1] else None)
-            own_actions = mixture.sample().clamp(-1, 1).numpy().reshape(count, own, -1)
-        shots = np.concatenate((random_hits(envs, self.policy, settings["hits"], self._rng), own_actions), axis=1)
+            mixture = mixtures(torch.arange(count), goals if goals.shape[1] else None)
+            sampled = mixture.samples(own).clamp(-1, 1).numpy()
+        shots = np.concatenate((random_hits(envs, self.policy, settings["hits"], self._rng), sampled), axis=1)
         outcomes = envs.try_actions(shots.reshape(-1, shots.shape[2]), states.repeat(shots.shape[1]), self._rng)
         self.shots += shots.shape[0] * shots.shape[1]
         labels = labels_of(envs, shots, outcomes, self._rng)
         if len(labels.rows):
-            mixture = mixtures(labels.rows, labels.goals)
-            logs = _with_gradient(mixture, self._log_std.exp()).log_prob(labels.actions).clamp(min=_LEAST_LOG)
-            self._optimizer.zero_grad()
-            (-(labels.weights * logs).sum() / labels.weights.sum()).backward()
-            nn.utils.clip_grad_norm_(self._optimizer.param_groups[0]["params"], _NORM)
-            self._optimizer.step()
-            self.policy.net.std.copy_(self._log_std.detach().exp())
+            self._fit(mixtures, labels)
+            self._kept.append((places, labels))
+            for _ in range(settings["passes"] - 1):
+                places, labels = self._kept[self._rng.integers(len(self._kept))]
+                self._fit(self._mixtures(places), labels)
         return float(outcomes.infos["is_success"].reshape(count, -1)[:, -own:].mean())
+
+    def _fit(self, mixtures: Callable[[Tensor, Tensor | None], Mixture], labels: Labels) -> None:
+        """Takes one step of the optimizer towards a larger likelihood of labels."""
+        mixture = mixtures(labels.rows, labels.goals)
+        logs = _with_gradient(mixture, self._log_std.exp()).log_prob(labels.actions).clamp(min=_LEAST_LOG)
+        self._optimizer.zero_grad()
+        (-(labels.weights * logs).sum() / labels.weights.sum()).backward()
+        nn.utils.clip_grad_norm_(self._optimizer.param_groups[0]["params"], _NORM)
+        self._optimizer.step()
+        self.policy.net.std.copy_(self._log_std.detach().exp())
 
     def _mixtures(self, places: Tensor) -> Callable[[Tensor, Tensor | None], Mixture]:
         """Returns a function that returns the mixtures of layouts, by their numbers, and goals.

@@ -73,7 +73,7 @@ def make_ppo(config: Config, envs: VecEnv) -> PPO:
 
 
 def restart(model: PPO, config: Config, timesteps: int, first: int = 0) -> None:
-    """Seeds all random generators and begins new episodes, with the goals of the curriculum.
+    """Seeds all random generators and begins new episodes.
 
     What follows depends only on the weights and the arguments.
 
@@ -84,11 +84,7 @@ def restart(model: PPO, config: Config, timesteps: int, first: int = 0) -> None:
         first: The index of the first environment of the model among all environments of the training.
     """
     seed = training_seed(config, timesteps) + first
-    assert isinstance(model.env, SameStepVecEnv)
-    old: Any = model.env.envs.unwrapped
-    if (radius := config.goal_radius(timesteps)) != (old.single_env.model.goal_radius or None):
-        model.env.envs = make_vector(config, model.n_envs, old.threads, goal_radius=radius)
-        old.close()
+    assert model.env is not None
     set_random_seed(seed)
     model.env.seed(seed)
     model._last_obs = cast(Any, model.env.reset())

@@ -70,6 +70,12 @@ class Mixture(NamedTuple):
         shape, device = (2 + self.tip.shape[1], len(component)), component.device
         return self._action(component, spread * torch.randn(shape, device=device, generator=generator))
 
+    def samples(self, count: int) -> Tensor:
+        """Returns `count` random actions of each mixture, (m, count, a)."""
+        component = torch.multinomial(self.log_weight.exp(), count, replacement=True).reshape(-1, 1)
+        errors = torch.randn(2 + self.tip.shape[1], len(component))
+        return self._repeated(count)._action(component, errors).unflatten(0, (-1, count))
+
     def proposals(self, count: int, generator: torch.Generator) -> Tensor:
         """Returns `count` proposed actions of one mixture, (count, a): the mode first.
 
@@ -97,8 +103,8 @@ class Mixture(NamedTuple):
         return self._replace(log_weight=log_weight, dx=dx, dy=dy, speed=speed, across=across, tip=tip)
 
     def _repeated(self, count: int) -> Mixture:
-        """Returns one mixture `count` times."""
-        parts = (part.expand(count, *part.shape[1:]) if part.dim() else part for part in self)
+        """Returns each mixture `count` times."""
+        parts = (part.repeat_interleave(count, 0) if part.dim() else part for part in self)
         return Mixture(*parts)
 
     def mode(self) -> Tensor:

@@ -42,15 +42,6 @@ def test_a_configuration_survives_yaml_with_all_values(tmp_path):
     assert {field.name for field in dataclasses.fields(Config)} == set(inspect.signature(Config).parameters)
 
 
-PLACE = {"timesteps": 1, "task": "Place-v0"}
-
-
-def test_the_goals_of_a_curriculum_shrink_to_those_of_the_task():
-    config = Config.from_dict({**PLACE, "curriculum": {"goal_radius": "0.6", "shots": "1e3"}})
-    assert [config.goal_radius(shots) for shots in (0, 500, 1000, 2000)] == pytest.approx([0.6, 0.3, 0.15, 0.15])
-    assert Config.from_dict(PLACE).goal_radius(0) == config.env["goal_radius"] == 0.15
-
-
 WRONG = [
     (None, "the settings = None: expected a mapping"),
     ({"seed": 1}, "the settings.timesteps is missing"),
@@ -73,14 +64,7 @@ WRONG = [
     ({"timesteps": 1, "n_envs": 4, "ppo": {"batch_size": 3}}, "ppo.batch_size = 3: expected a divisor of .* = 4"),
     ({"timesteps": 1, "ppo": {"leraning_rate": 1.0}}, "key of ppo = 'leraning_rate'.*did you mean 'learning_rate'"),
     ({"timesteps": 1, "policy": {"head": "pots"}}, "policy.head = 'pots': expected one of 'aim', 'gaussian'"),
-    (
-        {"timesteps": 1, "curriculum": {"goal_radius": 1, "shots": 1}},
-        "curriculum = .*: expected None in a task without",
-    ),
-    ({**PLACE, "curriculum": {"goal_radius": 1}}, "curriculum = .*: expected a mapping with the keys"),
-    ({**PLACE, "curriculum": {"goal_radius": 0, "shots": 1}}, "curriculum.goal_radius = 0: expected a number from"),
-    ({**PLACE, "curriculum": {"goal_radius": 0.1, "shots": 1}}, "curriculum.goal_radius = 0.1: expected at least"),
-    ({**PLACE, "curriculum": {"goal_radius": 1, "shots": 0}}, "curriculum.shots = 0: expected a whole number"),
+    ({"timesteps": 1, "learner": "likelihood", "likelihood": {"passes": 0}}, "likelihood.passes = 0: expected a whole"),
     ({"timesteps": 1, "policy": {"arguments": {"aims": 1}}}, "policy.arguments = 'aims': expected one of"),
 ]
 

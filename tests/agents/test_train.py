@@ -87,26 +87,6 @@ def test_an_interrupted_run_ends_with_the_weights_of_an_uninterrupted_one(comman
         assert uninterrupted["net.std"][0].item() == pytest.approx(0.1 * 0.3**0.8)
 
 
-def test_a_curriculum_shrinks_the_goals_at_checkpoints_and_when_it_resumes(command, tmp_path, monkeypatch):
-    radii = {}
-
-    def step(self):
-        radii.setdefault(self.training_env.get_attr("model")[0].goal_radius, []).append(self.num_timesteps)
-        if len(radii) == 2 and self.num_timesteps == 300:
-            raise KeyboardInterrupt
-        return True
-
-    monkeypatch.setattr(module._Callback, "_on_step", step)
-    task = {"env": {"task": "place"}, "curriculum": {"goal_radius": 10.0, "shots": 512}, "policy": AIM}
-    with pytest.raises(SystemExit, match="130"):
-        command(**task)
-    del radii[10.0]
-    command(**task)
-    ((radius, steps),) = radii.items()
-    assert radius == pytest.approx(10.0 * 0.015**0.5)
-    assert steps == [*range(260, 301, 4), *range(260, 513, 4)]
-
-
 @pytest.mark.slow
 def test_a_killed_command_resumes(tiny, trained, tmp_path):
     path, run = tmp_path / "settings.yaml", tmp_path / "run"
