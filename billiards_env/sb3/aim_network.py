@@ -177,15 +177,16 @@ class AimNetwork(nn.Module):
         points: The number of points to aim at next to each object ball.
         speeds: Borders of the ranges of mean speeds, over the largest speed. Each point has a component in each range.
         hidden: Units of each hidden layer of the choice; the other networks have half as many.
-        aim: Whether the points depend on the position of their "ball", or on the whole "layout".
+        aim: Whether the points depend on the position of their "ball", or on the whole "layout" and the goal.
         features: The shapes of the features that the networks observe, by name, some of `OBSERVED`. With "legal_balls"
             only the components of legal balls have weight.
         strikes: Whether the actions are strikes.
         waves: The number of octaves of sines and cosines of the positions that the networks also take. With them they
             learn fine differences faster (Tancik et al. 2020, Fourier features).
         goal_units: Units of two more layers of the choice, the only ones that depend on the goal. Many goals of one
-            layout then share the other layers. 0 without these layers: the goal is an input of all networks. It has no
-            effect without a goal.
+            layout then share the other layers. If `aim` is "layout", the last one also moves the point of each
+            component sideways. 0 without these layers: the goal is an input of all networks. It has no effect without
+            a goal.
 
     Attributes:
         std: Standard deviations of the speed, over the largest, of the point aimed at, m, and of the three other
@@ -227,7 +228,8 @@ class AimNetwork(nn.Module):
         self.register_buffer("faster", borders.diff().repeat_interleave(points))
         self.register_buffer("std", torch.ones(3))
         self.first_points = nn.Parameter(self.CIRCLE * torch.stack((angles.cos(), angles.sin())))
-        outputs = (2 + self.numbers) * points * self.ranges
+        self.shifts = goal_units > 0 and aim == "layout"
+        outputs = (2 + self.shifts + self.numbers) * points * self.ranges
         self.points = _Layers(2 + 4 * waves if aim == "ball" else inputs, half, 2 * points, 0.02)
         self.choice = _Layers(inputs, hidden, goal_units or outputs, 1.0 if goal_units else 0.02)
         if goal_units:
@@ -300,7 +302,10 @@ class AimNetwork(nn.Module):
             near = (goal * signs).flatten(0, 1)
             near = self.of_goal(torch.cat((near, self._waves(near)), 1))
             choice = self.choice_for_goal(choice + near.reshape(choice.shape))
-        logit, faster, *tip = choice.chunk(2 + self.numbers, 2)
+        logit, faster, *tip = choice.chunk(2 + self.shifts + self.numbers, 2)
+        if self.shifts:
+            shift, *tip = tip
+            dx, dy = _turned(dx, dy, self.CIRCLE * shift * inverse * signs.prod(2, keepdim=True))
         logit = logit.masked_fill(~allowed[:, :, None], _NEVER)
         speed = self.slowest + self.faster * faster.sigmoid()
         # The std of the direction is the std of the point over its distance. The limit is for points near the cue ball.

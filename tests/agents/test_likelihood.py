@@ -16,9 +16,9 @@ from tests.helpers.training import trained_run
 
 TINY: dict[str, Any] = {
     "task": "Place-v0",
-    "timesteps": 30_000,
+    "timesteps": 80_000,
     "learner": "likelihood",
-    "checkpoint_every": 15_000,
+    "checkpoint_every": 20_000,
     "evaluation_episodes": 200,
     "policy": {"arguments": {"hidden": 32, "points": 4, "speeds": [0.05, 0.3, 0.8], "waves": 1, "goal_units": 20}},
     "likelihood": {"layouts": 64, "hits": 12, "own": 4},
@@ -76,7 +76,7 @@ def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(tmp_path, m
     update = Learner.update
 
     def stop(self):
-        if self.shots > 20_000:
+        if self.shots > 30_000:
             raise KeyboardInterrupt
         return update(self)
 

@@ -13,6 +13,7 @@ FORMS = {
     "three balls": (3, {"aim": "layout"}),
     "goal": (2, {"features": {"goal": (1, 2), "shots_left": (), "physics": (2,)}}),
     "goal in two layers": (2, {"features": {"goal": (1, 2)}, "waves": 2, "goal_units": 8}),
+    "points for a goal": (2, {"aim": "layout", "features": {"goal": (1, 2)}, "goal_units": 8}),
     "run-out": (4, {"features": {"legal_balls": (4,)}}),
     "strikes": (2, {"aim": "layout", "strikes": True}),
 }
