@@ -40,7 +40,7 @@ _COUNTS = ("n_steps", "batch_size", "n_epochs")
 _SHARES = ("learning_rate", "gamma", "gae_lambda")
 _OPTIONAL = ("clip_range_vf", "target_kl")  # None: no limit
 
-LIKELIHOOD = {"layouts": 128, "hits": 32, "own": 8, "passes": 2, "learning_rate": [4e-3, 4e-5]}
+LIKELIHOOD = {"layouts": 128, "hits": 32, "own": 8, "labels": 1200, "passes": 2, "learning_rate": [4e-3, 4e-5]}
 """The defaults of `Config.likelihood`."""
 
 AIM_PPO = {**{name: PPO_SETTINGS[name] for name in PPO_SETTINGS if name in _PPO}, "learning_rate": [2e-3, 2e-5]}
@@ -70,8 +70,9 @@ class Config:
             For "aim" they replace those in `billiards_env.sb3.PPO_SETTINGS`.
         learner: "ppo", or "likelihood" for `agents.likelihood`, which learns tasks of one shot with the policy "aim".
         likelihood: For this learner, `layouts`, the number of layouts of an update, `hits` and `own`, the numbers of
-            random hits and of actions of the policy in each layout, `passes`, the number of steps of the optimizer for
-            each update, and `learning_rate`, a pair as in `ppo`.
+            random hits and of actions of the policy in each layout, `labels`, the largest number of shots that score in
+            a step of the optimizer, `passes`, the number of steps for each update, and `learning_rate`, a pair as in
+            `ppo`.
 
     Raises:
         ValueError: If a key is unknown or a value is invalid.
@@ -150,7 +151,7 @@ class Config:
         if self.policy["head"] != "aim" or self.env["max_shots"] != 1:
             raise ValueError("learner = 'likelihood': expected the policy 'aim' and a task with max_shots = 1")
         settings = {**known, **_numbers(self.likelihood)}
-        for name in ("layouts", "hits", "own", "passes"):
+        for name in ("layouts", "hits", "own", "labels", "passes"):
             settings[name] = integer(f"likelihood.{name}", _as_integer(settings[name]), Range(1, 1_000_000))
         if not _is_pair(rates := settings["learning_rate"]):
             raise ValueError(f"likelihood.learning_rate = {short(rates)}: expected a pair of rates")

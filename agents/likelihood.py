@@ -38,7 +38,6 @@ from billiards_env.support.files import write_atomically
 
 Floats = NDArray[np.float64]
 
-_MOST_LABELS = 3000  # of an update, drawn from all
 _KEPT = 32  # updates whose labels are fitted again
 _LEAST_LOG = -20.0  # log-likelihoods below have no gradient
 _NORM = 5.0  # largest norm of a gradient
@@ -120,7 +119,7 @@ class Learner:
         shots = np.concatenate((random_hits(envs, self.policy, settings["hits"], self._rng), sampled), axis=1)
         outcomes = envs.try_actions(shots.reshape(-1, shots.shape[2]), states.repeat(shots.shape[1]), self._rng)
         self.shots += shots.shape[0] * shots.shape[1]
-        labels = labels_of(envs, shots, outcomes, self._rng)
+        labels = labels_of(envs, shots, outcomes, settings["labels"], self._rng)
         if len(labels.rows):
             self._fit(mixtures, labels)
             self._kept.append((places, labels))
@@ -174,16 +173,16 @@ def random_hits(envs: BilliardsVectorEnv, policy: AimPolicy, count: int, rng: np
     return hits(envs.positions, envs.single_env.scene.balls.radius, count, (slowest, fastest), size, rng)
 
 
-def labels_of(envs: BilliardsVectorEnv, shots: Floats, outcomes: Any, rng: np.random.Generator) -> Labels:
-    """Returns the shots (m, k, a) that score, see the module."""
+def labels_of(envs: BilliardsVectorEnv, shots: Floats, outcomes: Any, most: int, rng: np.random.Generator) -> Labels:
+    """Returns the shots (m, k, a) that score, see the module; random ones if there are more than `most`."""
     model, (m, k) = envs.single_env.model, shots.shape[:2]
     achieved, met = np.zeros((m, k, 3)), outcomes.infos["is_success"].reshape(m, k)
     if model.goal_radius:
         achieved = outcomes.observations[ACHIEVED].reshape(m, k, 3)
         met = achieved[..., CONDITION] > 0
     rows, which = np.nonzero(met)
-    if len(rows) > _MOST_LABELS:
-        kept = rng.choice(len(rows), _MOST_LABELS, replace=False)
+    if len(rows) > most:
+        kept = rng.choice(len(rows), most, replace=False)
         rows, which = rows[kept], which[kept]
     if not model.goal_radius:
         reached, goals = met.sum(1)[rows], None

@@ -52,14 +52,14 @@ def test_labels_are_shots_that_reach_their_goals(task):
     learner.restart()
     envs, rng = learner._envs, np.random.default_rng(0)
     states, shots = envs.get_state(), random_hits(envs, learner.policy, 40, rng)
-    labels = labels_of(envs, shots, envs.try_actions(shots.reshape(-1, 2), states.repeat(40)), rng)
+    labels = labels_of(envs, shots, envs.try_actions(shots.reshape(-1, 2), states.repeat(40)), 50, rng)
     rows = labels.rows.numpy()
-    assert len(rows) > 20
+    assert 20 < len(rows) <= 50
     again = states[rows].copy()
     if labels.goals is None:
         assert task == "Pot1-v0"
         counts = np.bincount(rows, minlength=len(states))[rows]
-        assert np.allclose(labels.weights.numpy(), 1.0 / counts)
+        assert (labels.weights.numpy() <= 1.0 / counts + 1e-6).all()
     else:
         again["goals"] = labels.goals.numpy() * envs.single_env.scene.half_extents
         assert (labels.weights <= 1).all()
