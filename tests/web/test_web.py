@@ -1,4 +1,4 @@
-"""The engines in a browser compute the bits of Python. The tests need `make web` or its extra."""
+"""The engines in a browser compute the bits of Python. The tests need `make page` or its extra."""
 
 import contextlib
 import dataclasses
@@ -152,8 +152,9 @@ def test_another_version_of_numba_is_refused(monkeypatch):
 
 
 def test_the_commands_write_and_check_the_files(page, tmp_path, monkeypatch, capsys):
-    build.main(["--output", str(tmp_path)])
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["engine.js", "engine.wasm", "play.html"]
+    build.main(["--output", str(tmp_path), "--page", str(tmp_path / "page" / "play.html")])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["engine.js", "engine.wasm", "page", "play.html"]
+    assert (tmp_path / "page" / "play.html").read_bytes() == (tmp_path / "play.html").read_bytes()
     monkeypatch.setattr(check, "browser_page", lambda: contextlib.nullcontext(page))
     monkeypatch.setattr(check, "SCENES", ("pool",))
     output = tmp_path / "check.json"
