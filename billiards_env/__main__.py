@@ -444,7 +444,7 @@ def web(args: argparse.Namespace) -> None:
     address = PLAY_PAGE.as_uri()
     print(address, flush=True)
     if not webbrowser.open(address):
-        raise RuntimeError("browser = none: expected one that Python finds; open the address in a browser")
+        raise RuntimeError("browser = None: expected one that the module webbrowser finds; open the address by hand")
 
 
 def version(_: argparse.Namespace) -> None:

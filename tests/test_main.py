@@ -136,7 +136,7 @@ def test_web_opens_the_page_or_writes_it(capsys, monkeypatch, page, tmp_path):
 
 def test_web_without_a_page_or_a_browser_is_an_error(monkeypatch, page):
     monkeypatch.setattr("webbrowser.open", lambda address: False)
-    with pytest.raises(SystemExit, match="error: browser = none: expected one that Python finds"):
+    with pytest.raises(SystemExit, match="error: browser = None: expected one that the module webbrowser finds"):
         main(["web"])
     with pytest.raises(SystemExit, match=r"error: path = 'x\.htm': expected a name that ends in '\.html'"):
         main(["web", "--out", "x.htm"])
