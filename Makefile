@@ -72,7 +72,7 @@ lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
-bench: $(INSTALLED) $(SIMULATORS)  ## measure speed and accuracy (JSON in benchmarks/results) and write the tables of the README and the docs (45 minutes)
+bench: page $(SIMULATORS)  ## measure speed and accuracy (JSON in benchmarks/results) and write the tables of the README and the docs (45 minutes)
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.ablation

@@ -516,7 +516,7 @@ def test_the_window_shows_the_shots_that_a_program_considers(make_model, window)
         return plans[0].stroke
 
     shown = window(make_model(positions=BALLS, players=("program", "human")), (player, None))
-    plain = press(shown)
+    frame = plain = press(shown)
     while not shown.model.considered:
         frame = press(shown)
     assert (frame != plain).any()
