@@ -4,6 +4,7 @@ PYTHON ?= $(if $(wildcard .venv/.installed-*),.venv/bin/python,python3)
 VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
 BIN := .venv/bin
 INSTALLED := .venv/.installed-$(VERSION)
+WEB := .venv/.web-$(VERSION)
 SIMULATORS := .venv-simulators/.installed
 RLLIB := .venv-rllib/.installed
 TOOLS := .venv-tools/.installed
@@ -16,7 +17,7 @@ SPREAD := $(if $(ADDRESS),--address $(ADDRESS))
 WORK := $(if $(ADDRESS),.venv-rllib/bin,$(BIN))
 WORKS := $(if $(ADDRESS),$(RLLIB),$(INSTALLED))
 
-.PHONY: help train play test pythons tools web docs dist ci smoke stress lint bench errors results study rllib figures format clean
+.PHONY: help train play test pythons tools page web docs dist ci smoke stress lint bench errors results study rllib figures format clean
 
 help:  ## show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -43,15 +44,16 @@ pythons:  ## test the core (shots, batches, the environment, commands) on each i
 tools: $(TOOLS)  ## test the integrations with TorchRL, Minari, Optuna and JAX, which are installed in .venv-tools
 	.venv-tools/bin/pytest -q -m tools tests/tools tests/examples
 
-web: $(INSTALLED)  ## build the engines for browsers and the page play.html in site/, and compare their bits with Python's
-	$(BIN)/pip install --quiet -c constraints.txt -e '.[web]'
+page: $(WEB)  ## build the engines for browsers, and the page that 'billiards web' opens
 	$(BIN)/python -m docs.web.build
+
+web: page  ## compare the bits of the engines for browsers with Python's
 	$(BIN)/python -m docs.web.check --shots 100 --output build/web/check.json
 
-docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, warnings are errors
+docs: page  ## build the documentation in site/; runs the tutorials, warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
-dist: $(INSTALLED)  ## build the source archive and the wheel in dist/, and try the wheel in an empty environment
+dist: page  ## build the source archive and the wheel in dist/, and try the wheel in an empty environment
 	$(BIN)/python -m benchmarks.release.dist --output build/dist.json
 
 ci: test pythons tools rllib web docs smoke dist  ## run the steps of .github/workflows/ci.yml locally
@@ -70,7 +72,7 @@ lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
-bench: $(INSTALLED) $(SIMULATORS)  ## measure speed and accuracy (JSON in benchmarks/results) and write the tables of the README and the docs (45 minutes)
+bench: page $(SIMULATORS)  ## measure speed and accuracy (JSON in benchmarks/results) and write the tables of the README and the docs (45 minutes)
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.ablation
@@ -113,7 +115,7 @@ format: $(INSTALLED)  ## format the code in place
 	$(BIN)/ruff format .
 
 clean:  ## remove the virtual environment, builds and caches; trained runs stay
-	rm -rf .venv .venv-3.* .venv-simulators .venv-rllib .venv-tools build dist site *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv .venv-3.* .venv-simulators .venv-rllib .venv-tools build dist site billiards_env/play/play.html *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Runs if .venv is missing or incomplete, or if its Python or the list of packages changes. It starts from an empty .venv.
@@ -124,6 +126,11 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@if [ -L .venv ]; then rm .venv; fi  # the target of a link stays as it is
 	@$(PYTHON) -m venv --clear .venv
 	@set -o pipefail; $(BIN)/pip install -c constraints.txt -e '.[train,masks,render,plot,multi,dev,docs]' | $(PROGRESS)
+	@touch $@
+
+$(WEB): $(INSTALLED)
+	@echo "Installing the packages of the extra web, about 100 MB, in .venv"
+	@$(BIN)/pip install --quiet -c constraints.txt -e '.[web]'
 	@touch $@
 
 # Prints the name of each package that pip collects, and the size of a large download.

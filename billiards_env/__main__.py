@@ -23,7 +23,7 @@ from billiards_env.export import WRITERS, shot_text
 from billiards_env.scene import SCENES
 from billiards_env.support.checks import MAX_SPEED, Range, finite, integer, number, one_of, real
 from billiards_env.support.commands import Parser, ending
-from billiards_env.support.files import check_path
+from billiards_env.support.files import check_path, write_atomically
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 
 _ANGLES = {"heading": Range(-360.0, 360.0, "degrees"), "elevation": Range(0.0, 90.0, "degrees")}
 _SPEED = Range(0.0, MAX_SPEED, "m/s")
+
+PLAY_PAGE = Path(__file__).with_name("play") / "play.html"
+"""The page that `web` opens. `docs.web.build` writes it."""
 
 PACKAGES = ("numpy", "numba", "gymnasium", "pettingzoo", "pygame", "matplotlib", "stable-baselines3", "torch")
 """The distributions that `version` lists."""
@@ -56,6 +59,7 @@ def make_parser() -> argparse.ArgumentParser:
         (_add_bench, bench, "play frozen tasks and write a file that can be replayed, or replay it"),
         (_add_replay, replay, "run a saved shot or game again, and show it"),
         (_add_calibrate, calibrate, "fit friction and other constants to tracks of shots"),
+        (_add_web, web, "open a page that plays shots in a browser"),
         (_add_version, version, "print the versions of billiards-env and of the packages that it uses"),
         (
             _add_cache,
@@ -193,6 +197,14 @@ def _add_calibrate(parser: argparse.ArgumentParser) -> None:
     add("--state", type=Path, metavar="FILE", help="save finished stages in this JSON file, and resume from them")
     text = "write the report: .json, or a picture .png, .svg or .pdf"
     add("--out", type=Path, action="append", default=[], metavar="FILE", help=text)
+
+
+def _add_web(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Open a page in a browser that plays each shot with the exact engine and with a timestep. The page is one file "
+        "with both engines, and needs neither a network nor Python."
+    )
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write the page to this .html file, do not open it")
 
 
 def _add_version(parser: argparse.ArgumentParser) -> None:
@@ -415,6 +427,24 @@ def _write(shot: ShotResult, paths: Sequence[Path]) -> None:
     for path in paths:
         WRITERS[path.suffix](shot, path)
         print(f"wrote {path}")
+
+
+def web(args: argparse.Namespace) -> None:
+    """Runs the command `web`."""
+    import webbrowser
+
+    if not PLAY_PAGE.is_file():
+        raise FileNotFoundError(
+            f"page = {str(PLAY_PAGE)!r}: expected a file; 'make page' in a clone writes it, before 'pip install .'"
+        )
+    if args.out is not None:
+        write_atomically(check_path(args.out, ".html"), PLAY_PAGE.read_bytes())
+        print(f"wrote {args.out}")
+        return
+    address = PLAY_PAGE.as_uri()
+    print(address, flush=True)
+    if not webbrowser.open(address):
+        raise RuntimeError("browser = None: expected one that the module webbrowser finds; open the address by hand")
 
 
 def version(_: argparse.Namespace) -> None:

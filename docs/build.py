@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import base64
 import html
-import importlib.util
 import io
 import re
+import subprocess
 from typing import Any
 
 import griffe
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
+from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File
 
 from billiards_env.bench.frozen import FROZEN, NAMESPACE
 from billiards_env.drawing.style import TEXT
+from docs.web import build
 from studies import live_shot
 from studies.frozen_tasks import page as task_page
 
@@ -24,6 +26,7 @@ _EM = 8.5  # points; smaller than the font size of 10, as the letters of Compute
 # The output of pymdownx.arithmatex in its generic mode: <span> for $...$, <div> for $$...$$.
 _FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 _SHOWN = re.compile(r'^(```python exec="true"[^\n]*) show="([^"]+)"\n(.*?)^```$', re.MULTILINE | re.DOTALL)
+_SITE = re.compile(r"<!-- site (.*?) -->")
 
 
 def formula(tex: str) -> str:
@@ -43,17 +46,12 @@ def on_files(files: Any, config: Any) -> None:
     """Adds a page for each frozen task and the files of `docs.web.build`; MkDocs calls this once."""
     for name in FROZEN:
         files.append(File.generated(config, f"tasks/{name}.md", content=task_page(name)))
-    for name, content in web_files().items():
+    try:
+        made = build.files()
+    except (RuntimeError, subprocess.CalledProcessError) as error:
+        raise PluginError(f"play.html: {error}") from error
+    for name, content in made.items():
         files.append(File.generated(config, name, content=content))
-
-
-def web_files() -> dict[str, bytes]:
-    """Returns the engines for browsers and the page that plays, or without the extra `web` a page with the command."""
-    if importlib.util.find_spec("ziglang") is None:
-        return {"play.html": b"<!doctype html><title>Not built</title>Run <code>make web</code> to build this page."}
-    from docs.web import build
-
-    return build.files()
 
 
 def show(value: Any) -> str:
@@ -65,14 +63,16 @@ def show(value: Any) -> str:
 
 def live(scene: Any, positions: Any, velocity: Any, steps: int) -> str:
     """Returns the page that plays a shot with both engines, for a tutorial. See `studies.live_shot`."""
-    return f'<iframe class="live" src="../{live_shot(scene, positions, velocity, steps)}" title="A shot"></iframe>'
+    address = f"../play.html{live_shot(scene, positions, velocity, steps)}"
+    return f'<iframe class="live" src="{address}" title="A shot"></iframe>'
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Adds what a page needs only in the site; MkDocs calls this for each page.
 
-    A block of code with the option `show="..."` is followed by the picture of this expression. The ids in the table of
-    frozen tasks link to their pages.
+    A block of code with the option `show="..."` is followed by the picture of this expression. The content of a comment
+    `<!-- site ... -->` is shown. A link to `browser.md#game=...` becomes one to the shot in `play.html`, which is
+    not in the repository. The ids in the table of frozen tasks link to their pages.
     """
     lines = (
         r"\1",
@@ -81,7 +81,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         "```",
     )
     hidden = "\n".join(lines)
-    markdown = _SHOWN.sub(hidden, markdown)
+    markdown = _SITE.sub(r"\1", _SHOWN.sub(hidden, markdown)).replace("browser.md#game=", "play.html#game=")
     if page.file.src_uri != "tasks.md":
         return markdown
     row = re.compile(rf"^\| (`{NAMESPACE}(\S+)`)", re.MULTILINE)

@@ -108,7 +108,7 @@ def fill(output: Path, content: dict[str, Any], jobs: Mapping[tuple[str, ...], C
 
 
 def live_shot(scene: str, positions: Any, velocity: Any, steps: int) -> str:
-    """Returns the address of a page that plays a shot with both engines, escaped for an attribute of HTML.
+    """Returns the part of the address of `play.html` from "#" on that plays a shot, escaped for an attribute of HTML.
 
     Args:
         scene: The name of a scene of `docs.web.build`.
@@ -119,7 +119,7 @@ def live_shot(scene: str, positions: Any, velocity: Any, steps: int) -> str:
     balls = ";".join(",".join(map(repr, place)) for place in np.asarray(positions).tolist())
     motion = ",".join(map(repr, [*np.asarray(velocity).tolist(), 0, 0, 0]))
     shot = {"game": "given", "scene": scene, "balls": balls, "motion": motion, "dt": steps}
-    return html.escape("play.html#" + urlencode(shot, safe=",;"))
+    return html.escape("#" + urlencode(shot, safe=",;"))
 
 
 def save_arrays(path: Path, weights: Mapping[str, Any]) -> None:

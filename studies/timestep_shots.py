@@ -79,14 +79,14 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     def cell(layout: dict[str, Any], world: str) -> str:
         shot = layout["shots"][world]
         text = f"{labels[shot['own']]}, {labels[shot['exact']]}"
-        return f'<a href="{address(layout, world)}" target="shot">{text}</a>'
+        return f'<a href="browser.md{address(layout, world)}" target="shot">{text}</a>'
 
     head = "layout", *(world if world == "exact" else f"{world} s" for world in WORLDS)
     rows = [[str(k), *(cell(layout, world) for world in WORLDS)] for k, layout in enumerate(result["layouts"], 1)]
     frame = address(result["layouts"][0], COARSE)
     return {
         "table": table(head, rows),
-        "frame": f'<iframe name="shot" src="{frame}" title="A shot of the table" class="live"></iframe>',
+        "frame": f'<iframe name="shot" src="play.html{frame}" title="A shot of the table" class="live"></iframe>',
     }
 
 

@@ -29,7 +29,7 @@ def lines(capsys, *arguments):
 
 def test_the_overview_lists_the_commands(capsys):
     printed = "\n".join(lines(capsys))
-    for command in ("play", "simulate", "replay", "calibrate", "version", "cache"):
+    for command in ("play", "simulate", "replay", "calibrate", "web", "version", "cache"):
         assert re.search(rf"\n    {command}\s", printed)
 
 
@@ -115,6 +115,34 @@ def test_replay_in_a_window(monkeypatch, game):
     monkeypatch.setattr("billiards_env.drawing.window.Window.show", lambda self, frame, fps: shown.append(fps))
     main(["replay", game, "--window"])
     assert len(shown) > 60
+
+
+@pytest.fixture
+def page(tmp_path, monkeypatch):
+    monkeypatch.setattr("billiards_env.__main__.PLAY_PAGE", tmp_path / "play.html")
+    (tmp_path / "play.html").write_text("<!doctype html>")
+    return tmp_path / "play.html"
+
+
+def test_web_opens_the_page_or_writes_it(capsys, monkeypatch, page, tmp_path):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", lambda address: not opened.append(address))
+    assert lines(capsys, "web") == opened == [page.as_uri()]
+    copy = tmp_path / "copy.html"
+    assert lines(capsys, "web", "--out", str(copy)) == [f"wrote {copy}"]
+    assert copy.read_bytes() == page.read_bytes()
+    assert len(opened) == 1
+
+
+def test_web_without_a_page_or_a_browser_is_an_error(monkeypatch, page):
+    monkeypatch.setattr("webbrowser.open", lambda address: False)
+    with pytest.raises(SystemExit, match="error: browser = None: expected one that the module webbrowser finds"):
+        main(["web"])
+    with pytest.raises(SystemExit, match=r"error: path = 'x\.htm': expected a name that ends in '\.html'"):
+        main(["web", "--out", "x.htm"])
+    page.unlink()
+    with pytest.raises(SystemExit, match=r"error: page = '.*play\.html': expected a file; 'make page' in a clone"):
+        main(["web"])
 
 
 def test_play_gets_its_arguments(monkeypatch):

@@ -2,7 +2,8 @@
 
 The wheel has the machine code of the environments in `benchmarks.release.shots`, for any CPU of this architecture and
 for this version of Python. It has the tags of the installed numba, because the code needs the same versions. The
-package uses the code only with the same versions (`billiards_env.jit.folders`).
+package uses the code only with the same versions (`billiards_env.jit.folders`). `make dist` first builds the page of
+`billiards web`, which both contain.
 """
 
 from __future__ import annotations
@@ -129,7 +130,8 @@ def try_wheel(wheel: Path, folder: Path, repeats: int) -> dict[str, tuple[float,
         kernels, and for the median of the later ones.
 
     Raises:
-        RuntimeError: If the wheel's code and newly compiled code give different results, or the first is not used.
+        RuntimeError: If the wheel's code and newly compiled code give different results, or the first is not used, or
+            the wheel has no page for `billiards web`.
     """
     python, times = install(wheel, folder / "venv"), {}
     shipped, compiled = {"NUMBA_CACHE_DIR": str(folder / "none")}, {"NUMBA_CACHE_DIR": str(folder / "fresh")}
@@ -138,6 +140,7 @@ def try_wheel(wheel: Path, folder: Path, repeats: int) -> dict[str, tuple[float,
         times[f"{prefix}first start"] = start(python, folder, **environment)
         later = [start(python, folder, **environment) for _ in range(repeats)]
         times[f"{prefix}later starts"] = sorted(later)[repeats // 2]
+    run(python, "-m", "billiards_env", "web", "--out", folder / "play.html", cwd=folder, **shipped)
     shots = python, ROOT / "benchmarks" / "release" / "shots.py"
     results = run(*shots, cwd=folder, **shipped)
     if list((folder / "none").rglob("*.nb[ci]")):

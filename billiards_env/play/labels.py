@@ -54,6 +54,8 @@ def key_hint(model: WindowModel) -> str:
     """Returns the keys of the model's phase, and in a replay the engines of the shown shots."""
     if model.page:
         return "" if model.page == "unsaved" else "close: space, escape"
+    if model.considered:
+        return considered(model)
     if model.phase != "replaying":
         return _HINTS[model.phase]
     shot, comparison = model.shown_shots
@@ -162,12 +164,29 @@ def cushions(model: WindowModel, time: float = np.inf) -> str:
 
 def advice(model: WindowModel, plan: Plan) -> str:
     """Returns what a planned shot does, and how often it keeps the turn with the noise of a player."""
-    scene, what = model.setup.scene, "keeps the turn"
-    if plan.ball >= 0:
-        what = f"ball {ball_name(scene, plan.ball)} into the {pocket_name(scene, plan.pocket)}"
-    elif plan.probability < 0.1 and model.setup.game_rules.pockets:
-        return "a safety: no shot is likely to pot a ball"
+    what = _effect(model, plan)
+    if what == "a safety":
+        return f"{what}: no shot is likely to pot a ball"
     return f"{what}, {plan.probability:.0%} with the noise of a good player"
+
+
+def _effect(model: WindowModel, plan: Plan) -> str:
+    scene = model.setup.scene
+    if plan.ball >= 0:
+        return f"ball {ball_name(scene, plan.ball)} into the {pocket_name(scene, plan.pocket)}"
+    return "a safety" if plan.probability < 0.1 and model.setup.game_rules.pockets else "keeps the turn"
+
+
+def value(plan: Plan) -> str:
+    """Returns how often a shot that a program considers keeps the turn, and its value."""
+    return f"{plan.probability:.0%}  {plan.value:+.2f}"
+
+
+def considered(model: WindowModel) -> str:
+    """Returns the best shot that a program considers, with its value."""
+    plan = model.considered[0].plan
+    strokes = f"{plan.samples:,} stroke{'s' * (plan.samples != 1)} with noise"
+    return f"best: {_effect(model, plan)}, {plan.probability:.0%}, value {plan.value:+.2f} in {strokes}"
 
 
 def aim_text(model: WindowModel) -> str:

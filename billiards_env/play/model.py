@@ -18,7 +18,7 @@ An action that does not apply in the present phase returns the same model.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -35,6 +35,7 @@ from billiards_env.games.game_state import is_in, members, on_table
 from billiards_env.games.placement import Point, cue_ball_point
 from billiards_env.play.preview import Preview, make_preview
 from billiards_env.players.aim import FirstTouch, Pot, aim
+from billiards_env.players.planner import Plan
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
 from billiards_env.support.checks import MAX_SPEED, Range, real
@@ -59,6 +60,9 @@ REACH = 1.5
 
 SHOTS = 3_000
 """The largest number of random shots to aim for a pot. Around a rack of 15 balls they take some seconds."""
+
+CONSIDERED = 4
+"""The largest number of shots of a program that are shown while it thinks."""
 
 NO_SHOT = ("hand_back", "replace")
 """The kinds of calls without a shot."""
@@ -89,6 +93,18 @@ class StrokeInput(NamedTuple):
         return np.array([math.cos(self.angle), math.sin(self.angle)])
 
 
+class Considered(NamedTuple):
+    """A shot that a program considers.
+
+    Attributes:
+        plan: The shot and its value.
+        preview: Its predicted start.
+    """
+
+    plan: Plan
+    preview: Preview
+
+
 class Turn(NamedTuple):
     """A played stroke with its aim: the person's aim, or the aim with a level cue."""
 
@@ -112,6 +128,7 @@ class WindowModel:
         phase: One of the phases in the module's docstring.
         aim: The aim.
         preview: The preview of the aimed shot; None in other phases.
+        considered: The shots that the program considers whose turn it is, the best first.
         comparison: The last shot by the other engine; None until the first replay.
         clock: Time within the shot that is shown, or time that a program has been thinking, s.
         pace: Playback speed divided by real time.
@@ -132,6 +149,7 @@ class WindowModel:
     phase: str = "thinking"
     aim: StrokeInput = field(default_factory=StrokeInput)
     preview: Preview | None = None
+    considered: tuple[Considered, ...] = ()
     comparison: ShotResult | None = None
     clock: float = 0.0
     pace: float = 1.0
@@ -281,7 +299,7 @@ def shoot(model: WindowModel, stroke: Stroke, aim: StrokeInput | None = None) ->
     """
     aim = _level_aim(model, stroke) if aim is None else aim
     turns = (*model.turns, Turn(stroke, play(model.setup, model.game, stroke), aim))
-    model = replace(model, aim=aim, turns=turns, comparison=None, preview=None, clock=0.0)
+    model = replace(model, aim=aim, turns=turns, comparison=None, preview=None, considered=(), clock=0.0)
     return replace(model, phase="rolling", first_faces=model.faces)
 
 
@@ -290,7 +308,7 @@ def _next_turn(model: WindowModel) -> WindowModel:
     state, rules = model.game.state, model.setup.game_rules
     breaks = state.break_shot and rules.pockets and not rules.has_spots
     speed = BREAK_SHARE * model.max_speed if breaks else min(USUAL_SPEED, model.max_speed)
-    model = replace(model, aim=StrokeInput(speed=speed), preview=None, clock=0.0)
+    model = replace(model, aim=StrokeInput(speed=speed), preview=None, considered=(), clock=0.0)
     if state.over:
         return replace(model, phase="over")
     if model.players[state.player] != HUMAN:
@@ -357,6 +375,16 @@ def aim_like(model: WindowModel, made: Stroke) -> WindowModel:
     preview = make_preview(model.setup, model.game, made)
     phase = "thinking" if model.phase == "thinking" else "aiming"
     return replace(model, phase=phase, aim=_level_aim(model, made), preview=preview, clock=0.0)
+
+
+def consider(model: WindowModel, plans: Sequence[Plan]) -> WindowModel:
+    """Shows the best shots that the program of this turn considers, and after them earlier ones of other pots."""
+    if model.phase != "thinking":
+        return model
+    shots = [Considered(plan, make_preview(model.setup, model.game, plan.stroke)) for plan in plans]
+    pots = [(plan.ball, plan.pocket) for plan in plans]
+    shots += [shot for shot in model.considered if (shot.plan.ball, shot.plan.pocket) not in pots]
+    return replace(model, considered=tuple(shots[:CONSIDERED]))
 
 
 def _level_aim(model: WindowModel, made: Stroke) -> StrokeInput:

@@ -103,6 +103,7 @@ class View:
             self._draw_shot(model)
         else:
             self._draw_turn(model, self.canvas, self._table)
+            self._draw_considered(model)
             if model.aimed is not None:
                 self._draw_cue(model)
                 self._inset = self._draw_inset(model) if model.zoom and model.aimed.ball >= 0 else None
@@ -148,6 +149,28 @@ class View:
         canvas.draw_balls(frame, list(shown), [canvas.pixels_of(place) for place in shown.values()], model.faces)
         if aimed is not None and canvas is self.canvas:
             canvas.draw_arrow(frame, cue, np.array(model.cue_position), model.aim.speed * model.aim.along)
+
+    def _draw_considered(self, model: WindowModel) -> None:
+        """Draws the shots that a program considers, with their values next to each other."""
+        width, height = self.canvas.size
+        room, size, taken = (
+            pygame.Rect(0, 0, width, height).inflate(-width // 16, -width // 8),
+            max(10, width // 48),
+            [],
+        )
+        for _, preview in model.considered:
+            _draw_line(self.canvas, self._table, preview.path, self.canvas.looks[model.cue].path, dashed=True)
+            if preview.ball >= 0:
+                _draw_line(self.canvas, self._table, preview.struck, self.canvas.looks[preview.ball].path, dashed=True)
+        for plan, preview in model.considered:
+            end = preview.path[-1] if preview.ball < 0 else preview.struck[-1]
+            text = text_image(labels.value(plan), size, INK)
+            place = text.get_rect(center=self.canvas.pixels_of(end).round().astype(int).tolist()).clamp(room)
+            while place.collidelist(taken) >= 0:
+                place.move_ip(0, -size)
+            taken.append(place.inflate(size // 2, size // 4))
+            pygame.draw.rect(self._table, PAPER, taken[-1], border_radius=size // 4)
+            self._table.blit(text, place)
 
     def _draw_inset(self, model: WindowModel) -> tuple[pygame.Rect, Canvas]:
         """Draws the ball that the aimed shot touches first enlarged, in the corner that is farthest from the shot."""

@@ -24,7 +24,7 @@ from billiards_env.play import model as act
 from billiards_env.play.model import STEEPEST, WindowModel, begin, pot_at, shoot, stroke_for, tick
 from billiards_env.play.view import FPS, INK, PAPER, View
 from billiards_env.players.levels import EXPECTED, LevelPlayer, with_noise
-from billiards_env.players.planner import plan
+from billiards_env.players.planner import Plan, plan
 from billiards_env.players.situation import Player, game_situation
 from billiards_env.support.checks import short_name
 from billiards_env.support.files import free_path
@@ -196,6 +196,9 @@ class GameWindow:
         self._mouse = (0, 0)  # pixels
         # The stroke of the program whose turn it is, or the stroke and the message of a hint
         self._work: _Work[Any] | None = None
+        # What the program considers, the last one last, and what the model has of it
+        self._plans: list[Sequence[Plan]] = []
+        self._seen: object = None
         self._shown: object = None
         self._frame = self._view.draw(model)
 
@@ -283,12 +286,18 @@ class GameWindow:
 
         A level first shows its shot without the noise of the stroke.
         """
-        model, work, player = self.model, self._work, self._players[self.model.game.state.player]
+        work, player = self._work, self._players[self.model.game.state.player]
         assert player is not None
         level = player if isinstance(player, LevelPlayer) else None
+        if work and self._plans and self._plans[-1] is not self._seen:
+            self._seen = self._plans[-1]
+            self._do(act.consider, self._seen)
+        model = self.model
         if work is None:
+            self._plans = plans = []  # of this thread
             (rng,), intend = self._rng.spawn(1), level.intend if level else player
-            self._start(lambda: intend(game_situation(model.setup, model.game, model.max_speed), rng))
+            situation = game_situation(model.setup, model.game, model.max_speed)._replace(watch=plans.append)
+            self._start(lambda: intend(situation, rng))
         elif not work.done():
             if time.monotonic() - work.start > model.clock + 1:
                 self.model = tick(model, 1.0)  # once per second, because the window shows whole seconds

@@ -80,7 +80,7 @@ def planning(argument: str) -> LevelPlayer:
 
     def stroke(situation: Situation, rng: np.random.Generator) -> Stroke:
         setup, game = situation.find_game()
-        options = Options(situation.run_out, situation.strike, leaves=False)
+        options = Options(situation.run_out, situation.strike, leaves=False, watch=situation.watch)
         noise = expected(situation.noise, level)
         return plan(setup, game, situation.table.max_speed, rng, seconds, shots, noise, options).stroke
 

@@ -102,12 +102,15 @@ class Options(NamedTuple):
         english: Whether to try offsets of the tip, in a scene with spin.
         values: A function that returns the values (m,) of m simulated shots; None for the usual ones, see `Plan.value`.
         leaves: Whether to compute `Plan.leave`, which simulates the final shots once more.
+        watch: A function that is called while the planner selects, with the best shot of each pot up to now, at most
+            `FINALISTS`, the best first; None for no call.
     """
 
     run_out: bool = False
     english: bool = True
     values: Callable[[PlayedBatch], Floats] | None = None
     leaves: bool = True
+    watch: Callable[[tuple[Plan, ...]], None] | None = None
 
 
 _USUAL = Options()
@@ -155,7 +158,7 @@ def plan(
     budget = Budget(seconds, shots)
     deviations = math.radians(noise[0]), noise[1]
     values = _values(setup, game, max_speed, deviations, options, low_budget)
-    search = _Search(setup, game, max_speed, deviations, values, rng, budget)
+    search = _Search(setup, game, max_speed, deviations, values, rng, budget, options.watch)
 
     count = min(shots, _RATE * seconds) / _SHOTS_PER_CANDIDATE
     tips = TIPS if options.english and setup.scene.physics.motion == "sliding" else TIPS[:1]
@@ -167,25 +170,32 @@ def plan(
     finalists, totals = first.take(order), exact.take(order)
     if budget.left > 0:
         finalists, totals = _halved(search, finalists)
-    leaves = np.full((FINALISTS, *game.positions.shape), np.nan)
+    leaves = None
     if options.leaves:
         top = finalists.take(slice(FINALISTS))
         leaves = play_batch(setup, game, top.velocities, top.spins, top.places, top.targets, threads=1).positions
-    plans = []
-    for k, leave in enumerate(leaves[: len(finalists.velocities)]):
-        ball, pocket = finalists.targets[k].tolist()
-        call = Call(ball, pocket) if game.state.call_shot and not game.state.break_shot and ball >= 0 else NO_CALL
-        call = Call(kind="push_out") if finalists.push_out[k] else call
-        x, y = finalists.velocities[k].tolist()
-        place = tuple(finalists.places[k].tolist()) if game.state.in_hand else None
-        stroke = Stroke((x, y), place, tuple(finalists.spins[k].tolist()), call)
-        value, probability = (float(sums[k] / totals.samples[k]) for sums in totals[:2])
-        plans.append(Plan(stroke, value, probability, ball, pocket, leave, int(totals.samples[k])))
+    plans = _plans(game, finalists, totals, leaves)
     best = plans[0]
     if "hand_back" in choices(game.state) and best.value < 0.0 and not options.run_out:
         none = Stroke((0.0, 0.0), call=Call(kind="hand_back"))
-        return Plan(none, -best.value, 0.0, -1, -1, game.positions, best.samples, tuple(plans[:-1]))
-    return best._replace(alternatives=tuple(plans[1:]))
+        return Plan(none, -best.value, 0.0, -1, -1, game.positions, best.samples, plans[:-1])
+    return best._replace(alternatives=plans[1:])
+
+
+def _plans(game: GameState, shots: Candidates, totals: Sums, leaves: Floats | None = None) -> tuple[Plan, ...]:
+    """Returns the first `FINALISTS` shots with the means of their outcomes; `leaves` (k, n, 2) may be None."""
+    plans = []
+    for k in range(min(FINALISTS, len(shots.velocities))):
+        ball, pocket = shots.targets[k].tolist()
+        call = Call(ball, pocket) if game.state.call_shot and not game.state.break_shot and ball >= 0 else NO_CALL
+        call = Call(kind="push_out") if shots.push_out[k] else call
+        x, y = shots.velocities[k].tolist()
+        place = tuple(shots.places[k].tolist()) if game.state.in_hand else None
+        stroke = Stroke((x, y), place, tuple(shots.spins[k].tolist()), call)
+        value, probability = (float(sums[k] / totals.samples[k]) for sums in totals[:2])
+        leave = np.full(game.positions.shape, np.nan) if leaves is None else leaves[k]
+        plans.append(Plan(stroke, value, probability, ball, pocket, leave, int(totals.samples[k])))
+    return tuple(plans)
 
 
 def _values(
@@ -236,6 +246,7 @@ class _Search(NamedTuple):
             `Candidates.push_out`.
         rng: The generator to draw from.
         budget: What is left for the decision.
+        watch: See `Options`.
     """
 
     setup: Setup
@@ -245,6 +256,7 @@ class _Search(NamedTuple):
     values: Callable[[PlayedBatch, NDArray[np.bool_]], Floats]
     rng: np.random.Generator
     budget: Budget
+    watch: Callable[[tuple[Plan, ...]], None] | None
 
 
 def _halved(search: _Search, survivors: Candidates) -> tuple[Candidates, Sums]:
@@ -256,6 +268,10 @@ def _halved(search: _Search, survivors: Candidates) -> tuple[Candidates, Sums]:
         new, shifts = _sample(search, survivors, samples)
         totals = Sums(*(before + after for before, after in zip(totals, new, strict=True)))
         order = totals.order()
+        if search.watch is not None:
+            _, pots = np.unique(survivors.targets[order], axis=0, return_index=True)
+            best = order[np.sort(pots)[:FINALISTS]]
+            search.watch(_plans(search.game, survivors.take(best), totals.take(best)))
         if rounds == 1 or budget.left < len(order):
             return survivors.take(order[:FINALISTS]), totals.take(order[:FINALISTS])
         order = order[: max(FINALISTS, len(order) // 2)]

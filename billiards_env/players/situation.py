@@ -52,6 +52,8 @@ class Situation(NamedTuple):
         banks: Whether only banks score.
         place: x and y of the point where `stroke` places a cue ball in hand, m; None if it is not chosen yet.
         observation: The observation of the environment; None outside of one.
+        watch: A function to which a player may pass the shots that it considers, a tuple of `planner.Plan`, the best
+            first. The window shows them. None if nothing shows them.
     """
 
     table: Tables
@@ -67,6 +69,7 @@ class Situation(NamedTuple):
     banks: bool = False
     place: Point | None = None
     observation: Any = None
+    watch: Callable[[Any], None] | None = None
 
     @property
     def action_size(self) -> int:

@@ -1,7 +1,8 @@
-"""Compiles the engines to WebAssembly: `python -m docs.web.build`, or `make web`.
+"""Compiles the engines to WebAssembly: `python -m docs.web.build`, or `make page`.
 
-Writes three files: `engine.wasm`, the JavaScript module `engine.js`, and `play.html`, a page that contains both. Needs
-the packages of the extra `web`.
+Writes three files: `engine.wasm`, the JavaScript module `engine.js`, and `play.html`, a page that contains both. The
+package gets a copy of the page, which `billiards web` opens. Needs the packages of the extra `web`, unless `build/web`
+has the engines of these kernels.
 
 Numba compiles the same functions that Python calls, with the same types of arguments. Its own optimisation is left out,
 because it uses the size of a pointer on this machine. LLVM then optimises the code for wasm32, and the linker of the
@@ -14,6 +15,7 @@ from __future__ import annotations
 import argparse
 import base64
 import functools
+import gc
 import hashlib
 import importlib.util
 import json
@@ -25,6 +27,7 @@ import tempfile
 import zlib
 from contextlib import ExitStack
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 from unittest.mock import patch
 
@@ -34,8 +37,10 @@ import numba
 import numpy as np
 from numba.core.codegen import CPUCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.types.functions import BaseFunction
 from numpy.typing import NDArray
 
+from billiards_env.__main__ import PLAY_PAGE
 from billiards_env.drawing import page
 from billiards_env.engine import compile as compiling
 from billiards_env.engine import frozen_strike, pic, pit, strikes
@@ -45,10 +50,11 @@ from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.shot_input import is_valid_fast
 from billiards_env.engine.shots import STATUS, empty_shots, start_fields
 from billiards_env.jit.code_hash import code_hash
-from billiards_env.jit.compiler import Kernel
+from billiards_env.jit.compiler import Kernel, _resolve_once
 from billiards_env.physics.strike import cue_numbers, many_strikes
 from billiards_env.scene import PARAMETERS, Scene, layouts
 from billiards_env.support.checks import RANGES, range_text
+from billiards_env.support.commands import ending
 from billiards_env.support.files import write_atomically
 from studies.failures import FAILURES
 
@@ -192,17 +198,19 @@ def check_versions() -> None:
             f"numba = {numba.__version__}: expected numba {NUMBA}; other versions have other calling conventions"
         )
     if importlib.util.find_spec("ziglang") is None:
-        raise RuntimeError("ziglang is not installed: expected the extra `web`, as `make web` installs it")
+        raise RuntimeError("ziglang is not installed: expected the extra `web`, as `make page` installs it")
 
 
 def compile_entry(name: str, function: Any, arguments: tuple[Any, ...]) -> bytes:
     """Returns the object file of a compiled function, with the given name."""
     signature = tuple(numba.typeof(argument) for argument in arguments)
     kernel = Kernel(function.py_func, None, function.targetoptions)
+    gc.disable()  # as for an entry point
     with global_compiler_lock:
         kernel.compile(signature)
         compiled = kernel.overloads[signature]
         compiled.library.link()
+    gc.enable()
     text = re.sub(r"^target .*$", "", compiled.library.get_llvm_str(), flags=re.MULTILINE)
     # wasm has no common symbols, and has instructions for these functions of the C library
     text = text.replace("= common global", "= internal global")
@@ -227,14 +235,16 @@ def build_engine(path: Path) -> None:
     with tempfile.TemporaryDirectory() as folder, ExitStack() as patches:
         for name in ("_optimize_functions", "_optimize_final_module"):
             patches.enter_context(patch.object(CPUCodeLibrary, name, lambda *_: None))
+        patches.enter_context(patch.object(BaseFunction, "get_call_type", _resolve_once))  # as for an entry point
         objects, exports = [f"{folder}/runtime.o"], ["allocate", "reset"]
         target = "-target", "wasm32-freestanding", "-mcpu=generic+bulk_memory", "-O2", "-c"
         subprocess.run([*zig, "cc", *target, str(HERE / "runtime.c"), "-o", objects[0]], check=True)
-        for name, function, arguments in entry_points():
-            print(f"compiles {name}", flush=True)
+        for k, (name, function, arguments) in enumerate(entry_points(), start=1):
+            begin = perf_counter()
             objects.append(f"{folder}/{name}.o")
             exports.append(name)
             Path(objects[-1]).write_bytes(compile_entry(name, function, arguments))
+            print(f"engine {k} of {len(entry_points())}: {name}, {perf_counter() - begin:.1f} s", flush=True)
         linked = Path(folder, "engine.wasm")
         options = "--no-entry", "--gc-sections", "--strip-all", "--stack-first", "-z", f"stack-size={STACK}"
         exported = [f"--export={name}" for name in exports]
@@ -293,13 +303,14 @@ def rack_of(layout: str, balls: int, scene: str) -> list[list[float]]:
 
 def engine_file() -> bytes:
     """Returns `engine.wasm` from `build/web`, and compiles it there if the kernels or this file have changed."""
-    check_versions()
     parts = Path(__file__), HERE / "runtime.c"
     hashes = (code_hash(function.py_func).encode() for _, function, _ in entry_points())
     sources = *(path.read_bytes() for path in parts), *hashes
     versions = f"{numba.__version__} {llvmlite.__version__}".encode()
     kept = ROOT / "build" / "web" / f"{hashlib.sha256(b''.join((*sources, versions))).hexdigest()[:16]}.wasm"
     if not kept.exists():  # in a new process, because kernels that are already compiled are optimised for this machine
+        check_versions()
+        print("compiling the engines for browsers, about a minute", flush=True)
         program = "import pathlib, sys; from docs.web import build; build.build_engine(pathlib.Path(sys.argv[1]))"
         subprocess.run([sys.executable, "-c", program, str(kept)], check=True, cwd=ROOT)
     return kept.read_bytes()
@@ -315,10 +326,13 @@ def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m docs.web.build --help`."""
     parser = argparse.ArgumentParser(prog="python -m docs.web.build", description="Compile the engines to WebAssembly.")
     parser.add_argument("--output", type=Path, default=ROOT / "site", help="the folder of the files")
-    folder = parser.parse_args(arguments).output
-    for name, content in files().items():
-        write_atomically(folder / name, content)
-        print(f"{folder / name}: {len(content) / 1000:.0f} kB")
+    parser.add_argument("--page", type=Path, default=PLAY_PAGE, help="the copy of the page (default: %(default)s)")
+    args = parser.parse_args(arguments)
+    with ending():
+        made = {args.output / name: content for name, content in files().items()}
+        for path, content in (made | {args.page: made[args.output / "play.html"]}).items():
+            write_atomically(path, content)
+            print(f"{path}: {len(content) / 1000:.0f} kB")
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 The shots are random shots, breaks and shots with a timestep in each scene. The command counts the shots with the same
 bits (positions, velocities, spins, times, events and positions between the events), measures the time of a shot, and
-writes both to `docs/web/results/check.json`. It needs `engine.wasm` of `make web`, the extra `web`, and Chromium or
+writes both to `docs/web/results/check.json`. It needs `engine.wasm` of `make page`, the extra `web`, and Chromium or
 Chrome.
 """
 

@@ -18,12 +18,15 @@ from billiards_env import Engine, simulate
 from billiards_env.drawing.canvas import Canvas, pixels
 from billiards_env.drawing.pace import slower
 from billiards_env.games import Stroke, records
+from billiards_env.play import labels
+from billiards_env.play import model as act
 from billiards_env.play.model import change_pace, go, replay, shoot, tick, toggle, turn_aim
 from billiards_env.play.panel import place_controls
 from billiards_env.play.view import View, _row
 from billiards_env.play.window import GameWindow
 from billiards_env.players.levels import LevelPlayer
 from billiards_env.players.named import find_player
+from billiards_env.players.planner import Plan
 
 BALLS = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
 SHIFT = pygame.KMOD_LSHIFT
@@ -500,6 +503,34 @@ def test_a_planner_that_thinks_does_not_hold_the_window_up(make_model, window):
     assert not shown.open
     thread.join(20.0)
     assert not thread.is_alive()
+
+
+def test_the_window_shows_the_shots_that_a_program_considers(make_model, window):
+    may_play, leave = threading.Event(), np.zeros((3, 2))
+    plans = [Plan(Stroke((2.0, speed)), 0.31, 0.62, ball, 2, leave, 40) for speed, ball in ((0.0, 1), (2.0, 2))]
+
+    def player(situation, rng):
+        situation.watch((plans[1],))
+        situation.watch((plans[0],))
+        may_play.wait()
+        return plans[0].stroke
+
+    shown = window(make_model(positions=BALLS, players=("program", "human")), (player, None))
+    frame = plain = press(shown)
+    while not shown.model.considered:
+        frame = press(shown)
+    assert (frame != plain).any()
+    assert shown.model.considered[0].plan is plans[0]
+    assert labels.key_hint(shown.model).endswith("pocket, 62%, value +0.31 in 40 strokes with noise")
+    only = shown.model
+    both = act.consider(act.consider(only, plans[1:]), plans[:1])
+    assert [one.plan for one in both.considered] == plans
+    assert (pixels(shown._view.draw(both)) != frame).any()
+    may_play.set()
+    while shown.model.phase == "thinking":
+        press(shown)
+    assert shown.model.considered == ()
+    assert act.consider(shown.model, plans) is shown.model
 
 
 def test_an_error_of_a_program_is_raised(make_model, window):

@@ -125,6 +125,20 @@ def test_a_plan_has_what_it_expects():
     assert decision.value >= max(other.value for other in decision.alternatives)
 
 
+def test_a_planner_passes_on_the_shots_that_it_considers():
+    game, table = hanging(call_shot=True)
+    seen: list[tuple[planner.Plan, ...]] = []
+    options = Options(leaves=False)
+    decision = plan(game, table, 4.0, RNG(0), np.inf, 2000, NOISE, options)
+    watched = plan(game, table, 4.0, RNG(0), np.inf, 2000, NOISE, options._replace(watch=seen.append))
+    assert (watched.stroke, watched.value) == (decision.stroke, decision.value)
+    assert seen[-1][0].stroke == decision.stroke
+    assert len(seen) > 1
+    for plans in seen:
+        assert len({(one.ball, one.pocket) for one in plans}) == len(plans) <= planner.FINALISTS
+    assert [one[0].samples for one in seen] == sorted(one[0].samples for one in seen)
+
+
 def test_the_probability_is_that_of_played_shots_with_errors():
     game = setup("nine_ball")
     for seed in range(3):

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.release import dist, shots
+from billiards_env.__main__ import PLAY_PAGE
 from billiards_env.jit import folders
 
 
@@ -61,7 +62,10 @@ def test_a_command_that_fails_is_reported_with_its_errors():
 
 @pytest.mark.parametrize("used", [True, False])
 def test_a_wheel_is_rejected_if_its_code_is_not_used_or_gives_other_results(tmp_path, monkeypatch, used):
+    commands = []
+
     def run(*command, cwd, **environment):
+        commands.append(command)
         if not used:
             (Path(environment["NUMBA_CACHE_DIR"])).mkdir(exist_ok=True)
             (Path(environment["NUMBA_CACHE_DIR"]) / "f.nbc").touch()
@@ -71,9 +75,11 @@ def test_a_wheel_is_rejected_if_its_code_is_not_used_or_gives_other_results(tmp_
     monkeypatch.setattr(dist, "install", lambda wheel, folder: Path(sys.executable))
     with pytest.raises(RuntimeError, match="the same results" if used else "machine code of all"):
         dist.try_wheel(Path("x.whl"), tmp_path, 1)
+    assert (sys.executable, "-m", "billiards_env", "web") in [tuple(map(str, command[:4])) for command in commands]
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not PLAY_PAGE.is_file(), reason="the wheel needs the page of `make page`")
 def test_the_wheel_starts_without_compiling_in_an_empty_environment(tmp_path):
     command = [
         sys.executable,
