@@ -4,12 +4,8 @@ An entry is a file of `billiards bench` with the public layouts and the layouts 
 are in `studies/results/leaderboard.json`.
 
 The player `studies.leaderboard:trained` is the best row of `configs/learning.yaml` in each task, the policy of the
-first seed; `studies.leaderboard:trained:64` is the best of 64 actions that it proposes. These commands make their
-entries:
-
-    BENCH="billiards bench --seed 0 1 --force"
-    $BENCH studies.leaderboard:trained --name AimPolicy --out docs/leaderboard/aim_policy.json
-    $BENCH studies.leaderboard:trained:64 --name AimPolicy:64 --out docs/leaderboard/aim_policy_64.json
+first seed; `studies.leaderboard:trained:64` is the best of 64 actions that it proposes. `make results` writes their
+entries.
 """
 
 from __future__ import annotations
@@ -98,7 +94,7 @@ def blocks(entries: Mapping[str, Any]) -> dict[str, str]:
         name = f"`{entry['player']}`" + ("" if entry["run"] else " (replayed only)")
         cells = (f"{scores[task]['success']:.1%}" if task in scores else "-" for task in BENCH_TASKS)
         rows.append((name, "-" if total is None else f"{total:.3f}", *cells))
-    heads = (f"`{task.removesuffix('-v0')}`" for task in BENCH_TASKS)
+    heads = (task.removesuffix("-v0") for task in BENCH_TASKS)
     return {"table": table(("player", "aggregate", *heads), rows)}
 
 
