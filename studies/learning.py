@@ -203,8 +203,8 @@ def blocks(measured: Result) -> dict[str, str]:
         "solved": _solved(measured, others),
         "summary": f"After at most {max(run['curve'][-1][1] for run in runs(pot)):.0f} s of training on one core, the "
         f"policy pots the ball on {as_percent(over_seeds(mean_rates(pot, 'Pot1-v0')))} of new layouts: the mean over "
-        f"{len(runs(pot))} seeds, with its 95% interval. Before the training it is {first:.1%}. With as many shots "
-        f'`PPO("MlpPolicy")` reaches {np.mean(mean_rates(usual, "Pot1-v0")):.1%}. Random shots pot the ball on '
+        f"{len(runs(pot))} seeds, with its 95% interval. Before the training the rate is {first:.1%}. With as many "
+        f'shots `PPO("MlpPolicy")` reaches {np.mean(mean_rates(usual, "Pot1-v0")):.1%}. Random shots pot the ball on '
         f"{others['Pot1-v0']['random']:.1%} of the layouts, and a search of 200 shots for each layout on "
         f"{others['Pot1-v0']['search:200']:.1%}.",
     }
