@@ -223,7 +223,7 @@ def _solved(measured: Result, others: Mapping[str, Mapping[str, float]]) -> str:
             pairs = zip(line, noisy, strict=True)
             lines.append((f"`{task.removesuffix('-v0')}`", *(" / ".join(filter(None, pair)) for pair in pairs)))
     head = ("task", "state", "best player", f"`{_BEST_OF}`", "`AimPolicy`", "random")
-    return table(head, sorted(lines, key=lambda line: line[1]), left=2)
+    return table(head, sorted(lines, key=lambda line: line[1]))
 
 
 def _line_of(task: str, measured: Result, others: Mapping[str, float]) -> list[str]:

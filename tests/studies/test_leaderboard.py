@@ -62,7 +62,7 @@ def test_players_of_some_tasks_are_ordered_by_these():
 def test_the_player_trained_is_the_best_row_of_its_task():
     pytest.importorskip("torch")
     measured = read_results(learning.OUTPUT)
-    rows = [name for name, one in measured.items() if "Pot1-v0" in one["settings"]["plays"]]
+    rows = [name for name, one in measured.items() if one["runs"] and "Pot1-v0" in one["settings"]["plays"]]
     best = max(rows, key=lambda name: np.mean(learning.mean_rates(measured[name], "Pot1-v0")))
     env = gym.make("Billiards/Pot1-v0")
     observation, _ = env.reset(seed=3)
