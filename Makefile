@@ -92,6 +92,8 @@ errors: $(INSTALLED)  ## compare 1,000 shots of each kind with the 50-digit refe
 results: $(WORKS)  ## train every row of configs/learning.yaml with its seeds, and measure the players (up to five hours; what has results is not measured again)
 	$(WORK)/python -m studies.learning $(SPREAD)
 	$(WORK)/python -m studies.frozen_tasks
+	$(WORK)/python -m billiards_env bench studies.leaderboard:trained --seed 0 1 --force --name AimPolicy --out docs/leaderboard/aim_policy.json
+	$(WORK)/python -m billiards_env bench studies.leaderboard:trained:64 --seed 0 1 --force --name AimPolicy:64 --out docs/leaderboard/aim_policy_64.json
 	$(WORK)/python -m studies.leaderboard
 	$(WORK)/python -m studies.readme
 

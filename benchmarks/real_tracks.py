@@ -2,11 +2,14 @@
 
 It fits the constants of a scene to one file of tracks. With these constants it measures the errors of the shots in
 another file. Without a second file it judges each fifth of the shots with the constants of the other four fifths.
+
+With `--picture FILE` it measures nothing. It draws some shots of the first file with the constants in the JSON file.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import json
 import sys
 import time
 from pathlib import Path
@@ -14,26 +17,35 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import ROOT, machine, parser_of, report, table
+from benchmarks import ROOT, machine, parser_of, report, save, table
 from billiards_env.calibration import Calibration, Track, calibrate, read_tracks
-from billiards_env.calibration.judge import CONTACTS, Judged, together
+from billiards_env.calibration.cleaning import clean, noise_of
+from billiards_env.calibration.frame import Frame
+from billiards_env.calibration.judge import CONTACTS, SCALE, Judged, judge, together
+from billiards_env.calibration.report import drawn
+from billiards_env.calibration.shot import prepare
+from billiards_env.calibration.starts import errors, search
+from billiards_env.drawing.tracks import draw_fit
 from billiards_env.scene import Scene
 from billiards_env.support.commands import ending
 
 PARTS = 5
 
-TARGETS = {
-    "rows_5mm_contact2": ("rows within 5 mm until contact 2", 0.95),
-    "rows_5mm_contact3": ("rows within 5 mm until contact 3", 0.78),
-    "rows_10mm_contact3": ("rows within 10 mm until contact 3", 0.90),
-    "median_mm_contact3": ("median error until contact 3, mm", 2.0),
-    "median_mm_contact4": ("median error until contact 4, mm", 4.0),
-    "predicted_mm_0.5s": ("cue ball 0.5 s after contact 3, mm", 16.0),
-    "predicted_mm_1s": ("cue ball 1 s after contact 3, mm", 32.0),
-    "predicted_mm_2s": ("cue ball 2 s after contact 3, mm", 65.0),
-    "sequence": ("shots with the same contacts until the third cushion", 0.94),
+FIGURES = {
+    "rows_5mm_contact2": ("rows within 5 mm until contact 2", "{:.1%}"),
+    "rows_5mm_contact3": ("rows within 5 mm until contact 3", "{:.1%}"),
+    "rows_10mm_contact3": ("rows within 10 mm until contact 3", "{:.1%}"),
+    "median_mm_contact3": ("median error until contact 3, mm", "{:.3g}"),
+    "median_mm_contact4": ("median error until contact 4, mm", "{:.3g}"),
+    "predicted_mm_0.5s": ("cue ball 0.5 s after contact 3, mm", "{:.3g}"),
+    "predicted_mm_1s": ("cue ball 1 s after contact 3, mm", "{:.3g}"),
+    "predicted_mm_2s": ("cue ball 2 s after contact 3, mm", "{:.3g}"),
+    "sequence": ("shots with the same contacts until the third cushion", "{:.1%}"),
 }
-"""The figures of a judgement and their targets."""
+"""The figures of a judgement: their texts and formats."""
+
+DRAWN, UNTIL = 6, 3
+"""The number of shots in the picture, and the contact of the cue ball until which they are fitted and drawn."""
 
 
 def fit(scene: Scene, tracks: list[Track], laws: tuple[str, ...] = ()) -> Calibration:
@@ -45,15 +57,11 @@ def _say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def measure(
-    scene: Scene, tracks: list[Track], others: list[Track] | None, laws: tuple[str, ...], picture: Path | None = None
-) -> dict[str, Any]:
-    """Fits and judges, writes the picture of the fit, and returns the figures."""
+def measure(scene: Scene, tracks: list[Track], others: list[Track] | None, laws: tuple[str, ...]) -> dict[str, Any]:
+    """Fits and judges, and returns the figures."""
     start = time.process_time()
     result = fit(scene, tracks, laws)
     seconds = time.process_time() - start
-    if picture is not None:
-        result.save(picture)
     if others is not None:
         judged = result.judge(others)
     else:
@@ -85,10 +93,9 @@ def measure(
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
     rows = []
-    for name, (text, target) in TARGETS.items():
-        percent = target < 1.0
-        cells = (result["judged"][name], result["fitted"][name], target)
-        rows.append((text, *("-" if c is None else f"{c:.1%}" if percent else f"{c:.3g}" for c in cells)))
+    for name, (text, form) in FIGURES.items():
+        cells = (result["judged"][name], result["fitted"][name])
+        rows.append((text, *("-" if figure is None else form.format(figure) for figure in cells)))
     numbers = [
         (f"`{name}`", f"{value:.4g}", "{:.4g} to {:.4g}".format(*result["intervals_95"][name]))
         for name, value in result["values"].items()
@@ -105,10 +112,38 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "summary": f"Until the second contact of the cue ball, {result['judged']['rows_5mm_contact2']:.0%} of the "
         f"recorded positions of {result['judged_shots']} shots are within 5 mm of the computed path. For each shot the "
         f"constants of the model are fitted to {fitted} other shots. Only the start is fitted to the shot itself.",
-        "judged": table(("", "judged shots", "fitted shots", "target"), rows),
+        "judged": table(("", "judged shots", "fitted shots"), rows),
         "numbers": table(("constant", "fitted", "95% interval"), numbers),
         **({"laws": table(("law of cushions", "loss over the least"), laws)} if laws else {}),
     }
+
+
+def draw(result: dict[str, Any], scene: Scene, tracks: list[Track], path: Path) -> None:
+    """Draws shots at equal distances in a file, and the distribution of the errors of all its shots.
+
+    Args:
+        result: What `measure` returned for these tracks.
+        scene: The scene of the measurement.
+        tracks: The tracks.
+        path: The file of the picture.
+    """
+    length, width = result["table"]
+    scene = dataclasses.replace(
+        scene,
+        physics=dataclasses.replace(scene.physics, cushion=result["cushion"], **result["values"]),
+        table=dataclasses.replace(scene.table, length=length, width=width),
+    )
+    offset, scale, angle = result["frame"].values()
+    frame = Frame(tuple(offset), tuple(scale), angle)
+    tracks = [frame.apply(track) for track in clean(tracks)[0]]
+    noise = noise_of(tracks)
+    shots = [prepare(scene, track, noise) for track in tracks]
+    panels = {}
+    for shot in shots[:: -(-len(shots) // DRAWN)]:
+        fitted = search(scene, shot.wide(UNTIL, SCALE))
+        off = np.hypot(*errors(scene, fitted)[fitted.used & fitted.moving].T)
+        panels[f"shot {shot.track.name}, median error {1e3 * np.median(off):.1f} mm"] = drawn(scene, fitted)
+    save(draw_fit(panels, judge(scene, shots).errors), path)
 
 
 @ending()
@@ -121,15 +156,18 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--judge", type=Path, help="other shots on the same table (default: cross-validation)")
     parser.add_argument("--scene", default="match_carom", help="the scene (default: %(default)s)")
     parser.add_argument("--cushion", help="the law of the cushions (default: that of the scene)")
-    parser.add_argument("--picture", type=Path, help="a file for the picture of the fit, such as fit.png")
+    parser.add_argument("--picture", type=Path, help="draw this file with the constants in the JSON file, and stop")
     parser.add_argument("--laws", nargs="*", default=[], metavar="LAW", help="laws of cushions to compare")
     args = parser.parse_args(arguments)
     tracks = read_tracks(args.fit)
     scene = Scene.named(args.scene, max(int(track.balls.max()) for track in tracks))
     if args.cushion is not None:
         scene = dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, cushion=args.cushion))
+    if args.picture is not None:
+        draw(json.loads(args.output.read_text(encoding="utf-8")), scene, tracks, args.picture)
+        return
     others = None if args.judge is None else read_tracks(args.judge)
-    report(measure(scene, tracks, others, tuple(args.laws), args.picture), blocks, args.output)
+    report(measure(scene, tracks, others, tuple(args.laws)), blocks, args.output)
 
 
 if __name__ == "__main__":

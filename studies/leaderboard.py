@@ -2,6 +2,10 @@
 
 An entry is a file of `billiards bench` with the public layouts and the layouts of a second seed, `SEEDS`. The results
 are in `studies/results/leaderboard.json`.
+
+The player `studies.leaderboard:trained` is the best row of `configs/learning.yaml` in each task, the policy of the
+first seed; `studies.leaderboard:trained:64` is the best of 64 actions that it proposes. `make results` writes their
+entries.
 """
 
 from __future__ import annotations
@@ -14,20 +18,35 @@ import numpy as np
 
 from benchmarks import ROOT, new_figure, run_command, save, table
 from billiards_env.bench import benchmark as bench
-from billiards_env.bench.frozen import BENCH_TASKS
+from billiards_env.bench.frozen import BENCH_TASKS, NAMESPACE
+from billiards_env.games import Setup
+from billiards_env.players.named import PlayerEntry, Where, find_player, register_player
+from billiards_env.players.situation import Player
 from billiards_env.support.intervals import interquartile_mean
+from studies import learning, read_results
 
 FOLDER = ROOT / "docs" / "leaderboard"
 
 SEEDS = (bench.SEED, 1)
 """The seeds of an entry: the seed of the public layouts and one more, because a player may be fitted to those."""
 
-RUN = ("aim", "geometric", "planner_300", "ppo_points", "random", "search_200")
+RUN = ("aim", "aim_policy", "aim_policy_64", "geometric", "planner_300", "ppo_points", "random", "search_200")
 """The files whose players the maintainers have run. Of the other files only the actions were replayed."""
 
 
+def _trained(argument: str, where: Where) -> Player:
+    """Returns the best row of `configs/learning.yaml` in the task of an environment; see `policy_player.policy`."""
+    assert not isinstance(where, Setup)
+    assert where.spec is not None
+    row = learning.best_row(read_results(learning.OUTPUT), where.spec.id.removeprefix(NAMESPACE))
+    return find_player(f"policy:{learning.OUTPUT.parent / 'policies' / str(row)}:{argument}", where)
+
+
+register_player("trained", PlayerEntry(_trained, argument="1"))
+
+
 def entries(folder: Path, read: Callable[[Path], bench.Bench] = bench.verify) -> dict[str, Any]:
-    """Returns the scores of all files of a folder: by name of the file, `player`, `scores` by task and `checked`.
+    """Returns the scores of the files of a folder: by name of the file, `player`, `run` (see `RUN`), `scores` by task.
 
     Args:
         folder: The folder.
@@ -48,26 +67,23 @@ def entries(folder: Path, read: Callable[[Path], bench.Bench] = bench.verify) ->
                     f"{', '.join(BENCH_TASKS)}, each with the seeds {' and '.join(map(str, SEEDS))}"
                 )
             scores[task] = bench.score(results)
-        checked = "player run by the maintainers" if path.stem in RUN else "replayed only"
-        checked_entries[path.stem] = {"player": one.player, "checked": checked, "scores": scores}
+        checked_entries[path.stem] = {"player": one.player, "run": path.stem in RUN, "scores": scores}
     return checked_entries
 
 
 def aggregate(scores: Mapping[str, Any]) -> float | None:
-    """Returns the interquartile mean of the normalised scores; None unless all tasks have one."""
-    normalised = [scores.get(task, {}).get("normalised") for task in BENCH_TASKS]
-    return None if None in normalised else interquartile_mean(np.array(normalised))
+    """Returns the interquartile mean of the normalised scores; None unless the player plays all tasks."""
+    return _mean(scores) if set(BENCH_TASKS) <= set(scores) else None
+
+
+def _mean(scores: Mapping[str, Any]) -> float:
+    """Returns the interquartile mean of the normalised scores in the tasks that a player plays."""
+    return float(interquartile_mean([score["normalised"] for score in scores.values()]))
 
 
 def _ordered(entries: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Returns the entries by their aggregate; without one by the mean score, in which a missing task counts 0."""
-
-    def key(entry: Mapping[str, Any]) -> float:
-        total = aggregate(entry["scores"])
-        known = sum(score["normalised"] or 0.0 for score in entry["scores"].values())
-        return known / len(BENCH_TASKS) if total is None else total
-
-    return sorted(entries.values(), key=key, reverse=True)
+    """Returns the entries by their success in the tasks that they play, the best first."""
+    return sorted(entries.values(), key=lambda entry: _mean(entry["scores"]), reverse=True)
 
 
 def blocks(entries: Mapping[str, Any]) -> dict[str, str]:
@@ -75,9 +91,11 @@ def blocks(entries: Mapping[str, Any]) -> dict[str, str]:
     rows = []
     for entry in _ordered(entries):
         scores, total = entry["scores"], aggregate(entry["scores"])
+        name = f"`{entry['player']}`" + ("" if entry["run"] else " (replayed only)")
         cells = (f"{scores[task]['success']:.1%}" if task in scores else "-" for task in BENCH_TASKS)
-        rows.append((entry["player"], "-" if total is None else f"{total:.3f}", *cells, entry["checked"]))
-    return {"table": table(("player", "aggregate", *BENCH_TASKS, "checked"), rows)}
+        rows.append((name, "-" if total is None else f"{total:.3f}", *cells))
+    heads = (task.removesuffix("-v0") for task in BENCH_TASKS)
+    return {"table": table(("player", "aggregate", *heads), rows)}
 
 
 def draw(entries: Mapping[str, Any], folder: Path) -> None:

@@ -47,8 +47,18 @@ LAYOUTS = bench.EPISODES
 PLAYERS = ("random", "search:200", "planner:300")
 """The players without training beside the policies. `studies.frozen_tasks` measures them."""
 
+LINES: dict[str, dict[str, Any]] = {
+    "random": {"color": "0.5", "linestyle": ":"},
+    "search:200": {"color": "0.2", "linestyle": "--"},
+    "planner:300": {"color": "C4", "linestyle": "-."},
+    "aim": {"color": "C3", "linestyle": (0, (1, 1))},
+}
+"""The lines of the players without training in the picture."""
+
 PROPOSALS = (1, 16, 64)
 """The numbers of simulated proposals of the player "policy"; 1 for the policy alone."""
+
+_BEST_OF = f"AimPolicy:{PROPOSALS[-1]}"
 
 Result = Mapping[str, Any]
 
@@ -191,48 +201,66 @@ def blocks(measured: Result) -> dict[str, str]:
         "table": table(head, lines, left=2),
         "proposals": _proposals(measured, others),
         "solved": _solved(measured, others),
-        "summary": f"The training takes at most {max(run['curve'][-1][1] for run in runs(pot)):.0f} s on one core. The "
-        f"policy then pots the ball on {as_percent(over_seeds(mean_rates(pot, 'Pot1-v0')))} of new layouts (mean of "
-        f"{len(runs(pot))} seeds, 95% interval), up from {first:.1%} before the training. With as many shots "
-        f'`PPO("MlpPolicy")` reaches {np.mean(mean_rates(usual, "Pot1-v0")):.1%}. Random shots pot '
-        f"{others['Pot1-v0']['random']:.1%}, and a search of 200 shots for each layout "
+        "summary": f"After at most {max(run['curve'][-1][1] for run in runs(pot)):.0f} s of training on one core, the "
+        f"policy pots the ball on {as_percent(over_seeds(mean_rates(pot, 'Pot1-v0')))} of new layouts: the mean over "
+        f"{len(runs(pot))} seeds, with its 95% interval. Before the training the rate is {first:.1%}. With as many "
+        f'shots `PPO("MlpPolicy")` reaches {np.mean(mean_rates(usual, "Pot1-v0")):.1%}. Random shots pot the ball on '
+        f"{others['Pot1-v0']['random']:.1%} of the layouts, and a search of 200 shots for each layout on "
         f"{others['Pot1-v0']['search:200']:.1%}.",
     }
 
 
 def _solved(measured: Result, others: Mapping[str, Mapping[str, float]]) -> str:
-    """Returns the table "solved and open": the best policy of each task beside the best players without training.
+    """Returns the table "solved and open": the best player of each task, beside `AimPolicy`.
 
-    A cell has the success without noise, and with noise where it was measured.
+    The open tasks come first. A cell has the values without noise, and with noise where they were measured.
     """
-    cells = {task: line for task in others if (line := _line_of(task, measured, others))}
+    cells = {task: line for task in others if (line := _line_of(task, measured, others[task]))}
     lines = []
     for task, line in cells.items():
         if "Noise" not in task:
             noisy = cells.get(task.replace("-v0", "Noise-v0"), [""] * len(line))
             pairs = zip(line, noisy, strict=True)
             lines.append((f"`{task.removesuffix('-v0')}`", *(" / ".join(filter(None, pair)) for pair in pairs)))
-    counts = (f"of {count}" for count in PROPOSALS[1:])
-    head = ("task", "random", '`PPO("MlpPolicy")`', "`AimPolicy`", *counts, "best without training")
-    return table(head, lines)
+    head = ("task", "state", "best player", f"`{_BEST_OF}`", "`AimPolicy`", "random")
+    return table(head, sorted(lines, key=lambda line: line[1]))
 
 
-def _line_of(task: str, measured: Result, others: Mapping[str, Mapping[str, float]]) -> list[str]:
-    """Returns the cells of a task; none if no row but those of the usual policy has proposals in it."""
-    rows = [one for one in measured.values() if task in one.get("proposals", {})]
-    usual = [one for one in rows if one["settings"].get("policy", {}).get("head") == "gaussian"]
-    ours = sorted((one for one in rows if one not in usual), key=lambda one: _alone(one, task))
-    if not ours:
+def _line_of(task: str, measured: Result, others: Mapping[str, float]) -> list[str]:
+    """Returns the cells of a task; none if no row of `AimPolicy` has proposals in it."""
+    name = best_row(measured, task)
+    if name is None:
         return []
-    alone = "".join(f"{_alone(one, task):.1%}" for one in usual[:1])
-    best = ours[-1]
-    return [
-        f"{others[task]['random']:.1%}",
-        alone,
-        f"{_alone(best, task):.1%}",
-        *_of_proposals(best, task),
-        _rival(others[task]),
-    ]
+    alone, of_many = _alone(measured[name], task), measured[name]["proposals"][task][str(PROPOSALS[-1])]["success"]
+    rates = {**others, "AimPolicy": alone, _BEST_OF: of_many}
+    best = max(rates, key=lambda player: rates[player])
+    state = "solved" if _is_solved(task, max(alone, of_many)) else "open"
+    return [state, f"{rates[best]:.1%} (`{best}`)", f"{of_many:.1%}", f"{alone:.1%}", f"{others['random']:.1%}"]
+
+
+def _is_solved(task: str, learned: float) -> bool:
+    """Returns whether a player reaches the threshold of a task.
+
+    The success of a policy, as `share_of`, gives its mean return if each shot has a point or none, or if an episode is
+    one shot (apart from scratches).
+    """
+    frozen = FROZEN[task]
+    returns = [one["return"] for one in read_results(frozen_tasks.OUTPUT)[task]["players"].values()]
+    shots = frozen.arguments["max_shots"]
+    if shots == 1 or task.startswith("SumToThree"):
+        returns.append(shots * learned)
+    return max(returns) >= frozen.threshold
+
+
+def best_row(measured: Result, task: str) -> str | None:
+    """Returns the row of `AimPolicy` with the most success in a task, without proposals; None if none plays it."""
+    names = [name for name, one in measured.items() if task in one.get("proposals", {}) and not _is_usual(one)]
+    return max(names, key=lambda name: _alone(measured[name], task), default=None)
+
+
+def _is_usual(result: Result) -> bool:
+    """Returns whether a row has the usual policy of Stable-Baselines3."""
+    return result["settings"].get("policy", {}).get("head") == "gaussian"
 
 
 def _alone(result: Result, task: str) -> float:
@@ -263,26 +291,39 @@ def _proposals(measured: Result, others: Mapping[str, Mapping[str, float]]) -> s
     return table(head, lines, left=2)
 
 
-def _rival(known: Mapping[str, float]) -> str:
-    """Returns the success and the name of the best player without training, but not of random shots."""
-    name = max((name for name in known if name != "random"), key=lambda name: known[name])
-    return f"{known[name]:.1%} (`{name}`)"
-
-
 def draw(measured: Result, folder: Path) -> None:
-    """Draws the learning curves of the rows, in their first tasks: the mean over the seeds and, thin, each seed."""
-    figure = new_figure(9, 4.6)
-    axes = figure.add_subplot()
-    for k, (name, result) in enumerate((name, row) for name, row in measured.items() if row["runs"]):
-        task = result["settings"]["plays"][0]
-        curves = np.array([[share_of(task, *point[3:5]) for point in run["curve"]] for run in runs(result)])
-        steps = np.array([point[0] for point in runs(result)[0]["curve"]]) / 1e6
-        style: dict[str, Any] = {"color": f"C{k % 10}", "linestyle": "-" if k < 10 else "--"}
-        axes.plot(steps, 100 * curves.mean(0), linewidth=2, label=name, **style)
-        axes.plot(steps, 100 * curves.T, linewidth=0.5, alpha=0.6, **style)
-    axes.set(xlabel="million shots", ylabel="success on new layouts (%)", ylim=(0, 102))
-    axes.grid(alpha=0.3)
-    figure.legend(loc="outside right upper", fontsize=9, frameon=False)
+    """Draws the learning curves of the rows, one panel for each task, beside the players without training.
+
+    A curve is the mean over the seeds and, thin, each seed. A row is in the panel of its first task.
+    """
+    rows_of: dict[str, list[str]] = {}
+    for name, result in measured.items():
+        if result["runs"]:
+            rows_of.setdefault(result["settings"]["plays"][0], []).append(name)
+    across = min(4, len(rows_of))
+    down = -(-len(rows_of) // across)
+    figure = new_figure(2.5 * across, 2.1 * down + 0.4)
+    panels = figure.subplots(down, across, sharey=True, squeeze=False).ravel()
+    others, lines = players(), {}
+    for axes, (task, names) in zip(panels, rows_of.items(), strict=False):
+        for k, name in enumerate(names):
+            one = runs(measured[name])
+            curves = 100 * np.array([[share_of(task, *point[3:5]) for point in run["curve"]] for run in one])
+            steps = np.array([point[0] for point in one[0]["curve"]]) / 1e6
+            axes.plot(steps, curves.mean(0), color=f"C{k}", linewidth=2, label=name)
+            axes.plot(steps, curves.T, color=f"C{k}", linewidth=0.5, alpha=0.6)
+        for player, style in LINES.items():
+            if player in others[task]:
+                lines[player] = axes.axhline(100 * others[task][player], linewidth=1.2, **style)
+        axes.set_title(task.removesuffix("-v0"), fontsize=10)
+        axes.set(xlim=(0, None), ylim=(0, 105))
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=7.5, frameon=False, handlelength=1.2)
+    for axes in panels[len(rows_of) :]:
+        axes.axis("off")
+    figure.supxlabel("million shots", fontsize=10)
+    figure.supylabel("success on new layouts (%)", fontsize=10)
+    figure.legend(lines.values(), lines, loc="outside upper center", ncols=len(lines), fontsize=9, frameon=False)
     save(figure, folder / "learning.png")
 
 

@@ -16,7 +16,7 @@ from billiards_env.calibration.fit import bounds_of, half_widths
 from billiards_env.calibration.frame import Frame
 from billiards_env.calibration.judge import CONTACTS, Judged, Problem, judge
 from billiards_env.calibration.shot import INSTANT, PLACES, SPIN, VELOCITY, Shot, prepare
-from billiards_env.calibration.starts import errors, simulated
+from billiards_env.calibration.starts import errors, run, simulated
 from billiards_env.calibration.tracks import Bools, Floats, Track, check_tracks
 from billiards_env.scene import PARAMETERS, Scene
 from billiards_env.shots.result import ShotResult
@@ -25,6 +25,8 @@ from billiards_env.support.files import check_path, replacing, write_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from billiards_env.drawing.recording import Recording
 
 SUFFIXES = (".json", ".png", ".svg", ".pdf")
 """Suffixes of the files that `Calibration.save` writes."""
@@ -206,7 +208,7 @@ class Calibration:
         """Draws tracks and paths of shots, and the errors until each contact (extra `plot`).
 
         The shots with the largest root mean square errors come first, then the shots around the median. The titles show
-        the errors.
+        the errors. A shot is drawn until its last row that is fitted.
 
         Raises:
             ModuleNotFoundError: If matplotlib is not installed.
@@ -214,14 +216,13 @@ class Calibration:
         from billiards_env.drawing.tracks import draw_fit
 
         rms = np.nan_to_num(self.rms)
-        tracks = self.tracks
-        fitted = self.fitted
-        shots = {}
         order = np.argsort(-rms, kind="stable")
         half = _DRAWN // 2
         middle = max(len(order) // 2, half)
-        for k in (*order[:half], *order[middle : middle + half]):
-            shots[f"{tracks[k].name}, {1000 * rms[k]:.1f} mm"] = tracks[k], fitted[k], self.shot(k).recording()
+        shots = {
+            f"shot {self.shots[k].track.name}, {1000 * rms[k]:.1f} mm": drawn(self.scene, self.shots[k])
+            for k in (*order[:half], *order[middle : middle + half])
+        }
         return draw_fit(shots, self.judged.errors)
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -240,7 +241,13 @@ class Calibration:
             write_json(target, self.to_dict())
         else:
             with replacing(target) as temporary:
-                self.plot().savefig(temporary, dpi=150)
+                self.plot().savefig(temporary)
+
+
+def drawn(scene: Scene, shot: Shot) -> tuple[Track, Bools, Recording]:
+    """Returns the rows of a shot until the last fitted one, whether each is fitted, and the path, for `draw_fit`."""
+    seen = ~shot.added & (shot.time <= shot.time.max(initial=0.0, where=shot.used))
+    return shot.track.rows(seen), shot.used[seen], run(scene, shot.starts, shot)[0].recording()
 
 
 def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:

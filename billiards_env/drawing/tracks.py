@@ -28,7 +28,7 @@ def draw_fit(shots: Mapping[str, tuple[Any, NDArray[np.bool_], Recording]], erro
     """Draws the fit of tracks, see `calibration.tracks.Track`.
 
     Args:
-        shots: The track, the rows that are fitted and the fitted shot of each shot that is drawn, by its name.
+        shots: The track, the rows that are fitted and the fitted shot of each shot that is drawn, by its title.
         errors: The errors of the rows until each contact of the cue ball, m.
 
     Returns:
@@ -36,19 +36,20 @@ def draw_fit(shots: Mapping[str, tuple[Any, NDArray[np.bool_], Recording]], erro
     """
     across = min(3, len(shots))
     down = math.ceil(len(shots) / across)
-    figure = Figure(figsize=(9.0, 9.0 / across * 0.6 * down + 3.4), layout="constrained")
+    figure = Figure(figsize=(9.0, 9.0 / across * 0.6 * down + 3.4), dpi=150, layout="constrained")
     halves: Any = figure.subfigures(2, 1, height_ratios=(9.0 / across * 0.6 * down, 3.4))
     above, below = halves
     panels = above.subplots(down, across, squeeze=False).ravel()
-    for ax, (name, (track, used, recording)) in zip(panels, shots.items(), strict=False):
+    for ax, (title, (track, used, recording)) in zip(panels, shots.items(), strict=False):
         _draw_shot(ax, track, used, recording)
-        ax.set_title(f"shot {name}", fontsize=9, pad=3)
+        ax.set_title(title, fontsize=9, pad=3)
     for ax in panels[len(shots) :]:
         ax.axis("off")
     ax = below.subplots()
     ax.set_xlabel("error of a row, mm")
     ax.set_ylabel("share of the rows")
     ax.set_xscale("log")
+    ax.xaxis.set_major_formatter("{x:g}")
     for (contact, off), colour in zip(errors.items(), ("#0072b2", "#009e73", "#e69f00", "#d55e00"), strict=True):
         if len(off):
             sizes = np.sort(np.maximum(1e3 * off, 0.01))

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import comparison, metres, simulators, simulators_worker
+from benchmarks import comparison, metres, results_file, simulators, simulators_worker
 from billiards_env.scene import Physics, Scene
 
 ECHO = """
@@ -82,6 +82,22 @@ def test_the_engine_is_exact_and_simulators_that_are_missing_are_left_out(tmp_pa
         (laws, "billiards-env") for laws in comparison.LAWS
     ]
     assert all(row[kind]["median_error_m"] < 1e-9 for row in written["rows"] for kind in comparison.KINDS)
+
+
+def test_the_front_page_shows_what_was_measured():
+    result = json.loads(results_file("benchmarks.comparison").read_text(encoding="utf-8"))
+    lines = comparison.blocks(result)["why"].splitlines()[:5]
+    heads, _, rates, errors, lacks = ([cell.strip() for cell in line[2:-2].split(" | ")] for line in lines)
+    assert [head.split()[0] for head in heads[1:]] == list(comparison.LACKS)
+    assert lacks[1:] == list(comparison.LACKS.values())
+    cells = {(row["laws"], row["simulator"], row["method"]): row["1 object ball"] for row in result["rows"]}
+    pooltool = cells["friction and spin", "pooltool", "event-driven"]
+    assert float(rates[2]) == pytest.approx(1e6 / pooltool["us"], rel=0.05)
+    assert errors[2] == metres(pooltool["median_error_m"])
+    slow = cells["elastic disks", "pymunk", "timestep 1/1920 s"]
+    assert float(rates[3].split(" or ")[1]) == pytest.approx(1e6 / slow["us"], rel=0.05)
+    del result["versions"]["pymunk"]
+    assert "why" not in comparison.blocks(result)
 
 
 def test_pymunk_is_compared(monkeypatch):

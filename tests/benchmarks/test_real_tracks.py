@@ -1,11 +1,16 @@
-"""The benchmark of real tracks fits one file and judges another, or each fifth of the first."""
+"""The benchmark of real tracks fits one file and judges another, or each fifth of the first, and draws shots."""
 
 import json
+import re
 
 import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib")
 
 from benchmarks import real_tracks
 from billiards_env.calibration import calibrate, starts, write_tracks
+from billiards_env.drawing.tracks import draw_fit
 from tests.helpers.tracks import FRAME, SCENE, raw_tracks
 
 
@@ -25,9 +30,23 @@ def test_figures_are_printed_and_written(tmp_path, monkeypatch, capsys):
     for judge in ([], ["--judge", str(source)]):
         real_tracks.main([str(source), *judge, "--scene", "carom", "--output", str(path)])
         written = json.loads(path.read_text())
-        assert list(written["judged"]) == list(real_tracks.TARGETS)
+        assert list(written["judged"]) == list(real_tracks.FIGURES)
         assert written["judged"]["rows_5mm_contact2"] > 0.9
         assert written["judged_shots"] == written["shots"] == 3
         assert np.isfinite(written["values"]["mu_slide"])
         assert "rows within 5 mm until contact 2" in capsys.readouterr().out
     assert fitted == [3, 2, 2, 2, 3]
+
+    panels = {}
+    monkeypatch.setattr(real_tracks, "DRAWN", 2)
+    monkeypatch.setattr(real_tracks, "UNTIL", 1)
+    monkeypatch.setattr(real_tracks, "draw_fit", lambda shots, errors: panels.update(shots) or draw_fit(shots, errors))
+    picture = tmp_path / "fit.png"
+    real_tracks.main([str(source), "--scene", "carom", "--output", str(path), "--picture", str(picture)])
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert fitted == [3, 2, 2, 2, 3]  # the picture needs no fit of the constants
+    for (title, (track, used, recording)), k in zip(panels.items(), (0, 2), strict=True):
+        assert float(re.findall(r"median error (.*) mm", title)[0]) < 2.0
+        assert used.all()  # no row after the contact is drawn
+        assert track.times.max() < tracks[k].times.max()
+        assert np.isin(recording.events["kind"], ("ball_ball", "cushion")).sum() <= 1

@@ -63,7 +63,8 @@ def test_the_text_about_a_task_fits_it():
 LEARNED = [
     ("Pot3Noise-v0", "three_balls"),  # trained without noise
     ("EightBall-v0", None),
-    ("ThreeCushion-v0", "three_cushion"),
+    ("Carom-v0", "carom"),
+    ("ThreeCushion-v0", "AimPolicy:64"),  # of the leaderboard
 ]
 
 

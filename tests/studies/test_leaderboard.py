@@ -2,13 +2,17 @@
 
 import json
 
+import gymnasium as gym
+import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib")
 
 from billiards_env.bench import benchmark as bench
 from billiards_env.bench.frozen import BENCH_TASKS
-from studies import RESULTS, leaderboard
+from billiards_env.players.env_player import acting
+from billiards_env.players.named import find_player
+from studies import RESULTS, leaderboard, learning, read_results
 from studies.leaderboard import blocks, entries, main
 
 FILES = sorted(leaderboard.FOLDER.glob("*.json"))
@@ -19,8 +23,9 @@ def test_the_page_is_that_of_the_files():
     data = json.loads(json.dumps(entries(leaderboard.FOLDER, bench.load)))
     assert data == json.loads((RESULTS / "leaderboard.json").read_text(encoding="utf-8"))
     assert {"random", "geometric", "search_200"} <= set(data)
-    assert {name for name in data if data[name]["checked"] == "player run by the maintainers"} == set(leaderboard.RUN)
-    assert sum(path.stat().st_size for path in FILES) < 1.5e6
+    assert {name for name in data if data[name]["run"]} == set(leaderboard.RUN)
+    assert all(set(data[name]["scores"]) == set(BENCH_TASKS) for name in ("aim_policy", "aim_policy_64"))
+    assert sum(path.stat().st_size for path in FILES) < 2e6
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
@@ -36,6 +41,36 @@ def test_all_files_are_accepted():
     assert entries(leaderboard.FOLDER) == entries(leaderboard.FOLDER, bench.load)
 
 
+def test_players_of_some_tasks_are_ordered_by_these():
+    shares = {"weak": [0.1] * 5, "strong": [0.9] * 5, "some": [1.0, 0.6]}
+    data = {
+        name: {
+            "player": name,
+            "run": True,
+            "scores": {task: {"normalised": x, "success": x} for task, x in zip(BENCH_TASKS, own, strict=False)},
+        }
+        for name, own in shares.items()
+    }
+    rows = [row.strip("| ").split() for row in blocks(data)["table"].splitlines()[2:]]
+    assert [(row[0], row[2], row.count("-")) for row in rows] == [
+        ("`strong`", "0.900", 0),
+        ("`some`", "-", 4),
+        ("`weak`", "0.100", 0),
+    ]
+
+
+def test_the_player_trained_is_the_best_row_of_its_task():
+    pytest.importorskip("torch")
+    measured = read_results(learning.OUTPUT)
+    rows = [name for name, one in measured.items() if one["runs"] and "Pot1-v0" in one["settings"]["plays"]]
+    best = max(rows, key=lambda name: np.mean(learning.mean_rates(measured[name], "Pot1-v0")))
+    env = gym.make("Billiards/Pot1-v0")
+    observation, _ = env.reset(seed=3)
+    names = "studies.leaderboard:trained", f"policy:{learning.OUTPUT.parent / 'policies' / best}"
+    mine, other = (acting(find_player(name, env), env, seed=0)(observation) for name in names)
+    assert (mine == other).all()
+
+
 def test_the_command_verifies_and_writes(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(bench, "EPISODES", 6)
     scale = {"players": {"random": {"return": -0.05}, "search:200": {"return": 1.0}}}
@@ -49,11 +84,8 @@ def test_the_command_verifies_and_writes(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "leaderboard.png").read_bytes().startswith(b"\x89PNG")
     content = json.loads(output.read_text())
     rows = blocks(content)["table"].splitlines()[2:]
-    names = [row.split(" | ")[0].strip("| ") for row in rows]
-    assert names == ["geometric", "search:20", "random"]  # the second one has no aggregate
-    assert rows[1].count(" - ") == len(BENCH_TASKS)
-    marks = [row.split(" | ")[-1].strip(" |") for row in rows]
-    assert marks == ["player run by the maintainers", "replayed only", "player run by the maintainers"]
+    names = {row.split(" | ")[0].strip("| ") for row in rows}
+    assert names == {"`geometric`", "`search:20` (replayed only)", "`random`"}
     assert blocks(content)["table"] in capsys.readouterr().out
 
     bench.save(folder / "other.json", bench.play("random", BENCH_TASKS[:1], (0,)))

@@ -9,9 +9,10 @@ import yaml
 
 from agents import config as settings
 from billiards_env.bench.evaluation import evaluation_seeds, play_episodes
+from billiards_env.bench.frozen import FROZEN
 from billiards_env.players.env_player import acting
 from billiards_env.players.named import find_player
-from studies import learning
+from studies import learning, read_results
 from studies.learning import blocks, main
 from tests.helpers.processes import InThisProcess
 
@@ -80,3 +81,20 @@ def test_the_command_trains_what_has_no_results(command, tmp_path, capsys):
     changed = {**ROWS, "rows": {**ROWS["rows"], "pot": {**ROWS["rows"]["pot"], "timesteps": 64}}}
     with pytest.raises(SystemExit, match="expected a run of the same settings, but timesteps is 128, not 64"):
         command(changed)
+
+
+def test_open_tasks_come_first_and_the_best_player_is_named():
+    cells = [
+        [cell.strip() for cell in row.strip("| ").split(" | ")]
+        for row in blocks(read_results(learning.OUTPUT))["solved"].splitlines()[2:]
+    ]
+    states = [state for _, state, *_ in cells]
+    assert states == sorted(states)
+    for _, _, best, of_many, alone, random in cells:
+        for highest, *others in zip(*(cell.split(" / ") for cell in (best, of_many, alone, random)), strict=True):
+            rate, name = highest.strip("`)").split("% (`")
+            assert float(rate) >= max(float(other.strip("%")) for other in others)
+            assert (float(rate) == float(others[0].strip("%"))) >= (name == "AimPolicy:64")
+    threshold = FROZEN["Place-v0"].threshold
+    assert [learning._is_solved("Place-v0", threshold + change) for change in (-0.01, 0.01)] == [False, True]
+    assert learning._is_solved("Pot3-v0", 0.0)  # by the planner
