@@ -190,15 +190,18 @@ def blocks(measured: Result) -> dict[str, str]:
     for name, task, result in policies(measured):
         rates, curve = mean_rates(result, task), runs(result)[0]["curve"]
         seconds = np.mean([run["curve"][-1][1] for run in runs(result)])
-        numbers = (f"{curve[-1][0] / 1e6:.1f}", f"{seconds:.0f} s", str(len(rates)), as_percent(over_seeds(rates)))
+        shots, learner = curve[-1][0], result["settings"].get("learner", "ppo")
+        cost = (f"{shots / 1e6:.1f}", f"{seconds:.0f} s", f"{shots / seconds / 1e3:,.0f},000")
+        numbers = (learner, *cost, str(len(rates)), as_percent(over_seeds(rates)))
         cells = (f"{others[task][player]:.1%}" if player in others[task] else "" for player in PLAYERS)
         lines.append((f"`{name}`", f"`{task.removesuffix('-v0')}`", *numbers, *cells))
-    head = ("row", "task", "million shots", "processor time", "seeds", "success", *(f"`{name}`" for name in PLAYERS))
+    what = ("row", "task", "learner", "million shots", "processor time", "shots a second", "seeds", "success")
+    head = (*what, *(f"`{name}`" for name in PLAYERS))
     pot, usual = measured["pot"], measured["pot_mlp"]
     first = np.mean([run["curve"][0][3] for run in runs(pot)])
     return {
         "machine": machine_line(runs(pot)[0]["machine"]),
-        "table": table(head, lines, left=2),
+        "table": table(head, lines, left=3),
         "proposals": _proposals(measured, others),
         "solved": _solved(measured, others),
         "summary": f"After at most {max(run['curve'][-1][1] for run in runs(pot)):.0f} s of training on one core, the "
