@@ -1,7 +1,9 @@
 """The rules of carom games.
 
-"UMB" is the World Rules of Carom Billiard of the Union Mondiale de Billard (1989). A game has no equalising inning.
-When the turn changes, the two cue balls are swapped, so with two players each player has one cue ball.
+"UMB" is the World Rules of Carom Billiard of the Union Mondiale de Billard, edition of 1 January 1989 (a copy is on
+3cushionbilliards.com). The text of article 27 and of paper F, on balls in contact, was not available: their content is
+that of secondary sources, the house rules of New Mexico Tech (infohost.nmt.edu/~billiard). A game has no equalising
+inning. When the turn changes, the two cue balls are swapped, so with two players each player has one cue ball.
 """
 
 from __future__ import annotations
@@ -9,8 +11,10 @@ from __future__ import annotations
 import functools
 
 from billiards_env.games.entry import Game, no_spots
-from billiards_env.games.game_state import end, verdict
+from billiards_env.games.game_state import PUSH, RERACK, end, verdict
+from billiards_env.games.placement import overlaps, touching_balls
 from billiards_env.jit import inlined
+from billiards_env.physics.state import X, Y
 
 RED = 1 << 1
 CUSHIONS_TO_TOUCH = 3
@@ -38,6 +42,9 @@ def carom(state, facts, call):
 
     The shooter scores a point and continues if the cue ball touches both other balls. The opening shot must first touch
     the red ball, number 1. The game is over when a player reaches the target score.
+
+    If the cue ball touches a ball at the start of a shot, the player plays away from it, or has the balls set up again
+    (27). It is a foul to touch such a ball first without a cushion before, and it scores nothing.
     """
     return _carom(state, facts, 0)
 
@@ -50,11 +57,56 @@ def three_cushion(state, facts, call):
 
 @inlined
 def _carom(state, facts, cushions):
+    if facts.first & state.touching != 0 and facts.cushions_before_first == 0:
+        return verdict(PUSH)
     if not is_carom(facts, 2, cushions) or facts.first & red_to_open(state, state.player) == 0:
         return verdict()
     if 0 < state.target <= state.scores[state.player] + 1:
         end(state, state.player)
     return verdict(points=1, continues=True)
+
+
+@inlined
+def look(table, positions, state):
+    """Finds the balls that touch the cue ball. The player may then have the balls set up again (UMB, art. 27)."""
+    state.touching = touching_balls(table, positions, state)
+    if state.touching != 0:
+        state.choices |= 1 << RERACK
+
+
+@inlined
+def starting_position(table, positions, state):
+    """Sets up the balls as for the opening shot (UMB, art. 23 and 27), as `Game.rerack`."""
+    cue, other = state.cue_balls
+    for ball, spot in ((cue, 0), (1, 1), (other, 2)):
+        positions[ball, X], positions[ball, Y] = table.spots[spot, X], table.spots[spot, Y]
+
+
+@inlined
+def touching_on_spots(table, positions, state):
+    """Sets up the cue ball and the balls that touch it on the spots of three-cushion carom (UMB, paper F).
+
+    The spots are the foot spot for the red ball, the head spot for the cue ball and the centre spot for the other ball.
+    If a ball that stays blocks a spot, the ball is placed on the spot of the one that blocks it.
+    """
+    cue, other = state.cue_balls
+    moved = state.touching | 1 << cue
+    for ball in (1, other, cue):
+        if moved >> ball & 1:
+            owner = ball
+            for stays in (1, other):
+                x, y = spot_of(table, ball, cue)
+                if moved >> stays & 1 == 0 and overlaps(table, positions, stays, x, y):
+                    owner = stays
+            positions[ball, X], positions[ball, Y] = spot_of(table, owner, cue)
+
+
+@inlined
+def spot_of(table, ball, cue):
+    """Returns the spot of a ball in three-cushion carom, m: foot spot, head spot or centre spot."""
+    if ball == 1:
+        return table.foot_x, 0.0
+    return table.head_x if ball == cue else 0.0, 0.0
 
 
 _POINT = ("point", "the cue ball of the player, white or yellow, touches both other balls; the player continues")
@@ -68,16 +120,22 @@ _CAROM = functools.partial(
     cue_balls=(0, 2),
     target=lambda balls: 10,
     pockets=False,
+    choices=("rerack",),
     spot=no_spots,
+    look=look,
+    rerack=starting_position,
 )
+_TOUCHING = ("touching balls", "the player plays away from a ball that touches the cue ball")
 GAMES = {
-    "carom": _CAROM(carom, page=(("to win", "score the target"), _POINT)),
+    "carom": _CAROM(carom, page=(("to win", "score the target"), _POINT, _TOUCHING)),
     "three_cushion": _CAROM(
         three_cushion,
         cushions=CUSHIONS_TO_TOUCH,
+        rerack=touching_on_spots,
         page=(
             ("to win", "score the target"),
             _POINT,
+            _TOUCHING,
             ("cushions", "the cue ball hits three or more before it touches the second ball"),
         ),
     ),

@@ -37,6 +37,16 @@ def no_free_ball(table, positions, state, on):
     return False
 
 
+@inlined
+def no_look(table, positions, state):
+    """Is `Game.look` of a game in which balls that touch the cue ball have no rule."""
+
+
+@inlined
+def no_rerack(table, positions, state):
+    """Is `Game.rerack` of a game in which the balls are not set up again by a call."""
+
+
 class Game(NamedTuple):
     """A game.
 
@@ -72,6 +82,10 @@ class Game(NamedTuple):
         rack: Kernel `(table, positions, others, cue)`, see `placement.rack_again`.
         free_ball: Kernel `(table, positions, state, on)`, see `snooker.is_snookered`. Returns whether a foul gives the
             next player a free ball or a free shot.
+        look: Kernel `(table, positions, state)`. Sets what the balls at rest add to the state of the next shot, such as
+            the touching balls.
+        rerack: Kernel `(table, positions, state)`. Sets up the balls again after the call "rerack", and changes the
+            state, except the player.
     """
 
     judge: Kernel
@@ -100,3 +114,5 @@ class Game(NamedTuple):
     spot: Kernel = spot_at_foot
     rack: Kernel = no_rack
     free_ball: Kernel = no_free_ball
+    look: Kernel = no_look
+    rerack: Kernel = no_rerack

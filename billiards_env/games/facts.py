@@ -70,6 +70,7 @@ def facts_of_shot(k, shots, bits):
     met = hit >= 0 and (scratch or driven != 0 or hits > before_first)
     return Facts(
         first=first,
+        cushions_before_first=before_first,
         touched=touched,
         cushions_before_last=before_last,
         potted=potted,
@@ -91,6 +92,7 @@ def write_facts(records, bits, facts):
     for k in range(len(facts)):
         shot, row = facts_of_shot(k, shots, bits), facts[k]
         row.first, row.touched, row.cushions_before_last = shot.first, shot.touched, shot.cushions_before_last
+        row.cushions_before_first = shot.cushions_before_first
         row.potted, row.first_potted, row.scratch = shot.potted, shot.first_potted, shot.scratch
         row.banked, row.foot_right, row.foot_left = shot.banked, shot.foot_right, shot.foot_left
         row.cushion_after, row.driven, row.cue_driven = shot.cushion_after, shot.driven, shot.cue_driven

@@ -32,12 +32,12 @@ IN_HAND = ("no", "behind", "anywhere")
 the table."""
 NOT_IN_HAND, BEHIND, ANYWHERE = range(len(IN_HAND))
 
-FOULS = ("", "scratch", "no_hit", "wrong_ball", "wrong_pot", "no_cushion", "illegal_break", "breaking_foul")
+FOULS = ("", "scratch", "no_hit", "wrong_ball", "wrong_pot", "no_cushion", "illegal_break", "breaking_foul", "push")
 """The fouls; "" means no foul. "scratch" is a potted cue ball, "wrong_pot" a potted ball that is not on,
-"breaking_foul" a bad opening break of straight pool."""
-NO_FOUL, SCRATCH, NO_HIT, WRONG_BALL, WRONG_POT, NO_CUSHION, ILLEGAL_BREAK, BREAKING_FOUL = range(len(FOULS))
+"breaking_foul" a bad opening break of straight pool, "push" a shot into a ball that touches the cue ball."""
+NO_FOUL, SCRATCH, NO_HIT, WRONG_BALL, WRONG_POT, NO_CUSHION, ILLEGAL_BREAK, BREAKING_FOUL, PUSH = range(len(FOULS))
 
-CALLS = ("shot", "safety", "push_out", "hand_back", "replace")
+CALLS = ("shot", "safety", "push_out", "hand_back", "replace", "rerack")
 """The kinds of calls.
 
 * "shot": an ordinary shot.
@@ -46,10 +46,14 @@ CALLS = ("shot", "safety", "push_out", "hand_back", "replace")
 * "hand_back": no shot; the previous player plays the next one (WPA 2.4, WPBSA 3.11).
 * "replace": no shot; the balls return to their positions before the foul, and the previous player plays again (WPBSA
   3.14).
+* "rerack": no shot; the balls are set up again, and the same player plays (UMB 27).
 
-`RulesState.choices` lists those of the last three that a player has.
+`RulesState.choices` lists those that a player has from "push_out" on.
 """
-SHOT, SAFETY, PUSH_OUT, HAND_BACK, REPLACE = range(len(CALLS))
+SHOT, SAFETY, PUSH_OUT, HAND_BACK, REPLACE, RERACK = range(len(CALLS))
+
+NO_SHOT = CALLS[HAND_BACK:]
+"""The kinds of calls without a shot: from `HAND_BACK` on."""
 
 RERACKS = ("", "all", "rest")
 """The new racks after a shot: none; all object balls, and the next shot is a break; all object balls except the last
@@ -78,6 +82,7 @@ class RulesState(NamedTuple):
         reds: In snooker, the number of red balls of a full table: the balls 1 to `reds`.
         colour: In snooker, whether a colour of the player's choice is on.
         free_ball: Whether the player has a free ball (snooker) or a free shot (blackball).
+        touching: In snooker and carom, the object balls that touch the cue ball.
         over: Whether the game is over.
         winner: The player who has won, or -1.
     """
@@ -99,6 +104,7 @@ class RulesState(NamedTuple):
     reds: int = 0
     colour: bool = False
     free_ball: bool = False
+    touching: int = 0
     over: bool = False
     winner: int = -1
 
@@ -122,6 +128,7 @@ class Facts(NamedTuple):
 
     Attributes:
         first: The balls that the cue ball touched first; several if it touched them at the same instant.
+        cushions_before_first: Number of cushion contacts of the cue ball before it touched these balls.
         touched: Number of balls that the cue ball touched.
         cushions_before_last: Number of cushion contacts of the cue ball before it touched the last of these balls.
         potted: The potted object balls.
@@ -137,6 +144,7 @@ class Facts(NamedTuple):
     """
 
     first: int = 0
+    cushions_before_first: int = 0
     touched: int = 0
     cushions_before_last: int = 0
     potted: int = 0
@@ -188,7 +196,7 @@ _TYPES = {RulesState: STATE, Called: CALL, Facts: FACTS, Verdict: VERDICT}
 
 _NAMES = {"foul": FOULS, "in_hand": IN_HAND, "rack": RERACKS, "kind": CALLS, "choices": CALLS}
 _SETS = {"balls", "object_balls", "choices", "first", "potted", "first_potted", "banked", "foot_right", "foot_left"}
-_SETS |= {"driven", "spotted"}
+_SETS |= {"driven", "spotted", "touching"}
 
 
 def row(fields: RulesState | Called | Facts | Verdict) -> Any:
@@ -251,7 +259,7 @@ def check_indices(states: Any, n_balls: int = MOST_BALLS) -> None:
         raise ValueError(f"player = {short(player)} of {short(players)} players: expected 0 to the number less 1")
     if not ((cues >= 0) & (cues < n_balls)).all():
         raise ValueError(f"cue_balls = {short(cues)}: expected numbers of balls")
-    for name, bits in (("balls", n_balls), ("object_balls", n_balls), ("choices", len(CALLS))):
+    for name, bits in (*((name, n_balls) for name in ("balls", "object_balls", "touching")), ("choices", len(CALLS))):
         if np.count_nonzero(states[name] >> bits):  # -1 for a negative number
             raise ValueError(f"{name} = {short(states[name])}: expected a set of numbers below {bits}")
     for name, most in (("reds", n_balls - 1), ("in_hand", len(IN_HAND) - 1)):

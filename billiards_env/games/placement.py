@@ -378,6 +378,18 @@ def is_spot_free(table, positions, ball, others, spot):
 
 
 @inlined
+def touching_balls(table, positions, state):
+    """Returns the object balls that touch the cue ball, as a set. A cue ball in hand touches none."""
+    touching, cue = 0, state.cue_balls[0]
+    for ball in range(len(table.radius)):
+        if state.object_balls >> ball & 1 and state.in_hand == NOT_IN_HAND:
+            dx, dy = positions[ball, X] - positions[cue, X], positions[ball, Y] - positions[cue, Y]
+            if math.sqrt(dx * dx + dy * dy) - table.touching[cue, ball] <= CONTACT_GAP:
+                touching |= 1 << ball
+    return touching
+
+
+@inlined
 def rack_again(table, positions, others, cue):  # out: positions
     """Racks the object balls of straight pool again (WPA 4.4, 4.8); returns `RulesState.in_hand`.
 

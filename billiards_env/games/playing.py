@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.engine.compile import PIC, Engine, check_engine, scene_fields
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shot_input import ShotInput
-from billiards_env.games.entry import Game, no_free_ball
+from billiards_env.games.entry import Game, no_free_ball, no_look
 from billiards_env.games.facts import facts_of
 from billiards_env.games.game_state import (
     CALL,
@@ -26,6 +26,7 @@ from billiards_env.games.game_state import (
     FOOT_RIGHT,
     IN_HAND,
     MOST_PLAYERS,
+    NO_SHOT,
     NOT_IN_HAND,
     REPLACE,
     STATE,
@@ -43,7 +44,7 @@ from billiards_env.games.game_state import (
 )
 from billiards_env.games.placement import cue_ball_point
 from billiards_env.games.referee import GAMES, callable_balls, first_state, legal_balls
-from billiards_env.games.transition import call_without_shots, next_games, table_of
+from billiards_env.games.transition import call_without_shots_of, look_at_games_of, next_games, table_of
 from billiards_env.scene import Scene, check_positions, check_scene, layouts
 from billiards_env.scene.outline import Point
 from billiards_env.shots.result import ShotResult
@@ -133,7 +134,7 @@ class Setup:
         else:
             target = rules.target(balls) if self.target is None else self.target
             object.__setattr__(self, "target", integer("target", target, Range(0, MAX_SCORE)))
-        table_of(rules, self.scene, self.target or 0)  # raises if the scene has no spots or no rack
+        _ = self.placement_table  # raises if the scene has no spots or no rack
         for name, possible in (("call_shot", rules.callable is not None), ("miss", "replace" in rules.choices)):
             what = f"{name} = True with rules {self.rules!r}"
             _expect(not flag(name, getattr(self, name)) or possible, what, "False, the game has no such rule")
@@ -143,6 +144,11 @@ class Setup:
     def game_rules(self) -> Game:
         """The entry of the game."""
         return entry_of("rules", self.rules, GAMES)
+
+    @property
+    def placement_table(self) -> tuple[Any, ...]:
+        """The argument `table` of the kernels that place balls, see `transition.table_of`."""
+        return table_of(self.game_rules, self.scene, self.target or 0)
 
     @property
     def state_fields(self) -> dict[str, Any]:
@@ -354,8 +360,16 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
         **{name: (*values[name], *spare) for name in ("scores", "fouls")},
     }
     rule_state = changed(opening_state(setup), **values)
-    array = shaped("positions", positions, (n, 2))
-    return GameState(check_positions(setup.scene, array, in_play=is_in(in_play(rule_state), n)), rule_state)
+    array = check_positions(setup.scene, shaped("positions", positions, (n, 2)), in_play=is_in(in_play(rule_state), n))
+    return GameState(array, _looked_at(setup, array, rule_state))
+
+
+def _looked_at(setup: Setup, positions: NDArray[np.float64], state: Any) -> Any:
+    """Returns a state after `Game.look` at the balls at rest."""
+    states = np.array([state], STATE)
+    if setup.game_rules.look is not no_look:
+        look_at_games_of(setup.game_rules)(setup.placement_table, positions[None], states)
+    return states[0]
 
 
 def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
@@ -365,8 +379,8 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
         setup: The settings of the game.
         game: The state before the shot.
         stroke: The stroke. A cue ball in hand is placed at the free point nearest to `stroke.place`, see
-            `placement.nearest_free_point`. With the calls "hand_back" and "replace" the velocity and the spin must be
-            zero and the place None; the balls do not move.
+            `placement.nearest_free_point`. With a call of `NO_SHOT` the velocity and the spin must be zero and the
+            place None; no ball is struck.
 
     Returns:
         The shot, with the state after it.
@@ -385,13 +399,13 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
         positions[cue] = cue_ball_point(scene, positions, state, stroke.place)
     velocities, spins = np.zeros((n, 2)), np.zeros((n, 3))
     velocities[cue], spins[cue] = stroke.velocity, stroke.spin
-    no_shot = stroke.call.kind in ("hand_back", "replace")
+    no_shot = stroke.call.kind in NO_SHOT
     balls = is_in(in_play(state) if no_shot else on_table(state), n)
     shot_input = ShotInput(positions, velocities, spins, balls, cue, scene.physics.max_time or math.inf)
     strike_frozen(scene, scene_fields(scene), shot_input.as_batch())
     shot = run_shot(scene, shot_input, setup.engine, record=True)
     if no_shot:
-        return PlayedShot(_without_shot(game, stroke.call), shot_input, shot, row(Facts()), row(Verdict()))
+        return PlayedShot(_without_shot(setup, game, stroke.call), shot_input, shot, row(Facts()), row(Verdict()))
     facts, call = facts_of(shot), stroke.call
     called = row(Called(call.ball, CALLS.index(call.kind), (call.ball, call.pocket) in shot.pots))
     shots = (np.array([one], kind) for one, kind in ((state, STATE), (facts, FACTS), (called, CALL)))
@@ -400,10 +414,11 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
     return PlayedShot(GameState(positions, following, before), shot_input, shot, facts, verdict)
 
 
-def _without_shot(game: GameState, call: Call) -> GameState:
-    """Returns the state after a player has played no shot, by the call "hand_back" or "replace"."""
+def _without_shot(setup: Setup, game: GameState, call: Call) -> GameState:
+    """Returns the state after a player has played no shot, by a call of `NO_SHOT`."""
     now, before = ((one.positions[None].copy(), np.array([one.state], STATE)) for one in (game, game.before or game))
-    call_without_shots(np.array([row(Called(kind=CALLS.index(call.kind)))], CALL), *now, before)
+    calls = np.array([row(Called(kind=CALLS.index(call.kind)))], CALL)
+    call_without_shots_of(setup.game_rules)(setup.placement_table, calls, *now, before)
     (positions,), (state,) = now
     return GameState(positions, state)
 
@@ -415,7 +430,7 @@ def _check_stroke(setup: Setup, state: Any, stroke: Stroke) -> None:
     one_of("stroke.call.kind", call.kind, ("shot", *safety, *choices(state)))
     integer("stroke.call.ball", call.ball, Range(-1, n - 1))
     integer("stroke.call.pocket", call.pocket, Range(-1, len(setup.scene.table.pockets) - 1))
-    if call.kind in ("hand_back", "replace"):
+    if call.kind in NO_SHOT:
         still = not any(stroke.velocity) and not any(stroke.spin) and stroke.place is None
         _expect(still, f"stroke = {short(stroke)}", f"no motion and no place, the call is {call.kind!r}")
         return

@@ -2,7 +2,7 @@
 
 No other code computes the next state: the tasks, the PettingZoo environment, the players and the window use
 `judge_shots` or its kernel `judged`. The referee does not use the positions of the balls. `games.transition` calls
-the referee, and then places the balls that return to the table and gives a free ball in snooker.
+the referee, places the balls that return to the table, and then looks at the balls at rest.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def judged(judge, state, facts, call):
     state.object_balls = (state.object_balls & ~facts.potted) | verdict.spotted
     if verdict.rack != NO_RERACK:
         state.object_balls = state.balls
-    state.break_shot, state.free_ball = verdict.rack == RERACK_ALL, False
+    state.break_shot, state.free_ball, state.touching = verdict.rack == RERACK_ALL, False, 0
     if not verdict.continues:
         state.player = following
         struck, other = state.cue_balls[0], state.cue_balls[1]

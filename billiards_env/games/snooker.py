@@ -6,7 +6,8 @@ rules are simplified:
 
 * A player who nominates no ball nominates the colour, or with a free ball the ball, that the cue ball touches first
   (3.3, 3.12).
-* A snooker behind a free ball is not a foul (3.12 b). A push stroke and a touching ball are ignored (3.8, 3.10).
+* A snooker behind a free ball is not a foul (3.12 b).
+* A push stroke (2.19) is only a shot in which the cue ball touches a touching ball first, without a cushion before.
 * After a tie, the next player plays first at the re-spotted black; no lots are drawn (3.4).
 * With the miss rule, every shot that does not touch a ball on first is a miss, unless a player needs penalty points
   (3.14). Three misses do not lose the frame.
@@ -25,6 +26,7 @@ from billiards_env.games.game_state import (
     NO_FOUL,
     NO_HIT,
     NOT_IN_HAND,
+    PUSH,
     REPLACE,
     SCRATCH,
     WRONG_BALL,
@@ -33,7 +35,7 @@ from billiards_env.games.game_state import (
     size,
     verdict,
 )
-from billiards_env.games.placement import Obstacles, area_of, is_free, spot_colours
+from billiards_env.games.placement import Obstacles, area_of, is_free, spot_colours, touching_balls
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import CONTACT_GAP
@@ -99,35 +101,47 @@ def balls_on(state, player):
 
 @inlined
 def nominated(state, facts, call):
-    """Returns the balls that are on in a shot, and the free ball. A ball that is touched first counts as nominated."""
+    """Returns the balls that are on in a shot, and the free ball.
+
+    A ball that is touched first counts as nominated, else the lowest ball that touches the cue ball (3.8 c).
+    """
     on = ball_on(state, state.colour)
+    could_be_on = state.object_balls if state.free_ball else on
     chosen = facts.first if size(facts.first) == 1 else 0
     if call.ball >= 0:
         chosen = 1 << call.ball
+    elif chosen & could_be_on == 0 and state.touching & could_be_on != 0:
+        chosen = state.touching & could_be_on & -(state.touching & could_be_on)
     if state.colour:
         return on & chosen, 0
     return on, chosen & ~on if state.free_ball else 0
 
 
 @inlined
-def touches_ball_on(facts, on, free):
+def touches_ball_on(state, facts, on, free):
     """Returns whether the cue ball first touches a ball on or the free ball.
 
-    It may touch two balls at the same instant if they are two reds, or the free ball and a ball on (WPBSA 3.6).
+    It may touch two balls at the same instant if they are two reds, or the free ball and a ball on (WPBSA 3.6). A
+    player who plays away from such a ball that touches the cue ball counts as touching it first (3.8 c).
     """
     needed = free if free != 0 else on
+    if state.touching & needed != 0:
+        return True
     return facts.first & needed != 0 and facts.first & ~(on | free) == 0
 
 
 @inlined
-def foul_of(facts, on, free):
-    """Returns the foul of a shot (WPBSA 3.10), the first in the order of `FOULS` if there are several."""
+def foul_of(state, facts, on, free):
+    """Returns the foul of a shot (WPBSA 3.10).
+
+    If there are several, it is the first in the order of `FOULS`, but a push stroke (3.8 b) comes after a scratch.
+    """
     if facts.scratch:
         return SCRATCH
-    if facts.first == 0:
-        return NO_HIT
-    if not touches_ball_on(facts, on, free):
-        return WRONG_BALL
+    if facts.first & state.touching != 0 and facts.cushions_before_first == 0:
+        return PUSH
+    if not touches_ball_on(state, facts, on, free):
+        return NO_HIT if facts.first == 0 else WRONG_BALL
     return WRONG_POT if facts.potted & ~(on | free) != 0 else NO_FOUL
 
 
@@ -149,18 +163,20 @@ def snooker(state, facts, call):
     Reds and colours alternate: each red potted scores 1, then the player nominates a colour, which scores its value and
     is spotted (3.3). After the last red and the colour that follows it, the colours are potted in the order of their
     values. A foul ends the turn, and the other player scores the largest of 4, the value of the ball on, and the values
-    of wrong balls that were touched first or potted (3.10). Colours potted on a foul are spotted, reds are not. The
-    next player may make the offender shoot again. With the miss rule, that player may also have the balls replaced, if
-    the cue ball touched no ball on first and no player needs penalty points before or after the shot (3.14). The first
-    pot or foul on the last black ends the frame; after a tie
-    the black is spotted, and the cue ball is in hand (3.4).
+    of wrong balls that were touched first or potted (3.10). A ball that touches the cue ball must not be moved at the
+    start. If it is on, a player who plays away from it counts as touching it first (3.8). Colours potted on a foul are
+    spotted, reds are not. The next player may make the offender shoot again. With the miss rule, that player may also
+    have the balls replaced, if the cue ball touched no ball on first and no player needs penalty points before or after
+    the shot (3.14). The first pot or foul on the last black ends the frame; after a tie the black is spotted, and the
+    cue ball is in hand (3.4).
     """
     on, free = nominated(state, facts, call)
-    value, foul = least_value(state, on), foul_of(facts, on, free)
+    value, foul = least_value(state, on), foul_of(state, facts, on, free)
     colours = state.object_balls & ~reds(state)
     points, penalty = 0, 0
     if foul != NO_FOUL:
-        wrong = (facts.first | facts.potted) & ~(on | free)
+        deemed = touches_ball_on(state, facts, on, free) and foul != PUSH
+        wrong = (facts.potted if deemed else facts.first | facts.potted) & ~(on | free)
         penalty = max(LEAST_PENALTY, max(value, greatest_value(state, wrong)))
         spotted = facts.potted & colours
         state.choices = 1 << HAND_BACK
@@ -183,12 +199,18 @@ def snooker(state, facts, call):
             return verdict(foul, points, penalty, False, black)
         end(state, state.player if mine > others else 1 - state.player)
         state.choices = 0
-    elif state.miss and not touches_ball_on(facts, on, free):
+    elif state.miss and not touches_ball_on(state, facts, on, free):
         lead = abs(state.scores[0] - state.scores[1])
         on_table = (state.object_balls & ~facts.potted) | spotted
         if lead <= left and abs(mine - others) <= points_left(on_table, state.reds, False):
             state.choices |= 1 << REPLACE
     return verdict(foul, points, penalty, points > 0, spotted)
+
+
+@inlined
+def look(table, positions, state):
+    """Finds the balls that touch the cue ball (WPBSA 3.8), as `Game.look`."""
+    state.touching = touching_balls(table, positions, state)
 
 
 @inlined
@@ -271,6 +293,7 @@ GAMES = {
         most_points=lambda balls: 8 * balls - 21,
         spot=spot_colours,
         free_ball=is_snookered,
+        look=look,
         page=(
             ("to win", "have most points when the black is potted last"),
             ("order", "a red, then a colour, in turns; at the end the colours by value"),

@@ -1,6 +1,7 @@
 """The transition of a game: from a shot, or from a call without a shot, to the state before the next shot.
 
-After a shot the referee judges it, balls return to the table, and snooker may give a free ball. `after_shot_of` returns
+After a shot the referee judges it, balls return to the table, and the rules look at the balls at rest: snooker may give
+a free ball, and balls may touch. `after_shot_of` returns
 the kernel of a game. It has only the code that the game needs, and changes one game in place: `positions`, (n, 2) m,
 and `state`, a row of `STATE`.
 """
@@ -14,13 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.games.entry import Game, no_free_ball, no_rack, no_spots
+from billiards_env.games.entry import Game, no_free_ball, no_look, no_rack, no_rerack, no_spots
 from billiards_env.games.game_state import (
     HAND_BACK,
     MOST_PLAYERS,
     NO_FOUL,
     NO_RERACK,
     NOT_IN_HAND,
+    REPLACE,
     RERACK_REST,
     VERDICT,
     check_indices,
@@ -29,12 +31,12 @@ from billiards_env.games.game_state import (
 from billiards_env.games.placement import PlacementNumbers, no_room, placement_area, placement_numbers
 from billiards_env.games.pool import any_ball, straight
 from billiards_env.games.referee import judged
-from billiards_env.jit import entry_point, inlined, specialised
+from billiards_env.jit import inlined, specialised
 from billiards_env.physics.state import X, Y
 from billiards_env.scene import Scene
 
 judge, legal = straight, any_ball  # `specialised` puts the kernels of each game in their place
-spot, rack, free_ball = no_spots, no_rack, no_free_ball
+spot, rack, free_ball, look, rerack = no_spots, no_rack, no_free_ball, no_look, no_rerack
 
 
 def after_shot(table, positions, state, facts, call):  # out: positions, state
@@ -62,6 +64,8 @@ def after_shot(table, positions, state, facts, call):  # out: positions, state
         rack(table, positions, 0, cue)
     if verdict.foul != NO_FOUL and not state.over:
         state.free_ball = free_ball(table, positions, state, legal(state, state.player))
+    if not state.over:
+        look(table, positions, state)
     return verdict, failed
 
 
@@ -76,14 +80,15 @@ def after_shot_of(rules: Game) -> Callable[..., Any]:
         spot=rules.spot,
         rack=rules.rack,
         free_ball=rules.free_ball,
+        look=rules.look,
     )
 
 
-@inlined
-def without_shot(k, call, positions, states, before):  # out: positions, states, before
-    """Changes game k after a call without a shot: "hand_back" or "replace" (see `state.CALLS`).
+def without_shot(table, k, call, positions, states, before):  # out: positions, states, before
+    """Changes game k after a call without a shot, one of `game_state.NO_SHOT`.
 
     Args:
+        table: The `PlacementNumbers` of `table_of`.
         k: The game.
         call: `Called`, or a row of `CALL`.
         positions: (m, n, 2) m, which change.
@@ -92,8 +97,11 @@ def without_shot(k, call, positions, states, before):  # out: positions, states,
             change to those of now.
     """
     state = states[k]
-    if call.kind == HAND_BACK:
-        state.player = (state.player - 1) % state.n_players
+    if call.kind != REPLACE:
+        if call.kind == HAND_BACK:
+            state.player = (state.player - 1) % state.n_players
+        else:
+            rerack(table, positions[k], state)
         state.free_ball = False
     else:
         positions_before, states_before = before
@@ -103,6 +111,25 @@ def without_shot(k, call, positions, states, before):  # out: positions, states,
         for i in range(positions.shape[1]):
             positions[k, i, X], positions[k, i, Y] = positions_before[k, i, X], positions_before[k, i, Y]
     state.choices = 0
+    look(table, positions[k], state)
+
+
+@functools.cache
+def without_shot_of(rules: Game) -> Callable[..., Any]:
+    """Returns the kernel `without_shot` of a game."""
+    return specialised(without_shot, inlined, look=rules.look, rerack=rules.rerack)
+
+
+def look_at_games(table, positions, states):  # out: states
+    """Runs `Game.look` for m games."""
+    for k in range(len(states)):
+        look(PlacementNumbers(*table), positions[k], states[k])
+
+
+@functools.cache
+def look_at_games_of(rules: Game) -> Callable[..., Any]:
+    """Returns the entry point `look_at_games` of a game."""
+    return specialised(look_at_games, look=rules.look)
 
 
 def finish_shots(table, positions, states, facts, calls, verdicts):  # out: positions, states, verdicts
@@ -121,11 +148,16 @@ def finish_shots_of(rules: Game) -> Callable[..., int]:
     return specialised(finish_shots, after_shot=after_shot_of(rules))
 
 
-@entry_point
-def call_without_shots(calls, positions, states, before):
+def call_without_shots(table, calls, positions, states, before):
     """Runs `without_shot` for m games."""
     for k in range(len(states)):
-        without_shot(k, calls[k], positions, states, before)
+        without_shot(PlacementNumbers(*table), k, calls[k], positions, states, before)
+
+
+@functools.cache
+def call_without_shots_of(rules: Game) -> Callable[..., Any]:
+    """Returns the entry point `call_without_shots` of a game."""
+    return specialised(call_without_shots, without_shot=without_shot_of(rules))
 
 
 def table_of(rules: Game, scene: Scene, target: int) -> tuple[Any, ...]:
@@ -135,7 +167,8 @@ def table_of(rules: Game, scene: Scene, target: int) -> tuple[Any, ...]:
         ValueError: If balls of the scene have no spots or cannot be racked.
     """
     racks = rules.rack is not no_rack and target > 0  # without a target the game has a single rack
-    return placement_numbers(scene, rules.layouts[0] if rules.has_spots else "tight_rack" if racks else "")
+    own = rules.has_spots or not rules.pockets
+    return placement_numbers(scene, rules.layouts[0] if own else "tight_rack" if racks else "")
 
 
 def next_games(

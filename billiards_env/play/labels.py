@@ -36,6 +36,7 @@ _MISS = ("miss", "if the ball on was not hit first, the balls may be replaced")
 _CHOICES = {
     "push_out": ("push out", "after the break: hit any ball or none; the next player may hand it back"),
     "replace": ("choice", "after a foul the next player may hand the shot back"),
+    "rerack": ("choice", "balls that touch may be set up again"),
 }
 
 
@@ -115,6 +116,7 @@ def status(model: WindowModel) -> str:
         "push_out": "push out, any ball or none",
         "hand_back": f"{player_name(model, (state.player - 1) % setup.n_players)} plays again",
         "replace": "replace the balls",
+        "rerack": "set up the balls again",
     }
     return f"{player}: {kinds.get(model.aim.call.kind) or on(model)}"
 

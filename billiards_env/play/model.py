@@ -31,7 +31,7 @@ from billiards_env.engine import PIC, Engine
 from billiards_env.engine.orientation import VISIBLE
 from billiards_env.engine.strikes import level_strike
 from billiards_env.games import NO_CALL, Call, GameState, History, PlayedShot, Setup, Stroke, choices, play
-from billiards_env.games.game_state import is_in, members, on_table
+from billiards_env.games.game_state import NO_SHOT, is_in, members, on_table
 from billiards_env.games.placement import Point, cue_ball_point
 from billiards_env.play.preview import Preview, make_preview
 from billiards_env.players.aim import FirstTouch, Pot, aim
@@ -63,9 +63,6 @@ SHOTS = 3_000
 
 CONSIDERED = 4
 """The largest number of shots of a program that are shown while it thinks."""
-
-NO_SHOT = ("hand_back", "replace")
-"""The kinds of calls without a shot."""
 
 
 class StrokeInput(NamedTuple):

@@ -2,11 +2,13 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate
-from billiards_env.games import Call
+from billiards_env.games import Call, Stroke, custom_opening, play
 from billiards_env.games.facts import facts_of, facts_of_shots
+from billiards_env.games.game_state import changed
 from tests.helpers.games import judge, record_of, ruling, setup, state, words
 
 SOLIDS, STRIPES = set(range(1, 8)), set(range(9, 16))
@@ -211,6 +213,10 @@ CAROM = [
     ({"break_shot": True}, "hit 0 1, hit 0 2", POINT),  # the red ball first
     ({"break_shot": True}, "hit 0 2, hit 0 1", ruling()),
     ({"scores": (8, 9), "target": 10}, "hit 0 2, hit 0 1", POINT),
+    # A ball that touches the cue ball must not be played at directly (27).
+    ({"touching": (1,)}, "hit 0 1, hit 0 2", ruling("push")),
+    ({"touching": (1,)}, "cushion 0, hit 0 1, hit 0 2", POINT),
+    ({"touching": (1,)}, "hit 0 2, hit 0 1", POINT),
 ]
 THREE_CUSHION = [
     ({}, "hit 0 1, cushion 0, cushion 0, cushion 0, hit 0 2", POINT),
@@ -297,6 +303,37 @@ def test_consecutive_fouls_are_counted():
         fouls.append(words(now).fouls)
     assert fouls == [(1, 0), (1, 1), (2, 1), (2, 2), (3, 2)]
     assert (now.over, now.winner) == (True, 1)
+
+
+CAROM_SETUP = setup("carom")
+FOOT, HEAD = CAROM_SETUP.scene.table.foot_x, CAROM_SETUP.scene.table.head_x
+START = (HEAD, -0.1825 / 1.42 * CAROM_SETUP.scene.table.width)
+SET_UP_AGAIN = [
+    ("carom", {"player": 1, "cue_balls": (2, 0)}, (1, 2), {2: START, 1: (FOOT, 0.0), 0: (HEAD, 0.0)}),
+    ("three_cushion", {}, (0, 1), {0: (HEAD, 0.0), 1: (FOOT, 0.0)}),
+    ("three_cushion", {"player": 1, "cue_balls": (2, 0)}, (2, 0), {2: (HEAD, 0.0), 0: (0.0, 0.0)}),
+]
+
+
+@pytest.mark.parametrize(("rules", "fields", "touch", "places"), SET_UP_AGAIN)
+def test_balls_of_carom_that_touch_are_set_up_again_if_the_player_wants(rules, fields, touch, places):  # 27, paper F
+    game, (a, b) = setup(rules), touch
+    positions = [[-0.3, -0.2], [0.2, 0.3], [0.5, -0.4]]
+    positions[b] = [positions[a][0], positions[a][1] + 2 * game.scene.balls.radius[0]]
+    before = custom_opening(game, positions, fields)
+    assert words(before.state).choices == ("rerack",)
+    after = play(game, before, Stroke((0.0, 0.0), call=Call(kind="rerack"))).game
+    np.testing.assert_allclose(after.positions[list(places)], list(places.values()))
+    assert words(after.state) == words(changed(before.state, choices=0, touching=0))
+    others = [ball for ball in range(3) if ball not in places]
+    assert after.positions[others].tolist() == before.positions[others].tolist()
+
+
+def test_a_ball_of_three_cushion_is_set_up_on_the_spot_of_the_ball_that_blocks_its_own():  # paper F
+    game, gap = setup("three_cushion"), 2 * CAROM_SETUP.scene.balls.radius[0]
+    before = custom_opening(game, [[0.3, 0.2], [0.3, 0.2 + gap], [FOOT, 0.01]])
+    after = play(game, before, Stroke((0.0, 0.0), call=Call(kind="rerack"))).game
+    assert after.positions.tolist() == [[HEAD, 0.0], [0.0, 0.0], [FOOT, 0.01]]
 
 
 def test_carom_the_second_player_uses_the_other_cue_ball():

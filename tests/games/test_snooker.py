@@ -179,6 +179,40 @@ def test_a_free_ball_lasts_for_one_shot():
     assert not after(frame(free_ball=True), "hit 0 1").free_ball
 
 
+# A ball that touches the cue ball (3.8): the player plays away from it without moving it.
+
+RED_TOUCHES, BLUE_TOUCHES = {"touching": (3,)}, {"touching": (BLUE,)}
+PINK_TOUCHES = {"colour": True, "touching": (PINK,)}
+TOUCHING = [
+    (RED_TOUCHES, "", Call(), "", 0),  # 3.8 c (i)
+    (RED_TOUCHES, f"hit 0 {BLUE}", Call(), "", 0),
+    (RED_TOUCHES, "cushion 0, hit 0 3", Call(), "", 0),
+    (RED_TOUCHES, "hit 0 3", Call(), "push", 4),  # 3.8 b
+    (RED_TOUCHES, f"hit 0 {BLUE}, pocket {BLUE}", Call(), "wrong_pot", 5),
+    (RED_TOUCHES, "pocket 0", Call(), "scratch", 4),
+    (BLUE_TOUCHES, "", Call(), "no_hit", 4),  # 3.8 d
+    (BLUE_TOUCHES, "hit 0 1", Call(), "", 0),
+    (BLUE_TOUCHES, f"hit 0 {BLUE}", Call(), "push", 5),  # 3.10 b
+    (PINK_TOUCHES, "", Call(), "", 0),
+    (PINK_TOUCHES, "", Call(PINK), "", 0),  # 3.8 c (ii)
+    (PINK_TOUCHES, f"hit 0 {BLUE}", Call(BLUE), "", 0),  # 3.8 c (iii)
+    (PINK_TOUCHES, "", Call(BLUE), "no_hit", 5),
+    (PINK_TOUCHES, f"hit 0 {PINK}", Call(), "push", 6),
+    ({"free_ball": True, "touching": (GREEN,)}, "", Call(), "", 0),
+]
+
+
+@pytest.mark.parametrize(("fields", "log", "call", "foul", "penalty"), TOUCHING)
+def test_a_touching_ball(fields, log, call, foul, penalty):
+    verdict = snooker(frame(**fields), log, call)
+    assert (verdict.foul, verdict.penalty) == (foul, penalty)
+    assert foul != "" or not is_miss(frame(**fields), log, call)
+
+
+def test_a_red_is_potted_after_playing_away_from_a_touching_red():  # 3.8 c
+    assert snooker(frame(**RED_TOUCHES), pot(4)) == scored(1, colour=True)
+
+
 # The end of the frame: at the first pot or foul on the last black (3.4 a), or at the target score.
 
 LAST, TO_40 = {"on_table": (BLACK,)}, {"target": 40}
@@ -360,6 +394,14 @@ def test_a_foul_that_leaves_a_snooker_gives_a_free_ball():  # 3.12
     back = play(SETUP, played.game, Stroke((0.0, 0.0), call=Call(kind="hand_back"))).game.state
     assert (back.player, back.free_ball) == (0, False)  # 3.12 f
     assert not play(SETUP, lying(HIDDEN | {"blue": (0.9, -0.5)}), Stroke((0.0, 0.0))).game.state.free_ball
+
+
+@pytest.mark.parametrize(("velocity", "foul"), [((-0.5, 0.0), ""), ((0.0, 0.5), ""), ((0.5, 0.0), "push")])
+def test_a_cue_ball_that_touches_a_red_is_played_away_from_it(velocity, foul):  # 3.8
+    game = lying({"cue": (0.4, 0.5), "red": (0.4 + 2 * R, 0.5)})
+    assert words(game.state).touching == (1,)
+    played = play(SETUP, game, Stroke(velocity))
+    assert (words(played.verdict).foul, words(played.game.state).touching) == (foul, ())
 
 
 # The miss rule.
