@@ -216,6 +216,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     - `"tight_rack"`: as `"rack"`, but the object balls touch each other.
     - `"nine_ball"`: as `"rack"` with 9 object balls: the 1 at the front, the 9 in the middle, the others in a random
       order.
+    - `"nine_ball_2025"`: as `"nine_ball"`, with the 9 on the foot spot.
     - `"ten_ball"`: as `"rack"` with 10 object balls: the 1 at the front, the 10 in the middle of the row of three.
     - `"eight_ball"`: as `"rack"` with 15 object balls: the 8 in the middle, a ball of each group at the rear corners,
       the others in a random order.
@@ -329,6 +330,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     | `can_call`        | bool          | `False`      | whether players call, see Games                       |
     | `can_place`       | bool          | `True`       | whether players place a cue ball in hand, see Games   |
     | `miss`            | bool          | `False`      | whether snooker has the miss rule                     |
+    | `edition`         | str or None   | `None`       | edition of the rules of a game; None: its first one   |
     | `render_mode`     | str or None   | `None`       | `"human"`, `"rgb_array"` or `"rgb_array_list"`        |
 
     These are the arguments of `gym.make` and of `make_env`. The constructor instead takes a `Model`, which

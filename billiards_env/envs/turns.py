@@ -84,6 +84,7 @@ class GameNumbers(NamedTuple):
         size: How many numbers of an action describe the shot.
         places: How many describe the place of a cue ball in hand: 2, or 0 in a game without pockets.
         calls: How many describe the call: 3 or 0.
+        safety: Whether a player may call a safety.
     """
 
     table: Any
@@ -92,11 +93,13 @@ class GameNumbers(NamedTuple):
     size: int
     places: int
     calls: int
+    safety: bool
 
 
 def game_numbers(setup: Setup, sizes: tuple[int, int, int]) -> GameNumbers:
     """Returns the constants of a game; `sizes` is `Model.n_numbers`."""
-    return GameNumbers(setup.placement_table, setup.target is not None, len(setup.scene.table.pockets), *sizes)
+    pockets, by_points = len(setup.scene.table.pockets), setup.target is not None
+    return GameNumbers(setup.placement_table, by_points, pockets, *sizes, setup.has_safety)
 
 
 def turn_arrays(state: StateArrays, players: int, size: int) -> TurnArrays:
@@ -127,12 +130,12 @@ def _part(value, count):
 
 
 @inlined
-def _kind_of(choice, state):
+def _kind_of(choice, state, safety):
     """Returns the kind of call for the last number of an action: up to 0 a shot, then in equal parts the choices.
 
-    A safety is a choice in the games with called shots; the others are those of the state.
+    With `safety` a safety is a choice; the others are those of the state.
     """
-    choices = state.choices | (1 << SAFETY if state.call_shot else 0)
+    choices = state.choices | (1 << SAFETY if safety else 0)
     count = 0
     for kind in range(SAFETY, len(CALLS)):
         count += choices >> kind & 1
@@ -178,7 +181,7 @@ def take_actions(begin, end, actions, game, arrays, turns):
         if game.calls > 0:
             call.ball = 1 + _part(actions[k, first], arrays.positions.shape[1] - 1)
             turns.pockets[k] = _part(actions[k, first + 1], game.n_pockets)
-            call.kind = _kind_of(actions[k, first + 2], state)
+            call.kind = _kind_of(actions[k, first + 2], state, game.safety)
         shoots = call.kind < HAND_BACK
         if shoots and len(turns.before_states) > 0:
             turns.before_states[k] = state

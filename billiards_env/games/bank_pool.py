@@ -66,6 +66,7 @@ GAMES = {
         bank_pool,
         won_by="`target` points: balls that hit a cushion before the pot, by default a majority",
         callable=any_ball,
+        editions=("2006",),
         banks=True,
         page=(
             ("to win", "score the target with a point for each bank"),

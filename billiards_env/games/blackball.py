@@ -88,6 +88,7 @@ GAMES = {
         n_object_balls=(15, 15),
         won_by="potting one group of balls, then the black ball",
         n_players=(2, 2),
+        editions=("2005",),
         deciding_ball=8,
         groups=True,
         free_ball=free_shot,

@@ -118,6 +118,7 @@ _CAROM = functools.partial(
     n_object_balls=(2, 2),
     won_by="`target` points",
     cue_balls=(0, 2),
+    editions=("1989",),
     target=lambda balls: 10,
     pockets=False,
     choices=("rerack",),

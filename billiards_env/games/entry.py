@@ -65,6 +65,8 @@ class Game(NamedTuple):
             for a game that is not won by points.
         callable: Kernel `(state, player)`. Returns the balls that the player may call; None for a game without called
             shots and safeties.
+        editions: The names of the editions of the rules, the default first; `RulesState.edition` is the index.
+        without_safety: The editions that have called shots but no safeties.
         choices: The choices that a player may have besides a shot, of `CALLS`.
         counts_fouls: Whether consecutive fouls are penalised.
         deciding_ball: The ball that stays on the table until the end of the game, -1 for the last; None for none.
@@ -99,6 +101,8 @@ class Game(NamedTuple):
     cue_balls: tuple[int, ...] = (CUE_BALL,)
     target: Callable[[int], int] | None = None
     callable: Kernel | None = None
+    editions: tuple[str, ...] = ("",)
+    without_safety: tuple[str, ...] = ()
     choices: tuple[str, ...] = ()
     counts_fouls: bool = False
     deciding_ball: int | None = None

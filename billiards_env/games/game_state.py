@@ -79,6 +79,7 @@ class RulesState(NamedTuple):
         target: The score that wins, or 0 if no score does.
         call_shot: Whether shots are called: a potted ball counts only if the ball and its pocket were called (WPA 1.6).
         miss: Whether snooker is played with the miss rule.
+        edition: Index in `Game.editions` of the edition of the rules.
         reds: In snooker, the number of red balls of a full table: the balls 1 to `reds`.
         colour: In snooker, whether a colour of the player's choice is on.
         free_ball: Whether the player has a free ball (snooker) or a free shot (blackball).
@@ -101,6 +102,7 @@ class RulesState(NamedTuple):
     target: int = 0
     call_shot: bool = False
     miss: bool = False
+    edition: int = 0
     reds: int = 0
     colour: bool = False
     free_ball: bool = False

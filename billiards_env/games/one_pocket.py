@@ -102,6 +102,7 @@ SHORT_GAME = functools.partial(
     legal=any_ball,
     scene="pool",
     layouts=("rack", "tight_rack", "random"),
+    editions=("2005",),
     n_object_balls=(1, 15),
     n_players=(2, 2),
     target=majority,

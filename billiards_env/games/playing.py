@@ -101,6 +101,7 @@ class Setup:
         call_shot: Whether shots are called, in a game whose rules require it, such as the WPA's (1.6).
             By default any ball potted on a legal shot counts, and a player need not call.
         miss: Whether snooker is played with the miss rule.
+        edition: The edition of the rules, one of `Game.editions`; None for the first of them.
     """
 
     rules: str
@@ -110,6 +111,7 @@ class Setup:
     engine: Engine = PIC
     call_shot: bool = False
     miss: bool = False
+    edition: str | None = None
 
     def __post_init__(self) -> None:
         check_scene(self.scene)
@@ -128,6 +130,9 @@ class Setup:
             _expect(math.isfinite(mass), f"{name} ball {i} of infinite mass", "finite masses")
         players = integer("n_players", self.n_players, Range(*rules.n_players, f"for rules {self.rules!r}"))
         object.__setattr__(self, "n_players", players)
+        edition = rules.editions[0] if self.edition is None else self.edition
+        one_of("edition", edition, rules.editions)
+        object.__setattr__(self, "edition", edition)
         if rules.target is None:
             what = f"target = {short(self.target)} with rules {self.rules!r}"
             _expect(self.target is None, what, "None, the game has no points")
@@ -154,7 +159,22 @@ class Setup:
     def state_fields(self) -> dict[str, Any]:
         """The fields of `RulesState` that stay the same in a game."""
         same = {name: getattr(self, name) for name in ("n_players", "call_shot", "miss")}
-        return {**same, "target": self.target or 0}
+        return {**same, "target": self.target or 0, "edition": self.game_rules.editions.index(self.edition or "")}
+
+    @property
+    def rack(self) -> str:
+        """The argument `game` of `layouts.layout_plan`: the game, or its edition if that has a rack of its own."""
+        own = f"{self.rules}_{self.edition}"
+        return own if own in layouts.RACKS else self.rules
+
+    def kinds(self, state: Any) -> tuple[str, ...]:
+        """Returns the kinds of calls that the player to shoot has, of `CALLS`."""
+        return ("shot", *(("safety",) if self.has_safety else ()), *choices(state))
+
+    @property
+    def has_safety(self) -> bool:
+        """Whether a player may call a safety."""
+        return self.call_shot and self.edition not in self.game_rules.without_safety
 
     def legal(self, state: Any, player: int | None = None) -> tuple[int, ...]:
         """Returns the balls that a player, by default the one to shoot, may touch first."""
@@ -281,7 +301,7 @@ def opening(setup: Setup, rng: np.random.Generator, layout: str | None = None) -
     layout = names[0] if layout is None else layout
     what = f"layout = {short(layout)} with rules {setup.rules!r}"
     _expect(isinstance(layout, str) and short_name(layout) in names, what, f"one of {', '.join(map(repr, names))}")
-    positions, state = layouts.draw(layout, setup.scene, rng, setup.rules), opening_state(setup)
+    positions, state = layouts.draw(layout, setup.scene, rng, setup.rack), opening_state(setup)
     return GameState(
         positions, changed(state, break_shot=False, in_hand=NOT_IN_HAND) if short_name(layout) == "random" else state
     )
@@ -426,8 +446,7 @@ def _without_shot(setup: Setup, game: GameState, call: Call) -> GameState:
 def _check_stroke(setup: Setup, state: Any, stroke: Stroke) -> None:
     """Raises a ValueError if a stroke is not possible, see `play`."""
     call, n = stroke.call, setup.scene.n_balls
-    safety = ("safety",) if state.call_shot else ()
-    one_of("stroke.call.kind", call.kind, ("shot", *safety, *choices(state)))
+    one_of("stroke.call.kind", call.kind, setup.kinds(state))
     integer("stroke.call.ball", call.ball, Range(-1, n - 1))
     integer("stroke.call.pocket", call.pocket, Range(-1, len(setup.scene.table.pockets) - 1))
     if call.kind in NO_SHOT:

@@ -1,7 +1,18 @@
 """The rules of the pool games.
 
 "WPA" is the World Pool-Billiard Association's The Rules of Play, effective 15 March 2016 (1 general, 2 nine ball, 3
-eight ball, 4 continuous pool, 6 fouls, 8 definitions, 9 ten ball). The rules are simplified:
+eight ball, 4 continuous pool, 6 fouls, 8 definitions, 9 ten ball). The edition "2025" has the rules effective 15
+September 2025 ("WPA 2025": 1 general, 2 definitions, 3 fouls, 4 eight ball, 5 nine ball, 6 ten ball, 7 continuous
+pool). Their text was not available. The sources are secondary: a program's specification that paraphrases them rule by
+rule (github.com/SchaeferDesigns/RawBreak, `Docs/specs/rules.md`), and a list of the changes (columbiacueclub.com).
+What changes:
+
+* Nine ball: the 9 is racked on the foot spot, and not the 1 (WPA 2.2, WPA 2025 5.2).
+* Eight ball: on an open table the eight ball may be touched first, and wins, once a group is off the table (WPA 2025
+  4.4).
+* Ten ball has no safety call (WPA 9.6, WPA 2025 6.5).
+
+The rules are simplified:
 
 * In eight ball, ten ball and straight pool, shots are called (WPA 1.6) only in a state with `call_shot`. Otherwise any
   ball potted on a legal shot counts, in any pocket.
@@ -46,6 +57,10 @@ from billiards_env.jit import inlined
 BREAK_PENALTY, FOULS_PENALTY = 2, 15
 """Points for a breaking foul and for the third consecutive foul in straight pool (WPA 4.10, 4.11)."""
 
+EDITIONS = ("2016", "2025")
+IN_2025 = EDITIONS.index("2025")
+"""`RulesState.edition` of the rules of 2025."""
+
 SOLIDS, EIGHT, STRIPES = sum(1 << i for i in range(1, 8)), 1 << 8, sum(1 << i for i in range(9, 16))
 NINE, TEN = 1 << 9, 1 << 10
 
@@ -67,11 +82,14 @@ def group_or_eight(state, player):
     """Returns the balls that a player may touch first in eight ball (WPA 3.4).
 
     On the break these are all object balls. Afterwards they are the balls of the player's group, or of both groups
-    while the table is open. If none of them is left, it is the eight ball.
+    while the table is open. If none of them is left, it is the eight ball. In 2025 an open table without the balls of a
+    group adds the eight ball (WPA 2025 4.4).
     """
     if state.break_shot:
         return state.object_balls
     left = state.object_balls & group_of(state, player)
+    if state.edition == IN_2025 and (left & SOLIDS == 0 or left & STRIPES == 0) and state.solids < 0:
+        return left | EIGHT
     return left if left != 0 else EIGHT
 
 
@@ -275,7 +293,7 @@ _FOUL = ("foul", "cue ball potted, no ball or a wrong ball hit first, no cushion
 _TURN = ("turn", "a player continues after a legal pot")
 _AFTER = ("after a foul", "cue ball anywhere; with two players, three fouls in a row lose")
 _BREAK = ("break", "pot a ball, or drive four balls to a cushion")
-_POOL = functools.partial(Game, scene="pool", layouts=("rack", "tight_rack", "random"))
+_POOL = functools.partial(Game, scene="pool", layouts=("rack", "tight_rack", "random"), editions=EDITIONS)
 _ROTATION = functools.partial(
     _POOL, legal=lowest_ball, choices=("push_out", "hand_back"), counts_fouls=True, pots_any=True
 )
@@ -336,6 +354,7 @@ GAMES = {
         n_object_balls=(10, 10),
         won_by="potting the ten ball as the last ball",
         callable=any_ball,
+        without_safety=("2025",),
         deciding_ball=10,
         page=(
             ("to win", "pot the 10 as the last ball; before that, and on the break, it is spotted"),

@@ -146,6 +146,8 @@ def to_json(record: Record) -> str:
         raise TypeError(f"record = {short(record)}: expected the result of ShotResult.to_record or record_game")
     setup, state = record.setup, to_dict(record.state)
     data = shots.plain(setup)
+    if setup.edition == setup.game_rules.editions[0]:
+        del data["edition"]
     data["positions"] = record.positions
     data["state"] = {name: state[name] for name in STATE_FIELDS}
     data["strokes"] = [stroke._asdict() | {"call": stroke.call._asdict()} for stroke in record.strokes]
@@ -162,7 +164,10 @@ def from_json(text: str) -> Record:
     return shots.parse(text, {shots.SHOT: shots.read_shot, GAME: _game})
 
 
+_SETTINGS = ("edition",)
+"""The settings that a file has only if they are not the default, so older files stay valid."""
 _GAME_FIELDS = (*shots.HEAD, "rules", "n_players", "target", "call_shot", "miss", "state", "strokes")
+
 _GAME_END = tuple(field.name for field in dataclasses.fields(GameEnd))
 
 
@@ -171,10 +176,13 @@ def _game(data: dict[str, Any]) -> GameRecord:
         raise ValueError(
             f"version = {data['version']}: expected {shots.VERSION} for a game; the file has older rules and no calls"
         )
-    fields("the file", data, _GAME_FIELDS)
+    fields("the file", data, _GAME_FIELDS, _SETTINGS)
     scene, engine = head(data)
     n = scene.n_balls
-    setup = Setup(data["rules"], scene, data["n_players"], data["target"], engine, data["call_shot"], data["miss"])
+    settings = {name: data[name] for name in _SETTINGS if name in data}
+    setup = Setup(
+        data["rules"], scene, data["n_players"], data["target"], engine, data["call_shot"], data["miss"], **settings
+    )
     positions = rows_of("positions", data["positions"], n, 2)
     state = custom_opening(setup, positions, fields("state", data["state"], STATE_FIELDS)).state
     strokes = []

@@ -1,7 +1,9 @@
 """The rules of snooker, a frame for two players.
 
 "WPBSA" is section 3 of the Official Rules of the Games of Snooker and English Billiards of the World Professional
-Billiards and Snooker Association. The balls 1 to `reds` are red; yellow, green, brown, blue, pink and black follow. The
+Billiards and Snooker Association, revised in November 2014. The source is secondary: a copy of this text in
+github.com/chalkysticks/api, `snooker_wpbsa.php`. The edition of November 2019 has the same rules here; it moves the
+penalties from rule 10 to rule 11. The balls 1 to `reds` are red; yellow, green, brown, blue, pink and black follow. The
 rules are simplified:
 
 * A player who nominates no ball nominates the colour, or with a free ball the ball, that the cue ball touches first
@@ -286,6 +288,7 @@ GAMES = {
         won_by="having the most points when the black ball, the last one, is potted",
         n_players=(2, 2),
         target=no_target,
+        editions=("2014",),
         choices=("hand_back", "replace"),
         deciding_ball=-1,
         has_spots=True,

@@ -139,7 +139,7 @@ def test_every_argument_with_an_effect_is_frozen():
     frozen = {"scene", "task", "n_object_balls", "mode", "action", "max_shots", "max_speed", "layout"}
     frozen |= {"observe", "scratch_penalty", "randomize"}
     assert all(set(task.arguments) == frozen for task in FROZEN.values())
-    games = {"n_players", "target", "can_call", "can_place", "miss"}
+    games = {"n_players", "target", "can_call", "can_place", "miss", "edition"}
     assert all(set(arguments) == frozen | games for arguments in FROZEN_GAMES.values())
     assert inspect.signature(make_model).parameters.keys() == frozen | free | games
     assert json.loads(json.dumps(FROZEN["Clear5-v0"].arguments)) == FROZEN["Clear5-v0"].arguments

@@ -57,7 +57,7 @@ def game_text():
 RECORDS = {
     **{name: functools.partial(recorded_shot, name) for name in SHOTS},
     **{rules: functools.partial(recorded_game, rules) for rules in GAMES},
-    "options": lambda: recorded_game("straight", 40, target=40, call_shot=True),
+    "options": lambda: recorded_game("straight", 40, target=40, call_shot=True, edition="2025"),
     "pit game": lambda: recorded_game(engine=Engine("pit", 1 / 100)),
 }
 
@@ -87,6 +87,11 @@ def test_a_record_survives_a_file_and_replays_bit_for_bit(name, tmp_path):
 
 def test_a_shot_of_version_1_is_read():
     assert records.from_json(changed(shot_text(), "version", 1)) == recorded_shot()
+
+
+def test_a_file_has_the_edition_only_if_it_is_not_the_default():
+    assert "edition" not in json.loads(game_text())
+    assert json.loads(records.to_json(RECORDS["options"]()))["edition"] == "2025"
 
 
 def test_a_replay_with_another_result_raises():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate
-from billiards_env.games import Call, Stroke, custom_opening, play
+from billiards_env.games import Call, Setup, Stroke, custom_opening, opening, play
 from billiards_env.games.facts import facts_of, facts_of_shots
 from billiards_env.games.game_state import changed
 from tests.helpers.games import judge, record_of, ruling, setup, state, words
@@ -76,6 +76,34 @@ def test_legal_balls(rules, fields, player, legal):
     assert set(setup(rules).legal(state(rules, **fields), player)) == legal
     if rules == "eight_ball":
         assert set(setup(rules).callable(state(rules, **fields), player)) == legal
+
+
+# On an open table: all solids are off the table, the 8 and two stripes are left.
+OPEN_WITHOUT_SOLIDS = {"on_table": (8, 9, 12)}
+IN_2025 = {"edition": 1}
+
+
+def test_in_2025_the_eight_ball_may_be_hit_first_on_an_open_table_without_a_group():  # WPA 2025 4.4
+    fields = OPEN_WITHOUT_SOLIDS
+    assert setup("eight_ball").legal(state("eight_ball", **fields)) == (9, 12)
+    assert setup("eight_ball").legal(state("eight_ball", **fields, **IN_2025)) == (8, 9, 12)
+    assert setup("eight_ball").legal(state("eight_ball", on_table=(3, 8, 9), **IN_2025)) == (3, 9)
+    assert setup("eight_ball").legal(state("eight_ball", on_table=(8, 9), solids=1, **IN_2025)) == (9,)
+
+
+def test_in_2025_the_nine_is_racked_on_the_foot_spot():  # WPA 2025 5.2
+    rng, scene = np.random.default_rng(0), Scene.named("pool", 9)
+    for edition, on_spot in ((None, 1), ("2016", 1), ("2025", 9)):
+        positions = opening(Setup("nine_ball", scene, edition=edition), rng, "tight_rack").positions
+        assert positions[on_spot].tolist() == [scene.table.foot_x, 0.0]
+        assert positions[9, 0] - positions[1, 0] == pytest.approx(2 * 3**0.5 * scene.balls.radius[0])
+
+
+def test_in_2025_ten_ball_has_no_safety():  # WPA 2025 6.5
+    for edition, kinds in (("2016", ("shot", "safety")), ("2025", ("shot",))):
+        game = setup("ten_ball", call_shot=True, edition=edition)
+        assert game.kinds(state("ten_ball", **CALLED)) == kinds
+        assert setup("eight_ball", call_shot=True, edition=edition).has_safety
 
 
 def test_any_ball_may_be_called_in_straight_pool():
@@ -253,6 +281,8 @@ ENDS = [
     ("eight_ball", GROUP_POTTED, "hit 0 9, hit 9 8, pocket 8", "wrong_ball", 1),
     ("eight_ball", CALLED_EIGHT, "hit 0 8, pocket 8 2", "", 0, Call(8, 2)),
     ("eight_ball", CALLED_EIGHT, "hit 0 8, pocket 8 2", "", 1, Call(8, 3)),  # 3.8 c
+    ("eight_ball", OPEN_WITHOUT_SOLIDS, "hit 0 8, pocket 8", "wrong_ball", 1),
+    ("eight_ball", {**OPEN_WITHOUT_SOLIDS, **IN_2025}, "hit 0 8, pocket 8", "", 0),  # WPA 2025 4.4
     ("straight", {"scores": (6, 5), "on_table": (7,)}, "hit 0 7, pocket 7", "", 0),
     ("straight", {"scores": (3, 6), "on_table": (7,)}, "hit 0 7, pocket 7", "", 1),
     ("straight", {"scores": (4, 5), "on_table": (7,)}, "hit 0 7, pocket 7", "", -1),
