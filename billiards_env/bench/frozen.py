@@ -162,6 +162,7 @@ _GAME = {
     "can_call": False,
     "can_place": True,
     "miss": False,
+    "innings": 0,
 }
 _POOL = ["positions", "legal_balls", "break", "in_hand"]
 
@@ -189,7 +190,13 @@ _GAMES: dict[str, tuple[str, str, str, int, str, int | None, list[str]]] = {
 }
 _GAME_NAMES = ("task", "edition", "scene", "n_object_balls", "layout", "target", "observe")
 
-FROZEN_GAMES = {f"{name}-v0": {**_GAME, **dict(zip(_GAME_NAMES, row, strict=True))} for name, row in _GAMES.items()}
+# v1: balls that touch the cue ball have their rules, and a snooker behind a free ball is a foul.
+_VERSIONS = {"SnookerGame": 1, "CaromGame": 1, "ThreeCushionGame": 1}
+
+FROZEN_GAMES = {
+    f"{name}-v{_VERSIONS.get(name, 0)}": {**_GAME, **dict(zip(_GAME_NAMES, row, strict=True))}
+    for name, row in _GAMES.items()
+}
 """The arguments of the frozen games of two players, by their id without `NAMESPACE`."""
 
 BENCH_TASKS = ("Pot1-v0", "Clear5-v0", "ThreeCushion-v0", "Position-v0", "NineBall-v0")

@@ -140,6 +140,7 @@ def make_model(
     can_place: bool = True,
     miss: bool = False,
     edition: str | None = None,
+    innings: int = 0,
 ) -> Model:
     """Returns the arguments of an environment after a check. The docstring of `BilliardsEnv` describes them.
 
@@ -167,7 +168,7 @@ def make_model(
         raise ValueError(f"goal_radius = {short(goal_radius)} with task = {task!r}: expected a task with a goal")
     if flag("can_call", can_call) and action_named(action).is_choice:
         raise ValueError(f"can_call = True with action = {action!r}: expected False, it has no numbers for a call")
-    of_games = {"target": target, "miss": miss, "edition": edition}
+    of_games = {"target": target, "miss": miss, "edition": edition, "innings": innings}
     setup = _make_setup(task, board, players, engine, can_call, of_games) if players > 1 else None
     for name, value in {**of_games, "can_call": can_call}.items():
         usual = inspect.signature(make_model).parameters[name].default

@@ -2,8 +2,11 @@
 
 "UMB" is the World Rules of Carom Billiard of the Union Mondiale de Billard, edition of 1 January 1989 (a copy is on
 3cushionbilliards.com). The text of article 27 and of paper F, on balls in contact, was not available: their content is
-that of secondary sources, the house rules of New Mexico Tech (infohost.nmt.edu/~billiard). A game has no equalising
-inning. When the turn changes, the two cue balls are swapped, so with two players each player has one cue ball.
+that of secondary sources, the house rules of New Mexico Tech (infohost.nmt.edu/~billiard). When the turn changes, the
+two cue balls are swapped, so with two players each player has one cue ball.
+
+By default the first player with the target score wins. A limit of innings (`Setup.innings`) gives all players the same
+number of innings (UMB, art. 29), with the equalising inning.
 """
 
 from __future__ import annotations
@@ -11,8 +14,19 @@ from __future__ import annotations
 import functools
 
 from billiards_env.games.entry import Game, no_spots
-from billiards_env.games.game_state import PUSH, RERACK, end, verdict
+from billiards_env.games.game_state import (
+    DRIVEN_OFF,
+    NO_FOUL,
+    NO_RERACK,
+    NOT_IN_HAND,
+    PUSH,
+    RERACK,
+    RERACK_ALL,
+    end,
+    verdict,
+)
 from billiards_env.games.placement import overlaps, touching_balls
+from billiards_env.games.pool import leader
 from billiards_env.jit import inlined
 from billiards_env.physics.state import X, Y
 
@@ -44,7 +58,12 @@ def carom(state, facts, call):
     the red ball, number 1. The game is over when a player reaches the target score.
 
     If the cue ball touches a ball at the start of a shot, the player plays away from it, or has the balls set up again
-    (27). It is a foul to touch such a ball first without a cushion before, and it scores nothing.
+    (27). It is a foul to touch such a ball first without a cushion before, or to drive a ball off the table (28). A foul
+    scores nothing.
+
+    With a limit of innings, a player who reaches the target score ends the turn, and the next player plays from the
+    starting position. The game is over at the end of the last inning, or of the inning in which a player reaches the
+    target score. The highest score then wins; a tie has no winner (29).
     """
     return _carom(state, facts, 0)
 
@@ -57,13 +76,31 @@ def three_cushion(state, facts, call):
 
 @inlined
 def _carom(state, facts, cushions):
-    if facts.first & state.touching != 0 and facts.cushions_before_first == 0:
-        return verdict(PUSH)
-    if not is_carom(facts, 2, cushions) or facts.first & red_to_open(state, state.player) == 0:
-        return verdict()
-    if 0 < state.target <= state.scores[state.player] + 1:
-        end(state, state.player)
-    return verdict(points=1, continues=True)
+    foul = PUSH if facts.first & state.touching != 0 and facts.cushions_before_first == 0 else NO_FOUL
+    if facts.driven_off != 0 or facts.cue_off:
+        foul = DRIVEN_OFF
+    legal = foul == NO_FOUL and facts.first & red_to_open(state, state.player) != 0
+    points = 1 if legal and is_carom(facts, 2, cushions) else 0
+    reached = 0 < state.target <= state.scores[state.player] + points
+    if state.innings == 0:
+        if reached:
+            end(state, state.player)
+        return verdict(foul, points, continues=points > 0, spotted=facts.driven_off)
+    continues, last = points > 0 and not reached, state.player == state.n_players - 1
+    if not continues and last:
+        state.inning += 1
+        if state.inning == state.innings or 0 < state.target <= best_score(state, points):
+            end(state, leader(state, points))
+    return verdict(foul, points, 0, continues, facts.driven_off, RERACK_ALL if reached and not last else NO_RERACK)
+
+
+@inlined
+def best_score(state, points):
+    """Returns the highest score after `points` for the shooter."""
+    best = state.scores[state.player] + points
+    for player in range(state.n_players):
+        best = max(best, state.scores[player])
+    return best
 
 
 @inlined
@@ -75,11 +112,17 @@ def look(table, positions, state):
 
 
 @inlined
-def starting_position(table, positions, state):
-    """Sets up the balls as for the opening shot (UMB, art. 23 and 27), as `Game.rerack`."""
-    cue, other = state.cue_balls
-    for ball, spot in ((cue, 0), (1, 1), (other, 2)):
+def on_starting_spots(table, positions, others, cue):
+    """Places the balls as for the opening shot of a cue ball (UMB, art. 23), as `Game.rack`."""
+    for ball, spot in ((cue, 0), (1, 1), (2 - cue, 2)):
         positions[ball, X], positions[ball, Y] = table.spots[spot, X], table.spots[spot, Y]
+    return NOT_IN_HAND
+
+
+@inlined
+def starting_position(table, positions, state):
+    """Sets up the balls as for the opening shot (UMB, art. 27), as `Game.rerack`."""
+    on_starting_spots(table, positions, 0, state.cue_balls[0])
 
 
 @inlined
@@ -123,8 +166,10 @@ _CAROM = functools.partial(
     pockets=False,
     choices=("rerack",),
     spot=no_spots,
+    rack=on_starting_spots,
     look=look,
     rerack=starting_position,
+    has_innings=True,
 )
 _TOUCHING = ("touching balls", "the player plays away from a ball that touches the cue ball")
 GAMES = {

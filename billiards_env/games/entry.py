@@ -43,6 +43,12 @@ def no_look(table, positions, state):
 
 
 @inlined
+def no_see(table, positions, state, facts, call):
+    """Is `Game.see` of a game whose judge needs no positions."""
+    return facts
+
+
+@inlined
 def no_rerack(table, positions, state):
     """Is `Game.rerack` of a game in which the balls are not set up again by a call."""
 
@@ -84,10 +90,13 @@ class Game(NamedTuple):
         rack: Kernel `(table, positions, others, cue)`, see `placement.rack_again`.
         free_ball: Kernel `(table, positions, state, on)`, see `snooker.is_snookered`. Returns whether a foul gives the
             next player a free ball or a free shot.
+        see: Kernel `(table, positions, state, facts, call)`. Returns the facts of a shot, with those that need the
+            positions after it.
         look: Kernel `(table, positions, state)`. Sets what the balls at rest add to the state of the next shot, such as
             the touching balls.
         rerack: Kernel `(table, positions, state)`. Sets up the balls again after the call "rerack", and changes the
             state, except the player.
+        has_innings: Whether `Setup.innings` may limit the innings.
     """
 
     judge: Kernel
@@ -118,5 +127,7 @@ class Game(NamedTuple):
     spot: Kernel = spot_at_foot
     rack: Kernel = no_rack
     free_ball: Kernel = no_free_ball
+    see: Kernel = no_see
     look: Kernel = no_look
     rerack: Kernel = no_rerack
+    has_innings: bool = False

@@ -82,6 +82,9 @@ def facts_of_shot(k, shots, bits):
         cushion_after=met,
         driven=driven,
         cue_driven=hits > 0 or scratch,
+        driven_off=0,
+        cue_off=False,
+        hidden=False,
     )
 
 

@@ -54,6 +54,9 @@ from billiards_env.support.checks import Range, entry_of, flag, integer, one_of,
 MAX_SCORE = 1_000_000
 """The largest absolute value of a score."""
 
+COUNTS = ("misses", "inning", "breaker", "idle")
+"""The whole numbers of a state that are 0 at the opening of a game."""
+
 STATE_FIELDS = (
     "player",
     "scores",
@@ -66,6 +69,7 @@ STATE_FIELDS = (
     "fouls",
     "colour",
     "free_ball",
+    *COUNTS,
 )
 """The fields of `state.to_dict` that a custom opening may set. The setup of the game sets the others."""
 
@@ -102,6 +106,8 @@ class Setup:
             By default any ball potted on a legal shot counts, and a player need not call.
         miss: Whether snooker is played with the miss rule.
         edition: The edition of the rules, one of `Game.editions`; None for the first of them.
+        innings: In carom, the number of innings of each player, or 0 for no limit. With a limit all players have the
+            same number of innings: after the target score the others play to the end of the inning.
     """
 
     rules: str
@@ -112,6 +118,7 @@ class Setup:
     call_shot: bool = False
     miss: bool = False
     edition: str | None = None
+    innings: int = 0
 
     def __post_init__(self) -> None:
         check_scene(self.scene)
@@ -133,6 +140,9 @@ class Setup:
         edition = rules.editions[0] if self.edition is None else self.edition
         one_of("edition", edition, rules.editions)
         object.__setattr__(self, "edition", edition)
+        most = MAX_SCORE if rules.has_innings else 0
+        innings = integer("innings", self.innings, Range(0, most, f"for rules {self.rules!r}"))
+        object.__setattr__(self, "innings", innings)
         if rules.target is None:
             what = f"target = {short(self.target)} with rules {self.rules!r}"
             _expect(self.target is None, what, "None, the game has no points")
@@ -153,12 +163,12 @@ class Setup:
     @property
     def placement_table(self) -> tuple[Any, ...]:
         """The argument `table` of the kernels that place balls, see `transition.table_of`."""
-        return table_of(self.game_rules, self.scene, self.target or 0)
+        return table_of(self.game_rules, self.scene, self.target or 0, self.rack)
 
     @property
     def state_fields(self) -> dict[str, Any]:
         """The fields of `RulesState` that stay the same in a game."""
-        same = {name: getattr(self, name) for name in ("n_players", "call_shot", "miss")}
+        same = {name: getattr(self, name) for name in ("n_players", "call_shot", "miss", "innings")}
         return {**same, "target": self.target or 0, "edition": self.game_rules.editions.index(self.edition or "")}
 
     @property
@@ -332,6 +342,8 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     rules, n, players = setup.game_rules, setup.scene.n_balls, setup.n_players
     integer("state.player", values["player"], Range(0, players - 1))
     integer("state.solids", values["solids"], Range(-1, players - 1 if rules.groups else -1))
+    for name in COUNTS:
+        integer(f"state.{name}", values[name], Range(0, players - 1 if name == "breaker" else MAX_SCORE))
     ball = Range(0, n - 1)
     limits = {"scores": Range(-MAX_SCORE, MAX_SCORE), "on_table": ball, "cue_balls": ball, "fouls": Range(0, 2)}
     for name, limit in limits.items():

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.games.entry import Game, no_free_ball, no_look, no_rack, no_rerack, no_spots
+from billiards_env.games.entry import Game, no_free_ball, no_look, no_rack, no_rerack, no_see, no_spots
 from billiards_env.games.game_state import (
+    BREAK_AGAIN,
     HAND_BACK,
     MOST_PLAYERS,
     NO_FOUL,
@@ -24,6 +25,7 @@ from billiards_env.games.game_state import (
     NOT_IN_HAND,
     REPLACE,
     RERACK_REST,
+    STALEMATE,
     VERDICT,
     check_indices,
     write_verdict,
@@ -36,7 +38,7 @@ from billiards_env.physics.state import X, Y
 from billiards_env.scene import Scene
 
 judge, legal = straight, any_ball  # `specialised` puts the kernels of each game in their place
-spot, rack, free_ball, look, rerack = no_spots, no_rack, no_free_ball, no_look, no_rerack
+spot, rack, free_ball, see, look, rerack = no_spots, no_rack, no_free_ball, no_see, no_look, no_rerack
 
 
 def after_shot(table, positions, state, facts, call):  # out: positions, state
@@ -54,14 +56,14 @@ def after_shot(table, positions, state, facts, call):  # out: positions, state
     Returns:
         The `Verdict`, and a ball for which there is no room on the table, or -1.
     """
-    cue, others = state.cue_balls[0], state.object_balls & ~facts.potted
-    verdict = judged(judge, state, facts, call)
+    cue, others = state.cue_balls[0], state.object_balls & ~(facts.potted | facts.driven_off)
+    verdict = judged(judge, state, see(table, positions, state, facts, call), call)
     in_play = others if state.in_hand != NOT_IN_HAND else others | 1 << cue  # a cue ball in hand does not block a spot
     failed = spot(table, positions, verdict.spotted, in_play, cue)
     if verdict.rack == RERACK_REST:
         state.in_hand = rack(table, positions, others, cue)
     elif verdict.rack != NO_RERACK:
-        rack(table, positions, 0, cue)
+        rack(table, positions, 0, state.cue_balls[0])
     if verdict.foul != NO_FOUL and not state.over:
         state.free_ball = free_ball(table, positions, state, legal(state, state.player))
     if not state.over:
@@ -80,6 +82,7 @@ def after_shot_of(rules: Game) -> Callable[..., Any]:
         spot=rules.spot,
         rack=rules.rack,
         free_ball=rules.free_ball,
+        see=rules.see,
         look=rules.look,
     )
 
@@ -93,20 +96,23 @@ def without_shot(table, k, call, positions, states, before):  # out: positions, 
         call: `Called`, or a row of `CALL`.
         positions: (m, n, 2) m, which change.
         states: (m,) `STATE`, which change.
-        before: The positions and the states before the last shot, for "replace". The scores and the fouls in them
-            change to those of now.
+        before: The positions and the states before the last shot, for "replace". The scores, the fouls and the number
+            of misses in them change to those of now.
     """
     state = states[k]
     if call.kind != REPLACE:
-        if call.kind == HAND_BACK:
-            state.player = (state.player - 1) % state.n_players
-        else:
+        if call.kind != HAND_BACK:
             rerack(table, positions[k], state)
+        if call.kind == HAND_BACK or call.kind == BREAK_AGAIN:
+            state.player = (state.player - 1) % state.n_players
+        elif call.kind == STALEMATE:
+            state.player = state.breaker
         state.free_ball = False
     else:
         positions_before, states_before = before
         for i in range(MOST_PLAYERS):
             states_before[k].scores[i], states_before[k].fouls[i] = state.scores[i], state.fouls[i]
+        states_before[k].misses = states_before[k].misses + 1 if states_before[k].in_sight else 0
         states[k] = states_before[k]
         for i in range(positions.shape[1]):
             positions[k, i, X], positions[k, i, Y] = positions_before[k, i, X], positions_before[k, i, Y]
@@ -160,15 +166,30 @@ def call_without_shots_of(rules: Game) -> Callable[..., Any]:
     return specialised(call_without_shots, without_shot=without_shot_of(rules))
 
 
-def table_of(rules: Game, scene: Scene, target: int) -> tuple[Any, ...]:
+def table_of(rules: Game, scene: Scene, target: int, rack: str = "") -> tuple[Any, ...]:
     """Returns the argument `table` of a game to a target score, 0 for none, see `placement.placement_numbers`.
+
+    Args:
+        rules: The game.
+        scene: The scene.
+        target: The target score.
+        rack: `Setup.rack`.
 
     Raises:
         ValueError: If balls of the scene have no spots or cannot be racked.
     """
+    if rules.has_spots or not rules.pockets:
+        return placement_numbers(scene, rules.layouts[:1])
     racks = rules.rack is not no_rack and target > 0  # without a target the game has a single rack
-    own = rules.has_spots or not rules.pockets
-    return placement_numbers(scene, rules.layouts[0] if own else "tight_rack" if racks else "")
+    if not racks and rules.rerack is no_rerack:
+        return placement_numbers(scene, ())
+    tight = racks or len(set(scene.balls.radius[1:])) == 1
+    try:
+        return placement_numbers(scene, ("tight_rack" if tight else "rack", rack))
+    except ValueError:
+        if racks:
+            raise
+        return placement_numbers(scene, ())  # a table without room for a rack: no call for a new one
 
 
 def next_games(

@@ -117,7 +117,8 @@ def test_a_state_of_an_older_version_is_completed():
     env.reset(seed=1)
     env.step(random_actions(env, 1, 0)[0])
     state: Any = env.get_state()
-    added, names = {"touching"}, cast(Any, STATE).names
+    added = {"touching", "innings", "in_sight", "misses", "inning", "breaker", "idle", "edition"}
+    names = cast(Any, STATE).names
     older: Any = np.dtype([(name, STATE[name]) for name in names if name not in added])
     kind = [(name, older if name == "game" else state.dtype[name]) for name in state.dtype.names]
     old = np.zeros(1, kind)

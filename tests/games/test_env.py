@@ -215,6 +215,21 @@ def test_touching_balls_may_be_set_up_again():
     assert play(env.model.setup, after, env.stroke).game.state == env.game.state
 
 
+def test_a_bad_break_of_eight_ball_gives_the_choices_of_the_rules():  # WPA 3.3 d
+    env = begun("eight_ball", can_call=True)
+    step(env, 0, 0, 0, 0, 0, 0, -1)  # touches no ball
+    assert to_dict(env.game.state)["choices"] == ("rerack", "break_again")
+    for number, kind, player in ((0.5, "rerack", 1), (1.0, "break_again", 0)):  # the first third is a safety
+        twin = copy.deepcopy(env)
+        before = twin.game
+        info = step(twin, 0, 0, 0, 0, 0, 0, number)
+        assert (twin.stroke, info["next_player"]) == (Stroke((0.0, 0.0), call=Call(kind=kind)), player)
+        after = play(twin.model.setup, before, twin.stroke).game
+        assert after.state == twin.game.state
+        assert after.positions[1:].tobytes() == twin.game.positions[1:].tobytes()
+        assert after.state.break_shot
+
+
 def test_a_strike_may_be_a_miscue():
     env = begun("carom", action="strike")
     assert not step(env, 0.3, 0.1, 0.5, -0.6, 0.1)["miscue"]

@@ -241,7 +241,8 @@ def test_the_end_of_the_frame(fields, scores, log, winner):
 @pytest.mark.parametrize(("scores", "log"), [((40, 47), pot(BLACK)), ((47, 40), "")])
 def test_after_a_tie_the_black_is_spotted(scores, log):  # 3.4 b
     now, verdict = judge("snooker", frame(on_table=(BLACK,), scores=scores), log)
-    assert (verdict.over, verdict.spotted, verdict.in_hand, verdict.choices) == (False, (BLACK,), "behind", ())
+    assert (verdict.over, verdict.spotted, verdict.in_hand) == (False, (BLACK,), "behind")
+    assert verdict.choices == ("hand_back",)
     assert (words(now).scores, words(now).object_balls, now.player) == ((47, 47), (BLACK,), 1)
     assert snooker(now, pot(BLACK)).winner == 1
     assert snooker(now, "").winner == 0
@@ -310,7 +311,7 @@ def test_without_room_above_its_spot_the_black_goes_below():  # 3.7 h
 def positions_of(**places):
     """Returns positions with the balls at given places, and the balls."""
     positions = np.zeros((22, 2))
-    names = {"cue": 0, "red": 1, "red2": 2, "blue": BLUE, "pink": PINK, "black": BLACK}
+    names = {"cue": 0, "red": 1, "red2": 2, "green": GREEN, "blue": BLUE, "pink": PINK, "black": BLACK}
     for name, place in places.items():
         positions[names[name]] = place
     return positions, frozenset(names[name] for name in places)
@@ -404,6 +405,37 @@ def test_a_cue_ball_that_touches_a_red_is_played_away_from_it(velocity, foul):  
     assert (words(played.verdict).foul, words(played.game.state).touching) == (foul, ())
 
 
+# The foul for a snooker behind the free ball (3.12 b).
+
+ONE_RED = {"cue": (0.0, 0.0), "red": (1.0, 0.0), "blue": (0.5, 0.0)}
+BEHIND_FREE_BALL = [
+    (ONE_RED, BLUE, True),
+    (ONE_RED | {"pink": (0.0, 0.5)}, PINK, False),  # another ball
+    (ONE_RED | {"blue": (0.5, 0.2)}, BLUE, False),
+    (ONE_RED | {"red2": (0.0, 0.5)}, BLUE, False),
+    (ONE_RED | {"green": (0.3, 0.0)}, BLUE, False),  # the green is nearer and snookers as well
+    (ONE_RED | {"green": (0.7, 0.0)}, BLUE, True),
+]
+
+
+@pytest.mark.parametrize(("places", "ball", "foul"), BEHIND_FREE_BALL)
+def test_a_snooker_behind_the_free_ball_is_a_foul(places, ball, foul):  # 3.12 b
+    positions, balls = positions_of(**places)
+    before = frame(free_ball=True, on_table=balls)
+    shot = row(Facts(first=1 << ball, cushion_after=True))
+    arrays = (np.array([one], kind) for one, kind in ((before, STATE), (shot, FACTS), (row(Called(ball)), CALL)))
+    _, (state,), (verdict,) = next_games(SETUP.game_rules, SCENE, positions[None], *arrays)
+    assert (words(verdict).foul, verdict.penalty) == (("free_ball", 4) if foul else ("", 0))
+    assert (bool(state.free_ball), words(state).choices) == ((True, ("hand_back",)) if foul else (False, ()))
+
+
+def test_pink_and_black_alone_may_be_snookered_behind_the_free_ball():  # 3.12 b
+    positions = SPOTS.copy()
+    positions[[0, BLACK, PINK]] = [[0.0, 0.0], [0.5, 0.0], [1.0, 0.0]]
+    game = custom_opening(SETUP, positions, {"on_table": [0, PINK, BLACK], "free_ball": True})
+    assert words(play(SETUP, game, Stroke((0.05, 0.0), call=Call(BLACK))).verdict).foul != "free_ball"
+
+
 # The miss rule.
 
 
@@ -443,6 +475,34 @@ def test_a_nominated_ball_that_is_not_touched_first_is_a_miss():  # 3.14
         assert not is_miss(before, f"hit 0 {PINK}")
 
 
+def test_three_misses_in_a_row_lose_the_frame():  # 3.14 d
+    for places, lost in (({"cue": (0.4, 0.5), "red": (1.5, 0.2)}, True), (HIDDEN, False)):
+        game = lying(places, MISS, scores=[0, 0])
+        for _ in range(2):
+            missed = play(MISS, game, Stroke((-0.01, 0.0))).game
+            assert "replace" in words(missed.state).choices
+            game = play(MISS, missed, Stroke((0.0, 0.0), call=Call(kind="replace"))).game
+        assert (game.state.misses, game.state.in_sight) == ((2, True) if lost else (0, False))
+        end = play(MISS, game, Stroke((-0.01, 0.0))).game.state
+        assert (end.over, end.winner) == ((True, 1) if lost else (False, -1))
+
+
+@pytest.mark.parametrize("kind", ["hand_back", "shot"])
+def test_misses_count_only_from_the_same_position(kind):  # 3.14 d (iii)
+    game = lying({"cue": (0.4, 0.5), "red": (1.5, 0.2)}, MISS)
+    for _ in range(4):
+        game = play(MISS, game, Stroke((-0.01, 0.0))).game
+        if kind == "hand_back":
+            game = play(MISS, game, Stroke((0.0, 0.0), call=Call(kind=kind))).game
+    assert not game.state.over
+
+
+def test_a_second_miss_counts_if_a_player_needs_penalty_points():  # 3.14 d (i)
+    fields = {"on_table": (1, *COLOURS), "scores": (40, 0)}
+    assert not is_miss(frame(**fields), "")
+    assert is_miss(frame(**fields, misses=1, in_sight=True), "")
+
+
 def test_a_miss_with_a_scratch_can_be_replaced():  # 3.14
     corner = np.array([1.7845, 0.889])
     before = lying({"cue": corner - 0.3, "red": (-1.0, 0.5)}, MISS)
@@ -452,7 +512,8 @@ def test_a_miss_with_a_scratch_can_be_replaced():  # 3.14
     assert (now.in_hand, now.choices) == ("behind", ("hand_back", "replace"))
     again = play(MISS, missed.game, Stroke((0.0, 0.0), call=Call(kind="replace"))).game
     assert again.positions.tobytes() == before.positions.tobytes()
-    assert words(again.state) == words(changed(before.state, scores=missed.game.state.scores, fouls=(1, 0, 0, 0)))
+    scores, fouls = missed.game.state.scores, (1, 0, 0, 0)
+    assert words(again.state) == words(changed(before.state, scores=scores, fouls=fouls, misses=1))
 
 
 # On the table.
