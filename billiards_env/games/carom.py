@@ -58,8 +58,8 @@ def carom(state, facts, call):
     the red ball, number 1. The game is over when a player reaches the target score.
 
     If the cue ball touches a ball at the start of a shot, the player plays away from it, or has the balls set up again
-    (27). It is a foul to touch such a ball first without a cushion before, or to drive a ball off the table (28). A foul
-    scores nothing.
+    (27). It is a foul to touch such a ball first without a cushion before, or to drive a ball off the table (28). A
+    foul scores nothing.
 
     With a limit of innings, a player who reaches the target score ends the turn, and the next player plays from the
     starting position. The game is over at the end of the last inning, or of the inning in which a player reaches the
