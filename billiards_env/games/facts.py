@@ -69,11 +69,11 @@ def facts_of_shot(k, shots, bits):
     before_first = shots.cushions_before_hit[k, hit] if hit >= 0 else 0
     met = hit >= 0 and (scratch or driven != 0 or hits > before_first)
     return Facts(
-        first=first,
-        cushions_before_first=before_first,
-        touched=touched,
-        cushions_before_last=before_last,
-        potted=potted,
+        first,  # numba accepts at most 30 values and names
+        before_first,
+        touched,
+        before_last,
+        potted,
         first_potted=first_potted,
         banked=banked & first if before_first == 0 else 0,
         foot_right=foot_right,

@@ -319,11 +319,11 @@ def write_verdict(verdict, row):  # out: row
 def with_hidden(facts, hidden):
     """Returns `Facts` with another value of `hidden`."""
     return Facts(
-        first=facts.first,
-        cushions_before_first=facts.cushions_before_first,
-        touched=facts.touched,
-        cushions_before_last=facts.cushions_before_last,
-        potted=facts.potted,
+        facts.first,  # numba accepts at most 30 values and names
+        facts.cushions_before_first,
+        facts.touched,
+        facts.cushions_before_last,
+        facts.potted,
         first_potted=facts.first_potted,
         banked=facts.banked,
         foot_right=facts.foot_right,

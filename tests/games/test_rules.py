@@ -79,7 +79,7 @@ def test_legal_balls(rules, fields, player, legal):
 
 
 # On an open table: all solids are off the table, the 8 and two stripes are left.
-OPEN_WITHOUT_SOLIDS = {"on_table": (8, 9, 12)}
+OPEN_WITHOUT_SOLIDS: dict[str, Any] = {"on_table": (8, 9, 12)}
 IN_2025 = {"edition": 1}
 
 
