@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from billiards_env import Scene
+from billiards_env import Scene, games
 from billiards_env.games import Call, Setup, Stroke, custom_opening, opening, play
+from billiards_env.games.batch import play_batch
 from billiards_env.games.game_state import CALL, FACTS, STATE, Called, Facts, changed, row, set_of
 from billiards_env.games.placement import SPOT_GAP
 from billiards_env.games.snooker import points_left
@@ -522,3 +523,11 @@ def test_a_miss_with_a_scratch_can_be_replaced():  # 3.14
 def test_a_break_off_from_the_d():
     played = play(SETUP, opening(SETUP, np.random.default_rng(0)), Stroke((4.0, 0.05), (-1.2, 0.1)))
     assert (played.verdict.foul, words(played.facts).first[0] in range(1, 16)) == (0, True)
+
+
+def test_a_batch_judges_a_snooker_behind_the_free_ball():  # 3.12 b
+    game = lying(HIDDEN, free_ball=True)
+    velocities = [(0.6, 0.0), (0.6, 0.2)]
+    batch = play_batch(SETUP, game, velocities)
+    assert batch.verdicts.tolist() == [play(SETUP, game, Stroke(v)).verdict.tolist() for v in velocities]
+    assert [games.FOULS[foul] for foul in batch.verdicts["foul"]] == ["free_ball", "no_hit"]
