@@ -30,7 +30,8 @@ class PlayedBatch(NamedTuple):
     Attributes:
         positions: (m, n, 2) m, of the balls after the shots. A ball that returns to the table lies on its spot, even if
             another ball is in the way; a new rack is not placed.
-        states: (m,) `STATE`, before the next shots, without what `transition` adds: a free ball and touching balls.
+        states: (m,) `STATE`, before the next shots, without what `transition` adds for the balls at rest: a free ball,
+            touching balls, and choices that follow from them or from a stalemate.
         verdicts: (m,) `VERDICT`.
         pockets: (m, n) int32, the pocket in which the shot potted the ball, -1 if it did not pot it.
         called: (m,) the called ball, or -1.
