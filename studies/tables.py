@@ -30,8 +30,8 @@ def games() -> str:
     for name, game in GAMES.items():
         calls = [*(["ball and pocket, safety"] if game.callable else []), *(c.replace("_", " ") for c in game.choices)]
         numbers = (" to ".join(map(str, dict.fromkeys(pair))) for pair in (game.n_players, game.n_object_balls))
-        rows.append((f"`{name}`", *numbers, game.won_by, ", ".join(calls) or "-"))
-    return table(("`rules`", "Players", "Object balls", "Won by", "Calls and choices"), rows, left=5)
+        rows.append((f"`{name}`", ", ".join(game.editions), *numbers, game.won_by, ", ".join(calls) or "-"))
+    return table(("`rules`", "Edition", "Players", "Object balls", "Won by", "Calls and choices"), rows, left=6)
 
 
 def physics() -> str:

@@ -162,22 +162,25 @@ _GAME = {
     "can_call": False,
     "can_place": True,
     "miss": False,
+    "innings": 0,
 }
 _POOL = ["positions", "legal_balls", "break", "in_hand"]
 
-# By name: the task, the scene, the number of object balls, the layout, the target and the observation.
-_GAMES: dict[str, tuple[str, str, int, str, int | None, list[str]]] = {
-    "StraightGame": ("straight", "pool", 15, "rack", 0, [*_POOL, "scores"]),
-    "EightBallGame": ("eight_ball", "pool", 15, "rack", None, _POOL),
-    "NineBallGame": ("nine_ball", "pool", 9, "rack", None, [*_POOL, "fouls"]),
-    "TenBallGame": ("ten_ball", "pool", 10, "rack", None, [*_POOL, "fouls"]),
-    "OnePocketGame": ("one_pocket", "pool", 15, "rack", 8, [*_POOL, "own_pocket", "fouls", "scores"]),
-    "BankPoolGame": ("bank_pool", "pool", 9, "rack", 5, [*_POOL, "fouls", "scores"]),
-    "BlackballGame": ("blackball", "uk_pool", 15, "eight_ball", None, _POOL),
-    "SnookerGame": ("snooker", "snooker", 21, "snooker", 0, [*_POOL, "scores"]),
-    "CaromGame": ("carom", "carom", 2, "carom_opening", 10, ["positions", "legal_balls", "break", "scores"]),
+# By name: the task, the edition of its rules, the scene, the number of object balls, the layout, the target and the
+# observation.
+_GAMES: dict[str, tuple[str, str, str, int, str, int | None, list[str]]] = {
+    "StraightGame": ("straight", "2016", "pool", 15, "rack", 0, [*_POOL, "scores"]),
+    "EightBallGame": ("eight_ball", "2016", "pool", 15, "rack", None, _POOL),
+    "NineBallGame": ("nine_ball", "2016", "pool", 9, "rack", None, [*_POOL, "fouls"]),
+    "TenBallGame": ("ten_ball", "2016", "pool", 10, "rack", None, [*_POOL, "fouls"]),
+    "OnePocketGame": ("one_pocket", "2005", "pool", 15, "rack", 8, [*_POOL, "own_pocket", "fouls", "scores"]),
+    "BankPoolGame": ("bank_pool", "2006", "pool", 9, "rack", 5, [*_POOL, "fouls", "scores"]),
+    "BlackballGame": ("blackball", "2005", "uk_pool", 15, "eight_ball", None, _POOL),
+    "SnookerGame": ("snooker", "2014", "snooker", 21, "snooker", 0, [*_POOL, "scores"]),
+    "CaromGame": ("carom", "1989", "carom", 2, "carom_opening", 10, ["positions", "legal_balls", "break", "scores"]),
     "ThreeCushionGame": (
         "three_cushion",
+        "1989",
         "carom",
         2,
         "carom_opening",
@@ -185,9 +188,15 @@ _GAMES: dict[str, tuple[str, str, int, str, int | None, list[str]]] = {
         ["positions", "legal_balls", "break", "scores"],
     ),
 }
-_GAME_NAMES = ("task", "scene", "n_object_balls", "layout", "target", "observe")
+_GAME_NAMES = ("task", "edition", "scene", "n_object_balls", "layout", "target", "observe")
 
-FROZEN_GAMES = {f"{name}-v0": {**_GAME, **dict(zip(_GAME_NAMES, row, strict=True))} for name, row in _GAMES.items()}
+# v1: balls that touch the cue ball have their rules, and a snooker behind a free ball is a foul.
+_VERSIONS = {"SnookerGame": 1, "CaromGame": 1, "ThreeCushionGame": 1}
+
+FROZEN_GAMES = {
+    f"{name}-v{_VERSIONS.get(name, 0)}": {**_GAME, **dict(zip(_GAME_NAMES, row, strict=True))}
+    for name, row in _GAMES.items()
+}
 """The arguments of the frozen games of two players, by their id without `NAMESPACE`."""
 
 BENCH_TASKS = ("Pot1-v0", "Clear5-v0", "ThreeCushion-v0", "Position-v0", "NineBall-v0")

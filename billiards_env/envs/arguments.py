@@ -139,6 +139,8 @@ def make_model(
     can_call: bool = False,
     can_place: bool = True,
     miss: bool = False,
+    edition: str | None = None,
+    innings: int = 0,
 ) -> Model:
     """Returns the arguments of an environment after a check. The docstring of `BilliardsEnv` describes them.
 
@@ -166,8 +168,10 @@ def make_model(
         raise ValueError(f"goal_radius = {short(goal_radius)} with task = {task!r}: expected a task with a goal")
     if flag("can_call", can_call) and action_named(action).is_choice:
         raise ValueError(f"can_call = True with action = {action!r}: expected False, it has no numbers for a call")
-    setup = _make_setup(task, board, players, target, engine, can_call, miss) if players > 1 else None
-    for name, value, usual in (("target", target, None), ("can_call", can_call, False), ("miss", miss, False)):
+    of_games = {"target": target, "miss": miss, "edition": edition, "innings": innings}
+    setup = _make_setup(task, board, players, engine, can_call, of_games) if players > 1 else None
+    for name, value in {**of_games, "can_call": can_call}.items():
+        usual = inspect.signature(make_model).parameters[name].default
         if players == 1 and value is not usual:
             raise ValueError(f"{name} = {short(value)} with n_players = 1: expected {usual}, it belongs to games")
     if setup is not None and short_name(layout) not in (names := setup.game_rules.layouts):
@@ -211,17 +215,18 @@ def model_of(maker: Callable[..., Any], arguments: Mapping[str, Any]) -> Model:
 
 
 def _make_setup(
-    rules: str, scene: Scene, n_players: int, target: int | None, engine: Engine, can_call: bool, miss: bool
+    rules: str, scene: Scene, n_players: int, engine: Engine, can_call: bool, settings: dict[str, Any]
 ) -> Setup:
-    """Returns the settings of a game of several players."""
+    """Returns the settings of a game of several players; `settings` are arguments of `Setup`."""
     from billiards_env.games.playing import Setup
 
     game = entry_of("task", rules, GAMES)
     if can_call and not (game.callable or game.choices):
         raise ValueError(f"can_call = True with task = {rules!r}: expected False, the game has no calls")
-    if flag("miss", miss) and not can_call:
+    if flag("miss", settings["miss"]) and not can_call:
         raise ValueError("miss = True with can_call = False: expected can_call = True, the miss rule gives a choice")
-    return Setup(rules, scene, n_players, target, engine, can_call and game.callable is not None, miss)
+    called = can_call and game.callable is not None
+    return Setup(rules, scene, n_players, engine=engine, call_shot=called, **settings)
 
 
 class ResetOptions(NamedTuple):

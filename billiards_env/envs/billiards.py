@@ -156,10 +156,9 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     | 2 | the called pocket: -1 to 1 in equal parts for the pockets 0, 1, ... |
     | 3 | up to 0 an ordinary shot; above 0, in equal parts, the player's other choices |
 
-    The other choices are a safety in the games with called shots, and then those of the state: "push_out" and
-    "hand_back" in nine ball and ten ball, "hand_back" and "replace" in snooker, see `games.game_state.CALLS`. A player
-    without other choices plays an ordinary shot. After "hand_back" and "replace" no ball moves, and the previous player
-    plays.
+    The other choices are a safety in the games with called shots, and then those of the state, such as "push_out" and
+    "hand_back" in nine ball and ten ball, or "rerack" in eight ball, see `games.game_state.CALLS`. A player without
+    other choices plays an ordinary shot. The calls from "hand_back" on are a step without a shot.
 
     The observation is that of the player to shoot. The features "break", "in_hand", "own_pocket", "choices", "fouls"
     and "scores" follow the positions and the legal balls, as far as the game has them. The scores and the numbers of
@@ -216,6 +215,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     - `"tight_rack"`: as `"rack"`, but the object balls touch each other.
     - `"nine_ball"`: as `"rack"` with 9 object balls: the 1 at the front, the 9 in the middle, the others in a random
       order.
+    - `"nine_ball_2025"`: as `"nine_ball"`, with the 9 on the foot spot.
     - `"ten_ball"`: as `"rack"` with 10 object balls: the 1 at the front, the 10 in the middle of the row of three.
     - `"eight_ball"`: as `"rack"` with 15 object balls: the 8 in the middle, a ball of each group at the rear corners,
       the others in a random order.
@@ -329,6 +329,8 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     | `can_call`        | bool          | `False`      | whether players call, see Games                       |
     | `can_place`       | bool          | `True`       | whether players place a cue ball in hand, see Games   |
     | `miss`            | bool          | `False`      | whether snooker has the miss rule                     |
+    | `edition`         | str or None   | `None`       | edition of the rules of a game; None: its first one   |
+    | `innings`         | int           | `0`          | innings of each player of carom; 0: no limit          |
     | `render_mode`     | str or None   | `None`       | `"human"`, `"rgb_array"` or `"rgb_array_list"`        |
 
     These are the arguments of `gym.make` and of `make_env`. The constructor instead takes a `Model`, which

@@ -71,7 +71,7 @@ class Episodes:
         self.model, self.n_recorded = model, n_recorded
         self.recorded: dict[int, ShotResult] = {}
         entry, setup = task_of(model.task, model.n_players), model.setup
-        self.plan = layouts.layout_plan(model.layout, scene, "" if setup is None else setup.rules)
+        self.plan = layouts.layout_plan(model.layout, scene, "" if setup is None else setup.rack)
         self.goal_plan = layouts.layout_plan("random", cue_ball_alone(scene)) if model.goal_radius else None
         opening, legal = opening_of(entry, scene, model.layout, **(setup.state_fields if setup else {}))
         numbers = TaskNumbers(

@@ -26,7 +26,7 @@ from billiards_env.envs.arguments import Model
 from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.goal_observations import ACHIEVED, DESIRED, achieved_writer, write_desired
 from billiards_env.envs.tasks import task_of
-from billiards_env.games.game_state import ANYWHERE, BEHIND, PUSH_OUT, REPLACE
+from billiards_env.games.game_state import ANYWHERE, BEHIND, CALLS, PUSH_OUT
 from billiards_env.jit import entry_point, inlined
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import distance_to_segment
@@ -143,7 +143,7 @@ def players_of(model: Model) -> dict[str, int]:
         "turn": 1,
         "in hand": 2 * game.pockets,
         "own pocket": int(game.foot_corners),
-        "choices": 3 * model.can_call,
+        "choices": (len(CALLS) - PUSH_OUT) * model.can_call,
         "fouls": setup.n_players * counted,
         "scores": setup.n_players * (setup.target is not None),
     }
@@ -174,9 +174,9 @@ def write_own_pocket(begin, end, observations, first, states, viewers):
 
 @entry_point
 def write_choices(begin, end, observations, first, states):
-    """Writes which of the choices "push_out", "hand_back" and "replace" the player to shoot has."""
+    """Writes which of the choices of `CALLS` from "push_out" on the player to shoot has."""
     for k in range(begin, end):
-        for c in range(PUSH_OUT, REPLACE + 1):
+        for c in range(PUSH_OUT, len(CALLS)):
             observations[k, first + c - PUSH_OUT] = 1.0 if states[k].choices >> c & 1 else 0.0
 
 
@@ -421,7 +421,7 @@ FEATURES = {
         "one-pocket with n_players = 2",
     ),
     "choices": Feature(
-        '1 for each of "push_out", "hand_back" and "replace" that the player to shoot may choose, else 0',
+        '1 for each choice of `games.game_state.CALLS` from "push_out" on that the player to shoot has, else 0',
         ("choices",),
         0.0,
         write_choices,

@@ -23,13 +23,15 @@ from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays
 from billiards_env.envs.snapshots import StateArrays
 from billiards_env.envs.tasks import write_legal_balls
+from billiards_env.games.entry import no_look
 from billiards_env.games.facts import facts_of_shot
-from billiards_env.games.game_state import CALL, CALLS, HAND_BACK, REPLACE, SAFETY, SHOT, verdict
+from billiards_env.games.game_state import CALL, CALLS, HAND_BACK, SAFETY, SHOT, verdict
 from billiards_env.games.placement import PlacementNumbers, cue_ball_area_of, place_cue_ball
 from billiards_env.games.playing import NO_CALL, Call, Setup, Stroke
 from billiards_env.games.pool import any_ball
 from billiards_env.games.transition import after_shot as shot_of_game
-from billiards_env.games.transition import after_shot_of, table_of, without_shot
+from billiards_env.games.transition import after_shot_of, without_shot_of
+from billiards_env.games.transition import without_shot as call_without_shot
 from billiards_env.jit import Typed, entry_point, inlined, specialised
 from billiards_env.physics.state import X, Y
 
@@ -82,6 +84,7 @@ class GameNumbers(NamedTuple):
         size: How many numbers of an action describe the shot.
         places: How many describe the place of a cue ball in hand: 2, or 0 in a game without pockets.
         calls: How many describe the call: 3 or 0.
+        safety: Whether a player may call a safety.
     """
 
     table: Any
@@ -90,12 +93,13 @@ class GameNumbers(NamedTuple):
     size: int
     places: int
     calls: int
+    safety: bool
 
 
 def game_numbers(setup: Setup, sizes: tuple[int, int, int]) -> GameNumbers:
     """Returns the constants of a game; `sizes` is `Model.n_numbers`."""
-    table = table_of(setup.game_rules, setup.scene, setup.target or 0)
-    return GameNumbers(table, setup.target is not None, len(setup.scene.table.pockets), *sizes)
+    pockets, by_points = len(setup.scene.table.pockets), setup.target is not None
+    return GameNumbers(setup.placement_table, by_points, pockets, *sizes, setup.has_safety)
 
 
 def turn_arrays(state: StateArrays, players: int, size: int) -> TurnArrays:
@@ -126,19 +130,19 @@ def _part(value, count):
 
 
 @inlined
-def _kind_of(choice, state):
+def _kind_of(choice, state, safety):
     """Returns the kind of call for the last number of an action: up to 0 a shot, then in equal parts the choices.
 
-    A safety is a choice in the games with called shots; the others are those of the state.
+    With `safety` a safety is a choice; the others are those of the state.
     """
-    choices = state.choices | (1 << SAFETY if state.call_shot else 0)
+    choices = state.choices | (1 << SAFETY if safety else 0)
     count = 0
-    for kind in range(SAFETY, REPLACE + 1):
+    for kind in range(SAFETY, len(CALLS)):
         count += choices >> kind & 1
     if choice <= 0.0 or count == 0:
         return SHOT
     left = _part(2.0 * choice - 1.0, count)
-    for kind in range(SAFETY, REPLACE + 1):
+    for kind in range(SAFETY, len(CALLS)):
         if choices >> kind & 1:
             if left == 0:
                 return kind
@@ -177,8 +181,8 @@ def take_actions(begin, end, actions, game, arrays, turns):
         if game.calls > 0:
             call.ball = 1 + _part(actions[k, first], arrays.positions.shape[1] - 1)
             turns.pockets[k] = _part(actions[k, first + 1], game.n_pockets)
-            call.kind = _kind_of(actions[k, first + 2], state)
-        shoots = call.kind != HAND_BACK and call.kind != REPLACE
+            call.kind = _kind_of(actions[k, first + 2], state, game.safety)
+        shoots = call.kind < HAND_BACK
         if shoots and len(turns.before_states) > 0:
             turns.before_states[k] = state
             for i in range(arrays.positions.shape[1]):
@@ -204,18 +208,20 @@ def set_down(table, positions, state):
     return state.in_hand == 0 or place_cue_ball(table, positions, state, table.head_x, 0.0)
 
 
-after_shot, legal = shot_of_game, any_ball  # `specialised` puts those of each game in their place
+# `specialised` puts those of each game in their place
+after_shot, without_shot, legal, look = shot_of_game, call_without_shot, any_ball, no_look
 
 
 @inlined
-def _play_turn(k, after, numbers, table, arrays, turns):
-    """Changes game k to the state before the next shot; `after` is the kernel `after_shot` of the game.
+def _play_turn(k, after, without, numbers, table, arrays, turns):
+    """Changes game k to the state before the next shot with the kernels `after_shot` and `without_shot` of the game.
 
     Returns the verdict, and a ball without room or -1.
     """
     call = turns.calls[k]
-    if call.kind == HAND_BACK or call.kind == REPLACE:
-        without_shot(k, call, arrays.positions, arrays.states, (turns.before_positions, turns.before_states))
+    if call.kind >= HAND_BACK:
+        before = turns.before_positions, turns.before_states
+        without(table, k, call, arrays.positions, arrays.states, before)
         return verdict(), -1
     facts, pocket = facts_of_shot(k, arrays, numbers.bits), turns.pockets[k]
     call.made = call.ball >= 0 and pocket >= 0 and arrays.pockets[k, call.ball] == pocket
@@ -255,7 +261,7 @@ def score_turns(begin, end, numbers, game, arrays, turns, rewards):
         rewards[k] = 0.0
         if arrays.over[k]:
             continue
-        judgement, without_room = _play_turn(k, after_shot, numbers, table, arrays, turns)
+        judgement, without_room = _play_turn(k, after_shot, without_shot, numbers, table, arrays, turns)
         if without_room >= 0 or not set_down(table, arrays.positions[k], state):
             failed = k
         winner, by_points = state.winner, game.by_points
@@ -294,6 +300,7 @@ def begin_games(begin, end, mask, game, arrays):
         write_legal_balls(k, legal(state, state.player), arrays)
         if not set_down(table, arrays.positions[k], state):
             failed = k
+        look(table, arrays.positions[k], state)
     return failed
 
 
@@ -330,10 +337,11 @@ class GameKernels:
         self._setup, self._size = setup, sizes[0]
         self._numbers = tuple(game_numbers(setup, sizes))
         game = setup.game_rules
-        self._begin = Typed(specialised(begin_games, legal=game.legal))
+        self._begin = Typed(specialised(begin_games, legal=game.legal, look=game.look))
         self.write_legal = specialised(write_legal, legal=game.legal)
         self._take = Typed(take_actions)
-        self._score = Typed(specialised(score_turns, legal=game.legal, after_shot=after_shot_of(game)))
+        kernels = {"after_shot": after_shot_of(game), "without_shot": without_shot_of(game)}
+        self._score = Typed(specialised(score_turns, legal=game.legal, **kernels))
 
     def allocate(self, state: StateArrays, arrays: EpisodeArrays) -> tuple[TurnArrays, EpisodeArrays]:
         """Returns the arrays of games, and the episodes as the player to shoot observes them.
@@ -352,7 +360,7 @@ class GameKernels:
         self._check(self._take(begin, end, given, self._numbers, arrays, tuple(turns)))
 
     def shoots(self, turns: TurnArrays) -> NDArray[np.bool_]:
-        """Returns in which games (m,) the cue ball is struck: not after the calls "hand_back" and "replace"."""
+        """Returns in which games (m,) the cue ball is struck: not after a call of `NO_SHOT`."""
         return turns.calls["kind"] < HAND_BACK
 
     def infos(self, turns: TurnArrays, states: NDArray[Any]) -> tuple[InfoArrays, InfoArrays]:

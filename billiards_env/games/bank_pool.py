@@ -47,7 +47,7 @@ def bank_pool(state, facts, call):
     if foul != NO_FOUL:
         if state.target > 0 and state.fouls[player] == 2:
             end(state, 1 - player)
-        return verdict(foul, -1, spotted=facts.potted | penalty_ball(state))
+        return verdict(foul, -1, spotted=facts.potted | facts.driven_off | penalty_ball(state))
     if state.break_shot:
         return verdict(continues=facts.potted != 0 and call.kind == SHOT, spotted=facts.potted)
     counted = called_balls(state, facts.banked, call)
@@ -66,6 +66,7 @@ GAMES = {
         bank_pool,
         won_by="`target` points: balls that hit a cushion before the pot, by default a majority",
         callable=any_ball,
+        editions=("2006",),
         banks=True,
         page=(
             ("to win", "score the target with a point for each bank"),

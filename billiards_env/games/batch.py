@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,10 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.engine.compile import cached_by_scene
 from billiards_env.engine.strikes import strike_with
+from billiards_env.games.entry import Game, no_see
 from billiards_env.games.facts import facts_of_shots
 from billiards_env.games.game_state import CALL, STATE, VERDICT, members
+from billiards_env.games.placement import PlacementNumbers
 from billiards_env.games.playing import NO_CALL, Call, GameState, PlayedShot, Setup
 from billiards_env.games.referee import callable_balls, judge_shots
+from billiards_env.jit import specialised
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate_batch
 from billiards_env.support.checks import numbers
@@ -25,7 +30,8 @@ class PlayedBatch(NamedTuple):
     Attributes:
         positions: (m, n, 2) m, of the balls after the shots. A ball that returns to the table lies on its spot, even if
             another ball is in the way; a new rack is not placed.
-        states: (m,) `STATE`, before the next shots, without a free ball.
+        states: (m,) `STATE`, before the next shots, without what `transition` adds for the balls at rest: a free ball,
+            touching balls, and choices that follow from them or from a stalemate.
         verdicts: (m,) `VERDICT`.
         pockets: (m, n) int32, the pocket in which the shot potted the ball, -1 if it did not pot it.
         called: (m,) the called ball, or -1.
@@ -93,9 +99,11 @@ def play_batch(
         else:
             called["ball"], pocket = calls.T
             called["made"] = (calls >= 0).all(axis=1) & (pockets[np.arange(m), calls[:, 0]] == pocket)
-    states, verdicts = judge_shots(setup.rules, states.repeat(m), facts, called)
     positions = np.repeat(game.positions[None], m, axis=0)
     positions[:, balls] = batch.positions
+    if rules.see is not no_see:
+        _seeing(rules)(setup.placement_table, positions, states, facts, called)
+    states, verdicts = judge_shots(setup.rules, states.repeat(m), facts, called)
     if verdicts["spotted"].any():
         spots = layouts.layout_plan(rules.layouts[0], setup.scene).spots if rules.has_spots else None
         for ball in range(1, setup.scene.n_balls):
@@ -120,6 +128,20 @@ def best_call(setup: Setup, state: Any, played: PlayedShot) -> Call:
         return NO_CALL
     scores = set(setup.callable(state)) & set(members(played.facts["banked" if setup.game_rules.banks else "potted"]))
     return next((Call(ball, pocket) for ball, pocket in played.pots if ball in scores), NO_CALL)
+
+
+see = no_see  # `specialised` puts that of each game in its place
+
+
+def _see_shots(table, positions, states, facts, calls):  # out: facts
+    """Writes the facts of m shots from one state, (1,), that need the positions after them, see `Game.see`."""
+    for k in range(len(facts)):
+        facts[k].hidden = see(PlacementNumbers(*table), positions[k], states[0], facts[k], calls[k]).hidden
+
+
+@functools.cache
+def _seeing(rules: Game) -> Callable[..., Any]:
+    return specialised(_see_shots, see=rules.see)
 
 
 @cached_by_scene

@@ -55,22 +55,23 @@ def blackball(state, facts, call):
     """
     player, free, group = state.player, state.free_ball, group_of(state, state.player)
     foul, own = standard_foul(facts, balls_on(state, player)), facts.potted & group
-    if facts.scratch:
+    black = (facts.potted | facts.driven_off) & EIGHT
+    if facts.scratch or facts.cue_off:
         state.in_hand = BEHIND
     if state.break_shot:
         if facts.potted & EIGHT != 0:
-            return verdict(continues=True, spotted=EIGHT)
+            return verdict(continues=True, spotted=EIGHT | facts.driven_off)
         if foul == NO_FOUL and facts.potted == 0 and size(facts.driven) < 2:
             foul = ILLEGAL_BREAK
-        return verdict(foul, continues=foul == NO_FOUL and facts.potted != 0)
-    if facts.potted & EIGHT != 0:
+        return verdict(foul, continues=foul == NO_FOUL and facts.potted != 0, spotted=facts.driven_off)
+    if black != 0:
         cleared = state.object_balls & group == 0
         end(state, player if foul == NO_FOUL and cleared else 1 - player)
         return verdict(foul)
     if foul == NO_FOUL and facts.potted != 0 and own == 0 and not free:
         foul = WRONG_POT
     if foul != NO_FOUL:
-        return verdict(foul)
+        return verdict(foul, spotted=facts.driven_off)
     if state.solids < 0 and own != 0 and not free:
         if own & STRIPES == 0:
             state.solids = player
@@ -88,6 +89,7 @@ GAMES = {
         n_object_balls=(15, 15),
         won_by="potting one group of balls, then the black ball",
         n_players=(2, 2),
+        editions=("2005",),
         deciding_ball=8,
         groups=True,
         free_ball=free_shot,

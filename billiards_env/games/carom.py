@@ -1,7 +1,12 @@
 """The rules of carom games.
 
-"UMB" is the World Rules of Carom Billiard of the Union Mondiale de Billard (1989). A game has no equalising inning.
-When the turn changes, the two cue balls are swapped, so with two players each player has one cue ball.
+"UMB" is the World Rules of Carom Billiard of the Union Mondiale de Billard, edition of 1 January 1989 (a copy is on
+3cushionbilliards.com). The text of article 27 and of paper F, on balls in contact, was not available: their content is
+that of secondary sources, the house rules of New Mexico Tech (infohost.nmt.edu/~billiard). When the turn changes, the
+two cue balls are swapped, so with two players each player has one cue ball.
+
+By default the first player with the target score wins. A limit of innings (`Setup.innings`) gives all players the same
+number of innings (UMB, art. 29), with the equalising inning.
 """
 
 from __future__ import annotations
@@ -9,8 +14,21 @@ from __future__ import annotations
 import functools
 
 from billiards_env.games.entry import Game, no_spots
-from billiards_env.games.game_state import end, verdict
+from billiards_env.games.game_state import (
+    DRIVEN_OFF,
+    NO_FOUL,
+    NO_RERACK,
+    NOT_IN_HAND,
+    PUSH,
+    RERACK,
+    RERACK_ALL,
+    end,
+    verdict,
+)
+from billiards_env.games.placement import overlaps, touching_balls
+from billiards_env.games.pool import leader
 from billiards_env.jit import inlined
+from billiards_env.physics.state import X, Y
 
 RED = 1 << 1
 CUSHIONS_TO_TOUCH = 3
@@ -38,6 +56,14 @@ def carom(state, facts, call):
 
     The shooter scores a point and continues if the cue ball touches both other balls. The opening shot must first touch
     the red ball, number 1. The game is over when a player reaches the target score.
+
+    If the cue ball touches a ball at the start of a shot, the player plays away from it, or has the balls set up again
+    (27). It is a foul to touch such a ball first without a cushion before, or to drive a ball off the table (28). A
+    foul scores nothing.
+
+    With a limit of innings, a player who reaches the target score ends the turn, and the next player plays from the
+    starting position. The game is over at the end of the last inning, or of the inning in which a player reaches the
+    target score. The highest score then wins; a tie has no winner (29).
     """
     return _carom(state, facts, 0)
 
@@ -50,11 +76,80 @@ def three_cushion(state, facts, call):
 
 @inlined
 def _carom(state, facts, cushions):
-    if not is_carom(facts, 2, cushions) or facts.first & red_to_open(state, state.player) == 0:
-        return verdict()
-    if 0 < state.target <= state.scores[state.player] + 1:
-        end(state, state.player)
-    return verdict(points=1, continues=True)
+    foul = PUSH if facts.first & state.touching != 0 and facts.cushions_before_first == 0 else NO_FOUL
+    if facts.driven_off != 0 or facts.cue_off:
+        foul = DRIVEN_OFF
+    legal = foul == NO_FOUL and facts.first & red_to_open(state, state.player) != 0
+    points = 1 if legal and is_carom(facts, 2, cushions) else 0
+    reached = 0 < state.target <= state.scores[state.player] + points
+    if state.innings == 0:
+        if reached:
+            end(state, state.player)
+        return verdict(foul, points, continues=points > 0, spotted=facts.driven_off)
+    continues, last = points > 0 and not reached, state.player == state.n_players - 1
+    if not continues and last:
+        state.inning += 1
+        if state.inning == state.innings or 0 < state.target <= best_score(state, points):
+            end(state, leader(state, points))
+    return verdict(foul, points, 0, continues, facts.driven_off, RERACK_ALL if reached and not last else NO_RERACK)
+
+
+@inlined
+def best_score(state, points):
+    """Returns the highest score after `points` for the shooter."""
+    best = state.scores[state.player] + points
+    for player in range(state.n_players):
+        best = max(best, state.scores[player])
+    return best
+
+
+@inlined
+def look(table, positions, state):
+    """Finds the balls that touch the cue ball. The player may then have the balls set up again (UMB, art. 27)."""
+    state.touching = touching_balls(table, positions, state)
+    if state.touching != 0:
+        state.choices |= 1 << RERACK
+
+
+@inlined
+def on_starting_spots(table, positions, others, cue):
+    """Places the balls as for the opening shot of a cue ball (UMB, art. 23), as `Game.rack`."""
+    for ball, spot in ((cue, 0), (1, 1), (2 - cue, 2)):
+        positions[ball, X], positions[ball, Y] = table.spots[spot, X], table.spots[spot, Y]
+    return NOT_IN_HAND
+
+
+@inlined
+def starting_position(table, positions, state):
+    """Sets up the balls as for the opening shot (UMB, art. 27), as `Game.rerack`."""
+    on_starting_spots(table, positions, 0, state.cue_balls[0])
+
+
+@inlined
+def touching_on_spots(table, positions, state):
+    """Sets up the cue ball and the balls that touch it on the spots of three-cushion carom (UMB, paper F).
+
+    The spots are the foot spot for the red ball, the head spot for the cue ball and the centre spot for the other ball.
+    If a ball that stays blocks a spot, the ball is placed on the spot of the one that blocks it.
+    """
+    cue, other = state.cue_balls
+    moved = state.touching | 1 << cue
+    for ball in (1, other, cue):
+        if moved >> ball & 1:
+            owner = ball
+            for stays in (1, other):
+                x, y = spot_of(table, ball, cue)
+                if moved >> stays & 1 == 0 and overlaps(table, positions, stays, x, y):
+                    owner = stays
+            positions[ball, X], positions[ball, Y] = spot_of(table, owner, cue)
+
+
+@inlined
+def spot_of(table, ball, cue):
+    """Returns the spot of a ball in three-cushion carom, m: foot spot, head spot or centre spot."""
+    if ball == 1:
+        return table.foot_x, 0.0
+    return table.head_x if ball == cue else 0.0, 0.0
 
 
 _POINT = ("point", "the cue ball of the player, white or yellow, touches both other balls; the player continues")
@@ -66,18 +161,27 @@ _CAROM = functools.partial(
     n_object_balls=(2, 2),
     won_by="`target` points",
     cue_balls=(0, 2),
+    editions=("1989",),
     target=lambda balls: 10,
     pockets=False,
+    choices=("rerack",),
     spot=no_spots,
+    rack=on_starting_spots,
+    look=look,
+    rerack=starting_position,
+    has_innings=True,
 )
+_TOUCHING = ("touching balls", "the player plays away from a ball that touches the cue ball")
 GAMES = {
-    "carom": _CAROM(carom, page=(("to win", "score the target"), _POINT)),
+    "carom": _CAROM(carom, page=(("to win", "score the target"), _POINT, _TOUCHING)),
     "three_cushion": _CAROM(
         three_cushion,
         cushions=CUSHIONS_TO_TOUCH,
+        rerack=touching_on_spots,
         page=(
             ("to win", "score the target"),
             _POINT,
+            _TOUCHING,
             ("cushions", "the cue ball hits three or more before it touches the second ball"),
         ),
     ),

@@ -37,6 +37,22 @@ def no_free_ball(table, positions, state, on):
     return False
 
 
+@inlined
+def no_look(table, positions, state):
+    """Is `Game.look` of a game in which balls that touch the cue ball have no rule."""
+
+
+@inlined
+def no_see(table, positions, state, facts, call):
+    """Is `Game.see` of a game whose judge needs no positions."""
+    return facts
+
+
+@inlined
+def no_rerack(table, positions, state):
+    """Is `Game.rerack` of a game in which the balls are not set up again by a call."""
+
+
 class Game(NamedTuple):
     """A game.
 
@@ -55,6 +71,8 @@ class Game(NamedTuple):
             for a game that is not won by points.
         callable: Kernel `(state, player)`. Returns the balls that the player may call; None for a game without called
             shots and safeties.
+        editions: The names of the editions of the rules, the default first; `RulesState.edition` is the index.
+        without_safety: The editions that have called shots but no safeties.
         choices: The choices that a player may have besides a shot, of `CALLS`.
         counts_fouls: Whether consecutive fouls are penalised.
         deciding_ball: The ball that stays on the table until the end of the game, -1 for the last; None for none.
@@ -72,6 +90,13 @@ class Game(NamedTuple):
         rack: Kernel `(table, positions, others, cue)`, see `placement.rack_again`.
         free_ball: Kernel `(table, positions, state, on)`, see `snooker.is_snookered`. Returns whether a foul gives the
             next player a free ball or a free shot.
+        see: Kernel `(table, positions, state, facts, call)`. Returns the facts of a shot, with those that need the
+            positions after it.
+        look: Kernel `(table, positions, state)`. Sets what the balls at rest add to the state of the next shot, such as
+            the touching balls.
+        rerack: Kernel `(table, positions, state)`. Sets up the balls again after the call "rerack", and changes the
+            state, except the player.
+        has_innings: Whether `Setup.innings` may limit the innings.
     """
 
     judge: Kernel
@@ -85,6 +110,8 @@ class Game(NamedTuple):
     cue_balls: tuple[int, ...] = (CUE_BALL,)
     target: Callable[[int], int] | None = None
     callable: Kernel | None = None
+    editions: tuple[str, ...] = ("",)
+    without_safety: tuple[str, ...] = ()
     choices: tuple[str, ...] = ()
     counts_fouls: bool = False
     deciding_ball: int | None = None
@@ -100,3 +127,7 @@ class Game(NamedTuple):
     spot: Kernel = spot_at_foot
     rack: Kernel = no_rack
     free_ball: Kernel = no_free_ball
+    see: Kernel = no_see
+    look: Kernel = no_look
+    rerack: Kernel = no_rerack
+    has_innings: bool = False

@@ -69,10 +69,11 @@ def facts_of_shot(k, shots, bits):
     before_first = shots.cushions_before_hit[k, hit] if hit >= 0 else 0
     met = hit >= 0 and (scratch or driven != 0 or hits > before_first)
     return Facts(
-        first=first,
-        touched=touched,
-        cushions_before_last=before_last,
-        potted=potted,
+        first,  # numba accepts at most 30 values and names
+        before_first,
+        touched,
+        before_last,
+        potted,
         first_potted=first_potted,
         banked=banked & first if before_first == 0 else 0,
         foot_right=foot_right,
@@ -81,6 +82,9 @@ def facts_of_shot(k, shots, bits):
         cushion_after=met,
         driven=driven,
         cue_driven=hits > 0 or scratch,
+        driven_off=0,
+        cue_off=False,
+        hidden=False,
     )
 
 
@@ -91,6 +95,7 @@ def write_facts(records, bits, facts):
     for k in range(len(facts)):
         shot, row = facts_of_shot(k, shots, bits), facts[k]
         row.first, row.touched, row.cushions_before_last = shot.first, shot.touched, shot.cushions_before_last
+        row.cushions_before_first = shot.cushions_before_first
         row.potted, row.first_potted, row.scratch = shot.potted, shot.first_potted, shot.scratch
         row.banked, row.foot_right, row.foot_left = shot.banked, shot.foot_right, shot.foot_left
         row.cushion_after, row.driven, row.cue_driven = shot.cushion_after, shot.driven, shot.cue_driven

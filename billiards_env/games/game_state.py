@@ -32,12 +32,15 @@ IN_HAND = ("no", "behind", "anywhere")
 the table."""
 NOT_IN_HAND, BEHIND, ANYWHERE = range(len(IN_HAND))
 
-FOULS = ("", "scratch", "no_hit", "wrong_ball", "wrong_pot", "no_cushion", "illegal_break", "breaking_foul")
+FOULS = ("", "scratch", "no_hit", "wrong_ball", "wrong_pot", "no_cushion", "illegal_break", "breaking_foul", "push")
+FOULS += ("free_ball", "driven_off")
 """The fouls; "" means no foul. "scratch" is a potted cue ball, "wrong_pot" a potted ball that is not on,
-"breaking_foul" a bad opening break of straight pool."""
-NO_FOUL, SCRATCH, NO_HIT, WRONG_BALL, WRONG_POT, NO_CUSHION, ILLEGAL_BREAK, BREAKING_FOUL = range(len(FOULS))
+"breaking_foul" a bad opening break of straight pool, "push" a shot into a ball that touches the cue ball, "free_ball" a
+snooker behind the free ball, "driven_off" an object ball off the table."""
+NO_FOUL, SCRATCH, NO_HIT, WRONG_BALL, WRONG_POT, NO_CUSHION, ILLEGAL_BREAK, BREAKING_FOUL = range(8)
+PUSH, FREE_BALL, DRIVEN_OFF = range(8, len(FOULS))
 
-CALLS = ("shot", "safety", "push_out", "hand_back", "replace")
+CALLS = ("shot", "safety", "push_out", "hand_back", "replace", "rerack", "break_again", "stalemate")
 """The kinds of calls.
 
 * "shot": an ordinary shot.
@@ -46,10 +49,16 @@ CALLS = ("shot", "safety", "push_out", "hand_back", "replace")
 * "hand_back": no shot; the previous player plays the next one (WPA 2.4, WPBSA 3.11).
 * "replace": no shot; the balls return to their positions before the foul, and the previous player plays again (WPBSA
   3.14).
+* "rerack": no shot; the balls are racked or set up again, and the player plays the first shot (WPA 3.3, UMB 27).
+* "break_again": no shot; the balls are racked again, and the previous player breaks (WPA 3.3, 4.3).
+* "stalemate": no shot; the game begins again, and the player who broke breaks again (WPA 1.12, WPBSA 3.16).
 
-`RulesState.choices` lists those of the last three that a player has.
+`RulesState.choices` lists those that a player has from "push_out" on.
 """
-SHOT, SAFETY, PUSH_OUT, HAND_BACK, REPLACE = range(len(CALLS))
+SHOT, SAFETY, PUSH_OUT, HAND_BACK, REPLACE, RERACK, BREAK_AGAIN, STALEMATE = range(len(CALLS))
+
+NO_SHOT = CALLS[HAND_BACK:]
+"""The kinds of calls without a shot: from `HAND_BACK` on."""
 
 RERACKS = ("", "all", "rest")
 """The new racks after a shot: none; all object balls, and the next shot is a break; all object balls except the last
@@ -75,9 +84,17 @@ class RulesState(NamedTuple):
         target: The score that wins, or 0 if no score does.
         call_shot: Whether shots are called: a potted ball counts only if the ball and its pocket were called (WPA 1.6).
         miss: Whether snooker is played with the miss rule.
+        edition: Index in `Game.editions` of the edition of the rules.
+        innings: In carom, the number of innings of each player; 0 for no limit.
         reds: In snooker, the number of red balls of a full table: the balls 1 to `reds`.
         colour: In snooker, whether a colour of the player's choice is on.
         free_ball: Whether the player has a free ball (snooker) or a free shot (blackball).
+        touching: In snooker and carom, the object balls that touch the cue ball.
+        in_sight: In snooker with the miss rule, whether the cue ball can hit a ball on full.
+        misses: In snooker, the number of misses in a row that the player made from this position.
+        inning: In carom with a limit of innings, the number of innings that all players have played.
+        breaker: The player who played the last opening break.
+        idle: The number of shots in a row without a pot, a point or a foul.
         over: Whether the game is over.
         winner: The player who has won, or -1.
     """
@@ -96,9 +113,17 @@ class RulesState(NamedTuple):
     target: int = 0
     call_shot: bool = False
     miss: bool = False
+    edition: int = 0
+    innings: int = 0
     reds: int = 0
     colour: bool = False
     free_ball: bool = False
+    touching: int = 0
+    in_sight: bool = False
+    misses: int = 0
+    inning: int = 0
+    breaker: int = 0
+    idle: int = 0
     over: bool = False
     winner: int = -1
 
@@ -122,6 +147,7 @@ class Facts(NamedTuple):
 
     Attributes:
         first: The balls that the cue ball touched first; several if it touched them at the same instant.
+        cushions_before_first: Number of cushion contacts of the cue ball before it touched these balls.
         touched: Number of balls that the cue ball touched.
         cushions_before_last: Number of cushion contacts of the cue ball before it touched the last of these balls.
         potted: The potted object balls.
@@ -134,9 +160,13 @@ class Facts(NamedTuple):
         cushion_after: Whether any ball hit a cushion or was potted after the cue ball's first contact with a ball.
         driven: The object balls that hit a cushion or were potted (WPA 8.4).
         cue_driven: Whether the cue ball hit a cushion or was potted (WPA 8.4).
+        driven_off: The object balls that left the table other than into a pocket. No ball of the engine does so yet.
+        cue_off: Whether the cue ball left the table in this way.
+        hidden: In snooker, whether the free ball hides all balls on at the end of the shot; see `Game.see`.
     """
 
     first: int = 0
+    cushions_before_first: int = 0
     touched: int = 0
     cushions_before_last: int = 0
     potted: int = 0
@@ -148,6 +178,9 @@ class Facts(NamedTuple):
     cushion_after: bool = False
     driven: int = 0
     cue_driven: bool = False
+    driven_off: int = 0
+    cue_off: bool = False
+    hidden: bool = False
 
 
 class Verdict(NamedTuple):
@@ -188,7 +221,7 @@ _TYPES = {RulesState: STATE, Called: CALL, Facts: FACTS, Verdict: VERDICT}
 
 _NAMES = {"foul": FOULS, "in_hand": IN_HAND, "rack": RERACKS, "kind": CALLS, "choices": CALLS}
 _SETS = {"balls", "object_balls", "choices", "first", "potted", "first_potted", "banked", "foot_right", "foot_left"}
-_SETS |= {"driven", "spotted"}
+_SETS |= {"driven", "driven_off", "spotted", "touching"}
 
 
 def row(fields: RulesState | Called | Facts | Verdict) -> Any:
@@ -251,7 +284,7 @@ def check_indices(states: Any, n_balls: int = MOST_BALLS) -> None:
         raise ValueError(f"player = {short(player)} of {short(players)} players: expected 0 to the number less 1")
     if not ((cues >= 0) & (cues < n_balls)).all():
         raise ValueError(f"cue_balls = {short(cues)}: expected numbers of balls")
-    for name, bits in (("balls", n_balls), ("object_balls", n_balls), ("choices", len(CALLS))):
+    for name, bits in (*((name, n_balls) for name in ("balls", "object_balls", "touching")), ("choices", len(CALLS))):
         if np.count_nonzero(states[name] >> bits):  # -1 for a negative number
             raise ValueError(f"{name} = {short(states[name])}: expected a set of numbers below {bits}")
     for name, most in (("reds", n_balls - 1), ("in_hand", len(IN_HAND) - 1)):
@@ -280,6 +313,29 @@ def write_verdict(verdict, row):  # out: row
     """Writes a `Verdict` to a row of `VERDICT`."""
     row.foul, row.points, row.penalty = verdict.foul, verdict.points, verdict.penalty
     row.continues, row.spotted, row.rack = verdict.continues, verdict.spotted, verdict.rack
+
+
+@inlined
+def with_hidden(facts, hidden):
+    """Returns `Facts` with another value of `hidden`."""
+    return Facts(
+        facts.first,  # numba accepts at most 30 values and names
+        facts.cushions_before_first,
+        facts.touched,
+        facts.cushions_before_last,
+        facts.potted,
+        first_potted=facts.first_potted,
+        banked=facts.banked,
+        foot_right=facts.foot_right,
+        foot_left=facts.foot_left,
+        scratch=facts.scratch,
+        cushion_after=facts.cushion_after,
+        driven=facts.driven,
+        cue_driven=facts.cue_driven,
+        driven_off=facts.driven_off,
+        cue_off=facts.cue_off,
+        hidden=hidden,
+    )
 
 
 @inlined

@@ -50,7 +50,7 @@ def owed_balls(balls, score):
 @inlined
 def end_of_rack(state, facts, spotted, score, other):
     """Ends a game if no ball is left. The player with the higher score wins; a tie has no winner."""
-    if (state.object_balls & ~facts.potted) | spotted == 0:
+    if (state.object_balls & ~(facts.potted | facts.driven_off)) | spotted == 0:
         end(state, -1 if score == other else state.player if score > other else 1 - state.player)
 
 
@@ -80,7 +80,7 @@ def one_pocket(state, facts, call):
         state.in_hand, theirs = BEHIND, 0
     if foul != NO_FOUL:
         mine, points, spotted = 0, -1, penalty_ball(state)
-    spotted |= facts.potted & ~(mine | theirs)
+    spotted |= (facts.potted & ~(mine | theirs)) | facts.driven_off
     spotted |= owed_balls(mine, state.scores[player]) | owed_balls(theirs, state.scores[other])
     score, others = state.scores[player] + points, state.scores[other] + size(theirs)
     if 0 < state.target <= score:
@@ -102,6 +102,7 @@ SHORT_GAME = functools.partial(
     legal=any_ball,
     scene="pool",
     layouts=("rack", "tight_rack", "random"),
+    editions=("2005",),
     n_object_balls=(1, 15),
     n_players=(2, 2),
     target=majority,

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine.compile import cached_by_scene
-from billiards_env.games.game_state import BEHIND, NOT_IN_HAND, STATE
+from billiards_env.games.game_state import BEHIND, BREAK_AGAIN, NOT_IN_HAND, RERACK, STALEMATE, STATE
 from billiards_env.jit import entry_point, inlined, kernel
 from billiards_env.physics.geometry.pockets import bounding_circle
 from billiards_env.physics.state import X, Y
@@ -28,6 +28,9 @@ from billiards_env.scene.outline import Point
 
 SPOT_GAP = 1e-5
 """m. Smallest gap between a colour on a spot of snooker and other balls, which it must not touch."""
+
+STALEMATE_TURNS = 6
+"""The number of turns of each player without progress after which a stalemate may be called, see `offer_new_rack`."""
 
 SLACK = CONTACT_GAP / 2
 """m. Tolerance for points on the boundary of the free area; rounding errors are far smaller."""
@@ -61,9 +64,10 @@ class PlacementNumbers(NamedTuple):
 
 
 @cached_by_scene
-def placement_numbers(scene: Scene, layout: str) -> tuple[Any, ...]:
-    """Returns the `PlacementNumbers` of a scene and a layout, "" for none, as the argument `table` of an entry point.
+def placement_numbers(scene: Scene, layout: tuple[str, ...]) -> tuple[Any, ...]:
+    """Returns the `PlacementNumbers` of a scene as the argument `table` of an entry point.
 
+    `layout` has the name of a layout and the game of `layouts.layout_plan`, if the rules use spots; else it is empty.
     It is a plain tuple, which numba unpacks faster than a NamedTuple. The same arguments return the same tuple.
 
     Raises:
@@ -79,7 +83,7 @@ def placement_numbers(scene: Scene, layout: str) -> tuple[Any, ...]:
         head_x=table.head_x,
         foot_x=table.foot_x,
         d_radius=table.d_radius,
-        spots=np.array(layouts.layout_plan(layout, scene).spots) if layout else np.empty((0, 2)),
+        spots=np.array(layouts.layout_plan(layout[0], scene, *layout[1:]).spots) if layout else np.empty((0, 2)),
     )
     return tuple(numbers)
 
@@ -378,6 +382,18 @@ def is_spot_free(table, positions, ball, others, spot):
 
 
 @inlined
+def touching_balls(table, positions, state):
+    """Returns the object balls that touch the cue ball, as a set. A cue ball in hand touches none."""
+    touching, cue = 0, state.cue_balls[0]
+    for ball in range(len(table.radius)):
+        if state.object_balls >> ball & 1 and state.in_hand == NOT_IN_HAND:
+            dx, dy = positions[ball, X] - positions[cue, X], positions[ball, Y] - positions[cue, Y]
+            if math.sqrt(dx * dx + dy * dy) - table.touching[cue, ball] <= CONTACT_GAP:
+                touching |= 1 << ball
+    return touching
+
+
+@inlined
 def rack_again(table, positions, others, cue):  # out: positions
     """Racks the object balls of straight pool again (WPA 4.4, 4.8); returns `RulesState.in_hand`.
 
@@ -408,6 +424,30 @@ def rack_again(table, positions, others, cue):  # out: positions
             positions[ball, X], positions[ball, Y] = table.spots[place, X], table.spots[place, Y]
             place += 1
     return in_hand
+
+
+@inlined
+def rack_and_break(table, positions, state):  # out: positions, state
+    """Racks all object balls for an opening break, as `Game.rerack`. The scores stay."""
+    rack_again(table, positions, 0, state.cue_balls[0])
+    state.object_balls, state.solids, state.idle = state.balls, -1, 0
+    state.break_shot, state.in_hand = True, BEHIND
+    for player in range(state.n_players):
+        state.fouls[player] = 0
+
+
+@inlined
+def offer_new_rack(table, positions, state):  # out: state
+    """Gives the choice "stalemate" after some shots without progress, as `Game.look`.
+
+    The rules leave to the referee when there is no progress (WPA 1.12, WPBSA 3.16). Here each player first has three
+    turns without a pot, a point and a foul, and then the three more turns that the rules give. A table without room for
+    a rack has no choice of a new rack.
+    """
+    if len(table.spots) == 0:
+        state.choices &= ~(1 << RERACK | 1 << BREAK_AGAIN)
+    elif state.idle >= STALEMATE_TURNS * state.n_players:
+        state.choices |= 1 << STALEMATE
 
 
 @inlined
@@ -447,7 +487,7 @@ def placement_area(scene: Scene, ball: int, behind: bool) -> tuple[float, float,
 
     With `behind` the ball must be behind the head string. On a table with a D this is the rectangle around the D.
     """
-    return limits(placement_numbers(scene, ""), ball, behind)
+    return limits(placement_numbers(scene, ()), ball, behind)
 
 
 def cue_ball_area(scene: Scene, state: Any) -> tuple[float, float, float, float]:
@@ -462,7 +502,7 @@ def cue_ball_point(scene: Scene, positions: NDArray[Any], state: Any, point: Poi
         ValueError: If no point is free.
     """
     placed, states = np.array(positions, float)[None], np.array([state], STATE)
-    if place_cue_balls(placement_numbers(scene, ""), placed, states, np.array([point], float)) >= 0:
+    if place_cue_balls(placement_numbers(scene, ()), placed, states, np.array([point], float)) >= 0:
         raise no_room(cue_ball_area(scene, state))
     x, y = placed[0, state.cue_balls[0]].tolist()
     return x, y

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.engine.compile import PIC, Engine, check_engine, scene_fields
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shot_input import ShotInput
-from billiards_env.games.entry import Game, no_free_ball
+from billiards_env.games.entry import Game, no_free_ball, no_look
 from billiards_env.games.facts import facts_of
 from billiards_env.games.game_state import (
     CALL,
@@ -26,6 +26,7 @@ from billiards_env.games.game_state import (
     FOOT_RIGHT,
     IN_HAND,
     MOST_PLAYERS,
+    NO_SHOT,
     NOT_IN_HAND,
     REPLACE,
     STATE,
@@ -43,7 +44,7 @@ from billiards_env.games.game_state import (
 )
 from billiards_env.games.placement import cue_ball_point
 from billiards_env.games.referee import GAMES, callable_balls, first_state, legal_balls
-from billiards_env.games.transition import call_without_shots, next_games, table_of
+from billiards_env.games.transition import call_without_shots_of, look_at_games_of, next_games, table_of
 from billiards_env.scene import Scene, check_positions, check_scene, layouts
 from billiards_env.scene.outline import Point
 from billiards_env.shots.result import ShotResult
@@ -52,6 +53,9 @@ from billiards_env.support.checks import Range, entry_of, flag, integer, one_of,
 
 MAX_SCORE = 1_000_000
 """The largest absolute value of a score."""
+
+COUNTS = ("misses", "inning", "breaker", "idle")
+"""The whole numbers of a state that are 0 at the opening of a game."""
 
 STATE_FIELDS = (
     "player",
@@ -65,6 +69,7 @@ STATE_FIELDS = (
     "fouls",
     "colour",
     "free_ball",
+    *COUNTS,
 )
 """The fields of `state.to_dict` that a custom opening may set. The setup of the game sets the others."""
 
@@ -100,6 +105,9 @@ class Setup:
         call_shot: Whether shots are called, in a game whose rules require it, such as the WPA's (1.6).
             By default any ball potted on a legal shot counts, and a player need not call.
         miss: Whether snooker is played with the miss rule.
+        edition: The edition of the rules, one of `Game.editions`; None for the first of them.
+        innings: In carom, the number of innings of each player, or 0 for no limit. With a limit all players have the
+            same number of innings: after the target score the others play to the end of the inning.
     """
 
     rules: str
@@ -109,6 +117,8 @@ class Setup:
     engine: Engine = PIC
     call_shot: bool = False
     miss: bool = False
+    edition: str | None = None
+    innings: int = 0
 
     def __post_init__(self) -> None:
         check_scene(self.scene)
@@ -127,13 +137,19 @@ class Setup:
             _expect(math.isfinite(mass), f"{name} ball {i} of infinite mass", "finite masses")
         players = integer("n_players", self.n_players, Range(*rules.n_players, f"for rules {self.rules!r}"))
         object.__setattr__(self, "n_players", players)
+        edition = rules.editions[0] if self.edition is None else self.edition
+        one_of("edition", edition, rules.editions)
+        object.__setattr__(self, "edition", edition)
+        most = MAX_SCORE if rules.has_innings else 0
+        innings = integer("innings", self.innings, Range(0, most, f"for rules {self.rules!r}"))
+        object.__setattr__(self, "innings", innings)
         if rules.target is None:
             what = f"target = {short(self.target)} with rules {self.rules!r}"
             _expect(self.target is None, what, "None, the game has no points")
         else:
             target = rules.target(balls) if self.target is None else self.target
             object.__setattr__(self, "target", integer("target", target, Range(0, MAX_SCORE)))
-        table_of(rules, self.scene, self.target or 0)  # raises if the scene has no spots or no rack
+        _ = self.placement_table  # raises if the scene has no spots or no rack
         for name, possible in (("call_shot", rules.callable is not None), ("miss", "replace" in rules.choices)):
             what = f"{name} = True with rules {self.rules!r}"
             _expect(not flag(name, getattr(self, name)) or possible, what, "False, the game has no such rule")
@@ -145,10 +161,30 @@ class Setup:
         return entry_of("rules", self.rules, GAMES)
 
     @property
+    def placement_table(self) -> tuple[Any, ...]:
+        """The argument `table` of the kernels that place balls, see `transition.table_of`."""
+        return table_of(self.game_rules, self.scene, self.target or 0, self.rack)
+
+    @property
     def state_fields(self) -> dict[str, Any]:
         """The fields of `RulesState` that stay the same in a game."""
-        same = {name: getattr(self, name) for name in ("n_players", "call_shot", "miss")}
-        return {**same, "target": self.target or 0}
+        same = {name: getattr(self, name) for name in ("n_players", "call_shot", "miss", "innings")}
+        return {**same, "target": self.target or 0, "edition": self.game_rules.editions.index(self.edition or "")}
+
+    @property
+    def rack(self) -> str:
+        """The argument `game` of `layouts.layout_plan`: the game, or its edition if that has a rack of its own."""
+        own = f"{self.rules}_{self.edition}"
+        return own if own in layouts.RACKS else self.rules
+
+    def kinds(self, state: Any) -> tuple[str, ...]:
+        """Returns the kinds of calls that the player to shoot has, of `CALLS`."""
+        return ("shot", *(("safety",) if self.has_safety else ()), *choices(state))
+
+    @property
+    def has_safety(self) -> bool:
+        """Whether a player may call a safety."""
+        return self.call_shot and self.edition not in self.game_rules.without_safety
 
     def legal(self, state: Any, player: int | None = None) -> tuple[int, ...]:
         """Returns the balls that a player, by default the one to shoot, may touch first."""
@@ -275,7 +311,7 @@ def opening(setup: Setup, rng: np.random.Generator, layout: str | None = None) -
     layout = names[0] if layout is None else layout
     what = f"layout = {short(layout)} with rules {setup.rules!r}"
     _expect(isinstance(layout, str) and short_name(layout) in names, what, f"one of {', '.join(map(repr, names))}")
-    positions, state = layouts.draw(layout, setup.scene, rng, setup.rules), opening_state(setup)
+    positions, state = layouts.draw(layout, setup.scene, rng, setup.rack), opening_state(setup)
     return GameState(
         positions, changed(state, break_shot=False, in_hand=NOT_IN_HAND) if short_name(layout) == "random" else state
     )
@@ -306,6 +342,8 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     rules, n, players = setup.game_rules, setup.scene.n_balls, setup.n_players
     integer("state.player", values["player"], Range(0, players - 1))
     integer("state.solids", values["solids"], Range(-1, players - 1 if rules.groups else -1))
+    for name in COUNTS:
+        integer(f"state.{name}", values[name], Range(0, players - 1 if name == "breaker" else MAX_SCORE))
     ball = Range(0, n - 1)
     limits = {"scores": Range(-MAX_SCORE, MAX_SCORE), "on_table": ball, "cue_balls": ball, "fouls": Range(0, 2)}
     for name, limit in limits.items():
@@ -354,8 +392,16 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
         **{name: (*values[name], *spare) for name in ("scores", "fouls")},
     }
     rule_state = changed(opening_state(setup), **values)
-    array = shaped("positions", positions, (n, 2))
-    return GameState(check_positions(setup.scene, array, in_play=is_in(in_play(rule_state), n)), rule_state)
+    array = check_positions(setup.scene, shaped("positions", positions, (n, 2)), in_play=is_in(in_play(rule_state), n))
+    return GameState(array, _looked_at(setup, array, rule_state))
+
+
+def _looked_at(setup: Setup, positions: NDArray[np.float64], state: Any) -> Any:
+    """Returns a state after `Game.look` at the balls at rest."""
+    states = np.array([state], STATE)
+    if setup.game_rules.look is not no_look:
+        look_at_games_of(setup.game_rules)(setup.placement_table, positions[None], states)
+    return states[0]
 
 
 def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
@@ -365,8 +411,8 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
         setup: The settings of the game.
         game: The state before the shot.
         stroke: The stroke. A cue ball in hand is placed at the free point nearest to `stroke.place`, see
-            `placement.nearest_free_point`. With the calls "hand_back" and "replace" the velocity and the spin must be
-            zero and the place None; the balls do not move.
+            `placement.nearest_free_point`. With a call of `NO_SHOT` the velocity and the spin must be zero and the
+            place None; no ball is struck.
 
     Returns:
         The shot, with the state after it.
@@ -385,13 +431,13 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
         positions[cue] = cue_ball_point(scene, positions, state, stroke.place)
     velocities, spins = np.zeros((n, 2)), np.zeros((n, 3))
     velocities[cue], spins[cue] = stroke.velocity, stroke.spin
-    no_shot = stroke.call.kind in ("hand_back", "replace")
+    no_shot = stroke.call.kind in NO_SHOT
     balls = is_in(in_play(state) if no_shot else on_table(state), n)
     shot_input = ShotInput(positions, velocities, spins, balls, cue, scene.physics.max_time or math.inf)
     strike_frozen(scene, scene_fields(scene), shot_input.as_batch())
     shot = run_shot(scene, shot_input, setup.engine, record=True)
     if no_shot:
-        return PlayedShot(_without_shot(game, stroke.call), shot_input, shot, row(Facts()), row(Verdict()))
+        return PlayedShot(_without_shot(setup, game, stroke.call), shot_input, shot, row(Facts()), row(Verdict()))
     facts, call = facts_of(shot), stroke.call
     called = row(Called(call.ball, CALLS.index(call.kind), (call.ball, call.pocket) in shot.pots))
     shots = (np.array([one], kind) for one, kind in ((state, STATE), (facts, FACTS), (called, CALL)))
@@ -400,10 +446,11 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
     return PlayedShot(GameState(positions, following, before), shot_input, shot, facts, verdict)
 
 
-def _without_shot(game: GameState, call: Call) -> GameState:
-    """Returns the state after a player has played no shot, by the call "hand_back" or "replace"."""
+def _without_shot(setup: Setup, game: GameState, call: Call) -> GameState:
+    """Returns the state after a player has played no shot, by a call of `NO_SHOT`."""
     now, before = ((one.positions[None].copy(), np.array([one.state], STATE)) for one in (game, game.before or game))
-    call_without_shots(np.array([row(Called(kind=CALLS.index(call.kind)))], CALL), *now, before)
+    calls = np.array([row(Called(kind=CALLS.index(call.kind)))], CALL)
+    call_without_shots_of(setup.game_rules)(setup.placement_table, calls, *now, before)
     (positions,), (state,) = now
     return GameState(positions, state)
 
@@ -411,11 +458,10 @@ def _without_shot(game: GameState, call: Call) -> GameState:
 def _check_stroke(setup: Setup, state: Any, stroke: Stroke) -> None:
     """Raises a ValueError if a stroke is not possible, see `play`."""
     call, n = stroke.call, setup.scene.n_balls
-    safety = ("safety",) if state.call_shot else ()
-    one_of("stroke.call.kind", call.kind, ("shot", *safety, *choices(state)))
+    one_of("stroke.call.kind", call.kind, setup.kinds(state))
     integer("stroke.call.ball", call.ball, Range(-1, n - 1))
     integer("stroke.call.pocket", call.pocket, Range(-1, len(setup.scene.table.pockets) - 1))
-    if call.kind in ("hand_back", "replace"):
+    if call.kind in NO_SHOT:
         still = not any(stroke.velocity) and not any(stroke.spin) and stroke.place is None
         _expect(still, f"stroke = {short(stroke)}", f"no motion and no place, the call is {call.kind!r}")
         return

@@ -1,13 +1,28 @@
 """The rules of the pool games.
 
 "WPA" is the World Pool-Billiard Association's The Rules of Play, effective 15 March 2016 (1 general, 2 nine ball, 3
-eight ball, 4 continuous pool, 6 fouls, 8 definitions, 9 ten ball). The rules are simplified:
+eight ball, 4 continuous pool, 6 fouls, 8 definitions, 9 ten ball). The edition "2025" has the rules effective 15
+September 2025 ("WPA 2025": 1 general, 2 definitions, 3 fouls, 4 eight ball, 5 nine ball, 6 ten ball, 7 continuous
+pool). Their text was not available. The sources are secondary: a program's specification that paraphrases them rule by
+rule (github.com/SchaeferDesigns/RawBreak, `Docs/specs/rules.md`), and a list of the changes (columbiacueclub.com).
+What changes:
+
+* Nine ball: the 9 is racked on the foot spot, and not the 1 (WPA 2.2, WPA 2025 5.2).
+* Eight ball: on an open table the eight ball may be touched first, and wins, once a group is off the table (WPA 2025
+  4.4).
+* Ten ball has no safety call (WPA 9.6, WPA 2025 6.5).
+
+The rules are simplified:
 
 * In eight ball, ten ball and straight pool, shots are called (WPA 1.6) only in a state with `call_shot`. Otherwise any
   ball potted on a legal shot counts, in any pocket.
-* There is no stalemate (1.12). A player who shoots from behind the head string may first touch a ball behind it (6.11).
-* Players have no choice after a break (3.3, 4.3): the next player accepts the balls as they lie. An eight ball potted
-  on the break is spotted.
+* No lines are watched: a player who shoots from behind the head string may first touch a ball behind it (6.11, WPA 2025
+  3.11), and nine ball has no three-ball rule for the break (WPA 2025, regulation 16), which organisers may leave out.
+* After a break of eight ball that touches no ball, the cue ball is in hand; the player cannot leave it (3.3 h).
+* A player may call a stalemate (1.12) after six turns of each player without a pot, a point or a foul. In straight pool
+  there is no new lag (4.12): the same player breaks.
+* Without a choice the balls are accepted as they lie: a rack of eight ball is not racked again (3.3), a breaker of
+  straight pool need not break again (4.3), and an eight ball potted on the break is spotted.
 * A ball frozen to a cushion counts as driven to it when it is hit into it. WPA 8.4 requires that it first leaves the
   cushion.
 * Three consecutive fouls are penalised without a warning after the second one (6.14). In nine ball and ten ball this
@@ -24,13 +39,16 @@ from billiards_env.games.entry import Game, no_target
 from billiards_env.games.game_state import (
     ANYWHERE,
     BEHIND,
+    BREAK_AGAIN,
     BREAKING_FOUL,
+    DRIVEN_OFF,
     HAND_BACK,
     ILLEGAL_BREAK,
     NO_CUSHION,
     NO_FOUL,
     NO_HIT,
     PUSH_OUT,
+    RERACK,
     RERACK_ALL,
     RERACK_REST,
     SCRATCH,
@@ -40,11 +58,15 @@ from billiards_env.games.game_state import (
     size,
     verdict,
 )
-from billiards_env.games.placement import rack_again
+from billiards_env.games.placement import offer_new_rack, rack_again, rack_and_break
 from billiards_env.jit import inlined
 
 BREAK_PENALTY, FOULS_PENALTY = 2, 15
 """Points for a breaking foul and for the third consecutive foul in straight pool (WPA 4.10, 4.11)."""
+
+EDITIONS = ("2016", "2025")
+IN_2025 = EDITIONS.index("2025")
+"""`RulesState.edition` of the rules of 2025."""
 
 SOLIDS, EIGHT, STRIPES = sum(1 << i for i in range(1, 8)), 1 << 8, sum(1 << i for i in range(9, 16))
 NINE, TEN = 1 << 9, 1 << 10
@@ -67,11 +89,14 @@ def group_or_eight(state, player):
     """Returns the balls that a player may touch first in eight ball (WPA 3.4).
 
     On the break these are all object balls. Afterwards they are the balls of the player's group, or of both groups
-    while the table is open. If none of them is left, it is the eight ball.
+    while the table is open. If none of them is left, it is the eight ball. In 2025 an open table without the balls of a
+    group adds the eight ball (WPA 2025 4.4).
     """
     if state.break_shot:
         return state.object_balls
     left = state.object_balls & group_of(state, player)
+    if state.edition == IN_2025 and (left & SOLIDS == 0 or left & STRIPES == 0) and state.solids < 0:
+        return left | EIGHT
     return left if left != 0 else EIGHT
 
 
@@ -85,18 +110,20 @@ def group_of(state, player):
 
 @inlined
 def standard_foul(facts, legal):
-    """Returns the foul committed under WPA 6.1 to 6.3, the first in the order of `FOULS` if there are several.
+    """Returns the foul committed under WPA 6.1 to 6.3 and 6.5, the first in the order of `FOULS` if there are several.
 
     If the cue ball touches several balls at the same instant and one of them is legal, the legal one counts as touched
     first (WPA regulations, split hits).
     """
-    if facts.scratch:
+    if facts.scratch or facts.cue_off:
         return SCRATCH
     if facts.first == 0:
         return NO_HIT
     if facts.first & legal == 0:
         return WRONG_BALL
-    return NO_FOUL if facts.cushion_after else NO_CUSHION  # a potted ball counts as driven to a cushion
+    if facts.driven_off != 0:
+        return DRIVEN_OFF  # such a ball, and a potted one, count as driven to a cushion
+    return NO_FOUL if facts.cushion_after else NO_CUSHION
 
 
 @inlined
@@ -119,19 +146,21 @@ def straight(state, facts, call):
     potted balls are spotted (4.6). When one object ball is left, the others are racked again without the apex ball
     (4.4); when none is left, all are. A foul costs a point (4.9), and after a scratch the next player has the cue ball
     in hand behind the head string. A break that pots no counted ball must drive the cue ball and two object balls to a
-    cushion, or it costs two points (4.3, 4.10). The third consecutive foul costs 15 further points, all balls are
+    cushion, or it costs two points (4.3, 4.10), and the next player may have the same player break again. The third
+    consecutive foul costs 15 further points, all balls are
     racked, and the same player breaks (4.11).
 
     Without a target (0), the game has a single rack: it is over when no object ball is left, and the highest score
     wins; a tie has no winner. There is then no penalty for three consecutive fouls.
     """
-    balls, points, player = facts.potted, size(facts.potted), state.player
+    balls, points, player = facts.potted | facts.driven_off, size(facts.potted), state.player
     counted, foul = called_balls(state, balls, call), standard_foul(facts, state.object_balls)
     if foul == SCRATCH:
         state.in_hand = BEHIND
     if state.break_shot and counted == 0:
         needed = min(2, size(state.object_balls))
         if size(facts.driven) < needed or not facts.cue_driven:
+            state.choices = 1 << BREAK_AGAIN
             return verdict(BREAKING_FOUL, -BREAK_PENALTY, spotted=balls)
     if foul != NO_FOUL:
         if state.target > 0 and state.fouls[player] == 2:
@@ -208,7 +237,7 @@ def rotation(state, facts, call, last, counted, wins):
         counted: The potted balls for which the shooter continues.
         wins: Whether the shot wins if it is legal.
     """
-    spotted, foul = facts.potted & last, standard_foul(facts, lowest_ball(state, state.player))
+    spotted, foul = (facts.potted | facts.driven_off) & last, standard_foul(facts, lowest_ball(state, state.player))
     if call.kind == PUSH_OUT and foul != SCRATCH:
         state.choices = 1 << HAND_BACK
         return verdict(spotted=spotted)
@@ -240,15 +269,20 @@ def eight_ball(state, facts, call):
 
     On the break any ball may be touched first, nothing is called, and the shooter continues after potting any ball. An
     eight ball potted on the break is spotted. After a scratch, or a break that touches no ball, the next player has the
-    cue ball in hand behind the head string (WPA 3.3).
+    cue ball in hand behind the head string. After a break that pots no ball and drives fewer than four balls to a
+    cushion, the next player may have the balls racked again, and breaks or has the same player break (WPA 3.3 d). The
+    next to shoot after an eight ball potted on the break may have them racked again, and breaks (3.3 e, f).
     """
     player, legal = state.player, group_or_eight(state, state.player)
-    eight, foul = facts.potted & EIGHT, standard_foul(facts, legal)
+    eight, foul = (facts.potted | facts.driven_off) & EIGHT, standard_foul(facts, legal)
     if state.break_shot:
-        if foul in (SCRATCH, NO_HIT):
+        if facts.potted & EIGHT != 0:
+            state.choices = 1 << RERACK
+        elif facts.potted == 0 and size(facts.driven) < 4:
+            state.choices = 1 << RERACK | 1 << BREAK_AGAIN
+        if foul in (SCRATCH, NO_HIT, DRIVEN_OFF):
             state.in_hand = BEHIND
             return verdict(foul, spotted=eight)
-        # A break that drives too few balls to a cushion is not a foul; the balls are not racked again.
         return verdict(continues=facts.potted != 0, spotted=eight)
     counted = called_balls(state, facts.potted & legal, call)
     if foul != NO_FOUL:
@@ -275,9 +309,16 @@ _FOUL = ("foul", "cue ball potted, no ball or a wrong ball hit first, no cushion
 _TURN = ("turn", "a player continues after a legal pot")
 _AFTER = ("after a foul", "cue ball anywhere; with two players, three fouls in a row lose")
 _BREAK = ("break", "pot a ball, or drive four balls to a cushion")
-_POOL = functools.partial(Game, scene="pool", layouts=("rack", "tight_rack", "random"))
+_POOL = functools.partial(
+    Game,
+    scene="pool",
+    layouts=("rack", "tight_rack", "random"),
+    editions=EDITIONS,
+    look=offer_new_rack,
+    rerack=rack_and_break,
+)
 _ROTATION = functools.partial(
-    _POOL, legal=lowest_ball, choices=("push_out", "hand_back"), counts_fouls=True, pots_any=True
+    _POOL, legal=lowest_ball, choices=("push_out", "hand_back", "stalemate"), counts_fouls=True, pots_any=True
 )
 GAMES = {
     "straight": _POOL(
@@ -287,6 +328,7 @@ GAMES = {
         won_by="`target` points, or without a target most points in one rack",
         target=no_target,
         callable=any_ball,
+        choices=("break_again", "stalemate"),
         counts_fouls=True,
         sure_pot=4.0,
         rack=rack_again,
@@ -306,6 +348,7 @@ GAMES = {
         won_by="potting one group of balls, then the eight ball",
         n_players=(2, 2),
         callable=group_or_eight,
+        choices=("rerack", "break_again", "stalemate"),
         deciding_ball=8,
         groups=True,
         page=(
@@ -336,6 +379,7 @@ GAMES = {
         n_object_balls=(10, 10),
         won_by="potting the ten ball as the last ball",
         callable=any_ball,
+        without_safety=("2025",),
         deciding_ball=10,
         page=(
             ("to win", "pot the 10 as the last ball; before that, and on the break, it is spotted"),

@@ -2,7 +2,7 @@
 
 No other code computes the next state: the tasks, the PettingZoo environment, the players and the window use
 `judge_shots` or its kernel `judged`. The referee does not use the positions of the balls. `games.transition` calls
-the referee, and then places the balls that return to the table and gives a free ball in snooker.
+the referee, places the balls that return to the table, and then looks at the balls at rest.
 """
 
 from __future__ import annotations
@@ -60,16 +60,20 @@ def judged(judge, state, facts, call):
     """
     state.in_hand, state.choices = NOT_IN_HAND, 0
     verdict = judge(state, facts, call)
+    if state.break_shot:
+        state.breaker = state.player
+    state.idle = 0 if verdict.foul != NO_FOUL or verdict.points != 0 or facts.potted != 0 else state.idle + 1
     player, following = state.player, (state.player + 1) % state.n_players
     state.scores[player] += verdict.points
     state.scores[following] += verdict.penalty
     # A breaking foul is not one of three consecutive fouls (WPA 4.11); the third one clears the count.
     fouled = verdict.foul != NO_FOUL and verdict.foul != BREAKING_FOUL and verdict.rack != RERACK_ALL
     state.fouls[player] = state.fouls[player] + 1 if fouled else 0
-    state.object_balls = (state.object_balls & ~facts.potted) | verdict.spotted
+    state.object_balls = (state.object_balls & ~(facts.potted | facts.driven_off)) | verdict.spotted
     if verdict.rack != NO_RERACK:
         state.object_balls = state.balls
     state.break_shot, state.free_ball = verdict.rack == RERACK_ALL, False
+    state.touching, state.in_sight = 0, False
     if not verdict.continues:
         state.player = following
         struck, other = state.cue_balls[0], state.cue_balls[1]

@@ -1,15 +1,19 @@
 """The rules of snooker, a frame for two players.
 
 "WPBSA" is section 3 of the Official Rules of the Games of Snooker and English Billiards of the World Professional
-Billiards and Snooker Association. The balls 1 to `reds` are red; yellow, green, brown, blue, pink and black follow. The
+Billiards and Snooker Association, revised in November 2014. The source is secondary: a copy of this text in
+github.com/chalkysticks/api, `snooker_wpbsa.php`. The edition of November 2019 has the same rules here; it moves the
+penalties from rule 10 to rule 11. The balls 1 to `reds` are red; yellow, green, brown, blue, pink and black follow. The
 rules are simplified:
 
 * A player who nominates no ball nominates the colour, or with a free ball the ball, that the cue ball touches first
   (3.3, 3.12).
-* A snooker behind a free ball is not a foul (3.12 b). A push stroke and a touching ball are ignored (3.8, 3.10).
-* After a tie, the next player plays first at the re-spotted black; no lots are drawn (3.4).
+* A push stroke (2.19) is only a shot in which the cue ball touches a touching ball first, without a cushion before.
+* After a tie no lots are drawn (3.4 b): the next player has the choice of the one who wins them, to play first at the
+  re-spotted black or to have the other play. A game depends on its strokes alone.
 * With the miss rule, every shot that does not touch a ball on first is a miss, unless a player needs penalty points
-  (3.14). Three misses do not lose the frame.
+  (3.14). The referee has no doubts about the ability of a player. A cue ball in hand is placed again after a miss.
+* A player may call a stalemate (3.16) after six turns of each player without a pot, a point or a foul.
 
 The kernels have the arguments of `entry.Game`; sets of balls are bit masks.
 """
@@ -21,10 +25,13 @@ import math
 from billiards_env.games.entry import Game, no_target
 from billiards_env.games.game_state import (
     BEHIND,
+    DRIVEN_OFF,
+    FREE_BALL,
     HAND_BACK,
     NO_FOUL,
     NO_HIT,
     NOT_IN_HAND,
+    PUSH,
     REPLACE,
     SCRATCH,
     WRONG_BALL,
@@ -32,8 +39,17 @@ from billiards_env.games.game_state import (
     end,
     size,
     verdict,
+    with_hidden,
 )
-from billiards_env.games.placement import Obstacles, area_of, is_free, spot_colours
+from billiards_env.games.placement import (
+    Obstacles,
+    area_of,
+    is_free,
+    offer_new_rack,
+    rack_and_break,
+    spot_colours,
+    touching_balls,
+)
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import CONTACT_GAP
@@ -41,6 +57,9 @@ from billiards_env.scene.layouts import PLACING_GAP
 
 LEAST_PENALTY, MOST_PENALTY = 4, 7
 """Points for a foul (WPBSA 3.10)."""
+
+MOST_MISSES = 3
+"""The number of misses in a row that lose the frame (WPBSA 3.14 d)."""
 
 _STEPS = 9  # places in the D along each axis at which a cue ball in hand is tested for a snooker
 
@@ -99,36 +118,52 @@ def balls_on(state, player):
 
 @inlined
 def nominated(state, facts, call):
-    """Returns the balls that are on in a shot, and the free ball. A ball that is touched first counts as nominated."""
+    """Returns the balls that are on in a shot, and the free ball.
+
+    A ball that is touched first counts as nominated, else the lowest ball that touches the cue ball (3.8 c).
+    """
     on = ball_on(state, state.colour)
+    could_be_on = state.object_balls if state.free_ball else on
     chosen = facts.first if size(facts.first) == 1 else 0
     if call.ball >= 0:
         chosen = 1 << call.ball
+    elif chosen & could_be_on == 0 and state.touching & could_be_on != 0:
+        chosen = state.touching & could_be_on & -(state.touching & could_be_on)
     if state.colour:
         return on & chosen, 0
     return on, chosen & ~on if state.free_ball else 0
 
 
 @inlined
-def touches_ball_on(facts, on, free):
+def touches_ball_on(state, facts, on, free):
     """Returns whether the cue ball first touches a ball on or the free ball.
 
-    It may touch two balls at the same instant if they are two reds, or the free ball and a ball on (WPBSA 3.6).
+    It may touch two balls at the same instant if they are two reds, or the free ball and a ball on (WPBSA 3.6). A
+    player who plays away from such a ball that touches the cue ball counts as touching it first (3.8 c).
     """
     needed = free if free != 0 else on
+    if state.touching & needed != 0:
+        return True
     return facts.first & needed != 0 and facts.first & ~(on | free) == 0
 
 
 @inlined
-def foul_of(facts, on, free):
-    """Returns the foul of a shot (WPBSA 3.10), the first in the order of `FOULS` if there are several."""
-    if facts.scratch:
+def foul_of(state, facts, on, free):
+    """Returns the foul of a shot (WPBSA 3.10).
+
+    If there are several, it is the first in the order of `FOULS`, but a push stroke (3.8 b) comes after a scratch.
+    """
+    if facts.scratch or facts.cue_off:
         return SCRATCH
-    if facts.first == 0:
-        return NO_HIT
-    if not touches_ball_on(facts, on, free):
-        return WRONG_BALL
-    return WRONG_POT if facts.potted & ~(on | free) != 0 else NO_FOUL
+    if facts.first & state.touching != 0 and facts.cushions_before_first == 0:
+        return PUSH
+    if not touches_ball_on(state, facts, on, free):
+        return NO_HIT if facts.first == 0 else WRONG_BALL
+    if facts.potted & ~(on | free) != 0:
+        return WRONG_POT
+    if facts.driven_off != 0:
+        return DRIVEN_OFF
+    return FREE_BALL if facts.hidden else NO_FOUL
 
 
 @inlined
@@ -149,20 +184,27 @@ def snooker(state, facts, call):
     Reds and colours alternate: each red potted scores 1, then the player nominates a colour, which scores its value and
     is spotted (3.3). After the last red and the colour that follows it, the colours are potted in the order of their
     values. A foul ends the turn, and the other player scores the largest of 4, the value of the ball on, and the values
-    of wrong balls that were touched first or potted (3.10). Colours potted on a foul are spotted, reds are not. The
-    next player may make the offender shoot again. With the miss rule, that player may also have the balls replaced, if
-    the cue ball touched no ball on first and no player needs penalty points before or after the shot (3.14). The first
-    pot or foul on the last black ends the frame; after a tie
-    the black is spotted, and the cue ball is in hand (3.4).
+    of wrong balls that were touched first or potted (3.10). A ball that touches the cue ball must not be moved at the
+    start. If it is on, a player who plays away from it counts as touching it first (3.8). Colours potted on a foul are
+    spotted, reds are not. It is a foul to leave the cue ball snookered on all balls on behind the free ball, unless
+    only pink and black are left (3.12 b). The next player may make the offender shoot again.
+
+    With the miss rule, that player may also have the balls replaced, if the cue ball touched no ball on first and no
+    player needs penalty points before or after the shot (3.14 a). From a position in which a ball on can be hit full,
+    the second miss in a row counts in any case, and the third one loses the frame (3.14 d).
+
+    The first pot or foul on the last black ends the frame. After a tie the black is spotted, the cue ball is in hand,
+    and the next player may let the other player play first (3.4).
     """
     on, free = nominated(state, facts, call)
-    value, foul = least_value(state, on), foul_of(facts, on, free)
+    value, foul = least_value(state, on), foul_of(state, facts, on, free)
     colours = state.object_balls & ~reds(state)
     points, penalty = 0, 0
     if foul != NO_FOUL:
-        wrong = (facts.first | facts.potted) & ~(on | free)
+        deemed = touches_ball_on(state, facts, on, free) and foul != PUSH
+        wrong = (facts.potted if deemed else facts.first | facts.potted) & ~(on | free) | facts.driven_off
         penalty = max(LEAST_PENALTY, max(value, greatest_value(state, wrong)))
-        spotted = facts.potted & colours
+        spotted = (facts.potted | facts.driven_off) & colours
         state.choices = 1 << HAND_BACK
     else:
         # A free ball has the value of the ball on. It scores with the reds, but not in addition to a colour (3.12 e).
@@ -179,16 +221,76 @@ def snooker(state, facts, call):
     black = 1 << (state.reds + 6)
     if 0 < state.target <= max(mine, others) or (state.object_balls == black and points + penalty > 0):
         if mine == others:
-            state.choices, state.in_hand = 0, BEHIND
+            state.choices, state.in_hand = 1 << HAND_BACK, BEHIND
             return verdict(foul, points, penalty, False, black)
         end(state, state.player if mine > others else 1 - state.player)
         state.choices = 0
-    elif state.miss and not touches_ball_on(facts, on, free):
+    elif state.miss and not touches_ball_on(state, facts, on, free):
         lead = abs(state.scores[0] - state.scores[1])
-        on_table = (state.object_balls & ~facts.potted) | spotted
-        if lead <= left and abs(mine - others) <= points_left(on_table, state.reds, False):
+        on_table = (state.object_balls & ~(facts.potted | facts.driven_off)) | spotted
+        again = state.in_sight and state.misses > 0
+        if again or (lead <= left and abs(mine - others) <= points_left(on_table, state.reds, False)):
             state.choices |= 1 << REPLACE
+        if again and state.misses == MOST_MISSES - 1:
+            end(state, 1 - state.player)
+            state.choices = 0
+    state.misses = 0
     return verdict(foul, points, penalty, points > 0, spotted)
+
+
+@inlined
+def look(table, positions, state):
+    """Finds the balls that touch the cue ball (WPBSA 3.8), and the balls on that can be hit full (3.14 d).
+
+    It also gives the choice of a stalemate. See `Game.look`.
+    """
+    state.touching = touching_balls(table, positions, state)
+    state.in_sight = state.miss and not is_snookered(table, positions, state, balls_on(state, state.player))
+    offer_new_rack(table, positions, state)
+
+
+@inlined
+def see(table, positions, state, facts, call):
+    """Returns the facts of a shot with `hidden`, as `Game.see` (WPBSA 3.12 b)."""
+    on, free = nominated(state, facts, call)
+    alone = state.object_balls == 3 << (state.reds + 5)  # pink and black
+    judged = free != 0 and facts.potted | facts.driven_off == 0 and not (facts.scratch or facts.cue_off or alone)
+    return with_hidden(facts, judged and is_hidden_behind(table, positions, state.object_balls, on, free))
+
+
+@inlined
+def is_hidden_behind(table, positions, object_balls, on, free):
+    """Returns whether the free ball hides all balls on, and no ball that is nearer to the cue ball does.
+
+    The nearest of several balls that obstruct is the one that snookers (section 2, 17).
+    """
+    if sees_a_ball(table, positions, positions[CUE_BALL], on | free, on):
+        return False
+    ball = size(free - 1)
+    distance = square_from_cue(positions, ball)
+    for other in range(1, len(table.radius)):
+        nearer = object_balls & ~on & ~free & (1 << other)
+        if nearer != 0 and square_from_cue(positions, other) >= distance:
+            nearer = 0
+        if nearer != 0 and not sees_a_ball(table, positions, positions[CUE_BALL], on | nearer, on):
+            return False
+    return True
+
+
+@inlined
+def square_from_cue(positions, ball):
+    """Returns the square of the distance of a ball from the cue ball, m^2."""
+    dx, dy = positions[ball, X] - positions[CUE_BALL, X], positions[ball, Y] - positions[CUE_BALL, Y]
+    return dx * dx + dy * dy
+
+
+@inlined
+def new_frame(table, positions, state):
+    """Begins a frame again after a stalemate, without points (WPBSA 3.16), as `Game.rerack`."""
+    rack_and_break(table, positions, state)
+    for player in range(state.n_players):
+        state.scores[player] = 0
+    state.colour, state.misses = False, 0
 
 
 @inlined
@@ -264,13 +366,17 @@ GAMES = {
         won_by="having the most points when the black ball, the last one, is potted",
         n_players=(2, 2),
         target=no_target,
-        choices=("hand_back", "replace"),
+        editions=("2014",),
+        choices=("hand_back", "replace", "stalemate"),
         deciding_ball=-1,
         has_spots=True,
         sure_pot=8.0,
         most_points=lambda balls: 8 * balls - 21,
         spot=spot_colours,
         free_ball=is_snookered,
+        see=see,
+        look=look,
+        rerack=new_frame,
         page=(
             ("to win", "have most points when the black is potted last"),
             ("order", "a red, then a colour, in turns; at the end the colours by value"),

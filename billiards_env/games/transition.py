@@ -1,6 +1,7 @@
 """The transition of a game: from a shot, or from a call without a shot, to the state before the next shot.
 
-After a shot the referee judges it, balls return to the table, and snooker may give a free ball. `after_shot_of` returns
+After a shot the referee judges it, balls return to the table, and the rules look at the balls at rest: snooker may give
+a free ball, and balls may touch. `after_shot_of` returns
 the kernel of a game. It has only the code that the game needs, and changes one game in place: `positions`, (n, 2) m,
 and `state`, a row of `STATE`.
 """
@@ -14,14 +15,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.games.entry import Game, no_free_ball, no_rack, no_spots
+from billiards_env.games.entry import Game, no_free_ball, no_look, no_rack, no_rerack, no_see, no_spots
 from billiards_env.games.game_state import (
+    BREAK_AGAIN,
     HAND_BACK,
     MOST_PLAYERS,
     NO_FOUL,
     NO_RERACK,
     NOT_IN_HAND,
+    REPLACE,
     RERACK_REST,
+    STALEMATE,
     VERDICT,
     check_indices,
     write_verdict,
@@ -29,12 +33,12 @@ from billiards_env.games.game_state import (
 from billiards_env.games.placement import PlacementNumbers, no_room, placement_area, placement_numbers
 from billiards_env.games.pool import any_ball, straight
 from billiards_env.games.referee import judged
-from billiards_env.jit import entry_point, inlined, specialised
+from billiards_env.jit import inlined, specialised
 from billiards_env.physics.state import X, Y
 from billiards_env.scene import Scene
 
 judge, legal = straight, any_ball  # `specialised` puts the kernels of each game in their place
-spot, rack, free_ball = no_spots, no_rack, no_free_ball
+spot, rack, free_ball, see, look, rerack = no_spots, no_rack, no_free_ball, no_see, no_look, no_rerack
 
 
 def after_shot(table, positions, state, facts, call):  # out: positions, state
@@ -52,16 +56,18 @@ def after_shot(table, positions, state, facts, call):  # out: positions, state
     Returns:
         The `Verdict`, and a ball for which there is no room on the table, or -1.
     """
-    cue, others = state.cue_balls[0], state.object_balls & ~facts.potted
-    verdict = judged(judge, state, facts, call)
+    cue, others = state.cue_balls[0], state.object_balls & ~(facts.potted | facts.driven_off)
+    verdict = judged(judge, state, see(table, positions, state, facts, call), call)
     in_play = others if state.in_hand != NOT_IN_HAND else others | 1 << cue  # a cue ball in hand does not block a spot
     failed = spot(table, positions, verdict.spotted, in_play, cue)
     if verdict.rack == RERACK_REST:
         state.in_hand = rack(table, positions, others, cue)
     elif verdict.rack != NO_RERACK:
-        rack(table, positions, 0, cue)
+        rack(table, positions, 0, state.cue_balls[0])
     if verdict.foul != NO_FOUL and not state.over:
         state.free_ball = free_ball(table, positions, state, legal(state, state.player))
+    if not state.over:
+        look(table, positions, state)
     return verdict, failed
 
 
@@ -76,33 +82,60 @@ def after_shot_of(rules: Game) -> Callable[..., Any]:
         spot=rules.spot,
         rack=rules.rack,
         free_ball=rules.free_ball,
+        see=rules.see,
+        look=rules.look,
     )
 
 
-@inlined
-def without_shot(k, call, positions, states, before):  # out: positions, states, before
-    """Changes game k after a call without a shot: "hand_back" or "replace" (see `state.CALLS`).
+def without_shot(table, k, call, positions, states, before):  # out: positions, states, before
+    """Changes game k after a call without a shot, one of `game_state.NO_SHOT`.
 
     Args:
+        table: The `PlacementNumbers` of `table_of`.
         k: The game.
         call: `Called`, or a row of `CALL`.
         positions: (m, n, 2) m, which change.
         states: (m,) `STATE`, which change.
-        before: The positions and the states before the last shot, for "replace". The scores and the fouls in them
-            change to those of now.
+        before: The positions and the states before the last shot, for "replace". The scores, the fouls and the number
+            of misses in them change to those of now.
     """
     state = states[k]
-    if call.kind == HAND_BACK:
-        state.player = (state.player - 1) % state.n_players
+    if call.kind != REPLACE:
+        if call.kind != HAND_BACK:
+            rerack(table, positions[k], state)
+        if call.kind == HAND_BACK or call.kind == BREAK_AGAIN:
+            state.player = (state.player - 1) % state.n_players
+        elif call.kind == STALEMATE:
+            state.player = state.breaker
         state.free_ball = False
     else:
         positions_before, states_before = before
         for i in range(MOST_PLAYERS):
             states_before[k].scores[i], states_before[k].fouls[i] = state.scores[i], state.fouls[i]
+        states_before[k].misses = states_before[k].misses + 1 if states_before[k].in_sight else 0
         states[k] = states_before[k]
         for i in range(positions.shape[1]):
             positions[k, i, X], positions[k, i, Y] = positions_before[k, i, X], positions_before[k, i, Y]
     state.choices = 0
+    look(table, positions[k], state)
+
+
+@functools.cache
+def without_shot_of(rules: Game) -> Callable[..., Any]:
+    """Returns the kernel `without_shot` of a game."""
+    return specialised(without_shot, inlined, look=rules.look, rerack=rules.rerack)
+
+
+def look_at_games(table, positions, states):  # out: states
+    """Runs `Game.look` for m games."""
+    for k in range(len(states)):
+        look(PlacementNumbers(*table), positions[k], states[k])
+
+
+@functools.cache
+def look_at_games_of(rules: Game) -> Callable[..., Any]:
+    """Returns the entry point `look_at_games` of a game."""
+    return specialised(look_at_games, look=rules.look)
 
 
 def finish_shots(table, positions, states, facts, calls, verdicts):  # out: positions, states, verdicts
@@ -121,21 +154,42 @@ def finish_shots_of(rules: Game) -> Callable[..., int]:
     return specialised(finish_shots, after_shot=after_shot_of(rules))
 
 
-@entry_point
-def call_without_shots(calls, positions, states, before):
+def call_without_shots(table, calls, positions, states, before):
     """Runs `without_shot` for m games."""
     for k in range(len(states)):
-        without_shot(k, calls[k], positions, states, before)
+        without_shot(PlacementNumbers(*table), k, calls[k], positions, states, before)
 
 
-def table_of(rules: Game, scene: Scene, target: int) -> tuple[Any, ...]:
+@functools.cache
+def call_without_shots_of(rules: Game) -> Callable[..., Any]:
+    """Returns the entry point `call_without_shots` of a game."""
+    return specialised(call_without_shots, without_shot=without_shot_of(rules))
+
+
+def table_of(rules: Game, scene: Scene, target: int, rack: str = "") -> tuple[Any, ...]:
     """Returns the argument `table` of a game to a target score, 0 for none, see `placement.placement_numbers`.
+
+    Args:
+        rules: The game.
+        scene: The scene.
+        target: The target score.
+        rack: `Setup.rack`.
 
     Raises:
         ValueError: If balls of the scene have no spots or cannot be racked.
     """
+    if rules.has_spots or not rules.pockets:
+        return placement_numbers(scene, rules.layouts[:1])
     racks = rules.rack is not no_rack and target > 0  # without a target the game has a single rack
-    return placement_numbers(scene, rules.layouts[0] if rules.has_spots else "tight_rack" if racks else "")
+    if not racks and rules.rerack is no_rerack:
+        return placement_numbers(scene, ())
+    tight = racks or len(set(scene.balls.radius[1:])) == 1
+    try:
+        return placement_numbers(scene, ("tight_rack" if tight else "rack", rack))
+    except ValueError:
+        if racks:
+            raise
+        return placement_numbers(scene, ())  # a table without room for a rack: no call for a new one
 
 
 def next_games(

@@ -56,8 +56,15 @@ def make_parser() -> argparse.ArgumentParser:
     add("--target", type=int, help=f"the score that wins, for {_games(lambda game: game.target)}")
     text = f"a potted ball counts only if it was called, for {_games(lambda game: game.callable)}"
     add("--call-shot", action="store_true", help=text)
-    add("--choices", action="store_true", help="players have choices other than a shot: push out, hand back, replace")
+    add(
+        "--choices",
+        action="store_true",
+        help="players have choices other than a shot, such as to push out or to hand back",
+    )
     add("--miss", action="store_true", help="snooker with the miss rule; needs --choices")
+    add("--edition", help=f"the edition of the rules, for {_games(lambda game: len(game.editions) > 1)}")
+    text = f"innings of each player, for {_games(lambda game: game.has_innings)} (default: no limit)"
+    add("--innings", type=int, help=text)
     add("--max-speed", type=number, default=8.0, help="speed of the fastest shot, m/s (default: %(default)s)")
     add("--mode", help=f"the engine of the game: {' or '.join(MODES)} (default: pic)")
     add("--dt", type=number, default=DT, help="timestep of PIT, s (default: 1/60)")
@@ -79,7 +86,8 @@ def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
         ValueError: If the file does not hold a game, or an argument does not suit the game.
     """
     if args.load is not None:
-        for option in ("rules", "scene", "balls", "layout", "target", "mode", "call_shot", "miss"):
+        of_game = ("rules", "scene", "balls", "layout", "target", "mode", "call_shot", "miss", "edition", "innings")
+        for option in of_game:
             if all(getattr(args, option) is not off for off in (None, False)):
                 raise ValueError(
                     f"--{option.replace('_', '-')} with --load: expected only one of them, the saved game sets it"
@@ -98,7 +106,8 @@ def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
     scene = read_scene(named, args.balls if named.endswith(".json") else balls)
     n_players = max(2, len(args.players.split(","))) if args.players else 2
     engine = Engine(args.mode, args.dt) if args.mode == "pit" else Engine(args.mode or "pic")
-    setup = Setup(rules, scene, n_players, args.target, engine, args.call_shot, args.miss)
+    settings = {"target": args.target, "edition": args.edition, "innings": args.innings or 0}
+    setup = Setup(rules, scene, n_players, engine=engine, call_shot=args.call_shot, miss=args.miss, **settings)
     return History(setup, opening(setup, rng, args.layout), ())
 
 

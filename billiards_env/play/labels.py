@@ -36,6 +36,8 @@ _MISS = ("miss", "if the ball on was not hit first, the balls may be replaced")
 _CHOICES = {
     "push_out": ("push out", "after the break: hit any ball or none; the next player may hand it back"),
     "replace": ("choice", "after a foul the next player may hand the shot back"),
+    "break_again": ("choice", "after a bad break the balls may be racked again"),
+    "stalemate": ("stalemate", "after six turns of each player without a pot, the game may begin again"),
 }
 
 
@@ -115,6 +117,9 @@ def status(model: WindowModel) -> str:
         "push_out": "push out, any ball or none",
         "hand_back": f"{player_name(model, (state.player - 1) % setup.n_players)} plays again",
         "replace": "replace the balls",
+        "rerack": "break again" if setup.game_rules.pockets else "set up the balls again",
+        "break_again": f"{player_name(model, (state.player - 1) % setup.n_players)} breaks again",
+        "stalemate": "stalemate, the game begins again",
     }
     return f"{player}: {kinds.get(model.aim.call.kind) or on(model)}"
 

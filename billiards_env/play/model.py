@@ -30,8 +30,8 @@ from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.engine import PIC, Engine
 from billiards_env.engine.orientation import VISIBLE
 from billiards_env.engine.strikes import level_strike
-from billiards_env.games import NO_CALL, Call, GameState, History, PlayedShot, Setup, Stroke, choices, play
-from billiards_env.games.game_state import is_in, members, on_table
+from billiards_env.games import NO_CALL, Call, GameState, History, PlayedShot, Setup, Stroke, play
+from billiards_env.games.game_state import NO_SHOT, is_in, members, on_table
 from billiards_env.games.placement import Point, cue_ball_point
 from billiards_env.play.preview import Preview, make_preview
 from billiards_env.players.aim import FirstTouch, Pot, aim
@@ -63,9 +63,6 @@ SHOTS = 3_000
 
 CONSIDERED = 4
 """The largest number of shots of a program that are shown while it thinks."""
-
-NO_SHOT = ("hand_back", "replace")
-"""The kinds of calls without a shot."""
 
 
 class StrokeInput(NamedTuple):
@@ -198,8 +195,8 @@ class WindowModel:
     @property
     def kinds(self) -> tuple[str, ...]:
         """The kinds of calls that the player has, "shot" first."""
-        state = self.game.state
-        return ("shot", *(("safety",) if state.call_shot else ()), *(choices(state) if self.choices else ()))
+        kinds = self.setup.kinds(self.game.state)
+        return kinds if self.choices else tuple(kind for kind in kinds if kind in ("shot", "safety"))
 
     @property
     def following_kind(self) -> str:

@@ -25,7 +25,7 @@ from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
 from billiards_env.envs.actions import PLAYED, action_named, cue_strike
 from billiards_env.envs.observations import nth
 from billiards_env.envs.tasks import TASKS, task_of
-from billiards_env.games import GameState, Setup, Stroke, choices, members, play
+from billiards_env.games import GameState, Setup, Stroke, members, play
 from billiards_env.games.game_state import NOT_IN_HAND, changed, set_of
 from billiards_env.games.placement import cue_ball_area
 from billiards_env.games.playing import opening_state
@@ -175,11 +175,10 @@ def _call_numbers(env: BilliardsEnv, stroke: Stroke) -> Floats:
     An action always nominates a ball. A stroke that calls no ball nominates the one that it touches first.
     """
     (setup, game), call = _game_played(env), stroke.call
-    state = game.state
     if call.ball < 0 and call.kind == "shot":
         touched = members(play(setup, game, stroke).facts.first)
-        call = call._replace(ball=touched[0] if touched else setup.legal(state)[0])
-    kinds = (*(("safety",) if state.call_shot else ()), *choices(state))
+        call = call._replace(ball=touched[0] if touched else setup.legal(game.state)[0])
+    kinds = setup.kinds(game.state)[1:]
     counts = env.scene.n_balls - 1, len(env.scene.table.pockets)
     ball, pocket = (
         (2 * max(i, 0) + 1) / count - 1.0 for i, count in zip((call.ball - 1, call.pocket), counts, strict=True)

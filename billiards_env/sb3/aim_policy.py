@@ -69,7 +69,8 @@ def arguments_of(env: BilliardsEnv) -> dict[str, Any]:
     arguments["goal_radius"] = env.model.goal_radius or None
     arguments |= {"n_players": env.model.n_players, "can_call": env.model.can_call}
     if (setup := env.model.setup) is not None:
-        arguments |= {"target": setup.target, "can_place": env.model.can_place, "miss": setup.miss}
+        arguments |= {"target": setup.target, "can_place": env.model.can_place}
+        arguments |= {"miss": setup.miss, "edition": setup.edition, "innings": setup.innings}
     return arguments | {name: getattr(env.model, name) for name in names}
 
 

@@ -18,6 +18,8 @@ head string, which is called baulk line in snooker. All balls lie inside the rec
 "nine_ball"
     As "rack" with 9 object balls: the 1 at the foot spot, the 9 in the middle and the others in a random order (WPA
     2016, rule 2.2).
+"nine_ball_2025"
+    As "nine_ball", with the 9 on the foot spot (WPA 2025, rule 5.2).
 "ten_ball"
     As "rack" with 10 object balls: the 1 at the foot spot, the 10 in the middle of the row of three and the others in a
     random order (WPA 2016, rule 9.2).
@@ -90,15 +92,18 @@ class Rack(NamedTuple):
         fixed: The balls that keep their places.
         corners: For the left and the right rear corner: the ball of `balls` there, and the group from which the ball of
             the corner is drawn. The corners change sides with probability 1/2.
+        foot_ball: The ball on the foot spot; 0 for the first of `balls`.
     """
 
     balls: tuple[int, ...]
     fixed: tuple[int, ...]
     corners: tuple[tuple[int, range], ...] = ()
+    foot_ball: int = 0
 
 
 RACKS = {
     "nine_ball": Rack((1, 2, 3, 4, 9, 6, 7, 8, 5), fixed=(1, 9)),
+    "nine_ball_2025": Rack((1, 2, 3, 4, 9, 6, 7, 8, 5), fixed=(1, 9), foot_ball=9),
     "ten_ball": Rack((1, 2, 3, 4, 10, 6, 7, 8, 9, 5), fixed=(1, 10)),
     "eight_ball": Rack(
         (11, 2, 3, 4, 8, 6, 7, 5, 9, 10, 1, 12, 13, 14, 15),
@@ -106,7 +111,10 @@ RACKS = {
         corners=((1, range(1, 8)), (15, range(9, 16))),
     ),
 }
-"""The games with rules for the order of the balls in a rack. Each is also the name of a layout."""
+"""The games with rules for the order of the balls in a rack. Each is also the name of a layout.
+
+In nine ball the rules of 2025 rack the 9 on the foot spot (WPA 2025 5.2), and those of 2016 the 1 (WPA 2.2).
+"""
 
 
 def draw(name: str, scene: Scene, rng: np.random.Generator, game: str = "") -> Floats:
@@ -481,6 +489,8 @@ def rack_plan(name: str, scene: Scene, rack: Rack | None = None) -> LayoutPlan:
             raise ValueError(f"layout = 'tight_rack' with object balls of radii {radii} m: expected one radius")
     spots = np.zeros((scene.n_balls, 2))
     spots[list(rack.balls)] = _rack(len(rack.balls), scene.table.foot_x, 2 * max(radius[1:], default=0.0) + gap)
+    if rack.foot_ball:
+        spots[1:, 0] -= spots[rack.foot_ball, 0] - scene.table.foot_x
     corners = np.array([(ball, group[0], len(group)) for ball, group in rack.corners], np.int64).reshape(-1, 3)
     shuffled = sum(1 << ball for ball in set(rack.balls) - set(rack.fixed))
     plan = make_plan(name, scene, (0,), spots, displacement, scene.table.head_x)

@@ -311,11 +311,11 @@ def _mapping(name: str, value: Any) -> dict[str, Any]:
     return value
 
 
-def fields(name: str, value: Any, keys: tuple[str, ...]) -> dict[str, Any]:
-    """Returns `value`; raises unless it is a mapping with exactly the given keys."""
+def fields(name: str, value: Any, keys: tuple[str, ...], optional: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Returns `value`; raises unless it is a mapping with exactly the given keys, and any of the optional ones."""
     data = _mapping(name, value)
     for key in data:
-        if key not in keys:
+        if key not in (*keys, *optional):
             raise ValueError(f"key {short(key)} of {name} is unknown: expected {', '.join(map(repr, keys))}")
     for key in keys:
         if key not in data:

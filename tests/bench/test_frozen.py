@@ -53,9 +53,9 @@ HASHES = {
     "OnePocketGame-v0": "77d42edc24e89aa0",
     "BankPoolGame-v0": "abfa64c6c12547a3",
     "BlackballGame-v0": "b323fe86b0ad6e3a",
-    "SnookerGame-v0": "623ca27f46eae298",
-    "CaromGame-v0": "f2a72b9920198bd4",
-    "ThreeCushionGame-v0": "bc70f7f33b7d6b4b",
+    "SnookerGame-v1": "623ca27f46eae298",
+    "CaromGame-v1": "f2a72b9920198bd4",
+    "ThreeCushionGame-v1": "bc70f7f33b7d6b4b",
 }
 """The hashes of `first_steps`, by id."""
 
@@ -139,7 +139,7 @@ def test_every_argument_with_an_effect_is_frozen():
     frozen = {"scene", "task", "n_object_balls", "mode", "action", "max_shots", "max_speed", "layout"}
     frozen |= {"observe", "scratch_penalty", "randomize"}
     assert all(set(task.arguments) == frozen for task in FROZEN.values())
-    games = {"n_players", "target", "can_call", "can_place", "miss"}
+    games = {"n_players", "target", "can_call", "can_place", "miss", "edition", "innings"}
     assert all(set(arguments) == frozen | games for arguments in FROZEN_GAMES.values())
     assert inspect.signature(make_model).parameters.keys() == frozen | free | games
     assert json.loads(json.dumps(FROZEN["Clear5-v0"].arguments)) == FROZEN["Clear5-v0"].arguments

@@ -9,7 +9,7 @@ import pytest
 from billiards_env.envs.arguments import make_model
 from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.tasks import TASKS
-from billiards_env.games import CALL, FACTS, FOULS, GAMES, STATE, Call, Stroke, opening, play, referee
+from billiards_env.games import CALL, FACTS, FOULS, GAMES, STATE, Call, Stroke, custom_opening, opening, play, referee
 from billiards_env.games.batch import best_call, play_batch
 from billiards_env.games.entry import no_free_ball
 from billiards_env.games.game_state import changed, in_play, members, set_of
@@ -93,7 +93,7 @@ def test_a_batch_and_a_task_have_the_verdicts_states_and_positions_of_single_sho
         assert batch.pockets.tolist() == [played.shot.pockets.tolist() for played in single]
         continues += batch.verdicts["continues"].sum()
         for after, positions, played in zip(batch.states, batch.positions, single, strict=True):
-            state = changed(played.game.state, free_ball=False)
+            state = changed(played.game.state, free_ball=False, touching=0, in_sight=False)
             assert after == state or played.verdict.rack  # a new rack may put the cue ball in hand
             if not played.verdict.spotted and not played.verdict.rack:  # a batch does not look for a free place
                 lying = list(members(in_play(after)))
@@ -106,6 +106,18 @@ def test_a_batch_and_a_task_have_the_verdicts_states_and_positions_of_single_sho
             lost = (plain.verdicts["foul"] > 0) | ~plain.verdicts["continues"]
             assert over.tolist() == (lost | after["over"] | eight).tolist()
     assert continues > 1 or rules == "three_cushion" or kind == "break"  # random shots rarely score there
+
+
+@pytest.mark.parametrize("rules", ["snooker", "three_cushion"])
+def test_a_batch_judges_shots_of_a_cue_ball_that_touches_a_ball(rules):
+    settings = setup(rules)
+    positions = opening(settings, np.random.default_rng(0), "random").positions
+    positions[1] = positions[0] + (0.0, 2 * settings.scene.balls.radius[0])
+    game = custom_opening(settings, positions)
+    batch = play_batch(settings, game, [[0.0, 1.0], [0.0, -1.0]])
+    single = [play(settings, game, Stroke(velocity)).verdict for velocity in ((0.0, 1.0), (0.0, -1.0))]
+    assert batch.verdicts.tolist() == [verdict.tolist() for verdict in single]
+    assert [FOULS[foul] for foul in batch.verdicts["foul"]] == ["push", ""]
 
 
 def test_a_call_counts_if_its_ball_drops_in_its_pocket():

@@ -14,8 +14,8 @@ import pytest
 
 from billiards_env import billiards_v0
 from billiards_env.envs import BilliardsEnv, make_env, make_vector_env
-from billiards_env.games import GAMES, Call, Stroke, play, replay, to_dict
-from billiards_env.games.game_state import ANYWHERE
+from billiards_env.games import CALLS, FOULS, GAMES, Call, Stroke, play, replay, to_dict
+from billiards_env.games.game_state import ANYWHERE, PUSH_OUT
 from billiards_env.games.placement import cue_ball_point
 from billiards_env.scene.layouts import PLACING_GAP
 from tests.helpers.environments import GAME_VARIANTS, name_of
@@ -75,7 +75,7 @@ def observed(env, game, player):
     yield seen["break"], [state["break_shot"]]
     yield seen.get("in_hand", ()), [in_hand == "behind", in_hand == "anywhere"] * ("in_hand" in seen)
     yield seen.get("own_pocket", ()), [player == 1] * (setup.rules == "one_pocket")
-    choices = ("push_out", "hand_back", "replace") if env.model.can_call else ()
+    choices = CALLS[PUSH_OUT:] if env.model.can_call else ()
     yield seen.get("choices", ()), [name in state["choices"] for name in choices]
     yield seen.get("fouls", ()), [min(state["fouls"][k] / 3, 1.0) for k in turns] if "fouls" in seen else []
     if setup.target is not None:
@@ -200,6 +200,34 @@ def test_the_last_numbers_of_an_action_are_the_call():
         env.reset(seed=0)
         step(env, 0, 0, 0, 0, *numbers)
         assert env.stroke.call == call
+
+
+def test_touching_balls_may_be_set_up_again():
+    env = begun("carom", can_call=True)
+    gap = 2 * env.scene.balls.radius[0]
+    env.reset(options={"positions": [[0.3, 0.2], [0.3, 0.2 + gap], [-0.5, 0.1]]})
+    assert to_dict(env.game.state)["touching"] == (1,)
+    twin = copy.deepcopy(env)
+    assert step(twin, 0.0, 1.0, 0, 0, -1)["foul"] == FOULS.index("push")
+    before = env.game
+    assert step(env, 0, 0, 0, 0, 1)["player"] == step(env, 0.1, 0.0, 0, 0, -1)["player"] == 0
+    after = play(env.model.setup, before, Stroke((0.0, 0.0), call=Call(kind="rerack"))).game
+    assert play(env.model.setup, after, env.stroke).game.state == env.game.state
+
+
+def test_a_bad_break_of_eight_ball_gives_the_choices_of_the_rules():  # WPA 3.3 d
+    env = begun("eight_ball", can_call=True)
+    step(env, 0, 0, 0, 0, 0, 0, -1)  # touches no ball
+    assert to_dict(env.game.state)["choices"] == ("rerack", "break_again")
+    for number, kind, player in ((0.5, "rerack", 1), (1.0, "break_again", 0)):  # the first third is a safety
+        twin = copy.deepcopy(env)
+        before = twin.game
+        info = step(twin, 0, 0, 0, 0, 0, 0, number)
+        assert (twin.stroke, info["next_player"]) == (Stroke((0.0, 0.0), call=Call(kind=kind)), player)
+        after = play(twin.model.setup, before, twin.stroke).game
+        assert after.state == twin.game.state
+        assert after.positions[1:].tobytes() == twin.game.positions[1:].tobytes()
+        assert after.state.break_shot
 
 
 def test_a_strike_may_be_a_miscue():

@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env import Engine, Scene, __version__, simulate, strike
-from billiards_env.games import GAMES, records, to_dict
+from billiards_env.games import GAMES, History, custom_opening, opening, records, to_dict
+from billiards_env.games.playing import COUNTS
 from billiards_env.scene import Balls
 from billiards_env.shots import records as shot_records
 from billiards_env.shots import simulation
@@ -57,7 +58,7 @@ def game_text():
 RECORDS = {
     **{name: functools.partial(recorded_shot, name) for name in SHOTS},
     **{rules: functools.partial(recorded_game, rules) for rules in GAMES},
-    "options": lambda: recorded_game("straight", 40, target=40, call_shot=True),
+    "options": lambda: recorded_game("straight", 40, target=40, call_shot=True, edition="2025"),
     "pit game": lambda: recorded_game(engine=Engine("pit", 1 / 100)),
 }
 
@@ -87,6 +88,24 @@ def test_a_record_survives_a_file_and_replays_bit_for_bit(name, tmp_path):
 
 def test_a_shot_of_version_1_is_read():
     assert records.from_json(changed(shot_text(), "version", 1)) == recorded_shot()
+
+
+def test_a_file_has_the_edition_only_if_it_is_not_the_default():
+    assert "edition" not in json.loads(game_text())
+    assert json.loads(records.to_json(RECORDS["options"]()))["edition"] == "2025"
+
+
+def test_a_file_has_the_counts_of_a_state_that_are_not_0():
+    settings = setup("nine_ball")
+    start = opening(settings, np.random.default_rng(0), "random").positions
+    game = custom_opening(settings, start, {"idle": 3, "breaker": 1})
+    text = records.to_json(records.record_game(History(settings, game, ())))
+    assert {name: json.loads(text)["state"].get(name) for name in COUNTS} == {
+        **dict.fromkeys(COUNTS),
+        **{"idle": 3, "breaker": 1},
+    }
+    loaded: Any = records.from_json(text)
+    assert loaded.state == game.state
 
 
 def test_a_replay_with_another_result_raises():

@@ -42,6 +42,8 @@ SETTINGS = [
     ("straight", {"target": -1}, "target = -1"),
     ("nine_ball", {"call_shot": True}, "call_shot = True with rules 'nine_ball'"),
     ("nine_ball", {"miss": True}, "miss = True with rules 'nine_ball'"),
+    ("nine_ball", {"innings": 3}, "innings = 3: expected 0 for rules 'nine_ball'"),
+    ("nine_ball", {"edition": "2008"}, "edition = '2008': expected one of '2016', '2025'"),
 ]
 
 

@@ -2,12 +2,14 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate
-from billiards_env.games import Call
+from billiards_env.games import Call, Setup, Stroke, custom_opening, opening, play
 from billiards_env.games.facts import facts_of, facts_of_shots
-from tests.helpers.games import judge, record_of, ruling, setup, state, words
+from billiards_env.games.game_state import changed
+from tests.helpers.games import in_a_row, judge, record_of, ruling, setup, state, words
 
 SOLIDS, STRIPES = set(range(1, 8)), set(range(9, 16))
 ANYWHERE: dict[str, Any] = {"in_hand": "anywhere"}
@@ -76,6 +78,34 @@ def test_legal_balls(rules, fields, player, legal):
         assert set(setup(rules).callable(state(rules, **fields), player)) == legal
 
 
+# On an open table: all solids are off the table, the 8 and two stripes are left.
+OPEN_WITHOUT_SOLIDS: dict[str, Any] = {"on_table": (8, 9, 12)}
+IN_2025 = {"edition": 1}
+
+
+def test_in_2025_the_eight_ball_may_be_hit_first_on_an_open_table_without_a_group():  # WPA 2025 4.4
+    fields = OPEN_WITHOUT_SOLIDS
+    assert setup("eight_ball").legal(state("eight_ball", **fields)) == (9, 12)
+    assert setup("eight_ball").legal(state("eight_ball", **fields, **IN_2025)) == (8, 9, 12)
+    assert setup("eight_ball").legal(state("eight_ball", on_table=(3, 8, 9), **IN_2025)) == (3, 9)
+    assert setup("eight_ball").legal(state("eight_ball", on_table=(8, 9), solids=1, **IN_2025)) == (9,)
+
+
+def test_in_2025_the_nine_is_racked_on_the_foot_spot():  # WPA 2025 5.2
+    rng, scene = np.random.default_rng(0), Scene.named("pool", 9)
+    for edition, on_spot in ((None, 1), ("2016", 1), ("2025", 9)):
+        positions = opening(Setup("nine_ball", scene, edition=edition), rng, "tight_rack").positions
+        assert positions[on_spot].tolist() == [scene.table.foot_x, 0.0]
+        assert positions[9, 0] - positions[1, 0] == pytest.approx(2 * 3**0.5 * scene.balls.radius[0])
+
+
+def test_in_2025_ten_ball_has_no_safety():  # WPA 2025 6.5
+    for edition, kinds in (("2016", ("shot", "safety")), ("2025", ("shot",))):
+        game = setup("ten_ball", call_shot=True, edition=edition)
+        assert game.kinds(state("ten_ball", **CALLED)) == kinds
+        assert setup("eight_ball", call_shot=True, edition=edition).has_safety
+
+
 def test_any_ball_may_be_called_in_straight_pool():
     assert setup("straight").callable(state("straight", on_table=(3, 8))) == (3, 8)
 
@@ -133,15 +163,19 @@ NINE_BALL = [
     ({"players": 3, "fouls": (2, 0, 0)}, "", ruling("no_hit", **ANYWHERE)),  # 2.8: with two players alone
 ]
 
+RACK_AGAIN: dict[str, Any] = {"choices": ("rerack", "break_again")}
 CALLED = {"call_shot": True}
 CALLED_SOLIDS = {"call_shot": True, "solids": 0}
 POT_3, BOTH_GROUPS, SAFETY = "hit 0 3, pocket 3 5", "hit 0 3, pocket 3 5, pocket 9 0", Call(3, 5, "safety")
 EIGHT_BALL = [
     (BREAK, "hit 0 1, pocket 3", ruling(continues=True)),  # the table stays open
-    (BREAK, "hit 0 1", ruling()),  # without a pot
+    (BREAK, "hit 0 1, cushion 1, cushion 2, cushion 3, cushion 3", ruling(**RACK_AGAIN)),  # 3.3 d: three balls
     (BREAK, "hit 0 1, cushion 1, cushion 2, cushion 3, cushion 4", ruling()),
+    (BREAK, "", ruling("no_hit", **BEHIND, **RACK_AGAIN)),
+    (BREAK, "hit 0 1, pocket 0", ruling("scratch", **BEHIND, **RACK_AGAIN)),
     (BREAK, "hit 0 1, pocket 2, pocket 0", ruling("scratch", **BEHIND)),
-    (BREAK, "hit 0 1, pocket 8", ruling(continues=True, spotted=(8,))),
+    (BREAK, "hit 0 1, pocket 8", ruling(continues=True, spotted=(8,), choices=("rerack",))),  # 3.3 e
+    (BREAK, "hit 0 1, pocket 8, pocket 0", ruling("scratch", **BEHIND, spotted=(8,), choices=("rerack",))),  # 3.3 f
     # The first ball of a legal pot decides the groups.
     ({"player": 0}, "hit 0 12, hit 12 7, pocket 7", ruling(continues=True, solids=0)),
     ({"player": 1}, "hit 0 12, hit 12 7, pocket 7", ruling(continues=True, solids=1)),
@@ -177,6 +211,7 @@ TEN_BALL = [
 ]
 
 TWO = "hit 0 3, pocket 4 1, pocket 3 5"
+AGAIN: dict[str, Any] = {"choices": ("break_again",)}
 CALLED_BREAK = {"call_shot": True, "break_shot": True}
 LAST_TWO = {"call_shot": True, "target": 50, "on_table": (3, 8)}
 STRAIGHT = [
@@ -191,10 +226,10 @@ STRAIGHT = [
     (CALLED, TWO, ruling(spotted=(3, 4)), Call(3, 4)),
     # The opening break (4.3, 4.10)
     (CALLED_BREAK, "hit 0 1, cushion 0, cushion 2, cushion 3", ruling()),
-    (CALLED_BREAK, "hit 0 1, cushion 2, cushion 3", ruling("breaking_foul", -2)),
-    (CALLED_BREAK, "hit 0 1, cushion 0, cushion 2", ruling("breaking_foul", -2)),
+    (CALLED_BREAK, "hit 0 1, cushion 2, cushion 3", ruling("breaking_foul", -2, **AGAIN)),
+    (CALLED_BREAK, "hit 0 1, cushion 0, cushion 2", ruling("breaking_foul", -2, **AGAIN)),
     (CALLED_BREAK, "hit 0 1, pocket 2 0", ruling(points=1, continues=True), Call(2, 0)),
-    (CALLED_BREAK, "hit 0 1, pocket 0", ruling("breaking_foul", -2, **BEHIND)),
+    (CALLED_BREAK, "hit 0 1, pocket 0", ruling("breaking_foul", -2, **BEHIND, **AGAIN)),
     (CALLED_BREAK | {"on_table": (1,)}, "hit 0 1, cushion 0, cushion 1", ruling()),  # with a single object ball
     # A potted cue ball counts as driven to a cushion (8.4).
     (CALLED_BREAK, "hit 0 1, cushion 2, cushion 3, pocket 0", ruling("scratch", -1, **BEHIND)),
@@ -211,6 +246,10 @@ CAROM = [
     ({"break_shot": True}, "hit 0 1, hit 0 2", POINT),  # the red ball first
     ({"break_shot": True}, "hit 0 2, hit 0 1", ruling()),
     ({"scores": (8, 9), "target": 10}, "hit 0 2, hit 0 1", POINT),
+    # A ball that touches the cue ball must not be played at directly (27).
+    ({"touching": (1,)}, "hit 0 1, hit 0 2", ruling("push")),
+    ({"touching": (1,)}, "cushion 0, hit 0 1, hit 0 2", POINT),
+    ({"touching": (1,)}, "hit 0 2, hit 0 1", POINT),
 ]
 THREE_CUSHION = [
     ({}, "hit 0 1, cushion 0, cushion 0, cushion 0, hit 0 2", POINT),
@@ -247,6 +286,8 @@ ENDS = [
     ("eight_ball", GROUP_POTTED, "hit 0 9, hit 9 8, pocket 8", "wrong_ball", 1),
     ("eight_ball", CALLED_EIGHT, "hit 0 8, pocket 8 2", "", 0, Call(8, 2)),
     ("eight_ball", CALLED_EIGHT, "hit 0 8, pocket 8 2", "", 1, Call(8, 3)),  # 3.8 c
+    ("eight_ball", OPEN_WITHOUT_SOLIDS, "hit 0 8, pocket 8", "wrong_ball", 1),
+    ("eight_ball", {**OPEN_WITHOUT_SOLIDS, **IN_2025}, "hit 0 8, pocket 8", "", 0),  # WPA 2025 4.4
     ("straight", {"scores": (6, 5), "on_table": (7,)}, "hit 0 7, pocket 7", "", 0),
     ("straight", {"scores": (3, 6), "on_table": (7,)}, "hit 0 7, pocket 7", "", 1),
     ("straight", {"scores": (4, 5), "on_table": (7,)}, "hit 0 7, pocket 7", "", -1),
@@ -290,6 +331,81 @@ def test_the_state_follows_from_the_verdict(rules, fields, log, after):
     assert {name: getattr(now, name) for name in after} == after
 
 
+# New racks by a call, and a stalemate.
+
+NEW_RACKS = [
+    ("eight_ball", "rerack", {}, 1),
+    ("eight_ball", "break_again", {}, 0),
+    ("straight", "break_again", {"scores": [-2, 0]}, 0),
+    ("nine_ball", "stalemate", {"breaker": 1}, 1),  # 1.12
+    ("snooker", "stalemate", {"scores": [20, 30], "breaker": 0}, 0),  # WPBSA 3.16: all points are lost
+]
+
+
+@pytest.mark.parametrize(("rules", "kind", "fields", "player"), NEW_RACKS)
+def test_a_call_for_a_new_rack(rules, kind, fields, player):
+    settings = setup(rules)
+    start = opening(settings, np.random.default_rng(0), "random")
+    fields = {"player": 1, "choices": [kind], "on_table": [0, *range(3, settings.scene.n_balls)], **fields}
+    game = custom_opening(settings, start.positions, fields)
+    after = play(settings, game, Stroke((0.0, 0.0), call=Call(kind=kind))).game
+    now = words(after.state)
+    assert (now.player, now.break_shot, now.in_hand, now.choices) == (player, True, "behind", ())
+    assert (now.object_balls, now.idle) == (tuple(range(1, settings.scene.n_balls)), 0)
+    assert now.scores == ((0, 0) if rules == "snooker" else tuple(fields.get("scores", (0, 0))))
+    foot = (settings.scene.table.foot_x, 0.0)
+    on_foot = {"eight_ball": 11, "straight": 1, "nine_ball": 1, "snooker": 20}[rules]
+    assert tuple(after.positions[on_foot].tolist()) == foot
+
+
+def test_a_stalemate_may_be_called_after_six_turns_of_each_player_without_progress():  # 1.12
+    settings = setup("nine_ball")
+    game = custom_opening(settings, in_a_row(10, {0: (0.5, 0.4), 1: (0.9, 0.4)}), {"idle": 10})
+    for offered in (False, True):
+        game = play(settings, game._replace(positions=in_a_row(10, {0: (0.5, 0.4), 1: (0.9, 0.4)})), HIT).game
+        assert ("stalemate" in words(game.state).choices) == offered
+    assert (game.state.idle, judged_idle("pocket 1"), judged_idle("")) == (12, 0, 0)
+
+
+HIT = Stroke((2.0, 0.02))
+
+
+def judged_idle(log):
+    """Returns the number of shots without progress after a pot or a foul."""
+    return judge("nine_ball", state("nine_ball", idle=5), f"hit 0 1, {log}" if log else "")[0].idle
+
+
+# Innings of carom: a limit gives all players the same number of them (UMB, art. 29).
+
+EQUAL = {"innings": 3, "target": 10}
+INNINGS = [
+    # the fields before the shot, the events, then: over, winner, player, inning, break shot
+    ({"scores": (9, 5)}, "hit 0 1, hit 0 2", (False, -1, 1, 0, True)),  # the other player has the equalising inning
+    ({"scores": (10, 5), "player": 1}, "hit 0 1", (True, 0, 0, 1, False)),
+    ({"scores": (10, 9), "player": 1}, "hit 0 1, hit 0 2", (True, -1, 0, 1, False)),  # a tie
+    ({"scores": (10, 8), "player": 1}, "hit 0 1, hit 0 2", (False, -1, 1, 0, False)),
+    ({"scores": (5, 9), "player": 1}, "hit 0 1, hit 0 2", (True, 1, 0, 1, False)),
+    ({"scores": (5, 6), "player": 1}, "hit 0 1", (False, -1, 0, 1, False)),
+    ({"scores": (5, 6), "player": 1, "inning": 2}, "hit 0 1", (True, 1, 0, 3, False)),  # the limit
+    ({"scores": (5, 6), "inning": 2}, "hit 0 1", (False, -1, 1, 2, False)),
+]
+
+
+@pytest.mark.parametrize(("fields", "log", "expected"), INNINGS)
+def test_all_players_of_carom_have_the_same_number_of_innings(fields, log, expected):
+    after, _ = judge("carom", state("carom", **EQUAL, **fields), log)
+    assert (after.over, after.winner, after.player, after.inning, after.break_shot) == expected
+
+
+def test_the_equalising_inning_begins_at_the_starting_position():  # 29
+    settings = setup("carom", target=2, innings=5)
+    game = custom_opening(settings, [[-0.5, 0.0], [0.5, 0.05], [0.9, 0.02]], {"scores": [1, 0]})
+    after = play(settings, game, Stroke((3.0, 0.24))).game
+    assert (after.state.scores[0], after.state.player, after.state.over) == (2, 1, False)
+    np.testing.assert_allclose(after.positions[[2, 1, 0]], [START, (FOOT, 0.0), (HEAD, 0.0)])
+    assert setup("carom").legal(after.state) == (1,)
+
+
 def test_consecutive_fouls_are_counted():
     now, fouls = state("nine_ball"), []
     for _ in range(5):  # both players foul in turn
@@ -297,6 +413,37 @@ def test_consecutive_fouls_are_counted():
         fouls.append(words(now).fouls)
     assert fouls == [(1, 0), (1, 1), (2, 1), (2, 2), (3, 2)]
     assert (now.over, now.winner) == (True, 1)
+
+
+CAROM_SETUP = setup("carom")
+FOOT, HEAD = CAROM_SETUP.scene.table.foot_x, CAROM_SETUP.scene.table.head_x
+START = (HEAD, -0.1825 / 1.42 * CAROM_SETUP.scene.table.width)
+SET_UP_AGAIN = [
+    ("carom", {"player": 1, "cue_balls": (2, 0)}, (1, 2), {2: START, 1: (FOOT, 0.0), 0: (HEAD, 0.0)}),
+    ("three_cushion", {}, (0, 1), {0: (HEAD, 0.0), 1: (FOOT, 0.0)}),
+    ("three_cushion", {"player": 1, "cue_balls": (2, 0)}, (2, 0), {2: (HEAD, 0.0), 0: (0.0, 0.0)}),
+]
+
+
+@pytest.mark.parametrize(("rules", "fields", "touch", "places"), SET_UP_AGAIN)
+def test_balls_of_carom_that_touch_are_set_up_again_if_the_player_wants(rules, fields, touch, places):  # 27, paper F
+    game, (a, b) = setup(rules), touch
+    positions = [[-0.3, -0.2], [0.2, 0.3], [0.5, -0.4]]
+    positions[b] = [positions[a][0], positions[a][1] + 2 * game.scene.balls.radius[0]]
+    before = custom_opening(game, positions, fields)
+    assert words(before.state).choices == ("rerack",)
+    after = play(game, before, Stroke((0.0, 0.0), call=Call(kind="rerack"))).game
+    np.testing.assert_allclose(after.positions[list(places)], list(places.values()))
+    assert words(after.state) == words(changed(before.state, choices=0, touching=0))
+    others = [ball for ball in range(3) if ball not in places]
+    assert after.positions[others].tolist() == before.positions[others].tolist()
+
+
+def test_a_ball_of_three_cushion_is_set_up_on_the_spot_of_the_ball_that_blocks_its_own():  # paper F
+    game, gap = setup("three_cushion"), 2 * CAROM_SETUP.scene.balls.radius[0]
+    before = custom_opening(game, [[0.3, 0.2], [0.3, 0.2 + gap], [FOOT, 0.01]])
+    after = play(game, before, Stroke((0.0, 0.0), call=Call(kind="rerack"))).game
+    assert after.positions.tolist() == [[HEAD, 0.0], [0.0, 0.0], [FOOT, 0.01]]
 
 
 def test_carom_the_second_player_uses_the_other_cue_ball():

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from billiards_env import Scene
+from billiards_env import Scene, games
 from billiards_env.games import Call, Setup, Stroke, custom_opening, opening, play
+from billiards_env.games.batch import play_batch
 from billiards_env.games.game_state import CALL, FACTS, STATE, Called, Facts, changed, row, set_of
 from billiards_env.games.placement import SPOT_GAP
 from billiards_env.games.snooker import points_left
@@ -179,6 +180,40 @@ def test_a_free_ball_lasts_for_one_shot():
     assert not after(frame(free_ball=True), "hit 0 1").free_ball
 
 
+# A ball that touches the cue ball (3.8): the player plays away from it without moving it.
+
+RED_TOUCHES, BLUE_TOUCHES = {"touching": (3,)}, {"touching": (BLUE,)}
+PINK_TOUCHES = {"colour": True, "touching": (PINK,)}
+TOUCHING = [
+    (RED_TOUCHES, "", Call(), "", 0),  # 3.8 c (i)
+    (RED_TOUCHES, f"hit 0 {BLUE}", Call(), "", 0),
+    (RED_TOUCHES, "cushion 0, hit 0 3", Call(), "", 0),
+    (RED_TOUCHES, "hit 0 3", Call(), "push", 4),  # 3.8 b
+    (RED_TOUCHES, f"hit 0 {BLUE}, pocket {BLUE}", Call(), "wrong_pot", 5),
+    (RED_TOUCHES, "pocket 0", Call(), "scratch", 4),
+    (BLUE_TOUCHES, "", Call(), "no_hit", 4),  # 3.8 d
+    (BLUE_TOUCHES, "hit 0 1", Call(), "", 0),
+    (BLUE_TOUCHES, f"hit 0 {BLUE}", Call(), "push", 5),  # 3.10 b
+    (PINK_TOUCHES, "", Call(), "", 0),
+    (PINK_TOUCHES, "", Call(PINK), "", 0),  # 3.8 c (ii)
+    (PINK_TOUCHES, f"hit 0 {BLUE}", Call(BLUE), "", 0),  # 3.8 c (iii)
+    (PINK_TOUCHES, "", Call(BLUE), "no_hit", 5),
+    (PINK_TOUCHES, f"hit 0 {PINK}", Call(), "push", 6),
+    ({"free_ball": True, "touching": (GREEN,)}, "", Call(), "", 0),
+]
+
+
+@pytest.mark.parametrize(("fields", "log", "call", "foul", "penalty"), TOUCHING)
+def test_a_touching_ball(fields, log, call, foul, penalty):
+    verdict = snooker(frame(**fields), log, call)
+    assert (verdict.foul, verdict.penalty) == (foul, penalty)
+    assert foul != "" or not is_miss(frame(**fields), log, call)
+
+
+def test_a_red_is_potted_after_playing_away_from_a_touching_red():  # 3.8 c
+    assert snooker(frame(**RED_TOUCHES), pot(4)) == scored(1, colour=True)
+
+
 # The end of the frame: at the first pot or foul on the last black (3.4 a), or at the target score.
 
 LAST, TO_40 = {"on_table": (BLACK,)}, {"target": 40}
@@ -207,7 +242,8 @@ def test_the_end_of_the_frame(fields, scores, log, winner):
 @pytest.mark.parametrize(("scores", "log"), [((40, 47), pot(BLACK)), ((47, 40), "")])
 def test_after_a_tie_the_black_is_spotted(scores, log):  # 3.4 b
     now, verdict = judge("snooker", frame(on_table=(BLACK,), scores=scores), log)
-    assert (verdict.over, verdict.spotted, verdict.in_hand, verdict.choices) == (False, (BLACK,), "behind", ())
+    assert (verdict.over, verdict.spotted, verdict.in_hand) == (False, (BLACK,), "behind")
+    assert verdict.choices == ("hand_back",)
     assert (words(now).scores, words(now).object_balls, now.player) == ((47, 47), (BLACK,), 1)
     assert snooker(now, pot(BLACK)).winner == 1
     assert snooker(now, "").winner == 0
@@ -276,7 +312,7 @@ def test_without_room_above_its_spot_the_black_goes_below():  # 3.7 h
 def positions_of(**places):
     """Returns positions with the balls at given places, and the balls."""
     positions = np.zeros((22, 2))
-    names = {"cue": 0, "red": 1, "red2": 2, "blue": BLUE, "pink": PINK, "black": BLACK}
+    names = {"cue": 0, "red": 1, "red2": 2, "green": GREEN, "blue": BLUE, "pink": PINK, "black": BLACK}
     for name, place in places.items():
         positions[names[name]] = place
     return positions, frozenset(names[name] for name in places)
@@ -362,6 +398,45 @@ def test_a_foul_that_leaves_a_snooker_gives_a_free_ball():  # 3.12
     assert not play(SETUP, lying(HIDDEN | {"blue": (0.9, -0.5)}), Stroke((0.0, 0.0))).game.state.free_ball
 
 
+@pytest.mark.parametrize(("velocity", "foul"), [((-0.5, 0.0), ""), ((0.0, 0.5), ""), ((0.5, 0.0), "push")])
+def test_a_cue_ball_that_touches_a_red_is_played_away_from_it(velocity, foul):  # 3.8
+    game = lying({"cue": (0.4, 0.5), "red": (0.4 + 2 * R, 0.5)})
+    assert words(game.state).touching == (1,)
+    played = play(SETUP, game, Stroke(velocity))
+    assert (words(played.verdict).foul, words(played.game.state).touching) == (foul, ())
+
+
+# The foul for a snooker behind the free ball (3.12 b).
+
+ONE_RED = {"cue": (0.0, 0.0), "red": (1.0, 0.0), "blue": (0.5, 0.0)}
+BEHIND_FREE_BALL = [
+    (ONE_RED, BLUE, True),
+    (ONE_RED | {"pink": (0.0, 0.5)}, PINK, False),  # another ball
+    (ONE_RED | {"blue": (0.5, 0.2)}, BLUE, False),
+    (ONE_RED | {"red2": (0.0, 0.5)}, BLUE, False),
+    (ONE_RED | {"green": (0.3, 0.0)}, BLUE, False),  # the green is nearer and snookers as well
+    (ONE_RED | {"green": (0.7, 0.0)}, BLUE, True),
+]
+
+
+@pytest.mark.parametrize(("places", "ball", "foul"), BEHIND_FREE_BALL)
+def test_a_snooker_behind_the_free_ball_is_a_foul(places, ball, foul):  # 3.12 b
+    positions, balls = positions_of(**places)
+    before = frame(free_ball=True, on_table=balls)
+    shot = row(Facts(first=1 << ball, cushion_after=True))
+    arrays = (np.array([one], kind) for one, kind in ((before, STATE), (shot, FACTS), (row(Called(ball)), CALL)))
+    _, (state,), (verdict,) = next_games(SETUP.game_rules, SCENE, positions[None], *arrays)
+    assert (words(verdict).foul, verdict.penalty) == (("free_ball", 4) if foul else ("", 0))
+    assert (bool(state.free_ball), words(state).choices) == ((True, ("hand_back",)) if foul else (False, ()))
+
+
+def test_pink_and_black_alone_may_be_snookered_behind_the_free_ball():  # 3.12 b
+    positions = SPOTS.copy()
+    positions[[0, BLACK, PINK]] = [[0.0, 0.0], [0.5, 0.0], [1.0, 0.0]]
+    game = custom_opening(SETUP, positions, {"on_table": [0, PINK, BLACK], "free_ball": True})
+    assert words(play(SETUP, game, Stroke((0.05, 0.0), call=Call(BLACK))).verdict).foul != "free_ball"
+
+
 # The miss rule.
 
 
@@ -401,6 +476,34 @@ def test_a_nominated_ball_that_is_not_touched_first_is_a_miss():  # 3.14
         assert not is_miss(before, f"hit 0 {PINK}")
 
 
+def test_three_misses_in_a_row_lose_the_frame():  # 3.14 d
+    for places, lost in (({"cue": (0.4, 0.5), "red": (1.5, 0.2)}, True), (HIDDEN, False)):
+        game = lying(places, MISS, scores=[0, 0])
+        for _ in range(2):
+            missed = play(MISS, game, Stroke((-0.01, 0.0))).game
+            assert "replace" in words(missed.state).choices
+            game = play(MISS, missed, Stroke((0.0, 0.0), call=Call(kind="replace"))).game
+        assert (game.state.misses, game.state.in_sight) == ((2, True) if lost else (0, False))
+        end = play(MISS, game, Stroke((-0.01, 0.0))).game.state
+        assert (end.over, end.winner) == ((True, 1) if lost else (False, -1))
+
+
+@pytest.mark.parametrize("kind", ["hand_back", "shot"])
+def test_misses_count_only_from_the_same_position(kind):  # 3.14 d (iii)
+    game = lying({"cue": (0.4, 0.5), "red": (1.5, 0.2)}, MISS)
+    for _ in range(4):
+        game = play(MISS, game, Stroke((-0.01, 0.0))).game
+        if kind == "hand_back":
+            game = play(MISS, game, Stroke((0.0, 0.0), call=Call(kind=kind))).game
+    assert not game.state.over
+
+
+def test_a_second_miss_counts_if_a_player_needs_penalty_points():  # 3.14 d (i)
+    fields = {"on_table": (1, *COLOURS), "scores": (40, 0)}
+    assert not is_miss(frame(**fields), "")
+    assert is_miss(frame(**fields, misses=1, in_sight=True), "")
+
+
 def test_a_miss_with_a_scratch_can_be_replaced():  # 3.14
     corner = np.array([1.7845, 0.889])
     before = lying({"cue": corner - 0.3, "red": (-1.0, 0.5)}, MISS)
@@ -410,7 +513,8 @@ def test_a_miss_with_a_scratch_can_be_replaced():  # 3.14
     assert (now.in_hand, now.choices) == ("behind", ("hand_back", "replace"))
     again = play(MISS, missed.game, Stroke((0.0, 0.0), call=Call(kind="replace"))).game
     assert again.positions.tobytes() == before.positions.tobytes()
-    assert words(again.state) == words(changed(before.state, scores=missed.game.state.scores, fouls=(1, 0, 0, 0)))
+    scores, fouls = missed.game.state.scores, (1, 0, 0, 0)
+    assert words(again.state) == words(changed(before.state, scores=scores, fouls=fouls, misses=1))
 
 
 # On the table.
@@ -419,3 +523,11 @@ def test_a_miss_with_a_scratch_can_be_replaced():  # 3.14
 def test_a_break_off_from_the_d():
     played = play(SETUP, opening(SETUP, np.random.default_rng(0)), Stroke((4.0, 0.05), (-1.2, 0.1)))
     assert (played.verdict.foul, words(played.facts).first[0] in range(1, 16)) == (0, True)
+
+
+def test_a_batch_judges_a_snooker_behind_the_free_ball():  # 3.12 b
+    game = lying(HIDDEN, free_ball=True)
+    velocities = [(0.6, 0.0), (0.6, 0.2)]
+    batch = play_batch(SETUP, game, velocities)
+    assert batch.verdicts.tolist() == [play(SETUP, game, Stroke(v)).verdict.tolist() for v in velocities]
+    assert [games.FOULS[foul] for foul in batch.verdicts["foul"]] == ["free_ball", "no_hit"]

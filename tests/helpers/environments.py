@@ -60,7 +60,10 @@ GAME_VARIANTS: list[dict[str, Any]] = [
     {"task": "ten_ball", "n_players": 2, "can_call": True, "observe": ["choices", "fouls", "in_hand", "break"]},
     {"task": "straight", "n_players": 4, "n_object_balls": 4, "target": 2, "layout": "random", "action": "cut"},
     {"task": "snooker", "n_players": 2, "n_object_balls": 8, "can_call": True, "miss": True, "max_shots": 9},
-    {"task": "carom", "n_players": 2, "target": 2, "action": "strike", "observe": ["cue_to_balls", "scores", "potted"]},
+    {
+        **{"task": "carom", "n_players": 2, "target": 2, "innings": 3, "can_call": True, "action": "strike"},
+        "observe": ["cue_to_balls", "scores", "potted"],
+    },
     {"task": "three_cushion", "n_players": 3, "max_shots": 4, "randomize": {"mu_roll": [0.004, 0.01]}},
     {"task": "one_pocket", "n_players": 2, "n_object_balls": 3, "max_shots": 6, "observe": ["positions", "own_pocket"]},
     {"task": "bank_pool", "n_players": 2, "n_object_balls": 9, "can_call": True, "max_shots": 4},

@@ -85,6 +85,7 @@ def state(rules, *, on_table=None, players=2, **fields):
     balls = range(n) if on_table is None else on_table
     fields["in_hand"] = IN_HAND.index(fields.get("in_hand", "no"))
     fields["choices"] = set_of(map(CALLS.index, fields.get("choices", ())))
+    fields["touching"] = set_of(fields.get("touching", ()))
     for name in {"scores", "fouls"} & set(fields):
         fields[name] = (*fields[name], 0, 0, 0, 0)[:4]
     fields = {"break_shot": False, "cue_balls": (cues[0], cues[-1]), **fields}

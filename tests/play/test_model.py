@@ -332,6 +332,14 @@ def test_a_push_out_is_handed_back(make_model):
     assert after(back, actions.undo).aim.call == NO_CALL
 
 
+def test_the_balls_are_racked_again_after_a_bad_break(make_model):  # WPA 3.3 d
+    start = make_model("eight_ball", choices=True)
+    model = after(start, actions.go, (actions.look_at, (-2.0, 0.0)), actions.go, actions.go)
+    assert model.kinds == ("shot", "rerack", "break_again")
+    model = after(model, actions.next_kind, actions.next_kind, actions.go, actions.go)
+    assert (model.game.state.player, bool(model.game.state.break_shot), model.phase) == (0, True, "placing")
+
+
 def test_the_balls_are_replaced_after_a_miss(make_model):
     start = after(make_model("snooker", choices=True, miss=True), actions.go, (actions.look_at, (-2.0, 0.0)))
     model = after(start, actions.go, actions.go)
