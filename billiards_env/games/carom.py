@@ -1,9 +1,9 @@
 """The rules of carom games.
 
-"UMB" is the World Rules of Carom Billiard of the Union Mondiale de Billard, edition of 1 January 1989 (a copy is on
-3cushionbilliards.com). The text of article 27 and of paper F, on balls in contact, was not available: their content is
-that of secondary sources, the house rules of New Mexico Tech (infohost.nmt.edu/~billiard). When the turn changes, the
-two cue balls are swapped, so with two players each player has one cue ball.
+"UMB" is the World Rules of Carom Billiard of the Union Mondiale de Billard, edition of 1 January 1989. Only its table
+of contents was available (3cushionbilliards.com). The content of the articles 27 to 29 and of paper F follows secondary
+sources, such as the house rules of New Mexico Tech (infohost.nmt.edu/~billiard). When the turn changes, the two cue
+balls are swapped, so with two players each player has one cue ball.
 
 By default the first player with the target score wins. A limit of innings (`Setup.innings`) gives all players the same
 number of innings (UMB, art. 29), with the equalising inning.

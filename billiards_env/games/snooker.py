@@ -1,10 +1,9 @@
 """The rules of snooker, a frame for two players.
 
 "WPBSA" is section 3 of the Official Rules of the Games of Snooker and English Billiards of the World Professional
-Billiards and Snooker Association, revised in November 2014. The source is secondary: a copy of this text in
-github.com/chalkysticks/api, `snooker_wpbsa.php`. The edition of November 2019 has the same rules here; it moves the
-penalties from rule 10 to rule 11. The balls 1 to `reds` are red; yellow, green, brown, blue, pink and black follow. The
-rules are simplified:
+Billiards and Snooker Association; its list of amendments ends in November 2014. The source is secondary: a copy of this
+text in github.com/chalkysticks/api, `snooker_wpbsa.php`. The balls 1 to `reds` are red; yellow, green, brown, blue,
+pink and black follow. The rules are simplified:
 
 * A player who nominates no ball nominates the colour, or with a free ball the ball, that the cue ball touches first
   (3.3, 3.12).
