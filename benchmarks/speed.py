@@ -7,10 +7,11 @@ reported; the JSON also has the quartiles. Every case uses a fixed seed. Shots p
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -190,22 +191,35 @@ def time_gas(n: int, repeats: int) -> dict[str, float]:
 
 
 def time_calls(case: Case) -> dict[str, float]:
-    """Returns the seconds per shot in a batch, in `simulate` and in `env.step`, and the seconds of `env.reset`."""
+    """Returns processor times of calls, s.
+
+    Returns:
+        Those of a shot in a batch, in `simulate` and in `env.step`, of `env.reset`, of both, of both in an environment
+        without Gymnasium's checker, and of a copy of an environment with one step.
+    """
     subset = case._replace(positions=case.positions[:N_SINGLES], velocities=case.velocities[:N_SINGLES])
-    n, actions = len(subset.positions), (subset.velocities / MAX_SPEED).astype(np.float32)
-    env = gym.make("Billiards-v0", max_speed=MAX_SPEED)
-    env.reset(seed=0)
-    env.step(actions[0])
-    stepping = 0.0
-    for positions, action in zip(subset.positions, actions, strict=True):
-        env.reset(options={"positions": positions})
-        stepping += seconds(env.step, action)
-    single = [(subset.scene, *shot) for shot in zip(subset.positions, subset.velocities, strict=True)]
+    actions = (subset.velocities / MAX_SPEED).astype(np.float32)
+    envs = [gym.make("Billiards-v0", max_speed=MAX_SPEED, disable_env_checker=off) for off in (False, True)]
+    for env in envs:
+        env.reset(seed=0)
+
+    def of_each(call: Callable[..., object], *arguments: Any) -> float:
+        """Returns the time of a call, the mean of calls with the rows of arguments."""
+        begin = process_time()
+        for row in zip(*arguments, strict=True):
+            call(*row)
+        return (process_time() - begin) / len(subset.positions)
+
+    both, unchecked = (of_each(lambda action, env=env: (env.reset(), env.step(action)), actions) for env in envs)
+    reset = of_each(lambda _: envs[0].reset(), actions)
     return {
-        "simulate_batch": seconds(run, subset) / n,
-        "simulate": sum(seconds(simulate, *shot) for shot in single) / n,
-        "env_step": stepping / n,
-        "env_reset": sum(seconds(env.reset) for _ in range(n)) / n,
+        "simulate_batch": of_each(lambda case: run(case), [subset]),
+        "simulate": of_each(simulate, [subset.scene] * len(actions), subset.positions, subset.velocities),
+        "env_step": both - reset,
+        "env_reset": reset,
+        "both": both,
+        "without_checker": unchecked,
+        "copy_and_step": of_each(lambda action: copy.deepcopy(envs[0].unwrapped).step(action), actions),
     }
 
 
@@ -237,7 +251,13 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         (name, f"{per_call[key]:.1f}", f"{per_call[key] - per_call['simulate_batch']:.1f}")
         for key, name in names.items()
     ]
-    calls.append(("env.reset", f"{per_call['env_reset']:.1f}", ""))
+    others = {
+        "env_reset": "env.reset",
+        "both": "env.reset and env.step",
+        "without_checker": "the same with disable_env_checker=True",
+        "copy_and_step": "copy.deepcopy of the unwrapped environment, and a step of the copy",
+    }
+    calls += [(name, f"{per_call[key]:.1f}", "") for key, name in others.items()]
     per_second = result["batch"][0]["shots_per_second"]["median"]
     gains = [row["two_threads_over_one"]["median"] for row in result["batch"]]
     return {
@@ -251,7 +271,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "two_cores": f"Two threads run {min(gains):.2f} to {max(gains):.2f} times as many shots a second as one.",
         "summary": f"One core plays {rounded(per_second)} shots a second in a batch (one object ball): "
         f"{per_second * result['batch'][0]['seconds_simulated_per_shot'] / 1e6:.2g} million seconds of table time per "
-        f"second. A loop over `env.step` plays {rounded(1e6 / per_call['env_step'])}.",
+        f"second. A loop over `env.reset` and `env.step` plays {rounded(1e6 / per_call['both'])}.",
     }
 
 

@@ -19,6 +19,7 @@ from benchmarks import machine, run_command, table
 from benchmarks.speed import quartiles, seconds
 from billiards_env.engine import run_shots_of
 from billiards_env.envs import episodes
+from billiards_env.jit import Typed
 
 ENV_COUNTS = (1, 16, 256, 1024, 16_384)
 DOORS: dict[str, dict[str, Any]] = {
@@ -76,12 +77,12 @@ def outside_engine(count: int, steps: int, **arguments: Any) -> Callable[[], flo
     inside = 0.0
 
     def timed(*choice: Any) -> Callable[..., None]:
-        engine = run_shots_of(*choice)
+        engine = Typed(run_shots_of(*choice))
 
         def run(*arguments: Any) -> None:
             nonlocal inside
             begun = perf_counter()
-            engine(*arguments)
+            engine.call(*arguments)
             inside += perf_counter() - begun
 
         return run

@@ -213,7 +213,7 @@ def _add_version(parser: argparse.ArgumentParser) -> None:
 
 def _add_cache(parser: argparse.ArgumentParser) -> None:
     parser.description = "Compile code in advance, and print the folder of the compiled code and its size."
-    text = f"what to compile: a scene ({', '.join(SCENES)}), planner, derivatives, or all"
+    text = f"what to compile: a scene ({', '.join(SCENES)}), planner, derivatives, common, environments, or all"
     parser.add_argument("part", nargs="*", help=text)
     parser.add_argument("--clear", action="store_true", help="delete the compiled code; the next run compiles again")
 

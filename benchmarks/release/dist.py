@@ -1,9 +1,9 @@
 """Builds the source archive and the wheel, and tries the wheel: `python -m benchmarks.release.dist`.
 
-The wheel has the machine code of the environments in `benchmarks.release.shots`, for any CPU of this architecture and
-for this version of Python. It has the tags of the installed numba, because the code needs the same versions. The
-package uses the code only with the same versions (`billiards_env.jit.folders`). `make dist` first builds the page of
-`billiards web`, which both contain.
+The wheel has the machine code of `billiards_env.compiling.ENVIRONMENTS`, for any CPU of this architecture and for this
+version of Python (see `setup.py`). It has the platforms of the installed numba, because the code needs the same
+version. The package uses the code only with the same versions (`billiards_env.jit.folders`). `make dist`
+first builds the page of `billiards web`, which both contain.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 import email
 import importlib.metadata
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -22,18 +21,14 @@ from time import time
 from typing import Any
 
 from benchmarks import ROOT, machine, run_command, table
-from benchmarks.release.shots import ENVIRONMENTS
-from billiards_env.jit.decorators import GENERIC
+from billiards_env.compiling import ENVIRONMENTS
 
-FOLDER_OF_CODE = (
-    "from billiards_env.jit import folders; print(folders.code_folder(), folders.cache_folder(), sep='\\n')"
-)
 # It prints the wall-clock time at the end, because the parent process reads the time before it starts the process.
 FIRST_STEP = """
 import time
 import gymnasium
 import billiards_env
-env = gymnasium.make("Billiards-v0")
+env = gymnasium.make("Billiards-v0", n_object_balls={balls})
 env.reset(seed=0)
 env.step(env.action_space.sample())
 print(time.time())
@@ -53,33 +48,10 @@ def run(*command: str | Path, cwd: Path | None = None, **environment: str) -> st
     return done.stdout
 
 
-def tags() -> list[str]:
-    """Returns the tags of the installed numba, such as "cp311-cp311-manylinux_2_27_x86_64"."""
+def platforms() -> list[str]:
+    """Returns the platforms of the installed numba, such as "manylinux_2_27_x86_64"."""
     wheel = importlib.metadata.distribution("numba").read_text("WHEEL") or ""
-    return email.message_from_string(wheel).get_all("Tag") or []
-
-
-def add_machine_code(package: Path, folder: Path) -> None:
-    """Compiles the environments of `benchmarks.release.shots` with an unpacked wheel, and adds the code to it.
-
-    Args:
-        package: The folder of the unpacked wheel.
-        folder: An empty folder for the cache of numba.
-    """
-    cpu, features = GENERIC
-    environment = {
-        "PYTHONPATH": str(package),
-        "PYTHONDONTWRITEBYTECODE": "1",
-        "NUMBA_CACHE_DIR": str(folder),
-        "NUMBA_CPU_NAME": cpu,
-        "NUMBA_CPU_FEATURES": features,
-    }
-    run(sys.executable, ROOT / "benchmarks" / "release" / "shots.py", cwd=folder, **environment)
-    code, cache = run(sys.executable, "-c", FOLDER_OF_CODE, cwd=folder, **environment).splitlines()
-    for path in Path(cache).rglob("*.nb[ci]"):
-        target = Path(code) / path.parent.name
-        target.mkdir(parents=True, exist_ok=True)
-        shutil.copy(path, target)
+    return [tag.rpartition("-")[2] for tag in email.message_from_string(wheel).get_all("Tag") or []]
 
 
 def build(output: Path, folder: Path) -> tuple[Path, Path]:
@@ -89,19 +61,12 @@ def build(output: Path, folder: Path) -> tuple[Path, Path]:
         output: The folder for both.
         folder: An empty folder for work.
     """
-    run(sys.executable, "-m", "build", "--no-isolation", "--outdir", folder / "built", ROOT, cwd=folder)
-    (archive,), (plain,) = (folder / "built").glob("*.tar.gz"), (folder / "built").glob("*.whl")
-    run(sys.executable, "-m", "wheel", "unpack", "--dest", folder, plain)
-    (package,) = folder.glob("billiards_env-*")
-    (folder / "cache").mkdir()
-    add_machine_code(package, folder / "cache")
-    (metadata,) = package.glob("*.dist-info/WHEEL")
-    text = re.sub(r"(?m)^(Tag|Root-Is-Purelib): .*\n", "", metadata.read_text(encoding="utf-8")).rstrip()
-    lines = [text, "Root-Is-Purelib: false", *(f"Tag: {tag}" for tag in tags())]
-    metadata.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    (folder / "packed").mkdir()
-    run(sys.executable, "-m", "wheel", "pack", "--dest-dir", folder / "packed", package)
-    (wheel,) = (folder / "packed").glob("*.whl")
+    built = folder / "built"
+    command = sys.executable, "-m", "build", "--no-isolation", "--outdir", built, ROOT
+    run(*command, cwd=folder, BILLIARDS_ENV_BUILD="environments")
+    (archive,), (plain,) = built.glob("*.tar.gz"), built.glob("*.whl")
+    run(sys.executable, "-m", "wheel", "tags", "--remove", "--platform-tag", ".".join(platforms()), plain)
+    (wheel,) = built.glob("*.whl")
     output.mkdir(parents=True, exist_ok=True)
     archive, wheel = (Path(shutil.copy(path, output)) for path in (archive, wheel))
     return archive, wheel
@@ -115,10 +80,17 @@ def install(wheel: Path, folder: Path) -> Path:
     return python
 
 
-def start(python: Path, folder: Path, **environment: str) -> tuple[float, float]:
-    """Returns the time from the start of a process to the end of its first `env.step`, and its processor time, s."""
+def start(python: Path, folder: Path, balls: int, environment: dict[str, str]) -> tuple[float, float]:
+    """Returns the time from the start of a process to the end of its first `env.step`, and its processor time, s.
+
+    Args:
+        python: The Python of the virtual environment.
+        folder: The folder to run in.
+        balls: The number of object balls.
+        environment: Variables.
+    """
     before, begin = sum(os.times()[2:4]), time()
-    end = float(run(python, "-c", FIRST_STEP, cwd=folder, **environment))
+    end = float(run(python, "-c", FIRST_STEP.format(balls=balls), cwd=folder, **environment))
     return end - begin, sum(os.times()[2:4]) - before
 
 
@@ -127,19 +99,25 @@ def try_wheel(wheel: Path, folder: Path, repeats: int) -> dict[str, tuple[float,
 
     Returns:
         The times of `start` with both: for the first start, which may compile the bytecode of all packages or the
-        kernels, and for the median of the later ones.
+        kernels, for the median of the later ones, and for a first start with three object balls after them. The last
+        times are those of the compilation that `pip install .` runs.
 
     Raises:
         RuntimeError: If the wheel's code and newly compiled code give different results, or the first is not used, or
             the wheel has no page for `billiards web`.
     """
     python, times = install(wheel, folder / "venv"), {}
-    shipped, compiled = {"NUMBA_CACHE_DIR": str(folder / "none")}, {"NUMBA_CACHE_DIR": str(folder / "fresh")}
-    compiled["BILLIARDS_ENV_COMPILE"] = "1"
-    for environment, prefix in ((shipped, "wheel with machine code, "), (compiled, "pip install ., ")):
-        times[f"{prefix}first start"] = start(python, folder, **environment)
-        later = [start(python, folder, **environment) for _ in range(repeats)]
-        times[f"{prefix}later starts"] = sorted(later)[repeats // 2]
+    shipped = {"NUMBA_CACHE_DIR": str(folder / "none")}
+    compiled = {"NUMBA_CACHE_DIR": str(folder / "fresh"), "BILLIARDS_ENV_COMPILE": "1"}
+    for environment, prefix in ((shipped, "machine code of the wheel"), (compiled, "no machine code")):
+        times[f"{prefix}, first start"] = start(python, folder, 1, environment)
+        later = [start(python, folder, 1, environment) for _ in range(repeats)]
+        times[f"{prefix}, later starts"] = sorted(later)[repeats // 2]
+        times[f"{prefix}, first start with three balls"] = start(python, folder, 3, environment)
+    before, begin = sum(os.times()[2:4]), time()
+    install_code = compiled | {"NUMBA_CACHE_DIR": str(folder / "common")}
+    run(python, "-m", "billiards_env", "cache", "common", cwd=folder, **install_code)
+    times["the compilation in pip install ."] = time() - begin, sum(os.times()[2:4]) - before
     run(python, "-m", "billiards_env", "web", "--out", folder / "play.html", cwd=folder, **shipped)
     shots = python, ROOT / "benchmarks" / "release" / "shots.py"
     results = run(*shots, cwd=folder, **shipped)

@@ -111,7 +111,7 @@ def arrays_in(memory: NDArray[np.uint8], kind: np.dtype[np.void]) -> list[NDArra
 
 
 @functools.lru_cache(maxsize=64)
-def _row_type(n: int) -> np.dtype[np.void]:
+def row_type(n: int) -> np.dtype[np.void]:
     """Returns the type of a row of `Shots` of n balls."""
     whole, flags = ("i4", (n,)), ("?", (n,))
     start = (("f8", (n, 2)), ("f8", (n, 2)), ("f8", (n, 3)), flags, "i8")
@@ -121,7 +121,7 @@ def _row_type(n: int) -> np.dtype[np.void]:
 
 def empty_shots(m: int, n: int) -> Shots:
     """Returns `Shots` for m shots of n balls. Ball 0 is the cue ball; the content of the other arrays is undefined."""
-    kind = _row_type(n)
+    kind = row_type(n)
     shots = Shots(*arrays_in(np.empty(m * kind.itemsize, np.uint8), kind))
     shots.cue[:] = CUE_BALL
     return shots

@@ -15,10 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.engine import Engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, model_of
-from billiards_env.envs.episodes import Episodes, noise_stream
+from billiards_env.envs.episodes import Episodes, SpareEpisodes, noise_stream
 from billiards_env.envs.goal_observations import compute_reward
-from billiards_env.envs.info import single_info
-from billiards_env.envs.observations import decode, nth
+from billiards_env.envs.observations import decode
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.snapshots import SPACES, EpisodeState, OfEpisodes, checked_state, copied
 from billiards_env.envs.trials import Outcomes, Trials
@@ -400,7 +399,8 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         if render_mode == "rgb_array":
             self.metadata = {**self.metadata, "render_fps": FPS_OF_SHOTS}
         self._renderer = None if render_mode is None else Renderer(self.scene, render_mode)
-        self._episodes = Episodes(1, model, 0 if self._renderer is None else 1)
+        self._own: Episodes | None = Episodes(1, model, 0 if self._renderer is None else 1)
+        self._spare = SpareEpisodes(self._own)
         self.features = self._episodes.observer.features
         self.observe = self._episodes.observer.names
         self.action_space: Any = gym.spaces.Box(-1.0, 1.0, (sum(model.n_numbers),), np.float32)
@@ -411,9 +411,8 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         if self.observe == "goal":  # other environments have no `compute_reward`
             self.compute_reward = functools.partial(compute_reward, model.goal_radius, model.scratch_penalty)
         self._trials = Trials(model, self._action_shape)
-        self._first_info = single_info({}, self._episodes.starts, self._episodes.of_episode)
-        self._first_rows = self._episodes.starts._replace(numbers={})
-        self._shared = {*vars(self), "_np_random", "_shared", "_spec"} - {"_episodes", "_renderer", "_trials", *SPACES}
+        self._memory: Any = None  # the state of a copy before its first use
+        self._shared = {*vars(self), "_np_random", "_shared", "_spec"} - {"_renderer", *SPACES}
 
     def __repr__(self) -> str:
         return f"BilliardsEnv({self.model.summary})"
@@ -422,8 +421,20 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         """Returns a copy that continues with the same bits. It shares what does not change, such as the scene."""
         self._write_stream()
         twin = copied(self, self._shared, memo)
-        twin._np_random = None
+        twin._own, twin._memory, twin._np_random = None, self._episodes.memory.copy(), None
         return twin
+
+    def __del__(self) -> None:
+        own = vars(self).get("_own")  # missing if the constructor has failed
+        if own is not None:
+            self._spare.put(own)
+
+    @property
+    def _episodes(self) -> Episodes:
+        """The episode. A copy has its arrays from its first use on."""
+        if self._own is None:
+            self._own = self._spare.take(self._memory)
+        return self._own
 
     @property
     def np_random(self) -> np.random.Generator:
@@ -540,9 +551,9 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         """
         self._expect_players("observe_as")
         integer("player", player, Range(0, self.model.n_players - 1))
-        observations = self._episodes.observer.new(1)
+        observations, observation = self._episodes.observer.new_one()
         self._episodes.observe_as(player, observations)
-        return nth(observations, 0)
+        return observation
 
     def decode(self, observation: Any) -> dict[str, Any]:
         """Returns the features of an observation (size,), or of several (..., size), by name; see `decode`."""
@@ -574,14 +585,14 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
             self._np_random = None  # `np_random` makes it again from the stream
         if self.model.noise is not None and (seed is not None or not state.noise_stream[0, 3]):
             state.noise_stream[0] = noise_stream(self.np_random_seed, self.model.noise_seed)
-        observations = episodes.observer.new(1)
+        observations, observation = episodes.observer.new_one()
         episodes.restart(0, 1, _ONE, observations, checked)
         if self._np_random is not None:
             streams.write(self._np_random, state.stream[0])
         state.begun[0] = True
         if self._renderer is not None:
             self._renderer.begin([drawn_layout(episodes, 0)])
-        return nth(observations, 0), single_info(self._first_info, self._first_rows, episodes.of_episode)
+        return observation, episodes.single_info.at_start()
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Plays one shot.
@@ -603,7 +614,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         if over[0] or not episodes.state.begun[0]:
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
         action = finite("action", action, self._action_shape)
-        observations, before = episodes.observer.new(1), episodes.memory.copy()
+        (observations, observation), before = episodes.observer.new_one(), episodes.memory.copy()
         try:
             episodes.shoot(0, 1, action[None], reward, observations)
         except BaseException:
@@ -613,13 +624,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
             episodes.warn_cut_off(0, before)
         if self._renderer is not None:
             self._renderer.step([drawn_shot(episodes, 0, reward.item(), episodes.state.goals[0])])
-        return (
-            nth(observations, 0),
-            reward.item(),
-            over.item(),
-            False,
-            single_info(self._first_info, episodes.of_shots, episodes.of_episode),
-        )
+        return observation, reward.item(), over.item(), False, episodes.single_info.after_shot()
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
         """Renders the shots, see the class.

@@ -2,31 +2,34 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import math
 import warnings
+from collections import deque
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, Shots, empty_shots, run_shots_of
+from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, Shots, run_shots_of
 from billiards_env.engine.compile import varied_fields, varied_shot, vary
 from billiards_env.engine.frozen_strike import strike_frozen
-from billiards_env.engine.shots import Starts, arrays_in, start_fields
+from billiards_env.engine.shots import arrays_in, row_type, start_fields
 from billiards_env.envs.actions import SIDE, action_named, add_noise, clipped, shorten, strike_balls
 from billiards_env.envs.arguments import NO_OPTIONS, Model, ResetOptions, cue_ball_alone
 from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
-from billiards_env.envs.info import InfoArrays, info_arrays, starts_of
+from billiards_env.envs.info import InfoArrays, SingleInfo, info_arrays, starts_of
 from billiards_env.envs.observations import Observer, Source
 from billiards_env.envs.snapshots import EpisodeState, StateArrays, hashed_names, parts, scene_hash, state_type
 from billiards_env.envs.tasks import judge_pot, opening_of, task_of, write_legal_balls
 from billiards_env.games.game_state import REPLACE
-from billiards_env.jit import Typed, entry_point, specialised, streams
+from billiards_env.jit import Typed, address_of, entry_point, kept, moved, specialised, streams
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
-from billiards_env.scene import Scene, layouts
+from billiards_env.scene import Scene
+from billiards_env.scene.layouts import Drawer, layout_plan
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
 from billiards_env.shots.tables import Tables
@@ -37,6 +40,8 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+
+_NO_LOG = kept(NO_LOG)
 
 
 class Episodes:
@@ -51,9 +56,6 @@ class Episodes:
         state: The arrays in `memory`.
         shots: The balls and, after `shoot`, the outcomes of the shots (see `engine.Shots`).
         arrays: The episodes after their last shots. Its arrays are those of `state` and `shots`, and the results.
-        plan: The layout at the start of an episode.
-        goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has
-            no goal.
         observer: The features of the observations.
         choices: The number of possible actions; 0 if an action is not a choice.
         actions: (m, 2) or (m, 5), the velocities or strikes of the last shots, clipped and with noise.
@@ -71,8 +73,8 @@ class Episodes:
         self.model, self.n_recorded = model, n_recorded
         self.recorded: dict[int, ShotResult] = {}
         entry, setup = task_of(model.task, model.n_players), model.setup
-        self.plan = layouts.layout_plan(model.layout, scene, "" if setup is None else setup.rack)
-        self.goal_plan = layouts.layout_plan("random", cue_ball_alone(scene)) if model.goal_radius else None
+        self._layout = Drawer(layout_plan(model.layout, scene, "" if setup is None else setup.rack))
+        self._goal_layout = Drawer(layout_plan("random", cue_ball_alone(scene))) if model.goal_radius else None
         opening, legal = opening_of(entry, scene, model.layout, **(setup.state_fields if setup else {}))
         numbers = TaskNumbers(
             targets=model.targets,
@@ -83,27 +85,26 @@ class Episodes:
             max_shots=model.max_shots,
             scratch_penalty=model.scratch_penalty,
         )
-        self._numbers = tuple(numbers)
+        self._numbers = kept(tuple(numbers))
         self._run_shots = Typed(run_shots_of(model.engine, scene.n_balls))
-        self._start, self._begin = Typed(start_shots), Typed(begin_episodes)
+        self._start, self._begin, self._keep_seeds = Typed(start_shots), Typed(begin_episodes), Typed(keep_seeds)
         self._score: Any = Typed(scoring(entry.judge)) if setup is None else None
         self._game: Any = None
         if setup is not None:
             from billiards_env.envs.turns import GameKernels
 
             self._game = GameKernels(setup, model.n_numbers)
-        self._fill, self._fill_goals = Typed(layouts.fill_tables), Typed(layouts.fill_tables)
         self._limit = scene.physics.max_time or math.inf
         make = action_named(model.action).converter
         self._converter: Any = make and make(scene, model.max_speed)
         self.choices = getattr(self._converter, "choices", 0)
         self._cue = tuple(cue_numbers(scene)) if action_named(model.action).has_cue else None
         self.kind = state_type(model)
-        self._allocate(
-            np.zeros(count * self.kind.itemsize, np.uint8) if memory is None else np.require(memory, None, "W")
-        )
+        self._block_kind = block_type(self.kind, model, self.choices)
+        self._allocate(np.zeros(count * self._block_kind.itemsize, np.uint8))
         source = Source(model, self.seen, numbers, self.physics)
         self.observer = Observer(model.observe, source)
+        self.shots.cue[:] = CUE_BALL
         if memory is None:
             state = self.state
             state.scene[:], state.task[:] = scene_hash(scene, hashed_names(model)), short_name(model.task)
@@ -112,29 +113,28 @@ class Episodes:
             for j, (low, _) in enumerate(model.randomize.values()):
                 state.physics[:, j] = low
         self.starts = starts_of(self.of_shots, model.max_shots)
-        self._scene = varied_fields(scene, model.engine, self.physics, count)
+        self._set_scene(varied_fields(scene, model.engine, self.physics, count))
         if memory is not None:
-            self._follow_state(slice(None))
+            self.undo(memory)
 
-    def _allocate(self, memory: NDArray[np.uint8]) -> None:
-        """Sets the arrays of the episodes, with the state in `memory`."""
-        self.memory, self.state = memory, (state := StateArrays(*arrays_in(memory, self.kind)))
-        count, n = state.in_play.shape
-        results = {
-            "potted": np.zeros((count, n), np.bool_),
-            "points": np.zeros(count, np.int64),
-            "scratch": np.zeros(count, np.bool_),
-            "states": state.game.reshape(-1),
-            "viewers": np.full(0 if self._game is None else count, -1),
-        }
-        by_name = empty_shots(count, n)._asdict() | state._asdict() | results
-        self.shots = shots = Shots(*map(by_name.__getitem__, Shots._fields))
-        self.arrays = EpisodeArrays(*map(by_name.__getitem__, EpisodeArrays._fields))
-        self.miscues = np.zeros(count, np.bool_)
-        self.actions = np.zeros((count, action_named(self.model.action).size))
-        self.mask = np.zeros((count, self.choices), np.int8)
-        # The entry points take plain tuples, see `envs.episode_arrays`.
-        self._arrays, self._shots, self._starts = tuple(self.arrays), tuple(shots), start_fields(shots)
+    def _allocate(self, block: NDArray[np.uint8], like: Episodes | None = None) -> None:
+        """Sets the arrays of the episodes, which are in a block of memory; `like` has a block of the same type."""
+        names = self._block_kind.names or ()
+        arrays: dict[str, Any] = dict(zip(names, arrays_in(block, self._block_kind), strict=True))
+        arrays["states"], arrays["viewers"] = arrays["game"].reshape(-1), arrays["viewers"].reshape(-1)
+        self.state = state = StateArrays(*map(arrays.__getitem__, StateArrays._fields))
+        self.shots = shots = Shots(*map(arrays.__getitem__, Shots._fields))
+        self.arrays = EpisodeArrays(*map(arrays.__getitem__, EpisodeArrays._fields))
+        self.miscues, self.actions, self.mask = arrays["miscues"], arrays["actions"], arrays["mask"]
+        self._block, self.memory = block, block[: len(state.over) * self.kind.itemsize]
+        if like is None:
+            self.arrays.viewers[:] = -1
+            self._arrays, self._shots = kept(tuple(self.arrays)), kept(tuple(shots))
+        else:
+            distance = address_of(block) - address_of(like._block)
+            self._arrays = moved(like._arrays, tuple(self.arrays), distance)
+            self._shots = moved(like._shots, tuple(shots), distance)
+        self._single_info = None
         self.physics = {name: state.physics[:, j] for j, name in enumerate(self.model.randomize)}
         rows = {"episode_seed": state.episode_seed.view(np.int64)} | (
             {"action_mask": self.mask} if self.choices else {}
@@ -152,16 +152,26 @@ class Episodes:
         twin = object.__new__(Episodes)
         twin.__dict__.update(self.__dict__)
         twin.recorded = dict(self.recorded)
-        twin._allocate(self.memory.copy())
-        twin.mask[:] = self.mask
+        twin._allocate(self._block.copy(), self)
         twin._copy_tables(0, len(twin.state.over))
         twin.observer = self.observer.bound(twin.seen, twin.physics)
         if self.physics:
-            twin._scene = (self._scene[0].copy(), *self._scene[1:])
+            twin._set_scene((self._scene[0].copy(), *self._scene[1:]))
         return twin
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Episodes, (len(self.state.over), self.model, self.n_recorded, self.memory)
+
+    @property
+    def single_info(self) -> SingleInfo:
+        """The `info` of a single episode."""
+        if self._single_info is None:
+            self._single_info = SingleInfo(self.of_shots, self.of_episode, self.starts)
+        return self._single_info
+
+    def _set_scene(self, fields: tuple[Any, ...]) -> None:
+        """Sets the fields of the scene for the entry points."""
+        self._scene, self._kept_scene = fields, kept(fields)
 
     def put(self, rows: NDArray[np.int64] | None, states: EpisodeState) -> None:
         """Replaces the state of some episodes, None for all, by the rows of `states`, one for each or one for all."""
@@ -218,7 +228,7 @@ class Episodes:
         if options.episode_seed is not None:
             rows = begin + np.flatnonzero(mask[begin:end])
             state.stream[rows], state.noise_stream[rows] = np.split(options.episode_seed[rows], 2, axis=1)
-        keep_seeds(begin, end, mask, state.stream, state.noise_stream, state.episode_seed)
+        self._keep_seeds.call(begin, end, mask, state.stream, state.noise_stream, state.episode_seed)
         self.draw(begin, end, mask, options)
         self.begin(begin, end, mask, observations, options.states)
 
@@ -235,14 +245,14 @@ class Episodes:
             ValueError: If there is no free position for a ball.
         """
         state = self.state
-        for array, values, plan, fill in (
-            (state.positions, options.positions, self.plan, self._fill),
-            (state.goals, options.goals, self.goal_plan, self._fill_goals),
+        for array, values, layout in (
+            (state.positions, options.positions, self._layout),
+            (state.goals, options.goals, self._goal_layout),  # the cue ball anywhere, alone on the table
         ):
             if values is not None:
                 np.copyto(array[begin:end], values[begin:end], where=mask[begin:end, None, None])
-            elif plan is not None:
-                layouts.draw_tables(plan, begin, end, mask, state.stream, array, fill)
+            elif layout is not None:
+                layout.draw(begin, end, mask, state.stream, array)
         if self.physics:
             units, rows = np.empty((end - begin, len(self.physics))), np.flatnonzero(mask[begin:end])
             draw_units(begin, end, mask, state.stream, units)
@@ -273,7 +283,7 @@ class Episodes:
 
         `states`, (1,) or (m,) `games.STATE`, are those of games of several players; None for the opening.
         """
-        self._begin(begin, end, mask, self._numbers, self._arrays)
+        self._begin.call(begin, end, mask, self._numbers, self._arrays)
         if self._game is not None:
             if states is not None:
                 rows = begin + np.flatnonzero(mask[begin:end])
@@ -297,12 +307,12 @@ class Episodes:
         """Writes the observations of a player of games, memory from `Observer.new`."""
         arrays = self.arrays
         arrays.viewers[:] = player
-        self._game.write_legal(0, len(arrays.over), self._arrays)
+        self._game.write_legal(self._arrays, len(arrays.over))
         try:
             self.observe(0, len(arrays.over), observations)
         finally:
             arrays.viewers[:] = -1
-            self._game.write_legal(0, len(arrays.over), self._arrays)
+            self._game.write_legal(self._arrays, len(arrays.over))
 
     def game_state(self, k: int) -> GameState:
         """Returns game k of several players before its next shot."""
@@ -341,19 +351,19 @@ class Episodes:
             actions = converted
         if model.noise is not None:
             add_noise(begin, end, over, actions, model.noise, self.state.noise_stream)
-        self._start(begin, end, actions, model.max_speed, self._starts, (over, self.arrays.states), self.actions)
+        self._start.call(begin, end, actions, model.max_speed, self._shots, self._arrays, self.actions)
         if self._cue is not None:
             strike_balls(begin, end, over, actions, self._cue, (shots.velocities, shots.spins, shots.cue, self.miscues))
         if self._cue is not None or self._game is not None:
-            strike_frozen(model.scene, self._scene, self._starts, begin, end)
+            strike_frozen(model.scene, self._scene, start_fields(shots), begin, end)
         first = begin
         while first < end and first < self.n_recorded:
             self.recorded[first] = self._record(first)
             first += 1
         if first < end:
-            self._run_shots(first, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
+            self._run_shots.call(first, end, self._kept_scene, self._limit, MAX_EVENTS, self._shots, _NO_LOG)
         if self._game is None:
-            self._score(begin, end, self._numbers, self._arrays, rewards)
+            self._score.call(begin, end, self._numbers, self._arrays, rewards)
         else:
             self._game.score(begin, end, self._numbers, self._arrays, self.turns, rewards)
         self.observe(begin, end, observations)
@@ -398,6 +408,48 @@ class Episodes:
             RuntimeWarning,
             stacklevel=3,
         )
+
+
+class SpareEpisodes:
+    """The arrays of copies of an environment that are no longer used. A later copy needs no new ones.
+
+    Args:
+        episodes: The arrays of the environment.
+    """
+
+    def __init__(self, episodes: Episodes) -> None:
+        self._like, self._spare = episodes, deque[Episodes](maxlen=16)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return SpareEpisodes, (self._like,)
+
+    def put(self, episodes: Episodes) -> None:
+        """Keeps the arrays of an environment that no longer exists, unless there are many."""
+        self._spare.append(episodes)
+
+    def take(self, memory: NDArray[np.uint8]) -> Episodes:
+        """Returns arrays with a state."""
+        try:
+            episodes = self._spare.pop()
+        except IndexError:  # also if another thread was faster
+            episodes = copy.deepcopy(self._like)
+        episodes.undo(memory)
+        return episodes
+
+
+def block_type(state: np.dtype[np.void], model: Model, choices: int) -> np.dtype[np.void]:
+    """Returns the type of a row of the arrays of `Episodes`: the state, then the rest of `Shots` and the results."""
+    n, shots = model.scene.n_balls, row_type(model.scene.n_balls)
+    rest = [(name, shots[name]) for name in Shots._fields if name not in StateArrays._fields]
+    rest += [("actions", "f8", (action_named(model.action).size,)), ("points", "i8")]
+    rest += [("viewers", "i8", () if model.n_players > 1 else (0,)), ("mask", "i1", (choices,))]
+    rest += [("potted", "?", (n,)), ("scratch", "?"), ("miscues", "?")]
+    after, begin = np.dtype(rest, align=True), -(-state.itemsize // 8) * 8
+    fields = {name: field[:2] for name, field in (state.fields or {}).items()}
+    fields |= {name: (kind, begin + at) for name, (kind, at, *_) in (after.fields or {}).items()}
+    formats, offsets = zip(*fields.values(), strict=True)
+    size = begin + after.itemsize
+    return np.dtype({"names": [*fields], "formats": [*formats], "offsets": [*offsets], "itemsize": size})
 
 
 def noise_stream(seed: int, noise_seed: int | None) -> NDArray[np.uint64]:
@@ -446,13 +498,12 @@ def begin_episodes(begin, end, mask, numbers, arrays):
 
 
 @entry_point
-def start_shots(begin, end, actions, max_speed, starts, episodes, played):
+def start_shots(begin, end, actions, max_speed, shots, arrays, played):
     """Sets the velocities of the cue balls in the episodes with a shot, and all other velocities and spins to 0.
 
-    Writes the actions, clipped, to `played`, (m, 2) or (m, 5); 0 in the episodes without a shot. `episodes` are the
-    arrays `over` and `states` of `EpisodeArrays`: numba takes 0.06 us to unpack each array of a tuple.
+    Writes the actions, clipped, to `played`, (m, 2) or (m, 5); 0 in the episodes without a shot.
     """
-    balls, (over, states) = Starts(*starts), episodes
+    balls, over, states = Shots(*shots), EpisodeArrays(*arrays).over, EpisodeArrays(*arrays).states
     for k in range(begin, end):
         for i in range(balls.in_play.shape[1]):
             for c in range(2):

@@ -63,14 +63,44 @@ def starts_of(info: InfoArrays, max_shots: int) -> InfoArrays:
     return InfoArrays(starts(info.numbers), starts(info.rows))
 
 
-def single_info(kept: dict[str, Any], *parts: InfoArrays) -> dict[str, Any]:
-    """Returns the `info` of a single episode: `kept` with the values of the given arrays in place of its own."""
-    info = kept.copy()  # faster than a new dict, which is resized several times
-    for numbers, rows in parts:
-        for key, values in numbers.items():
-            info[key] = values[0]
-        for key, values in rows.items():
-            info[key] = values[0].copy()
+class SingleInfo:
+    """The `info` of a single episode.
+
+    Args:
+        of_shots: The arrays of the keys that change with each shot.
+        of_episode: Those of the keys that do not change in an episode.
+        starts: Those of `of_shots` at the start of an episode.
+    """
+
+    def __init__(self, of_shots: InfoArrays, of_episode: InfoArrays, starts: InfoArrays) -> None:
+        self._shot, self._start = _entries(of_shots, of_episode), _entries(starts._replace(numbers={}), of_episode)
+        self._first = _filled({}, *_entries(starts, of_episode))
+
+    def after_shot(self) -> dict[str, Any]:
+        """Returns the `info` after the last shot, with copies of the arrays."""
+        return _filled(self._first, *self._shot)
+
+    def at_start(self) -> dict[str, Any]:
+        """Returns the `info` at the start of the episode."""
+        return _filled(self._first, *self._start)
+
+
+_Entries = list[tuple[str, NDArray[Any]]]
+
+
+def _entries(*parts: InfoArrays) -> tuple[_Entries, _Entries]:
+    """Returns the arrays of the numbers, and views of the first rows of the others."""
+    numbers = [entry for part in parts for entry in part.numbers.items()]
+    return numbers, [(key, values[0]) for part in parts for key, values in part.rows.items()]
+
+
+def _filled(first: dict[str, Any], numbers: _Entries, rows: _Entries) -> dict[str, Any]:
+    """Returns a copy of a dict with the first numbers and with copies of the rows."""
+    info = first.copy()  # faster than a new dict, which is resized several times
+    for key, values in numbers:
+        info[key] = values[0]
+    for key, values in rows:
+        info[key] = values.copy()
     return info
 
 

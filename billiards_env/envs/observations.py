@@ -27,7 +27,7 @@ from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.goal_observations import ACHIEVED, DESIRED, achieved_writer, write_desired
 from billiards_env.envs.tasks import task_of
 from billiards_env.games.game_state import ANYWHERE, BEHIND, CALLS, PUSH_OUT
-from billiards_env.jit import entry_point, inlined
+from billiards_env.jit import Typed, entry_point, inlined
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import distance_to_segment
 from billiards_env.physics.state import CUE_BALL, X, Y
@@ -544,7 +544,12 @@ class Observer:
         self._is_dict = len(spaces) > 1
         self._memory = {key: (space.shape, space.dtype) for key, space in spaces.items()}
         self._shape, self._dtype = next(iter(self._memory.values()))
+        self._shape_of_one = 1, *self._shape
         self.space: Any = gym.spaces.Dict(spaces) if self._is_dict else next(iter(spaces.values()))
+        writers = {name: FEATURES[name].write for name in self.features}
+        if self._has_goal:
+            writers |= {ACHIEVED: achieved_writer(self._task.condition), DESIRED: write_desired}
+        self._write = {name: Typed(writer) for name, writer in writers.items()}
         self._bind()
 
     def _bind(self) -> None:
@@ -552,15 +557,15 @@ class Observer:
         for name, shape in self.features.items():
             entry = FEATURES[name]
             if is_image(name):
-                self._writers.append((name, entry.write, entry.reads(self._source, *shape[:2])))
+                self._writers.append((name, self._write[name], entry.reads(self._source, *shape[:2])))
             else:
-                self._writers.append((ROW, entry.write, (first, *entry.reads(self._source))))
+                self._writers.append((ROW, self._write[name], (first, *entry.reads(self._source))))
                 first += math.prod(shape)
         if self._has_goal:
             source = self._source
             achieved = source.half_extents, tuple(source.numbers), tuple(source.arrays)
-            self._writers.append((ACHIEVED, achieved_writer(self._task.condition), achieved))
-            self._writers.append((DESIRED, write_desired, (source.arrays.goals,)))
+            self._writers.append((ACHIEVED, self._write[ACHIEVED], achieved))
+            self._writers.append((DESIRED, self._write[DESIRED], (source.arrays.goals,)))
 
     def bound(self, arrays: EpisodeArrays, physics: Mapping[str, NDArray[np.float64]]) -> Observer:
         """Returns an observer of other episodes of the same environment."""
@@ -575,10 +580,18 @@ class Observer:
             return {key: np.empty((count, *shape), dtype) for key, (shape, dtype) in self._memory.items()}
         return np.empty((count, *self._shape), self._dtype)
 
+    def new_one(self) -> tuple[Any, Any]:
+        """Returns memory for one observation, and the observation, which is a part of it."""
+        if self._is_dict:
+            observations = self.new(1)
+            return observations, nth(observations, 0)
+        array = np.empty(self._shape_of_one, self._dtype)
+        return array, array[0]
+
     def write(self, begin: int, end: int, observations: Any) -> None:
         """Writes the observations, memory from `new`, of the episodes from `begin` to `end - 1`."""
         for key, write, arguments in self._writers:
-            write(begin, end, observations[key] if self._is_dict else observations, *arguments)
+            write.call(begin, end, observations[key] if self._is_dict else observations, *arguments)
 
 
 def is_image(name: str) -> bool:

@@ -338,8 +338,8 @@ class GameKernels:
         self._numbers = tuple(game_numbers(setup, sizes))
         game = setup.game_rules
         self._begin = Typed(specialised(begin_games, legal=game.legal, look=game.look))
-        self.write_legal = specialised(write_legal, legal=game.legal)
-        self._take = Typed(take_actions)
+        self._write_legal = Typed(specialised(write_legal, legal=game.legal))
+        self._take, self._copy_tables = Typed(take_actions), Typed(copy_tables)
         kernels = {"after_shot": after_shot_of(game), "without_shot": without_shot_of(game)}
         self._score = Typed(specialised(score_turns, legal=game.legal, **kernels))
 
@@ -354,10 +354,10 @@ class GameKernels:
             seen = arrays._replace(**{name: np.zeros_like(getattr(arrays, name)) for name in names})
         return turn_arrays(state, self._setup.n_players, self._size), seen
 
-    def take(self, begin: int, end: int, actions: Floats, arrays: tuple[Any, ...], turns: TurnArrays) -> None:
+    def take(self, begin: int, end: int, actions: Floats, arrays: Any, turns: TurnArrays) -> None:
         """Makes the calls of actions, places cue balls in hand, and sets `TurnArrays.strokes`."""
         given = actions if actions.ndim > 1 else turns.strokes  # a choice has no numbers for the place and the call
-        self._check(self._take(begin, end, given, self._numbers, arrays, tuple(turns)))
+        self._check(self._take.call(begin, end, given, self._numbers, arrays, tuple(turns)))
 
     def shoots(self, turns: TurnArrays) -> NDArray[np.bool_]:
         """Returns in which games (m,) the cue ball is struck: not after a call of `NO_SHOT`."""
@@ -374,17 +374,17 @@ class GameKernels:
         self,
         begin: int,
         end: int,
-        numbers: tuple[Any, ...],
-        arrays: tuple[Any, ...],
+        numbers: Any,
+        arrays: Any,
         turns: TurnArrays,
         rewards: Floats,
     ) -> None:
         """Judges the shots and prepares the next ones, see `score_turns`."""
-        self._check(self._score(begin, end, numbers, self._numbers, arrays, tuple(turns), rewards))
+        self._check(self._score.call(begin, end, numbers, self._numbers, arrays, tuple(turns), rewards))
 
-    def begin(self, begin: int, end: int, mask: NDArray[np.bool_], arrays: tuple[Any, ...]) -> None:
+    def begin(self, begin: int, end: int, mask: NDArray[np.bool_], arrays: Any) -> None:
         """Prepares the first shots of the games in the mask (m,)."""
-        self._check(self._begin(begin, end, mask, self._numbers, arrays))
+        self._check(self._begin.call(begin, end, mask, self._numbers, arrays))
 
     def stroke(self, k: int, model: Model, turns: TurnArrays) -> Stroke | None:
         """Returns the last stroke in game k, which `games.play` repeats bit for bit; None if it is not known."""
@@ -398,9 +398,13 @@ class GameKernels:
         (vx, vy), (wx, wy, wz) = struck.velocity.tolist(), struck.spin.tolist()
         return Stroke((vx, vy), None if math.isnan(place[X]) else (place[X], place[Y]), (wx, wy, wz), call)
 
-    def copy_tables(self, begin: int, end: int, arrays: tuple[Any, ...], seen: EpisodeArrays) -> None:
+    def write_legal(self, arrays: Any, count: int) -> None:
+        """Writes the balls that each observing player may touch first in all games."""
+        self._write_legal.call(0, count, arrays)
+
+    def copy_tables(self, begin: int, end: int, arrays: Any, seen: EpisodeArrays) -> None:
         """Copies the tables for observations, see `allocate`."""
-        copy_tables(begin, end, arrays, (seen.positions, seen.in_play, seen.legal_balls))
+        self._copy_tables.call(begin, end, arrays, (seen.positions, seen.in_play, seen.legal_balls))
 
     def _check(self, failed: int) -> None:
         if failed >= 0:

@@ -167,7 +167,6 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
             "_episodes",
             "_renderer",
             "_seeds",
-            "_trials",
             *SPACES,
         }
 

@@ -10,14 +10,18 @@ from billiards_env.jit.decorators import (
     kernel,
     specialised,
 )
+from billiards_env.jit.kept import address_of, kept, moved
 
 __all__ = [
     "Typed",
+    "address_of",
     "allocating",
     "allocating_entry_point",
     "entry_point",
     "expanded",
     "inlined",
+    "kept",
     "kernel",
+    "moved",
     "specialised",
 ]

@@ -120,20 +120,21 @@ class EntryPoint(CPUDispatcher):
 
 
 class Typed:
-    """An entry point whose arguments have the same types at each call.
+    """An entry point whose arguments have the same types at each call. Tuples may be those of `kept`.
 
     Numba finds the machine code by the types of the arguments, which takes 40 ns for each array in a tuple. This class
     looks up the code only in the first call. It does not check the types of later arguments.
+
+    Attributes:
+        call: Calls the entry point. From the second call on it is the machine code.
     """
 
     def __init__(self, entry: Any) -> None:
-        self.entry, self._code = entry, None if isinstance(entry, EntryPoint) else entry
+        self._entry, self.call = entry, self._first_call if isinstance(entry, EntryPoint) else entry
 
-    def __call__(self, *arguments: Any) -> Any:
-        """Calls the entry point."""
-        if self._code is None:
-            self._code = self.entry.compile(tuple(map(self.entry.typeof_pyval, arguments)))
-        return self._code(*arguments)
+    def _first_call(self, *arguments: Any) -> Any:
+        self.call = self._entry.compile(tuple(map(self._entry.typeof_pyval, arguments)))
+        return self.call(*arguments)
 
 
 def _compiled(dispatcher: type[CPUDispatcher], function: F, **options: Any) -> F:

@@ -1,4 +1,4 @@
-"""The folders of the compiled code: the cache of the user, and the code that a wheel of `make dist` contains."""
+"""The folders of the compiled code: the cache of the user, and the code that a wheel contains."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def cache_folder() -> Path | None:
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "billiards_env"
     folders = [*([Path(chosen)] if chosen else []), _PACKAGE / "__pycache__", user]
-    name = f"kernels-{versions_hash()}"
+    name = code_folder().name
     cache = next((folder / name for folder in folders if _writable(folder / name)), None)
     if cache is None or (chosen and cache.parent != Path(chosen)):
         so = f"billiards_env writes its compiled code to {cache}" if cache else "every process compiles billiards_env"
@@ -51,13 +51,13 @@ def cache_folder() -> Path | None:
 
 def code_folder() -> Path:
     """Returns the folder of the code in the package for the versions of this process. It may not exist."""
-    return _PACKAGE / "machine_code" / versions_hash()
+    return _PACKAGE / "machine_code" / f"kernels-{versions_hash()}"
 
 
 def shipped_folder() -> Path | None:
     """Returns the folder of the code that is part of the package, or None if there is no code for these versions.
 
-    `make dist` compiles this code for any CPU of the architecture. With the environment variable
+    `setup.py` compiles this code for any CPU of the architecture. With the environment variable
     `BILLIARDS_ENV_COMPILE=1` the result is None. Numba then compiles for the CPU of this machine and keeps the code in
     the cache, which later processes search first.
 

@@ -57,7 +57,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.jit import entry_point, kernel, streams
+from billiards_env.jit import Typed, entry_point, kept, kernel, streams
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.scene import Scene, check_positions, check_scene
 from billiards_env.scene.outline import pieces
@@ -243,35 +243,40 @@ def draw_one(plan: LayoutPlan, rng: np.random.Generator) -> Floats:
         positions[...] = plan.spots
         return positions
     stream = streams.read(rng)
-    draw_tables(plan, 0, 1, _ONE, stream[None], positions[None])
+    _check_filled(plan, fill_tables(tuple(plan), 0, 1, _ONE, stream[None], positions[None]))
     streams.write(rng, stream)
     return positions
 
 
-def draw_tables(
-    plan: LayoutPlan,
-    begin: int,
-    end: int,
-    mask: NDArray[np.bool_],
-    table_streams: NDArray[np.uint64],
-    positions: Floats,
-    fill: Callable[..., int] | None = None,
-) -> None:
-    """Draws a layout for the tables `begin` to `end` that are in the mask, each from its own stream.
+class Drawer:
+    """Draws a layout for many tables.
 
     Args:
         plan: The plan.
-        begin: First table.
-        end: One past the last table.
-        mask: (m,) bool, the tables to draw for; the others do not change.
-        table_streams: (m, 4), one stream per table, changed in place.
-        positions: (m, n, 2) float64, m, changed in place.
-        fill: `jit.Typed` of `fill_tables`; None for `fill_tables`.
-
-    Raises:
-        ValueError: If a ball finds no free position.
     """
-    failed = (fill or fill_tables)(plan, begin, end, mask, table_streams, positions)
+
+    def __init__(self, plan: LayoutPlan) -> None:
+        self._plan, self._kept_plan, self._fill = plan, kept(tuple(plan)), Typed(fill_tables)
+
+    def draw(
+        self, begin: int, end: int, mask: NDArray[np.bool_], table_streams: NDArray[np.uint64], positions: Floats
+    ) -> None:
+        """Draws positions for the tables `begin` to `end` that are in the mask, each from its own stream.
+
+        Args:
+            begin: First table.
+            end: One past the last table.
+            mask: (m,) bool, the tables to draw for; the others do not change.
+            table_streams: (m, 4), one stream per table, changed in place.
+            positions: (m, n, 2) float64, m, changed in place.
+
+        Raises:
+            ValueError: If a ball finds no free position.
+        """
+        _check_filled(self._plan, self._fill.call(self._kept_plan, begin, end, mask, table_streams, positions))
+
+
+def _check_filled(plan: LayoutPlan, failed: int) -> None:
     if failed >= 0:
         raise _no_room(list(LAYOUTS)[plan.layout], failed, plan.radius[failed])
 
@@ -358,7 +363,8 @@ def draw_midway(plan, stream, positions):
 
 @entry_point
 def fill_tables(plan, begin, end, mask, table_streams, positions):
-    """Runs the loop of `draw_tables`; returns -1, or a ball that found no free position."""
+    """Runs the loop of `Drawer.draw`; returns -1, or a ball that found no free position."""
+    plan = LayoutPlan(*plan)
     order, spots, displacement = plan.order, plan.spots, plan.displacement
     balls = 0
     for table in range(begin, end):

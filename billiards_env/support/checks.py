@@ -367,9 +367,12 @@ def finite(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> NDArra
         Traceback (most recent call last):
         ValueError: action = [0.5, nan]: expected finite numbers
     """
-    array = shaped(name, value, shape)
+    if type(value) is np.ndarray and value.shape == shape and value.dtype.kind == "f":  # faster
+        array = value.astype(np.float64, "C")
+    else:
+        array = shaped(name, value, shape)
     short_array = array.ndim == 1 and len(array) < 16  # Python checks these faster than NumPy
-    if not (all(map(math.isfinite, array.tolist())) if short_array else np.isfinite(array).all()):
+    if not ((short_array and math.isfinite(sum(array.tolist()))) or np.isfinite(array).all()):
         raise ValueError(f"{name} = {short(array.tolist())}: expected finite numbers")
     return array
 

@@ -67,6 +67,25 @@ def test_a_deep_copy_pickles_no_compiled_function(monkeypatch):
         same(copy.deepcopy(env).step(action), env.step(action))
 
 
+def test_a_copy_has_arrays_from_its_first_use_on_and_copies_use_those_of_earlier_ones():
+    env = KINDS["an environment with noise"]()
+    env.reset(seed=0)
+    action = actions_of(env, 1)[0]
+    first, second = copy.deepcopy(env), pickle.loads(pickle.dumps(copy.deepcopy(env)))
+    expected = [env.step(action) for _ in range(2)]
+    for twin in (first, second):
+        assert twin._own is None
+        same(twin.step(action), expected[0])
+    arrays = [first._episodes, env._episodes]
+    third = copy.deepcopy(first)
+    del first, twin
+    same(third.step(action), expected[1])
+    assert third._episodes is arrays[0]
+    fourth = copy.deepcopy(third)
+    same(fourth.reset(), third.reset())
+    assert fourth._episodes not in arrays
+
+
 def test_a_deep_copy_has_its_own_renderer():
     pytest.importorskip("pygame")
     env: Any = make_env(render_mode="rgb_array")

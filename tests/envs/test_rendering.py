@@ -16,6 +16,7 @@ from billiards_env import envs as billiards_envs
 from billiards_env.engine import run_shots_of
 from billiards_env.envs import RecordVideo, episodes, make_env
 from billiards_env.envs.rendering import FPS, RENDER_MODES
+from billiards_env.jit import Typed
 from billiards_env.shots import simulation
 from tests.helpers.environments import same
 from tests.helpers.films import read_mp4
@@ -64,9 +65,11 @@ def test_each_shot_runs_the_engine_once(render_mode, vector, monkeypatch):
     limits = []
 
     def counting(*choice):
+        engine = Typed(run_shots_of(*choice))
+
         def run(begin, end, scene, limit, *rest):
             limits.append(limit)
-            run_shots_of(*choice)(begin, end, scene, limit, *rest)
+            engine.call(begin, end, scene, limit, *rest)
 
         return run
 

@@ -97,8 +97,6 @@ def test_copies_of_an_environment_try_shots_of_their_own():
     actions = np.random.default_rng(0).uniform(-1, 1, (3, 2))
     expected = env.try_actions(actions)
     twin = copy.deepcopy(env)
-    assert twin._trials is not env._trials
-    assert twin._trials._model is env.model
     same(twin.try_actions(actions), expected)
     same(pickle.loads(pickle.dumps(env._trials)).play(actions, env.get_state()[None], None, None, 1), expected)
 

@@ -10,6 +10,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from billiards_env.envs import BilliardsVectorEnv, make_env, make_vector_env
+from billiards_env.scene import layouts
 from tests.helpers.environments import GAME_VARIANTS, SOFT, VARIANTS, VARIED, name_of, same
 
 MODES = tuple(AutoresetMode)
@@ -217,7 +218,8 @@ def test_make_vec(kwargs, mode):
 def test_a_layout_without_room_raises_from_a_thread(monkeypatch):
     envs = make_vector_env(128, threads=2)
     hole = np.array([[0.0, 0.0, 9.0]])  # as large as the table
-    monkeypatch.setattr(envs._episodes, "plan", envs._episodes.plan._replace(pockets=hole))
+    plan = layouts.layout_plan("random", envs.single_env.scene)._replace(pockets=hole)
+    monkeypatch.setattr(envs._episodes, "_layout", layouts.Drawer(plan))
     with pytest.raises(ValueError, match="found no room for ball 0"):
         envs.reset(seed=0)
 

@@ -1,6 +1,8 @@
 """The distributions: the machine code in the wheel, and their trial. The test of the whole build is slow."""
 
+import importlib.util
 import json
+import os
 import subprocess
 import sys
 import zipfile
@@ -9,50 +11,63 @@ from pathlib import Path
 import pytest
 
 from benchmarks.release import dist, shots
+from billiards_env import compiling
 from billiards_env.__main__ import PLAY_PAGE
+from billiards_env.jit import decorators as jit
 from billiards_env.jit import folders
 
 
-def test_the_tags_are_those_of_numba():
-    first = dist.tags()[0]
-    assert first.startswith(f"cp{sys.version_info[0]}{sys.version_info[1]}-")
-    assert not first.endswith("any")
+def test_the_platforms_are_those_of_numba():
+    assert dist.platforms()
+    assert "any" not in dist.platforms()
 
 
-def test_the_shots_of_every_environment_have_the_same_results_twice(monkeypatch, capsys):
-    assert shots.result_bytes({}) == shots.result_bytes({}) != shots.result_bytes({"max_speed": 1.0})
-    monkeypatch.setattr(shots, "ENVIRONMENTS", ({}, {"mode": "pit", "dt": 1 / 60}))
+def test_the_results_of_every_environment_are_hashed(monkeypatch, capsys):
+    monkeypatch.setattr(compiling, "ENVIRONMENTS", ({}, {"max_speed": 1.0}, {}))
     shots.main()
-    first, second = json.loads(capsys.readouterr().out)
-    assert first != second
+    first, second, again = json.loads(capsys.readouterr().out)
+    assert first == again != second
 
 
-def test_machine_code_is_stored_where_the_package_looks_for_it(tmp_path, monkeypatch):
+@pytest.fixture
+def setup_file():
+    """The module `setup.py`."""
+    spec = importlib.util.spec_from_file_location("setup_file", dist.ROOT / "setup.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("code", [0, 1])
+def test_a_wheel_is_compiled_for_any_cpu_where_the_package_looks_for_its_code(tmp_path, monkeypatch, setup_file, code):
     """A program that writes files as numba does replaces the compilation."""
+    monkeypatch.setattr(folders, "_PACKAGE", tmp_path / "billiards_env")
+    (tmp_path / "billiards_env" / "machine_code" / "old").mkdir(parents=True)
     commands = []
 
-    def run(*command, cwd, **environment):
-        commands.append(environment)
-        if "-c" in command:
-            return f"{tmp_path / 'package' / 'code'}\n{cwd / 'kernels-0'}\n"
-        (cwd / "kernels-0" / "billiards_env.engine").mkdir(parents=True)
-        (cwd / "kernels-0" / "billiards_env.engine" / "pic.run-1.py311.nbi").write_text("index")
-        return ""
+    def run(command, cwd, env, check):
+        commands.append(command)
+        assert (env["NUMBA_CPU_NAME"], env["NUMBA_CPU_FEATURES"]) == jit.GENERIC
+        assert env["PYTHONPATH"].split(os.pathsep)[0] == str(cwd)
+        with monkeypatch.context() as patch:
+            patch.setenv("NUMBA_CACHE_DIR", env["NUMBA_CACHE_DIR"])
+            assert folders.cache_folder() == folders.code_folder()
+        return subprocess.CompletedProcess(command, code)
 
-    monkeypatch.setattr(dist, "run", run)
-    dist.add_machine_code(tmp_path / "package", tmp_path)
-    assert [p.relative_to(tmp_path / "package").as_posix() for p in (tmp_path / "package").rglob("*.nbi")] == [
-        "code/billiards_env.engine/pic.run-1.py311.nbi"
-    ]
-    assert all((e["NUMBA_CPU_NAME"], e["NUMBA_CPU_FEATURES"]) == ("generic", "") for e in commands)
+    monkeypatch.setattr(subprocess, "run", run)
+    setup_file.add_machine_code(tmp_path)
+    assert [command[2:] for command in commands] == [("billiards_env", "cache", "common")]
+    kept = [path.name for path in (tmp_path / "billiards_env").glob("machine_code/*")]
+    assert kept == ([] if code else [folders.code_folder().name])
 
 
-def test_the_folders_of_the_code_are_found_in_another_package(tmp_path):
-    code, cache = dist.run(
-        sys.executable, "-c", dist.FOLDER_OF_CODE, PYTHONPATH=str(dist.ROOT), NUMBA_CACHE_DIR=str(tmp_path)
-    ).splitlines()
-    assert Path(code) == folders.code_folder()
-    assert Path(cache).parent == tmp_path
+def test_what_a_wheel_is_compiled_for_are_parts(monkeypatch, setup_file):
+    assert set(setup_file.PARTS) <= set(compiling.PARTS)
+    assert setup_file.WithMachineCode().has_ext_modules()
+    monkeypatch.setattr(setup_file, "PARTS", [])
+    assert not setup_file.WithMachineCode().has_ext_modules()
 
 
 def test_a_command_that_fails_is_reported_with_its_errors():
