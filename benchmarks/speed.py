@@ -37,6 +37,9 @@ SHARE = 0.1
 """Share of the table that the disks cover."""
 GROWTH_SECONDS = 2.0  # simulated
 
+LEAST_TIME = 0.2e-6
+"""s. About the time in which a core computes the 1,500 results that a shot with one object ball needs."""
+
 Floats = NDArray[np.float64]
 
 
@@ -268,6 +271,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         f"table. With {MANY_BALLS} balls or more the engine uses the cells, and a heap for its events. A shot begins "
         "with the checks of its input and the first predictions.",
         "growth": rows_table(growth, gases),
+        "limit": f"A shot of the first kind in the table takes {1 / (per_second * LEAST_TIME):.0f} times this limit, "
+        "with the checks of its input.",
         "two_cores": f"Two threads run {min(gains):.2f} to {max(gains):.2f} times as many shots a second as one.",
         "summary": f"One core plays {rounded(per_second)} shots a second in a batch (one object ball): "
         f"{per_second * result['batch'][0]['seconds_simulated_per_shot'] / 1e6:.2g} million seconds of table time per "

@@ -33,6 +33,10 @@ GAMES = {name: {"task": name.replace(" ", "_"), "n_players": 2, "threads": 1} fo
 """Games of two players from the break, with the arguments of their environments."""
 
 
+RESETS = "native, 1,024, one thread, resets with a seed"
+"""The kind whose rate is that of resets; the others have that of steps."""
+
+
 def actions_for(count: int, size: int = 2) -> np.ndarray:
     """Returns (8, count, size) random actions, to be played in turn."""
     return np.random.default_rng(0).uniform(-1, 1, (8, count, size)).astype(np.float32)
@@ -61,6 +65,16 @@ def many(envs: Any, steps: int) -> Callable[[], object]:
     def play() -> None:
         for k in range(steps):
             envs.step(actions[k % len(actions)])
+
+    return play
+
+
+def resetting(envs: Any, resets: int) -> Callable[[], object]:
+    """Returns a function that resets a vector environment `resets` times, each time with another seed."""
+
+    def play() -> None:
+        for seed in range(resets):
+            envs.reset(seed=seed)
 
     return play
 
@@ -127,6 +141,7 @@ def environments(scale: float) -> list[tuple[str, int, Callable[[], object]]]:
             )
             for name, arguments in GAMES.items()
         ),
+        (RESETS, 1024 * steps(1024), resetting(native(1024, threads=1), steps(1024))),
     ]
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.engine.all_pairs import SOON, most_contacts
-from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, phase_end
+from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, phase_end
 from billiards_env.engine.pic import event_loop, make_workspace
 from billiards_env.engine.pic_events import add_contact
 from billiards_env.engine.predictions import (
@@ -21,18 +21,20 @@ from billiards_env.engine.predictions import (
     NextEvent,
     Singles,
     empty_singles,
-    predict_pair,
     rank_of,
     single_time,
 )
 from billiards_env.engine.runner import for_all_shots
 from billiards_env.jit import allocating, allocating_entry_point, kernel
 from billiards_env.physics.clusters.impulses import empty_scratch
-from billiards_env.physics.geometry.contact import circle_time, line_time
+from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.contact import IMPULSE_ROUNDING, circle_time, contact_distance, line_time
 from billiards_env.physics.geometry.outline_walls import any_wall_time
 from billiards_env.physics.geometry.pockets import path_to
-from billiards_env.physics.motion import path_of
+from billiards_env.physics.motion import Path, motion_after, path_of
 from billiards_env.physics.state import (
+    AX,
+    AY,
     LASTS,
     POTTED,
     REST,
@@ -44,6 +46,7 @@ from billiards_env.physics.state import (
     own_time,
     same,
     scene_of,
+    since,
 )
 
 
@@ -115,6 +118,23 @@ def _predict_single(i, state, scene, singles):
 
 
 @kernel
+def _predict_pair(i, j, now, state, scene, singles):
+    """Predicts the next meeting of balls i < j, of which one moves."""
+    for k in (i, j):
+        if singles.hi[k] <= now.hi and singles.kind[k] in (SLIDING_ROLLING, ROLLING_REST):
+            return Time(math.inf, 0.0)
+    end = min(singles.hi[i], singles.hi[j]) - now.hi
+    xi, yi, vxi, vyi = motion_after(state, i, since(now, own_time(state, i)))
+    xj, yj, vxj, vyj = motion_after(state, j, since(now, own_time(state, j)))
+    rows = state.rows
+    ax, ay = rows[j, AX] - rows[i, AX], rows[j, AY] - rows[i, AY]
+    reach = contact_distance(scene.spheres, scene.radius, i, j)
+    noise = IMPULSE_ROUNDING * (norm(vxi, vyi) + norm(vxj, vyj))
+    t = circle_time(Path(xj - xi, yj - yi, vxj - vxi, vyj - vyi, ax, ay), reach, end, noise)
+    return later(now, t) if t < math.inf else Time(math.inf, 0.0)
+
+
+@kernel
 def predict(changed, count, now, state, scene, queue):
     """Predicts what happens next to the first `count` balls of `changed`."""
     n = len(scene.radius)
@@ -128,7 +148,7 @@ def predict(changed, count, now, state, scene, queue):
             time = Time(math.inf, 0.0)
             in_play = state.phase[a] != POTTED and state.phase[b] != POTTED
             if in_play and (moves(state, a) or moves(state, b)):
-                time = predict_pair(a, b, now, state, scene, queue.singles)
+                time = _predict_pair(a, b, now, state, scene, queue.singles)
             queue.hi[a, b], queue.lo[a, b] = time.hi, time.lo
     return 1
 

@@ -1,4 +1,7 @@
-"""The event queue for few balls: the next meeting of every pair, in a table.
+"""The event queue for few balls: the next event of each ball alone, and the meetings of all pairs, in a table.
+
+For most pairs a lower bound of the time of their meeting is enough. It is replaced by the time when it is the earliest
+of all predictions.
 
 `engine.cell_grid` has the same public functions, for many balls: `empty_queue`, `most_contacts`, `clear`, `predict`,
 `earliest`, `due` and `gather`. `engine.pic` calls them.
@@ -11,31 +14,39 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from billiards_env.engine.meetings import (
+    Meetings,
+    empty_meetings,
+    is_bound,
+    least,
+    leave_rows,
+    pair_at,
+    set_time,
+    time_of,
+)
 from billiards_env.engine.pic_events import add_contact
 from billiards_env.engine.predictions import (
-    PAIR_RANK,
-    NextEvent,
     Singles,
-    can_meet,
-    cannot_meet,
     empty_singles,
+    meeting_bound,
+    next_event,
     predict_pair,
     predict_single,
     rank_of,
     single_time,
 )
-from billiards_env.jit import allocating, inlined, kernel
+from billiards_env.jit import allocating, inlined
 from billiards_env.physics.motion import Path, difference, path_after, path_of
-from billiards_env.physics.state import AX, AY, T0, VX, VY, Time, X, Y, before, same
-
-MANY = 8
-"""From this number of balls on, `screen` compares a ball with all others before pairs are predicted."""
-
-LANES = 8  # largest number of doubles that one processor instruction handles
+from billiards_env.physics.state import AX, AY, T0, VX, VY, Time, X, Y, same
 
 SOON = 1e-6
 """s. Pairs that are predicted to meet at most this long after an impact are tested for contact at it."""
 
+MANY = 4
+"""From this number of balls on, one instruction compares a ball with several others."""
+
+_LANES = 8  # largest number of doubles that one processor instruction handles
+_LONG = 1e300  # s, instead of an infinite time
 
 # Rows of `Queue.paths`. A path starts at the ball's own time and ends at the time of the ball's next event alone. The
 # first rows are X to AY, as in `State.rows`, with the position and the velocity at its start.
@@ -47,61 +58,22 @@ class Queue(NamedTuple):
 
     Attributes:
         singles: The `Singles`.
-        hi: (n, n) float64, s: element (i, j) with i < j is the time of their next meeting; the others are undefined.
-        lo: (n, n) float64, its second part.
-        nearest_hi: (n,) float64, the earliest time of row i of `hi`.
-        nearest_lo: (n,) float64, its second part.
-        nearest: (n,) int64, the ball j of that meeting; n if there is none.
-        paths: (PATH_ROWS, c) float64, copies of the balls' paths for `screen`, in SI units; None for at most two balls.
-            c is at least n and a multiple of `LANES`, so that vectorised loops have no remainder.
-        apart: (c,) bool, scratch: the balls that `screen` has excluded.
-        changed: (n,) bool, the balls that `predict` was called for; False between calls.
+        meetings: The `Meetings`.
+        paths: (PATH_ROWS, c) float64, copies of the balls' paths, in SI units. c is at least n and a multiple of
+            `_LANES`, so that vectorised loops have no remainder.
     """
 
     singles: Singles
-    hi: Any
-    lo: Any
-    nearest_hi: Any
-    nearest_lo: Any
-    nearest: Any
+    meetings: Meetings
     paths: Any
-    apart: Any
-    changed: Any
 
 
 @allocating
-def empty_queue(scene, paths):
-    """Returns the `Queue` for the balls of a scene, with undefined predictions.
-
-    `paths` is a result of `empty_paths`; None for at most two balls.
-    """
+def empty_queue(scene):
+    """Returns the `Queue` for the balls of a scene, with undefined predictions."""
     n = len(scene.radius)
-    queue = Queue(
-        singles=empty_singles(n),
-        hi=np.empty((n, n)),
-        lo=np.empty((n, n)),
-        nearest_hi=np.empty(n),
-        nearest_lo=np.empty(n),
-        nearest=np.empty(n, np.int64),
-        paths=paths,
-        apart=np.empty(_lanes(n), np.bool_),
-        changed=np.empty(n, np.bool_),
-    )
-    for i in range(n):  # `np.zeros` would be another function to compile
-        queue.changed[i] = False
-    return queue
-
-
-@allocating
-def empty_paths(n):
-    """Returns `Queue.paths` for n balls."""
-    return np.zeros((PATH_ROWS, _lanes(n)))
-
-
-@inlined
-def _lanes(n):
-    """Returns the smallest multiple of `LANES` that is at least n."""
-    return -(-n // LANES) * LANES
+    columns = -(-n // _LANES) * _LANES
+    return Queue(empty_singles(n), empty_meetings(n, columns), np.zeros((PATH_ROWS, columns)))
 
 
 @allocating
@@ -118,13 +90,11 @@ def clear(state, scene, queue):
 
 @inlined
 def _copy_path(i, state, scene, singles, paths):  # out: paths
-    """Copies ball i's path for `screen`."""
-    if paths is None:
-        return
+    """Copies ball i's path."""
     s = state.rows[i]
     for c in range(PATH_START):
         paths[c, i] = s[c]
-    paths[PATH_START, i], paths[PATH_END, i], paths[PATH_RADIUS, i] = s[T0], singles.hi[i], scene.radius[i]
+    paths[PATH_START, i], paths[PATH_END, i], paths[PATH_RADIUS, i] = s[T0], min(singles.hi[i], _LONG), scene.radius[i]
 
 
 @inlined
@@ -134,64 +104,28 @@ def _path(paths, i):
 
 
 @inlined
-def screen(i, now, until, paths, apart):  # out: apart
-    """Finds balls that ball i does not meet while both paths are valid. One instruction compares several balls.
-
-    Args:
-        i: The ball, whose own time is `now`.
-        now: s.
-        until: End of ball i's path or of the shot, s.
-        paths: `Queue.paths`.
-        apart: (c,) bool out.
-    """
-    if paths is None:
-        return
-    own, radius = _path(paths, i), paths[PATH_RADIUS, i]
-    for j in range(len(apart)):
-        path = difference(path_after(_path(paths, j), now - paths[PATH_START, j]), own)
-        apart[j] = cannot_meet(path, radius + paths[PATH_RADIUS, j], min(until, paths[PATH_END, j]) - now)
-
-
-@inlined
-def _apart_now(i, j, now, until, state, scene, singles):
-    """Returns whether balls i and j do not meet, as `screen` does for one ball j."""
-    path = difference(path_after(path_of(state, j), now - state.rows[j, T0]), path_of(state, i))
-    return cannot_meet(path, scene.radius[i] + scene.radius[j], min(until, singles.hi[j]) - now)
-
-
-@inlined
-def _predict_pairs(i, now, state, scene, queue):  # out: queue
-    """Predicts the meetings of ball i, whose own time is `now`, with all other balls."""
-    n, singles = len(scene.radius), queue.singles
-    until = singles.hi[i]
-    if n >= MANY:
-        screen(i, now.hi, until, queue.paths, queue.apart)
-    queue.nearest_hi[i], queue.nearest_lo[i], queue.nearest[i] = math.inf, 0.0, n
-    for j in range(n):
-        if j == i or (j < i and queue.changed[j]):  # ball j predicts this pair
+def _bound_few(i, now, state, scene, queue):  # out: queue
+    """Does what `_bound_many` does, ball by ball, without the copies of the paths."""
+    hi, lo, times = queue.meetings.hi, queue.meetings.lo, queue.singles.hi
+    for j in range(len(times)):
+        if j == i:
+            hi[i, j] = math.inf
             continue
-        time = Time(math.inf, 0.0)
-        a, b = min(i, j), max(i, j)
-        if can_meet(i, j, state):
-            apart = queue.apart[j] if n >= MANY else _apart_now(i, j, now.hi, until, state, scene, singles)
-            if not apart:
-                time = predict_pair(a, b, now, state, scene, singles)
-        queue.hi[a, b], queue.lo[a, b] = time.hi, time.lo
-        if before(time, Time(queue.nearest_hi[a], queue.nearest_lo[a])):
-            queue.nearest_hi[a], queue.nearest_lo[a], queue.nearest[a] = time.hi, time.lo, b
-        elif queue.nearest[a] == b and j < i:
-            _find_nearest(a, queue)
+        path = difference(path_after(path_of(state, j), now - state.rows[j, T0]), path_of(state, i))
+        reach, end = scene.radius[i] + scene.radius[j], min(times[i], times[j], _LONG)
+        hi[i, j], lo[i, j] = now + meeting_bound(path, reach, end - now), -math.inf
 
 
-@kernel
-def _find_nearest(i, queue):  # out: queue
-    """Finds the earliest meeting of ball i with the balls j > i."""
-    nearest, k = Time(math.inf, 0.0), len(queue.nearest)
-    for j in range(i + 1, len(queue.nearest)):
-        time = Time(queue.hi[i, j], queue.lo[i, j])
-        if before(time, nearest):
-            nearest, k = time, j
-    queue.nearest_hi[i], queue.nearest_lo[i], queue.nearest[i] = nearest.hi, nearest.lo, k
+@inlined
+def _bound_many(i, now, paths, meetings):  # out: meetings
+    """Writes ball i's row: lower bounds of its meetings after `now`, s. One instruction handles several balls."""
+    n, until, hi, lo = len(meetings.next), paths[PATH_END, i], meetings.hi, meetings.lo
+    own, radius = _path(paths, i), paths[PATH_RADIUS, i]
+    for j in range(paths.shape[1]):
+        path = difference(path_after(_path(paths, j), now - paths[PATH_START, j]), own)
+        bound = meeting_bound(path, radius + paths[PATH_RADIUS, j], min(until, paths[PATH_END, j]) - now)
+        hi[i, j] = math.inf if (j == i) | (j >= n) else now + bound
+        lo[i, j] = -math.inf
 
 
 @inlined
@@ -201,39 +135,35 @@ def predict(changed, count, now, state, scene, queue):  # out: queue
     Returns:
         The amount of work, in the unit of `runner.LOOK_AFTER`; negative if it was interrupted.
     """
-    many = len(scene.radius) >= MANY
+    n, meetings = len(scene.radius), queue.meetings
+    for c in range(count):
+        predict_single(changed[c], state, scene, queue.singles)
+        if n >= MANY:
+            _copy_path(changed[c], state, scene, queue.singles, queue.paths)
     for c in range(count):
         i = changed[c]
-        predict_single(i, state, scene, queue.singles)
-        if many:
-            _copy_path(i, state, scene, queue.singles, queue.paths)
-        queue.changed[i] = True
-    for c in range(count):
-        _predict_pairs(changed[c], now, state, scene, queue)
-    for c in range(count):
-        queue.changed[changed[c]] = False
+        if n >= MANY:
+            _bound_many(i, now.hi, queue.paths, meetings)
+        else:
+            _bound_few(i, now.hi, state, scene, queue)
+        meetings.next[i] = least(meetings.hi[i], n)
+        leave_rows(i, meetings)
     return 1
 
 
 @inlined
-def earliest(state, scene, queue, limit):
-    """Returns the next `NextEvent`."""
-    singles = queue.singles
-    time, rank, first, last = Time(math.inf, 0.0), PAIR_RANK, 0, -1
-    for i in range(len(queue.nearest)):
-        nearest = Time(queue.nearest_hi[i], queue.nearest_lo[i])
-        if before(nearest, time):
-            time = nearest
-    for i in range(len(queue.nearest)):
-        single = single_time(singles, i)
-        if single.hi > time.hi or single.hi == math.inf:
-            continue
-        r = rank_of(singles.kind[i])
-        if single.hi < time.hi or single.lo < time.lo or (single.lo == time.lo and r < rank):
-            time, rank, first, last = single, r, i, i
-        elif single.lo == time.lo and r == rank:
-            last = i
-    return NextEvent(time, rank, first, last)
+def earliest(state, scene, queue, limit):  # out: queue
+    """Returns the next `NextEvent`. Replaces lower bounds of meetings by their times on the way to it."""
+    singles, meetings = queue.singles, queue.meetings
+    single = least(singles.hi, len(singles.hi))
+    while True:
+        hi = least(meetings.next, len(singles.hi))
+        if hi > single or hi == math.inf:
+            return next_event(Time(single, math.inf), singles)
+        i, j, time = pair_at(hi, meetings)
+        if not is_bound(time):
+            return next_event(time, singles)
+        set_time(i, j, predict_pair(i, j, state, scene, singles), meetings)
 
 
 @inlined
@@ -251,18 +181,27 @@ def due(event, queue, balls):  # out: balls
 
 
 @inlined
-def gather(now, state, scene, queue, contacts):  # out: state, contacts
+def gather(now, state, scene, queue, contacts):  # out: state, queue, contacts
     """Finds the contacts at a `Time` (pairs that meet, or that touch and approach) and advances their balls to it.
 
     Returns their number.
     """
-    count, n = 0, len(queue.nearest)
+    meetings, first, second = queue.meetings, contacts.first, contacts.second
+    n, found, count = len(meetings.next), 0, 0
     for i in range(n):
-        if queue.nearest_hi[i] - now.hi > SOON:
+        if meetings.next[i] - now.hi > SOON:
             continue
-        for j in range(i + 1, n):
-            if queue.hi[i, j] - now.hi > SOON:
+        for j in range(n):
+            if meetings.hi[i, j] - now.hi > SOON:
                 continue
-            if add_contact(i, j, Time(queue.hi[i, j], queue.lo[i, j]), now, state, scene, contacts, count):
-                count += 1
+            if is_bound(time_of(i, j, meetings)):
+                set_time(i, j, predict_pair(i, j, state, scene, queue.singles), meetings)
+            if meetings.hi[i, j] - now.hi <= SOON:
+                first[found], second[found] = i, j
+                found += 1
+    for c in range(found):  # the first `count` of these pairs are contacts
+        i, j = first[c], second[c]
+        time, a, b = time_of(i, j, meetings), min(i, j), max(i, j)
+        if add_contact(a, b, time, now, state, scene, contacts, count):
+            count += 1
     return count

@@ -25,7 +25,6 @@ from billiards_env.engine.predictions import (
     PAIR_RANK,
     NextEvent,
     Singles,
-    can_meet,
     empty_singles,
     predict_pair,
     predict_single,
@@ -261,23 +260,12 @@ def _predict_crossing(i, now, state, scene, queue):  # out: queue
 
 
 @kernel
-def _meeting(i, j, state, scene, queue):
-    """Returns the `Time` at which balls i and j next meet, infinite if they do not."""
-    if not can_meet(i, j, state):
-        return Time(math.inf, 0.0)
-    start, start_j = own_time(state, i), own_time(state, j)
-    if before(start, start_j):
-        start = start_j
-    return predict_pair(min(i, j), max(i, j), start, state, scene, queue.singles)
-
-
-@kernel
 def _predict_in_cell(i, c, r, state, scene, queue):  # out: queue
     """Predicts the meetings of ball i with the balls in a cell. Stores a meeting for a ball if it is its earliest."""
     j = queue.head[c, r]
     while j >= 0:
         if j != i:
-            time = _meeting(i, j, state, scene, queue)
+            time = predict_pair(i, j, state, scene, queue.singles)
             for a, b in ((i, j), (j, i)):
                 if before(time, Time(queue.meeting_hi[a], queue.meeting_lo[a])):
                     queue.meeting_hi[a], queue.meeting_lo[a] = time.hi, time.lo
@@ -411,20 +399,14 @@ def gather(now, state, scene, queue, contacts):  # out: state, queue, contacts
     count = 0
     for k in range(_find_soon(now.hi, queue, soon)):
         i = soon[k]
-        begin = count
         for c in range(max(0, queue.column[i] - 1), min(columns, queue.column[i] + 2)):
             for r in range(max(0, queue.row[i] - 1), min(rows, queue.row[i] + 2)):
                 j = queue.head[c, r]
                 while j >= 0:
                     if j > i and count < len(first):
-                        time = _meeting(i, j, state, scene, queue)
+                        time = predict_pair(i, j, state, scene, queue.singles)
                         if time.hi - now.hi <= SOON:
-                            at = count
-                            while at > begin and second[at - 1] > j:
-                                second[at], pair_hi[at], pair_lo[at] = second[at - 1], pair_hi[at - 1], pair_lo[at - 1]
-                                at -= 1
-                            first[count] = i
-                            second[at], pair_hi[at], pair_lo[at] = j, time.hi, time.lo
+                            first[count], second[count], pair_hi[count], pair_lo[count] = i, j, time.hi, time.lo
                             count += 1
                     j = queue.next[j]
     left = 0

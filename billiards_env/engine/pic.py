@@ -6,9 +6,9 @@ one of its balls. The engine takes the earliest prediction, advances only the ba
 motion, and predicts their next events. At one instant it resolves pockets first, then all impacts between balls as one
 problem, then cushions, then the ends of phases.
 
-A queue stores the predictions: `engine.all_pairs` for few balls, `engine.cell_grid` for many. Both lead to the same
-bits. Two balls have only one impact with each other at an instant, so their engine is compiled without the code for
-several impacts.
+A queue stores the predictions: `engine.one_pair` for at most two balls, `engine.all_pairs` for few, `engine.cell_grid`
+for many. All lead to the same bits. Two balls have only one impact with each other at an instant, so their engine is
+compiled without the code for several impacts.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.engine import all_pairs, cell_grid
+from billiards_env.engine import all_pairs, cell_grid, one_pair
 from billiards_env.engine.contact_rule import Memory, empty_memory, reset_memory
 from billiards_env.engine.log import clear_log, log_segment
 from billiards_env.engine.pic_events import resolve_impacts, resolve_singles
@@ -96,7 +96,7 @@ def event_loop(queue: ModuleType) -> Any:
     """Returns the kernel that runs one shot with the predictions in a queue.
 
     Args:
-        queue: The module `all_pairs` or `cell_grid`.
+        queue: The module `one_pair`, `all_pairs` or `cell_grid`.
     """
     clear, predict, earliest, due, gather = queue.clear, queue.predict, queue.earliest, queue.due, queue.gather
 
@@ -143,6 +143,7 @@ def event_loop(queue: ModuleType) -> Any:
     return run
 
 
+_run_one_pair = for_all_shots(event_loop(one_pair))
 _run_all_pairs = for_all_shots(event_loop(all_pairs))
 _run_cell_grid = for_all_shots(event_loop(cell_grid))
 
@@ -163,7 +164,7 @@ def run_shots(begin, end, scene, limit, max_events, shots, log):  # out: shots, 
     arrays = scene_of(scene, 0)
     n, most = len(arrays.radius), all_pairs.most_contacts(arrays)
     scratch = empty_scratch(n, most, arrays.ball_friction)
-    queue = all_pairs.empty_queue(arrays, all_pairs.empty_paths(n))
+    queue = all_pairs.empty_queue(arrays)
     work = make_workspace(arrays, queue, most, scratch)
     end_call(_run_all_pairs(begin, end, scene, work, limit, max_events, shots, log))
 
@@ -175,8 +176,8 @@ def run_shots_of_at_most_two(begin, end, scene, limit, max_events, shots, log): 
     With more balls it would write outside the arrays.
     """
     arrays = scene_of(scene, 0)
-    work = make_workspace(arrays, all_pairs.empty_queue(arrays, None), 1, None)
-    end_call(_run_all_pairs(begin, end, scene, work, limit, max_events, shots, log))
+    work = make_workspace(arrays, one_pair.empty_queue(arrays), 1, None)
+    end_call(_run_one_pair(begin, end, scene, work, limit, max_events, shots, log))
 
 
 @allocating_entry_point

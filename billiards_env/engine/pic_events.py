@@ -16,7 +16,9 @@ from billiards_env.scene import CONTACT_GAP
 
 @inlined
 def add_contact(i, j, meeting, now, state, scene, contacts, count):  # out: state, contacts
-    """Appends balls i < j to the contacts and advances them, if they meet at a `Time` or touch and approach then.
+    """Adds balls i < j to the contacts and advances them, if they meet at a `Time` or touch and approach then.
+
+    The contacts stay in the order of their balls.
 
     Args:
         i: A ball.
@@ -29,7 +31,7 @@ def add_contact(i, j, meeting, now, state, scene, contacts, count):  # out: stat
         count: Number of contacts found so far.
 
     Returns:
-        Whether the balls were appended.
+        Whether the balls were added.
     """
     xi, yi, vxi, vyi = motion_after(state, i, since(now, own_time(state, i)))
     xj, yj, vxj, vyj = motion_after(state, j, since(now, own_time(state, j)))
@@ -43,8 +45,14 @@ def add_contact(i, j, meeting, now, state, scene, contacts, count):  # out: stat
         return False
     advance(state, i, now, scene.numbers)
     advance(state, j, now, scene.numbers)
-    contacts.first[count], contacts.second[count] = i, j
-    contacts.nx[count], contacts.ny[count], contacts.closing[count] = nx, ny, closing
+    first, second = contacts.first, contacts.second
+    k = count
+    while k > 0 and (first[k - 1] > i or (first[k - 1] == i and second[k - 1] > j)):
+        first[k], second[k], contacts.closing[k] = first[k - 1], second[k - 1], contacts.closing[k - 1]
+        contacts.nx[k], contacts.ny[k] = contacts.nx[k - 1], contacts.ny[k - 1]
+        k -= 1
+    first[k], second[k] = i, j
+    contacts.nx[k], contacts.ny[k], contacts.closing[k] = nx, ny, closing
     return True
 
 

@@ -20,10 +20,8 @@ from billiards_env.physics.geometry.contact import (
     TINY,
     circle_time,
     contact_distance,
-    misses_circle,
-    sweep,
 )
-from billiards_env.physics.geometry.pockets import path_to
+from billiards_env.physics.geometry.pockets import path_to, pockets_near
 from billiards_env.physics.geometry.walls import wall_time
 from billiards_env.physics.motion import Path, motion_after, path_of
 from billiards_env.physics.state import (
@@ -34,9 +32,11 @@ from billiards_env.physics.state import (
     REST,
     ROLLING,
     Time,
+    before,
     later,
     moves,
     own_time,
+    same,
     since,
 )
 
@@ -95,6 +95,22 @@ def single_time(singles, i):
 
 
 @inlined
+def next_event(meeting, singles):
+    """Returns the `NextEvent`: a meeting at a `Time`, or the events of balls alone if they come first."""
+    time, rank, first, last = meeting, PAIR_RANK, 0, -1
+    for i in range(len(singles.hi)):
+        single = single_time(singles, i)
+        if single.hi > time.hi or single.hi == math.inf:
+            continue
+        r = rank_of(singles.kind[i])
+        if before(single, time) or (same(single, time) and r < rank):
+            time, rank, first, last = single, r, i, i
+        elif same(single, time) and r == rank:
+            last = i
+    return NextEvent(time, rank, first, last)
+
+
+@inlined
 def predict_single(i, state, scene, singles):  # out: singles
     """Predicts the next event of ball i alone, from its own time on."""
     singles.hi[i], singles.lo[i] = math.inf, 0.0
@@ -108,11 +124,9 @@ def predict_single(i, state, scene, singles):  # out: singles
         t, wall = wall_time(path, scene.radius[i], end, numbers, scene.outline)
         if t < math.inf:
             end, kind, other = t, BALL_CUSHION, wall
-        swept, pockets = sweep(path, end), scene.pockets
-        for k in range(len(pockets)):
-            from_pocket, reach = path_to(path, pockets[k])
-            if misses_circle(from_pocket, swept, reach):
-                continue
+        first, last = pockets_near(path, end, scene.pockets)
+        for k in range(first, last + 1):
+            from_pocket, reach = path_to(path, scene.pockets[k])
             t = circle_time(from_pocket, reach, end, 0.0)
             if t < end or (t == end and kind != BALL_POCKET and t < math.inf):
                 end, kind, other = t, BALL_POCKET, k
@@ -123,25 +137,55 @@ def predict_single(i, state, scene, singles):  # out: singles
 
 
 @inlined
-def can_meet(i, j, state):
+def _can_meet(i, j, state):
     """Returns whether balls i and j are in play and at least one of them moves."""
     return state.phase[i] != POTTED and state.phase[j] != POTTED and (moves(state, i) or moves(state, j))
 
 
 @inlined
-def predict_pair(i, j, now, state, scene, singles):
-    """Returns the `Time` at which balls i < j next meet, infinite if they do not.
+def meeting_bound(path, reach, end):
+    """Returns a lower bound of the time at which two balls meet, s; infinite if they do not meet by `end`.
 
-    It does not depend on the time at which the shot is cut, so a cut shot has the bits of the whole shot.
+    It has no branches, so that it can be vectorised.
+
+    Args:
+        path: The `Path` of one centre relative to the other.
+        reach: Distance of the centres at contact, m, or a larger one, such as the sum of the radii of spheres.
+        end: End of the interval, s, finite.
+    """
+    dx, dy, wx, wy, bx, by = path
+    dd = dx * dx + dy * dy
+    # Upper bound on their mean speed of approach along the line of centres, times their distance
+    dw, half_db = dx * wx + dy * wy, 0.5 * (dx * bx + dy * by)
+    closing = max(0.0, -dw) + end * max(0.0, -half_db)
+    gap = (1.0 - MARGIN) * dd - reach * math.sqrt(dd)
+    # Lower bound on the distance at which they pass each other, times the relative speed
+    side = abs(dx * wy - dy * wx) - 0.5 * end * end * abs(wx * by - wy * bx)
+    wide = (side > 0.0) & (side * side > (1.0 + MARGIN) * reach * reach * (wx * wx + wy * wy) + TINY)
+    outside = dd >= (1.0 + 1e-5) * reach * reach
+    bound = math.inf if (gap > end * closing) | wide else gap / closing
+    return bound if outside else 0.0
+
+
+@inlined
+def predict_pair(i, j, state, scene, singles):
+    """Returns the `Time` at which balls i and j next meet, infinite if they do not.
+
+    The prediction starts at the later of their own times, so its bits do not depend on when it is made, nor on the time
+    at which the shot is cut.
 
     Args:
         i: A ball.
         j: The other ball.
-        now: Start of the prediction, not earlier than the own time of either ball.
         state: The `State`.
         scene: The `SceneArrays`.
         singles: The `Singles`.
     """
+    if not _can_meet(i, j, state):
+        return Time(math.inf, 0.0)
+    now = own_time(state, i)
+    if before(now, own_time(state, j)):
+        now = own_time(state, j)
     # This prediction is valid only until the phase of either ball ends, so not at all if a phase ends now.
     for k in (i, j):
         if singles.hi[k] <= now.hi and singles.kind[k] in (SLIDING_ROLLING, ROLLING_REST):
@@ -150,34 +194,9 @@ def predict_pair(i, j, now, state, scene, singles):
     xi, yi, vxi, vyi = motion_after(state, i, since(now, own_time(state, i)))
     xj, yj, vxj, vyj = motion_after(state, j, since(now, own_time(state, j)))
     rows = state.rows
-    ax, ay = rows[j, AX] - rows[i, AX], rows[j, AY] - rows[i, AY]
+    path = Path(xj - xi, yj - yi, vxj - vxi, vyj - vyi, rows[j, AX] - rows[i, AX], rows[j, AY] - rows[i, AY])
     reach = contact_distance(scene.spheres, scene.radius, i, j)
-    noise = IMPULSE_ROUNDING * (norm(vxi, vyi) + norm(vxj, vyj))
-    t = circle_time(Path(xj - xi, yj - yi, vxj - vxi, vyj - vyi, ax, ay), reach, end, noise)
-    if t == math.inf:
+    if meeting_bound(path, reach, end) == math.inf:
         return Time(math.inf, 0.0)
-    return later(now, t)
-
-
-@inlined
-def cannot_meet(path, reach, end):
-    """Returns whether two balls do not meet by `end`, without roots and branches, so that it can be vectorised.
-
-    False does not mean that they meet.
-
-    Args:
-        path: The `Path` of one centre relative to the other.
-        reach: Distance of the centres at contact, m, or a larger one, such as the sum of the radii of spheres.
-        end: End of the interval, s.
-    """
-    dx, dy, wx, wy, bx, by = path
-    dd = dx * dx + dy * dy
-    # Upper bound on their mean speed of approach along the line of centres, times their distance
-    dw, half_db = dx * wx + dy * wy, 0.5 * (dx * bx + dy * by)
-    closing = max(0.0, -dw) + end * max(0.0, -half_db)
-    least = (1.0 - MARGIN) * dd - end * closing
-    far = (least > 0.0) & (least * least > reach * reach * dd)
-    # Lower bound on the distance at which they pass each other, times the relative speed
-    side = abs(dx * wy - dy * wx) - 0.5 * end * end * abs(wx * by - wy * bx)
-    wide = (side > 0.0) & (side * side > (1.0 + MARGIN) * reach * reach * (wx * wx + wy * wy) + TINY)
-    return (far | wide) & (dd >= (1.0 + 1e-5) * reach * reach) & (end < math.inf)
+    t = circle_time(path, reach, end, IMPULSE_ROUNDING * (norm(vxi, vyi) + norm(vxj, vyj)))
+    return later(now, t) if t < math.inf else Time(math.inf, 0.0)

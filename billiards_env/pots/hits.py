@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine.predictions import cannot_meet
+from billiards_env.engine.predictions import meeting_bound
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.ball_ball import impulse_of, push_pair
 from billiards_env.physics.elementary import norm
@@ -221,7 +221,7 @@ def meet_again(table, i, hit, speed, end, state):
         cue_x, cue_y, cue_vx, cue_vy = motion_after(state, cue, now - rows[cue, T0])
         ax, ay = rows[i, AX] - rows[cue, AX], rows[i, AY] - rows[cue, AY]
         path = Path(x - cue_x, y - cue_y, vx - cue_vx, vy - cue_vy, ax, ay)
-        if not cannot_meet(path, reach, until - now):
+        if meeting_bound(path, reach, until - now) != math.inf:
             noise = IMPULSE_ROUNDING * (norm(vx, vy) + norm(cue_vx, cue_vy))
             if circle_time(path, reach, until - now, noise) < math.inf:
                 return True

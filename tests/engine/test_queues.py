@@ -9,6 +9,9 @@ from benchmarks.reference.stress import families
 from billiards_env import Scene
 from billiards_env.engine import pic
 from billiards_env.engine.compile import MANY_BALLS, PIC, run_shots_of
+from billiards_env.engine.predictions import meeting_bound
+from billiards_env.physics.geometry.contact import circle_time
+from billiards_env.physics.motion import Path
 from billiards_env.scene import Balls, Physics, Table
 from tests.helpers.engine_runs import CELL_GRID, ORDINARY, PLAIN, check
 from tests.helpers.shots import lattice
@@ -80,3 +83,19 @@ def test_the_number_of_balls_selects_the_engine():
     assert run_shots_of(PIC, 1) is run_shots_of(PIC, 2) is pic.run_shots_of_at_most_two
     assert run_shots_of(PIC, 3) is run_shots_of(PIC, MANY_BALLS - 1) is pic.run_shots
     assert run_shots_of(PIC, MANY_BALLS) is pic.run_shots_of_many
+
+
+def test_a_bound_of_a_meeting_is_not_later_than_the_meeting_and_half_of_them_are_close_to_it():
+    rng, reach, shares, far = np.random.default_rng(0), 0.25, [], 0
+    for place, velocity, acceleration in rng.normal(size=(300, 3, 2)):
+        path, end = Path(*place, *velocity, *(0.2 * acceleration)), 2.0
+        if np.hypot(*place) > reach:
+            bound, t = meeting_bound(path, reach, end), circle_time(path, reach, end, 0.0)
+            assert 0.0 <= bound <= t
+            far += bound == np.inf
+            shares += [bound / t] if t < np.inf else []
+    assert far > 150
+    assert len(shares) > 10
+    assert np.median(shares) > 0.8
+    assert meeting_bound(Path(reach, 0.0, 0.0, 1.0, 0.0, 0.0), reach, 2.0) == 0.0  # balls that touch
+    assert meeting_bound(Path(1.0, 0.0, -1.0, 0.0, 0.0, 0.0), reach, np.inf) != np.inf

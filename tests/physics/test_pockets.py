@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from billiards_env.physics.geometry import pockets as kernels
+from billiards_env.physics.geometry.contact import circle_time
+from billiards_env.physics.motion import Path
 from billiards_env.scene import Pocket, Table
 from billiards_env.scene.table import six_pockets
 
@@ -60,3 +62,16 @@ def test_the_ends_of_a_rim_are_tangents():
     assert right_x * left_y - right_y * left_x > 0.0
     assert kernels.rim_ends(row, pocket.x, pocket.y, 1.0, 1.0, 0.0) == (0.0, 0.0, 0.0, 0.0)
     assert kernels.distance_along(row, pocket.x - 1.0, pocket.y, 1.0, 0.0) == pytest.approx(1.0 - 0.06)
+
+
+def test_the_pockets_near_a_path_are_those_that_it_may_reach():
+    rows, counts = Table(pockets=six_pockets()).pocket_rows, []
+    for place, velocity in np.random.default_rng(1).normal(size=(200, 2, 2)):
+        path = Path(*(place * (0.5, 0.25)), *velocity, *(-0.1 * velocity))
+        first, last = kernels.pockets_near(path, 1.0, rows)
+        reached = [k for k, row in enumerate(rows) if circle_time(*kernels.path_to(path, row), 1.0, 0.0) < np.inf]
+        assert set(reached) <= set(range(first, last + 1))
+        counts.append((len(reached), max(0, last + 1 - first)))
+    assert np.array(counts).any(axis=0).all()
+    assert np.mean(counts, axis=0)[1] < 2.0
+    assert kernels.pockets_near(Path(0.0, 0.0, 0.1, 0.0, 0.0, 0.0), 1.0, rows)[1] == -1

@@ -186,13 +186,14 @@ def sweep(path, end):
 def misses_circle(path, swept, reach):
     """Returns whether a path does not reach a circle. False does not mean that the path reaches it.
 
+    It has no branches, because they are hard to predict.
+
     Args:
         path: The `Path` relative to the centre of the circle.
         swept: The path's `Sweep`.
         reach: Radius of the circle, m.
     """
     side = abs(path.x * path.vy - path.y * path.vx) - swept.bend
-    if side > 0.0 and side * side > reach * reach * swept.speed_squared + TINY:
-        return True
+    passes = (side > 0.0) & (side * side > reach * reach * swept.speed_squared + TINY)
     wide = (1.0 + MARGIN) * reach
-    return abs(path.x) > wide + swept.most_dx or abs(path.y) > wide + swept.most_dy
+    return passes | (abs(path.x) > wide + swept.most_dx) | (abs(path.y) > wide + swept.most_dy)

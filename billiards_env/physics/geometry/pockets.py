@@ -10,7 +10,7 @@ import math
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.contact import cross, distance_to_segment, half_chord
+from billiards_env.physics.geometry.contact import cross, distance_to_segment, half_chord, misses_circle, sweep
 from billiards_env.physics.motion import relative_to
 
 _X, _Y, _RADIUS = 0, 1, 2  # columns of `SceneArrays.pockets`, m
@@ -38,6 +38,20 @@ def bounding_circle(pocket):
 def path_to(path, pocket):
     """Returns a ball's `Path` in the frame of a pocket, and the distance from the origin at which the ball drops, m."""
     return relative_to(path, pocket[_X], pocket[_Y]), pocket[_RADIUS]
+
+
+@inlined
+def pockets_near(path, end, pockets):
+    """Returns the first and the last pocket that a ball's `Path` may reach until `end`, s; (n, -1) if it reaches none.
+
+    Other pockets are out of its reach. All n pockets are tested without branches, because these are hard to predict.
+    """
+    swept, first, last = sweep(path, end), len(pockets), -1
+    for k in range(len(pockets)):
+        from_pocket, reach = path_to(path, pockets[k])
+        near = not misses_circle(from_pocket, swept, reach)
+        first, last = min(first, k if near else first), k if near else last
+    return first, last
 
 
 @inlined

@@ -94,18 +94,25 @@ def _exit_time(path, room_x, room_y, end):
     x, y, vx, vy, ax, ay = path
     first, number = math.inf, -1
     if not stays_within(x, vx, ax, end, room_x):
-        for k in range(2):
-            sign = 1.0 if k else -1.0
-            t = line_time(room_x - sign * x, sign * vx, sign * ax, end)
-            if t < first:
-                first, number = t, k
+        first, number = _side_time(x, vx, ax, end, room_x)
     if not stays_within(y, vy, ay, end, room_y):
-        for k in range(2):
-            sign = 1.0 if k else -1.0
-            t = line_time(room_y - sign * y, sign * vy, sign * ay, end)
-            if t < first:
-                first, number = t, 2 + k
+        t, side = _side_time(y, vy, ay, end, room_y)
+        if t < first:
+            first, number = t, 2 + side
     return first, number
+
+
+@inlined
+def _side_time(x, v, a, end, room):
+    """Returns the time at which x + v t + a t^2 / 2 leaves +-room, s, and the side, 0 or 1."""
+    ahead = v > 0.0 or (v == 0.0 and a > 0.0)
+    sign = 1.0 if ahead else -1.0
+    first, side = line_time(room - sign * x, sign * v, sign * a, end), 1 if ahead else 0
+    if end * abs(a) >= 1.9 * abs(v):  # otherwise the coordinate is on this side of its start until the end
+        t = line_time(room + sign * x, -sign * v, -sign * a, end)
+        if t < first:
+            first, side = t, 1 - side
+    return first, side
 
 
 @inlined
