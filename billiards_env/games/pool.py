@@ -147,8 +147,7 @@ def straight(state, facts, call):
     (4.4); when none is left, all are. A foul costs a point (4.9), and after a scratch the next player has the cue ball
     in hand behind the head string. A break that pots no counted ball must drive the cue ball and two object balls to a
     cushion, or it costs two points (4.3, 4.10), and the next player may have the same player break again. The third
-    consecutive foul costs 15 further points, all balls are
-    racked, and the same player breaks (4.11).
+    consecutive foul costs 15 further points, all balls are racked, and the same player breaks (4.11).
 
     Without a target (0), the game has a single rack: it is over when no object ball is left, and the highest score
     wins; a tie has no winner. There is then no penalty for three consecutive fouls.
