@@ -435,7 +435,7 @@ def web(args: argparse.Namespace) -> None:
 
     if not PLAY_PAGE.is_file():
         raise FileNotFoundError(
-            f"page = {str(PLAY_PAGE)!r}: expected a file; 'make page' in a clone writes it; run it before 'pip install .'"
+            f"page = {str(PLAY_PAGE)!r}: expected a file; 'make page' in a clone writes it, run it before 'pip install'"
         )
     if args.out is not None:
         write_atomically(check_path(args.out, ".html"), PLAY_PAGE.read_bytes())

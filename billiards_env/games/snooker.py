@@ -7,8 +7,8 @@ pink and black follow. The rules are simplified:
 
 * A player who nominates no ball nominates the colour, or with a free ball the ball, that the cue ball touches first
   (3.3, 3.12).
-* The only push stroke (2.19) is a shot that plays at a ball that touches the cue ball: the cue ball hits this ball first,
-  before a cushion.
+* The only push stroke (2.19) is a shot at a ball that touches the cue ball: the cue ball hits this ball first, before a
+  cushion.
 * After a tie no lots are drawn (3.4 b), because a game depends on its strokes alone. The next player has the choice of
   the winner of the lot: to play first at the re-spotted black, or to let the other player play first.
 * With the miss rule, every shot that does not touch a ball on first is a miss, unless a player needs penalty points
