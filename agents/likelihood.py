@@ -7,7 +7,7 @@ and its standard deviations are learned.
 
 In a task with a goal a shot is also a label for another goal (hindsight, Andrychowicz et al. 2017). If it meets the
 other condition of the task, it scores for every goal near the place where the cue ball stops, and its goal is drawn
-there. So almost every such shot can be used.
+there. So almost every such shot is useful.
 
 The weight of a shot is 1 over the number of shots of its layout that reach the same goal. So easy and difficult layouts
 and goals have a similar total weight.
@@ -38,7 +38,7 @@ from billiards_env.support.files import write_atomically
 
 Floats = NDArray[np.float64]
 
-_KEPT = 32  # updates whose labels are fitted again
+_KEPT = 32  # number of earlier updates whose labels are fitted again
 _LEAST_LOG = -20.0  # log-likelihoods below have no gradient
 _NORM = 5.0  # largest norm of a gradient
 

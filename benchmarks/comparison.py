@@ -175,7 +175,7 @@ LACKS = {
 
 
 def _why(result: dict[str, Any]) -> dict[str, str]:
-    """Returns the table of the front page and what it compares; none without the other simulators.
+    """Returns the table of the front page and the text below it; nothing without results of the other simulators.
 
     `benchmarks.speed` measures the shots of a batch.
     """

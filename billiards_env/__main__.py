@@ -85,8 +85,8 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     add(
         "--layout",
         default="random",
-        help="starting positions: random, rack, tight_rack, nine_ball, ten_ball, eight_ball, carom_opening, line, "
-        "snookered or snooker (default: %(default)s)",
+        help="starting positions: random, rack, tight_rack, nine_ball, nine_ball_2025, ten_ball, eight_ball, "
+        "carom_opening, line, snookered or snooker (default: %(default)s)",
     )
     add("--seed", type=int, default=0, help="seed of the layout (default: %(default)s)")
     add("--positions", type=number, nargs="+", metavar="X", help="x and y of each ball, cue ball first; no --layout")
@@ -435,7 +435,7 @@ def web(args: argparse.Namespace) -> None:
 
     if not PLAY_PAGE.is_file():
         raise FileNotFoundError(
-            f"page = {str(PLAY_PAGE)!r}: expected a file; 'make page' in a clone writes it, before 'pip install .'"
+            f"page = {str(PLAY_PAGE)!r}: expected a file; 'make page' in a clone writes it, run it before 'pip install'"
         )
     if args.out is not None:
         write_atomically(check_path(args.out, ".html"), PLAY_PAGE.read_bytes())

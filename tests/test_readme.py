@@ -150,7 +150,7 @@ def test_the_readme_is_short():
 
 
 def test_the_training_of_the_readme_is_the_row_that_make_train_trains():
-    """The number below it is that of the row."""
+    """The numbers below the code are those of this row."""
     text = PAGES["README.md"]
     (code,) = (code for language, _, code in FENCE.findall(text) if language == "python" and ".learn(" in code)
     row = load("pot")
@@ -166,7 +166,7 @@ def test_the_training_of_the_readme_is_the_row_that_make_train_trains():
 
 
 def test_the_readme_shows_the_commands_of_a_fresh_clone():
-    """The first is the example, the second is the one that continuous integration runs."""
+    """`make train` runs the example, and `make test` runs what continuous integration runs."""
     lines = {line.split("#")[0].strip(): line for line in PAGES["README.md"].splitlines() if line.startswith("make ")}
     assert list(lines) == ["make train", "make test"]
     assert all(re.search(r"\d+ minutes", line) for line in lines.values())

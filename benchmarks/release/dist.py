@@ -1,9 +1,9 @@
 """Builds the source archive and the wheel, and tries the wheel: `python -m benchmarks.release.dist`.
 
 The wheel has the machine code of `billiards_env.compiling.ENVIRONMENTS`, for any CPU of this architecture and for this
-version of Python (see `setup.py`). It has the platforms of the installed numba, because the code needs the same
-version. The package uses the code only with the same versions (`billiards_env.jit.folders`). `make dist`
-first builds the page of `billiards web`, which both contain.
+version of Python (see `setup.py`). Its platforms are those of the installed numba, because the code needs the same
+version of numba. The package uses the code only with the same versions (`billiards_env.jit.folders`). `make dist` first
+builds the page of `billiards web`, which the archive and the wheel contain.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The event queue for few balls: the next event of each ball alone, and the meetings of all pairs, in a table.
 
-For most pairs a lower bound of the time of their meeting is enough. It is replaced by the time when it is the earliest
-of all predictions.
+For most pairs a lower bound of the time of their meeting is enough. When a bound is the earliest of all predictions,
+the queue replaces it by the time.
 
 `engine.cell_grid` has the same public functions, for many balls: `empty_queue`, `most_contacts`, `clear`, `predict`,
 `earliest`, `due` and `gather`. `engine.pic` calls them.
@@ -199,7 +199,7 @@ def gather(now, state, scene, queue, contacts):  # out: state, queue, contacts
             if meetings.hi[i, j] - now.hi <= SOON:
                 first[found], second[found] = i, j
                 found += 1
-    for c in range(found):  # the first `count` of these pairs are contacts
+    for c in range(found):  # `add_contact` writes the contacts over the first pairs, which are tested already
         i, j = first[c], second[c]
         time, a, b = time_of(i, j, meetings), min(i, j), max(i, j)
         if add_contact(a, b, time, now, state, scene, contacts, count):

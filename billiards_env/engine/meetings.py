@@ -1,8 +1,8 @@
 """The next meetings of each ball with all others: a table with a row for each ball.
 
-A meeting is in the row of the ball whose motion has changed last. The row of a ball is written again when its motion
-changes, and the ball leaves the rows of the others. At first the table contains lower bounds of the times, because most
-meetings are never reached: an earlier event changes the motion of one of the balls.
+The meeting of two balls is in the row of the ball whose motion has changed last. When the motion of a ball changes, its
+row is written again, and the ball is removed from the other rows. At first the table contains lower bounds of the
+times, because most meetings never happen: an earlier event changes the motion of one of the two balls.
 """
 
 from __future__ import annotations

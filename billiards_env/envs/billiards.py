@@ -157,7 +157,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
 
     The other choices are a safety in the games with called shots, and then those of the state, such as "push_out" and
     "hand_back" in nine ball and ten ball, or "rerack" in eight ball, see `games.game_state.CALLS`. A player without
-    other choices plays an ordinary shot. The calls from "hand_back" on are a step without a shot.
+    other choices plays an ordinary shot. A call from "hand_back" on is a step without a shot.
 
     The observation is that of the player to shoot. The features "break", "in_hand", "own_pocket", "choices", "fouls"
     and "scores" follow the positions and the legal balls, as far as the game has them. The scores and the numbers of

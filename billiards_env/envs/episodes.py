@@ -411,7 +411,7 @@ class Episodes:
 
 
 class SpareEpisodes:
-    """The arrays of copies of an environment that are no longer used. A later copy needs no new ones.
+    """Arrays of copies of an environment that no longer exist. A later copy uses them and allocates none.
 
     Args:
         episodes: The arrays of the environment.

@@ -61,7 +61,7 @@ class Trials:
         return Trials, (self._model, self._shape)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Trials:
-        return self  # plays one call after the other
+        return self  # copies can share it, because it plays one call after the other
 
     def play(
         self,

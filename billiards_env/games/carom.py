@@ -5,8 +5,8 @@ of contents was available (3cushionbilliards.com). The content of the articles 2
 sources, such as the house rules of New Mexico Tech (infohost.nmt.edu/~billiard). When the turn changes, the two cue
 balls are swapped, so with two players each player has one cue ball.
 
-By default the first player with the target score wins. A limit of innings (`Setup.innings`) gives all players the same
-number of innings (UMB, art. 29), with the equalising inning.
+By default the first player who reaches the target score wins. With a limit of innings (`Setup.innings`) all players
+have the same number of innings (UMB, art. 29), so there is an equalising inning.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ def carom(state, facts, call):
     the red ball, number 1. The game is over when a player reaches the target score.
 
     If the cue ball touches a ball at the start of a shot, the player plays away from it, or has the balls set up again
-    (27). It is a foul to touch such a ball first without a cushion before, or to drive a ball off the table (28). A
-    foul scores nothing.
+    (27). It is a foul to hit such a ball first, before a cushion, or to drive a ball off the table (28). A foul scores
+    nothing.
 
     With a limit of innings, a player who reaches the target score ends the turn, and the next player plays from the
     starting position. The game is over at the end of the last inning, or of the inning in which a player reaches the
@@ -130,7 +130,7 @@ def touching_on_spots(table, positions, state):
     """Sets up the cue ball and the balls that touch it on the spots of three-cushion carom (UMB, paper F).
 
     The spots are the foot spot for the red ball, the head spot for the cue ball and the centre spot for the other ball.
-    If a ball that stays blocks a spot, the ball is placed on the spot of the one that blocks it.
+    If a ball that stays blocks the spot of another ball, that ball goes to the spot of the blocking ball.
     """
     cue, other = state.cue_balls
     moved = state.touching | 1 << cue

@@ -39,7 +39,7 @@ def no_free_ball(table, positions, state, on):
 
 @inlined
 def no_look(table, positions, state):
-    """Is `Game.look` of a game in which balls that touch the cue ball have no rule."""
+    """Is `Game.look` of a game in which the balls at rest add nothing to the state."""
 
 
 @inlined

@@ -51,9 +51,9 @@ CALLS = ("shot", "safety", "push_out", "hand_back", "replace", "rerack", "break_
   3.14).
 * "rerack": no shot; the balls are racked or set up again, and the player plays the first shot (WPA 3.3, UMB 27).
 * "break_again": no shot; the balls are racked again, and the previous player breaks (WPA 3.3, 4.3).
-* "stalemate": no shot; the game begins again, and the player who broke breaks again (WPA 1.12, WPBSA 3.16).
+* "stalemate": no shot; the balls are racked again, and the player who broke breaks again (WPA 1.12, WPBSA 3.16).
 
-`RulesState.choices` lists those that a player has from "push_out" on.
+`RulesState.choices` has the kinds from "push_out" on that a player may choose.
 """
 SHOT, SAFETY, PUSH_OUT, HAND_BACK, REPLACE, RERACK, BREAK_AGAIN, STALEMATE = range(len(CALLS))
 

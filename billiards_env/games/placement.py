@@ -440,9 +440,9 @@ def rack_and_break(table, positions, state):  # out: positions, state
 def offer_new_rack(table, positions, state):  # out: state
     """Gives the choice "stalemate" after some shots without progress, as `Game.look`.
 
-    The rules leave to the referee when there is no progress (WPA 1.12, WPBSA 3.16). Here each player first has three
-    turns without a pot, a point and a foul, and then the three more turns that the rules give. A table without room for
-    a rack has no choice of a new rack.
+    In the rules the referee decides when there is no progress (WPA 1.12, WPBSA 3.16). Here each player first has three
+    turns without a pot, a point or a foul, and then the three more turns that the rules give. On a table without room
+    for a rack, no choice of a new rack is offered.
     """
     if len(table.spots) == 0:
         state.choices &= ~(1 << RERACK | 1 << BREAK_AGAIN)

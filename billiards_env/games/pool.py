@@ -16,7 +16,7 @@ The rules are simplified:
 
 * In eight ball, ten ball and straight pool, shots are called (WPA 1.6) only in a state with `call_shot`. Otherwise any
   ball potted on a legal shot counts, in any pocket.
-* No lines are watched: a player who shoots from behind the head string may first touch a ball behind it (6.11, WPA 2025
+* No lines are checked: a player who shoots from behind the head string may first touch a ball behind it (6.11, WPA 2025
   3.11), and nine ball has no three-ball rule for the break (WPA 2025, regulation 16), which organisers may leave out.
 * After a break of eight ball that touches no ball, the cue ball is in hand; the player cannot leave it (3.3 h).
 * A player may call a stalemate (1.12) after six turns of each player without a pot, a point or a foul. In straight pool
@@ -147,8 +147,7 @@ def straight(state, facts, call):
     (4.4); when none is left, all are. A foul costs a point (4.9), and after a scratch the next player has the cue ball
     in hand behind the head string. A break that pots no counted ball must drive the cue ball and two object balls to a
     cushion, or it costs two points (4.3, 4.10), and the next player may have the same player break again. The third
-    consecutive foul costs 15 further points, all balls are
-    racked, and the same player breaks (4.11).
+    consecutive foul costs 15 further points, all balls are racked, and the same player breaks (4.11).
 
     Without a target (0), the game has a single rack: it is over when no object ball is left, and the highest score
     wins; a tie has no winner. There is then no penalty for three consecutive fouls.

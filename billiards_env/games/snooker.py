@@ -7,11 +7,12 @@ pink and black follow. The rules are simplified:
 
 * A player who nominates no ball nominates the colour, or with a free ball the ball, that the cue ball touches first
   (3.3, 3.12).
-* A push stroke (2.19) is only a shot in which the cue ball touches a touching ball first, without a cushion before.
-* After a tie no lots are drawn (3.4 b): the next player has the choice of the one who wins them, to play first at the
-  re-spotted black or to have the other play. A game depends on its strokes alone.
+* The only push stroke (2.19) is a shot at a ball that touches the cue ball: the cue ball hits this ball first, before a
+  cushion.
+* After a tie no lots are drawn (3.4 b), because a game depends on its strokes alone. The next player has the choice of
+  the winner of the lot: to play first at the re-spotted black, or to let the other player play first.
 * With the miss rule, every shot that does not touch a ball on first is a miss, unless a player needs penalty points
-  (3.14). The referee has no doubts about the ability of a player. A cue ball in hand is placed again after a miss.
+  (3.14). The referee does not judge the effort of a player. A cue ball in hand is placed again after a miss.
 * A player may call a stalemate (3.16) after six turns of each player without a pot, a point or a foul.
 
 The kernels have the arguments of `entry.Game`; sets of balls are bit masks.
@@ -150,7 +151,8 @@ def touches_ball_on(state, facts, on, free):
 def foul_of(state, facts, on, free):
     """Returns the foul of a shot (WPBSA 3.10).
 
-    If there are several, it is the first in the order of `FOULS`, but a push stroke (3.8 b) comes after a scratch.
+    If there are several, it is the first in the order of `FOULS`, except that a push stroke (3.8 b) is second, after a
+    scratch.
     """
     if facts.scratch or facts.cue_off:
         return SCRATCH
@@ -239,7 +241,7 @@ def snooker(state, facts, call):
 
 @inlined
 def look(table, positions, state):
-    """Finds the balls that touch the cue ball (WPBSA 3.8), and the balls on that can be hit full (3.14 d).
+    """Finds the balls that touch the cue ball (WPBSA 3.8), and whether a ball on can be hit full (3.14 d).
 
     It also gives the choice of a stalemate. See `Game.look`.
     """
@@ -259,7 +261,7 @@ def see(table, positions, state, facts, call):
 
 @inlined
 def is_hidden_behind(table, positions, object_balls, on, free):
-    """Returns whether the free ball hides all balls on, and no ball that is nearer to the cue ball does.
+    """Returns whether the free ball hides all balls on, and no ball nearer to the cue ball hides them.
 
     The nearest of several balls that obstruct is the one that snookers (section 2, 17).
     """

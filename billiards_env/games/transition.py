@@ -1,9 +1,8 @@
 """The transition of a game: from a shot, or from a call without a shot, to the state before the next shot.
 
 After a shot the referee judges it, balls return to the table, and the rules look at the balls at rest: snooker may give
-a free ball, and balls may touch. `after_shot_of` returns
-the kernel of a game. It has only the code that the game needs, and changes one game in place: `positions`, (n, 2) m,
-and `state`, a row of `STATE`.
+a free ball, and balls may touch. `after_shot_of` returns the kernel of a game. It has only the code that the game
+needs, and changes one game in place: `positions`, (n, 2) m, and `state`, a row of `STATE`.
 """
 
 from __future__ import annotations
@@ -97,7 +96,7 @@ def without_shot(table, k, call, positions, states, before):  # out: positions, 
         positions: (m, n, 2) m, which change.
         states: (m,) `STATE`, which change.
         before: The positions and the states before the last shot, for "replace". The scores, the fouls and the number
-            of misses in them change to those of now.
+            of misses in them change to the present ones.
     """
     state = states[k]
     if call.kind != REPLACE:

@@ -1,10 +1,10 @@
 """Tuples that entry points read from memory.
 
-Numba unpacks a tuple of arrays at each call, which takes 60 ns for each array. A `Kept` tuple is unpacked once. Its
-memory holds what the machine code needs: the address and the shape of each array. A call reads them in a few
-nanoseconds.
+Numba unpacks a tuple of arrays at each call, which takes 60 ns for each array. A `Kept` tuple is unpacked only once, by
+Python. Its memory then holds what the machine code needs, such as the address and the shape of each array, and a call
+reads this in a few nanoseconds.
 
-The machine code is the same for both: it reads an argument that is not a tuple.
+The same machine code takes both: it unpacks a tuple, and reads the memory of a `Kept`, which is no tuple.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _TUPLE = 1 << 26  # Py_TPFLAGS_TUPLE_SUBCLASS
 
 
 def unpack_or_read(kind: Any, value: Any, c: Any) -> Any:
-    """Generates code that unpacks a tuple as numba does, or reads a `Kept` one, which is the argument of a call."""
+    """Generates code that unpacks a tuple as numba does, or reads the memory of a `Kept`."""
     flags = c.pyapi._get_function(ir.FunctionType(ir.IntType(64), [c.pyapi.pyobj]), "PyType_GetFlags")
     flag = c.builder.and_(c.builder.call(flags, [c.pyapi.get_type(value)]), ir.Constant(ir.IntType(64), _TUPLE))
     native = cgutils.alloca_once(c.builder, c.context.get_value_type(kind))
@@ -53,7 +53,7 @@ class Kept(int):
 
     Attributes:
         kind: The numba type of the tuple.
-        values: The tuple. Its arrays have to stay where they are.
+        values: The tuple. Its arrays must not move in memory.
         words: Its memory, int64.
         places: The words with the addresses of the arrays, if the tuple has only arrays.
     """

@@ -125,7 +125,7 @@ class WindowModel:
         phase: One of the phases in the module's docstring.
         aim: The aim.
         preview: The preview of the aimed shot; None in other phases.
-        considered: The shots that the program considers whose turn it is, the best first.
+        considered: The shots that the program considers in its turn, the best first.
         comparison: The last shot by the other engine; None until the first replay.
         clock: Time within the shot that is shown, or time that a program has been thinking, s.
         pace: Playback speed divided by real time.
@@ -375,7 +375,7 @@ def aim_like(model: WindowModel, made: Stroke) -> WindowModel:
 
 
 def consider(model: WindowModel, plans: Sequence[Plan]) -> WindowModel:
-    """Shows the best shots that the program of this turn considers, and after them earlier ones of other pots."""
+    """Shows the best shots that the program considers in this turn, and after them earlier shots of other pots."""
     if model.phase != "thinking":
         return model
     shots = [Considered(plan, make_preview(model.setup, model.game, plan.stroke)) for plan in plans]

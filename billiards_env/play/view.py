@@ -151,7 +151,7 @@ class View:
             canvas.draw_arrow(frame, cue, np.array(model.cue_position), model.aim.speed * model.aim.along)
 
     def _draw_considered(self, model: WindowModel) -> None:
-        """Draws the shots that a program considers, with their values next to each other."""
+        """Draws the shots that a program considers, and their values in places that do not overlap."""
         width, height = self.canvas.size
         room, size, taken = (
             pygame.Rect(0, 0, width, height).inflate(-width // 16, -width // 8),

@@ -196,7 +196,7 @@ class GameWindow:
         self._mouse = (0, 0)  # pixels
         # The stroke of the program whose turn it is, or the stroke and the message of a hint
         self._work: _Work[Any] | None = None
-        # What the program considers, the last one last, and what the model has of it
+        # The plans that the program considers, the newest last, and those that the model already shows
         self._plans: list[Sequence[Plan]] = []
         self._seen: object = None
         self._shown: object = None

@@ -53,7 +53,7 @@ class Situation(NamedTuple):
         place: x and y of the point where `stroke` places a cue ball in hand, m; None if it is not chosen yet.
         observation: The observation of the environment; None outside of one.
         watch: A function to which a player may pass the shots that it considers, a tuple of `planner.Plan`, the best
-            first. The window shows them. None if nothing shows them.
+            first. The window shows these shots. None outside the window.
     """
 
     table: Tables

@@ -184,9 +184,9 @@ class AimNetwork(nn.Module):
         waves: The number of octaves of sines and cosines of the positions that the networks also take. With them they
             learn fine differences faster (Tancik et al. 2020, Fourier features).
         goal_units: Units of two more layers of the choice, the only ones that depend on the goal. Many goals of one
-            layout then share the other layers. If `aim` is "layout", the last one also moves the point of each
-            component sideways. 0 without these layers: the goal is an input of all networks. It has no effect without
-            a goal.
+            layout then share the other layers. If `aim` is "layout", the last of them also moves the point of
+            each component sideways. 0 for no such layers: the goal is then an input of all networks. It has no effect
+            without a goal.
 
     Attributes:
         std: Standard deviations of the speed, over the largest, of the point aimed at, m, and of the three other

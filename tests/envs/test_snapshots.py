@@ -112,7 +112,7 @@ def test_a_state_survives_a_file(tmp_path):
 
 
 def test_a_state_of_an_older_version_is_completed():
-    """The type of a state of a game had fewer fields."""
+    """In older versions the state of a game had fewer fields."""
     env, other = make_env(task="nine_ball", n_players=2), make_env(task="nine_ball", n_players=2)
     env.reset(seed=1)
     env.step(random_actions(env, 1, 0)[0])
