@@ -20,7 +20,7 @@ from benchmarks import ROOT, new_figure, run_command, save, table
 from billiards_env.bench import benchmark as bench
 from billiards_env.bench.frozen import BENCH_TASKS, NAMESPACE
 from billiards_env.games import Setup
-from billiards_env.players.named import PlayerEntry, Where, find_player, register_player
+from billiards_env.players.named import PlayerEntry, Where, find_player
 from billiards_env.players.situation import Player
 from billiards_env.support.intervals import interquartile_mean
 from studies import learning, read_results
@@ -42,7 +42,8 @@ def _trained(argument: str, where: Where) -> Player:
     return find_player(f"policy:{learning.OUTPUT.parent / 'policies' / str(row)}:{argument}", where)
 
 
-register_player("trained", PlayerEntry(_trained, argument="1"))
+trained = PlayerEntry(_trained, argument="1")
+"""The player `studies.leaderboard:trained`."""
 
 
 def entries(folder: Path, read: Callable[[Path], bench.Bench] = bench.verify) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -420,9 +421,12 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     def __deepcopy__(self, memo: dict[int, Any]) -> BilliardsEnv:
         """Returns a copy that continues with the same bits. It shares what does not change, such as the scene."""
         self._write_stream()
-        twin = copied(self, self._shared, memo)
-        twin._own, twin._memory, twin._np_random = None, self._episodes.memory.copy(), None
-        return twin
+        memory = self._episodes.memory.copy()
+        return copied(self, self._shared, memo, _own=None, _memory=memory, _np_random=None)
+
+    def __copy__(self) -> BilliardsEnv:
+        """Returns a deep copy: two environments never have the same episode."""
+        return copy.deepcopy(self)
 
     def __del__(self) -> None:
         own = vars(self).get("_own")  # missing if the constructor has failed

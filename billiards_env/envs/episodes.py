@@ -434,6 +434,7 @@ class SpareEpisodes:
         except IndexError:  # also if another thread was faster
             episodes = copy.deepcopy(self._like)
         episodes.undo(memory)
+        episodes.recorded.clear()
         return episodes
 
 

@@ -253,20 +253,21 @@ SPACES = {prefix + name for prefix in ("", "single_") for name in ("action_space
 """The attributes of environments that are spaces."""
 
 
-def copied(env: Any, shared: Set[str], memo: dict[int, Any]) -> Any:
-    """Returns a deep copy of an environment that shares some attributes.
+def copied(env: Any, shared: Set[str], memo: dict[int, Any], **changed: Any) -> Any:
+    """Returns a deep copy of an environment that shares some attributes. Others have the values in `changed`.
 
     The spaces have their own random numbers. Their arrays are shared.
     """
-    twin = memo[id(env)] = object.__new__(type(env))
-    twin.__dict__.update(vars(env))
-    for name in vars(env).keys() - shared:
-        value = twin.__dict__[name]
+    twin, values = object.__new__(type(env)), {**vars(env), **changed}
+    memo[id(env)] = twin
+    for name in values.keys() - shared:
+        value = values[name]
         if isinstance(value, gym.Space):
-            space = twin.__dict__[name] = object.__new__(type(value))
+            space = values[name] = object.__new__(type(value))
             space.__dict__.update(value.__dict__, _np_random=copy.deepcopy(value._np_random))
         else:
-            twin.__dict__[name] = copy.deepcopy(value, memo)
+            values[name] = copy.deepcopy(value, memo)
+    twin.__dict__.update(values)  # at the end: a copy that fails owns nothing
     return twin
 
 

@@ -279,9 +279,11 @@ def is_in(mask: Any, n: int) -> NDArray[np.bool_]:
 
 def check_indices(states: Any, n_balls: int = MOST_BALLS) -> None:
     """Raises a ValueError unless the players, balls and sets of m states exist: compiled code uses them as indices."""
-    player, players, cues = states["player"], states["n_players"], states["cue_balls"]
-    if not ((player >= 0) & (player < players) & (players <= MOST_PLAYERS)).all():
-        raise ValueError(f"player = {short(player)} of {short(players)} players: expected 0 to the number less 1")
+    players, cues = states["n_players"], states["cue_balls"]
+    for name in ("player", "breaker"):
+        player = states[name]
+        if not ((player >= 0) & (player < players) & (players <= MOST_PLAYERS)).all():
+            raise ValueError(f"{name} = {short(player)} of {short(players)} players: expected 0 to the number less 1")
     if not ((cues >= 0) & (cues < n_balls)).all():
         raise ValueError(f"cue_balls = {short(cues)}: expected numbers of balls")
     for name, bits in (*((name, n_balls) for name in ("balls", "object_balls", "touching")), ("choices", len(CALLS))):

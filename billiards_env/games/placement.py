@@ -432,8 +432,6 @@ def rack_and_break(table, positions, state):  # out: positions, state
     rack_again(table, positions, 0, state.cue_balls[0])
     state.object_balls, state.solids, state.idle = state.balls, -1, 0
     state.break_shot, state.in_hand = True, BEHIND
-    for player in range(state.n_players):
-        state.fouls[player] = 0
 
 
 @inlined

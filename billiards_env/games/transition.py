@@ -106,6 +106,8 @@ def without_shot(table, k, call, positions, states, before):  # out: positions, 
             state.player = (state.player - 1) % state.n_players
         elif call.kind == STALEMATE:
             state.player = state.breaker
+            for i in range(MOST_PLAYERS):
+                state.fouls[i] = 0
         state.free_ball = False
     else:
         positions_before, states_before = before

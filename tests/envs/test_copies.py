@@ -3,6 +3,7 @@
 import copy
 import json
 import pickle
+import threading
 from typing import Any
 
 import gymnasium as gym
@@ -55,6 +56,21 @@ def test_a_copy_continues_like_its_original(kind, copy_of):
     for action in actions[2:]:
         same(played(env, action), played(twin, action))
     same(begun(env), begun(twin))
+
+
+def test_two_environments_never_have_the_same_episode():
+    env = make_env(max_shots=6)
+    env.reset(seed=1)
+    env.lock = threading.Lock()
+    with pytest.raises(TypeError):
+        copy.deepcopy(env)
+    del env.lock
+    copy.copy(env)
+    before, others = env.positions, [copy.copy(env), copy.deepcopy(env)]
+    for other in others:
+        other.step([0.9, 0.1])
+        assert (other.positions != before).any()
+    assert (env.positions == before).all()
 
 
 def test_a_deep_copy_pickles_no_compiled_function(monkeypatch):

@@ -64,7 +64,7 @@ WRONG: list[tuple[Any, ...]] = [
     ({"task": "snooker"}, "task = 'snooker' with n_players = 1: expected n_players = 2"),
     ({"target": 3}, "target = 3 with n_players = 1: expected None"),
     ({"task": "nine_ball", "n_players": 2, "layout": "line"}, "layout = 'line'"),
-    ({"task": "carom", "n_players": 2, "can_call": True}, "can_call = True with task = 'carom'"),
+    ({"task": "one_pocket", "n_players": 2, "can_call": True}, "can_call = True with task = 'one_pocket'"),
     ({**EIGHT_BALL, "can_call": True, "action": "plan"}, "can_call = True with action = 'plan'"),
     ({"task": "snooker", "n_players": 2, "miss": True}, "miss = True with can_call = False"),
     ({**EIGHT_BALL, "n_object_balls": 9}, "9 object balls and 6 pockets: expected 15 object balls"),

@@ -248,6 +248,7 @@ TWO_PLAYERS = {"task": "nine_ball", "n_players": 2}
 WRONG_NUMBERS = [
     (NINE, {"player": 10**9}, "player = .*1000000000.* of .*2.* players: expected 0 to the number less 1"),
     (NINE, {"n_players": 0}, "expected 0 to the number less 1"),
+    (NINE, {"breaker": 7}, "breaker = .*7.* of .*2.* players: expected 0 to the number less 1"),
     (TWO_PLAYERS, {"cue_balls": 11}, "cue_balls = "),
     (TWO_PLAYERS, {"choices": 1 << 4}, "has the choice 'replace'"),
     (TWO_PLAYERS, {"object_balls": -1}, "object_balls = "),

@@ -336,8 +336,8 @@ def test_the_state_follows_from_the_verdict(rules, fields, log, after):
 NEW_RACKS = [
     ("eight_ball", "rerack", {}, 1),
     ("eight_ball", "break_again", {}, 0),
-    ("straight", "break_again", {"scores": [-2, 0]}, 0),
-    ("nine_ball", "stalemate", {"breaker": 1}, 1),  # 1.12
+    ("straight", "break_again", {"scores": [-2, 0], "fouls": [0, 2]}, 0),
+    ("nine_ball", "stalemate", {"breaker": 1, "fouls": [2, 1]}, 1),  # 1.12
     ("snooker", "stalemate", {"scores": [20, 30], "breaker": 0}, 0),  # WPBSA 3.16: all points are lost
 ]
 
@@ -353,6 +353,7 @@ def test_a_call_for_a_new_rack(rules, kind, fields, player):
     assert (now.player, now.break_shot, now.in_hand, now.choices) == (player, True, "behind", ())
     assert (now.object_balls, now.idle) == (tuple(range(1, settings.scene.n_balls)), 0)
     assert now.scores == ((0, 0) if rules == "snooker" else tuple(fields.get("scores", (0, 0))))
+    assert now.fouls == ((0, 0) if kind == "stalemate" else tuple(fields.get("fouls", (0, 0))))
     foot = (settings.scene.table.foot_x, 0.0)
     on_foot = {"eight_ball": 11, "straight": 1, "nine_ball": 1, "snooker": 20}[rules]
     assert tuple(after.positions[on_foot].tolist()) == foot

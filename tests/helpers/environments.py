@@ -32,6 +32,7 @@ VARIANTS: list[dict[str, Any]] = [
     {"scene": "real_carom", "task": "place"},  # the engine for two balls
     {"scene": "match_carom", "task": "three_cushion", "layout": "random", "max_shots": 2},
     {"task": "clear", "n_object_balls": 10, "layout": "ten_ball", "max_shots": 2},
+    {"task": "clear", "n_object_balls": 9, "layout": "nine_ball_2025", "max_shots": 2},
     {"scene": "pooltool_carom", "task": "three_cushion", **LONG},
     {"scene": "sum_to_three", "task": "sum_to_three", "layout": "line", **LONG},
     {"task": "place", "n_object_balls": 0, "max_shots": 3, "observe": [["planes", 36, 40], "goal", ["pixels", 40, 36]]},

@@ -122,14 +122,16 @@ def check_options(line: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Checks that a command, such as "benchmarks.speed --repeats 1", exists and accepts its arguments."""
     command, *arguments = shlex.split(line, comments=True)
     assert command in COMMANDS, line
-    parse = argparse.ArgumentParser.parse_args
+    parse = argparse.ArgumentParser.parse_known_args
 
     def only_parse(self: argparse.ArgumentParser, *argv: Any) -> None:
-        parse(self, *argv)
+        _, unknown = parse(self, *argv)
+        if unknown:
+            self.error(f"unrecognized arguments: {unknown}")
         raise Accepted
 
     with monkeypatch.context() as patch:
-        patch.setattr(argparse.ArgumentParser, "parse_args", only_parse)
+        patch.setattr(argparse.ArgumentParser, "parse_known_args", only_parse)
         with pytest.raises(Accepted):
             module_of(command).main(arguments)
 
