@@ -59,7 +59,7 @@ def test_a_copy_continues_like_its_original(kind, copy_of):
 
 
 def test_two_environments_never_have_the_same_episode():
-    env = make_env(max_shots=6)
+    env: Any = make_env(max_shots=6)
     env.reset(seed=1)
     env.lock = threading.Lock()
     with pytest.raises(TypeError):
