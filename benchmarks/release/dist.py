@@ -21,6 +21,7 @@ from time import time
 from typing import Any
 
 from benchmarks import ROOT, machine, run_command, table
+from billiards_env.__main__ import PLAY_PAGE
 from billiards_env.compiling import ENVIRONMENTS
 
 # It prints the wall-clock time at the end, because the parent process reads the time before it starts the process.
@@ -140,7 +141,13 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 
 
 def measure(folder: Path, repeats: int) -> dict[str, Any]:
-    """Builds both in a folder, and tries the wheel with some starts."""
+    """Builds both in a folder, and tries the wheel with some starts.
+
+    Raises:
+        FileNotFoundError: If the page of `billiards web` is missing, which belongs to the wheel.
+    """
+    if not PLAY_PAGE.is_file():
+        raise FileNotFoundError(f"page = {str(PLAY_PAGE)!r}: expected a file, which 'make page' writes")
     with tempfile.TemporaryDirectory() as name:
         files = build(folder, Path(name))
         print(*files, sep="\n", flush=True)

@@ -93,6 +93,13 @@ def test_a_wheel_is_rejected_if_its_code_is_not_used_or_gives_other_results(tmp_
     assert (sys.executable, "-m", "billiards_env", "web") in [tuple(map(str, command[:4])) for command in commands]
 
 
+def test_a_missing_page_is_an_error_before_anything_is_built(monkeypatch, tmp_path):
+    monkeypatch.setattr(dist, "PLAY_PAGE", tmp_path / "play.html")
+    with pytest.raises(FileNotFoundError, match=r"page = .*play.html': expected a file, which 'make page' writes"):
+        dist.measure(tmp_path, 1)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not PLAY_PAGE.is_file(), reason="the wheel needs the page of `make page`")
 def test_the_wheel_starts_without_compiling_in_an_empty_environment(tmp_path):
