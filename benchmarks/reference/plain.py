@@ -200,6 +200,6 @@ def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots `begin` to `end` - 1 of a batch in place; the arguments are as in `engine.pic.run_shots`."""
     arrays = scene_of(scene, 0)
     most = most_contacts(arrays)
-    scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction)
+    scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction, arrays.flight)
     work = make_workspace(arrays, empty_queue(arrays), most, scratch)
     _run_all(begin, end, scene, work, limit, max_events, shots, log)

@@ -58,7 +58,7 @@ class Part(NamedTuple):
         begin: The first shot.
         end: One past the last.
         events: (rows, EVENT_WIDTH) float64, see `engine.log`.
-        segments: (rows, SEGMENT_WIDTH) float64, see there.
+        segments: (rows, ...) float64, see there.
         bounds: (end - begin + 1, 2) int64: the first event and the first segment of each shot, then one past the last
             of each.
     """

@@ -183,6 +183,8 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
     p, table = scene.physics, scene.table
     for name, laws in (("motion", MOTIONS), ("cushion", CUSHIONS), ("ball_ball", BALL_LAWS)):
         one_of(f"physics.{name}", getattr(p, name), tuple(laws))  # `scene` may have names that have no law
+    if p.flight and engine.mode != "pic":
+        raise ValueError(f"mode = {engine.mode!r} with physics.flight = True: expected 'pic', only it has flights")
     numbers, law = _numbers(scene, engine, {}), BALL_LAWS[p.ball_ball]
     outline = None
     if table.outline:
@@ -196,10 +198,11 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
         inv_mass=1.0 / np.array(scene.balls.mass),
         pockets=table.pocket_rows,
         outline=outline,
-        spheres=radius if scene.balls.shape == "sphere" and sizes > 1 else None,
+        spheres=radius if p.flight or (scene.balls.shape == "sphere" and sizes > 1) else None,
         ball_restitution=choice(RESTITUTIONS, law.restitution),
         ball_friction=None if law.friction is None else choice(FRICTIONS, law.friction),
         cushion=choice(CUSHION_LAWS, CUSHIONS[p.cushion].law),
+        flight=True if p.flight else None,
     )
     return (np.array([numbers], NUMBERS), *arrays[1:])
 

@@ -42,9 +42,12 @@ from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.ball_ball import change_velocity, exchange, exchange_pair, restitution_at
 from billiards_env.physics.ball_cushion import reflect, reflect_both
 from billiards_env.physics.elementary import norm
+from billiards_env.physics.geometry.noses import nose_normal
 from billiards_env.physics.geometry.walls import wall_pressing
 from billiards_env.physics.laws.cloth import largest_friction, launch
-from billiards_env.physics.state import AX, AY, IDEAL, UX, UY, VX, VY, X, Y
+from billiards_env.physics.laws.cushion import cushion_restitution
+from billiards_env.physics.laws.flight import bounce_in_air
+from billiards_env.physics.state import AIRBORNE, AX, AY, IDEAL, UX, UY, VX, VY, VZ, X, Y
 
 CONTACT_TIME = 2e-4
 """s. tau; it is 200 to 300 microseconds for billiard balls (Marlow 1995)."""
@@ -148,6 +151,14 @@ def end_runs(i, time, speed, numbers, memory):  # out: memory
 
 
 @inlined
+def _or_upwards(flight, speed, a, b):
+    """Returns the largest of a speed and the vertical speeds of the rows a and b, m/s."""
+    if flight is None:
+        return speed
+    return max(speed, abs(a[VZ]), abs(b[VZ]))
+
+
+@inlined
 def is_over(i, j, state, numbers, memory):
     """Returns whether balls i and j, which may be the same, come to rest in this impact."""
     rows, run, weak = state.rows, memory.run, memory.weak
@@ -156,6 +167,7 @@ def is_over(i, j, state, numbers, memory):
     if min(run[i], run[j]) < 2:
         return False
     speed = max(abs(rows[i, VX]), abs(rows[i, VY]), abs(rows[j, VX]), abs(rows[j, VY]))
+    speed = _or_upwards(state.flight, speed, rows[i], rows[j])
     endless = max(weak[i], weak[j]) > ENDLESS and min(run[i], run[j]) > PRESSED
     return speed < STILL or (endless and speed <= numbers.weak_speed)
 
@@ -186,15 +198,40 @@ def halt(state, i):  # out: state
     """Brings ball i to rest without a change of its spin about the vertical axis."""
     for c in (VX, VY, UX, UY):
         state.rows[i, c] = 0.0
+    _halt_upwards(state.flight, state.rows[i])
 
 
 @inlined
-def pressing(i, j, nx, ny, state):
-    """Returns the acceleration of balls i and j towards each other, m/s^2; (nx, ny) is the normal from i to j."""
+def _halt_upwards(flight, row):  # out: row
+    """Sets the vertical velocity of a row of `State.rows` to zero."""
+    if flight is None:
+        return
+    row[VZ] = 0.0
+
+
+@inlined
+def pressing(nz, c, contacts, state, scene):
+    """Returns the acceleration of the balls of contact c towards each other, m/s^2; `nz` is `Contacts.nz`."""
+    i, j, nx, ny = contacts.first[c], contacts.second[c], contacts.nx[c], contacts.ny[c]
     a, b = state.rows[i], state.rows[j]
-    around = ny * (b[VX] - a[VX]) - nx * (b[VY] - a[VY])
-    distance = norm(b[X] - a[X], b[Y] - a[Y])
-    return -(nx * (b[AX] - a[AX]) + ny * (b[AY] - a[AY])) - around * around / distance
+    if nz is None:
+        around = ny * (b[VX] - a[VX]) - nx * (b[VY] - a[VY])
+        distance = norm(b[X] - a[X], b[Y] - a[Y])
+        return -(nx * (b[AX] - a[AX]) + ny * (b[AY] - a[AY])) - around * around / distance
+    wx, wy, wz = b[VX] - a[VX], b[VY] - a[VY], b[VZ] - a[VZ]
+    along = nx * wx + ny * wy + nz[c] * wz
+    around = max(wx * wx + wy * wy + wz * wz - along * along, 0.0)
+    falls = (state.phase[i] == AIRBORNE) * scene.numbers.g - (state.phase[j] == AIRBORNE) * scene.numbers.g
+    towards = -(nx * (b[AX] - a[AX]) + ny * (b[AY] - a[AY]) + nz[c] * falls)
+    return towards - around / (scene.radius[i] + scene.radius[j])
+
+
+@inlined
+def _is_inclined(nz):
+    """Returns whether the normal of the first contact is not horizontal; `nz` is `Contacts.nz`."""
+    if nz is None:
+        return False
+    return nz[0] != 0.0
 
 
 @kernel
@@ -208,6 +245,8 @@ def resolve_jam(contacts, state, scene, memory):  # out: state
     changes the velocity of the moved ball by no more than its rounding, and the speed of approach and the jammed ball's
     speed along the normal are at most 2^-24 of the moved ball's speed. Other weak impacts are plastic.
     """
+    if _is_inclined(contacts.nz):
+        return False
     i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
     rows, numbers, inv_mass = state.rows, scene.numbers, scene.inv_mass
     run, weak = memory.run, memory.weak
@@ -292,6 +331,27 @@ def hit_cushion(contact, time, state, scene, memory):  # out: state, memory
     return _hit_cushion_again(contact, time, state, scene, memory)
 
 
+@inlined
+def hit_nose(flight, i, wall, state, scene):  # out: state
+    """Changes the motion of ball i, which is in the air, at the nose of a cushion.
+
+    After a weak impact the ball leaves the nose at g tau / 2 or more, so bounces on it do not accumulate.
+
+    Returns:
+        The speed of approach, m/s, and the number of acts of the rule.
+    """
+    if flight is None:
+        return 0.0, 0
+    row, numbers, radius = state.rows[i], scene.numbers, scene.radius[i]
+    nx, ny, nz = nose_normal(row, wall, radius, numbers)
+    speed = max(nx * row[VX] + ny * row[VY] + nz * row[VZ], 0.0)
+    after = cushion_restitution(speed, numbers) * speed
+    rebound = 0.5 * numbers.tau * numbers.g
+    acts = speed <= numbers.weak_speed and after < rebound
+    bounce_in_air(row, (nx, ny, nz), speed + (rebound if acts else after), numbers.mu_cushion, radius)
+    return speed, 1 if acts else 0
+
+
 @kernel
 def hit_corner(one, two, time, state, scene, memory):  # out: state, memory
     """Changes the motion of a ball at two cushions, as `hit_cushion` does; both are `CushionContact`s of the ball.
@@ -330,7 +390,7 @@ def _collide_again(count, time, contacts, state, scene, scratch, memory):  # out
     for c in range(count):
         i, j = first[c], second[c]
         over = over or is_over(i, j, state, numbers, memory)
-        towards = pressing(i, j, contacts.nx[c], contacts.ny[c], state)
+        towards = pressing(contacts.nz, c, contacts, state, scene)
         contacts.rebound[c] = least_rebound(closing[c], towards, min(memory.weak[i], memory.weak[j]), numbers)
     if over:
         for c in range(count):

@@ -23,10 +23,10 @@ from billiards_env.engine.shots import Starts, load_balls, store
 from billiards_env.jit import allocating_entry_point, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange
-from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch
+from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch, set_upwards
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
-from billiards_env.physics.state import UX, UY, VX, VY, WZ, X, Y, empty_state, scene_of
+from billiards_env.physics.state import UX, UY, VX, VY, VZ, WZ, X, Y, empty_state, scene_of
 from billiards_env.physics.strike import CueNumbers, cue_numbers, impulse_gain
 from billiards_env.scene import CONTACT_GAP, Scene
 
@@ -113,9 +113,18 @@ def _gather(k, scene, starts, state, contacts):  # out: contacts
             closing = max(0.0, nx * (a[VX] - b[VX]) + ny * (a[VY] - b[VY]))
             contacts.first[count], contacts.second[count] = i, j
             contacts.nx[count], contacts.ny[count] = nx, ny
+            set_upwards(contacts.nz, count, 0.0)
             contacts.closing[count], contacts.rebound[count] = closing, -closing
             count += 1
     return count
+
+
+@inlined
+def _scale_upwards(flight, row, factor):  # out: row
+    """Multiplies the vertical velocity of a row of `State.rows` by a factor."""
+    if flight is None:
+        return
+    row[VZ] *= factor
 
 
 @allocating_entry_point
@@ -124,7 +133,8 @@ def _drive(begin, end, ball, cue, scene, starts):  # out: starts
     cue, starts, arrays = CueNumbers(*cue), Starts(*starts), scene_of(scene, 0)
     n = len(arrays.radius)
     most = n * (n - 1) // 2
-    state, contacts, scratch = empty_state(n), empty_contacts(most), empty_scratch(n, most, arrays.ball_friction)
+    state, contacts = empty_state(n, arrays.flight), empty_contacts(most, arrays.flight)
+    scratch = empty_scratch(n, most, arrays.ball_friction, arrays.flight)
     for k in range(begin, end):
         end_call(interrupted())
         arrays = scene_of(scene, k)
@@ -147,4 +157,5 @@ def _drive(begin, end, ball, cue, scene, starts):  # out: starts
         for i in range(n):
             for c in (VX, VY, UX, UY, WZ):
                 state.rows[i, c] *= factor
+            _scale_upwards(arrays.flight, state.rows[i], factor)
         store(k, starts, arrays, state)

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.state import ROLLING, SLIDING, T0, T0_LO, VX, VY, WIDTH, Time, X, Y
+from billiards_env.physics.state import AIRBORNE, FLIGHT_WIDTH, ROLLING, SLIDING, T0, T0_LO, VX, VY, WIDTH, Time, X, Y
 
 KINDS = ("ball_ball", "cushion", "pocket", "sliding_rolling", "rolling_rest", "spinning_rest", "rolling_slower")
+KINDS += ("landing", "off_table")
 """Names of the kinds of events."""
 BALL_BALL, BALL_CUSHION, BALL_POCKET, SLIDING_ROLLING, ROLLING_REST, SPINNING_REST, ROLLING_SLOWER = range(7)
+LANDING, OFF_TABLE = 7, 8
 
 # Columns of `Log.events`.
 TIME, TIME_LO, KIND, BALL, OTHER, EVENT_X, EVENT_Y, SPEED, RULE = 0, 1, 2, 3, 4, 5, 6, 7, 8
@@ -34,7 +36,6 @@ _COLUMNS = {"time": TIME, "ball": BALL, "other": OTHER, "x": EVENT_X, "y": EVENT
 
 # Columns of `Log.segments`. From SEGMENT_ROW on they are those of `State.rows`.
 SEGMENT_BALL, SEGMENT_PHASE, SEGMENT_ROW = 0, 1, 2
-SEGMENT_WIDTH = SEGMENT_ROW + WIDTH
 
 # Entries of `Log.used`; the first two are also the columns of `Log.begins`.
 N_EVENTS_LOGGED, N_SEGMENTS_LOGGED, N_SHOTS_LOGGED = 0, 1, 2
@@ -47,7 +48,7 @@ class Log(NamedTuple):
 
     Attributes:
         events: (rows, EVENT_WIDTH) float64 out.
-        segments: (rows, SEGMENT_WIDTH) float64 out, the pieces of the trajectories.
+        segments: (rows, SEGMENT_ROW + w) float64 out, the pieces of the trajectories; w is the width of `State.rows`.
         used: (3,) int64 out: number of events, of segments and of shots. If one of the first two exceeds the number of
             rows, the log is incomplete.
         begins: (shots, 2) int64 out: the first event and the first segment of each shot. Without rows, each shot
@@ -60,9 +61,10 @@ class Log(NamedTuple):
     begins: NDArray[np.int64]
 
 
-def empty_log(n_events: int = 0, n_segments: int = 0, n_shots: int = 0) -> Log:
+def empty_log(n_events: int = 0, n_segments: int = 0, n_shots: int = 0, flight: bool = False) -> Log:
     """Returns a log with room for a number of events, of segments and of shots."""
-    events, segments = np.empty((n_events, EVENT_WIDTH)), np.empty((n_segments, SEGMENT_WIDTH))
+    width = SEGMENT_ROW + (FLIGHT_WIDTH if flight else WIDTH)
+    events, segments = np.empty((n_events, EVENT_WIDTH)), np.empty((n_segments, width))
     return Log(events, segments, np.zeros(3, np.int64), np.zeros((n_shots, 2), np.int64))
 
 
@@ -100,6 +102,8 @@ def begin_time(segment):
 @inlined
 def phase_end(phase):
     """Returns the kind of event that ends a phase."""
+    if phase == AIRBORNE:
+        return LANDING
     return SLIDING_ROLLING if phase == SLIDING else (ROLLING_REST if phase == ROLLING else SPINNING_REST)
 
 
@@ -157,5 +161,5 @@ def log_segment(log, state, ball):  # out: log
     if k < len(log.segments):
         segment = log.segments[k]
         segment[SEGMENT_BALL], segment[SEGMENT_PHASE] = ball, state.phase[ball]
-        for c in range(WIDTH):
+        for c in range(state.rows.shape[1]):
             segment[SEGMENT_ROW + c] = state.rows[ball, c]

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.physics.laws.cloth import SLIP_RATE
-from billiards_env.physics.state import AX, AY, LASTS, POTTED, SLIDING, UX, UY, VX, VY, WZ
+from billiards_env.physics.state import AIRBORNE, AX, AY, LASTS, POTTED, SLIDING, UX, UY, VX, VY, WZ
 from billiards_env.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -98,16 +98,16 @@ def turning(
     ends = np.append(start[1:], 0.0)
     ends[np.append(ball[1:] != ball[:-1], True)] = time
     radius = np.array(scene.balls.radius)[ball]
-    moves, slides = paths.moving[order], phase == SLIDING
+    moves, slides, flies = paths.moving[order], phase == SLIDING, phase == AIRBORNE
     lasts = np.where((phase > 0) & (phase != POTTED), np.clip(ends - start, 0.0, rows[:, LASTS]), 0.0)
-    velocity, slip = np.where(moves, rows[:, [VX, VY]].T, 0.0), np.where(slides, rows[:, [UX, UY]].T, 0.0)
-    roll, decay = (velocity - slip) / radius, scene.physics.spin_decay
+    velocity, slip = np.where(moves, rows[:, [VX, VY]].T, 0.0), np.where(slides | flies, rows[:, [UX, UY]].T, 0.0)
+    roll, decay = (velocity - slip) / radius, np.where(flies, 0.0, scene.physics.spin_decay)
     acceleration = np.where(moves, rows[:, [AX, AY]].T, 0.0) * np.where(slides, 1.0 - SLIP_RATE, 1.0) / radius
     spin = np.column_stack((-roll[1], roll[0], rows[:, WZ]))
     change = np.column_stack((-acceleration[1], acceleration[0], -decay * np.sign(rows[:, WZ])))
 
     # A piece has a second part if the spin about the vertical axis ends within it.
-    upright = np.minimum(abs(rows[:, WZ]) / decay, lasts)
+    upright = np.where(flies, lasts, np.minimum(abs(rows[:, WZ]) / scene.physics.spin_decay, lasts))
     later = spin + upright[:, None] * change
     later[:, 2] = np.where(upright < lasts, 0.0, later[:, 2])
     parts = np.stack((start, upright, *spin.T, *change.T)), np.stack((start + upright, lasts - upright, *later.T))

@@ -64,9 +64,9 @@ def make_workspace(scene, queue, most, scratch):
     n = len(scene.radius)
     due, changed = np.empty(n, np.int64), np.empty(2 * (most + n), np.int64)
     return PicWorkspace(
-        state=empty_state(n),
+        state=empty_state(n, scene.flight),
         queue=queue,
-        contacts=empty_contacts(most),
+        contacts=empty_contacts(most, scene.flight),
         scratch=scratch,
         memory=empty_memory(n),
         due=due,
@@ -163,7 +163,7 @@ def run_shots(begin, end, scene, limit, max_events, shots, log):  # out: shots, 
     """
     arrays = scene_of(scene, 0)
     n, most = len(arrays.radius), all_pairs.most_contacts(arrays)
-    scratch = empty_scratch(n, most, arrays.ball_friction)
+    scratch = empty_scratch(n, most, arrays.ball_friction, arrays.flight)
     queue = all_pairs.empty_queue(arrays)
     work = make_workspace(arrays, queue, most, scratch)
     end_call(_run_all_pairs(begin, end, scene, work, limit, max_events, shots, log))
@@ -185,6 +185,6 @@ def run_shots_of_many(begin, end, scene, limit, max_events, shots, log):  # out:
     """Computes the same bits as `run_shots`, faster for many balls."""
     arrays = scene_of(scene, 0)
     most = cell_grid.most_contacts(arrays)
-    scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction)
+    scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction, arrays.flight)
     work = make_workspace(arrays, cell_grid.empty_queue(arrays), most, scratch)
     end_call(_run_cell_grid(begin, end, scene, work, limit, max_events, shots, log))

@@ -2,16 +2,40 @@
 
 from __future__ import annotations
 
-from billiards_env.engine.contact_rule import CushionContact, collide, hit_corner, hit_cushion
-from billiards_env.engine.log import BALL_BALL, BALL_CUSHION, BALL_POCKET, log_event, phase_ended
-from billiards_env.engine.shots import count_hit, pot
+import math
+
+from billiards_env.engine.contact_rule import CushionContact, collide, hit_corner, hit_cushion, hit_nose
+from billiards_env.engine.log import BALL_BALL, BALL_CUSHION, BALL_POCKET, LANDING, OFF_TABLE, log_event, phase_ended
+from billiards_env.engine.shots import count_hit, drive_off, pot
 from billiards_env.jit import inlined, kernel
+from billiards_env.physics.clusters.impulses import set_upwards
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.walls import wall_normal, walls_met
-from billiards_env.physics.motion import advance, end_phase, motion_after
-from billiards_env.physics.state import VX, VY, own_time, same, since
+from billiards_env.physics.motion import advance, end_phase, height_of, motion_after
+from billiards_env.physics.state import AIRBORNE, LASTS, VX, VY, VZ, is_airborne, own_time, same, since
 from billiards_env.scene import CONTACT_GAP
+
+
+@inlined
+def _approach(flight, i, j, now, state, numbers):
+    """Returns the distance of balls i and j at a `Time`, m, the unit normal from i to j and the speed of approach, m/s.
+
+    `flight` is `SceneArrays.flight`.
+    """
+    t_i, t_j = since(now, own_time(state, i)), since(now, own_time(state, j))
+    xi, yi, vxi, vyi = motion_after(state, i, t_i)
+    xj, yj, vxj, vyj = motion_after(state, j, t_j)
+    dx, dy = xj - xi, yj - yi
+    if flight is None:
+        distance = norm(dx, dy)
+        nx, ny = dx / distance, dy / distance
+        return distance, (nx, ny, 0.0), -(nx * (vxj - vxi) + ny * (vyj - vyi))
+    zi, vzi = height_of(flight, state, i, t_i, numbers)
+    zj, vzj = height_of(flight, state, j, t_j, numbers)
+    distance = math.sqrt(dx * dx + dy * dy + (zj - zi) * (zj - zi))
+    nx, ny, nz = dx / distance, dy / distance, (zj - zi) / distance
+    return distance, (nx, ny, nz), -(nx * (vxj - vxi) + ny * (vyj - vyi) + nz * (vzj - vzi))
 
 
 @inlined
@@ -33,12 +57,7 @@ def add_contact(i, j, meeting, now, state, scene, contacts, count):  # out: stat
     Returns:
         Whether the balls were added.
     """
-    xi, yi, vxi, vyi = motion_after(state, i, since(now, own_time(state, i)))
-    xj, yj, vxj, vyj = motion_after(state, j, since(now, own_time(state, j)))
-    dx, dy = xj - xi, yj - yi
-    distance = norm(dx, dy)
-    nx, ny = dx / distance, dy / distance
-    closing = -(nx * (vxj - vxi) + ny * (vyj - vyi))
+    distance, (nx, ny, nz), closing = _approach(state.flight, i, j, now, state, scene.numbers)
     if same(meeting, now):
         closing = max(closing, 0.0)
     elif distance - contact_distance(scene.spheres, scene.radius, i, j) > CONTACT_GAP or closing <= 0.0:
@@ -50,10 +69,20 @@ def add_contact(i, j, meeting, now, state, scene, contacts, count):  # out: stat
     while k > 0 and (first[k - 1] > i or (first[k - 1] == i and second[k - 1] > j)):
         first[k], second[k], contacts.closing[k] = first[k - 1], second[k - 1], contacts.closing[k - 1]
         contacts.nx[k], contacts.ny[k] = contacts.nx[k - 1], contacts.ny[k - 1]
+        _move_upwards(contacts.nz, k)
         k -= 1
     first[k], second[k] = i, j
     contacts.nx[k], contacts.ny[k], contacts.closing[k] = nx, ny, closing
+    set_upwards(contacts.nz, k, nz)
     return True
+
+
+@inlined
+def _move_upwards(nz, k):  # out: nz
+    """Moves entry k - 1 of `Contacts.nz` to entry k."""
+    if nz is None:
+        return
+    nz[k] = nz[k - 1]
 
 
 @inlined
@@ -104,6 +133,32 @@ def _resolve_corner(i, walls, now, k, scene, work, shots, log):  # out: work, sh
 
 
 @inlined
+def _speed_of_fall(flight, i, state, numbers):
+    """Returns the vertical speed at which ball i lands at the end of its phase, m/s; 0 if it is on the cloth."""
+    if flight is None or state.phase[i] != AIRBORNE:
+        return 0.0
+    return state.rows[i, LASTS] * numbers.g - state.rows[i, VZ]
+
+
+@inlined
+def _resolve_in_air(flight, i, kind, other, now, k, scene, state, shots):  # out: state, shots
+    """Resolves the impact of ball i, which is in the air, on a nose, or takes it out of play.
+
+    Returns:
+        The speed of approach, m/s, and the number of acts of the contact-time rule.
+    """
+    if flight is None:
+        return 0.0, 0
+    advance(state, i, now, scene.numbers)
+    if kind == OFF_TABLE:
+        speed = norm(state.rows[i, VX], state.rows[i, VY])
+        drive_off(k, i, state, shots)
+        return speed, 0
+    shots.cushions[k, i] += 1
+    return hit_nose(flight, i, other, state, scene)
+
+
+@inlined
 def resolve_singles(count, now, k, scene, work, shots, log):  # out: work, shots, log
     """Resolves and records the next single-ball event of each of the first `count` balls of `work.due`.
 
@@ -130,6 +185,8 @@ def resolve_singles(count, now, k, scene, work, shots, log):  # out: work, shots
             advance(state, i, now, scene.numbers)
             speed = norm(state.rows[i, VX], state.rows[i, VY])
             pot(k, i, other, state, scene, shots)
+        elif is_airborne(scene.flight, state.phase[i]) and kind != LANDING:
+            speed, acts = _resolve_in_air(scene.flight, i, kind, other, now, k, scene, state, shots)
         elif kind == BALL_CUSHION:
             advance(state, i, now, scene.numbers)
             walls = walls_met(state, i, other, scene.radius[i], scene.numbers, scene.outline)
@@ -144,6 +201,7 @@ def resolve_singles(count, now, k, scene, work, shots, log):  # out: work, shots
             acts = hit_cushion(contact, now.hi, state, scene, work.memory)
             shots.cushions[k, i] += 1
         else:
+            speed = _speed_of_fall(scene.flight, i, state, scene.numbers)
             end_phase(state, i, now, scene.numbers)
             kind = phase_ended(kind, state.rows[i])
         shots.n_contact_rule[k] += acts

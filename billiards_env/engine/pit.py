@@ -121,9 +121,9 @@ def make_workspace(scene):
     n = len(scene.radius)
     most = max(1, n * (n - 1) // 2)
     return PitWorkspace(
-        state=empty_state(n),
-        contacts=empty_contacts(most),
-        scratch=empty_scratch(n, most, scene.ball_friction),
+        state=empty_state(n, None),
+        contacts=empty_contacts(most, None),
+        scratch=empty_scratch(n, most, scene.ball_friction, None),
         here=np.empty((n, 4)),
         back=np.empty(n),
         phase_end_hi=np.empty(n),

@@ -11,8 +11,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, phase_end
-from billiards_env.jit import allocating, inlined
+from billiards_env.engine.log import (
+    BALL_CUSHION,
+    BALL_POCKET,
+    LANDING,
+    OFF_TABLE,
+    ROLLING_REST,
+    SLIDING_ROLLING,
+    phase_end,
+)
+from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import (
     IMPULSE_ROUNDING,
@@ -20,19 +28,24 @@ from billiards_env.physics.geometry.contact import (
     TINY,
     circle_time,
     contact_distance,
+    sphere_time,
 )
-from billiards_env.physics.geometry.pockets import path_to, pockets_near
-from billiards_env.physics.geometry.walls import wall_time
-from billiards_env.physics.motion import Path, motion_after, path_of
+from billiards_env.physics.geometry.noses import nose_time, room_between_noses
+from billiards_env.physics.geometry.pockets import path_to, pocket_at, pocket_exit, pockets_near
+from billiards_env.physics.geometry.walls import exit_time, wall_time
+from billiards_env.physics.motion import Path, height_of, motion_after, path_after, path_of, place_after
 from billiards_env.physics.state import (
+    AIRBORNE,
     AX,
     AY,
     LASTS,
     POTTED,
     REST,
     ROLLING,
+    VZ,
     Time,
     before,
+    is_airborne,
     later,
     moves,
     own_time,
@@ -85,7 +98,9 @@ def empty_singles(n):
 @inlined
 def rank_of(kind):
     """Returns the rank of an event of a ball alone."""
-    return POCKET_RANK if kind == BALL_POCKET else (CUSHION_RANK if kind == BALL_CUSHION else PHASE_RANK)
+    if kind in (BALL_POCKET, OFF_TABLE):
+        return POCKET_RANK
+    return CUSHION_RANK if kind == BALL_CUSHION else PHASE_RANK
 
 
 @inlined
@@ -119,7 +134,9 @@ def predict_single(i, state, scene, singles):  # out: singles
         return
     end = state.rows[i, LASTS]
     kind, other = phase_end(phase), -1
-    if phase >= ROLLING:
+    if is_airborne(scene.flight, phase):
+        end, kind, other = _event_in_air(scene.flight, i, state, scene)
+    elif phase >= ROLLING:
         path = path_of(state, i)
         t, wall = wall_time(path, scene.radius[i], end, numbers, scene.outline)
         if t < math.inf:
@@ -134,6 +151,45 @@ def predict_single(i, state, scene, singles):  # out: singles
         time = later(own_time(state, i), end)
         singles.hi[i], singles.lo[i] = time.hi, time.lo
         singles.kind[i], singles.other[i] = kind, other
+
+
+@kernel
+def _event_in_air(flight, i, state, scene):
+    """Returns the time of the next event of ball i alone, which is in the air, s after its own time, kind and number.
+
+    The pockets count where a ball lands. A ball whose centre passes over the nose of a cushion leaves the table: over a
+    pocket it hits the back of it if its centre leaves the pocket lower than 2/5 of a radius above its height on the
+    cloth (the rule of the simulator pooltool), and otherwise it is driven off.
+    """
+    if flight is None:
+        return math.inf, LANDING, -1
+    path, end, radius, numbers = path_of(state, i), state.rows[i, LASTS], scene.radius[i], scene.numbers
+    room_x, room_y = room_between_noses(radius, numbers)
+    off, _ = exit_time(path, room_x, room_y, end)
+    last, kind = (off, OFF_TABLE) if off <= end else (end, LANDING)
+    other = pocket_at(scene.pockets, *place_after(path, last), 1.0)
+    if other >= 0:
+        kind = BALL_POCKET
+        leaves = last + pocket_exit(path_after(path, last), scene.pockets[other]) if off <= end else math.inf
+        last = min(leaves, end)
+        if leaves < end and height_of(flight, state, i, leaves, numbers)[0] >= 0.4 * radius:
+            kind, other = OFF_TABLE, -1
+    noise = IMPULSE_ROUNDING * norm(norm(path.vx, path.vy), state.rows[i, VZ])
+    for wall in range(4):
+        begin = 0.0
+        while True:
+            z, vz = height_of(flight, state, i, begin, numbers)
+            t = begin + nose_time(path_after(path, begin), (z, vz), radius, last - begin, noise, wall, numbers)
+            if t > last or t == math.inf:
+                break
+            over = pocket_at(scene.pockets, *place_after(path, t), 1.0)
+            if over < 0:
+                last, kind, other = t, BALL_CUSHION, wall
+                break
+            begin = t + pocket_exit(path_after(path, t), scene.pockets[over])  # there is no cushion in a pocket
+            if begin >= last:
+                break
+    return last, kind, other
 
 
 @inlined
@@ -188,7 +244,7 @@ def predict_pair(i, j, state, scene, singles):
         now = own_time(state, j)
     # This prediction is valid only until the phase of either ball ends, so not at all if a phase ends now.
     for k in (i, j):
-        if singles.hi[k] <= now.hi and singles.kind[k] in (SLIDING_ROLLING, ROLLING_REST):
+        if singles.hi[k] <= now.hi and singles.kind[k] in (SLIDING_ROLLING, ROLLING_REST, LANDING):
             return Time(math.inf, 0.0)
     end = min(singles.hi[i], singles.hi[j]) - now.hi
     xi, yi, vxi, vyi = motion_after(state, i, since(now, own_time(state, i)))
@@ -198,5 +254,21 @@ def predict_pair(i, j, state, scene, singles):
     reach = contact_distance(scene.spheres, scene.radius, i, j)
     if meeting_bound(path, reach, end) == math.inf:
         return Time(math.inf, 0.0)
-    t = circle_time(path, reach, end, IMPULSE_ROUNDING * (norm(vxi, vyi) + norm(vxj, vyj)))
+    noise = IMPULSE_ROUNDING * (norm(vxi, vyi) + norm(vxj, vyj))
+    t = _meeting(state.flight, i, j, now, path, reach, end, noise, state, scene.numbers)
     return later(now, t) if t < math.inf else Time(math.inf, 0.0)
+
+
+@inlined
+def _meeting(flight, i, j, now, path, reach, end, noise, state, numbers):
+    """Returns the time at which two balls meet, s after `now`; for the other arguments see `circle_time`."""
+    if flight is None:
+        return circle_time(path, reach, end, noise)
+    if state.phase[i] != AIRBORNE and state.phase[j] != AIRBORNE:
+        return circle_time(path, reach, end, noise)
+    zi, vzi = height_of(flight, state, i, since(now, own_time(state, i)), numbers)
+    zj, vzj = height_of(flight, state, j, since(now, own_time(state, j)), numbers)
+    falls_i = numbers.g if state.phase[i] == AIRBORNE else 0.0
+    falls_j = numbers.g if state.phase[j] == AIRBORNE else 0.0
+    noise += IMPULSE_ROUNDING * (abs(vzi) + abs(vzj))
+    return sphere_time(path, (zj - zi, vzj - vzi, falls_i - falls_j), reach, end, noise)

@@ -58,6 +58,7 @@ class ShotInput(NamedTuple):
         spins: (n, 3) float64, rad/s.
         in_play: (n,) bool.
         cue: The cue ball, which the cue strikes.
+        heights: (n, 2) float64, see `Shots`; None without flight.
         limit: Time at which a shot ends, s; infinite for no limit.
     """
 
@@ -66,11 +67,12 @@ class ShotInput(NamedTuple):
     spins: Floats
     in_play: NDArray[np.bool_]
     cue: int | NDArray[np.int64] = CUE_BALL
+    heights: Floats | None = None
     limit: float = math.inf
 
     def as_batch(self) -> tuple[Any, ...]:
         """Returns the start of one shot as the fields of `Starts` of a batch, which share the memory of its arrays."""
-        return tuple(np.asarray(part)[None] for part in start_fields(self))
+        return tuple(None if part is None else np.asarray(part)[None] for part in start_fields(self))
 
 
 @inlined
@@ -130,7 +132,7 @@ def _is_apart(i, places, in_play, scene, cells):  # out: cells
 @inlined
 def _are_valid(begin, end, scene, starts, cells):  # out: cells
     """Implements `is_valid_fast`. `cells` is a result of `empty_cells`, or None."""
-    positions, velocities, spins, in_play, _ = starts
+    positions, velocities, spins, in_play, _, _ = starts
     n = len(scene.radius)
     pairs = 0
     for k in range(begin, end):
@@ -200,14 +202,16 @@ def check_shot(
     Raises:
         ValueError: As in `simulate`; the message names the shot of a batch.
     """
-    places = numbers("positions", positions)
+    places, above = _split(scene, "positions", positions)
+    velocities, rising = _split(scene, "velocities", velocities)
     shape = places.shape[:-1]
     if places.ndim not in (2, 3) or places.shape[-2:] != (scene.n_balls, 2):
         check_positions(scene, places)  # raises
     limit = scene.physics.max_time if max_time is None else real("max_time", max_time, "limit")
     if into is None:
         balls = np.empty((*shape, 2)), np.empty((*shape, 2)), np.empty((*shape, 3)), np.empty(shape, np.bool_)
-        start: tuple[Any, ...] = (*balls, np.zeros(shape[:-1], np.int64))  # ball 0 is the cue ball
+        heights = np.empty((*shape, 2)) if scene.physics.flight else None
+        start: tuple[Any, ...] = (*balls, np.zeros(shape[:-1], np.int64), heights)  # ball 0 is the cue ball
     else:
         start = start_fields(into)
     shot = ShotInput(*start, limit=math.inf if limit is None else float(limit))
@@ -222,8 +226,9 @@ def check_shot(
         shot.spins[...] = 0.0
     else:
         _fill(shot.spins, "spins", spins)
-    if not _is_valid_fast(scene, shot, threads):
-        check_positions(scene, shot.positions, in_play=shot.in_play)
+    on_cloth = shot.in_play if shot.heights is None else _fill_heights(scene, shot, shot.heights, above, rising)
+    if not _is_valid_fast(scene, shot._replace(in_play=on_cloth), threads):
+        check_positions(scene, shot.positions, in_play=on_cloth)
         _check_motion(scene, "velocities", shot.velocities, RANGES["speed"])
         _check_motion(scene, "spins", shot.spins, RANGES["spin"])
     return shot
@@ -296,6 +301,63 @@ def _fill(array: Floats, name: str, values: ArrayLike) -> None:
         raise ValueError(
             f"{name} has shape {source.shape}: expected {full} for all balls or {cue_ball_alone} for the cue ball"
         )
+
+
+def _split(scene: Scene, name: str, values: ArrayLike) -> tuple[Floats, Floats | None]:
+    """Returns vectors (..., 2) and, in scenes with flight, the third components (..., 1) of vectors (..., 3)."""
+    array = numbers(name, values)
+    if scene.physics.flight and array.ndim and array.shape[-1] == 3:
+        return array[..., :2], array[..., 2:]
+    return array, None
+
+
+def _fill_heights(
+    scene: Scene, shot: ShotInput, heights: Floats, above: Floats | None, rising: Floats | None
+) -> NDArray[np.bool_]:
+    """Fills the heights of a shot or a batch, and checks those of balls in the air.
+
+    Returns:
+        (n,) or (m, n) bool: the balls in play on the cloth.
+    """
+    heights[...] = 0.0
+    if above is not None:
+        _fill(heights[..., :1], "positions", above)
+    if rising is not None:
+        _fill(heights[..., 1:], "velocities", rising)
+    if above is None and rising is None:
+        return shot.in_play
+    for column, name, within in ((0, "positions", Range(0.0, 1e4, "m")), (1, "velocities", RANGES["speed"])):
+        values = heights[..., column]
+        assert within.most is not None
+        bad = np.argwhere(~((values >= within.least) & (values <= within.most)))
+        if len(bad):
+            at = tuple(bad[0])
+            where = f"shot {at[0]}, ball {at[1]}" if len(at) == 2 else f"ball {at[0]}"
+            raise ValueError(f"{name}: {where} has z = {short(values[at])}: expected {range_text('a number', within)}")
+    flies = shot.in_play & (heights[..., 0] > 0.0)
+    if flies.any():
+        _check_in_air(scene, shot, heights[..., 0], flies)
+    return shot.in_play & ~flies
+
+
+def _check_in_air(scene: Scene, shot: ShotInput, z: Floats, flies: NDArray[np.bool_]) -> None:
+    """Raises a ValueError if a ball in the air is not above the table or overlaps another ball."""
+    n, reach = scene.n_balls, 2.0 * scene.balls.radius[0] - CONTACT_GAP
+    beside = (
+        scene.table.clearance(np.where(flies[..., None], shot.positions, 0.0)) < scene.balls.radius[0] - CONTACT_GAP
+    )
+    if (beside & flies).any():
+        raise ValueError(
+            f"positions = {short(shot.positions.tolist())}: expected balls in the air between the cushions"
+        )
+    places = np.concatenate((shot.positions, z[..., None]), axis=-1).reshape(-1, n, 3)
+    in_play, flying = shot.in_play.reshape(-1, n), flies.reshape(-1, n)
+    for k in np.flatnonzero(flying.any(axis=1)).tolist():
+        apart = np.linalg.norm(places[k, :, None] - places[k], axis=-1)
+        meets = (apart < reach) & flying[k][:, None] & in_play[k] & ~np.eye(n, dtype=bool)
+        if meets.any():
+            i, j = np.argwhere(meets)[0].tolist()
+            raise ValueError(f"positions: balls {i} and {j} are {apart[i, j]} m apart: expected at least {reach} m")
 
 
 def _is_valid_fast(scene: Scene, shot: ShotInput, threads: int | None) -> bool:

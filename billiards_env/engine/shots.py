@@ -24,14 +24,18 @@ from billiards_env.physics.state import (
     UY,
     VX,
     VY,
+    VZ,
     WZ,
     X,
     Y,
+    Z,
 )
 
 STATUS = ("rest", "max_time", "event_limit", "step_limit")
 """Names of the reasons for which a shot ends."""
 AT_REST, AT_MAX_TIME, AT_EVENT_LIMIT, AT_STEP_LIMIT = 0, 1, 2, 3
+
+HEIGHT, RISING = 0, 1  # columns of `Shots.heights`
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -40,7 +44,7 @@ Int64s = NDArray[np.int64]
 
 
 class Shots(NamedTuple):
-    """m shots of n balls. The first five arrays hold the start of each shot; the engine replaces it by the end.
+    """m shots of n balls. The first six arrays hold the start of each shot; the engine replaces it by the end.
 
     Attributes:
         positions: (m, n, 2) float64, m.
@@ -48,6 +52,7 @@ class Shots(NamedTuple):
         spins: (m, n, 3) float64, rad/s.
         in_play: (m, n) bool: whether a ball is not in a pocket.
         cue: (m,) int64: the cue ball, which the cue strikes. The engine counts its contacts and does not change it.
+        heights: (m, n, 2) float64, the height above the cloth, m, and the vertical velocity, m/s; None without flight.
         time: (m,) float64 out: duration, s.
         cushions: (m, n) int32 out: number of cushion contacts of each ball.
         cushions_before_hit: (m, n) int32 out: number of cushion contacts that the cue ball had when it first touched
@@ -57,8 +62,9 @@ class Shots(NamedTuple):
         first_hit: (m,) int64 out: the ball that the cue ball touched first, -1 if none.
         n_contact_rule: (m,) int64 out: number of acts of the contact-time rule.
         pockets: (m, n) int32 out: the pocket in which the shot potted the ball, -1 for none.
-        pot_order: (m, n) int32 out: the number of balls that the shot had potted before it potted the ball, -1 if it
-            did not pot it. Balls that drop at the same instant have the order of their numbers.
+        pot_order: (m, n) int32 out: the number of balls that had left the table in the shot before the ball did, -1 if
+            it stayed. Balls that leave it at the same instant have the order of their numbers. A ball that leaves it
+            without a pocket is driven off the table, which needs a flight.
         touched_first: (m, n) bool out: whether the cue ball touched the ball at the instant of its first contact.
         first_hit_time: (m,) float64 out: this instant, s; infinite without a contact.
     """
@@ -68,6 +74,7 @@ class Shots(NamedTuple):
     spins: Floats
     in_play: Bools
     cue: Int64s
+    heights: Floats | None
     time: Floats
     cushions: Int32s
     cushions_before_hit: Int32s
@@ -82,13 +89,14 @@ class Shots(NamedTuple):
 
 
 class Starts(NamedTuple):
-    """The starts of m shots of n balls: the first five arrays of `Shots`."""
+    """The starts of m shots of n balls: the first six arrays of `Shots`."""
 
     positions: Floats
     velocities: Floats
     spins: Floats
     in_play: Bools
     cue: Int64s
+    heights: Floats | None
 
 
 def start_fields(shots: Any) -> tuple[Any, ...]:
@@ -111,18 +119,20 @@ def arrays_in(memory: NDArray[np.uint8], kind: np.dtype[np.void]) -> list[NDArra
 
 
 @functools.lru_cache(maxsize=64)
-def row_type(n: int) -> np.dtype[np.void]:
-    """Returns the type of a row of `Shots` of n balls."""
+def row_type(n: int, flight: bool = False) -> np.dtype[np.void]:
+    """Returns the type of a row of `Shots` of n balls. The field `heights` exists only with flight."""
     whole, flags = ("i4", (n,)), ("?", (n,))
-    start = (("f8", (n, 2)), ("f8", (n, 2)), ("f8", (n, 3)), flags, "i8")
+    start = (("f8", (n, 2)), ("f8", (n, 2)), ("f8", (n, 3)), flags, "i8", ("f8", (n, 2)))
     kinds = (*start, "f8", whole, whole, "i8", "i8", "i8", "i8", whole, whole, flags, "f8")
-    return np.dtype(list(zip(Shots._fields, kinds, strict=True)), align=True)
+    fields = [field for field in zip(Shots._fields, kinds, strict=True) if flight or field[0] != "heights"]
+    return np.dtype(fields, align=True)
 
 
-def empty_shots(m: int, n: int) -> Shots:
+def empty_shots(m: int, n: int, flight: bool = False) -> Shots:
     """Returns `Shots` for m shots of n balls. Ball 0 is the cue ball; the content of the other arrays is undefined."""
-    kind = row_type(n)
-    shots = Shots(*arrays_in(np.empty(m * kind.itemsize, np.uint8), kind))
+    kind = row_type(n, flight)
+    arrays = arrays_in(np.empty(m * kind.itemsize, np.uint8), kind)
+    shots = Shots(**{"heights": None, **dict(zip(kind.names or (), arrays, strict=True))})
     shots.cue[:] = CUE_BALL
     return shots
 
@@ -144,6 +154,15 @@ def load_balls(k, shots, scene, state):  # out: state
             s[UX] = s[VX] - scene.radius[i] * shots.spins[k, i, SPIN_Y]
             s[UY] = s[VY] + scene.radius[i] * shots.spins[k, i, SPIN_X]
             s[WZ] = shots.spins[k, i, SPIN_Z]
+        _load_height(shots.heights, k, i, s)
+
+
+@inlined
+def _load_height(heights, k, i, row):  # out: row
+    """Copies the height and the vertical velocity of ball i to its row of the `State`."""
+    if heights is None:
+        return
+    row[Z], row[VZ] = heights[k, i, HEIGHT], heights[k, i, RISING]
 
 
 @inlined
@@ -170,6 +189,15 @@ def store(k, shots, scene, state):  # out: shots
             shots.spins[k, i, SPIN_X] = (s[UY] - s[VY]) / scene.radius[i]
             shots.spins[k, i, SPIN_Y] = (s[VX] - s[UX]) / scene.radius[i]
             shots.spins[k, i, SPIN_Z] = s[WZ]
+        _store_height(shots.heights, k, i, s)
+
+
+@inlined
+def _store_height(heights, k, i, row):  # out: heights
+    """Copies the height and the vertical velocity of ball i from its row of the `State`."""
+    if heights is None:
+        return
+    heights[k, i, HEIGHT], heights[k, i, RISING] = row[Z], row[VZ]
 
 
 @inlined
@@ -190,11 +218,24 @@ def count_hit(k, i, j, now, shots):  # out: shots
 def pot(k, i, pocket, state, scene, shots):  # out: state, shots
     """Moves ball i to the centre of a pocket, where it stays, and records this."""
     capture(state, i, *centre_of(scene.pockets[pocket]))
-    potted = 0
-    for j in range(len(state.phase)):
-        if shots.pockets[k, j] >= 0:
-            potted += 1
-    shots.pockets[k, i], shots.pot_order[k, i] = pocket, potted
+    shots.pockets[k, i], shots.pot_order[k, i] = pocket, _balls_off(k, shots)
+
+
+@inlined
+def drive_off(k, i, state, shots):  # out: state, shots
+    """Takes ball i, which has left the table at its place, out of play, and records this."""
+    capture(state, i, state.rows[i, X], state.rows[i, Y])
+    shots.pot_order[k, i] = _balls_off(k, shots)
+
+
+@inlined
+def _balls_off(k, shots):
+    """Returns the number of balls that have left the table in shot k."""
+    count = 0
+    for j in range(shots.pot_order.shape[1]):
+        if shots.pot_order[k, j] >= 0:
+            count += 1
+    return count
 
 
 @inlined

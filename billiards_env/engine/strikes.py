@@ -28,7 +28,7 @@ class Strike(NamedTuple):
     `simulate` and `simulate_batch` replace it if the cue ball touches a ball ahead of it, see `engine.frozen_strike`.
 
     Attributes:
-        velocity: (..., 2) float64, m/s.
+        velocity: (..., 2) float64, m/s; (..., 3) in scenes with flight.
         spin: (..., 3) float64, rad/s.
         miscue: (...) bool, whether the tip slipped on the ball.
     """
@@ -57,8 +57,8 @@ def strike(
         heading: Direction of the cue on the table, rad, counterclockwise from the x axis.
         side: Offset of the tip to the left (english), in ball radii.
         top: Offset of the tip above the centre, in ball radii. Positive is follow, negative is draw.
-        elevation: Angle of the cue above the horizontal, rad. The ball's vertical velocity is set to zero, so it does
-            not jump.
+        elevation: Angle of the cue above the horizontal, rad. In scenes with flight it drives the ball into the slate,
+            from which the ball bounces. In other scenes the vertical velocity is dropped.
 
     Returns:
         The velocity, the spin and whether the tip slipped, see `physics.strike.struck`.
@@ -75,8 +75,9 @@ def strike(
     """
     cue, parameters = checked_strike(scene, speed, heading, side, top, elevation)
     shape = parameters.shape[:-1]
-    result = Strike(np.empty((*shape, 2)), np.empty((*shape, 3)), np.empty(shape, np.bool_))
-    rows = parameters.reshape(-1, 5), result.velocity.reshape(-1, 2), result.spin.reshape(-1, 3)
+    axes = 3 if scene.physics.flight else 2
+    result = Strike(np.empty((*shape, axes)), np.empty((*shape, 3)), np.empty(shape, np.bool_))
+    rows = parameters.reshape(-1, 5), result.velocity.reshape(-1, axes), result.spin.reshape(-1, 3)
     many_strikes(tuple(cue), *rows, result.miscue.reshape(-1))
     return result
 

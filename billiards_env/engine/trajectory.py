@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.engine.log import SEGMENT_BALL, SEGMENT_PHASE, SEGMENT_ROW
-from billiards_env.physics.state import AX, AY, LASTS, POTTED, ROLLING, T0, T0_LO, VX, VY, X, Y
+from billiards_env.physics.state import AIRBORNE, AX, AY, LASTS, POTTED, ROLLING, T0, T0_LO, VX, VY, VZ, X, Y, Z
 from billiards_env.support.checks import numbers
 
 Floats = NDArray[np.float64]
@@ -23,7 +23,7 @@ class Trajectory(NamedTuple):
     Attributes:
         ball: (k,) int, the ball of each piece. The first n pieces are those of balls 0 to n - 1.
         phase: (k,) int, the ball's phase, see `physics.state`.
-        rows: (k, WIDTH) float64, the ball's motion at the beginning of the piece, see `physics.state`.
+        rows: (k, WIDTH or FLIGHT_WIDTH) float64, the ball's motion at the beginning of the piece, see `physics.state`.
     """
 
     ball: NDArray[np.intp]
@@ -44,7 +44,7 @@ class Trajectory(NamedTuple):
     @property
     def moving(self) -> NDArray[np.bool_]:
         """(k,) Whether the ball moves on the piece."""
-        return (self.phase >= ROLLING) & (self.phase < POTTED)
+        return (self.phase >= ROLLING) & (self.phase != POTTED)
 
     @property
     def duration(self) -> Floats:
@@ -87,6 +87,15 @@ class Trajectory(NamedTuple):
         """
         at = numbers("times", times)
         return self.at_pieces(self._pieces(ball, at, before), at)
+
+    def heights(self, ball: int, times: Floats, g: float) -> Floats:
+        """Returns the heights of a ball above its height on the cloth, (m,) m, at times (m,), s; `g` is gravity."""
+        pieces = self._pieces(ball, times)
+        rows, flies = self.rows[pieces], self.phase[pieces] == AIRBORNE
+        if not flies.any():
+            return np.zeros(len(pieces))
+        t = np.clip(self._since(pieces, times), 0.0, rows[:, LASTS])
+        return np.where(flies, np.maximum(rows[:, Z] + t * (rows[:, VZ] - 0.5 * t * g), 0.0), 0.0)
 
     def velocities(self, ball: int, times: Floats) -> Floats:
         """Returns the velocities of a ball, (m, 2) m/s, at times (m,), s; at an event the velocity after it."""

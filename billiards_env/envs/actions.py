@@ -247,7 +247,7 @@ def strike_balls(begin, end, skip, actions, cue, starts):
         sin_elevation, cos_elevation = sine_cosine(0.5 * math.pi * clipped(actions, k, ELEVATION))
         i = balls[k]
         ux, uy = velocities[k, i, X], velocities[k, i, Y]
-        vx, vy, wx, wy, wz, miscue = struck(cue, ux, uy, side, top, sin_elevation, cos_elevation)
+        vx, vy, wx, wy, wz, miscue, _ = struck(cue, ux, uy, side, top, sin_elevation, cos_elevation)
         velocities[k, i, X], velocities[k, i, Y] = vx, vy
         spins[k, i, SPIN_X], spins[k, i, SPIN_Y], spins[k, i, SPIN_Z] = wx, wy, wz
         miscues[k] = miscue

@@ -122,6 +122,7 @@ class Episodes:
         names = self._block_kind.names or ()
         arrays: dict[str, Any] = dict(zip(names, arrays_in(block, self._block_kind), strict=True))
         arrays["states"], arrays["viewers"] = arrays["game"].reshape(-1), arrays["viewers"].reshape(-1)
+        arrays.setdefault("heights", None)
         self.state = state = StateArrays(*map(arrays.__getitem__, StateArrays._fields))
         self.shots = shots = Shots(*map(arrays.__getitem__, Shots._fields))
         self.arrays = EpisodeArrays(*map(arrays.__getitem__, EpisodeArrays._fields))
@@ -440,8 +441,8 @@ class SpareEpisodes:
 
 def block_type(state: np.dtype[np.void], model: Model, choices: int) -> np.dtype[np.void]:
     """Returns the type of a row of the arrays of `Episodes`: the state, then the rest of `Shots` and the results."""
-    n, shots = model.scene.n_balls, row_type(model.scene.n_balls)
-    rest = [(name, shots[name]) for name in Shots._fields if name not in StateArrays._fields]
+    n, shots = model.scene.n_balls, row_type(model.scene.n_balls, model.scene.physics.flight)
+    rest = [(name, shots[name]) for name in shots.names or () if name not in StateArrays._fields]
     rest += [("actions", "f8", (action_named(model.action).size,)), ("points", "i8")]
     rest += [("viewers", "i8", () if model.n_players > 1 else (0,)), ("mask", "i1", (choices,))]
     rest += [("potted", "?", (n,)), ("scratch", "?"), ("miscues", "?")]

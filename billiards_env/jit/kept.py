@@ -55,7 +55,7 @@ class Kept(int):
         kind: The numba type of the tuple.
         values: The tuple. Its arrays must not move in memory.
         words: Its memory, int64.
-        places: The words with the addresses of the arrays, if the tuple has only arrays.
+        places: The words with the addresses of the arrays, if the tuple has only arrays and None.
     """
 
     kind: Any
@@ -75,9 +75,9 @@ def kept(values: tuple[Any, ...]) -> Any:
         return values
     pattern, numbers = _packed(values)
     memory = struct.pack(pattern, *numbers)
-    sizes = [_WORDS + 2 * value.ndim if isinstance(value, np.ndarray) else 0 for value in values]
-    places = np.cumsum([0, *sizes[:-1]]) + _DATA
-    return _made(typeof(values), values, np.frombuffer(memory, np.int64).copy(), places)
+    sizes = [_WORDS + 2 * value.ndim if isinstance(value, np.ndarray) else 1 for value in values]
+    begins = np.cumsum([0, *sizes[:-1]])[[isinstance(value, np.ndarray) for value in values]]
+    return _made(typeof(values), values, np.frombuffer(memory, np.int64).copy(), begins + _DATA)
 
 
 def moved(like: Any, values: tuple[Any, ...], distance: int) -> Any:

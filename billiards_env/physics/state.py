@@ -29,9 +29,11 @@ WZ = 8  # spin about the vertical axis, rad/s
 T0, T0_LO = 9, 10  # the ball's own time, s
 LASTS = 11  # time from T0 to the end of the phase, s
 WIDTH = 12
+Z, VZ = 12, 13  # only in scenes with flight: the height of the centre above its height on the cloth, m; m/s
+FLIGHT_WIDTH = 14
 
 # Phases of a ball's motion.
-REST, SPINNING, ROLLING, SLIDING, FREE, POTTED = 0, 1, 2, 3, 4, 5
+REST, SPINNING, ROLLING, SLIDING, FREE, POTTED, AIRBORNE = 0, 1, 2, 3, 4, 5, 6
 
 # The laws of `engine.compile.MOTIONS`.
 IDEAL, ROLLING_ONLY, SLIDING_AND_ROLLING = 0, 1, 2
@@ -56,12 +58,14 @@ class State(NamedTuple):
     """The motion of n balls.
 
     Attributes:
-        rows: (n, WIDTH) float64, see the columns above.
+        rows: (n, WIDTH) or, in scenes with flight, (n, FLIGHT_WIDTH) float64, see the columns above.
         phase: (n,) int8.
+        flight: `SceneArrays.flight`.
     """
 
     rows: Any
     phase: Any
+    flight: Any
 
 
 class BallState(NamedTuple):
@@ -95,6 +99,8 @@ CUSHION_NUMBERS = law_names("cushion", "mu_cloth", "cushion_height")
 """Those of cushions: the friction of the cloth with "mathavan2010" cushions, the height of the noses, m, and others."""
 
 LAW_NUMBERS = CLOTH_NUMBERS + BALL_NUMBERS + CUSHION_NUMBERS
+FLIGHT_NUMBERS = law_names("flight", "g", "mu_slate")
+"""The numbers of flights, which have no derivatives: gravity, m/s^2, the friction of a ball that lands, and others."""
 
 
 class EngineNumbers(NamedTuple):
@@ -125,11 +131,13 @@ class EngineNumbers(NamedTuple):
     fix: int
 
 
-NUMBERS = np.dtype((np.record, [(name, float) for name in LAW_NUMBERS] + list(get_type_hints(EngineNumbers).items())))
+_NUMBERS = LAW_NUMBERS + FLIGHT_NUMBERS
+NUMBERS = np.dtype((np.record, [(name, float) for name in _NUMBERS] + list(get_type_hints(EngineNumbers).items())))
 """The type of `Numbers` as a record, which compiled functions pass as one pointer."""
 
-Numbers: Any = namedtuple("Numbers", (*LAW_NUMBERS, *EngineNumbers._fields))
-"""The numbers of a scene and an engine: `LAW_NUMBERS`, which `scene.law_numbers` computes, and `EngineNumbers`."""
+Numbers: Any = namedtuple("Numbers", (*_NUMBERS, *EngineNumbers._fields))
+"""The numbers of a scene and an engine: `LAW_NUMBERS` and `FLIGHT_NUMBERS`, which `scene.law_numbers` computes, and
+`EngineNumbers`."""
 
 LawNumbers: Any = namedtuple("LawNumbers", (*LAW_NUMBERS, "motion", "cushion_rubs"))
 """What the laws read of `Numbers`; also a change of it."""
@@ -144,10 +152,12 @@ class SceneArrays(NamedTuple):
         inv_mass: (n,) float64, 1/kg; 0 for a fixed ball.
         pockets: (k, 3) float64, a row of `Table.pocket_rows` for each pocket, see `geometry.pockets`.
         outline: The `outline_walls.Outline`; None for a rectangle.
-        spheres: (n,) float64, the radii of spheres of different size, m; None for disks and for equal balls.
+        spheres: (n,) float64, the radii of spheres of different size or with flight, m; None if all normals are
+            horizontal: for disks and for equal balls.
         ball_restitution: The restitution of two balls: a `tables.choice` of `tables.RESTITUTIONS`.
         ball_friction: Their friction: a choice of `tables.FRICTIONS`; None for balls without friction.
         cushion: The law of the cushions: a choice of `tables.CUSHION_LAWS`.
+        flight: True if balls leave the cloth, otherwise None.
 
     Numba compiles the code of a feature only for scenes in which its field is not None: a function with the field as an
     argument begins with `if field is None`.
@@ -165,6 +175,7 @@ class SceneArrays(NamedTuple):
     ball_restitution: Any = ()
     ball_friction: Any = None
     cushion: Any = ()
+    flight: Any = None
 
 
 @expanded
@@ -174,9 +185,9 @@ def scene_of(scene, k):
 
 
 @allocating
-def empty_state(n):
-    """Returns the `State` of n balls, with undefined content."""
-    return State(np.empty((n, WIDTH)), np.empty(n, np.int8))
+def empty_state(n, flight):
+    """Returns the `State` of n balls, with undefined content; `flight` is `SceneArrays.flight`."""
+    return State(np.empty((n, WIDTH if flight is None else FLIGHT_WIDTH)), np.empty(n, np.int8), flight)
 
 
 @kernel
@@ -222,6 +233,14 @@ def set_motion(row, ball):  # out: row
 def own_time(state, i):
     """Returns the `Time` of ball i's row."""
     return Time(state.rows[i, T0], state.rows[i, T0_LO])
+
+
+@inlined
+def is_airborne(flight, phase):
+    """Returns whether a phase is that of a ball above the cloth; `flight` is `SceneArrays.flight`."""
+    if flight is None:
+        return False
+    return phase == AIRBORNE
 
 
 @inlined

@@ -82,7 +82,7 @@ def struck(cue, ux, uy, side, top, sin_elevation, cos_elevation):
 
     If the tip is farther from the centre than `cue.miscue`, it slips (a miscue): the impulse then lies on the edge of
     the cone of friction, so the ball deviates from the axis of the cue. The spin is that of a tip at the edge, times
-    the cosine of this deviation. The vertical component of the velocity is dropped.
+    the cosine of this deviation. In scenes without flight the vertical component of the velocity is dropped.
 
     Args:
         cue: The cue.
@@ -94,17 +94,18 @@ def struck(cue, ux, uy, side, top, sin_elevation, cos_elevation):
         cos_elevation: Its cosine.
 
     Returns:
-        (vx, vy, wx, wy, wz, miscue): m/s, rad/s, and whether the tip slipped.
+        (vx, vy, wx, wy, wz, miscue, vz): m/s, rad/s, and whether the tip slipped. A raised cue drives the ball down.
     """
     offset = norm(side, top)
     miscue = offset > cue.miscue
-    along, right, slowed = cos_elevation, 0.0, 1.0
+    along, right, down, slowed = cos_elevation, 0.0, sin_elevation, 1.0
     if miscue:
         x = min(offset, 1.0)
         # The cosine of the angle between the cue and the radius at the tip, and the same at the edge of the cone
         at_tip, at_edge = math.sqrt(1.0 - x * x), math.sqrt(1.0 - cue.miscue * cue.miscue)
         slowed, turn = at_tip * at_edge + x * cue.miscue, x * at_edge - cue.miscue * at_tip
         along = slowed * cos_elevation - turn * (top / offset) * sin_elevation
+        down = slowed * sin_elevation + turn * (top / offset) * cos_elevation
         right = turn * (side / offset)
         side, top, offset = cue.miscue * (side / offset), cue.miscue * (top / offset), cue.miscue
     gain = slowed * speed_gain(cue, offset) / speed_gain(cue, 0.0)
@@ -114,8 +115,9 @@ def struck(cue, ux, uy, side, top, sin_elevation, cos_elevation):
     spin = 2.5 * gain / cue.radius
     wx = spin * (-side * sin_elevation * ux - top * uy)
     wy = spin * (-side * sin_elevation * uy + top * ux)
-    wz = -spin * side * cos_elevation * norm(ux, uy)
-    return gain * (ahead * ux + right * uy), gain * (ahead * uy - right * ux), wx, wy, wz, miscue
+    level = norm(ux, uy)
+    wz, vz = -spin * side * cos_elevation * level, -gain * down * level
+    return gain * (ahead * ux + right * uy), gain * (ahead * uy - right * ux), wx, wy, wz, miscue, vz
 
 
 @inlined
@@ -135,14 +137,16 @@ def many_strikes(cue, parameters, velocities, spins, miscues):  # out: velocitie
         cue: `CueNumbers`, as a plain tuple.
         parameters: (m, 5) float64: speed of the cue, m/s; heading, rad; offsets to the left and above, in ball radii;
             elevation, rad.
-        velocities: (m, 2) float64 out, m/s.
+        velocities: (m, 2) float64 out, m/s; (m, 3) with the vertical component.
         spins: (m, 3) float64 out, rad/s.
         miscues: (m,) bool out.
     """
     cue = CueNumbers(*cue)
     for k in range(len(parameters)):
         p = parameters[k]
-        vx, vy, wx, wy, wz, miscue = strike_by(cue, p[SPEED], p[HEADING], p[SIDE], p[TOP], p[ELEVATION])
+        vx, vy, wx, wy, wz, miscue, vz = strike_by(cue, p[SPEED], p[HEADING], p[SIDE], p[TOP], p[ELEVATION])
         velocities[k, X], velocities[k, Y] = vx, vy
+        if velocities.shape[1] == 3:
+            velocities[k, 2] = vz
         spins[k, SPIN_X], spins[k, SPIN_Y], spins[k, SPIN_Z] = wx, wy, wz
         miscues[k] = miscue

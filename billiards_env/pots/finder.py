@@ -170,7 +170,7 @@ def write_pots(scene, tables, flags, pots):
     """
     scene, pots = scene_of(scene, 0), Pots(*pots)
     cue, positions, in_play, targets, max_speed, slip_ratio, spin_ratio = tables
-    state = empty_state(positions.shape[1])
+    state = empty_state(positions.shape[1], None)
     for t in range(len(positions)):
         table = TableArrays(scene, cue, positions[t], in_play[t], targets[t], max_speed, slip_ratio, spin_ratio)
         own = Pots(pots.count[t : t + 1], pots.ball[t], pots.pocket[t], pots.rows[t], pots.shots[t])

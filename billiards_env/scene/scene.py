@@ -55,6 +55,7 @@ from billiards_env.support.checks import (
     entry_of,
     fields_of,
     fits,
+    flag,
     integer,
     numbers,
     one_of,
@@ -164,11 +165,11 @@ class Parameter(NamedTuple):
 
     Attributes:
         within: Its range, a key of `checks.RANGES`, which also has the unit.
-        law: The law that reads it under its own name: "cloth", "balls" or "cushion"; "" if the laws read only what
-            `law_numbers` makes of it.
+        law: The law that reads it under its own name: "cloth", "balls", "cushion" or "flight"; "" if the laws read only
+            what `law_numbers` makes of it.
         source: Where the default comes from; "" for 0 and 1.
         fitted: Whether `calibrate` fits it by default. Tracks rarely determine the numbers that it leaves out.
-        only: The names of the motions, cushions or laws of two balls that read it; empty if all read it.
+        only: The names of the motions, cushions or laws of two balls that read it, or "flight"; empty if all read it.
     """
 
     within: str
@@ -179,7 +180,8 @@ class Parameter(NamedTuple):
 
     def has_effect(self, physics: Physics) -> bool:
         """Returns whether one of the laws of a `Physics` reads it."""
-        return not self.only or bool({physics.motion, physics.cushion, physics.ball_ball}.intersection(self.only))
+        flight = "flight" if physics.flight else ""
+        return not self.only or not {physics.motion, physics.cushion, physics.ball_ball, flight}.isdisjoint(self.only)
 
 
 def _number(
@@ -203,6 +205,7 @@ class Physics:
             All but "restitution" need `motion="sliding"`.
         ball_ball: "frictionless" or "frictional" (impacts of balls with friction, which throws balls and transfers
             spin; needs `motion="sliding"`).
+        flight: Whether balls leave the cloth, see `physics.laws.flight`. It needs `motion="sliding"` and equal balls.
         g: Gravity, m/s^2.
         mu_slide: Coefficient of sliding friction between ball and cloth.
         mu_roll: Coefficient of rolling resistance between ball and cloth.
@@ -226,6 +229,9 @@ class Physics:
             friction is large enough, 0 to 1.
         mu_roll_speed: Gain of the rolling resistance per speed, s/m, see `physics.laws.cloth`; 0.003 in "match_carom".
             None for a resistance that does not depend on the speed.
+        e_slate: Restitution of a ball that lands on the slate.
+        mu_slate: Coefficient of friction between a ball that lands and the cloth; None for `mu_slide`.
+        least_hop: Height of the lowest hop of a ball that bounces, m. A ball that would hop lower stays on the cloth.
         max_time: Time limit of a shot, s; None for no limit. "ideal" motion needs a limit.
     """
 
@@ -278,13 +284,29 @@ class Physics:
     e_cushion_topspin: float = _number(0.0, "restitution", "cushion", only=("han2005_variable",))
     e_cushion_tangent: float = _number(0.0, "restitution", "cushion", only=("han2005_variable",))
     mu_roll_speed: float | None = _number(None, "speed_loss", "", only=("rolling", "sliding"))
+    flight: bool = False
+    e_slate: float = _number(
+        0.6, "restitution", "flight", "Alciatore, TP B.10; his range is 0.5 to 0.7", fitted=False, only=("flight",)
+    )
+    mu_slate: float | None = _number(None, "friction", "", "`mu_slide`, as in TP B.10", fitted=False, only=("flight",))
+    least_hop: float = _number(
+        1e-4, "least_hop", "flight", "far less than can be seen on a table", fitted=False, only=("flight",)
+    )
     max_time: float | None = None
 
     def __post_init__(self) -> None:
         one_of("physics.motion", self.motion, MOTION_NAMES)
         one_of("physics.cushion", self.cushion, tuple(CUSHION_NAMES))
         one_of("physics.ball_ball", self.ball_ball, tuple(BALL_BALL_NAMES))
-        optional = "mu_ball", "mu_roll_speed"
+        optional = "mu_ball", "mu_roll_speed", "mu_slate"
+        flag("physics.flight", self.flight)
+        if self.flight and self.motion != "sliding":
+            raise ValueError(
+                f"physics.flight = True with physics.motion = {self.motion!r}: expected motion 'sliding', a ball that "
+                "lands has spin"
+            )
+        if self.flight and self.e_slate == 1.0 and self.max_time is None:
+            raise ValueError("physics.e_slate = 1.0 without a max_time: expected less, the ball would hop without end")
         names = (name for name in PARAMETERS if getattr(self, name) is not None or name not in optional)
         check_fields(self, "physics", **{name: PARAMETERS[name].within for name in names})
         if self.max_time is not None:
@@ -321,6 +343,14 @@ PARAMETERS: dict[str, Parameter] = {
 vary from shot to shot and what may be fitted come from this table."""
 
 
+_FLIGHT = {
+    field.name: field.default
+    for field in dataclasses.fields(Physics)
+    if field.name == "flight" or ("parameter" in field.metadata and PARAMETERS[field.name].only == ("flight",))
+}
+"""The fields of `Physics` that only scenes with flight use, with their defaults."""
+
+
 def law_numbers(physics: Any, cushion_height: float) -> dict[str, Any]:
     """Returns the numbers that the laws read, by name, from the fields of a `Physics` and the height of the noses, m.
 
@@ -337,6 +367,8 @@ def law_numbers(physics: Any, cushion_height: float) -> dict[str, Any]:
         "mu_rate": mu_rate,
         "mu_cloth": physics.mu_slide,
         "cushion_height": cushion_height,
+        "g": physics.g,
+        "mu_slate": physics.mu_slide if physics.mu_slate is None else physics.mu_slate,
     }
 
 
@@ -428,6 +460,21 @@ class Scene:
                         f"scene.table.cushion_height = {self.table.cushion_height!r}: expected less than the diameter "
                         f"of ball {i} ({2 * radius} m), {self.physics.cushion!r} cushions must hit a ball below its top"
                     )
+        if self.physics.flight:
+            self._check_flight()
+
+    def _check_flight(self) -> None:
+        """Raises a ValueError if balls cannot leave the cloth in this scene."""
+        balls, table = self.balls, self.table
+        if len(set(balls.radius)) > 1 or len(set(balls.mass)) > 1:
+            raise ValueError("physics.flight = True with balls of several sizes or masses: expected equal balls")
+        if not 0 < table.cushion_height < 2 * balls.radius[0]:
+            raise ValueError(
+                f"scene.table.cushion_height = {table.cushion_height!r} with physics.flight = True: expected less than "
+                f"the diameter of a ball ({2 * balls.radius[0]} m)"
+            )
+        if table.outline:
+            raise ValueError("physics.flight = True with table.outline: expected a rectangle, tips are not supported")
 
     def __repr__(self) -> str:
         table, physics = self.table, self.physics
@@ -438,6 +485,7 @@ class Scene:
             f"  balls: {self.n_balls}, radius {_range(self.balls.radius)} m, mass {_range(self.balls.mass)} kg\n"
             f"  physics: {physics.motion} motion, {physics.cushion} cushions, "
             + ("" if physics.ball_ball == next(iter(BALL_BALL_NAMES)) else f"{physics.ball_ball} balls, ")
+            + ("flight, " if physics.flight else "")
             + ", ".join(f"{name} {getattr(physics, name):g}" for name in constants)
         )
 
@@ -532,6 +580,8 @@ class Scene:
         for name in ("radius", "mass"):
             balls[name] = tuple(math.inf if v == "inf" else v for v in sequence(f"scene.balls.{name}", balls[name]))
         fields["balls"] = Balls(**balls)
+        if complete and isinstance(fields["physics"], Mapping):
+            fields["physics"] = {**_FLIGHT, **fields["physics"]}
         for name, kind in (("physics", Physics), ("cue", Cue)):
             if name in fields:
                 fields[name] = kind(**parts(kind, name))
@@ -549,6 +599,8 @@ class Scene:
             data["table"][name] = list(data["table"][name])
         for name in ("radius", "mass"):
             data["balls"][name] = ["inf" if math.isinf(v) else v for v in data["balls"][name]]
+        if not self.physics.flight:  # as before there were flights, so hashes and files stay the same
+            data["physics"] = {k: v for k, v in data["physics"].items() if k not in _FLIGHT or v != _FLIGHT[k]}
         return data
 
 

@@ -46,7 +46,7 @@ class ShotResult(Differentiable):
         positions: (n, 2) float64, m, at the end. A potted ball is at the centre of its pocket.
         velocities: (n, 2) float64, m/s, at the end.
         spins: (n, 3) float64, rad/s, at the end; zero unless the motion is "sliding".
-        potted: (n,) bool: in a pocket, or not in play from the start.
+        potted: (n,) bool: in a pocket, driven off the table, or not in play from the start.
         time: Duration of the shot, s: until every ball rests, or `max_time`.
         n_events: Number of events.
         status: "rest", "max_time" or, if the engine ended the shot, "event_limit" or "step_limit" (see
@@ -59,16 +59,19 @@ class ShotResult(Differentiable):
             impacts of balls that friction presses together. It is 0 in nearly all shots with a few balls, and positive
             in most breaks of 15 balls.
         pockets: (n,) int32: the pocket in which the shot potted the ball, -1 if it did not pot it.
-        pot_order: (n,) int32: 0 for the ball that the shot potted first, 1 for the second, and so on; -1 for a ball
-            that it did not pot.
+        pot_order: (n,) int32: 0 for the ball that left the table first, 1 for the second, and so on; -1 for a ball that
+            stayed. Without a pocket it was driven off the table, at its place in `positions`.
         touched_first: (n,) bool: the balls that the cue ball touched at the instant of its first contact.
         first_hit_time: This instant, s; infinite if the cue ball touched no ball.
         cue: The ball that counts as the cue ball: 0, except in some shots of carom games.
+        heights: (n, 2) float64: the height above the cloth, m, and the vertical velocity, m/s, at the end: zero unless
+            the shot is cut. None in scenes without flight.
         events: Structured array with the fields time (s), kind ("ball_ball", "cushion", "pocket", "sliding_rolling",
-            "rolling_rest", "spinning_rest", or "rolling_slower" if the rolling resistance depends on the speed), ball,
-            other (the second ball, the cushion, the pocket, or -1), x and y (position of the ball, m), speed (at which
-            ball and other approached, m/s) and rule (whether the contact-time rule acted). The cushions 0 to 3 of a
-            rectangle are -x, +x, -y, +y. In an outline the straight cushions come first, then the tips.
+            "rolling_rest", "spinning_rest", "rolling_slower" if the rolling resistance depends on the speed, and with
+            flight "landing" or "off_table"), ball, other (the second ball, the cushion, the pocket, or -1), x and y
+            (position of the ball, m), speed (at which ball and other approached, m/s) and rule (whether the
+            contact-time rule acted). The cushions 0 to 3 of a rectangle are -x, +x, -y, +y. In an outline the straight
+            cushions come first, then the tips.
         trajectory: The paths of the balls.
         scene: The scene.
         engine: The engine: "PIC", or "PIT" with its timestep and fix.
@@ -90,6 +93,7 @@ class ShotResult(Differentiable):
     touched_first: NDArray[np.bool_]
     first_hit_time: float
     cue: int
+    heights: Floats | None = None
     events: NDArray[Any] | None = None
     trajectory: Trajectory | None = None
     scene: Scene | None = None
@@ -130,6 +134,21 @@ class ShotResult(Differentiable):
             ValueError: If the shot was not recorded, or a time is negative or not finite.
         """
         return self._of_balls(t, self._recorded("at")[1].path)
+
+    def heights_at(self, t: ArrayLike) -> Floats:
+        """Returns the heights of the balls above their height on the cloth at time t.
+
+        Args:
+            t: Seconds since the start of the shot, a number or an array of any shape.
+
+        Returns:
+            (..., n) float64, m, zero in scenes without flight.
+
+        Raises:
+            ValueError: As in `at`.
+        """
+        scene, paths, _ = self._recorded("heights_at")
+        return self._of_balls(t, lambda ball, times: paths.heights(ball, times, scene.physics.g))
 
     def motion_at(self, t: ArrayLike) -> tuple[Floats, Floats]:
         """Returns the velocities and the spins of the balls at time t, after the events of this instant.
@@ -197,6 +216,7 @@ class ShotResult(Differentiable):
 
         if self.trajectory is None or self.scene is None or self._log is None:
             raise ValueError(f"shot.{method}: expected a shot of simulate(..., record=True) by PIC")
+        check_differentiable(self.scene, f"shot.{method}")
         segments: Floats = np.column_stack(self.trajectory).astype(np.float64)
         bounds = np.array([(0, 0), (len(self._log), len(segments))])
         return Record(self.scene, np.array([self.time]), [Part(0, 1, self._log, segments, bounds)])
@@ -350,6 +370,12 @@ def _recording(shot: ShotResult | None, method: str) -> Recording | None:
     if not (shot is None or isinstance(shot, ShotResult)):
         raise TypeError(f"compare = {short(shot)}: expected a ShotResult or None")
     return None if shot is None else shot.recording(method)
+
+
+def check_differentiable(scene: Scene, what: str) -> None:
+    """Raises a ValueError if the shots of a scene have no derivatives; `what` is the method for the message."""
+    if scene.physics.flight:
+        raise ValueError(f"{what} with physics.flight = True: expected flight = False, flights have no derivatives")
 
 
 def outcome_of(shots: dict[str, Any]) -> dict[str, Any]:

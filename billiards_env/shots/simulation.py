@@ -24,11 +24,11 @@ from billiards_env.engine.compile import (
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.log import NO_LOG, empty_log
 from billiards_env.engine.shot_input import ShotInput, check_shot, check_varied
-from billiards_env.engine.shots import STATUS, Shots, empty_shots, start_fields
+from billiards_env.engine.shots import RISING, STATUS, Shots, empty_shots, start_fields
 from billiards_env.engine.strikes import Strike
 from billiards_env.engine.threads import parallel_for
 from billiards_env.scene import Scene, check_scene
-from billiards_env.shots.result import ShotResult, outcome_of, read_log
+from billiards_env.shots.result import ShotResult, check_differentiable, outcome_of, read_log
 from billiards_env.support.checks import flag, integer, numbers, short
 
 if TYPE_CHECKING:
@@ -52,7 +52,8 @@ def simulate(
 
     Args:
         scene: Table, balls and physics, or a name of `Scene.named` with as many balls as `positions`.
-        positions: (n, 2) centres of the balls, m; ball 0 is the cue ball.
+        positions: (n, 2) centres of the balls, m; ball 0 is the cue ball. With flight they may be (n, 3), with the
+            heights above the cloth, and velocities may have a vertical component.
         velocities: (n, 2) m/s, or (2,) for the cue ball alone, or a `Strike`. Only a `Strike` has a cue, which drives
             balls that touch the cue ball together with it, see `engine.frozen_strike`.
         engine: The engine: exact by default, or one with a timestep, such as `Engine("pit", dt=1 / 60)`.
@@ -130,15 +131,18 @@ def run_shot(
     arrays, run_shots = scene_fields(scene, engine), run_shots_of(engine, n)
     room = 256 if record else 0
     while True:
-        log, shots = empty_log(room, 4 * room), empty_shots(1, n)
+        flight = scene.physics.flight
+        log, shots = empty_log(room, 4 * room, flight=flight), empty_shots(1, n, flight)
         for out, start in zip(start_fields(shots), start_fields(shot), strict=True):
-            out[0] = start
+            if out is not None:
+                out[0] = start
         run_shots(0, 1, arrays, shot.limit, max_events, tuple(shots), tuple(log))
         if not record or (log.used[:2] <= (len(log.events), len(log.segments))).all():
             break
         room = max(4 * room, int(max(log.used[:2])))  # the log was too small: the shot runs again
     row = {
-        name: array.item() if array.ndim == 1 else array[0] for name, array in zip(Shots._fields, shots, strict=True)
+        name: array if array is None else array.item() if array.ndim == 1 else array[0]
+        for name, array in zip(Shots._fields, shots, strict=True)
     }
     outcome = outcome_of(row)
     if record:
@@ -198,6 +202,7 @@ class BatchResult(Differentiable):
     touched_first: NDArray[np.bool_]
     first_hit_time: NDArray[np.float64]
     cue: NDArray[np.int64]
+    heights: NDArray[np.float64] | None
     _arguments: tuple[Scene, tuple[NDArray[Any] | None, ...], dict[str, Any]]  # of `simulate`, with a leading axis
     _engine: Engine = PIC
     _varied: Varied = dataclasses.field(default_factory=dict)
@@ -226,6 +231,7 @@ class BatchResult(Differentiable):
     def _record(self, method: str) -> Record:
         from billiards_env.derivatives.shot_derivatives import Record
 
+        check_differentiable(self._arguments[0], f"batch.{method}")
         if self._parts is None:
             raise ValueError(f"batch.{method}: expected a batch of simulate_batch(..., record=True) by PIC")
         return Record(self._arguments[0], self.time, self._parts, self._varied)
@@ -306,7 +312,7 @@ def simulate_batch(
         integer("threads", threads, "threads")
     m = len(positions)
     varied = check_varied(scene, physics, engine, m)
-    shots = empty_shots(m, scene.n_balls)
+    shots = empty_shots(m, scene.n_balls, scene.physics.flight)
     # These arrays are copies for `batch[i]`: the caller may change the given arrays, and the engine changes `shots`.
     moving, turning = _motion(velocities, spins)
     moving, turning = numbers("velocities", moving), None if turning is None else numbers("spins", turning)
@@ -315,7 +321,8 @@ def simulate_batch(
     run_shots, plain = run_shots_of(engine, scene.n_balls), tuple(shots)
     arrays = varied_fields(scene, engine, varied, m)
     if isinstance(velocities, Strike) and strike_frozen(scene, arrays, start_fields(plain), end=m):
-        moving, turning = shots.velocities.copy(), shots.spins.copy()
+        rising = () if shots.heights is None else (shots.heights[..., RISING:],)
+        moving, turning = np.concatenate((shots.velocities, *rising), axis=-1), shots.spins.copy()
     parts = None
     if record:
         parts = _run_recorded(
@@ -340,7 +347,8 @@ def _run_recorded(run: Callable[..., None], shots: Shots, threads: int | None) -
     from billiards_env.derivatives.shot_derivatives import Part
 
     m, n = shots.in_play.shape
-    start = [array.copy() for array in start_fields(shots)]
+    fields = [array for array in start_fields(shots) if array is not None]
+    start = [array.copy() for array in fields]
     parts: list[Part] = []
     events_of_shot = 0.0  # a mean
 
@@ -349,7 +357,7 @@ def _run_recorded(run: Callable[..., None], shots: Shots, threads: int | None) -
         while begin < end:
             until = end if events_of_shot else min(end, begin + _FIRST_SHOTS)
             room = 64 + 32 * n + int(1.5 * events_of_shot * (until - begin))
-            log = empty_log(room, 2 * room + n * (until - begin), until - begin)
+            log = empty_log(room, 2 * room + n * (until - begin), until - begin, shots.heights is not None)
             run(begin, until, tuple(log))
             bounds = np.concatenate((log.begins, log.used[None, :2]))
             events_of_shot = max(events_of_shot, float(log.used[0]) / (until - begin), 1.0)
@@ -358,7 +366,7 @@ def _run_recorded(run: Callable[..., None], shots: Shots, threads: int | None) -
                 bounds = bounds[: done - begin + 1]
                 n_events, n_segments = bounds[-1]
                 parts.append(Part(begin, done, log.events[:n_events], log.segments[:n_segments], bounds))
-            for array, initial in zip(start_fields(shots), start, strict=True):
+            for array, initial in zip(fields, start, strict=True):
                 array[done:until] = initial[done:until]
             begin = done
 

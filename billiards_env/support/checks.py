@@ -58,6 +58,7 @@ RANGES: dict[str, Range] = {
     "speed_loss": Range(0.0, 100.0, "s/m", "0 for no loss; about 0.1 for a cushion"),
     "onset": Range(0.0, MAX_SPEED, "m/s", "as speed"),
     "restitution": Range(0.0, 1.0, "", "an impact does not add energy"),
+    "least_hop": Range(1e-12, 1e-4, "m", "a ball that hops lower is on the cloth"),
     "miscue_offset": Range(1e-3, 1.0, "ball radii", "1 at the edge of the ball; 0.5 to 0.55 with chalk"),
     "max_time": Range(1e-9, 1e12, "s", "up to 30,000 years; above 0, so the shot advances"),
     "balls": Range(1, 100_000, "", "a gigabyte of memory for two seconds of their events"),

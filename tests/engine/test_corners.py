@@ -193,7 +193,7 @@ def test_a_ball_that_spin_presses_into_a_corner_stays_on_its_diagonal(law, outli
 @allocating_entry_point
 def end_of_path(scene, start, velocity, gaps):
     """Returns the end of the path that the players compute for a ball that slides without spin, m."""
-    state = empty_state(1)
+    state = empty_state(1, None)
     row = state.rows[0]
     row[:] = 0.0
     row[X], row[Y] = start

@@ -18,12 +18,13 @@ from billiards_env.scene import Balls, Physics, Scene
 def collide(impacts, rebound, rows, scene):
     """Runs `exchange` on balls with these rows; `impacts` are the arrays first, second, nx, ny and closing."""
     first, second, nx, ny, closing = impacts
-    contacts = empty_contacts(len(first))
+    contacts = empty_contacts(len(first), None)
     contacts.first[:], contacts.second[:] = first, second
     contacts.nx[:], contacts.ny[:], contacts.closing[:], contacts.rebound[:] = nx, ny, closing, rebound
-    state = State(rows, np.zeros(len(rows), np.int8))
+    state = State(rows, np.zeros(len(rows), np.int8), None)
     e = restitution_at(len(first), contacts, scene)
-    return exchange(e, len(first), contacts, state, scene, empty_scratch(len(rows), len(first), scene.ball_friction))
+    scratch = empty_scratch(len(rows), len(first), scene.ball_friction, None)
+    return exchange(e, len(first), contacts, state, scene, scratch)
 
 
 def approaching(places, velocities, pairs):

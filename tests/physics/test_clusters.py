@@ -28,7 +28,7 @@ kinds = pytest.mark.parametrize("kind", KINDS)
 def plastic(first, second, nx, ny, increase, inv_mass):
     """Returns the plastic impulses (count,) and changes of velocity (n, 2)."""
     count, n = len(first), len(inv_mass)
-    contacts, scratch = empty_contacts(count), empty_scratch(n, count, None)
+    contacts, scratch = empty_contacts(count, None), empty_scratch(n, count, None, None)
     contacts.first[:], contacts.second[:] = first, second
     contacts.nx[:], contacts.ny[:], contacts.closing[:], contacts.rebound[:] = nx, ny, increase, 0.0
     scratch.increase[:, 0], scratch.increase[:, 1] = increase, 0.0

@@ -235,7 +235,7 @@ def walls_met(place, velocity, wall, a_table):
     rows[0, [X, Y, VX, VY]] = np.concatenate([place, velocity])
     numbers = scene_arrays(Scene(Balls((R,), (0.2,)), a_table, Physics())).numbers
     outline = arrays(a_table) if a_table.outline else None
-    return walls.walls_met(State(rows, np.zeros(1, np.int8)), 0, wall, R, numbers, outline)
+    return walls.walls_met(State(rows, np.zeros(1, np.int8), None), 0, wall, R, numbers, outline)
 
 
 @pytest.mark.parametrize("x", [1, -1])

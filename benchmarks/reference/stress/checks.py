@@ -147,7 +147,7 @@ def _check(log, scene, mass, acts, findings):
     """Checks the log of one shot."""
     events, n_events, segments = log.events, log.used[N_EVENTS_LOGGED], log.segments
     n, radius = len(scene.radius), scene.radius
-    state = empty_state(n)
+    state = empty_state(n, None)
     rows, phases = state.rows, state.phase
     momenta, xy = np.empty((n, 2)), np.empty((n, 2))
     findings[:] = 0.0

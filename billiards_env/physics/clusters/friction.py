@@ -11,6 +11,7 @@ Balls that approach after it meet again at the same instant.
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.clusters.complementarity import solve_smallest
@@ -19,7 +20,7 @@ from billiards_env.physics.double_double import HI, LO
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.laws.balls import Pair, along_normal, contact_slip, tilt_between
 from billiards_env.physics.laws.tables import friction_of
-from billiards_env.physics.state import UX, UY, VX, VY, WZ, ball_of
+from billiards_env.physics.state import UX, UY, VX, VY, VZ, WZ, ball_of
 
 # Columns of `Rubbing.sums`: the impulse, and the impulses that turn a ball about z and about horizontal axes.
 _PX, _PY, _PZ, _TURN, _ROLL_X, _ROLL_Y = 0, 1, 2, 3, 4, 5
@@ -28,15 +29,79 @@ _ACROSS, _UP = 0, 1  # columns of slips and of impulses of friction
 _SWEEPS = 2000  # largest number of steps of `rub_all`
 
 
+class Frame(NamedTuple):
+    """The directions of a contact with the normal n = cos h + sin z: h, across t = z x h and up n x t.
+
+    Attributes:
+        x: The horizontal unit vector h along x.
+        y: The same along y.
+        tilt: (cos, sin); None for a horizontal normal.
+    """
+
+    x: Any
+    y: Any
+    tilt: Any
+
+
 @inlined
-def tilt_of(spheres, i, j):
-    """Returns the cosine and the sine of the inclination of the normal from ball i to ball j; None for disks.
+def frame_of(contacts, c, spheres):
+    """Returns the `Frame` of contact c; `spheres` is `SceneArrays.spheres`."""
+    nx, ny = _horizontal(contacts.nz, contacts.nx[c], contacts.ny[c])
+    return Frame(nx, ny, tilt_of(spheres, contacts, c))
+
+
+@inlined
+def _horizontal(nz, nx, ny):
+    """Returns the horizontal direction of a normal; `nz` is `Contacts.nz`."""
+    if nz is None:
+        return nx, ny
+    cosine = norm(nx, ny)
+    if cosine == 0.0:  # one ball is above the other: any direction
+        return 1.0, 0.0
+    return nx / cosine, ny / cosine
+
+
+@inlined
+def tilt_of(spheres, contacts, c):
+    """Returns the cosine and the sine of the inclination of contact c's normal; None for disks.
 
     `spheres` is `SceneArrays.spheres`.
     """
     if spheres is None:
         return None
-    return tilt_between(True, spheres[i], spheres[j])
+    return _tilt(contacts.nz, contacts, c, spheres)
+
+
+@inlined
+def _tilt(nz, contacts, c, spheres):
+    if nz is None:
+        return tilt_between(True, spheres[contacts.first[c]], spheres[contacts.second[c]])
+    return norm(contacts.nx[c], contacts.ny[c]), nz[c]
+
+
+@inlined
+def _normal_of(nz, tilt, p):
+    """Returns the impulse along the normal: p itself if balls may fly, otherwise that with the horizontal part p."""
+    if nz is None:
+        return along_normal(tilt, p)
+    return p
+
+
+@inlined
+def up_slip(nz, tilt, up, a, b):
+    """Returns the slip up with the part of the vertical velocities in the rows a and b of `State.rows`, m/s."""
+    if nz is None:
+        return up
+    cosine, _ = tilt
+    return up + cosine * (a[VZ] - b[VZ])
+
+
+@inlined
+def _push_up(nz, row, speed):  # out: row
+    """Adds a speed to the vertical velocity of a row of `State.rows`; without flight the table stops it."""
+    if nz is None:
+        return
+    row[VZ] += speed
 
 
 @inlined
@@ -91,8 +156,8 @@ def _sum_friction(count, contacts, push, spheres, rubbing):  # out: rubbing
     bound = largest if spheres is None else 2.0 * largest  # of the terms that are added
     q = quantum(bound, count) if count > 2 and largest > 0.0 else 0.0
     for c in range(count):
-        i, j, nx, ny = first[c], second[c], contacts.nx[c], contacts.ny[c]
-        tilt = tilt_of(spheres, i, j)
+        i, j = first[c], second[c]
+        nx, ny, tilt = frame_of(contacts, c, spheres)
         px, py, pz, turn, roll_x, roll_y = _parts(tilt, nx, ny, push[c, _ACROSS], push[c, _UP], q)
         for k in (i, j):
             sign = 1.0 if k == i else -1.0
@@ -119,7 +184,7 @@ def _slip_of(tilt, across, along, up, turn, lean, roll):
 @kernel
 def _change_of_slip(c, contacts, sums, inv_mass, spheres):
     """Returns the change of contact c's slip across and up by the sums of impulses, m/s."""
-    i, j, nx, ny = contacts.first[c], contacts.second[c], contacts.nx[c], contacts.ny[c]
+    i, j, (nx, ny, tilt) = contacts.first[c], contacts.second[c], frame_of(contacts, c, spheres)
     mi, mj = inv_mass[i], inv_mass[j]
     across = nx * (mi * sums[i, _PY] - mj * sums[j, _PY]) - ny * (mi * sums[i, _PX] - mj * sums[j, _PX])
     up = mi * sums[i, _PZ] - mj * sums[j, _PZ]
@@ -127,9 +192,7 @@ def _change_of_slip(c, contacts, sums, inv_mass, spheres):
     roll_x = mi * sums[i, _ROLL_X] + mj * sums[j, _ROLL_X]
     roll_y = mi * sums[i, _ROLL_Y] + mj * sums[j, _ROLL_Y]
     along = nx * (mi * sums[i, _PX] - mj * sums[j, _PX]) + ny * (mi * sums[i, _PY] - mj * sums[j, _PY])
-    return _slip_of(
-        tilt_of(spheres, i, j), across, along, up, turn, nx * roll_y - ny * roll_x, nx * roll_x + ny * roll_y
-    )
+    return _slip_of(tilt, across, along, up, turn, nx * roll_y - ny * roll_x, nx * roll_x + ny * roll_y)
 
 
 @kernel
@@ -188,13 +251,14 @@ def _rub_together(count, contacts, state, scene, rubbing):  # out: state, rubbin
     """Implements `rub_all`."""
     inv_mass, radius, slip = scene.inv_mass, scene.radius, rubbing.slip
     for c in range(count):
-        i, j, nx, ny = contacts.first[c], contacts.second[c], contacts.nx[c], contacts.ny[c]
-        tilt = tilt_of(scene.spheres, i, j)
+        i, j, (nx, ny, tilt) = contacts.first[c], contacts.second[c], frame_of(contacts, c, scene.spheres)
+        one, two = state.rows[i], state.rows[j]
         pair = Pair(nx, ny, radius[i], radius[j], inv_mass[i], inv_mass[j])
-        slip[c, _ACROSS], slip[c, _UP] = contact_slip(tilt, ball_of(state.rows[i]), ball_of(state.rows[j]), pair)
+        slip[c, _ACROSS], slip[c, _UP] = contact_slip(tilt, ball_of(one), ball_of(two), pair)
+        slip[c, _UP] = up_slip(contacts.nz, tilt, slip[c, _UP], one, two)
         speed = norm(slip[c, _ACROSS], slip[c, _UP])
         mu = friction_of(scene.ball_friction, scene.numbers, speed)
-        rubbing.limit[c] = mu * along_normal(tilt, rubbing.normal[c])
+        rubbing.limit[c] = mu * _normal_of(contacts.nz, tilt, rubbing.normal[c])
     _minimise_energy(count, contacts, inv_mass, scene.spheres, rubbing)
     _sum_friction(count, contacts, rubbing.last, scene.spheres, rubbing)
     for c in range(count):
@@ -208,6 +272,7 @@ def _rub_together(count, contacts, state, scene, rubbing):  # out: state, rubbin
             s[UX] += inverse * (sums[_PX] + 2.5 * sums[_ROLL_X])
             s[UY] += inverse * (sums[_PY] + 2.5 * sums[_ROLL_Y])
             s[WZ] += 2.5 * inverse * sums[_TURN] / radius[k]
+            _push_up(contacts.nz, s, inverse * sums[_PZ])
 
 
 @inlined

@@ -24,10 +24,12 @@ from billiards_env.physics.clusters.complementarity import (
     solve_complementarity,
 )
 from billiards_env.physics.double_double import HI, LO, add, multiply, two_product, two_sum
-from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, X, Y
+from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, VZ, X, Y
 
-# Columns of `Scratch.change`: changes of velocity along x and y, double-double, m/s.
-DVX, DVX_LO, DVY, DVY_LO = 0, 1, 2, 3
+# Columns of `Scratch.change`: changes of velocity along x, y and, with flight, z, double-double, m/s.
+DVX, DVX_LO, DVY, DVY_LO, DVZ, DVZ_LO = 0, 1, 2, 3, 4, 5
+
+_UP = 2  # the column of `Scratch.dv` with the vertical change
 
 _SWEEPS = 2000  # largest number of iterations of `_descend`
 RESIDUE = 2.0**-80
@@ -42,6 +44,7 @@ class Contacts(NamedTuple):
         second: (most,) int64, the other ball.
         nx: (most,) float64, the unit normal from first to second along x.
         ny: (most,) float64, the same along y.
+        nz: (most,) float64, the same upwards; None in scenes without flight, whose normals are horizontal.
         closing: (most,) float64, speed of approach, m/s, >= 0.
         rebound: (most,) float64, least speed of separation after the impact, m/s, >= 0.
     """
@@ -50,24 +53,37 @@ class Contacts(NamedTuple):
     second: Any
     nx: Any
     ny: Any
+    nz: Any
     closing: Any
     rebound: Any
 
 
 @allocating
-def empty_contacts(most):
-    """Returns `Contacts` with room for `most` of them. `rebound` is zero, the rest is undefined."""
+def empty_contacts(most, flight):
+    """Returns `Contacts` with room for `most` of them. `rebound` is zero, the rest is undefined.
+
+    `flight` is `SceneArrays.flight`.
+    """
     contacts = Contacts(
         np.empty(most, np.int64),
         np.empty(most, np.int64),
         np.empty(most),
         np.empty(most),
+        None if flight is None else np.empty(most),
         np.empty(most),
         np.empty(most),
     )
     for c in range(most):  # `np.zeros` would be another function to compile
         contacts.rebound[c] = 0.0
     return contacts
+
+
+@inlined
+def set_upwards(nz, k, value):  # out: nz
+    """Sets entry k of `Contacts.nz`."""
+    if nz is None:
+        return
+    nz[k] = value
 
 
 class Rubbing(NamedTuple):
@@ -102,10 +118,10 @@ class Scratch(NamedTuple):
     Attributes:
         increase: (most, 2) float64, double-double: required increase of each contact's speed of separation, m/s.
         impulse: (most, 2) float64, double-double, kg m/s.
-        change: (n, 4) float64, changes of velocity, see the columns above.
+        change: (n, 4 or 6) float64, changes of velocity, see the columns above.
         problem: The `ComplementarityProblem` of up to `MOST` contacts.
         descent: (4, most) float64, scratch of `_descend`.
-        dv: (n, 2) float64, changes of velocity, m/s; `apply_changes` uses it as scratch.
+        dv: (n, 2 or 3) float64, changes of velocity, m/s; `apply_changes` uses it as scratch.
         done: (n,) bool, False between calls.
         rubbing: The `Rubbing`; None for balls without friction.
     """
@@ -138,15 +154,16 @@ def _empty_rubbing(ball_friction, n, most):
 
 
 @allocating
-def empty_scratch(n, most, ball_friction):
-    """Returns the `Scratch` for n balls and `most` contacts; `ball_friction` is `SceneArrays.ball_friction`."""
+def empty_scratch(n, most, ball_friction, flight):
+    """Returns the `Scratch` for n balls and `most` contacts; the others are fields of `SceneArrays`."""
+    axes = 2 if flight is None else 3
     return Scratch(
         increase=np.empty((most, 2)),
         impulse=np.empty((most, 2)),
-        change=np.empty((n, 4)),
+        change=np.empty((n, 2 * axes)),
         problem=empty_problem(min(most, MOST)),
         descent=np.empty((4, most)),
-        dv=np.empty((n, 2)),
+        dv=np.empty((n, axes)),
         done=np.zeros(n, np.bool_),
         rubbing=_empty_rubbing(ball_friction, n, most),
     )
@@ -161,7 +178,26 @@ def separation_speed(contacts, c, state):
     wy, wy_lo = two_sum(rows[j, VY], -rows[i, VY])
     x, x_lo = multiply(wx, wx_lo, contacts.nx[c], 0.0)
     y, y_lo = multiply(wy, wy_lo, contacts.ny[c], 0.0)
-    return add(x, x_lo, y, y_lo)
+    return _and_upwards(contacts.nz, c, add(x, x_lo, y, y_lo), rows[i], rows[j])
+
+
+@inlined
+def _and_upwards(nz, c, speed, a, b):
+    """Returns the speed of separation, double-double, with the part of the vertical velocities of the rows a and b."""
+    if nz is None:
+        return speed
+    w, w_lo = two_sum(b[VZ], -a[VZ])
+    z, z_lo = multiply(w, w_lo, nz[c], 0.0)
+    return add(speed[HI], speed[LO], z, z_lo)
+
+
+@inlined
+def _cosine(nz, c, k, cosine):
+    """Returns the cosine of the angle of two normals, double-double, from that of their horizontal parts."""
+    if nz is None:
+        return cosine
+    z, z_lo = two_product(nz[c], nz[k])
+    return add(cosine[HI], cosine[LO], z, z_lo)
 
 
 @inlined
@@ -182,7 +218,7 @@ def _coupling(contacts, c, k, inv_mass):
         return 0.0, 0.0
     x, x_lo = two_product(contacts.nx[c], contacts.nx[k])
     y, y_lo = two_product(contacts.ny[c], contacts.ny[k])
-    cosine, cosine_lo = add(x, x_lo, y, y_lo)
+    cosine, cosine_lo = _cosine(contacts.nz, c, k, add(x, x_lo, y, y_lo))
     return multiply(cosine, cosine_lo, shared, shared_lo)
 
 
@@ -232,7 +268,8 @@ def _descend(count, contacts, inv_mass, scratch):  # out: scratch
         for c in range(count):
             i, j = first[c], second[c]
             done[i] = done[j] = False
-            opening = nx[c] * (dv[j, X] - dv[i, X]) + ny[c] * (dv[j, Y] - dv[i, Y]) - increase[c, HI]
+            opening = nx[c] * (dv[j, X] - dv[i, X]) + ny[c] * (dv[j, Y] - dv[i, Y])
+            opening = _opening(contacts.nz, c, opening, dv[i], dv[j]) - increase[c, HI]
             new = max(0.0, point[c] - opening * scale[c] / bound)
             step[c] = new - last[c]
             last[c] = new
@@ -250,6 +287,14 @@ def _descend(count, contacts, inv_mass, scratch):  # out: scratch
             point[c] = last[c] + momentum * step[c]
     for c in range(count):
         scratch.impulse[c, HI], scratch.impulse[c, LO] = last[c] * scale[c], 0.0
+
+
+@inlined
+def _opening(nz, c, opening, a, b):
+    """Returns the change of the speed of separation with the part of the vertical changes in the rows a and b."""
+    if nz is None:
+        return opening
+    return opening + nz[c] * (b[_UP] - a[_UP])
 
 
 @kernel
@@ -273,14 +318,15 @@ def sum_impulses(count, contacts, impulse, scale, inv_mass, dv, done):  # out: d
         impulse: (>= count,) float64.
         scale: (>= count,) float64.
         inv_mass: (n,) float64, 1/kg.
-        dv: (n, 2) float64 out, for the balls in contact.
+        dv: (n, 2 or 3) float64 out, for the balls in contact.
         done: (n,) bool out: True for the balls in contact; the caller resets it.
     """
     first, second = contacts.first, contacts.second
     largest = 0.0
     for c in range(count):
         for k in (first[c], second[c]):
-            dv[k, X] = dv[k, Y] = 0.0
+            for axis in range(dv.shape[1]):
+                dv[k, axis] = 0.0
             done[k] = False
         largest = max(largest, abs(impulse[c] * scale[c]))
     q = quantum(largest, count) if count > 2 and largest > 0.0 else 0.0
@@ -292,12 +338,23 @@ def sum_impulses(count, contacts, impulse, scale, inv_mass, dv, done):  # out: d
         dv[i, Y] -= py
         dv[j, X] += px
         dv[j, Y] += py
+        _push_up(contacts.nz, c, p, q, dv[i], dv[j])
     for c in range(count):
         for k in (first[c], second[c]):
             if not done[k]:
-                dv[k, X] *= inv_mass[k]
-                dv[k, Y] *= inv_mass[k]
+                for axis in range(dv.shape[1]):
+                    dv[k, axis] *= inv_mass[k]
                 done[k] = True
+
+
+@inlined
+def _push_up(nz, c, p, q, a, b):  # out: a, b
+    """Adds the vertical part of an impulse p to the rows a and b of `sum_impulses`, rounded with the quantum q."""
+    if nz is None:
+        return
+    pz = (p * nz[c] + q) - q
+    a[_UP] -= pz
+    b[_UP] += pz
 
 
 @kernel
@@ -328,7 +385,17 @@ def solve_plastic(count, contacts, inv_mass, scratch):  # out: scratch
             y, y_lo = multiply(p, p_lo, contacts.ny[c], 0.0)
             change[k, DVX], change[k, DVX_LO] = add(change[k, DVX], change[k, DVX_LO], x, x_lo)
             change[k, DVY], change[k, DVY_LO] = add(change[k, DVY], change[k, DVY_LO], y, y_lo)
+            _change_upwards(contacts.nz, c, p, p_lo, change[k])
     return direct
+
+
+@inlined
+def _change_upwards(nz, c, p, p_lo, change):  # out: change
+    """Adds the vertical part of a change of velocity p along the normal, double-double, to a row of changes."""
+    if nz is None:
+        return
+    z, z_lo = multiply(p, p_lo, nz[c], 0.0)
+    change[DVZ], change[DVZ_LO] = add(change[DVZ], change[DVZ_LO], z, z_lo)
 
 
 @inlined
@@ -388,5 +455,15 @@ def apply_changes(count, factor, contacts, state, scene, scratch):  # out: state
             if numbers.motion == SLIDING_AND_ROLLING:
                 s[UX] = to_double(*add(s[UX], 0.0, x, x_lo), residue)
                 s[UY] = to_double(*add(s[UY], 0.0, y, y_lo), residue)
+            _apply_upwards(contacts.nz, s, change[k], (times, times_lo), residue)
     for c in range(count):
         done[contacts.first[c]] = done[contacts.second[c]] = False
+
+
+@inlined
+def _apply_upwards(nz, row, change, times, residue):  # out: row
+    """Adds the vertical part of a row of changes to a ball's velocity; see `apply_changes`."""
+    if nz is None:
+        return
+    z, z_lo = multiply(change[DVZ], change[DVZ_LO], times[HI], times[LO])
+    row[VZ] = to_double(*add(row[VZ], 0.0, z, z_lo), residue)

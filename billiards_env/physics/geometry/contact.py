@@ -97,23 +97,10 @@ def circle_time(path, reach, end, noise):
             return math.inf
         t = c0 / (math.sqrt((push - side) * (push + side)) - dw)
         return t if t <= end else math.inf
-    c1 = 2.0 * dw
     c2 = ww + (dx * bx + dy * by)
     c3 = wx * bx + wy * by
-    c4 = 0.25 * (bx * bx + by * by)
-    if c0 > 0.0:
-        t = first_descent(c0, c1, c2, c3, c4, end)
-    elif c1 < 0.0:
-        return 0.0
-    elif c1 > 0.0:
-        t = first_descent(c1, c2, c3, c4, 0.0, end)
-    elif c2 < 0.0:
-        return 0.0
-    elif c2 > 0.0:
-        t = first_descent(c2, c3, c4, 0.0, 0.0, end)
-    else:
-        return 0.0 if c3 < 0.0 and ww > 0.0 else math.inf  # ww may have underflowed
-    if t < math.inf:
+    t = _contact_root(c0, 2.0 * dw, c2, c3, 0.25 * (bx * bx + by * by), end, ww)
+    if 0.0 < t < math.inf:
         # The constant term of the quartic has the rounding error of d^2. One Newton step on the gap removes it. If the
         # bodies hardly approach, there is no step, because it would divide the rounding of the gap by almost zero.
         px = dx + t * (wx + 0.5 * t * bx)
@@ -122,6 +109,51 @@ def circle_time(path, reach, end, noise):
         distance = norm(px, py)
         closing = (px * ux + py * uy) / distance
         if closing < -1e-6 * (abs(ux) + abs(uy)):
+            t = max(0.0, t - (distance - reach) / closing)
+    return t
+
+
+@inlined
+def _contact_root(c0, c1, c2, c3, c4, end, ww):
+    """Returns the time at which bodies next touch whose squared distance beyond contact is a quartic, s.
+
+    `ww` is the square of the relative speed.
+    """
+    if c0 > 0.0:
+        return first_descent(c0, c1, c2, c3, c4, end)
+    if c1 < 0.0:
+        return 0.0
+    if c1 > 0.0:
+        return first_descent(c1, c2, c3, c4, 0.0, end)
+    if c2 < 0.0:
+        return 0.0
+    if c2 > 0.0:
+        return first_descent(c2, c3, c4, 0.0, 0.0, end)
+    return 0.0 if c3 < 0.0 and ww > 0.0 else math.inf  # ww may have underflowed
+
+
+@kernel
+def sphere_time(path, rise, reach, end, noise):
+    """Returns the same as `circle_time` for two centres in space.
+
+    `rise` is the relative height z + v t + a t^2 / 2 as (z, v, a); `end` is finite.
+    """
+    (dx, dy, wx, wy, bx, by), (dz, wz, bz) = path, rise
+    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+    c0 = (distance - reach) * (distance + reach)
+    dw = dx * wx + dy * wy + dz * wz
+    if c0 <= 0.0 and abs(dw) <= noise * distance:
+        dw = 0.0
+    ww = wx * wx + wy * wy + wz * wz
+    c2 = ww + (dx * bx + dy * by + dz * bz)
+    c3 = wx * bx + wy * by + wz * bz
+    t = _contact_root(c0, 2.0 * dw, c2, c3, 0.25 * (bx * bx + by * by + bz * bz), end, ww)
+    if 0.0 < t < math.inf:  # one Newton step, as in `circle_time`
+        px, py, pz = dx + t * (wx + 0.5 * t * bx), dy + t * (wy + 0.5 * t * by), dz + t * (wz + 0.5 * t * bz)
+        ux, uy, uz = wx + t * bx, wy + t * by, wz + t * bz
+        distance = math.sqrt(px * px + py * py + pz * pz)
+        closing = (px * ux + py * uy + pz * uz) / distance
+        if closing < -1e-6 * (abs(ux) + abs(uy) + abs(uz)):
             t = max(0.0, t - (distance - reach) / closing)
     return t
 

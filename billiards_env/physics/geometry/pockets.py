@@ -65,6 +65,16 @@ def pocket_at(pockets, x, y, larger):
 
 
 @inlined
+def pocket_exit(path, pocket):
+    """Returns the time after which a straight `Path` that begins inside a pocket leaves it, s."""
+    (x, y, vx, vy, _, _), reach = path_to(path, pocket)
+    vv, dw = vx * vx + vy * vy, x * vx + y * vy
+    if vv == 0.0:
+        return math.inf
+    return (math.sqrt(max(0.0, dw * dw + vv * (reach * reach - (x * x + y * y)))) - dw) / vv
+
+
+@inlined
 def distance_from(pocket, x, y):
     """Returns the distance of a point from the rim, m; negative inside."""
     return norm(x - pocket[_X], y - pocket[_Y]) - pocket[_RADIUS]

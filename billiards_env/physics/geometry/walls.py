@@ -82,14 +82,14 @@ def wall_time(path, radius, end, numbers, outline):
         (time, number); the time is infinite if the ball touches no cushion until `end`.
     """
     half_length, half_width = half_sizes(numbers, outline)
-    first, side = _exit_time(path, half_length - radius, half_width - radius, end)
+    first, side = exit_time(path, half_length - radius, half_width - radius, end)
     if outline is None:
         return first, side
     return outline_time(path, radius, end, first, side, outline)
 
 
 @inlined
-def _exit_time(path, room_x, room_y, end):
+def exit_time(path, room_x, room_y, end):
     """Returns the time at which a path leaves a rectangle of half sides, s, and the side, 0 to 3 for -x, +x, -y, +y."""
     x, y, vx, vy, ax, ay = path
     first, number = math.inf, -1
