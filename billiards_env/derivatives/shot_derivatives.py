@@ -192,7 +192,7 @@ def _rates_by(p: Any) -> dict[str, Floats]:
     """Implements `physics_inputs` for an object with the fields of a `Physics`."""
     derivatives, step = {}, 1e-30j  # the derivatives of products by complex steps are exact
     for name in PARAMETERS:
-        if getattr(p, name) is not None:
+        if getattr(p, name) is not None and PARAMETERS[name].only != ("flight",):
             moved = SimpleNamespace(**{**vars(p), name: getattr(p, name) + step})
             made = law_numbers(moved, 0.0)
             rates = [np.imag(made[number]) / step.imag for number in LAW_NUMBERS]

@@ -109,7 +109,7 @@ def level_strike(scene: Scene, velocity: ArrayLike, spin: ArrayLike) -> tuple[fl
     speed = float(np.hypot(x, y))
     share = scene.balls.radius[0] / (2.5 * speed)  # see `physics.strike.struck`
     side, top = -share * wz, share * float(np.copysign(np.hypot(wx, wy), wy * x - wx * y))
-    one = strike(scene, 1.0, 0.0, side, top).velocity
+    one = strike(scene, 1.0, 0.0, side, top).velocity[:2]
     return speed / float(np.hypot(*one)), float(np.arctan2(y, x) - np.arctan2(one[1], one[0])), side, top
 
 

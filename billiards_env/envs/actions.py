@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from billiards_env.engine.shots import RISING
 from billiards_env.engine.strikes import Strike
 from billiards_env.jit import entry_point, inlined, kernel, streams
 from billiards_env.physics.elementary import cos_sin, norm, sine_cosine
@@ -149,7 +150,7 @@ def cue_strike(action: ArrayLike, scene: Scene, max_speed: float) -> Strike:
     velocity, spin, miscue = np.zeros((1, 1, 2)), np.zeros((1, 1, 3)), np.zeros(1, np.bool_)
     velocity[0, 0] = shorten(array.item(X), array.item(Y), float(max_speed))
     if size > 2:
-        starts = velocity, spin, ONE_CUE_BALL, miscue
+        starts = velocity, spin, ONE_CUE_BALL, None, miscue
         strike_balls(0, 1, np.zeros(1, np.bool_), array[None], tuple(cue_numbers(scene)), starts)
     return Strike(velocity[0, 0], spin[0, 0], miscue[0])
 
@@ -225,6 +226,14 @@ def clipped(actions, k, column):
     return min(max(actions[k, column], least), 1.0)
 
 
+@inlined
+def _drive_down(heights, k, i, vz):  # out: heights
+    """Sets the vertical velocity of ball i in scenes with flight, m/s; `heights` is `Shots.heights`."""
+    if heights is None:
+        return
+    heights[k, i, RISING] = vz
+
+
 @entry_point
 def strike_balls(begin, end, skip, actions, cue, starts):
     """Replaces the velocities of cue balls after level, central strikes by those of actions, and sets their spins.
@@ -235,11 +244,11 @@ def strike_balls(begin, end, skip, actions, cue, starts):
         skip: (m,) bool, shots that are left out.
         actions: (m, 5) float64.
         cue: `CueNumbers`, as a plain tuple.
-        starts: Velocities (m, n, 2), m/s, and spins (m, n, 3), rad/s, which change, the struck balls (m,) int64, and
-            (m,) bool out, whether the tip slipped.
+        starts: Velocities (m, n, 2), m/s, and spins (m, n, 3), rad/s, which change, the struck balls (m,) int64,
+            `Shots.heights`, which change, and (m,) bool out, whether the tip slipped.
     """
     cue = CueNumbers(*cue)
-    velocities, spins, balls, miscues = starts
+    velocities, spins, balls, heights, miscues = starts
     for k in range(begin, end):
         if skip[k]:
             continue
@@ -247,10 +256,11 @@ def strike_balls(begin, end, skip, actions, cue, starts):
         sin_elevation, cos_elevation = sine_cosine(0.5 * math.pi * clipped(actions, k, ELEVATION))
         i = balls[k]
         ux, uy = velocities[k, i, X], velocities[k, i, Y]
-        vx, vy, wx, wy, wz, miscue, _ = struck(cue, ux, uy, side, top, sin_elevation, cos_elevation)
+        vx, vy, wx, wy, wz, miscue, vz = struck(cue, ux, uy, side, top, sin_elevation, cos_elevation)
         velocities[k, i, X], velocities[k, i, Y] = vx, vy
         spins[k, i, SPIN_X], spins[k, i, SPIN_Y], spins[k, i, SPIN_Z] = wx, wy, wz
         miscues[k] = miscue
+        _drive_down(heights, k, i, vz)
 
 
 @entry_point

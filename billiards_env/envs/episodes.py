@@ -353,8 +353,11 @@ class Episodes:
         if model.noise is not None:
             add_noise(begin, end, over, actions, model.noise, self.state.noise_stream)
         self._start.call(begin, end, actions, model.max_speed, self._shots, self._arrays, self.actions)
+        if shots.heights is not None:
+            shots.heights[begin:end] = 0.0
         if self._cue is not None:
-            strike_balls(begin, end, over, actions, self._cue, (shots.velocities, shots.spins, shots.cue, self.miscues))
+            starts = shots.velocities, shots.spins, shots.cue, shots.heights, self.miscues
+            strike_balls(begin, end, over, actions, self._cue, starts)
         if self._cue is not None or self._game is not None:
             strike_frozen(model.scene, self._scene, start_fields(shots), begin, end)
         first = begin
@@ -387,12 +390,13 @@ class Episodes:
     def _record(self, k: int) -> ShotResult:
         """Runs the shot of episode k as the engine does, and returns it with its trajectory."""
         shots, (scene, engine) = self.shots, self.scene_and_engine(k)
-        start = ShotInput(*(array[k].copy() for array in start_fields(shots)), limit=self._limit)
+        start = [None if array is None else array[k].copy() for array in start_fields(shots)]
+        start = ShotInput(*start, limit=self._limit)
         shot = run_shot(scene, start, engine, record=True)
         for name, array in shots._asdict().items():
             if name == "in_play":
                 array[k] = ~shot.potted
-            else:
+            elif array is not None:
                 array[k] = STATUS.index(shot.status) if name == "status" else getattr(shot, name)
         return shot
 

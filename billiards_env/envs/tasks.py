@@ -36,17 +36,20 @@ def judge_pot(k, numbers, arrays):
     """Pots the object balls: 1 point for each.
 
     The episode is decided if all object balls are potted or the cue ball is potted (a scratch). The task is
-    achieved if all object balls are potted and the cue ball is not.
+    achieved if all object balls are potted and the cue ball is not. A ball that is driven off the table ends the
+    episode.
     """
-    points, cleared = 0, True
+    points, cleared, lost = 0, True, False
     for i in range(len(numbers.targets)):
         if numbers.targets[i]:
             if not arrays.potted[k, i]:
                 cleared = False
             elif arrays.pockets[k, i] >= 0:
                 points += 1
-    scratch = arrays.potted[k, CUE_BALL]
-    return points, cleared or scratch, cleared and not scratch
+            elif arrays.pot_order[k, i] >= 0:
+                lost = True
+    lost = lost or arrays.potted[k, CUE_BALL]
+    return points, cleared or lost, cleared and not lost
 
 
 @kernel

@@ -46,7 +46,7 @@ def facts_of_shot(k, shots, bits):
     cue, hit = shots.cue[k], shots.first_hit[k]
     scratch, hits = shots.pockets[k, cue] >= 0, shots.cushions[k, cue]
     first, touched, before_last, potted, first_potted, driven = 0, 0, 0, 0, 0, 0
-    banked, foot_right, foot_left, earliest = 0, 0, 0, len(bits)
+    banked, foot_right, foot_left, earliest, driven_off = 0, 0, 0, len(bits), 0
     for i in range(len(bits)):
         if i == cue:
             continue
@@ -63,6 +63,8 @@ def facts_of_shot(k, shots, bits):
             foot_left |= bits[i] if pocket == FOOT_LEFT else 0
             if shots.pot_order[k, i] < earliest:
                 first_potted, earliest = bits[i], shots.pot_order[k, i]
+        elif shots.pot_order[k, i] >= 0:
+            driven_off |= bits[i]
         if pocket >= 0 or shots.cushions[k, i] > 0:
             driven |= bits[i]
     # No object ball moves before the first contact, or before the strike that drives it together with the cue ball.
@@ -82,8 +84,8 @@ def facts_of_shot(k, shots, bits):
         cushion_after=met,
         driven=driven,
         cue_driven=hits > 0 or scratch,
-        driven_off=0,
-        cue_off=False,
+        driven_off=driven_off,
+        cue_off=shots.pot_order[k, cue] >= 0 and not scratch,
         hidden=False,
     )
 
@@ -99,6 +101,7 @@ def write_facts(records, bits, facts):
         row.potted, row.first_potted, row.scratch = shot.potted, shot.first_potted, shot.scratch
         row.banked, row.foot_right, row.foot_left = shot.banked, shot.foot_right, shot.foot_left
         row.cushion_after, row.driven, row.cue_driven = shot.cushion_after, shot.driven, shot.cue_driven
+        row.driven_off, row.cue_off = shot.driven_off, shot.cue_off
 
 
 def facts_of_shots(shots: Any, balls: NDArray[np.int64] | None = None) -> NDArray[Any]:

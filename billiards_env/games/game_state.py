@@ -160,7 +160,7 @@ class Facts(NamedTuple):
         cushion_after: Whether any ball hit a cushion or was potted after the cue ball's first contact with a ball.
         driven: The object balls that hit a cushion or were potted (WPA 8.4).
         cue_driven: Whether the cue ball hit a cushion or was potted (WPA 8.4).
-        driven_off: The object balls that left the table other than into a pocket. No ball of the engine does so yet.
+        driven_off: The object balls that left the table other than into a pocket, in scenes with flight.
         cue_off: Whether the cue ball left the table in this way.
         hidden: In snooker, whether the free ball hides all balls on at the end of the shot; see `Game.see`.
     """

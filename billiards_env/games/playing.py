@@ -433,7 +433,8 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
     velocities[cue], spins[cue] = stroke.velocity, stroke.spin
     no_shot = stroke.call.kind in NO_SHOT
     balls = is_in(in_play(state) if no_shot else on_table(state), n)
-    shot_input = ShotInput(positions, velocities, spins, balls, cue, scene.physics.max_time or math.inf)
+    heights = np.zeros((n, 2)) if scene.physics.flight else None
+    shot_input = ShotInput(positions, velocities, spins, balls, cue, heights, scene.physics.max_time or math.inf)
     strike_frozen(scene, scene_fields(scene), shot_input.as_batch())
     shot = run_shot(scene, shot_input, setup.engine, record=True)
     if no_shot:

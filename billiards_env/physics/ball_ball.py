@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.clusters.friction import add_normal_impulses, frame_of, rub_all, up_slip
+from billiards_env.physics.clusters.friction import add_normal_impulses, frame_of, rub_all, tilt_of, up_slip
 from billiards_env.physics.clusters.impulses import apply_changes, separation_speed, solve_plastic
 from billiards_env.physics.double_double import HI, LO, add
 from billiards_env.physics.elementary import norm
@@ -123,15 +123,26 @@ def _exchange_many(e, count, contacts, state, scene, scratch):  # out: state, sc
 
 
 @inlined
-def _push_pair(nz, contacts, p, state, scene):  # out: state
+def push_pair(i, j, n, p, state, scene):  # out: state
+    """Changes the motion of balls i and j by the impulse p along the unit vector n from i to j, and by its friction."""
+    pair = Pair(n[0], n[1], scene.radius[i], scene.radius[j], scene.inv_mass[i], scene.inv_mass[j])
+    one, two, tilt = state.rows[i], state.rows[j], tilt_of(scene.spheres, i, j)
+    a, b = push_apart(scene.ball_friction, tilt, ball_of(one), ball_of(two), pair, p, scene.numbers)
+    set_motion(one, a)
+    set_motion(two, b)
+
+
+@inlined
+def _push(nz, contacts, p, state, scene):  # out: state
     """Changes the motion of the balls of the first contact by the impulse p along its normal, and by its friction."""
     i, j = contacts.first[0], contacts.second[0]
-    one, two, (nx, ny, tilt) = state.rows[i], state.rows[j], frame_of(contacts, 0, scene.spheres)
-    pair = Pair(nx, ny, scene.radius[i], scene.radius[j], scene.inv_mass[i], scene.inv_mass[j])
     if nz is None:
-        a, b = push_apart(scene.ball_friction, tilt, ball_of(one), ball_of(two), pair, p, scene.numbers)
-    else:
-        a, b = _push_in_space(scene.ball_friction, tilt, one, two, pair, p, scene.numbers)
+        push_pair(i, j, (contacts.nx[0], contacts.ny[0]), p, state, scene)
+        return
+    nx, ny, tilt = frame_of(contacts, 0, scene.spheres)
+    pair = Pair(nx, ny, scene.radius[i], scene.radius[j], scene.inv_mass[i], scene.inv_mass[j])
+    one, two = state.rows[i], state.rows[j]
+    a, b = _push_in_space(scene.ball_friction, tilt, one, two, pair, p, scene.numbers)
     set_motion(one, a)
     set_motion(two, b)
 
@@ -178,7 +189,7 @@ def exchange_pair(e, contacts, state, scene):  # out: state
         p = (closing + rebound) / (inv_mass[i] + inv_mass[j])
     else:
         p = normal_impulse(closing, inv_mass[i], inv_mass[j], e)
-    _push_pair(contacts.nz, contacts, p, state, scene)
+    _push(contacts.nz, contacts, p, state, scene)
     return raised
 
 

@@ -518,7 +518,7 @@ class Scene:
                 "pooltool_carom" (carom with elastic balls, as in the reference shots made with pooltool),
                 "sum_to_three" (the small table of pooltool's game of that name), "real_pool" (9-foot table with the
                 jaws of the pockets), "real_carom" (carom), "match_carom" (carom with numbers fitted to tracks of a
-                match table), "snooker" (15 red balls, then yellow, green, brown, blue, pink and black), "uk_pool"
+                match table), "jump_pool" ("pool" with balls that leave the cloth), "snooker" (15 red balls, then yellow, green, brown, blue, pink and black), "uk_pool"
                 (small table, smaller cue ball), "pooltool_pool" or "pooltool_real_carom" (7-foot pool table and carom
                 table of reference shots made with pooltool).
             n_object_balls: Number of object balls; None for the default: 21 in "snooker", 15 in "uk_pool", 2 in the
@@ -746,6 +746,10 @@ def _sum_to_three(n_balls: int) -> Scene:
     return Scene(Balls.uniform(n_balls, 0.03048, 0.21), Table(1.22, 0.61, 0.036576), physics)
 
 
+def _jump_pool(n_balls: int) -> Scene:
+    return dataclasses.replace(_pool(n_balls), physics=Physics(ball_ball="frictional", flight=True))
+
+
 class NamedScene(NamedTuple):
     """A scene with a name.
 
@@ -775,6 +779,7 @@ _NAMED: dict[str, NamedScene] = {
     "uk_pool": NamedScene(_uk_pool, 15, 15),
     "pooltool_pool": NamedScene(_pooltool_pool, 1, 15),
     "pooltool_real_carom": NamedScene(_pooltool_real_carom, 2, 15),
+    "jump_pool": NamedScene(_jump_pool, 1, 15),
 }
 SCENES = tuple(_NAMED)
 

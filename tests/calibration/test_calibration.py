@@ -290,4 +290,5 @@ def test_derivatives_of_many_shots_are_those_of_single_shots(monkeypatch):
 
 
 def test_every_number_of_the_derivatives_has_a_range():
-    assert set(PARAMETERS) == set(gradients.physics_inputs(Physics(mu_ball=0.05, mu_roll_speed=0.0)))
+    numbers = {name for name, parameter in PARAMETERS.items() if parameter.only != ("flight",)}
+    assert numbers == set(gradients.physics_inputs(Physics(mu_ball=0.05, mu_roll_speed=0.0)))

@@ -40,7 +40,9 @@ def test_the_arrays_of_shots_have_one_entry_for_each_ball(m, n):
     of_balls = {"positions": (2,), "velocities": (2,), "spins": (3,)}
     of_balls |= dict.fromkeys(("in_play", "cushions", "cushions_before_hit"), ())
     of_balls |= dict.fromkeys(("pockets", "pot_order", "touched_first"), ())
-    for name, array in zip(Shots._fields, empty_shots(m, n), strict=True):
+    of_balls["heights"] = (2,)
+    for name, array in zip(Shots._fields, empty_shots(m, n, flight=True), strict=True):
+        assert array is not None
         assert array.shape == ((m, n, *of_balls[name]) if name in of_balls else (m,)), name
 
 

@@ -40,6 +40,9 @@ RANGES = {
     "e_cushion_topspin": (0.0, 0.1),
     "e_cushion_tangent": (0.0, 0.1),
     "mu_roll_speed": (0.001, 0.005),
+    "e_slate": (0.5, 0.7),
+    "mu_slate": (0.1, 0.3),
+    "least_hop": (1e-6, 1e-4),
 }
 
 

@@ -279,14 +279,14 @@ def check_shots(
     findings = np.zeros((m, N_FINDINGS))
     arrays = scene_fields(scene)
     log = empty_log(log_rows, 2 * log_rows + n)
-    start = [array.copy() for array in start_fields(shots)]
+    start = [None if array is None else array.copy() for array in start_fields(shots)]
     _run_checked(arrays, limit, max_events, tuple(shots), tuple(log), findings)
     for k in np.flatnonzero(findings[:, FULL]):
         rows = int(shots.n_events[k])
         log = empty_log(rows, 2 * rows + n)
         findings[k] = 0.0
         one = slice(k, k + 1)
-        again = tuple(array[one] for array in (*start, *shots[len(start) :]))
+        again = tuple(None if array is None else array[one] for array in (*start, *shots[len(start) :]))
         _run_checked(arrays, limit, max_events, again, tuple(log), findings[one])
     heaviest = max(m for m in scene.balls.mass if math.isfinite(m))
     return Checked(shots, findings, 0.5 * heaviest * (1.5 * scene_arrays(scene).numbers.weak_speed) ** 2)

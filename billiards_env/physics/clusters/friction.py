@@ -29,6 +29,17 @@ _ACROSS, _UP = 0, 1  # columns of slips and of impulses of friction
 _SWEEPS = 2000  # largest number of steps of `rub_all`
 
 
+@inlined
+def tilt_of(spheres, i, j):
+    """Returns the cosine and the sine of the inclination of the normal from ball i to ball j; None for disks.
+
+    `spheres` is `SceneArrays.spheres`. The balls are on the cloth.
+    """
+    if spheres is None:
+        return None
+    return tilt_between(True, spheres[i], spheres[j])
+
+
 class Frame(NamedTuple):
     """The directions of a contact with the normal n = cos h + sin z: h, across t = z x h and up n x t.
 
@@ -47,7 +58,7 @@ class Frame(NamedTuple):
 def frame_of(contacts, c, spheres):
     """Returns the `Frame` of contact c; `spheres` is `SceneArrays.spheres`."""
     nx, ny = _horizontal(contacts.nz, contacts.nx[c], contacts.ny[c])
-    return Frame(nx, ny, tilt_of(spheres, contacts, c))
+    return Frame(nx, ny, _tilt_at(spheres, contacts, c))
 
 
 @inlined
@@ -62,18 +73,16 @@ def _horizontal(nz, nx, ny):
 
 
 @inlined
-def tilt_of(spheres, contacts, c):
-    """Returns the cosine and the sine of the inclination of contact c's normal; None for disks.
-
-    `spheres` is `SceneArrays.spheres`.
-    """
+def _tilt_at(spheres, contacts, c):
+    """Returns the inclination of contact c's normal, as `tilt_of` does."""
     if spheres is None:
         return None
-    return _tilt(contacts.nz, contacts, c, spheres)
+    return _inclination(contacts.nz, spheres, contacts, c)
 
 
 @inlined
-def _tilt(nz, contacts, c, spheres):
+def _inclination(nz, spheres, contacts, c):
+    """Implements `_tilt_at` for spheres; `nz` is `Contacts.nz`."""
     if nz is None:
         return tilt_between(True, spheres[contacts.first[c]], spheres[contacts.second[c]])
     return norm(contacts.nx[c], contacts.ny[c]), nz[c]

@@ -1,0 +1,297 @@
+"""Balls that leave the cloth, with the values of Alciatore's TP B.5 and TP B.10."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene, simulate, simulate_batch
+from billiards_env.engine import Engine
+from billiards_env.engine.strikes import strike
+from billiards_env.envs import make_env
+from billiards_env.games.facts import facts_of
+from billiards_env.physics.state import AIRBORNE, SLIDING, UX, UY, VX, VY, VZ, WZ, Z
+from billiards_env.physics.strike import cue_numbers, speed_gain
+from billiards_env.scene import Balls, Physics, Pocket, Table
+
+R, G = 0.028575, 9.81
+MPH, FOOT, INCH = 0.44704, 0.3048, 0.0254
+FAR = [[0.0, 15.0], [0.0, -15.0]]  # places of balls 1 and 2, which take no part
+
+
+def scene(length=40.0, pockets=(), **physics):
+    """Returns a scene of three balls on a large table. All scenes here compile one engine."""
+    laws = Physics(flight=True, ball_ball="frictional", **physics)
+    return Scene(Balls.uniform(3, R), Table(length, 40.0, pockets=pockets), laws)
+
+
+def play(where, velocity, spin=(0.0, 0.0, 0.0), others=FAR, **options):
+    """Plays a shot of ball 0 from (x, y[, z]) with the velocity (vx, vy[, vz])."""
+    place = [*where, *[0.0] * (3 - len(where))]
+    places = [place, *([*other, *[0.0] * (3 - len(other))] for other in others)]
+    options = {"scene": scene(), "record": True, **options}
+    return simulate(options.pop("scene"), places, velocity, spins=spin, **options)
+
+
+def pieces(shot, ball=0, phases=(AIRBORNE,)):
+    """Returns the rows of the pieces of a ball's trajectory in some phases."""
+    paths = shot.trajectory
+    return paths.rows[(paths.ball == ball) & np.isin(paths.phase, phases)]
+
+
+def kinds(shot, ball=0):
+    return [event["kind"] for event in shot.events if ball in (event["ball"], event["other"])]
+
+
+# Elevation of the cue: after each landing the speed (mph), the spin (rev/s), the angle (degrees) and the hop (ft)
+TP_B10 = {
+    5.0: [
+        (10.855, 32.897, 3.091, 0.848),
+        (10.658, None, 1.889, 0.500),
+        (10.542, None, 1.145, 0.297),
+        (10.473, None, 0.692, 0.177),
+        (10.432, 30.360, 0.417, 0.106),
+    ],
+    12.0: [(10.300, None, None, 1.906), (9.794, None, None, 1.093)],
+}
+
+
+@pytest.mark.parametrize("elevation", TP_B10)
+def test_the_hops_after_a_draw_shot_are_those_of_tp_b10(elevation):
+    angle, speed, turn = math.radians(elevation), 11.194 * MPH, 34.841 * 2 * math.pi
+    velocity = [speed * math.cos(angle), 0.0, -speed * math.sin(angle)]
+    shot = play([-8, 0], velocity, (0.0, -turn, 0.0), scene=scene(least_hop=1e-6))
+    hops = pieces(shot)[1:]  # the first piece lands at once
+    for row, (speed, spin, degrees, length) in zip(hops, TP_B10[elevation], strict=False):
+        duration = 2 * row[VZ] / G
+        assert math.hypot(row[VX], row[VZ]) / MPH == pytest.approx(speed, abs=6e-4)
+        assert row[VX] * duration / FOOT == pytest.approx(length, abs=1.2e-3)
+        if spin:
+            assert (row[UX] - row[VX]) / R / 2 / math.pi == pytest.approx(spin, abs=1.2e-3)
+        if degrees:
+            assert math.degrees(math.atan2(row[VZ], row[VX])) == pytest.approx(degrees, abs=6e-4)
+    assert shot.heights_at(shot.time).tolist() == [0.0] * 3
+
+
+def test_a_smooth_elastic_ball_hops_without_end():
+    smooth = scene(e_slate=1.0, mu_slate=1e-12, max_time=5.0)
+    shot = play([-8, 0, 0.3], [1.5, 0.2, 0.0], (3.0, 4.0, 5.0), scene=smooth)
+    fall = math.sqrt(2 * 0.3 / G)
+    landings = shot.events["time"][shot.events["kind"] == "landing"]
+    assert landings == pytest.approx(fall * np.arange(1, 2 * len(landings), 2), abs=1e-13)
+    assert shot.heights_at(4 * fall)[0] == pytest.approx(0.3, abs=1e-13)
+    velocity, spins = shot.motion_at(4.9)
+    assert velocity[0] == pytest.approx([1.5, 0.2], abs=1e-10)
+    assert spins[0] == pytest.approx([3.0, 4.0, 5.0], abs=1e-8)
+    with pytest.raises(ValueError, match=r"e_slate = 1\.0 without a max_time"):
+        scene(e_slate=1.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_flights_and_landings_keep_what_a_force_below_the_centre_keeps(seed):
+    rng = np.random.default_rng(seed)
+    velocity, spin = rng.normal(0, [1.0, 0.3, 2.0]), rng.normal(0, 60, 3)
+    shot = play([0, 0, rng.uniform(0, 0.2)], velocity, spin, scene=scene(least_hop=1e-5))
+    rows = pieces(shot, phases=(AIRBORNE, SLIDING))
+    assert len(rows) > 3
+    kept = rows[:, [VX, VY]] - 2 / 7 * rows[:, [UX, UY]]  # 5/7 v - 2/7 R z x omega
+    assert kept == pytest.approx(np.tile(kept[0], (len(rows), 1)), abs=1e-13)
+    assert np.unique(pieces(shot)[:, WZ]).size == 1
+    turns = np.sum((rows[:, [UX, UY]] - rows[:, [VX, VY]]) ** 2, axis=1) + (R * rows[:, WZ]) ** 2
+    energy = np.sum(rows[:, [VX, VY, VZ]] ** 2, axis=1) / 2 + turns / 5 + G * rows[:, Z]
+    assert (np.diff(energy) < 1e-14).all()
+
+
+def test_a_ball_that_rolls_hops_without_friction():
+    shot = play([-8, 0], [2.0, 0.0, 1.0], (0.0, 2.0 / R, 0.0))
+    assert (pieces(shot)[:, VX] == 2.0).all()
+    assert "sliding_rolling" not in kinds(shot)
+
+
+def test_the_end_of_the_hops_has_the_friction_of_all_hops():
+    shots = [play([-8, 0], [3.0, 0.0, 1.0], scene=scene(least_hop=least)) for least in (1e-4, 1e-12)]
+    early, late = (shot.at(0.45)[0, 0] for shot in shots)  # both slide
+    assert len(shots[0].events) < len(shots[1].events)
+    assert early == pytest.approx(late, abs=2e-11)
+
+
+def test_a_shot_that_ends_in_the_air_is_the_begin_of_the_whole_and_may_go_on():
+    whole = play([-8, 0], [3.0, 0.5, -1.0], (10.0, -20.0, 30.0))
+    cut = play([-8, 0], [3.0, 0.5, -1.0], (10.0, -20.0, 30.0), max_time=0.05)
+    assert cut.heights[0, 0] == whole.heights_at(0.05)[0] > 0
+    assert np.array_equal(cut.events, whole.events[: len(cut.events)])
+    state = [np.column_stack((part, cut.heights[:, k])) for k, part in enumerate((cut.positions, cut.velocities))]
+    rest = simulate(scene(), *state, spins=cut.spins)
+    assert rest.positions == pytest.approx(whole.positions, abs=1e-12)
+
+
+@pytest.mark.parametrize(("speed", "inches"), [(7, 0.067), (12, 0.196), (20, 0.544)])
+def test_a_rolling_ball_hops_after_a_straight_hit_as_in_tp_b5(speed, inches):
+    speed *= MPH
+    laws = scene(mu_ball=0.06, e_ball=0.94)
+    shot = play([-1, 0], [speed, 0.0], (0.0, speed / R, 0.0), [[0.0, 0.0], FAR[1]], scene=laws, max_time=1.0)
+    rising, at = pieces(shot)[0, VZ], shot.first_hit_time
+    hit = shot.events[shot.events["kind"] == "ball_ball"]["speed"][0]
+    assert rising**2 / (2 * G) == pytest.approx((0.06 * 1.94 * hit) ** 2 / (8 * G), rel=1e-12)
+    assert (0.06 * 1.94 * speed) ** 2 / (8 * G) / INCH == pytest.approx(inches, abs=1.2e-3)
+    lands = shot.events[(shot.events["kind"] == "landing") & (shot.events["ball"] == 1)][0]
+    assert (lands["time"], lands["speed"]) == (at, pytest.approx(rising, rel=1e-12))  # pressed into the slate
+
+
+def impact_in_space(places, velocities, spins, e, mu):
+    """Computes an impact of two balls of unit mass with vectors; returns their velocities and spins."""
+    n = (places[1] - places[0]) / np.linalg.norm(places[1] - places[0])
+    p = (1 + e) / 2 * (velocities[0] - velocities[1]) @ n
+    slip = velocities[0] - velocities[1] + np.cross(spins[0] + spins[1], R * n)
+    slip -= (slip @ n) * n
+    size = np.linalg.norm(slip)
+    force = -p * n - min(mu * p, size / 7) * slip / size
+    turn = np.cross(R * n, force) / (0.4 * R * R)
+    return velocities + np.array([force, -force]), spins + turn
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_impact_in_the_air_is_that_of_vectors(seed):
+    rng = np.random.default_rng(seed)
+    n = rng.normal(size=3) * [1, 1, 0.6]
+    places = np.array([[0, 0, 0.4], [0, 0, 0.4] + 2.5 * R * n / np.linalg.norm(n), [0, 1.5, 0]])
+    velocities, spins = rng.normal(0, 0.3, (3, 3)), rng.normal(0, 30, (3, 3))
+    velocities[0] += 3 * n
+    velocities[2] = spins[2] = 0
+    shot = simulate(scene(mu_ball=0.1), places, velocities, spins=spins, record=True, max_time=0.2)
+    at = shot.first_hit_time
+    assert shot.first_hit == 1
+    fall = np.array([0, 0, -G * at])
+    places = places + at * velocities + at * fall / 2
+    assert np.linalg.norm(places[1] - places[0]) == pytest.approx(2 * R, abs=1e-14)
+    expected = impact_in_space(places[:2], velocities[:2] + fall, spins[:2], 0.95, 0.1)
+    rows = np.array([pieces(shot, ball)[1] for ball in (0, 1)])
+    assert rows[:, [VX, VY, VZ]] == pytest.approx(expected[0], abs=1e-12)
+    turns = np.column_stack((rows[:, UY] - rows[:, VY], rows[:, VX] - rows[:, UX])) / R
+    assert turns == pytest.approx(expected[1][:, :2], abs=1e-9)
+    assert rows[:, WZ] == pytest.approx(expected[1][:, 2], abs=1e-9)
+
+
+def test_a_ball_that_falls_on_two_others_hits_both_at_once():
+    """The result is mirrored bit for bit, also with other numbers of the balls."""
+    others = [[0.0, 1.01 * R], [0.0, -1.01 * R]]
+    shot = play([-0.1, 0.0, 0.05], [1.0, 0.0, 0.1], (0.0, 20.0, 0.0), others, max_time=0.5)
+    hits = shot.events[shot.events["kind"] == "ball_ball"]
+    assert hits["time"][0] == hits["time"][1]
+    assert shot.touched_first.tolist() == [False, True, True]
+    assert np.array_equal(shot.positions[1], shot.positions[2] * [1, -1])
+    assert shot.positions[0, 1] == 0.0
+    other = play([0.1, 0.0, 0.05], [-1.0, 0.0, 0.1], (0.0, -20.0, 0.0), others[::-1], max_time=0.5)
+    assert np.array_equal(other.positions[[0, 2, 1]], shot.positions * [-1, 1])
+    speeds = pieces(shot, 0)[1, [VX, VZ]], [pieces(shot, ball)[0, [VX, VZ]] for ball in (1, 2)]
+    t = hits["time"][0]
+    assert speeds[0] + sum(speeds[1]) == pytest.approx([1.0, 0.1 - G * t], abs=1e-13)
+
+
+@pytest.mark.parametrize(("speed", "expected"), [(2.6, True), (1.6, False)])
+def test_a_jump_shot_passes_over_a_ball_or_hits_it(speed, expected):
+    struck = strike(scene(), speed, 0.0, elevation=math.radians(45))
+    assert struck.velocity[2] == pytest.approx(-struck.velocity[0], rel=1e-12)
+    shot = play([-8, 0], struck, None, [[-7.8, 0.0], FAR[1]])
+    assert (shot.first_hit < 0) == expected
+    if expected:
+        assert shot.positions[0, 0] > -7.0
+
+
+def test_a_ball_struck_at_31_degrees_meets_a_ball_0_40_m_ahead_in_the_middle_of_its_hop():  # pooltool, pull request 384
+    struck = strike(scene(), 2.8, 0.0, elevation=math.radians(31))
+    shot = play([-8, 0], struck, None, [[-7.6, 0.0], FAR[1]], max_time=1.0)
+    assert kinds(shot)[:2] == ["landing", "ball_ball"]
+    z = shot.heights_at(shot.first_hit_time)[0]
+    x = shot.at(shot.first_hit_time)[0, 0]
+    assert 0.01 < z < 2 * R
+    assert math.hypot(-7.6 - x, z) == pytest.approx(2 * R, abs=1e-14)
+
+
+def test_a_ball_in_the_air_meets_the_nose_of_a_cushion_or_flies_over_it():
+    s = scene(length=2.0)
+    sine = s.table.cushion_height / R - 1
+    nose = np.array([1.0 - R * (1 - math.sqrt(1 - sine**2)), R * sine])
+    low = play([0.8, 0, 0.02], [2.0, 0.1, 0.3], (5.0, 9.0, 7.0), scene=s, max_time=0.2)
+    assert kinds(low)[0] == "cushion"
+    hit = low.events[0]
+    z = low.heights_at(hit["time"])[0]
+    assert math.hypot(nose[0] - hit["x"], nose[1] - z) == pytest.approx(R, abs=1e-14)
+    n = np.array([nose[0] - hit["x"], 0.0, nose[1] - z]) / R
+    before, after = pieces(low)[:2]
+    velocity = before[[VX, VY, VZ]] - [0, 0, G * hit["time"]]
+    assert after[[VX, VY, VZ]] @ n == pytest.approx(-0.85 * velocity @ n, rel=1e-12)
+    assert low.cushions[0] == 1
+    high = play([0.8, 0.5, 0.05], [2.0, 0.1, 1.0], scene=s)
+    assert kinds(high) == ["off_table"]
+    assert high.potted.tolist() == [True, False, False]
+    assert (high.pockets[0], high.pot_order[0]) == (-1, 0)
+    assert high.positions[0, 0] == pytest.approx(nose[0], abs=1e-14)
+    assert facts_of(high).cue_off
+
+
+POCKET = Pocket(1.0, 0.0, 0.08)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "kind"),
+    [([1.0, 0.0, 0.9], "pocket"), ([2.0, 0.0, 0.76], "pocket"), ([2.0, 0.0, 1.5], "off_table")],
+    ids=["lands in it", "hits the back", "flies over it"],
+)
+def test_a_ball_falls_into_a_pocket_from_the_air_or_flies_over_it(velocity, kind):
+    shot = play([0.8, 0.0], velocity, scene=scene(length=2.0, pockets=(POCKET,)))
+    assert kinds(shot) == [kind]
+    assert shot.pockets[0] == (0 if kind == "pocket" else -1)
+
+
+def test_a_batch_has_the_bits_of_single_shots():
+    s, rng = scene(length=2.0, pockets=(POCKET,)), np.random.default_rng(1)
+    places = np.tile([[-0.7, 0.3], [0.2, 0.0], [0.5, 1.0]], (8, 1, 1))
+    struck = strike(s, rng.uniform(1, 4, 8), rng.uniform(-0.5, 0.5, 8), elevation=rng.uniform(0.1, 1, 8))
+    batch = simulate_batch(s, places, struck)
+    for k in range(8):
+        shot = simulate(s, places[k], struck.velocity[k], spins=struck.spin[k])
+        assert np.array_equal(shot.positions, batch.positions[k])
+        assert shot.heights.tolist() == [[0.0, 0.0]] * 3
+    assert batch.first_hit.max() > 0
+    assert np.array_equal(batch[0].positions, batch.positions[0])
+
+
+def test_an_environment_plays_strikes_that_make_the_ball_hop():
+    places = np.array([[-0.6, 0.0], [0.6, 0.3]])
+    env = make_env(scene="jump_pool", action="strike")
+    env.reset(seed=0, options={"positions": places})
+    observation, *_ = env.step(np.array([0.5, 0.1, 0.0, 0.0, 0.5]))
+    speed = env.model.max_speed * math.hypot(0.5, 0.1) / speed_gain(cue_numbers(env.model.scene), 0.0)
+    struck = strike(env.model.scene, speed, math.atan2(0.1, 0.5), elevation=math.pi / 4)
+    shot = simulate("jump_pool", places, struck, record=True)
+    assert (shot.events["kind"] == "landing").sum() > 3
+    assert env.decode(observation)["positions"] == pytest.approx(shot.positions, abs=1e-6)
+
+
+def test_what_has_no_flight_is_refused():
+    s = scene()
+    with pytest.raises(ValueError, match="expected 'pic'"):
+        play([0, 0], [1.0, 0.0], engine=Engine("pit", 1 / 60))
+    with pytest.raises(ValueError, match="flights have no derivatives"):
+        play([0, 0], [1.0, 0.0]).sensitivity()
+    with pytest.raises(ValueError, match="expected equal balls"):
+        dataclasses.replace(s, balls=Balls((R, R, 0.03), s.balls.mass))
+    with pytest.raises(ValueError, match="expected a rectangle"):
+        dataclasses.replace(s, table=Table.named("pool_9ft"))
+    with pytest.raises(ValueError, match="motion 'sliding'"):
+        Physics(flight=True, motion="rolling", cushion="restitution")
+    with pytest.raises(ValueError, match="velocities has shape"):
+        simulate("carom", [[0, 0], [0.5, 0], [0.5, 0.5]], [1.0, 0.0, -1.0])
+    with pytest.raises(ValueError, match=r"ball 0 has z = -0\.1"):
+        play([0, 0, -0.1], [1.0, 0.0])
+    with pytest.raises(ValueError, match=r"balls 0 and 1 are 0\.05"):
+        play([0, 0, 0.05], [1.0, 0.0], others=[[0.0, 0.0], FAR[1]])
+
+
+def test_the_data_of_other_scenes_are_as_before_there_were_flights():
+    pool = Scene.named("pool")
+    assert "flight" not in pool.to_dict()["physics"]
+    assert Scene.from_dict(pool.to_dict()) == pool
+    assert Scene.from_dict(scene().to_dict()) == scene()
