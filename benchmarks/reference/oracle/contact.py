@@ -2,19 +2,20 @@
 
 Every gap is a polynomial in the time since a base time, up to a positive factor. For two balls, or a ball and a pocket,
 it is the squared distance less the squared reach (degree 4), as for the arc of a cushion; for a straight cushion it is
-the distance (degree 2). It is positive if the bodies are apart. The functions that form it accept floats and mpf
-numbers.
+the distance (degree 2). A ball in the air touches the nose of a cushion, a line (degree 4) or a circle (degree 8). The
+gap is positive if the bodies are apart. The functions that form it accept floats and mpf numbers.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import TypeAlias
 
 import mpmath
 
 from benchmarks.reference.oracle.laws import Segment, Vector, World, norm
-from benchmarks.reference.oracle.outline import Arc, Line, dot, minus
+from benchmarks.reference.oracle.outline import Arc, Line, dot, minus, normal_at
 from benchmarks.reference.oracle.roots import Real, first_entry, first_possible_entry
 from billiards_env.scene import CONTACT_GAP
 
@@ -27,14 +28,8 @@ MARGIN = 1e-10
 
 def pair_gap(offset: Sequence[Real], velocity: Sequence[Real], acceleration: Sequence[Real], reach: Real) -> list[Real]:
     """Returns |offset + velocity t + acceleration t^2 / 2|^2 - reach^2 as a polynomial in t."""
-    (x, y), (vx, vy), (ax, ay) = offset, velocity, acceleration
-    return [
-        x * x + y * y - reach * reach,
-        2 * (x * vx + y * vy),
-        vx * vx + vy * vy + x * ax + y * ay,
-        vx * ax + vy * ay,
-        (ax * ax + ay * ay) / 4,
-    ]
+    r, v, a = offset, velocity, acceleration
+    return [dot(r, r) - reach * reach, 2 * dot(r, v), dot(v, v) + dot(r, a), dot(v, a), dot(a, a) / 4]
 
 
 def wall_gap(wall: Line | Arc, radius: Real, position: Vector, velocity: Vector, acceleration: Vector) -> list[Real]:
@@ -43,6 +38,46 @@ def wall_gap(wall: Line | Arc, radius: Real, position: Vector, velocity: Vector,
         return pair_gap(minus(position, wall.center), velocity, acceleration, radius + wall.radius)
     n = wall.normal
     return [-dot(n, minus(position, wall.middle)) - radius, -dot(n, velocity), -dot(n, acceleration) / 2]
+
+
+def nose_gap(world: World, ball: int, wall: Line | Arc, position: Vector, velocity: Vector) -> list[Real]:
+    """Returns the gap between a ball in the air and the nose of a cushion as a polynomial in t.
+
+    It is the squared distance of the centre from the nose less the squared radius. For a circle with the radius q and a
+    centre at the distance d from its axis, (d - q)^2 + z^2 - R^2 = s - 2 q d is multiplied by s + 2 q d, which is
+    positive where the ball first touches the nose.
+    """
+    inset, height = world.nose(ball)
+    rise = [position[2] - height, velocity[2], -world.g / 2]
+    above = _plus(_times(rise, rise), [-(world.radius[ball] ** 2)])
+    across = wall_gap(wall, inset, position[:2], velocity[:2], (mpmath.mpf(0),) * 2)[:3]
+    if isinstance(wall, Line):
+        return _plus(_times(across, across), above)
+    nose = wall.radius + inset
+    square = _plus(across, [nose**2])  # of the distance from the axis
+    half = _plus(_plus(square, [nose**2]), above)
+    return _plus(_times(half, half), [-4 * nose**2 * c for c in square])
+
+
+def nose_normal(world: World, ball: int, wall: Line | Arc, position: Vector) -> Vector:
+    """Returns the unit normal, (3,), from the centre of a ball in the air to the nose that it touches."""
+    inset, height = world.nose(ball)
+    n = normal_at(wall, position)
+    across = wall_gap(wall, inset, position[:2], n, n)[0]
+    if isinstance(wall, Arc):
+        across = norm(minus(position, wall.center)) - wall.radius - inset
+    return tuple(x / world.radius[ball] for x in (across * n[0], across * n[1], height - position[2]))
+
+
+def _plus(p: Sequence[Real], q: Sequence[Real]) -> list[Real]:
+    return [a + b for a, b in itertools.zip_longest(p, q, fillvalue=mpmath.mpf(0))]
+
+
+def _times(p: Sequence[Real], q: Sequence[Real]) -> list[Real]:
+    product = [mpmath.mpf(0)] * (len(p) + len(q) - 1)
+    for (i, a), (j, b) in itertools.product(enumerate(p), enumerate(q)):
+        product[i + j] += a * b
+    return product
 
 
 def next_contact(gap: Sequence[Real], rounding: Sequence[Real], touch: Real, high: Real) -> Contact:
@@ -101,18 +136,27 @@ def pair_contact(world: World, ball: int, a: Segment, other: int, b: Segment, ba
 
 def wall_contact(world: World, ball: int, a: Segment, number: int, base: Real, high: Real) -> Contact:
     """Returns `next_contact` of a ball and a cushion."""
-    wall, radius = world.walls[number], world.radius[ball]
+    wall, radius, flies = world.walls[number], world.radius[ball], a.phase == "airborne"
     velocity, push = a.velocity_at(base), norm(a.acceleration)
     speed = norm(velocity)
     noise, push_noise = a.noise + world.tiny * speed, world.tiny * push
     rounding, touch = (0, noise, push_noise), mpmath.mpf(CONTACT_GAP)
-    if isinstance(wall, Arc):
+    if flies:
+        scale = 2 * radius
+        if isinstance(wall, Arc):
+            scale *= 4 * (wall.radius + world.nose(ball)[0]) * norm(minus(a.position_at(base), wall.center))
+        rounding, touch = (0, scale * noise, *(0,) * 7), scale * touch
+    elif isinstance(wall, Arc):
         reach = radius + wall.radius
         rounding = _circle_rounding(reach, speed, noise, push, push_noise)
         touch = 2 * reach * touch
     after = mpmath.mpf(0)
     while True:
-        gap = wall_gap(wall, radius, a.position_at(base + after), a.velocity_at(base + after), a.acceleration)
+        position, velocity = a.position_at(base + after), a.velocity_at(base + after)
+        if flies:
+            gap = nose_gap(world, ball, wall, position, velocity)
+        else:
+            gap = wall_gap(wall, radius, position, velocity, a.acceleration)
         if after:
             gap[0] = mpmath.mpf(0)
         if not after and abs(gap[0]) <= touch and wall.holds(a.position_at(base), world.tiny):
@@ -123,19 +167,43 @@ def wall_contact(world: World, ball: int, a: Segment, number: int, base: Real, h
         if contact is None or wall.holds(a.position_at(base + contact[0]), world.tiny):
             return contact
         after = contact[0]  # the path enters the circle beyond the arc
-        if isinstance(wall, Line):
+        if isinstance(wall, Line) and not flies:
             return None
 
 
 def pocket_contact(world: World, ball: int, a: Segment, pocket: int, base: Real, high: Real) -> Contact:
     """Returns `next_contact` of the centre of a ball and the circle of a pocket."""
     x, y, radius = world.pockets[pocket]
-    px, py = a.position_at(base)
+    px, py = a.position_at(base)[:2]
     velocity = a.velocity_at(base)
     rounding = (0, 2 * radius * (a.noise + world.tiny * norm(velocity)), 0, 0, 0)
-    gap = pair_gap((px - x, py - y), velocity, a.acceleration, radius)
+    gap = pair_gap((px - x, py - y), velocity[:2], a.acceleration[:2], radius)
     contact = next_contact(gap, rounding, mpmath.mpf(0), high)
     return None if contact is None else (contact[0], False)
+
+
+def edge_contact(world: World, ball: int, a: Segment, number: int, base: Real, high: Real) -> Contact:
+    """Returns when the centre of a ball in the air leaves the table.
+
+    It passes the nose of a cushion, but not in a pocket, or the rim of a pocket beyond the noses. `number` is the
+    cushion, or the number of cushions plus the pocket.
+    """
+    position, velocity, still = a.position_at(base)[:2], a.velocity_at(base)[:2], (mpmath.mpf(0),) * 2
+    pocket = number - len(world.walls)
+    if pocket < 0:
+        gap = wall_gap(world.walls[number], world.nose(ball)[0], position, velocity, still)
+    else:
+        x, y, radius = world.pockets[pocket]
+        gap = [-c for c in pair_gap(minus(position, (x, y)), velocity, still, radius)]
+    time = first_entry(gap, high)
+    if time is None:
+        return None
+    place = a.position_at(base + time)
+    if pocket < 0:
+        leaves = world.walls[number].holds(place, world.tiny) and world.pocket_at(place) is None
+    else:
+        leaves = world.is_beyond(ball, place)
+    return (time, False) if leaves else None
 
 
 class FloatMotion:
@@ -145,11 +213,9 @@ class FloatMotion:
 
     def __init__(self, a: Segment, base: Real) -> None:
         t = float(base - a.start)
-        vx, vy = float(a.velocity[0]), float(a.velocity[1])
-        ax, ay = float(a.acceleration[0]), float(a.acceleration[1])
-        self.position = (float(a.position[0]) + t * (vx + t * ax / 2), float(a.position[1]) + t * (vy + t * ay / 2))
-        self.velocity = (vx + t * ax, vy + t * ay)
-        self.acceleration = (ax, ay)
+        r, v, self.acceleration = (tuple(map(float, x)) for x in (a.position, a.velocity, a.acceleration))
+        self.position = tuple(x + t * (y + t * z / 2) for x, y, z in zip(r, v, self.acceleration, strict=True))
+        self.velocity = tuple(y + t * z for y, z in zip(v, self.acceleration, strict=True))
 
     def extent(self, high: float) -> float:
         """Returns an upper bound for the coordinates within `high` seconds, m."""
@@ -166,18 +232,18 @@ def _bound(gap: Sequence[float], margin: float, high: float) -> float | None:
 
 def possible_pair_contact(a: FloatMotion, b: FloatMotion, reach: float, high: float) -> float | None:
     """Returns a lower bound for the time of `pair_contact`, in floats; None if there can be no contact."""
-    (x, y), (vx, vy), (ax, ay) = (
-        minus(q, p) for p, q in ((a.position, b.position), (a.velocity, b.velocity), (a.acceleration, b.acceleration))
-    )
-    gap = pair_gap((x, y), (vx * high, vy * high), (ax * high * high, ay * high * high), reach)
+    offset = minus(b.position, a.position)
+    velocity = tuple(v * high for v in minus(b.velocity, a.velocity))
+    acceleration = tuple(x * high * high for x in minus(b.acceleration, a.acceleration))
+    gap = pair_gap(offset, velocity, acceleration, reach)
     extent = a.extent(high) + b.extent(high) + reach
     return _bound(gap, MARGIN * extent * extent + 3 * reach * CONTACT_GAP, high)
 
 
 def possible_wall_contact(a: FloatMotion, wall: Line | Arc, radius: float, high: float) -> float | None:
     """Returns a lower bound for the time of `wall_contact`, in the same way; the cushion is given in floats."""
-    velocity = tuple(v * high for v in a.velocity)
-    acceleration = tuple(b * high * high for b in a.acceleration)
+    velocity = tuple(v * high for v in a.velocity[:2])
+    acceleration = tuple(b * high * high for b in a.acceleration[:2])
     gap = wall_gap(wall, radius, a.position, velocity, acceleration)
     if isinstance(wall, Arc):
         extent, reach = a.extent(high) + sum(map(abs, wall.center)) + wall.radius, radius + wall.radius
@@ -194,7 +260,8 @@ def possible_wall_contact(a: FloatMotion, wall: Line | Arc, radius: float, high:
 def possible_pocket_contact(a: FloatMotion, pocket: Vector, high: float) -> float | None:
     """Returns a lower bound for the time of `pocket_contact`, in the same way; the pocket is given in floats."""
     x, y, radius = pocket
-    velocity, acceleration = tuple(v * high for v in a.velocity), tuple(b * high * high for b in a.acceleration)
+    velocity = tuple(v * high for v in a.velocity[:2])
+    acceleration = tuple(b * high * high for b in a.acceleration[:2])
     gap = pair_gap(minus(a.position, (x, y)), velocity, acceleration, radius)
     extent = a.extent(high) + abs(x) + abs(y) + radius
     return _bound(gap, MARGIN * extent * extent, high)

@@ -1,4 +1,8 @@
-"""The laws of motion and of impact, in mpmath arithmetic. Vectors are tuples; SI units."""
+"""The laws of motion and of impact, in mpmath arithmetic. Vectors are tuples; SI units.
+
+In scenes with flight positions and velocities have a third component, upwards; the height of the centre is measured
+from its height on the cloth.
+"""
 
 from __future__ import annotations
 
@@ -36,11 +40,13 @@ class World:
         walls: The cushions.
         extent: Half the table's length and width with the jaws, m.
         pockets: (x, y, radius) of each pocket, m.
+        mu_slate: As in `Physics`, with its default.
         ball_friction: (a, b, c) of the friction a + b exp(-c v) between balls, if `ball_ball` has friction.
         tiny: The relative size below which a difference counts as rounding.
     """
 
     motion: str
+    flight: bool
     cushion: str
     ball_ball: str
     g: Real
@@ -58,6 +64,9 @@ class World:
     e_cushion_tangent: Real
     mu_cushion: Real
     cushion_frequency_ratio: Real
+    e_slate: Real
+    mu_slate: Real
+    least_hop: Real
     ball_friction: Vector
     cushion_height: Real
     radius: Vector
@@ -79,14 +88,17 @@ class World:
             if getattr(scene.physics, name) not in laws:
                 raise ValueError(f"physics.{name} = {getattr(scene.physics, name)!r}: expected one of {list(laws)}")
         mpf, table, balls, physics = mpmath.mpf, scene.table, scene.balls, scene.physics
-        numbers = ((name, getattr(physics, name)) for name in PARAMETERS if name in cls.__dataclass_fields__)
+        numbers = {name: getattr(physics, name) for name in PARAMETERS if name in cls.__dataclass_fields__}
+        if numbers["mu_slate"] is None:
+            numbers["mu_slate"] = physics.mu_slide
         corners = [(c.x, c.y) for c in table.outline] or [(table.length / 2, table.width / 2)]
         extent = tuple(max(abs(mpf(place[axis])) for place in corners) for axis in (0, 1))
         return cls(
             motion=physics.motion,
+            flight=physics.flight,
             cushion=physics.cushion,
             ball_ball=physics.ball_ball,
-            **{name: value if value is None else mpf(value) for name, value in numbers},
+            **{name: value if value is None else mpf(value) for name, value in numbers.items()},
             ball_friction=tuple(map(mpf, ball_friction(physics))),
             cushion_height=mpf(table.cushion_height),
             radius=tuple(mpf(r) for r in balls.radius),
@@ -106,6 +118,26 @@ class World:
         """Returns the horizontal distance of the centres of balls i and j that touch, m (theorem of Pythagoras)."""
         return mpmath.sqrt((self.radius[i] + self.radius[j]) ** 2 - self.rise(i, j) ** 2)
 
+    def pocket_at(self, position: Vector) -> int | None:
+        """Returns the pocket whose circle contains a position."""
+        for k, (x, y, radius) in enumerate(self.pockets):
+            if norm(minus(position, (x, y))) < radius:
+                return k
+        return None
+
+    def is_beyond(self, ball: int, position: Vector) -> bool:
+        """Returns whether a position is beyond the nose of a cushion."""
+        raise NotImplementedError
+
+    def nose(self, ball: int) -> tuple[Real, Real]:
+        """Returns where the nose of a cushion is in the frame of a ball on the cloth that touches it.
+
+        The first number is its distance from the vertical plane that the ball touches, towards the ball, and the second
+        its height above the ball's centre, m.
+        """
+        height = self.cushion_height - self.radius[ball]
+        return self.radius[ball] - mpmath.sqrt(self.radius[ball] ** 2 - height**2), height
+
 
 @dataclasses.dataclass(frozen=True)
 class Segment:
@@ -114,9 +146,9 @@ class Segment:
     The position is quadratic in the time since `start`; velocity and horizontal spin are linear.
 
     Attributes:
-        phase: "rest", "spinning", "rolling", "sliding", "free" or "potted".
+        phase: "rest", "spinning", "rolling", "sliding", "free", "airborne" or "potted".
         start, end: s; the end is None if the phase has no end without a contact.
-        position, velocity, acceleration: (2,) m, m/s, m/s^2 at the start.
+        position, velocity, acceleration: (2,) m, m/s, m/s^2 at the start; (3,) in scenes with flight.
         spin: (3,) rad/s at the start.
         spin_rate: (3,) rad/s^2; the third component is the decay of the spin about z, which ends at zero.
         noise: m/s; a speed of at most this size is a rounding error of a larger speed.
@@ -135,17 +167,17 @@ class Segment:
     @property
     def moving(self) -> bool:
         """Returns whether the position changes."""
-        return self.phase in ("rolling", "sliding", "free")
+        return self.phase in ("rolling", "sliding", "free", "airborne")
 
     def position_at(self, time: Real) -> Vector:
-        """Returns the position at a time, (2,) m."""
+        """Returns the position at a time, m."""
         t = time - self.start
         return tuple(
             r + t * (v + t * a / 2) for r, v, a in zip(self.position, self.velocity, self.acceleration, strict=True)
         )
 
     def velocity_at(self, time: Real) -> Vector:
-        """Returns the velocity at a time, (2,) m/s."""
+        """Returns the velocity at a time, m/s."""
         t = time - self.start
         return tuple(v + t * a for v, a in zip(self.velocity, self.acceleration, strict=True))
 
@@ -181,7 +213,10 @@ def segment(
 ) -> Segment:
     """Returns the motion of a ball that starts in a state; the state determines the phase. `noise`: see `Segment`."""
     zero = mpmath.mpf(0)
-    still = (zero, zero)
+    still = (zero,) * len(velocity)
+    airborne = world.flight and (position[2] > 0 or abs(velocity[2]) > noise)
+    if not airborne:
+        velocity = (*velocity[:2], *still[2:])
     speed = norm(velocity)
     if speed <= noise:
         velocity, speed = still, zero
@@ -199,6 +234,9 @@ def segment(
         acceleration = tuple(-deceleration * v / speed for v in velocity)
         return make("rolling", (speed - least) / deceleration, acceleration, (zero,) * 3, (zero,) * 3)
 
+    if airborne:
+        duration = (velocity[2] + mpmath.sqrt(velocity[2] ** 2 + 2 * world.g * position[2])) / world.g
+        return make("airborne", duration, (zero, zero, -world.g), spin, (zero,) * 3)
     radius = world.radius[ball]
     wz = spin[2] if radius * abs(spin[2]) > noise else zero
     wz_rate = -mpmath.sign(wz) * world.spin_decay
@@ -212,15 +250,15 @@ def segment(
         return make(
             "sliding",
             2 * sliding / (7 * deceleration),
-            (ax, ay),
+            (ax, ay, *still[2:]),
             (spin[0], spin[1], wz),
             (turn * ay, -turn * ax, wz_rate),
         )
     if speed:
         deceleration, least = rolling_resistance(world, speed)
-        ax, ay = (-deceleration * v / speed for v in velocity)
+        a = tuple(-deceleration * v / speed for v in velocity)
         rolling = (-velocity[1] / radius, velocity[0] / radius, wz)
-        return make("rolling", (speed - least) / deceleration, (ax, ay), rolling, (-ay / radius, ax / radius, wz_rate))
+        return make("rolling", (speed - least) / deceleration, a, rolling, (-a[1] / radius, a[0] / radius, wz_rate))
     if wz:
         return make("spinning", abs(wz) / world.spin_decay, still, (zero, zero, wz), (zero, zero, wz_rate))
     return make("rest", None, still, (zero,) * 3, (zero,) * 3)
@@ -229,11 +267,15 @@ def segment(
 def next_phase(world: World, ball: int, old: Segment) -> tuple[str, Segment]:
     """Returns the event at the end of a segment and the segment that follows it.
 
-    The event is "sliding_rolling", "rolling_rest", "rolling_slower" or "spinning_rest".
+    The event is "sliding_rolling", "rolling_rest", "rolling_slower", "spinning_rest" or "landing".
     """
     zero = mpmath.mpf(0)
     position, velocity, spin = (old.position_at(old.end), old.velocity_at(old.end), old.spin_at(old.end))
     noise = max(old.noise, world.tiny * norm(old.velocity))
+    if old.phase == "airborne":
+        noise = max(noise, world.tiny * world.radius[ball] * norm(spin))
+        velocity, spin = land(world, ball, velocity, spin)
+        return "landing", segment(world, ball, old.end, (*position[:2], zero), velocity, spin, noise)
     if old.phase == "spinning":
         spin = (zero,) * 3
     elif old.phase == "rolling" and rolling_resistance(world, norm(old.velocity))[1]:
@@ -241,7 +283,7 @@ def next_phase(world: World, ball: int, old: Segment) -> tuple[str, Segment]:
         velocity, spin = _scale(scale, velocity), (scale * spin[0], scale * spin[1], spin[2])
         return "rolling_slower", segment(world, ball, old.end, position, velocity, spin, noise)
     elif old.phase == "rolling":
-        velocity, spin, noise = (zero, zero), (zero, zero, spin[2]), zero
+        velocity, spin, noise = (zero,) * len(velocity), (zero, zero, spin[2]), zero
     else:
         radius = world.radius[ball]
         spin = (-velocity[1] / radius, velocity[0] / radius, spin[2])
@@ -251,14 +293,44 @@ def next_phase(world: World, ball: int, old: Segment) -> tuple[str, Segment]:
     return ("sliding_rolling" if new.phase == "rolling" else "rolling_rest"), new
 
 
+def hit_fixed(
+    world: World, ball: int, n: Vector, push: Real, mu: Real, velocity: Vector, spin: Vector
+) -> tuple[Vector, Vector]:
+    """Returns velocity and spin, (3,), after a fixed body with Coulomb friction.
+
+    The mass is 1, the unit normal n, (3,), points into the body, and `push` is the normal impulse.
+    """
+    radius = world.radius[ball]
+    surface = _sum(velocity, _scale(radius, _cross(spin, n)))
+    slipping = _sum(surface, _scale(-_dot(surface, n), n))
+    impulse, speed = _scale(-push, n), norm(slipping)
+    if speed:
+        impulse = _sum(impulse, _scale(-min(mu * push / speed, mpmath.mpf(2) / 7), slipping))
+    return _sum(velocity, impulse), _sum(spin, _scale(5 / (2 * radius), _cross(n, impulse)))
+
+
+def land(world: World, ball: int, velocity: Vector, spin: Vector) -> tuple[Vector, Vector]:
+    """Returns velocity and spin after the slate; the ball stays on it if its next hop would be lower than the least."""
+    down, e = -velocity[2], world.e_slate
+    push = down if (e * down) ** 2 < 2 * world.g * world.least_hop else (1 + e) * down
+    return hit_fixed(world, ball, (mpmath.mpf(0), mpmath.mpf(0), mpmath.mpf(-1)), push, world.mu_slate, velocity, spin)
+
+
+def hit_nose(world: World, ball: int, n: Vector, velocity: Vector, spin: Vector) -> tuple[Vector, Vector]:
+    """Returns velocity and spin of a ball in the air after the nose of a cushion in the direction n, (3,)."""
+    speed = dot(n, velocity)
+    push = (1 + _restitution(world, speed)) * speed
+    return hit_fixed(world, ball, n, push, world.mu_cushion, velocity, spin)
+
+
 def bounce(world: World, ball: int, n: Vector, velocity: Vector, spin: Vector) -> tuple[Vector, Vector]:
-    """Returns velocity and spin after a cushion with the normal n, which points into the cushion."""
+    """Returns velocity and spin after a cushion with the normal n, (2,), which points into the cushion."""
     # (vn, vt) and (wn, wt) are the components along n and t = z x n.
     t = (-n[1], n[0])
     vn, vt = n[0] * velocity[0] + n[1] * velocity[1], t[0] * velocity[0] + t[1] * velocity[1]
     wn, wt, wz = n[0] * spin[0] + n[1] * spin[1], t[0] * spin[0] + t[1] * spin[1], spin[2]
     vn, vt, wn, wt, wz = CUSHIONS[world.cushion](world, ball, vn, vt, wn, wt, wz)
-    return (n[0] * vn + t[0] * vt, n[1] * vn + t[1] * vt), (n[0] * wn + t[0] * wt, n[1] * wn + t[1] * wt, wz)
+    return (n[0] * vn + t[0] * vt, n[1] * vn + t[1] * vt, *velocity[2:]), (n[0] * wn + t[0] * wt, n[1] * wn + t[1] * wt, wz)
 
 
 def shares(v: Vector, n: Vector, m: Vector) -> Vector:
@@ -468,8 +540,8 @@ def collide(
 
     Args:
         world: The constants.
-        positions: (2,) m of each ball in contact.
-        velocities: (2,) m/s of each before the impacts.
+        positions: m, of each ball in contact.
+        velocities: m/s, of each before the impacts.
         spins: (3,) rad/s of each before the impacts.
         contacts: Pairs (i, j) of touching balls.
         noise: m/s; a slower approach does not count.
@@ -520,18 +592,18 @@ def _rub(
     velocities: dict[int, Vector],
     spins: dict[int, Vector],
 ) -> None:
-    """Applies the friction of contacts with given horizontal normal impulses, in place.
+    """Applies the friction of contacts with given normal impulses, in place: horizontal ones without flight.
 
     The impulses minimise the kinetic energy. They are found one after the other, again and again: that of one contact,
     for given others, is the one that stops its slip or the limit of Coulomb friction in the same direction.
     """
     zero = mpmath.mpf(0)
     balls = {ball for pair in pressing for ball in pair}
-    v, w = {k: (*velocities[k], zero) for k in balls}, {k: spins[k] for k in balls}
+    v, w = {k: (*velocities[k], zero)[:3] for k in balls}, {k: spins[k] for k in balls}
     push = dict.fromkeys(pressing, (zero,) * 3)
     normal = {}
     for pair in pressing:  # from centre to centre, in three dimensions
-        line = (*_scale(world.reach(*pair), normals[pair]), world.rise(*pair))
+        line = (*_scale(world.reach(*pair), normals[pair]), world.rise(*pair))[:3]
         normal[pair] = _scale(1 / norm(line), line)
 
     def slip_at(pair: tuple[int, int]) -> Vector:
@@ -542,8 +614,8 @@ def _rub(
 
     speeds = {pair: norm(slip_at(pair)) for pair in pressing}
     limit = {}
-    for pair, horizontal in pressing.items():
-        limit[pair] = friction(world, speeds[pair]) * horizontal / norm(normal[pair][:2])
+    for pair, push_along in pressing.items():
+        limit[pair] = friction(world, speeds[pair]) * push_along / norm(normal[pair][: len(normals[pair])])
     done = mpmath.mpf(10) ** (10 - mpmath.mp.dps) * max(speeds.values())
     for _ in range(ROUNDS):
         largest = zero
@@ -564,7 +636,7 @@ def _rub(
     else:
         raise TooManyRoundsError
     for k in balls:
-        velocities[k], spins[k] = v[k][:2], w[k]
+        velocities[k], spins[k] = v[k][: len(velocities[k])], w[k]
 
 
 def _coupling(world: World, p: tuple[int, int], q: tuple[int, int], normals: dict[tuple[int, int], Vector]) -> Real:

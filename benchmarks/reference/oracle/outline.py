@@ -60,13 +60,13 @@ class Arc:
 
 
 def dot(a: Vector, b: Vector) -> Real:
-    """Returns the scalar product."""
-    return a[0] * b[0] + a[1] * b[1]
+    """Returns the scalar product. If only one vector has three components, it is that of the horizontal parts."""
+    return sum(x * y for x, y in zip(a, b, strict=False))
 
 
 def minus(a: Vector, b: Vector) -> Vector:
-    """Returns the difference."""
-    return (a[0] - b[0], a[1] - b[1])
+    """Returns the difference. If only one vector has three components, it is that of the horizontal parts."""
+    return tuple(x - y for x, y in zip(a, b, strict=False))
 
 
 def walls_of(table: Table) -> tuple[Line | Arc, ...]:

@@ -23,7 +23,7 @@ Rows: TypeAlias = "Sequence[Any] | NDArray[Any]"
 GUARD_DIGITS = 20
 """Working digits in addition to the requested ones."""
 
-POCKET, BALL, CUSHION, PHASE, RESTING = range(5)
+POCKET, BALL, CUSHION, PHASE, RESTING, EDGE = range(6)
 """The kinds of predictions, in their order at one instant."""
 
 JOINT = 1e-10
@@ -36,8 +36,8 @@ class Event(NamedTuple):
     """An event of a shot.
 
     `other` is the other ball, the cushion (see `oracle.outline`), the pocket, or -1. `kind` is "ball_ball",
-    "cushion", "pocket", "sliding_rolling" (the ball stops sliding), "rolling_rest" (friction has stopped it) or
-    "spinning_rest" (friction has stopped the spin of a ball that stands still).
+    "cushion", "pocket", "sliding_rolling" (the ball stops sliding), "rolling_rest" (friction has stopped it),
+    "spinning_rest" (friction has stopped the spin of a ball that stands still), "landing" or "off_table".
     """
 
     time: Real
@@ -52,7 +52,8 @@ class OracleShot:
 
     Attributes:
         events: The events in the order of time.
-        positions, velocities, spins: (n, 2) m, (n, 2) m/s, (n, 3) rad/s at the end. A potted ball is at its pocket.
+        positions, velocities, spins: (n, 2) m, (n, 2) m/s, (n, 3) rad/s at the end; the first two are (n, 3) in scenes
+            with flight. A potted ball is at its pocket.
         potted: (n,) bool.
         time: The time of the last event, or the time limit, s.
         status: "rest", "max_time", "event_limit", "stopped" (by `stop_after`), or "resting_contact" or "collapse" for
@@ -123,7 +124,7 @@ def run(
     Args:
         scene: The scene.
         positions: (n, 2) m. These and the next two are floats, which are converted exactly, or mpf numbers.
-        velocities: (n, 2) m/s, or (2,) for the cue ball.
+        velocities: (n, 2) m/s, or (2,) for the cue ball. In scenes with flight, rows of these two may have a height.
         spins: (n, 3) rad/s, or (3,) for the cue ball; zero by default. Only "sliding" motion uses them.
         max_time: The largest duration of the shot, s; the limit of the scene by default.
         max_events: The largest number of events.
@@ -139,13 +140,14 @@ def run(
         RestingContactError: If two bodies press against each other without normal velocity.
         CollapseError: If the impacts at one instant have no end.
     """
-    check_positions(scene, [[float(x) for x in row] for row in positions])
+    check_positions(scene, [[float(x) for x in row[:2]] for row in positions])
+    widths = (2, 3) if scene.physics.flight else (2,)
     with mpmath.workdps(digits + GUARD_DIGITS):
         limit = scene.physics.max_time if max_time is None else max_time
         table = _Table(
             scene,
-            _rows("positions", positions, scene.n_balls, 2),
-            _rows("velocities", velocities, scene.n_balls, 2),
+            _rows("positions", positions, scene.n_balls, *widths),
+            _rows("velocities", velocities, scene.n_balls, *widths),
             _rows("spins", () if spins is None else spins, scene.n_balls, 3),
             mpmath.inf if limit is None else mpmath.mpf(limit),
             digits,
@@ -155,15 +157,16 @@ def run(
         )
 
 
-def _rows(name: str, values: Rows, n: int, width: int) -> list[Vector]:
-    """Returns (n, width) mpf; a single row is the row of the cue ball, and the others are zero."""
-    rows = list(values)
-    if len(rows) == width and not hasattr(rows[0], "__len__"):
+def _rows(name: str, values: Rows, n: int, *widths: int) -> list[Vector]:
+    """Returns (n, max(widths)) mpf; a single row is the row of the cue ball, and what is missing is zero."""
+    rows, width = list(values), max(widths)
+    if len(rows) in widths and not hasattr(rows[0], "__len__"):
         rows = [rows]
     if name != "positions" and len(rows) <= 1:
         rows += [[0.0] * width] * (n - len(rows))
-    if len(rows) != n or any(len(row) != width for row in rows):
+    if len(rows) != n or any(len(row) not in widths for row in rows):
         raise ValueError(f"{name} = {values!r}: expected ({n}, {width}), a row for each ball")
+    rows = [[*row, *[0.0] * (width - len(row))] for row in rows]
     vectors = [tuple(x + 0 if isinstance(x, mpmath.mpf) else mpmath.mpf(float(x)) for x in row) for row in rows]
     if not all(mpmath.isfinite(x) for row in vectors for x in row):
         raise ValueError(f"{name} = {values!r}: expected finite numbers")
@@ -276,12 +279,16 @@ class _Table:
                     reach = self.reach[i][j]
                     self.push_bound(BALL, a, b, contact.possible_pair_contact(motions[i], motion, reach, high))
             if segment.moving:
-                high = self.horizon(i)
+                high, flies = self.horizon(i), segment.phase == "airborne"
+                reach = self.radius[i] + (float(self.world.nose(i)[0]) if flies else 0.0)
                 for k, wall in enumerate(self.walls):
-                    bound = contact.possible_wall_contact(motions[i], wall, self.radius[i], high)
+                    bound = contact.possible_wall_contact(motions[i], wall, reach, high)
                     self.push_bound(CUSHION, i, k, bound)
+                    if flies:
+                        self.push_bound(EDGE, i, k, bound)
                 for k, pocket in enumerate(self.pockets):
-                    self.push_bound(POCKET, i, k, contact.possible_pocket_contact(motions[i], pocket, high))
+                    bound = contact.possible_pocket_contact(motions[i], pocket, high)
+                    self.push_bound(EDGE if flies else POCKET, i, k + flies * len(self.walls), bound)
 
     def motions(self) -> dict[int, contact.FloatMotion]:
         """Returns the motion of each ball in play after now, in floats."""
@@ -348,8 +355,8 @@ class _Table:
             high = self.end(p.ball, p.other) - base
             prediction = contact.pair_contact(world, p.ball, a, p.other, self.current[p.other], base, high)
         else:
-            kind = contact.pocket_contact if p.kind == POCKET else contact.wall_contact
-            prediction = kind(world, p.ball, a, p.other, base, self.end(p.ball) - base)
+            kinds = {POCKET: contact.pocket_contact, CUSHION: contact.wall_contact, EDGE: contact.edge_contact}
+            prediction = kinds[p.kind](world, p.ball, a, p.other, base, self.end(p.ball) - base)
         if prediction is not None:
             delay, resting = prediction
             kind = RESTING if resting else p.kind
@@ -369,13 +376,18 @@ class _Table:
             self.collide(i, p.other)
         elif p.kind == PHASE:
             kind, after = laws.next_phase(self.world, i, segment)
-            self.log(kind, i)
-            self.replace({i: after})
+            pocket = self.world.pocket_at(after.position) if kind == "landing" else None
+            if pocket is None:
+                self.log(kind, i)
+                self.replace({i: after})
+            else:
+                self.remove(i, pocket)
         elif p.kind == POCKET:
-            self.log("pocket", i, p.other)
-            zero = mpmath.mpf(0)
-            still, center = (zero, zero), self.world.pockets[p.other][:2]
-            self.replace({i: Segment("potted", self.now, None, center, still, still, (zero,) * 3, (zero,) * 3, zero)})
+            self.remove(i, p.other)
+        elif p.kind == EDGE:
+            pocket = p.other - len(self.walls)
+            low = segment.position_at(self.now)[2] < 2 * self.world.radius[i] / 5
+            self.remove(i, pocket if low and pocket >= 0 else -1)
         else:
             position, velocity = segment.position_at(self.now), segment.velocity_at(self.now)
             spin = segment.spin_at(self.now)
@@ -384,11 +396,23 @@ class _Table:
             normals = [normal_at(self.world.walls[wall], position) for wall in walls]
             for wall in walls:
                 self.log("cushion", i, wall)
-            if len(walls) == 1:
+            if segment.phase == "airborne":
+                n = contact.nose_normal(self.world, i, self.world.walls[p.other], position)
+                velocity, spin = laws.hit_nose(self.world, i, n, velocity, spin)
+            elif len(walls) == 1:
                 velocity, spin = laws.bounce(self.world, i, normals[0], velocity, spin)
             else:
-                velocity, spin = laws.bounce_both(self.world, i, (normals[0], normals[1]), velocity, spin, noise)
+                level, spin = laws.bounce_both(self.world, i, (normals[0], normals[1]), velocity[:2], spin, noise)
+                velocity = (*level, *velocity[2:])
             self.replace({i: laws.segment(self.world, i, self.now, position, velocity, spin, noise)})
+
+    def remove(self, ball: int, pocket: int) -> None:
+        """Ends the motion of a ball in a pocket, or off the table if `pocket` is -1."""
+        self.log("off_table" if pocket < 0 else "pocket", ball, pocket)
+        zero, segment = mpmath.mpf(0), self.current[ball]
+        still = (zero,) * len(segment.velocity)
+        place = segment.position_at(self.now) if pocket < 0 else (*self.world.pockets[pocket][:2], *still[2:])
+        self.replace({ball: Segment("potted", self.now, None, place, still, still, (zero,) * 3, (zero,) * 3, zero)})
 
     def walls_met(self, ball: int, wall: int, noise: Real) -> tuple[int, ...]:
         """Returns the cushions that act on a ball that touches `wall` now, one or two, as the engine logs them.
@@ -398,6 +422,8 @@ class _Table:
         acts.
         """
         segment, radius = self.current[ball], self.world.radius[ball]
+        if segment.phase == "airborne":
+            return (wall,)
         position, velocity = segment.position_at(self.now), segment.velocity_at(self.now)
         normals: dict[int, Vector] = {}
         for k in (wall, *(k for k in range(len(self.walls)) if k != wall)):
