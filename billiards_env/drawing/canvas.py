@@ -29,7 +29,21 @@ except ModuleNotFoundError as error:
 from billiards_env.drawing.materials import paint_table
 from billiards_env.drawing.recording import Floats, Recording, check_pair, frame_times
 from billiards_env.drawing.spheres import Painter, ring, shadow
-from billiards_env.drawing.style import ARROW, ARROW_START, CHALK, INK, PAPER, POTTED, RAIL, looks, rail_width, tray
+from billiards_env.drawing.style import (
+    ARROW,
+    ARROW_START,
+    CHALK,
+    INK,
+    LIFT,
+    LIGHT,
+    PAPER,
+    POTTED,
+    RAIL,
+    SPREAD,
+    looks,
+    rail_width,
+    tray,
+)
 from billiards_env.drawing.text import text_image, write
 from billiards_env.engine.orientation import VISIBLE
 from billiards_env.scene import Scene
@@ -156,16 +170,27 @@ class Canvas:
         return paint_table(self.scene.table, self.size, self.pixels_of, self._paper)
 
     def draw_balls(
-        self, surface: Surface, balls: Sequence[int], centres: Sequence[Floats], faces: Floats | None = None
+        self,
+        surface: Surface,
+        balls: Sequence[int],
+        centres: Sequence[Floats],
+        faces: Floats | None = None,
+        heights: Floats | None = None,
     ) -> None:
         """Draws some balls with their shadows, each at its centre (2,), pixels.
 
-        `faces` are (n, 4) orientations of all balls of the scene, see `orientation`; None for upright balls.
+        `faces` are (n, 4) orientations of all balls of the scene, see `orientation`; None for upright balls. `heights`
+        are the heights (n,) of all balls above the cloth, m; None for balls on the cloth. Higher balls are drawn last.
         """
+        up = np.zeros(self.scene.n_balls) if heights is None else heights
         for ball, centre in zip(balls, centres, strict=True):
-            _stamp(surface, centre, functools.partial(shadow, self.scale * self.scene.balls.radius[ball]))
+            radius, away = self.scene.balls.radius[ball], np.array([-LIGHT[0], LIGHT[1]]) / LIGHT[2]
+            picture = functools.partial(shadow, self.scale * radius, wide=1.0 + SPREAD * float(up[ball]) / radius)
+            _stamp(surface, centre + self.scale * up[ball] * away, picture)
         turned = np.tile(UPRIGHT, (self.scene.n_balls, 1)) if faces is None else faces
-        self._painter.draw(surface, balls, np.reshape(centres, (-1, 2)), turned[list(balls)])
+        order = np.argsort(up[list(balls)], kind="stable")
+        above, places = np.array(balls, np.intp)[order], np.reshape(centres, (-1, 2))[order]
+        self._painter.draw(surface, above.tolist(), places, turned[above], 1.0 + LIFT * up[above])
 
     def draw_ring(self, surface: Surface, ball: int, centre: Floats) -> None:
         """Draws a ball of another run as a ring around a centre (2,), pixels."""
@@ -230,7 +255,7 @@ class Canvas:
         middle, y = self.size[0] / 2, self.size[1] - self._bar / 2
         groove = surface.blit(self._groove, np.round((middle, y) - np.array(self._groove.get_size()) / 2).tolist())
         places = np.array([(middle + x, y) for x in self._tray.x[: len(potted)]]).reshape(-1, 2)
-        self._tray_painter.draw(surface, list(potted), places, np.tile(UPRIGHT, (len(potted), 1)))
+        self._tray_painter.draw(surface, list(potted), places, np.tile(UPRIGHT, (len(potted), 1)), np.ones(len(potted)))
         return groove
 
     @functools.cached_property
@@ -278,7 +303,7 @@ class Motion:
 
     def potted(self, time: float) -> NDArray[np.intp]:
         """Returns the balls that are potted at a time, s."""
-        return np.flatnonzero(self._recording.gone <= time)
+        return self._recording.potted(time)
 
     def draw(self, frame: Surface, time: float) -> None:
         """Draws the table with the paths and the balls at a time, s."""
@@ -292,7 +317,10 @@ class Motion:
             places = canvas.pixels_of(run.trajectory.at(min(time, run.time)))
             shown = np.flatnonzero(run.gone > time).tolist()
             if run is self._recording:
-                canvas.draw_balls(frame, shown, [places[ball] for ball in shown], self._turning.at(time))
+                centres, heights = [places[ball] for ball in shown], np.zeros(canvas.scene.n_balls)
+                if canvas.scene.physics.flight:
+                    heights[shown] = [run.heights(ball, [min(time, run.time)])[0] for ball in shown]
+                canvas.draw_balls(frame, shown, centres, self._turning.at(time), heights)
             else:
                 for ball in shown:
                     canvas.draw_ring(frame, ball, places[ball])

@@ -15,6 +15,7 @@ import numpy as np
 from billiards_env.drawing import style
 from billiards_env.drawing.recording import Recording
 from billiards_env.engine.orientation import VISIBLE
+from billiards_env.physics.state import AIRBORNE, VZ, Z
 from billiards_env.scene import Scene
 from billiards_env.scene.table import Table
 from billiards_env.support.files import check_path, replacing
@@ -109,6 +110,9 @@ def _motion(recording: Recording) -> dict[str, Any]:
     paths = recording.trajectory
     lasts = np.minimum(paths.duration, recording.time)
     rows = np.column_stack((paths.start, lasts, paths.position, paths.velocity, paths.acceleration))
+    if recording.scene.physics.flight:
+        flies = (paths.phase == AIRBORNE)[:, None]
+        rows = np.column_stack((rows, np.where(flies, paths.rows[:, [Z, VZ]], 0.0), -recording.scene.physics.g * flies))
     return {
         "time": recording.time,
         "pieces": [rows[paths.ball == i].tolist() for i in range(recording.scene.n_balls)],

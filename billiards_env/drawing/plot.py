@@ -4,6 +4,9 @@ The picture of a shot shows the initial positions as faint balls, the paths, the
 in a contact, and a mark with the time of each event. Each kind of event has a different mark. The colour of a path is
 the speed; its edges have the colour of the ball. Ticks show the side spin: they point to the left of the path if the
 ball turns counterclockwise. Text outside the table is grey, so it is readable on white and on a dark page.
+
+If balls leave the cloth, a side view beside the table has the same scale. It shows the balls at the start, the paths of
+the balls that fly, and these balls at the top of each hop and at each contact in the air.
 """
 
 from __future__ import annotations
@@ -36,6 +39,7 @@ MARKS = {
     "cushion": ("s", 4.5, "ball hits cushion"),
     "sliding_rolling": ("o", 3.5, "slides until here, then rolls"),
     "pocket": ("D", 5, "potted"),
+    "off_table": ("X", 6, "leaves the table"),
 }
 """The marker of an event kind, its size in points, and its meaning."""
 
@@ -51,6 +55,9 @@ equator that is due to this spin; slower equators have no tick."""
 
 LEGEND_SPIN = 3 * WEAKEST_SPIN
 """m/s. Up to this speed the line of the path hides the ticks, so the legend does not explain them."""
+
+LEAST_HOP = 2e-3
+"""m. The side view does not show lower hops."""
 
 WEAK = 0.02
 """m/s. Slower contacts have no mark, because balls that come to rest against each other touch about a hundred times."""
@@ -74,6 +81,11 @@ def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording |
         figure, ax = pyplot.subplots(figsize=(9, 0.6 + 9 * min(max(ratio, 0.2), 2)), layout="constrained")
     scene, look = recording.scene, looks(recording.scene)
     _draw_table(ax, recording, look)
+    if hops := [hop for hop in recording.hops() if hop[2] > LEAST_HOP]:
+        height = np.ptp(ax.get_ylim())
+        _draw_side(ax, recording, look, hops)
+        if figure is not None:
+            figure.set_figheight(figure.get_figheight() * float(np.ptp(ax.get_ylim()) / height))
     fastest = max((recording.speeds(i, recording.corners(i)).max() for i in _in_play(recording)), default=0.0)
     turns = recording.turning(error=VISIBLE)
     if compare is not None:
@@ -94,7 +106,8 @@ def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording |
         _draw_speeds(ax, recording.scene, fastest)
     if figure is not None:
         place: Any = {"loc": "outside lower center", "ncols": 7, "frameon": False, "fontsize": 8}
-        figure.legend(handles=legend_handles(spins), labelcolor=style.TEXT, **place)
+        leaves = "off_table" in recording.events["kind"]
+        figure.legend(handles=legend_handles(spins, leaves), labelcolor=style.TEXT, **place)
     return ax
 
 
@@ -116,7 +129,7 @@ def _draw_table(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None:
             ha="right",
             va="center_baseline",
         )
-        for ball, place in zip(np.flatnonzero(np.isfinite(recording.gone)).tolist(), places, strict=False):
+        for ball, place in zip(recording.potted(recording.time).tolist(), places, strict=False):
             draw_ball(ax, radius, look[ball], (place, -y - strip / 2), ghost=False)
 
 
@@ -130,11 +143,13 @@ def draw_empty(ax: Axes, table: Table, strip: float = 0.0) -> tuple[float, float
     return x, y
 
 
-def legend_handles(side_spin: bool = True) -> list[Line2D]:
-    """Returns the legend entries of the balls and marks, and of the ticks of the `side_spin`."""
+def legend_handles(side_spin: bool = True, leaves: bool = False) -> list[Line2D]:
+    """Returns the legend entries of the balls and marks, of the ticks of the `side_spin`, and of balls that leave."""
     marks = [("|", 7, style.TEXT, style.TEXT, "side spin")] if side_spin else []
     marks += [("o", 9, "#63762f", "#e69f00", "start"), ("o", 9, "#e69f00", CHALK, "end")]
     for kind, (marker, size, label) in MARKS.items():
+        if kind == "off_table" and not leaves:
+            continue
         marks.append((marker, size, CHALK if kind in ("sliding_rolling", "ball_ball") else style.TEXT, INK, label))
     return [
         Line2D([], [], marker=m, linestyle="none", markersize=s, color=f, markeredgecolor=e, label=text)
@@ -177,6 +192,55 @@ def _draw_path(
         ticks = list(np.stack((begin, ends), 1)[clear])
         ax.add_collection(LineCollection(ticks, colors=CHALK, linewidths=0.9, zorder=4.1))
     return bool((clear & (abs(spin) > LEGEND_SPIN)).any())
+
+
+def _draw_side(ax: Axes, shot: Recording, look: tuple[Look, ...], hops: Sequence[tuple[int, float, float]]) -> None:
+    """Draws the side view above the table, or left of it if the balls fly more along y than along x."""
+    table, fliers = shot.scene.table, sorted({ball for ball, _, _ in hops})
+    tracks = {ball: shot.track(ball, np.linspace(0, shot.time, SAMPLES)) for ball in fliers}
+    heights = {ball: shot.heights(ball, times) for ball, (times, _) in tracks.items()}
+    flown = np.vstack([path[heights[ball] > LEAST_HOP] for ball, (_, path) in tracks.items()])
+    axis = int(np.ptp(flown, axis=0).argmax())
+    rail, nose, half = rail_width(table), table.cushion_height, (table.length / 2, table.width / 2)[axis]
+    radius = max(shot.scene.balls.radius)
+    high = max(height for *_, height in hops) + 2 * radius + (0.07, 0.14)[axis]
+    base = (table.width, table.length)[axis] / 2 + 1.1 * rail + 0.05  # the cloth
+
+    def turned(along: ArrayLike, up: ArrayLike) -> Floats:
+        places = np.column_stack((np.ravel(along), base + np.ravel(up)))
+        return places if axis == 0 else places[:, ::-1] * (-1, 1)
+
+    def box(*corners: tuple[float, float], colour: str, zorder: float = 2) -> None:
+        ax.add_patch(Polygon(turned(*np.array(corners).T), facecolor=colour, edgecolor="none", zorder=zorder))
+
+    end = half + rail
+    box((-end, -0.02), (end, -0.02), (end, high), (-end, high), colour=style.MOUTH)
+    box((-end, -0.02), (end, -0.02), (end, 0.0), (-end, 0.0), colour=CLOTH)
+    for s in (-1, 1):
+        box((s * half, nose), (s * end, nose), (s * end, 0.0), (s * (half + 0.03), 0.0), colour=style.CUSHION)
+
+    def ball_at(ball: int, time: float, zorder: float, **colours: Any) -> None:
+        size, up = shot.scene.balls.radius[ball], float(shot.heights(ball, [time])[0])
+        (place,) = turned(shot.path(ball, [time])[0, axis], size + up)
+        _disc(ax, place, size, zorder, **colours)
+
+    for ball in _in_play(shot):
+        ball_at(ball, 0.0, 3, facecolor=look[ball].fill, edgecolor=look[ball].path, linewidth=0.5)
+    for ball, (_, path) in tracks.items():
+        up = heights[ball]
+        flies = np.convolve(up, [1, 1, 1], "same") > 0  # with the points at which the ball leaves the cloth and lands
+        line = turned(path[:, axis], np.where(flies, shot.scene.balls.radius[ball] + up, np.nan))
+        ax.plot(*line.T, color=look[ball].path, linewidth=1.6, zorder=4)
+        _, time, height = max((hop for hop in hops if hop[0] == ball), key=lambda hop: hop[2])
+        (place,) = turned(shot.path(ball, [time])[0, axis], height + 2.3 * radius)
+        text: dict[str, Any] = {"ha": "center", "va": "bottom"} if axis == 0 else {"ha": "right", "va": "center"}
+        ax.text(*place.tolist(), f"{100 * height:.1f} cm", fontsize=6.5, color=CHALK, zorder=5, **text)
+    for ball, time, _ in hops:
+        ball_at(ball, time, 4, edgecolor=look[ball].path, linewidth=0.9)
+    if axis == 0:
+        ax.set_ylim(top=base + high)
+    else:
+        ax.set_xlim(left=-base - high)
 
 
 def _draw_speeds(ax: Axes, scene: Scene, fastest: float) -> None:
@@ -243,6 +307,8 @@ def _draw_events(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None
             for k, centre in ((ball, first), (other, second)):  # only balls that have moved
                 if (centre != recording.path(k, [0.0])[0]).any():
                     _disc(ax, centre, scene.balls.radius[k], 5, fill=False, edgecolor=look[k].path, linewidth=0.8)
+        elif kind == "off_table":
+            edge = CHALK
         elif kind == "pocket":
             pocket = scene.table.pockets[other]
             point, edge = np.array([pocket.x, pocket.y]), CHALK
@@ -263,7 +329,7 @@ def _label(ax: Axes, kind: str, scene: Scene, point: Floats, text: str) -> None:
     if kind == "ball_ball":
         ground, offset = CLOTH, (8 * x, 8 * y)
         place = {"ha": "left" if x > 0 else "right", "va": "bottom" if y > 0 else "top"}
-    elif kind == "cushion":
+    elif kind in ("cushion", "off_table"):
         across = np.array([scene.table.length, scene.table.width]) / 2 - abs(point)
         x, y = (np.sign(point) * (across == across.min())).astype(int).tolist()
         ground, offset, place = RAIL, (20 * x, 20 * y), {"ha": "center", "va": "center", "rotation": 90 * abs(x)}

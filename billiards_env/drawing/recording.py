@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.engine.orientation import ERROR, Turning, turning
 from billiards_env.engine.trajectory import Trajectory
+from billiards_env.physics.state import AIRBORNE, T0, VZ
 from billiards_env.scene import Scene
 from billiards_env.support.checks import numbers
 
@@ -36,12 +37,34 @@ class Recording(NamedTuple):
 
     @property
     def gone(self) -> Floats:
-        """(n,) s, the time at which each ball was potted; 0 if it was not in play, inf if it was not potted."""
+        """(n,) s, the time at which each ball was potted or left the table; 0 if it was not in play, otherwise inf."""
         return self.trajectory.potted_at
+
+    def potted(self, time: float) -> NDArray[np.intp]:
+        """Returns the balls that are in a pocket at a time, s."""
+        off = self.events["ball"][self.events["kind"] == "off_table"]
+        return np.setdiff1d(np.flatnonzero(self.gone <= time), off)
 
     def path(self, ball: int, times: ArrayLike) -> Floats:
         """Returns the positions of a ball at some times (s), (m, 2) m."""
         return self.trajectory.path(ball, times)
+
+    def hops(self) -> list[tuple[int, float, float]]:
+        """Returns the ball, the time, s, and the height, m, of the highest point of each flight."""
+        paths, hops = self.trajectory, []
+        for ball in range(self.scene.n_balls):
+            pieces = np.flatnonzero(paths.ball == ball)
+            ends = np.append(paths.start[pieces[1:]], self.time)
+            for piece, end in zip(pieces, ends, strict=True):
+                if paths.phase[piece] == AIRBORNE:
+                    start, speed = paths.rows[piece, [T0, VZ]].tolist()
+                    top = min(start + max(speed, 0.0) / self.scene.physics.g, float(end))
+                    hops.append((ball, top, float(self.heights(ball, [top])[0])))
+        return hops
+
+    def heights(self, ball: int, times: ArrayLike) -> Floats:
+        """Returns the heights (m,), m, of a ball above the cloth at some times, s, or just before it leaves the table."""
+        return self.trajectory.heights(ball, np.nextafter(numbers("times", times), 0.0), self.scene.physics.g)
 
     def speeds(self, ball: int, times: ArrayLike) -> Floats:
         """Returns the speeds of a ball at some times (s), (m,) m/s; at a contact the speed after it."""

@@ -36,28 +36,34 @@ class Painter:
         self._maps = [np.ascontiguousarray(maps[..., c].ravel()) for c in range(3)]
         self._painted: dict[int, tuple[bytes, pygame.Surface]] = {}
 
-    def draw(self, surface: pygame.Surface, balls: Sequence[int], centres: Floats, faces: Floats) -> None:
-        """Draws balls at their centres (m, 2), pixels, with the orientations `faces` (m, 4).
+    def draw(
+        self, surface: pygame.Surface, balls: Sequence[int], centres: Floats, faces: Floats, zooms: Floats
+    ) -> None:
+        """Draws balls at their centres (m, 2), pixels, with the orientations `faces` (m, 4), `zooms` (m,) times as large.
 
-        A ball is painted again only if it has moved by a part of a pixel or has turned.
+        A ball is painted again only if it has moved by a part of a pixel or has turned, or its size has changed.
         """
         corners = np.floor(centres)
-        keys = np.column_stack((centres - corners, faces))
+        keys = np.column_stack((centres - corners, faces, zooms))
         stale = [k for k, ball in enumerate(balls) if self._painted.get(ball, (b"",))[0] != keys[k].tobytes()]
         if stale:
-            images = self.paint(np.array(balls)[stale], keys[stale, :2], keys[stale, 2:])
+            images = self.paint(np.array(balls)[stale], keys[stale, :2], keys[stale, 2:6], keys[stale, 6])
             for k, image in zip(stale, images, strict=True):
                 self._painted[balls[k]] = keys[k].tobytes(), image
-        for ball, place in zip(balls, corners.astype(int) - self._side // 2, strict=True):
-            surface.blit(self._painted[ball][1], place.tolist())
+        for ball, corner in zip(balls, corners.astype(int), strict=True):
+            image = self._painted[ball][1]
+            surface.blit(image, (corner - image.get_width() // 2).tolist())
 
-    def paint(self, balls: NDArray[np.intp], fractions: Floats, faces: Floats) -> list[pygame.Surface]:
-        """Returns an image of each of m balls with the orientations `faces` (m, 4).
+    def paint(
+        self, balls: NDArray[np.intp], fractions: Floats, faces: Floats, zooms: ArrayLike = 1.0
+    ) -> list[pygame.Surface]:
+        """Returns an image of each of m balls with the orientations `faces` (m, 4), `zooms` times as large.
 
         `fractions` (m, 2) are pixels from the middle of an image to the centre of its ball, to the right and down.
         """
-        m, side = len(balls), self._side
-        r = self._radius[balls]
+        m, largest = len(balls), float(np.max(zooms))
+        r = self._radius[balls] * np.asarray(zooms, np.float32)
+        side = self._side + 2 * math.ceil((largest - 1.0) * self._side / 2)
         pixels = (np.arange(ZOOM * side, dtype=np.float32) + 0.5) / ZOOM - side / 2
         offset = fractions.astype(np.float32)
         x = (pixels - offset[:, :1]) / r[:, None]
@@ -149,12 +155,16 @@ def ring(radius: float, colour: str, dx: float, dy: float) -> pygame.Surface:
 
 
 @functools.lru_cache(maxsize=2048)
-def shadow(radius: float, dx: float, dy: float) -> pygame.Surface:
-    """Returns the shadow of a ball whose centre is (dx, dy) pixels from the middle of the image; radius in pixels."""
-    side = 2 * int(np.ceil(1.7 * radius + 1))
+def shadow(radius: float, dx: float, dy: float, wide: float = 1.0) -> pygame.Surface:
+    """Returns the shadow of a ball whose centre is (dx, dy) pixels from the middle of the image; radius in pixels.
+
+    The shadow is `wide` times as wide as that of a ball on the cloth, and fainter.
+    """
+    side = 2 * int(np.ceil((0.4 + 1.3 * wide) * radius + 1))
     pixels = np.arange(side) + 0.5 - side / 2
-    far = np.hypot((pixels[:, None] - dx) / radius - style.SHADOW[0], (pixels[None, :] - dy) / radius + style.SHADOW[1])
+    far = np.hypot((pixels[:, None] - dx) / radius - style.SHADOW[0], (pixels[None, :] - dy) / radius + style.SHADOW[1]) / wide
     share = np.clip((style.SHADOW_REACH[1] - far) / (style.SHADOW_REACH[1] - style.SHADOW_REACH[0]), 0.0, 1.0)
     image = pygame.Surface((side, side), pygame.SRCALPHA, 32)
-    pygame.surfarray.pixels_alpha(image)[:] = 255 * style.SHADOW_DARK * share * share * (3.0 - 2.0 * share)
+    dark = style.SHADOW_DARK / (wide * wide)
+    pygame.surfarray.pixels_alpha(image)[:] = 255 * dark * share * share * (3.0 - 2.0 * share)
     return image

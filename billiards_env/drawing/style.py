@@ -54,6 +54,10 @@ SHINE, SHINE_POWER, SHINE_LIGHT = (-0.4, 0.45, 0.8), 90, 0.8
 SHADOW, SHADOW_REACH, SHADOW_DARK = (0.22, -0.28), (0.7, 1.3), 0.5
 """The shadow of a ball of radius 1: its centre, the radii at which it begins and ends to fade, and its opacity."""
 
+LIFT, SPREAD = 1.5, 0.15
+"""A ball of radius R at the height z, m, is drawn 1 + LIFT z times as large; LIFT is in 1/m. Its shadow moves away from
+the light and becomes 1 + SPREAD z / R times as wide, and fainter."""
+
 POTTED = "potted"
 """The label of the tray."""
 
@@ -90,6 +94,8 @@ KINDS = {
     "rolling_rest": "stops",
     "spinning_rest": "stops spinning",
     "rolling_slower": "rolls more slowly",
+    "landing": "lands",
+    "off_table": "leaves the table",
 }
 """The text of each event kind, after the name of the ball."""
 

@@ -174,12 +174,14 @@ function drawTable() {
   pen.clearRect(0, 0, canvas.width, canvas.height); pen.drawImage(ground, 0, 0);
   pen.restore();
 }
-function drawBall(ball, x, y, radius, q = [1, 0, 0, 0]) {
+// A ball at a height z above the cloth is larger, and its shadow is farther away, wider and fainter.
+function drawBall(ball, x, y, radius, q = [1, 0, 0, 0], z = 0) {
   const { e, f } = pen.getTransform();
-  paintBall(ball, e + scale * x, f - scale * y, scale * radius, q);
+  paintBall(ball, e + scale * x, f - scale * y, scale * radius * (1 + style.lift * z), q);
 }
-function drawShadow(x, y, radius) {
-  const [dx, dy] = style.shadow, [begin, end] = style.shadow_reach, dark = style.shadow_dark, cx = x + dx * radius, cy = y + dy * radius;
+function drawShadow(x, y, radius, z = 0) {
+  const [dx, dy] = style.shadow, [lx, ly, lz] = style.light, wide = 1 + style.spread * z / radius, dark = style.shadow_dark / wide ** 2;
+  const [begin, end] = style.shadow_reach.map(reach => reach * wide), cx = x + dx * radius - lx / lz * z, cy = y + dy * radius - ly / lz * z;
   const fade = pen.createRadialGradient(cx, cy, begin * radius, cx, cy, end * radius);
   for (const part of [0, 0.25, 0.5, 0.75, 1]) fade.addColorStop(part, `rgba(0,0,0,${dark * (1 - part * part * (3 - 2 * part))})`);
   pen.fillStyle = fade; pen.beginPath(); pen.arc(cx, cy, end * radius, 0, 2 * Math.PI); pen.fill();
