@@ -40,6 +40,8 @@ SHOTS = {
     "UK pool, 5 object balls": (200, 5_000),
     "jaws without holes, 2 object balls": (300, 5_000),
     "wild outlines": (50, 50),
+    "jump shots, 3 object balls": (800, 5_000),
+    "rain of 6 balls": (200, 1_000),
 }
 WORST = ("overlap", "outside", "rise", "momentum", "most_events")
 ADDED = ("shots", "contact_rule", "events")

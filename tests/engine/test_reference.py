@@ -66,18 +66,25 @@ def agrees(scene, places, start, spins, horizon=None):
     If a nudge grows by more than 1000, so does the rounding of the input.
     """
     shot = simulate(scene, places, start, spins=spins, max_time=horizon, record=True)
-    moved = simulate(scene, places + np.eye(len(places), 2) * NUDGE, start, spins=spins, max_time=horizon)
+    nudge = np.eye(*np.shape(places)) * (np.arange(np.shape(places)[1]) < 2) * NUDGE
+    moved = simulate(scene, places + nudge, start, spins=spins, max_time=horizon)
     if np.abs(moved.positions - shot.positions).max() > 1e3 * NUDGE or shot.n_contact_rule:
         return None
     exact = run(scene, places, start, spins, max_time=horizon, digits=40)
     assert kinds(shot) == [(e.kind, e.ball, e.other) for e in exact.events]
     assert shot.events["time"] == pytest.approx([float(e.time) for e in exact.events], abs=1e-11)
-    assert shot.positions == pytest.approx(np.array(exact.positions, float), abs=1e-11)
-    assert shot.velocities == pytest.approx(np.array(exact.velocities, float), abs=1e-11)
+    positions, velocities = np.array(exact.positions, float), np.array(exact.velocities, float)
+    assert shot.positions == pytest.approx(positions[:, :2], abs=1e-11)
+    assert shot.velocities == pytest.approx(velocities[:, :2], abs=1e-11)
+    if scene.physics.flight:
+        assert shot.heights == pytest.approx(np.stack((positions[:, 2], velocities[:, 2]), -1), abs=1e-11)
     assert shot.spins == pytest.approx(np.array(exact.spins, float), abs=1e-9) or scene.physics.motion != "sliding"
     assert shot.potted.tolist() == exact.potted
     for t in np.linspace(0, shot.time, 5, endpoint=False):
-        assert shot.at(t) == pytest.approx(np.array(exact.positions_at(t), float), abs=1e-11)
+        exact_places = np.array(exact.positions_at(t), float)
+        assert shot.at(t) == pytest.approx(exact_places[:, :2], abs=1e-11)
+        if scene.physics.flight:
+            assert shot.heights_at(t) == pytest.approx(exact_places[:, 2], abs=1e-11)
     return shot
 
 
@@ -139,3 +146,31 @@ def test_random_shots_on_outlines_agree_with_the_high_precision_simulator(name, 
         start = rng.uniform(0.3, 4) * np.array([np.cos(angle), np.sin(angle)])
         compared += agrees(scene, places, start, rng.normal(size=3) * 30) is not None
     assert compared >= 3
+
+
+# Flights: the velocities are (x, y, z) in m/s
+
+JUMP = dataclasses.replace(
+    Scene.named("pool"), physics=Physics(flight=True, ball_ball="frictional", cushion="stronge")
+)
+HALF = JUMP.table.length / 2
+AIR = {
+    "hops, then rolls": ([[-0.9, 0.1, 0.0], [0.9, -0.4, 0.0]], [2.0, 0.3, -1.5], [3.0, -40.0, 9.0], ["landing"]),
+    "jumps over a ball": ([[-0.6, 0.0, 0.0], [-0.3, 0.01, 0.0]], [2.0, 0.1, -2.5], [5.0, 1.0, 2.0], ["landing", "cushion"]),
+    "hits a ball in the air": ([[-0.6, 0.0, 0.0], [-0.3, 0.2, 0.3]], [2.0, 1.4, -2.5], [5.0, 1.0, 2.0], ["landing", "ball_ball"]),
+    "hops after a full hit": ([[-0.6, 0.0, 0.0], [0.0, 0.002, 0.0]], [5.0, 0.02, 0.0], [1.0, 170.0, 2.0], ["ball_ball", "landing"]),
+    "falls on a ball": ([[-0.03, 0.0, 0.2], [0.0, 0.012, 0.0]], [0.1, 0.02, 0.0], [9.0, 17.0, 2.0], ["ball_ball", "landing"]),
+    "hits a nose": ([[HALF - 0.3, 0.3, 0.0], [-0.3, 0.0, 0.0]], [3.0, 0.4, -0.9], [9.0, -17.0, 12.0], ["landing", "cushion"]),
+    "flies over a cushion": ([[HALF - 0.3, 0.3, 0.0], [-0.3, 0.0, 0.0]], [3.0, 0.4, -4.0], [9.0, -17.0, 12.0], ["off_table"]),
+    "lands in a pocket": ([[HALF - 0.2, 0.43, 0.1], [-0.3, 0.0, 0.0]], [1.3, 1.31, 0.2], [9.0, -17.0, 12.0], ["pocket"]),
+    "hits the back of a pocket": ([[HALF - 0.2, 0.43, 0.02], [-0.3, 0.0, 0.0]], [4.3, 4.31, 0.0], [9.0, -17.0, 12.0], ["pocket"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", AIR)
+def test_a_flight_agrees_with_the_high_precision_simulator(name):
+    places, start, spin, expected = AIR[name]
+    shot = agrees(JUMP, np.array(places), np.array([start, [0.0, 0.0, 0.0]]), np.array([spin, [0.0, 0.0, 0.0]]))
+    assert shot is not None
+    assert set(expected) <= set(shot.events["kind"])
+    assert name != "jumps over a ball" or not (shot.events["kind"] == "ball_ball").any()

@@ -61,12 +61,14 @@ def nose_gap(world: World, ball: int, wall: Line | Arc, position: Vector, veloci
 
 def nose_normal(world: World, ball: int, wall: Line | Arc, position: Vector) -> Vector:
     """Returns the unit normal, (3,), from the centre of a ball in the air to the nose that it touches."""
-    inset, height = world.nose(ball)
-    n = normal_at(wall, position)
-    across = wall_gap(wall, inset, position[:2], n, n)[0]
+    (inset, height), n = world.nose(ball), normal_at(wall, position)
+    across = -inset
     if isinstance(wall, Arc):
-        across = norm(minus(position, wall.center)) - wall.radius - inset
-    return tuple(x / world.radius[ball] for x in (across * n[0], across * n[1], height - position[2]))
+        across += norm(minus(position, wall.center)) - wall.radius
+    else:
+        across += dot(n, minus(wall.middle, position))
+    line = (across * n[0], across * n[1], height - position[2])
+    return tuple(x / norm(line) for x in line)
 
 
 def _plus(p: Sequence[Real], q: Sequence[Real]) -> list[Real]:
@@ -135,7 +137,7 @@ def pair_contact(world: World, ball: int, a: Segment, other: int, b: Segment, ba
 
 
 def wall_contact(world: World, ball: int, a: Segment, number: int, base: Real, high: Real) -> Contact:
-    """Returns `next_contact` of a ball and a cushion."""
+    """Returns `next_contact` of a ball and a cushion. A ball in the air over a pocket touches no cushion."""
     wall, radius, flies = world.walls[number], world.radius[ball], a.phase == "airborne"
     velocity, push = a.velocity_at(base), norm(a.acceleration)
     speed = norm(velocity)
@@ -159,14 +161,21 @@ def wall_contact(world: World, ball: int, a: Segment, number: int, base: Real, h
             gap = wall_gap(wall, radius, position, velocity, a.acceleration)
         if after:
             gap[0] = mpmath.mpf(0)
-        if not after and abs(gap[0]) <= touch and wall.holds(a.position_at(base), world.tiny):
+        if not after and (gap[0] if flies else abs(gap[0])) <= touch and wall.holds(position, world.tiny):
             contact = next_contact(gap, rounding, touch, high)
         else:  # the ball may be behind a line, or inside a circle, that the cushion is only a part of
             time = first_entry(gap, high - after)
             contact = None if time is None else (after + time, False)
-        if contact is None or wall.holds(a.position_at(base + contact[0]), world.tiny):
+        place = None if contact is None else a.position_at(base + contact[0])
+        pocket = world.pocket_at(place) if flies and place else None
+        if contact is None or (pocket is None and wall.holds(place, world.tiny)):
             return contact
         after = contact[0]  # the path enters the circle beyond the arc
+        if pocket is not None:
+            leaves = rim_time(world, a, pocket, base + after, high - after)
+            if leaves is None:
+                return None
+            return wall_contact(world, ball, a, number, base + after + leaves, high - after - leaves)
         if isinstance(wall, Line) and not flies:
             return None
 
@@ -182,6 +191,13 @@ def pocket_contact(world: World, ball: int, a: Segment, pocket: int, base: Real,
     return None if contact is None else (contact[0], False)
 
 
+def rim_time(world: World, a: Segment, pocket: int, base: Real, high: Real) -> Real | None:
+    """Returns the time at which the centre of a ball in the air leaves the circle of a pocket."""
+    x, y, radius = world.pockets[pocket]
+    offset, still = minus(a.position_at(base), (x, y)), (mpmath.mpf(0),) * 2
+    return first_entry([-c for c in pair_gap(offset, a.velocity_at(base)[:2], still, radius)], high)
+
+
 def edge_contact(world: World, ball: int, a: Segment, number: int, base: Real, high: Real) -> Contact:
     """Returns when the centre of a ball in the air leaves the table.
 
@@ -191,18 +207,21 @@ def edge_contact(world: World, ball: int, a: Segment, number: int, base: Real, h
     position, velocity, still = a.position_at(base)[:2], a.velocity_at(base)[:2], (mpmath.mpf(0),) * 2
     pocket = number - len(world.walls)
     if pocket < 0:
-        gap = wall_gap(world.walls[number], world.nose(ball)[0], position, velocity, still)
+        time = first_entry(wall_gap(world.walls[number], world.nose(ball)[0], position, velocity, still), high)
     else:
-        x, y, radius = world.pockets[pocket]
-        gap = [-c for c in pair_gap(minus(position, (x, y)), velocity, still, radius)]
-    time = first_entry(gap, high)
+        time = rim_time(world, a, pocket, base, high)
     if time is None:
         return None
     place = a.position_at(base + time)
     if pocket < 0:
         leaves = world.walls[number].holds(place, world.tiny) and world.pocket_at(place) is None
     else:
-        leaves = world.is_beyond(ball, place)
+        leaves = any(
+            isinstance(wall, Line)
+            and wall.holds(place, world.tiny)
+            and wall_gap(wall, world.nose(ball)[0], place[:2], still, still)[0] < 0
+            for wall in world.walls
+        )
     return (time, False) if leaves else None
 
 

@@ -125,10 +125,6 @@ class World:
                 return k
         return None
 
-    def is_beyond(self, ball: int, position: Vector) -> bool:
-        """Returns whether a position is beyond the nose of a cushion."""
-        raise NotImplementedError
-
     def nose(self, ball: int) -> tuple[Real, Real]:
         """Returns where the nose of a cushion is in the frame of a ball on the cloth that touches it.
 

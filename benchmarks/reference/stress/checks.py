@@ -1,4 +1,4 @@
-"""Runs shots and checks every event of each: overlap, energy, momentum, positions.
+"""Runs shots and checks every event of each: overlap, energy, momentum, positions, heights.
 
 The checks use only the log of the shot, which does not depend on how the engine finds the events.
 """
@@ -15,6 +15,7 @@ from billiards_env.engine.compile import MAX_EVENTS, scene_arrays, scene_fields
 from billiards_env.engine.log import (
     BALL_BALL,
     KIND,
+    LANDING,
     N_EVENTS_LOGGED,
     N_SEGMENTS_LOGGED,
     SEGMENT_BALL,
@@ -28,7 +29,7 @@ from billiards_env.engine.log import (
 from billiards_env.engine.pic import run_shots
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import Shots, empty_shots, start_fields
-from billiards_env.jit import allocating, allocating_entry_point, kernel
+from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.outline_walls import BEGIN_TX, BEGIN_TY, END_TX, END_TY, TIP_RADIUS, TIP_X, TIP_Y
@@ -36,16 +37,19 @@ from billiards_env.physics.geometry.pockets import distance_from
 from billiards_env.physics.laws.cloth import spin_after
 from billiards_env.physics.motion import motion_after, slip_after
 from billiards_env.physics.state import (
+    AIRBORNE,
     POTTED,
     SLIDING_AND_ROLLING,
     UX,
     UY,
     VX,
     VY,
+    VZ,
     WZ,
     Time,
     X,
     Y,
+    Z,
     empty_state,
     own_time,
     scene_of,
@@ -54,7 +58,7 @@ from billiards_env.physics.state import (
 from billiards_env.scene import Scene
 
 OVERLAP, OUTSIDE, RISE, RISE_SUM, MOMENTUM, BROKEN, FULL, IMPACTS, DRIFT_X, DRIFT_Y = range(10)
-"""Columns of the findings: the deepest overlap, the largest distance beyond a cushion or into a pocket (m), the largest
+"""Columns of the findings: the deepest overlap, the largest distance beyond a cushion, into a pocket or under the cloth (m), the largest
 rise of the energy relative to the energy before it, the sum of the rises above `ENERGY_RISE` (J), the largest change of
 momentum in an impact relative to the sum of the balls' momenta, whether a number is not finite or a time is out of
 order (0 or 1), whether the log was too short (0 or 1), the number of ball-ball impacts, the sum of their changes of the
@@ -65,9 +69,20 @@ ENERGY_RISE = 1e-12  # relative; larger rises must be acts of the contact-time r
 DEPTH = 1e-12  # m; the largest overlap, and the largest distance beyond a cushion
 
 
+@inlined
+def _height(flight, i, t, state, numbers):
+    """Returns the height of ball i above the cloth, m, and its vertical velocity, m/s, after t seconds of a phase."""
+    if flight is None:
+        return 0.0, 0.0
+    s = state.rows[i]
+    if state.phase[i] != AIRBORNE:
+        return s[Z], s[VZ]
+    return s[Z] + t * (s[VZ] - 0.5 * t * numbers.g), s[VZ] - t * numbers.g
+
+
 @kernel
 def _energy(now, state, mass, scene, scale):
-    """Returns the kinetic energy of all balls with velocities in units of `scale`, J."""
+    """Returns the kinetic energy of all balls, and that of their heights, with velocities in units of `scale`, J."""
     radius, numbers = scene.radius, scene.numbers
     total = 0.0
     for i in range(len(radius)):
@@ -75,12 +90,14 @@ def _energy(now, state, mass, scene, scale):
             continue
         t = since(now, own_time(state, i))
         _, _, vx, vy = motion_after(state, i, t)
-        vx, vy = vx / scale, vy / scale
-        twice = vx * vx + vy * vy
+        z, vz = _height(state.flight, i, t, state, numbers)
+        vx, vy, vz = vx / scale, vy / scale, vz / scale
+        twice = vx * vx + vy * vy + (vz * vz + 2.0 * numbers.g * z / scale / scale)
         if numbers.motion == SLIDING_AND_ROLLING:
             ux, uy = slip_after(state, i, t)
             ux, uy = ux / scale, uy / scale
-            wz = radius[i] * spin_after(state.rows[i, WZ], t, numbers) / scale
+            falls = state.phase[i] == AIRBORNE
+            wz = radius[i] * spin_after(state.rows[i, WZ], 0.0 if falls else t, numbers) / scale
             twice += 0.4 * ((vx - ux) * (vx - ux) + (vy - uy) * (vy - uy) + wz * wz)
         total += 0.5 * mass[i] * twice
     return total
@@ -120,26 +137,52 @@ def _outside(x, y, radius, numbers, outline):
     return beyond_outline(x, y, radius, outline)
 
 
+@inlined
+def _beyond_noses(flight, x, y, z, radius, scene):
+    """Returns the distance by which a ball in the air overlaps the nose of a cushion of a rectangle, m, or is beyond it.
+
+    It is negative if the ball touches no nose. There are no noses over a pocket.
+    """
+    if flight is None:
+        return -math.inf
+    numbers = scene.numbers
+    height = numbers.cushion_height - radius
+    inset = radius - math.sqrt(radius * radius - height * height)
+    gap = min(numbers.half_length - abs(x), numbers.half_width - abs(y)) - inset
+    for k in range(len(scene.pockets)):
+        if distance_from(scene.pockets[k], x, y) < 0.0:
+            return -math.inf
+    return max(-gap, radius - norm(gap, z - height))
+
+
 @kernel
 def _check_positions(now, state, scene, xy, findings):
-    """Compares the positions of the balls at a `Time` with each other, with the cushions and with the pockets."""
-    numbers, radius, pockets = scene.numbers, scene.radius, scene.pockets
+    """Compares the positions of the balls at a `Time` with each other, the cushions, the pockets and the cloth."""
+    numbers, radius, pockets, flight = scene.numbers, scene.radius, scene.pockets, state.flight
     for i in range(len(radius)):
         if state.phase[i] == POTTED:
             continue
-        x, y, vx, vy = motion_after(state, i, since(now, own_time(state, i)))
-        if not math.isfinite(x + y + vx + vy):
+        t = since(now, own_time(state, i))
+        x, y, vx, vy = motion_after(state, i, t)
+        z, vz = _height(flight, i, t, state, numbers)
+        if not math.isfinite(x + y + vx + vy + z + vz):
             findings[BROKEN] = 1.0
-        xy[i, X], xy[i, Y] = x, y
-        out = _outside(x, y, radius[i], numbers, scene.outline)
-        for k in range(len(pockets)):
-            out = max(out, -distance_from(pockets[k], x, y))
+        xy[i, X], xy[i, Y], xy[i, 2] = x, y, z
+        if state.phase[i] == AIRBORNE:
+            out = max(-z, _beyond_noses(flight, x, y, z, radius[i], scene))
+        else:
+            if z != 0.0 or vz != 0.0:
+                findings[BROKEN] = 1.0
+            out = _outside(x, y, radius[i], numbers, scene.outline)
+            for k in range(len(pockets)):
+                out = max(out, -distance_from(pockets[k], x, y))
         findings[OUTSIDE] = max(findings[OUTSIDE], out)
         for j in range(i):
             if state.phase[j] != POTTED:
                 dx, dy, reach = x - xy[j, X], y - xy[j, Y], contact_distance(scene.spheres, radius, i, j)
-                if dx * dx + dy * dy < reach * reach:
-                    findings[OVERLAP] = max(findings[OVERLAP], reach - norm(dx, dy))
+                dz = z - xy[j, 2]
+                if dx * dx + dy * dy + dz * dz < reach * reach:
+                    findings[OVERLAP] = max(findings[OVERLAP], reach - norm(norm(dx, dy), dz))
 
 
 @allocating
@@ -147,9 +190,9 @@ def _check(log, scene, mass, acts, findings):
     """Checks the log of one shot."""
     events, n_events, segments = log.events, log.used[N_EVENTS_LOGGED], log.segments
     n, radius = len(scene.radius), scene.radius
-    state = empty_state(n, None)
+    state = empty_state(n, scene.flight)
     rows, phases = state.rows, state.phase
-    momenta, xy = np.empty((n, 2)), np.empty((n, 2))
+    momenta, xy = np.empty((n, 3)), np.empty((n, 3))
     findings[:] = 0.0
     findings[OUTSIDE] = findings[OVERLAP] = -math.inf
     scale = 0.0
@@ -157,6 +200,8 @@ def _check(log, scene, mass, acts, findings):
         rows[i] = segments[i, SEGMENT_ROW:]
         phases[i] = int(segments[i, SEGMENT_PHASE])
         scale = max(scale, norm(rows[i, VX], rows[i, VY]), norm(rows[i, UX], rows[i, UY]), radius[i] * abs(rows[i, WZ]))
+        z, vz = _height(scene.flight, i, 0.0, state, scene.numbers)
+        scale = max(scale, abs(vz), math.sqrt(2.0 * scene.numbers.g * z))
     now = Time(0.0, 0.0)
     _check_positions(now, state, scene, xy, findings)
     if scale == 0.0:
@@ -175,12 +220,18 @@ def _check(log, scene, mass, acts, findings):
             _check_positions(Time(0.5 * (now.hi + previous), 0.0), state, scene, xy, findings)
         before = _energy(now, state, mass, scene, scale)
         for i in range(n):
-            _, _, momenta[i, X], momenta[i, Y] = motion_after(state, i, since(now, own_time(state, i)))
+            t = since(now, own_time(state, i))
+            _, _, momenta[i, X], momenta[i, Y] = motion_after(state, i, t)
+            _, momenta[i, 2] = _height(scene.flight, i, t, state, scene.numbers)
         impacts_only, fixed = True, False
         while k < n_events and events[k, TIME] == now.hi and events[k, TIME_LO] == now.lo:
             impact = events[k, KIND] == BALL_BALL
             impacts_only = impacts_only and impact
             findings[IMPACTS] += impact
+            if events[k, KIND] == LANDING:
+                i = int(segments[row, SEGMENT_BALL])
+                z, _ = _height(scene.flight, i, since(now, own_time(state, i)), state, scene.numbers)
+                findings[OUTSIDE] = max(findings[OUTSIDE], abs(z))
             for _ in range(2 if impact else 1):
                 i = int(segments[row, SEGMENT_BALL])
                 fixed = fixed or math.isinf(mass[i])
@@ -196,18 +247,22 @@ def _check(log, scene, mass, acts, findings):
                 findings[RISE] = max(findings[RISE], rise / base if base > 0.0 else math.inf)
         energy = after
         if impacts_only and not fixed:
-            px = py = total = 0.0
+            px = py = pz = total = 0.0
             for i in range(n):
                 if phases[i] == POTTED or math.isinf(mass[i]):
                     continue
-                _, _, vx, vy = motion_after(state, i, since(now, own_time(state, i)))
+                t = since(now, own_time(state, i))
+                _, _, vx, vy = motion_after(state, i, t)
+                _, vz = _height(scene.flight, i, t, state, scene.numbers)
                 px += mass[i] * ((vx - momenta[i, X]) / scale)
                 py += mass[i] * ((vy - momenta[i, Y]) / scale)
+                pz += mass[i] * ((vz - momenta[i, 2]) / scale)
                 total += mass[i] * (norm(vx / scale, vy / scale) + norm(momenta[i, X] / scale, momenta[i, Y] / scale))
+                total += mass[i] * (abs(vz) + abs(momenta[i, 2])) / scale
             findings[DRIFT_X] += px * scale
             findings[DRIFT_Y] += py * scale
             if total > 0.0:
-                findings[MOMENTUM] = max(findings[MOMENTUM], norm(px, py) / total)
+                findings[MOMENTUM] = max(findings[MOMENTUM], norm(norm(px, py), pz) / total)
         _check_positions(now, state, scene, xy, findings)
     if not math.isfinite(energy):
         findings[BROKEN] = 1.0
@@ -244,6 +299,7 @@ class Checked(NamedTuple):
         return (
             (shots.status > (1 if may_time_out else 0))
             | ~np.isfinite(shots.positions).all(axis=(1, 2))
+            | (0.0 if shots.heights is None else (shots.heights != 0.0).any(axis=(1, 2)) & (shots.status == 0))
             | (f[:, [BROKEN, FULL]] != 0).any(axis=1)
             | ~(f[:, OVERLAP] <= DEPTH)
             | ~(f[:, OUTSIDE] <= DEPTH)
@@ -265,7 +321,7 @@ def check_shots(
 
     Args:
         scene: The scene.
-        positions: (m, n, 2) m.
+        positions: (m, n, 2) m. In scenes with flight these and the velocities may have a third component.
         velocities: (m, n, 2) or (m, 2) m/s.
         spins: (m, n, 3) or (m, 3) rad/s.
         max_time: Time at which a shot ends, s; None for the limit of the scene.
@@ -274,16 +330,17 @@ def check_shots(
         log_rows: The number of events that the log holds; a shot with more is run again with a larger log.
     """
     m, n = positions.shape[:2]
-    shots = empty_shots(m, n)
+    flight = scene.physics.flight
+    shots = empty_shots(m, n, flight)
     limit = check_shot(scene, positions, velocities, spins, None, max_time, into=shots).limit
     findings = np.zeros((m, N_FINDINGS))
     arrays = scene_fields(scene)
-    log = empty_log(log_rows, 2 * log_rows + n)
+    log = empty_log(log_rows, 2 * log_rows + n, flight=flight)
     start = [None if array is None else array.copy() for array in start_fields(shots)]
     _run_checked(arrays, limit, max_events, tuple(shots), tuple(log), findings)
     for k in np.flatnonzero(findings[:, FULL]):
         rows = int(shots.n_events[k])
-        log = empty_log(rows, 2 * rows + n)
+        log = empty_log(rows, 2 * rows + n, flight=flight)
         findings[k] = 0.0
         one = slice(k, k + 1)
         again = tuple(None if array is None else array[one] for array in (*start, *shots[len(start) :]))

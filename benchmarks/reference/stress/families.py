@@ -50,6 +50,40 @@ def _gas(n: int) -> Callable[[np.random.Generator, int], RandomShots | None]:
     return shots
 
 
+def _flying(scene: Scene) -> Scene:
+    """Returns a scene in which balls fly, hit each other with friction and hit compliant cushions."""
+    physics = dataclasses.replace(scene.physics, flight=True, ball_ball="frictional", cushion="stronge")
+    return dataclasses.replace(scene, physics=physics)
+
+
+def _jumps(scene: Scene) -> Callable[[np.random.Generator, int], RandomShots | None]:
+    """Returns shots of cues that are raised by up to 70 degrees."""
+    plain = _scattered(scene)
+
+    def shots(rng: np.random.Generator, m: int) -> RandomShots | None:
+        if (drawn := plain(rng, m)) is None:
+            return None
+        _, places, velocities, spins = drawn
+        elevation = np.radians(rng.uniform(0.0, 70.0, m))[:, None]
+        down = -np.sin(elevation) * np.hypot(*velocities.T)[:, None]
+        return scene, places, np.hstack((np.cos(elevation) * velocities, down)), spins
+
+    return shots
+
+
+def _rain(scene: Scene) -> Callable[[np.random.Generator, int], RandomShots | None]:
+    """Returns shots in which half of the balls are in the air at the start, and all move and spin."""
+
+    def shots(rng: np.random.Generator, m: int) -> RandomShots | None:
+        if (places := draw.layouts(scene, rng, m)) is None:
+            return None
+        heights = rng.uniform(-0.2, 0.2, (m, scene.n_balls)).clip(0.0)[..., None]
+        velocities = rng.normal(size=(m, scene.n_balls, 3))
+        return scene, np.concatenate((places, heights), axis=2), velocities, 40 * rng.normal(size=velocities.shape)
+
+    return shots
+
+
 def _wild(rng: np.random.Generator, m: int) -> RandomShots | None:
     scene = draw.wild_scene(rng)
     shots = draw.wild_shots(scene, rng, m)
@@ -113,6 +147,8 @@ FAMILIES: dict[str, Callable[[np.random.Generator, int], RandomShots | None]] = 
     "UK pool, 5 object balls": _scattered(_with_balls(Scene.named("uk_pool"), 6)),
     "jaws without holes, 2 object balls": _scattered(_closed(Scene.named("pooltool_pool", 2))),
     "wild outlines": _wild_outline,
+    "jump shots, 3 object balls": _jumps(_flying(Scene.named("pool", 3))),
+    "rain of 6 balls": _rain(_flying(Scene.named("pool", 5))),
 }
 
 
