@@ -175,7 +175,9 @@ def wall_contact(world: World, ball: int, a: Segment, number: int, base: Real, h
             leaves = rim_time(world, a, pocket, base + after, high - after)
             if leaves is None:
                 return None
-            return wall_contact(world, ball, a, number, base + after + leaves, high - after - leaves)
+            after += leaves
+            contact = wall_contact(world, ball, a, number, base + after, high - after)
+            return None if contact is None else (after + contact[0], contact[1])
         if isinstance(wall, Line) and not flies:
             return None
 
