@@ -162,7 +162,10 @@ def shadow(radius: float, dx: float, dy: float, wide: float = 1.0) -> pygame.Sur
     """
     side = 2 * int(np.ceil((0.4 + 1.3 * wide) * radius + 1))
     pixels = np.arange(side) + 0.5 - side / 2
-    far = np.hypot((pixels[:, None] - dx) / radius - style.SHADOW[0], (pixels[None, :] - dy) / radius + style.SHADOW[1]) / wide
+    far = (
+        np.hypot((pixels[:, None] - dx) / radius - style.SHADOW[0], (pixels[None, :] - dy) / radius + style.SHADOW[1])
+        / wide
+    )
     share = np.clip((style.SHADOW_REACH[1] - far) / (style.SHADOW_REACH[1] - style.SHADOW_REACH[0]), 0.0, 1.0)
     image = pygame.Surface((side, side), pygame.SRCALPHA, 32)
     dark = style.SHADOW_DARK / (wide * wide)

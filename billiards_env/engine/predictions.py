@@ -44,6 +44,7 @@ from billiards_env.physics.state import (
     ROLLING,
     VZ,
     Time,
+    Z,
     before,
     is_airborne,
     later,
@@ -175,20 +176,11 @@ def _event_in_air(flight, i, state, scene):
         if leaves < end and height_of(flight, state, i, leaves, numbers)[0] >= 0.4 * radius:
             kind, other = OFF_TABLE, -1
     noise = IMPULSE_ROUNDING * norm(norm(path.vx, path.vy), state.rows[i, VZ])
+    rise = state.rows[i, Z], state.rows[i, VZ]
     for wall in range(4):
-        begin = 0.0
-        while True:
-            z, vz = height_of(flight, state, i, begin, numbers)
-            t = begin + nose_time(path_after(path, begin), (z, vz), radius, last - begin, noise, wall, numbers)
-            if t > last or t == math.inf:
-                break
-            over = pocket_at(scene.pockets, *place_after(path, t), 1.0)
-            if over < 0:
-                last, kind, other = t, BALL_CUSHION, wall
-                break
-            begin = t + pocket_exit(path_after(path, t), scene.pockets[over])  # there is no cushion in a pocket
-            if begin >= last:
-                break
+        t = nose_time(path, rise, radius, last, noise, wall, scene.pockets, numbers)
+        if t <= last:
+            last, kind, other = t, BALL_CUSHION, wall
     return last, kind, other
 
 

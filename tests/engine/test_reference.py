@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.reference.oracle import run
+from benchmarks.reference.stress import families
 from billiards_env import Scene
 from billiards_env.derivatives.shot_derivatives import UNIT_ROUNDOFF
 from billiards_env.scene import Balls, Physics, Table
@@ -150,9 +151,7 @@ def test_random_shots_on_outlines_agree_with_the_high_precision_simulator(name, 
 
 # Flights: the velocities are (x, y, z) in m/s
 
-JUMP = dataclasses.replace(
-    Scene.named("pool"), physics=Physics(flight=True, ball_ball="frictional", cushion="stronge")
-)
+JUMP = dataclasses.replace(Scene.named("pool"), physics=Physics(flight=True, ball_ball="frictional", cushion="stronge"))
 HALF = JUMP.table.length / 2
 AIR = {
     "hops, then rolls": ([[-0.9, 0.1, 0.0], [0.9, -0.4, 0.0]], [2.0, 0.3, -1.5], [3.0, -40.0, 9.0], ["landing"]),
@@ -174,3 +173,24 @@ def test_a_flight_agrees_with_the_high_precision_simulator(name):
     assert shot is not None
     assert set(expected) <= set(shot.events["kind"])
     assert name != "jumps over a ball" or not (shot.events["kind"] == "ball_ball").any()
+
+
+def test_random_flights_agree_with_the_high_precision_simulator():
+    scene, places, velocities, spins = families.FAMILIES["rain of 6 balls"](np.random.default_rng(0), 16)
+    shots = [agrees(scene, *start) for start in zip(places, velocities, spins, strict=True)]
+    assert sum(shot is not None for shot in shots) >= 8
+
+
+@pytest.mark.parametrize("signs", [(-1, 1, 1), (1, -1, 1)])
+def test_flights_have_mirror_images_and_no_order_of_balls(signs):
+    scene, places, velocities, spins = families.FAMILIES["rain of 6 balls"](np.random.default_rng(1), 20)
+    order, turns = np.array([0, 4, 2, 5, 1, 3]), np.prod(signs) * np.array(signs)
+    for start in zip(places, velocities, spins, strict=True):
+        shot = simulate(scene, *start[:2], spins=start[2])
+        at, moving, turning = (
+            part[order] * factors for part, factors in zip(start, (signs, signs, turns), strict=True)
+        )
+        image = simulate(scene, at, moving, spins=turning)
+        assert (image.time, image.n_events, image.n_contact_rule) == (shot.time, shot.n_events, shot.n_contact_rule)
+        assert image.positions.tolist() == (shot.positions[order] * signs[:2]).tolist()
+        assert image.potted.tolist() == shot.potted[order].tolist()

@@ -25,7 +25,11 @@ def run(run_shots, shots, record=False, max_time=None, max_events=MAX_EVENTS, dt
 
 
 # UK pool has all features of scenes that the queues use: outlines, friction between balls, and spheres.
-ORDINARY = [name for name in families.FAMILIES if not name.startswith(("wild", "real", "7-foot", "snooker", "jaws", "jump", "rain"))]
+ORDINARY = [
+    name
+    for name in families.FAMILIES
+    if not name.startswith(("wild", "real", "7-foot", "snooker", "jaws", "jump", "rain"))
+]
 
 CELL_GRID, PLAIN = pic.run_shots_of_many, plain.run_shots
 

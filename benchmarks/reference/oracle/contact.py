@@ -62,13 +62,16 @@ def nose_gap(world: World, ball: int, wall: Line | Arc, position: Vector, veloci
 def nose_normal(world: World, ball: int, wall: Line | Arc, position: Vector) -> Vector:
     """Returns the unit normal, (3,), from the centre of a ball in the air to the nose that it touches."""
     (inset, height), n = world.nose(ball), normal_at(wall, position)
-    across = -inset
     if isinstance(wall, Arc):
-        across += norm(minus(position, wall.center)) - wall.radius
+        across = norm(minus(position, wall.center)) - wall.radius - inset
+        points = [tuple(x + across * y for x, y in zip(position, n, strict=False))]
     else:
-        across += dot(n, minus(wall.middle, position))
-    line = (across * n[0], across * n[1], height - position[2])
-    return tuple(x / norm(line) for x in line)
+        points = [foot(world, ball, wall, position)]
+    if isinstance(wall, Line) and world.pocket_at(points[0]) is not None:
+        points = nose_ends(world, ball, wall)
+    ways = [minus((*point[:2], height), position) for point in points]
+    way = min(ways, key=norm)
+    return tuple(x / norm(way) for x in way)
 
 
 def _plus(p: Sequence[Real], q: Sequence[Real]) -> list[Real]:
@@ -137,7 +140,7 @@ def pair_contact(world: World, ball: int, a: Segment, other: int, b: Segment, ba
 
 
 def wall_contact(world: World, ball: int, a: Segment, number: int, base: Real, high: Real) -> Contact:
-    """Returns `next_contact` of a ball and a cushion. A ball in the air over a pocket touches no cushion."""
+    """Returns `next_contact` of a ball and a cushion. The nose, which a ball in the air meets, ends at pockets."""
     wall, radius, flies = world.walls[number], world.radius[ball], a.phase == "airborne"
     velocity, push = a.velocity_at(base), norm(a.acceleration)
     speed = norm(velocity)
@@ -153,6 +156,11 @@ def wall_contact(world: World, ball: int, a: Segment, number: int, base: Real, h
         rounding = _circle_rounding(reach, speed, noise, push, push_noise)
         touch = 2 * reach * touch
     after = mpmath.mpf(0)
+
+    def holds(place: Vector) -> bool:
+        in_mouth = flies and isinstance(wall, Line) and world.pocket_at(foot(world, ball, wall, place)) is not None
+        return not in_mouth and wall.holds(place, world.tiny)
+
     while True:
         position, velocity = a.position_at(base + after), a.velocity_at(base + after)
         if flies:
@@ -161,25 +169,44 @@ def wall_contact(world: World, ball: int, a: Segment, number: int, base: Real, h
             gap = wall_gap(wall, radius, position, velocity, a.acceleration)
         if after:
             gap[0] = mpmath.mpf(0)
-        if not after and (gap[0] if flies else abs(gap[0])) <= touch and wall.holds(position, world.tiny):
+        if not after and abs(gap[0]) <= touch and holds(position):
             contact = next_contact(gap, rounding, touch, high)
         else:  # the ball may be behind a line, or inside a circle, that the cushion is only a part of
             time = first_entry(gap, high - after)
             contact = None if time is None else (after + time, False)
-        place = None if contact is None else a.position_at(base + contact[0])
-        pocket = world.pocket_at(place) if flies and place else None
-        if contact is None or (pocket is None and wall.holds(place, world.tiny)):
-            return contact
-        after = contact[0]  # the path enters the circle beyond the arc
-        if pocket is not None:
-            leaves = rim_time(world, a, pocket, base + after, high - after)
-            if leaves is None:
-                return None
-            after += leaves
-            contact = wall_contact(world, ball, a, number, base + after, high - after)
-            return None if contact is None else (after + contact[0], contact[1])
+        if contact is None or holds(a.position_at(base + contact[0])):
+            break
+        after = contact[0]  # the path enters the circle beyond the arc, or where there is no nose
         if isinstance(wall, Line) and not flies:
             return None
+    if not flies or isinstance(wall, Arc):
+        return contact
+    ends = (
+        next_contact(pair_gap(minus(position, end), velocity, a.acceleration, radius), rounding, touch, high)
+        for position, velocity in [(a.position_at(base), a.velocity_at(base))]
+        for end in nose_ends(world, ball, wall)
+    )
+    return min((c for c in (contact, *ends) if c is not None), default=None)
+
+
+def foot(world: World, ball: int, wall: Line, position: Vector) -> Vector:
+    """Returns the point of the line of a nose, (2,), that is nearest to a position."""
+    across = dot(wall.normal, minus(wall.middle, position)) - world.nose(ball)[0]
+    return tuple(x + across * n for x, n in zip(position, wall.normal, strict=False))
+
+
+def nose_ends(world: World, ball: int, wall: Line) -> list[Vector]:
+    """Returns the points, (3,), at which the nose of a cushion meets the circles of the pockets."""
+    inset, height = world.nose(ball)
+    ends = []
+    for x, y, radius in world.pockets:
+        near = foot(world, ball, wall, (x, y))
+        square = radius**2 - norm(minus(near, (x, y))) ** 2
+        for sign in (-1, 1) if square > 0 else ():
+            end = tuple(c + sign * mpmath.sqrt(square) * t for c, t in zip(near, wall.tangent, strict=True))
+            if wall.holds(end, world.tiny) and all(abs(c) <= most for c, most in zip(end, world.extent, strict=True)):
+                ends.append((*end, height))
+    return ends
 
 
 def pocket_contact(world: World, ball: int, a: Segment, pocket: int, base: Real, high: Real) -> Contact:
@@ -193,13 +220,6 @@ def pocket_contact(world: World, ball: int, a: Segment, pocket: int, base: Real,
     return None if contact is None else (contact[0], False)
 
 
-def rim_time(world: World, a: Segment, pocket: int, base: Real, high: Real) -> Real | None:
-    """Returns the time at which the centre of a ball in the air leaves the circle of a pocket."""
-    x, y, radius = world.pockets[pocket]
-    offset, still = minus(a.position_at(base), (x, y)), (mpmath.mpf(0),) * 2
-    return first_entry([-c for c in pair_gap(offset, a.velocity_at(base)[:2], still, radius)], high)
-
-
 def edge_contact(world: World, ball: int, a: Segment, number: int, base: Real, high: Real) -> Contact:
     """Returns when the centre of a ball in the air leaves the table.
 
@@ -209,9 +229,11 @@ def edge_contact(world: World, ball: int, a: Segment, number: int, base: Real, h
     position, velocity, still = a.position_at(base)[:2], a.velocity_at(base)[:2], (mpmath.mpf(0),) * 2
     pocket = number - len(world.walls)
     if pocket < 0:
-        time = first_entry(wall_gap(world.walls[number], world.nose(ball)[0], position, velocity, still), high)
+        gap = wall_gap(world.walls[number], world.nose(ball)[0], position, velocity, still)
     else:
-        time = rim_time(world, a, pocket, base, high)
+        x, y, radius = world.pockets[pocket]
+        gap = [-c for c in pair_gap(minus(position, (x, y)), velocity, still, radius)]
+    time = first_entry(gap, high)
     if time is None:
         return None
     place = a.position_at(base + time)

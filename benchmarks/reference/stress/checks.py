@@ -141,18 +141,25 @@ def _outside(x, y, radius, numbers, outline):
 def _beyond_noses(flight, x, y, z, radius, scene):
     """Returns the distance by which a ball in the air overlaps the nose of a cushion of a rectangle, m, or is beyond it.
 
-    It is negative if the ball touches no nose. There are no noses over a pocket.
+    It is negative if the ball touches no nose. There is no nose in a pocket.
     """
     if flight is None:
         return -math.inf
     numbers = scene.numbers
     height = numbers.cushion_height - radius
     inset = radius - math.sqrt(radius * radius - height * height)
-    gap = min(numbers.half_length - abs(x), numbers.half_width - abs(y)) - inset
+    over = nose_x = nose_y = False  # over a pocket, and next to the part of a nose that a pocket leaves out
+    line_x, line_y = numbers.half_length - inset, numbers.half_width - inset
     for k in range(len(scene.pockets)):
-        if distance_from(scene.pockets[k], x, y) < 0.0:
-            return -math.inf
-    return max(-gap, radius - norm(gap, z - height))
+        over = over or distance_from(scene.pockets[k], x, y) < 0.0
+        nose_x = nose_x or distance_from(scene.pockets[k], math.copysign(line_x, x), y) < 0.0
+        nose_y = nose_y or distance_from(scene.pockets[k], x, math.copysign(line_y, y)) < 0.0
+    beyond = -math.inf if over else -min(line_x - abs(x), line_y - abs(y))
+    if not nose_x:
+        beyond = max(beyond, radius - norm(line_x - abs(x), z - height))
+    if not nose_y:
+        beyond = max(beyond, radius - norm(line_y - abs(y), z - height))
+    return beyond
 
 
 @kernel

@@ -13,7 +13,7 @@ from benchmarks.reference.stress import draw
 from benchmarks.reference.stress.checks import MOMENTUM, OUTSIDE, OVERLAP, RISE, check_shots
 from benchmarks.reference.stress.scenes import ideal
 from billiards_env.scene import Balls, Physics, Scene, layouts
-from billiards_env.scene.table import Table
+from billiards_env.scene.table import Table, six_pockets
 
 Floats = NDArray[np.float64]
 RandomShots = tuple[Scene, Floats, Floats, Floats | None]
@@ -51,9 +51,10 @@ def _gas(n: int) -> Callable[[np.random.Generator, int], RandomShots | None]:
 
 
 def _flying(scene: Scene) -> Scene:
-    """Returns a scene in which balls fly, hit each other with friction and hit compliant cushions."""
+    """Returns a scene with a small table, in which balls fly and hit each other with friction."""
+    table = Table(1.0, 0.5, scene.table.cushion_height, six_pockets(1.0, 0.5))
     physics = dataclasses.replace(scene.physics, flight=True, ball_ball="frictional", cushion="stronge")
-    return dataclasses.replace(scene, physics=physics)
+    return dataclasses.replace(scene, table=table, physics=physics)
 
 
 def _jumps(scene: Scene) -> Callable[[np.random.Generator, int], RandomShots | None]:

@@ -2,15 +2,16 @@
 
 A nose is so far from the middle of the table that a ball on the cloth touches it where it touches the cushion: at the
 distance R - R cos(theta) from the line of the cushion, with the angle theta of `cushion.Nose`. Only a rectangle has
-them.
+them. In a pocket there is no nose: it ends at the circle of the pocket, and a ball may touch this end.
 """
 
 from __future__ import annotations
 
 import math
 
-from billiards_env.jit import inlined
-from billiards_env.physics.geometry.contact import circle_time
+from billiards_env.jit import inlined, kernel
+from billiards_env.physics.geometry.contact import circle_time, sphere_time
+from billiards_env.physics.geometry.pockets import bounding_circle
 from billiards_env.physics.geometry.walls import normal_at
 from billiards_env.physics.laws.cushion import nose_of
 from billiards_env.physics.motion import Path
@@ -26,13 +27,32 @@ def room_between_noses(radius, numbers):
 
 @inlined
 def _distance_to_nose(x, y, wall, radius, numbers):
-    """Returns the horizontal distance of a point between the noses from the nose of a cushion, m, and its normal."""
+    """Returns the horizontal distance of a point from the line of a nose, m, its normal, and the place along the line."""
     (room_x, room_y), (nx, ny) = room_between_noses(radius, numbers), normal_at(0.0, 0.0, wall, None)
-    return (room_x if wall < 2 else room_y) - (nx * x + ny * y), nx, ny
+    return (room_x if wall < 2 else room_y) - (nx * x + ny * y), nx, ny, y if wall < 2 else x
 
 
 @inlined
-def nose_time(path, rise, radius, end, noise, wall, numbers):
+def _mouth(pocket, wall, radius, numbers):
+    """Returns the middle of the part of a nose that a pocket leaves out, m, and half its length, or -1.0."""
+    x, y, reach = bounding_circle(pocket)
+    away, _, _, along = _distance_to_nose(x, y, wall, radius, numbers)
+    square = reach * reach - away * away
+    return along, math.sqrt(square) if square > 0.0 else -1.0
+
+
+@inlined
+def _mouth_at(pockets, along, wall, radius, numbers):
+    """Returns the `_mouth` that contains a place along the line of a nose; half its length is -1.0 without one."""
+    for k in range(len(pockets)):
+        middle, half = _mouth(pockets[k], wall, radius, numbers)
+        if abs(along - middle) < half:
+            return middle, half
+    return 0.0, -1.0
+
+
+@kernel
+def nose_time(path, rise, radius, end, noise, wall, pockets, numbers):
     """Returns the time at which a ball in the air next touches the nose of a cushion, s, or infinity.
 
     Args:
@@ -42,20 +62,45 @@ def nose_time(path, rise, radius, end, noise, wall, numbers):
         end: End of the interval, s.
         noise: See `circle_time`.
         wall: The number of the cushion.
+        pockets: The rows of the pockets.
         numbers: The `Numbers`.
     """
-    gap, nx, ny = _distance_to_nose(path.x, path.y, wall, radius, numbers)
-    speed = nx * path.vx + ny * path.vy
-    if gap > radius and gap - speed * end > radius:
+    gap, nx, ny, along = _distance_to_nose(path.x, path.y, wall, radius, numbers)
+    speed, slide = nx * path.vx + ny * path.vy, path.vy if wall < 2 else path.vx
+    if min(gap, gap - speed * end) > radius:
         return math.inf
-    across = Path(gap, rise[0] - radius * nose_of(radius, numbers).sin, -speed, rise[1], 0.0, -numbers.g)
-    return circle_time(across, radius, end, noise)
+    (z, vz), height, g = rise, radius * nose_of(radius, numbers).sin, numbers.g
+    room_x, room_y = room_between_noses(radius, numbers)
+    first = math.inf
+    for k in range(len(pockets)):
+        middle, half = _mouth(pockets[k], wall, radius, numbers)
+        for side in (-1.0, 1.0):
+            place = middle + side * half
+            if half > 0.0 and abs(place) <= (room_y if wall < 2 else room_x):
+                to_end = Path(along - place, gap, slide, -speed, 0.0, 0.0)
+                first = min(first, sphere_time(to_end, (z - height, vz, -g), radius, end, noise))
+    begin = 0.0
+    while begin < min(first, end):
+        across = Path(gap - speed * begin, z + begin * (vz - 0.5 * begin * g) - height, -speed, vz - begin * g, 0.0, -g)
+        t = begin + circle_time(across, radius, end - begin, noise)
+        middle, half = _mouth_at(pockets, along + slide * t, wall, radius, numbers) if t < math.inf else (0.0, -1.0)
+        if half < 0.0:
+            return min(first, t)
+        if slide == 0.0:
+            break
+        begin = max(t, (middle + math.copysign(half, slide) - along) / slide)  # the path leaves the mouth
+        if begin == t:
+            break
+    return first
 
 
 @inlined
-def nose_normal(row, wall, radius, numbers):
+def nose_normal(row, wall, radius, pockets, numbers):
     """Returns the unit normal (x, y, z) from the centre of a ball to the nose of a cushion that it touches."""
-    gap, nx, ny = _distance_to_nose(row[X], row[Y], wall, radius, numbers)
+    gap, nx, ny, along = _distance_to_nose(row[X], row[Y], wall, radius, numbers)
+    middle, half = _mouth_at(pockets, along, wall, radius, numbers)
+    aside = middle + math.copysign(half, along - middle) - along if half > 0.0 else 0.0
     below = row[Z] - radius * nose_of(radius, numbers).sin
-    distance = math.sqrt(gap * gap + below * below)
-    return nx * gap / distance, ny * gap / distance, -below / distance
+    distance = math.sqrt(gap * gap + aside * aside + below * below)
+    tx, ty = (0.0, aside) if wall < 2 else (aside, 0.0)
+    return (nx * gap + tx) / distance, (ny * gap + ty) / distance, -below / distance
