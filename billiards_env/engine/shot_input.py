@@ -70,6 +70,13 @@ class ShotInput(NamedTuple):
     heights: Floats | None = None
     limit: float = math.inf
 
+    def in_space(self) -> tuple[Floats, Floats]:
+        """Returns the positions and the velocities, (..., n, 3) with flight and (..., n, 2) without."""
+        if self.heights is None:
+            return self.positions, self.velocities
+        z, vz = self.heights[..., :1], self.heights[..., 1:]
+        return np.concatenate((self.positions, z), axis=-1), np.concatenate((self.velocities, vz), axis=-1)
+
     def as_batch(self) -> tuple[Any, ...]:
         """Returns the start of one shot as the fields of `Starts` of a batch, which share the memory of its arrays."""
         return tuple(None if part is None else np.asarray(part)[None] for part in start_fields(self))

@@ -518,9 +518,9 @@ class Scene:
                 "pooltool_carom" (carom with elastic balls, as in the reference shots made with pooltool),
                 "sum_to_three" (the small table of pooltool's game of that name), "real_pool" (9-foot table with the
                 jaws of the pockets), "real_carom" (carom), "match_carom" (carom with numbers fitted to tracks of a
-                match table), "jump_pool" ("pool" with balls that leave the cloth), "snooker" (15 red balls, then yellow, green, brown, blue, pink and black), "uk_pool"
-                (small table, smaller cue ball), "pooltool_pool" or "pooltool_real_carom" (7-foot pool table and carom
-                table of reference shots made with pooltool).
+                match table), "snooker" (15 red balls, then yellow, green, brown, blue, pink and black), "uk_pool"
+                (small table, smaller cue ball), "jump_pool" ("pool" with balls that leave the cloth), "pooltool_pool"
+                or "pooltool_real_carom" (7-foot pool table and carom table of reference shots made with pooltool).
             n_object_balls: Number of object balls; None for the default: 21 in "snooker", 15 in "uk_pool", 2 in the
                 carom scenes and in "blocked_pool", 1 in the others.
 

@@ -78,8 +78,8 @@ class ShotRecord:
 
     Attributes:
         scene: The scene.
-        positions: x and y of each ball, m.
-        velocities: x and y for each ball, m/s.
+        positions: x and y of each ball, m; x, y and the height above the cloth with flight.
+        velocities: x and y for each ball, m/s; x, y and z with flight.
         spins: x, y and z for each ball, rad/s; None for zero spin.
         in_play: One bool per ball.
         engine: The engine.
@@ -242,9 +242,9 @@ def read_shot(data: dict[str, Any]) -> ShotRecord:
     """Returns the record of a shot from the data of its file."""
     fields("the file", data, _SHOT_FIELDS)
     scene, engine = head(data)
-    n = scene.n_balls
-    positions = rows_of("positions", data["positions"], n, 2)
-    velocities = rows_of("velocities", data["velocities"], n, 2)
+    n, axes = scene.n_balls, 3 if scene.physics.flight else 2
+    positions = rows_of("positions", data["positions"], n, axes)
+    velocities = rows_of("velocities", data["velocities"], n, axes)
     spins = None if data["spins"] is None else rows_of("spins", data["spins"], n, 3)
     in_play = bools("in_play", data["in_play"], n)
     max_time = None if data["max_time"] is None else real("max_time", data["max_time"])

@@ -333,11 +333,12 @@ class ShotResult(Differentiable):
         if self.scene is None or self._arguments is None:
             raise ValueError(f"shot = {short(self)}: expected a recorded shot, from simulate(..., record=True)")
         start, engine, max_events = self._arguments
+        positions, velocities = start.in_space()
         turns = start.spins.any() or np.signbit(start.spins).any()
         return ShotRecord(
             scene=self.scene,
-            positions=tuples(start.positions),
-            velocities=tuples(start.velocities),
+            positions=tuples(positions),
+            velocities=tuples(velocities),
             spins=tuples(start.spins) if turns else None,
             in_play=tuple(start.in_play.tolist()),
             engine=engine,

@@ -24,7 +24,7 @@ from billiards_env.engine.compile import (
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.log import NO_LOG, empty_log
 from billiards_env.engine.shot_input import ShotInput, check_shot, check_varied
-from billiards_env.engine.shots import RISING, STATUS, Shots, empty_shots, start_fields
+from billiards_env.engine.shots import STATUS, Shots, empty_shots, start_fields
 from billiards_env.engine.strikes import Strike
 from billiards_env.engine.threads import parallel_for
 from billiards_env.scene import Scene, check_scene
@@ -321,8 +321,8 @@ def simulate_batch(
     run_shots, plain = run_shots_of(engine, scene.n_balls), tuple(shots)
     arrays = varied_fields(scene, engine, varied, m)
     if isinstance(velocities, Strike) and strike_frozen(scene, arrays, start_fields(plain), end=m):
-        rising = () if shots.heights is None else (shots.heights[..., RISING:],)
-        moving, turning = np.concatenate((shots.velocities, *rising), axis=-1), shots.spins.copy()
+        start = ShotInput(*start_fields(shots))
+        moving, turning = start.in_space()[1].copy(), shots.spins.copy()
     parts = None
     if record:
         parts = _run_recorded(

@@ -14,6 +14,8 @@ from billiards_env.games.facts import facts_of
 from billiards_env.physics.state import AIRBORNE, SLIDING, UX, UY, VX, VY, VZ, WZ, Z
 from billiards_env.physics.strike import cue_numbers, speed_gain
 from billiards_env.scene import Balls, Physics, Pocket, Table
+from billiards_env.shots.records import from_json, to_json
+from billiards_env.shots.simulation import replay
 
 R, G = 0.028575, 9.81
 MPH, FOOT, INCH = 0.44704, 0.3048, 0.0254
@@ -122,6 +124,7 @@ def test_a_shot_that_ends_in_the_air_is_the_begin_of_the_whole_and_may_go_on():
     assert cut.heights[0, 0] == whole.heights_at(0.05)[0] > 0
     assert np.array_equal(cut.events, whole.events[: len(cut.events)])
     state = [np.column_stack((part, cut.heights[:, k])) for k, part in enumerate((cut.positions, cut.velocities))]
+    assert np.array_equal(replay(from_json(to_json(cut.to_record()))).positions, cut.positions)
     rest = simulate(scene(), *state, spins=cut.spins)
     assert rest.positions == pytest.approx(whole.positions, abs=1e-12)
 
@@ -259,15 +262,16 @@ def test_a_batch_has_the_bits_of_single_shots():
 
 
 def test_an_environment_plays_strikes_that_make_the_ball_hop():
-    places = np.array([[-0.6, 0.0], [0.6, 0.3]])
-    env = make_env(scene="jump_pool", action="strike")
+    places = np.array([[-0.6, 0.0], [0.6, 0.3], [0.6, -0.4]])
+    env = make_env(scene="jump_pool", n_object_balls=2, action="strike")
     env.reset(seed=0, options={"positions": places})
     observation, *_ = env.step(np.array([0.5, 0.1, 0.0, 0.0, 0.5]))
     speed = env.model.max_speed * math.hypot(0.5, 0.1) / speed_gain(cue_numbers(env.model.scene), 0.0)
     struck = strike(env.model.scene, speed, math.atan2(0.1, 0.5), elevation=math.pi / 4)
     shot = simulate("jump_pool", places, struck, record=True)
     assert (shot.events["kind"] == "landing").sum() > 3
-    assert env.decode(observation)["positions"] == pytest.approx(shot.positions, abs=1e-6)
+    seen = env.decode(observation)["positions"] * env.model.scene.half_extents
+    assert seen == pytest.approx(shot.positions, abs=1e-6)
 
 
 def test_what_has_no_flight_is_refused():
