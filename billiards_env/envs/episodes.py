@@ -390,8 +390,8 @@ class Episodes:
     def _record(self, k: int) -> ShotResult:
         """Runs the shot of episode k as the engine does, and returns it with its trajectory."""
         shots, (scene, engine) = self.shots, self.scene_and_engine(k)
-        start = [None if array is None else array[k].copy() for array in start_fields(shots)]
-        start = ShotInput(*start, limit=self._limit)
+        fields: Any = (None if array is None else array[k].copy() for array in start_fields(shots))
+        start = ShotInput(*fields, limit=self._limit)
         shot = run_shot(scene, start, engine, record=True)
         for name, array in shots._asdict().items():
             if name == "in_play":

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,7 +29,7 @@ def scene(length=40.0, pockets=(), **physics):
     return Scene(Balls.uniform(3, R), Table(length, 40.0, pockets=pockets), laws)
 
 
-def play(where, velocity, spin=(0.0, 0.0, 0.0), others=FAR, **options):
+def play(where, velocity, spin: Any = (0.0, 0.0, 0.0), others=FAR, **options) -> Any:
     """Plays a shot of ball 0 from (x, y[, z]) with the velocity (vx, vy[, vz])."""
     place = [*where, *[0.0] * (3 - len(where))]
     places = [place, *([*other, *[0.0] * (3 - len(other))] for other in others)]
@@ -162,7 +163,7 @@ def test_an_impact_in_the_air_is_that_of_vectors(seed):
     velocities, spins = rng.normal(0, 0.3, (3, 3)), rng.normal(0, 30, (3, 3))
     velocities[0] += 3 * n
     velocities[2] = spins[2] = 0
-    shot = simulate(scene(mu_ball=0.1), places, velocities, spins=spins, record=True, max_time=0.2)
+    shot: Any = simulate(scene(mu_ball=0.1), places, velocities, spins=spins, record=True, max_time=0.2)
     at = shot.first_hit_time
     assert shot.first_hit == 1
     fall = np.array([0, 0, -G * at])
@@ -254,7 +255,7 @@ def test_a_batch_has_the_bits_of_single_shots():
     struck = strike(s, rng.uniform(1, 4, 8), rng.uniform(-0.5, 0.5, 8), elevation=rng.uniform(0.1, 1, 8))
     batch = simulate_batch(s, places, struck)
     for k in range(8):
-        shot = simulate(s, places[k], struck.velocity[k], spins=struck.spin[k])
+        shot: Any = simulate(s, places[k], struck.velocity[k], spins=struck.spin[k])
         assert np.array_equal(shot.positions, batch.positions[k])
         assert shot.heights.tolist() == [[0.0, 0.0]] * 3
     assert batch.first_hit.max() > 0
@@ -268,7 +269,7 @@ def test_an_environment_plays_strikes_that_make_the_ball_hop():
     observation, *_ = env.step(np.array([0.5, 0.1, 0.0, 0.0, 0.5]))
     speed = env.model.max_speed * math.hypot(0.5, 0.1) / speed_gain(cue_numbers(env.model.scene), 0.0)
     struck = strike(env.model.scene, speed, math.atan2(0.1, 0.5), elevation=math.pi / 4)
-    shot = simulate("jump_pool", places, struck, record=True)
+    shot: Any = simulate("jump_pool", places, struck, record=True)
     assert (shot.events["kind"] == "landing").sum() > 3
     seen = env.decode(observation)["positions"] * env.model.scene.half_extents
     assert seen == pytest.approx(shot.positions, abs=1e-6)
