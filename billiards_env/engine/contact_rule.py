@@ -47,7 +47,7 @@ from billiards_env.physics.geometry.walls import wall_pressing
 from billiards_env.physics.laws.cloth import largest_friction, launch
 from billiards_env.physics.laws.cushion import cushion_restitution
 from billiards_env.physics.laws.flight import bounce_in_air
-from billiards_env.physics.state import AIRBORNE, AX, AY, IDEAL, UX, UY, VX, VY, VZ, X, Y
+from billiards_env.physics.state import AIRBORNE, AX, AY, IDEAL, UX, UY, VX, VY, VZ, X, Y, rise_of, scale_rise
 
 CONTACT_TIME = 2e-4
 """s. tau; it is 200 to 300 microseconds for billiard balls (Marlow 1995)."""
@@ -151,14 +151,6 @@ def end_runs(i, time, speed, numbers, memory):  # out: memory
 
 
 @inlined
-def _or_upwards(flight, speed, a, b):
-    """Returns the largest of a speed and the vertical speeds of the rows a and b, m/s."""
-    if flight is None:
-        return speed
-    return max(speed, abs(a[VZ]), abs(b[VZ]))
-
-
-@inlined
 def is_over(i, j, state, numbers, memory):
     """Returns whether balls i and j, which may be the same, come to rest in this impact."""
     rows, run, weak = state.rows, memory.run, memory.weak
@@ -167,7 +159,7 @@ def is_over(i, j, state, numbers, memory):
     if min(run[i], run[j]) < 2:
         return False
     speed = max(abs(rows[i, VX]), abs(rows[i, VY]), abs(rows[j, VX]), abs(rows[j, VY]))
-    speed = _or_upwards(state.flight, speed, rows[i], rows[j])
+    speed = max(speed, abs(rise_of(state.flight, rows[i])), abs(rise_of(state.flight, rows[j])))
     endless = max(weak[i], weak[j]) > ENDLESS and min(run[i], run[j]) > PRESSED
     return speed < STILL or (endless and speed <= numbers.weak_speed)
 
@@ -198,15 +190,7 @@ def halt(state, i):  # out: state
     """Brings ball i to rest without a change of its spin about the vertical axis."""
     for c in (VX, VY, UX, UY):
         state.rows[i, c] = 0.0
-    _halt_upwards(state.flight, state.rows[i])
-
-
-@inlined
-def _halt_upwards(flight, row):  # out: row
-    """Sets the vertical velocity of a row of `State.rows` to zero."""
-    if flight is None:
-        return
-    row[VZ] = 0.0
+    scale_rise(state.flight, state.rows[i], 0.0)
 
 
 @inlined

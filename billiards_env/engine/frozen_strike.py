@@ -26,7 +26,7 @@ from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch, set_upwards
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
-from billiards_env.physics.state import UX, UY, VX, VY, VZ, WZ, X, Y, empty_state, scene_of
+from billiards_env.physics.state import UX, UY, VX, VY, WZ, X, Y, empty_state, scale_rise, scene_of
 from billiards_env.physics.strike import CueNumbers, cue_numbers, impulse_gain
 from billiards_env.scene import CONTACT_GAP, Scene
 
@@ -119,14 +119,6 @@ def _gather(k, scene, starts, state, contacts):  # out: contacts
     return count
 
 
-@inlined
-def _scale_upwards(flight, row, factor):  # out: row
-    """Multiplies the vertical velocity of a row of `State.rows` by a factor."""
-    if flight is None:
-        return
-    row[VZ] *= factor
-
-
 @allocating_entry_point
 def _drive(begin, end, ball, cue, scene, starts):  # out: starts
     """Implements `strike_frozen` for the shots with a given cue ball; the restitution of the balls is -`LEFT`."""
@@ -157,5 +149,5 @@ def _drive(begin, end, ball, cue, scene, starts):  # out: starts
         for i in range(n):
             for c in (VX, VY, UX, UY, WZ):
                 state.rows[i, c] *= factor
-            _scale_upwards(arrays.flight, state.rows[i], factor)
+            scale_rise(arrays.flight, state.rows[i], factor)
         store(k, starts, arrays, state)

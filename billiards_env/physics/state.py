@@ -244,6 +244,22 @@ def is_airborne(flight, phase):
 
 
 @inlined
+def rise_of(flight, row):
+    """Returns the vertical velocity of a row of `State.rows`, m/s; 0 without flight."""
+    if flight is None:
+        return 0.0
+    return row[VZ]
+
+
+@inlined
+def scale_rise(flight, row, factor):  # out: row
+    """Multiplies the vertical velocity of a row of `State.rows` by a factor."""
+    if flight is None:
+        return
+    row[VZ] *= factor
+
+
+@inlined
 def moves(state, i):
     """Returns whether ball i's centre moves."""
     return state.phase[i] >= ROLLING and state.phase[i] != POTTED
