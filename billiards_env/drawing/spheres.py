@@ -39,7 +39,7 @@ class Painter:
     def draw(
         self, surface: pygame.Surface, balls: Sequence[int], centres: Floats, faces: Floats, zooms: Floats
     ) -> None:
-        """Draws balls at their centres (m, 2), pixels, with the orientations `faces` (m, 4), `zooms` (m,) times as large.
+        """Draws balls at their centres (m, 2), pixels, with the orientations `faces` (m, 4), `zooms` times as large.
 
         A ball is painted again only if it has moved by a part of a pixel or has turned, or its size has changed.
         """
@@ -162,10 +162,8 @@ def shadow(radius: float, dx: float, dy: float, wide: float = 1.0) -> pygame.Sur
     """
     side = 2 * int(np.ceil((0.4 + 1.3 * wide) * radius + 1))
     pixels = np.arange(side) + 0.5 - side / 2
-    far = (
-        np.hypot((pixels[:, None] - dx) / radius - style.SHADOW[0], (pixels[None, :] - dy) / radius + style.SHADOW[1])
-        / wide
-    )
+    far = np.hypot((pixels[:, None] - dx) / radius - style.SHADOW[0], (pixels[None, :] - dy) / radius + style.SHADOW[1])
+    far /= wide
     share = np.clip((style.SHADOW_REACH[1] - far) / (style.SHADOW_REACH[1] - style.SHADOW_REACH[0]), 0.0, 1.0)
     image = pygame.Surface((side, side), pygame.SRCALPHA, 32)
     dark = style.SHADOW_DARK / (wide * wide)

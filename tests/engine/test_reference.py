@@ -153,23 +153,24 @@ def test_random_shots_on_outlines_agree_with_the_high_precision_simulator(name, 
 
 JUMP = dataclasses.replace(Scene.named("pool"), physics=Physics(flight=True, ball_ball="frictional", cushion="stronge"))
 HALF = JUMP.table.length / 2
-AIR = {
-    "hops, then rolls": ([[-0.9, 0.1, 0.0], [0.9, -0.4, 0.0]], [2.0, 0.3, -1.5], [3.0, -40.0, 9.0], ["landing"]),
-    "jumps over a ball": ([[-0.6, 0.0, 0.0], [-0.3, 0.01, 0.0]], [2.0, 0.1, -2.5], [5.0, 1.0, 2.0], ["landing", "cushion"]),
-    "hits a ball in the air": ([[-0.6, 0.0, 0.0], [-0.3, 0.2, 0.3]], [2.0, 1.4, -2.5], [5.0, 1.0, 2.0], ["landing", "ball_ball"]),
-    "hops after a full hit": ([[-0.6, 0.0, 0.0], [0.0, 0.002, 0.0]], [5.0, 0.02, 0.0], [1.0, 170.0, 2.0], ["ball_ball", "landing"]),
-    "falls on a ball": ([[-0.03, 0.0, 0.2], [0.0, 0.012, 0.0]], [0.1, 0.02, 0.0], [9.0, 17.0, 2.0], ["ball_ball", "landing"]),
-    "hits a nose": ([[HALF - 0.3, 0.3, 0.0], [-0.3, 0.0, 0.0]], [3.0, 0.4, -0.9], [9.0, -17.0, 12.0], ["landing", "cushion"]),
-    "flies over a cushion": ([[HALF - 0.3, 0.3, 0.0], [-0.3, 0.0, 0.0]], [3.0, 0.4, -4.0], [9.0, -17.0, 12.0], ["off_table"]),
-    "lands in a pocket": ([[HALF - 0.2, 0.43, 0.1], [-0.3, 0.0, 0.0]], [1.3, 1.31, 0.2], [9.0, -17.0, 12.0], ["pocket"]),
-    "hits the back of a pocket": ([[HALF - 0.2, 0.43, 0.02], [-0.3, 0.0, 0.0]], [4.3, 4.31, 0.0], [9.0, -17.0, 12.0], ["pocket"]),
-}  # fmt: skip
+AIR = {  # two places, the velocity and the spin of the cue ball, and events
+    "hops, then rolls": ((-0.9, 0.1, 0), (0.9, -0.4, 0), (2.0, 0.3, -1.5), (3, -40, 9), ["landing"]),
+    "jumps over a ball": ((-0.6, 0, 0), (-0.3, 0.01, 0), (2.0, 0.1, -2.5), (5, 1, 2), ["landing", "cushion"]),
+    "hits a ball in the air": ((-0.6, 0, 0), (-0.3, 0.2, 0.3), (2.0, 1.4, -2.5), (5, 1, 2), ["landing", "ball_ball"]),
+    "hops after a full hit": ((-0.6, 0, 0), (0, 0.002, 0), (5.0, 0.02, 0), (1, 170, 2), ["ball_ball", "landing"]),
+    "falls on a ball": ((-0.03, 0, 0.2), (0, 0.012, 0), (0.1, 0.02, 0), (9, 17, 2), ["ball_ball", "landing"]),
+    "hits a nose": ((HALF - 0.3, 0.3, 0), (-0.3, 0, 0), (3.0, 0.4, -0.9), (9, -17, 12), ["landing", "cushion"]),
+    "flies over a cushion": ((HALF - 0.3, 0.3, 0), (-0.3, 0, 0), (3.0, 0.4, -4.0), (9, -17, 12), ["off_table"]),
+    "lands in a pocket": ((HALF - 0.2, 0.43, 0.1), (-0.3, 0, 0), (1.3, 1.31, 0.2), (9, -17, 12), ["pocket"]),
+    "hits the back of a pocket": ((HALF - 0.2, 0.43, 0.02), (-0.3, 0, 0), (4.3, 4.31, 0), (9, -17, 12), ["pocket"]),
+    "hits the end of a nose": ((0.01, 0.55, 0.01), (-0.3, 0, 0), (0.6, 0.6, 0.6), (9, -17, 12), ["cushion"]),
+}
 
 
 @pytest.mark.parametrize("name", AIR)
 def test_a_flight_agrees_with_the_high_precision_simulator(name):
-    places, start, spin, expected = AIR[name]
-    shot = agrees(JUMP, np.array(places), np.array([start, [0.0, 0.0, 0.0]]), np.array([spin, [0.0, 0.0, 0.0]]))
+    *places, start, spin, expected = AIR[name]
+    shot = agrees(JUMP, np.array(places), np.array([start, (0, 0, 0)]), np.array([spin, (0, 0, 0)]))
     assert shot is not None
     assert set(expected) <= set(shot.events["kind"])
     assert name != "jumps over a ball" or not (shot.events["kind"] == "ball_ball").any()

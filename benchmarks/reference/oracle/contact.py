@@ -197,8 +197,7 @@ def foot(world: World, ball: int, wall: Line, position: Vector) -> Vector:
 
 def nose_ends(world: World, ball: int, wall: Line) -> list[Vector]:
     """Returns the points, (3,), at which the nose of a cushion meets the circles of the pockets."""
-    inset, height = world.nose(ball)
-    ends = []
+    height, ends = world.nose(ball)[1], []
     for x, y, radius in world.pockets:
         near = foot(world, ball, wall, (x, y))
         square = radius**2 - norm(minus(near, (x, y))) ** 2

@@ -326,11 +326,8 @@ def bounce(world: World, ball: int, n: Vector, velocity: Vector, spin: Vector) -
     vn, vt = n[0] * velocity[0] + n[1] * velocity[1], t[0] * velocity[0] + t[1] * velocity[1]
     wn, wt, wz = n[0] * spin[0] + n[1] * spin[1], t[0] * spin[0] + t[1] * spin[1], spin[2]
     vn, vt, wn, wt, wz = CUSHIONS[world.cushion](world, ball, vn, vt, wn, wt, wz)
-    return (n[0] * vn + t[0] * vt, n[1] * vn + t[1] * vt, *velocity[2:]), (
-        n[0] * wn + t[0] * wt,
-        n[1] * wn + t[1] * wt,
-        wz,
-    )
+    level = n[0] * vn + t[0] * vt, n[1] * vn + t[1] * vt
+    return (*level, *velocity[2:]), (n[0] * wn + t[0] * wt, n[1] * wn + t[1] * wt, wz)
 
 
 def shares(v: Vector, n: Vector, m: Vector) -> Vector:

@@ -58,9 +58,9 @@ from billiards_env.physics.state import (
 from billiards_env.scene import Scene
 
 OVERLAP, OUTSIDE, RISE, RISE_SUM, MOMENTUM, BROKEN, FULL, IMPACTS, DRIFT_X, DRIFT_Y = range(10)
-"""Columns of the findings: the deepest overlap, the largest distance beyond a cushion, into a pocket or under the cloth (m), the largest
-rise of the energy relative to the energy before it, the sum of the rises above `ENERGY_RISE` (J), the largest change of
-momentum in an impact relative to the sum of the balls' momenta, whether a number is not finite or a time is out of
+"""Columns of the findings: the deepest overlap, the largest distance beyond a cushion, into a pocket or under the cloth
+(m), the largest rise of the energy relative to the energy before it, the sum of the rises above `ENERGY_RISE` (J), the
+largest change of momentum in an impact relative to the sum of the balls' momenta, whether a number is not finite or a time is out of
 order (0 or 1), whether the log was too short (0 or 1), the number of ball-ball impacts, the sum of their changes of the
 momentum (kg m/s)."""
 N_FINDINGS = 10
@@ -139,7 +139,7 @@ def _outside(x, y, radius, numbers, outline):
 
 @inlined
 def _beyond_noses(flight, x, y, z, radius, scene):
-    """Returns the distance by which a ball in the air overlaps the nose of a cushion of a rectangle, m, or is beyond it.
+    """Returns the distance by which a ball in the air overlaps the nose of a rectangle's cushion, m, or is beyond it.
 
     It is negative if the ball touches no nose. There is no nose in a pocket.
     """

@@ -27,7 +27,7 @@ def room_between_noses(radius, numbers):
 
 @inlined
 def _distance_to_nose(x, y, wall, radius, numbers):
-    """Returns the horizontal distance of a point from the line of a nose, m, its normal, and the place along the line."""
+    """Returns the horizontal distance of a point from the line of a nose, m, its normal, and the place along it, m."""
     (room_x, room_y), (nx, ny) = room_between_noses(radius, numbers), normal_at(0.0, 0.0, wall, None)
     return (room_x if wall < 2 else room_y) - (nx * x + ny * y), nx, ny, y if wall < 2 else x
 
@@ -79,19 +79,21 @@ def nose_time(path, rise, radius, end, noise, wall, pockets, numbers):
             if half > 0.0 and abs(place) <= (room_y if wall < 2 else room_x):
                 to_end = Path(along - place, gap, slide, -speed, 0.0, 0.0)
                 first = min(first, sphere_time(to_end, (z - height, vz, -g), radius, end, noise))
-    begin = 0.0
-    while begin < min(first, end):
-        across = Path(gap - speed * begin, z + begin * (vz - 0.5 * begin * g) - height, -speed, vz - begin * g, 0.0, -g)
-        t = begin + circle_time(across, radius, end - begin, noise)
-        middle, half = _mouth_at(pockets, along + slide * t, wall, radius, numbers) if t < math.inf else (0.0, -1.0)
-        if half < 0.0:
+    begin, t, touches = 0.0, 0.0, False
+    while True:
+        middle, half = _mouth_at(pockets, along + slide * t, wall, radius, numbers)
+        if half > 0.0:
+            if slide == 0.0:
+                return first
+            begin = max(t, (middle + math.copysign(half, slide) - along) / slide)  # the path leaves the mouth
+        elif touches:
             return min(first, t)
-        if slide == 0.0:
-            break
-        begin = max(t, (middle + math.copysign(half, slide) - along) / slide)  # the path leaves the mouth
-        if begin == t:
-            break
-    return first
+        if begin >= min(first, end) or (touches and begin == t):
+            return first
+        across = Path(gap - speed * begin, z + begin * (vz - 0.5 * begin * g) - height, -speed, vz - begin * g, 0.0, -g)
+        t, touches = begin + circle_time(across, radius, end - begin, noise), True
+        if t == math.inf:
+            return first
 
 
 @inlined
