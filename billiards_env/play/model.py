@@ -222,7 +222,7 @@ class WindowModel:
         scene = self.setup.scene
         level = strike(scene, 1.0, 0.0).velocity[0]
         made = strike(scene, speed / level, angle, side, top, math.radians(elevation))
-        return Stroke(tuple(made.velocity.tolist()), place, tuple(made.spin.tolist()), self.call)
+        return Stroke(tuple(made.velocity[:2].tolist()), place, tuple(made.spin.tolist()), self.call)
 
     @property
     def has_spin(self) -> bool:

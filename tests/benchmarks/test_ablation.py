@@ -42,8 +42,10 @@ NOT_COMPILED = (
     "engine.pit",
     "games",
     "physics.clusters.complementarity",
+    "physics.geometry.noses",
     "physics.laws.cushion_mathavan2010",
     "physics.laws.cushion_stronge",
+    "physics.laws.flight",
     "physics.laws.mathavan",
     "physics.strike",
 )
