@@ -232,9 +232,9 @@ def _draw_side(ax: Axes, shot: Recording, look: tuple[Look, ...], hops: Sequence
         line = turned(path[:, axis], np.where(flies, shot.scene.balls.radius[ball] + up, np.nan))
         ax.plot(*line.T, color=look[ball].path, linewidth=1.6, zorder=4)
         _, time, height = max((hop for hop in hops if hop[0] == ball), key=lambda hop: hop[2])
-        (place,) = turned(shot.path(ball, [time])[0, axis], height + 2.3 * radius)
+        ((x, y),) = turned(shot.path(ball, [time])[0, axis], height + 2.3 * radius).tolist()
         text: dict[str, Any] = {"ha": "center", "va": "bottom"} if axis == 0 else {"ha": "right", "va": "center"}
-        ax.text(*place.tolist(), f"{100 * height:.1f} cm", fontsize=6.5, color=CHALK, zorder=5, **text)
+        ax.text(x, y, f"{100 * height:.1f} cm", fontsize=6.5, color=CHALK, zorder=5, **text)
     for ball, time, _ in hops:
         ball_at(ball, time, 4, edgecolor=look[ball].path, linewidth=0.9)
     if axis == 0:

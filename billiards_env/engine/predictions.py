@@ -30,7 +30,7 @@ from billiards_env.physics.geometry.contact import (
     contact_distance,
     sphere_time,
 )
-from billiards_env.physics.geometry.noses import nose_time, room_between_noses
+from billiards_env.physics.geometry.noses import mouth_beyond, nose_time, room_between_noses
 from billiards_env.physics.geometry.pockets import path_to, pocket_at, pocket_exit, pockets_near
 from billiards_env.physics.geometry.walls import exit_time, wall_time
 from billiards_env.physics.motion import Path, height_of, motion_after, path_after, path_of, place_after
@@ -158,9 +158,10 @@ def predict_single(i, state, scene, singles):  # out: singles
 def _event_in_air(flight, i, state, scene):
     """Returns the time of the next event of ball i alone, which is in the air, s after its own time, kind and number.
 
-    The pockets count where a ball lands. A ball whose centre passes over the nose of a cushion leaves the table: over a
-    pocket it hits the back of it if its centre leaves the pocket lower than 2/5 of a radius above its height on the
-    cloth (the rule of the simulator pooltool), and otherwise it is driven off.
+    The pockets count where a ball lands, and so do their mouths beyond the places of balls on the cloth. A ball whose
+    centre passes over the nose of a cushion leaves the table: over a pocket it hits the back of it if its centre leaves
+    the pocket lower than 2/5 of a radius above its height on the cloth (the rule of the simulator pooltool), and
+    otherwise it is driven off.
     """
     if flight is None:
         return math.inf, LANDING, -1
@@ -168,7 +169,10 @@ def _event_in_air(flight, i, state, scene):
     room_x, room_y = room_between_noses(radius, numbers)
     off, _ = exit_time(path, room_x, room_y, end)
     last, kind = (off, OFF_TABLE) if off <= end else (end, LANDING)
-    other = pocket_at(scene.pockets, *place_after(path, last), 1.0)
+    place = place_after(path, last)
+    other = pocket_at(scene.pockets, *place, 1.0)
+    if other < 0 and kind == LANDING:
+        other = mouth_beyond(scene.pockets, *place, radius, numbers)
     if other >= 0:
         kind = BALL_POCKET
         leaves = last + pocket_exit(path_after(path, last), scene.pockets[other]) if off <= end else math.inf

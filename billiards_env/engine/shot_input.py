@@ -350,12 +350,9 @@ def _fill_heights(
 def _check_in_air(scene: Scene, shot: ShotInput, z: Floats, flies: NDArray[np.bool_]) -> None:
     """Raises a ValueError if a ball in the air is not above the table or overlaps another ball."""
     n, reach = scene.n_balls, 2.0 * scene.balls.radius[0] - CONTACT_GAP
-    beside = (
-        scene.table.clearance(np.where(flies[..., None], shot.positions, 0.0)) < scene.balls.radius[0] - CONTACT_GAP
-    )
-    if (beside & flies).any():
+    if (_is_outside(scene, shot.positions, z) & flies).any():
         raise ValueError(
-            f"positions = {short(shot.positions.tolist())}: expected balls in the air between the cushions"
+            f"positions = {short(shot.positions.tolist())}: expected balls in the air between the noses of the cushions"
         )
     places = np.concatenate((shot.positions, z[..., None]), axis=-1).reshape(-1, n, 3)
     in_play, flying = shot.in_play.reshape(-1, n), flies.reshape(-1, n)
@@ -365,6 +362,23 @@ def _check_in_air(scene: Scene, shot: ShotInput, z: Floats, flies: NDArray[np.bo
         if meets.any():
             i, j = np.argwhere(meets)[0].tolist()
             raise ValueError(f"positions: balls {i} and {j} are {apart[i, j]} m apart: expected at least {reach} m")
+
+
+def _is_outside(scene: Scene, positions: Floats, z: Floats) -> NDArray[np.bool_]:
+    """Returns whether balls at positions (..., 2) and heights (...) are beyond a nose or overlap it."""
+    radius, height = scene.balls.radius[0], scene.table.cushion_height - scene.balls.radius[0]
+    inset = radius - math.sqrt(radius * radius - height * height)
+    room = np.array([scene.table.length, scene.table.width]) / 2 - inset
+    gap, outside = room - np.abs(positions), np.zeros(z.shape, np.bool_)
+    for axis in (0, 1):
+        foot = positions.copy()
+        foot[..., axis] = np.copysign(room[axis], foot[..., axis])
+        apart = np.hypot(gap[..., axis], z - height) >= radius - CONTACT_GAP
+        beside = ~(apart & (gap[..., axis] > 0.0))
+        for pocket in scene.table.pockets:
+            beside &= ~pocket.contains(foot)
+        outside |= beside
+    return outside
 
 
 def _is_valid_fast(scene: Scene, shot: ShotInput, threads: int | None) -> bool:

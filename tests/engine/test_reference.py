@@ -3,6 +3,7 @@
 import dataclasses
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -153,6 +154,7 @@ def test_random_shots_on_outlines_agree_with_the_high_precision_simulator(name, 
 
 JUMP = dataclasses.replace(Scene.named("pool"), physics=Physics(flight=True, ball_ball="frictional", cushion="stronge"))
 HALF = JUMP.table.length / 2
+RAIN: Any = families.FAMILIES["rain of 6 balls"]
 AIR = {  # two places, the velocity and the spin of the cue ball, and events
     "hops, then rolls": ((-0.9, 0.1, 0), (0.9, -0.4, 0), (2.0, 0.3, -1.5), (3, -40, 9), ["landing"]),
     "jumps over a ball": ((-0.6, 0, 0), (-0.3, 0.01, 0), (2.0, 0.1, -2.5), (5, 1, 2), ["landing", "cushion"]),
@@ -177,14 +179,14 @@ def test_a_flight_agrees_with_the_high_precision_simulator(name):
 
 
 def test_random_flights_agree_with_the_high_precision_simulator():
-    scene, places, velocities, spins = families.FAMILIES["rain of 6 balls"](np.random.default_rng(0), 16)
+    scene, places, velocities, spins = RAIN(np.random.default_rng(0), 16)
     shots = [agrees(scene, *start) for start in zip(places, velocities, spins, strict=True)]
     assert sum(shot is not None for shot in shots) >= 8
 
 
 @pytest.mark.parametrize("signs", [(-1, 1, 1), (1, -1, 1)])
 def test_flights_have_mirror_images_and_no_order_of_balls(signs):
-    scene, places, velocities, spins = families.FAMILIES["rain of 6 balls"](np.random.default_rng(1), 20)
+    scene, places, velocities, spins = RAIN(np.random.default_rng(1), 20)
     order, turns = np.array([0, 4, 2, 5, 1, 3]), np.prod(signs) * np.array(signs)
     for start in zip(places, velocities, spins, strict=True):
         shot = simulate(scene, *start[:2], spins=start[2])

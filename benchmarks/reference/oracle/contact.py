@@ -158,8 +158,12 @@ def wall_contact(world: World, ball: int, a: Segment, number: int, base: Real, h
     after = mpmath.mpf(0)
 
     def holds(place: Vector) -> bool:
-        in_mouth = flies and isinstance(wall, Line) and world.pocket_at(foot(world, ball, wall, place)) is not None
-        return not in_mouth and wall.holds(place, world.tiny)
+        if flies and isinstance(wall, Line):
+            nearest = foot(world, ball, wall, place)
+            room = (most - world.nose(ball)[0] + world.tiny for most in world.extent)
+            if world.pocket_at(nearest) is not None or any(abs(c) > x for c, x in zip(nearest, room, strict=True)):
+                return False
+        return wall.holds(place, world.tiny)
 
     while True:
         position, velocity = a.position_at(base + after), a.velocity_at(base + after)
@@ -187,6 +191,16 @@ def wall_contact(world: World, ball: int, a: Segment, number: int, base: Real, h
         for end in nose_ends(world, ball, wall)
     )
     return min((c for c in (contact, *ends) if c is not None), default=None)
+
+
+def pocket_below(world: World, ball: int, place: Vector) -> int | None:
+    """Returns the pocket that catches a ball that lands at a place: in its circle, or in its mouth beyond a cushion."""
+    pocket = world.pocket_at(place)
+    for wall in world.walls:
+        if pocket is None and isinstance(wall, Line) and wall.holds(place, world.tiny):
+            beyond = dot(wall.normal, minus(wall.middle, place)) < world.radius[ball] - CONTACT_GAP
+            pocket = world.pocket_at(foot(world, ball, wall, place)) if beyond else None
+    return pocket
 
 
 def foot(world: World, ball: int, wall: Line, position: Vector) -> Vector:

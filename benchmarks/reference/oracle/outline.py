@@ -59,7 +59,7 @@ class Arc:
         return dot(d, self.before) >= -slack and dot(d, self.after) <= slack
 
 
-def dot(a: Vector, b: Vector) -> Real:
+def dot(a: Sequence[Real], b: Sequence[Real]) -> Real:
     """Returns the scalar product. If only one vector has three components, it is that of the horizontal parts."""
     return sum(x * y for x, y in zip(a, b, strict=False))
 

@@ -378,7 +378,7 @@ class _Table:
             self.collide(i, p.other)
         elif p.kind == PHASE:
             kind, after = laws.next_phase(self.world, i, segment)
-            pocket = self.world.pocket_at(after.position) if kind == "landing" else None
+            pocket = contact.pocket_below(self.world, i, after.position) if kind == "landing" else None
             if pocket is None:
                 self.log(kind, i)
                 self.replace({i: after})

@@ -60,9 +60,9 @@ from billiards_env.scene import Scene
 OVERLAP, OUTSIDE, RISE, RISE_SUM, MOMENTUM, BROKEN, FULL, IMPACTS, DRIFT_X, DRIFT_Y = range(10)
 """Columns of the findings: the deepest overlap, the largest distance beyond a cushion, into a pocket or under the cloth
 (m), the largest rise of the energy relative to the energy before it, the sum of the rises above `ENERGY_RISE` (J), the
-largest change of momentum in an impact relative to the sum of the balls' momenta, whether a number is not finite or a time is out of
-order (0 or 1), whether the log was too short (0 or 1), the number of ball-ball impacts, the sum of their changes of the
-momentum (kg m/s)."""
+largest change of momentum in an impact relative to the sum of the balls' momenta, whether a number is not finite or a
+time is out of order (0 or 1), whether the log was too short (0 or 1), the number of ball-ball impacts, the sum of their
+changes of the momentum (kg m/s)."""
 N_FINDINGS = 10
 
 ENERGY_RISE = 1e-12  # relative; larger rises must be acts of the contact-time rule
@@ -303,10 +303,11 @@ class Checked(NamedTuple):
     def bad(self, may_time_out: bool = False) -> NDArray[np.bool_]:
         """Returns (m,) bool: the shots that did not end or violate a rule."""
         f, shots = self.findings, self.shots
+        aloft = np.zeros(len(f), np.bool_) if shots.heights is None else shots.heights.any(axis=(1, 2))
         return (
             (shots.status > (1 if may_time_out else 0))
             | ~np.isfinite(shots.positions).all(axis=(1, 2))
-            | (0.0 if shots.heights is None else (shots.heights != 0.0).any(axis=(1, 2)) & (shots.status == 0))
+            | (aloft & (shots.status == 0))
             | (f[:, [BROKEN, FULL]] != 0).any(axis=1)
             | ~(f[:, OVERLAP] <= DEPTH)
             | ~(f[:, OUTSIDE] <= DEPTH)

@@ -79,6 +79,7 @@ def _rain(scene: Scene) -> Callable[[np.random.Generator, int], RandomShots | No
         if (places := draw.layouts(scene, rng, m)) is None:
             return None
         heights = rng.uniform(-0.2, 0.2, (m, scene.n_balls)).clip(0.0)[..., None]
+        heights[heights > 0.0] += 0.03  # above the noses
         velocities = rng.normal(size=(m, scene.n_balls, 3))
         return scene, np.concatenate((places, heights), axis=2), velocities, 40 * rng.normal(size=velocities.shape)
 

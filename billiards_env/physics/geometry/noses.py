@@ -11,11 +11,12 @@ import math
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.geometry.contact import circle_time, sphere_time
-from billiards_env.physics.geometry.pockets import bounding_circle
+from billiards_env.physics.geometry.pockets import bounding_circle, pocket_at
 from billiards_env.physics.geometry.walls import normal_at
 from billiards_env.physics.laws.cushion import nose_of
 from billiards_env.physics.motion import Path
 from billiards_env.physics.state import X, Y, Z
+from billiards_env.scene import CONTACT_GAP
 
 
 @inlined
@@ -51,6 +52,18 @@ def _mouth_at(pockets, along, wall, radius, numbers):
     return 0.0, -1.0
 
 
+@inlined
+def mouth_beyond(pockets, x, y, radius, numbers):
+    """Returns the pocket in whose mouth a point is beyond the places of balls on the cloth, or -1."""
+    room_x, room_y = room_between_noses(radius, numbers)
+    pocket = -1
+    if abs(x) > numbers.half_length - radius + CONTACT_GAP:
+        pocket = pocket_at(pockets, math.copysign(room_x, x), y, 1.0)
+    if pocket < 0 and abs(y) > numbers.half_width - radius + CONTACT_GAP:
+        pocket = pocket_at(pockets, x, math.copysign(room_y, y), 1.0)
+    return pocket
+
+
 @kernel
 def nose_time(path, rise, radius, end, noise, wall, pockets, numbers):
     """Returns the time at which a ball in the air next touches the nose of a cushion, s, or infinity.
@@ -71,12 +84,12 @@ def nose_time(path, rise, radius, end, noise, wall, pockets, numbers):
         return math.inf
     (z, vz), height, g = rise, radius * nose_of(radius, numbers).sin, numbers.g
     room_x, room_y = room_between_noses(radius, numbers)
-    first = math.inf
+    room, first = room_y if wall < 2 else room_x, math.inf
     for k in range(len(pockets)):
         middle, half = _mouth(pockets[k], wall, radius, numbers)
         for side in (-1.0, 1.0):
             place = middle + side * half
-            if half > 0.0 and abs(place) <= (room_y if wall < 2 else room_x):
+            if half > 0.0 and abs(place) <= room:
                 to_end = Path(along - place, gap, slide, -speed, 0.0, 0.0)
                 first = min(first, sphere_time(to_end, (z - height, vz, -g), radius, end, noise))
     begin, t, touches = 0.0, 0.0, False
@@ -87,7 +100,7 @@ def nose_time(path, rise, radius, end, noise, wall, pockets, numbers):
                 return first
             begin = max(t, (middle + math.copysign(half, slide) - along) / slide)  # the path leaves the mouth
         elif touches:
-            return min(first, t)
+            return min(first, t) if abs(along + slide * t) <= room else first
         if begin >= min(first, end) or (touches and begin == t):
             return first
         across = Path(gap - speed * begin, z + begin * (vz - 0.5 * begin * g) - height, -speed, vz - begin * g, 0.0, -g)
