@@ -79,7 +79,8 @@ class NextEvent(NamedTuple):
 @allocating
 def empty_singles(n):
     """Returns the `Singles` of n balls, with undefined content."""
-    return Singles(np.empty(n), np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64))
+    times, events = np.empty((2, n)), np.empty((2, n), np.int64)
+    return Singles(times[0], times[1], events[0], events[1])
 
 
 @inlined

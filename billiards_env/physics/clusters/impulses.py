@@ -57,14 +57,8 @@ class Contacts(NamedTuple):
 @allocating
 def empty_contacts(most):
     """Returns `Contacts` with room for `most` of them. `rebound` is zero, the rest is undefined."""
-    contacts = Contacts(
-        np.empty(most, np.int64),
-        np.empty(most, np.int64),
-        np.empty(most),
-        np.empty(most),
-        np.empty(most),
-        np.empty(most),
-    )
+    balls, numbers = np.empty((2, most), np.int64), np.empty((4, most))
+    contacts = Contacts(balls[0], balls[1], numbers[0], numbers[1], numbers[2], numbers[3])
     for c in range(most):  # `np.zeros` would be another function to compile
         contacts.rebound[c] = 0.0
     return contacts
