@@ -138,7 +138,7 @@ def predict_single(i, state, scene, singles):  # out: singles
 
 
 @inlined
-def _can_meet(i, j, state):
+def can_meet(i, j, state):
     """Returns whether balls i and j are in play and at least one of them moves."""
     return state.phase[i] != POTTED and state.phase[j] != POTTED and (moves(state, i) or moves(state, j))
 
@@ -182,7 +182,7 @@ def predict_pair(i, j, state, scene, singles):
         scene: The `SceneArrays`.
         singles: The `Singles`.
     """
-    if not _can_meet(i, j, state):
+    if not can_meet(i, j, state):
         return Time(math.inf, 0.0)
     now = own_time(state, i)
     if before(now, own_time(state, j)):
