@@ -27,6 +27,7 @@ from billiards_env.engine.meetings import (
 from billiards_env.engine.pic_events import add_contact
 from billiards_env.engine.predictions import (
     Singles,
+    can_meet,
     empty_singles,
     meeting_bound,
     next_event,
@@ -42,7 +43,7 @@ from billiards_env.physics.state import AX, AY, T0, VX, VY, Time, X, Y, same
 SOON = 1e-6
 """s. Pairs that are predicted to meet at most this long after an impact are tested for contact at it."""
 
-MANY = 4
+MANY = 5
 """From this number of balls on, one instruction compares a ball with several others."""
 
 _LANES = 8  # largest number of doubles that one processor instruction handles
@@ -108,12 +109,11 @@ def _bound_few(i, now, state, scene, queue):  # out: queue
     """Does what `_bound_many` does, ball by ball, without the copies of the paths."""
     hi, lo, times = queue.meetings.hi, queue.meetings.lo, queue.singles.hi
     for j in range(len(times)):
-        if j == i:
-            hi[i, j] = math.inf
-            continue
-        path = difference(path_after(path_of(state, j), now - state.rows[j, T0]), path_of(state, i))
-        reach, end = scene.radius[i] + scene.radius[j], min(times[i], times[j], _LONG)
-        hi[i, j], lo[i, j] = now + meeting_bound(path, reach, end - now), -math.inf
+        hi[i, j], lo[i, j] = math.inf, -math.inf
+        if j != i and can_meet(i, j, state):
+            path = difference(path_after(path_of(state, j), now - state.rows[j, T0]), path_of(state, i))
+            reach, end = scene.radius[i] + scene.radius[j], min(times[i], times[j], _LONG)
+            hi[i, j] = now + meeting_bound(path, reach, end - now)
 
 
 @inlined

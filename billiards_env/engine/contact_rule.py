@@ -106,7 +106,8 @@ class Memory(NamedTuple):
 @allocating
 def empty_memory(n):
     """Returns the `Memory` of n balls, with undefined content."""
-    return Memory(np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64))
+    counts = np.empty((2, n), np.int64)
+    return Memory(np.empty(n), counts[0], counts[1])
 
 
 @inlined

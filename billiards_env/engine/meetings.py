@@ -69,8 +69,6 @@ def set_time(i, j, time, meetings):  # out: meetings
 def leave_rows(j, meetings):  # out: meetings
     """Removes ball j from the rows of the other balls."""
     for i in range(len(meetings.next)):
-        if i == j:
-            continue
         time = meetings.hi[i, j]
         meetings.hi[i, j] = math.inf
         if time == meetings.next[i] and time < math.inf:
@@ -78,12 +76,23 @@ def leave_rows(j, meetings):  # out: meetings
 
 
 @inlined
+def places_of(time, times, count):
+    """Returns the first and the last place of a time among the first elements of an array, without branches."""
+    first, last = count, -1
+    for k in range(count):
+        same = times[k] == time
+        first, last = min(first, k if same else count), max(last, k if same else -1)
+    return first, last
+
+
+@inlined
 def pair_at(hi, meetings):
     """Returns the row, the column and the `Time` of the earliest meeting, whose time is `hi` up to its second part."""
-    first, second, lo = 0, 0, math.inf
-    for i in range(len(meetings.next)):
-        if meetings.next[i] == hi:
-            for j in range(len(meetings.next)):
-                if meetings.hi[i, j] == hi and meetings.lo[i, j] < lo:
-                    first, second, lo = i, j, meetings.lo[i, j]
-    return first, second, Time(hi, lo)
+    row, column, lo, n = 0, 0, math.inf, len(meetings.next)
+    top, bottom = places_of(hi, meetings.next, n)
+    for i in range(top, bottom + 1):
+        first, last = places_of(hi, meetings.hi[i], n)
+        for j in range(first, last + 1):
+            if meetings.hi[i, j] == hi and meetings.lo[i, j] < lo:
+                row, column, lo = i, j, meetings.lo[i, j]
+    return row, column, Time(hi, lo)

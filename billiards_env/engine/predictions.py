@@ -93,7 +93,8 @@ class NextEvent(NamedTuple):
 @allocating
 def empty_singles(n):
     """Returns the `Singles` of n balls, with undefined content."""
-    return Singles(np.empty(n), np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64))
+    times, events = np.empty((2, n)), np.empty((2, n), np.int64)
+    return Singles(times[0], times[1], events[0], events[1])
 
 
 @inlined
@@ -189,7 +190,7 @@ def _event_in_air(flight, i, state, scene):
 
 
 @inlined
-def _can_meet(i, j, state):
+def can_meet(i, j, state):
     """Returns whether balls i and j are in play and at least one of them moves."""
     return state.phase[i] != POTTED and state.phase[j] != POTTED and (moves(state, i) or moves(state, j))
 
@@ -233,7 +234,7 @@ def predict_pair(i, j, state, scene, singles):
         scene: The `SceneArrays`.
         singles: The `Singles`.
     """
-    if not _can_meet(i, j, state):
+    if not can_meet(i, j, state):
         return Time(math.inf, 0.0)
     now = own_time(state, i)
     if before(now, own_time(state, j)):

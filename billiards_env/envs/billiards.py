@@ -582,7 +582,8 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         """
         episodes, state = self._episodes, self._episodes.state
         checked = check_options(episodes.model, options)
-        super().reset(seed=int(seed) if isinstance(seed, np.integer) else seed)
+        if seed is not None:
+            super().reset(seed=int(seed) if isinstance(seed, np.integer) else seed)
         if self._np_random is not None or not state.stream[0, 3]:
             state.stream[0] = streams.read(self.np_random)
         if seed is None:
@@ -613,8 +614,8 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
             ResetNeeded: If the episode is over or has not begun.
             ValueError: If the action does not have the shape of the action space, or a number is not finite.
         """
-        episodes, reward = self._episodes, np.empty(1)
-        over = episodes.state.over
+        episodes = self._episodes
+        over, reward = episodes.state.over, episodes.rewards
         if over[0] or not episodes.state.begun[0]:
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
         action = finite("action", action, self._action_shape)

@@ -61,6 +61,7 @@ class Episodes:
         actions: (m, 2) or (m, 5), the velocities or strikes of the last shots, clipped and with noise.
         mask: (m, choices) int8: 1 for the choices that are possible in the next shot.
         miscues: (m,) bool: whether the tip slipped in the last shot; False for the action "velocity".
+        rewards: (m,) float64, memory for the rewards of `shoot`.
         physics: The numbers of `BilliardsEnv.randomize` by name, (m,) each: columns of the state.
         of_shots: The arrays of `info` that change with each shot.
         of_episode: Those that do not change in an episode.
@@ -127,6 +128,7 @@ class Episodes:
         self.shots = shots = Shots(*map(arrays.__getitem__, Shots._fields))
         self.arrays = EpisodeArrays(*map(arrays.__getitem__, EpisodeArrays._fields))
         self.miscues, self.actions, self.mask = arrays["miscues"], arrays["actions"], arrays["mask"]
+        self.rewards = arrays["rewards"]
         self._block, self.memory = block, block[: len(state.over) * self.kind.itemsize]
         if like is None:
             self.arrays.viewers[:] = -1
@@ -447,7 +449,7 @@ def block_type(state: np.dtype[np.void], model: Model, choices: int) -> np.dtype
     """Returns the type of a row of the arrays of `Episodes`: the state, then the rest of `Shots` and the results."""
     n, shots = model.scene.n_balls, row_type(model.scene.n_balls, model.scene.physics.flight)
     rest = [(name, shots[name]) for name in shots.names or () if name not in StateArrays._fields]
-    rest += [("actions", "f8", (action_named(model.action).size,)), ("points", "i8")]
+    rest += [("actions", "f8", (action_named(model.action).size,)), ("points", "i8"), ("rewards", "f8")]
     rest += [("viewers", "i8", () if model.n_players > 1 else (0,)), ("mask", "i1", (choices,))]
     rest += [("potted", "?", (n,)), ("scratch", "?"), ("miscues", "?")]
     after, begin = np.dtype(rest, align=True), -(-state.itemsize // 8) * 8

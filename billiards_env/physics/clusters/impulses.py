@@ -64,15 +64,9 @@ def empty_contacts(most, flight):
 
     `flight` is `SceneArrays.flight`.
     """
-    contacts = Contacts(
-        np.empty(most, np.int64),
-        np.empty(most, np.int64),
-        np.empty(most),
-        np.empty(most),
-        None if flight is None else np.empty(most),
-        np.empty(most),
-        np.empty(most),
-    )
+    balls, numbers = np.empty((2, most), np.int64), np.empty((5, most))
+    nz = None if flight is None else numbers[4]
+    contacts = Contacts(balls[0], balls[1], numbers[0], numbers[1], nz, numbers[2], numbers[3])
     for c in range(most):  # `np.zeros` would be another function to compile
         contacts.rebound[c] = 0.0
     return contacts
