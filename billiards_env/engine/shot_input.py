@@ -209,8 +209,10 @@ def check_shot(
     Raises:
         ValueError: As in `simulate`; the message names the shot of a batch.
     """
-    places, above = _split(scene, "positions", positions)
-    velocities, rising = _split(scene, "velocities", velocities)
+    places, above, rising = numbers("positions", positions), None, None
+    if scene.physics.flight:
+        places, above = _split(places)
+        velocities, rising = _split(numbers("velocities", velocities))
     shape = places.shape[:-1]
     if places.ndim not in (2, 3) or places.shape[-2:] != (scene.n_balls, 2):
         check_positions(scene, places)  # raises
@@ -233,9 +235,11 @@ def check_shot(
         shot.spins[...] = 0.0
     else:
         _fill(shot.spins, "spins", spins)
-    on_cloth = shot.in_play if shot.heights is None else _fill_heights(scene, shot, shot.heights, above, rising)
-    if not _is_valid_fast(scene, shot._replace(in_play=on_cloth), threads):
-        check_positions(scene, shot.positions, in_play=on_cloth)
+    checked = shot
+    if shot.heights is not None:
+        checked = shot._replace(in_play=_fill_heights(scene, shot, shot.heights, above, rising))
+    if not _is_valid_fast(scene, checked, threads):
+        check_positions(scene, shot.positions, in_play=checked.in_play)
         _check_motion(scene, "velocities", shot.velocities, RANGES["speed"])
         _check_motion(scene, "spins", shot.spins, RANGES["spin"])
     return shot
@@ -310,10 +314,9 @@ def _fill(array: Floats, name: str, values: ArrayLike) -> None:
         )
 
 
-def _split(scene: Scene, name: str, values: ArrayLike) -> tuple[Floats, Floats | None]:
-    """Returns vectors (..., 2) and, in scenes with flight, the third components (..., 1) of vectors (..., 3)."""
-    array = numbers(name, values)
-    if scene.physics.flight and array.ndim and array.shape[-1] == 3:
+def _split(array: Floats) -> tuple[Floats, Floats | None]:
+    """Returns vectors (..., 2) and the third components (..., 1) of vectors (..., 3), or None."""
+    if array.ndim and array.shape[-1] == 3:
         return array[..., :2], array[..., 2:]
     return array, None
 

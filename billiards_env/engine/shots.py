@@ -131,8 +131,10 @@ def row_type(n: int, flight: bool = False) -> np.dtype[np.void]:
 def empty_shots(m: int, n: int, flight: bool = False) -> Shots:
     """Returns `Shots` for m shots of n balls. Ball 0 is the cue ball; the content of the other arrays is undefined."""
     kind = row_type(n, flight)
-    arrays = arrays_in(np.empty(m * kind.itemsize, np.uint8), kind)
-    shots = Shots(**{"heights": None, **dict(zip(kind.names or (), arrays, strict=True))})
+    arrays: list[Any] = arrays_in(np.empty(m * kind.itemsize, np.uint8), kind)
+    if not flight:
+        arrays.insert(Shots._fields.index("heights"), None)
+    shots = Shots(*arrays)
     shots.cue[:] = CUE_BALL
     return shots
 
