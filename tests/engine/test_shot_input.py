@@ -57,7 +57,7 @@ def test_the_check_by_cells_finds_the_overlaps_that_the_check_of_all_pairs_finds
         in_play = rng.random((m, n)) < rng.choice([0.2, 0.5])
         positions[~in_play] *= 100.0
         message = first_overlap(scene, positions, in_play)
-        starts = positions, np.zeros((m, n, 2)), np.zeros((m, n, 3)), in_play, np.zeros(m, np.int64)
+        starts = positions, np.zeros((m, n, 2)), np.zeros((m, n, 3)), in_play, np.zeros(m, np.int64), None
         for check in (is_valid_fast, is_valid_fast_of_many):
             assert check(0, m, scene_fields(scene), starts) == (message is None)
         if message is None:
