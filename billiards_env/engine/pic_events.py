@@ -10,6 +10,7 @@ from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.walls import wall_normal, walls_met
 from billiards_env.physics.motion import advance, end_phase, motion_after
+from billiards_env.physics.scatter import scatter_key, scatter_limit, scatter_motion
 from billiards_env.physics.state import VX, VY, own_time, same, since
 from billiards_env.scene import CONTACT_GAP
 
@@ -141,7 +142,11 @@ def resolve_singles(count, now, k, scene, work, shots, log):  # out: work, shots
             other = walls[0]
             contact = _contact_with(i, other, state, scene)
             speed = contact.speed
+            limit = scatter_limit(scene.scatter, i, state, scene)
             acts = hit_cushion(contact, now.hi, state, scene, work.memory)
+            if acts == 0 and speed > scene.numbers.weak_speed:
+                key = scatter_key(scene.scatter, k, i, shots.cushions[k, i])
+                scatter_motion(scene.scatter, key, i, (contact.nx, contact.ny), limit, state, scene)
             shots.cushions[k, i] += 1
         else:
             end_phase(state, i, now, scene.numbers)

@@ -20,6 +20,7 @@ from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.pockets import pocket_at
 from billiards_env.physics.geometry.walls import half_sizes
+from billiards_env.physics.scatter import Scatter
 from billiards_env.physics.state import (
     CUE_BALL,
     SPIN_X,
@@ -59,6 +60,7 @@ class ShotInput(NamedTuple):
         in_play: (n,) bool.
         cue: The cue ball, which the cue strikes.
         limit: Time at which a shot ends, s; infinite for no limit.
+        scatter: The scatter of the cushions, or None.
     """
 
     positions: Floats
@@ -67,6 +69,7 @@ class ShotInput(NamedTuple):
     in_play: NDArray[np.bool_]
     cue: int | NDArray[np.int64] = CUE_BALL
     limit: float = math.inf
+    scatter: Scatter | None = None
 
     def as_batch(self) -> tuple[Any, ...]:
         """Returns the start of one shot as the fields of `Starts` of a batch, which share the memory of its arrays."""

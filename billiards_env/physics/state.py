@@ -148,6 +148,7 @@ class SceneArrays(NamedTuple):
         ball_restitution: The restitution of two balls: a `tables.choice` of `tables.RESTITUTIONS`.
         ball_friction: Their friction: a choice of `tables.FRICTIONS`; None for balls without friction.
         cushion: The law of the cushions: a choice of `tables.CUSHION_LAWS`.
+        scatter: The fields of `scatter.Scatter` of all shots; None for cushions without scatter.
 
     Numba compiles the code of a feature only for scenes in which its field is not None: a function with the field as an
     argument begins with `if field is None`.
@@ -165,6 +166,7 @@ class SceneArrays(NamedTuple):
     ball_restitution: Any = ()
     ball_friction: Any = None
     cushion: Any = ()
+    scatter: Any = None
 
 
 @expanded
