@@ -349,8 +349,9 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
       tournaments at the Computer Olympiad (Smith 2007, PickPocket: A computer billiards shark). The speed stays
       between 0 and `max_speed`. A shot of speed 0 stays at speed 0. An action is clipped before the noise is added.
     - `scatter` gives each impact on a cushion random differences, see `physics.scatter`. It maps "normal_std" (of the
-      speed along the normal), "along_std" (of the speed along the cushion) and "spin_std" (of the spins) to shares.
-      Missing ones have the values of a real table, `shots.noise.SCATTER`.
+      speed along the normal, as a share of it), "along_std" (of the speed along the cushion, as a share of the speed)
+      and "spin_std" (of the spins times the radius, as a share of the speed) to numbers. Missing ones have the values
+      of a real table, `shots.noise.SCATTER`.
     - The values of `fix` are `"push_apart"` (the same as None), `"move_back"`, `"none"` and `"time_of_impact"`.
     - `"module:name"` names a task, a scene, a layout, a feature or an action that a package of yours registers.
     - An `EnvSpec` can be converted to JSON and back. The spec stores a `Scene` as a dict. All other arguments are JSON

@@ -1,10 +1,10 @@
 """The scatter of cushions: random differences between impacts that the law of the cushions does not explain.
 
-After an impact, five parts of the motion are each multiplied by 1 + deviation * z: the speed along the normal, the
-speed along the cushion, and the spins about the normal, along the cushion and about the vertical axis. z is a random
-number with mean 0 and variance 1, at most 2 sqrt(3) in size. If the ball would then have more energy than before the
-impact, all parts are made smaller by one factor. So the ball leaves the cushion, and a mirrored shot has mirrored
-scatter.
+After an impact, the speed along the normal is multiplied by 1 + normal * z. The speed along the cushion changes by
+along * z times the speed of the ball. The spins about the normal, along the cushion and about the vertical axis change
+by spin * z times its speed over its radius. Each z is another random number, with mean 0 and variance 1, at most
+2 sqrt(3) in size. If the ball would then have more energy than before the impact, all parts are made smaller by one
+factor. So the ball leaves the cushion, and a mirrored shot has mirrored scatter.
 
 The numbers follow from the seed of the shot, the number of the ball and the number of its earlier cushion contacts. So
 they depend neither on other balls nor on the end of the shot. An impact on two cushions at one instant has no scatter,
@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.jit import inlined, kernel
+from billiards_env.physics.elementary import norm
 from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, WZ
 
 # The constants of SplitMix64 (Steele, Lea and Flood 2014, Fast splittable pseudorandom number generators).
@@ -33,8 +34,7 @@ class Scatter(NamedTuple):
     """The scatter of the cushions in m shots.
 
     Attributes:
-        deviations: (3,) float64, the standard deviations of the factors: of the speed along the normal, of the speed
-            along the cushion, and of the spins.
+        deviations: (3,) float64, the standard deviations normal, along and spin.
         seeds: (m,) int64, the seed of each shot; -1 for a shot without scatter.
     """
 
@@ -90,16 +90,20 @@ def scatter_limit(scatter, i, state, scene):
 def _scatter_motion(deviations, key, i, n, limit, state, scene):  # out: state
     """Implements `scatter_motion`."""
     s, (nx, ny), slips, radius = state.rows[i], n, scene.numbers.motion == SLIDING_AND_ROLLING, scene.radius[i]
-    along, across, turning = deviations
+    normal, along, spin = deviations
     vn, vt = nx * s[VX] + ny * s[VY], nx * s[VY] - ny * s[VX]
     sn, st, rwz = 0.0, 0.0, 0.0
     if slips:
-        sn, st = vn - (nx * s[UX] + ny * s[UY]), vt - (nx * s[UY] - ny * s[UX])
-        sn *= 1.0 + turning * scatter_number(key, 2)
-        st *= 1.0 + turning * scatter_number(key, 3)
-        rwz = radius * s[WZ] * (1.0 + turning * scatter_number(key, 4))
-    vn *= 1.0 + along * scatter_number(key, 0)
-    vt *= 1.0 + across * scatter_number(key, 1)
+        sn, st, rwz = vn - (nx * s[UX] + ny * s[UY]), vt - (nx * s[UY] - ny * s[UX]), radius * s[WZ]
+    speed = norm(vn, vt)
+    aside = vt if vt != 0.0 else st if st != 0.0 else rwz  # these three change their signs in a mirror
+    turned = speed if aside >= 0.0 else -speed
+    vn *= 1.0 + normal * scatter_number(key, 0)
+    vt += along * turned * scatter_number(key, 1)
+    if slips:
+        sn += spin * speed * scatter_number(key, 2)
+        st += spin * turned * scatter_number(key, 3)
+        rwz += spin * turned * scatter_number(key, 4)
     energy = _energy(vn, vt, sn, st, rwz)
     if energy > limit:
         scale = math.sqrt(limit / energy)

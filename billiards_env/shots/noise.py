@@ -14,8 +14,8 @@ EXECUTION_NOISE = {"angle_std": 0.125, "speed_std": 0.075, "offset_std": 0.0005,
 """The standard deviations of the frozen tasks with noise: the argument `noise` of `BilliardsEnv` has their source."""
 
 SCATTER = {"normal_std": 0.03, "along_std": 0.036, "spin_std": 0.07}
-"""The standard deviations of the scatter of cushions, as shares: of the speed along the normal, of the speed along the
-cushion and of the spins. They were measured on a real table for three-cushion billiards, see docs/validation.md."""
+"""The standard deviations of the scatter of cushions, see `physics.scatter`. The errors of simulated shots with it grow
+as those of real shots of three-cushion billiards, see docs/validation.md."""
 
 
 def check_scatter(scatter: Mapping[str, Any] | None) -> NDArray[np.float64] | None:
