@@ -105,6 +105,7 @@ def measure(scene: Scene, tracks: list[Track], others: list[Track] | None, laws:
 def judge_simulated(result: Calibration, scatter: dict[str, float] | None) -> Judged:
     """Judges simulated shots with the starts, the rows and the noise of the fitted ones."""
     scene, shots = result.scene, []
+    error = result.judged.median(1) / 1.1774  # the median distance of Gaussian errors in two coordinates
     for k, (shot, start) in enumerate(zip(result.shots, result.starts, strict=True)):
         velocities, spins = np.zeros((scene.n_balls, 2)), np.zeros((scene.n_balls, 3))
         velocities[0], spins[0] = result.velocities[k], result.spins[k]
@@ -118,9 +119,9 @@ def judge_simulated(result: Calibration, scatter: dict[str, float] | None) -> Ju
         )
         track = shot.track.rows(~shot.added)
         times = np.maximum(track.times - shot.begin - start[INSTANT], 0.0)
-        noise = np.random.default_rng(k).normal(0.0, result.error, track.positions.shape)
+        noise = np.random.default_rng(k).normal(0.0, error, track.positions.shape)
         places = ideal.at(times)[np.arange(len(times)), track.balls] + noise
-        shots.append(prepare(scene, track._replace(positions=places), result.error))
+        shots.append(prepare(scene, track._replace(positions=places), error))
     return judge(scene, shots)
 
 

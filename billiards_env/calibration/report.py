@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from billiards_env.calibration.cleaning import clean
 from billiards_env.calibration.fit import bounds_of, half_widths
 from billiards_env.calibration.frame import Frame
-from billiards_env.calibration.judge import CONTACTS, Judged, Problem, judge
+from billiards_env.calibration.judge import CONTACTS, SCALE, Judged, Problem, judge
 from billiards_env.calibration.scatter import Scattered, estimate
 from billiards_env.calibration.shot import INSTANT, PLACES, SPIN, VELOCITY, Shot, prepare
 from billiards_env.calibration.starts import errors, run, simulated
@@ -70,16 +70,10 @@ class Calibration:
     laws: dict[str, float]
     warnings: list[str]
 
-    @property
-    def error(self) -> float:
-        """The standard deviation of a coordinate of the rows before the first contact, m."""
-        typical = self.judged.median(1) / 1.1774  # the median distance of Gaussian errors in two coordinates
-        return max(self.row_noise, 0.0 if np.isnan(typical) else typical)
-
     @functools.cached_property
     def scatter(self) -> Scattered | None:
         """The scatter of the cushions, see `calibration.scatter`; None if the shots have too few contacts."""
-        return estimate(self.scene, self.shots, self.error)
+        return estimate(self.scene, self.shots, max(SCALE, self.row_noise))
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:

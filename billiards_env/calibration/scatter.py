@@ -3,8 +3,10 @@
 Each contact with a cushion has five small unknown changes, see `physics.scatter`. The errors of the rows are linear in
 these changes and in the start of the shot. The estimate has the largest likelihood for changes with Student's
 distribution, found by expectation and maximisation (Lange, Little and Taylor 1989). With this distribution a contact
-that does not fit at all has little weight. The changes also contain errors of the laws and of the starts. So the
-estimate is an upper limit of what a cushion does: in simulated shots it is about a third too large.
+that does not fit at all has little weight.
+
+The changes also contain errors of the laws, so the estimate is an upper limit of what a cushion does. In simulated
+shots without such errors it is up to a quarter too small.
 """
 
 from __future__ import annotations
@@ -52,7 +54,8 @@ def estimate(scene: Scene, shots: Sequence[Shot], noise: float) -> Scattered | N
     Args:
         scene: The scene with the fitted constants.
         shots: The shots with their starts; the rows that are used.
-        noise: Standard deviation of a coordinate of a row without any scatter, m.
+        noise: Standard deviation of a coordinate of a row without any scatter, m. It should include the errors of the laws
+            between two contacts, which many rows share: 3 mm on a real table.
     """
     both = [_normal(scene, shot, noise) for shot in shots if shot.used.any()]
     contacts = sum(len(slope) // len(_PARTS) for _, slope in both)

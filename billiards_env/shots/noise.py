@@ -13,9 +13,9 @@ from billiards_env.support.checks import one_of, real, short
 EXECUTION_NOISE = {"angle_std": 0.125, "speed_std": 0.075, "offset_std": 0.0005, "elevation_std": 0.1}
 """The standard deviations of the frozen tasks with noise: the argument `noise` of `BilliardsEnv` has their source."""
 
-SCATTER = {"normal_std": 0.03, "along_std": 0.036, "spin_std": 0.07}
-"""The standard deviations of the scatter of cushions, see `physics.scatter`. The errors of simulated shots with it grow
-as those of real shots of three-cushion billiards, see docs/validation.md."""
+SCATTER = {"normal_std": 0.015, "along_std": 0.018, "spin_std": 0.035}
+"""The standard deviations of the scatter of cushions, see `physics.scatter`. With it, predictions of simulated shots are
+about as wrong as those of real shots of three-cushion billiards, see docs/validation.md."""
 
 
 def check_scatter(scatter: Mapping[str, Any] | None) -> NDArray[np.float64] | None:

@@ -28,8 +28,8 @@ VARIANTS: list[dict[str, Any]] = [
     {"scene": "blocked_pool", "layout": "snookered", "max_shots": 2},
     {"scene": "snooker", "layout": "snooker", "max_shots": 2},
     {"scene": "ideal", "task": "carom", "n_object_balls": 5, "layout": "random", "max_shots": 2},
-    {"scene": "carom", "task": "carom", "layout": "carom_opening", **LONG},
-    {"scene": "real_carom", "task": "place", "scatter": {}},  # the engine for two balls
+    {"scene": "carom", "task": "carom", "layout": "carom_opening", "scatter": {}, **LONG},
+    {"scene": "real_carom", "task": "place"},  # the engine for two balls
     {"scene": "match_carom", "task": "three_cushion", "layout": "random", "max_shots": 2},
     {"task": "clear", "n_object_balls": 10, "layout": "ten_ball", "max_shots": 2},
     {"task": "clear", "n_object_balls": 9, "layout": "nine_ball_2025", "max_shots": 2},
