@@ -54,8 +54,8 @@ def estimate(scene: Scene, shots: Sequence[Shot], noise: float) -> Scattered | N
     Args:
         scene: The scene with the fitted constants.
         shots: The shots with their starts; the rows that are used.
-        noise: Standard deviation of a coordinate of a row without any scatter, m. It should include the errors of the laws
-            between two contacts, which many rows share: 3 mm on a real table.
+        noise: Standard deviation of a coordinate of a row without any scatter, m. It should include the errors of the
+            laws between two contacts, which many rows share: 3 mm on a real table.
     """
     both = [_normal(scene, shot, noise) for shot in shots if shot.used.any()]
     contacts = sum(len(slope) // len(_PARTS) for _, slope in both)

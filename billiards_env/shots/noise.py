@@ -14,8 +14,8 @@ EXECUTION_NOISE = {"angle_std": 0.125, "speed_std": 0.075, "offset_std": 0.0005,
 """The standard deviations of the frozen tasks with noise: the argument `noise` of `BilliardsEnv` has their source."""
 
 SCATTER = {"normal_std": 0.015, "along_std": 0.018, "spin_std": 0.035}
-"""The standard deviations of the scatter of cushions, see `physics.scatter`. With it, predictions of simulated shots are
-about as wrong as those of real shots of three-cushion billiards, see docs/validation.md."""
+"""The standard deviations of the scatter of cushions, see `physics.scatter`. With it, the errors of simulated shots
+are 60 to 85% of those of real shots of three-cushion billiards, see docs/validation.md."""
 
 
 def check_scatter(scatter: Mapping[str, Any] | None) -> NDArray[np.float64] | None:
