@@ -78,7 +78,8 @@ def _score(matrix: Floats, slope: Floats, deviations: Floats) -> Floats:
     covariance = np.linalg.inv(scale[:, None] * matrix * scale + np.eye(len(slope)))
     squares = np.square(covariance @ (scale * slope)) + np.diag(covariance)  # of the changes, expected
     weights = (_FREEDOM + len(_PARTS)) / (_FREEDOM + squares.reshape(-1, len(_PARTS)).sum(axis=1))
-    return np.bincount(part, np.repeat(weights, len(_PARTS)) * squares - 1.0, minlength=len(deviations))
+    scores: Any = np.bincount(part, np.repeat(weights, len(_PARTS)) * squares - 1.0, minlength=len(deviations))
+    return scores
 
 
 def _normal(scene: Scene, shot: Shot, noise: float) -> tuple[Floats, Floats]:

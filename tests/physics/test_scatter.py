@@ -65,7 +65,8 @@ def test_the_energy_does_not_rise_and_every_ball_leaves_the_cushion(mode):
     half = np.array((table.length, table.width)) / 2 - radius + (0.02 if mode == "pit" else 1e-12)
     for shot in (batch[k] for k in range(0, 60, 6)):
         assert (np.abs(shot.at(np.linspace(0.0, shot.time, 200))[:, 0]) <= half).all()
-        velocities, spins = shot.motion_at(np.append(0.0, shot.events["time"]))
+        events: Any = shot.events
+        velocities, spins = shot.motion_at(np.append(0.0, events["time"]))
         energies = np.square(velocities[:, 0]).sum(axis=1) + 0.4 * radius**2 * np.square(spins[:, 0]).sum(axis=1)
         assert (np.diff(energies) <= 1e-12).all()
 
