@@ -23,10 +23,12 @@ from billiards_env.calibration.cleaning import clean, noise_of
 from billiards_env.calibration.frame import Frame
 from billiards_env.calibration.judge import CONTACTS, SCALE, Judged, judge, together
 from billiards_env.calibration.report import drawn
-from billiards_env.calibration.shot import prepare
+from billiards_env.calibration.shot import INSTANT, prepare
 from billiards_env.calibration.starts import errors, search
 from billiards_env.drawing.tracks import draw_fit
 from billiards_env.scene import Scene
+from billiards_env.shots.noise import SCATTER
+from billiards_env.shots.simulation import simulate
 from billiards_env.support.commands import ending
 
 PARTS = 5
@@ -43,6 +45,14 @@ FIGURES = {
     "sequence": ("shots with the same contacts until the third cushion", "{:.1%}"),
 }
 """The figures of a judgement: their texts and formats."""
+
+GROWTH = {
+    "real": "real shots",
+    "exact": "simulated shots",
+    "scatter": "with the scatter of `SCATTER`",
+    "estimate": "with the estimated scatter",
+}
+"""The columns of the growth of the errors."""
 
 DRAWN, UNTIL = 6, 3
 """The number of shots in the picture, and the contact of the cue ball until which they are fitted and drawn."""
@@ -87,6 +97,43 @@ def measure(scene: Scene, tracks: list[Track], others: list[Track] | None, laws:
         "fitted": result.judged.to_dict(),
         "judged": judged.to_dict(),
         "medians_mm": [1e3 * judged.median(k) for k in CONTACTS],
+        "scatter": None if result.scatter is None else result.scatter._asdict(),
+        "growth": growth(result),
+    }
+
+
+def judge_simulated(result: Calibration, scatter: dict[str, float] | None) -> Judged:
+    """Judges simulated shots with the starts, the rows and the noise of the fitted ones."""
+    scene, shots = result.scene, []
+    error = result.judged.median(1) / 1.1774  # the median distance of Gaussian errors in two coordinates
+    for k, (shot, start) in enumerate(zip(result.shots, result.starts, strict=True)):
+        velocities, spins = np.zeros((scene.n_balls, 2)), np.zeros((scene.n_balls, 3))
+        velocities[0], spins[0] = result.velocities[k], result.spins[k]
+        ideal = simulate(
+            *(scene, result.positions[k], velocities),
+            spins=spins,
+            in_play=shot.in_play,
+            record=True,
+            scatter=scatter,
+            seed=None if scatter is None else k,
+        )
+        track = shot.track.rows(~shot.added)
+        times = np.maximum(track.times - shot.begin - start[INSTANT], 0.0)
+        noise = np.random.default_rng(k).normal(0.0, error, track.positions.shape)
+        places = ideal.at(times)[np.arange(len(times)), track.balls] + noise
+        shots.append(prepare(scene, track._replace(positions=places), error))
+    return judge(scene, shots)
+
+
+def growth(result: Calibration) -> dict[str, Any]:
+    """Returns the figures of the fitted shots, and of simulated ones without and with scatter of the cushions."""
+    cases: dict[str, Judged] = {"real": result.judged, "exact": judge_simulated(result, None)}
+    cases["scatter"] = judge_simulated(result, SCATTER)
+    if result.scatter is not None:
+        cases["estimate"] = judge_simulated(result, result.scatter.values)
+    figures = {name: judged.to_dict() for name, judged in cases.items()}
+    return {
+        name: {f"median_mm_contact{k}": 1e3 * cases[name].median(k) for k in CONTACTS} | figures[name] for name in cases
     }
 
 
@@ -101,6 +148,16 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         for name, value in result["values"].items()
     ]
     numbers += [(f"`{name}`", "-", why) for name, why in result["kept"].items()]
+    grown = {f"median_mm_contact{k}": f"median error until contact {k}, mm" for k in CONTACTS}
+    grown |= {name: text for name, (text, _) in FIGURES.items() if name.startswith("predicted")}
+    growing = [
+        (text, *("-" if (figure := case[name]) is None else f"{figure:.3g}" for case in result["growth"].values()))
+        for name, text in grown.items()
+    ]
+    scattered = [
+        (f"`{name}`", f"{value:.3f}", "{:.3f} to {:.3f}".format(*result["scatter"]["intervals"][name]))
+        for name, value in (result["scatter"] or {"values": {}})["values"].items()
+    ]
     least = min(result["laws"].values(), default=1.0)
     laws = [(f"`{law}`", f"{loss / least:.3f}") for law, loss in sorted(result["laws"].items(), key=lambda law: law[1])]
     parts, shots = result["parts"], result["shots"]
@@ -113,7 +170,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         f"recorded positions of {result['judged_shots']} shots are within 5 mm of the computed path. For each shot the "
         f"constants of the model are fitted to {fitted} other shots. Only the start is fitted to the shot itself.",
         "judged": table(("", "judged shots", "fitted shots"), rows),
-        "numbers": table(("constant", "fitted", "95% interval"), numbers),
+        "numbers": table(("constant", "fitted", "95% interval"), numbers + scattered),
+        "growth": table(("", *(GROWTH[name] for name in result["growth"])), growing),
         **({"laws": table(("law of cushions", "loss over the least"), laws)} if laws else {}),
     }
 

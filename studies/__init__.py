@@ -9,6 +9,7 @@ Modules:
     derivatives: Trains networks by derivatives, exact ones and those through a timestep.
     failures: The four failures of a timestep, as small scenes.
     frozen_tasks: Measures players without training in the frozen tasks.
+    scatter: Measures what players lose by the scatter of the cushions.
     leaderboard: Verifies the files of the leaderboard and makes its tables.
     figures: Draws the pictures that show no measurement, and a film of a run-out of the planner.
     tables: Makes the tables of games, numbers, actions and features.

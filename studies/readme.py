@@ -42,6 +42,7 @@ SOURCES = {
         "studies.learning",
         "studies.other_simulators",
         "studies.frozen_tasks",
+        "studies.scatter",
         "studies.timestep",
         "studies.timestep_shots",
         "docs.web.check",

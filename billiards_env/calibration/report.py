@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +15,8 @@ from numpy.typing import ArrayLike
 from billiards_env.calibration.cleaning import clean
 from billiards_env.calibration.fit import bounds_of, half_widths
 from billiards_env.calibration.frame import Frame
-from billiards_env.calibration.judge import CONTACTS, Judged, Problem, judge
+from billiards_env.calibration.judge import CONTACTS, SCALE, Judged, Problem, judge
+from billiards_env.calibration.scatter import Scattered, estimate
 from billiards_env.calibration.shot import INSTANT, PLACES, SPIN, VELOCITY, Shot, prepare
 from billiards_env.calibration.starts import errors, run, simulated
 from billiards_env.calibration.tracks import Bools, Floats, Track, check_tracks
@@ -34,7 +36,7 @@ SUFFIXES = (".json", ".png", ".svg", ".pdf")
 _DRAWN = 6  # shots in the picture: the worse half are the worst, the others are typical
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Calibration:
     """Fitted constants.
 
@@ -67,6 +69,11 @@ class Calibration:
     predicted: Judged | None
     laws: dict[str, float]
     warnings: list[str]
+
+    @functools.cached_property
+    def scatter(self) -> Scattered | None:
+        """The scatter of the cushions, see `calibration.scatter`; None if the shots have too few contacts."""
+        return estimate(self.scene, self.shots, max(SCALE, self.row_noise))
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
@@ -163,6 +170,11 @@ class Calibration:
                 cells = f"{self.values[name]:.5g}", "{:.5g} to {:.5g}".format(*self.intervals[name])
             rows.append((name, f"{start:.5g}", *cells, RANGES[PARAMETERS[name].within].unit))
         lines = [*_aligned(rows), ""]
+        if self.scatter is not None:
+            rows = [(f"scatter of {self.scatter.contacts} contacts with cushions", "at most", "95% interval")]
+            for name, value in self.scatter.values.items():
+                rows.append((name, f"{value:.3f}", "{:.3f} to {:.3f}".format(*self.scatter.intervals[name])))
+            lines += [*_aligned(rows), ""]
         for text, judged in (("shots", self.judged), ("shots that were not fitted", self.predicted)):
             if judged is not None:
                 rows = [(f"{judged.shots} {text}: rows until contact", "within 5 mm", "within 10 mm", "median, mm")]
@@ -192,6 +204,7 @@ class Calibration:
             "kept": self.kept,
             "intervals_95": {name: list(ends) for name, ends in self.intervals.items()},
             "covariance": self.covariance.tolist(),
+            "scatter": None if self.scatter is None else self.scatter._asdict(),
             "noise": self.row_noise,
             "judged": self.judged.to_dict(),
             "predicted": None if self.predicted is None else self.predicted.to_dict(),

@@ -100,8 +100,12 @@ def errors(scene: Scene, shot: Shot) -> Floats:
     return places[np.arange(len(places)), shot.track.balls] - shot.track.positions
 
 
-def evaluate(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = ()) -> Normal:
-    """Returns the `Normal` of starts (g, width), with the derivatives by constants of `Physics` by name."""
+def linearised(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = ()) -> tuple[Floats, Floats]:
+    """Returns the errors of starts (g, width), and their derivatives by the starts and by constants of `Physics`.
+
+    Returns:
+        (g, q) the errors of the q / 2 used rows over their scales, and of the prior over `CAUCHY`; (g, q, width + s).
+    """
     record = run(scene, starts, shot)._record("evaluate")
     rows = np.flatnonzero(shot.used)
     ball = shot.track.balls[rows]
@@ -120,8 +124,14 @@ def evaluate(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = ()
     values = np.concatenate((off, (starts @ shot.prior.T - shot.target) / CAUCHY), axis=1)
     jacobian = np.concatenate((rates, np.broadcast_to(prior, (g, *prior.shape))), axis=1)
     jacobian[..., : starts.shape[1]] *= np.isnan(shot.known)
+    return values, jacobian
+
+
+def evaluate(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = ()) -> Normal:
+    """Returns the `Normal` of starts (g, width), with the derivatives by constants of `Physics` by name."""
+    values, jacobian = linearised(scene, starts, shot, names)
     square = np.square(values)
-    robust = np.arange(values.shape[1]) < off.shape[1]
+    robust = np.arange(values.shape[1]) < 2 * np.count_nonzero(shot.used)
     pulled = np.swapaxes(np.where(robust, 1.0 / (1.0 + square), 1.0)[..., None] * jacobian, 1, 2)
     loss = np.where(robust, np.log1p(square), square).sum(axis=1)
     return Normal(loss, (pulled @ values[..., None])[..., 0], pulled @ jacobian)

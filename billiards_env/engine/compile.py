@@ -16,6 +16,7 @@ from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_sp
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.physics.geometry.outline_walls import outline_arrays
 from billiards_env.physics.laws.tables import BALL_LAWS, CUSHION_LAWS, CUSHIONS, FRICTIONS, RESTITUTIONS, choice
+from billiards_env.physics.scatter import Scatter
 from billiards_env.physics.state import IDEAL, NUMBERS, ROLLING_ONLY, SLIDING_AND_ROLLING, Numbers, SceneArrays
 from billiards_env.scene import CUSHION_NAMES, PARAMETERS, Physics, Scene, law_numbers
 from billiards_env.support.checks import RANGES, fits, one_of, short
@@ -145,6 +146,11 @@ def scene_arrays(scene: Scene) -> SceneArrays:
     """Returns the arrays of a scene."""
     numbers, *arrays = scene_fields(scene)
     return SceneArrays(Numbers(*numbers[0]), *arrays)
+
+
+def with_scatter(fields: tuple[Any, ...], scatter: Scatter | None) -> tuple[Any, ...]:
+    """Returns the fields of `SceneArrays` with the scatter of the cushions."""
+    return fields if scatter is None else (*fields[:-1], tuple(scatter))
 
 
 def varied_fields(scene: Scene, engine: Engine, varied: Varied, m: int) -> tuple[Any, ...]:

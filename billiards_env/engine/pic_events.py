@@ -13,6 +13,7 @@ from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.walls import wall_normal, walls_met
 from billiards_env.physics.motion import advance, end_phase, height_of, motion_after
+from billiards_env.physics.scatter import scatter_key, scatter_limit, scatter_motion
 from billiards_env.physics.state import AIRBORNE, LASTS, VX, VY, VZ, is_airborne, own_time, same, since
 from billiards_env.scene import CONTACT_GAP
 
@@ -198,7 +199,11 @@ def resolve_singles(count, now, k, scene, work, shots, log):  # out: work, shots
             other = walls[0]
             contact = _contact_with(i, other, state, scene)
             speed = contact.speed
+            limit = scatter_limit(scene.scatter, i, state, scene)
             acts = hit_cushion(contact, now.hi, state, scene, work.memory)
+            if acts == 0 and speed > scene.numbers.weak_speed:
+                key = scatter_key(scene.scatter, k, i, shots.cushions[k, i])
+                scatter_motion(scene.scatter, key, i, (contact.nx, contact.ny), limit, state, scene)
             shots.cushions[k, i] += 1
         else:
             speed = _speed_of_fall(scene.flight, i, state, scene.numbers)

@@ -59,6 +59,7 @@ from billiards_env.physics.geometry.walls import (
 )
 from billiards_env.physics.laws.cloth import phase_of
 from billiards_env.physics.motion import Path, advance, begin_phase, end_phase, motion_after
+from billiards_env.physics.scatter import scatter_key, scatter_limit, scatter_motion
 from billiards_env.physics.state import (
     IDEAL,
     LASTS,
@@ -304,8 +305,10 @@ def _first_overlap(i, wall, scene, work):
 
 
 @kernel
-def _hit_cushions(i, wall, scene, work):  # out: work
+def _hit_cushions(i, wall, key, scene, work):  # out: work
     """Reflects ball i at a cushion if it is beyond it and does not come back, and at another that it then touches.
+
+    `key` is the `scatter_key` of the impact.
 
     Returns:
         (wall, other, speed, other_speed): the cushions that act, -1 for none, and the speeds of approach, m/s. The
@@ -326,7 +329,9 @@ def _hit_cushions(i, wall, scene, work):  # out: work
         one, two = walls_met(state, i, wall, radius, numbers, outline)
         other = two if one == wall else one
         if two < 0:
+            limit = scatter_limit(scene.scatter, i, state, scene)
             reflect(state, i, nx, ny, 0.0, scene)
+            scatter_motion(scene.scatter, key, i, (nx, ny), limit, state, scene)
         else:
             mx, my = wall_normal(state, i, other, outline)
             other_speed = mx * here[i, VX] + my * here[i, VY]
@@ -354,7 +359,8 @@ def _test_cushions(now, k, scene, work, shots, log):  # out: work, shots, log
             if wall < 0:
                 continue
             advance(state, i, now, numbers)
-            wall, other, speed, other_speed = _hit_cushions(i, wall, scene, work)
+            key = scatter_key(scene.scatter, k, i, shots.cushions[k, i])
+            wall, other, speed, other_speed = _hit_cushions(i, wall, key, scene, work)
             work.changed[i] = has_rebound = True
             if speed >= 0.0:
                 shots.time[k] = now.hi

@@ -20,6 +20,7 @@ from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.pockets import pocket_at
 from billiards_env.physics.geometry.walls import half_sizes
+from billiards_env.physics.scatter import Scatter
 from billiards_env.physics.state import (
     CUE_BALL,
     SPIN_X,
@@ -60,6 +61,7 @@ class ShotInput(NamedTuple):
         cue: The cue ball, which the cue strikes.
         heights: (n, 2) float64, see `Shots`; None without flight.
         limit: Time at which a shot ends, s; infinite for no limit.
+        scatter: The scatter of the cushions, or None.
     """
 
     positions: Floats
@@ -69,6 +71,7 @@ class ShotInput(NamedTuple):
     cue: int | NDArray[np.int64] = CUE_BALL
     heights: Floats | None = None
     limit: float = math.inf
+    scatter: Scatter | None = None
 
     def in_space(self) -> tuple[Floats, Floats]:
         """Returns the positions and the velocities, (..., n, 3) with flight and (..., n, 2) without."""

@@ -22,7 +22,7 @@ from billiards_env.games.game_state import MOST_PLAYERS, STATE
 from billiards_env.games.referee import GAMES
 from billiards_env.jit import streams
 from billiards_env.scene import Balls, Scene, check_positions, check_ranges, layouts
-from billiards_env.shots.noise import EXECUTION_NOISE
+from billiards_env.shots.noise import EXECUTION_NOISE, check_scatter
 from billiards_env.support.checks import (
     Range,
     entry_of,
@@ -68,10 +68,11 @@ class Model(NamedTuple):
         scratch_penalty: Reward subtracted for a scratch.
         randomize: The ranges (low, high) of the numbers that each episode draws, by name.
         noise: The standard deviations of the noise of `actions.perturb`, one per number of an action; None for none.
-        noise_seed: A second seed of the noise, or None.
+        noise_seed: A second seed of the noise and of the scatter, or None.
         setup: The settings of a game of several players; None for one player.
         can_call: Whether the players call, see `BilliardsEnv`.
         can_place: Whether the players place a cue ball in hand.
+        scatter: The standard deviations of the scatter of the cushions, see `physics.scatter`; None for none.
     """
 
     scene: Scene
@@ -91,6 +92,12 @@ class Model(NamedTuple):
     setup: Setup | None = None
     can_call: bool = False
     can_place: bool = False
+    scatter: NDArray[np.float64] | None = None
+
+    @property
+    def is_noisy(self) -> bool:
+        """Whether the strokes have noise or the cushions have scatter."""
+        return self.noise is not None or self.scatter is not None
 
     @property
     def summary(self) -> str:
@@ -141,6 +148,7 @@ def make_model(
     miss: bool = False,
     edition: str | None = None,
     innings: int = 0,
+    scatter: Mapping[str, float] | None = None,
 ) -> Model:
     """Returns the arguments of an environment after a check. The docstring of `BilliardsEnv` describes them.
 
@@ -195,6 +203,7 @@ def make_model(
         setup=setup,
         can_call=can_call,
         can_place=flag("can_place", can_place) and setup is not None and setup.game_rules.pockets,
+        scatter=check_scatter(scatter),
     )
 
 
@@ -448,7 +457,7 @@ def check_options(
         if array.dtype != np.int64 or array.shape != (*many, 8):
             raise ValueError(f"{name} = {short(array)}: expected int64 of shape {(*many, 8)}, as in info")
         seeds = array.view(np.uint64).reshape(-1, 8)
-        read = seeds[... if mask is None else mask].reshape(-1, 2, 4)[:, : 1 if model.noise is None else 2]
+        read = seeds[... if mask is None else mask].reshape(-1, 2, 4)[:, : 1 + model.is_noisy]
         if not streams.are_seeded(read).all():
             raise ValueError(f"{name} = {short(array)}: expected an info['episode_seed'] of this task")
     physics = _checked_physics(model.randomize, options.get("physics", {}), mask)

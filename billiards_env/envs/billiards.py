@@ -324,6 +324,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     | `randomize`       | dict or None  | `None`       | ranges of physics that each episode draws             |
     | `noise`           | dict or None  | `None`       | standard deviations of the execution noise, see below |
     | `noise_seed`      | int or None   | `None`       | a second seed of the noise                            |
+    | `scatter`         | dict or None  | `None`       | standard deviations of the scatter of the cushions    |
     | `n_players`       | int           | `1`          | number of players, see Games                          |
     | `target`          | int or None   | `None`       | score that wins a game, or 0; None: the game's        |
     | `can_call`        | bool          | `False`      | whether players call, see Games                       |
@@ -347,6 +348,10 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
       m) and "elevation_std" (degrees) to numbers. Missing ones are 0.125, 0.075, 0.0005 and 0.1, those of the pool
       tournaments at the Computer Olympiad (Smith 2007, PickPocket: A computer billiards shark). The speed stays
       between 0 and `max_speed`. A shot of speed 0 stays at speed 0. An action is clipped before the noise is added.
+    - `scatter` gives each impact on a cushion random differences, see `physics.scatter`. It maps "normal_std" (of the
+      speed along the normal, as a share of it), "along_std" (of the speed along the cushion, as a share of the speed)
+      and "spin_std" (of the spins times the radius, as a share of the speed) to numbers. Missing ones have the values
+      of a real table, `shots.noise.SCATTER`.
     - The values of `fix` are `"push_apart"` (the same as None), `"move_back"`, `"none"` and `"time_of_impact"`.
     - `"module:name"` names a task, a scene, a layout, a feature or an action that a package of yours registers.
     - An `EnvSpec` can be converted to JSON and back. The spec stores a `Scene` as a dict. All other arguments are JSON
@@ -488,8 +493,8 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
             actions: (m, 2), (m, 5) or (m,), as in `step`.
             states: The states to play from, one for each action or one for all, as from `get_state`. None for the
                 present state.
-            noise: The generator from which the execution noise of the environment is drawn; None for no noise. It is
-                not the noise of the next step.
+            noise: The generator from which the execution noise and the scatter of the environment are drawn; None for
+                neither. They are not those of the next step.
 
         Raises:
             ResetNeeded: If an episode has not begun, or is over.
@@ -588,7 +593,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
             state.stream[0] = streams.read(self.np_random)
         if seed is None:
             self._np_random = None  # `np_random` makes it again from the stream
-        if self.model.noise is not None and (seed is not None or not state.noise_stream[0, 3]):
+        if self.model.is_noisy and (seed is not None or not state.noise_stream[0, 3]):
             state.noise_stream[0] = noise_stream(self.np_random_seed, self.model.noise_seed)
         observations, observation = episodes.observer.new_one()
         episodes.restart(0, 1, _ONE, observations, checked)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, Shots, run_shots_of
-from billiards_env.engine.compile import varied_fields, varied_shot, vary
+from billiards_env.engine.compile import varied_fields, varied_shot, vary, with_scatter
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shots import arrays_in, row_type, start_fields
 from billiards_env.envs.actions import SIDE, action_named, add_noise, clipped, shorten, strike_balls
@@ -26,6 +26,7 @@ from billiards_env.envs.snapshots import EpisodeState, StateArrays, hashed_names
 from billiards_env.envs.tasks import judge_pot, opening_of, task_of, write_legal_balls
 from billiards_env.games.game_state import REPLACE
 from billiards_env.jit import Typed, address_of, entry_point, kept, moved, specialised, streams
+from billiards_env.physics.scatter import Scatter
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
 from billiards_env.scene import Scene
@@ -63,6 +64,7 @@ class Episodes:
         miscues: (m,) bool: whether the tip slipped in the last shot; False for the action "velocity".
         rewards: (m,) float64, memory for the rewards of `shoot`.
         physics: The numbers of `BilliardsEnv.randomize` by name, (m,) each: columns of the state.
+        scatter: The scatter of the cushions in the last shots, or None.
         of_shots: The arrays of `info` that change with each shot.
         of_episode: Those that do not change in an episode.
         starts: Those of `of_shots` at the starts of episodes.
@@ -114,7 +116,8 @@ class Episodes:
             for j, (low, _) in enumerate(model.randomize.values()):
                 state.physics[:, j] = low
         self.starts = starts_of(self.of_shots, model.max_shots)
-        self._set_scene(varied_fields(scene, model.engine, self.physics, count))
+        self.scatter = None if model.scatter is None else Scatter(model.scatter, np.full(count, -1, np.int64))
+        self._set_scene(with_scatter(varied_fields(scene, model.engine, self.physics, count), self.scatter))
         if memory is not None:
             self.undo(memory)
 
@@ -158,8 +161,9 @@ class Episodes:
         twin._allocate(self._block.copy(), self)
         twin._copy_tables(0, len(twin.state.over))
         twin.observer = self.observer.bound(twin.seen, twin.physics)
-        if self.physics:
-            twin._set_scene((self._scene[0].copy(), *self._scene[1:]))
+        twin.scatter = None if self.scatter is None else self.scatter._replace(seeds=self.scatter.seeds.copy())
+        if self.physics or self.scatter is not None:
+            twin._set_scene(with_scatter((self._scene[0].copy(), *self._scene[1:]), twin.scatter))
         return twin
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -354,6 +358,8 @@ class Episodes:
             actions = converted
         if model.noise is not None:
             add_noise(begin, end, over, actions, model.noise, self.state.noise_stream)
+        if self.scatter is not None:
+            draw_scatter(begin, end, over | (model.scatter is None), self.state.noise_stream, self.scatter.seeds)
         self._start.call(begin, end, actions, model.max_speed, self._shots, self._arrays, self.actions)
         if shots.heights is not None:
             shots.heights[begin:end] = 0.0
@@ -392,8 +398,9 @@ class Episodes:
     def _record(self, k: int) -> ShotResult:
         """Runs the shot of episode k as the engine does, and returns it with its trajectory."""
         shots, (scene, engine) = self.shots, self.scene_and_engine(k)
+        scatter = None if self.scatter is None else self.scatter._replace(seeds=self.scatter.seeds[k : k + 1].copy())
         fields: Any = (None if array is None else array[k].copy() for array in start_fields(shots))
-        start = ShotInput(*fields, limit=self._limit)
+        start = ShotInput(*fields, limit=self._limit, scatter=scatter)
         shot = run_shot(scene, start, engine, record=True)
         for name, array in shots._asdict().items():
             if name == "in_play":
@@ -480,6 +487,13 @@ def draw_units(begin, end, mask, episode_streams, units):
         if mask[k]:
             for j in range(units.shape[1]):
                 units[k - begin, j] = streams.next_double(episode_streams[k])
+
+
+@entry_point
+def draw_scatter(begin, end, skip, noise_streams, seeds):
+    """Draws the seeds of the scatter of shots, each from its own stream; -1 for the shots to skip."""
+    for k in range(begin, end):
+        seeds[k] = -1 if skip[k] else np.int64(streams.next_uint64(noise_streams[k]) >> np.uint64(1))
 
 
 @entry_point

@@ -48,7 +48,7 @@ class StateArrays(NamedTuple):
     Attributes:
         scene: (m,) uint64: a hash of the scene and of the names in `randomize`.
         stream: (m, 4) uint64: the random stream of the layouts, see `jit.streams`; 0 before it is seeded.
-        noise_stream: (m, 4) uint64: the random stream of the execution noise; 0 in an environment without noise.
+        noise_stream: (m, 4) uint64: the random stream of the execution noise and of the scatter; 0 without both.
         episode_seed: (m, 8) uint64: both streams before the draws of the episode, so at its start.
         positions: (m, n, 2) float64, m.
         goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks with a goal, none in the others.
@@ -194,7 +194,7 @@ def _check_rows(rows: EpisodeState, kind: np.dtype[np.void], model: Model) -> No
     left = rows["shots_left"]
     if not (rows["fresh"] | rows["over"] | ((left > 0) & (left <= model.max_shots))).all():
         raise ValueError(f"state['shots_left'] = {short(left)}: expected 1 to max_shots = {model.max_shots}")
-    _check_streams(rows, model.noise is not None)
+    _check_streams(rows, model.is_noisy)
 
 
 def _check_games(games: Any, model: Model) -> None:

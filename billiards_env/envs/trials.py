@@ -53,7 +53,7 @@ class Trials:
 
     def __init__(self, model: Model, shape: tuple[int, ...]) -> None:
         self._model, self._shape = model, shape
-        self._without_noise = model._replace(noise=None)
+        self._without_noise = model._replace(noise=None, scatter=None)
         self._episodes: Episodes | None = None
         self._lock = threading.Lock()
 
@@ -76,7 +76,7 @@ class Trials:
         actions = finite("actions", actions, (m, *self._shape))
         with self._lock:
             if self._episodes is None or len(self._episodes.state.over) < m:
-                self._episodes = Episodes(1 << max(m - 1, 0).bit_length(), self._without_noise)
+                self._episodes = Episodes(1 << max(m - 1, 0).bit_length(), self._model)
             episodes, rows = self._episodes, np.arange(m)
             if states is not None:
                 own = checked_state(states, episodes.kind, self._without_noise, m)
@@ -86,7 +86,7 @@ class Trials:
                 raise ResetNeeded("An episode has not begun or is over: call reset() before try_actions()")
             episodes.put(rows, own)
             episodes.model = self._without_noise
-            if noise is not None and self._model.noise is not None:
+            if noise is not None and self._model.is_noisy:
                 episodes.model = self._model
                 episodes.state.noise_stream[:m] = streams.drawn(m, noise)
             rewards, observations = np.empty(m), episodes.observer.new(m)

@@ -218,8 +218,8 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
             actions: (m, 2), (m, 5) or (m,), as in `step`.
             states: The states to play from, one for each action or one for all, as from `get_state`. None for the
                 present states, with one action for each environment.
-            noise: The generator from which the execution noise of the environment is drawn; None for no noise. It is
-                not the noise of the next step.
+            noise: The generator from which the execution noise and the scatter of the environment are drawn; None for
+                neither. They are not those of the next step.
 
         Raises:
             ResetNeeded: If an episode has not begun, or is over.
@@ -502,12 +502,12 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
         if max(chosen, default=0) < 2**64:
             array = np.array(chosen, np.uint64)
             state.stream[rows] = streams.seeded_all(array)
-            if model.noise is not None:
+            if model.is_noisy:
                 state.noise_stream[rows] = streams.seeded_all(array, noise_key(model.noise_seed))
         else:
             for i in rows:
                 state.stream[i] = streams.seeded(seeds[i])
-                if model.noise is not None:
+                if model.is_noisy:
                     state.noise_stream[i] = noise_stream(seeds[i], model.noise_seed)
 
     def _seed_unseeded(self) -> None:

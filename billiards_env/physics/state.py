@@ -158,6 +158,7 @@ class SceneArrays(NamedTuple):
         ball_friction: Their friction: a choice of `tables.FRICTIONS`; None for balls without friction.
         cushion: The law of the cushions: a choice of `tables.CUSHION_LAWS`.
         flight: True if balls leave the cloth, otherwise None.
+        scatter: The fields of `scatter.Scatter` of all shots; None for cushions without scatter.
 
     Numba compiles the code of a feature only for scenes in which its field is not None: a function with the field as an
     argument begins with `if field is None`.
@@ -176,6 +177,7 @@ class SceneArrays(NamedTuple):
     ball_friction: Any = None
     cushion: Any = ()
     flight: Any = None
+    scatter: Any = None
 
 
 @expanded

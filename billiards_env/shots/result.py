@@ -217,6 +217,8 @@ class ShotResult(Differentiable):
         if self.trajectory is None or self.scene is None or self._log is None:
             raise ValueError(f"shot.{method}: expected a shot of simulate(..., record=True) by PIC")
         check_differentiable(self.scene, f"shot.{method}")
+        if self._arguments is not None and self._arguments[0].scatter is not None:
+            raise ValueError(f"shot.{method} with scatter: expected a shot without scatter")
         segments: Floats = np.column_stack(self.trajectory).astype(np.float64)
         bounds = np.array([(0, 0), (len(self._log), len(segments))])
         return Record(self.scene, np.array([self.time]), [Part(0, 1, self._log, segments, bounds)])
@@ -326,7 +328,7 @@ class ShotResult(Differentiable):
         """Returns the input and the result of the shot as plain data, see `shots.records`.
 
         Raises:
-            ValueError: If the shot was not recorded.
+            ValueError: If the shot was not recorded, or has scatter.
         """
         from billiards_env.shots.records import ShotRecord, end_of, tuples
 
@@ -334,6 +336,8 @@ class ShotResult(Differentiable):
             raise ValueError(f"shot = {short(self)}: expected a recorded shot, from simulate(..., record=True)")
         start, engine, max_events = self._arguments
         positions, velocities = start.in_space()
+        if start.scatter is not None:
+            raise ValueError("shot.to_record with scatter: expected a shot without scatter")
         turns = start.spins.any() or np.signbit(start.spins).any()
         return ShotRecord(
             scene=self.scene,

@@ -20,6 +20,7 @@ from billiards_env.engine.compile import (
     scene_fields,
     varied_fields,
     varied_shot,
+    with_scatter,
 )
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.log import NO_LOG, empty_log
@@ -27,9 +28,11 @@ from billiards_env.engine.shot_input import ShotInput, check_shot, check_varied
 from billiards_env.engine.shots import STATUS, Shots, empty_shots, start_fields
 from billiards_env.engine.strikes import Strike
 from billiards_env.engine.threads import parallel_for
+from billiards_env.physics.scatter import Scatter
 from billiards_env.scene import Scene, check_scene
+from billiards_env.shots.noise import check_scatter
 from billiards_env.shots.result import ShotResult, check_differentiable, outcome_of, read_log
-from billiards_env.support.checks import flag, integer, numbers, short
+from billiards_env.support.checks import Range, flag, integer, numbers, short, unmasked
 
 if TYPE_CHECKING:
     from billiards_env.derivatives.shot_derivatives import Part, Record
@@ -47,6 +50,8 @@ def simulate(
     record: bool = False,
     max_time: float | None = None,
     max_events: int = MAX_EVENTS,
+    scatter: Mapping[str, float] | None = None,
+    seed: int | None = None,
 ) -> ShotResult:
     """Runs one shot until every ball rests.
 
@@ -65,13 +70,18 @@ def simulate(
             the whole shot, bit for bit.
         max_events: Number of events after which the engine ends the shot with the status "event_limit". "pit" also
             ends it after `pit.MAX_STEPS` timesteps, with the status "step_limit".
+        scatter: The scatter of the cushions: the standard deviations "normal_std", "along_std" and "spin_std", see
+            `physics.scatter`. Missing ones have the values of `shots.noise.SCATTER`, and {} has all of them. None for
+            no scatter. A shot with scatter has no derivatives.
+        seed: The seed of the scatter, from 0 to 2^63 - 1.
 
     Returns:
         The balls at the end of the shot, and what happened.
 
     Raises:
         ValueError: If balls overlap, lie outside the table or in a pocket, a value is outside its range (see
-            `checks.RANGES`), a ball of infinite mass moves, or an argument is unknown or of the wrong shape.
+            `checks.RANGES`), a ball of infinite mass moves, an argument is unknown or of the wrong shape, or only one
+            of `scatter` and `seed` is given.
         TypeError: If an argument is of the wrong type.
         KeyboardInterrupt: Within a second of Ctrl-C. The arguments are unchanged.
 
@@ -91,7 +101,29 @@ def simulate(
     checked = check_shot(scene, positions, *_motion(velocities, spins), in_play, max_time)
     if isinstance(velocities, Strike):
         strike_frozen(scene, scene_fields(scene), checked.as_batch())
-    return run_shot(scene, checked, engine, record, max_events)
+    return run_shot(scene, checked._replace(scatter=_scatter(scatter, seed)), engine, record, max_events)
+
+
+_SEEDS = Range(0, 2**63 - 1)
+
+
+def _scatter(scatter: Mapping[str, float] | None, seed: Any, m: int | None = None) -> Scatter | None:
+    """Returns the scatter of one shot, or of m shots of a batch."""
+    deviations = check_scatter(scatter)
+    if (seed is None) != (deviations is None):
+        expected = "None without scatter" if deviations is None else "a whole number, for the scatter"
+        raise ValueError(f"seed = {short(seed)}: expected {expected}")
+    if deviations is None:
+        return None
+    if m is None:
+        return Scatter(deviations, np.array([integer("seed", seed, _SEEDS)]))
+    if np.ndim(seed) == 0:
+        drawn = np.random.SeedSequence(integer("seed", seed, _SEEDS)).generate_state(m, np.uint64)
+        return Scatter(deviations, (drawn >> np.uint64(1)).astype(np.int64))
+    seeds = np.asarray(unmasked("seed", seed))
+    if seeds.shape != (m,) or seeds.dtype != np.int64 or (seeds < 0).any():
+        raise ValueError(f"seed = {short(seed)}: expected a whole number, or {m} from 0 to 2^63 - 1")
+    return Scatter(deviations, seeds.copy())
 
 
 def _scene(scene: Scene | str, positions: NDArray[np.float64]) -> Scene:
@@ -128,7 +160,7 @@ def run_shot(
         The balls at the end of the shot, and what happened.
     """
     n = scene.n_balls
-    arrays, run_shots = scene_fields(scene, engine), run_shots_of(engine, n)
+    arrays, run_shots = with_scatter(scene_fields(scene, engine), shot.scatter), run_shots_of(engine, n)
     room = 256 if record else 0
     while True:
         flight = scene.physics.flight
@@ -206,6 +238,7 @@ class BatchResult(Differentiable):
     _arguments: tuple[Scene, tuple[NDArray[Any] | None, ...], dict[str, Any]]  # of `simulate`, with a leading axis
     _engine: Engine = PIC
     _varied: Varied = dataclasses.field(default_factory=dict)
+    _seeds: NDArray[np.int64] | None = None  # of the scatter
     _parts: list[Part] | None = None  # the logs of recorded shots
 
     def __len__(self) -> int:
@@ -225,7 +258,8 @@ class BatchResult(Differentiable):
         assert positions is not None
         assert velocities is not None
         scene, engine = varied_shot(scene, self._engine, self._varied, k)
-        settings = {**settings, "engine": engine, "record": True}
+        seed = None if self._seeds is None else self._seeds[k].item()
+        settings = {**settings, "engine": engine, "record": True, "seed": seed}
         return simulate(scene, positions, velocities, spins=spins, in_play=in_play, **settings)
 
     def _record(self, method: str) -> Record:
@@ -234,6 +268,8 @@ class BatchResult(Differentiable):
         check_differentiable(self._arguments[0], f"batch.{method}")
         if self._parts is None:
             raise ValueError(f"batch.{method}: expected a batch of simulate_batch(..., record=True) by PIC")
+        if self._seeds is not None:
+            raise ValueError(f"batch.{method} with scatter: expected shots without scatter")
         return Record(self._arguments[0], self.time, self._parts, self._varied)
 
     def __repr__(self) -> str:
@@ -268,6 +304,8 @@ def simulate_batch(
     record: bool = False,
     max_events: int = MAX_EVENTS,
     threads: int | None = None,
+    scatter: Mapping[str, float] | None = None,
+    seed: ArrayLike | None = None,
 ) -> BatchResult:
     """Runs m shots in one scene, each until every ball rests, with the same bits as `simulate`.
 
@@ -285,6 +323,8 @@ def simulate_batch(
             "pic" have derivatives.
         max_events: As in `simulate`, for each shot.
         threads: Number of threads; None for the number of `set_num_threads`.
+        scatter: The scatter of the cushions, as in `simulate`.
+        seed: The seeds of the scatter, (m,) whole numbers, each as in `simulate`, or one from which they are drawn.
 
     Returns:
         The balls at the end of each shot, and what happened.
@@ -311,7 +351,7 @@ def simulate_batch(
     if threads is not None:
         integer("threads", threads, "threads")
     m = len(positions)
-    varied = check_varied(scene, physics, engine, m)
+    varied, scattered = check_varied(scene, physics, engine, m), _scatter(scatter, seed, m)
     shots = empty_shots(m, scene.n_balls, scene.physics.flight)
     # These arrays are copies for `batch[i]`: the caller may change the given arrays, and the engine changes `shots`.
     moving, turning = _motion(velocities, spins)
@@ -319,7 +359,7 @@ def simulate_batch(
     limit = check_shot(scene, positions, moving, turning, in_play, max_time, shots, threads).limit
     in_play = None if in_play is None else np.broadcast_to(np.array(in_play), shots.in_play.shape)
     run_shots, plain = run_shots_of(engine, scene.n_balls), tuple(shots)
-    arrays = varied_fields(scene, engine, varied, m)
+    arrays = with_scatter(varied_fields(scene, engine, varied, m), scattered)
     if isinstance(velocities, Strike) and strike_frozen(scene, arrays, start_fields(plain), end=m):
         start = ShotInput(*start_fields(shots))
         moving, turning = start.in_space()[1].copy(), shots.spins.copy()
@@ -330,10 +370,11 @@ def simulate_batch(
         )
     else:
         parallel_for(lambda begin, end: run_shots(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
-    settings = {"max_time": max_time, "max_events": max_events}
+    settings = {"max_time": max_time, "max_events": max_events, "scatter": scatter}
     arguments = scene, (positions, moving, turning, in_play), settings
     common = {"_arguments": arguments, "_engine": engine, "_varied": varied, "_parts": parts}
-    return BatchResult(**outcome_of(shots._asdict()), **common)
+    seeds = None if scattered is None else scattered.seeds
+    return BatchResult(**outcome_of(shots._asdict()), **common, _seeds=seeds)
 
 
 _FIRST_SHOTS = 64  # shots that are recorded first, to find the room that the others need

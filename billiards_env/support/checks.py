@@ -81,6 +81,7 @@ RANGES: dict[str, Range] = {
     "speed_std": Range(0.0, MAX_SPEED, "m/s", "as speed"),
     "offset_std": Range(0.0, 1.0, "m", "far more than a ball"),
     "elevation_std": Range(0.0, 360.0, "degrees", "as angle_std"),
+    "scatter_std": Range(0.0, 0.25, "", "a share; above 0.28 a ball could leave a cushion into it"),
     # A picture
     "frame_width": Range(160, 7680, "pixels", "from the smallest readable picture to 8K"),
     "fps": Range(1e-3, 1e3, "frames per second", "more than any screen shows"),

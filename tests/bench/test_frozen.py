@@ -135,7 +135,7 @@ def test_a_changed_argument_of_a_frozen_task_warns(changes, named):
 def test_every_argument_with_an_effect_is_frozen():
     """A change of a default then changes no id."""
     env = make_env()
-    free = {"dt", "fix", "noise", "noise_seed", "goal_radius"}  # the ids set `noise`, and the task the radius
+    free = {"dt", "fix", "noise", "noise_seed", "scatter", "goal_radius"}  # ids set `noise`, and the task the radius
     frozen = {"scene", "task", "n_object_balls", "mode", "action", "max_shots", "max_speed", "layout"}
     frozen |= {"observe", "scratch_penalty", "randomize"}
     assert all(set(task.arguments) == frozen for task in FROZEN.values())

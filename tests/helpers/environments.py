@@ -28,7 +28,7 @@ VARIANTS: list[dict[str, Any]] = [
     {"scene": "blocked_pool", "layout": "snookered", "max_shots": 2},
     {"scene": "snooker", "layout": "snooker", "max_shots": 2},
     {"scene": "ideal", "task": "carom", "n_object_balls": 5, "layout": "random", "max_shots": 2},
-    {"scene": "carom", "task": "carom", "layout": "carom_opening", **LONG},
+    {"scene": "carom", "task": "carom", "layout": "carom_opening", "scatter": {}, **LONG},
     {"scene": "real_carom", "task": "place"},  # the engine for two balls
     {"scene": "match_carom", "task": "three_cushion", "layout": "random", "max_shots": 2},
     {"task": "clear", "n_object_balls": 10, "layout": "ten_ball", "max_shots": 2},
@@ -50,7 +50,7 @@ VARIANTS: list[dict[str, Any]] = [
     {"scene": "real_pool", "task": "position", "randomize": {"g": [8.0, 11.0]}, "observe": ["positions", "physics"]},
     {"mode": "pit", "dt": 0.01, "randomize": {"dt": [0.005, 0.05], "mu_slide": [0.1, 0.3]}, "max_shots": 2},
     {"mode": "pit", "dt": 1 / 15, "n_object_balls": 9, "layout": "rack", "max_shots": 5, "max_speed": 8.0},
-    {"mode": "pit", "dt": 1 / 60, "fix": "move_back", "scene": "carom", "task": "carom", "max_shots": 5},
+    {"mode": "pit", "dt": 1 / 60, "fix": "move_back", "scene": "carom", "task": "carom", "scatter": {}, "max_shots": 5},
     {"mode": "pit", "dt": 1 / 60, "fix": "none", "scene": "uk_pool", "max_shots": 2},
     {"mode": "pit", "dt": 1 / 30, "fix": "time_of_impact", "scene": "ideal", "task": "carom", "max_speed": 10.0},
 ]

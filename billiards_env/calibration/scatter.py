@@ -1,0 +1,148 @@
+"""An estimate of the scatter of cushions from fitted shots.
+
+Each contact with a cushion has five small unknown changes, see `physics.scatter`. The errors of the rows are linear in
+these changes and in the start of the shot. The estimate has the largest likelihood for changes with Student's
+distribution, found by expectation and maximisation (Lange, Little and Taylor 1989). With this distribution a contact
+that does not fit at all has little weight.
+
+The changes also contain errors of the laws, so the estimate is an upper limit of what a cushion does. In simulated
+shots without such errors it is up to a quarter too small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from billiards_env.calibration.shot import CAUCHY, INSTANT, Shot
+from billiards_env.calibration.starts import linearised, simulated
+from billiards_env.calibration.tracks import Floats, Ints
+from billiards_env.scene import Scene
+from billiards_env.shots.noise import SCATTER
+from billiards_env.shots.result import ShotResult
+from billiards_env.shots.simulation import simulate
+
+FEWEST = 30
+"""The least number of contacts for an estimate."""
+
+_PARTS = np.array([0, 1, 2, 2, 2])  # of the five changes, in the order of `SCATTER`
+_SMALL, _SOON = 1e-4, 1e-4  # a relative change, and its time after the contact, s
+_STEPS, _BEGIN, _QUANTILE = 100, 0.03, 1.96
+_FREEDOM = 4.0  # of Student's distribution
+_MOST = 10.0  # m, the largest derivative of a place by a relative change; other contacts may follow beyond it
+
+
+class Scattered(NamedTuple):
+    """The scatter of the cushions.
+
+    Attributes:
+        values: The standard deviations, as the argument `scatter` of `simulate`.
+        intervals: Their 95% intervals.
+        contacts: The number of contacts.
+    """
+
+    values: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    contacts: int
+
+
+def estimate(scene: Scene, shots: Sequence[Shot], noise: float) -> Scattered | None:
+    """Returns the scatter of the cushions in fitted shots, or None with fewer than `FEWEST` contacts.
+
+    Args:
+        scene: The scene with the fitted constants.
+        shots: The shots with their starts; the rows that are used.
+        noise: Standard deviation of a coordinate of a row without any scatter, m. It should include the errors of the
+            laws between two contacts, which many rows share: 3 mm on a real table.
+    """
+    both = [_normal(scene, shot, noise) for shot in shots if shot.used.any()]
+    contacts = sum(len(slope) // len(_PARTS) for _, slope in both)
+    if contacts < FEWEST:
+        return None
+    deviations, scores = np.full(len(SCATTER), _BEGIN), np.empty(0)
+    for _ in range(_STEPS):
+        scores = np.array([_score(matrix, slope, deviations) for matrix, slope in both])
+        deviations = deviations * np.sqrt(1.0 + scores.sum(axis=0) / (contacts * np.bincount(_PARTS)))
+    width = _QUANTILE * np.sqrt(np.diag(np.linalg.inv(scores.T @ scores)))
+    ends = zip((deviations * np.exp(-width)).tolist(), (deviations * np.exp(width)).tolist(), strict=True)
+    values = dict(zip(SCATTER, deviations.tolist(), strict=True))
+    return Scattered(values, dict(zip(SCATTER, ends, strict=True)), contacts)
+
+
+def _score(matrix: Floats, slope: Floats, deviations: Floats) -> Floats:
+    """Returns the derivatives (3,) of the log-likelihood of a shot by the logarithms of the standard deviations."""
+    part = np.tile(_PARTS, len(slope) // len(_PARTS))
+    scale = deviations[part]
+    covariance = np.linalg.inv(scale[:, None] * matrix * scale + np.eye(len(slope)))
+    squares = np.square(covariance @ (scale * slope)) + np.diag(covariance)  # of the changes, expected
+    weights = (_FREEDOM + len(_PARTS)) / (_FREEDOM + squares.reshape(-1, len(_PARTS)).sum(axis=1))
+    scores: Any = np.bincount(part, np.repeat(weights, len(_PARTS)) * squares - 1.0, minlength=len(deviations))
+    return scores
+
+
+def _normal(scene: Scene, shot: Shot, noise: float) -> tuple[Floats, Floats]:
+    """Returns the normal equations of the changes at the c contacts of a shot, without what its start explains.
+
+    Returns:
+        (5 c, 5 c) and (5 c,), for errors of the rows over their standard deviation.
+    """
+    values, jacobian = linearised(scene, shot.starts, shot._replace(scale=np.full_like(shot.scale, noise)))
+    values, jacobian, rows = values[0], jacobian[0], 2 * np.count_nonzero(shot.used)
+    values[rows:], jacobian[rows:] = CAUCHY * values[rows:], CAUCHY * jacobian[rows:]
+    result = simulated(scene, shot)
+    events: Any = result.events
+    times, balls = shot.time[shot.used] - shot.starts[0, INSTANT], shot.track.balls[shot.used]
+    changes = np.zeros((len(values), 0))
+    for event in events[events["kind"] == "cushion"]:
+        ball, begin = int(event["ball"]), float(event["time"]) + _SOON
+        later = times > begin
+        if (balls[later] == ball).any():
+            rates = np.zeros((len(times), 2, len(_PARTS)))
+            rates[later] = _rates(scene, result, ball, begin, times[later], balls[later]) / noise
+            changes = np.column_stack((changes, np.pad(rates.reshape(rows, -1), [(0, len(values) - rows), (0, 0)])))
+    free = jacobian[:, np.isnan(shot.known)]
+    changes -= free @ np.linalg.lstsq(free, changes, rcond=1e-10)[0]
+    return changes.T @ changes, changes.T @ values
+
+
+def _rates(scene: Scene, shot: ShotResult, ball: int, begin: float, times: Floats, balls: Ints) -> Floats:
+    """Returns the derivatives (r, 2, 5) of the places of balls (r,) at times (r,) by relative changes of a motion.
+
+    The changes are those of `physics.scatter`. A ball has them at the time `begin`, just after a contact.
+    """
+    positions, (velocities, spins) = shot.at(begin), shot.motion_at(begin)
+    events: Any = shot.events
+    gone = events["ball"][(events["kind"] == "pocket") & (events["time"] <= begin)]
+    steps = 1e-6 * np.eye(2)
+    clearance = scene.table.clearance
+    normal = clearance(positions[ball] + steps) - clearance(positions[ball] - steps)
+    normal /= np.hypot(*normal)
+    axes = np.array([normal, (-normal[1], normal[0])])
+    rates = np.empty((len(times), 2, len(_PARTS)))
+    speed, radius = float(np.hypot(*velocities[ball])), scene.balls.radius[ball]
+    for part in range(len(_PARTS)):
+        moving, turning = np.zeros(2), np.zeros(3)
+        if part < 2:
+            moving = (velocities[ball] @ normal if part == 0 else speed) * axes[part]
+        elif part < 4:
+            turning[:2] = speed / radius * axes[part - 2]
+        else:
+            turning[2] = speed / radius
+        places = []
+        for change in (_SMALL, -_SMALL):
+            velocity, spin = velocities.copy(), spins.copy()
+            velocity[ball] += change * moving
+            spin[ball] += change * turning
+            in_play = ~np.isin(np.arange(scene.n_balls), gone) & ~(shot.potted & (shot.pockets < 0))
+            other = simulate(
+                *(scene, positions, velocity),
+                spins=spin if scene.physics.motion == "sliding" else None,
+                in_play=in_play,
+                max_time=float(times.max()) - begin,
+                record=True,
+            )
+            places.append(other.at(times - begin)[np.arange(len(times)), balls])
+        rates[..., part] = (places[0] - places[1]) / (2.0 * _SMALL)
+    return np.clip(rates, -_MOST, _MOST)
