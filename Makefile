@@ -97,7 +97,7 @@ results: $(WORKS)  ## train every row of configs/learning.yaml with its seeds, a
 	$(WORK)/python -m studies.leaderboard
 	$(WORK)/python -m studies.readme
 
-study: $(WORKS) $(SIMULATORS)  ## train policies with several timesteps and compare them (four hours on two cores; runs with results are not trained again)
+study: $(WORKS) $(SIMULATORS)  ## train policies with several timesteps and compare them (two hours on two cores; runs with results are not trained again)
 	$(WORK)/python -m studies.timestep $(SPREAD)
 	$(WORK)/python -m studies.timestep_shots
 	$(WORK)/python -m studies.other_simulators

@@ -2,8 +2,8 @@
 
     python examples/ppo.py --policy policy.pt
     python examples/ppo.py --shots 5e6 --hidden 192 --epochs 3 --until 0.12 --entropy 0.03 0.006
-    python examples/ppo.py --env '[{"n_object_balls": 3, "max_shots": 5}]' --rate 4e-3 --envs 2048 --minibatch 512
-    python examples/ppo.py --env '[{"mode": "pit", "dt": 0.0167}]'
+    python examples/ppo.py --env '{"n_object_balls": 3, "max_shots": 5}' --rate 4e-3 --envs 2048 --minibatch 512
+    python examples/ppo.py --env '{"mode": "pit", "dt": 0.0167}'
 
 The environment is `Billiards-v0`, by default with one ball to pot in one shot: the observation is the positions of the
 balls, and the action is the velocity of the cue ball. The advantage of a shot is its points minus the value of the
@@ -22,7 +22,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +60,7 @@ def arguments(argv: Sequence[str] | None = None) -> argparse.Namespace:
     add("--std-aim", type=float, nargs=2, default=(0.025, 0.0015), help="first and last std of the point aimed at, m")
     add("--until", type=float, default=0.4, help="share of the shots after which the last three are constant")
     add("--evaluate-every", type=lambda text: int(float(text)), default=250_000, help="shots between two evaluations")
-    add("--env", type=json.loads, default=[{}], help="JSON list of arguments of gym.make; an update draws one of them")
+    add("--env", type=json.loads, default={}, help="arguments of gym.make as JSON")
     add("--episodes", type=int, default=10_000, help="new layouts of an evaluation")
     add("--policy", type=Path, help="file for the weights")
     return parser.parse_args(argv)
@@ -100,19 +100,16 @@ def success(policy: AimNetwork, envs: VectorEnv, seed: int) -> float:
     return play_together(envs, act, evaluation_seeds(seed, envs.num_envs).tolist())["success_rate"]
 
 
-def train(
-    args: argparse.Namespace, policy: AimNetwork | None = None, make_vec: Callable[..., Any] = gym.make_vec
-) -> tuple[AimNetwork, list[dict[str, Any]]]:
-    """Trains a policy, a new one if none is given. Prints and returns its success on new layouts meanwhile."""
+def train(args: argparse.Namespace) -> tuple[AimNetwork, list[dict[str, Any]]]:
+    """Trains a policy. Prints and returns its success on new layouts meanwhile."""
     torch.manual_seed(args.seed)
     torch.set_num_threads(args.threads)
     torch.set_flush_denormal(True)  # tiny densities are slow otherwise
-    worlds = [make_vec(ENV_ID, num_envs=args.envs, threads=args.threads, **world) for world in args.env]
-    tests = make_vec(ENV_ID, num_envs=args.episodes, threads=args.threads, **args.env[0])
-    scene = tests.single_env.scene
-    policy = policy or AimNetwork(scene.half_extents, args.points, args.speeds, args.hidden, args.aim)
+    envs = gym.make_vec(ENV_ID, num_envs=args.envs, threads=args.threads, **args.env)
+    tests: Any = gym.make_vec(ENV_ID, num_envs=args.episodes, threads=args.threads, **args.env)
+    policy = AimNetwork(tests.single_env.scene.half_extents, args.points, args.speeds, args.hidden, args.aim)
     optimizer = Adam(policy.parameters(), eps=1e-5, fused=True)
-    layouts = [positions_of(envs, envs.reset(seed=args.seed * args.envs)[0]) for envs in worlds]
+    positions = positions_of(envs, envs.reset(seed=args.seed * args.envs)[0])
     done, curve, seconds = 0, [], 0.0
     while done < args.shots:
         begin = time.perf_counter()
@@ -122,22 +119,20 @@ def train(
         entropy, *std = (first * (last / first) ** part for first, last in schedules)
         policy.std[:2] = torch.tensor(std)
         optimizer.param_groups[0]["lr"] = args.rate * (1 - 0.99 * share)
-        world = int(torch.randint(len(worlds), ()))
-        positions = layouts[world]
         with torch.no_grad():
             mixture, values = policy(positions)
             velocities = mixture.sample()
             log_densities = mixture.log_prob(velocities)
-        following, rewards, *_ = worlds[world].step(velocities.clamp(-1, 1).numpy())
+        following, rewards, *_ = envs.step(velocities.clamp(-1, 1).numpy())
         rewards = torch.from_numpy(rewards).clamp(min=0).floor().float()
         update(policy, optimizer, (positions, velocities, log_densities, values, rewards), entropy, args)
-        layouts[world] = positions_of(worlds[world], following)
+        positions = positions_of(envs, following)
         done += args.envs
         seconds += time.perf_counter() - begin
         if done >= args.shots or done // args.evaluate_every > len(curve):
             rate = success(policy, tests, args.seed)
             print(f"{done:>11,} shots, {seconds:5.0f} s, success {rate:.1%}, exploring {rewards.mean():.1%}")
-            curve.append({"seed": args.seed, "shots": done, "success": rate, "seconds": round(seconds, 3)})
+            curve.append({"shots": done, "success": rate})
     if args.policy:
         torch.save(policy.state_dict(), args.policy)
     return policy, curve

@@ -2,10 +2,10 @@
 
 Modules:
     learning: Trains the rows of `configs/learning.yaml` with several seeds: `make results`.
-    timestep: Trains policies with several timesteps and compares them: `make study`.
+    timestep: Trains `configs/timestep.yaml` with several timesteps and compares the policies: `make study`.
     timestep_report: Makes its tables and pictures.
     timestep_shots: Chooses shots of these policies for the page of the study.
-    other_simulators: Trains such policies in pymunk and MuJoCo, and plays policies of exact worlds in them.
+    other_simulators: Trains policies in pymunk and MuJoCo, and plays policies of exact worlds in them.
     derivatives: Trains networks by derivatives, exact ones and those through a timestep.
     failures: The four failures of a timestep, as small scenes.
     frozen_tasks: Measures players without training in the frozen tasks.
@@ -34,7 +34,7 @@ from agents import require
 from agents.cluster import RayExecutor
 from benchmarks import ROOT, machine, processes
 from billiards_env.shots.records import read_data
-from billiards_env.support.files import MAX_ARCHIVE, read_arrays, replacing, write_json
+from billiards_env.support.files import MAX_ARCHIVE, write_json
 
 require("plot", ("matplotlib",))
 
@@ -121,19 +121,3 @@ def live_shot(scene: str, positions: Any, velocity: Any, steps: int) -> str:
     motion = ",".join(map(repr, [*np.asarray(velocity).tolist(), 0, 0, 0]))
     shot = {"game": "given", "scene": scene, "balls": balls, "motion": motion, "dt": steps}
     return html.escape("#" + urlencode(shot, safe=",;"))
-
-
-def save_arrays(path: Path, weights: Mapping[str, Any]) -> None:
-    """Writes arrays by name, completely or not at all."""
-    with replacing(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, **weights)
-
-
-def load_arrays(path: Path) -> dict[str, Any]:
-    """Returns the arrays in a file, by name. This runs no code from the file.
-
-    Raises:
-        OSError: If the file cannot be read.
-        ValueError: If it does not hold arrays of numbers.
-    """
-    return read_arrays(path, "arrays")

@@ -22,9 +22,9 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from agents.config import LEARNING, load, rows
+from agents.config import LEARNING, Config, load, rows
 from agents.ppo import deterministic, load_run
-from agents.train import learning_curve, open_run, train, versions
+from agents.train import Point, learning_curve, open_run, train, versions
 from benchmarks import machine, machine_line, new_figure, run_command, save, table
 from billiards_env.bench import benchmark as bench
 from billiards_env.bench import evaluation
@@ -63,24 +63,32 @@ _BEST_OF = f"AimPolicy:{PROPOSALS[-1]}"
 Result = Mapping[str, Any]
 
 
+def trained(config: Config, folder: Path) -> tuple[list[Point], dict[str, bytes]]:
+    """Trains a configuration, unless the folder holds the finished run.
+
+    Returns:
+        The learning curve. Then the files of the policy, because another machine may train it.
+    """
+    open_run(config, folder)
+    train(config, folder)
+    return learning_curve(folder), {file: (folder / file).read_bytes() for file in ("config.yaml", "policy.pt")}
+
+
 def run_row(name: str, seed: int, folder: Path, episodes: int) -> tuple[dict[str, Any], dict[str, bytes]]:
     """Trains a row with a seed, unless the folder holds the finished run, and plays its tasks.
 
     Returns:
         `curve`, the learning curve (a list of `agents.train.Point`), `tasks`: the results of `play_together` by task,
-        `machine` and `versions`. Then the files of the policy, because another machine may train it.
+        `machine` and `versions`. Then the files of the policy.
     """
-    config, played = load(name, seed=seed), {}
-    open_run(config, folder)
-    train(config, folder)
+    (curve, files), played = trained(load(name, seed=seed), folder), {}
     for task in rows()[name]["plays"]:
         envs = gym.make_vec(NAMESPACE + task, num_envs=episodes, autoreset_mode="SameStep")
         policy = load_run(folder, FROZEN[task].arguments)[1]
         played[task] = play_together(envs, deterministic(policy), evaluation_seeds(seed, episodes).tolist())
         envs.close()
-    files = {file: (folder / file).read_bytes() for file in ("config.yaml", "policy.pt")}
-    curve = [list(point) for point in learning_curve(folder)]
-    return {"curve": curve, "tasks": played, "machine": machine(), "versions": versions()}, files
+    known = {"machine": machine(), "versions": versions()}
+    return {"curve": [list(point) for point in curve], "tasks": played, **known}, files
 
 
 def measure(output: Path, jobs: int, address: str) -> dict[str, Any]:

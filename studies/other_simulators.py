@@ -1,9 +1,9 @@
-"""Trains the learner of the timestep study in simulators of other projects: `python -m studies.other_simulators`.
+"""Trains policies in simulators of other projects: `python -m studies.other_simulators`.
 
-The learner is `examples/ppo.py` with the layouts of `studies.timestep`. pymunk (rigid contacts) or MuJoCo (soft
-contacts) plays the shots, in separate processes (`benchmarks.simulators`). The game is a direct pot: the object
-ball has to drop without touching a cushion, and the cue ball must not touch a cushion before the hit. A ball slows down
-at the rate `DECAY`: by `space.damping` in pymunk, and by the damping of the joints in MuJoCo.
+PPO of Stable-Baselines3 trains `AimPolicy`, and the policies play the layouts of `studies.timestep`. pymunk (rigid
+contacts) or MuJoCo (soft contacts) plays the shots, in separate processes (`benchmarks.simulators`). The game is a
+direct pot: the object ball has to drop without touching a cushion, and the cue ball must not touch a cushion before the
+hit. A ball slows down at the rate `DECAY`: by `space.damping` in pymunk, and by the damping of the joints in MuJoCo.
 
 The exact worlds have the same laws. As a function of the time s = (1 - exp(-DECAY t)) / DECAY a ball moves at a
 constant speed. The exact worlds are therefore scenes with ideal motion, which end at the value of s for the longest
@@ -27,35 +27,37 @@ at a hit that is thicker by v * delay * sin(a) * cos(a).
 The results are in `studies/results/other_simulators.json`. Each run is written there when it ends, and the command
 skips runs that have results.
 
-The published runs in pymunk are older than a fix of the worker: the push out of the last overlap on a table moved the
-balls of the next shot there. Of 20,000 random shots with 1/120 s, 670 were pots then and 668 are now; 10 shots differ.
+The published runs are older than this program: the PPO of `examples/ppo.py` trained the same network. Those in pymunk
+are also older than a fix of the worker: the push out of the last overlap on a table moved the balls of the next shot
+there. Of 20,000 random shots with 1/120 s, 670 were pots then and 668 are now; 10 shots differ.
 """
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
-import io
 import math
 from collections.abc import Callable, Iterator, Mapping
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from stable_baselines3 import PPO
 
+from agents.ppo import deterministic
+from agents.train import one_fast_thread
 from benchmarks import new_figure, run_command, save, simulators, table
 from benchmarks.simulators_worker import DECAY, TIME
 from billiards_env import Scene, simulate_batch
 from billiards_env.bench.evaluation import evaluation_seeds
 from billiards_env.envs import BilliardsVectorEnv, make_model
+from billiards_env.sb3 import PPO_SETTINGS, AimPolicy, SameStepVecEnv
 from billiards_env.scene import Physics
 from billiards_env.support.files import write_json
-from examples import ppo
 from studies import RESULTS, completed, executor, resumed
-from studies.timestep import LAYOUT_SEED, LAYOUTS, actions_of, aims, aims_by_group
-from studies.timestep_report import GROUPS, finished
+from studies.timestep import LAYOUT_SEED, LAYOUTS, aims, aims_by_cut
+from studies.timestep_report import cuts, finished, mean_errors, square_difference
 
 Floats = NDArray[np.float64]
 Play = Callable[[Floats, Floats], NDArray[np.intp]]
@@ -171,33 +173,34 @@ def delayed(positions: Floats, velocities: Floats, delay: Floats) -> Floats:
     return np.where(hits[:, None], np.column_stack((turned.real, turned.imag)), velocities)
 
 
-def aims_by_cut(scene: Scene, positions: Floats, velocities: Floats, pockets: Any, delay: float) -> list[list[float]]:
-    """Returns the number of pots, the mean error of the aim and its prediction, mm, for each cut angle of `GROUPS`."""
-    aimed = aims(velocities, positions, pockets, scene, 1.0, 0.0)
+def delayed_aims(scene: Scene, positions: Floats, velocities: Floats, pockets: Any, delay: float) -> list[list[float]]:
+    """Returns `aims_by_cut` of pots, with the error that compensates for a delay, s, as the prediction."""
+    aimed = aims(velocities, positions, pockets, scene, 0.0)
     cut, touching = np.radians(aimed.cut), 2.0 * scene.balls.radius[0]
     path = np.sqrt(aimed.distance**2 - (touching * np.sin(cut)) ** 2) - touching * np.cos(cut)
     speed = np.maximum(np.linalg.norm(velocities, axis=1) - DECAY * path, 0.0)
     predicted = -speed * delay * np.sin(cut) * np.cos(cut)
-    return aims_by_group(aimed._replace(predicted=predicted))["cut angle"]
+    return aims_by_cut(aimed._replace(predicted=predicted))
 
 
 def train(name: str, seed: int, shots: int, layouts: int) -> dict[str, Any]:
     """Trains a policy and plays it on new layouts.
 
     Returns:
-        `world`, `seed`, `curve` (see `ppo.train`), `delay`, s; `success`, the number of direct pots in its own world,
-        in the exact world and, if it is exact, in all worlds with its laws; `predicted`, those that prediction 3 gives;
-        and `aim`, see `aims_by_cut`.
+        `world`, `seed`, `delay`, s; `success`, the number of direct pots in its own world, in the exact world and, if
+        it is exact, in all worlds with its laws; `predicted`, those that prediction 3 gives; and `aim`, see
+        `delayed_aims`.
     """
     exact = WORLDS[name].exact
     scene, random = SCENES[exact], np.random.default_rng(seed)
-    args = ppo.arguments(f"--shots {shots} --seed {seed} --episodes {min(layouts, 2000)}".split())
-    with opened(name) as (play, delays):
-        with contextlib.redirect_stdout(io.StringIO()):
-            policy, curve = ppo.train(args, make_vec=lambda _, num_envs, threads: PlayedEnvs(num_envs, scene, play))
+    with opened(name) as (play, delays), one_fast_thread():
+        envs = SameStepVecEnv(PlayedEnvs(4096, scene, play))
+        schedule = {"exploration": max(2 * shots // 5, 1)}
+        model = PPO(AimPolicy, envs, **PPO_SETTINGS, policy_kwargs=schedule, seed=seed).learn(shots)
         envs = PlayedEnvs(layouts, scene, play)
         observations, _ = envs.reset(seed=evaluation_seeds(LAYOUT_SEED, layouts).tolist())
-        positions, velocities = envs.positions, velocities_of(actions_of(policy, envs, observations), envs)
+        positions = envs.positions
+        velocities = velocities_of(deterministic(model.policy)(observations), envs)
         pockets = play(positions, velocities)
         potted = pockets >= 0
         success, predicted = {name: int(potted.sum())}, {}
@@ -211,11 +214,10 @@ def train(name: str, seed: int, shots: int, layouts: int) -> dict[str, Any]:
     return {
         "world": name,
         "seed": seed,
-        "curve": curve,
         "delay": float(delays.mean()),
         "success": success,
         "predicted": predicted,
-        "aim": aims_by_cut(scene, positions[potted], velocities[potted], pockets[potted], delays.mean()),
+        "aim": delayed_aims(scene, positions[potted], velocities[potted], pockets[potted], delays.mean()),
     }
 
 
@@ -250,10 +252,7 @@ def aim_errors(result: Mapping[str, Any]) -> dict[str, Floats]:
     The columns are the number of pots, the error of the aim minus the error of exact policies, mm, and its prediction,
     mm.
     """
-    pooled = {}
-    for name, runs in by_world(result).items():
-        counts, means = np.split(np.array([run["aim"] for run in runs]), [1], axis=2)
-        pooled[name] = np.hstack((counts.sum(0), (counts * means).sum(0) / np.maximum(counts.sum(0), 1)))
+    pooled = {name: mean_errors(runs) for name, runs in by_world(result).items()}
     base = {name: pooled.get(WORLDS[name].exact, np.zeros(3)) * (0, 1, 0) for name in pooled}
     return {name: errors - base[name] for name, errors in pooled.items() if name != WORLDS[name].exact}
 
@@ -272,13 +271,11 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
             played = mean(name, name), mean(name, exact), mean(exact, exact), mean(exact, name)
             success.append((name, str(len(worlds.get(name, []))), *played, mean(exact, name, "predicted")))
     for name, errors in aim_errors(result).items():
-        square = np.average((errors[:, 1] - errors[:, 2]) ** 2, weights=errors[:, 0])
         cells = (f"{measured:+.1f} ({predicted:+.1f})" for _, measured, predicted in errors)
-        aim.append((name, f"{1e3 * worlds[name][0]['delay']:.1f} ms", *cells, f"{math.sqrt(square):.2f} mm"))
+        aim.append((name, f"{1e3 * worlds[name][0]['delay']:.1f} ms", *cells, f"{square_difference(errors):.2f} mm"))
     head = "simulator", "seeds", "own policy, there", "own policy, exact", "exact policy, exact"
-    degrees = (f"{low} to {high} degrees" for low, high in pairwise(GROUPS["cut angle"][1]))
     return {
-        "aim": table(("trained in", "delay", *degrees, "difference"), aim),
+        "aim": table(("trained in", "delay", *cuts(), "difference"), aim),
         "success": table((*head, "exact policy, there", "predicted"), success),
     }
 

@@ -1,166 +1,104 @@
 """Studies the effect of the timestep on policies that learn to aim: `python -m studies.timestep`.
 
-`examples/ppo.py` trains policies in several worlds with several seeds each. One world is exact; in the others the same
-balls move in steps of dt. Then every policy plays the same new layouts in every world, without exploration noise. A
-shot is a false success if it succeeds in the world of the training and fails in the exact one.
+`agents.train` trains the settings of `configs/timestep.yaml` in several worlds with several seeds, in
+`runs/timestep/WORLD/seedN`. One world is exact; in the others the same balls move in steps of dt. Then each policy
+plays the same new layouts in its own world and in the exact one, without exploration. A shot is a false success if it
+succeeds in the world of the training and fails in the exact one.
 
-The results of all runs are in `studies/results/timestep.json`, and the weights of the main part in the folder
-`policies/timestep` beside this file. Each run is written there when it ends. The command skips runs that have results,
-so it continues after an interruption. At the end it prints the tables and draws the pictures of the study.
+The results are in `studies/results/timestep.json`, and the policies of the first seed in the folder `policies/timestep`
+beside this file. Each result is written there when its run ends. The command skips runs that have results, so it
+continues after an interruption. At the end it prints the tables and draws the pictures of the study.
 """
 
 from __future__ import annotations
 
-import contextlib
-import functools
-import io
-import json
-from collections.abc import Mapping
+import dataclasses
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
+from stable_baselines3.common.policies import BasePolicy
 
-from agents.train import versions
-from benchmarks import machine, run_command
-from billiards_env.bench.evaluation import evaluation_seeds, play_together
+from agents.config import LEARNING, Config, load
+from agents.ppo import deterministic, make_vector
+from benchmarks import run_command
+from billiards_env.bench.evaluation import evaluation_seeds
 from billiards_env.engine import Engine
-from billiards_env.envs import BilliardsVectorEnv, make_vector_env
-from billiards_env.sb3.aim_network import AimNetwork
+from billiards_env.sb3 import load_policy
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
-from billiards_env.support.files import write_json
-from examples import ppo
-from studies import JOBS, RESULTS, completed, executor, load_arrays, read_results, save_arrays
-from studies.timestep_report import GROUPS, blocks, draw
+from billiards_env.support.files import write_atomically, write_json
+from billiards_env.support.settings import read_settings
+from studies import JOBS, RESULTS, RUNS, completed, executor, resumed
+from studies.learning import trained
+from studies.timestep_report import CUTS, EXACT, blocks, draw
 
 Floats = NDArray[np.float64]
-Weights = dict[str, NDArray[np.float16]]
+Bools = NDArray[np.bool_]
+
+SETTINGS = LEARNING.with_name("timestep.yaml")
 
 TIMESTEPS = (960, 480, 240, 120, 60, 30, 15)  # 1/s
-WORLDS: dict[str, dict[str, Any]] = {"exact": {}, **{f"1/{n}": {"mode": "pit", "dt": 1 / n} for n in TIMESTEPS}}
+WORLDS: dict[str, dict[str, Any]] = {EXACT: {}, **{f"1/{n}": {"mode": "pit", "dt": 1 / n} for n in TIMESTEPS}}
 """The arguments of `gym.make` of each world, by name. The fix of a world with a timestep is `push_apart`."""
 
-MOVE_BACK = {f"1/{n}": {**WORLDS[f"1/{n}"], "fix": "move_back"} for n in (240, 60, 15)}
-RANDOM = [WORLDS[f"1/{n}"] for n in TIMESTEPS]
+MOVE_BACK = {f"1/{n} move_back": {**WORLDS[f"1/{n}"], "fix": "move_back"} for n in (240, 60, 15)}
+
 SEEDS = tuple(range(11, 21))
 FEW_SEEDS = SEEDS[:5]
-SHOTS, SHOTS_OF_GAMES = 1_000_000, 500_000
-LONG = "--shots 5e6 --hidden 192 --epochs 3 --until 0.12 --entropy 0.03 0.006"
-FINE_TUNING = (
-    "--shots 5e5 --rate 5e-4 --entropy 0.003 0.003 --std-speed 0.03 0.03 --std-aim 0.005 0.0015 --evaluate-every 5e4"
-)
-ABLATION = {
-    "4 points": "--points 4",
-    "constant spread of the aim": "--std-aim 0.0015 0.0015",
-    "little entropy": "--entropy 0.003 0.003",
-}
-"""Options of `examples/ppo.py` that remove one of its ideas, by the name of the remaining policy."""
-
-GAMES: dict[str, tuple[dict[str, Any], str]] = {
-    "three_balls": (
-        {"n_object_balls": 3, "max_shots": 5},
-        f"--shots {SHOTS_OF_GAMES} --rate 4e-3 --envs 2048 --minibatch 512",
-    ),
-    "carom": (
-        {"task": "carom", "layout": "random", "max_speed": 6.0},
-        f"--shots {SHOTS_OF_GAMES} --rate 4e-3 --envs 2048 --minibatch 512 --aim layout --points 8 --hidden 192",
-    ),
-}
-"""Other games, by the name of the part: arguments of `gym.make`, and options of `examples/ppo.py`."""
-
-WORLDS_OF_GAMES = ("exact", "1/240", "1/60", "1/15")
+"""The seeds of the worlds with `move_back`."""
 
 LAYOUTS, LAYOUT_SEED = 10_000, 20_261
 
 OUTPUT = RESULTS / "timestep.json"
 
 
-class Run(NamedTuple):
-    """A training run.
+def config_of(world: str, seed: int = 0) -> Config:
+    """Returns the settings of the training in a world."""
+    config = load(SETTINGS, seed=seed)
+    return dataclasses.replace(config, env={**config.env, **{**WORLDS, **MOVE_BACK}[world]})
+
+
+class Shots(NamedTuple):
+    """m shots of a policy, each on a new layout.
 
     Attributes:
-        part: The part of the study, a key of `PARTS`.
-        world: The name of the world, or of the variant.
-        seed: The seed of the training.
-        envs: The arguments of `gym.make` of the worlds of the training. The first one is the policy's own world.
-        options: Further options of `examples/ppo.py`.
-        start: The name of the run whose policy is trained further; None for a new policy.
+        positions: (m, 2, 2) m.
+        velocities: (m, 2) m/s, of the cue ball.
+        own, exact: (m,) which of them succeed in the policy's own world and in the exact one.
     """
 
-    part: str
-    world: str
-    seed: int
-    envs: list[dict[str, Any]]
-    options: str = f"--shots {SHOTS}"
-    start: str | None = None
-
-    @property
-    def name(self) -> str:
-        """The name of the run and of the file of its weights."""
-        return "_".join((self.part, self.world, str(self.seed))).replace("/", "-").replace(" ", "-")
+    positions: Floats
+    velocities: Floats
+    own: Bools
+    exact: Bools
 
 
-PARTS: dict[str, list[Run]] = {
-    "main": [Run("main", world, seed, [env]) for seed in SEEDS for world, env in WORLDS.items()],
-    "random": [Run("random", "random", seed, RANDOM) for seed in FEW_SEEDS],
-    "move_back": [Run("move_back", world, seed, [env]) for seed in FEW_SEEDS for world, env in MOVE_BACK.items()],
-    "fine_tuning": [
-        Run("fine_tuning", world, seed, [{}], FINE_TUNING, Run("main", world, seed, []).name)
-        for seed in FEW_SEEDS
-        for world in MOVE_BACK
-    ],
-    "ablation": [
-        Run("ablation", name, seed, [{}], options) for seed in SEEDS[:3] for name, options in ABLATION.items()
-    ],
-    "long": [
-        Run("long", world, seed, [WORLDS[world]], LONG)
-        for seed in SEEDS
-        for world in WORLDS_OF_GAMES
-        if world == "exact" or seed in FEW_SEEDS
-    ],
-    **{
-        part: [
-            Run(part, world, seed, [{**game, **WORLDS[world]}], options)
-            for seed in FEW_SEEDS
-            for world in WORLDS_OF_GAMES
-        ]
-        for part, (game, options) in GAMES.items()
-    },
-}
-"""The runs of each part. A run starts from a policy of an earlier part, or from none."""
-
-SAVED = ("main",)
-"""The parts whose weights are kept."""
+def play(policy: BasePolicy, world: str, layouts: int, seed: int) -> Shots:
+    """Plays new layouts in the world of a policy and in the exact one, without exploration."""
+    potted = []
+    for played in (world, EXACT):
+        envs: Any = make_vector(config_of(played), layouts, 1).unwrapped
+        observations, _ = envs.reset(seed=evaluation_seeds(seed, layouts).tolist())
+        positions, actions = envs.positions, deterministic(policy)(observations)
+        potted.append(envs.step(actions)[-1]["final_info"]["is_success"])
+    return Shots(positions, envs.single_env.max_speed * actions.astype(np.float64), *potted)
 
 
-def successes(actions: Floats, positions: Floats, envs: Mapping[str, Any]) -> dict[str, NDArray[np.bool_]]:
-    """Returns which shots succeed in each world, (m,), for actions (m, 2) and positions (m, 2, 2) in m."""
-    by_world = {}
-    for world, env in envs.items():
-        env.reset(options={"positions": positions})
-        by_world[world] = env.step(actions)[-1]["is_success"]
-    return by_world
-
-
-def direct_pots(
-    actions: Floats, positions: Floats, scene: Scene, max_speed: float, world: Mapping[str, Any]
-) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
+def direct_pots(velocities: Floats, positions: Floats, scene: Scene, engine: Engine) -> tuple[Bools, NDArray[np.intp]]:
     """Returns which shots are direct pots without a scratch, (m,), and the pockets nearest to the ball's end, (m,).
 
     In a direct pot neither the cue ball before the hit nor the object ball touches a cushion.
 
     Args:
-        actions: (m, 2) shots of the cue ball.
-        positions: (m, 2, 2) m, the tables.
+        velocities: (m, 2) m/s, of the cue ball.
+        positions: (m, 2, 2) m.
         scene: The scene.
-        max_speed: The speed of an action of length 1, m/s.
-        world: The engine, an entry of `WORLDS`.
+        engine: The engine.
     """
-    shots = simulate_batch(scene, positions, max_speed * actions, threads=1, engine=Engine(**world))
+    shots = simulate_batch(scene, positions, velocities, threads=1, engine=engine)
     places = scene.table.pocket_places
     pockets = np.linalg.norm(shots.positions[:, 1, None] - places, axis=2).argmin(1)
     direct = (shots.cushions_before_hit[:, 1] == 0) & (shots.cushions[:, 1] == 0)
@@ -187,18 +125,16 @@ class Aims(NamedTuple):
     speed: Floats
 
 
-def aims(
-    actions: Floats, positions: Floats, pockets: NDArray[np.intp], scene: Scene, max_speed: float, dt: float
-) -> Aims:
-    """Returns the `Aims` of shots (m, 2) of the cue ball at pockets (m,), on tables with positions (m, 2, 2).
+def aims(velocities: Floats, positions: Floats, pockets: NDArray[np.intp], scene: Scene, dt: float) -> Aims:
+    """Returns the `Aims` of shots with velocities (m, 2) at pockets (m,), on tables with positions (m, 2, 2).
 
     An engine with a timestep finds the contact late: the cue ball has gone on by s, which is between 0 and v dt. At the
     cut angle a this turns the line of centres by s sin(a) / (2 R) towards a thinner hit. A line that is shifted by
     s sin(a) cos(a) to a thicker hit compensates for it. The mean of s is v dt / 2.
     """
     cue_ball, ball = positions[:, 0], positions[:, 1]
-    speed = max_speed * np.linalg.norm(actions, axis=1)
-    line = max_speed * actions / np.maximum(speed, 1e-9)[:, None]
+    speed = np.linalg.norm(velocities, axis=1)
+    line = velocities / np.maximum(speed, 1e-9)[:, None]
     touching = 2.0 * scene.balls.radius[0]
     to_pocket = scene.table.pocket_places[pockets] - ball
     to_pocket /= np.linalg.norm(to_pocket, axis=1, keepdims=True)
@@ -225,120 +161,44 @@ def _speed_after(speed: Floats, path: Floats, scene: Scene) -> Floats:
     return np.sqrt(np.maximum(np.where(path < sliding, slides, rolls), 0.0))
 
 
-def aims_by_group(aimed: Aims) -> dict[str, list[list[float]]]:
-    """Returns the number of shots, their mean error and the mean of its prediction, mm, for each of `GROUPS`."""
-    rows: dict[str, list[list[float]]] = {}
-    for (name, (_, edges)), values in zip(GROUPS.items(), (aimed.cut, aimed.distance, aimed.speed), strict=True):
-        rows[name] = []
-        for low, high in pairwise(edges):
-            group = (values >= low) & (values < high)
-            means = [1e3 * float(part[group].mean()) if group.any() else 0.0 for part in aimed[:2]]
-            rows[name].append([int(group.sum()), *means])
+def aims_by_cut(aimed: Aims) -> list[list[float]]:
+    """Returns the number of shots, their mean error and the mean of its prediction, mm, for each of `CUTS`."""
+    rows: list[list[float]] = []
+    for low, high in pairwise(CUTS):
+        group = (aimed.cut >= low) & (aimed.cut < high)
+        means = [1e3 * float(part[group].mean()) if group.any() else 0.0 for part in (aimed.error, aimed.predicted)]
+        rows.append([int(group.sum()), *means])
     return rows
 
 
-def train(run: Run, start: Weights | None, layouts: int) -> tuple[dict[str, Any], Weights]:
-    """Trains a policy and plays it on new layouts in all worlds.
-
-    Args:
-        run: The run.
-        start: The weights of the policy that is trained further; None for a new policy.
-        layouts: The number of new layouts.
+def run_world(world: str, seed: int, folder: Path, layouts: int) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """Trains a policy in a world, unless the folder holds the finished run, and plays new layouts.
 
     Returns:
-        The result as plain data, and the weights. The result has the fields of the run; `curve`, the evaluations during
-        the training (see `ppo.train`); the output of `play_in_worlds`, or of `play_in_game` in a part of `GAMES`;
-        and in the main part `aim`, the output of `aim_of_policy`.
+        The result as plain data: `shots` and `seconds` of the training; the numbers of successes, `own` in the policy's
+        own world and `exact` in the exact one; `false_successes`, those of `own` that fail in the exact world; and
+        `aim`, see `aims_by_cut`, of the direct pots in the own world. Then the files of the policy.
     """
-    options = f"{run.options} --seed {run.seed} --episodes {min(layouts, 2000)}".split()
-    args = ppo.arguments([*options, "--env", json.dumps(run.envs)])
-    with contextlib.redirect_stdout(io.StringIO()):
-        policy, curve = ppo.train(args, None if start is None else policy_of(start, args))
-    weights = {name: value.numpy().astype(np.float16) for name, value in policy.state_dict().items()}
-    policy = policy_of(weights, args)
-    result = {**run._asdict(), "curve": curve}
-    if run.part in GAMES:
-        result |= play_in_game(policy, run, layouts)
-    else:
-        result |= play_in_worlds(policy, run.envs[0], layouts)
-    if run.part == "main":
-        result["aim"] = aim_of_policy(policy, run.envs[0], layouts)
-    return result, weights
-
-
-def play_in_worlds(policy: AimNetwork, own_world: dict[str, Any], layouts: int) -> dict[str, Any]:
-    """Plays a policy on new layouts in all worlds.
-
-    Args:
-        policy: The policy.
-        own_world: The arguments of `gym.make` of its own world.
-        layouts: The number of layouts.
-
-    Returns:
-        `success`, the number of successes in each world; `own`, the number in the policy's own world; and
-        `false_successes` and `false_failures`, the numbers of shots that succeed only in its own world and only in the
-        exact world.
-    """
-    envs = make_worlds(layouts, {**WORLDS, "own": own_world})
-    observations, _ = envs["exact"].reset(seed=evaluation_seeds(LAYOUT_SEED, layouts).tolist())
-    potted = successes(actions_of(policy, envs["exact"], observations), envs["exact"].positions, envs)
-    own, exact = potted.pop("own"), potted["exact"]
-    return {
-        "success": {world: int(shots.sum()) for world, shots in potted.items()},
-        "own": int(own.sum()),
-        "false_successes": int((own & ~exact).sum()),
-        "false_failures": int((exact & ~own).sum()),
+    config = config_of(world, seed)
+    curve, files = trained(config, folder)
+    shots = play(load_policy(folder)[1], world, layouts, LAYOUT_SEED)
+    scene, engine = Scene.named(config.env["scene"], 1), Engine(**{**WORLDS, **MOVE_BACK}[world])
+    direct, pockets = direct_pots(shots.velocities, shots.positions, scene, engine)
+    aimed = aims(shots.velocities[direct], shots.positions[direct], pockets[direct], scene, engine.dt or 0.0)
+    result = {
+        "shots": curve[-1].steps,
+        "seconds": curve[-1].seconds,
+        "own": int(shots.own.sum()),
+        "exact": int(shots.exact.sum()),
+        "false_successes": int((shots.own & ~shots.exact).sum()),
+        "aim": aims_by_cut(aimed),
     }
+    return result, files
 
 
-def play_in_game(policy: AimNetwork, run: Run, layouts: int) -> dict[str, Any]:
-    """Plays new episodes of a part of `GAMES` in the worlds of the games.
-
-    Returns:
-        `success`, the number of successes in each world, and `own`, the number in the world of the run.
-    """
-    seeds, game = evaluation_seeds(LAYOUT_SEED, layouts).tolist(), GAMES[run.part][0]
-    success = {}
-    for world in WORLDS_OF_GAMES:
-        envs = make_vector_env(layouts, threads=1, **game, **WORLDS[world])
-        success[world] = play_together(envs, functools.partial(actions_of, policy, envs), seeds)["successes"]
-    return {"success": success, "own": success[run.world]}
-
-
-def aim_of_policy(policy: AimNetwork, own_world: dict[str, Any], layouts: int) -> dict[str, list[list[float]]]:
-    """Returns `aims_by_group` of the direct pots of a policy in its own world, on the layouts of `play_in_worlds`."""
-    envs = make_worlds(layouts, {"exact": {}})["exact"]
-    observations, _ = envs.reset(seed=evaluation_seeds(LAYOUT_SEED, layouts).tolist())
-    scene, max_speed = envs.single_env.scene, envs.single_env.max_speed
-    actions = actions_of(policy, envs, observations)
-    direct, pockets = direct_pots(actions, envs.positions, scene, max_speed, own_world)
-    shots = actions[direct], envs.positions[direct], pockets[direct]
-    return aims_by_group(aims(*shots, scene, max_speed, own_world.get("dt", 0.0)))
-
-
-def actions_of(policy: AimNetwork, envs: BilliardsVectorEnv, observations: NDArray[np.float32]) -> Floats:
-    """Returns the actions (m, 2) of a policy without exploration noise."""
-    with torch.no_grad():
-        return policy(ppo.positions_of(envs, observations))[0].mode().clamp(-1, 1).numpy().astype(np.float64)
-
-
-def make_worlds(layouts: int, worlds: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
-    """Returns vector environments of a number of layouts in some worlds, by name. They do not reset by themselves."""
-    return {name: make_vector_env(layouts, "Disabled", 1, **arguments) for name, arguments in worlds.items()}
-
-
-def policy_of(weights: Weights, args: Any) -> AimNetwork:
-    """Returns the policy with some weights, for the options of the training."""
-    policy = AimNetwork(weights["half_extents"].tolist(), args.points, args.speeds, args.hidden, args.aim)
-    read = {name: torch.from_numpy(value.astype(np.float32)) for name, value in weights.items()}
-    # Older files of policies for one object ball do not have the weights of the other balls.
-    policy.load_state_dict({**policy.state_dict(), **read})
-    return policy
-
-
-def policy_folder(output: Path) -> Path:
-    """Returns the folder of the weights that belong to a JSON file of results."""
-    return output.parent / "policies" / "timestep"
+def policy_folder(output: Path, world: str) -> Path:
+    """Returns the folder of the policy of a world that belongs to a JSON file of results."""
+    return output.parent / "policies" / "timestep" / world.replace("/", "-")
 
 
 def measure(output: Path, jobs: int, address: str) -> dict[str, Any]:
@@ -347,41 +207,29 @@ def measure(output: Path, jobs: int, address: str) -> dict[str, Any]:
     `jobs` runs are trained at a time, on this machine or on the Ray cluster at `address`.
 
     Returns:
-        The content of the file: `machine`, `versions`, `layouts`, and `runs`, the results of `train` by name.
+        The content of the file: `machine`, `settings`, and `runs`, the results of `run_world` by world and seed.
 
     Raises:
         OSError: If a file cannot be read or written.
+        ValueError: If the settings are invalid, or a folder holds a run of other settings.
         RuntimeError: If a run fails on the cluster.
     """
-    content = read_results(output)
-    if content.get("layouts") != LAYOUTS:
-        content = {"machine": machine(), "versions": versions(), "layouts": LAYOUTS, "runs": {}}
-    folder = policy_folder(output)
-    folder.mkdir(parents=True, exist_ok=True)
+    settings = {"training": read_settings(SETTINGS, "settings"), "layouts": LAYOUTS}
+    content = resumed(output, settings, runs={world: {} for world in (*WORLDS, *MOVE_BACK)})
+    folder = RUNS / "timestep" if output == OUTPUT else output.parent / "runs"
+    order = [(seed, world) for seed in SEEDS for world in (*WORLDS, *(MOVE_BACK if seed in FEW_SEEDS else ()))]
+    calls = {
+        (seed, world): (run_world, world, seed, folder / world.replace("/", "-") / f"seed{seed}", LAYOUTS)
+        for seed, world in order
+        if str(seed) not in content["runs"][world]
+    }
     with executor(jobs, address) as pool:
-        for part, runs in PARTS.items():
-            calls = {
-                run.name: (
-                    train,
-                    run,
-                    None if run.start is None else load_arrays(folder / f"{run.start}.npz"),
-                    LAYOUTS,
-                )
-                for run in runs
-                if not is_result(content, run)
-            }
-            for name, (result, weights) in completed(pool, calls, len(runs) - len(calls)):
-                if part in SAVED:
-                    save_arrays(folder / f"{name}.npz", weights)
-                content["runs"][name] = result
-                write_json(output, content)
+        for (seed, world), (result, files) in completed(pool, calls, len(order) - len(calls)):
+            content["runs"][world][str(seed)] = result
+            write_json(output, content)
+            for name, data in files.items() if seed == SEEDS[0] and world in WORLDS else ():
+                write_atomically(policy_folder(output, world) / name, data)
     return content
-
-
-def is_result(content: Mapping[str, Any], run: Run) -> bool:
-    """Returns whether the results have a run with these settings."""
-    result = content["runs"].get(run.name)
-    return result is not None and all(result[key] == value for key, value in run._asdict().items())
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -11,23 +11,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks import run_command, table
-from billiards_env.bench.evaluation import evaluation_seeds
-from billiards_env.envs.actions import cue_strike
-from examples import ppo
-from studies import live_shot, load_arrays
-from studies.timestep import (
-    LAYOUT_SEED,
-    OUTPUT,
-    SEEDS,
-    WORLDS,
-    Run,
-    actions_of,
-    direct_pots,
-    make_worlds,
-    policy_folder,
-    policy_of,
-    successes,
-)
+from billiards_env.engine import Engine
+from billiards_env.sb3 import load_policy
+from billiards_env.scene import Scene
+from studies import live_shot
+from studies.timestep import LAYOUT_SEED, OUTPUT, WORLDS, direct_pots, play, policy_folder
+from studies.timestep_report import EXACT, name_of
 
 SHOWN, DRAWN, COARSE = 6, 500, "1/60"
 """The number of layouts on the page, the number of layouts from which they are chosen, and the coarse world. The page
@@ -39,28 +28,25 @@ def measure() -> dict[str, Any]:
     """Returns the layouts (positions, m) and the shot of each world: its velocity and whether it pots the ball.
 
     Raises:
-        OSError: If the weights of the first seed are not there.
+        OSError: If the policies of the first seed are not there.
     """
-    envs = make_worlds(DRAWN, WORLDS)
-    observations, _ = envs["exact"].reset(seed=evaluation_seeds(LAYOUT_SEED + 1, DRAWN).tolist())
-    positions, env = envs["exact"].positions, envs["exact"].single_env
-    actions, potted = {}, {}
-    for world, arguments in WORLDS.items():
-        weights = load_arrays(policy_folder(OUTPUT) / f"{Run('main', world, SEEDS[0], [arguments]).name}.npz")
-        actions[world] = actions_of(policy_of(weights, ppo.arguments([])), envs[world], observations)
-        potted[world] = successes(actions[world], positions, {"own": envs[world], "exact": envs["exact"]})
-    telling = potted["exact"]["exact"] & potted[COARSE]["own"] & ~potted[COARSE]["exact"]
-    telling &= direct_pots(actions[COARSE], positions, env.scene, env.max_speed, WORLDS[COARSE])[0]
+    played = {
+        world: play(load_policy(policy_folder(OUTPUT, world))[1], world, DRAWN, LAYOUT_SEED + 1) for world in WORLDS
+    }
+    coarse = played[COARSE]
+    telling = played[EXACT].exact & coarse.own & ~coarse.exact
+    telling &= direct_pots(coarse.velocities, coarse.positions, Scene.named("pool", 1), Engine(**WORLDS[COARSE]))[0]
     return {
         "layouts": [
             {
-                "positions": positions[i].tolist(),
+                "positions": coarse.positions[i].tolist(),
                 "shots": {
                     world: {
-                        "velocity": cue_strike(actions[world][i], env.scene, env.max_speed).velocity.tolist(),
-                        **{where: bool(potted[world][where][i]) for where in ("own", "exact")},
+                        "velocity": shots.velocities[i].tolist(),
+                        "own": bool(shots.own[i]),
+                        "exact": bool(shots.exact[i]),
                     }
-                    for world in WORLDS
+                    for world, shots in played.items()
                 },
             }
             for i in np.flatnonzero(telling)[:SHOWN].tolist()
@@ -73,7 +59,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     labels = {True: "potted", False: "missed"}
 
     def address(layout: dict[str, Any], world: str) -> str:
-        steps = 960 if world == "exact" else round(1 / WORLDS[world]["dt"])
+        steps = 960 if world == EXACT else round(1 / WORLDS[world]["dt"])
         return live_shot("pool", layout["positions"], layout["shots"][world]["velocity"], steps)
 
     def cell(layout: dict[str, Any], world: str) -> str:
@@ -81,7 +67,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         text = f"{labels[shot['own']]}, {labels[shot['exact']]}"
         return f'<a href="browser.md{address(layout, world)}" target="shot">{text}</a>'
 
-    head = "layout", *(world if world == "exact" else f"{world} s" for world in WORLDS)
+    head = "layout", *map(name_of, WORLDS)
     rows = [[str(k), *(cell(layout, world) for world in WORLDS)] for k, layout in enumerate(result["layouts"], 1)]
     frame = address(result["layouts"][0], COARSE)
     return {

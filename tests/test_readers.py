@@ -78,7 +78,6 @@ def model() -> Any:
 
 READERS = {
     "state": Reader("a.npz", write_state, lambda: load_state),
-    "arrays": Reader("a.npz", lambda path: np.savez(path, a=np.arange(9.0)), lambda: studies.load_arrays),
     "weights": Reader("a.pt", write_weights, lambda: functools.partial(load_weights, build_policy(ENV, POLICY))),
     "checkpoint": Reader(
         "256.zip", lambda path: train._save(model(), path), lambda: functools.partial(train._resume, model())

@@ -1,7 +1,7 @@
 """The network of `billiards_env.sb3.AimPolicy`: from the positions of the balls to a mixture of Gaussians over actions.
 
 It contains no pockets, ghost balls or cut angles. Each component of the mixture aims at a learned point next to an
-object ball. `examples/ppo.py` and the timestep study train it without Stable-Baselines3.
+object ball. `agents.likelihood` and `examples/ppo.py` train it without PPO of Stable-Baselines3.
 """
 
 from __future__ import annotations

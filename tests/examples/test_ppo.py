@@ -32,10 +32,10 @@ def test_a_short_training_learns(tmp_path):
 
 def test_a_short_training_learns_to_make_caroms():
     env = {"task": "carom", "layout": "random", "max_speed": 6.0}
-    _, curve = train(shots=32768, aim="layout", rate=4e-3, env=json.dumps([env]))
+    _, curve = train(shots=32768, aim="layout", rate=4e-3, env=json.dumps(env))
     assert curve[-1]["success"] > 0.08  # before the training it is about 0.03
 
 
 def test_a_short_training_learns_to_pot_two_balls():
-    _, curve = train(shots=65536, rate=4e-3, env='[{"n_object_balls": 2, "max_shots": 4}]')
+    _, curve = train(shots=65536, rate=4e-3, env='{"n_object_balls": 2, "max_shots": 4}')
     assert curve[-1]["success"] > 0.15

@@ -8,100 +8,105 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+import yaml
 
+from agents.ppo import deterministic
 from billiards_env import Scene, simulate
+from billiards_env.bench.evaluation import evaluation_seeds, play_together
 from billiards_env.engine import PIC, Engine
+from billiards_env.sb3 import load_policy
 from studies import executor, timestep, timestep_report, timestep_shots
 from studies.readme import fill_page, results
 from tests.helpers.processes import InThisProcess
 
 pytest.importorskip("matplotlib")
 
-TINY = "--shots 2048 --envs 1024 --hidden 16 --points 4 --epochs 1"
-
-
-WORLDS = {"exact": {}, "1/60": timestep.WORLDS["1/60"], "1/15": timestep.WORLDS["1/15"]}
-TUNED = timestep.Run("fine_tuning", "1/60", 5, [{}], TINY + " --evaluate-every 1024", "main_1-60_5")
-PARTS = {
-    "main": [timestep.Run("main", world, seed, [env], TINY) for seed in (5, 6) for world, env in WORLDS.items()],
-    "random": [timestep.Run("random", "random", 5, [WORLDS["1/60"], WORLDS["1/15"]], TINY)],
-    "fine_tuning": [TUNED],
-    "long": [timestep.Run("long", world, 5, [WORLDS[world]], TINY) for world in ("exact", "1/60")],
-    "carom": [
-        timestep.Run("carom", world, 5, [{**timestep.GAMES["carom"][0], **env}], TINY + " --aim layout")
-        for world, env in WORLDS.items()
-    ],
+WORLDS = ("exact", "1/60", "1/15")
+TINY = {
+    "task": "Pot1-v0",
+    "timesteps": 3000,
+    "checkpoint_every": 3000,
+    "evaluation_episodes": 20,
+    "env": {"task": "clear"},
+    "learner": "likelihood",
+    "policy": {"arguments": {"hidden": 16, "points": 4}},
 }
-
-
-def shrink(patch: pytest.MonkeyPatch) -> None:
-    """Makes the study tiny, and trains in this thread."""
-    patch.setattr(timestep, "WORLDS", WORLDS)
-    patch.setattr(timestep, "WORLDS_OF_GAMES", tuple(WORLDS))
-    patch.setattr(timestep, "PARTS", PARTS)
-    patch.setattr(timestep, "LAYOUTS", 200)
-    patch.setattr(timestep, "executor", lambda *_: contextlib.nullcontext(InThisProcess()))
-    patch.setattr(timestep_report, "SHOTS_OF_FINE_TUNING", (0, 1024, 2048))
-
-
-def arguments(folder):
-    return ["--output", str(folder / "timestep.json"), "--images", str(folder)]
+"""The settings of the training in a tiny study."""
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory):
-    """The folder and the results of a tiny study."""
+def command(tmp_path_factory):
+    """A function that runs a tiny study in this process and returns its results, and the folder of its files."""
     folder = tmp_path_factory.mktemp("study")
-    with pytest.MonkeyPatch.context() as patch:
-        shrink(patch)
-        timestep.main(arguments(folder))
-    return folder, json.loads((folder / "timestep.json").read_text())
+    (folder / "timestep.yaml").write_text(yaml.safe_dump(TINY))
+    small = {
+        "SETTINGS": folder / "timestep.yaml",
+        "WORLDS": {world: timestep.WORLDS[world] for world in WORLDS},
+        "MOVE_BACK": {"1/60 move_back": timestep.MOVE_BACK["1/60 move_back"]},
+        "SEEDS": (5, 6),
+        "FEW_SEEDS": (5,),
+        "LAYOUTS": 200,
+        "executor": lambda *_: contextlib.nullcontext(InThisProcess()),
+    }
+
+    def run(*more, **changes):
+        with pytest.MonkeyPatch.context() as patch:
+            for name, value in {**small, **changes}.items():
+                patch.setattr(timestep, name, value)
+            timestep.main(["--output", str(folder / "timestep.json"), "--images", str(folder), *more])
+        return json.loads((folder / "timestep.json").read_text())
+
+    return run, folder
+
+
+@pytest.fixture(scope="module")
+def study(command):
+    """The results of a tiny study."""
+    return command[0]()
 
 
 def test_the_results_have_all_runs(study):
-    folder, content = study
-    assert content["runs"].keys() == {run.name for runs in PARTS.values() for run in runs}
-    assert {path.stem for path in timestep.policy_folder(folder / "timestep.json").iterdir()} == {
-        run.name for run in PARTS["main"]
-    }
-    for run in content["runs"].values():
-        assert run["curve"][-1]["shots"] == 2048
-        assert run["success"].keys() == WORLDS.keys()
-        if run["part"] in timestep.GAMES:
-            assert run["own"] == run["success"][run["world"]]
-        else:
-            assert run["own"] - run["false_successes"] == run["success"]["exact"] - run["false_failures"]
-    assert content["runs"]["main_1-15_6"]["own"] == content["runs"]["main_1-15_6"]["success"]["1/15"]
-    assert content["runs"]["main_exact_5"]["false_successes"] == 0
+    trained = {(world, seed) for world, runs in study["runs"].items() for seed in runs}
+    assert trained == {(world, seed) for world in WORLDS for seed in "56"} | {("1/60 move_back", "5")}
+    for runs in study["runs"].values():
+        for run in runs.values():
+            assert run["shots"] >= 3000
+            assert 0 < run["own"] - run["false_successes"] <= run["exact"] <= 200
+            assert 0 < sum(count for count, *_ in run["aim"]) <= run["own"]
+    assert [run["false_successes"] for run in study["runs"]["exact"].values()] == [0, 0]
+    assert study["runs"]["1/15"]["5"]["own"] != study["runs"]["1/15"]["5"]["exact"]
 
 
-def test_runs_with_results_are_not_trained_again(study, monkeypatch, capsys):
-    folder, content = study
-    shrink(monkeypatch)
-    with monkeypatch.context() as patch:
-        patch.setattr(timestep, "train", None)
-        patch.setattr(timestep, "executor", executor)
-        timestep.main([*arguments(folder), "--address", "no.cluster:1"])  # without missing runs it does not connect
+def test_the_policies_play_as_measured(command, study):
+    env, policy = load_policy(timestep.policy_folder(command[1] / "timestep.json", "1/60"))
+    assert (env["mode"], env["dt"]) == ("pit", 1 / 60)
+    assert not timestep.policy_folder(command[1] / "timestep.json", "1/60 move_back").exists()
+    run = study["runs"]["1/60"]["5"]
+    seeds = evaluation_seeds(timestep.LAYOUT_SEED, 200).tolist()
+    for where, arguments in (("own", env), ("exact", {**env, "mode": "pic", "dt": None})):
+        envs = gym.make_vec("billiards_env:Billiards-v0", num_envs=200, **arguments)
+        assert play_together(envs, deterministic(policy), seeds)["successes"] == run[where]
+
+
+def test_runs_with_results_are_not_trained_again(command, study, capsys):
+    run, folder = command
+    run("--address", "no.cluster:1", run_world=None, executor=executor)  # without missing runs it does not connect
     printed = capsys.readouterr().out
-    assert all(block in printed for block in timestep_report.blocks(content).values())
+    assert all(block in printed for block in timestep_report.blocks(study).values())
     assert (folder / "timestep_aim.png").read_bytes().startswith(b"\x89PNG")
 
-    trained = []
-
-    def train(run, start, layouts):
-        trained.append(run.name)
+    def interrupted(world, seed, *_):
+        calls.append((world, seed))
         raise KeyboardInterrupt
 
-    changed = {**content, "runs": {name: run for name, run in content["runs"].items() if name != "main_1-60_6"}}
-    changed["runs"]["random_random_5"] = {**changed["runs"]["random_random_5"], "options": "--shots 1"}
-    with monkeypatch.context() as patch:
-        patch.setattr(timestep, "train", train)
-        patch.setattr(timestep.json, "loads", lambda _: changed)
-        with pytest.raises(SystemExit) as stopped:
-            timestep.main(arguments(folder))
+    calls, changed = [], json.loads(json.dumps(study))
+    del changed["runs"]["1/60"]["6"]
+    (folder / "timestep.json").write_text(json.dumps(changed))
+    with pytest.raises(SystemExit) as stopped:
+        run(run_world=interrupted)
     assert stopped.value.code == 130
-    assert trained == ["main_1-60_6"]
-    assert not timestep.is_result(changed, PARTS["random"][0])
+    assert calls == [("1/60", 6)]
+    assert run() == study
 
 
 def test_the_help_shows_defaults_that_are_not_empty(capsys):
@@ -110,15 +115,6 @@ def test_the_help_shows_defaults_that_are_not_empty(capsys):
     shown = " ".join(capsys.readouterr().out.split())
     assert "runs at a time (default: 2)" in shown
     assert "(default: )" not in shown
-
-
-def test_the_committed_weights_play_as_measured(study):
-    folder, content = study
-    args = timestep.ppo.arguments(TINY.split())
-    policy = timestep.policy_of(timestep.load_arrays(folder / "policies" / "timestep" / "main_1-60_5.npz"), args)
-    envs: Any = gym.make_vec(timestep.ppo.ENV_ID, num_envs=200, **timestep.WORLDS["1/60"])
-    seed = timestep.LAYOUT_SEED
-    assert timestep.ppo.success(policy, envs, seed) == content["runs"]["main_1-60_5"]["own"] / 200
 
 
 def _hit(shot: Any) -> float:
@@ -132,11 +128,11 @@ def test_direct_pots_touch_no_cushion():
     positions = random.uniform(-0.9, 0.9, (count, 2, 2)) * np.array(scene.half_extents)
     positions = positions[np.linalg.norm(positions[:, 0] - positions[:, 1], axis=1) > 0.1]
     to_ball = positions[:, 1] - positions[:, 0]
-    actions = 0.7 * to_ball / np.linalg.norm(to_ball, axis=1)[:, None] + random.normal(0, 0.02, to_ball.shape)
-    direct, pockets = timestep.direct_pots(actions, positions, scene, 4.0, {})
+    velocities = 2.8 * to_ball / np.linalg.norm(to_ball, axis=1)[:, None] + random.normal(0, 0.08, to_ball.shape)
+    direct, pockets = timestep.direct_pots(velocities, positions, scene, PIC)
     potted = 0
-    for i, action in enumerate(actions[:600]):
-        shot: Any = simulate(scene, positions[i], 4.0 * action, record=True)
+    for i, velocity in enumerate(velocities[:600]):
+        shot: Any = simulate(scene, positions[i], velocity, record=True)
         kinds, balls = shot.events["kind"].tolist(), shot.events["ball"].tolist()
         before_hit = kinds[: kinds.index("ball_ball")] if "ball_ball" in kinds else kinds
         banked = ("cushion", 1) in zip(kinds, balls, strict=True) or "cushion" in before_hit
@@ -166,8 +162,8 @@ def test_a_line_beside_the_ghost_ball_has_this_error(degrees):
     for offset in (-0.004, 0.0, 0.004):
         beside = math.copysign(touching * math.sin(abs(cut)) + offset, cut)  # distance of the ball from the line
         line = turned(to_ball, math.asin(beside / np.linalg.norm(to_ball)))
-        action, table = 0.4 * line[None] / np.linalg.norm(line), np.array([[start, ball]])
-        aimed = timestep.aims(action, table, np.array([-1]), scene, 4.0, 1 / 60)
+        velocity, table = 1.6 * line[None] / np.linalg.norm(line), np.array([[start, ball]])
+        aimed = timestep.aims(velocity, table, np.array([-1]), scene, 1 / 60)
         assert aimed.error[0] == pytest.approx(offset, abs=1e-12)
         assert aimed.cut[0] == pytest.approx(abs(degrees), abs=1e-9)
 
@@ -178,7 +174,7 @@ def test_the_speed_at_the_hit_is_that_of_the_engine():
     speeds = np.array([1.0, 1.5, 3.0])
     velocities = np.stack((speeds, 0.0 * speeds), 1)
     corner = next(k for k, pocket in enumerate(scene.table.pockets) if pocket.x > 0 and pocket.y > 0)
-    aimed = timestep.aims(velocities / 4.0, positions, np.full(3, corner), scene, 4.0, 0.0)
+    aimed = timestep.aims(velocities, positions, np.full(3, corner), scene, 0.0)
     for k in range(3):
         shot = simulate(scene, positions[k], velocities[k], record=True)
         at = _hit(shot) - 1e-9
@@ -210,21 +206,21 @@ def test_the_predicted_error_makes_up_for_the_timestep_on_average(degrees):
 
 def test_the_statistics_of_the_report():
     assert timestep_report.gap(np.array([[0.1, 0.2], [0.3, 0.4]]), np.array([0.1])).round(9).tolist() == [0.05, 0.25]
-    runs = [
-        {"aim": {"cut angle": [[1, 2.0, 4.0], [0, 0.0, 0.0]]}},
-        {"aim": {"cut angle": [[3, -2.0, 0.0], [0, 0.0, 0.0]]}},
-    ]
-    assert timestep_report.mean_errors(runs, "cut angle").tolist() == [[-1.0, 1.0], [0.0, 0.0]]
-    run = {"curve": [{"shots": 10, "success": 0.1}, {"shots": 20, "success": 0.4}]}
-    assert timestep_report.success_after(run, 15) == 0.4
+    exact = [{"aim": [[1, 2.0, 0.0], [0, 0.0, 0.0]]}]
+    late = [{"aim": [[1, 2.0, 4.0], [0, 0.0, 0.0]]}, {"aim": [[3, -2.0, 0.0], [0, 0.0, 0.0]]}]
+    assert timestep_report.mean_errors(late).tolist() == [[4, -1.0, 1.0], [0, 0.0, 0.0]]
+    errors = timestep_report.aim_errors({"exact": exact, "1/60": late})["1/60"]
+    assert errors.tolist() == [[4, -3.0, 1.0], [0, 0.0, 0.0]]
+    assert timestep_report.square_difference(errors) == 4.0
 
 
 def test_the_results_of_the_project_are_those_of_its_runs():
     content = json.loads(results("timestep").read_text(encoding="utf-8"))
-    assert all(timestep.is_result(content, run) for runs in timestep.PARTS.values() for run in runs)
-    assert len(content["runs"]) == sum(map(len, timestep.PARTS.values()))
-    policies = timestep.policy_folder(timestep.OUTPUT)
-    assert {path.stem for path in policies.iterdir()} == {r.name for p in timestep.SAVED for r in timestep.PARTS[p]}
+    assert content["settings"]["training"] == yaml.safe_load(timestep.SETTINGS.read_text())
+    for worlds, seeds in ((timestep.WORLDS, timestep.SEEDS), (timestep.MOVE_BACK, timestep.FEW_SEEDS)):
+        assert all(content["runs"][world].keys() == set(map(str, seeds)) for world in worlds)
+    folders = {timestep.policy_folder(timestep.OUTPUT, world) for world in timestep.WORLDS}
+    assert set((timestep.RESULTS / "policies" / "timestep").iterdir()) == folders
     assert "Not measured" not in fill_page("<!-- timestep: main -->\n<!-- end -->")
 
 
