@@ -141,6 +141,7 @@ def make_model(
     randomize: Mapping[str, Sequence[float]] | None = None,
     noise: Mapping[str, float] | None = None,
     noise_seed: int | None = None,
+    scatter: Mapping[str, float] | None = None,
     n_players: int = 1,
     target: int | None = None,
     can_call: bool = False,
@@ -148,7 +149,6 @@ def make_model(
     miss: bool = False,
     edition: str | None = None,
     innings: int = 0,
-    scatter: Mapping[str, float] | None = None,
 ) -> Model:
     """Returns the arguments of an environment after a check. The docstring of `BilliardsEnv` describes them.
 
