@@ -12,7 +12,7 @@ from benchmarks.reference.oracle import run
 from billiards_env import Scene, simulate_batch, strike
 from billiards_env import scene as scenes
 from billiards_env.derivatives.shot_derivatives import OUTPUTS, UNIT_ROUNDOFF, physics_inputs
-from billiards_env.scene import PARAMETERS, Balls, Pocket, Table, layouts
+from billiards_env.scene import PARAMETERS, Balls, Physics, Pocket, Table, layouts
 from billiards_env.support.checks import RANGES
 from tests.helpers.derivatives import SCENES, VARIABLE, directional_differences, recorded, start_of, tangent_of
 from tests.helpers.shots import draw_starts, simulate
@@ -112,6 +112,10 @@ def test_a_restitution_at_its_floor_or_at_1_has_the_derivative_on_the_inside(nam
     most = {"e_cushion": 1.0, "e_cushion_loss": 0.0, "e_cushion_topspin": 0.0}
     for number, way in (("e_cushion", -1.0), ("e_cushion_loss", 1.0), ("e_cushion_topspin", 1.0)):
         check_one_sided(name, most, number, way)
+
+
+def test_every_number_of_the_derivatives_has_a_range():
+    assert set(PARAMETERS) == set(physics_inputs(Physics(mu_ball=0.05, mu_roll_speed=0.0)))
 
 
 def test_a_ball_that_begins_to_roll_where_the_resistance_changes_has_no_derivative():

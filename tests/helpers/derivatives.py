@@ -17,7 +17,12 @@ from tests.helpers.shots import real
 
 STEP = mpmath.mpf(10) ** -25
 FALLING: dict[str, Any] = {"e_cushion": 0.93, "e_cushion_loss": 0.1, "e_cushion_onset": 0.2, "e_cushion_floor": 0.6}
-VARIABLE: dict[str, Any] = {"e_cushion_topspin": 0.04, "e_cushion_tangent": 0.07}
+VARIABLE: dict[str, Any] = {
+    "e_cushion_topspin": 0.04,
+    "e_cushion_tangent": 0.07,
+    "e_cushion_slip": 0.05,
+    "mu_cushion_cloth": 0.1,
+}
 SCENES = {
     "ideal": Scene.named("ideal", 2),
     "rolling": Scene(Balls((0.03, 0.03, 0.04), (0.17, 0.3, 0.2)), Table(2.0, 1.0), Physics("rolling", "restitution")),

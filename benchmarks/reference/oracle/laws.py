@@ -62,6 +62,8 @@ class World:
     mu_cushion_angle: Real
     e_cushion_topspin: Real
     e_cushion_tangent: Real
+    e_cushion_slip: Real
+    mu_cushion_cloth: Real
     mu_cushion: Real
     cushion_frequency_ratio: Real
     e_slate: Real
@@ -422,11 +424,27 @@ def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Re
 def _han_variable(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real) -> Vector:
     """Returns the state after a cushion as `_han`, whose friction and restitution depend on the motion before."""
     zero, one = mpmath.mpf(0), mpmath.mpf(1)
+    radius, sin = world.radius[ball], world.cushion_height / world.radius[ball] - 1
+    cos = mpmath.sqrt(1 - sin * sin)
     friction = world.mu_cushion + world.mu_cushion_angle * (1 - vx**2 / (vx**2 + vy**2))
-    gain = world.e_cushion_topspin * sorted((zero, world.radius[ball] * wy / vx, one))[1]
+    square = (vx * sin + radius * wy) ** 2 + (vy + radius * (wz * cos - wx * sin)) ** 2
+    gain = world.e_cushion_topspin * sorted((zero, radius * wy / vx, one))[1]
+    gain += world.e_cushion_slip * square / (square + vx**2)
     e = min(one, _restitution(world, vx) + gain)
     same = dataclasses.replace(world, mu_cushion=friction, e_cushion=e, e_cushion_loss=zero, e_cushion_floor=zero)
-    return _han(same, ball, vx, vy, wx, wy, wz, world.e_cushion_tangent)
+    vy_before, wx_before = vy, wx
+    vx_after, vy, wx, wy_after, wz = _han(same, ball, vx, vy, wx, wy, wz, world.e_cushion_tangent)
+    # The vertical impulse from the angular momentum, and the slips on the cloth before and after the impulse
+    vertical = ((vx_after - vx) * sin - 2 * radius * (wy_after - wy) / 5) / cos
+    earlier, slip = (vx - radius * wy, vy_before + radius * wx_before), (vx_after - radius * wy_after, vy + radius * wx)
+    mean = _scale(mpmath.mpf("0.5"), _sum(earlier, slip))
+    if _dot(mean, slip) > 0:
+        size = min(world.mu_cushion_cloth * abs(vertical), 2 * norm(mean) / 7, 2 * _dot(mean, slip) / norm(mean) / 7)
+        px, py = _scale(-size / norm(mean), mean)
+        px = min(px, -vx_after)
+        turn = 5 / (2 * radius)
+        return vx_after + px, vy + py, wx + turn * py, wy_after - turn * px, wz
+    return vx_after, vy, wx, wy_after, wz
 
 
 def _stronge(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real) -> Vector:

@@ -1,23 +1,60 @@
 """The impact on a cushion by Han (2005), with friction and restitution that depend on the motion.
 
 In fits of recorded three-cushion shots (the tracks of the simulator tailuge/billiards), friction grows with the angle
-to the normal, restitution grows with the topspin, and the impulse reverses part of the slip along the cushion. The law
-is a simple form of these effects:
+to the normal, restitution grows with the topspin or with the slip, the impulse reverses part of the slip along the
+cushion, and the cloth rubs during the impact. The law is a simple form of these effects:
 
     mu = mu_cushion + mu_cushion_angle sin^2(phi)
-    e = e(v_n) + e_cushion_topspin min(1, max(0, R omega_t / v_n))
+    e = e(v_n) + e_cushion_topspin min(1, max(0, R omega_t / v_n)) + e_cushion_slip s^2 / (s^2 + v_n^2)
 
 Here phi is the angle between the velocity and the normal, omega_t is the spin along the cushion (v_n / R for a ball
-that rolls), and e(v_n) is the restitution of the other cushions. If mu does not limit the friction, the impact stops
-the slip up or down the nose and reverses the share e_cushion_tangent of the slip along the cushion, as with a nose that
-yields sideways (Stronge 2000). If mu limits the friction, it has the direction of this impulse.
+that rolls), s is the slip at the nose, and e(v_n) is the restitution of the other cushions. If mu does not limit the
+friction, the impact stops the slip up or down the nose and reverses the share e_cushion_tangent of the slip along the
+cushion, as with a nose that yields sideways (Stronge 2000). If mu limits the friction, it has the direction of this
+impulse.
+
+The vertical part p_z of the impulse presses the ball on the slate, or lifts it until it lands. So the cloth acts too,
+against the mean of the slips on it before and after the impulse of the cushion. Its impulse is at most
+mu_cushion_cloth abs(p_z), and at most what stops this mean slip or the slip along it that is left.
 """
 
 from __future__ import annotations
 
+import math
+
 from billiards_env.jit import inlined
-from billiards_env.physics.laws.cushion import ROUNDING, Cushion, cushion_restitution, nose_of, slip_at
-from billiards_env.physics.laws.cushion_han2005 import impact
+from billiards_env.physics.laws.cushion import ROUNDING, Cushion, CushionMotion, cushion_restitution, nose_of, slip_at
+from billiards_env.physics.laws.cushion_han2005 import STICK, impact
+
+
+@inlined
+def _gain(before, slips, numbers):
+    """Returns the gain of the restitution."""
+    vn, (sx, sy) = before.vn, slips
+    topspin = (vn - before.un) / vn if vn > 0.0 else 0.0  # 1 for a ball that rolls
+    slip, square = sx * sx + sy * sy, vn * vn
+    glancing = slip / (slip + square) if slip > 0.0 else 0.0
+    return numbers.e_cushion_topspin * min(1.0, max(0.0, topspin)) + numbers.e_cushion_slip * glancing
+
+
+@inlined
+def _rub(before, after, rebound, most):
+    """Returns the `CushionMotion` after the friction of the cloth during an impact.
+
+    Args:
+        before: The `CushionMotion` before the impulse of the cushion.
+        after: The `CushionMotion` after it.
+        rebound: The ball leaves the cushion at this speed or more, m/s.
+        most: The largest impulse per mass of the cloth, m/s.
+    """
+    sn, st = 0.5 * (before.un + after.un), 0.5 * (before.ut + after.ut)
+    slip = math.sqrt(sn * sn + st * st)
+    share = 0.0
+    if slip > 0.0:
+        left = max(0.0, (sn * after.un + st * after.ut) / slip)
+        share = min(most, STICK * min(slip, left)) / slip
+    pn, pt = max(share * sn, min(0.0, after.vn + rebound)), share * st
+    return CushionMotion(after.vn - pn, after.vt - pt, after.un - 3.5 * pn, after.ut - 3.5 * pt, after.rwz)
 
 
 @inlined
@@ -26,24 +63,26 @@ def han2005_variable(before, radius, rebound, numbers, solution):
     vn, vt = before.vn, before.vt
     square = vn * vn + vt * vt
     along = vt * vt / square if square > 0.0 else 0.0
-    topspin = (vn - before.un) / vn if vn > 0.0 else 0.0  # 1 for a ball that rolls
     nose = nose_of(radius, numbers)
-    sx, sy = slip_at(before, nose)
+    slips = slip_at(before, nose)
+    sx, sy = slips
     mu = numbers.mu_cushion + numbers.mu_cushion_angle * along
-    e, gain = cushion_restitution(vn, numbers), numbers.e_cushion_topspin * min(1.0, max(0.0, topspin))
+    e, gain = cushion_restitution(vn, numbers), _gain(before, slips, numbers)
     if e < 1.0 or gain > 0.0:  # without a gain, a restitution of 1 depends only on `e_cushion`: leave out `min`
         e = min(1.0, e + gain)
-    return impact(before, nose, (sx, sy * (1.0 + numbers.e_cushion_tangent)), rebound, mu, e)
+    after, raised, lift = impact(before, nose, (sx, sy * (1.0 + numbers.e_cushion_tangent)), rebound, mu, e)
+    return _rub(before, after, rebound, numbers.mu_cushion_cloth * abs(lift)), raised
 
 
 @inlined
 def gain_is_smooth(before, radius, numbers):
-    """Returns whether the gain by the topspin has a derivative. It has one for a rolling ball, which always rolls."""
-    vn, un, most = before.vn, before.un, numbers.e_cushion_topspin
-    gain = most * min(1.0, max(0.0, (vn - un) / vn)) if vn > 0.0 else 0.0
+    """Returns whether the gain has a derivative. That by the topspin has one for a rolling ball, which always rolls."""
+    vn, un = before.vn, before.un
+    gain = _gain(before, slip_at(before, nose_of(radius, numbers)), numbers)
     clamped = abs(cushion_restitution(vn, numbers) + gain - 1.0) <= ROUNDING
     slides, tiny = un != 0.0 or before.ut != 0.0, ROUNDING * vn
-    return most == 0.0 or not (clamped or abs(vn - un) <= tiny or (slides and abs(un) <= tiny))
+    kink = abs(vn - un) <= tiny or (slides and abs(un) <= tiny)
+    return not ((gain > 0.0 and clamped) or (numbers.e_cushion_topspin > 0.0 and kink))
 
 
 CUSHION = Cushion(han2005_variable)
