@@ -21,7 +21,7 @@ from benchmarks import ROOT, machine, parser_of, report, save, table
 from billiards_env.calibration import Calibration, Track, calibrate, read_tracks
 from billiards_env.calibration.cleaning import clean, noise_of
 from billiards_env.calibration.frame import Frame
-from billiards_env.calibration.judge import CONTACTS, SCALE, Judged, judge, together
+from billiards_env.calibration.judge import CONTACTS, Judged, judge, together
 from billiards_env.calibration.report import drawn
 from billiards_env.calibration.shot import INSTANT, prepare
 from billiards_env.calibration.starts import errors, search
@@ -71,6 +71,7 @@ def measure(scene: Scene, tracks: list[Track], others: list[Track] | None, laws:
     """Fits and judges, and returns the figures."""
     start = time.process_time()
     result = fit(scene, tracks, laws)
+    own = result.judged.to_dict()
     seconds = time.process_time() - start
     if others is not None:
         judged = result.judge(others)
@@ -94,7 +95,7 @@ def measure(scene: Scene, tracks: list[Track], others: list[Track] | None, laws:
         "kept": result.kept,
         "intervals_95": {name: list(ends) for name, ends in result.intervals.items()},
         "laws": result.laws,
-        "fitted": result.judged.to_dict(),
+        "fitted": own,
         "judged": judged.to_dict(),
         "medians_mm": [1e3 * judged.median(k) for k in CONTACTS],
         "scatter": None if result.scatter is None else result.scatter._asdict(),
@@ -198,7 +199,7 @@ def draw(result: dict[str, Any], scene: Scene, tracks: list[Track], path: Path) 
     shots = [prepare(scene, track, noise) for track in tracks]
     panels = {}
     for shot in shots[:: -(-len(shots) // DRAWN)]:
-        fitted = search(scene, shot.wide(UNTIL, SCALE))
+        fitted = search(scene, shot.wide(UNTIL))
         off = np.hypot(*errors(scene, fitted)[fitted.used & fitted.moving].T)
         panels[f"shot {shot.track.name}, median error {1e3 * np.median(off):.1f} mm"] = drawn(scene, fitted)
     save(draw_fit(panels, judge(scene, shots).errors), path)
@@ -212,7 +213,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = parser_of("benchmarks.real_tracks", about, output=(output, "JSON file"))
     parser.add_argument("fit", type=Path, help="a file of tracks, in any frame")
     parser.add_argument("--judge", type=Path, help="other shots on the same table (default: cross-validation)")
-    parser.add_argument("--scene", default="match_carom", help="the scene (default: %(default)s)")
+    parser.add_argument("--scene", default="match_carom_2", help="the scene (default: %(default)s)")
     parser.add_argument("--cushion", help="the law of the cushions (default: that of the scene)")
     parser.add_argument("--picture", type=Path, help="draw this file with the constants in the JSON file, and stop")
     parser.add_argument("--laws", nargs="*", default=[], metavar="LAW", help="laws of cushions to compare")

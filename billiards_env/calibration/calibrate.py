@@ -23,9 +23,9 @@ from billiards_env.calibration.fit import MANY, Fit, determined, fit_shared, val
 from billiards_env.calibration.frame import Frame, check_frame, fit_frame
 from billiards_env.calibration.judge import Judged, find_problems, judge
 from billiards_env.calibration.report import Calibration
-from billiards_env.calibration.shot import SPIN, VELOCITY, Shot, prepare
-from billiards_env.calibration.stages import ENOUGH, fit_stages, read_state
-from billiards_env.calibration.starts import settle
+from billiards_env.calibration.shot import SPIN, VELOCITY, prepare
+from billiards_env.calibration.stages import ENOUGH, fit_stages, near_rows, read_state
+from billiards_env.calibration.starts import search
 from billiards_env.calibration.tracks import Floats, Track, check_tracks
 from billiards_env.derivatives.shot_derivatives import physics_inputs
 from billiards_env.scene import CUSHION_NAMES, PARAMETERS, Scene, check_scene
@@ -49,7 +49,7 @@ def calibrate(
     *,
     frame: Frame | Literal["fit"] | None = None,
     noise: float | None = None,
-    contacts: int = 4,
+    contacts: int = 3,
     laws: Sequence[str] = (),
     hold_back: bool = True,
     velocities: ArrayLike | None = None,
@@ -59,10 +59,9 @@ def calibrate(
 ) -> Calibration:
     """Fits constants of the physics of a scene to tracks of shots.
 
-    The tracks may contain whole shots. The rows of a shot are fitted until a contact of the cue ball, or until the
-    track leaves the path of the model. The loss is Cauchy's. Its scales come from the errors of the rows after the same
-    number of contacts. With ten or more shots, every fifth shot is held back to measure the errors of predictions. Then
-    all shots are fitted.
+    The tracks may contain whole shots. The rows of a shot are fitted until a contact of the cue ball. The loss is
+    Cauchy's, so rows far from the path of the model hardly count. They are reported. With ten or more shots, every
+    fifth shot is held back to measure the errors of predictions. Then all shots are fitted.
 
     Args:
         scene: The scene; its constants are the start of the fit.
@@ -104,20 +103,20 @@ def calibrate(
         check_frame(scene, prepared, error)
     data = [[array.tolist() for array in track[1:]] for track in tracks]
     saved = read_state(state, [scene.to_dict(), names, error, contacts, hold_back, known.tolist(), data])
-    run = functools.partial(fit_stages, contacts=contacts, noise=error, saved=saved, path=state, progress=progress)
-    fit, used, predicted = _fit(Fit(scene, names, scene, prepared, {}, np.zeros((0, 0))), run, contacts, hold_back)
-    fitted = [shot.until(contacts) for shot in fit.shots]
+    run = functools.partial(fit_stages, contacts=contacts, saved=saved, path=state, progress=progress)
+    fit, predicted = _fit(Fit(scene, names, scene, prepared, {}, np.zeros((0, 0))), run, contacts, hold_back)
     losses = {}
     if fit.share < ENOUGH:
         warnings.append(f"only {fit.share:.0%} of the rows until the second contact fit: no constants are determined")
-        fit = fit._replace(scene=scene, names=())
+        fit = near_rows(fit, contacts)._replace(scene=scene, names=())
     else:
         fit = determined(fit, contacts)
-        if len(used) < MANY:
+        # A shot may have left its best start when the constants changed.
+        found = [search(fit.scene, shot.wide(contacts)) for shot in fit.shots]
+        fit = near_rows(fit._replace(shots=found), contacts)
+        if len(fit.shots) < MANY:
             warnings.append(f"fewer than {MANY} shots: the intervals hold only if the laws are right")
         losses = _losses(fit, laws, contacts, warnings)
-        # The weights of the rows changed after the last fit of the starts, so the starts are fitted again.
-        fitted = [shot._replace(starts=settle(fit.scene, shot.starts, shot)[0]) for shot in fitted]
     return Calibration(
         scene=fit.scene,
         start=values_of(scene, names),
@@ -126,20 +125,18 @@ def calibrate(
         covariance=fit.covariance,
         row_noise=error,
         frame=file_frame,
-        shots=fitted,
+        shots=[shot.until(contacts) for shot in fit.shots],
         problems=[problem for shot in fit.shots for problem in find_problems(fit.scene, shot)],
-        judged=judge(fit.scene, used),
         predicted=predicted,
         laws=losses,
         warnings=warnings,
     )
 
 
-def _fit(fit: Fit, run: Callable[[Fit], Fit], contacts: int, hold_back: bool) -> tuple[Fit, list[Shot], Judged | None]:
-    """Returns the fit of all shots, these shots, and the errors of predicted shots, see `calibrate`.
+def _fit(fit: Fit, run: Callable[[Fit], Fit], contacts: int, hold_back: bool) -> tuple[Fit, Judged | None]:
+    """Returns the fit of all shots, and the errors of predicted shots or None, see `calibrate`.
 
-    The last is None if no shot is held back. If few rows fit, the fit and the shots are those without the ones held
-    back.
+    If few rows fit, the fit is that without the shots that are held back.
 
     Args:
         fit: The start of the fit, with all shots.
@@ -149,13 +146,13 @@ def _fit(fit: Fit, run: Callable[[Fit], Fit], contacts: int, hold_back: bool) ->
     """
     shots = fit.shots
     if not hold_back or len(shots) < _FEWEST:
-        return run(fit), shots, None
+        return run(fit), None
     others = [shot for k, shot in enumerate(shots) if k % _EACH < _EACH - 1]
     first = run(fit._replace(shots=others))
     if first.share < ENOUGH:
-        return first, others, None
+        return first, None
     predicted = judge(determined(first, contacts).scene, shots[_EACH - 1 :: _EACH])
-    return run(first._replace(shots=shots, stages=())), shots, predicted
+    return run(first._replace(shots=shots, stages=())), predicted
 
 
 def _losses(fit: Fit, laws: Sequence[str], contacts: int, warnings: list[str]) -> dict[str, float]:

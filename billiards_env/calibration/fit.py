@@ -151,7 +151,7 @@ def covariance(fit: Fit, contact: int) -> Floats:
     """
     shots = [shot for shot in (shot.until(contact) for shot in fit.shots) if shot.used.any()]
     parts = [reduced(evaluate(fit.scene, shot.starts, shot, fit.names), shot.starts.size) for shot in shots]
-    square = np.concatenate([np.square(errors(fit.scene, shot) / shot.scale[:, None])[shot.used] for shot in shots])
+    square = np.concatenate([np.square(errors(fit.scene, shot) / shot.scale)[shot.used] for shot in shots])
     weight = 1.0 / (1.0 + square)
     prior = np.diag(1.0 / usual_of(fit) ** 2)
     m = len(shots)

@@ -20,16 +20,13 @@ CONTACTS = (1, 2, 3, 4)
 AHEAD = (0.5, 1.0, 2.0)
 """s, how far the cue ball is predicted from a start that is fitted until its third contact."""
 
-SCALE = 0.003
-"""m, the error above which the loss of a coordinate grows slowly (Cauchy)."""
-
 _GAP = 0.1  # s, the longest gap of a track within which the cue ball's place is interpolated
 _LATER = 0.1  # s, the rows after the third cushion that are fitted
 _AFTER = 0.05  # s, the latest contact of the model after the first row far from the path
 
 
 class Problem(NamedTuple):
-    """Rows of a track that are reported, and not fitted.
+    """Rows of a track that are reported.
 
     Attributes:
         shot: Name of the shot.
@@ -106,9 +103,8 @@ def _judge_shot(scene: Scene, shot: Shot) -> Judged:
     distances = {}
     predicted = {}
     same = np.zeros(0, np.bool_)
-    shot = shot._replace(scale=np.full_like(shot.scale, SCALE))
     for contact in CONTACTS:
-        shot = search(scene, shot.wide(contact, SCALE))
+        shot = search(scene, shot.wide(contact))
         off, cue = errors(scene, shot), shot.track.balls == 0
         distances[contact] = np.hypot(*off[shot.used & shot.moving].T)
         if contact == 3:

@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 from billiards_env.calibration.cleaning import clean
 from billiards_env.calibration.fit import bounds_of, half_widths
 from billiards_env.calibration.frame import Frame
-from billiards_env.calibration.judge import CONTACTS, SCALE, Judged, Problem, judge
+from billiards_env.calibration.judge import CONTACTS, Judged, Problem, judge
 from billiards_env.calibration.scatter import Scattered, estimate
-from billiards_env.calibration.shot import INSTANT, PLACES, SPIN, VELOCITY, Shot, prepare
+from billiards_env.calibration.shot import INSTANT, PLACES, SCALE, SPIN, VELOCITY, Shot, prepare
 from billiards_env.calibration.starts import errors, run, simulated
 from billiards_env.calibration.tracks import Bools, Floats, Track, check_tracks
 from billiards_env.scene import PARAMETERS, Scene
@@ -49,8 +49,7 @@ class Calibration:
         row_noise: Standard deviation of a coordinate of a row, m.
         frame: The frame of the given tracks.
         shots: The m fitted shots.
-        problems: The rows that are reported, and not fitted.
-        judged: The errors of the fitted shots.
+        problems: The rows that are reported.
         predicted: The errors of the held-back shots, from the fit without them, or None.
         laws: The loss with each law of cushions, by name.
         warnings: Sentences.
@@ -65,7 +64,6 @@ class Calibration:
     frame: Frame
     shots: list[Shot]
     problems: list[Problem]
-    judged: Judged
     predicted: Judged | None
     laws: dict[str, float]
     warnings: list[str]
@@ -74,6 +72,11 @@ class Calibration:
     def scatter(self) -> Scattered | None:
         """The scatter of the cushions, see `calibration.scatter`; None if the shots have too few contacts."""
         return estimate(self.scene, self.shots, max(SCALE, self.row_noise))
+
+    @functools.cached_property
+    def judged(self) -> Judged:
+        """The errors of the fitted shots, see `judge.judge`."""
+        return judge(self.scene, self.shots)
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:

@@ -88,7 +88,7 @@ def _normal(scene: Scene, shot: Shot, noise: float) -> tuple[Floats, Floats]:
     Returns:
         (5 c, 5 c) and (5 c,), for errors of the rows over their standard deviation.
     """
-    values, jacobian = linearised(scene, shot.starts, shot._replace(scale=np.full_like(shot.scale, noise)))
+    values, jacobian = linearised(scene, shot.starts, shot._replace(scale=noise))
     values, jacobian, rows = values[0], jacobian[0], 2 * np.count_nonzero(shot.used)
     values[rows:], jacobian[rows:] = CAUCHY * values[rows:], CAUCHY * jacobian[rows:]
     result = simulated(scene, shot)

@@ -18,6 +18,10 @@ CAUCHY = 2.385
 """The scale of the loss over the standard deviation of a residual: 95% efficient for Gaussian noise (Holland and Welsch
 1977)."""
 
+SCALE = 0.003
+"""m, the least error of a coordinate above which the loss grows slowly: about the errors of the laws after two contacts
+of the cue ball on a real table."""
+
 _BEFORE = 1e-6  # s, a row at a contact is after it
 _MOVED = 0.004  # m, from a place of rest
 _REST = 2e-3  # m, the error of a place of rest; cameras distort by about as much
@@ -42,7 +46,7 @@ class Shot(NamedTuple):
             standard deviation of 1. The last three are for the spin; they are 0 before the first fit.
         target: (p,).
         starts: (g, width), guesses of the start, or one start after a fit.
-        scale: (r,) m, the error of a coordinate above which the loss grows slowly.
+        scale: m, the error of a coordinate above which the loss grows slowly (Cauchy).
         used: (r,) bool, whether the row is fitted; false for a row that is far from its path.
         leaves: s after `begin`, from which on a ball leaves its path, or inf, and the ball.
     """
@@ -59,7 +63,7 @@ class Shot(NamedTuple):
     prior: Floats
     target: Floats
     starts: Floats
-    scale: Floats
+    scale: float
     used: Bools
     leaves: tuple[float, int] = (np.inf, -1)
 
@@ -91,9 +95,9 @@ class Shot(NamedTuple):
         """Returns the shot with the rows that are used before a contact of the cue ball."""
         return self._replace(used=self.used & self.before(contact))
 
-    def wide(self, contact: int, scale: float) -> Shot:
-        """Returns the shot with all rows before a contact of the cue ball, and a least scale, m."""
-        return self._replace(used=self.before(contact), scale=np.maximum(self.scale, scale))
+    def wide(self, contact: int) -> Shot:
+        """Returns the shot with all rows before a contact of the cue ball."""
+        return self._replace(used=self.before(contact))
 
 
 def prepare(scene: Scene, track: Track, noise: float, known: Floats | None = None) -> Shot:
@@ -156,6 +160,6 @@ def prepare(scene: Scene, track: Track, noise: float, known: Floats | None = Non
         prior=prior,
         target=np.append(weight * np.nan_to_num(rest).ravel(), np.zeros(3)),
         starts=np.where(np.isnan(known), starts, known),
-        scale=np.full(len(added), CAUCHY * noise),
+        scale=max(SCALE, CAUCHY * noise),
         used=np.ones(len(added), np.bool_),
     )

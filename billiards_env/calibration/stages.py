@@ -1,6 +1,6 @@
 """The stages of a fit: rows until the first contact of the cue ball, until the second, and so on.
 
-Each stage uses the rows near the paths of the previous fit. A file holds the finished stages.
+A file holds the finished stages.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from billiards_env.calibration.fit import Fit, covariance, fit_shared, values_of, with_physics
-from billiards_env.calibration.shot import CAUCHY, Shot
+from billiards_env.calibration.shot import Shot
 from billiards_env.calibration.starts import errors, search
 from billiards_env.calibration.tracks import Bools
 from billiards_env.shots import records
@@ -25,60 +25,33 @@ from billiards_env.support.files import refusing, write_json
 StatePath = str | os.PathLike[str] | None
 Progress = Callable[[str], None] | None
 
-FIRST = 0.005
-"""m, the least scale of rows that no fit has used yet."""
-
 ENOUGH = 0.5
 """The least share of the rows until the second contact that are near their paths."""
 
-_ROUNDS = 2  # fits in each stage, each with the rows near the paths of the previous fit
-_FAR, _LEAST = 8.0, 0.02  # least error of a far row: in typical errors, and in m
+_ROUNDS = 2  # searches in each stage, each followed by a fit of the constants
+_FAR = 8.0  # the least error of a far row over the scale of the loss, or over the typical error if this is larger
 _RUN, _OF = 3, 4  # a track has left its path where 3 of 4 consecutive rows of a ball are far from it
-_SHARED = 8.0  # the rows between two contacts count as at most this many
 _MOST_STATE = 64 * 2**20  # bytes
 
 
-def fit_stage(fit: Fit, contact: int, noise: float) -> Fit:
-    """Fits the starts to the rows until a contact of the cue ball; from the second contact on, the constants too.
-
-    Args:
-        fit: The earlier fit.
-        contact: The number of the contact.
-        noise: The least error of a coordinate, m.
-    """
-    for _ in range(_ROUNDS):
-        shots = [search(fit.scene, shot.wide(contact, FIRST))._replace(used=shot.used) for shot in fit.shots]
-        fit = near_rows(fit._replace(shots=shots), contact, noise)
+def fit_stage(fit: Fit, contact: int) -> Fit:
+    """Fits the starts to the rows until a contact of the cue ball; from the second contact on, the constants too."""
+    for _ in range(1 if contact == 1 else _ROUNDS):
+        fit = fit._replace(shots=[search(fit.scene, shot.wide(contact)) for shot in fit.shots])
         if contact > 1:
-            fit = near_rows(fit_shared(fit, contact)[0], contact, noise)
+            fit, _ = fit_shared(fit, contact)
     return fit
 
 
-def near_rows(fit: Fit, contact: int, noise: float) -> Fit:
-    """Returns a fit with new used rows and new scales of its shots, from their errors until a contact.
-
-    The scale of a row comes from the typical error of rows after the same number of contacts. The part above the
-    noise is an error of the laws, which the rows of a shot between two contacts share. Together these rows count as at
-    most `_SHARED` rows.
-    """
-    distances = [np.hypot(*errors(fit.scene, shot).T) for shot in fit.shots]
-    counted = [shot.until(contact).used & shot.moving for shot in fit.shots]
-    off = np.concatenate([distance[rows] for distance, rows in zip(distances, counted, strict=True)])
-    after = np.concatenate([shot.after[rows] for shot, rows in zip(fit.shots, counted, strict=True)])
-    typical = np.full(max(shot.after.max() for shot in fit.shots) + 1, noise)
-    for k in np.unique(after):  # the median distance of Gaussian errors in two coordinates is 1.1774
-        typical[k] = max(noise, float(np.median(off[after == k])) / 1.1774)
+def near_rows(fit: Fit, contact: int) -> Fit:
+    """Returns a fit whose shots use only the rows near their paths, from the errors of the rows until a contact."""
+    pairs = [(shot, np.hypot(*errors(fit.scene, shot).T)) for shot in fit.shots]
+    typical = np.median(np.concatenate([[0.0], *(off[shot.until(contact).used & shot.moving] for shot, off in pairs)]))
     shots = []
-    for shot, distance in zip(fit.shots, distances, strict=True):
-        before, error = shot.before(contact), typical[shot.after]
-        far = before & (distance > np.maximum(_LEAST, _FAR * error))
+    for shot, off in pairs:
+        far = shot.before(contact) & (off > _FAR * max(shot.scale, typical))
         leaves = leaves_at(shot, far)
-        used = ~far & (shot.time < leaves[0])
-        rows = np.bincount(shot.after[used & before & shot.moving], minlength=len(typical))[shot.after]
-        of_laws = (np.square(error) - noise**2) * np.maximum(rows / _SHARED, 1.0)
-        scale = CAUCHY * np.sqrt(of_laws + noise**2)
-        scale = np.where(before, scale, np.maximum(FIRST, scale))
-        shots.append(shot._replace(scale=scale, used=used, leaves=leaves))
+        shots.append(shot._replace(used=~far & (shot.time < leaves[0]), leaves=leaves))
     return fit._replace(shots=shots)
 
 
@@ -121,9 +94,7 @@ def _resumed(fit: Fit, contacts: int, starts: Any, stages: Any) -> Fit:
     return fit._replace(scene=scene, shots=shots, stages=tuple(stages))
 
 
-def fit_stages(
-    fit: Fit, contacts: int, noise: float, saved: dict[str, Any], path: StatePath, progress: Progress
-) -> Fit:
+def fit_stages(fit: Fit, contacts: int, saved: dict[str, Any], path: StatePath, progress: Progress) -> Fit:
     """Fits the rows until the first contact of the cue ball, then until the second, and so on.
 
     It resumes from `saved`, adds each finished stage to it, and writes it to a file. It ends with the second contact if
@@ -131,16 +102,15 @@ def fit_stages(
     """
     finished = saved.get(str(len(fit.shots)))
     if finished is None:
-        fit = fit_stage(fit, 1, noise)
+        fit = fit_stage(fit, 1)
     else:
         with refusing(path or "", "finished stages of a calibration"):
             fit = _resumed(fit, contacts, **finished)
-        fit = near_rows(fit, len(fit.stages) + 1, noise)
     for contact in range(len(fit.stages) + 2, contacts + 1):
-        fit = fit_stage(fit, contact, noise)
+        fit = fit_stage(fit, contact)
         values, variances = values_of(fit.scene, fit.names), np.diag(covariance(fit, contact)).tolist()
         stage = dict(zip(fit.names, zip(values.values(), variances, strict=True), strict=True))
-        near = np.concatenate([shot.used[shot.moving & shot.before(contact)] for shot in fit.shots])
+        near = np.concatenate([shot.used[shot.moving & shot.before(contact)] for shot in near_rows(fit, contact).shots])
         share = float(near.mean()) if near.size else 0.0
         fit = fit._replace(stages=(*fit.stages, stage), share=share if contact == 2 else fit.share)
         if path is not None and fit.share >= ENOUGH:

@@ -36,6 +36,9 @@ spins."""
 
 _STEPS = 30  # most steps of `settle`
 _HALVES = (20, 4), (8, 8), (3, 10), (1, 10)  # starts that a search keeps, and the steps before that
+_RANDOM = (6, 3), (1, 8)  # the same for random starts
+_EACH, _GAIN = 16, 1.0  # random starts with spins near the best and with any spins; the least gain of the loss for more
+_TURN, _FASTER, _NEAR = 0.012, 0.02, 0.3  # most change of direction, rad, and of speed; spread of spins over `SPINS`
 _CONVERGED, _EXACT = 1e-6, 1e-14  # relative and absolute change of the loss
 
 
@@ -104,26 +107,27 @@ def linearised(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = 
     """Returns the errors of starts (g, width), and their derivatives by the starts and by constants of `Physics`.
 
     Returns:
-        (g, q) the errors of the q / 2 used rows over their scales, and of the prior over `CAUCHY`; (g, q, width + s).
+        (g, q) the errors of the q / 2 used rows over `Shot.scale`, and of the prior over `CAUCHY`; (g, q, width + s).
     """
     record = run(scene, starts, shot)._record("evaluate")
     rows = np.flatnonzero(shot.used)
-    ball = shot.track.balls[rows]
+    ball, (g, width) = shot.track.balls[rows], starts.shape
     times, frame = np.unique(np.append(0.0, shot.time[rows]), return_inverse=True)
     frame = frame[1:]
-    g = len(starts)
     # The simulated shots begin at the strike.
     clock = np.clip(times - starts[:, INSTANT, None], 0.0, record.time[:, None])
     places, velocities = _motion(record, ball, clock[:, frame])
     rates = start_jacobians(record, clock, names, 1)[np.arange(g)[:, None], frame, :, ball]  # (g, r, lanes, 2)
-    by_instant = np.where((shot.time[rows] > starts[:, INSTANT, None])[..., None], -velocities, 0.0)
-    rates = np.insert(rates, starts.shape[1] - 1, by_instant, axis=2)
-    off = ((places - shot.track.positions[rows]) / shot.scale[rows, None]).reshape(g, -1)
-    rates = np.moveaxis(rates / shot.scale[rows, None, None], 2, 3).reshape(*off.shape, rates.shape[2])
-    prior = np.pad(shot.prior, [(0, 0), (0, len(names))]) / CAUCHY
+    rates = np.moveaxis(rates, 2, 3)
+    off = ((places - shot.track.positions[rows]) / shot.scale).reshape(g, -1)
     values = np.concatenate((off, (starts @ shot.prior.T - shot.target) / CAUCHY), axis=1)
-    jacobian = np.concatenate((rates, np.broadcast_to(prior, (g, *prior.shape))), axis=1)
-    jacobian[..., : starts.shape[1]] *= np.isnan(shot.known)
+    jacobian = np.zeros((*values.shape, width + len(names)))
+    by_row = jacobian[:, : off.shape[1]].reshape(*places.shape, width + len(names))  # a view
+    by_row[..., : width - 1], by_row[..., width:] = rates[..., : width - 1], rates[..., width - 1 :]
+    by_row[..., width - 1] = np.where((shot.time[rows] > starts[:, INSTANT, None])[..., None], -velocities, 0.0)
+    by_row /= shot.scale
+    jacobian[:, off.shape[1] :, :width] = shot.prior / CAUCHY
+    jacobian[..., :width] *= np.isnan(shot.known)
     return values, jacobian
 
 
@@ -227,46 +231,87 @@ def settle(
     return starts, current
 
 
-def _with_spin_prior(scene: Scene, shot: Shot) -> Shot:
-    """Returns a shot with a prior of the spin for the velocity of its start."""
-    x, y = shot.starts[0, VELOCITY]
-    speed = max(float(np.hypot(x, y)), 1e-6)
-    prior, target = shot.prior.copy(), shot.target.copy()
-    turn = np.array([[x, y, 0.0], [-y, x, 0.0], [0.0, 0.0, speed]]) / np.array([SPINS]).T
-    prior[-3:, SPIN], target[-2] = turn * scene.balls.radius[0] / speed**2, 0.5 / SPINS[1]
-    return shot._replace(prior=prior, target=target)
+def _axes(scene: Scene, velocities: Floats) -> Floats:
+    """Returns the spins v / R about the axes of `SPINS`, (..., 3, 3), one in each row, at velocities (..., 2)."""
+    x, y = np.moveaxis(velocities, -1, 0)
+    zero, speed = np.zeros_like(x), np.maximum(np.hypot(x, y), 1e-6)
+    axes = np.array([[x, y, zero], [-y, x, zero], [zero, zero, speed]]) / scene.balls.radius[0]
+    return np.moveaxis(axes, (0, 1), (-2, -1))
+
+
+def _with_spins(scene: Scene, starts: Floats, spins: Floats) -> Floats:
+    """Returns copies of starts (g, width) with other spins (g, 3), over v / R for the axes of `SPINS`."""
+    starts = starts.copy()
+    starts[:, SPIN] = (spins[:, None] @ _axes(scene, starts[:, VELOCITY]))[:, 0]
+    return starts
 
 
 def _guesses(scene: Scene, shot: Shot) -> Floats:
-    """Returns the starts (g, width) of a shot, and their copies with other spins if balls can spin."""
-    starts = shot.starts
-    if scene.physics.motion != "sliding":
-        return starts
-    spins = [(side, roll) for side in SIDES for roll in ROLLS]
-    side, roll = np.tile(spins, (len(starts), 1)).T
-    others = np.repeat(starts, len(spins), axis=0)
-    x, y = others[:, VELOCITY].T
-    radius, most = scene.balls.radius[0], spin_of_cue(scene, np.hypot(x, y))
-    others[:, SPIN] = np.column_stack((-roll * y / radius, roll * x / radius, side * most))
+    """Returns the starts (g, width) of a shot, and their copies with other spins."""
+    starts, most = shot.starts, 2.5 * scene.cue.miscue_offset
+    spins = [(0.0, roll, side * most) for side in SIDES for roll in ROLLS]
+    others = _with_spins(scene, np.repeat(starts, len(spins), axis=0), np.tile(spins, (len(starts), 1)))
     return np.concatenate((starts, others))
 
 
-def search(scene: Scene, shot: Shot) -> Shot:
-    """Returns a shot with its best start, fitted from its starts and from copies with other spins.
+def _random(scene: Scene, start: Floats, rng: np.random.Generator) -> Floats:
+    """Returns random starts (2 * _EACH, width) with directions and speeds near those of a start (1, width).
 
-    The loss has several minima over the spin: the ball may slip or stick at each of its contacts. Every few steps only
-    the best fits continue: 20, then 8, 3 and 1 (successive halving).
+    The first half has spins near those of the start, the second half spins of the prior.
+    """
+    others, velocity = np.repeat(start, 2 * _EACH, axis=0), start[:, VELOCITY]
+    turn, faster = rng.uniform(-1.0, 1.0, (2, len(others), 1))
+    others[:, VELOCITY] += _FASTER * faster * velocity + _TURN * turn * (velocity[:, ::-1] * (-1.0, 1.0))
+    axes, spins = _axes(scene, velocity[0]), SPINS * rng.standard_normal((2, _EACH, 3))
+    spins[0] = axes @ start[0, SPIN] / axes[2, 2] ** 2 + _NEAR * spins[0]
+    spins[1, :, 1] += 0.5
+    return _with_spins(scene, others, spins.reshape(-1, 3))
+
+
+def _best(scene: Scene, starts: Floats, shot: Shot, halves: Sequence[tuple[int, int]]) -> tuple[Floats, float]:
+    """Returns the start (1, width) of a shot whose fit is best, fitted, and its loss.
+
+    Every few steps only the best fits continue (successive halving).
+
+    Args:
+        scene: The scene.
+        starts: (g, width), the starts of the fits.
+        shot: The shot.
+        halves: The number of fits that continue, and the steps before that, several times.
+
+    Raises:
+        ValueError: If balls overlap or lie outside of the table in all starts.
+    """
+    tried, valid = allowed(scene, np.where(np.isnan(shot.known), starts, shot.known), shot)
+    if not valid.any():
+        raise ValueError(f"shot {shot.track.name} begins with balls that overlap or lie outside of the table")
+    tried = tried[valid]
+    for keep, steps in halves:
+        tried, current = settle(scene, tried, shot, (), steps)
+        tried = tried[np.argsort(current.loss, kind="stable")[:keep]]
+    start, current = settle(scene, tried, shot)
+    return start, float(current.loss[0])
+
+
+def search(scene: Scene, shot: Shot) -> Shot:
+    """Returns a shot with its best start.
+
+    The loss has several minima: over the spin, because the ball may slip or stick at each of its contacts, and over the
+    direction and the speed, because contacts appear and disappear. The search fits the starts of the shot and copies of
+    them with other spins. It then fits random starts around the best one, until `2 * _EACH` of them lower the loss by
+    less than `_GAIN`. They have a fixed seed.
 
     Raises:
         ValueError: If balls overlap or lie outside of the table.
     """
-    if len(shot.starts) == 1:  # the result of a fit
-        shot = _with_spin_prior(scene, shot)
-    tried, valid = allowed(scene, np.where(np.isnan(shot.known), _guesses(scene, shot), shot.known), shot)
-    if not valid.any():
-        raise ValueError(f"shot {shot.track.name} begins with balls that overlap or lie outside of the table")
-    tried = tried[valid]
-    for keep, steps in _HALVES:
-        tried, current = settle(scene, tried, shot, (), steps)
-        tried = tried[np.argsort(current.loss, kind="stable")[:keep]]
-    return shot._replace(starts=settle(scene, tried, shot)[0])
+    if len(shot.starts) == 1:  # the result of a fit, whose velocity gives the prior of the spin
+        axes, prior, target = _axes(scene, shot.starts[0, VELOCITY]), shot.prior.copy(), shot.target.copy()
+        prior[-3:, SPIN], target[-2] = axes / axes[2, 2] ** 2 / np.array([SPINS]).T, 0.5 / SPINS[1]
+        shot = shot._replace(prior=prior, target=target)
+    start, loss = _best(scene, _guesses(scene, shot), shot, _HALVES)
+    rng, gain = np.random.default_rng(0), np.inf
+    while gain >= _GAIN:
+        other, other_loss = _best(scene, _random(scene, start, rng), shot, _RANDOM)
+        gain = loss - other_loss
+        start, loss = (other, other_loss) if gain > 0.0 else (start, loss)
+    return shot._replace(starts=start)

@@ -24,9 +24,10 @@ OFF = fit.with_physics(SCENE, mu_slide=0.22, mu_roll=0.011, e_ball=0.93, e_cushi
 
 @pytest.fixture(autouse=True)
 def few_guesses(monkeypatch):
-    """Fits from two spins of the cue ball in place of twenty, which `test_calibration.py` has."""
-    monkeypatch.setattr(starts, "SIDES", (-0.35, 0.35))
-    monkeypatch.setattr(starts, "ROLLS", (0.7,))
+    """Fits fewer times and from fewer starts than `test_calibration.py`."""
+    fewer = (starts, "SIDES", (-0.35, 0.35)), (starts, "ROLLS", (0.7,)), (starts, "_EACH", 4), (stages, "_ROUNDS", 1)
+    for change in fewer:
+        monkeypatch.setattr(*change)
 
 
 @functools.cache
@@ -41,18 +42,10 @@ def test_whole_shots_give_the_numbers_and_the_instants_of_the_strikes():
     assert calibration().judged.within(2, 0.005) > 0.95
     predicted = calibration().predicted
     assert predicted is not None
-    assert predicted.shots == 2
     assert predicted.within(2, 0.005) > 0.9
-
-
-def test_the_report_has_the_errors_until_each_contact():
     text = str(calibration())
     assert "10 shots: rows until contact  within 5 mm" in text
     assert "2 shots that were not fitted: rows until contact" in text
-    assert set(calibration().judged.to_dict()) == {
-        *("rows_5mm_contact2", "rows_5mm_contact3", "rows_10mm_contact3", "median_mm_contact3", "median_mm_contact4"),
-        *("predicted_mm_0.5s", "predicted_mm_1s", "predicted_mm_2s", "sequence"),
-    }
 
 
 def test_ranges_and_noise_for_training():
@@ -182,6 +175,13 @@ def test_a_ball_without_rows_rests_where_it_was():
     assert (rest.positions == [0.5, 0.0]).all()
 
 
+def test_random_starts_find_a_minimum_that_the_guesses_miss(monkeypatch):
+    monkeypatch.setattr(starts, "_EACH", 16)
+    shot = prepare(SCENE, whole_tracks()[3], 0.0005).wide(3)
+    found = starts.search(SCENE, shot)
+    assert np.abs(starts.errors(SCENE, found)[found.used]).max() < 0.004
+
+
 def test_one_far_row_never_ends_a_track():
     shot = prepare(SCENE, whole_tracks()[0], 0.0005)
     far = np.zeros(len(shot.time), np.bool_)
@@ -258,15 +258,14 @@ def test_numbers_that_are_not_determined_or_end_at_a_bound_are_kept(monkeypatch)
     result = calibrate(OFF, whole_tracks()[:3], ("mu_slide", "mu_ball_factor"), contacts=2)
     assert result.kept == {"mu_ball_factor": "the rows do not determine it"}
     assert "mu_ball_factor  1" in str(result)
-    monkeypatch.setitem(RANGES, "restitution", Range(0.0, 0.9))  # e_ball is 0.95
-    result = calibrate(fit.with_physics(SCENE, e_ball=0.85), whole_tracks()[:3], ("mu_slide", "e_ball"), contacts=2)
+    monkeypatch.setitem(RANGES, "restitution", Range(0.0, 0.94))  # e_ball is 0.95
+    result = calibrate(fit.with_physics(SCENE, e_ball=0.92), whole_tracks()[:3], ("mu_slide", "e_ball"), contacts=2)
     assert result.kept == {"e_ball": "it ends at the bound of its range"}
-    assert result.scene.physics.e_ball == 0.85
+    assert result.scene.physics.e_ball == 0.92
 
 
 def test_there_are_no_numbers_if_few_rows_fit(monkeypatch):
     monkeypatch.setattr(stages, "_FAR", 0.01)
-    monkeypatch.setattr(stages, "_LEAST", 0.0)
     result = calibrate(OFF, whole_tracks()[:2], ("mu_slide",), contacts=2)
     assert result.values == {}
     assert result.scene == OFF
