@@ -236,7 +236,7 @@ def _draw_side(ax: Axes, shot: Recording, look: tuple[Look, ...], hops: Sequence
         text: dict[str, Any] = {"ha": "center", "va": "bottom"} if axis == 0 else {"ha": "right", "va": "center"}
         ax.text(x, y, f"{100 * height:.1f} cm", fontsize=6.5, color=CHALK, zorder=5, **text)
     for ball, time, _ in hops:
-        ball_at(ball, time, 4, edgecolor=look[ball].path, linewidth=0.9)
+        ball_at(ball, time, 4, fill=False, edgecolor=look[ball].path, linewidth=0.9)
     if axis == 0:
         ax.set_ylim(top=base + high)
     else:
