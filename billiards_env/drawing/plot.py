@@ -228,15 +228,16 @@ def _draw_side(ax: Axes, shot: Recording, look: tuple[Look, ...], hops: Sequence
         ball_at(ball, 0.0, 3, facecolor=look[ball].fill, edgecolor=look[ball].path, linewidth=0.5)
     for ball, (_, path) in tracks.items():
         up = heights[ball]
-        flies = np.convolve(up, [1, 1, 1], "same") > 0  # with the points at which the ball leaves the cloth and lands
+        flies = np.convolve(up, [1, 1, 1], "same") > LEAST_HOP / 2  # with the points where the ball leaves the cloth
         line = turned(path[:, axis], np.where(flies, shot.scene.balls.radius[ball] + up, np.nan))
         ax.plot(*line.T, color=look[ball].path, linewidth=1.6, zorder=4)
         _, time, height = max((hop for hop in hops if hop[0] == ball), key=lambda hop: hop[2])
         ((x, y),) = turned(shot.path(ball, [time])[0, axis], height + 2.3 * radius).tolist()
         text: dict[str, Any] = {"ha": "center", "va": "bottom"} if axis == 0 else {"ha": "right", "va": "center"}
-        ax.text(x, y, f"{100 * height:.1f} cm", fontsize=6.5, color=CHALK, zorder=5, **text)
+        if height > radius / 2:
+            ax.text(x, y, f"{100 * height:.1f} cm", fontsize=6.5, color=CHALK, zorder=5, **text)
     for ball, time, _ in hops:
-        ball_at(ball, time, 4, edgecolor=look[ball].path, linewidth=0.9)
+        ball_at(ball, time, 4, fill=False, edgecolor=look[ball].path, linewidth=0.9)
     if axis == 0:
         ax.set_ylim(top=base + high)
     else:

@@ -56,7 +56,7 @@ class Recording(NamedTuple):
             pieces = np.flatnonzero(paths.ball == ball)
             ends = np.append(paths.start[pieces[1:]], self.time)
             for piece, end in zip(pieces, ends, strict=True):
-                if paths.phase[piece] == AIRBORNE:
+                if paths.phase[piece] == AIRBORNE and end > paths.start[piece]:
                     start, speed = paths.rows[piece, [T0, VZ]].tolist()
                     top = min(start + max(speed, 0.0) / self.scene.physics.g, float(end))
                     hops.append((ball, top, float(self.heights(ball, [top])[0])))

@@ -29,3 +29,9 @@ def unrecorded():
 def elsewhere():
     """A shot on another table."""
     return simulate(Scene.named("carom"), [[0.5, 0.0], [0.0, 0.0], [-0.5, 0.3]], [1.0, 0.1], record=True)
+
+
+@pytest.fixture(scope="session")
+def jump():
+    """A cue ball that jumps over ball 1 and off the table."""
+    return simulate("jump_pool", [[0.5, 0.0], [0.75, 0.01]], [4.0, 0.2, -4.5], record=True)

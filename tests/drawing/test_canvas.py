@@ -8,9 +8,9 @@ from billiards_env.scene import Balls, Table
 
 pytest.importorskip("pygame")
 
-from billiards_env.drawing.canvas import Canvas, pixels
+from billiards_env.drawing.canvas import Canvas, Motion, pixels
 from billiards_env.drawing.raster import rgb
-from billiards_env.drawing.style import CHALK, CLOTH, PAPER, POCKET, looks, rail_width
+from billiards_env.drawing.style import CHALK, CLOTH, LIGHT, PAPER, POCKET, looks, rail_width
 
 
 def near(frame, where, colour, tolerance=6, dx=0.0, dy=0.0):
@@ -179,3 +179,18 @@ def test_tables_of_unusual_shape_fit():
             x, y = canvas.pixels_of(corner)
             assert 0 < x < canvas.size[0]
             assert 0 < y < canvas.size[1]
+
+
+def test_the_shadow_of_a_ball_in_the_air_is_beside_it(jump):
+    canvas, time = Canvas(jump.scene, 1000), 0.1
+    frame = canvas.table.copy()
+    Motion(canvas, jump.recording(), None, 1 / 60).draw(frame, time)
+    ground, height = canvas.pixels_of(jump.at(time)[0]), jump.heights_at(time)[0]
+    away = canvas.scale * height * np.array([-LIGHT[0], LIGHT[1]]) / LIGHT[2]
+    shown, empty = pixels(frame).astype(int), pixels(canvas.table).astype(int)
+    x, y = np.round(ground + away).astype(int)
+    assert (shown[y, x] < empty[y, x]).all()
+    assert np.hypot(*away) > 2 * canvas.scale * jump.scene.balls.radius[0]
+    edge = 1.1 * canvas.scale * jump.scene.balls.radius[0]  # beyond the ball if it were on the cloth
+    assert near(pixels(frame), ground, "#ffffff", 90, dx=-edge)
+    assert not Motion(canvas, jump.recording(), None, 1 / 60).potted(jump.time).size

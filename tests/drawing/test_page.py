@@ -305,3 +305,13 @@ def test_touch_plays_and_moves_the_time(telephone):
     moved = telephone.evaluate("billiards.time")
     assert moved == pytest.approx(0.4 * telephone.evaluate("billiards.duration"), rel=0.15)
     assert not telephone.evaluate("billiards.playing")
+
+
+def test_the_page_of_a_flight_has_the_heights(jump, tab, tmp_path):
+    jump.to_html(tmp_path / "jump.html")
+    tab.goto((tmp_path / "jump.html").as_uri())
+    for t in np.linspace(0.0, 0.99 * jump.time, 5).tolist():
+        assert tab.evaluate(f"[0, 1].map(ball => billiards.height(ball, {t!r}))") == pytest.approx(jump.heights_at(t))
+    tab.evaluate("billiards.seek(0.1)")
+    assert text(tab, "#places tr td:last-child") == f"{jump.heights_at(0.1)[0]:.3f}"
+    assert "leaves the table" in text(tab, "#events")

@@ -166,3 +166,18 @@ def test_ticks_show_the_side_spin():
     ends = np.array([one for c in drawn for one in c.get_segments()])[:, 1]
     pockets = Scene.named("pool", 0).table.pockets
     assert min(np.hypot(*(ends - (p.x, p.y)).T).min() / p.radius for p in pockets) > 1  # on the cloth
+
+
+def test_balls_that_fly_have_a_side_view_to_scale(jump, shot):
+    axes, height = jump.plot(), jump.recording().hops()[0][2]
+    assert f"{100 * height:.1f} cm" in [text.get_text() for text in axes.texts]
+    radius = jump.scene.balls.radius[0]
+    (cloth,) = {round(y - radius, 9) for _, y, _ in circles(axes, looks(jump.scene)[1].fill, True) if y > 0.66}
+    (ring,) = [place for place in circles(axes, looks(jump.scene)[0].path, False) if place[1] > cloth]
+    place = jump.recording().path(0, [jump.recording().gone[0]])[0]
+    assert ring == pytest.approx([place[0], cloth + radius + height, radius])
+    (legend,) = axes.figure.legends
+    assert "leaves the table" in [text.get_text() for text in legend.get_texts()]
+    assert shot.plot().get_ylim()[1] < 0.8 < axes.get_ylim()[1]
+    across = simulate("jump_pool", [[0.0, -0.3], [0.1, -0.1]], [0.1, 2.0, -2.0], record=True).plot()
+    assert across.get_xlim()[0] < -1.5

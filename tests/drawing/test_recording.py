@@ -83,3 +83,16 @@ def test_speeds_are_the_slopes_of_the_path(shot):
     slopes = np.hypot(*((recording.path(0, times + 1e-6) - recording.path(0, times - 1e-6)) / 2e-6).T)
     assert recording.speeds(0, times) == pytest.approx(slopes, abs=1e-5)
     assert recording.speeds(1, times).tolist() == [0.0] * 5
+
+
+def test_a_hop_has_the_height_of_a_throw(jump):
+    recording, speed = jump.recording(), 0.6 * 4.5  # after the slate
+    ((ball, time, height),) = recording.hops()
+    end = jump.events["time"][jump.events["kind"] == "off_table"][0]
+    fallen = jump.scene.physics.g * end / 2
+    assert (ball, time) == (0, end)
+    assert height == pytest.approx(end * (speed - fallen))
+    assert recording.heights(0, [end / 2, end]) == pytest.approx([end / 2 * (speed - fallen / 2), height])
+    assert recording.heights(1, [end / 2]) == [0.0]
+    assert recording.gone[0] == end
+    assert len(recording.potted(recording.time)) == 0

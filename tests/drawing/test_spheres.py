@@ -77,3 +77,13 @@ def test_a_shadow_fades_away_from_the_light():
     assert (alpha.sum(0) @ places) / alpha.sum() > 1  # to the right
     assert (alpha.sum(1) @ places) / alpha.sum() > 1  # and down
     assert alpha[0].max() == alpha[:, 0].max() == 0
+
+
+def test_a_ball_in_the_air_is_larger_and_its_shadow_wider_and_fainter():
+    painter = Painter(looks(Scene.named("pool", 1)), [12.0, 12.0])
+    images = painter.paint(np.array([0, 1]), np.zeros((2, 2)), np.tile(UPRIGHT, (2, 1)), [1.0, 1.5])
+    areas = [pygame.surfarray.array_alpha(image).sum() / 255 for image in images]
+    assert areas == pytest.approx([math.pi * 12**2, math.pi * 18**2], rel=0.03)
+    near, far = (pygame.surfarray.array_alpha(shadow(10.0, 0.0, 0.0, wide)).astype(float) for wide in (1.0, 2.0))
+    assert far.max() < 0.3 * near.max()
+    assert (far > 0).sum() > 3 * (near > 0).sum()

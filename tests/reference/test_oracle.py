@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from mpmath import mpf
 
 from benchmarks.reference.oracle import OracleShot, RestingContactError, contact, laws, run
+from benchmarks.reference.oracle.outline import Arc, walls_of
 from benchmarks.reference.oracle.roots import Real, first_entry, first_possible_entry, real_roots
 from benchmarks.reference.stress.scenes import R, ideal
 from billiards_env.scene import Balls, Physics, Scene, Table, layouts
@@ -301,3 +302,22 @@ WRONG = [
 def test_bad_input_is_refused(start, message):
     with pytest.raises(ValueError, match=message):
         run(*start)
+
+
+def test_a_ball_in_the_air_touches_the_nose_of_a_tip(monkeypatch):
+    """The engine refuses flights on such tables."""
+    monkeypatch.setattr(Scene, "_check_flight", lambda self: None)
+    scene = Scene(Balls.uniform(1), Table.named("pool_9ft"), Physics(flight=True))
+    radius, height = scene.balls.radius[0], scene.table.cushion_height - scene.balls.radius[0]
+    tip = next(wall for wall in walls_of(scene.table) if isinstance(wall, Arc) and wall.center[0] > 1)
+    x, y = (float(c) for c in tip.center)
+    shot = run(scene, [[x - 0.142, y + 0.049, 0.02]], [[2.0, -0.7, 0.3]], [1.0, 2.0, 3.0], max_events=1)
+    ((kind, _, number),) = kinds(shot)
+    ((x, y, z),) = shot.positions_at(shot.time)
+    assert (kind, walls_of(scene.table)[number]) == ("cushion", tip)
+    inset = radius - mpmath.sqrt(mpf(radius) ** 2 - mpf(height) ** 2)
+    aside = mpmath.hypot(x - tip.center[0], y - tip.center[1]) - tip.radius - inset
+    assert close(mpmath.hypot(aside, z - height), mpf(radius))
+    assert z > height
+    assert shot.velocities[0][2] > shot.segments[0][0].velocity_at(shot.time)[2]
+    assert energy(scene, shot, shot.time) < energy(scene, shot, 0) + scene.balls.mass[0] * mpf(9.81) * (mpf(0.02) - z)
