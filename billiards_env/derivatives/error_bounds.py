@@ -11,18 +11,18 @@ import math
 
 import numpy as np
 
-from billiards_env.derivatives.lanes import BALL_WIDTH, D_TIME, DX, DY, flight_lane
+from billiards_env.derivatives.lanes import BALL_WIDTH, D_TIME, DX, DY, stretch_lane
 from billiards_env.derivatives.sweeps import (
     LANE_WORK,
     RecordedShots,
     begin_lanes,
     begin_pieces,
     empty_tape,
-    flight_until,
     load_changes,
     look_after,
     push_event,
     shot_of,
+    stretch_until,
     trace,
 )
 from billiards_env.engine.log import BALL, balls_of, event_time
@@ -33,12 +33,12 @@ from billiards_env.physics.state import Time, law_numbers_of
 @inlined
 def _position_condition(i, until, inputs, shot, tangent, tape):  # out: tape
     """Returns the squared condition of the position of ball i at a `Time`, on its current piece, m^2."""
-    flight = flight_until(shot.segments, tape.current[i], until, law_numbers_of(shot.scene.numbers))
+    stretch = stretch_until(shot.segments, tape.current[i], until, law_numbers_of(shot.scene.numbers))
     load_changes(i, 0, inputs, tangent, tape.lanes)
     total = 0.0
     for c in range(len(inputs)):
         lane = tape.lanes[c]
-        flight_lane(lane, 0, flight, shot.changing)
+        stretch_lane(lane, 0, stretch, shot.changing)
         total += lane[DX] * lane[DX] + lane[DY] * lane[DY]
     return total
 

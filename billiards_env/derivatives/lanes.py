@@ -1,4 +1,4 @@
-"""How a small change of the balls passes through a flight or an event.
+"""How a small change of the balls passes through a stretch or an event.
 
 A lane is a row of numbers: one direction of change of one or two balls, and of the constants of the scene. Each
 function `*_lane` below changes a lane in place. `derivatives.tangent` makes the derivatives of the laws from their
@@ -23,7 +23,7 @@ from billiards_env.physics.ball_cushion import bounce, impact
 from billiards_env.physics.geometry.pockets import outwards_at
 from billiards_env.physics.geometry.walls import curvature_at, normal_at
 from billiards_env.physics.laws.balls import distance_of, normal_impulse
-from billiards_env.physics.laws.cloth import SLIP_RATE, drive, fly, slip_of, spin_after, spin_of
+from billiards_env.physics.laws.cloth import SLIP_RATE, coast_from, drive, slip_of, spin_after, spin_of
 from billiards_env.physics.laws.cushion import CushionMotion, restitution_is_smooth
 from billiards_env.physics.laws.tables import CUSHION_LAWS, CUSHIONS, FRICTIONS, RESTITUTIONS, by_law, friction_of
 from billiards_env.physics.state import (
@@ -51,9 +51,9 @@ D_INV_MASS = 19
 D_NUMBERS = 21  # `LAW_NUMBERS`
 LANE_WIDTH = D_NUMBERS + len(LAW_NUMBERS)
 
-FLIGHT_NUMBERS = (D_NUMBERS, D_NUMBERS + len(CLOTH_NUMBERS))
-"""The columns of the numbers of a flight: the first and one past the last."""
-PAIR_NUMBERS = (FLIGHT_NUMBERS[1], FLIGHT_NUMBERS[1] + len(BALL_NUMBERS))
+STRETCH_NUMBERS = (D_NUMBERS, D_NUMBERS + len(CLOTH_NUMBERS))
+"""The columns of the numbers of a stretch: the first and one past the last."""
+PAIR_NUMBERS = (STRETCH_NUMBERS[1], STRETCH_NUMBERS[1] + len(BALL_NUMBERS))
 """The same for an impact of two balls."""
 CUSHION_NUMBERS = (PAIR_NUMBERS[1], LANE_WIDTH)
 """The same for a cushion."""
@@ -119,7 +119,7 @@ _rule_by_law(impulse_of, _IMPULSES, "ball_restitution", ("inv_mass_i", "inv_mass
 _rule_by_law(friction_of, FRICTIONS, "law", ("numbers",))
 
 _d_drive = _tangent(drive, ("phase",), ("numbers",))
-_d_fly = _tangent(fly, ("phase", "t"), ("numbers",))
+_d_coast = _tangent(coast_from, ("phase", "t"), ("numbers",))
 _d_spin_after = tangent_of(spin_after, constant=("t", "numbers"))
 _d_slip_of, _d_spin_of = _tangent(slip_of, (), ("radius",)), _tangent(spin_of, (), ("radius",))
 _d_distance_of = _tangent(distance_of, ("are_spheres",), ("radius_i", "radius_j"))
@@ -175,7 +175,7 @@ def distance_change(lane, are_spheres, radii, changing):
     return _d_distance_of(changing, (are_spheres, radii[0], radii[1], lane[D_RADIUS], lane[D_RADIUS + 1]))[1]
 
 
-class Flight(NamedTuple):
+class Stretch(NamedTuple):
     """The motion of a ball on a piece of its path, until a time.
 
     Attributes:
@@ -192,16 +192,16 @@ class Flight(NamedTuple):
 
 
 @inlined
-def flight_lane(lane, at, flight, changing):  # out: lane
-    """Changes the state at column `at` of a lane by a `Flight`."""
-    ball, phase, dt, numbers = flight
-    put_ball(lane, at, _d_fly(changing, (ball, phase, dt, numbers, ball_at(lane, at), _changes(lane)))[1])
+def stretch_lane(lane, at, stretch, changing):  # out: lane
+    """Changes the state at column `at` of a lane by a `Stretch`."""
+    ball, phase, dt, numbers = stretch
+    put_ball(lane, at, _d_coast(changing, (ball, phase, dt, numbers, ball_at(lane, at), _changes(lane)))[1])
 
 
 @inlined
-def spin_factor(flight):
-    """Returns the derivative of the spin about the vertical axis after a `Flight` by that before it."""
-    return _d_spin_after(flight.ball.wz, flight.dt, flight.numbers, 1.0)[1]
+def spin_factor(stretch):
+    """Returns the derivative of the spin about the vertical axis after a `Stretch` by that before it."""
+    return _d_spin_after(stretch.ball.wz, stretch.dt, stretch.numbers, 1.0)[1]
 
 
 @inlined
@@ -287,19 +287,19 @@ def _note(lane, dt, change):  # out: lane
 
 
 @inlined
-def phase_end_lane(lane, flight, before, after, changing):  # out: lane
-    """Changes a lane by a `Flight` and the event at the end of its phase.
+def phase_end_lane(lane, stretch, before, after, changing):  # out: lane
+    """Changes a lane by a `Stretch` and the event at the end of its phase.
 
     Args:
         lane: The lane.
-        flight: The `Flight`.
+        stretch: The `Stretch`.
         before: The time derivative of the state before the event.
         after: The same after it.
         changing: What changes.
     """
-    ball, phase, _, numbers = flight
+    ball, phase, _, numbers = stretch
     dt = _d_drive(changing, (ball, phase, numbers, ball_at(lane, 0), _changes(lane)))[1][2]
-    flight_lane(lane, 0, flight, changing)
+    stretch_lane(lane, 0, stretch, changing)
     change = _shifted(ball_at(lane, 0), before, dt)
     _note(lane, dt, change)
     put_ball(lane, 0, _shifted(change, after, -dt))

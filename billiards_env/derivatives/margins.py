@@ -1,7 +1,7 @@
 """The margins of recorded shots, and their derivatives: one pass forwards over the log.
 
 A margin is a signed distance to a change of outcome. A ball that does not touch a body has minus the least gap between
-the two. For a contact that happened, the flights before it are continued, as if the two did not interact, until the
+the two. For a contact that happened, the stretches before it are continued, as if the two did not interact, until the
 body is nearest to the ball: the margin is the depth to which the ball is inside the body then. Both are the same
 function of the start of the shot, which passes through zero as a hit becomes a miss. Of several approaches the largest
 margin counts.
@@ -24,7 +24,7 @@ from billiards_env.derivatives.lanes import (
     DX,
     DY,
     distance_change,
-    flight_lane,
+    stretch_lane,
     wall_at,
 )
 from billiards_env.derivatives.passing import (
@@ -45,11 +45,11 @@ from billiards_env.derivatives.sweeps import (
     begin_lanes,
     begin_pieces,
     empty_tape,
-    flight_until,
     load_changes,
     look_after,
     push_event,
     shot_of,
+    stretch_until,
     trace,
 )
 from billiards_env.engine.log import BALL, BALL_BALL, BALL_CUSHION, BALL_POCKET, KIND, OTHER, TIME, balls_of, event_time
@@ -124,20 +124,20 @@ def _set(meeting, margin, normal, rate, now, over):  # out: over
     count, lanes, q, changing = len(out.slope), tape.lanes, _column(meeting, shot.scene), shot.changing
     out.margin[i, q], out.time[i, q], out.rate[i, q] = margin, now.hi, rate
     numbers, radius = law_numbers_of(shot.scene.numbers), shot.scene.radius
-    flight = flight_until(shot.segments, tape.current[i], now, numbers)
+    stretch = stretch_until(shot.segments, tape.current[i], now, numbers)
     load_changes(i, 0, over.inputs, over.tangent, lanes)
     for c in range(count):
         lane = lanes[c]
-        flight_lane(lane, 0, flight, changing)
+        stretch_lane(lane, 0, stretch, changing)
         out.slope[c, i, q] = nx * lane[DX] + ny * lane[DY]
         if kind == BALL_CUSHION:
             out.slope[c, i, q] += lane[D_RADIUS]
     if kind == BALL_BALL:
-        flight = flight_until(shot.segments, tape.current[j], now, numbers)
+        stretch = stretch_until(shot.segments, tape.current[j], now, numbers)
         load_changes(j, 1, over.inputs, over.tangent, lanes)
         for c in range(count):
             lane = lanes[c]
-            flight_lane(lane, BALL_WIDTH, flight, changing)
+            stretch_lane(lane, BALL_WIDTH, stretch, changing)
             out.slope[c, i, q] += distance_change(lane, shot.is_sphere, (radius[i], radius[j]), changing)
             out.slope[c, i, q] -= nx * lane[BALL_WIDTH + DX] + ny * lane[BALL_WIDTH + DY]
 

@@ -77,7 +77,7 @@ REASONS = {
     "a miss or the miss into a hit",
     "simultaneous": "a ball touches two bodies at one instant, or touches a body as a phase of its motion ends, to "
     "within 1e-12 m or s. The derivative treats the events as if they happened one after the other, in recorded "
-    "order, followed by the recorded flight",
+    "order, followed by the recorded motion",
     "rule": "the [contact-time rule](engines.md#resting-contact) acted. The derivative ignores it",
     "lip": "a ball grazes the circle of a pocket, inside or outside",
     "rolling": "a ball rolls without slip, up to rounding, at the start or after an impact, or it begins to roll at a "

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from billiards_env.derivatives.sweeps import ball_before, flight_until
+from billiards_env.derivatives.sweeps import ball_before, stretch_until
 from billiards_env.engine.log import (
     BALL,
     BALL_BALL,
@@ -133,7 +133,7 @@ def state_before(e, s, over):
     """Returns the `BallState` before event e of its first (s = 0) or second (s = 1) ball."""
     segments, tape, piece = over.shot.segments, over.tape, over.tape.first[e] + s
     numbers, now = law_numbers_of(over.shot.scene.numbers), event_time(over.shot.events, e)
-    return ball_before(piece, flight_until(segments, tape.previous[piece], now, numbers), segments, tape)
+    return ball_before(piece, stretch_until(segments, tape.previous[piece], now, numbers), segments, tape)
 
 
 @inlined

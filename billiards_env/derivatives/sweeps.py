@@ -1,7 +1,7 @@
 """The derivative of recorded shots: one pass over the log, forwards or backwards.
 
 `trace` computes the states before and after each event from the log. Then `push_lanes` multiplies changes of the start
-by the derivative of each flight and event in turn (a Jacobian times vectors), and `pull_lanes` multiplies adjoints of
+by the derivative of each stretch and event in turn (a Jacobian times vectors), and `pull_lanes` multiplies adjoints of
 the end by the transposes in reverse order (vectors times the Jacobian). Both use `apply_event`. Its lanes are the
 changes themselves forwards, and unit vectors backwards. Memory is linear in the number of events.
 
@@ -28,15 +28,14 @@ from billiards_env.derivatives.lanes import (
     DWZ,
     DX,
     DY,
-    FLIGHT_NUMBERS,
     LANE_WIDTH,
     PAIR_NUMBERS,
-    Flight,
+    STRETCH_NUMBERS,
     Jump,
+    Stretch,
     ball_at,
     cushion_solution,
     end_lane,
-    flight_lane,
     pair_lane,
     phase_end_lane,
     pocket_lane,
@@ -45,6 +44,7 @@ from billiards_env.derivatives.lanes import (
     settle_lane,
     spin_factor,
     start_lane,
+    stretch_lane,
     wall_at,
     wall_lane,
 )
@@ -207,28 +207,28 @@ def empty_tape(begin, end, shots, lanes):
 
 
 @inlined
-def flight_until(segments, piece, until, numbers):
-    """Returns the `Flight` on a piece until a `Time`; `numbers` are the `LawNumbers`."""
+def stretch_until(segments, piece, until, numbers):
+    """Returns the `Stretch` on a piece until a `Time`; `numbers` are the `LawNumbers`."""
     segment = segments[piece]
-    return Flight(
+    return Stretch(
         ball_of(segment[SEGMENT_ROW:]), int(segment[SEGMENT_PHASE]), since(until, begin_time(segment)), numbers
     )
 
 
 @inlined
-def _flown(segments, piece, flight):
-    """Returns the `BallState` after a `Flight` on a piece."""
+def _coasted(segments, piece, stretch):
+    """Returns the `BallState` after a `Stretch` on a piece."""
     row = segments[piece, SEGMENT_ROW:]
-    return coast(flight.ball, (row[AX], row[AY]), flight.phase, flight.dt, flight.numbers)
+    return coast(stretch.ball, (row[AX], row[AY]), stretch.phase, stretch.dt, stretch.numbers)
 
 
 @inlined
-def ball_before(piece, flight, segments, tape):
-    """Returns the `BallState` just before a piece, after the `Flight` before it."""
+def ball_before(piece, stretch, segments, tape):
+    """Returns the `BallState` just before a piece, after the `Stretch` before it."""
     previous = tape.previous[piece]
-    if tape.within[previous] and flight.dt == 0.0:
+    if tape.within[previous] and stretch.dt == 0.0:
         return ball_at(tape.after[previous], 0)
-    return _flown(segments, previous, flight)
+    return _coasted(segments, previous, stretch)
 
 
 @inlined
@@ -243,12 +243,12 @@ def _rates(segments, piece, ball, numbers, tape):
 
 
 @inlined
-def _jump(i, piece, flight, shot, tape):
-    """Returns the `Jump` of ball i at the beginning of a piece, after a `Flight`."""
-    segments, scene, ball = shot.segments, shot.scene, ball_before(piece, flight, shot.segments, tape)
+def _jump(i, piece, stretch, shot, tape):
+    """Returns the `Jump` of ball i at the beginning of a piece, after a `Stretch`."""
+    segments, scene, ball = shot.segments, shot.scene, ball_before(piece, stretch, shot.segments, tape)
     after = ball_at(tape.after[piece], 0) if tape.within[piece] else ball_of(segments[piece, SEGMENT_ROW:])
-    rates = _rates(segments, tape.previous[piece], ball, flight.numbers, tape)
-    return Jump(ball, rates, _rates(segments, piece, after, flight.numbers, tape), scene.radius[i], scene.inv_mass[i])
+    rates = _rates(segments, tape.previous[piece], ball, stretch.numbers, tape)
+    return Jump(ball, rates, _rates(segments, piece, after, stretch.numbers, tape), scene.radius[i], scene.inv_mass[i])
 
 
 @inlined
@@ -299,10 +299,10 @@ def trace(shot, tape):  # out: tape
         joint = _is_joint(events, e)
         if joint or (events[e, KIND] == BALL_CUSHION and _is_corner(e, piece, events, segments)):
             i, other, now = int(events[e, BALL]), int(events[e, OTHER]), event_time(events, e)
-            ball = ball_before(piece, flight_until(segments, tape.previous[piece], now, numbers), segments, tape)
+            ball = ball_before(piece, stretch_until(segments, tape.previous[piece], now, numbers), segments, tape)
             if joint:
-                flight = flight_until(segments, tape.previous[piece + 1], now, numbers)
-                second = ball_before(piece + 1, flight, segments, tape)
+                stretch = stretch_until(segments, tape.previous[piece + 1], now, numbers)
+                second = ball_before(piece + 1, stretch, segments, tape)
                 if _approach(ball, second):
                     bodies = (scene.radius[i], scene.radius[other], scene.inv_mass[i], scene.inv_mass[other])
                     laws = scene.ball_restitution, scene.ball_friction
@@ -330,23 +330,23 @@ def _approach(a, b):
 
 @inlined
 def apply_event(e, count, shot, tape):  # out: tape
-    """Changes the first `count` lanes by event e of a `RecordedShot` and the flights of its balls before it."""
+    """Changes the first `count` lanes by event e of a `RecordedShot` and the stretches of its balls before it."""
     events, segments, scene, changing, is_sphere = shot
     numbers, lanes, piece = law_numbers_of(scene.numbers), tape.lanes, tape.first[e]
     kind, now, i, other = int(events[e, KIND]), event_time(events, e), int(events[e, BALL]), int(events[e, OTHER])
     phase = int(segments[piece, SEGMENT_PHASE])
-    flight = flight_until(segments, tape.previous[piece], now, numbers)
-    one = _jump(i, piece, flight, shot, tape)
+    stretch = stretch_until(segments, tape.previous[piece], now, numbers)
+    one = _jump(i, piece, stretch, shot, tape)
     ball = one.ball
     if kind == BALL_BALL:
-        second = flight_until(segments, tape.previous[piece + 1], now, numbers)
+        second = stretch_until(segments, tape.previous[piece + 1], now, numbers)
         two = _jump(other, piece + 1, second, shot, tape)
         other_phase = int(segments[piece + 1, SEGMENT_PHASE])
         meets = _approach(ball, two.ball)
         for c in range(count):
             lane = lanes[c]
-            flight_lane(lane, 0, flight, changing)
-            flight_lane(lane, BALL_WIDTH, second, changing)
+            stretch_lane(lane, 0, stretch, changing)
+            stretch_lane(lane, BALL_WIDTH, second, changing)
             if meets:
                 laws = (scene.ball_restitution, scene.ball_friction)
                 pair_lane(lane, one, two, is_sphere, laws, numbers, changing)
@@ -360,7 +360,7 @@ def apply_event(e, count, shot, tape):  # out: tape
         solution = cushion_solution(ball, wall, one.radius, scene)
         for c in range(count):
             lane = lanes[c]
-            flight_lane(lane, 0, flight, changing)
+            stretch_lane(lane, 0, stretch, changing)
             if meets:
                 wall_lane(lane, wall, one, scene.cushion, numbers, solution, changing)
             else:  # the second of two cushions, if friction at the first one takes the ball away from it
@@ -370,21 +370,21 @@ def apply_event(e, count, shot, tape):  # out: tape
         for c in range(count):
             lane = lanes[c]
             if kind == BALL_POCKET:
-                flight_lane(lane, 0, flight, changing)
+                stretch_lane(lane, 0, stretch, changing)
                 pocket_lane(lane, ball, scene.pockets[other])
             else:
-                phase_end_lane(lane, flight, one.before, one.after, changing)
+                phase_end_lane(lane, stretch, one.before, one.after, changing)
             settle_lane(lane, 0, phase, numbers)
 
 
 @inlined
 def _apply_end(i, count, until, shot, tape):  # out: tape
-    """Changes the first `count` lanes, with ball i, by its last flight until a time (s)."""
+    """Changes the first `count` lanes, with ball i, by its last stretch until a time (s)."""
     numbers = law_numbers_of(shot.scene.numbers)
-    flight = flight_until(shot.segments, tape.current[i], Time(until, 0.0), numbers)
-    ball = _flown(shot.segments, tape.current[i], flight)
+    stretch = stretch_until(shot.segments, tape.current[i], Time(until, 0.0), numbers)
+    ball = _coasted(shot.segments, tape.current[i], stretch)
     for c in range(count):
-        flight_lane(tape.lanes[c], 0, flight, shot.changing)
+        stretch_lane(tape.lanes[c], 0, stretch, shot.changing)
         end_lane(tape.lanes[c], ball, shot.scene.radius[i], numbers, shot.changing)
 
 
@@ -535,8 +535,8 @@ def _unit_lanes(balls, kind, count, constants, tape):  # out: tape
             count += 2
         begin, last = PAIR_NUMBERS if kind == BALL_BALL else CUSHION_NUMBERS
         for j in range(D_NUMBERS, LANE_WIDTH):
-            flies = FLIGHT_NUMBERS[0] <= j < FLIGHT_NUMBERS[1]
-            if flies or (begin <= j < last and (kind in (BALL_BALL, BALL_CUSHION))):
+            of_motion = STRETCH_NUMBERS[0] <= j < STRETCH_NUMBERS[1]
+            if of_motion or (begin <= j < last and (kind in (BALL_BALL, BALL_CUSHION))):
                 column[count] = j
                 count += 1
     for c in range(count):
@@ -693,7 +693,7 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, inputs):  # out: ou
             _pull(lanes, i, j, columns, EventAdjoint(at_event, marked), tape, adjoint, sums)
             if spins_on:
                 numbers = law_numbers_of(shot.scene.numbers)
-                factor = spin_factor(flight_until(paths, tape.previous[piece], event_time(log, e), numbers))
+                factor = spin_factor(stretch_until(paths, tape.previous[piece], event_time(log, e), numbers))
                 for c in range(count):
                     adjoint[c, i, DWZ] *= factor
             pending = look_after(pending + lanes * (1 + LANE_WORK * shot.scene.numbers.cushion_work))

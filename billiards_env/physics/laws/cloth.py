@@ -125,7 +125,7 @@ def coast(ball, acceleration, phase, t, numbers):
 
 
 @inlined
-def fly(ball, phase, t, numbers):
+def coast_from(ball, phase, t, numbers):
     """Returns the `BallState` t seconds after another one, within a phase that begins there."""
     ax, ay, _ = drive(ball, phase, numbers)
     return coast(ball, (ax, ay), phase, t, numbers)
