@@ -101,7 +101,7 @@ def success(policy: AimNetwork, envs: VectorEnv, seed: int) -> float:
 
 
 def train(args: argparse.Namespace) -> tuple[AimNetwork, list[dict[str, Any]]]:
-    """Trains a policy. Prints and returns its success on new layouts meanwhile."""
+    """Trains a policy; prints and returns its success on new layouts during the training."""
     torch.manual_seed(args.seed)
     torch.set_num_threads(args.threads)
     torch.set_flush_denormal(True)  # tiny densities are slow otherwise

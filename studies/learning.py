@@ -67,7 +67,7 @@ def trained(config: Config, folder: Path) -> tuple[list[Point], dict[str, bytes]
     """Trains a configuration, unless the folder holds the finished run.
 
     Returns:
-        The learning curve. Then the files of the policy, because another machine may train it.
+        The learning curve, and the files of the policy, because another machine may train it.
     """
     open_run(config, folder)
     train(config, folder)

@@ -27,9 +27,9 @@ at a hit that is thicker by v * delay * sin(a) * cos(a).
 The results are in `studies/results/other_simulators.json`. Each run is written there when it ends, and the command
 skips runs that have results.
 
-The published runs are older than this program: the PPO of `examples/ppo.py` trained the same network. Those in pymunk
-are also older than a fix of the worker: the push out of the last overlap on a table moved the balls of the next shot
-there. Of 20,000 random shots with 1/120 s, 670 were pots then and 668 are now; 10 shots differ.
+The published runs are older than this program: the PPO of `examples/ppo.py` trained them, with the same network. The
+runs in pymunk are also older than a correction of the worker. Before it, an overlap at the end of a shot moved the
+balls of the next shot on this table. Of 20,000 random shots with 1/120 s, 10 differ: 670 were pots then, 668 are now.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Measures what players lose by the scatter of the cushions: `python -m studies.scatter`.
 
-The players do not expect the scatter. The results are in `studies/results/scatter.json`. The command skips what has
+The players take no account of it. The results are in `studies/results/scatter.json`. The command skips what has
 results there.
 """
 

@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 
 
 def of_worlds(result: Result) -> tuple[dict[str, Runs], dict[str, Runs]]:
-    """Returns the runs of each world with results of `studies.timestep`, and apart from them those with `move_back`."""
+    """Returns the runs of each world with results of `studies.timestep`, those with `move_back` in a second dict."""
     runs: dict[str, Runs] = {world: list(by_seed.values()) for world, by_seed in result["runs"].items() if by_seed}
     main = {world: known for world, known in runs.items() if "move_back" not in world}
     return main, {world: known for world, known in runs.items() if world not in main}

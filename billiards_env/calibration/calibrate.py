@@ -60,8 +60,8 @@ def calibrate(
     """Fits constants of the physics of a scene to tracks of shots.
 
     The tracks may contain whole shots. The rows of a shot are fitted until a contact of the cue ball. The loss is
-    Cauchy's, so rows far from the path of the model hardly count. They are reported. With ten or more shots, every
-    fifth shot is held back to measure the errors of predictions. Then all shots are fitted.
+    Cauchy's, so rows far from the path of the model hardly count, and the report lists them. With ten or more shots,
+    there are two fits: the first leaves out every fifth shot to measure the errors of predictions, the second has all.
 
     Args:
         scene: The scene; its constants are the start of the fit.

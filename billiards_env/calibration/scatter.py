@@ -1,12 +1,12 @@
 """An estimate of the scatter of cushions from fitted shots.
 
 Each contact with a cushion has five small unknown changes, see `physics.scatter`. The errors of the rows are linear in
-these changes and in the start of the shot. The estimate has the largest likelihood for changes with Student's
-distribution, found by expectation and maximisation (Lange, Little and Taylor 1989). With this distribution a contact
-that does not fit at all has little weight.
+these changes and in the start of the shot. The changes have Student's distribution, so a contact that does not fit at
+all has little weight. Expectation and maximisation find the standard deviations with the largest likelihood (Lange,
+Little and Taylor 1989).
 
-The changes also contain errors of the laws, so the estimate is an upper limit of what a cushion does. In simulated
-shots without such errors it is up to a quarter too small.
+In real shots the changes also contain errors of the laws, so the estimate is an upper limit. In simulated shots, which
+have no such errors, the estimate is up to a quarter too small.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _PARTS = np.array([0, 1, 2, 2, 2])  # of the five changes, in the order of `SCAT
 _SMALL, _SOON = 1e-4, 1e-4  # a relative change, and its time after the contact, s
 _STEPS, _BEGIN, _QUANTILE = 100, 0.03, 1.96
 _FREEDOM = 4.0  # of Student's distribution
-_MOST = 10.0  # m, the largest derivative of a place by a relative change; other contacts may follow beyond it
+_MOST = 10.0  # m, the limit of a derivative of a place; a larger one may come from other contacts
 
 
 class Scattered(NamedTuple):
@@ -72,7 +72,7 @@ def estimate(scene: Scene, shots: Sequence[Shot], noise: float) -> Scattered | N
 
 
 def _score(matrix: Floats, slope: Floats, deviations: Floats) -> Floats:
-    """Returns the derivatives (3,) of the log-likelihood of a shot by the logarithms of the standard deviations."""
+    """Returns the derivatives (3,) of the log-likelihood of a shot with respect to the logarithms of the deviations."""
     part = np.tile(_PARTS, len(slope) // len(_PARTS))
     scale = deviations[part]
     covariance = np.linalg.inv(scale[:, None] * matrix * scale + np.eye(len(slope)))
@@ -108,9 +108,9 @@ def _normal(scene: Scene, shot: Shot, noise: float) -> tuple[Floats, Floats]:
 
 
 def _rates(scene: Scene, shot: ShotResult, ball: int, begin: float, times: Floats, balls: Ints) -> Floats:
-    """Returns the derivatives (r, 2, 5) of the places of balls (r,) at times (r,) by relative changes of a motion.
+    """Returns the derivatives (r, 2, 5) of places of balls (r,) at times (r,) with respect to changes of a motion.
 
-    The changes are those of `physics.scatter`. A ball has them at the time `begin`, just after a contact.
+    The changes are the relative ones of `physics.scatter`, at the time `begin`, just after a contact.
     """
     positions, (velocities, spins) = shot.at(begin), shot.motion_at(begin)
     events: Any = shot.events

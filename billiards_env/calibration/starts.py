@@ -37,7 +37,7 @@ spins."""
 _STEPS = 30  # most steps of `settle`
 _HALVES = (20, 4), (8, 8), (3, 10), (1, 10)  # starts that a search keeps, and the steps before that
 _RANDOM = (6, 3), (1, 8)  # the same for random starts
-_EACH, _GAIN = 16, 1.0  # random starts with spins near the best and with any spins; the least gain of the loss for more
+_EACH, _GAIN = 16, 1.0  # random starts of each kind, near the best spins and any; a round with less gain is the last
 _TURN, _FASTER, _NEAR = 0.012, 0.02, 0.3  # most change of direction, rad, and of speed; spread of spins over `SPINS`
 _CONVERGED, _EXACT = 1e-6, 1e-14  # relative and absolute change of the loss
 

@@ -200,7 +200,7 @@ def stretch_lane(lane, at, stretch, changing):  # out: lane
 
 @inlined
 def spin_factor(stretch):
-    """Returns the derivative of the spin about the vertical axis after a `Stretch` by that before it."""
+    """Returns the derivative of the spin about the vertical axis after a `Stretch` with respect to that before."""
     return _d_spin_after(stretch.ball.wz, stretch.dt, stretch.numbers, 1.0)[1]
 
 

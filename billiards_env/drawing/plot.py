@@ -5,8 +5,8 @@ in a contact, and a mark with the time of each event. Each kind of event has a d
 the speed; its edges have the colour of the ball. Ticks show the side spin: they point to the left of the path if the
 ball turns counterclockwise. Text outside the table is grey, so it is readable on white and on a dark page.
 
-If balls leave the cloth, a side view beside the table has the same scale. It shows the balls at the start, the paths of
-the balls that fly, and these balls at the top of each hop and at each contact in the air.
+If balls leave the cloth, there is a side view beside the table at the same scale. It shows the balls at the start, the
+paths of the balls that fly, and these balls at the top of each hop and at each contact in the air.
 """
 
 from __future__ import annotations

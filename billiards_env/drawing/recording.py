@@ -63,7 +63,7 @@ class Recording(NamedTuple):
         return hops
 
     def heights(self, ball: int, times: ArrayLike) -> Floats:
-        """Returns the heights (m,), m, of a ball above the cloth at times (m,), s; before an event of that time."""
+        """Returns the heights (m,), m, of a ball above the cloth at times (m,), s; just before an event there."""
         return self.trajectory.heights(ball, np.nextafter(numbers("times", times), 0.0), self.scene.physics.g)
 
     def speeds(self, ball: int, times: ArrayLike) -> Floats:

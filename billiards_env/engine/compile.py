@@ -190,7 +190,7 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
     for name, laws in (("motion", MOTIONS), ("cushion", CUSHIONS), ("ball_ball", BALL_LAWS)):
         one_of(f"physics.{name}", getattr(p, name), tuple(laws))  # `scene` may have names that have no law
     if p.flight and engine.mode != "pic":
-        raise ValueError(f"mode = {engine.mode!r} with physics.flight = True: expected 'pic', only it has flights")
+        raise ValueError(f"mode = {engine.mode!r} with physics.flight = True: expected 'pic', which has flights")
     numbers, law = _numbers(scene, engine, {}), BALL_LAWS[p.ball_ball]
     outline = None
     if table.outline:

@@ -213,7 +213,7 @@ def pressing(nz, c, contacts, state, scene):
 
 @inlined
 def _is_inclined(nz):
-    """Returns whether the normal of the first contact is not horizontal; `nz` is `Contacts.nz`."""
+    """Returns whether the normal of the first contact is inclined; `nz` is `Contacts.nz`."""
     if nz is None:
         return False
     return nz[0] != 0.0
@@ -318,9 +318,9 @@ def hit_cushion(contact, time, state, scene, memory):  # out: state, memory
 
 @inlined
 def hit_nose(flight, i, wall, state, scene):  # out: state
-    """Changes the motion of ball i, which is in the air, at the nose of a cushion.
+    """Changes the motion of ball i, which is in the air, by its impact on the nose of a cushion.
 
-    After a weak impact the ball leaves the nose at g tau / 2 or more, so bounces on it do not accumulate.
+    After a weak impact the ball leaves the nose at g tau / 2 or faster. So there is no infinite sequence of bounces.
 
     Returns:
         The speed of approach, m/s, and the number of acts of the rule.

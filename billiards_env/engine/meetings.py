@@ -77,7 +77,7 @@ def leave_rows(j, meetings):  # out: meetings
 
 @inlined
 def places_of(time, times, count):
-    """Returns the first and the last place of a time among the first elements of an array, without branches."""
+    """Returns the first and the last place of a time in the first `count` elements of `times`, without branches."""
     first, last = count, -1
     for k in range(count):
         same = times[k] == time

@@ -157,12 +157,12 @@ def predict_single(i, state, scene, singles):  # out: singles
 
 @kernel
 def _event_in_air(flight, i, state, scene):
-    """Returns the time of the next event of ball i alone, which is in the air, s after its own time, kind and number.
+    """Returns the next event of ball i alone, which is in the air: the time, s after its own, the kind and the number.
 
-    The pockets count where a ball lands, and so do their mouths beyond the places of balls on the cloth. A ball whose
-    centre passes over the nose of a cushion leaves the table: over a pocket it hits the back of it if its centre leaves
-    the pocket lower than 2/5 of a radius above its height on the cloth (the rule of the simulator pooltool), and
-    otherwise it is driven off.
+    A ball is potted if it lands in a pocket, or in the mouth of one, farther out than a ball on the cloth can be. If
+    its centre passes over the line of the noses inside a pocket, it hits the back of the pocket and is potted, if the
+    centre leaves the pocket lower than 2/5 of a radius above its height on the cloth (the rule of the simulator
+    pooltool). Every other ball whose centre passes over a nose is driven off the table.
     """
     if flight is None:
         return math.inf, LANDING, -1

@@ -225,7 +225,7 @@ def pot(k, i, pocket, state, scene, shots):  # out: state, shots
 
 @inlined
 def drive_off(k, i, state, shots):  # out: state, shots
-    """Takes ball i, which has left the table at its place, out of play, and records this."""
+    """Takes ball i out of play, which leaves the table at its present place, and records this."""
     capture(state, i, state.rows[i, X], state.rows[i, Y])
     shots.pot_order[k, i] = _balls_off(k, shots)
 

@@ -57,8 +57,8 @@ def strike(
         heading: Direction of the cue on the table, rad, counterclockwise from the x axis.
         side: Offset of the tip to the left (english), in ball radii.
         top: Offset of the tip above the centre, in ball radii. Positive is follow, negative is draw.
-        elevation: Angle of the cue above the horizontal, rad. In scenes with flight it drives the ball into the slate,
-            from which the ball bounces. In other scenes the vertical velocity is dropped.
+        elevation: Angle of the cue above the horizontal, rad. In scenes with flight a raised cue drives the ball into
+            the slate, and the ball bounces. In other scenes the vertical velocity is dropped.
 
     Returns:
         The velocity, the spin and whether the tip slipped, see `physics.strike.struck`.

@@ -494,7 +494,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
             states: The states to play from, one for each action or one for all, as from `get_state`. None for the
                 present state.
             noise: The generator from which the execution noise and the scatter of the environment are drawn; None for
-                neither. They are not those of the next step.
+                neither. The next step draws others.
 
         Raises:
             ResetNeeded: If an episode has not begun, or is over.

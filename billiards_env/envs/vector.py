@@ -219,7 +219,7 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
             states: The states to play from, one for each action or one for all, as from `get_state`. None for the
                 present states, with one action for each environment.
             noise: The generator from which the execution noise and the scatter of the environment are drawn; None for
-                neither. They are not those of the next step.
+                neither. The next step draws others.
 
         Raises:
             ResetNeeded: If an episode has not begun, or is over.

@@ -149,9 +149,9 @@ def _push(nz, contacts, p, state, scene):  # out: state
 
 @inlined
 def _push_in_space(ball_friction, tilt, one, two, pair, p, numbers):  # out: one, two
-    """Does the same as `push_apart` for the rows of two balls that may fly, and sets their vertical velocities.
+    """Does what `push_apart` does, for the rows of two balls that may fly, and changes their vertical velocities.
 
-    The impulse p is along the normal, whose vertical part no table holds.
+    The impulse p is along the normal. No table takes up its vertical part.
     """
     cosine, sine = tilt
     mi, mj = pair.inv_mass_i, pair.inv_mass_j
@@ -167,7 +167,7 @@ def _push_in_space(ball_friction, tilt, one, two, pair, p, numbers):  # out: one
 
 @inlined
 def _rub_in_space(ball_friction, tilt, one, two, pair, p, numbers):
-    """Returns the states of two balls after friction, as `_rub_both` does, and its impulse up on the first ball."""
+    """Returns the states of two balls after friction, as `_rub_both` does, and the impulse up on the first ball."""
     a, b = ball_of(one), ball_of(two)
     if ball_friction is None:
         return a, b, 0.0

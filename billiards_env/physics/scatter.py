@@ -1,14 +1,14 @@
 """The scatter of cushions: random differences between impacts that the law of the cushions does not explain.
 
-After an impact, the speed along the normal is multiplied by 1 + normal * z. The speed along the cushion changes by
-along * z times the speed of the ball. The spins about the normal, along the cushion and about the vertical axis change
-by spin * z times its speed over its radius. Each z is another random number, with mean 0 and variance 1, at most
-2 sqrt(3) in size. If the ball would then have more energy than before the impact, all parts are made smaller by one
-factor. So the ball leaves the cushion, and a mirrored shot has mirrored scatter.
+Scatter changes the motion after an impact. Let v be the speed of the ball and R its radius. The speed along the normal
+is multiplied by 1 + normal * z, and the speed along the cushion changes by along * z * v. The spins about the normal,
+along the cushion and about the vertical axis change by spin * z * v / R. Each z is a separate random number with mean 0
+and variance 1, at most 2 sqrt(3) in size. If the ball would have more energy than before the impact, one factor reduces
+all speeds and spins. The ball always leaves the cushion, and a mirrored shot has mirrored scatter.
 
-The numbers follow from the seed of the shot, the number of the ball and the number of its earlier cushion contacts. So
-they depend neither on other balls nor on the end of the shot. An impact on two cushions at one instant has no scatter,
-and neither has an impact that is weak for the contact-time rule.
+The random numbers depend only on the seed of the shot, the number of the ball and the number of its earlier cushion
+contacts, and not on other balls or on the end of the shot. An impact has no scatter if it is on two cushions at one
+instant, if it is weak for the contact-time rule, or if the ball is in the air.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def _energy(vn, vt, sn, st, rwz):
 
 @inlined
 def scatter_limit(scatter, i, state, scene):
-    """Returns the largest energy of ball i after an impact, see `_energy`: its present one. 0 without scatter."""
+    """Returns the energy of ball i, which is its limit after the impact, see `_energy`; 0 without scatter."""
     if scatter is None:
         return 0.0
     s = state.rows[i]
@@ -123,7 +123,7 @@ def scatter_motion(scatter, key, i, n, limit, state, scene):  # out: state
         key: The `scatter_key` of the impact.
         i: The ball.
         n: (nx, ny), the unit normal into the cushion.
-        limit: The `scatter_limit` from before the impact.
+        limit: The `scatter_limit` before the impact.
         state: The `State`.
         scene: The `SceneArrays`.
     """

@@ -29,7 +29,7 @@ WZ = 8  # spin about the vertical axis, rad/s
 T0, T0_LO = 9, 10  # the ball's own time, s
 LASTS = 11  # time from T0 to the end of the phase, s
 WIDTH = 12
-Z, VZ = 12, 13  # only in scenes with flight: the height of the centre above its height on the cloth, m; m/s
+Z, VZ = 12, 13  # only with flight: the height of the centre above its height on the cloth, m; its velocity, m/s
 FLIGHT_WIDTH = 14
 
 # Phases of a ball's motion.

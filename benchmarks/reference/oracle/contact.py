@@ -140,7 +140,7 @@ def pair_contact(world: World, ball: int, a: Segment, other: int, b: Segment, ba
 
 
 def wall_contact(world: World, ball: int, a: Segment, number: int, base: Real, high: Real) -> Contact:
-    """Returns `next_contact` of a ball and a cushion. The nose, which a ball in the air meets, ends at pockets."""
+    """Returns `next_contact` of a ball and a cushion. A ball in the air meets the nose, which ends at pockets."""
     wall, radius, flies = world.walls[number], world.radius[ball], a.phase == "airborne"
     velocity, push = a.velocity_at(base), norm(a.acceleration)
     speed = norm(velocity)
@@ -236,8 +236,8 @@ def pocket_contact(world: World, ball: int, a: Segment, pocket: int, base: Real,
 def edge_contact(world: World, ball: int, a: Segment, number: int, base: Real, high: Real) -> Contact:
     """Returns when the centre of a ball in the air leaves the table.
 
-    It passes the nose of a cushion, but not in a pocket, or the rim of a pocket beyond the noses. `number` is the
-    cushion, or the number of cushions plus the pocket.
+    It passes over the nose of a cushion outside the pockets, or over the rim of a pocket beyond the noses. `number` is
+    the cushion, or the number of cushions plus the pocket.
     """
     position, velocity, still = a.position_at(base)[:2], a.velocity_at(base)[:2], (mpmath.mpf(0),) * 2
     pocket = number - len(world.walls)

@@ -1,7 +1,7 @@
 """The laws of motion and of impact, in mpmath arithmetic. Vectors are tuples; SI units.
 
-In scenes with flight positions and velocities have a third component, upwards; the height of the centre is measured
-from its height on the cloth.
+In scenes with flight positions and velocities have a third component, upwards. The height of the centre is
+measured from its height on the cloth.
 """
 
 from __future__ import annotations
@@ -128,10 +128,10 @@ class World:
         return None
 
     def nose(self, ball: int) -> tuple[Real, Real]:
-        """Returns where the nose of a cushion is in the frame of a ball on the cloth that touches it.
+        """Returns where a ball on the cloth touches the nose of a cushion.
 
-        The first number is its distance from the vertical plane that the ball touches, towards the ball, and the second
-        its height above the ball's centre, m.
+        The first number is the distance of the nose from the vertical plane that the ball touches, towards the ball, m.
+        The second is the height of the nose above the ball's centre, m.
         """
         height = self.cushion_height - self.radius[ball]
         return self.radius[ball] - mpmath.sqrt(self.radius[ball] ** 2 - height**2), height

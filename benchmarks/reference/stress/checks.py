@@ -139,7 +139,7 @@ def _outside(x, y, radius, numbers, outline):
 
 @inlined
 def _beyond_noses(flight, x, y, z, radius, scene):
-    """Returns the distance by which a ball in the air overlaps the nose of a rectangle's cushion, m, or is beyond it.
+    """Returns how far a ball in the air overlaps the nose of a rectangle's cushion or is beyond it, m.
 
     It is negative if the ball touches no nose. There is no nose in a pocket.
     """

@@ -90,7 +90,7 @@ def _inclination(nz, spheres, contacts, c):
 
 @inlined
 def _normal_of(nz, tilt, p):
-    """Returns the impulse along the normal: p itself if balls may fly, otherwise that with the horizontal part p."""
+    """Returns the impulse along the normal: p if balls may fly, otherwise the impulse whose horizontal part is p."""
     if nz is None:
         return along_normal(tilt, p)
     return p
@@ -98,7 +98,7 @@ def _normal_of(nz, tilt, p):
 
 @inlined
 def up_slip(nz, tilt, up, a, b):
-    """Returns the slip up with the part of the vertical velocities in the rows a and b of `State.rows`, m/s."""
+    """Returns the slip up, including the vertical velocities in the rows a and b of `State.rows`, m/s."""
     if nz is None:
         return up
     cosine, _ = tilt

@@ -177,7 +177,7 @@ def separation_speed(contacts, c, state):
 
 @inlined
 def _and_upwards(nz, c, speed, a, b):
-    """Returns the speed of separation, double-double, with the part of the vertical velocities of the rows a and b."""
+    """Returns the speed of separation, double-double, including the vertical velocities of the rows a and b."""
     if nz is None:
         return speed
     w, w_lo = two_sum(b[VZ], -a[VZ])
@@ -285,7 +285,7 @@ def _descend(count, contacts, inv_mass, scratch):  # out: scratch
 
 @inlined
 def _opening(nz, c, opening, a, b):
-    """Returns the change of the speed of separation with the part of the vertical changes in the rows a and b."""
+    """Returns the change of the speed of separation, including the vertical changes in the rows a and b."""
     if nz is None:
         return opening
     return opening + nz[c] * (b[_UP] - a[_UP])

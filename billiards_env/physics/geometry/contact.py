@@ -115,7 +115,7 @@ def circle_time(path, reach, end, noise):
 
 @inlined
 def _contact_root(c0, c1, c2, c3, c4, end, ww):
-    """Returns the time at which bodies next touch whose squared distance beyond contact is a quartic, s.
+    """Returns the time at which two bodies next touch, s, if their squared distance beyond contact is a quartic.
 
     `ww` is the square of the relative speed.
     """

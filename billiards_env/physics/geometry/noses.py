@@ -1,8 +1,8 @@
-"""The noses of the cushions as a ball in the air meets them: horizontal lines at the height of the noses.
+"""The noses of the cushions, which balls in the air meet: horizontal lines at the height of the noses.
 
-A nose is so far from the middle of the table that a ball on the cloth touches it where it touches the cushion: at the
-distance R - R cos(theta) from the line of the cushion, with the angle theta of `cushion.Nose`. Only a rectangle has
-them. In a pocket there is no nose: it ends at the circle of the pocket, and a ball may touch this end.
+A nose is R - R cos(theta) nearer to the middle of the table than the line of the cushion, with the angle theta of
+`cushion.Nose`. So a ball on the cloth that touches the cushion touches the nose too. Only a rectangle has noses. A nose
+ends where it meets the circle of a pocket, and a ball may touch this end.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def _distance_to_nose(x, y, wall, radius, numbers):
 
 @inlined
 def _mouth(pocket, wall, radius, numbers):
-    """Returns the middle of the part of a nose that a pocket leaves out, m, and half its length, or -1.0."""
+    """Returns the middle of the gap that a pocket makes in a nose, m, and half its length; -1.0 without a gap."""
     x, y, reach = bounding_circle(pocket)
     away, _, _, along = _distance_to_nose(x, y, wall, radius, numbers)
     square = reach * reach - away * away
@@ -44,7 +44,7 @@ def _mouth(pocket, wall, radius, numbers):
 
 @inlined
 def _mouth_at(pockets, along, wall, radius, numbers):
-    """Returns the `_mouth` that contains a place along the line of a nose; half its length is -1.0 without one."""
+    """Returns the `_mouth` that contains a place along the line of a nose; half its length is -1.0 if none does."""
     for k in range(len(pockets)):
         middle, half = _mouth(pockets[k], wall, radius, numbers)
         if abs(along - middle) < half:
@@ -54,7 +54,7 @@ def _mouth_at(pockets, along, wall, radius, numbers):
 
 @inlined
 def mouth_beyond(pockets, x, y, radius, numbers):
-    """Returns the pocket in whose mouth a point is beyond the places of balls on the cloth, or -1."""
+    """Returns the pocket in whose mouth a point is, farther out than a ball on the cloth can be; -1 if none."""
     room_x, room_y = room_between_noses(radius, numbers)
     pocket = -1
     if abs(x) > numbers.half_length - radius + CONTACT_GAP:

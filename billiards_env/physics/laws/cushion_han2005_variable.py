@@ -1,21 +1,22 @@
 """The impact on a cushion by Han (2005), with friction and restitution that depend on the motion.
 
-In fits of recorded three-cushion shots (the tracks of the simulator tailuge/billiards), friction grows with the angle
-to the normal, restitution grows with the topspin or with the slip, the impulse reverses part of the slip along the
-cushion, and the cloth rubs during the impact. The law is a simple form of these effects:
+Fits of recorded three-cushion shots (the tracks of the simulator tailuge/billiards) show four effects. The friction
+grows with the angle to the normal, the restitution grows with the topspin or with the slip, the impulse reverses part
+of the slip along the cushion, and the cloth rubs the ball during the impact. The law is a simple form of these effects:
 
     mu = mu_cushion + mu_cushion_angle sin^2(phi)
     e = e(v_n) + e_cushion_topspin min(1, max(0, R omega_t / v_n)) + e_cushion_slip s^2 / (s^2 + v_n^2)
 
 Here phi is the angle between the velocity and the normal, omega_t is the spin along the cushion (v_n / R for a ball
-that rolls), s is the slip at the nose, and e(v_n) is the restitution of the other cushions. If mu does not limit the
-friction, the impact stops the slip up or down the nose and reverses the share e_cushion_tangent of the slip along the
-cushion, as with a nose that yields sideways (Stronge 2000). If mu limits the friction, it has the direction of this
-impulse.
+that rolls), s is the size of the slip at the nose, and e(v_n) is the restitution of the other cushions. If mu does not
+limit the friction, the impact stops the slip up or down the nose and reverses the share e_cushion_tangent of the slip
+along the cushion, as with a nose that yields sideways (Stronge 2000). If mu limits the friction, it has the direction
+of this impulse.
 
-The vertical part p_z of the impulse presses the ball on the slate, or lifts it until it lands. So the cloth acts too,
-against the mean of the slips on it before and after the impulse of the cushion. Its impulse is at most
-mu_cushion_cloth abs(p_z), and at most what stops this mean slip or the slip along it that is left.
+The vertical part p_z of the impulse presses the ball on the slate, or lifts it for a short time. In both cases there is
+also friction with the cloth. It acts against the mean of the slips on the cloth before and after the impulse of the
+cushion. Its impulse per mass is the least of three: mu_cushion_cloth abs(p_z), the impulse that stops this mean slip,
+and the impulse that stops the slip that is left along the mean slip.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ def han2005_variable(before, radius, rebound, numbers, solution):
 
 @inlined
 def gain_is_smooth(before, radius, numbers):
-    """Returns whether the gain has a derivative. That by the topspin has one for a rolling ball, which always rolls."""
+    """Returns whether the gain has a derivative. A ball that rolls is at no kink, as it rolls after a change too."""
     vn, un = before.vn, before.un
     gain = _gain(before, slip_at(before, nose_of(radius, numbers)), numbers)
     clamped = abs(cushion_restitution(vn, numbers) + gain - 1.0) <= ROUNDING

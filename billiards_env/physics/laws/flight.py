@@ -5,15 +5,15 @@ of the air is left out (Alciatore, TP B.10: less than 1 % of the speed).
 
 At an impact on a fixed body, the normal impulse reverses the normal velocity and multiplies it by the restitution e.
 With the normal impulse per mass p = (1 + e) v_n, friction acts against the slip of the contact point with the impulse
-per mass mu p or, if that is less, 2/7 of the slip, which stops it. A bounce on the slate therefore does not change the
-spin about the vertical axis (Alciatore, TP A.30 and TP B.10).
+per mass mu p or, if that is less, 2/7 of the slip, which stops the slip. A bounce on the slate does not change the spin
+about the vertical axis, because the contact point is below the centre (Alciatore, TP A.30 and TP B.10).
 
-If the next hop would be lower than `least_hop`, the impact is plastic, and the ball stays on the cloth. The hops of the
-geometric series |v_z| e^k last T = 2 e |v_z| / (g (1 - e)) together, and their normal impulses are
-(1 + e) / (1 - e) |v_z| = |v_z| + g T. The plastic impact and the time T on the cloth have the same impulses, so the
-friction is the same. While the ball slides, its position is that of the hops at each of their landings and differs by
-at most mu `least_hop` between them. The rolling resistance and the decay of the spin, which hops do not have, act in T:
-0.02 s at the default numbers.
+If the next hop would be lower than `least_hop`, the impact is plastic, and the ball stays on the cloth. The hops that
+are left out have the speeds |v_z| e^k. They last T = 2 e |v_z| / (g (1 - e)) in all, and the sum of their normal
+impulses is (1 + e) / (1 - e) |v_z| = |v_z| + g T. The plastic impact and the time T on the cloth have the same sum, so
+the friction is the same. While the ball slides, its position is the same as with hops at each of their landings, and
+differs by at most mu `least_hop` between them. The rolling resistance and the decay of the spin act in the time T but
+not during hops; T is 0.02 s with the default numbers.
 """
 
 from __future__ import annotations
