@@ -205,7 +205,8 @@ class Physics:
             All but "restitution" need `motion="sliding"`.
         ball_ball: "frictionless" or "frictional" (impacts of balls with friction, which throws balls and transfers
             spin; needs `motion="sliding"`).
-        flight: Whether balls leave the cloth, see `physics.laws.flight`. It needs `motion="sliding"` and equal balls.
+        flight: Whether balls leave the cloth, see `physics.laws.flight`. It needs `motion="sliding"`, equal balls and a
+            table without an outline.
         g: Gravity, m/s^2.
         mu_slide: Coefficient of sliding friction between ball and cloth.
         mu_roll: Coefficient of rolling resistance between ball and cloth.
