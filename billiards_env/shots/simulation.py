@@ -370,7 +370,7 @@ def simulate_batch(
         )
     else:
         parallel_for(lambda begin, end: run_shots(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
-    settings = {"max_time": max_time, "max_events": max_events, "scatter": scatter}
+    settings = {"max_time": max_time, "max_events": max_events, "scatter": None if scatter is None else dict(scatter)}
     arguments = scene, (positions, moving, turning, in_play), settings
     common = {"_arguments": arguments, "_engine": engine, "_varied": varied, "_parts": parts}
     seeds = None if scattered is None else scattered.seeds
