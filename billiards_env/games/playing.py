@@ -240,7 +240,7 @@ class Stroke(NamedTuple):
         call: The call.
     """
 
-    velocity: Point | tuple[float, float, float]
+    velocity: Any
     place: Point | None = None
     spin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     call: Call = NO_CALL

@@ -219,7 +219,7 @@ def _integers(name: str, values: Any, within: Range) -> tuple[int, ...]:
     return tuple(integer(f"{name}[{i}]", value, within) for i, value in enumerate(items(name, values)))
 
 
-def _velocity(name: str, value: Any, flight: bool) -> Any:
+def _velocity(name: str, value: Any, flight: bool) -> tuple[float, ...]:
     """Returns two numbers, or three in scenes with flight."""
     axes = 3 if flight and isinstance(value, list) and len(value) == 3 else 2
     return tuple(real(f"{name}[{k}]", speed, "speed") for k, speed in enumerate(items(name, value, axes)))
@@ -253,5 +253,4 @@ def _plain(stroke: Stroke) -> Stroke:
     """Returns the stroke with its numbers as Python floats."""
     velocity, place, (wx, wy, wz), call = stroke
     place = None if place is None else (float(place[0]), float(place[1]))
-    moving: Any = tuple(map(float, velocity))
-    return Stroke(moving, place, (float(wx), float(wy), float(wz)), call)
+    return Stroke(tuple(map(float, velocity)), place, (float(wx), float(wy), float(wz)), call)

@@ -269,7 +269,7 @@ def test_a_batch_has_the_bits_of_single_shots():
 
 def test_an_environment_plays_strikes_that_make_the_ball_hop():
     places = np.array([[-0.6, 0.0], [0.6, 0.3], [0.6, -0.4]])
-    env = make_env(scene="jump_pool", n_object_balls=2, action="strike")
+    env: Any = make_env(scene="jump_pool", n_object_balls=2, action="strike")
     env.reset(seed=0, options={"positions": places})
     assert drawn_layout(env._episodes, 0).shot.heights.tolist() == [[0.0, 0.0]] * 3
     action = np.array([0.5, 0.1, 0.0, 0.0, 0.5])
@@ -284,7 +284,7 @@ def test_an_environment_plays_strikes_that_make_the_ball_hop():
 
 
 def test_a_game_repeats_a_stroke_that_makes_the_ball_hop():
-    env = make_env(scene=Scene.named("jump_pool", 9), task="nine_ball", n_players=2, action="strike")
+    env: Any = make_env(scene=Scene.named("jump_pool", 9), task="nine_ball", n_players=2, action="strike")
     env.reset(seed=1)
     before = env.game
     env.step(np.array([0.9, 0.02, 0.0, 0.0, 0.3, 0.0, 0.0]))
@@ -292,7 +292,8 @@ def test_a_game_repeats_a_stroke_that_makes_the_ball_hop():
     assert "landing" in kinds(played.shot, int(before.state.cue_balls[0]))
     assert np.array_equal(played.game.positions[1:], env.game.positions[1:])
     record = records.record_game(History(env.model.setup, before, (env.stroke,)))
-    assert records.from_json(records.to_json(record)).strokes == (env.stroke,)
+    read: Any = records.from_json(records.to_json(record))
+    assert read.strokes == (env.stroke,)
 
 
 def test_the_cue_does_not_drive_a_ball_above_the_cue_ball():
