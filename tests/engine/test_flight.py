@@ -271,7 +271,8 @@ def test_an_environment_plays_strikes_that_make_the_ball_hop():
     places = np.array([[-0.6, 0.0], [0.6, 0.3], [0.6, -0.4]])
     env: Any = make_env(scene="jump_pool", n_object_balls=2, action="strike")
     env.reset(seed=0, options={"positions": places})
-    assert drawn_layout(env._episodes, 0).shot.heights.tolist() == [[0.0, 0.0]] * 3
+    layout: Any = drawn_layout(env._episodes, 0).shot
+    assert layout.heights.tolist() == [[0.0, 0.0]] * 3
     action = np.array([0.5, 0.1, 0.0, 0.0, 0.5])
     observation, *_ = env.step(action)
     speed = env.model.max_speed * math.hypot(0.5, 0.1) / speed_gain(cue_numbers(env.model.scene), 0.0)
