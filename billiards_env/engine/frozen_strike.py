@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from billiards_env.engine.shots import Starts, load_balls, store
+from billiards_env.engine.shots import HEIGHT, Starts, load_balls, store
 from billiards_env.jit import allocating_entry_point, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange
@@ -57,9 +57,19 @@ def strike_frozen(scene: Scene, fields: tuple[Any, ...], starts: tuple[Any, ...]
 
 
 @inlined
+def _is_above(heights, k, i):
+    """Returns whether ball i begins above the cloth; `heights` is `Shots.heights`."""
+    if heights is None:
+        return False
+    return heights[k, i, HEIGHT] > 0.0
+
+
+@inlined
 def _normal(k, i, j, scene, starts):
-    """Returns the horizontal unit vector from ball i to ball j; zeros if they do not touch."""
+    """Returns the horizontal unit vector from ball i to ball j; zeros if they do not touch or are above the cloth."""
     if not (starts.in_play[k, i] and starts.in_play[k, j]):
+        return 0.0, 0.0
+    if _is_above(starts.heights, k, i) or _is_above(starts.heights, k, j):
         return 0.0, 0.0
     dx = starts.positions[k, j, X] - starts.positions[k, i, X]
     dy = starts.positions[k, j, Y] - starts.positions[k, i, Y]

@@ -135,7 +135,7 @@ def cue_strike(action: ArrayLike, scene: Scene, max_speed: float) -> Strike:
         max_speed: m/s.
 
     Returns:
-        The strike. Its spin is zero for two numbers.
+        The strike. Its spin is zero for two numbers. In scenes with flight its velocity has a vertical component.
 
     Raises:
         ValueError: If the action is not two or five finite numbers.
@@ -149,10 +149,12 @@ def cue_strike(action: ArrayLike, scene: Scene, max_speed: float) -> Strike:
     array = finite("action", action, (size,))
     velocity, spin, miscue = np.zeros((1, 1, 2)), np.zeros((1, 1, 3)), np.zeros(1, np.bool_)
     velocity[0, 0] = shorten(array.item(X), array.item(Y), float(max_speed))
+    heights = np.zeros((1, 1, 2)) if scene.physics.flight else None
     if size > 2:
-        starts = velocity, spin, ONE_CUE_BALL, None, miscue
+        starts = velocity, spin, ONE_CUE_BALL, heights, miscue
         strike_balls(0, 1, np.zeros(1, np.bool_), array[None], tuple(cue_numbers(scene)), starts)
-    return Strike(velocity[0, 0], spin[0, 0], miscue[0])
+    rising = () if heights is None else heights[0, 0, RISING:]
+    return Strike(np.append(velocity[0, 0], rising), spin[0, 0], miscue[0])
 
 
 def aimed_strikes(scene: Scene, actions: ArrayLike, offsets: ArrayLike) -> NDArray[np.float64]:

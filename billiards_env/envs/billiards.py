@@ -542,7 +542,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
 
     @property
     def stroke(self) -> Stroke | None:
-        """The last stroke in a game of several players, which `games.play` repeats bit for bit.
+        """The last stroke in a game of several players, which `games.play` repeats bit for bit, but without scatter.
 
         None before the first shot after a reset, after `set_state`, and in a copy.
         """

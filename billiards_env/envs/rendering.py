@@ -65,7 +65,9 @@ def drawn_layout(episodes: Episodes, k: int) -> DrawnShot:
     """Returns the balls and goals of episode k for drawing."""
     model, state = episodes.model, episodes.state
     n = len(state.positions[k])
-    start = ShotInput(state.positions[k], np.zeros((n, 2)), np.zeros((n, 3)), state.in_play[k], limit=0.0)
+    heights = np.zeros((n, 2)) if model.scene.physics.flight else None
+    still = np.zeros((n, 2)), np.zeros((n, 3))
+    start = ShotInput(state.positions[k], *still, state.in_play[k], heights=heights, limit=0.0)
     shot = run_shot(model.scene, start, record=True)
     return DrawnShot(shot, model.task, circles=_goal_circles(model, state.goals[k]))
 
@@ -74,7 +76,7 @@ def drawn_shot(episodes: Episodes, k: int, reward: float, goals: NDArray[np.floa
     """Returns the last shot of episode k for drawing. `goals` are those of the shot: a new episode may have begun."""
     shot, model, state = episodes.recorded[k], episodes.model, episodes.state
     number = model.max_shots - state.shots_left[k]
-    speed = math.hypot(*cue_strike(episodes.actions[k], model.scene, model.max_speed).velocity)
+    speed = math.hypot(*cue_strike(episodes.actions[k], model.scene, model.max_speed).velocity[:2])
     if episodes.turns is not None:
         left = f"{model.task}   player {episodes.turns.player[k]}   shot {number} of {model.max_shots}"
         return DrawnShot(shot, left, _result_text(episodes, k))

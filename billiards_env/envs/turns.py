@@ -387,7 +387,7 @@ class GameKernels:
         self._check(self._begin.call(begin, end, mask, self._numbers, arrays))
 
     def stroke(self, k: int, model: Model, turns: TurnArrays) -> Stroke | None:
-        """Returns the last stroke in game k, which `games.play` repeats bit for bit; None if it is not known."""
+        """Returns the last stroke in game k, see `BilliardsEnv.stroke`."""
         if math.isnan(turns.strokes[k, X]):
             return None
         called, place = turns.calls[k], turns.places[k].tolist()
@@ -395,8 +395,9 @@ class GameKernels:
         if called["kind"] >= HAND_BACK:
             return Stroke((0.0, 0.0), call=Call(kind=call.kind))
         struck = cue_strike(turns.strokes[k], model.scene, model.max_speed)
-        (vx, vy), (wx, wy, wz) = struck.velocity.tolist(), struck.spin.tolist()
-        return Stroke((vx, vy), None if math.isnan(place[X]) else (place[X], place[Y]), (wx, wy, wz), call)
+        wx, wy, wz = struck.spin.tolist()
+        place = None if math.isnan(place[X]) else (place[X], place[Y])
+        return Stroke(tuple(struck.velocity.tolist()), place, (wx, wy, wz), call)
 
     def write_legal(self, arrays: Any, count: int) -> None:
         """Writes the balls that each observing player may touch first in all games."""

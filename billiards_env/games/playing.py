@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.engine.compile import PIC, Engine, check_engine, scene_fields
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shot_input import ShotInput
+from billiards_env.engine.shots import RISING
 from billiards_env.games.entry import Game, no_free_ball, no_look
 from billiards_env.games.facts import facts_of
 from billiards_env.games.game_state import (
@@ -233,13 +234,13 @@ class Stroke(NamedTuple):
     spin are then those of a free cue ball.
 
     Attributes:
-        velocity: x and y of the cue ball's initial velocity, m/s.
+        velocity: x and y of the cue ball's initial velocity, m/s; x, y and z are possible in scenes with flight.
         place: x and y of the point at which to place the cue ball in hand, m; None if it is not in hand.
         spin: x, y and z of the cue ball's initial angular velocity, rad/s.
         call: The call.
     """
 
-    velocity: Point
+    velocity: Any
     place: Point | None = None
     spin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     call: Call = NO_CALL
@@ -430,10 +431,12 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
     if stroke.place is not None:
         positions[cue] = cue_ball_point(scene, positions, state, stroke.place)
     velocities, spins = np.zeros((n, 2)), np.zeros((n, 3))
-    velocities[cue], spins[cue] = stroke.velocity, stroke.spin
+    velocities[cue], spins[cue] = stroke.velocity[:2], stroke.spin
     no_shot = stroke.call.kind in NO_SHOT
     balls = is_in(in_play(state) if no_shot else on_table(state), n)
     heights = np.zeros((n, 2)) if scene.physics.flight else None
+    if heights is not None and len(stroke.velocity) == 3:
+        heights[cue, RISING] = stroke.velocity[2]
     shot_input = ShotInput(positions, velocities, spins, balls, cue, heights, scene.physics.max_time or math.inf)
     strike_frozen(scene, scene_fields(scene), shot_input.as_batch())
     shot = run_shot(scene, shot_input, setup.engine, record=True)
@@ -468,7 +471,8 @@ def _check_stroke(setup: Setup, state: Any, stroke: Stroke) -> None:
         return
     expected = "a point, the cue ball is in hand" if state.in_hand else "None, the cue ball is not in hand"
     _expect((stroke.place is not None) == (state.in_hand > 0), f"stroke.place = {short(stroke.place)}", expected)
-    for name, count, within in (("velocity", 2, "speed"), ("place", 2, "coordinate"), ("spin", 3, "spin")):
+    axes = 3 if setup.scene.physics.flight and len(stroke.velocity) == 3 else 2
+    for name, count, within in (("velocity", axes, "speed"), ("place", 2, "coordinate"), ("spin", 3, "spin")):
         values = getattr(stroke, name)
         right = values is None or len(values) == count
         _expect(right, f"stroke.{name} = {short(values)}", f"{('two', 'three')[count - 2]} numbers")

@@ -198,7 +198,7 @@ def _game(data: dict[str, Any]) -> GameRecord:
     strokes = []
     for i, item in enumerate(items("strokes", data["strokes"])):
         stroke = fields(f"strokes[{i}]", item, Stroke._fields)
-        velocity = pair(f"strokes[{i}].velocity", stroke["velocity"], "speed")
+        velocity = _velocity(f"strokes[{i}].velocity", stroke["velocity"], scene.physics.flight)
         place = None if stroke["place"] is None else pair(f"strokes[{i}].place", stroke["place"], "coordinate")
         spin = items(f"strokes[{i}].spin", stroke["spin"], 3)
         x, y, z = (real(f"strokes[{i}].spin[{k}]", value, "spin") for k, value in enumerate(spin))
@@ -217,6 +217,12 @@ def _game(data: dict[str, Any]) -> GameRecord:
 
 def _integers(name: str, values: Any, within: Range) -> tuple[int, ...]:
     return tuple(integer(f"{name}[{i}]", value, within) for i, value in enumerate(items(name, values)))
+
+
+def _velocity(name: str, value: Any, flight: bool) -> tuple[float, ...]:
+    """Returns two numbers, or three in scenes with flight."""
+    axes = 3 if flight and isinstance(value, list) and len(value) == 3 else 2
+    return tuple(real(f"{name}[{k}]", speed, "speed") for k, speed in enumerate(items(name, value, axes)))
 
 
 def _call(name: str, value: Any) -> Call:
@@ -245,6 +251,6 @@ def _end_of_game(game: GameState) -> GameEnd:
 
 def _plain(stroke: Stroke) -> Stroke:
     """Returns the stroke with its numbers as Python floats."""
-    (vx, vy), place, (wx, wy, wz), call = stroke
+    velocity, place, (wx, wy, wz), call = stroke
     place = None if place is None else (float(place[0]), float(place[1]))
-    return Stroke((float(vx), float(vy)), place, (float(wx), float(wy), float(wz)), call)
+    return Stroke(tuple(map(float, velocity)), place, (float(wx), float(wy), float(wz)), call)

@@ -191,9 +191,9 @@ def _shot_numbers(env: BilliardsEnv, stroke: Stroke) -> Floats:
         return np.zeros(action_named(env.action).size)
     one_of("action of the environment of a player", env.action, PLAYED)
     if not action_named(env.action).has_cue:
-        return np.array(stroke.velocity) / env.max_speed
+        return np.array(stroke.velocity[:2]) / env.max_speed
     scene = env.episode_scene
-    cue, heading, side, top = level_strike(scene, stroke.velocity, stroke.spin)
+    cue, heading, side, top = level_strike(scene, stroke.velocity[:2], stroke.spin)
     share = cue * float(strike(scene, 1.0, 0.0).velocity[0]) / env.max_speed
     offsets = side / scene.cue.miscue_offset, top / scene.cue.miscue_offset
     return np.array([share * np.cos(heading), share * np.sin(heading), *offsets, 0.0])
@@ -205,8 +205,8 @@ def _stroke(env: BilliardsEnv, table: Tables, action: Any) -> ActionStroke:
         (velocity,), spin = convert(env.scene, table.max_speed).velocities(array[None], table), np.zeros(3)
     else:
         velocity, spin, _ = cue_strike(array, table.scene, table.max_speed)
-    (vx, vy), (wx, wy, wz) = velocity.tolist(), spin.tolist()
-    stroke = ActionStroke((vx, vy), None, (wx, wy, wz))
+    wx, wy, wz = spin.tolist()
+    stroke = ActionStroke(tuple(velocity.tolist()), None, (wx, wy, wz))
     stroke.action = tuple(array.ravel().tolist())
     return stroke
 

@@ -119,5 +119,5 @@ def with_noise(stroke: Stroke, noise: Noise, max_speed: float, rng: np.random.Ge
     if not any(noise) or not any(stroke.velocity):
         return stroke
     drawn = rng.standard_normal((1, 2)) * (math.radians(noise[0]), noise[1])
-    (velocity,), (spin,) = noisy_strokes(np.array([stroke.velocity]), np.array([stroke.spin]), drawn, max_speed)
-    return stroke._replace(velocity=tuple(velocity.tolist()), spin=tuple(spin.tolist()))
+    (velocity,), (spin,) = noisy_strokes(np.array([stroke.velocity[:2]]), np.array([stroke.spin]), drawn, max_speed)
+    return stroke._replace(velocity=(*velocity.tolist(), *stroke.velocity[2:]), spin=tuple(spin.tolist()))

@@ -121,9 +121,9 @@ def _scatter(scatter: Mapping[str, float] | None, seed: Any, m: int | None = Non
         drawn = np.random.SeedSequence(integer("seed", seed, _SEEDS)).generate_state(m, np.uint64)
         return Scatter(deviations, (drawn >> np.uint64(1)).astype(np.int64))
     seeds = np.asarray(unmasked("seed", seed))
-    if seeds.shape != (m,) or seeds.dtype != np.int64 or (seeds < 0).any():
+    if seeds.shape != (m,) or seeds.dtype.kind not in "iu" or ((seeds < 0) | (seeds > _SEEDS.most)).any():
         raise ValueError(f"seed = {short(seed)}: expected a whole number, or {m} from 0 to 2^63 - 1")
-    return Scatter(deviations, seeds.copy())
+    return Scatter(deviations, seeds.astype(np.int64))
 
 
 def _scene(scene: Scene | str, positions: NDArray[np.float64]) -> Scene:
@@ -370,7 +370,7 @@ def simulate_batch(
         )
     else:
         parallel_for(lambda begin, end: run_shots(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
-    settings = {"max_time": max_time, "max_events": max_events, "scatter": scatter}
+    settings = {"max_time": max_time, "max_events": max_events, "scatter": None if scatter is None else dict(scatter)}
     arguments = scene, (positions, moving, turning, in_play), settings
     common = {"_arguments": arguments, "_engine": engine, "_varied": varied, "_parts": parts}
     seeds = None if scattered is None else scattered.seeds

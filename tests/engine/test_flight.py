@@ -11,7 +11,12 @@ from billiards_env import Scene, simulate, simulate_batch
 from billiards_env.engine import Engine
 from billiards_env.engine.strikes import strike
 from billiards_env.envs import make_env
+from billiards_env.envs.actions import cue_strike
+from billiards_env.envs.rendering import drawn_layout
+from billiards_env.games import records
 from billiards_env.games.facts import facts_of
+from billiards_env.games.playing import History
+from billiards_env.games.playing import play as play_stroke
 from billiards_env.physics.state import AIRBORNE, SLIDING, UX, UY, VX, VY, VZ, WZ, Z
 from billiards_env.physics.strike import cue_numbers, speed_gain
 from billiards_env.scene import Balls, Physics, Pocket, Table
@@ -264,15 +269,38 @@ def test_a_batch_has_the_bits_of_single_shots():
 
 def test_an_environment_plays_strikes_that_make_the_ball_hop():
     places = np.array([[-0.6, 0.0], [0.6, 0.3], [0.6, -0.4]])
-    env = make_env(scene="jump_pool", n_object_balls=2, action="strike")
+    env: Any = make_env(scene="jump_pool", n_object_balls=2, action="strike")
     env.reset(seed=0, options={"positions": places})
-    observation, *_ = env.step(np.array([0.5, 0.1, 0.0, 0.0, 0.5]))
+    layout: Any = drawn_layout(env._episodes, 0).shot
+    assert layout.heights.tolist() == [[0.0, 0.0]] * 3
+    action = np.array([0.5, 0.1, 0.0, 0.0, 0.5])
+    observation, *_ = env.step(action)
     speed = env.model.max_speed * math.hypot(0.5, 0.1) / speed_gain(cue_numbers(env.model.scene), 0.0)
     struck = strike(env.model.scene, speed, math.atan2(0.1, 0.5), elevation=math.pi / 4)
+    assert cue_strike(action, env.model.scene, env.model.max_speed).velocity == pytest.approx(struck.velocity)
     shot: Any = simulate("jump_pool", places, struck, record=True)
     assert (shot.events["kind"] == "landing").sum() > 3
     seen = env.decode(observation)["positions"] * env.model.scene.half_extents
     assert seen == pytest.approx(shot.positions, abs=1e-6)
+
+
+def test_a_game_repeats_a_stroke_that_makes_the_ball_hop():
+    env: Any = make_env(scene=Scene.named("jump_pool", 9), task="nine_ball", n_players=2, action="strike")
+    env.reset(seed=1)
+    before = env.game
+    env.step(np.array([0.9, 0.02, 0.0, 0.0, 0.3, 0.0, 0.0]))
+    played = play_stroke(env.model.setup, before, env.stroke)
+    assert "landing" in kinds(played.shot, int(before.state.cue_balls[0]))
+    assert np.array_equal(played.game.positions[1:], env.game.positions[1:])
+    record = records.record_game(History(env.model.setup, before, (env.stroke,)))
+    read: Any = records.from_json(records.to_json(record))
+    assert read.strokes == (env.stroke,)
+
+
+def test_the_cue_does_not_drive_a_ball_above_the_cue_ball():
+    struck = strike(scene(), 2.0, 0.0)
+    shot: Any = simulate(scene(), [[0, 0, 0], [0.03, 0, 0.5], [*FAR[0], 0]], struck, max_time=0.01)
+    assert shot.velocities[1].tolist() == [0.0, 0.0]
 
 
 def test_what_has_no_flight_is_refused():

@@ -81,7 +81,7 @@ def test_a_shot_has_the_same_bits_alone_in_a_batch_cut_mirrored_and_among_other_
     assert (shot.positions == batch.positions[7]).all()
     assert (shot.at(1.0)[0] == cut.positions[7, 0]).all() or mode == "pit"
     seeds = np.arange(20)
-    some = play(20, mode, seed=seeds)
+    some = play(20, mode, seed=seeds.astype(np.uint32))
     assert (some[4].positions == some.positions[4]).all()
 
 
