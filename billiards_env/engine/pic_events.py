@@ -142,7 +142,7 @@ def _speed_of_fall(flight, i, state, numbers):
 
 
 @inlined
-def _resolve_in_air(flight, i, kind, other, now, k, scene, state, shots):  # out: state, shots
+def _resolve_in_air(flight, i, kind, other, k, scene, state, shots):  # out: state, shots
     """Resolves the impact of ball i, which is in the air, on a nose, or takes a ball that leaves the table out of play.
 
     Returns:
@@ -150,7 +150,6 @@ def _resolve_in_air(flight, i, kind, other, now, k, scene, state, shots):  # out
     """
     if flight is None:
         return 0.0, 0
-    advance(state, i, now, scene.numbers)
     if kind == OFF_TABLE:
         speed = norm(state.rows[i, VX], state.rows[i, VY])
         drive_off(k, i, state, shots)
@@ -187,7 +186,8 @@ def resolve_singles(count, now, k, scene, work, shots, log):  # out: work, shots
             speed = norm(state.rows[i, VX], state.rows[i, VY])
             pot(k, i, other, state, scene, shots)
         elif is_airborne(scene.flight, state.phase[i]) and kind != LANDING:
-            speed, acts = _resolve_in_air(scene.flight, i, kind, other, now, k, scene, state, shots)
+            advance(state, i, now, scene.numbers)
+            speed, acts = _resolve_in_air(scene.flight, i, kind, other, k, scene, state, shots)
         elif kind == BALL_CUSHION:
             advance(state, i, now, scene.numbers)
             walls = walls_met(state, i, other, scene.radius[i], scene.numbers, scene.outline)

@@ -252,20 +252,33 @@ def predict_pair(i, j, state, scene, singles):
     if meeting_bound(path, reach, end) == math.inf:
         return Time(math.inf, 0.0)
     noise = IMPULSE_ROUNDING * (norm(vxi, vyi) + norm(vxj, vyj))
-    t = _meeting(state.flight, i, j, now, path, reach, end, noise, state, scene.numbers)
+    rise = _rise_between(state.flight, i, j, now, state, scene.numbers)
+    t = _meeting_time(rise, path, reach, end, noise)
     return later(now, t) if t < math.inf else Time(math.inf, 0.0)
 
 
 @inlined
-def _meeting(flight, i, j, now, path, reach, end, noise, state, numbers):
-    """Returns the time at which two balls meet, s after `now`; for the other arguments see `circle_time`."""
+def _rise_between(flight, i, j, now, state, numbers):
+    """Returns how ball j rises relative to ball i from a `Time` on, or None without flight.
+
+    Returns:
+        The relative height z + v t + a t^2 / 2 as (z, v, a), and the sum of the vertical speeds, m/s.
+    """
     if flight is None:
-        return circle_time(path, reach, end, noise)
-    if state.phase[i] != AIRBORNE and state.phase[j] != AIRBORNE:
-        return circle_time(path, reach, end, noise)
+        return None
     zi, vzi = height_of(flight, state, i, since(now, own_time(state, i)), numbers)
     zj, vzj = height_of(flight, state, j, since(now, own_time(state, j)), numbers)
     falls_i = numbers.g if state.phase[i] == AIRBORNE else 0.0
     falls_j = numbers.g if state.phase[j] == AIRBORNE else 0.0
-    noise += IMPULSE_ROUNDING * (abs(vzi) + abs(vzj))
-    return sphere_time(path, (zj - zi, vzj - vzi, falls_i - falls_j), reach, end, noise)
+    return (zj - zi, vzj - vzi, falls_i - falls_j), abs(vzi) + abs(vzj)
+
+
+@inlined
+def _meeting_time(rise, path, reach, end, noise):
+    """Returns the time at which two balls meet; `rise` is the result of `_rise_between`, the rest as `circle_time`."""
+    if rise is None:
+        return circle_time(path, reach, end, noise)
+    relative, speeds = rise
+    if relative == (0.0, 0.0, 0.0):
+        return circle_time(path, reach, end, noise)
+    return sphere_time(path, relative, reach, end, noise + IMPULSE_ROUNDING * speeds)
