@@ -49,7 +49,7 @@ def calibrate(
     *,
     frame: Frame | Literal["fit"] | None = None,
     noise: float | None = None,
-    contacts: int = 3,
+    contacts: int = 4,
     laws: Sequence[str] = (),
     hold_back: bool = True,
     velocities: ArrayLike | None = None,

@@ -15,7 +15,7 @@ EXECUTION_NOISE = {"angle_std": 0.125, "speed_std": 0.075, "offset_std": 0.0005,
 
 SCATTER = {"normal_std": 0.015, "along_std": 0.018, "spin_std": 0.035}
 """The standard deviations of the scatter of cushions, see `physics.scatter`. With it, the errors of simulated shots
-are 60 to 85% of those of real shots of three-cushion billiards, see docs/validation.md."""
+are 55 to 85% of those of real shots of three-cushion billiards, see docs/validation.md."""
 
 
 def check_scatter(scatter: Mapping[str, Any] | None) -> NDArray[np.float64] | None:
