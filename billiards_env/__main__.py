@@ -192,7 +192,7 @@ def _add_calibrate(parser: argparse.ArgumentParser) -> None:
     add("--unit", default="m", help="unit of x and y: m, cm, mm, in or px (default: %(default)s)")
     add("--frame", choices=["fit"], help="fit the frame of the file to rebounds, in any unit")
     add("--noise", type=number, help="standard deviation of a coordinate, m (default: an estimate)")
-    add("--contacts", type=int, default=3, help="fit rows until this contact of the cue ball (default: %(default)s)")
+    add("--contacts", type=int, default=4, help="fit rows until this contact of the cue ball (default: %(default)s)")
     add("--laws", nargs="*", metavar="LAW", help="laws of cushions to compare (default: those with friction)")
     add("--state", type=Path, metavar="FILE", help="save finished stages in this JSON file, and resume from them")
     text = "write the report: .json, or a picture .png, .svg or .pdf"

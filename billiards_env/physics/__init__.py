@@ -7,6 +7,7 @@ Modules:
     ball_ball, clusters: Impacts of balls, alone and at one instant.
     ball_cushion: Impacts on cushions.
     strike: The cue.
+    scatter: Random differences between impacts on cushions.
     geometry: Contact times, cushions and roots.
     elementary, double_double: Arithmetic.
 
