@@ -194,7 +194,6 @@ def _add_calibrate(parser: argparse.ArgumentParser) -> None:
     add("--noise", type=number, help="standard deviation of a coordinate, m (default: an estimate)")
     add("--contacts", type=int, default=4, help="fit rows until this contact of the cue ball (default: %(default)s)")
     add("--laws", nargs="*", metavar="LAW", help="laws of cushions to compare (default: those with friction)")
-    add("--state", type=Path, metavar="FILE", help="save finished stages in this JSON file, and resume from them")
     text = "write the report: .json, or a picture .png, .svg or .pdf"
     add("--out", type=Path, action="append", default=[], metavar="FILE", help=text)
 
@@ -366,7 +365,6 @@ def calibrate(args: argparse.Namespace) -> None:
         noise=args.noise,
         contacts=args.contacts,
         laws=laws,
-        state=args.state,
         progress=lambda text: print(text, file=sys.stderr, flush=True),
     )
     print(result)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import os
 from collections.abc import Callable, Sequence
 from typing import Literal
 
@@ -24,7 +23,7 @@ from billiards_env.calibration.frame import Frame, check_frame, fit_frame
 from billiards_env.calibration.judge import Judged, find_problems, judge
 from billiards_env.calibration.report import Calibration
 from billiards_env.calibration.shot import SPIN, VELOCITY, prepare
-from billiards_env.calibration.stages import ENOUGH, fit_stages, near_rows, read_state
+from billiards_env.calibration.stages import ENOUGH, fit_stages, near_rows
 from billiards_env.calibration.starts import search
 from billiards_env.calibration.tracks import Floats, Track, check_tracks
 from billiards_env.derivatives.shot_derivatives import physics_inputs
@@ -54,7 +53,6 @@ def calibrate(
     hold_back: bool = True,
     velocities: ArrayLike | None = None,
     spins: ArrayLike | None = None,
-    state: str | os.PathLike[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Calibration:
     """Fits constants of the physics of a scene to tracks of shots.
@@ -77,8 +75,6 @@ def calibrate(
         hold_back: Whether every fifth of ten or more shots is held back at first.
         velocities: (m, 2) m/s, the cue ball's velocities at the first rows, if they are known.
         spins: (m, 3) rad/s, its spins, if they are known.
-        state: A JSON file for each finished stage. If it exists, a fit of the same tracks with the same options resumes
-            from it.
         progress: A function that is called with a line of text after each stage.
 
     Returns:
@@ -101,9 +97,7 @@ def calibrate(
     prepared = [prepare(scene, track, error, start) for track, start in zip(tracks, known, strict=True)]
     if frame is None:
         check_frame(scene, prepared, error)
-    data = [[array.tolist() for array in track[1:]] for track in tracks]
-    saved = read_state(state, [scene.to_dict(), names, error, contacts, hold_back, known.tolist(), data])
-    run = functools.partial(fit_stages, contacts=contacts, saved=saved, path=state, progress=progress)
+    run = functools.partial(fit_stages, contacts=contacts, progress=progress)
     fit, predicted = _fit(Fit(scene, names, scene, prepared, {}, np.zeros((0, 0))), run, contacts, hold_back)
     losses = {}
     if fit.share < ENOUGH:

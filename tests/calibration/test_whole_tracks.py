@@ -1,8 +1,6 @@
 """Whole tracks, as tracking programs write them: what a calibration cuts, finds, refuses and says."""
 
 import functools
-import json
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -214,36 +212,6 @@ def test_a_frame_may_be_given():
     raw = [track._replace(positions=track.positions * 1000.0) for track in whole_tracks()[:2]]
     result = calibrate(SCENE, raw, ("mu_slide",), frame=Frame((0.0, 0.0), (1e-3, 1e-3)), contacts=2)
     assert result.values["mu_slide"] == pytest.approx(0.2, abs=0.01)
-
-
-def test_a_fit_goes_on_after_an_interrupt(tmp_path, monkeypatch):
-    module = import_module("billiards_env.calibration.calibrate")
-    for name in ("_FEWEST", "_EACH"):
-        monkeypatch.setattr(module, name, 3)  # the last of three shots is held back in the first fit
-    monkeypatch.setattr(module, "judge", lambda scene, shots: None)
-    state, texts, three_tracks = tmp_path / "state.json", [], whole_tracks()[:3]
-    both = ("mu_slide", "e_cushion")
-
-    def stop(text):
-        texts.append(text)
-        if len(texts) in (1, 3):
-            raise KeyboardInterrupt
-
-    for _ in range(2):  # in the fit of two shots, and in that of all three
-        with pytest.raises(KeyboardInterrupt):
-            calibrate(OFF, three_tracks, both, contacts=3, state=state, progress=stop)
-    again = calibrate(OFF, three_tracks, both, contacts=3, state=state, progress=stop)
-    assert [text[:15] for text in texts] == 2 * ["until contact 2", "until contact 3"]
-    uninterrupted = calibrate(OFF, three_tracks, both, contacts=3)
-    assert again.values == pytest.approx(uninterrupted.values, rel=1e-3)
-    for names, noise, contacts in ((("mu_slide",), None, 3), (both, 0.01, 3), (both, None, 2)):
-        with pytest.raises(ValueError, match="expected the state of the same tracks, scene, constants and options"):
-            calibrate(OFF, three_tracks, names, noise=noise, contacts=contacts, state=state)
-    saved = json.loads(state.read_text())
-    for damage in ({"starts": [[1.0]]}, {"stages": []}, {"stages": [{"mu_slide": [0.2, 1e-6]}]}, {"stage": []}):
-        state.write_text(json.dumps(saved | {"2": saved["2"] | damage}))
-        with pytest.raises(ValueError, match=r"path = .*state.json': expected a file of finished stages"):
-            calibrate(OFF, three_tracks, both, contacts=3, state=state)
 
 
 def test_an_interval_includes_a_shift_between_stages_that_chance_does_not_explain():
