@@ -24,7 +24,7 @@ from billiards_env.calibration.frame import Frame
 from billiards_env.calibration.judge import CONTACTS, Judged, judge, together
 from billiards_env.calibration.report import drawn
 from billiards_env.calibration.shot import INSTANT, prepare
-from billiards_env.calibration.starts import errors, search
+from billiards_env.calibration.starts import search
 from billiards_env.drawing.tracks import draw_fit
 from billiards_env.scene import Scene
 from billiards_env.shots.noise import SCATTER
@@ -48,14 +48,14 @@ FIGURES = {
 
 GROWTH = {
     "real": "real shots",
-    "exact": "simulated shots",
-    "scatter": "with the scatter of `SCATTER`",
-    "estimate": "with the estimated scatter",
+    "exact": "simulated, exact cushions",
+    "scatter": "simulated, default scatter",
+    "estimate": "simulated, estimated scatter",
 }
-"""The columns of the growth of the errors."""
+"""The columns and curves of the growth of the errors."""
 
-DRAWN, UNTIL = 6, 3
-"""The number of shots in the picture, and the contact of the cue ball until which they are fitted and drawn."""
+DRAWN, UNTIL, LATER = 6, 3, 1.0
+"""The number of shots in the picture, the contact until which they are fitted, and the time of the prediction, s."""
 
 
 def fit(scene: Scene, tracks: list[Track], laws: tuple[str, ...] = ()) -> Calibration:
@@ -178,7 +178,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 
 
 def draw(result: dict[str, Any], scene: Scene, tracks: list[Track], path: Path) -> None:
-    """Draws shots at equal distances in a file, and the distribution of the errors of all its shots.
+    """Draws shots at equal distances in the order of their errors, the errors of all shots, and their growth.
 
     Args:
         result: What `measure` returned for these tracks.
@@ -197,12 +197,21 @@ def draw(result: dict[str, Any], scene: Scene, tracks: list[Track], path: Path) 
     tracks = [frame.apply(track) for track in clean(tracks)[0]]
     noise = noise_of(tracks)
     shots = [prepare(scene, track, noise) for track in tracks]
+    judged = [judge(scene, [shot]) for shot in shots]
+    order = np.argsort([each.median(UNTIL) for each in judged], kind="stable")
     panels = {}
-    for shot in shots[:: -(-len(shots) // DRAWN)]:
-        fitted = search(scene, shot.wide(UNTIL))
-        off = np.hypot(*errors(scene, fitted)[fitted.used & fitted.moving].T)
-        panels[f"shot {shot.track.name}, median error {1e3 * np.median(off):.1f} mm"] = drawn(scene, fitted)
-    save(draw_fit(panels, judge(scene, shots).errors), path)
+    for k in order[(2 * np.arange(DRAWN) + 1) * len(order) // (2 * DRAWN)]:
+        shot = shots[k]
+        for contact in range(1, UNTIL + 1):
+            shot = search(scene, shot.wide(contact))
+        texts = [f"shot {shot.track.name}: {1e3 * judged[k].median(UNTIL):.1f} mm"]
+        texts += [f"{1e3 * error:.0f} mm {LATER:g} s later" for error in judged[k].predicted[LATER]]
+        panels[", ".join(texts)] = drawn(scene, shot, LATER)
+    growing = {
+        GROWTH[name]: {k: case[f"median_mm_contact{k}"] / 1e3 for k in CONTACTS}
+        for name, case in result["growth"].items()
+    }
+    save(draw_fit(panels, together(judged).errors, growing), path)
 
 
 @ending()

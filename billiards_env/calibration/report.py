@@ -260,10 +260,15 @@ class Calibration:
                 self.plot().savefig(temporary)
 
 
-def drawn(scene: Scene, shot: Shot) -> tuple[Track, Bools, Recording]:
-    """Returns the rows of a shot until the last fitted one, whether each is fitted, and the path, for `draw_fit`."""
-    seen = ~shot.added & (shot.time <= shot.time.max(initial=0.0, where=shot.used))
-    return shot.track.rows(seen), shot.used[seen], run(scene, shot.starts, shot)[0].recording()
+def drawn(scene: Scene, shot: Shot, ahead: float = 0.0) -> tuple[Track, Bools, Recording]:
+    """Returns the rows of a shot until `ahead` s after the last fitted one, for `draw_fit`.
+
+    Returns:
+        The rows, at times after the strike; whether each is fitted; and the path.
+    """
+    seen = ~shot.added & (shot.time <= ahead + shot.time.max(initial=0.0, where=shot.used))
+    track = shot.track._replace(times=shot.time - shot.starts[0, INSTANT]).rows(seen)
+    return track, shot.used[seen], run(scene, shot.starts, shot._replace(used=seen))[0].recording()
 
 
 def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:

@@ -37,16 +37,28 @@ def test_figures_are_printed_and_written(tmp_path, monkeypatch, capsys):
         assert "rows within 5 mm until contact 2" in capsys.readouterr().out
     assert fitted == [3, 2, 2, 2, 3]
 
-    panels = {}
+    panels, curves = {}, {}
+
+    def record(shots, errors, growth):
+        panels.update(shots)
+        curves.update(growth)
+        return draw_fit(shots, errors, growth)
+
     monkeypatch.setattr(real_tracks, "DRAWN", 2)
     monkeypatch.setattr(real_tracks, "UNTIL", 1)
-    monkeypatch.setattr(real_tracks, "draw_fit", lambda shots, errors: panels.update(shots) or draw_fit(shots, errors))
+    monkeypatch.setattr(real_tracks, "LATER", 0.5)
+    monkeypatch.setattr(real_tracks, "draw_fit", record)
     picture = tmp_path / "fit.png"
     real_tracks.main([str(source), "--scene", "carom", "--output", str(path), "--picture", str(picture)])
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert fitted == [3, 2, 2, 2, 3]  # the picture needs no fit of the constants
-    for (title, (track, used, recording)), k in zip(panels.items(), (0, 2), strict=True):
-        assert float(re.findall(r"median error (.*) mm", title)[0]) < 2.0
-        assert used.all()  # no row after the contact is drawn
-        assert track.times.max() < tracks[k].times.max()
-        assert np.isin(recording.events["kind"], ("ball_ball", "cushion")).sum() <= 1
+    for title, (track, used, recording) in panels.items():
+        assert float(re.findall(r": (.*?) mm", title)[0]) < 2.0
+        end = track.times[used].max()
+        assert used[track.times <= end].all()  # all rows until the contact
+        assert 0.1 < track.times.max() - end < 0.51
+        before = recording.events["time"] < end
+        assert np.isin(recording.events["kind"][before], ("ball_ball", "cushion")).sum() <= 1
+    assert list(curves)[:3] == ["real shots", "simulated, exact cushions", "simulated, default scatter"]
+    assert all(list(curve) == [1, 2, 3, 4] for curve in curves.values())
+    assert curves["real shots"][2] == pytest.approx(written["growth"]["real"]["median_mm_contact2"] / 1e3)
