@@ -17,7 +17,7 @@ from billiards_env.games import records
 from billiards_env.games.facts import facts_of
 from billiards_env.games.playing import History
 from billiards_env.games.playing import play as play_stroke
-from billiards_env.physics.state import AIRBORNE, SLIDING, UX, UY, VX, VY, VZ, WZ, Z
+from billiards_env.physics.state import AIRBORNE, SLIDING, T0, UX, UY, VX, VY, VZ, WZ, Z
 from billiards_env.physics.strike import cue_numbers, speed_gain
 from billiards_env.scene import Balls, Physics, Pocket, Table
 from billiards_env.shots.records import from_json, to_json
@@ -28,10 +28,10 @@ MPH, FOOT, INCH = 0.44704, 0.3048, 0.0254
 FAR = [[0.0, 15.0], [0.0, -15.0]]  # places of balls 1 and 2, which take no part
 
 
-def scene(length=40.0, pockets=(), **physics):
+def scene(length=40.0, pockets=(), n=3, **physics):
     """Returns a scene of three balls on a large table. All scenes here compile one engine."""
     laws = Physics(flight=True, ball_ball="frictional", **physics)
-    return Scene(Balls.uniform(3, R), Table(length, 40.0, pockets=pockets), laws)
+    return Scene(Balls.uniform(n, R), Table(length, 40.0, pockets=pockets), laws)
 
 
 def play(where, velocity, spin: Any = (0.0, 0.0, 0.0), others=FAR, **options) -> Any:
@@ -50,6 +50,17 @@ def pieces(shot, ball=0, phases=(AIRBORNE,)):
 
 def kinds(shot, ball=0):
     return [event["kind"] for event in shot.events if ball in (event["ball"], event["other"])]
+
+
+def energy(shot, time):
+    """Returns the energy at a time, per mass, J/kg."""
+    velocities, spins = shot.motion_at(time)
+    total = (velocities**2).sum() / 2 + 0.2 * R**2 * (spins**2).sum() + G * shot.heights_at(time).sum()
+    for ball in range(len(velocities)):
+        rows = pieces(shot, ball, range(7))
+        row = rows[np.searchsorted(rows[:, T0], time, "right") - 1]
+        total += (row[VZ] - G * (time - row[T0])) ** 2 / 2 if row[VZ] != 0 or row[Z] > 0 else 0.0
+    return total
 
 
 # Elevation of the cue: after each landing the speed (mph), the spin (rev/s), the angle (degrees) and the hop (ft)
@@ -196,6 +207,31 @@ def test_a_ball_that_falls_on_two_others_hits_both_at_once():
     speeds = pieces(shot, 0)[1, [VX, VZ]], [pieces(shot, ball)[0, [VX, VZ]] for ball in (1, 2)]
     t = hits["time"][0]
     assert speeds[0] + sum(speeds[1]) == pytest.approx([1.0, 0.1 - G * t], abs=1e-13)
+
+
+RACK = [[math.sqrt(3) * R * row, R * (2 * k - row)] for row in range(5) for k in range(row + 1)]
+HEAPS = {  # the places of the balls, of which the first falls
+    "exactly above another": [[0.3, 0.2, 0.2], [0.3, 0.2], FAR[0]],
+    "above another in the middle": [[0.0, 0.0, 2 * R], [0.0, 0.0], FAR[0]],
+    "nearly above another": [[0.3 + 1e-12, 0.2, 0.2], [0.3, 0.2], FAR[0]],
+    "a stack of three": [[0.3, 0.2, 4 * R + 0.02], [0.3, 0.2, 2 * R + 0.01], [0.3, 0.2]],
+    "into a groove": [[0.0, 0.0, 0.2], [0.0, R], [0.0, -R]],
+    "on the middle of a rack": [[RACK[4][0], RACK[4][1], 0.2], *RACK],
+    "between three balls of a rack": [[RACK[4][0] + 2 * R / math.sqrt(3), RACK[4][1], 0.2], *RACK],
+}
+
+
+@pytest.mark.parametrize("name", HEAPS)
+def test_a_ball_that_falls_on_others_comes_down_to_the_cloth(name):
+    places = [[*place, *[0.0] * (3 - len(place))] for place in HEAPS[name]]
+    s = scene(n=len(places))
+    shot: Any = simulate(s, places, [0.0, 0.0], record=True)
+    assert (shot.status, shot.heights.any()) == ("rest", False)
+    assert shot.n_events < 12_000
+    mirrored: Any = simulate(s, np.array(places) * [1, -1, 1], [0.0, 0.0])
+    assert np.array_equal(mirrored.positions, shot.positions * [1, -1])
+    energies = [energy(shot, time) for time in np.linspace(0.0, shot.time, 200)]
+    assert max(np.diff(energies)) < 1e-4
 
 
 @pytest.mark.parametrize(("speed", "expected"), [(2.6, True), (1.6, False)])
