@@ -341,8 +341,8 @@ def test_the_cue_does_not_drive_a_ball_above_the_cue_ball():
 
 def test_what_has_no_flight_is_refused():
     s = scene()
-    with pytest.raises(ValueError, match="expected 'pic'"):
-        play([0, 0], [1.0, 0.0], engine=Engine("pit", 1 / 60))
+    with pytest.raises(ValueError, match=r"fix = 'move_back' with physics\.flight = True"):
+        play([0, 0], [1.0, 0.0], engine=Engine("pit", 1 / 60, "move_back"))
     with pytest.raises(ValueError, match="flights have no derivatives"):
         play([0, 0], [1.0, 0.0]).sensitivity()
     with pytest.raises(ValueError, match="expected equal balls"):
@@ -364,3 +364,33 @@ def test_the_data_of_other_scenes_are_as_before_there_were_flights():
     assert "flight" not in pool.to_dict()["physics"]
     assert Scene.from_dict(pool.to_dict()) == pool
     assert Scene.from_dict(scene().to_dict()) == scene()
+
+
+FALLING = {  # where the cue ball is, its velocity and spin, the other balls, the length of the table, and the end, s
+    "jumps over a ball": ((-8, 0), (2.1, 0.0, -2.1), (0.0, 0.0, 0.0), [[-7.8, 0.0], FAR[1]], 40.0, None),
+    "hops": ((-8, 0), (5.0, 0.0, -1.0), (0.0, -200.0, 0.0), FAR, 40.0, None),
+    "hits a ball in the air": ((-8, 0, 0.3), (1.0, 0.2, 0.0), (3.0, 4.0, 5.0), [[-7.8, 0.06], FAR[1]], 40.0, 0.5),
+    "hits a nose": ((0.8, 0, 0.02), (2.0, 0.1, 0.3), (5.0, 9.0, 7.0), [[0.0, 0.5], [0.0, -0.5]], 2.0, 0.5),
+    "falls on a ball": ((0.3, 0.2, 0.2), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), [[0.3, 0.2], [0.0, -0.5]], 2.0, None),
+}
+
+
+@pytest.mark.parametrize("name", FALLING)
+def test_pit_approaches_pic_in_flights(name):
+    *shot, length, end = FALLING[name]
+    s, errors = scene(length=length), []
+    exact = play(*shot, scene=s, max_time=end)
+    for steps in (60, 600, 6000):
+        pit = play(*shot, scene=s, max_time=end, engine=Engine("pit", 1 / steps))
+        assert pit.status == exact.status
+        errors.append(np.abs(pit.positions - exact.positions).max())
+    assert errors[2] < min(0.01, 0.2 * errors[0])
+
+
+@pytest.mark.parametrize(("velocity", "pocket"), [([1.0, 0.0, 0.9], 0), ([2.0, 0.0, 0.76], 0), ([2.0, 0.0, 1.5], -1)])
+@pytest.mark.parametrize("steps", [60, 6000])
+def test_pit_pots_a_ball_from_the_air_or_drives_it_off_the_table(velocity, pocket, steps):
+    engine = Engine("pit", 1 / steps)
+    shot = play([0.8, 0.0], velocity, scene=scene(length=2.0, pockets=(POCKET,)), engine=engine)
+    assert (shot.potted[0], shot.pockets[0], shot.n_events) == (True, pocket, 1)
+    assert "landing" not in kinds(play([0.8, 0.5, 0.01], [9.0, 0.0, 0.0], scene=scene(length=2.0), engine=engine))[:1]

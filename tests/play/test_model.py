@@ -381,3 +381,4 @@ def test_a_raised_cue_makes_the_ball_hop_in_a_scene_with_flight():
     assert np.ptp(played.last_shot.shot.recording().heights(0, np.linspace(0, 0.1, 50))) > 0.01
     again = begin(played.history, model.players, 8.0, 1 / 60)
     assert same(played, again)
+    assert after(played, actions.go, actions.replay).shown_shots[1].heights is not None
