@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate, simulate_batch
-from billiards_env.engine import Engine
+from billiards_env.engine import Engine, scene_fields
 from billiards_env.engine.strikes import strike
 from billiards_env.envs import make_env
 from billiards_env.envs.actions import cue_strike
@@ -339,10 +339,15 @@ def test_the_cue_does_not_drive_a_ball_above_the_cue_ball():
     assert shot.velocities[1].tolist() == [0.0, 0.0]
 
 
-def test_what_has_no_flight_is_refused():
+def test_what_has_no_flight_is_refused(monkeypatch):
     s = scene()
     with pytest.raises(ValueError, match=r"fix = 'move_back' with physics\.flight = True"):
         play([0, 0], [1.0, 0.0], engine=Engine("pit", 1 / 60, "move_back"))
+    with monkeypatch.context() as patch:
+        patch.setattr(Scene, "_check_flight", lambda self: None, raising=False)
+        jaws = Scene(s.balls, Table.named("pool_9ft"), s.physics)
+    with pytest.raises(ValueError, match=r"mode = 'pit' with physics\.flight = True and table\.outline"):
+        scene_fields(jaws, Engine("pit", 1 / 60))
     with pytest.raises(ValueError, match="flights have no derivatives"):
         play([0, 0], [1.0, 0.0]).sensitivity()
     with pytest.raises(ValueError, match="expected equal balls"):
