@@ -1,4 +1,4 @@
-"""The tables of games, their modules, numbers of the physics, actions and features in the documentation."""
+"""The tables of the documentation that need no measurement: of games, physics, actions, features and jump shots."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import table
+from benchmarks import metres, table
+from billiards_env import Engine, Scene, simulate_batch, strike
 from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.observations import FEATURES
 from billiards_env.games import GAMES
@@ -21,7 +22,8 @@ from billiards_env.support.checks import RANGES
 def blocks(_: Mapping[str, Any]) -> dict[str, str]:
     """Returns the tables by name. They need no measurement."""
     rules = "\n\n".join(f"::: {family.__name__}" for family in FAMILIES)
-    return {"games": games(), "rules": rules, "physics": physics(), "actions": actions(), "features": features()}
+    tables = {"games": games(), "rules": rules, "physics": physics(), "actions": actions(), "features": features()}
+    return tables | {"bounces": bounces()}
 
 
 def games() -> str:
@@ -61,3 +63,19 @@ def features() -> str:
         shape = f"({', '.join(map(str, feature.shape))})"
         rows.append((f"`{name}`", shape, values, feature.summary, feature.needs))
     return table(("Feature", "Shape", "Values", "Meaning", "Needs"), rows, left=5)
+
+
+def bounces() -> str:
+    """Returns the table of the errors of PIT in jump shots. They are the same on every machine."""
+    scene, m = Scene.named("jump_pool"), 64
+    places, k = np.tile([[-0.6, 0.0], [-0.3, 0.05]], (m, 1, 1)), np.arange(m)
+    shots = strike(scene, 1.5 + k / 32, 0.1 * (k % 8), elevation=np.radians(10 + 5 * (k // 8)))
+    exact, early = (simulate_batch(scene, places, shots, max_time=time) for time in (None, 0.25))
+    rows = []
+    for steps in (60, 240, 960, 3840, 15360):
+        engine = Engine("pit", 1 / steps)
+        pit, start = (simulate_batch(scene, places, shots, engine=engine, max_time=time) for time in (None, 0.25))
+        errors = [np.hypot(*(a.positions - b.positions)[:, 0].T) for a, b in ((start, early), (pit, exact))]
+        other = (pit.potted != exact.potted).any(axis=1) | (pit.first_hit != exact.first_hit)
+        rows.append((f"1/{steps} s", *(metres(float(np.median(error))) for error in errors), f"{other.mean():.0%}"))
+    return table(("timestep", "error after 0.25 s", "error at the end", "another outcome"), rows)

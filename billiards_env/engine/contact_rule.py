@@ -17,6 +17,13 @@ limited to the interval from s / 100 to s.
 The rule does not change an impact after which the bodies separate faster without it. An act of the rule adds at most
 m/2 (3/2 A tau)^2 to the energy, where m is the mass of the heavier ball.
 
+**Bodies that carry a ball.** Gravity presses a ball above the cloth against the ball or the nose below it. There the
+rule acts with A = g |n_z| and tau = sqrt(2 h / g), where n is the normal and h is `Numbers.least_hop`, if this A tau is
+the larger one. So the ball slips down the body below it in hops that are lower than h, about 2 ms long with the default
+numbers. Nothing moves a ball that stands exactly above another one. So after a weak impact with a normal nearer to the
+vertical than `LEAN`, the impulse has this inclination. If the normal is exactly vertical, the upper ball falls towards
+the middle of the table, and at the middle along x.
+
 **Other sequences.** If the intervals between impacts shrink because of masses or restitution, the speeds fall
 geometrically, and the impacts are computed one by one. The rule only ends a long run of impacts at one place and
 instant, as follows. After more than `JAMMED` weak impacts, a light ball between a heavy one and a fixed body is jammed
@@ -41,6 +48,7 @@ import numpy as np
 from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.ball_ball import change_velocity, exchange, exchange_pair, restitution_at
 from billiards_env.physics.ball_cushion import reflect, reflect_both
+from billiards_env.physics.clusters.impulses import separation_speed
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.noses import nose_normal
 from billiards_env.physics.geometry.walls import wall_pressing
@@ -89,6 +97,10 @@ def weak_speed(motion: int, slide: float, roll: float) -> float:
     return CONTACT_TIME * 2.0 * largest_friction(motion, slide, roll)  # of two balls
 
 
+LEAN = 1e-3
+"""The least horizontal part of the unit normal of a weak impact in space: any ball leaves the top of another in 1 s."""
+
+
 class Memory(NamedTuple):
     """The recent impacts of n balls, as counted by the contact-time rule.
 
@@ -118,23 +130,79 @@ def reset_memory(memory):  # out: memory
     memory.weak[:] = 0
 
 
+class Limits(NamedTuple):
+    """What the rule calls weak at a contact.
+
+    Attributes:
+        speed: The largest speed of approach of a weak impact, A tau, m/s.
+        tau: The contact time, s.
+    """
+
+    speed: Any
+    tau: Any
+
+
 @inlined
-def least_rebound(speed, towards, weak, numbers):
+def limits_of(nz, c, numbers):
+    """Returns the `Limits` at contact c; `nz` is `Contacts.nz`."""
+    if nz is None:
+        return Limits(numbers.weak_speed, numbers.tau)
+    return limits_in_space(nz[c], numbers)
+
+
+@inlined
+def limits_in_space(nz, numbers):
+    """Returns the `Limits` at a contact with a normal (nx, ny, nz)."""
+    tau = math.sqrt(2.0 * numbers.least_hop / numbers.g)
+    speed = abs(nz) * numbers.g * tau
+    if speed > numbers.weak_speed:
+        return Limits(speed, tau)
+    return Limits(numbers.weak_speed, numbers.tau)
+
+
+@inlined
+def leaning(n, place):
+    """Returns the unit normal n from a ball at `place`, (x, y), with a horizontal part of at least `LEAN`."""
+    nx, ny, nz = n
+    across = norm(nx, ny)
+    if across >= LEAN:
+        return n
+    if across == 0.0:
+        nx, ny = math.copysign(1.0, nz) * -place[0], math.copysign(1.0, nz) * -place[1]
+        across = norm(nx, ny)
+    if across == 0.0:
+        nx, across = 1.0, 1.0
+    return LEAN * (nx / across), LEAN * (ny / across), math.copysign(math.sqrt(1.0 - LEAN * LEAN), nz)
+
+
+@inlined
+def _lean(nz, c, contacts, state):  # out: nz, contacts
+    """Makes the normal of contact c a `leaning` one; `nz` is `Contacts.nz`."""
+    if nz is None:
+        return
+    row, n = state.rows[contacts.first[c]], (contacts.nx[c], contacts.ny[c], nz[c])
+    contacts.nx[c], contacts.ny[c], nz[c] = leaning(n, (row[X], row[Y]))
+    contacts.closing[c] = max(-separation_speed(contacts, c, state)[0], 0.0)
+
+
+@inlined
+def least_rebound(speed, towards, weak, limits, numbers):
     """Returns the least speed at which two bodies separate by the rule, m/s.
 
     Args:
         speed: Speed of approach, m/s.
         towards: Acceleration towards each other, m/s^2.
         weak: Entry `Memory.weak` of the body, or the smaller one of two balls.
+        limits: The `Limits`.
         numbers: The `Numbers`.
     """
-    if speed > numbers.weak_speed or numbers.motion == IDEAL:
+    if speed > limits.speed or numbers.motion == IDEAL:
         return 0.0
-    least = 0.5 * numbers.tau * max(0.0, towards)
+    least = 0.5 * limits.tau * max(0.0, towards)
     if weak <= PRESSED:
         return least
     if towards > 0.0:
-        return max(least, 0.5 * numbers.weak_speed)
+        return max(least, 0.5 * limits.speed)
     least = launch(numbers, RESOLUTION, 0.0, 0.0)  # a ball with this speed rolls RESOLUTION
     if weak <= JAMMED:
         return least
@@ -142,12 +210,15 @@ def least_rebound(speed, towards, weak, numbers):
 
 
 @inlined
-def end_runs(i, time, speed, numbers, memory):  # out: memory
-    """Resets the counts of ball i that an impact at a time (s), with a speed of approach (m/s), does not continue."""
+def end_runs(i, time, speed, weak_speed, numbers, memory):  # out: memory
+    """Resets the counts of ball i that an impact at a time (s), with a speed of approach (m/s), does not continue.
+
+    `weak_speed` is that of the `Limits`.
+    """
     interval = time - memory.last_impact[i]
     if interval * speed > RESOLUTION or interval > 0.01 * numbers.tau:
         memory.run[i] = 0
-    if speed > numbers.weak_speed:
+    if speed > weak_speed:
         memory.weak[i] = 0
 
 
@@ -174,9 +245,9 @@ def count_impact(i, time, memory):  # out: memory
 
 
 @inlined
-def is_ordinary(i, time, speed, numbers, memory):
+def is_ordinary(i, time, speed, weak_speed, numbers, memory):
     """Returns whether an impact of ball i is neither weak nor soon after its last one. The rule does not act on it."""
-    return speed > numbers.weak_speed and time - memory.last_impact[i] > 0.01 * numbers.tau
+    return speed > weak_speed and time - memory.last_impact[i] > 0.01 * numbers.tau
 
 
 @inlined
@@ -281,7 +352,7 @@ def _hit_cushion_again(contact, time, state, scene, memory):  # out: state, memo
     """Implements `hit_cushion` for an impact that is not ordinary."""
     i, wall, nx, ny, speed = contact
     numbers = scene.numbers
-    end_runs(i, time, speed, numbers, memory)
+    end_runs(i, time, speed, numbers.weak_speed, numbers, memory)
     count_impact(i, time, memory)
     if is_over(i, i, state, numbers, memory):
         halt(state, i)
@@ -290,7 +361,8 @@ def _hit_cushion_again(contact, time, state, scene, memory):  # out: state, memo
         change_velocity(state, i, -speed * nx, -speed * ny, numbers)
         return 1
     towards = wall_pressing(state, i, nx, ny, wall, scene.radius[i], scene.outline)
-    rebound = least_rebound(speed, towards, memory.weak[i], numbers)
+    limits = Limits(numbers.weak_speed, numbers.tau)
+    rebound = least_rebound(speed, towards, memory.weak[i], limits, numbers)
     return 1 if reflect(state, i, nx, ny, rebound, scene) else 0
 
 
@@ -309,7 +381,7 @@ def hit_cushion(contact, time, state, scene, memory):  # out: state, memory
         The number of acts of the rule.
     """
     i = contact.ball
-    if is_ordinary(i, time, contact.speed, scene.numbers, memory):
+    if is_ordinary(i, time, contact.speed, scene.numbers.weak_speed, scene.numbers, memory):
         count_ordinary(i, time, memory)
         reflect(state, i, contact.nx, contact.ny, 0.0, scene)
         return 0
@@ -320,7 +392,7 @@ def hit_cushion(contact, time, state, scene, memory):  # out: state, memory
 def hit_nose(flight, i, wall, state, scene):  # out: state
     """Changes the motion of ball i, which is in the air, by its impact on the nose of a cushion.
 
-    After a weak impact the ball leaves the nose at g tau / 2 or faster. So there is no infinite sequence of bounces.
+    After a weak impact the ball leaves the nose at A tau / 2 or faster. So there is no infinite sequence of bounces.
 
     Returns:
         The speed of approach, m/s, and the number of acts of the rule.
@@ -328,13 +400,21 @@ def hit_nose(flight, i, wall, state, scene):  # out: state
     if flight is None:
         return 0.0, 0
     row, numbers, radius = state.rows[i], scene.numbers, scene.radius[i]
-    nx, ny, nz = nose_normal(row, wall, radius, scene.pockets, numbers)
-    speed = max(nx * row[VX] + ny * row[VY] + nz * row[VZ], 0.0)
-    after = cushion_restitution(speed, numbers) * speed
-    rebound = 0.5 * numbers.tau * numbers.g
-    acts = speed <= numbers.weak_speed and after < rebound
-    bounce_in_air(row, (nx, ny, nz), speed + (rebound if acts else after), numbers.mu_cushion, radius)
-    return speed, 1 if acts else 0
+    n = nose_normal(row, wall, radius, scene.pockets, numbers)
+    limits, speed = limits_in_space(n[2], numbers), _along(n, row)
+    after, rebound = cushion_restitution(speed, numbers) * speed, 0.5 * limits.speed
+    if speed > limits.speed or after >= rebound:
+        bounce_in_air(row, n, speed + after, numbers.mu_cushion, radius)
+        return speed, 0
+    n = leaning(n, (row[X], row[Y]))
+    bounce_in_air(row, n, _along(n, row) + rebound, numbers.mu_cushion, radius)
+    return speed, 1
+
+
+@inlined
+def _along(n, row):
+    """Returns the speed of a ball along the unit vector n, m/s, at least 0."""
+    return max(n[0] * row[VX] + n[1] * row[VY] + n[2] * row[VZ], 0.0)
 
 
 @kernel
@@ -344,7 +424,7 @@ def hit_corner(one, two, time, state, scene, memory):  # out: state, memory
     The two count as one impact, at the larger speed of approach.
     """
     i, numbers = one.ball, scene.numbers
-    end_runs(i, time, max(one.speed, two.speed), numbers, memory)
+    end_runs(i, time, max(one.speed, two.speed), numbers.weak_speed, numbers, memory)
     count_impact(i, time, memory)
     if is_over(i, i, state, numbers, memory):
         halt(state, i)
@@ -354,9 +434,10 @@ def hit_corner(one, two, time, state, scene, memory):  # out: state, memory
         return 1
     pressing_one = wall_pressing(state, i, one.nx, one.ny, one.wall, scene.radius[i], scene.outline)
     pressing_two = wall_pressing(state, i, two.nx, two.ny, two.wall, scene.radius[i], scene.outline)
+    limits = Limits(numbers.weak_speed, numbers.tau)
     rebounds = (
-        least_rebound(one.speed, pressing_one, memory.weak[i], numbers),
-        least_rebound(two.speed, pressing_two, memory.weak[i], numbers),
+        least_rebound(one.speed, pressing_one, memory.weak[i], limits, numbers),
+        least_rebound(two.speed, pressing_two, memory.weak[i], limits, numbers),
     )
     return 1 if reflect_both(state, i, (one.nx, one.ny), (two.nx, two.ny), rebounds, scene) else 0
 
@@ -366,8 +447,9 @@ def _collide_again(count, time, contacts, state, scene, scratch, memory):  # out
     """Implements `collide` for impacts that are not one ordinary impact."""
     first, second, closing, numbers = contacts.first, contacts.second, contacts.closing, scene.numbers
     for c in range(count):  # before any impact is counted, so that the order of the contacts does not matter
-        end_runs(first[c], time, closing[c], numbers, memory)
-        end_runs(second[c], time, closing[c], numbers, memory)
+        limits = limits_of(contacts.nz, c, numbers)
+        end_runs(first[c], time, closing[c], limits.speed, numbers, memory)
+        end_runs(second[c], time, closing[c], limits.speed, numbers, memory)
     for c in range(count):
         count_impact(first[c], time, memory)
         count_impact(second[c], time, memory)
@@ -375,8 +457,11 @@ def _collide_again(count, time, contacts, state, scene, scratch, memory):  # out
     for c in range(count):
         i, j = first[c], second[c]
         over = over or is_over(i, j, state, numbers, memory)
+        limits = limits_of(contacts.nz, c, numbers)
+        if closing[c] <= limits.speed:
+            _lean(contacts.nz, c, contacts, state)
         towards = pressing(contacts.nz, c, contacts, state, scene)
-        contacts.rebound[c] = least_rebound(closing[c], towards, min(memory.weak[i], memory.weak[j]), numbers)
+        contacts.rebound[c] = least_rebound(closing[c], towards, min(memory.weak[i], memory.weak[j]), limits, numbers)
     if over:
         for c in range(count):
             halt(state, first[c])
@@ -404,8 +489,9 @@ def collide(count, time, contacts, state, scene, scratch, memory):  # out: conta
         The number of acts of the rule.
     """
     i, j, speed = contacts.first[0], contacts.second[0], contacts.closing[0]
-    numbers, acts = scene.numbers, 0
-    if count == 1 and is_ordinary(i, time, speed, numbers, memory) and is_ordinary(j, time, speed, numbers, memory):
+    numbers, acts, weak = scene.numbers, 0, limits_of(contacts.nz, 0, scene.numbers).speed
+    ordinary = is_ordinary(i, time, speed, weak, numbers, memory) and is_ordinary(j, time, speed, weak, numbers, memory)
+    if count == 1 and ordinary:
         count_ordinary(i, time, memory)
         count_ordinary(j, time, memory)
         contacts.rebound[0] = 0.0

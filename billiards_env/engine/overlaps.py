@@ -22,13 +22,16 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.clusters.impulses import sum_impulses
+from billiards_env.physics.clusters.impulses import UPWARDS, sum_impulses
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.walls import back_to_wall, deepest_overlap, overlap_time, wall_normal, wall_overlap
 from billiards_env.physics.motion import Path, begin_phase, move
-from billiards_env.physics.state import LASTS, VX, VY, X, Y
+from billiards_env.physics.state import LASTS, VX, VY, X, Y, Z
 from billiards_env.scene import CONTACT_GAP
+
+UP, UP_SPEED = 4, 5
+"""Columns of `pit.PitWorkspace.here`, only with flight: the height, m, and the vertical velocity, m/s."""
 
 _PUSHES = 1000
 """Largest number of moves of a ball at rest; in an acute corner it goes to one cushion and the other in turn."""
@@ -224,6 +227,23 @@ def _going_back(go_back: Callable[..., None]) -> tuple[Any, Any]:
     return to_balls, to_cushion
 
 
+@inlined
+def distance_between(nz, i, j, here):
+    """Returns the distance of the centres of balls i and j, m; `nz` is `Contacts.nz`."""
+    across = norm(here[j, X] - here[i, X], here[j, Y] - here[i, Y])
+    if nz is None:
+        return across
+    return norm(across, here[j, UP] - here[i, UP])
+
+
+@inlined
+def _raise(nz, i, shift, work):  # out: work
+    """Moves ball i up or down, not below its height on the cloth; `nz` is `Contacts.nz`."""
+    if nz is None:
+        return
+    work.here[i, UP] = work.state.rows[i, Z] = max(work.here[i, UP] + shift[i, UPWARDS], 0.0)
+
+
 @kernel
 def _push_apart(count, scene, work):  # out: work
     """Moves the balls of `count` contacts apart along their lines of centres until each pair touches."""
@@ -231,7 +251,7 @@ def _push_apart(count, scene, work):  # out: work
     shift, done, overlap, scale = scratch.dv, scratch.done, scratch.descent[0], scratch.descent[1]
     for c in range(count):
         i, j = contacts.first[c], contacts.second[c]
-        distance = norm(here[j, X] - here[i, X], here[j, Y] - here[i, Y])
+        distance = distance_between(contacts.nz, i, j, here)
         overlap[c] = contact_distance(scene.spheres, scene.radius, i, j) - distance
         scale[c] = 1.0 / (inv_mass[i] + inv_mass[j])
     sum_impulses(count, contacts, overlap, scale, inv_mass, shift, done)
@@ -239,6 +259,7 @@ def _push_apart(count, scene, work):  # out: work
         for i in (contacts.first[c], contacts.second[c]):
             if done[i]:
                 _place(i, here[i, X] + shift[i, X], here[i, Y] + shift[i, Y], work)
+                _raise(contacts.nz, i, shift, work)
                 done[i] = False
     return True
 
@@ -284,6 +305,10 @@ _FIXES = {
 
 FIXES = tuple(_FIXES)
 """The names of the treatments; the first is the default. `Numbers.fix` is an index into them."""
+
+
+KEEPS_PLACES = FIXES.index("none")
+"""The index of the fix that moves no bodies."""
 
 
 def _choice(kernels: Sequence[Any]) -> Any:

@@ -152,7 +152,7 @@ def _resolve_in_air(flight, i, kind, other, k, scene, state, shots):  # out: sta
         return 0.0, 0
     if kind == OFF_TABLE:
         speed = norm(state.rows[i, VX], state.rows[i, VY])
-        drive_off(k, i, state, shots)
+        drive_off(k, i, state, scene, shots)
         return speed, 0
     shots.cushions[k, i] += 1
     return hit_nose(flight, i, other, state, scene)

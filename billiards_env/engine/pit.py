@@ -38,13 +38,14 @@ from billiards_env.engine.overlaps import (
     fix_before,
     fix_in_corner,
 )
+from billiards_env.engine.pit_flight import end_flight, find_height, hit_noses, land_pressed, overlap_in_space
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, count_hit, end_at, pot
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange, restitution_at
 from billiards_env.physics.ball_cushion import reflect, reflect_both
-from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts, empty_scratch
+from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts, empty_scratch, set_upwards
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.pockets import pocket_at
@@ -74,6 +75,7 @@ from billiards_env.physics.state import (
     ball_of,
     before,
     empty_state,
+    is_airborne,
     later,
     moves,
     own_time,
@@ -95,7 +97,8 @@ class PitWorkspace(NamedTuple):
         state: The `State` of the balls.
         contacts: The `Contacts` of one step.
         scratch: The `Scratch` arrays for their resolution.
-        here: (n, 4) float64, position and velocity at the end of the step, in the columns X, Y, VX and VY.
+        here: (n, 4 or, with flight, 6) float64, position and velocity at the end of the step, in the columns X, Y, VX
+            and VY, then UP and UP_SPEED.
         back: (n,) float64, time by which a fix moves a ball back along its path, s.
         phase_end_hi: (n,) float64, time at which a ball's phase ends, s; infinite if it does not.
         phase_end_lo: (n,) float64, its second part.
@@ -122,10 +125,10 @@ def make_workspace(scene):
     n = len(scene.radius)
     most = max(1, n * (n - 1) // 2)
     return PitWorkspace(
-        state=empty_state(n, None),
-        contacts=empty_contacts(most, None),
-        scratch=empty_scratch(n, most, scene.ball_friction, None),
-        here=np.empty((n, 4)),
+        state=empty_state(n, scene.flight),
+        contacts=empty_contacts(most, scene.flight),
+        scratch=empty_scratch(n, most, scene.ball_friction, scene.flight),
+        here=np.empty((n, 4 if scene.flight is None else 6)),
         back=np.empty(n),
         phase_end_hi=np.empty(n),
         phase_end_lo=np.empty(n),
@@ -139,7 +142,8 @@ def make_workspace(scene):
 def _predict_phase_end(i, work):  # out: work
     """Computes the time at which ball i's phase ends."""
     time = Time(math.inf, 0.0)
-    if work.state.phase[i] != POTTED and work.state.rows[i, LASTS] < math.inf:
+    phase = work.state.phase[i]
+    if phase != POTTED and not is_airborne(work.state.flight, phase) and work.state.rows[i, LASTS] < math.inf:
         time = later(own_time(work.state, i), work.state.rows[i, LASTS])
     work.phase_end_hi[i], work.phase_end_lo[i] = time.hi, time.lo
 
@@ -161,6 +165,7 @@ def _begin_phases(scene, work, log):  # out: work, log
             count += 1
         else:
             here[i, X], here[i, Y], here[i, VX], here[i, VY] = state.rows[i, X], state.rows[i, Y], 0.0, 0.0
+            find_height(scene.flight, i, 0.0, scene.numbers, work)
     return count
 
 
@@ -215,15 +220,43 @@ def _test_pockets_of(i, now, k, scene, work, shots, log):  # out: work, shots, l
 def _test_pockets(now, count, k, scene, work, shots, log):  # out: work, shots, log
     """Computes the motion of the `count` moving balls at a `Time` in `here`, and captures the balls in pockets.
 
-    Returns whether it captures any.
+    Balls in the air land, hit a nose that they have passed, or leave the table. Returns whether anything happens.
     """
     here, has_capture = work.here, False
     for m in range(count):
         i = work.moving[m]
         t = since(now, own_time(work.state, i))
         here[i, X], here[i, Y], here[i, VX], here[i, VY] = motion_after(work.state, i, t)
-        has_capture = _test_pockets_of(i, now, k, scene, work, shots, log) or has_capture
+        find_height(scene.flight, i, t, scene.numbers, work)
+        if is_airborne(scene.flight, work.state.phase[i]):
+            has_capture = end_flight(scene.flight, i, now, k, scene, work, shots, log) or has_capture
+        else:
+            has_capture = _test_pockets_of(i, now, k, scene, work, shots, log) or has_capture
     return has_capture
+
+
+@inlined
+def _overlap(flight, i, j, here, scene):
+    """Returns the unit normal from ball i to ball j and the speed of approach, m/s; negative without an impact."""
+    none, reach = (0.0, 0.0, 0.0), contact_distance(scene.spheres, scene.radius, i, j)
+    dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
+    if dx * dx + dy * dy >= reach * reach:
+        return none, -1.0
+    if flight is None:
+        return _overlap_on_cloth(i, j, dx, dy, here)
+    return overlap_in_space(i, j, reach, here, scene)
+
+
+@inlined
+def _overlap_on_cloth(i, j, dx, dy, here):
+    """Implements `_overlap` for balls that overlap on the cloth; (dx, dy) is the way from ball i to ball j, m."""
+    wx, wy, distance = here[j, VX] - here[i, VX], here[j, VY] - here[i, VY], norm(dx, dy)
+    if distance == 0.0:
+        dx, dy, distance = -wx, -wy, norm(wx, wy)
+        if distance == 0.0:
+            return (0.0, 0.0, 0.0), -1.0
+    nx, ny = dx / distance, dy / distance
+    return (nx, ny, 0.0), -(nx * wx + ny * wy)
 
 
 @kernel
@@ -232,7 +265,7 @@ def _find_overlaps(count, scene, work):  # out: work
 
     Returns their number. If two balls have the same centre, their relative velocity replaces the line of centres.
     """
-    here, radius, phase, contacts = work.here, scene.radius, work.state.phase, work.contacts
+    here, phase, contacts = work.here, work.state.phase, work.contacts
     n_overlaps = 0
     for m in range(count):
         i = work.moving[m]
@@ -241,22 +274,12 @@ def _find_overlaps(count, scene, work):  # out: work
         for j in range(len(phase)):
             if j == i or (j < i and work.moved[j]) or phase[j] == POTTED:
                 continue
-            dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
-            reach = contact_distance(scene.spheres, radius, i, j)
-            if dx * dx + dy * dy >= reach * reach:
-                continue
-            wx, wy = here[j, VX] - here[i, VX], here[j, VY] - here[i, VY]
-            distance = norm(dx, dy)
-            if distance == 0.0:
-                dx, dy, distance = -wx, -wy, norm(wx, wy)
-                if distance == 0.0:
-                    continue
-            nx, ny = dx / distance, dy / distance
-            closing = -(nx * wx + ny * wy)
+            (nx, ny, nz), closing = _overlap(scene.flight, i, j, here, scene)
             if closing < 0.0:
                 continue
             contacts.first[n_overlaps], contacts.second[n_overlaps] = i, j
             contacts.nx[n_overlaps], contacts.ny[n_overlaps], contacts.closing[n_overlaps] = nx, ny, closing
+            set_upwards(contacts.nz, n_overlaps, nz)
             n_overlaps += 1
     return n_overlaps
 
@@ -284,6 +307,9 @@ def _resolve_overlaps(count, now, k, scene, work, shots, log):  # out: work, sho
         shots.n_events[k] += 1
         log_event(log, now, BALL_BALL, i, j, state, contacts.closing[c], False)
         shots.time[k] = now.hi
+    for c in range(count):
+        for i in (contacts.first[c], contacts.second[c]):
+            land_pressed(scene.flight, i, now, k, scene, work, shots, log)
 
 
 @inlined
@@ -351,6 +377,9 @@ def _test_cushions(now, k, scene, work, shots, log):  # out: work, shots, log
         if not (work.moved[i] or work.changed[i]) or state.phase[i] == POTTED:
             continue
         radius = scene.radius[i]
+        if is_airborne(scene.flight, state.phase[i]):
+            has_rebound = hit_noses(scene.flight, i, now, k, scene, work, shots, log) or has_rebound
+            continue
         if abs(work.here[i, X]) <= half_length - radius and abs(work.here[i, Y]) <= half_width - radius:
             continue
         for turn in range(wall_turns(outline)):
@@ -406,8 +435,9 @@ def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
         while next_end <= until and next_end < math.inf and shots.n_events[k] < max_events:
             _end_next_phase(k, scene, work, shots, log)
             next_end, changed = _next_phase_end(work), True
-        # In ideal motion balls move in a phase that has no end.
-        in_motion = next_end < math.inf or (count > 0 and scene.numbers.motion == IDEAL)
+        # In ideal motion and in the air balls move in a phase that has no end.
+        endless = scene.flight is not None or scene.numbers.motion == IDEAL
+        in_motion = next_end < math.inf or (count > 0 and endless)
         if shots.n_events[k] >= max_events and in_motion:
             end_at(Time(shots.time[k], 0.0), k, state, scene, shots, AT_EVENT_LIMIT)
             break

@@ -231,7 +231,7 @@ def check_shot(
     _fill_in_play(shot.in_play, in_play)
     if spins is not None and scene.physics.motion != "sliding":
         raise ValueError(
-            f"spins with physics.motion = {scene.physics.motion!r}: expected None, spins need motion 'sliding'"
+            f"spins = {short(spins)} with physics.motion = {scene.physics.motion!r}: expected None, they need 'sliding'"
         )
     _fill(shot.velocities, "velocities", velocities)
     if spins is None:
@@ -345,8 +345,7 @@ def _fill_heights(
         bad = np.argwhere(~((values >= within.least) & (values <= within.most)))
         if len(bad):
             at = tuple(bad[0])
-            where = f"shot {at[0]}, ball {at[1]}" if len(at) == 2 else f"ball {at[0]}"
-            raise ValueError(f"{name}: {where} has z = {short(values[at])}: expected {range_text('a number', within)}")
+            raise ValueError(f"{_entry(name, *at, 2)} = {short(values[at])}: expected {range_text('a number', within)}")
     flies = shot.in_play & (heights[..., 0] > 0.0)
     if flies.any():
         _check_in_air(scene, shot, heights[..., 0], flies)
@@ -408,10 +407,13 @@ def _check_motion(scene: Scene, name: str, array: Floats, within: Range) -> None
     bad = np.argwhere(~(np.abs(array) <= most).all(axis=-1))
     if len(bad):
         at = tuple(bad[0])
-        shot = f"shot {at[0]}, " if len(at) == 2 else ""
-        raise ValueError(
-            f"{name}: {shot}ball {at[-1]} has {array[at].tolist()}: expected {range_text('numbers', within)}"
-        )
-    for i in np.flatnonzero(np.isinf(scene.balls.mass)):
-        if array[..., i, :].any():
-            raise ValueError(f"{name}: ball {i} has an infinite mass: expected it to be at rest")
+        raise ValueError(f"{_entry(name, *at)} = {array[at].tolist()}: expected {range_text('numbers', within)}")
+    bad = np.argwhere(np.isinf(scene.balls.mass) & array.any(axis=-1))
+    if len(bad):
+        at = tuple(bad[0])
+        raise ValueError(f"{_entry(name, *at)} = {array[at].tolist()}: expected zero, the ball has an infinite mass")
+
+
+def _entry(name: str, *at: Any) -> str:
+    """Returns the name of an entry of an argument, such as "velocities[3][0]" of ball 0 in shot 3 of a batch."""
+    return name + "".join(f"[{k}]" for k in at)

@@ -224,9 +224,18 @@ def pot(k, i, pocket, state, scene, shots):  # out: state, shots
 
 
 @inlined
-def drive_off(k, i, state, shots):  # out: state, shots
-    """Takes ball i out of play, which leaves the table at its present place, and records this."""
-    capture(state, i, state.rows[i, X], state.rows[i, Y])
+def drive_off(k, i, state, scene, shots):  # out: state, shots
+    """Takes ball i, which leaves the table, out of play, and records this.
+
+    It is moved to the nearest point of the edge of the playing surface, which no ball in play can reach.
+    """
+    length, width = scene.numbers.half_length, scene.numbers.half_width
+    x, y = min(max(state.rows[i, X], -length), length), min(max(state.rows[i, Y], -width), width)
+    if length - abs(x) <= width - abs(y):
+        x = math.copysign(length, x)
+    else:
+        y = math.copysign(width, y)
+    capture(state, i, x, y)
     shots.pot_order[k, i] = _balls_off(k, shots)
 
 

@@ -21,7 +21,7 @@ from billiards_env.envs.tasks import TASKS, task_of, task_targets
 from billiards_env.games.game_state import MOST_PLAYERS, STATE
 from billiards_env.games.referee import GAMES
 from billiards_env.jit import streams
-from billiards_env.scene import Balls, Scene, check_positions, check_ranges, layouts
+from billiards_env.scene import Balls, Scene, check_ends_on_cloth, check_positions, check_ranges, layouts
 from billiards_env.shots.noise import EXECUTION_NOISE, check_scatter
 from billiards_env.support.checks import (
     Range,
@@ -165,6 +165,7 @@ def make_model(
     entry = task_of(task, players)
     least, most = entry.n_object_balls
     board = make_scene(scene, n_object_balls, entry.scene, most if players > 1 or least == most else None)
+    check_ends_on_cloth(board)
     check_action(action, board)
     targets, engine = task_targets(task, board, players), Engine(mode, dt, fix)
     layout = entry.layout if layout is None else layout

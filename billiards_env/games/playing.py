@@ -46,7 +46,7 @@ from billiards_env.games.game_state import (
 from billiards_env.games.placement import cue_ball_point
 from billiards_env.games.referee import GAMES, callable_balls, first_state, legal_balls
 from billiards_env.games.transition import call_without_shots_of, look_at_games_of, next_games, table_of
-from billiards_env.scene import Scene, check_positions, check_scene, layouts
+from billiards_env.scene import Scene, check_ends_on_cloth, check_positions, check_scene, layouts
 from billiards_env.scene.outline import Point
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
@@ -123,6 +123,7 @@ class Setup:
 
     def __post_init__(self) -> None:
         check_scene(self.scene)
+        check_ends_on_cloth(self.scene)
         rules, table, balls = self.game_rules, self.scene.table, self.scene.n_balls - 1
         name, (low, high), pockets = f"rules = {self.rules!r} with", rules.n_object_balls, len(table.pockets)
         numbers = str(low) if low == high else f"{low} to {high}"

@@ -202,11 +202,11 @@ def end_phase(state, i, time, numbers):  # out: state
         s[VX], s[VY] = (share * s[VX], share * s[VY]) if share > 0.0 else (0.0, 0.0)
     elif state.phase[i] == SPINNING:
         s[WZ] = 0.0
-    _land(state.flight, i, state, numbers)
+    land(state.flight, i, state, numbers)
 
 
 @inlined
-def _land(flight, i, state, numbers):  # out: state
+def land(flight, i, state, numbers):  # out: state
     """Changes the motion of ball i by the slate if it is airborne."""
     if flight is None or state.phase[i] != AIRBORNE:
         return

@@ -222,7 +222,7 @@ class WindowModel:
         scene = self.setup.scene
         level = strike(scene, 1.0, 0.0).velocity[0]
         made = strike(scene, speed / level, angle, side, top, math.radians(elevation))
-        return Stroke(tuple(made.velocity[:2].tolist()), place, tuple(made.spin.tolist()), self.call)
+        return Stroke(tuple(made.velocity.tolist()), place, tuple(made.spin.tolist()), self.call)
 
     @property
     def has_spin(self) -> bool:
@@ -386,10 +386,10 @@ def consider(model: WindowModel, plans: Sequence[Plan]) -> WindowModel:
 
 def _level_aim(model: WindowModel, made: Stroke) -> StrokeInput:
     """Returns the aim of a stroke with a level cue."""
-    (x, y), place, _, call = made
+    (x, y), place, _, call = made.velocity[:2], *made[1:]
     speed, heading, tip = math.hypot(x, y), math.atan2(y, x), [0.0, 0.0]
     if any(made.spin):
-        cue, heading, *tip = level_strike(model.setup.scene, made.velocity, made.spin)
+        cue, heading, *tip = level_strike(model.setup.scene, (x, y), made.spin)
         speed = cue * float(strike(model.setup.scene, 1.0, 0.0).velocity[0])
     return StrokeInput(math.remainder(heading, math.tau), speed, (tip[0], tip[1]), place=place, call=call)
 

@@ -833,6 +833,15 @@ def check_scene(scene: Scene) -> None:
         raise TypeError(f"scene = {short(scene)}: expected a Scene, such as Scene.named('pool')")
 
 
+def check_ends_on_cloth(scene: Scene) -> None:
+    """Raises a ValueError if a shot may end in the air: the next one begins with all balls on the cloth."""
+    if scene.physics.flight and scene.physics.max_time is not None:
+        raise ValueError(
+            f"physics.max_time = {scene.physics.max_time!r} with physics.flight = True: expected None in an "
+            "environment and in a game, no shot may end in the air"
+        )
+
+
 def _first_overlap(
     balls: Balls, positions: NDArray[np.float64], in_play: NDArray[np.bool_]
 ) -> tuple[int, int, int, float, float] | None:

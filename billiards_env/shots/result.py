@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from billiards_env.derivatives.shot_derivatives import Record, Sensitivity
     from billiards_env.drawing.plot import Axes
     from billiards_env.drawing.recording import Recording
+    from billiards_env.physics.scatter import Scatter
     from billiards_env.shots.records import ShotRecord
 
 Floats = NDArray[np.float64]
@@ -60,7 +61,7 @@ class ShotResult(Differentiable):
             in most breaks of 15 balls.
         pockets: (n,) int32: the pocket in which the shot potted the ball, -1 if it did not pot it.
         pot_order: (n,) int32: 0 for the ball that left the table first, 1 for the second, and so on; -1 for a ball that
-            stayed. Without a pocket it was driven off the table, at its place in `positions`.
+            stayed. Without a pocket it was driven off the table; it is at the nearest point of the edge.
         touched_first: (n,) bool: the balls that the cue ball touched at the instant of its first contact.
         first_hit_time: This instant, s; infinite if the cue ball touched no ball.
         cue: The ball that counts as the cue ball: 0, except in some shots of carom games.
@@ -217,8 +218,8 @@ class ShotResult(Differentiable):
         if self.trajectory is None or self.scene is None or self._log is None:
             raise ValueError(f"shot.{method}: expected a shot of simulate(..., record=True) by PIC")
         check_differentiable(self.scene, f"shot.{method}")
-        if self._arguments is not None and self._arguments[0].scatter is not None:
-            raise ValueError(f"shot.{method} with scatter: expected a shot without scatter")
+        if self._arguments is not None:
+            check_no_scatter(self._arguments[0].scatter, f"shot.{method}")
         segments: Floats = np.column_stack(self.trajectory).astype(np.float64)
         bounds = np.array([(0, 0), (len(self._log), len(segments))])
         return Record(self.scene, np.array([self.time]), [Part(0, 1, self._log, segments, bounds)])
@@ -336,8 +337,7 @@ class ShotResult(Differentiable):
             raise ValueError(f"shot = {short(self)}: expected a recorded shot, from simulate(..., record=True)")
         start, engine, max_events = self._arguments
         positions, velocities = start.in_space()
-        if start.scatter is not None:
-            raise ValueError("shot.to_record with scatter: expected a shot without scatter")
+        check_no_scatter(start.scatter, "shot.to_record")
         turns = start.spins.any() or np.signbit(start.spins).any()
         return ShotRecord(
             scene=self.scene,
@@ -380,7 +380,13 @@ def _recording(shot: ShotResult | None, method: str) -> Recording | None:
 def check_differentiable(scene: Scene, what: str) -> None:
     """Raises a ValueError if the shots of a scene have no derivatives; `what` is the method for the message."""
     if scene.physics.flight:
-        raise ValueError(f"{what} with physics.flight = True: expected flight = False, flights have no derivatives")
+        raise ValueError(f"physics.flight = True with {what}: expected False, flights have no derivatives")
+
+
+def check_no_scatter(scatter: Scatter | None, what: str) -> None:
+    """Raises a ValueError if shots have scatter; `what` is the method for the message."""
+    if scatter is not None:
+        raise ValueError(f"scatter = {scatter.deviations.tolist()} with {what}: expected None, a shot without scatter")
 
 
 def outcome_of(shots: dict[str, Any]) -> dict[str, Any]:

@@ -31,7 +31,7 @@ from billiards_env.engine.threads import parallel_for
 from billiards_env.physics.scatter import Scatter
 from billiards_env.scene import Scene, check_scene
 from billiards_env.shots.noise import check_scatter
-from billiards_env.shots.result import ShotResult, check_differentiable, outcome_of, read_log
+from billiards_env.shots.result import ShotResult, check_differentiable, check_no_scatter, outcome_of, read_log
 from billiards_env.support.checks import Range, flag, integer, numbers, short, unmasked
 
 if TYPE_CHECKING:
@@ -268,8 +268,7 @@ class BatchResult(Differentiable):
         check_differentiable(self._arguments[0], f"batch.{method}")
         if self._parts is None:
             raise ValueError(f"batch.{method}: expected a batch of simulate_batch(..., record=True) by PIC")
-        if self._seeds is not None:
-            raise ValueError(f"batch.{method} with scatter: expected shots without scatter")
+        check_no_scatter(_scatter(self._arguments[2]["scatter"], self._seeds, len(self)), f"batch.{method}")
         return Record(self._arguments[0], self.time, self._parts, self._varied)
 
     def __repr__(self) -> str:

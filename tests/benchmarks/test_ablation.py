@@ -40,6 +40,7 @@ NOT_COMPILED = (
     "engine.cell_grid",
     "engine.overlaps",
     "engine.pit",
+    "engine.pit_flight",
     "games",
     "physics.clusters.complementarity",
     "physics.geometry.noses",

@@ -17,6 +17,7 @@ from tests.helpers.errors import refusals
 ALL_FIXED = {"base": "pool", "balls": {"radius": [0.02, 0.02], "mass": [0.1, "inf"]}}
 RANGES = {"mu_roll": [0.004, 0.02], "e_ball": [0.8, 1.0]}
 NO_TIMESTEP = {"mode": "pit", "dt": 1 / 60, "randomize": {"dt": [0, 1]}}
+CUT_IN_THE_AIR = {"base": "jump_pool", "physics": {"max_time": 1.0}}
 CAROM, OF_VECTOR = {"scene": "carom", "task": "carom"}, ("num_envs", "autoreset_mode", "threads")
 EIGHT_BALL = {"task": "eight_ball", "n_players": 2}
 ARGUMENTS = [*inspect.signature(make_model).parameters, "render_mode", *OF_VECTOR]
@@ -66,6 +67,7 @@ WRONG: list[tuple[Any, ...]] = [
     ({"task": "nine_ball", "n_players": 2, "layout": "line"}, "layout = 'line'"),
     ({"task": "one_pocket", "n_players": 2, "can_call": True}, "can_call = True with task = 'one_pocket'"),
     ({**EIGHT_BALL, "can_call": True, "action": "plan"}, "can_call = True with action = 'plan'"),
+    ({"scene": CUT_IN_THE_AIR}, "max_time = 1.0 with physics.flight = True: expected None in an env"),
     ({"task": "snooker", "n_players": 2, "miss": True}, "miss = True with can_call = False"),
     ({**EIGHT_BALL, "n_object_balls": 9}, "9 object balls and 6 pockets: expected 15 object balls"),
 ]

@@ -1,9 +1,10 @@
-"""Balls that leave the table: the rules, on facts alone. No ball of the engine leaves the table yet."""
+"""Balls that leave the table: the rules on facts alone, and a game in a scene with flight."""
 
 import numpy as np
 import pytest
 
-from billiards_env.games import referee
+from billiards_env import Scene
+from billiards_env.games import Setup, Stroke, opening, play, referee
 from billiards_env.games.game_state import CALL, FACTS, STATE, Called, Facts, row, set_of
 from tests.helpers.games import state, words
 
@@ -48,6 +49,15 @@ def test_a_cue_ball_driven_off_the_table_is_a_scratch(rules):  # WPA 6.1, WPBSA 
     first = set_of([1])
     after, verdict = judged(rules, state(rules), Facts(first=first, cue_off=True, cushion_after=True, cue_driven=True))
     assert (verdict.foul, after.in_hand != "no") == ("scratch", True)
+
+
+def test_a_cue_ball_that_flies_off_the_table_gives_ball_in_hand():
+    setup = Setup("nine_ball", Scene.named("jump_pool", 9))
+    game = opening(setup, np.random.default_rng(0))
+    played = play(setup, game, Stroke((3.0, 3.0, 3.0), (-0.7, 0.0)))
+    assert played.shot.potted[0]
+    assert played.shot.pockets[0] < 0
+    assert (words(played.verdict).foul, words(played.game.state).in_hand) == ("scratch", "anywhere")
 
 
 def judged(rules, before, facts):

@@ -166,7 +166,7 @@ SHOT_FAULTS = [
     ("positions.1.0", 5.0, "positions: ball 1 is at"),
     ("positions.1", POOL[0], "positions: balls 0 and 1 are"),
     # A small file with such a velocity could once keep `replay` busy forever.
-    ("velocities.0.0", 1e200, "velocities: ball 0 has .*: expected numbers from -1000 to 1000 m/s"),
+    ("velocities.0.0", 1e200, r"velocities\[0\] = .*: expected numbers from -1000 to 1000 m/s"),
     ("spins", [[0, 0], [0, 0]], r"spins\[0\] = \[0, 0\]: expected a list of 3"),
     ("mode", "pit", "dt = None"),
     ("scene.table.lenght", 2.0, "key of scene.table = 'lenght'.*did you mean 'length'"),

@@ -15,9 +15,10 @@ MAX_EVENTS = 20_000  # of a shot; `benchmarks.reference.plain` needs too long fo
 def run(run_shots, shots, record=False, max_time=None, max_events=MAX_EVENTS, dt=None, fix=None):
     """Returns the arrays of all shots and the arrays of the log of the last shot."""
     scene, positions, velocities, spins = shots
-    shots = empty_shots(*np.shape(positions)[:2])
+    flight = scene.physics.flight
+    shots = empty_shots(*np.shape(positions)[:2], flight=flight)
     limit = check_shot(scene, positions, velocities, spins, None, max_time, into=shots).limit
-    log = empty_log(LOG_EVENTS, 4 * LOG_EVENTS) if record else empty_log()
+    log = empty_log(LOG_EVENTS, 4 * LOG_EVENTS, flight=flight) if record else empty_log(flight=flight)
     log.events[:], log.segments[:] = 0.0, 0.0
     fields = scene_fields(scene, PIC if dt is None else Engine("pit", dt, fix))
     run_shots(0, len(shots.time), fields, limit, max_events, tuple(shots), tuple(log))

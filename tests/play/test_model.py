@@ -372,3 +372,13 @@ def test_the_aim_for_a_stroke_is_that_stroke(make_model):
         assert (played.phase, played.aim) == ("rolling", aimed.aim)  # the controls show the stroke of a program
         assert after(played, actions.go, actions.replay).aim == aimed.aim
     assert actions.aim_like(actions.go(aimed), stroke).phase == "rolling"
+
+
+def test_a_raised_cue_makes_the_ball_hop_in_a_scene_with_flight():
+    setup = Setup("straight", Scene.named("jump_pool", 2))
+    model = begin(History(setup, custom_opening(setup, STRAIGHT), ()), ("human",) * 2, 8.0, 1 / 60)
+    played = after(model, (actions.look_at, (0.4, 0.3)), (actions.raise_cue, 40.0), actions.go)
+    assert np.ptp(played.last_shot.shot.recording().heights(0, np.linspace(0, 0.1, 50))) > 0.01
+    again = begin(played.history, model.players, 8.0, 1 / 60)
+    assert same(played, again)
+    assert after(played, actions.go, actions.replay).shown_shots[1].heights is not None

@@ -14,13 +14,13 @@ pytest.importorskip("pygame")
 
 import pygame
 
-from billiards_env import Engine, simulate
+from billiards_env import Engine, Scene, simulate
 from billiards_env.drawing.canvas import Canvas, pixels
 from billiards_env.drawing.pace import slower
-from billiards_env.games import Stroke, records
+from billiards_env.games import History, Setup, Stroke, custom_opening, records
 from billiards_env.play import labels
 from billiards_env.play import model as act
-from billiards_env.play.model import change_pace, go, replay, shoot, tick, toggle, turn_aim
+from billiards_env.play.model import begin, change_pace, go, replay, shoot, tick, toggle, turn_aim
 from billiards_env.play.panel import place_controls
 from billiards_env.play.view import View, _row
 from billiards_env.play.window import GameWindow
@@ -563,3 +563,13 @@ def test_the_ghost_is_visible_in_a_replay(make_model):
     x, y = np.round(view.canvas.pixels_of(comparison[1])).astype(int)
     assert differ[y - 12 : y + 13, x - 12 : x + 13].any()
     assert (pixels(view.draw(model)) == with_ghost).all()  # the film starts again
+
+
+def test_a_ball_in_the_air_is_drawn_at_its_height(monkeypatch):
+    setup, drawn = Setup("straight", Scene.named("jump_pool", 2)), []
+    model = begin(History(setup, custom_opening(setup, BALLS), ()), ("human",) * 2, 8.0, 1 / 60)
+    model = tick(go(act.raise_cue(turn_aim(model, 20.0), 40.0)), 0.05)
+    monkeypatch.setattr(Canvas, "draw_balls", lambda *arguments: drawn.append(arguments[5]))
+    View(setup.scene, 320).draw(model)
+    assert drawn[-1][0] > 0.01
+    assert not drawn[-1][1:].any()

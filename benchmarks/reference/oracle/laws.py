@@ -39,6 +39,7 @@ class World:
         inverse_mass: (n,) 1/kg; 0 for a ball of infinite mass.
         walls: The cushions.
         extent: Half the table's length and width with the jaws, m.
+        half_size: The same without the jaws, m.
         pockets: (x, y, radius) of each pocket, m.
         mu_slate: As in `Physics`, with its default.
         ball_friction: (a, b, c) of the friction a + b exp(-c v) between balls, if `ball_ball` has friction.
@@ -76,6 +77,7 @@ class World:
     inverse_mass: Vector
     walls: tuple[Line | Arc, ...]
     extent: Vector
+    half_size: Vector
     pockets: tuple[Vector, ...]
     tiny: Real
 
@@ -108,6 +110,7 @@ class World:
             inverse_mass=tuple(mpf(0) if math.isinf(m) else 1 / mpf(m) for m in balls.mass),
             walls=walls_of(table),
             extent=extent,
+            half_size=(mpf(table.length) / 2, mpf(table.width) / 2),
             pockets=tuple((mpf(p.x), mpf(p.y), mpf(p.radius)) for p in table.pockets),
             tiny=mpf(10) ** -(3 * digits // 5),
         )

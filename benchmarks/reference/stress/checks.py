@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine.compile import MAX_EVENTS, scene_arrays, scene_fields
+from billiards_env.engine.contact_rule import limits_in_space
 from billiards_env.engine.log import (
     BALL_BALL,
     KIND,
@@ -354,4 +355,6 @@ def check_shots(
         again = tuple(None if array is None else array[one] for array in (*start, *shots[len(start) :]))
         _run_checked(arrays, limit, max_events, again, tuple(log), findings[one])
     heaviest = max(m for m in scene.balls.mass if math.isfinite(m))
-    return Checked(shots, findings, 0.5 * heaviest * (1.5 * scene_arrays(scene).numbers.weak_speed) ** 2)
+    numbers = scene_arrays(scene).numbers
+    weak = limits_in_space(1.0, numbers).speed if flight else numbers.weak_speed
+    return Checked(shots, findings, 0.5 * heaviest * (1.5 * weak) ** 2)

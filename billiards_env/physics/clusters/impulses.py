@@ -29,7 +29,7 @@ from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, VZ,
 # Columns of `Scratch.change`: changes of velocity along x, y and, with flight, z, double-double, m/s.
 DVX, DVX_LO, DVY, DVY_LO, DVZ, DVZ_LO = 0, 1, 2, 3, 4, 5
 
-_UP = 2  # the column of `Scratch.dv` with the vertical change
+UPWARDS = 2  # the column of `Scratch.dv` with the vertical change
 
 _SWEEPS = 2000  # largest number of iterations of `_descend`
 RESIDUE = 2.0**-80
@@ -288,7 +288,7 @@ def _opening(nz, c, opening, a, b):
     """Returns the change of the speed of separation, including the vertical changes in the rows a and b."""
     if nz is None:
         return opening
-    return opening + nz[c] * (b[_UP] - a[_UP])
+    return opening + nz[c] * (b[UPWARDS] - a[UPWARDS])
 
 
 @kernel
@@ -347,8 +347,8 @@ def _push_up(nz, c, p, q, a, b):  # out: a, b
     if nz is None:
         return
     pz = (p * nz[c] + q) - q
-    a[_UP] -= pz
-    b[_UP] += pz
+    a[UPWARDS] -= pz
+    b[UPWARDS] += pz
 
 
 @kernel
