@@ -328,7 +328,7 @@ def hit_nose(flight, i, wall, state, scene):  # out: state
     if flight is None:
         return 0.0, 0
     row, numbers, radius = state.rows[i], scene.numbers, scene.radius[i]
-    nx, ny, nz = nose_normal(row, wall, radius, scene.pockets, numbers)
+    nx, ny, nz = nose_normal(row, wall, flight)
     speed = max(nx * row[VX] + ny * row[VY] + nz * row[VZ], 0.0)
     after = cushion_restitution(speed, numbers) * speed
     rebound = 0.5 * numbers.tau * numbers.g

@@ -14,7 +14,7 @@ import mpmath
 
 from benchmarks.reference.oracle.outline import Arc, Line, dot, minus, walls_of
 from benchmarks.reference.oracle.roots import Real
-from billiards_env.scene import PARAMETERS, Scene, ball_friction
+from billiards_env.scene import PARAMETERS, Scene, Table, ball_friction
 
 Vector = tuple[Real, ...]
 
@@ -37,7 +37,7 @@ class World:
         radius: (n,) m.
         spheres: Whether the centres of touching balls differ in height by the difference of their radii.
         inverse_mass: (n,) 1/kg; 0 for a ball of infinite mass.
-        walls: The cushions.
+        table, walls: The table and its cushions.
         extent: Half the table's length and width with the jaws, m.
         pockets: (x, y, radius) of each pocket, m.
         mu_slate: As in `Physics`, with its default.
@@ -74,6 +74,7 @@ class World:
     radius: Vector
     spheres: bool
     inverse_mass: Vector
+    table: Table
     walls: tuple[Line | Arc, ...]
     extent: Vector
     pockets: tuple[Vector, ...]
@@ -106,6 +107,7 @@ class World:
             radius=tuple(mpf(r) for r in balls.radius),
             spheres=balls.shape == "sphere",
             inverse_mass=tuple(mpf(0) if math.isinf(m) else 1 / mpf(m) for m in balls.mass),
+            table=table,
             walls=walls_of(table),
             extent=extent,
             pockets=tuple((mpf(p.x), mpf(p.y), mpf(p.radius)) for p in table.pockets),
@@ -126,6 +128,10 @@ class World:
             if norm(minus(position, (x, y))) < radius:
                 return k
         return None
+
+    def is_between_noses(self, ball: int, position: Vector) -> bool:
+        """Returns whether a position is not beyond the noses, which go on through the pockets; computed with floats."""
+        return bool(self.table.clearance([float(x) for x in position[:2]]) >= float(self.nose(ball)[0]))
 
     def nose(self, ball: int) -> tuple[Real, Real]:
         """Returns where a ball on the cloth touches the nose of a cushion.
