@@ -39,9 +39,10 @@ def gap(places, a_table, noses):
 
 def times(start, velocity, noses, end):
     """Returns the time of the contact, the cushion, and the time at which the centre passes over a nose."""
-    path = Path(*start[:2].tolist(), *velocity[:2].tolist(), 0.0, 0.0)
-    off, noise = min(edge_time(path, end, noses), end), IMPULSE_ROUNDING * float(np.linalg.norm(velocity))
-    t, wall = nose_time(path, (float(start[2]), float(velocity[2])), R, off, noise, noses, G)
+    x, y, z, vx, vy, vz = map(float, (*start, *velocity))
+    path = Path(x, y, vx, vy, 0.0, 0.0)
+    off, noise = min(edge_time(path, end, noses), end), IMPULSE_ROUNDING * math.hypot(vx, vy, vz)
+    t, wall = nose_time(path, (z, vz), R, off, noise, noses, G)
     return t, wall, off
 
 

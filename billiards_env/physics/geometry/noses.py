@@ -110,7 +110,7 @@ def nose_arrays(outline: Any, radius: float, numbers: Any, pockets: Sequence[Seq
         parts, points = _tip_noses(row, inset, pockets)
         tips, ends = tips + [(*part, wall) for part in parts], ends + [(*point, wall) for point in points]
     arrays = [np.array(part, float).reshape(-1, width) for part, width in ((lines, 8), (tips, 8), (ends, 3))]
-    return Noses(arrays[0], arrays[1], arrays[2], inset, numbers.cushion_height - radius)
+    return Noses(arrays[0], arrays[1], arrays[2], inset, radius * sin)
 
 
 def _is_outside(pockets, x, y):
