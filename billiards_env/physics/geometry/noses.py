@@ -98,18 +98,16 @@ def nose_arrays(outline: Any, radius: float, numbers: Any, pockets: Sequence[Seq
     inset = radius * (1.0 - math.sqrt(1.0 - sin * sin))
     if outline is None:
         x, y = numbers.half_length, numbers.half_width
-        rows = [(side * x, 0.0, 0.0, 1.0, side, 0.0, y - inset) for side in (-1.0, 1.0)]
-        rows += [(0.0, side * y, 1.0, 0.0, 0.0, side, x - inset) for side in (-1.0, 1.0)]
+        lines = [(side * x, 0.0, 0.0, 1.0, side, 0.0, y - inset) for side in (-1.0, 1.0)]
+        lines += [(0.0, side * y, 1.0, 0.0, 0.0, side, x - inset) for side in (-1.0, 1.0)]
+        tips = []
     else:
-        rows = outline.lines.tolist()
-    lines, tips, ends = [], [], []
-    for wall, row in enumerate(rows):
-        parts, points = _line_noses(row, inset, pockets)
-        lines, ends = lines + [(*part, wall) for part in parts], ends + [(*point, wall) for point in points]
-    for wall, row in enumerate([] if outline is None else outline.tips.tolist(), len(rows)):
-        parts, points = _tip_noses(row, inset, pockets)
-        tips, ends = tips + [(*part, wall) for part in parts], ends + [(*point, wall) for point in points]
-    arrays = [np.array(part, float).reshape(-1, width) for part, width in ((lines, 8), (tips, 8), (ends, 3))]
+        lines, tips = outline.lines.tolist(), outline.tips.tolist()
+    cut = [_line_noses(row, inset, pockets) for row in lines] + [_tip_noses(row, inset, pockets) for row in tips]
+    parts = [[(*part, wall) for part in nose] for wall, (nose, _) in enumerate(cut)]
+    ends = [(*end, wall) for wall, (_, points) in enumerate(cut) for end in points]
+    rows = sum(parts[: len(lines)], []), sum(parts[len(lines) :], [])
+    arrays = [np.array(part, float).reshape(-1, width) for part, width in ((rows[0], 8), (rows[1], 8), (ends, 3))]
     return Noses(arrays[0], arrays[1], arrays[2], inset, radius * sin)
 
 
@@ -215,7 +213,8 @@ def _tip_time(path, rise, radius, end, noise, tip, g):
         d = norm(x, y)
         away = max(d - tip[TIP_RADIUS], 0.0)
         distance = norm(away, z)
-        gap, slope = distance - radius, 2.0 * (away * ((x * vx + y * vy) / d) + z * vz)
+        outwards = (x * vx + y * vy) / d if away > 0.0 else 0.0
+        gap, slope = distance - radius, 2.0 * (away * outwards + z * vz)
         if gap <= 0.0 and t == begin > 0.0:  # the ball has touched what is next to this nose
             return math.inf
         square = max(gap, _TOUCH) * (distance + radius)
