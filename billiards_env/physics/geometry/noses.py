@@ -104,11 +104,10 @@ def nose_arrays(outline: Any, radius: float, numbers: Any, pockets: Sequence[Seq
     else:
         lines, tips = outline.lines.tolist(), outline.tips.tolist()
     cut = [_line_noses(row, inset, pockets) for row in lines] + [_tip_noses(row, inset, pockets) for row in tips]
-    parts = [[(*part, wall) for part in nose] for wall, (nose, _) in enumerate(cut)]
+    parts = [(*part, wall) for wall, (nose, _) in enumerate(cut) for part in nose]
     ends = [(*end, wall) for wall, (_, points) in enumerate(cut) for end in points]
-    rows = sum(parts[: len(lines)], []), sum(parts[len(lines) :], [])
-    arrays = [np.array(part, float).reshape(-1, width) for part, width in ((rows[0], 8), (rows[1], 8), (ends, 3))]
-    return Noses(arrays[0], arrays[1], arrays[2], inset, radius * sin)
+    rows, n_lines = np.array(parts, float).reshape(-1, 8), sum(part[WALL] < len(lines) for part in parts)
+    return Noses(rows[:n_lines], rows[n_lines:], np.array(ends, float).reshape(-1, 3), inset, radius * sin)
 
 
 def _is_outside(pockets, x, y):
