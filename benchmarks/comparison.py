@@ -167,7 +167,7 @@ def compare(laws: str, kind: str, runners: Sequence[Runner], count: int, passes:
 
 
 LACKS = {
-    "billiards-env": "jumps on tables with jaws, 3D graphics",
+    "billiards-env": "3D graphics",
     "pooltool": "batches, derivatives, environments",
     "pymunk": "spin and cloth; it misses contacts",
 }

@@ -42,6 +42,7 @@ SHOTS = {
     "wild outlines": (50, 50),
     "jump shots, 3 object balls": (800, 5_000),
     "rain of 6 balls": (200, 1_000),
+    "rain of 6 balls with jaws": (200, 1_000),
 }
 WORST = ("overlap", "outside", "rise", "momentum", "most_events")
 ADDED = ("shots", "contact_rule", "events")

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
 from billiards_env.engine.overlaps import FIXES
+from billiards_env.physics.geometry.noses import nose_arrays
 from billiards_env.physics.geometry.outline_walls import outline_arrays
 from billiards_env.physics.laws.tables import BALL_LAWS, CUSHION_LAWS, CUSHIONS, FRICTIONS, RESTITUTIONS, choice
 from billiards_env.physics.scatter import Scatter
@@ -210,7 +211,7 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
         ball_restitution=choice(RESTITUTIONS, law.restitution),
         ball_friction=None if law.friction is None else choice(FRICTIONS, law.friction),
         cushion=choice(CUSHION_LAWS, CUSHIONS[p.cushion].law),
-        flight=True if p.flight else None,
+        flight=nose_arrays(outline, scene.balls.radius[0], numbers, table.pocket_rows.tolist()) if p.flight else None,
     )
     return (np.array([numbers], NUMBERS), *arrays[1:])
 

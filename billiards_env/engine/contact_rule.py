@@ -400,7 +400,7 @@ def hit_nose(flight, i, wall, state, scene):  # out: state
     if flight is None:
         return 0.0, 0
     row, numbers, radius = state.rows[i], scene.numbers, scene.radius[i]
-    n = nose_normal(row, wall, radius, scene.pockets, numbers)
+    n = nose_normal(row, wall, flight)
     limits, speed = limits_in_space(n[2], numbers), _along(n, row)
     after, rebound = cushion_restitution(speed, numbers) * speed, 0.5 * limits.speed
     if speed > limits.speed or after >= rebound:

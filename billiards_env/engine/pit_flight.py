@@ -18,9 +18,8 @@ from billiards_env.engine.overlaps import KEEPS_PLACES, UP, UP_SPEED, fix_at_res
 from billiards_env.engine.shots import drive_off, pot
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.noses import mouth_beyond, nose_normal, room_between_noses
+from billiards_env.physics.geometry.noses import nose_normal, pocket_below
 from billiards_env.physics.geometry.pockets import pocket_at
-from billiards_env.physics.laws.cushion import nose_of
 from billiards_env.physics.laws.flight import height_after
 from billiards_env.physics.motion import advance, begin_phase, height_of, land
 from billiards_env.physics.state import AIRBORNE, LASTS, VX, VY, VZ, X, Y, Z, own_time, since
@@ -88,10 +87,17 @@ class Crossing(NamedTuple):
 
 
 @inlined
+def _room_between_noses(scene):
+    """Returns half the length and half the width between the noses, m."""
+    inset = scene.flight.inset
+    return scene.numbers.half_length - inset, scene.numbers.half_width - inset
+
+
+@inlined
 def _crossing(i, scene, work):
     """Returns the `Crossing` of ball i."""
     x, y, vx, vy = work.here[i, X], work.here[i, Y], work.here[i, VX], work.here[i, VY]
-    room_x, room_y = room_between_noses(scene.radius[i], scene.numbers)
+    room_x, room_y = _room_between_noses(scene)
     wall, late = -1, 0.0
     if abs(x) >= room_x and x * vx > 0.0:
         wall, late = (1 if x > 0.0 else 0), (abs(x) - room_x) / abs(vx)
@@ -110,14 +116,14 @@ def _end_of_flight(i, t, scene, work):
     row, x, y, radius = work.state.rows[i], work.here[i, X], work.here[i, Y], scene.radius[i]
     lands, crossing = t >= row[LASTS], _crossing(i, scene, work)
     if crossing.wall < 0:
-        pocket = pocket_at(scene.pockets, x, y, 1.0)
-        if pocket < 0:
-            pocket = mouth_beyond(scene.pockets, x, y, radius, scene.numbers)
-        return (-1, -1) if not lands else ((LANDING, -1) if pocket < 0 else (BALL_POCKET, pocket))
+        if not lands:
+            return -1, -1
+        pocket = pocket_below(x, y, radius, scene)
+        return (LANDING, -1) if pocket < 0 else (BALL_POCKET, pocket)
     pocket = pocket_at(scene.pockets, crossing.x, crossing.y, 1.0)
     if pocket < 0:
         z, _ = height_after(row[Z], row[VZ], t - crossing.late, scene.numbers.g)
-        above = z - radius * nose_of(radius, scene.numbers).sin >= radius
+        above = z - scene.flight.height >= radius
         return (OFF_TABLE, -1) if above else (BALL_CUSHION, crossing.wall)
     if not lands and pocket_at(scene.pockets, x, y, 1.0) == pocket:
         return -1, -1
@@ -190,13 +196,13 @@ def land_pressed(flight, i, now, k, scene, work, shots, log):  # out: work, shot
 
 @inlined
 def _move_back(i, wall, scene, work):  # out: work
-    """Moves ball i along the normal of a cushion until it touches its nose, if it overlaps the nose there."""
-    row, radius, numbers = work.state.rows[i], scene.radius[i], scene.numbers
-    below = row[Z] - radius * nose_of(radius, numbers).sin
+    """Moves ball i along the normal of a cushion until it touches its nose, and between the other noses."""
+    row, radius = work.state.rows[i], scene.radius[i]
+    below = row[Z] - scene.flight.height
     touch = max(math.sqrt(max(radius * radius - below * below, 0.0)), _INSIDE * radius)
-    axis = X if wall < 2 else Y
-    room = room_between_noses(radius, numbers)[0 if wall < 2 else 1] - touch
-    row[axis] = min(row[axis], room) if wall % 2 else max(row[axis], -room)
+    room_x, room_y = _room_between_noses(scene)
+    room_x, room_y = (room_x - touch, room_y) if wall < 2 else (room_x, room_y - touch)
+    row[X], row[Y] = min(max(row[X], -room_x), room_x), min(max(row[Y], -room_y), room_y)
 
 
 @kernel
@@ -214,14 +220,14 @@ def hit_noses(flight, i, now, k, scene, work, shots, log):  # out: work, shots, 
     if flight is None:
         return False
     state, row, radius, has_hit = work.state, work.state.rows[i], scene.radius[i], False
-    room_x, room_y = room_between_noses(radius, scene.numbers)
+    room_x, room_y = _room_between_noses(scene)
     for wall in range(4):
         sign = 1.0 if wall % 2 else -1.0
         gap = room_x - sign * work.here[i, X] if wall < 2 else room_y - sign * work.here[i, Y]
         if not 0.0 < gap < radius:
             continue
         advance(state, i, now, scene.numbers)
-        nx, ny, nz = nose_normal(row, wall, radius, scene.pockets, scene.numbers)
+        nx, ny, nz = nose_normal(row, wall, flight)
         distance = gap / (sign * (nx if wall < 2 else ny))
         if distance >= radius or nx * row[VX] + ny * row[VY] + nz * row[VZ] <= 0.0:
             continue

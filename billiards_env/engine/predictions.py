@@ -30,10 +30,10 @@ from billiards_env.physics.geometry.contact import (
     contact_distance,
     sphere_time,
 )
-from billiards_env.physics.geometry.noses import mouth_beyond, nose_time, room_between_noses
-from billiards_env.physics.geometry.pockets import path_to, pocket_at, pocket_exit, pockets_near
-from billiards_env.physics.geometry.walls import exit_time, wall_time
-from billiards_env.physics.motion import Path, height_of, motion_after, path_after, path_of, place_after
+from billiards_env.physics.geometry.noses import edge_time, is_beyond_noses, nose_time, pocket_below
+from billiards_env.physics.geometry.pockets import path_to, pocket_exit, pockets_near
+from billiards_env.physics.geometry.walls import wall_time
+from billiards_env.physics.motion import Path, height_of, motion_after, path_of, place_after
 from billiards_env.physics.state import (
     AIRBORNE,
     AX,
@@ -167,25 +167,23 @@ def _event_in_air(flight, i, state, scene):
     if flight is None:
         return math.inf, LANDING, -1
     path, end, radius, numbers = path_of(state, i), state.rows[i, LASTS], scene.radius[i], scene.numbers
-    room_x, room_y = room_between_noses(radius, numbers)
-    off, _ = exit_time(path, room_x, room_y, end)
-    last, kind = (off, OFF_TABLE) if off <= end else (end, LANDING)
-    place = place_after(path, last)
-    other = pocket_at(scene.pockets, *place, 1.0)
-    if other < 0 and kind == LANDING:
-        other = mouth_beyond(scene.pockets, *place, radius, numbers)
+    last, kind, other = min(edge_time(path, end, flight), end), OFF_TABLE, -1
+    if last == end:
+        kind, other = LANDING, pocket_below(*place_after(path, end), radius, scene)
+    first_pocket, last_pocket = pockets_near(path, last, scene.pockets)
+    for k in range(first_pocket, last_pocket + 1):
+        t = pocket_exit(path, scene.pockets[k])
+        if t < last and is_beyond_noses(*place_after(path, t), scene):
+            last, kind, other = t, OFF_TABLE, -1
+            if height_of(flight, state, i, t, numbers)[0] < 0.4 * radius:
+                other = k
     if other >= 0:
         kind = BALL_POCKET
-        leaves = last + pocket_exit(path_after(path, last), scene.pockets[other]) if off <= end else math.inf
-        last = min(leaves, end)
-        if leaves < end and height_of(flight, state, i, leaves, numbers)[0] >= 0.4 * radius:
-            kind, other = OFF_TABLE, -1
     noise = IMPULSE_ROUNDING * norm(norm(path.vx, path.vy), state.rows[i, VZ])
     rise = state.rows[i, Z], state.rows[i, VZ]
-    for wall in range(4):
-        t = nose_time(path, rise, radius, last, noise, wall, scene.pockets, numbers)
-        if t <= last:
-            last, kind, other = t, BALL_CUSHION, wall
+    t, wall = nose_time(path, rise, radius, last, noise, flight, numbers.g)
+    if t <= last:
+        last, kind, other = t, BALL_CUSHION, wall
     return last, kind, other
 
 

@@ -18,6 +18,7 @@ from billiards_env.engine.threads import parallel_for
 from billiards_env.jit import allocating_entry_point, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.geometry.contact import contact_distance
+from billiards_env.physics.geometry.noses import is_free
 from billiards_env.physics.geometry.pockets import pocket_at
 from billiards_env.physics.geometry.walls import half_sizes
 from billiards_env.physics.scatter import Scatter
@@ -355,11 +356,11 @@ def _fill_heights(
 def _check_in_air(scene: Scene, shot: ShotInput, z: Floats, flies: NDArray[np.bool_]) -> None:
     """Raises a ValueError if a ball in the air is not above the table or overlaps another ball."""
     n, reach = scene.n_balls, 2.0 * scene.balls.radius[0] - CONTACT_GAP
-    if (_is_outside(scene, shot.positions, z) & flies).any():
+    places = np.concatenate((shot.positions, z[..., None]), axis=-1).reshape(-1, n, 3)
+    if not _are_free(scene_fields(scene), places[flies.reshape(-1, n)]):
         raise ValueError(
             f"positions = {short(shot.positions.tolist())}: expected balls in the air between the noses of the cushions"
         )
-    places = np.concatenate((shot.positions, z[..., None]), axis=-1).reshape(-1, n, 3)
     in_play, flying = shot.in_play.reshape(-1, n), flies.reshape(-1, n)
     for k in np.flatnonzero(flying.any(axis=1)).tolist():
         apart = np.linalg.norm(places[k, :, None] - places[k], axis=-1)
@@ -369,21 +370,13 @@ def _check_in_air(scene: Scene, shot: ShotInput, z: Floats, flies: NDArray[np.bo
             raise ValueError(f"positions: balls {i} and {j} are {apart[i, j]} m apart: expected at least {reach} m")
 
 
-def _is_outside(scene: Scene, positions: Floats, z: Floats) -> NDArray[np.bool_]:
-    """Returns whether balls at positions (..., 2) and heights (...) are beyond a nose or overlap it."""
-    radius, height = scene.balls.radius[0], scene.table.cushion_height - scene.balls.radius[0]
-    inset = radius - math.sqrt(radius * radius - height * height)
-    room = np.array([scene.table.length, scene.table.width]) / 2 - inset
-    gap, outside = room - np.abs(positions), np.zeros(z.shape, np.bool_)
-    for axis in (0, 1):
-        foot = positions.copy()
-        foot[..., axis] = np.copysign(room[axis], foot[..., axis])
-        apart = np.hypot(gap[..., axis], z - height) >= radius - CONTACT_GAP
-        beside = ~(apart & (gap[..., axis] > 0.0))
-        for pocket in scene.table.pockets:
-            beside &= ~pocket.contains(foot)
-        outside |= beside
-    return outside
+@entry_point
+def _are_free(scene, places):
+    """Returns whether balls at `places`, (m, 3) m, are between the noses or over a pocket, and overlap no nose."""
+    arrays, free = scene_of(scene, 0), True
+    for k in range(len(places)):
+        free = free and is_free(places[k], arrays.radius[0], arrays)
+    return free
 
 
 def _is_valid_fast(scene: Scene, shot: ShotInput, threads: int | None) -> bool:

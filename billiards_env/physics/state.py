@@ -60,7 +60,7 @@ class State(NamedTuple):
     Attributes:
         rows: (n, WIDTH) or, in scenes with flight, (n, FLIGHT_WIDTH) float64, see the columns above.
         phase: (n,) int8.
-        flight: `SceneArrays.flight`.
+        flight: True in scenes with flight, otherwise None.
     """
 
     rows: Any
@@ -157,7 +157,7 @@ class SceneArrays(NamedTuple):
         ball_restitution: The restitution of two balls: a `tables.choice` of `tables.RESTITUTIONS`.
         ball_friction: Their friction: a choice of `tables.FRICTIONS`; None for balls without friction.
         cushion: The law of the cushions: a choice of `tables.CUSHION_LAWS`.
-        flight: True if balls leave the cloth, otherwise None.
+        flight: The `noses.Noses` if balls leave the cloth, otherwise None.
         scatter: The fields of `scatter.Scatter` of all shots; None for cushions without scatter.
 
     Numba compiles the code of a feature only for scenes in which its field is not None: a function with the field as an
@@ -186,10 +186,18 @@ def scene_of(scene, k):
     return SceneArrays(scene[0][min(k, len(scene[0]) - 1)], *scene[1:])
 
 
+@inlined
+def _flies(flight):
+    """Returns True if `SceneArrays.flight` is not None, and None otherwise."""
+    if flight is None:
+        return None
+    return True
+
+
 @allocating
 def empty_state(n, flight):
     """Returns the `State` of n balls, with undefined content; `flight` is `SceneArrays.flight`."""
-    return State(np.empty((n, WIDTH if flight is None else FLIGHT_WIDTH)), np.empty(n, np.int8), flight)
+    return State(np.empty((n, WIDTH if flight is None else FLIGHT_WIDTH)), np.empty(n, np.int8), _flies(flight))
 
 
 @kernel

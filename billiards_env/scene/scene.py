@@ -205,8 +205,7 @@ class Physics:
             All but "restitution" need `motion="sliding"`.
         ball_ball: "frictionless" or "frictional" (impacts of balls with friction, which throws balls and transfers
             spin; needs `motion="sliding"`).
-        flight: Whether balls leave the cloth, see `physics.laws.flight`. It needs `motion="sliding"`, equal balls and a
-            table without an outline.
+        flight: Whether balls leave the cloth, see `physics.laws.flight`. It needs `motion="sliding"` and equal balls.
         g: Gravity, m/s^2.
         mu_slide: Coefficient of sliding friction between ball and cloth.
         mu_roll: Coefficient of rolling resistance between ball and cloth.
@@ -480,8 +479,6 @@ class Scene:
                 f"scene.table.cushion_height = {table.cushion_height!r} with physics.flight = True: expected less than "
                 f"the diameter of a ball ({2 * balls.radius[0]} m)"
             )
-        if table.outline:
-            raise ValueError("physics.flight = True with table.outline: expected a rectangle, tips are not supported")
 
     def __repr__(self) -> str:
         table, physics = self.table, self.physics

@@ -9,7 +9,9 @@ from benchmarks.reference.stress import checks, draw, families
 from tests.helpers.engine_runs import ORDINARY
 
 
-@pytest.mark.parametrize("name", [*ORDINARY, "jump shots, 3 object balls", "rain of 6 balls"])
+@pytest.mark.parametrize(
+    "name", [*ORDINARY, *(name for name in families.FAMILIES if name.startswith(("jump", "rain")))]
+)
 def test_ordinary_shots_pass_all_checks(name):
     result = families.run(name, seed=1, shots=20)
     assert result["bad"] == []

@@ -61,16 +61,11 @@ def nose_gap(world: World, ball: int, wall: Line | Arc, position: Vector, veloci
 
 def nose_normal(world: World, ball: int, wall: Line | Arc, position: Vector) -> Vector:
     """Returns the unit normal, (3,), from the centre of a ball in the air to the nose that it touches."""
-    (inset, height), n = world.nose(ball), normal_at(wall, position)
-    if isinstance(wall, Arc):
-        across = norm(minus(position, wall.center)) - wall.radius - inset
-        points = [tuple(x + across * y for x, y in zip(position, n, strict=False))]
-    else:
-        points = [foot(world, ball, wall, position)]
-    if isinstance(wall, Line) and world.pocket_at(points[0]) is not None:
-        points = nose_ends(world, ball, wall)
-    ways = [minus((*point[:2], height), position) for point in points]
-    way = min(ways, key=norm)
+    near = foot(world, ball, wall, position)
+    points = nose_ends(world, ball, wall)
+    if wall.holds(position, world.tiny) and world.pocket_at(near) is None:
+        points.append((*near, world.nose(ball)[1]))
+    way = min((minus(point, position) for point in points), key=norm)
     return tuple(x / norm(way) for x in way)
 
 
@@ -158,10 +153,11 @@ def wall_contact(world: World, ball: int, a: Segment, number: int, base: Real, h
     after = mpmath.mpf(0)
 
     def holds(place: Vector) -> bool:
-        if flies and isinstance(wall, Line):
-            nearest = foot(world, ball, wall, place)
+        if flies:
+            near = foot(world, ball, wall, place)
             room = (most - world.nose(ball)[0] + world.tiny for most in world.extent)
-            if world.pocket_at(nearest) is not None or any(abs(c) > x for c, x in zip(nearest, room, strict=True)):
+            behind = dot(normal_at(wall, place), minus(near, place)) < -world.tiny
+            if behind or world.pocket_at(near) is not None or any(abs(c) > x for c, x in zip(near, room, strict=True)):
                 return False
         return wall.holds(place, world.tiny)
 
@@ -183,7 +179,7 @@ def wall_contact(world: World, ball: int, a: Segment, number: int, base: Real, h
         after = contact[0]  # the path enters the circle beyond the arc, or where there is no nose
         if isinstance(wall, Line) and not flies:
             return None
-    if not flies or isinstance(wall, Arc):
+    if not flies:
         return contact
     ends = (
         next_contact(pair_gap(minus(position, end), velocity, a.acceleration, radius), rounding, touch, high)
@@ -197,26 +193,36 @@ def pocket_below(world: World, ball: int, place: Vector) -> int | None:
     """Returns the pocket that catches a ball that lands at a place: in its circle, or in its mouth beyond a cushion."""
     pocket = world.pocket_at(place)
     for wall in world.walls:
-        if pocket is None and isinstance(wall, Line) and wall.holds(place, world.tiny):
-            beyond = dot(wall.normal, minus(wall.middle, place)) < world.radius[ball] - CONTACT_GAP
-            pocket = world.pocket_at(foot(world, ball, wall, place)) if beyond else None
+        if pocket is None and wall.holds(place, world.tiny):
+            near = foot(world, ball, wall, place)
+            beyond = dot(normal_at(wall, place), minus(near, place)) + world.nose(ball)[0]
+            pocket = world.pocket_at(near) if beyond < world.radius[ball] - CONTACT_GAP else None
     return pocket
 
 
-def foot(world: World, ball: int, wall: Line, position: Vector) -> Vector:
-    """Returns the point of the line of a nose, (2,), that is nearest to a position."""
-    across = dot(wall.normal, minus(wall.middle, position)) - world.nose(ball)[0]
-    return tuple(x + across * n for x, n in zip(position, wall.normal, strict=False))
+def foot(world: World, ball: int, wall: Line | Arc, position: Vector) -> Vector:
+    """Returns the point of the line or the circle of a nose, (2,), that is nearest to a position."""
+    n, inset = normal_at(wall, position), world.nose(ball)[0]
+    if isinstance(wall, Arc):
+        return tuple(c - (wall.radius + inset) * x for c, x in zip(wall.center, n, strict=True))
+    across = dot(n, minus(wall.middle, position)) - inset
+    return tuple(x + across * y for x, y in zip(position, n, strict=False))
 
 
-def nose_ends(world: World, ball: int, wall: Line) -> list[Vector]:
+def nose_ends(world: World, ball: int, wall: Line | Arc) -> list[Vector]:
     """Returns the points, (3,), at which the nose of a cushion meets the circles of the pockets."""
-    height, ends = world.nose(ball)[1], []
+    (inset, height), ends = world.nose(ball), []
     for x, y, radius in world.pockets:
-        near = foot(world, ball, wall, (x, y))
+        if isinstance(wall, Arc):  # two circles: the middle of their common chord, and its direction
+            way = minus((x, y), wall.center)
+            share = (1 + ((wall.radius + inset) ** 2 - radius**2) / dot(way, way)) / 2
+            near = tuple(c + share * d for c, d in zip(wall.center, way, strict=True))
+            along = (-way[1] / norm(way), way[0] / norm(way))
+        else:
+            near, along = foot(world, ball, wall, (x, y)), wall.tangent
         square = radius**2 - norm(minus(near, (x, y))) ** 2
         for sign in (-1, 1) if square > 0 else ():
-            end = tuple(c + sign * mpmath.sqrt(square) * t for c, t in zip(near, wall.tangent, strict=True))
+            end = tuple(c + sign * mpmath.sqrt(square) * t for c, t in zip(near, along, strict=True))
             if wall.holds(end, world.tiny) and all(abs(c) <= most for c, most in zip(end, world.extent, strict=True)):
                 ends.append((*end, height))
     return ends
@@ -253,12 +259,7 @@ def edge_contact(world: World, ball: int, a: Segment, number: int, base: Real, h
     if pocket < 0:
         leaves = world.walls[number].holds(place, world.tiny) and world.pocket_at(place) is None
     else:
-        leaves = any(
-            isinstance(wall, Line)
-            and wall.holds(place, world.tiny)
-            and wall_gap(wall, world.nose(ball)[0], place[:2], still, still)[0] < 0
-            for wall in world.walls
-        )
+        leaves = not world.is_between_noses(ball, place)
     return (time, False) if leaves else None
 
 
@@ -308,7 +309,8 @@ def possible_wall_contact(a: FloatMotion, wall: Line | Arc, radius: float, high:
     feet = [dot(wall.tangent, minus(a.position, wall.middle))]  # Bernstein coefficients of the place along the cushion
     feet.append(feet[0] + dot(wall.tangent, velocity) / 2)
     feet.append(2 * feet[1] - feet[0] + dot(wall.tangent, acceleration) / 2)
-    if min(feet) > wall.half + margin or max(feet) < -wall.half - margin:
+    most = wall.half + radius + margin  # with the ends of noses, which a ball may touch from beyond
+    if min(feet) > most or max(feet) < -most:
         return None
     return _bound([*gap, 0.0, 0.0], margin, high)
 

@@ -14,7 +14,7 @@ import mpmath
 
 from benchmarks.reference.oracle.outline import Arc, Line, dot, minus, walls_of
 from benchmarks.reference.oracle.roots import Real
-from billiards_env.scene import PARAMETERS, Scene, ball_friction
+from billiards_env.scene import PARAMETERS, Scene, Table, ball_friction
 
 Vector = tuple[Real, ...]
 
@@ -37,7 +37,7 @@ class World:
         radius: (n,) m.
         spheres: Whether the centres of touching balls differ in height by the difference of their radii.
         inverse_mass: (n,) 1/kg; 0 for a ball of infinite mass.
-        walls: The cushions.
+        table, walls: The table and its cushions.
         extent: Half the table's length and width with the jaws, m.
         half_size: The same without the jaws, m.
         pockets: (x, y, radius) of each pocket, m.
@@ -75,6 +75,7 @@ class World:
     radius: Vector
     spheres: bool
     inverse_mass: Vector
+    table: Table
     walls: tuple[Line | Arc, ...]
     extent: Vector
     half_size: Vector
@@ -108,6 +109,7 @@ class World:
             radius=tuple(mpf(r) for r in balls.radius),
             spheres=balls.shape == "sphere",
             inverse_mass=tuple(mpf(0) if math.isinf(m) else 1 / mpf(m) for m in balls.mass),
+            table=table,
             walls=walls_of(table),
             extent=extent,
             half_size=(mpf(table.length) / 2, mpf(table.width) / 2),
@@ -129,6 +131,10 @@ class World:
             if norm(minus(position, (x, y))) < radius:
                 return k
         return None
+
+    def is_between_noses(self, ball: int, position: Vector) -> bool:
+        """Returns whether a position is not beyond the noses, which go on through the pockets; computed with floats."""
+        return bool(self.table.clearance([float(x) for x in position[:2]]) >= float(self.nose(ball)[0]))
 
     def nose(self, ball: int) -> tuple[Real, Real]:
         """Returns where a ball on the cloth touches the nose of a cushion.

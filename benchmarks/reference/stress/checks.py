@@ -33,8 +33,23 @@ from billiards_env.engine.shots import Shots, empty_shots, start_fields
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
-from billiards_env.physics.geometry.outline_walls import BEGIN_TX, BEGIN_TY, END_TX, END_TY, TIP_RADIUS, TIP_X, TIP_Y
-from billiards_env.physics.geometry.pockets import distance_from
+from billiards_env.physics.geometry.outline_walls import (
+    BEGIN_TX,
+    BEGIN_TY,
+    END_TX,
+    END_TY,
+    HALF_LINE,
+    LINE_X,
+    LINE_Y,
+    NX,
+    NY,
+    TIP_RADIUS,
+    TIP_X,
+    TIP_Y,
+    TX,
+    TY,
+)
+from billiards_env.physics.geometry.pockets import distance_from, pocket_at
 from billiards_env.physics.laws.cloth import spin_after
 from billiards_env.physics.motion import motion_after, slip_after
 from billiards_env.physics.state import (
@@ -139,28 +154,50 @@ def _outside(x, y, radius, numbers, outline):
 
 
 @inlined
-def _beyond_noses(flight, x, y, z, radius, scene):
-    """Returns how far a ball in the air overlaps the nose of a rectangle's cushion or is beyond it, m.
+def _distance_to(px, py, x, y, above, pockets):
+    """Returns the distance of a ball from a point of a nose, m; infinite in a pocket, where there is no nose."""
+    for k in range(len(pockets)):
+        if distance_from(pockets[k], px, py) < 0.0:
+            return math.inf
+    return norm(norm(x - px, y - py), above)
 
-    It is negative if the ball touches no nose. There is no nose in a pocket.
+
+@kernel
+def _nose_distance(outline, x, y, above, inset, numbers, pockets):
+    """Returns the distance of a ball from the nearest nose, m; `above` is its height above the noses.
+
+    The ends of the noses at pockets and the noses behind the ball do not count.
     """
+    if outline is None:
+        px, py = math.copysign(numbers.half_length - inset, x), math.copysign(numbers.half_width - inset, y)
+        return min(_distance_to(px, y, x, y, above, pockets), _distance_to(x, py, x, y, above, pockets))
+    nearest = math.inf
+    for line in outline.lines:
+        dx, dy = x - line[LINE_X], y - line[LINE_Y]
+        gap = -(line[NX] * dx + line[NY] * dy) - inset
+        if gap >= 0.0 and abs(line[TX] * dx + line[TY] * dy) <= line[HALF_LINE]:
+            px, py = x + gap * line[NX], y + gap * line[NY]
+            nearest = min(nearest, _distance_to(px, py, x, y, above, pockets))
+    for tip in outline.tips:
+        dx, dy = x - tip[TIP_X], y - tip[TIP_Y]
+        if dx * tip[BEGIN_TX] + dy * tip[BEGIN_TY] >= 0.0 and dx * tip[END_TX] + dy * tip[END_TY] <= 0.0:
+            share = (tip[TIP_RADIUS] + inset) / norm(dx, dy)
+            px, py = tip[TIP_X] + share * dx, tip[TIP_Y] + share * dy
+            nearest = min(nearest, _distance_to(px, py, x, y, above, pockets))
+    return nearest
+
+
+@inlined
+def _beyond_noses(flight, x, y, z, radius, scene):
+    """Returns how far a ball in the air overlaps a nose or is beyond the noses, m; negative if it does neither."""
     if flight is None:
         return -math.inf
-    numbers = scene.numbers
-    height = numbers.cushion_height - radius
-    inset = radius - math.sqrt(radius * radius - height * height)
-    over = nose_x = nose_y = False  # over a pocket, and next to the part of a nose that a pocket leaves out
-    line_x, line_y = numbers.half_length - inset, numbers.half_width - inset
-    for k in range(len(scene.pockets)):
-        over = over or distance_from(scene.pockets[k], x, y) < 0.0
-        nose_x = nose_x or distance_from(scene.pockets[k], math.copysign(line_x, x), y) < 0.0
-        nose_y = nose_y or distance_from(scene.pockets[k], x, math.copysign(line_y, y)) < 0.0
-    beyond = -math.inf if over else -min(line_x - abs(x), line_y - abs(y))
-    if not nose_x:
-        beyond = max(beyond, radius - norm(line_x - abs(x), z - height))
-    if not nose_y:
-        beyond = max(beyond, radius - norm(line_y - abs(y), z - height))
-    return beyond
+    height = scene.numbers.cushion_height - radius
+    inset, beyond = radius - math.sqrt(radius * radius - height * height), -math.inf
+    if pocket_at(scene.pockets, x, y, 1.0) < 0:
+        beyond = _outside(x, y, inset, scene.numbers, scene.outline)
+    apart = _nose_distance(scene.outline, x, y, z - height, inset, scene.numbers, scene.pockets)
+    return max(beyond, radius - apart)
 
 
 @kernel

@@ -86,6 +86,16 @@ def _rain(scene: Scene) -> Callable[[np.random.Generator, int], RandomShots | No
     return shots
 
 
+def _rain_on_outline(rng: np.random.Generator, m: int) -> RandomShots | None:
+    """Returns shots of `_rain` on a table whose jaws end in the pockets, in front of them or nowhere."""
+    table = Table.named(str(rng.choice(["pool_7ft", "uk_7ft"])))
+    if rng.random() < 0.2:
+        table = dataclasses.replace(table, pockets=())
+    scene = Scene.named("real_pool", 5)
+    physics = dataclasses.replace(scene.physics, flight=True)
+    return _rain(dataclasses.replace(scene, table=table, physics=physics))(rng, m)
+
+
 def _wild(rng: np.random.Generator, m: int) -> RandomShots | None:
     scene = draw.wild_scene(rng)
     shots = draw.wild_shots(scene, rng, m)
@@ -151,6 +161,7 @@ FAMILIES: dict[str, Callable[[np.random.Generator, int], RandomShots | None]] = 
     "wild outlines": _wild_outline,
     "jump shots, 3 object balls": _jumps(_flying(Scene.named("pool", 3))),
     "rain of 6 balls": _rain(_flying(Scene.named("pool", 5))),
+    "rain of 6 balls with jaws": _rain_on_outline,
 }
 
 

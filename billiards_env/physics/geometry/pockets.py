@@ -66,12 +66,12 @@ def pocket_at(pockets, x, y, larger):
 
 @inlined
 def pocket_exit(path, pocket):
-    """Returns the time after which a straight `Path` that begins inside a pocket leaves it, s."""
+    """Returns the time after which a straight `Path` leaves a pocket, s, or infinity."""
     (x, y, vx, vy, _, _), reach = path_to(path, pocket)
     vv, dw = vx * vx + vy * vy, x * vx + y * vy
-    if vv == 0.0:
-        return math.inf
-    return (math.sqrt(max(0.0, dw * dw + vv * (reach * reach - (x * x + y * y)))) - dw) / vv
+    square = dw * dw + vv * (reach * reach - (x * x + y * y))
+    t = (math.sqrt(square) - dw) / vv if square > 0.0 else -1.0
+    return t if t > 0.0 else math.inf
 
 
 @inlined
