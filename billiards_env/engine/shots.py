@@ -227,14 +227,14 @@ def pot(k, i, pocket, state, scene, shots):  # out: state, shots
 def drive_off(k, i, state, scene, shots):  # out: state, shots
     """Takes ball i, which leaves the table, out of play, and records this.
 
-    It is moved to the nearest point of the edge of the playing surface, which no ball in play can reach.
+    It is put on the cushion, beside the nearest edge of the playing surface, where no ball in play can be.
     """
     length, width = scene.numbers.half_length, scene.numbers.half_width
     x, y = min(max(state.rows[i, X], -length), length), min(max(state.rows[i, Y], -width), width)
     if length - abs(x) <= width - abs(y):
-        x = math.copysign(length, x)
+        x = math.copysign(length + scene.radius[i], x)
     else:
-        y = math.copysign(width, y)
+        y = math.copysign(width + scene.radius[i], y)
     capture(state, i, x, y)
     shots.pot_order[k, i] = _balls_off(k, shots)
 

@@ -413,16 +413,16 @@ class _Table:
         self.log("off_table" if pocket < 0 else "pocket", ball, pocket)
         zero, segment = mpmath.mpf(0), self.current[ball]
         still = (zero,) * len(segment.velocity)
-        place = self.edge_near(segment.position_at(self.now)) if pocket < 0 else self.world.pockets[pocket]
+        place = self.place_beside(ball, segment.position_at(self.now)) if pocket < 0 else self.world.pockets[pocket]
         place = (*place[:2], *still[2:])
         self.replace({ball: Segment("potted", self.now, None, place, still, still, (zero,) * 3, (zero,) * 3, zero)})
 
-    def edge_near(self, position: Vector) -> Vector:
-        """Returns the point of the edge of the playing surface that is the nearest to a point on it or beyond it."""
+    def place_beside(self, ball: int, position: Vector) -> Vector:
+        """Returns where a ball lies that has left the table at a position: beside the nearest edge."""
         half = self.world.half_size
         place = [max(-most, min(x, most)) for x, most in zip(position, half, strict=False)]
         axis = min((0, 1), key=lambda k: half[k] - abs(place[k]))
-        place[axis] = half[axis] * mpmath.sign(place[axis])
+        place[axis] = (half[axis] + self.world.radius[ball]) * mpmath.sign(place[axis])
         return tuple(place)
 
     def walls_met(self, ball: int, wall: int, noise: Real) -> tuple[int, ...]:
