@@ -166,11 +166,14 @@ class Learner:
 
 
 def random_hits(envs: BilliardsVectorEnv, policy: AimPolicy, count: int, rng: np.random.Generator) -> Floats:
-    """Returns (m, count, a) random hits of the object balls, at the speeds of the policy."""
-    net = policy.net
+    """Returns (m, count, a) random hits of the object balls, at the speeds of the policy.
+
+    In scenes with flight half of the strikes have a raised cue.
+    """
+    net, scene = policy.net, envs.single_env.scene
     slowest, fastest = float(net.slowest.min()), float((net.slowest + net.faster).max())
     size = len(envs.single_env.action_space.low)
-    return hits(envs.positions, envs.single_env.scene.balls.radius, count, (slowest, fastest), size, rng)
+    return hits(envs.positions, scene.balls.radius, count, (slowest, fastest), size, rng, scene.physics.flight)
 
 
 def labels_of(envs: BilliardsVectorEnv, shots: Floats, outcomes: Any, most: int, rng: np.random.Generator) -> Labels:

@@ -5,7 +5,7 @@ registers the ids, so this module imports only small modules.
 
 Example:
     >>> FROZEN["Pot1-v0"].arguments["n_object_balls"], len(FROZEN)
-    (1, 32)
+    (1, 34)
 """
 
 from __future__ import annotations
@@ -104,6 +104,18 @@ _TASKS: dict[str, tuple[dict[str, Any], str, tuple[float, ...]]] = {
         {"task": "position", "scene": "pool", "n_object_balls": 1, "observe": ["positions", "goal"]},
         "Pot the object ball and bring the cue ball to rest at most 0.3 m from the goal.",
         (0.6, 0.4, 0.6, 0.4),
+    ),
+    "Jump": (
+        {
+            "task": "jump",
+            "scene": "jump_pool",
+            "n_object_balls": 2,
+            "layout": "snookered",
+            "action": "strike",
+            "max_speed": 6.0,
+        },
+        "Pot ball 1, which ball 2 hides, with a jump. An action is a strike of the cue.",
+        (0.9, 0.3),
     ),
     "NineBall": (
         {

@@ -277,8 +277,9 @@ class Motion:
     def __init__(
         self, canvas: Canvas, recording: Recording, compare: Recording | None, step: float, faces: Floats | None = None
     ) -> None:
-        """Prepares the drawing. Paths grow in pieces of `step` seconds; the rings leave out every second piece.
+        """Prepares the drawing. Paths grow in pieces of `step` seconds.
 
+        The paths of the rings and those in the air leave out every second piece.
         `faces` are the orientations of the balls at the start, see `Canvas.draw_balls`.
         """
         self.base = canvas.table.copy()
@@ -334,9 +335,9 @@ class Motion:
     def _draw_paths(self, surface: Surface, end: float) -> None:
         """Draws the paths from the start of the present step to a later time, s."""
         for run, paths in self._runs:
-            if run is not self._recording and self._steps % 2 == 1:
-                continue
             for ball, (times, points) in paths.items():
+                if self._steps % 2 == 1 and (run is not self._recording or run.flies(ball, [self.least_time])[0]):
+                    continue
                 first, last = np.searchsorted(times, (self.least_time - 1e-12, end + 1e-12)).tolist()
                 line = points[first:last]
                 if len(line) and times[last - 1] < end - 1e-12 and last < len(times):

@@ -6,7 +6,8 @@ the speed; its edges have the colour of the ball. Ticks show the side spin: they
 ball turns counterclockwise. Text outside the table is grey, so it is readable on white and on a dark page.
 
 If balls leave the cloth, there is a side view beside the table at the same scale. It shows the balls at the start, the
-paths of the balls that fly, and these balls at the top of each hop and at each contact in the air.
+paths of the balls that fly, and these balls at the top of each high hop. On the table the path of a ball in the air is
+dashed.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ except ModuleNotFoundError as error:
     raise missing("matplotlib", "plot") from error
 
 from billiards_env.drawing import style
-from billiards_env.drawing.recording import Floats, Recording, check_pair
+from billiards_env.drawing.recording import LEAST_HOP, Floats, Recording, check_pair
 from billiards_env.drawing.style import CHALK, CLOTH, INK, RAIL, Look, looks, rail_width
 from billiards_env.engine.orientation import VISIBLE, Turning
 from billiards_env.scene import Scene
@@ -46,6 +47,9 @@ MARKS = {
 SAMPLES = 400
 """Number of points of a path, in addition to its corners."""
 
+DASH = 1 / 30
+"""s. The time of a dash of a path in the air, and of the gap after it."""
+
 SPEEDS = "plasma"
 """The colours of the speeds."""
 
@@ -55,9 +59,6 @@ equator that is due to this spin; slower equators have no tick."""
 
 LEGEND_SPIN = 3 * WEAKEST_SPIN
 """m/s. Up to this speed the line of the path hides the ticks, so the legend does not explain them."""
-
-LEAST_HOP = 2e-3
-"""m. The side view does not show lower hops."""
 
 WEAK = 0.02
 """m/s. Slower contacts have no mark, because balls that come to rest against each other touch about a hundred times."""
@@ -105,9 +106,9 @@ def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording |
     if fastest > 0.0:
         _draw_speeds(ax, recording.scene, fastest)
     if figure is not None:
-        place: Any = {"loc": "outside lower center", "ncols": 7, "frameon": False, "fontsize": 8}
-        leaves = "off_table" in recording.events["kind"]
-        figure.legend(handles=legend_handles(spins, leaves), labelcolor=style.TEXT, **place)
+        handles = legend_handles(spins, "off_table" in recording.events["kind"], bool(hops))
+        place: Any = {"loc": "outside lower center", "ncols": 7 if len(handles) <= 7 else 5, "frameon": False}
+        figure.legend(handles=handles, labelcolor=style.TEXT, fontsize=8, **place)
     return ax
 
 
@@ -143,15 +144,16 @@ def draw_empty(ax: Axes, table: Table, strip: float = 0.0) -> tuple[float, float
     return x, y
 
 
-def legend_handles(side_spin: bool = True, leaves: bool = False) -> list[Line2D]:
-    """Returns the legend entries of the balls and marks, of the ticks of the `side_spin`, and of balls that leave."""
+def legend_handles(side_spin: bool = True, leaves: bool = False, hops: bool = False) -> list[Line2D]:
+    """Returns the legend entries: the balls, marks, ticks of the `side_spin`, balls that leave, and paths of `hops`."""
     marks = [("|", 7, style.TEXT, style.TEXT, "side spin")] if side_spin else []
     marks += [("o", 9, "#63762f", "#e69f00", "start"), ("o", 9, "#e69f00", CHALK, "end")]
     for kind, (marker, size, label) in MARKS.items():
         if kind == "off_table" and not leaves:
             continue
         marks.append((marker, size, CHALK if kind in ("sliding_rolling", "ball_ball") else style.TEXT, INK, label))
-    return [
+    paths = [Line2D([], [], linestyle=(0, (2, 1.5)), color=style.TEXT, label="in the air")] if hops else []
+    return paths + [
         Line2D([], [], marker=m, linestyle="none", markersize=s, color=f, markeredgecolor=e, label=text)
         for m, s, f, e, text in marks
     ]
@@ -167,15 +169,19 @@ def _draw_path(
     """Draws a path with speed and side spin, or dashed if there are no `turns`. Returns whether ticks are visible."""
     if not shot.moves(ball):
         return False
-    times, path = shot.track(ball, np.linspace(0, shot.time, SAMPLES))
+    ends = np.arange(0.0, shot.time, DASH) if shot.scene.physics.flight else []
+    times, path = shot.track(ball, np.append(np.linspace(0, shot.time, SAMPLES), ends))
     if turns is None:
         ax.plot(*path.T, linestyle=(0, (3, 2)), color=look.path, linewidth=1.6, solid_joinstyle="miter", zorder=4)
         return False
-    ax.plot(*path.T, linestyle="-", color=look.path, linewidth=3.4, solid_joinstyle="miter", zorder=4)
+    middles = (times[:-1] + times[1:]) / 2
+    seen = (middles // DASH % 2 == 0) | ~shot.flies(ball, middles)
+    line = np.insert(path, np.flatnonzero(~seen) + 1, np.nan, axis=0)
+    ax.plot(*line.T, linestyle="-", color=look.path, linewidth=3.4, solid_joinstyle="miter", zorder=4)
     steps = LineCollection(
-        list(np.stack((path[:-1], path[1:]), 1)), cmap=SPEEDS, linewidths=1.8, capstyle="round", zorder=4.2
+        list(np.stack((path[:-1], path[1:]), 1)[seen]), cmap=SPEEDS, linewidths=1.8, capstyle="round", zorder=4.2
     )
-    steps.set_array(shot.speeds(ball, times[:-1]))
+    steps.set_array(shot.speeds(ball, times[:-1])[seen])
     steps.set_clim(0.0, fastest)
     ax.add_collection(steps, autolim=False)
     along = np.append(0.0, np.cumsum(np.hypot(*np.diff(path, axis=0).T)))
@@ -203,7 +209,7 @@ def _draw_side(ax: Axes, shot: Recording, look: tuple[Look, ...], hops: Sequence
     axis = int(np.ptp(flown, axis=0).argmax())
     rail, nose, half = rail_width(table), table.cushion_height, (table.length / 2, table.width / 2)[axis]
     radius = max(shot.scene.balls.radius)
-    high = max(height for *_, height in hops) + 2 * radius + (0.07, 0.14)[axis]
+    high = max(height for *_, height in hops) + 2 * radius + (0.07, 0.18)[axis]  # with room for the label
     base = (table.width, table.length)[axis] / 2 + 1.1 * rail + 0.05  # the cloth
 
     def turned(along: ArrayLike, up: ArrayLike) -> Floats:
@@ -236,7 +242,7 @@ def _draw_side(ax: Axes, shot: Recording, look: tuple[Look, ...], hops: Sequence
         text: dict[str, Any] = {"ha": "center", "va": "bottom"} if axis == 0 else {"ha": "right", "va": "center"}
         if height > radius / 2:
             ax.text(x, y, f"{100 * height:.1f} cm", fontsize=6.5, color=CHALK, zorder=5, **text)
-    for ball, time, _ in hops:
+    for ball, time in [(ball, time) for ball, time, height in hops if height > radius / 2]:
         ball_at(ball, time, 4, fill=False, edgecolor=look[ball].path, linewidth=0.9)
     if axis == 0:
         ax.set_ylim(top=base + high)

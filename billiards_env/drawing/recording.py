@@ -15,6 +15,9 @@ from billiards_env.support.checks import numbers
 
 Floats = NDArray[np.float64]
 
+LEAST_HOP = 2e-3
+"""m. Pictures do not show lower hops."""
+
 
 class Recording(NamedTuple):
     """A recorded shot.
@@ -65,6 +68,12 @@ class Recording(NamedTuple):
     def heights(self, ball: int, times: ArrayLike) -> Floats:
         """Returns the heights (m,), m, of a ball above the cloth at times (m,), s; just before an event there."""
         return self.trajectory.heights(ball, np.nextafter(numbers("times", times), 0.0), self.scene.physics.g)
+
+    def flies(self, ball: int, times: ArrayLike) -> NDArray[np.bool_]:
+        """Returns whether a ball is higher than `LEAST_HOP` at times (m,), s; just before an event there."""
+        if not self.scene.physics.flight:
+            return np.zeros(np.shape(times), np.bool_)
+        return self.heights(ball, times) > LEAST_HOP
 
     def speeds(self, ball: int, times: ArrayLike) -> Floats:
         """Returns the speeds of a ball at some times (s), (m,) m/s; at a contact the speed after it."""

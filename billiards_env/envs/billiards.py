@@ -121,6 +121,8 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     - `task="position"`: 1 point if an object ball is potted, the cue ball is not, and the cue ball comes to rest at
       most `goal_radius` (0.3 m) from the goal.
     - `task="clear"`: 1 point if the last object ball is potted and the cue ball is not.
+    - `task="jump"`: 1 point if ball 1 is potted, the cue ball touches it before any other ball or cushion, no ball
+      leaves the table, and the cue ball is not potted.
     - `task="nine_ball"`: 1 point for each ball potted without a foul. The nine ball also scores 1 point for each ball
       that is left on the table, so a run-out scores 9 points.
     - `task="eight_ball"`: 1 point for each ball of the group potted without a foul, and for the eight ball.
@@ -205,8 +207,8 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     ## Starting State
 
     The argument `layout` selects the starting positions of the balls. By default the task selects it:
-    `"carom_opening"` in `"carom"` and `"three_cushion"`, `"line"` in `"sum_to_three"`, the rack of the game in the
-    run-outs, and `"random"` in the others. The layouts are:
+    `"carom_opening"` in `"carom"` and `"three_cushion"`, `"line"` in `"sum_to_three"`, `"snookered"` in `"jump"`, the
+    rack of the game in the run-outs, and `"random"` in the others. The layouts are:
 
     - `"random"`: all balls anywhere on the table, at least 1 mm from each other, from the cushions and from the
       pockets.
@@ -251,6 +253,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     - `task="place"`: when the point is scored, or the cue ball is potted.
     - `task="position"`: when the point is scored, the cue ball is potted, or no object ball is left.
     - `task="clear"`: as in `"pot"`.
+    - `task="jump"`: when ball 1 or the cue ball is off the table.
     - `task="nine_ball"` and `task="eight_ball"`: after a foul, after a shot that scores no point, and when the nine
       ball or the eight ball is potted. An eight ball potted before it is on, also in the break, ends the episode
       without success.
@@ -339,11 +342,13 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
 
     - `scene` is a name, a `Scene`, or a mapping for `Scene.from_dict`, such as `{"base": "real_pool", "n_object_balls":
       9, "physics": {"mu_roll": 0.012}}`. By default it is `"carom"` in `"carom"` and `"three_cushion"`,
-      `"sum_to_three"` in the task of that name, and `"pool"` in the others. `n_object_balls` needs a named scene.
+      `"sum_to_three"` in the task of that name, `"jump_pool"` in `"jump"`, and `"pool"` in the others.
+      `n_object_balls` needs a named scene.
     - `Scene.named` lists the named scenes and their numbers of object balls, such as `"pool"`, `"carom"` and
       `"real_pool"`, a pool table with throw and the jaws of the pockets.
-    - The tasks `"pot"`, `"position"`, `"clear"` and the run-outs need a table with pockets. `"nine_ball"` needs 9
-      object balls and `"eight_ball"` 15. `"sum_to_three"` needs a table without pockets and exactly one object ball.
+    - The tasks `"pot"`, `"position"`, `"clear"`, `"jump"` and the run-outs need a table with pockets. `"jump"` needs 2
+      object balls, `"nine_ball"` 9 and `"eight_ball"` 15. `"sum_to_three"` needs a table without pockets and exactly
+      one object ball.
     - `noise` maps "angle_std" (of the direction, degrees), "speed_std" (m/s), "offset_std" (of both offsets of the tip,
       m) and "elevation_std" (degrees) to numbers. Missing ones are 0.125, 0.075, 0.0005 and 0.1, those of the pool
       tournaments at the Computer Olympiad (Smith 2007, PickPocket: A computer billiards shark). The speed stays

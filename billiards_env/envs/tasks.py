@@ -152,6 +152,20 @@ def judge_clear(k, numbers, arrays):
 
 
 @kernel
+def judge_jump(k, numbers, arrays):
+    """Pots ball 1, which the cue ball touches before any other ball or cushion: 1 point.
+
+    A shot that pots the cue ball or drives a ball off the table scores 0 points. The episode is decided if ball 1 or
+    the cue ball is off the table.
+    """
+    facts = facts_of_shot(k, arrays, numbers.bits)
+    _, decided, potted = judge_pot(k, numbers, arrays)
+    first = facts.first == numbers.bits[1] and facts.cushions_before_first == 0
+    success = potted and first and facts.driven_off == 0
+    return (1 if success else 0), decided, success
+
+
+@kernel
 def judge_nine_ball(k, numbers, arrays):
     """Pots balls in shots that first touch the lowest ball on the table: 1 point for each.
 
@@ -205,6 +219,7 @@ class Task(NamedTuple):
         layout: The default layout.
         scene: The name of the default scene.
         n_object_balls: The smallest and the largest number of object balls; None for no limit.
+        n_targets: The number of object balls that count, from ball 1 on; None for all.
         pockets: Whether the table must have pockets; None for any table.
         max_shots: The default of the number of shots after which an episode ends.
         goal_radius: m. Largest distance from the goal at which the cue ball may come to rest; 0 for a task without a
@@ -222,6 +237,7 @@ class Task(NamedTuple):
     layout: str
     scene: str = "pool"
     n_object_balls: tuple[int, int | None] = (1, None)
+    n_targets: int | None = None
     pockets: bool | None = None
     max_shots: int = 1
     goal_radius: float = 0.0
@@ -244,6 +260,9 @@ TASKS = {
     ),
     "position": Task(judge=judge_position, layout="random", pockets=True, goal_radius=0.3, condition=pots_a_ball),
     "clear": Task(judge=judge_clear, layout="random", pockets=True, rules="straight"),
+    "jump": Task(
+        judge=judge_jump, layout="snookered", scene="jump_pool", n_object_balls=(2, 2), n_targets=1, pockets=True
+    ),
     "nine_ball": Task(
         judge=judge_nine_ball,
         layout="nine_ball",
@@ -318,7 +337,9 @@ def opening_of(entry: Task, scene: Scene, layout: str, **fields: Any) -> tuple[N
 
 
 def task_targets(task: str, scene: Scene, n_players: int = 1) -> NDArray[np.bool_]:
-    """Returns the balls that count in a task: the object balls. Tasks with pockets count only those of finite mass.
+    """Returns the balls that count in a task: all object balls, or `Task.n_targets` of them.
+
+    Tasks with pockets count only those of finite mass.
 
     Args:
         task: The name of a task or, for several players, of a game.
@@ -343,6 +364,8 @@ def task_targets(task: str, scene: Scene, n_players: int = 1) -> NDArray[np.bool
             f"{balls}{table}, such as scene {entry.scene!r}"
         )
     targets = np.arange(scene.n_balls) > 0
+    if entry.n_targets is not None:
+        targets[1 + entry.n_targets :] = False
     if entry.pockets:
         targets &= np.isfinite(scene.balls.mass)
         if not targets.any():

@@ -77,9 +77,17 @@ class Situation(NamedTuple):
         one_of("action of the environment of a player", self.action, PLAYED)
         return action_named(self.action).size
 
-    def pots(self) -> PotShots:
-        """Returns the direct pots, or the pots off one cushion if no direct pot is possible or scores, best first."""
-        return pot_shots(self.table, direct=not self.banks)
+    def pots(self, jumps: bool = False) -> PotShots:
+        """Returns the direct pots, or the pots off one cushion if no direct pot is possible or scores, best first.
+
+        With `jumps` only the targets are in the way, because the cue ball jumps over the others.
+        """
+        table = self.table
+        if jumps:
+            on_table = table.targets.copy()
+            on_table[:, table.cue] = True
+            table = table._replace(in_play=on_table)
+        return pot_shots(table, direct=not self.banks)
 
     def full_hit(self) -> Floats:
         """Returns the direction (2,) to the target nearest to the cue ball."""

@@ -10,6 +10,7 @@
 
 An action is the velocity of the cue ball divided by the largest speed, (2,), or a strike, (5,), see
 `billiards_env.envs.actions`. "search" also tries pots with random english and follow or draw, if actions are strikes.
+In scenes with flight it also tries pots over other balls with a raised cue.
 
 None of them plays a safety or a push out, or hands a shot back. With the cue ball in hand, "random" draws its place.
 The others draw some places, and choose the one with the easiest pot.
@@ -22,7 +23,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.envs.actions import PLAYED, aimed_strikes, perturb
+from billiards_env.envs.actions import ELEVATION, PLAYED, aimed_strikes, perturb
 from billiards_env.games import Stroke
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.aim import aim
@@ -38,6 +39,7 @@ FINALISTS, REPEATS = 16, 16
 
 
 _LEVEL = -0.5  # an elevation of an action below 0 is a level cue
+_RAISED = 0.1, 0.7  # the least and the largest elevation of a jump shot, over 90 degrees
 
 AIM_SHOTS = 3_000
 """The largest number of random shots for each way to score with which "aim" begins."""
@@ -65,8 +67,8 @@ def search(situation: Situation, rng: np.random.Generator, shots: int = SHOTS) -
 
     The first half of the shots are the pots, best first, and then variations of them with directions turned by
     about the tolerance, random speeds and, if actions are strikes, random offsets of the tip. The other shots have
-    random directions and speeds. If there is no pot, all shots are random. In a game a full hit comes first. `best_of`
-    chooses.
+    random directions and speeds. If there is no pot, all shots are random. In a game a full hit comes first. If actions
+    are strikes in a scene with flight, half of the first half are pots with a raised cue. `best_of` chooses.
 
     Args:
         situation: The situation.
@@ -75,8 +77,10 @@ def search(situation: Situation, rng: np.random.Generator, shots: int = SHOTS) -
     """
     situation = placed(situation, rng)
     first = situation.full_hit()[None] if situation.in_game else np.empty((0, 2))
-    near = _near(situation, (shots + 1) // 2, rng)
-    parts = (padded(part, situation.action_size) for part in (first, near, anywhere(shots, rng)))
+    near = [_near(situation, (shots + 1) // 2, rng)]
+    if situation.action_size > 2 and situation.table.scene.physics.flight:
+        near = [_near(situation, (shots + 3) // 4, rng, jumps=True), near[0][: shots // 4]]
+    parts = (padded(part, situation.action_size) for part in (first, *near, anywhere(shots, rng)))
     return best_of(situation, np.concatenate(tuple(parts))[:shots], rng)
 
 
@@ -139,9 +143,12 @@ def random_offsets(count: int, rng: np.random.Generator) -> Floats:
     return lengths[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
 
 
-def _near(situation: Situation, count: int, rng: np.random.Generator) -> Floats:
-    """Returns (count, numbers) actions: the pots, then variations of them. Without pots there are none."""
-    pots = situation.pots()
+def _near(situation: Situation, count: int, rng: np.random.Generator, jumps: bool = False) -> Floats:
+    """Returns (count, numbers) actions: the pots, then variations of them. Without pots there are none.
+
+    Jumps have a raised cue without english.
+    """
+    pots = situation.pots(jumps)
     if not len(pots.speed):
         return np.empty((0, 2))
     which = np.arange(count) % len(pots.speed)
@@ -151,7 +158,11 @@ def _near(situation: Situation, count: int, rng: np.random.Generator) -> Floats:
     actions = perturb(speeds[:, None] * pots.direction[which], np.column_stack((turns, np.zeros(count))))
     if situation.action_size == 2:
         return actions
-    return aimed_strikes(situation.table.scene, actions, np.where(varied[:, None], random_offsets(count, rng), 0.0))
+    spun = varied & (not jumps)
+    strikes = aimed_strikes(situation.table.scene, actions, np.where(spun[:, None], random_offsets(count, rng), 0.0))
+    if jumps:
+        strikes[:, ELEVATION] = rng.uniform(*_RAISED, count)
+    return strikes
 
 
 def anywhere(count: int, rng: np.random.Generator) -> Floats:
@@ -167,6 +178,7 @@ def hits(
     speeds: tuple[float, float],
     size: int,
     rng: np.random.Generator,
+    raised: bool = False,
 ) -> Floats:
     """Returns (m, count, size) random actions that send the cue ball at random parts of random object balls.
 
@@ -177,6 +189,7 @@ def hits(
         speeds: The least and the largest speed, over the largest speed of the environment. Slower ones are more likely.
         size: 2 for velocities, 5 for strikes with random offsets of the tip and a level cue.
         rng: The generator to draw from.
+        raised: Whether half of the strikes have a raised cue.
     """
     m, n = positions.shape[:2]
     balls = rng.integers(1, n, (m, count))
@@ -188,5 +201,7 @@ def hits(
     velocities = speed[..., None] * np.stack((np.cos(angles), np.sin(angles)), axis=2)
     if size == 2:
         return velocities
-    offsets, level = random_offsets(m * count, rng).reshape(m, count, 2), np.full((m, count, 1), _LEVEL)
-    return np.concatenate((velocities, offsets, level), axis=2)
+    offsets, elevations = random_offsets(m * count, rng).reshape(m, count, 2), np.full((m, count, 1), _LEVEL)
+    if raised:
+        elevations[:, ::2] = rng.uniform(*_RAISED, elevations[:, ::2].shape)
+    return np.concatenate((velocities, offsets, elevations), axis=2)

@@ -44,6 +44,9 @@ def test_random_hits_of_strikes_have_random_offsets_and_a_level_cue():
     offsets = np.hypot(*np.moveaxis(actions[..., 2:4], 2, 0))
     assert 0.8 < offsets.max() < 1.0
     assert (actions[..., 4] < 0).all()
+    jumps = hits(positions, (0.0286, 0.0286), 500, (0.1, 0.9), 5, np.random.default_rng(0), raised=True)
+    assert np.array_equal(jumps[..., :4], actions[..., :4])
+    assert (jumps[..., 4] > 0).mean() == 0.5
 
 
 @pytest.mark.parametrize("task", ["Place-v0", "Position-v0", "Pot1-v0"])

@@ -38,6 +38,8 @@ HASHES = {
     "PositionNoise-v0": "0109b993e13750db",
     "PositionStrike-v0": "08cecf1d332f91b0",
     "PositionStrikeNoise-v0": "f1aa8438247ca8ec",
+    "Jump-v0": "40973f8943ac2ecf",
+    "JumpNoise-v0": "423a2b8fba6851c5",
     "NineBall-v0": "b0ac70d9ae125418",
     "NineBallNoise-v0": "7765917bc4b38a0d",
     "NineBallStrike-v0": "1a69956a9bbec8ec",
@@ -85,7 +87,7 @@ def test_the_results_do_not_change():
 
 def test_the_ids_are_the_tasks_their_strikes_and_both_with_noise():
     potting = {"Pot1", "Pot3", "Clear5", "Position", "NineBall", "EightBall"}
-    names = potting | {"Carom", "ThreeCushion", "SumToThree", "Place"} | {f"{name}Strike" for name in potting}
+    names = potting | {"Carom", "ThreeCushion", "SumToThree", "Place", "Jump"} | {f"{name}Strike" for name in potting}
     assert set(FROZEN) == {f"{name}{noise}-v0" for name in names for noise in ("", "Noise")}
 
 

@@ -194,3 +194,11 @@ def test_the_shadow_of_a_ball_in_the_air_is_beside_it(jump):
     edge = 1.1 * canvas.scale * jump.scene.balls.radius[0]  # beyond the ball if it were on the cloth
     assert near(pixels(frame), ground, "#ffffff", 90, dx=-edge)
     assert not Motion(canvas, jump.recording(), None, 1 / 60).potted(jump.time).size
+
+
+def test_the_path_of_a_ball_in_the_air_is_dashed(jump):
+    canvas, frame, step = Canvas(jump.scene, 1000), Canvas(jump.scene, 1000).table.copy(), 1 / 60
+    Motion(canvas, jump.recording(), None, step).draw(frame, jump.time)
+    middles = (np.arange(8, 13) + 0.5) * step
+    seen = [near(pixels(frame), canvas.pixels_of(jump.at(t)[0]), looks(jump.scene)[0].path, 90) for t in middles]
+    assert seen == [True, False, True, False, True]

@@ -315,3 +315,11 @@ def test_the_page_of_a_flight_has_the_heights(jump, tab, tmp_path):
     tab.evaluate("billiards.seek(0.1)")
     assert text(tab, "#places tr td:last-child") == f"{jump.heights_at(0.1)[0]:.3f}"
     assert "leaves the table" in text(tab, "#events")
+    gaps = """() => {
+        let gaps = 0;
+        const move = CanvasRenderingContext2D.prototype.moveTo;
+        CanvasRenderingContext2D.prototype.moveTo = function (x, y) { gaps++; move.call(this, x, y); };
+        billiards.seek(0.99 * billiards.duration);
+        return gaps;
+    }"""
+    assert tab.evaluate(gaps) > 5  # the path in the air is dashed

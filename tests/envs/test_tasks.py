@@ -15,6 +15,8 @@ SAMPLE: dict[str, Any] = {
     "targets": (1, 2),
     "before": (),
     "after": (),
+    "off": (),
+    "first_hit": -1,
     "cushions": (0, 0, 0),
     "before_hit": (-1, -1, -1),
     "cue": (9.0, 9.0),
@@ -29,12 +31,16 @@ def judged(kernel, targets, goal_radius=0.0, **arrays: Any):
 
 
 def one(task, **changes: Any):
-    """Returns the result of the last of three shots. The other two shots have different values."""
+    """Returns the result of the last of three shots. The other two shots have different values.
+
+    The cue ball touches the balls that are potted before the others. `off` are driven off the table.
+    """
     shot = {**SAMPLE, **changes}
     goals, pockets, after = np.full((3, 1, 2), 9.0), np.full((3, 3), 7), np.zeros((3, 3), np.bool_)
     cushions, before_hit, positions = np.full((3, 3), 7), np.full((3, 3), 7), np.full((3, 3, 2), 5.0)
     goals[2, 0], after[2], positions[2, 0] = GOAL, balls(shot["after"]), shot["cue"]
     pockets[2] = np.where(after[2] & ~balls(shot["before"]), 4, -1)
+    pot_order = np.where(balls(shot["off"]), 4, pockets)
     cushions[2], before_hit[2] = shot["cushions"], shot["before_hit"]
     return judged(
         task,
@@ -46,9 +52,9 @@ def one(task, **changes: Any):
         cue=np.zeros(3, np.int64),
         cushions=cushions,
         cushions_before_hit=before_hit,
-        first_hit=np.array([1, 1, -1]),
+        first_hit=np.array([1, 1, shot["first_hit"]]),
         pockets=pockets,
-        pot_order=pockets,
+        pot_order=pot_order,
         touched_first=pockets > 0,
     )
 
@@ -74,6 +80,16 @@ CLEAR = [
     ((1,), (1, 2), 1, True),
     ((), (1, 2), 1, True),
     ((1,), (0, 1, 2), 0, True),
+]
+# The cushions of the cue ball before it touches each ball, the balls that are potted, and those driven off the table
+JUMP = [
+    ((-1, 0, -1), (1,), (), 1, True),
+    ((-1, 1, 3), (1,), (), 0, True),  # off a cushion
+    ((-1, 0, 0), (1, 2), (), 0, True),  # both at once
+    ((-1, -1, 0), (1,), (), 0, True),
+    ((-1, 0, 0), (1,), (2,), 0, True),
+    ((-1, 0, -1), (0, 1), (), 0, True),
+    ((-1, 0, -1), (), (), 0, False),
 ]
 # The cushions of the cue ball before it touches each ball, and the balls that are potted
 CAROM = [
@@ -128,6 +144,9 @@ def cases():
     yield tasks.judge_pot, {"targets": (2,), "after": (1,)}, (0, False, False)
     for before, after, points, over in CLEAR:
         yield tasks.judge_clear, {"before": before, "after": after}, (points, over, points == 1)
+    for before_hit, after, off, points, over in JUMP:
+        shot = {"targets": (1,), "first_hit": 1, "before_hit": before_hit, "after": after, "off": off}
+        yield tasks.judge_jump, shot, (points, over, points == 1)
     for before_hit, after, points, over in CAROM:
         three = [3 if cushions >= 0 else -1 for cushions in before_hit]
         yield tasks.judge_carom, {"before_hit": before_hit, "after": after}, (points, over, points == 1)

@@ -124,6 +124,24 @@ def test_the_search_tries_strikes_with_spin():
     assert env.step(action)[1] == expected
 
 
+def test_the_search_jumps_over_a_ball():
+    env, tried = make_env(task="jump", action="strike", max_speed=6.0), []
+    env.reset(seed=0, options={"positions": [[-0.2, -0.1], [0.6, 0.3], [0.2, 0.1]]})
+
+    def rate(actions):
+        tried.append(actions)
+        return env.try_actions(actions).rewards
+
+    action = chosen(env, search, RNG(0), 200, rate=rate)
+    (actions,) = tried
+    assert actions.shape == (200, 5)
+    raised = actions[:, 4] > 0
+    assert raised.sum() == 50
+    assert action[4] > 0
+    *_, info = env.step(action)
+    assert info["is_success"]
+
+
 ACTIONS = {"velocity": [0.9, 0.8], "strike": [0.5, 0.1, 0.3, -0.2, 0.1], "cut": [0.3, 0.1], "plan": 12}
 
 

@@ -49,7 +49,7 @@ def test_each_id_has_a_page(name):
     assert f"a mean return of {task.threshold:g}," in page
     assert all(f"\n| `{player}` " in page for player in ("random", "geometric", "search:200"))
     assert all(f"- {line}" in page for line in task.history)
-    assert ("[strike](" in page) == ("Strike" in name)
+    assert ("[strike](" in page) == (task.arguments["action"] == "strike")
     assert ("`angle_std=0.125`" in page) == ("Noise" in name)
 
 
