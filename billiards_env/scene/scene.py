@@ -221,8 +221,6 @@ class Physics:
             normal speed v is max(e_cushion_floor, e_cushion - e_cushion_loss * max(0, v - e_cushion_onset)).
         e_cushion_onset: Normal speed above which the cushions' restitution falls, m/s.
         e_cushion_floor: Least restitution of the cushions.
-        mu_cushion_angle: Gain of the friction of "han2005_variable" cushions from a ball that moves along the normal to
-            a ball that moves along the cushion.
         e_cushion_topspin: Gain of the restitution of "han2005_variable" cushions from a ball without topspin to a ball
             that rolls.
         e_cushion_tangent: Share of the slip along the cushion that "han2005_variable" cushions reverse if their
@@ -284,7 +282,6 @@ class Physics:
     e_cushion_loss: float = _number(0.0, "speed_loss", "cushion")
     e_cushion_onset: float = _number(0.0, "onset", "cushion", fitted=False)
     e_cushion_floor: float = _number(0.0, "restitution", "cushion", fitted=False)
-    mu_cushion_angle: float = _number(0.0, "mu_cushion", "cushion", only=("han2005_variable",))
     e_cushion_topspin: float = _number(0.0, "restitution", "cushion", only=("han2005_variable",))
     e_cushion_tangent: float = _number(0.0, "restitution", "cushion", only=("han2005_variable",))
     e_cushion_slip: float = _number(0.0, "restitution", "cushion", only=("han2005_variable",))

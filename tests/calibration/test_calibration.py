@@ -228,9 +228,9 @@ def test_a_number_is_fitted_only_if_a_law_of_the_scene_reads_it():
     assert "mu_ball_decay" in names(frictional, None)
     assert "mu_ball_decay" not in names(with_physics(frictional, mu_ball=0.05), None)
     assert "mu_ball_decay" not in names(with_physics(SCENE, ball_ball="frictionless"), None)
-    variable = with_physics(SCENE, cushion="han2005_variable", mu_cushion_angle=0.1)
-    assert "mu_cushion_angle" in names(variable, None)
-    assert "mu_cushion_angle" not in names(with_physics(variable, cushion="han2005"), None)
+    variable = with_physics(SCENE, cushion="han2005_variable", e_cushion_tangent=0.1)
+    assert "e_cushion_tangent" in names(variable, None)
+    assert "e_cushion_tangent" not in names(with_physics(variable, cushion="han2005"), None)
     rolling = with_physics(SCENE, motion="rolling", cushion="restitution", ball_ball="frictionless", e_cushion_loss=0.1)
     assert names(rolling, None) == ("mu_roll", "e_ball", "e_cushion", "e_cushion_loss")
 

@@ -31,7 +31,7 @@ def inputs_of(scene):
     if p.cushion == "stronge":
         names += ["cushion_frequency_ratio"]
     if p.cushion == "han2005_variable":
-        names += ["mu_cushion_angle", *VARIABLE]
+        names += list(VARIABLE)
     if p.mu_roll_speed is not None:
         names += ["mu_roll_speed"]
     if p.e_cushion_loss:

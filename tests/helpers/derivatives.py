@@ -35,7 +35,6 @@ SCENES = {
             ball_ball="frictional",
             cushion="han2005_variable",
             **VARIABLE,
-            mu_cushion_angle=0.07,
             mu_roll_speed=0.004,
         ),
     ),

@@ -91,7 +91,7 @@ def test_a_whole_scene_may_leave_out_numbers_with_the_default_0():
     """Files of earlier versions do not have the numbers of newer laws."""
     scene = Scene.named("real_pool")
     data = scene.to_dict()
-    del data["physics"]["mu_cushion_angle"], data["physics"]["e_cushion_topspin"]
+    del data["physics"]["e_cushion_topspin"]
     assert Scene.from_dict(data) == scene
 
 

@@ -36,7 +36,6 @@ RANGES = {
     "e_cushion_loss": (0.0, 0.2),
     "e_cushion_onset": (0.0, 2.0),
     "e_cushion_floor": (0.7, 0.85),
-    "mu_cushion_angle": (0.0, 0.1),
     "e_cushion_topspin": (0.0, 0.1),
     "e_cushion_tangent": (0.0, 0.1),
     "e_cushion_slip": (0.0, 0.1),

@@ -60,7 +60,6 @@ class World:
     e_cushion_loss: Real
     e_cushion_onset: Real
     e_cushion_floor: Real
-    mu_cushion_angle: Real
     e_cushion_topspin: Real
     e_cushion_tangent: Real
     e_cushion_slip: Real
@@ -431,16 +430,15 @@ def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Re
 
 
 def _han_variable(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real) -> Vector:
-    """Returns the state after a cushion as `_han`, whose friction and restitution depend on the motion before."""
+    """Returns the state after a cushion as `_han`, whose restitution depends on the motion before."""
     zero, one = mpmath.mpf(0), mpmath.mpf(1)
     radius, sin = world.radius[ball], world.cushion_height / world.radius[ball] - 1
     cos = mpmath.sqrt(1 - sin * sin)
-    friction = world.mu_cushion + world.mu_cushion_angle * (1 - vx**2 / (vx**2 + vy**2))
     square = (vx * sin + radius * wy) ** 2 + (vy + radius * (wz * cos - wx * sin)) ** 2
     gain = world.e_cushion_topspin * sorted((zero, radius * wy / vx, one))[1]
     gain += world.e_cushion_slip * square / (square + vx**2)
     e = min(one, _restitution(world, vx) + gain)
-    same = dataclasses.replace(world, mu_cushion=friction, e_cushion=e, e_cushion_loss=zero, e_cushion_floor=zero)
+    same = dataclasses.replace(world, e_cushion=e, e_cushion_loss=zero, e_cushion_floor=zero)
     vy_before, wx_before = vy, wx
     vx_after, vy, wx, wy_after, wz = _han(same, ball, vx, vy, wx, wy, wz, world.e_cushion_tangent)
     # The vertical impulse from the angular momentum, and the slips on the cloth before and after the impulse

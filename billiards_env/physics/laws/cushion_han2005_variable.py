@@ -1,17 +1,15 @@
-"""The impact on a cushion by Han (2005), with friction and restitution that depend on the motion.
+"""The impact on a cushion by Han (2005), with a restitution that depends on the motion.
 
-Fits of recorded three-cushion shots (the tracks of the simulator tailuge/billiards) show four effects. The friction
-grows with the angle to the normal, the restitution grows with the topspin or with the slip, the impulse reverses part
-of the slip along the cushion, and the cloth rubs the ball during the impact. The law is a simple form of these effects:
+Fits of recorded three-cushion shots (the tracks of the simulator tailuge/billiards) show three effects. The restitution
+grows with the topspin or with the slip, the impulse reverses part of the slip along the cushion, and the cloth rubs the
+ball during the impact. The law is a simple form of these effects. The restitution is
 
-    mu = mu_cushion + mu_cushion_angle sin^2(phi)
     e = e(v_n) + e_cushion_topspin min(1, max(0, R omega_t / v_n)) + e_cushion_slip s^2 / (s^2 + v_n^2)
 
-Here phi is the angle between the velocity and the normal, omega_t is the spin along the cushion (v_n / R for a ball
-that rolls), s is the size of the slip at the nose, and e(v_n) is the restitution of the other cushions. If mu does not
-limit the friction, the impact stops the slip up or down the nose and reverses the share e_cushion_tangent of the slip
-along the cushion, as with a nose that yields sideways (Stronge 2000). If mu limits the friction, it has the direction
-of this impulse.
+Here omega_t is the spin along the cushion (v_n / R for a ball that rolls), s is the size of the slip at the nose, and
+e(v_n) is the restitution of the other cushions. If mu_cushion does not limit the friction, the impact stops the slip up
+or down the nose and reverses the share e_cushion_tangent of the slip along the cushion, as with a nose that yields
+sideways (Stronge 2000). If mu_cushion limits the friction, it has the direction of this impulse.
 
 The vertical part p_z of the impulse presses the ball on the slate, or lifts it for a short time. In both cases there is
 also friction with the cloth. It acts against the mean of the slips on the cloth before and after the impulse of the
@@ -61,17 +59,15 @@ def _rub(before, after, rebound, most):
 @inlined
 def han2005_variable(before, radius, rebound, numbers, solution):
     """Returns a ball's motion after an impact on a cushion, as `cushion_han2005.han2005` does."""
-    vn, vt = before.vn, before.vt
-    square = vn * vn + vt * vt
-    along = vt * vt / square if square > 0.0 else 0.0
+    vn = before.vn
     nose = nose_of(radius, numbers)
     slips = slip_at(before, nose)
     sx, sy = slips
-    mu = numbers.mu_cushion + numbers.mu_cushion_angle * along
     e, gain = cushion_restitution(vn, numbers), _gain(before, slips, numbers)
     if e < 1.0 or gain > 0.0:  # without a gain, a restitution of 1 depends only on `e_cushion`: leave out `min`
         e = min(1.0, e + gain)
-    after, raised, lift = impact(before, nose, (sx, sy * (1.0 + numbers.e_cushion_tangent)), rebound, mu, e)
+    reversed_slips = (sx, sy * (1.0 + numbers.e_cushion_tangent))
+    after, raised, lift = impact(before, nose, reversed_slips, rebound, numbers.mu_cushion, e)
     return _rub(before, after, rebound, numbers.mu_cushion_cloth * abs(lift)), raised
 
 
