@@ -168,7 +168,7 @@ class Learner:
 def random_hits(envs: BilliardsVectorEnv, policy: AimPolicy, count: int, rng: np.random.Generator) -> Floats:
     """Returns (m, count, a) random hits of the object balls, at the speeds of the policy.
 
-    In scenes with flight half of the strikes have a raised cue.
+    In scenes with flight half of the hits have a raised cue.
     """
     net, scene = policy.net, envs.single_env.scene
     slowest, fastest = float(net.slowest.min()), float((net.slowest + net.faster).max())

@@ -178,7 +178,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 
 
 def draw(result: dict[str, Any], scene: Scene, tracks: list[Track], path: Path) -> None:
-    """Draws shots at equal distances in the order of their errors, the errors of all shots, and their growth.
+    """Draws shots from a small to a large error, the errors of all shots, and their growth.
 
     Args:
         result: What `measure` returned for these tracks.

@@ -114,7 +114,7 @@ _TASKS: dict[str, tuple[dict[str, Any], str, tuple[float, ...]]] = {
             "action": "strike",
             "max_speed": 6.0,
         },
-        "Pot ball 1, which ball 2 hides, with a jump. An action is a strike of the cue.",
+        "Jump over ball 2, which hides ball 1, and pot ball 1. An action is a strike of the cue.",
         (0.9, 0.3),
     ),
     "NineBall": (

@@ -264,7 +264,7 @@ def drawn(scene: Scene, shot: Shot, ahead: float = 0.0) -> tuple[Track, Bools, R
     """Returns the rows of a shot until `ahead` s after the last fitted one, for `draw_fit`.
 
     Returns:
-        The rows, at times after the strike; whether each is fitted; and the path.
+        The rows, with times since the strike; whether each is fitted; and the path.
     """
     seen = ~shot.added & (shot.time <= ahead + shot.time.max(initial=0.0, where=shot.used))
     track = shot.track._replace(times=shot.time - shot.starts[0, INSTANT]).rows(seen)

@@ -279,7 +279,7 @@ class Motion:
     ) -> None:
         """Prepares the drawing. Paths grow in pieces of `step` seconds.
 
-        The paths of the rings and those in the air leave out every second piece.
+        The paths of the rings, and the paths in the air, leave out every second piece.
         `faces` are the orientations of the balls at the start, see `Canvas.draw_balls`.
         """
         self.base = canvas.table.copy()

@@ -6,8 +6,8 @@ the speed; its edges have the colour of the ball. Ticks show the side spin: they
 ball turns counterclockwise. Text outside the table is grey, so it is readable on white and on a dark page.
 
 If balls leave the cloth, there is a side view beside the table at the same scale. It shows the balls at the start, the
-paths of the balls that fly, and these balls at the top of each high hop. On the table the path of a ball in the air is
-dashed.
+paths of the balls that fly, and these balls at the top of each high hop. In the view from above, the path of a ball in
+the air is dashed.
 """
 
 from __future__ import annotations

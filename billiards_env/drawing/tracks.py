@@ -37,8 +37,8 @@ def draw_fit(
     """Draws the fit of tracks, see `calibration.tracks.Track`.
 
     Args:
-        shots: The track, the rows that are fitted and the fitted shot of each shot that is drawn, by its title. Rows
-            after the last fitted one, and the path there, are a prediction.
+        shots: The track, the rows that are fitted and the fitted shot of each shot that is drawn, by its title. After
+            the last fitted row the path is a prediction.
         errors: The errors of the rows until each contact of the cue ball, m.
         growth: Up to four curves by name: the median error until each contact, m.
 

@@ -18,11 +18,11 @@ The rule does not change an impact after which the bodies separate faster withou
 m/2 (3/2 A tau)^2 to the energy, where m is the mass of the heavier ball.
 
 **Bodies that carry a ball.** Gravity presses a ball above the cloth against the ball or the nose below it. There the
-rule acts with A = g |n_z| and tau = sqrt(2 h / g), where n is the normal and h is `Numbers.least_hop`, if this A tau is
-the larger one. So the ball slips down the body below it in hops that are lower than h, about 2 ms long with the default
-numbers. Nothing moves a ball that stands exactly above another one. So after a weak impact with a normal nearer to the
-vertical than `LEAN`, the impulse has this inclination. If the normal is exactly vertical, the upper ball falls towards
-the middle of the table, and at the middle along x.
+rule acts with A = g |n_z| and tau = sqrt(2 h / g), where n is the normal and h is `Numbers.least_hop`, unless A tau is
+smaller than with friction. So the ball slips down the body below it in hops lower than h, which last a few milliseconds
+with the default numbers. An impulse along a vertical normal would leave a ball on top of another one. So if the normal
+of a weak impact is nearer to the vertical than `LEAN`, the rule tilts it to `LEAN`. If the normal is exactly vertical,
+the upper ball falls towards the middle of the table, or along x if it is at the middle.
 
 **Other sequences.** If the intervals between impacts shrink because of masses or restitution, the speeds fall
 geometrically, and the impacts are computed one by one. The rule only ends a long run of impacts at one place and
@@ -98,7 +98,8 @@ def weak_speed(motion: int, slide: float, roll: float) -> float:
 
 
 LEAN = 1e-3
-"""The least horizontal part of the unit normal of a weak impact in space: any ball leaves the top of another in 1 s."""
+"""The least horizontal part of the unit normal of a weak impact in space. A ball thus leaves the top of another one in
+less than 1 s."""
 
 
 class Memory(NamedTuple):
@@ -131,7 +132,7 @@ def reset_memory(memory):  # out: memory
 
 
 class Limits(NamedTuple):
-    """What the rule calls weak at a contact.
+    """The limits of weak impacts at a contact.
 
     Attributes:
         speed: The largest speed of approach of a weak impact, A tau, m/s.
@@ -152,7 +153,7 @@ def limits_of(nz, c, numbers):
 
 @inlined
 def limits_in_space(nz, numbers):
-    """Returns the `Limits` at a contact with a normal (nx, ny, nz)."""
+    """Returns the `Limits` at a contact in space; nz is the vertical part of its unit normal."""
     tau = math.sqrt(2.0 * numbers.least_hop / numbers.g)
     speed = abs(nz) * numbers.g * tau
     if speed > numbers.weak_speed:
@@ -162,7 +163,7 @@ def limits_in_space(nz, numbers):
 
 @inlined
 def leaning(n, place):
-    """Returns the unit normal n from a ball at `place`, (x, y), with a horizontal part of at least `LEAN`."""
+    """Returns the unit normal n from a ball at `place`, (x, y), tilted to a horizontal part of at least `LEAN`."""
     nx, ny, nz = n
     across = norm(nx, ny)
     if across >= LEAN:
@@ -177,7 +178,7 @@ def leaning(n, place):
 
 @inlined
 def _lean(nz, c, contacts, state):  # out: nz, contacts
-    """Makes the normal of contact c a `leaning` one; `nz` is `Contacts.nz`."""
+    """Replaces the normal of contact c by the `leaning` one; `nz` is `Contacts.nz`."""
     if nz is None:
         return
     row, n = state.rows[contacts.first[c]], (contacts.nx[c], contacts.ny[c], nz[c])
@@ -213,7 +214,7 @@ def least_rebound(speed, towards, weak, limits, numbers):
 def end_runs(i, time, speed, weak_speed, numbers, memory):  # out: memory
     """Resets the counts of ball i that an impact at a time (s), with a speed of approach (m/s), does not continue.
 
-    `weak_speed` is that of the `Limits`.
+    `weak_speed` is `Limits.speed`.
     """
     interval = time - memory.last_impact[i]
     if interval * speed > RESOLUTION or interval > 0.01 * numbers.tau:

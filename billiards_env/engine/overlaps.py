@@ -308,7 +308,7 @@ FIXES = tuple(_FIXES)
 
 
 KEEPS_PLACES = FIXES.index("none")
-"""The index of the fix that moves no bodies."""
+"""The index of the fix that moves no balls."""
 
 
 def _choice(kernels: Sequence[Any]) -> Any:

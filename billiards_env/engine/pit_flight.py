@@ -1,10 +1,11 @@
 """What PIT does to balls in the air: at each timestep it finds landings, noses, pockets and balls off the table.
 
 A ball that has reached the slate within the step lands at its place at the timestep, with the vertical speed at which
-it reached the slate. A ball whose centre has passed over the line of the noses is potted, has hit the nose, or leaves
-the table, by its height at this line or where it has left the pocket. Its path back to the line is straight. A ball
-that overlaps a nose and approaches it is reflected, as by `contact_rule.hit_nose`. All fixes but "none" first move it
-back along the normal of the cushion until it touches the nose. A ball that has passed the nose is always moved back.
+it reached the slate. If the centre of a ball has passed over the line of a nose, its height at this line determines
+whether it has hit the nose or leaves the table. If the line is in a pocket there, the ball is potted or leaves the
+table when it lands or leaves the pocket, by its height at that timestep. The way back to the line is straight. A ball
+that overlaps a nose and approaches it is reflected by `contact_rule.hit_nose`. The fix "push_apart" first moves it back
+along the normal of the cushion until it touches the nose. A ball that has passed the nose is moved back with any fix.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from billiards_env.physics.motion import advance, begin_phase, height_of, land
 from billiards_env.physics.state import AIRBORNE, LASTS, VX, VY, VZ, X, Y, Z, own_time, since
 
 _INSIDE = 1e-9
-"""The least distance from the line of a nose at which a ball that has passed it is put, over its radius."""
+"""A ball that has passed a nose is moved back to at least this distance from its line, over the radius."""
 
 
 @inlined
@@ -40,8 +41,8 @@ def find_height(flight, i, t, numbers, work):  # out: work
 def overlap_in_space(i, j, reach, here, scene):
     """Returns the unit normal from ball i to ball j and the speed of approach, m/s; -1 if they do not overlap.
 
-    At a weak impact the normal leans as by the contact-time rule. Here an impact is weak also if it is slower than a
-    ball that falls for two steps.
+    At a weak impact the normal is tilted as in the contact-time rule. Here the limit of a weak impact is higher than
+    in the rule by the speed that a ball gains if it falls for two steps.
     """
     dx, dy, dz = here[j, X] - here[i, X], here[j, Y] - here[i, Y], here[j, UP] - here[i, UP]
     w = here[j, VX] - here[i, VX], here[j, VY] - here[i, VY], here[j, UP_SPEED] - here[i, UP_SPEED]

@@ -232,7 +232,7 @@ def check_shot(
     _fill_in_play(shot.in_play, in_play)
     if spins is not None and scene.physics.motion != "sliding":
         raise ValueError(
-            f"spins = {short(spins)} with physics.motion = {scene.physics.motion!r}: expected None, they need 'sliding'"
+            f"spins = {short(spins)} with physics.motion = {scene.physics.motion!r}: expected None or motion 'sliding'"
         )
     _fill(shot.velocities, "velocities", velocities)
     if spins is None:

@@ -121,8 +121,8 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     - `task="position"`: 1 point if an object ball is potted, the cue ball is not, and the cue ball comes to rest at
       most `goal_radius` (0.3 m) from the goal.
     - `task="clear"`: 1 point if the last object ball is potted and the cue ball is not.
-    - `task="jump"`: 1 point if ball 1 is potted, the cue ball touches it before any other ball or cushion, no ball
-      leaves the table, and the cue ball is not potted.
+    - `task="jump"`: 1 point if ball 1 is potted, the cue ball touches it before any other ball or cushion, the cue
+      ball is not potted, and no ball is driven off the table.
     - `task="nine_ball"`: 1 point for each ball potted without a foul. The nine ball also scores 1 point for each ball
       that is left on the table, so a run-out scores 9 points.
     - `task="eight_ball"`: 1 point for each ball of the group potted without a foul, and for the eight ball.

@@ -80,7 +80,7 @@ class Situation(NamedTuple):
     def pots(self, jumps: bool = False) -> PotShots:
         """Returns the direct pots, or the pots off one cushion if no direct pot is possible or scores, best first.
 
-        With `jumps` only the targets are in the way, because the cue ball jumps over the others.
+        With `jumps` only the targets can block a path, because the cue ball jumps over the other balls.
         """
         table = self.table
         if jumps:

@@ -68,7 +68,7 @@ def search(situation: Situation, rng: np.random.Generator, shots: int = SHOTS) -
     The first half of the shots are the pots, best first, and then variations of them with directions turned by
     about the tolerance, random speeds and, if actions are strikes, random offsets of the tip. The other shots have
     random directions and speeds. If there is no pot, all shots are random. In a game a full hit comes first. If actions
-    are strikes in a scene with flight, half of the first half are pots with a raised cue. `best_of` chooses.
+    are strikes in a scene with flight, a quarter of all shots are pots with a raised cue. `best_of` chooses.
 
     Args:
         situation: The situation.
@@ -146,7 +146,7 @@ def random_offsets(count: int, rng: np.random.Generator) -> Floats:
 def _near(situation: Situation, count: int, rng: np.random.Generator, jumps: bool = False) -> Floats:
     """Returns (count, numbers) actions: the pots, then variations of them. Without pots there are none.
 
-    Jumps have a raised cue without english.
+    With `jumps` the cue is raised, and there is no english.
     """
     pots = situation.pots(jumps)
     if not len(pots.speed):

@@ -132,7 +132,7 @@ class World:
         return None
 
     def is_between_noses(self, ball: int, position: Vector) -> bool:
-        """Returns whether a position is not beyond the noses, which go on through the pockets; computed with floats."""
+        """Returns whether a position is inside the lines of the noses, also in the pockets; computed with floats."""
         return bool(self.table.clearance([float(x) for x in position[:2]]) >= float(self.nose(ball)[0]))
 
     def nose(self, ball: int) -> tuple[Real, Real]:

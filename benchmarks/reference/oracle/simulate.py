@@ -418,7 +418,7 @@ class _Table:
         self.replace({ball: Segment("potted", self.now, None, place, still, still, (zero,) * 3, (zero,) * 3, zero)})
 
     def place_beside(self, ball: int, position: Vector) -> Vector:
-        """Returns where a ball lies that has left the table at a position: beside the nearest edge."""
+        """Returns the place of a ball that has left the table at a position: beside the nearest edge."""
         half = self.world.half_size
         place = [max(-most, min(x, most)) for x, most in zip(position, half, strict=False)]
         axis = min((0, 1), key=lambda k: half[k] - abs(place[k]))

@@ -189,7 +189,7 @@ def _nose_distance(outline, x, y, above, inset, numbers, pockets):
 
 @inlined
 def _beyond_noses(flight, x, y, z, radius, scene):
-    """Returns how far a ball in the air overlaps a nose or is beyond the noses, m; negative if it does neither."""
+    """Returns how far a ball in the air overlaps a nose or is beyond the noses, m; negative if neither is true."""
     if flight is None:
         return -math.inf
     height = scene.numbers.cushion_height - radius

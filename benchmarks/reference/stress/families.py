@@ -87,7 +87,7 @@ def _rain(scene: Scene) -> Callable[[np.random.Generator, int], RandomShots | No
 
 
 def _rain_on_outline(rng: np.random.Generator, m: int) -> RandomShots | None:
-    """Returns shots of `_rain` on a table whose jaws end in the pockets, in front of them or nowhere."""
+    """Returns shots of `_rain` on a table with jaws that end in or in front of the pockets, or without pockets."""
     table = Table.named(str(rng.choice(["pool_7ft", "uk_7ft"])))
     if rng.random() < 0.2:
         table = dataclasses.replace(table, pockets=())

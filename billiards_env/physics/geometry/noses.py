@@ -1,9 +1,9 @@
 """The noses of the cushions, which balls in the air meet: lines and arcs at one height.
 
-A nose is R - R cos(theta) nearer to the table than the cushion, with the angle theta of `cushion.Nose`. So a ball on
-the cloth that touches the cushion touches the nose too. The nose of a tip of radius r is an arc of radius q = r + R -
-R cos(theta). There are no noses in the circles of the pockets. Where a nose meets such a circle it ends, and a ball may
-touch this end. A ball touches noses only from the side of the table.
+A nose is R - R cos(theta) nearer to the table than the line of its cushion, with the angle theta of `cushion.Nose`. So
+a ball on the cloth that touches the cushion touches the nose too. The nose of a tip of radius r is an arc of radius
+q = r + R - R cos(theta). There is no nose in the circle of a pocket: a nose ends where it meets this circle, and a ball
+may touch the end. A ball touches noses only from the side of the table.
 
 The centre of a ball at a straight nose is on a cylinder, at an end on a sphere: the time is a root of a quartic. At a
 tip it is on a torus. With the horizontal distance d of the centre from the axis of the tip and its height z above the
@@ -12,11 +12,11 @@ nose, the square of the distance from the nose is
     s(t) = max(d - q, 0)^2 + z^2.
 
 The path is straight, so d is a convex function of t, and so is the first term. The second derivative of z^2 is at least
--2 g z, so s'' >= -2 g Z, with the greatest height Z >= 0 from now on. So after any time, s is never below the parabola
-with the value and the slope of s at this time and the second derivative -2 g Z. Each step goes to the time at which
-this parabola falls to R^2, so no contact is stepped over. Near a contact the steps become those of Newton's method. The
-search ends where the ball touches the nose, up to rounding, and approaches it. So no contact is found where there is
-none, except that a ball which passes at 1e-15 m counts as one that touches.
+-2 g z, so s'' >= -2 g Z, where Z >= 0 is the greatest height from now on. So after any time t, s is never below the
+parabola that has the value and the slope of s at t and the second derivative -2 g Z. Each step goes to the time at
+which this parabola falls to R^2, so it passes no contact. Near a contact the steps become those of Newton's method. The
+search ends where the ball touches the nose, up to rounding, and approaches it. So it finds no contact where there is
+none, with one exception: a ball that passes within 1e-15 m counts as one that touches.
 """
 
 from __future__ import annotations
@@ -310,7 +310,7 @@ def pocket_below(x, y, radius, scene):
 
 @inlined
 def _way_to_nose(x, y, wall, noses):
-    """Returns the vector (x, y) from a point to the nearest point of the nose of a cushion, m; -1 for all cushions."""
+    """Returns the vector (x, y) from a point to the nearest point of the nose of a cushion, m; any cushion if -1."""
     nearest, way_x, way_y = math.inf, math.inf, math.inf
     for line in noses.lines:
         gap = _line_gap(line, x, y)
