@@ -45,11 +45,10 @@ def measure(output: Path) -> dict[str, Any]:
     Returns:
         The content of the file, see `bench.reference`.
     """
-    results = read_results(output)
+    old, results = read_results(output), {}
     for task in FROZEN:
-        layouts = bench.layouts_hash(task)
-        if results.get(task, {}).get("layouts") != layouts:
-            results[task] = {"layouts": layouts, "players": {}}
+        layouts, known = bench.layouts_hash(task), old.get(task, {})
+        results[task] = known if known.get("layouts") == layouts else {"layouts": layouts, "players": {}}
     jobs = {
         (task, "players", player): functools.partial(scores_of, player, task)
         for task in FROZEN
