@@ -230,7 +230,7 @@ def hit_noses(flight, i, now, k, scene, work, shots, log):  # out: work, shots, 
         advance(state, i, now, scene.numbers)
         nx, ny, nz = nose_normal(row, wall, flight)
         distance = gap / (sign * (nx if wall < 2 else ny))
-        if distance >= radius or nx * row[VX] + ny * row[VY] + nz * row[VZ] <= 0.0:
+        if not (distance < radius and nx * row[VX] + ny * row[VY] + nz * row[VZ] > 0.0):  # nan without a nose
             continue
         if scene.numbers.fix != KEEPS_PLACES and (ny if wall < 2 else nx) == 0.0:
             _move_back(i, wall, scene, work)

@@ -418,3 +418,9 @@ def test_pit_pots_a_ball_from_the_air_or_drives_it_off_the_table(velocity, pocke
     shot = play([0.8, 0.0], velocity, scene=scene(length=2.0, pockets=(POCKET,)), engine=engine)
     assert (shot.potted[0], shot.pockets[0], shot.n_events) == (True, pocket, 1)
     assert "landing" not in kinds(play([0.8, 0.5, 0.01], [9.0, 0.0, 0.0], scene=scene(length=2.0), engine=engine))[:1]
+
+
+def test_a_ball_of_pit_above_a_pocket_near_a_corner_hits_no_nose_that_ends_before_it():
+    s = scene(length=2.0, pockets=(Pocket(0.91, 20.0, 0.08),))
+    shot = play([0.966, 19.94, 0.02], [0.088, 1.47, 0.583], scene=s, engine=Engine("pit", 1 / 600), max_events=9)
+    assert (shot.status, kinds(shot)) == ("rest", ["off_table"])

@@ -112,6 +112,26 @@ def test_a_ball_that_grazes_a_tip_touches_it_and_one_that_passes_it_does_not(dep
         assert t == INF or number == wall
 
 
+def test_a_ball_that_touches_a_tip_and_hardly_approaches_it_hits_it_at_once():
+    a_table, rng = TABLES["pool_7ft"], np.random.default_rng(0)
+    noses, hits = noses_of(a_table), 0
+    for _ in range(300):
+        x, y, q, begin_x, begin_y, end_x, end_y, _ = noses.tips[rng.integers(len(noses.tips))]
+        out = np.array([-begin_y - end_y, begin_x + end_x, 0.0])
+        out /= np.linalg.norm(out)
+        angle = rng.uniform(-1.2, 0.0)
+        n = math.cos(angle) * out + [0.0, 0.0, math.sin(angle)]  # from the nose to the centre
+        velocity = np.cross(n, rng.normal(size=3))
+        velocity *= -np.copysign(1.0, velocity[2])
+        start = np.array([x, y, noses.height]) + q * out + (R + 10.0 ** rng.uniform(-17, -15)) * n
+        velocity -= 10.0 ** rng.uniform(-15, -10) * n
+        t, _, _ = times(start, velocity, noses, 0.05)
+        if t < INF:
+            hits += 1
+            assert abs(gap(position(start, velocity, t), a_table, noses)) < 1e-14
+    assert hits > 30
+
+
 def test_noses_end_at_the_circles_of_pockets():
     for name, ends in (("pool_9ft", 12), ("uk_7ft", 12)):
         a_table = Table.named(name)

@@ -224,8 +224,7 @@ def _tip_time(path, rise, radius, end, noise, tip, g):
         step = 2.0 * square / (root - slope) if slope < 0.0 else (root + slope) / (2.0 * fall)
         approaches = slope < -2.0 * noise * distance
         if approaches and (gap <= _TOUCH or t + step == t):
-            closing = slope / (2.0 * distance)
-            return max(begin, t - gap / closing)
+            return t
         t += step
     return math.inf
 
