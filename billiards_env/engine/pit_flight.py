@@ -19,7 +19,7 @@ from billiards_env.engine.overlaps import KEEPS_PLACES, UP, UP_SPEED, fix_at_res
 from billiards_env.engine.shots import drive_off, pot
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.noses import nose_normal, pocket_below
+from billiards_env.physics.geometry.noses import falls_back, nose_normal, pocket_below
 from billiards_env.physics.geometry.pockets import pocket_at
 from billiards_env.physics.laws.flight import height_after
 from billiards_env.physics.motion import advance, begin_phase, height_of, land
@@ -128,7 +128,7 @@ def _end_of_flight(i, t, scene, work):
         return (OFF_TABLE, -1) if above else (BALL_CUSHION, crossing.wall)
     if not lands and pocket_at(scene.pockets, x, y, 1.0) == pocket:
         return -1, -1
-    return (BALL_POCKET, pocket) if work.here[i, UP] < 0.4 * radius else (OFF_TABLE, -1)
+    return (BALL_POCKET, pocket) if falls_back(work.here[i, UP], radius) else (OFF_TABLE, -1)
 
 
 @inlined

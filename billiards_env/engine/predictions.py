@@ -30,7 +30,7 @@ from billiards_env.physics.geometry.contact import (
     contact_distance,
     sphere_time,
 )
-from billiards_env.physics.geometry.noses import edge_time, is_beyond_noses, nose_time, pocket_below
+from billiards_env.physics.geometry.noses import edge_time, falls_back, is_beyond_noses, nose_time, pocket_below
 from billiards_env.physics.geometry.pockets import path_to, pocket_exit, pockets_near
 from billiards_env.physics.geometry.walls import wall_time
 from billiards_env.physics.motion import Path, height_of, motion_after, path_of, place_after
@@ -175,7 +175,7 @@ def _event_in_air(flight, i, state, scene):
         t = pocket_exit(path, scene.pockets[k])
         if t < last and is_beyond_noses(*place_after(path, t), scene):
             last, kind, other = t, OFF_TABLE, -1
-            if height_of(flight, state, i, t, numbers)[0] < 0.4 * radius:
+            if falls_back(height_of(flight, state, i, t, numbers)[0], radius):
                 other = k
     if other >= 0:
         kind = BALL_POCKET

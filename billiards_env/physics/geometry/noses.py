@@ -289,6 +289,15 @@ def is_beyond_noses(x, y, scene):
 
 
 @inlined
+def falls_back(z, radius):
+    """Returns whether a pocket catches a ball that leaves its circle beyond the noses, at a height of its centre, m.
+
+    The largest height is 7/5 of a radius above the slate, as in pooltool.
+    """
+    return z < 0.4 * radius
+
+
+@inlined
 def pocket_below(x, y, radius, scene):
     """Returns the pocket that catches a ball which lands at a point, or -1.
 
