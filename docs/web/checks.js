@@ -94,6 +94,6 @@ function ofBalls(name, values, count, width) {
 function checkMotion([, ...motion], ranges) {
   for (const [k, name] of [[0, "velocities"], [1, "spins"]]) {
     const { content } = motion[k], width = WIDTHS[k + 1], ball = Math.floor(content.findIndex(value => !fits(value, ranges[name])) / width);
-    if (ball >= 0) throw new RangeError(`${name}: ball ${ball} has ${short(content.slice(ball * width, (ball + 1) * width))}: expected ${ranges[name][2]}`);
+    if (ball >= 0) refuse(`${name}[${ball}]`, content.slice(ball * width, (ball + 1) * width), ranges[name][2]);
   }
 }
