@@ -183,7 +183,7 @@ class Engine {
   starts(scene, positions, velocities, { spins, inPlay }) {
     const n = positions?.length, lists = checkedBalls(this.scene(scene), positions, velocities, spins, inPlay);
     const balls = ["f8", "f8", "f8", "b1"].map((type, k) => new Argument(type, k < 3 ? [1, n, WIDTHS[k]] : [1, n], lists[k]));
-    return [...balls, new Argument("i8", [1], [0n])];  // ball 0 is the cue ball
+    return [...balls, new Argument("i8", [1], [0n]), null];  // ball 0 is the cue ball, and no ball flies
   }
 
   /** Whether balls lie on the table, outside the pockets and apart, and their velocities and spins are in range. */
@@ -237,7 +237,7 @@ class Engine {
       call(this.exports, `${mode}_${kind}`, [0n, 1n, this.fields(scene, n, changes), limit, BigInt(maxEvents), starts, results, log]);
       const [nEvents, nSegments] = [...used.read()].map(Number);
       if (nEvents > room || nSegments > 4 * room) continue;  // the log was too small: the shot runs again
-      const [balls, speeds, turns, playing] = starts.map(array => array.read());
+      const [balls, speeds, turns, playing] = starts.slice(0, 4).map(array => array.read());
       const [time, cushions, before, events, ended, first, rule, pockets, order, touched, firstTime] = results.map(array => array.read());
       return new Shot({
         positions: rows(balls, 2),
