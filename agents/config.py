@@ -40,7 +40,16 @@ _COUNTS = ("n_steps", "batch_size", "n_epochs")
 _SHARES = ("learning_rate", "gamma", "gae_lambda")
 _OPTIONAL = ("clip_range_vf", "target_kl")  # None: no limit
 
-LIKELIHOOD = {"layouts": 128, "hits": 32, "own": 8, "labels": 1200, "passes": 2, "learning_rate": [4e-3, 4e-5]}
+LIKELIHOOD = {
+    "layouts": 128,
+    "hits": 32,
+    "own": 8,
+    "labels": 1200,
+    "passes": 2,
+    "imitation": 0.5,
+    "samples": 32,
+    "learning_rate": [4e-3, 4e-5],
+}
 """The defaults of `Config.likelihood`."""
 
 AIM_PPO = {**{name: PPO_SETTINGS[name] for name in PPO_SETTINGS if name in _PPO}, "learning_rate": [2e-3, 2e-5]}
@@ -68,11 +77,13 @@ class Config:
             the usual policy of Stable-Baselines3, with `hidden` and `activation`.
         ppo: Arguments of `stable_baselines3.PPO`. A pair of learning rates has the rate of the start and of the end.
             For "aim" they replace those in `billiards_env.sb3.PPO_SETTINGS`.
-        learner: "ppo", or "likelihood" for `agents.likelihood`, which learns tasks of one shot with the policy "aim".
-        likelihood: For this learner, `layouts`, the number of layouts of an update, `hits` and `own`, the numbers of
-            random hits and of actions of the policy in each layout, `labels`, the largest number of shots that score in
-            a step of the optimizer, `passes`, the number of steps for each update, and `learning_rate`, a pair as in
-            `ppo`.
+        learner: "ppo", or "likelihood" for `agents.likelihood`, which plays many shots of each layout, with the policy
+            "aim".
+        likelihood: For this learner, `layouts`, the number of layouts of an update, and `imitation`, the share of the
+            shots of the first phase. In this phase `hits` and `own` are the numbers of random hits and of actions of
+            the policy in each layout, `labels` is the largest number of shots that score in a step of the optimizer,
+            and `passes` the number of steps for each update. In the second phase `samples` is the number of actions of
+            the policy in each layout. `learning_rate` is a pair as in `ppo`; in the second phase it is halved.
 
     Raises:
         ValueError: If a key is unknown or a value is invalid.
@@ -148,11 +159,14 @@ class Config:
             return
         if self.ppo:
             raise ValueError(f"ppo = {short(self.ppo)}: expected no settings of PPO with learner = 'likelihood'")
-        if self.policy["head"] != "aim" or self.env["max_shots"] != 1:
-            raise ValueError("learner = 'likelihood': expected the policy 'aim' and a task with max_shots = 1")
+        if self.policy["head"] != "aim" or self.env["n_players"] != 1:
+            raise ValueError("learner = 'likelihood': expected the policy 'aim' and a task for one player")
+        if self.env["goal_radius"] is not None and self.env["max_shots"] != 1:
+            raise ValueError("learner = 'likelihood': expected max_shots = 1 in a task with a goal")
         settings = {**known, **_numbers(self.likelihood)}
-        for name in ("layouts", "hits", "own", "labels", "passes"):
+        for name in ("layouts", "hits", "own", "labels", "passes", "samples"):
             settings[name] = integer(f"likelihood.{name}", _as_integer(settings[name]), Range(1, 1_000_000))
+        real("likelihood.imitation", settings["imitation"], Range(0.0, 1.0))
         if not _is_pair(rates := settings["learning_rate"]):
             raise ValueError(f"likelihood.learning_rate = {short(rates)}: expected a pair of rates")
         for rate in rates:

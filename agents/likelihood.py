@@ -1,9 +1,9 @@
-"""Learns from every shot that scores: `learner: likelihood` in a row of `configs/learning.yaml`.
+"""Learns from many shots of each layout: `learner: likelihood` in a row of `configs/learning.yaml`.
 
-An update plays many shots from each of some layouts: random hits of the object balls, and random actions of the policy.
-The policy then maximises the likelihood of the shots that score (Peters and Schaal 2007, Reinforcement learning by
-reward-weighted regression, with the rewards 0 and 1). The mixture of the policy can represent several ways to score,
-and its standard deviations are learned.
+A training has two phases. In the first one, *imitation*, an update plays random hits of the object balls and random
+actions of the policy from each of some layouts. The policy then maximises the likelihood of the shots that score
+(Peters and Schaal 2007, Reinforcement learning by reward-weighted regression, with the rewards 0 and 1). The mixture of
+the policy can represent several ways to score, and its standard deviations are learned.
 
 In a task with a goal a shot is also a label for another goal (hindsight, Andrychowicz et al. 2017). If it meets the
 other condition of the task, it scores for every goal near the place where the cue ball stops, and its goal is drawn
@@ -11,6 +11,13 @@ there. So almost every such shot is useful.
 
 The weight of a shot is 1 over the number of shots of its layout that reach the same goal. So easy and difficult layouts
 and goals have a similar total weight.
+
+In the second phase, *improvement*, only the policy plays. It follows the gradient of the mean logarithm of its expected
+return (Williams 1992, Simple statistical gradient-following algorithms). The baseline of a shot is the mean return of
+all shots from the same layout. So the policy learns which of its ways to score is the safest.
+
+In an episode of several shots the return of a shot is its reward plus the value of the position after it. The critic of
+the policy learns this value from the mean returns. The next update continues after a random shot that scores.
 """
 
 from __future__ import annotations
@@ -30,6 +37,7 @@ from agents.config import Config
 from agents.ppo import make_policy, make_vector, training_seed
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.envs.goal_observations import ACHIEVED, CONDITION
+from billiards_env.envs.trials import Outcomes
 from billiards_env.players.strategies import hits
 from billiards_env.sb3.aim_network import Mixture
 from billiards_env.sb3.aim_policy import AimPolicy
@@ -37,9 +45,14 @@ from billiards_env.sb3.weights import whole_archive
 from billiards_env.support.files import write_atomically
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Seen = dict[str, Tensor]  # the features that the policy observes, by name
 
 _KEPT = 32  # number of earlier updates whose labels are fitted again
 _LEAST_LOG = -20.0  # log-likelihoods below have no gradient
+_WORTH = 0.1  # least mean return by which the gradient of a layout is divided
+_SLOWER = 0.5  # factor of the learning rate in the second phase
+_CRITIC = 0.1  # weight of the error of the critic
 _NORM = 5.0  # largest norm of a gradient
 
 
@@ -73,28 +86,31 @@ class Learner:
         self.policy: AimPolicy = policy
         self.policy.set_training_mode(False)
         self.policy.set_shots(-1)
-        if not set(self.policy.observe) <= {"positions", "goal"}:
-            raise ValueError(
-                f"env.observe = {self.policy.observe}: expected only 'positions' and 'goal' with learner = 'likelihood'"
-            )
         self.shots, self._config, self._settings = 0, config, config.likelihood
-        has_goal = config.env["goal_radius"] is not None
-        observe = "goal" if has_goal else ["positions"]
+        self._has_goal, self._goes_on = config.env["goal_radius"] is not None, config.env["max_shots"] > 1
+        if self._has_goal and not set(self.policy.observe) <= {"positions", "goal"}:
+            raise ValueError(
+                f"env.observe = {self.policy.observe}: expected only 'positions' and 'goal' in a task with a goal"
+            )
+        observe = "goal" if self._has_goal else self.policy.observe
         self._envs: Any = make_vector(config, self._settings["layouts"], observe=observe).unwrapped
+        self._over = np.ones(self._settings["layouts"], np.bool_)
         self._log_std = nn.Parameter(self.policy.net.std.log())
         parameters = [*self.policy.net.parameters(), self._log_std]
-        self._optimizer = torch.optim.Adam(parameters, eps=1e-5, fused=True)
+        # Each phase has its own moments, because the gradients differ in size.
+        self._optimizers = [torch.optim.Adam(parameters, eps=1e-5, fused=True) for _ in range(2)]
         self._rng = np.random.default_rng(config.seed)
-        self._kept: deque[tuple[Tensor, Labels]] = deque(maxlen=_KEPT)
+        self._kept: deque[tuple[Seen, Labels]] = deque(maxlen=_KEPT)
 
     def restart(self) -> None:
-        """Seeds all random generators."""
+        """Seeds all random generators and begins new episodes."""
         seed = training_seed(self._config, self.shots)
         torch.manual_seed(seed)
         self._log_std.data.copy_(self.policy.net.std.log())
         self._rng = np.random.default_rng(seed)
         self._kept.clear()
         self._envs.reset(seed=seed)
+        self._over[:] = True
 
     def compile(self) -> None:
         """Plays a shot from each layout, so that compiling the engine is no part of the time of the training."""
@@ -103,56 +119,122 @@ class Learner:
 
     def update(self) -> float:
         """Plays shots, learns from them, and returns the share of the policy's own shots that score."""
-        envs, settings, part = self._envs, self._settings, min(self.shots / self._config.timesteps, 1.0)
+        settings, part = self._settings, min(self.shots / self._config.timesteps, 1.0)
+        improves = part >= settings["imitation"]
         first, last = settings["learning_rate"]
-        for group in self._optimizer.param_groups:
-            group["lr"] = last + (first - last) * (1.0 - part)
-        envs.reset()
-        states = envs.get_state()
-        half = np.array(envs.single_env.scene.half_extents)
-        places, goals = (torch.from_numpy(states[name] / half).float() for name in ("positions", "goals"))
-        mixtures = self._mixtures(places)
+        for group in self._optimizers[improves].param_groups:
+            group["lr"] = (last + (first - last) * (1.0 - part)) * (_SLOWER if improves else 1.0)
+        observations, _ = self._envs.reset(options={"reset_mask": self._over})
+        outcomes = (self._improve if improves else self._imitate)(self._seen(observations))
+        scored = outcomes.rewards.reshape(settings["layouts"], -1) > 0
+        if self._goes_on:
+            self._go_on(outcomes, scored)
+        return float(scored[:, -settings["samples" if improves else "own"] :].mean())
+
+    def _imitate(self, seen: Seen) -> Outcomes:
+        """Makes the shots that score more likely: random hits, shots of the policy and shots of earlier updates."""
+        envs, settings, rng, mixtures = self._envs, self._settings, self._rng, self._mixtures(seen)
+        count, own = settings["layouts"], settings["own"]
         with torch.no_grad():
-            count, own = len(states), settings["own"]
-            mixture = mixtures(torch.arange(count), goals if goals.shape[1] else None)
-            sampled = mixture.samples(own).clamp(-1, 1).numpy()
-        shots = np.concatenate((random_hits(envs, self.policy, settings["hits"], self._rng), sampled), axis=1)
-        outcomes = envs.try_actions(shots.reshape(-1, shots.shape[2]), states.repeat(shots.shape[1]), self._rng)
-        self.shots += shots.shape[0] * shots.shape[1]
-        labels = labels_of(envs, shots, outcomes, settings["labels"], self._rng)
+            sampled = mixtures(torch.arange(count), seen.get("goal")).samples(own).clamp(-1, 1).numpy()
+        legal = seen["legal_balls"].numpy() > 0 if "legal_balls" in seen else None
+        shots = np.concatenate((random_hits(envs, self.policy, settings["hits"], rng, legal), sampled), axis=1)
+        outcomes = self._play(shots)
+        labels = labels_of(envs, shots, outcomes, settings["labels"], rng)
         if len(labels.rows):
             self._fit(mixtures, labels)
-            self._kept.append((places, labels))
+            self._kept.append((seen, labels))
             for _ in range(settings["passes"] - 1):
-                places, labels = self._kept[self._rng.integers(len(self._kept))]
-                self._fit(self._mixtures(places), labels)
-        return float(outcomes.infos["is_success"].reshape(count, -1)[:, -own:].mean())
+                earlier, labels = self._kept[rng.integers(len(self._kept))]
+                self._fit(self._mixtures(earlier), labels)
+        if self._goes_on:
+            self._step(-self._error(self.policy.net.layouts(**seen)[1], self._returns(outcomes, own)), 0)
+        return outcomes
+
+    def _improve(self, seen: Seen) -> Outcomes:
+        """Takes a step along the gradient of the mean logarithm of the expected return."""
+        mixture, values = self.policy.net(**seen)
+        mixture = _with_gradient(mixture, self._log_std.exp())
+        count = self._settings["samples"]
+        with torch.no_grad():
+            shots = mixture.samples(count).clamp(-1, 1)
+        outcomes = self._play(shots.numpy())
+        returns = self._returns(outcomes, count)
+        mean = returns.mean(1, keepdim=True)
+        advantages = (returns - mean) / mean.clamp(min=_WORTH)
+        logs = mixture.repeated(count).log_prob(shots.flatten(0, 1)).clamp(min=_LEAST_LOG)
+        objective = (advantages.flatten() * logs).mean()
+        self._step(objective - self._error(values, returns) if self._goes_on else objective, 1)
+        return outcomes
+
+    def _seen(self, observations: Any) -> Seen:
+        """Returns what the policy observes."""
+        if self._has_goal:
+            states, half = self._envs.get_state(), np.array(self._envs.single_env.scene.half_extents)
+            features = {"positions": states["positions"] / half, "goal": states["goals"] / half}
+        else:
+            features = self._envs.decode(observations)
+        return {name: torch.from_numpy(features[name]).float() for name in self.policy.observe}
+
+    def _play(self, shots: Floats) -> Outcomes:
+        """Returns the outcomes of shots (m, k, a) from the states of the environments."""
+        m, k, size = shots.shape
+        self.shots += m * k
+        return self._envs.try_actions(shots.reshape(-1, size), self._envs.get_state().repeat(k), self._rng)
+
+    def _returns(self, outcomes: Outcomes, count: int) -> Tensor:
+        """Returns the returns (m, count) of the last shots from each layout."""
+        m = self._settings["layouts"]
+        rows = np.arange(len(outcomes.rewards)).reshape(m, -1)[:, -count:].flatten()
+        returns = outcomes.rewards[rows]
+        if self._goes_on and len(on := np.flatnonzero(~outcomes.states["over"][rows])):
+            with torch.no_grad():
+                returns[on] += self.policy.net.layouts(**self._seen(outcomes.observations[rows[on]]))[1].numpy()
+        return torch.from_numpy(returns).float().clamp(min=0).reshape(m, count)
+
+    def _error(self, values: Tensor, returns: Tensor) -> Tensor:
+        """Returns the error of the values (m,) for the mean returns, with its weight."""
+        return _CRITIC * (values - returns.mean(1)).square().mean()
+
+    def _go_on(self, outcomes: Outcomes, scored: Bools) -> None:
+        """Sets each environment to the state after a random shot that scores and does not end the episode."""
+        over = outcomes.states["over"].reshape(scored.shape)
+        chances = self._rng.random(scored.shape) * (scored & ~over)
+        rows, chosen = np.arange(len(scored)), chances.argmax(1)
+        self._over = chances[rows, chosen] == 0
+        going = rows[~self._over]
+        self._envs.set_state(outcomes.states[going * scored.shape[1] + chosen[going]], going)
 
     def _fit(self, mixtures: Callable[[Tensor, Tensor | None], Mixture], labels: Labels) -> None:
         """Takes one step of the optimizer towards a larger likelihood of labels."""
-        mixture = mixtures(labels.rows, labels.goals)
-        logs = _with_gradient(mixture, self._log_std.exp()).log_prob(labels.actions).clamp(min=_LEAST_LOG)
-        self._optimizer.zero_grad()
-        (-(labels.weights * logs).sum() / labels.weights.sum()).backward()
-        nn.utils.clip_grad_norm_(self._optimizer.param_groups[0]["params"], _NORM)
-        self._optimizer.step()
+        mixture = _with_gradient(mixtures(labels.rows, labels.goals), self._log_std.exp())
+        logs = mixture.log_prob(labels.actions).clamp(min=_LEAST_LOG)
+        self._step((labels.weights * logs).sum() / labels.weights.sum(), 0)
+
+    def _step(self, objective: Tensor, phase: int) -> None:
+        """Takes one step of the optimizer of a phase towards a larger objective."""
+        optimizer = self._optimizers[phase]
+        optimizer.zero_grad()
+        (-objective).backward()
+        nn.utils.clip_grad_norm_(optimizer.param_groups[0]["params"], _NORM)
+        optimizer.step()
         self.policy.net.std.copy_(self._log_std.detach().exp())
 
-    def _mixtures(self, places: Tensor) -> Callable[[Tensor, Tensor | None], Mixture]:
+    def _mixtures(self, seen: Seen) -> Callable[[Tensor, Tensor | None], Mixture]:
         """Returns a function that returns the mixtures of layouts, by their numbers, and goals.
 
         With `goal_units` the goals of a layout share its first layers.
         """
         net = self.policy.net
         if net.goal and not net.goal_units:
-            return lambda rows, goals: net(places[rows], goal=goals)[0]
-        layouts, _ = net.layouts(places)
+            return lambda rows, goals: net(seen["positions"][rows], goal=goals)[0]
+        layouts, _ = net.layouts(**seen)
         return lambda rows, goals: net.mixtures(layouts, goals, rows)
 
     def save(self, path: Path) -> None:
         """Writes a checkpoint."""
-        buffer, state = io.BytesIO(), {"policy": self.policy.state_dict(), "optimizer": self._optimizer.state_dict()}
-        torch.save(state, buffer)
+        buffer, optimizers = io.BytesIO(), [optimizer.state_dict() for optimizer in self._optimizers]
+        torch.save({"policy": self.policy.state_dict(), "optimizers": optimizers}, buffer)
         path.parent.mkdir(exist_ok=True)
         write_atomically(path, buffer.getvalue())
 
@@ -161,11 +243,14 @@ class Learner:
         with whole_archive(path, "a checkpoint of these settings") as file:
             state = torch.load(file, map_location="cpu", weights_only=True)
             self.policy.load_state_dict(state["policy"])
-            self._optimizer.load_state_dict(state["optimizer"])
+            for optimizer, known in zip(self._optimizers, state["optimizers"], strict=True):
+                optimizer.load_state_dict(known)
         self.shots = int(path.stem)
 
 
-def random_hits(envs: BilliardsVectorEnv, policy: AimPolicy, count: int, rng: np.random.Generator) -> Floats:
+def random_hits(
+    envs: BilliardsVectorEnv, policy: AimPolicy, count: int, rng: np.random.Generator, legal: Bools | None = None
+) -> Floats:
     """Returns (m, count, a) random hits of the object balls, at the speeds of the policy.
 
     In scenes with flight half of the hits have a raised cue.
@@ -173,13 +258,13 @@ def random_hits(envs: BilliardsVectorEnv, policy: AimPolicy, count: int, rng: np
     net, scene = policy.net, envs.single_env.scene
     slowest, fastest = float(net.slowest.min()), float((net.slowest + net.faster).max())
     size = len(envs.single_env.action_space.low)
-    return hits(envs.positions, scene.balls.radius, count, (slowest, fastest), size, rng, scene.physics.flight)
+    return hits(envs.positions, scene.balls.radius, count, (slowest, fastest), size, rng, scene.physics.flight, legal)
 
 
 def labels_of(envs: BilliardsVectorEnv, shots: Floats, outcomes: Any, most: int, rng: np.random.Generator) -> Labels:
     """Returns the shots (m, k, a) that score, see the module; random ones if there are more than `most`."""
     model, (m, k) = envs.single_env.model, shots.shape[:2]
-    achieved, met = np.zeros((m, k, 3)), outcomes.infos["is_success"].reshape(m, k)
+    achieved, met = np.zeros((m, k, 3)), outcomes.rewards.reshape(m, k) > 0
     if model.goal_radius:
         achieved = outcomes.observations[ACHIEVED].reshape(m, k, 3)
         met = achieved[..., CONDITION] > 0

@@ -30,6 +30,7 @@ from billiards_env.players.aim import aim
 from billiards_env.players.situation import Situation, placed
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 SHOTS = 200
 """The number of shots that "search" simulates."""
@@ -179,6 +180,7 @@ def hits(
     size: int,
     rng: np.random.Generator,
     raised: bool = False,
+    legal: Bools | None = None,
 ) -> Floats:
     """Returns (m, count, size) random actions that send the cue ball at random parts of random object balls.
 
@@ -190,9 +192,12 @@ def hits(
         size: 2 for velocities, 5 for strikes with random offsets of the tip and a level cue.
         rng: The generator to draw from.
         raised: Whether half of the strikes have a raised cue.
+        legal: (m, n - 1) bool, the object balls to hit; None for all.
     """
     m, n = positions.shape[:2]
     balls = rng.integers(1, n, (m, count))
+    if legal is not None:
+        balls = 1 + (rng.random((m, count, n - 1)) * legal[:, None]).argmax(2)
     ways = np.take_along_axis(positions, balls[:, :, None], axis=1) - positions[:, :1]
     reach = (radius[0] + np.array(radius)[balls]) / np.hypot(ways[..., 0], ways[..., 1])
     angles = np.arctan2(ways[..., 1], ways[..., 0])

@@ -74,7 +74,7 @@ class Mixture(NamedTuple):
         """Returns `count` random actions of each mixture, (m, count, a)."""
         component = torch.multinomial(self.log_weight.exp(), count, replacement=True).reshape(-1, 1)
         errors = torch.randn(2 + self.tip.shape[1], len(component))
-        return self._repeated(count)._action(component, errors).unflatten(0, (-1, count))
+        return self.repeated(count)._action(component, errors).unflatten(0, (-1, count))
 
     def proposals(self, count: int, generator: torch.Generator) -> Tensor:
         """Returns `count` proposed actions of one mixture, (count, a): the mode first.
@@ -85,9 +85,9 @@ class Mixture(NamedTuple):
         """
         possible = int((self.log_weight > -_FAR).sum())
         means = self.log_weight.argsort(1, descending=True)[0, : min((count + 2) // 3, possible)]
-        many = self._repeated(max(1, (count - len(means) + 1) // 2))
+        many = self.repeated(max(1, (count - len(means) + 1) // 2))
         parts = (
-            self._repeated(len(means))._action(means[:, None], self.log_weight.new_zeros(2 + self.tip.shape[1], 1)),
+            self.repeated(len(means))._action(means[:, None], self.log_weight.new_zeros(2 + self.tip.shape[1], 1)),
             many.sample(generator=generator),
             many.sample(_EVEN, _WIDE, generator),
         )
@@ -102,7 +102,7 @@ class Mixture(NamedTuple):
         tip = self.tip.transpose(0, 1).flatten(1)[None]
         return self._replace(log_weight=log_weight, dx=dx, dy=dy, speed=speed, across=across, tip=tip)
 
-    def _repeated(self, count: int) -> Mixture:
+    def repeated(self, count: int) -> Mixture:
         """Returns each mixture `count` times."""
         parts = (part.repeat_interleave(count, 0) if part.dim() else part for part in self)
         return Mixture(*parts)
@@ -258,33 +258,47 @@ class AimNetwork(nn.Module):
         m, n = len(positions), positions.shape[1] - 1
         places = torch.cat((positions, others["goal"]), 1) if self.goal and not self.goal_units else positions
         flags = others["legal_balls"] if self.legal else positions.new_empty(m, 0)
+        if legal is None and self.legal:
+            legal = flags > 0
         rest = torch.cat([positions.new_empty(m, 0), *(others[name].reshape(m, -1) for name in self.rest)], 1)
-        signs = torch.where(places[:, 1 : 1 + n] < 0, -1.0, 1.0)
-        tables = places[:, None] * signs[:, :, None]  # (m, n, 1 + n + goals, 2), one for each object ball
-        signs = signs.flatten(0, 1)
-        cue_ball, ball = tables[:, :, 0].flatten(0, 1), places[:, 1 : 1 + n].flatten(0, 1) * signs
+        on_table = (positions[:, 1:].abs() != 1).all(2)  # a ball off the table is at an edge, one on it never is
+        allowed = on_table if legal is None else on_table & legal
+        first = self._first_balls(allowed)
+        f = first.shape[1]
+        balls = positions[:, 1:].gather(1, first[:, :, None].expand(-1, -1, 2))
+        signs = torch.where(balls < 0, -1.0, 1.0)
+        tables = places[:, None] * signs[:, :, None]  # (m, f, 1 + n + goals, 2), one for each ball in first place
+        cue_ball, ball, signs = tables[:, :, 0].flatten(0, 1), (balls * signs).flatten(0, 1), signs.flatten(0, 1)
         to_ball = (ball - cue_ball) * self.half_extents
         distance = to_ball.norm(dim=1, keepdim=True).clamp(min=1e-6)  # two balls in the same pocket have distance 0
         way = to_ball / distance
-        goals, rest = tables[:, :, 1 + n :].reshape(m * n, -1), rest.repeat_interleave(n, 0)
+        goals, rest = tables[:, :, 1 + n :].reshape(m * f, -1), rest.repeat_interleave(f, 0)
         waves = self._waves(cue_ball), self._waves(ball)
         features = torch.cat((cue_ball, ball, way, distance, 1 / (distance + 0.1), goals, rest, *waves), 1)
-        on_table = (ball != 1).all(1)  # a ball off the table is at an edge of the observation, one on it never is
-        chosen, judged, aimed = self._other_balls(tables, flags, way, on_table) if n > 1 else (None, None, None)
+        added = self._other_balls(tables, first, flags, way, on_table) if n > 1 else (None, None, None)
+        chosen, judged, aimed = added
         near = torch.cat((ball, waves[1]), 1)
         offset = self.points(near) if self.aim == "ball" else self.points(features, aimed)
         dx, dy = (to_ball[:, :, None] + (self.first_points + self.CIRCLE * offset.unflatten(1, (2, -1)))).unbind(1)
         inverse = torch.rsqrt(dx * dx + dy * dy + 1e-9)
         dx, dy = dx * inverse * signs[:, :1], dy * inverse * signs[:, 1:]
-        if legal is None and self.legal:
-            legal = flags > 0
-        allowed = on_table if legal is None else on_table & legal.flatten()
         parts = self.choice(features, chosen), signs, dx, dy, inverse
-        choice, signs, dx, dy, inverse = (part.reshape(m, n, -1) for part in parts)
-        layouts = Layouts(choice, signs, dx, dy, inverse, allowed.reshape(m, n))
-        on_table = on_table.reshape(m, n)
-        values = self.critic(features, judged).reshape(m, n) * on_table
-        return layouts, values.sum(1) / on_table.sum(1).clamp(min=1)
+        choice, signs, dx, dy, inverse = (part.reshape(m, f, -1) for part in parts)
+        layouts = Layouts(choice, signs, dx, dy, inverse, allowed.gather(1, first))
+        counted = on_table.gather(1, first)
+        values = self.critic(features, judged).reshape(m, f) * counted
+        return layouts, values.sum(1) / counted.sum(1).clamp(min=1)
+
+    def _first_balls(self, allowed: Tensor) -> Tensor:
+        """Returns the balls (m, f) that are put in first place: all n, or with "legal_balls" those that are allowed.
+
+        If a layout has fewer of them than another, balls that are not allowed follow.
+        """
+        m, n = allowed.shape
+        if not self.legal:
+            return torch.arange(n, device=allowed.device).expand(m, n)
+        most = max(int(allowed.sum(1).max()), 1)
+        return allowed.int().sort(dim=1, descending=True, stable=True).indices[:, :most]
 
     def mixtures(self, layouts: Layouts, goal: Tensor | None = None, rows: Tensor | None = None) -> Mixture:
         """Returns the mixtures for layouts.
@@ -323,26 +337,29 @@ class AimNetwork(nn.Module):
         angles = (places[:, :, None] * octaves).flatten(1)
         return torch.cat((angles.sin(), angles.cos()), 1)
 
-    def _other_balls(self, tables: Tensor, flags: Tensor, way: Tensor, on_table: Tensor) -> Sequence[Tensor]:
+    def _other_balls(
+        self, tables: Tensor, first: Tensor, flags: Tensor, way: Tensor, on_table: Tensor
+    ) -> Sequence[Tensor]:
         """Returns what the other object balls add to the first layers of `choice`, `critic` and `points`.
 
         Args:
-            tables: (m, n, 1 + n + goals, 2) the reflected layouts.
+            tables: (m, f, 1 + n + goals, 2) the reflected layouts.
+            first: (m, f) the balls in first place.
             flags: (m, n) 1 for a legal ball; (m, 0) without legal balls.
-            way: (m * n, 2) directions from the cue ball to the ball in first place.
-            on_table: (m * n,) whether this ball is on the table.
+            way: (m * f, 2) directions from the cue ball to the ball in first place.
+            on_table: (m, n) the balls on the table.
         """
-        n = tables.shape[1]
-        first = torch.arange(n)[:, None]
-        other = torch.tensor([[j for j in range(n) if j != i] for i in range(n)])
-        others, ball, cue_ball = tables[:, first, 1 + other], tables[:, first, 1 + first], tables[:, :, :1]
+        (m, n), f = on_table.shape, first.shape[1]
+        numbers = torch.tensor([[j for j in range(n) if j != i] for i in range(n)], device=first.device)[first]
+        others = tables.gather(2, 1 + numbers[:, :, :, None].expand(-1, -1, -1, 2))
+        ball, cue_ball = tables.gather(2, 1 + first[:, :, None, None].expand(-1, -1, -1, 2)), tables[:, :, :1]
         dx, dy = ((others - cue_ball) * self.half_extents).unbind(3)
-        ux, uy = way.reshape(-1, n, 1, 2).unbind(3)
+        ux, uy = way.reshape(m, f, 1, 2).unbind(3)
         near = 1 / (((others - ball) * self.half_extents).norm(dim=3) + 0.1)
         features = torch.cat((others, torch.stack((dx * ux + dy * uy, dy * ux - dx * uy, near), 3)), 3)
         if self.legal:
-            features = torch.cat((features, flags[:, other, None]), 3)
-        present = on_table.reshape(-1, n)[:, other, None]
+            features = torch.cat((features, flags[:, None].expand(-1, f, -1).gather(2, numbers)[..., None]), 3)
+        present = on_table[:, None].expand(-1, f, -1).gather(2, numbers)[..., None]
         total = (self.other_ball(features) * present).sum(2)
         return self.other_balls(total.flatten(0, 1)).split(self.widths, 1)
 
