@@ -126,7 +126,7 @@ class Learner:
             group["lr"] = (last + (first - last) * (1.0 - part)) * (_SLOWER if improves else 1.0)
         observations, _ = self._envs.reset(options={"reset_mask": self._over})
         outcomes = (self._improve if improves else self._imitate)(self._seen(observations))
-        scored = outcomes.rewards.reshape(settings["layouts"], -1) > 0
+        scored = scores(self._envs, outcomes).reshape(settings["layouts"], -1)
         if self._goes_on:
             self._go_on(outcomes, scored)
         return float(scored[:, -settings["samples" if improves else "own"] :].mean())
@@ -261,10 +261,15 @@ def random_hits(
     return hits(envs.positions, scene.balls.radius, count, (slowest, fastest), size, rng, scene.physics.flight, legal)
 
 
+def scores(envs: BilliardsVectorEnv, outcomes: Outcomes) -> Bools:
+    """Returns which shots (m,) score: those with a reward, or in an episode of one shot those that succeed."""
+    return outcomes.infos["is_success"] if envs.single_env.model.max_shots == 1 else outcomes.rewards > 0
+
+
 def labels_of(envs: BilliardsVectorEnv, shots: Floats, outcomes: Any, most: int, rng: np.random.Generator) -> Labels:
     """Returns the shots (m, k, a) that score, see the module; random ones if there are more than `most`."""
     model, (m, k) = envs.single_env.model, shots.shape[:2]
-    achieved, met = np.zeros((m, k, 3)), outcomes.rewards.reshape(m, k) > 0
+    achieved, met = np.zeros((m, k, 3)), scores(envs, outcomes).reshape(m, k)
     if model.goal_radius:
         achieved = outcomes.observations[ACHIEVED].reshape(m, k, 3)
         met = achieved[..., CONDITION] > 0

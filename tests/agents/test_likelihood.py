@@ -1,5 +1,6 @@
 """Learning from every shot that scores."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -79,7 +80,7 @@ def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(tmp_path, m
     update = Learner.update
 
     def stop(self):
-        if self.shots > 30_000:
+        if self.shots > 70_000:  # in the second phase
             raise KeyboardInterrupt
         return update(self)
 
@@ -111,21 +112,89 @@ def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(tmp_path, m
         {"task": "Pot1-v0"},
         {"policy": {"arguments": {"hidden": 16}}},  # the goal is an input of all networks
         {"task": "Carom-v0", "policy": {"arguments": {"hidden": 16}}},
+        {"task": "Pot3Noise-v0", "policy": {"arguments": {"hidden": 16}}},
     ],
 )
-def test_the_learner_learns_tasks_with_and_without_goals_and_strikes(changes):
-    learner: Any = Learner(Config.from_dict({**TINY, **changes}))
+@pytest.mark.parametrize("imitation", [0.0, 1.0])
+def test_both_phases_learn_tasks_with_and_without_goals_and_strikes(changes, imitation):
+    settings = {**TINY["likelihood"], "imitation": imitation}
+    learner: Any = Learner(Config.from_dict({**TINY, "likelihood": settings, **changes}))
     learner.restart()
     before = {name: tensor.clone() for name, tensor in learner.policy.net.state_dict().items()}
     for _ in range(3):
         assert 0.0 <= learner.update() <= 1.0
+    assert learner.shots == 3 * 64 * (12 + 4 if imitation else 32)
     moved = [name for name, tensor in learner.policy.net.state_dict().items() if not torch.equal(tensor, before[name])]
     assert {"std", "first_points", "choice.4.weight"} <= set(moved)
 
 
+def test_improvement_raises_the_density_of_shots_above_the_mean_of_their_layout(monkeypatch):
+    config = {**TINY, "task": "Pot1-v0", "likelihood": {"layouts": 64, "imitation": 0.0}}
+    learner: Any = Learner(Config.from_dict(config))
+    learner.restart()
+    played = {}
+
+    def play(shots):  # a shot to the right scores
+        played["shots"] = shots
+        scored = shots[..., 0].flatten() > 0
+        return SimpleNamespace(rewards=scored.astype(float), infos={"is_success": scored})
+
+    monkeypatch.setattr(learner, "_play", play)
+    seen = learner._seen(learner._envs.reset()[0])
+    monkeypatch.setattr(learner, "_seen", lambda observations: seen)
+
+    def mean_log() -> float:
+        mixture = learner.policy.net(**seen)[0].repeated(32)
+        logs = mixture.log_prob(torch.from_numpy(played["shots"]).flatten(0, 1)).reshape(64, 32)
+        right = torch.from_numpy(played["shots"][..., 0] > 0).float()
+        return (logs * (right - right.mean(1, keepdim=True))).mean().item()
+
+    learner.update()
+    shots, first = played["shots"], mean_log()
+    learner.update()
+    played["shots"] = shots
+    assert mean_log() > first
+
+
+def test_an_episode_of_several_shots_goes_on_from_a_shot_that_scores(monkeypatch):
+    config = {**TINY, "task": "Pot3-v0", "policy": {"arguments": {"hidden": 16}}}
+    learner: Any = Learner(Config.from_dict(config))
+    learner.restart()
+    outcomes = []
+    play = learner._play
+    monkeypatch.setattr(learner, "_play", lambda shots: outcomes.append(play(shots)) or outcomes[-1])
+    learner.update()
+    going = ~learner._over
+    assert 0.2 < going.mean() < 1.0
+    (one,) = outcomes
+    assert np.array_equal(going, ((one.rewards > 0) & ~one.states["over"]).reshape(64, -1).any(1))
+    assert (learner._envs.get_state()["shots_left"][going] < learner._config.env["max_shots"]).all()
+
+
+def test_the_return_of_a_shot_is_its_reward_and_the_value_of_the_position_after_it(monkeypatch):
+    learner: Any = Learner(Config.from_dict({**TINY, "task": "Clear5-v0", "policy": {"arguments": {"hidden": 16}}}))
+    learner.restart()
+    monkeypatch.setattr(
+        learner.policy.net, "layouts", lambda positions, **others: (None, torch.full((len(positions),), 2.0))
+    )
+    outcomes = learner._play(random_hits(learner._envs, learner.policy, 6, np.random.default_rng(0)))
+    expected = np.maximum(outcomes.rewards + 2.0 * ~outcomes.states["over"], 0.0).reshape(64, 6)
+    assert {0.0, 2.0} <= set(expected.flatten())
+    assert np.allclose(learner._returns(outcomes, 4).numpy(), expected[:, -4:])
+
+
+def test_random_hits_of_a_run_out_touch_the_legal_balls():
+    positions = np.random.default_rng(1).uniform(-1.0, 1.0, (5, 4, 2))
+    legal = np.array([[False, True, False]] * 5)
+    actions = hits(positions, (0.001,) * 4, 20, (0.1, 0.9), 2, np.random.default_rng(0), legal=legal)
+    angles = np.arctan2(actions[..., 1], actions[..., 0])
+    ways = positions[:, 2] - positions[:, 0]
+    assert np.allclose(angles, np.arctan2(ways[:, 1], ways[:, 0])[:, None], atol=0.1)
+
+
 def test_other_features_than_positions_and_the_goal_are_refused():
     config = Config.from_dict({**TINY, "env": {"observe": ["positions", "goal", "shots_left"]}})
-    with pytest.raises(ValueError, match="expected only 'positions' and 'goal' with learner = 'likelihood'"):
+    with pytest.raises(ValueError, match="expected only 'positions' and 'goal' in a task with a goal"):
         Learner(config)
 
 
@@ -156,7 +225,12 @@ def test_with_noise_the_shots_of_an_update_are_noisy(monkeypatch):
         ({"likelihood": {"learning_rate": 0.1}}, "likelihood.learning_rate = 0.1: expected a pair of rates"),
         ({"ppo": {"n_epochs": 2}}, "ppo = .*: expected no settings of PPO with learner = 'likelihood'"),
         ({"policy": {"head": "gaussian"}}, "learner = 'likelihood': expected the policy 'aim'"),
-        ({"task": "Pot3-v0"}, "learner = 'likelihood': expected .* a task with max_shots = 1"),
+        ({"env": {"max_shots": 2}}, "learner = 'likelihood': expected max_shots = 1 in a task with a goal"),
+        (
+            {"task": None, "env": {"task": "nine_ball", "n_players": 2}},
+            "learner = 'likelihood': expected .* a task for one player",
+        ),
+        ({"likelihood": {"imitation": 1.5}}, "likelihood.imitation = 1.5: expected"),
     ],
 )
 def test_wrong_settings_are_refused(changes, message, kind):

@@ -71,7 +71,14 @@ def test_no_shot_aims_at_a_ball_that_is_potted_or_not_legal():
     net = AimNetwork(HALF, 3, (0.1, 0.3, 0.6), 16, features={"legal_balls": (3,)})
     positions = torch.tensor([[[0.2, -0.3], [0.0, -1.0], [0.7, -0.1], [0.1, 0.1]]])
     mixture, _ = net(positions, legal_balls=torch.tensor([[1.0, 1.0, 0.0]]))
-    assert mixture.log_weight.exp().reshape(3, -1).sum(1).tolist() == pytest.approx([0.0, 1.0, 0.0])
+    assert mixture.log_weight.exp().sum().item() == pytest.approx(1.0)
+    toward = mixture.dx * (0.7 - 0.2) + mixture.dy * (-0.1 + 0.3) * 0.5  # ball 2, the only one that can be hit
+    assert (toward > 0).all()
+    flags = torch.tensor([[0.0, 1.0, 0.0], [0.0, 1.0, 1.0]])
+    alone, among = (net(positions.expand(m, -1, -1), legal_balls=flags[:m])[0] for m in (1, 2))
+    assert (alone.dx.shape[1], among.dx.shape[1]) == (6, 12)
+    assert among.log_weight[0, :6].exp().sum().item() == pytest.approx(1.0)
+    torch.testing.assert_close(alone.mode()[0], among.mode()[0])
 
 
 def test_other_balls_matter_unless_they_are_potted(form):
@@ -122,8 +129,12 @@ def test_the_density_of_strikes_is_that_of_their_samples():
     assert slope.item() == pytest.approx(-0.3, abs=0.02)
 
 
-def test_all_tensors_are_on_the_device_of_the_weights(form):
+def test_all_tensors_are_on_the_device_of_the_weights(form, monkeypatch):
     balls, net = form
+    if net.legal:  # the number of legal balls is no part of a tensor on the device "meta"
+        monkeypatch.setattr(
+            net, "_first_balls", lambda allowed: torch.arange(balls, device="meta").expand(allowed.shape)
+        )
     mixture, values = net.to("meta")(**{name: feature.to("meta") for name, feature in layouts_of(balls).items()})
     for actions in (mixture.mode(), mixture.sample()):
         assert actions.device == mixture.log_prob(actions).device == mixture.entropy().device == values.device
