@@ -1,4 +1,4 @@
-"""Learning from every shot that scores."""
+"""Learning from many shots of each layout."""
 
 from types import SimpleNamespace
 from typing import Any
