@@ -184,13 +184,9 @@ class Learner:
 
     def _returns(self, outcomes: Outcomes, count: int) -> Tensor:
         """Returns the returns (m, count) of the last shots from each layout."""
-        m = self._settings["layouts"]
-        rows = np.arange(len(outcomes.rewards)).reshape(m, -1)[:, -count:].flatten()
-        returns = outcomes.rewards[rows]
-        if self._goes_on and len(on := np.flatnonzero(~outcomes.states["over"][rows])):
-            with torch.no_grad():
-                returns[on] += self.policy.net.layouts(**self._seen(outcomes.observations[rows[on]]))[1].numpy()
-        return torch.from_numpy(returns).float().clamp(min=0).reshape(m, count)
+        returns = self.policy.returns(outcomes) if self._goes_on else outcomes.rewards
+        returns = returns.reshape(self._settings["layouts"], -1)[:, -count:]
+        return torch.from_numpy(returns).float().clamp(min=0)
 
     def _error(self, values: Tensor, returns: Tensor) -> Tensor:
         """Returns the error of the values (m,) for the mean returns, with its weight."""

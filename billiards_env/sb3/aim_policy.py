@@ -12,6 +12,7 @@ import gymnasium as gym
 import numpy as np
 import torch
 from gymnasium import spaces
+from numpy.typing import NDArray
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.type_aliases import PyTorchObs
 from stable_baselines3.common.utils import LinearSchedule
@@ -22,6 +23,7 @@ from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.actions import action_named
 from billiards_env.envs.arguments import plain
 from billiards_env.envs.tasks import task_of
+from billiards_env.envs.trials import Outcomes
 from billiards_env.sb3.aim_network import OBSERVED, AimNetwork, Mixture
 from billiards_env.support.checks import Range, finite, integer, numbers, one_of, sequence, short
 
@@ -241,6 +243,14 @@ class AimPolicy(ActorCriticPolicy):
     def predict_values(self, obs: PyTorchObs) -> Tensor:
         """Returns the values (m, 1)."""
         return self.mixtures_and_values(obs)[1][:, None]
+
+    def returns(self, outcomes: Outcomes) -> NDArray[np.float64]:
+        """Returns the rewards (m,) of tried shots plus the values of the positions after them, 0 at the end of an episode."""
+        returns, on = outcomes.rewards.copy(), np.flatnonzero(~outcomes.states["over"])
+        if len(on):
+            with torch.no_grad():
+                returns[on] += self.predict_values(torch.as_tensor(outcomes.observations[on])).numpy()[:, 0]
+        return returns
 
     def get_distribution(self, obs: PyTorchObs) -> Mixture:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Returns the mixtures."""

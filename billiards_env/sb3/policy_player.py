@@ -6,7 +6,7 @@ In an environment it gets the observation. In a game it gets that of a similar t
 this ball were alone with the cue ball, and plays the one with the largest value. Otherwise it observes all balls.
 
 With a number of proposals, as in `policy:runs/pot:16`, the player simulates as many actions of the policy and plays the
-best one.
+best one. If an `AimPolicy` was trained in episodes of several shots, its critic values the position after a shot.
 
 Another policy must be trained with one object ball for a game with pockets, and then observes the nearest legal ball.
 In a carom game a policy must be trained with two object balls.
@@ -59,22 +59,41 @@ def policy(argument: str, where: Setup | gym.Env[Any, Any]) -> Player:
     """
     folder, _, number = argument.rpartition(":") if argument.rpartition(":")[2].isdecimal() else (argument, "", "1")
     count = integer("number of proposals", int(number), Range(1, MOST_PROPOSALS))
-    propose = _proposing_in_games(folder, where) if isinstance(where, Setup) else _proposing(folder, where)
+    if isinstance(where, Setup):
+        propose, rate = _proposing_in_games(folder, where), None
+    else:
+        propose, rate = _proposing(folder, where)
 
     def player(situation: Situation, rng: np.random.Generator) -> Stroke:
         if isinstance(where, Setup):
             situation = placed(situation, rng)
+        elif rate is not None:
+            situation = situation._replace(rate=rate)
         actions = propose(situation, count, rng)
         return situation.stroke(actions[0]) if count == 1 else best_of(situation, actions, rng)
 
     return player
 
 
-def _proposing(folder: str, where: gym.Env[Any, Any]) -> Propose:
-    """Returns the function that proposes the actions of a policy in an environment."""
+def _proposing(folder: str, where: gym.Env[Any, Any]) -> tuple[Propose, Callable[..., NDArray[np.float64]] | None]:
+    """Returns the function that proposes the actions of a policy in an environment, and `Situation.rate`.
+
+    The second one is None if the rating is the reward alone.
+    """
     base: Any = where.unwrapped
     model: Any = load_policy(folder, arguments_of(base))[1]
-    return lambda situation, count, rng: proposals(model, situation.observation, count, rng)
+
+    def propose(situation: Situation, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+        return proposals(model, situation.observation, count, rng)
+
+    trained = load_policy(folder)[0]
+    if (
+        not isinstance(model, AimPolicy)
+        or 1 in (trained["max_shots"], base.model.max_shots)
+        or base.model.n_players > 1
+    ):
+        return propose, None
+    return propose, lambda actions, noise=None: model.returns(base.try_actions(actions, noise=noise))
 
 
 def proposals(model: Any, observation: Any, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
