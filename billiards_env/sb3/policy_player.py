@@ -86,12 +86,8 @@ def _proposing(folder: str, where: gym.Env[Any, Any]) -> tuple[Propose, Callable
     def propose(situation: Situation, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
         return proposals(model, situation.observation, count, rng)
 
-    trained = load_policy(folder)[0]
-    if (
-        not isinstance(model, AimPolicy)
-        or 1 in (trained["max_shots"], base.model.max_shots)
-        or base.model.n_players > 1
-    ):
+    several = load_policy(folder)[0]["max_shots"] > 1 and base.model.max_shots > 1 and base.model.n_players == 1
+    if not several or not isinstance(model, AimPolicy):
         return propose, None
     return propose, lambda actions, noise=None: model.returns(base.try_actions(actions, noise=noise))
 

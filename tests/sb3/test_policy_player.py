@@ -17,6 +17,7 @@ from billiards_env.players.env_player import acting, action_of, env_situation
 from billiards_env.players.named import find_player
 from billiards_env.players.situation import game_situation
 from billiards_env.players.strategies import FINALISTS, REPEATS, best_of
+from billiards_env.sb3 import AimPolicy
 from billiards_env.sb3.policy_player import playable, policy, proposals
 from billiards_env.sb3.weights import save_policy
 from tests.helpers.games import in_a_row, setup
@@ -87,6 +88,19 @@ def test_the_best_of_several_proposals_is_played(tmp_path, head):
     observation, _ = env.reset(seed=0)
     again = acting(find_player(f"policy:{folder}:64", env), env, seed=2)
     assert again(observation).tolist() != again(observation).tolist()  # new proposals each time
+
+
+@pytest.mark.parametrize("max_shots", [1, 3])
+def test_the_critic_of_a_policy_of_several_shots_values_the_position_after_a_shot(tmp_path, monkeypatch, max_shots):
+    folder, model, _ = untrained(tmp_path, n_object_balls=3, max_shots=max_shots)
+    monkeypatch.setattr(AimPolicy, "predict_values", lambda self, observations: 100.0 * observations[:, :1])
+    env: Any = gym.make("Billiards-v0", n_object_balls=3, max_shots=3).unwrapped
+    observation, _ = env.reset(seed=1)
+    action = acting(find_player(f"policy:{folder}:30", env), env, seed=4)(observation)
+    proposed = proposals(model, observation, 30, RNG(4))
+    outcomes = env.try_actions(proposed)
+    values = 100.0 * outcomes.observations[:, 0] * (max_shots > 1)  # x of the cue ball
+    assert np.array_equal(action, proposed[np.argmax(outcomes.rewards + values)])
 
 
 def test_with_noise_proposals_are_tried_with_noise_of_their_own(tmp_path):
