@@ -94,7 +94,7 @@ class Learner:
             )
         observe = "goal" if self._has_goal else self.policy.observe
         self._envs: Any = make_vector(config, self._settings["layouts"], observe=observe).unwrapped
-        self._over = np.ones(self._settings["layouts"], np.bool_)
+        self._over, self._observations = np.ones(self._settings["layouts"], np.bool_), None
         self._log_std = nn.Parameter(self.policy.net.std.log())
         parameters = [*self.policy.net.parameters(), self._log_std]
         # Each phase has its own moments, because the gradients differ in size.
@@ -124,8 +124,9 @@ class Learner:
         first, last = settings["learning_rate"]
         for group in self._optimizers[improves].param_groups:
             group["lr"] = (last + (first - last) * (1.0 - part)) * (_SLOWER if improves else 1.0)
-        observations, _ = self._envs.reset(options={"reset_mask": self._over})
-        outcomes = (self._improve if improves else self._imitate)(self._seen(observations))
+        if self._over.any():
+            self._observations, _ = self._envs.reset(options={"reset_mask": self._over})
+        outcomes = (self._improve if improves else self._imitate)(self._seen(self._observations))
         scored = scores(self._envs, outcomes).reshape(settings["layouts"], -1)
         if self._goes_on:
             self._go_on(outcomes, scored)
@@ -196,10 +197,10 @@ class Learner:
         """Sets each environment to the state after a random shot that scores and does not end the episode."""
         over = outcomes.states["over"].reshape(scored.shape)
         chances = self._rng.random(scored.shape) * (scored & ~over)
-        rows, chosen = np.arange(len(scored)), chances.argmax(1)
-        self._over = chances[rows, chosen] == 0
-        going = rows[~self._over]
-        self._envs.set_state(outcomes.states[going * scored.shape[1] + chosen[going]], going)
+        chosen = np.arange(len(scored)) * scored.shape[1] + chances.argmax(1)
+        self._over = chances.flatten()[chosen] == 0
+        self._observations, going = outcomes.observations[chosen], np.flatnonzero(~self._over)
+        self._envs.set_state(outcomes.states[chosen[going]], going)
 
     def _fit(self, mixtures: Callable[[Tensor, Tensor | None], Mixture], labels: Labels) -> None:
         """Takes one step of the optimizer towards a larger likelihood of labels."""

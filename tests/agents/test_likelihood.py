@@ -169,6 +169,9 @@ def test_an_episode_of_several_shots_goes_on_from_a_shot_that_scores(monkeypatch
     (one,) = outcomes
     assert np.array_equal(going, ((one.rewards > 0) & ~one.states["over"]).reshape(64, -1).any(1))
     assert (learner._envs.get_state()["shots_left"][going] < learner._config.env["max_shots"]).all()
+    learner._over[:] = False
+    learner.update()  # no new episode begins
+    assert not outcomes[1].states["fresh"].any()
 
 
 def test_the_return_of_a_shot_is_its_reward_and_the_value_of_the_position_after_it(monkeypatch):
