@@ -177,9 +177,7 @@ def test_an_episode_of_several_shots_goes_on_from_a_shot_that_scores(monkeypatch
 def test_the_return_of_a_shot_is_its_reward_and_the_value_of_the_position_after_it(monkeypatch):
     learner: Any = Learner(Config.from_dict({**TINY, "task": "Clear5-v0", "policy": {"arguments": {"hidden": 16}}}))
     learner.restart()
-    monkeypatch.setattr(
-        learner.policy.net, "layouts", lambda positions, **others: (None, torch.full((len(positions),), 2.0))
-    )
+    monkeypatch.setattr(learner.policy, "predict_values", lambda seen: torch.full((len(seen), 1), 2.0))
     outcomes = learner._play(random_hits(learner._envs, learner.policy, 6, np.random.default_rng(0)))
     expected = np.maximum(outcomes.rewards + 2.0 * ~outcomes.states["over"], 0.0).reshape(64, 6)
     assert {0.0, 2.0} <= set(expected.flatten())

@@ -44,6 +44,7 @@ def untrained(folder, head="aim", **env):
     """Returns the folder and the untrained policy of a run, and its environment."""
     policy = {"head": "aim", "arguments": {"hidden": 16}} if head == "aim" else {"head": head, "hidden": [8]}
     config = Config.from_dict({"timesteps": 0, "env": env, "policy": policy})
+    torch.manual_seed(0)
     (folder / "config.yaml").write_text(config.to_yaml())
     model: Any = make_policy(config)
     save_policy(model, folder / "policy.pt")
