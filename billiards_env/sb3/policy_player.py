@@ -6,7 +6,7 @@ In an environment it gets the observation. In a game it gets that of a similar t
 this ball were alone with the cue ball, and plays the one with the largest value. Otherwise it observes all balls.
 
 With a number of proposals, as in `policy:runs/pot:16`, the player simulates as many actions of the policy and plays the
-best one. If an `AimPolicy` was trained in episodes of several shots, its critic values the position after a shot.
+best one. In a run-out the critic of an `AimPolicy` values the position after a shot.
 
 Another policy must be trained with one object ball for a game with pockets, and then observes the nearest legal ball.
 In a carom game a policy must be trained with two object balls.
@@ -86,9 +86,8 @@ def _proposing(folder: str, where: gym.Env[Any, Any]) -> tuple[Propose, Callable
     def propose(situation: Situation, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
         return proposals(model, situation.observation, count, rng)
 
-    several = load_policy(folder)[0]["max_shots"] > 1 and base.model.max_shots > 1 and base.model.n_players == 1
-    if not several or not isinstance(model, AimPolicy):
-        return propose, None
+    if not isinstance(model, AimPolicy) or "legal_balls" not in model.observe or base.model.n_players > 1:
+        return propose, None  # in other tasks a missed shot may leave more points than one that scores
     return propose, lambda actions, noise=None: model.returns(base.try_actions(actions, noise=noise))
 
 

@@ -91,17 +91,20 @@ def test_the_best_of_several_proposals_is_played(tmp_path, head):
     assert again(observation).tolist() != again(observation).tolist()  # new proposals each time
 
 
-@pytest.mark.parametrize("max_shots", [1, 3])
-def test_the_critic_of_a_policy_of_several_shots_values_the_position_after_a_shot(tmp_path, monkeypatch, max_shots):
-    folder, model, _ = untrained(tmp_path, n_object_balls=3, max_shots=max_shots)
+@pytest.mark.parametrize("arguments", [{"task": "nine_ball"}, {"n_object_balls": 3, "max_shots": 3}])
+def test_in_a_run_out_the_critic_values_the_position_after_a_shot(tmp_path, monkeypatch, arguments):
+    folder, model, env = untrained(tmp_path, layout="random", **arguments)
     monkeypatch.setattr(AimPolicy, "predict_values", lambda self, observations: 100.0 * observations[:, :1])
-    env: Any = gym.make("Billiards-v0", n_object_balls=3, max_shots=3).unwrapped
+    base: Any = env.unwrapped
     observation, _ = env.reset(seed=1)
-    action = acting(find_player(f"policy:{folder}:30", env), env, seed=4)(observation)
-    proposed = proposals(model, observation, 30, RNG(4))
-    outcomes = env.try_actions(proposed)
-    values = 100.0 * outcomes.observations[:, 0] * (max_shots > 1)  # x of the cue ball
-    assert np.array_equal(action, proposed[np.argmax(outcomes.rewards + values)])
+    action = acting(find_player(f"policy:{folder}:200", env), env, seed=4)(observation)
+    proposed = proposals(model, observation, 200, RNG(4))
+    outcomes = base.try_actions(proposed)
+    ratings = outcomes.rewards
+    if base.task == "nine_ball":
+        assert (~outcomes.states["over"]).any()
+        ratings = ratings + 100.0 * outcomes.observations[:, 0] * ~outcomes.states["over"]  # x of the cue ball
+    assert np.array_equal(action, proposed[np.argmax(ratings)])
 
 
 def test_with_noise_proposals_are_tried_with_noise_of_their_own(tmp_path):
