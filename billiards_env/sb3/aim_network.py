@@ -269,7 +269,7 @@ class AimNetwork(nn.Module):
         goals, rest = tables[:, :, 1 + n :].reshape(m * n, -1), rest.repeat_interleave(n, 0)
         waves = self._waves(cue_ball), self._waves(ball)
         features = torch.cat((cue_ball, ball, way, distance, 1 / (distance + 0.1), goals, rest, *waves), 1)
-        on_table = (ball != 1).all(1)  # a ball off the table is at an edge of the observation, one on it never is
+        on_table = (ball != 1).all(1)  # a ball out of play is at an edge of the observation, one in play never is
         chosen, judged, aimed = self._other_balls(tables, flags, way, on_table) if n > 1 else (None, None, None)
         near = torch.cat((ball, waves[1]), 1)
         offset = self.points(near) if self.aim == "ball" else self.points(features, aimed)
