@@ -20,7 +20,7 @@ from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.noses import is_free, nose_normal, pocket_below, way_to_nose
 from billiards_env.physics.geometry.pockets import pocket_at
-from billiards_env.physics.geometry.walls import back_to_wall, half_sizes
+from billiards_env.physics.geometry.walls import back_to_wall, half_sizes, wall_count
 from billiards_env.physics.laws.flight import height_after
 from billiards_env.physics.motion import advance, begin_phase, height_of, land, path_of, place_after
 from billiards_env.physics.state import AIRBORNE, LASTS, VX, VY, VZ, X, Y, Z, own_time, since
@@ -188,7 +188,7 @@ def hit_noses(flight, i, now, k, scene, work, shots, log):  # out: work, shots, 
     if abs(work.here[i, X]) <= half_x - reach and abs(work.here[i, Y]) <= half_y - reach:
         return False
     advance(state, i, now, scene.numbers)
-    for wall in range(4 if scene.outline is None else len(scene.outline.lines) + len(scene.outline.tips)):
+    for wall in range(wall_count(scene.outline)):
         dx, dy = way_to_nose(row[X], row[Y], wall, flight)
         touch = _reach(row, radius, flight)
         if not norm(dx, dy) < touch:
