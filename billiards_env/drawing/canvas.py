@@ -192,9 +192,9 @@ class Canvas:
         above, places = np.array(balls, np.intp)[order], np.reshape(centres, (-1, 2))[order]
         self._painter.draw(surface, above.tolist(), places, turned[above], 1.0 + LIFT * up[above])
 
-    def draw_ring(self, surface: Surface, ball: int, centre: Floats) -> None:
-        """Draws a ball of another run as a ring around a centre (2,), pixels."""
-        colour, radius = self.looks[ball].path, self.scale * self.scene.balls.radius[ball]
+    def draw_ring(self, surface: Surface, ball: int, centre: Floats, height: float = 0.0) -> None:
+        """Draws a ball of another run at a height, m, as a ring around a centre (2,), pixels."""
+        colour, radius = self.looks[ball].path, self.scale * self.scene.balls.radius[ball] * (1.0 + LIFT * height)
         _stamp(surface, centre, functools.partial(ring, radius, colour))
 
     def draw_path(self, surface: Surface, points: Floats, colour: str) -> None:
@@ -317,14 +317,14 @@ class Motion:
         for run, _ in self._runs:
             places = canvas.pixels_of(run.trajectory.at(min(time, run.time)))
             shown = np.flatnonzero(run.gone > time).tolist()
+            heights = np.zeros(canvas.scene.n_balls)
+            if canvas.scene.physics.flight:
+                heights[shown] = [run.heights(ball, [min(time, run.time)])[0] for ball in shown]
             if run is self._recording:
-                centres, heights = [places[ball] for ball in shown], np.zeros(canvas.scene.n_balls)
-                if canvas.scene.physics.flight:
-                    heights[shown] = [run.heights(ball, [min(time, run.time)])[0] for ball in shown]
-                canvas.draw_balls(frame, shown, centres, self._turning.at(time), heights)
+                canvas.draw_balls(frame, shown, [places[ball] for ball in shown], self._turning.at(time), heights)
             else:
                 for ball in shown:
-                    canvas.draw_ring(frame, ball, places[ball])
+                    canvas.draw_ring(frame, ball, places[ball], float(heights[ball]))
 
     def _points(self, run: Recording, ball: int) -> tuple[Floats, Floats]:
         """Returns the times (m,), s, and the points (m, 2), pixels, of a ball's path up to its end."""

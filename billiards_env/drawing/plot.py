@@ -40,7 +40,7 @@ MARKS = {
     "cushion": ("s", 4.5, "ball hits cushion"),
     "sliding_rolling": ("o", 3.5, "slides until here, then rolls"),
     "pocket": ("D", 5, "potted"),
-    "off_table": ("X", 6, "leaves the table"),
+    "off_table": ("X", 6, "is driven off"),
 }
 """The marker of an event kind, its size in points, and its meaning."""
 

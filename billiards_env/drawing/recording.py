@@ -40,7 +40,7 @@ class Recording(NamedTuple):
 
     @property
     def gone(self) -> Floats:
-        """(n,) s, the time at which each ball was potted or left the table; 0 if it was not in play, otherwise inf."""
+        """(n,) s, the time at which each ball went out of play; 0 if it was not in play, inf if it stayed."""
         return self.trajectory.potted_at
 
     def potted(self, time: float) -> NDArray[np.intp]:

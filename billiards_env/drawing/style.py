@@ -95,7 +95,7 @@ KINDS = {
     "spinning_rest": "stops spinning",
     "rolling_slower": "rolls more slowly",
     "landing": "lands",
-    "off_table": "leaves the table",
+    "off_table": "is driven off the table",
 }
 """The text of each event kind, after the name of the ball."""
 

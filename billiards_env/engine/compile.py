@@ -190,8 +190,6 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
     p, table = scene.physics, scene.table
     for name, laws in (("motion", MOTIONS), ("cushion", CUSHIONS), ("ball_ball", BALL_LAWS)):
         one_of(f"physics.{name}", getattr(p, name), tuple(laws))  # `scene` may have names that have no law
-    if p.flight and engine.mode == "pit" and table.outline:
-        raise ValueError("mode = 'pit' with physics.flight = True and table.outline: expected 'pic'")
     if p.flight and engine.fix in ("move_back", "time_of_impact"):
         raise ValueError(f"fix = {engine.fix!r} with physics.flight = True: expected 'push_apart' or 'none'")
     numbers, law = _numbers(scene, engine, {}), BALL_LAWS[p.ball_ball]

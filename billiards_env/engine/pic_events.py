@@ -143,7 +143,7 @@ def _speed_of_fall(flight, i, state, numbers):
 
 @inlined
 def _resolve_in_air(flight, i, kind, other, k, scene, state, shots):  # out: state, shots
-    """Resolves the impact of ball i, which is in the air, on a nose, or takes a ball that leaves the table out of play.
+    """Resolves the impact of ball i, which is in the air, on a nose, or drives it off the table.
 
     Returns:
         The speed of approach, m/s, and the number of acts of the contact-time rule.

@@ -1,32 +1,32 @@
 """What PIT does to balls in the air: at each timestep it finds landings, noses, pockets and balls off the table.
 
-A ball that has reached the slate within the step lands at its place at the timestep, with the vertical speed at which
-it reached the slate. If the centre of a ball has passed over the line of a nose, its height at this line determines
-whether it has hit the nose or leaves the table. If the line is in a pocket there, the ball is potted or leaves the
-table when it lands or leaves the pocket, by its height at that timestep. The way back to the line is straight. A ball
-that overlaps a nose and approaches it is reflected by `contact_rule.hit_nose`. The fix "push_apart" first moves it back
-along the normal of the cushion until it touches the nose. A ball that has passed the nose is moved back with any fix.
+The path of a ball between two timesteps is that of the exact engine, and `predictions.end_in_air` finds how it ends. A
+ball that has reached the slate lands at its place at the timestep, with the vertical speed at which it reached the
+slate. A ball that has passed over a nose goes back to it with any fix, and the nose reflects it, unless the ball was
+above the nose there. A ball that overlaps a nose at a timestep and approaches it is reflected by
+`contact_rule.hit_nose`. The fix "push_apart" first moves it away from the nose horizontally until they touch.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
 
 from billiards_env.engine.contact_rule import hit_nose, leaning, limits_in_space
 from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, LANDING, OFF_TABLE, log_event
 from billiards_env.engine.overlaps import KEEPS_PLACES, UP, UP_SPEED, fix_at_rest
+from billiards_env.engine.predictions import end_in_air
 from billiards_env.engine.shots import drive_off, pot
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.noses import falls_back, nose_normal, pocket_below
+from billiards_env.physics.geometry.noses import is_free, nose_normal, pocket_below, way_to_nose
 from billiards_env.physics.geometry.pockets import pocket_at
+from billiards_env.physics.geometry.walls import back_to_wall, half_sizes, wall_count
 from billiards_env.physics.laws.flight import height_after
-from billiards_env.physics.motion import advance, begin_phase, height_of, land
+from billiards_env.physics.motion import advance, begin_phase, height_of, land, path_of, place_after
 from billiards_env.physics.state import AIRBORNE, LASTS, VX, VY, VZ, X, Y, Z, own_time, since
 
 _INSIDE = 1e-9
-"""A ball that has passed a nose is moved back to at least this distance from its line, over the radius."""
+"""A ball that touches a nose is at least this far from it horizontally, over the radius."""
 
 
 @inlined
@@ -71,64 +71,28 @@ def _follow(i, work):  # out: work
     work.changed[i] = True
 
 
-class Crossing(NamedTuple):
-    """Where the centre of a ball has passed over the line of a nose.
-
-    Attributes:
-        wall: The cushion; -1 if it has not.
-        late: The time since then, s.
-        x: Position along x, m.
-        y: The same along y.
-    """
-
-    wall: Any
-    late: Any
-    x: Any
-    y: Any
-
-
-@inlined
-def _room_between_noses(scene):
-    """Returns half the length and half the width between the noses, m."""
-    inset = scene.flight.inset
-    return scene.numbers.half_length - inset, scene.numbers.half_width - inset
-
-
-@inlined
-def _crossing(i, scene, work):
-    """Returns the `Crossing` of ball i."""
-    x, y, vx, vy = work.here[i, X], work.here[i, Y], work.here[i, VX], work.here[i, VY]
-    room_x, room_y = _room_between_noses(scene)
-    wall, late = -1, 0.0
-    if abs(x) >= room_x and x * vx > 0.0:
-        wall, late = (1 if x > 0.0 else 0), (abs(x) - room_x) / abs(vx)
-    if abs(y) >= room_y and y * vy > 0.0 and (abs(y) - room_y) / abs(vy) >= late:
-        wall, late = (3 if y > 0.0 else 2), (abs(y) - room_y) / abs(vy)
-    return Crossing(wall, late, x - late * vx, y - late * vy)
-
-
 @inlined
 def _end_of_flight(i, t, scene, work):
-    """Returns what ends the flight of ball i, t seconds after its own time.
+    """Returns what ends the flight of ball i until t seconds after its own time.
 
     Returns:
-        The kind of event, -1 for none, and the pocket or the cushion.
+        The time, s after the ball's own, the kind of event, -1 for none, and the pocket or the cushion.
     """
-    row, x, y, radius = work.state.rows[i], work.here[i, X], work.here[i, Y], scene.radius[i]
-    lands, crossing = t >= row[LASTS], _crossing(i, scene, work)
-    if crossing.wall < 0:
-        if not lands:
-            return -1, -1
-        pocket = pocket_below(x, y, radius, scene)
-        return (LANDING, -1) if pocket < 0 else (BALL_POCKET, pocket)
-    pocket = pocket_at(scene.pockets, crossing.x, crossing.y, 1.0)
-    if pocket < 0:
-        z, _ = height_after(row[Z], row[VZ], t - crossing.late, scene.numbers.g)
-        above = z - scene.flight.height >= radius
-        return (OFF_TABLE, -1) if above else (BALL_CUSHION, crossing.wall)
-    if not lands and pocket_at(scene.pockets, x, y, 1.0) == pocket:
-        return -1, -1
-    return (BALL_POCKET, pocket) if falls_back(work.here[i, UP], radius) else (OFF_TABLE, -1)
+    row, (end, kind, other) = work.state.rows[i], end_in_air(i, work.state, scene)
+    if end > t:
+        return end, -1, -1
+    if end == row[LASTS]:
+        x, y = work.here[i, X], work.here[i, Y]
+        if is_free((x, y, 0.0), scene.radius[i], scene):
+            other = pocket_below(x, y, scene.radius[i], scene)
+        else:
+            other = pocket_at(scene.pockets, x, y, 1.0)
+        return end, (LANDING if other < 0 else BALL_POCKET), other
+    if kind == OFF_TABLE and other >= 0:
+        z, _ = height_after(row[Z], row[VZ], end, scene.numbers.g)
+        if z - scene.flight.height < scene.radius[i]:
+            return end, BALL_CUSHION, other
+    return end, kind, (other if kind == BALL_POCKET else -1)
 
 
 @inlined
@@ -140,17 +104,19 @@ def end_flight(flight, i, now, k, scene, work, shots, log):  # out: work, shots,
     if flight is None:
         return False
     state, row, t = work.state, work.state.rows[i], since(now, own_time(work.state, i))
-    kind, other = _end_of_flight(i, t, scene, work)
+    end, kind, other = _end_of_flight(i, t, scene, work)
     if kind < 0:
         return False
-    fall = row[LASTS] * scene.numbers.g - row[VZ]
+    fall, over = row[LASTS] * scene.numbers.g - row[VZ], place_after(path_of(state, i), end)
     advance(state, i, now, scene.numbers)
     if kind == LANDING:
         row[VZ] = -fall
         _land(i, now, k, scene, work, shots, log)
         return True
     if kind == BALL_CUSHION:
-        _move_back(i, other, scene, work)
+        row[X], row[Y] = back_to_wall(
+            *over, scene.flight.inset + _reach(row, scene.radius[i], scene.flight), other, scene.numbers, scene.outline
+        )
         _hit_nose(i, other, now, k, scene, work, shots, log)
         return True
     speed = norm(row[VX], row[VY])
@@ -196,14 +162,10 @@ def land_pressed(flight, i, now, k, scene, work, shots, log):  # out: work, shot
 
 
 @inlined
-def _move_back(i, wall, scene, work):  # out: work
-    """Moves ball i along the normal of a cushion until it touches its nose, and between the other noses."""
-    row, radius = work.state.rows[i], scene.radius[i]
-    below = row[Z] - scene.flight.height
-    touch = max(math.sqrt(max(radius * radius - below * below, 0.0)), _INSIDE * radius)
-    room_x, room_y = _room_between_noses(scene)
-    room_x, room_y = (room_x - touch, room_y) if wall < 2 else (room_x, room_y - touch)
-    row[X], row[Y] = min(max(row[X], -room_x), room_x), min(max(row[Y], -room_y), room_y)
+def _reach(row, radius, noses):
+    """Returns the horizontal distance between a nose and a ball that touches it, at the height of the ball, m."""
+    below = row[Z] - noses.height
+    return max(math.sqrt(max(radius * radius - below * below, 0.0)), _INSIDE * radius)
 
 
 @kernel
@@ -221,19 +183,22 @@ def hit_noses(flight, i, now, k, scene, work, shots, log):  # out: work, shots, 
     if flight is None:
         return False
     state, row, radius, has_hit = work.state, work.state.rows[i], scene.radius[i], False
-    room_x, room_y = _room_between_noses(scene)
-    for wall in range(4):
-        sign = 1.0 if wall % 2 else -1.0
-        gap = room_x - sign * work.here[i, X] if wall < 2 else room_y - sign * work.here[i, Y]
-        if not 0.0 < gap < radius:
+    half_x, half_y = half_sizes(scene.numbers, scene.outline)
+    reach = radius + flight.inset
+    if abs(work.here[i, X]) <= half_x - reach and abs(work.here[i, Y]) <= half_y - reach:
+        return False
+    advance(state, i, now, scene.numbers)
+    for wall in range(wall_count(scene.outline)):
+        dx, dy = way_to_nose(row[X], row[Y], wall, flight)
+        touch = _reach(row, radius, flight)
+        if not norm(dx, dy) < touch:
             continue
-        advance(state, i, now, scene.numbers)
         nx, ny, nz = nose_normal(row, wall, flight)
-        distance = gap / (sign * (nx if wall < 2 else ny))
-        if not (distance < radius and nx * row[VX] + ny * row[VY] + nz * row[VZ] > 0.0):  # nan without a nose
+        if nx * row[VX] + ny * row[VY] + nz * row[VZ] <= 0.0:
             continue
-        if scene.numbers.fix != KEEPS_PLACES and (ny if wall < 2 else nx) == 0.0:
-            _move_back(i, wall, scene, work)
+        if scene.numbers.fix != KEEPS_PLACES and (dx != 0.0 or dy != 0.0):
+            share = 1.0 - touch / norm(dx, dy)
+            row[X], row[Y] = row[X] + share * dx, row[Y] + share * dy
         _hit_nose(i, wall, now, k, scene, work, shots, log)
         has_hit = True
     return has_hit

@@ -155,33 +155,44 @@ def predict_single(i, state, scene, singles):  # out: singles
         singles.kind[i], singles.other[i] = kind, other
 
 
-@kernel
-def _event_in_air(flight, i, state, scene):
-    """Returns the next event of ball i alone, which is in the air: the time, s after its own, the kind and the number.
+@inlined
+def end_in_air(i, state, scene):
+    """Returns how the flight of ball i ends if the ball hits nothing in the air.
 
     A ball is potted if it lands in a pocket, or in the mouth of one, farther out than a ball on the cloth can be. If
     its centre passes over the line of the noses inside a pocket, it hits the back of the pocket and is potted, if the
     centre leaves the pocket lower than 2/5 of a radius above its height on the cloth (the rule of the simulator
     pooltool). Every other ball whose centre passes over a nose is driven off the table.
+
+    Returns:
+        The time, s after the ball's own, the kind of event, and the pocket, the cushion under the ball, or -1.
     """
-    if flight is None:
-        return math.inf, LANDING, -1
-    path, end, radius, numbers = path_of(state, i), state.rows[i, LASTS], scene.radius[i], scene.numbers
-    last, kind, other = min(edge_time(path, end, flight), end), OFF_TABLE, -1
-    if last == end:
-        kind, other = LANDING, pocket_below(*place_after(path, end), radius, scene)
+    flight, path, end, radius = scene.flight, path_of(state, i), state.rows[i, LASTS], scene.radius[i]
+    (last, other), kind = edge_time(path, end, flight), OFF_TABLE
+    if last >= end:
+        last, other = end, pocket_below(*place_after(path, end), radius, scene)
+        kind = LANDING if other < 0 else BALL_POCKET
     first_pocket, last_pocket = pockets_near(path, last, scene.pockets)
     for k in range(first_pocket, last_pocket + 1):
         t = pocket_exit(path, scene.pockets[k])
         if t < last and is_beyond_noses(*place_after(path, t), scene):
             last, kind, other = t, OFF_TABLE, -1
-            if falls_back(height_of(flight, state, i, t, numbers)[0], radius):
-                other = k
-    if other >= 0:
-        kind = BALL_POCKET
-    noise = IMPULSE_ROUNDING * norm(norm(path.vx, path.vy), state.rows[i, VZ])
-    rise = state.rows[i, Z], state.rows[i, VZ]
-    t, wall = nose_time(path, rise, radius, last, noise, flight, numbers.g)
+            if falls_back(height_of(flight, state, i, t, scene.numbers)[0], radius):
+                kind, other = BALL_POCKET, k
+    return last, kind, other
+
+
+@kernel
+def _event_in_air(flight, i, state, scene):
+    """Returns the next event of ball i alone, which is in the air; the result is that of `end_in_air`."""
+    if flight is None:
+        return math.inf, LANDING, -1
+    last, kind, other = end_in_air(i, state, scene)
+    if kind == OFF_TABLE:
+        other = -1
+    path, rise = path_of(state, i), (state.rows[i, Z], state.rows[i, VZ])
+    noise = IMPULSE_ROUNDING * norm(norm(path.vx, path.vy), rise[1])
+    t, wall = nose_time(path, rise, scene.radius[i], last, noise, flight, scene.numbers.g)
     if t <= last:
         last, kind, other = t, BALL_CUSHION, wall
     return last, kind, other

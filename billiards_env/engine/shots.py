@@ -62,9 +62,9 @@ class Shots(NamedTuple):
         first_hit: (m,) int64 out: the ball that the cue ball touched first, -1 if none.
         n_contact_rule: (m,) int64 out: number of acts of the contact-time rule.
         pockets: (m, n) int32 out: the pocket in which the shot potted the ball, -1 for none.
-        pot_order: (m, n) int32 out: the number of balls that had left the table in the shot before the ball did, -1 if
-            it stayed. Balls that leave it at the same instant have the order of their numbers. A ball that leaves it
-            without a pocket is driven off the table, which needs a flight.
+        pot_order: (m, n) int32 out: the number of balls that went out of play in the shot before the ball did, -1 if
+            it stayed. Balls that go at the same instant have the order of their numbers. A ball that goes without a
+            pocket is driven off the table, which needs a flight.
         touched_first: (m, n) bool out: whether the cue ball touched the ball at the instant of its first contact.
         first_hit_time: (m,) float64 out: this instant, s; infinite without a contact.
     """
@@ -225,7 +225,7 @@ def pot(k, i, pocket, state, scene, shots):  # out: state, shots
 
 @inlined
 def drive_off(k, i, state, scene, shots):  # out: state, shots
-    """Takes ball i, which leaves the table, out of play, and records this.
+    """Takes ball i, which is driven off the table, out of play, and records this.
 
     It is put on the cushion, beside the nearest edge of the playing surface, where no ball in play can be.
     """
@@ -241,7 +241,7 @@ def drive_off(k, i, state, scene, shots):  # out: state, shots
 
 @inlined
 def _balls_off(k, shots):
-    """Returns the number of balls that have left the table in shot k."""
+    """Returns the number of balls that have gone out of play in shot k."""
     count = 0
     for j in range(shots.pot_order.shape[1]):
         if shots.pot_order[k, j] >= 0:

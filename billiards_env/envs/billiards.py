@@ -185,7 +185,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     | `spotted`     | (n,) bool              | the balls that return to the table after the shot       | False         |
     | `winner`      | int64                  | the player who has won, or -1                           | -1            |
 
-    `potted` has the balls off the table before balls are spotted. `score` is the score of the player of the shot, and
+    `potted` has the balls out of play before balls are spotted. `score` is the score of the player of the shot, and
     `is_success` whether this player has won.
 
     `layout` is one of `GAMES[task].layouts`, by default the first. `"random"` has no break.
@@ -245,7 +245,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     The episode terminates when `max_shots` shots are played or the task is decided. It is never truncated, because the
     limit on shots is part of the task. A task is decided as follows:
 
-    - `task="pot"`: when all object balls are potted, or the cue ball is potted. Potted object balls stay off the table
+    - `task="pot"`: when all object balls are potted, or the cue ball is potted. Potted object balls stay out of play
       in later shots.
     - `task="carom"` and `task="three_cushion"`: when any ball is potted, on a table with pockets. Other shots do not
       end the episode, with or without a point.
@@ -253,7 +253,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     - `task="place"`: when the point is scored, or the cue ball is potted.
     - `task="position"`: when the point is scored, the cue ball is potted, or no object ball is left.
     - `task="clear"`: as in `"pot"`.
-    - `task="jump"`: when ball 1 or the cue ball is off the table.
+    - `task="jump"`: when ball 1 or the cue ball is out of play.
     - `task="nine_ball"` and `task="eight_ball"`: after a foul, after a shot that scores no point, and when the nine
       ball or the eight ball is potted. An eight ball potted before it is on, also in the break, ends the episode
       without success.
@@ -271,7 +271,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     | `first_hit`     | int64        | the first ball that the cue ball touched, -1 if none | -1            |
     | `played_action` | (k,) float64 | velocity or strike that was played, see below        | 0             |
     | `cushions`      | (n,) int32   | number of cushion contacts of each ball in the shot  | 0             |
-    | `potted`        | (n,) bool    | balls off the table after the shot                   | False         |
+    | `potted`        | (n,) bool    | balls out of play after the shot                     | False         |
     | `scratch`       | bool         | whether the cue ball was potted                      | False         |
     | `points`        | int64        | points of the shot                                   | 0             |
     | `score`         | int64        | points of the episode up to now                      | 0             |

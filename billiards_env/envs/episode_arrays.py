@@ -40,7 +40,7 @@ class EpisodeArrays(NamedTuple):
     Attributes:
         positions: As in `engine.Shots`.
         in_play: As in `engine.Shots`.
-        potted: (m, n) bool: balls off the table after the last shot.
+        potted: (m, n) bool: balls out of play after the last shot.
         cue: As in `engine.Shots`.
         cushions: As in `engine.Shots`.
         cushions_before_hit: As in `engine.Shots`.

@@ -348,7 +348,7 @@ FEATURES = {
         "numbers in randomize",
     ),
     "potted": Feature(
-        "1 for each ball off the table, else 0",
+        "1 for each ball out of play, else 0",
         ("balls",),
         0.0,
         write_flags,

@@ -235,7 +235,7 @@ class OfEpisodes:
 
     @property
     def potted(self: Any) -> NDArray[np.bool_]:
-        """(n,) balls off the table."""
+        """(n,) balls out of play."""
         return ~self._episodes.state.in_play[self._which]
 
     @property

@@ -156,7 +156,7 @@ def judge_jump(k, numbers, arrays):
     """Pots ball 1, which the cue ball touches before any other ball or cushion: 1 point.
 
     A shot that pots the cue ball or drives a ball off the table scores 0 points. The episode is decided if ball 1 or
-    the cue ball is off the table.
+    the cue ball is out of play.
     """
     facts = facts_of_shot(k, arrays, numbers.bits)
     _, decided, potted = judge_pot(k, numbers, arrays)

@@ -36,7 +36,7 @@ FOULS = ("", "scratch", "no_hit", "wrong_ball", "wrong_pot", "no_cushion", "ille
 FOULS += ("free_ball", "driven_off")
 """The fouls; "" means no foul. "scratch" is a potted cue ball, "wrong_pot" a potted ball that is not on,
 "breaking_foul" a bad opening break of straight pool, "push" a shot into a ball that touches the cue ball, "free_ball" a
-snooker behind the free ball, "driven_off" an object ball off the table."""
+snooker behind the free ball, "driven_off" an object ball driven off the table."""
 NO_FOUL, SCRATCH, NO_HIT, WRONG_BALL, WRONG_POT, NO_CUSHION, ILLEGAL_BREAK, BREAKING_FOUL = range(8)
 PUSH, FREE_BALL, DRIVEN_OFF = range(8, len(FOULS))
 
@@ -160,8 +160,8 @@ class Facts(NamedTuple):
         cushion_after: Whether any ball hit a cushion or was potted after the cue ball's first contact with a ball.
         driven: The object balls that hit a cushion or were potted (WPA 8.4).
         cue_driven: Whether the cue ball hit a cushion or was potted (WPA 8.4).
-        driven_off: The object balls that left the table other than into a pocket, in scenes with flight.
-        cue_off: Whether the cue ball left the table in this way.
+        driven_off: The object balls that were driven off the table, in scenes with flight.
+        cue_off: Whether the cue ball was driven off the table.
         hidden: In snooker, whether the free ball hides all balls on at the end of the shot; see `Game.see`.
     """
 

@@ -360,7 +360,7 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     balls, cues = set(values["on_table"]), values["cue_balls"]
     _expect(len(balls) == len(values["on_table"]), shown["on_table"], "each ball once")
     _expect(sorted(cues) == sorted(rules.cue_balls), shown["cue_balls"], f"{rules.cue_balls} in some order")
-    # Cue balls and the ball that decides the game never leave the table before the end.
+    # Cue balls and the ball that decides the game are on the table until the end.
     required = set(range(n))
     if rules.pockets:
         deciding = rules.deciding_ball

@@ -8,7 +8,7 @@ rule (github.com/SchaeferDesigns/RawBreak, `Docs/specs/rules.md`), and a list of
 What changes:
 
 * Nine ball: the 9 is racked on the foot spot, and not the 1 (WPA 2.2, WPA 2025 5.2).
-* Eight ball: on an open table the eight ball may be touched first, and wins, once a group is off the table (WPA 2025
+* Eight ball: on an open table the eight ball may be touched first, and wins, once a group is potted (WPA 2025
   4.4).
 * Ten ball has no safety call (WPA 9.6, WPA 2025 6.5).
 

@@ -175,7 +175,7 @@ def approach_gap(table, i, hit):
 def ball_gap(table, i, moving, ax, ay, bx, by):
     """Returns the smallest gap between a ball that moves from (ax, ay) to (bx, by) and a third ball, m, at most `FAR`.
 
-    Ball i, the cue ball and the balls off the table are not third balls.
+    Ball i, the cue ball and the balls out of play are not third balls.
     """
     gap, radius = FAR, table.scene.radius
     for j in range(len(table.positions)):

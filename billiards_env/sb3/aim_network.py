@@ -261,7 +261,7 @@ class AimNetwork(nn.Module):
         if legal is None and self.legal:
             legal = flags > 0
         rest = torch.cat([positions.new_empty(m, 0), *(others[name].reshape(m, -1) for name in self.rest)], 1)
-        on_table = (positions[:, 1:].abs() != 1).all(2)  # a ball off the table is at an edge, one on it never is
+        on_table = (positions[:, 1:].abs() != 1).all(2)  # a ball out of play is at an edge, one on the table never is
         allowed = on_table if legal is None else on_table & legal
         first = self._first_balls(allowed)
         f = first.shape[1]

@@ -60,8 +60,8 @@ class ShotResult(Differentiable):
             impacts of balls that friction presses together. It is 0 in nearly all shots with a few balls, and positive
             in most breaks of 15 balls.
         pockets: (n,) int32: the pocket in which the shot potted the ball, -1 if it did not pot it.
-        pot_order: (n,) int32: 0 for the ball that left the table first, 1 for the second, and so on; -1 for a ball that
-            stayed. A ball with an order but no pocket was driven off the table; its position is on the nearest cushion.
+        pot_order: (n,) int32: 0 for the ball that went out of play first, 1 for the second, and so on; -1 for a ball
+            that stayed. A ball with an order but no pocket was driven off the table; it is on the nearest cushion.
         touched_first: (n,) bool: the balls that the cue ball touched at the instant of its first contact.
         first_hit_time: This instant, s; infinite if the cue ball touched no ball.
         cue: The ball that counts as the cue ball: 0, except in some shots of carom games.

@@ -10,7 +10,7 @@ pytest.importorskip("pygame")
 
 from billiards_env.drawing.canvas import Canvas, Motion, pixels
 from billiards_env.drawing.raster import rgb
-from billiards_env.drawing.style import CHALK, CLOTH, LIGHT, PAPER, POCKET, looks, rail_width
+from billiards_env.drawing.style import CHALK, CLOTH, LIFT, LIGHT, PAPER, POCKET, looks, rail_width
 
 
 def near(frame, where, colour, tolerance=6, dx=0.0, dy=0.0):
@@ -194,6 +194,10 @@ def test_the_shadow_of_a_ball_in_the_air_is_beside_it(jump):
     edge = 1.1 * canvas.scale * jump.scene.balls.radius[0]  # beyond the ball if it were on the cloth
     assert near(pixels(frame), ground, "#ffffff", 90, dx=-edge)
     assert not Motion(canvas, jump.recording(), None, 1 / 60).potted(jump.time).size
+    still = simulate(jump.scene, jump.at(0.0), [0.0, 0.0], record=True)
+    Motion(canvas, still.recording(), jump.recording(), 1 / 60).draw(frame, time)
+    ring = canvas.scale * jump.scene.balls.radius[0] * (1.0 + LIFT * height)
+    assert near(pixels(frame), ground, looks(jump.scene)[0].path, 90, dy=1.0 - ring)
 
 
 def test_the_path_of_a_ball_in_the_air_is_dashed(jump):

@@ -314,7 +314,7 @@ def test_the_page_of_a_flight_has_the_heights(jump, tab, tmp_path):
         assert tab.evaluate(f"[0, 1].map(ball => billiards.height(ball, {t!r}))") == pytest.approx(jump.heights_at(t))
     tab.evaluate("billiards.seek(0.1)")
     assert text(tab, "#places tr td:last-child") == f"{jump.heights_at(0.1)[0]:.3f}"
-    assert "leaves the table" in text(tab, "#events")
+    assert "is driven off the table" in text(tab, "#events")
     gaps = """() => {
         let gaps = 0;
         const move = CanvasRenderingContext2D.prototype.moveTo;

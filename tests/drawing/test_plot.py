@@ -177,7 +177,7 @@ def test_balls_that_fly_have_a_side_view_to_scale(jump, shot):
     place = jump.recording().path(0, [jump.recording().gone[0]])[0]
     assert ring == pytest.approx([place[0], cloth + radius + height, radius])
     (legend,) = axes.figure.legends
-    assert {"in the air", "leaves the table"} <= {text.get_text() for text in legend.get_texts()}
+    assert {"in the air", "is driven off"} <= {text.get_text() for text in legend.get_texts()}
     assert shot.plot().get_ylim()[1] < 0.8 < axes.get_ylim()[1]
     across = simulate("jump_pool", [[0.0, -0.3], [0.1, -0.1]], [0.1, 2.0, -2.0], record=True).plot()
     assert across.get_xlim()[0] < -1.5

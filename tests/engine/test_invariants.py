@@ -150,7 +150,7 @@ def test_the_numbers_of_the_balls_change_no_bit(engine, world, seed):
 @settings(max_examples=40)
 @given(seed=SEEDS)
 def test_every_event_keeps_the_rules(world, seed):
-    """No energy is created, impacts of balls keep momentum, and no balls overlap or leave the table."""
+    """No energy is created, impacts of balls keep momentum, and no balls overlap or are outside the table."""
     scene, positions, velocities, spins = WORLDS[world](seed)
     ideal = scene.physics.motion == "ideal"
     turning = None if spins is None else spins[None]

@@ -72,6 +72,16 @@ def test_shots_of_a_frozen_block_are_equal():
         check(moving_lattice(36, seed, frozen=True, motion="sliding"), engines=[CELL_GRID], record=True)
 
 
+def test_shots_of_many_balls_in_the_air_are_equal():
+    n, rng = MANY_BALLS, np.random.default_rng(3)
+    places = lattice(n, 0.08)
+    table = Table(0.08 + np.ptp(places[:, 1]), 0.08 + np.ptp(places[:, 1]))
+    scene = Scene(Balls.uniform(n, 0.028575), table, Physics(flight=True, ball_ball="frictional"))
+    places = np.column_stack((places, rng.uniform(-0.1, 0.1, n).clip(0.0)))
+    velocities = rng.normal(size=(1, n, 3))
+    check((scene, places[None], velocities, 40 * velocities), engines=[CELL_GRID], record=True, max_time=0.2)
+
+
 @pytest.mark.parametrize("limit", [{"max_time": 0.0}, {"max_time": 0.3}, {"max_events": 0}, {"max_events": 9}])
 def test_shots_that_reach_a_limit_are_equal(limit):
     check(moving_lattice(80, 5), engines=[CELL_GRID], **limit)

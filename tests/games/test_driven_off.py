@@ -1,4 +1,4 @@
-"""Balls that leave the table: the rules on facts alone, and a game in a scene with flight."""
+"""Balls driven off the table: the rules on facts alone, and a game in a scene with flight."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ BREAK = {"break_shot": True}
 GROUP = {"solids": 0}
 
 CASES = [
-    # the game, its state, the ball that leaves the table, then: penalty or points, what is spotted, in hand, winner
+    # the game, its state, the ball that is driven off, then: penalty or points, what is spotted, in hand, winner
     ("nine_ball", {}, 4, 0, (), "anywhere", -1),  # WPA 2.6, 6.5
     ("nine_ball", {}, 9, 0, (9,), "anywhere", -1),
     ("ten_ball", {}, 10, 0, (10,), "anywhere", -1),  # WPA 9.9

@@ -78,7 +78,7 @@ def test_legal_balls(rules, fields, player, legal):
         assert set(setup(rules).callable(state(rules, **fields), player)) == legal
 
 
-# On an open table: all solids are off the table, the 8 and two stripes are left.
+# On an open table: all solids are potted, the 8 and two stripes are left.
 OPEN_WITHOUT_SOLIDS: dict[str, Any] = {"on_table": (8, 9, 12)}
 IN_2025 = {"edition": 1}
 

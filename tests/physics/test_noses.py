@@ -41,7 +41,7 @@ def times(start, velocity, noses, end):
     """Returns the time of the contact, the cushion, and the time at which the centre passes over a nose."""
     x, y, z, vx, vy, vz = map(float, (*start, *velocity))
     path = Path(x, y, vx, vy, 0.0, 0.0)
-    off, noise = min(edge_time(path, end, noses), end), IMPULSE_ROUNDING * math.hypot(vx, vy, vz)
+    off, noise = min(edge_time(path, end, noses)[0], end), IMPULSE_ROUNDING * math.hypot(vx, vy, vz)
     t, wall = nose_time(path, (z, vz), R, off, noise, noses, G)
     return t, wall, off
 

@@ -240,7 +240,7 @@ def pocket_contact(world: World, ball: int, a: Segment, pocket: int, base: Real,
 
 
 def edge_contact(world: World, ball: int, a: Segment, number: int, base: Real, high: Real) -> Contact:
-    """Returns when the centre of a ball in the air leaves the table.
+    """Returns when a ball in the air is driven off the table.
 
     It passes over the nose of a cushion outside the pockets, or over the rim of a pocket beyond the noses. `number` is
     the cushion, or the number of cushions plus the pocket.

@@ -409,7 +409,7 @@ class _Table:
             self.replace({i: laws.segment(self.world, i, self.now, position, velocity, spin, noise)})
 
     def remove(self, ball: int, pocket: int) -> None:
-        """Ends the motion of a ball in a pocket, or off the table if `pocket` is -1."""
+        """Ends the motion of a ball in a pocket, or of one driven off the table if `pocket` is -1."""
         self.log("off_table" if pocket < 0 else "pocket", ball, pocket)
         zero, segment = mpmath.mpf(0), self.current[ball]
         still = (zero,) * len(segment.velocity)
@@ -418,7 +418,7 @@ class _Table:
         self.replace({ball: Segment("potted", self.now, None, place, still, still, (zero,) * 3, (zero,) * 3, zero)})
 
     def place_beside(self, ball: int, position: Vector) -> Vector:
-        """Returns the place of a ball that has left the table at a position: beside the nearest edge."""
+        """Returns the place of a ball driven off the table at a position: beside the nearest edge."""
         half = self.world.half_size
         place = [max(-most, min(x, most)) for x, most in zip(position, half, strict=False)]
         axis = min((0, 1), key=lambda k: half[k] - abs(place[k]))

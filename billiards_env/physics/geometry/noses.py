@@ -267,19 +267,22 @@ def nose_time(path, rise, radius, end, noise, noses, g):
 
 @inlined
 def edge_time(path, end, noses):
-    """Returns the time at which the centre of a ball in the air next passes over a nose, s, or infinity."""
-    first = math.inf
+    """Returns the time at which the centre of a ball in the air next passes over a nose, s, and the cushion.
+
+    The time is infinite if it passes over none until `end`, s.
+    """
+    first, wall = math.inf, -1
     for line in noses.lines:
         gap = _line_gap(line, path.x, path.y)
         t = line_time(gap, line[NX] * path.vx + line[NY] * path.vy, 0.0, end) if gap >= -CONTACT_GAP else math.inf
         if t < first and is_beside(line, *place_after(path, t)):
-            first = t
+            first, wall = t, int(line[WALL])
     for tip in noses.tips:
         from_tip, q, _ = tip_circle(path, tip, 0.0)
         t = circle_time(from_tip, q, end, 0.0)
         if t < first and faces(tip, *place_after(path, t)):
-            first = t
-    return first
+            first, wall = t, int(tip[WALL])
+    return first, wall
 
 
 @inlined
@@ -317,7 +320,7 @@ def pocket_below(x, y, radius, scene):
 
 
 @inlined
-def _way_to_nose(x, y, wall, noses):
+def way_to_nose(x, y, wall, noses):
     """Returns the vector (x, y) from a point to the nearest point of the nose of a cushion, m; any cushion if -1."""
     nearest, way_x, way_y = math.inf, math.inf, math.inf
     for line in noses.lines:
@@ -341,7 +344,7 @@ def _way_to_nose(x, y, wall, noses):
 @inlined
 def nose_normal(row, wall, noses):
     """Returns the unit normal (x, y, z) from the centre of a ball to the nose of a cushion that it touches."""
-    dx, dy = _way_to_nose(row[X], row[Y], wall, noses)
+    dx, dy = way_to_nose(row[X], row[Y], wall, noses)
     below = row[Z] - noses.height
     distance = math.sqrt(dx * dx + dy * dy + below * below)
     return dx / distance, dy / distance, -below / distance
@@ -353,6 +356,6 @@ def is_free(place, radius, scene):
     x, y, z = place[X], place[Y], place[2]
     if is_beyond_noses(x, y, scene) and pocket_at(scene.pockets, x, y, 1.0) < 0:
         return False
-    dx, dy = _way_to_nose(x, y, -1, scene.flight)
+    dx, dy = way_to_nose(x, y, -1, scene.flight)
     below = z - scene.flight.height
     return math.sqrt(dx * dx + dy * dy + below * below) >= radius - CONTACT_GAP

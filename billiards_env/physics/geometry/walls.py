@@ -242,6 +242,14 @@ def is_side(wall, side, outline):
 
 
 @inlined
+def wall_count(outline):
+    """Returns the number of cushions."""
+    if outline is None:
+        return 4
+    return len(outline.lines) + len(outline.tips)
+
+
+@inlined
 def wall_turns(outline):
     """Returns the number of calls of `next_overlap` for one ball."""
     return 6 if outline is None else 3
