@@ -10,7 +10,6 @@ errors of the laws: see `fit.covariance`.
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Callable, Sequence
 from typing import Literal
 
@@ -97,9 +96,15 @@ def calibrate(
     prepared = [prepare(scene, track, error, start) for track, start in zip(tracks, known, strict=True)]
     if frame is None:
         check_frame(scene, prepared, error)
-    run = functools.partial(fit_stages, contacts=contacts, progress=progress)
-    fit, predicted = _fit(Fit(scene, names, scene, prepared, {}, np.zeros((0, 0))), run, contacts, hold_back)
-    losses = {}
+    fit, predicted, losses = Fit(scene, names, scene, prepared, {}, np.zeros((0, 0))), None, {}
+    if hold_back and len(prepared) >= _FEWEST:
+        fit = fit._replace(shots=[shot for k, shot in enumerate(prepared) if k % _EACH < _EACH - 1])
+        fit = fit_stages(fit, contacts, progress)
+        if fit.share >= ENOUGH:
+            predicted = judge(determined(fit, contacts).scene, prepared[_EACH - 1 :: _EACH])
+            fit = fit._replace(shots=prepared, stages=())
+    if fit.share >= ENOUGH:  # those without the shots that are held back
+        fit = fit_stages(fit, contacts, progress)
     if fit.share < ENOUGH:
         warnings.append(f"only {fit.share:.0%} of the rows until the second contact fit: no constants are determined")
         fit = near_rows(fit, contacts)._replace(scene=scene, names=())
@@ -125,28 +130,6 @@ def calibrate(
         laws=losses,
         warnings=warnings,
     )
-
-
-def _fit(fit: Fit, run: Callable[[Fit], Fit], contacts: int, hold_back: bool) -> tuple[Fit, Judged | None]:
-    """Returns the fit of all shots, and the errors of predicted shots or None, see `calibrate`.
-
-    If few rows fit, the fit is that without the shots that are held back.
-
-    Args:
-        fit: The start of the fit, with all shots.
-        run: Makes all stages of a fit.
-        contacts: The contact of the cue ball until which rows are fitted, 2 to 9.
-        hold_back: Whether every fifth of ten or more shots is held back at first.
-    """
-    shots = fit.shots
-    if not hold_back or len(shots) < _FEWEST:
-        return run(fit), None
-    others = [shot for k, shot in enumerate(shots) if k % _EACH < _EACH - 1]
-    first = run(fit._replace(shots=others))
-    if first.share < ENOUGH:
-        return first, None
-    predicted = judge(determined(first, contacts).scene, shots[_EACH - 1 :: _EACH])
-    return run(first._replace(shots=shots, stages=())), predicted
 
 
 def _losses(fit: Fit, laws: Sequence[str], contacts: int, warnings: list[str]) -> dict[str, float]:
