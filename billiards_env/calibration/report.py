@@ -51,7 +51,6 @@ class Calibration:
         shots: The m fitted shots.
         problems: The rows that are reported.
         predicted: The errors of the held-back shots, from the fit without them, or None.
-        laws: The loss with each law of cushions, by name.
         warnings: Sentences.
     """
 
@@ -65,7 +64,6 @@ class Calibration:
     shots: list[Shot]
     problems: list[Problem]
     predicted: Judged | None
-    laws: dict[str, float]
     warnings: list[str]
 
     @functools.cached_property
@@ -185,10 +183,6 @@ class Calibration:
                     shares = f"{judged.within(k, 0.005):.1%}", f"{judged.within(k, 0.01):.1%}"
                     rows.append((str(k), *shares, f"{1e3 * judged.median(k):.2f}"))
                 lines += [*_aligned(rows), ""]
-        if self.laws:
-            least = min(self.laws.values())
-            ratios = [f"{law} {loss / least:.3f}" for law, loss in sorted(self.laws.items(), key=lambda item: item[1])]
-            lines += [f"loss with each law of cushions over the least: {', '.join(ratios)}", ""]
         used = np.concatenate(self.fitted)
         lines += [f"{used.sum()} of {used.size} rows fitted, noise of {1e3 * self.row_noise:.3g} mm"]
         lines += [f"warning: {text}" for text in self.warnings]
@@ -211,7 +205,6 @@ class Calibration:
             "noise": self.row_noise,
             "judged": self.judged.to_dict(),
             "predicted": None if self.predicted is None else self.predicted.to_dict(),
-            "laws": self.laws,
             "warnings": self.warnings,
             "rms": {t.name: None if np.isnan(r) else float(r) for t, r in zip(self.tracks, self.rms, strict=True)},
             "velocities": self.velocities.tolist(),

@@ -235,13 +235,6 @@ def test_a_number_is_fitted_only_if_a_law_of_the_scene_reads_it():
     assert names(rolling, None) == ("mu_roll", "e_ball", "e_cushion", "e_cushion_loss")
 
 
-def test_a_law_that_the_numbers_do_not_allow_is_not_compared():
-    scene = with_physics(SCENE, e_cushion_loss=0.01)
-    result = calibrate(scene, tracks()[:2], ("mu_slide",), contacts=2, laws=("stronge", "han2005"))
-    assert set(result.laws) == {"han2005"}
-    assert "warning: 'stronge' cushions are not compared: physics.e_cushion_floor = 0.0 with" in str(result)
-
-
 def test_the_command_prints_the_report_and_writes_files(tmp_path, capsys):
     pytest.importorskip("matplotlib")
     file, out = tmp_path / "tracks.csv", [tmp_path / "report.json", tmp_path / "report.png"]
@@ -249,7 +242,7 @@ def test_the_command_prints_the_report_and_writes_files(tmp_path, capsys):
     scene = tmp_path / "scene.json"
     scene.write_text(json.dumps(OFF.to_dict()))
     files = [argument for path in out for argument in ("--out", str(path))]
-    main(["calibrate", str(file), "--scene", str(scene), "--free", *FREE, "--laws", *files])
+    main(["calibrate", str(file), "--scene", str(scene), "--free", *FREE, *files])
     printed, progress = capsys.readouterr()
     assert printed.startswith(f"{calibration()}\n")
     lines = str(calibration()).splitlines()

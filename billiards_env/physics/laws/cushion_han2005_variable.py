@@ -1,8 +1,8 @@
 """The impact on a cushion by Han (2005), with a restitution that depends on the motion.
 
 Fits of recorded three-cushion shots (the tracks of the simulator tailuge/billiards) show two effects. The restitution
-grows with the topspin or with the slip, and the impulse reverses part of the slip along the cushion. The law is a simple
-form of these effects. The restitution is
+grows with the topspin or with the slip, and the impulse reverses part of the slip along the cushion. The law is a
+simple form of these effects. The restitution is
 
     e = e(v_n) + e_cushion_topspin min(1, max(0, R omega_t / v_n)) + e_cushion_slip s^2 / (s^2 + v_n^2)
 
