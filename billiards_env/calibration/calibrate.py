@@ -95,7 +95,7 @@ def calibrate(
         if fit.share >= ENOUGH:
             predicted = judge(determined(fit, contacts).scene, prepared[_EACH - 1 :: _EACH])
             fit = fit._replace(shots=prepared, stages=())
-    if fit.share >= ENOUGH:  # those without the shots that are held back
+    if fit.share >= ENOUGH:  # also if no shots are held back
         fit = fit_stages(fit, contacts, progress)
     if fit.share < ENOUGH:
         warnings.append(f"only {fit.share:.0%} of the rows until the second contact fit: no constants are determined")
