@@ -58,19 +58,19 @@ DRAWN, UNTIL, LATER = 6, 3, 1.0
 """The number of shots in the picture, the contact until which they are fitted, and the time of the prediction, s."""
 
 
-def fit(scene: Scene, tracks: list[Track], laws: tuple[str, ...] = ()) -> Calibration:
+def fit(scene: Scene, tracks: list[Track]) -> Calibration:
     """Fits the constants and the frame to all tracks."""
-    return calibrate(scene, tracks, frame="fit", laws=laws, hold_back=False, progress=_say)
+    return calibrate(scene, tracks, frame="fit", hold_back=False, progress=_say)
 
 
 def _say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def measure(scene: Scene, tracks: list[Track], others: list[Track] | None, laws: tuple[str, ...]) -> dict[str, Any]:
+def measure(scene: Scene, tracks: list[Track], others: list[Track] | None) -> dict[str, Any]:
     """Fits and judges, and returns the figures."""
     start = time.process_time()
-    result = fit(scene, tracks, laws)
+    result = fit(scene, tracks)
     own = result.judged.to_dict()
     seconds = time.process_time() - start
     if others is not None:
@@ -94,7 +94,6 @@ def measure(scene: Scene, tracks: list[Track], others: list[Track] | None, laws:
         "values": result.values,
         "kept": result.kept,
         "intervals_95": {name: list(ends) for name, ends in result.intervals.items()},
-        "laws": result.laws,
         "fitted": own,
         "judged": judged.to_dict(),
         "medians_mm": [1e3 * judged.median(k) for k in CONTACTS],
@@ -159,8 +158,6 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         (f"`{name}`", f"{value:.3f}", "{:.3f} to {:.3f}".format(*result["scatter"]["intervals"][name]))
         for name, value in (result["scatter"] or {"values": {}})["values"].items()
     ]
-    least = min(result["laws"].values(), default=1.0)
-    laws = [(f"`{law}`", f"{loss / least:.3f}") for law, loss in sorted(result["laws"].items(), key=lambda law: law[1])]
     parts, shots = result["parts"], result["shots"]
     each = f", each of {parts} parts with the constants that were fitted to the others" if parts > 1 else ""
     fitted = shots - shots // parts if parts > 1 else shots
@@ -173,7 +170,6 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "judged": table(("", "judged shots", "fitted shots"), rows),
         "numbers": table(("constant", "fitted", "95% interval"), numbers + scattered),
         "growth": table(("", *(GROWTH[name] for name in result["growth"])), growing),
-        **({"laws": table(("law of cushions", "loss over the least"), laws)} if laws else {}),
     }
 
 
@@ -225,7 +221,6 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--scene", default="match_carom_2", help="the scene (default: %(default)s)")
     parser.add_argument("--cushion", help="the law of the cushions (default: that of the scene)")
     parser.add_argument("--picture", type=Path, help="draw this file with the constants in the JSON file, and stop")
-    parser.add_argument("--laws", nargs="*", default=[], metavar="LAW", help="laws of cushions to compare")
     args = parser.parse_args(arguments)
     tracks = read_tracks(args.fit)
     scene = Scene.named(args.scene, max(int(track.balls.max()) for track in tracks))
@@ -235,7 +230,7 @@ def main(arguments: list[str] | None = None) -> None:
         draw(json.loads(args.output.read_text(encoding="utf-8")), scene, tracks, args.picture)
         return
     others = None if args.judge is None else read_tracks(args.judge)
-    report(measure(scene, tracks, others, tuple(args.laws)), blocks, args.output)
+    report(measure(scene, tracks, others), blocks, args.output)
 
 
 if __name__ == "__main__":

@@ -193,7 +193,6 @@ def _add_calibrate(parser: argparse.ArgumentParser) -> None:
     add("--frame", choices=["fit"], help="fit the frame of the file to rebounds, in any unit")
     add("--noise", type=number, help="standard deviation of a coordinate, m (default: an estimate)")
     add("--contacts", type=int, default=4, help="fit rows until this contact of the cue ball (default: %(default)s)")
-    add("--laws", nargs="*", metavar="LAW", help="laws of cushions to compare (default: those with friction)")
     text = "write the report: .json, or a picture .png, .svg or .pdf"
     add("--out", type=Path, action="append", default=[], metavar="FILE", help=text)
 
@@ -345,7 +344,6 @@ def bench(args: argparse.Namespace) -> None:
 def calibrate(args: argparse.Namespace) -> None:
     """Runs the command `calibrate`."""
     from billiards_env.calibration import calibrate, read_tracks
-    from billiards_env.calibration.calibrate import FRICTION_CUSHIONS
     from billiards_env.calibration.report import check_out
     from billiards_env.shots.records import read_scene
 
@@ -354,9 +352,6 @@ def calibrate(args: argparse.Namespace) -> None:
     tracks = read_tracks(args.tracks, args.unit)
     most = max((int(track.balls.max()) for track in tracks), default=0)
     scene = read_scene(args.scene, most if args.balls is None and not args.scene.endswith(".json") else args.balls)
-    laws = args.laws
-    if laws is None:
-        laws = FRICTION_CUSHIONS if scene.physics.cushion in FRICTION_CUSHIONS else ()
     result = calibrate(
         scene,
         tracks,
@@ -364,7 +359,6 @@ def calibrate(args: argparse.Namespace) -> None:
         frame=args.frame,
         noise=args.noise,
         contacts=args.contacts,
-        laws=laws,
         progress=lambda text: print(text, file=sys.stderr, flush=True),
     )
     print(result)

@@ -10,7 +10,6 @@ errors of the laws: see `fit.covariance`.
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Callable, Sequence
 from typing import Literal
 
@@ -18,23 +17,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from billiards_env.calibration.cleaning import clean, noise_of
-from billiards_env.calibration.fit import MANY, Fit, determined, fit_shared, values_of, with_physics
+from billiards_env.calibration.fit import MANY, Fit, determined, values_of
 from billiards_env.calibration.frame import Frame, check_frame, fit_frame
-from billiards_env.calibration.judge import Judged, find_problems, judge
+from billiards_env.calibration.judge import find_problems, judge
 from billiards_env.calibration.report import Calibration
 from billiards_env.calibration.shot import SPIN, VELOCITY, prepare
 from billiards_env.calibration.stages import ENOUGH, fit_stages, near_rows
 from billiards_env.calibration.starts import search
 from billiards_env.calibration.tracks import Floats, Track, check_tracks
 from billiards_env.derivatives.shot_derivatives import physics_inputs
-from billiards_env.scene import CUSHION_NAMES, PARAMETERS, Scene, check_scene
+from billiards_env.scene import PARAMETERS, Scene, check_scene
 from billiards_env.support.checks import Range, finite, flag, integer, one_of, real
 
 FREE = tuple(name for name, parameter in PARAMETERS.items() if parameter.fitted)
 """The constants that `calibrate` fits by default, if they are not 0 and enter the laws of the scene."""
-
-FRICTION_CUSHIONS = tuple(name for name, rubs in CUSHION_NAMES.items() if rubs)
-"""The laws of cushions that `laws` of `calibrate` may name."""
 
 _NOISE = Range(1e-9, 1.0, "m")
 _CONTACTS = Range(2, 9)
@@ -49,7 +45,6 @@ def calibrate(
     frame: Frame | Literal["fit"] | None = None,
     noise: float | None = None,
     contacts: int = 4,
-    laws: Sequence[str] = (),
     hold_back: bool = True,
     velocities: ArrayLike | None = None,
     spins: ArrayLike | None = None,
@@ -70,8 +65,6 @@ def calibrate(
             frame from rebounds, in any unit. The table of the result is then larger by as much as its cushions yield.
         noise: Standard deviation of a coordinate of a row, m; None for an estimate.
         contacts: The contact of the cue ball until which rows are fitted, 2 to 9.
-        laws: Laws of cushions that are fitted to the same rows, to compare them. A law that does not allow
-            the fitted constants is left out, with a warning.
         hold_back: Whether every fifth of ten or more shots is held back at first.
         velocities: (m, 2) m/s, the cue ball's velocities at the first rows, if they are known.
         spins: (m, 3) rad/s, its spins, if they are known.
@@ -87,8 +80,6 @@ def calibrate(
     check_scene(scene)
     names = _free_names(scene, free)
     contacts, hold_back = integer("contacts", contacts, _CONTACTS), flag("hold_back", hold_back)
-    for law in laws:
-        one_of("laws", law, FRICTION_CUSHIONS)
     tracks, warnings = clean(check_tracks(scene, shots, 4 if velocities is None else 1))
     scene, file_frame = _framed(scene, tracks, frame, contacts)
     tracks = [file_frame.apply(track) for track in tracks]
@@ -97,9 +88,15 @@ def calibrate(
     prepared = [prepare(scene, track, error, start) for track, start in zip(tracks, known, strict=True)]
     if frame is None:
         check_frame(scene, prepared, error)
-    run = functools.partial(fit_stages, contacts=contacts, progress=progress)
-    fit, predicted = _fit(Fit(scene, names, scene, prepared, {}, np.zeros((0, 0))), run, contacts, hold_back)
-    losses = {}
+    fit, predicted = Fit(scene, names, scene, prepared, {}, np.zeros((0, 0))), None
+    if hold_back and len(prepared) >= _FEWEST:
+        fit = fit._replace(shots=[shot for k, shot in enumerate(prepared) if k % _EACH < _EACH - 1])
+        fit = fit_stages(fit, contacts, progress)
+        if fit.share >= ENOUGH:
+            predicted = judge(determined(fit, contacts).scene, prepared[_EACH - 1 :: _EACH])
+            fit = fit._replace(shots=prepared, stages=())
+    if fit.share >= ENOUGH:  # also if no shots are held back
+        fit = fit_stages(fit, contacts, progress)
     if fit.share < ENOUGH:
         warnings.append(f"only {fit.share:.0%} of the rows until the second contact fit: no constants are determined")
         fit = near_rows(fit, contacts)._replace(scene=scene, names=())
@@ -110,7 +107,6 @@ def calibrate(
         fit = near_rows(fit._replace(shots=found), contacts)
         if len(fit.shots) < MANY:
             warnings.append(f"fewer than {MANY} shots: the intervals hold only if the laws are right")
-        losses = _losses(fit, laws, contacts, warnings)
     return Calibration(
         scene=fit.scene,
         start=values_of(scene, names),
@@ -122,44 +118,8 @@ def calibrate(
         shots=[shot.until(contacts) for shot in fit.shots],
         problems=[problem for shot in fit.shots for problem in find_problems(fit.scene, shot)],
         predicted=predicted,
-        laws=losses,
         warnings=warnings,
     )
-
-
-def _fit(fit: Fit, run: Callable[[Fit], Fit], contacts: int, hold_back: bool) -> tuple[Fit, Judged | None]:
-    """Returns the fit of all shots, and the errors of predicted shots or None, see `calibrate`.
-
-    If few rows fit, the fit is that without the shots that are held back.
-
-    Args:
-        fit: The start of the fit, with all shots.
-        run: Makes all stages of a fit.
-        contacts: The contact of the cue ball until which rows are fitted, 2 to 9.
-        hold_back: Whether every fifth of ten or more shots is held back at first.
-    """
-    shots = fit.shots
-    if not hold_back or len(shots) < _FEWEST:
-        return run(fit), None
-    others = [shot for k, shot in enumerate(shots) if k % _EACH < _EACH - 1]
-    first = run(fit._replace(shots=others))
-    if first.share < ENOUGH:
-        return first, None
-    predicted = judge(determined(first, contacts).scene, shots[_EACH - 1 :: _EACH])
-    return run(first._replace(shots=shots, stages=())), predicted
-
-
-def _losses(fit: Fit, laws: Sequence[str], contacts: int, warnings: list[str]) -> dict[str, float]:
-    """Returns the loss with each law of cushions; a law that does not allow the constants gets a warning."""
-    losses = {}
-    for law in laws:
-        try:
-            scene = with_physics(fit.scene, cushion=law)
-        except ValueError as error:
-            warnings.append(f"{law!r} cushions are not compared: {error}")
-            continue
-        losses[law] = fit_shared(fit._replace(scene=scene, start=scene), contacts)[1]
-    return losses
 
 
 def _free_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:

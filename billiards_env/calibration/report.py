@@ -51,7 +51,6 @@ class Calibration:
         shots: The m fitted shots.
         problems: The rows that are reported.
         predicted: The errors of the held-back shots, from the fit without them, or None.
-        laws: The loss with each law of cushions, by name.
         warnings: Sentences.
     """
 
@@ -65,7 +64,6 @@ class Calibration:
     shots: list[Shot]
     problems: list[Problem]
     predicted: Judged | None
-    laws: dict[str, float]
     warnings: list[str]
 
     @functools.cached_property
@@ -85,13 +83,8 @@ class Calibration:
         return {name: (value - h, value + h) for (name, value), h in zip(self.values.items(), half, strict=True)}
 
     @property
-    def tracks(self) -> list[Track]:
-        """The m tracks in the frame of the scene, with their rows in the order of time."""
-        return [shot.track.rows(~shot.added) for shot in self.shots]
-
-    @property
     def fitted(self) -> list[Bools]:
-        """The rows of each track that are fitted, (k,) bool."""
+        """The rows of each track that are fitted, (k,) bool, in the order of time."""
         return [shot.used[~shot.added] for shot in self.shots]
 
     @property
@@ -172,12 +165,11 @@ class Calibration:
             if name in self.values:
                 cells = f"{self.values[name]:.5g}", "{:.5g} to {:.5g}".format(*self.intervals[name])
             rows.append((name, f"{start:.5g}", *cells, RANGES[PARAMETERS[name].within].unit))
-        lines = [*_aligned(rows), ""]
-        if self.scatter is not None:
-            rows = [(f"scatter of {self.scatter.contacts} contacts with cushions", "at most", "95% interval")]
+        if self.scatter is not None:  # upper limits
             for name, value in self.scatter.values.items():
-                rows.append((name, f"{value:.3f}", "{:.3f} to {:.3f}".format(*self.scatter.intervals[name])))
-            lines += [*_aligned(rows), ""]
+                interval = "{:.3f} to {:.3f}".format(*self.scatter.intervals[name])
+                rows.append((name, "-", f"{value:.3f}", interval, "at most"))
+        lines = [*_aligned(rows), ""]
         for text, judged in (("shots", self.judged), ("shots that were not fitted", self.predicted)):
             if judged is not None:
                 rows = [(f"{judged.shots} {text}: rows until contact", "within 5 mm", "within 10 mm", "median, mm")]
@@ -185,15 +177,11 @@ class Calibration:
                     shares = f"{judged.within(k, 0.005):.1%}", f"{judged.within(k, 0.01):.1%}"
                     rows.append((str(k), *shares, f"{1e3 * judged.median(k):.2f}"))
                 lines += [*_aligned(rows), ""]
-        if self.laws:
-            least = min(self.laws.values())
-            ratios = [f"{law} {loss / least:.3f}" for law, loss in sorted(self.laws.items(), key=lambda item: item[1])]
-            lines += [f"loss with each law of cushions over the least: {', '.join(ratios)}", ""]
         used = np.concatenate(self.fitted)
         lines += [f"{used.sum()} of {used.size} rows fitted, noise of {1e3 * self.row_noise:.3g} mm"]
         lines += [f"warning: {text}" for text in self.warnings]
         lines += ["", "rms of the residuals of each shot, mm"]
-        shots = [f"{track.name}: {1e3 * rms:.2f}" for track, rms in zip(self.tracks, self.rms, strict=True)]
+        shots = [f"{shot.track.name}: {1e3 * rms:.2f}" for shot, rms in zip(self.shots, self.rms, strict=True)]
         lines += [", ".join(shots[k : k + 8]) for k in range(0, len(shots), 8)]
         lines += ["", f"{len(self.problems) or 'no'} problem{'s' if len(self.problems) != 1 else ''}"]
         lines += [f"shot {p.shot}: {p.kind}: {p.text}" for p in self.problems]
@@ -201,6 +189,7 @@ class Calibration:
 
     def to_dict(self) -> dict[str, Any]:
         """Returns the result as plain data for JSON; the residuals only as their rms, m (None without fitted rows)."""
+        rms = [None if np.isnan(rms) else rms for rms in self.rms.tolist()]
         return {
             "start": self.start,
             "values": self.values,
@@ -211,9 +200,8 @@ class Calibration:
             "noise": self.row_noise,
             "judged": self.judged.to_dict(),
             "predicted": None if self.predicted is None else self.predicted.to_dict(),
-            "laws": self.laws,
             "warnings": self.warnings,
-            "rms": {t.name: None if np.isnan(r) else float(r) for t, r in zip(self.tracks, self.rms, strict=True)},
+            "rms": dict(zip((shot.track.name for shot in self.shots), rms, strict=True)),
             "velocities": self.velocities.tolist(),
             "spins": self.spins.tolist(),
             "problems": [problem._asdict() for problem in self.problems],

@@ -22,7 +22,7 @@ from billiards_env.calibration.tracks import Floats, Ints
 from billiards_env.scene import Scene
 from billiards_env.shots.noise import SCATTER
 from billiards_env.shots.result import ShotResult
-from billiards_env.shots.simulation import simulate
+from billiards_env.shots.simulation import simulate_batch
 
 FEWEST = 30
 """The least number of contacts for an estimate."""
@@ -97,11 +97,9 @@ def _normal(scene: Scene, shot: Shot, noise: float) -> tuple[Floats, Floats]:
     changes = np.zeros((len(values), 0))
     for event in events[events["kind"] == "cushion"]:
         ball, begin = int(event["ball"]), float(event["time"]) + _SOON
-        later = times > begin
-        if (balls[later] == ball).any():
-            rates = np.zeros((len(times), 2, len(_PARTS)))
-            rates[later] = _rates(scene, result, ball, begin, times[later], balls[later]) / noise
-            changes = np.column_stack((changes, np.pad(rates.reshape(rows, -1), [(0, len(values) - rows), (0, 0)])))
+        if (balls[times > begin] == ball).any():
+            rates = _rates(scene, result, ball, begin, times, balls).reshape(rows, -1) / noise
+            changes = np.column_stack((changes, np.pad(rates, [(0, len(values) - rows), (0, 0)])))
     free = jacobian[:, np.isnan(shot.known)]
     changes -= free @ np.linalg.lstsq(free, changes, rcond=1e-10)[0]
     return changes.T @ changes, changes.T @ values
@@ -112,37 +110,26 @@ def _rates(scene: Scene, shot: ShotResult, ball: int, begin: float, times: Float
 
     The changes are the relative ones of `physics.scatter`, at the time `begin`, just after a contact.
     """
+    assert shot.trajectory is not None
     positions, (velocities, spins) = shot.at(begin), shot.motion_at(begin)
-    events: Any = shot.events
-    gone = events["ball"][(events["kind"] == "pocket") & (events["time"] <= begin)]
-    steps = 1e-6 * np.eye(2)
-    clearance = scene.table.clearance
+    steps, clearance = 1e-6 * np.eye(2), scene.table.clearance
     normal = clearance(positions[ball] + steps) - clearance(positions[ball] - steps)
     normal /= np.hypot(*normal)
-    axes = np.array([normal, (-normal[1], normal[0])])
-    rates = np.empty((len(times), 2, len(_PARTS)))
-    speed, radius = float(np.hypot(*velocities[ball])), scene.balls.radius[ball]
-    for part in range(len(_PARTS)):
-        moving, turning = np.zeros(2), np.zeros(3)
-        if part < 2:
-            moving = (velocities[ball] @ normal if part == 0 else speed) * axes[part]
-        elif part < 4:
-            turning[:2] = speed / radius * axes[part - 2]
-        else:
-            turning[2] = speed / radius
-        places = []
-        for change in (_SMALL, -_SMALL):
-            velocity, spin = velocities.copy(), spins.copy()
-            velocity[ball] += change * moving
-            spin[ball] += change * turning
-            in_play = ~np.isin(np.arange(scene.n_balls), gone) & ~(shot.potted & (shot.pockets < 0))
-            other = simulate(
-                *(scene, positions, velocity),
-                spins=spin if scene.physics.motion == "sliding" else None,
-                in_play=in_play,
-                max_time=float(times.max()) - begin,
-                record=True,
-            )
-            places.append(other.at(times - begin)[np.arange(len(times)), balls])
-        rates[..., part] = (places[0] - places[1]) / (2.0 * _SMALL)
-    return np.clip(rates, -_MOST, _MOST)
+    axes, speed = np.array([normal, (-normal[1], normal[0])]), np.hypot(*velocities[ball])
+    units = np.zeros((len(_PARTS), 5))  # of the velocity and the spin of the ball
+    units[:2, :2], units[2:4, 2:4], units[4, 4] = axes, axes, 1.0
+    units *= np.array([velocities[ball] @ normal, speed, *[speed / scene.balls.radius[ball]] * 3])[:, None]
+    motions = np.repeat(np.concatenate((velocities, spins), axis=1)[None], 2 * len(_PARTS), axis=0)
+    motions[:, ball] += _SMALL * np.concatenate((units, -units))
+    since = np.maximum(times - begin, 0.0)
+    others = simulate_batch(
+        *(scene, np.repeat(positions[None], len(motions), axis=0), motions[..., :2]),
+        spins=motions[..., 2:] if scene.physics.motion == "sliding" else None,
+        in_play=shot.trajectory.potted_at > begin,
+        max_time=float(since.max()),
+        record=True,
+        threads=1,
+    )
+    places = np.array([other.at(since)[np.arange(len(since)), balls] for other in others])
+    rates = (places[: len(_PARTS)] - places[len(_PARTS) :]) / (2.0 * _SMALL)
+    return np.clip(np.moveaxis(rates, 0, -1), -_MOST, _MOST)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from billiards_env.calibration.contacts import Contact, find_contacts, find_exchange
-from billiards_env.calibration.tracks import Bools, Floats, Ints, Track, with_rest
+from billiards_env.calibration.tracks import Bools, Floats, Track, with_rest
 from billiards_env.scene import Scene
 
 PLACES, VELOCITY, SPIN, INSTANT = slice(None, -6), slice(-6, -4), slice(-4, -1), -1
@@ -76,11 +76,6 @@ class Shot(NamedTuple):
     def cue_contacts(self) -> list[Contact]:
         """The contacts of the cue ball."""
         return [contact for contact in self.contacts if contact.ball == 0]
-
-    @property
-    def after(self) -> Ints:
-        """(r,) The number of contacts of the cue ball before each row."""
-        return np.searchsorted([contact.time for contact in self.cue_contacts], self.track.times)
 
     def end(self, contact: int) -> float:
         """Returns the end of the rows to fit before a contact of the cue ball, s after `begin`; inf for all rows."""

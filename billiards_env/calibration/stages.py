@@ -19,15 +19,6 @@ _FAR = 8.0  # the least error of a far row over the scale of the loss, or over t
 _RUN, _OF = 3, 4  # a track has left its path where 3 of 4 consecutive rows of a ball are far from it
 
 
-def fit_stage(fit: Fit, contact: int) -> Fit:
-    """Fits the starts to the rows until a contact of the cue ball; from the second contact on, the constants too."""
-    for _ in range(1 if contact == 1 else _ROUNDS):
-        fit = fit._replace(shots=[search(fit.scene, shot.wide(contact)) for shot in fit.shots])
-        if contact > 1:
-            fit, _ = fit_shared(fit, contact)
-    return fit
-
-
 def near_rows(fit: Fit, contact: int) -> Fit:
     """Returns a fit whose shots use only the rows near their paths, from the errors of the rows until a contact."""
     pairs = [(shot, np.hypot(*errors(fit.scene, shot).T)) for shot in fit.shots]
@@ -56,11 +47,14 @@ def leaves_at(shot: Shot, far: Bools) -> tuple[float, int]:
 def fit_stages(fit: Fit, contacts: int, progress: Callable[[str], None] | None) -> Fit:
     """Fits the rows until the first contact of the cue ball, then until the second, and so on.
 
-    It ends with the second contact if `Fit.share` is less than `ENOUGH`.
+    The first stage fits only the starts, the others also the constants. The fit ends with the second contact if
+    `Fit.share` is less than `ENOUGH`.
     """
-    fit = fit_stage(fit, 1)
+    fit = fit._replace(shots=[search(fit.scene, shot.wide(1)) for shot in fit.shots])
     for contact in range(2, contacts + 1):
-        fit = fit_stage(fit, contact)
+        for _ in range(_ROUNDS):
+            fit = fit._replace(shots=[search(fit.scene, shot.wide(contact)) for shot in fit.shots])
+            fit, _ = fit_shared(fit, contact)
         values, variances = values_of(fit.scene, fit.names), np.diag(covariance(fit, contact)).tolist()
         stage = dict(zip(fit.names, zip(values.values(), variances, strict=True), strict=True))
         near = np.concatenate([shot.used[shot.moving & shot.before(contact)] for shot in near_rows(fit, contact).shots])

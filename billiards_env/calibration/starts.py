@@ -20,8 +20,9 @@ MOST_SPEED = 20.0
 """m/s, of each component of the cue ball's velocity. The hardest breaks reach 16."""
 
 MOST_SPIN = 1.5
-"""Largest component of the cue ball's spin over the largest spin of a level strike, see `spin_of_cue`. More than 1,
-because an elevated cue gives more, and because the ball may slow down before the first row."""
+"""Largest component of the cue ball's spin over the largest spin of a level strike, 2.5 * miscue offset * v / R for an
+offset in ball radii (a sphere has the moment of inertia 2/5 m R^2). More than 1, because an elevated cue gives more,
+and because the ball may slow down before the first row."""
 
 SIDES = (-0.7, -0.35, 0.02, 0.35, 0.7)
 """The side spins of the guesses, over the largest of a level strike. At 0 the derivative by the side spin is 0."""
@@ -141,15 +142,6 @@ def evaluate(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = ()
     return Normal(loss, (pulled @ values[..., None])[..., 0], pulled @ jacobian)
 
 
-def spin_of_cue(scene: Scene, speed: Floats) -> Floats:
-    """Returns the largest spins, rad/s, that a level cue gives a cue ball of some speeds, m/s.
-
-    An impulse at the miscue offset, in ball radii, gives a sphere (moment of inertia 2/5 m R^2) the spin
-    2.5 * offset * speed / R.
-    """
-    return 2.5 * scene.cue.miscue_offset * speed / scene.balls.radius[0]
-
-
 def allowed(scene: Scene, starts: Floats, shot: Shot) -> tuple[Floats, Bools]:
     """Moves balls that overlap apart and balls that reach into a cushion out of it, and limits the other numbers.
 
@@ -160,9 +152,9 @@ def allowed(scene: Scene, starts: Floats, shot: Shot) -> tuple[Floats, Bools]:
     index = np.arange(scene.n_balls)
     reach = scene.balls.contact_distances(index[:, None], index)
     moved = starts.copy()
-    moved[:, VELOCITY] = np.clip(moved[:, VELOCITY], -MOST_SPEED, MOST_SPEED)
+    moved[:, VELOCITY] = velocity = np.clip(moved[:, VELOCITY], -MOST_SPEED, MOST_SPEED)
     moved[:, INSTANT] = np.clip(moved[:, INSTANT], 0.0, shot.gap)
-    most = MOST_SPIN * spin_of_cue(scene, np.hypot(*moved[:, VELOCITY].T))[:, None]
+    most = MOST_SPIN * (2.5 * scene.cue.miscue_offset * np.hypot(*velocity.T) / scene.balls.radius[0])[:, None]
     spins, places = moved[:, SPIN], moved[:, PLACES].reshape(len(moved), -1, 2)  # views
     np.clip(spins, -most, most, out=spins, where=np.isnan(shot.known[SPIN]))
     pairs = shot.in_play[:, None] & shot.in_play & (index[:, None] != index)

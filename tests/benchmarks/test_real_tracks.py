@@ -20,7 +20,7 @@ def test_figures_are_printed_and_written(tmp_path, monkeypatch, capsys):
     result = calibrate(SCENE, tracks, ("mu_slide", "e_cushion"), frame=FRAME, contacts=2)
     fitted = []
 
-    def fit(scene, tracks, laws=()):
+    def fit(scene, tracks):
         fitted.append(len(tracks))
         return result
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from benchmarks.reference.oracle import run
 from billiards_env import Scene, simulate_batch, strike
 from billiards_env import scene as scenes
+from billiards_env.derivatives import shot_derivatives
 from billiards_env.derivatives.shot_derivatives import OUTPUTS, UNIT_ROUNDOFF, physics_inputs
 from billiards_env.scene import PARAMETERS, Balls, Physics, Pocket, Table, layouts
 from billiards_env.support.checks import RANGES
@@ -313,3 +315,21 @@ def test_the_sensitivity_before_the_first_event_is_that_of_free_motion():
     jacobian = shot.sensitivity(0.5).jacobian
     np.testing.assert_array_equal(jacobian[0, :, 0], [[1, 0, 0.5, 0, 0, 0, 0], [0, 1, 0, 0.5, 0, 0, 0]])
     np.testing.assert_array_equal(jacobian[0, :, 1], np.zeros((2, 7)))
+
+
+def test_derivatives_of_many_shots_are_those_of_single_shots(monkeypatch):
+    scene = Scene.named("carom", 1)
+    places, velocities, spins = draw_starts(scene, 4)
+    batch = simulate_batch(scene, places, velocities, spins=spins, record=True)
+    times = batch.time[:, None] * [0.2, 0.9]
+    monkeypatch.setattr(shot_derivatives, "_BLOCK", 1)  # one shot in each call
+    jacobians = shot_derivatives.start_jacobians(batch._record("test"), times, ("mu_roll",), 1)
+    for k, q in np.ndindex(times.shape):
+        shot, t = batch[k], float(times[k, q])
+        by_places = shot.jacobian("positions", "positions", t=t).reshape(2, 2, 4)
+        by_velocity, by_spin = (shot.jacobian("positions", name, t=t)[:, :, 0] for name in ("velocities", "spins"))
+        by_number = shot.jacobian("positions", "mu_roll", t=t)[..., None]
+        expected = np.concatenate((by_places, by_velocity, by_spin, by_number), axis=2)
+        assert np.moveaxis(jacobians[k, q], 0, 2) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+    push_lanes: Any = shot_derivatives.push_lanes
+    assert all(types[4].mutable for types in push_lanes.signatures)  # a read-only array would compile it again

@@ -21,7 +21,6 @@ VARIABLE: dict[str, Any] = {
     "e_cushion_topspin": 0.04,
     "e_cushion_tangent": 0.07,
     "e_cushion_slip": 0.05,
-    "mu_cushion_cloth": 0.1,
 }
 SCENES = {
     "ideal": Scene.named("ideal", 2),

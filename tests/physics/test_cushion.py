@@ -209,23 +209,6 @@ def test_a_variable_cushion_has_the_restitution_of_the_motion(motion, numbers, h
     assert actual == pytest.approx(expected, abs=1e-15)
 
 
-def test_the_cloth_rubs_during_an_impact_on_a_variable_cushion():
-    """Without friction at the nose, which is at the height 1.28 R, the ball is pressed down by 0.28 of the impulse."""
-    numbers = {"height": 1.28, "e_cushion": 0.8, "mu_cushion": 0.0}
-    for before in (CushionMotion(1.0, 0.3, 0.0, 0.0, 0.2), CushionMotion(1.0, 0.3, -0.4, 0.9, 0.2)):
-        plain, rubbed, stopped = (
-            impact(before, POOL_R, 0.0, pool_cushion("han2005_variable", mu_cushion_cloth=mu, **numbers))[0]
-            for mu in (0.0, 0.1, 10.0)
-        )
-        mean = np.array([before.un + plain.un, before.ut + plain.ut]) / 2
-        line = mean / np.hypot(*mean)
-        push = -0.1 * 0.28 * 1.8 * math.sqrt(1 - 0.28**2) * line
-        change = [after - earlier for after, earlier in zip(rubbed, plain, strict=True)]
-        assert change == pytest.approx([*push, *(3.5 * push), 0.0], abs=1e-15)
-        left = min(np.hypot(*mean), line @ (plain.un, plain.ut))
-        assert line @ (stopped.un, stopped.ut) == pytest.approx(line @ (plain.un, plain.ut) - left, abs=1e-15)
-
-
 ENERGETIC = st.tuples(st.floats(0, 1), st.floats(1.0, 2.0))
 
 
@@ -264,16 +247,13 @@ def energy(motion, spins=True):
     return vx**2 + vy**2 + (0.4 * ((vx - ux) ** 2 + (vy - uy) ** 2 + rwz**2) if spins else 0.0)
 
 
-@given(state=STATES, share=st.floats(0, 1), mu=st.floats(0, 0.5), e=st.floats(0.5, 1), cloth=st.floats(0, 2))
-def test_a_variable_cushion_reverses_some_of_the_slip_and_adds_no_energy(state, share, mu, e, cloth):
+@given(state=STATES, share=st.floats(0, 1), mu=st.floats(0, 0.5), e=st.floats(0.5, 1))
+def test_a_variable_cushion_reverses_some_of_the_slip_and_adds_no_energy(state, share, mu, e):
     numbers = {"height": 1.0, "e_cushion": e, "e_cushion_tangent": share}
     before = CushionMotion(*state)
-    plain, rubbed = (
-        impact(before, POOL_R, 0.0, pool_cushion("han2005_variable", mu_cushion=mu, mu_cushion_cloth=c, **numbers))[0]
-        for c in (0.0, cloth)
-    )
-    assert energy(rubbed) <= energy(plain) * (1 + 1e-12) <= energy(before) * (1 + 2e-12)
-    assert rubbed.vn <= 0.0
+    after, _ = impact(before, POOL_R, 0.0, pool_cushion("han2005_variable", mu_cushion=mu, **numbers))
+    assert energy(after) <= energy(before) * (1 + 1e-12)
+    assert after.vn <= 0.0
     after, _ = impact(before, POOL_R, 0.0, pool_cushion("han2005_variable", mu_cushion=100.0, **numbers))
     if abs(before.vt + before.rwz) + abs(before.vn - before.un) < 50 * before.vn:  # friction is large enough
         assert after.vt + after.rwz == pytest.approx(-share * (before.vt + before.rwz), abs=1e-12)

@@ -39,7 +39,6 @@ RANGES = {
     "e_cushion_topspin": (0.0, 0.1),
     "e_cushion_tangent": (0.0, 0.1),
     "e_cushion_slip": (0.0, 0.1),
-    "mu_cushion_cloth": (0.0, 0.1),
     "mu_roll_speed": (0.001, 0.005),
     "e_slate": (0.5, 0.7),
     "mu_slate": (0.1, 0.3),

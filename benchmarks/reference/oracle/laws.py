@@ -63,7 +63,6 @@ class World:
     e_cushion_topspin: Real
     e_cushion_tangent: Real
     e_cushion_slip: Real
-    mu_cushion_cloth: Real
     mu_cushion: Real
     cushion_frequency_ratio: Real
     e_slate: Real
@@ -439,19 +438,7 @@ def _han_variable(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Rea
     gain += world.e_cushion_slip * square / (square + vx**2)
     e = min(one, _restitution(world, vx) + gain)
     same = dataclasses.replace(world, e_cushion=e, e_cushion_loss=zero, e_cushion_floor=zero)
-    vy_before, wx_before = vy, wx
-    vx_after, vy, wx, wy_after, wz = _han(same, ball, vx, vy, wx, wy, wz, world.e_cushion_tangent)
-    # The vertical impulse from the angular momentum, and the slips on the cloth before and after the impulse
-    vertical = ((vx_after - vx) * sin - 2 * radius * (wy_after - wy) / 5) / cos
-    earlier, slip = (vx - radius * wy, vy_before + radius * wx_before), (vx_after - radius * wy_after, vy + radius * wx)
-    mean = _scale(mpmath.mpf("0.5"), _sum(earlier, slip))
-    if _dot(mean, slip) > 0:
-        size = min(world.mu_cushion_cloth * abs(vertical), 2 * norm(mean) / 7, 2 * _dot(mean, slip) / norm(mean) / 7)
-        px, py = _scale(-size / norm(mean), mean)
-        px = min(px, -vx_after)
-        turn = 5 / (2 * radius)
-        return vx_after + px, vy + py, wx + turn * py, wy_after - turn * px, wz
-    return vx_after, vy, wx, wy_after, wz
+    return _han(same, ball, vx, vy, wx, wy, wz, world.e_cushion_tangent)
 
 
 def _stronge(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real) -> Vector:

@@ -27,7 +27,7 @@ def _squeeze(needed, nose, slips, mu):
 
 @inlined
 def impact(before, nose, slips, rebound, mu, e):
-    """Computes the impact of `han2005` for a `Nose`.
+    """Returns the result of `han2005` for a `Nose`.
 
     Args:
         before: The `CushionMotion` before the impact, vn >= 0.
@@ -36,11 +36,6 @@ def impact(before, nose, slips, rebound, mu, e):
         rebound: Least speed away from the cushion after the impact, m/s, >= 0.
         mu: The friction.
         e: The restitution.
-
-    Returns:
-        after: The `CushionMotion` after the impact.
-        raised: Whether `rebound` raised the impulse.
-        lift: The vertical impulse per mass, m/s.
     """
     vn, (sin, cos), (sx, sy) = before.vn, nose, slips
     slip = math.sqrt(sx * sx + sy * sy)
@@ -55,7 +50,7 @@ def impact(before, nose, slips, rebound, mu, e):
     if raised:
         px = -(vn + rebound)
         pxe, pye, pze = _squeeze(vn + rebound, nose, slips, mu)
-    return leave(before, nose, -rebound if raised else vn + px, px, pxe, pye, pze), raised, pxe * cos - pze * sin
+    return leave(before, nose, -rebound if raised else vn + px, px, pxe, pye, pze), raised
 
 
 @inlined
@@ -80,8 +75,7 @@ def han2005(before, radius, rebound, numbers, solution):
         raised: Whether `rebound` raised the impulse.
     """
     nose, e = nose_of(radius, numbers), cushion_restitution(before.vn, numbers)
-    after, raised, _ = impact(before, nose, slip_at(before, nose), rebound, numbers.mu_cushion, e)
-    return after, raised
+    return impact(before, nose, slip_at(before, nose), rebound, numbers.mu_cushion, e)
 
 
 CUSHION = Cushion(han2005)

@@ -1,8 +1,8 @@
 """The impact on a cushion by Han (2005), with a restitution that depends on the motion.
 
-Fits of recorded three-cushion shots (the tracks of the simulator tailuge/billiards) show three effects. The restitution
-grows with the topspin or with the slip, the impulse reverses part of the slip along the cushion, and the cloth rubs the
-ball during the impact. The law is a simple form of these effects. The restitution is
+Fits of recorded three-cushion shots (the tracks of the simulator tailuge/billiards) show two effects. The restitution
+grows with the topspin or with the slip, and the impulse reverses part of the slip along the cushion. The law is a
+simple form of these effects. The restitution is
 
     e = e(v_n) + e_cushion_topspin min(1, max(0, R omega_t / v_n)) + e_cushion_slip s^2 / (s^2 + v_n^2)
 
@@ -10,20 +10,13 @@ Here omega_t is the spin along the cushion (v_n / R for a ball that rolls), s is
 e(v_n) is the restitution of the other cushions. If mu_cushion does not limit the friction, the impact stops the slip up
 or down the nose and reverses the share e_cushion_tangent of the slip along the cushion, as with a nose that yields
 sideways (Stronge 2000). If mu_cushion limits the friction, it has the direction of this impulse.
-
-The vertical part p_z of the impulse presses the ball on the slate, or lifts it for a short time. In both cases there is
-also friction with the cloth. It acts against the mean of the slips on the cloth before and after the impulse of the
-cushion. Its impulse per mass is the least of three: mu_cushion_cloth abs(p_z), the impulse that stops this mean slip,
-and the impulse that stops the slip that is left along the mean slip.
 """
 
 from __future__ import annotations
 
-import math
-
 from billiards_env.jit import inlined
-from billiards_env.physics.laws.cushion import ROUNDING, Cushion, CushionMotion, cushion_restitution, nose_of, slip_at
-from billiards_env.physics.laws.cushion_han2005 import STICK, impact
+from billiards_env.physics.laws.cushion import ROUNDING, Cushion, cushion_restitution, nose_of, slip_at
+from billiards_env.physics.laws.cushion_han2005 import impact
 
 
 @inlined
@@ -37,26 +30,6 @@ def _gain(before, slips, numbers):
 
 
 @inlined
-def _rub(before, after, rebound, most):
-    """Returns the `CushionMotion` after the friction of the cloth during an impact.
-
-    Args:
-        before: The `CushionMotion` before the impulse of the cushion.
-        after: The `CushionMotion` after it.
-        rebound: The ball leaves the cushion at this speed or more, m/s.
-        most: The largest impulse per mass of the cloth, m/s.
-    """
-    sn, st = 0.5 * (before.un + after.un), 0.5 * (before.ut + after.ut)
-    slip = math.sqrt(sn * sn + st * st)
-    share = 0.0
-    if slip > 0.0:
-        left = max(0.0, (sn * after.un + st * after.ut) / slip)
-        share = min(most, STICK * min(slip, left)) / slip
-    pn, pt = max(share * sn, min(0.0, after.vn + rebound)), share * st
-    return CushionMotion(after.vn - pn, after.vt - pt, after.un - 3.5 * pn, after.ut - 3.5 * pt, after.rwz)
-
-
-@inlined
 def han2005_variable(before, radius, rebound, numbers, solution):
     """Returns a ball's motion after an impact on a cushion, as `cushion_han2005.han2005` does."""
     vn = before.vn
@@ -67,8 +40,7 @@ def han2005_variable(before, radius, rebound, numbers, solution):
     if e < 1.0 or gain > 0.0:  # without a gain, a restitution of 1 depends only on `e_cushion`: leave out `min`
         e = min(1.0, e + gain)
     reversed_slips = (sx, sy * (1.0 + numbers.e_cushion_tangent))
-    after, raised, lift = impact(before, nose, reversed_slips, rebound, numbers.mu_cushion, e)
-    return _rub(before, after, rebound, numbers.mu_cushion_cloth * abs(lift)), raised
+    return impact(before, nose, reversed_slips, rebound, numbers.mu_cushion, e)
 
 
 @inlined
