@@ -79,11 +79,12 @@ class Config:
             For "aim" they replace those in `billiards_env.sb3.PPO_SETTINGS`.
         learner: "ppo", or "likelihood" for `agents.likelihood`, which plays many shots of each layout, with the policy
             "aim".
-        likelihood: For this learner, `layouts`, the number of layouts of an update, and `imitation`, the share of the
-            shots of the first phase. In this phase `hits` and `own` are the numbers of random hits and of actions of
-            the policy in each layout, `labels` is the largest number of shots that score in a step of the optimizer,
-            and `passes` the number of steps for each update. In the second phase `samples` is the number of actions of
-            the policy in each layout. `learning_rate` is a pair as in `ppo`; in the second phase it is halved.
+        likelihood: For this learner, `layouts`, the number of layouts of an update, and `imitation`, the share of all
+            shots that the first phase plays. In this phase `hits` and `own` are the numbers of random hits and of
+            actions of the policy in each layout, `labels` is the largest number of shots that score in a step of the
+            optimizer, and `passes` the number of steps for each update. In the second phase `samples` is the number of
+            actions of the policy in each layout. `learning_rate` is a pair as in `ppo`; in the second phase it is
+            halved.
 
     Raises:
         ValueError: If a key is unknown or a value is invalid.
@@ -159,10 +160,11 @@ class Config:
             return
         if self.ppo:
             raise ValueError(f"ppo = {short(self.ppo)}: expected no settings of PPO with learner = 'likelihood'")
-        if self.policy["head"] != "aim" or self.env["n_players"] != 1:
-            raise ValueError("learner = 'likelihood': expected the policy 'aim' and a task for one player")
-        if self.env["goal_radius"] is not None and self.env["max_shots"] != 1:
-            raise ValueError("learner = 'likelihood': expected max_shots = 1 in a task with a goal")
+        one_shot = 1 if self.env["goal_radius"] is not None else self.env["max_shots"]
+        needed = {"policy.head": (self.policy["head"], "aim"), "env.n_players": (self.env["n_players"], 1)}
+        for name, (value, expected) in (needed | {"env.max_shots": (self.env["max_shots"], one_shot)}).items():
+            if value != expected:
+                raise ValueError(f"{name} = {value!r}: expected {expected!r} with learner = 'likelihood'")
         settings = {**known, **_numbers(self.likelihood)}
         for name in ("layouts", "hits", "own", "labels", "passes", "samples"):
             settings[name] = integer(f"likelihood.{name}", _as_integer(settings[name]), Range(1, 1_000_000))

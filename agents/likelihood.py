@@ -1,9 +1,9 @@
 """Learns from many shots of each layout: `learner: likelihood` in a row of `configs/learning.yaml`.
 
-A training has two phases. In the first one, *imitation*, an update plays random hits of the object balls and random
-actions of the policy from each of some layouts. The policy then maximises the likelihood of the shots that score
-(Peters and Schaal 2007, Reinforcement learning by reward-weighted regression, with the rewards 0 and 1). The mixture of
-the policy can represent several ways to score, and its standard deviations are learned.
+A training has two phases. In the first phase, *imitation*, an update plays random hits of the object balls and random
+actions of the policy. It does so from each of several layouts. The policy then maximises the likelihood of the shots
+that score (Peters and Schaal 2007, Reinforcement learning by reward-weighted regression, with the rewards 0 and 1). The
+mixture of the policy can represent several ways to score, and its standard deviations are learned.
 
 In a task with a goal a shot is also a label for another goal (hindsight, Andrychowicz et al. 2017). If it meets the
 other condition of the task, it scores for every goal near the place where the cue ball stops, and its goal is drawn
@@ -12,12 +12,14 @@ there. So almost every such shot is useful.
 The weight of a shot is 1 over the number of shots of its layout that reach the same goal. So easy and difficult layouts
 and goals have a similar total weight.
 
-In the second phase, *improvement*, only the policy plays. It follows the gradient of the mean logarithm of its expected
-return (Williams 1992, Simple statistical gradient-following algorithms). The baseline of a shot is the mean return of
-all shots from the same layout. So the policy learns which of its ways to score is the safest.
+In the second phase, *improvement*, only the policy plays. The optimizer raises the mean, over the layouts, of the
+logarithm of the expected return (policy gradient, Williams 1992, Simple statistical gradient-following algorithms). The
+baseline of a shot is the mean return of all shots from the same layout. So the safest way to score becomes the most
+likely. A return below 0 counts as 0.
 
 In an episode of several shots the return of a shot is its reward plus the value of the position after it. The critic of
-the policy learns this value from the mean returns. The next update continues after a random shot that scores.
+the policy learns this value from the mean returns. The next update plays on from one of the shots that score, drawn at
+random. If no shot scores, or those that score end the episode, a new episode begins.
 """
 
 from __future__ import annotations
@@ -158,7 +160,7 @@ class Learner:
         mixture = _with_gradient(mixture, self._log_std.exp())
         count = self._settings["samples"]
         with torch.no_grad():
-            shots = mixture.samples(count).clamp(-1, 1)
+            shots = mixture.samples(count).clamp(-1, 1)  # few are clipped; the density is that of the shot played
         outcomes = self._play(shots.numpy())
         returns = self._returns(outcomes, count)
         mean = returns.mean(1, keepdim=True)
@@ -184,7 +186,7 @@ class Learner:
         return self._envs.try_actions(shots.reshape(-1, size), self._envs.get_state().repeat(k), self._rng)
 
     def _returns(self, outcomes: Outcomes, count: int) -> Tensor:
-        """Returns the returns (m, count) of the last shots from each layout."""
+        """Computes the returns (m, count) of the last `count` shots from each layout."""
         returns = self.policy.returns(outcomes) if self._goes_on else outcomes.rewards
         returns = returns.reshape(self._settings["layouts"], -1)[:, -count:]
         return torch.from_numpy(returns).float().clamp(min=0)
@@ -194,7 +196,7 @@ class Learner:
         return _CRITIC * (values - returns.mean(1)).square().mean()
 
     def _go_on(self, outcomes: Outcomes, scored: Bools) -> None:
-        """Sets each environment to the state after a random shot that scores and does not end the episode."""
+        """Sets each environment to the state after one of its shots that score and do not end the episode."""
         over = outcomes.states["over"].reshape(scored.shape)
         chances = self._rng.random(scored.shape) * (scored & ~over)
         chosen = np.arange(len(scored)) * scored.shape[1] + chances.argmax(1)
@@ -259,7 +261,7 @@ def random_hits(
 
 
 def scores(envs: BilliardsVectorEnv, outcomes: Outcomes) -> Bools:
-    """Returns which shots (m,) score: those with a reward, or in an episode of one shot those that succeed."""
+    """Returns whether each shot (m,) scores: has a reward, or in an episode of one shot succeeds."""
     return outcomes.infos["is_success"] if envs.single_env.model.max_shots == 1 else outcomes.rewards > 0
 
 

@@ -1,10 +1,11 @@
-"""What PIT does to balls in the air: at each timestep it finds landings, noses, pockets and balls off the table.
+"""What PIT does to balls in the air: at each timestep it finds how their flights end.
 
 The path of a ball between two timesteps is that of the exact engine, and `predictions.end_in_air` finds how it ends. A
 ball that has reached the slate lands at its place at the timestep, with the vertical speed at which it reached the
-slate. A ball that has passed over a nose goes back to it with any fix, and the nose reflects it, unless the ball was
-above the nose there. A ball that overlaps a nose at a timestep and approaches it is reflected by
-`contact_rule.hit_nose`. The fix "push_apart" first moves it away from the nose horizontally until they touch.
+slate. If a ball has passed over a nose, its height there decides: a ball that clears the nose is driven off the table,
+and a lower one is put back at the nose, with any fix, and is reflected. A ball that overlaps a nose at a timestep and
+approaches it is reflected by `contact_rule.hit_nose`. The fix "push_apart" first moves it away from the nose
+horizontally until they touch.
 """
 
 from __future__ import annotations

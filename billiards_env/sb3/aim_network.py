@@ -145,15 +145,15 @@ class Mixture(NamedTuple):
 
 
 class Layouts(NamedTuple):
-    """m layouts as the networks take them, once for each of their n object balls.
+    """m layouts as the networks take them, once for each of f object balls, see `AimNetwork`.
 
     Attributes:
-        choice: (m, n, c) the outputs of the first network of the choice.
-        signs: (m, n, 2) 1 or -1, the reflection of x and y.
-        dx: (m, n, p) the directions to the points, reflected back.
-        dy: (m, n, p)
-        inverse: (m, n, p) 1/m: 1 over the distances of the points.
-        allowed: (m, n) bool, whether a component may aim at the ball.
+        choice: (m, f, c) the outputs of the first network of the choice.
+        signs: (m, f, 2) 1 or -1, the reflection of x and y.
+        dx: (m, f, p) the directions to the points, reflected back.
+        dy: (m, f, p)
+        inverse: (m, f, p) 1/m: 1 over the distances of the points.
+        allowed: (m, f) bool, whether a component may aim at the ball.
     """
 
     choice: Tensor
@@ -284,8 +284,9 @@ class AimNetwork(nn.Module):
         dx, dy = dx * inverse * signs[:, :1], dy * inverse * signs[:, 1:]
         parts = self.choice(features, chosen), signs, dx, dy, inverse
         choice, signs, dx, dy, inverse = (part.reshape(m, f, -1) for part in parts)
-        layouts = Layouts(choice, signs, dx, dy, inverse, allowed.gather(1, first))
-        counted = on_table.gather(1, first)
+        possible = allowed.gather(1, first)
+        layouts = Layouts(choice, signs, dx, dy, inverse, possible)
+        counted = possible if self.legal else on_table.gather(1, first)
         values = self.critic(features, judged).reshape(m, f) * counted
         return layouts, values.sum(1) / counted.sum(1).clamp(min=1)
 

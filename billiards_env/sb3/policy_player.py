@@ -87,7 +87,7 @@ def _proposing(folder: str, where: gym.Env[Any, Any]) -> tuple[Propose, Callable
         return proposals(model, situation.observation, count, rng)
 
     if not isinstance(model, AimPolicy) or "legal_balls" not in model.observe or base.model.n_players > 1:
-        return propose, None  # in other tasks a missed shot may leave more points than one that scores
+        return propose, None  # in other tasks a miss does not end the episode
     return propose, lambda actions, noise=None: model.returns(base.try_actions(actions, noise=noise))
 
 

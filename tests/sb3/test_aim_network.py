@@ -75,10 +75,11 @@ def test_no_shot_aims_at_a_ball_that_is_potted_or_not_legal():
     toward = mixture.dx * (0.7 - 0.2) + mixture.dy * (-0.1 + 0.3) * 0.5  # ball 2, the only one that can be hit
     assert (toward > 0).all()
     flags = torch.tensor([[0.0, 1.0, 0.0], [0.0, 1.0, 1.0]])
-    alone, among = (net(positions.expand(m, -1, -1), legal_balls=flags[:m])[0] for m in (1, 2))
+    (alone, value), (among, values) = (net(positions.expand(m, -1, -1), legal_balls=flags[:m]) for m in (1, 2))
     assert (alone.dx.shape[1], among.dx.shape[1]) == (6, 12)
     assert among.log_weight[0, :6].exp().sum().item() == pytest.approx(1.0)
     torch.testing.assert_close(alone.mode()[0], among.mode()[0])
+    torch.testing.assert_close(value[0], values[0])
 
 
 def test_other_balls_matter_unless_they_are_potted(form):
