@@ -305,12 +305,12 @@ def _proposals(measured: Result, others: Mapping[str, Mapping[str, float]]) -> s
 def draw(measured: Result, folder: Path) -> None:
     """Draws the learning curves of the rows, one panel for each task, beside the players without training.
 
-    A curve is the mean over the seeds and, thin, each seed. A row is in the panel of its first task.
+    A curve is the mean over the seeds and, thin, each seed. A row is in the panel of the task of its training.
     """
     rows_of: dict[str, list[str]] = {}
     for name, result in measured.items():
         if result["runs"]:
-            rows_of.setdefault(result["settings"]["plays"][0], []).append(name)
+            rows_of.setdefault(result["settings"]["task"], []).append(name)
     across = min(4, len(rows_of))
     down = -(-len(rows_of) // across)
     figure = new_figure(2.5 * across, 2.1 * down + 0.4)
