@@ -165,10 +165,10 @@ class Calibration:
             if name in self.values:
                 cells = f"{self.values[name]:.5g}", "{:.5g} to {:.5g}".format(*self.intervals[name])
             rows.append((name, f"{start:.5g}", *cells, RANGES[PARAMETERS[name].within].unit))
-        if self.scatter is not None:  # upper limits
+        if self.scatter is not None:
             for name, value in self.scatter.values.items():
                 interval = "{:.3f} to {:.3f}".format(*self.scatter.intervals[name])
-                rows.append((name, "-", f"{value:.3f}", interval, "at most"))
+                rows.append((name, "-", f"at most {value:.3f}", interval, ""))
         lines = [*_aligned(rows), ""]
         for text, judged in (("shots", self.judged), ("shots that were not fitted", self.predicted)):
             if judged is not None:

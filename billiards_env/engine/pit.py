@@ -220,7 +220,8 @@ def _test_pockets_of(i, now, k, scene, work, shots, log):  # out: work, shots, l
 def _test_pockets(now, count, k, scene, work, shots, log):  # out: work, shots, log
     """Computes the motion of the `count` moving balls at a `Time` in `here`, and captures the balls in pockets.
 
-    Balls in the air land, hit a nose that they have passed, or go out of play. Returns whether any of this happens.
+    Balls in the air land, hit a nose that they have passed, are potted, or are driven off the table. Returns whether
+    any of this happens.
     """
     here, has_capture = work.here, False
     for m in range(count):

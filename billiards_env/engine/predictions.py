@@ -165,7 +165,8 @@ def end_in_air(i, state, scene):
     pooltool). Every other ball whose centre passes over a nose is driven off the table.
 
     Returns:
-        The time, s after the ball's own, the kind of event, and the pocket, the cushion under the ball, or -1.
+        The time, s after the ball's own, the kind of event, and the pocket, or the cushion whose nose the centre passes
+        over, or -1.
     """
     flight, path, end, radius = scene.flight, path_of(state, i), state.rows[i, LASTS], scene.radius[i]
     (last, other), kind = edge_time(path, end, flight), OFF_TABLE

@@ -245,7 +245,7 @@ class AimPolicy(ActorCriticPolicy):
         return self.mixtures_and_values(obs)[1][:, None]
 
     def returns(self, outcomes: Outcomes) -> NDArray[np.float64]:
-        """Returns the rewards (m,) of tried shots; if an episode goes on, plus the value of its position."""
+        """Computes the returns (m,) of tried shots: the rewards plus, in unfinished episodes, the values afterwards."""
         returns, on = outcomes.rewards.copy(), np.flatnonzero(~outcomes.states["over"])
         if len(on):
             with torch.no_grad():
