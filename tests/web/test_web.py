@@ -140,9 +140,9 @@ def test_the_page_plays_a_shot_and_its_address_holds_it(engine, tab, tmp_path):
         exact, stepped = page.evaluate("billiards.shots.map(shot => shot.positions)")
         assert np.abs(np.subtract(exact, stepped)).max() > 0.05
     page.set_viewport_size({"width": 380, "height": 800})
-    assert page.evaluate("document.documentElement.scrollWidth") <= 380
+    page.wait_for_function("() => document.documentElement.scrollWidth <= 380")
     page.set_viewport_size({"width": 1280, "height": 800})
-    assert page.evaluate("document.getElementById('dt').offsetWidth") > 1000
+    page.wait_for_function("() => document.getElementById('dt').offsetWidth > 1000")
     assert errors == []
     assert all(url.startswith("file:") for url in requests)
 
