@@ -160,7 +160,7 @@ class Learner:
         mixture = _with_gradient(mixture, self._log_std.exp())
         count = self._settings["samples"]
         with torch.no_grad():
-            shots = mixture.samples(count).clamp(-1, 1)  # few are clipped; the density is that of the shot played
+            shots = mixture.samples(count).clamp(-1, 1)  # the density is that of the clipped action
         outcomes = self._play(shots.numpy())
         returns = self._returns(outcomes, count)
         mean = returns.mean(1, keepdim=True)
