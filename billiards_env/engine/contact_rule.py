@@ -48,7 +48,7 @@ import numpy as np
 from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.ball_ball import change_velocity, exchange, exchange_pair, restitution_at
 from billiards_env.physics.ball_cushion import reflect, reflect_both
-from billiards_env.physics.clusters.impulses import separation_speed
+from billiards_env.physics.clusters.impulses import UPWARDS, separation_speed, set_normal
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.noses import nose_normal
 from billiards_env.physics.geometry.walls import wall_pressing
@@ -144,11 +144,11 @@ class Limits(NamedTuple):
 
 
 @inlined
-def limits_of(nz, c, numbers):
-    """Returns the `Limits` at contact c; `nz` is `Contacts.nz`."""
-    if nz is None:
+def limits_of(flight, contacts, c, numbers):
+    """Returns the `Limits` at contact c; `flight` is `SceneArrays.flight`."""
+    if flight is None:
         return Limits(numbers.weak_speed, numbers.tau)
-    return limits_in_space(nz[c], numbers)
+    return limits_in_space(contacts.normal[c, UPWARDS], numbers)
 
 
 @inlined
@@ -177,12 +177,12 @@ def leaning(n, place):
 
 
 @inlined
-def _lean(nz, c, contacts, state):  # out: nz, contacts
-    """Replaces the normal of contact c by the `leaning` one; `nz` is `Contacts.nz`."""
-    if nz is None:
+def _lean(flight, contacts, c, state):  # out: contacts
+    """Replaces the normal of contact c by the `leaning` one; `flight` is `SceneArrays.flight`."""
+    if flight is None:
         return
-    row, n = state.rows[contacts.first[c]], (contacts.nx[c], contacts.ny[c], nz[c])
-    contacts.nx[c], contacts.ny[c], nz[c] = leaning(n, (row[X], row[Y]))
+    row, n = state.rows[contacts.first[c]], contacts.normal[c]
+    set_normal(contacts, c, leaning((n[X], n[Y], n[UPWARDS]), (row[X], row[Y])))
     contacts.closing[c] = max(-separation_speed(contacts, c, state)[0], 0.0)
 
 
@@ -267,28 +267,23 @@ def halt(state, i):  # out: state
 
 
 @inlined
-def pressing(nz, c, contacts, state, scene):
-    """Returns the acceleration of the balls of contact c towards each other, m/s^2; `nz` is `Contacts.nz`."""
-    i, j, nx, ny = contacts.first[c], contacts.second[c], contacts.nx[c], contacts.ny[c]
+def pressing(flight, contacts, c, state, scene):
+    """Returns the acceleration of the balls of contact c towards each other, m/s^2.
+
+    `flight` is `SceneArrays.flight`.
+    """
+    i, j, nx, ny = contacts.first[c], contacts.second[c], contacts.normal[c, X], contacts.normal[c, Y]
     a, b = state.rows[i], state.rows[j]
-    if nz is None:
+    if flight is None:
         around = ny * (b[VX] - a[VX]) - nx * (b[VY] - a[VY])
         distance = norm(b[X] - a[X], b[Y] - a[Y])
         return -(nx * (b[AX] - a[AX]) + ny * (b[AY] - a[AY])) - around * around / distance
-    wx, wy, wz = b[VX] - a[VX], b[VY] - a[VY], b[VZ] - a[VZ]
-    along = nx * wx + ny * wy + nz[c] * wz
+    nz, wx, wy, wz = contacts.normal[c, UPWARDS], b[VX] - a[VX], b[VY] - a[VY], b[VZ] - a[VZ]
+    along = nx * wx + ny * wy + nz * wz
     around = max(wx * wx + wy * wy + wz * wz - along * along, 0.0)
     falls = (state.phase[i] == AIRBORNE) * scene.numbers.g - (state.phase[j] == AIRBORNE) * scene.numbers.g
-    towards = -(nx * (b[AX] - a[AX]) + ny * (b[AY] - a[AY]) + nz[c] * falls)
+    towards = -(nx * (b[AX] - a[AX]) + ny * (b[AY] - a[AY]) + nz * falls)
     return towards - around / (scene.radius[i] + scene.radius[j])
-
-
-@inlined
-def _is_inclined(nz):
-    """Returns whether the normal of the first contact is inclined; `nz` is `Contacts.nz`."""
-    if nz is None:
-        return False
-    return nz[0] != 0.0
 
 
 @kernel
@@ -302,7 +297,7 @@ def resolve_jam(contacts, state, scene, memory):  # out: state
     changes the velocity of the moved ball by no more than its rounding, and the speed of approach and the jammed ball's
     speed along the normal are at most 2^-24 of the moved ball's speed. Other weak impacts are plastic.
     """
-    if _is_inclined(contacts.nz):
+    if contacts.normal.shape[1] > UPWARDS and contacts.normal[0, UPWARDS] != 0.0:
         return False
     i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
     rows, numbers, inv_mass = state.rows, scene.numbers, scene.inv_mass
@@ -310,7 +305,7 @@ def resolve_jam(contacts, state, scene, memory):  # out: state
     if min(run[i], run[j]) <= JAMMED:
         return False
     moved, sign = (i, -1.0) if run[i] < run[j] else (j, 1.0)
-    nx, ny = contacts.nx[0], contacts.ny[0]
+    nx, ny = contacts.normal[0, X], contacts.normal[0, Y]
     jammed = i + j - moved
     along = abs(nx * rows[jammed, VX] + ny * rows[jammed, VY])  # a jammed ball hardly moves along the normal
     lifts = run[i] != run[j] and inv_mass[moved] > 0.0
@@ -448,7 +443,7 @@ def _collide_again(count, time, contacts, state, scene, scratch, memory):  # out
     """Implements `collide` for impacts that are not one ordinary impact."""
     first, second, closing, numbers = contacts.first, contacts.second, contacts.closing, scene.numbers
     for c in range(count):  # before any impact is counted, so that the order of the contacts does not matter
-        limits = limits_of(contacts.nz, c, numbers)
+        limits = limits_of(scene.flight, contacts, c, numbers)
         end_runs(first[c], time, closing[c], limits.speed, numbers, memory)
         end_runs(second[c], time, closing[c], limits.speed, numbers, memory)
     for c in range(count):
@@ -458,10 +453,10 @@ def _collide_again(count, time, contacts, state, scene, scratch, memory):  # out
     for c in range(count):
         i, j = first[c], second[c]
         over = over or is_over(i, j, state, numbers, memory)
-        limits = limits_of(contacts.nz, c, numbers)
+        limits = limits_of(scene.flight, contacts, c, numbers)
         if closing[c] <= limits.speed:
-            _lean(contacts.nz, c, contacts, state)
-        towards = pressing(contacts.nz, c, contacts, state, scene)
+            _lean(scene.flight, contacts, c, state)
+        towards = pressing(scene.flight, contacts, c, state, scene)
         contacts.rebound[c] = least_rebound(closing[c], towards, min(memory.weak[i], memory.weak[j]), limits, numbers)
     if over:
         for c in range(count):
@@ -490,7 +485,7 @@ def collide(count, time, contacts, state, scene, scratch, memory):  # out: conta
         The number of acts of the rule.
     """
     i, j, speed = contacts.first[0], contacts.second[0], contacts.closing[0]
-    numbers, acts, weak = scene.numbers, 0, limits_of(contacts.nz, 0, scene.numbers).speed
+    numbers, acts, weak = scene.numbers, 0, limits_of(scene.flight, contacts, 0, scene.numbers).speed
     ordinary = is_ordinary(i, time, speed, weak, numbers, memory) and is_ordinary(j, time, speed, weak, numbers, memory)
     if count == 1 and ordinary:
         count_ordinary(i, time, memory)

@@ -23,7 +23,7 @@ from billiards_env.engine.shots import HEIGHT, Starts, load_balls, store
 from billiards_env.jit import allocating_entry_point, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange
-from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch, set_upwards
+from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch, set_normal
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.state import UX, UY, VX, VY, WZ, X, Y, empty_state, scale_rise, scene_of
@@ -122,8 +122,7 @@ def _gather(k, scene, starts, state, contacts):  # out: contacts
             a, b = state.rows[i], state.rows[j]
             closing = max(0.0, nx * (a[VX] - b[VX]) + ny * (a[VY] - b[VY]))
             contacts.first[count], contacts.second[count] = i, j
-            contacts.nx[count], contacts.ny[count] = nx, ny
-            set_upwards(contacts.nz, count, 0.0)
+            set_normal(contacts, count, (nx, ny, 0.0))
             contacts.closing[count], contacts.rebound[count] = closing, -closing
             count += 1
     return count

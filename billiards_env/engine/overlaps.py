@@ -22,7 +22,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.clusters.impulses import UPWARDS, sum_impulses
+from billiards_env.physics.clusters.impulses import UPWARDS, set_normal, sum_impulses
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.walls import back_to_wall, deepest_overlap, overlap_time, wall_normal, wall_overlap
@@ -142,11 +142,13 @@ def _touching(count, scene, work):  # out: work
         distance = norm(dx, dy)
         if distance > contact_distance(scene.spheres, scene.radius, i, j) + CONTACT_GAP:
             continue
-        nx, ny = (dx / distance, dy / distance) if distance > 0.0 else (contacts.nx[c], contacts.ny[c])
+        nx, ny = contacts.normal[c, X], contacts.normal[c, Y]
+        if distance > 0.0:
+            nx, ny = dx / distance, dy / distance
         closing = -(nx * (here[j, VX] - here[i, VX]) + ny * (here[j, VY] - here[i, VY]))
         if closing >= 0.0:
-            contacts.first[left], contacts.second[left] = i, j
-            contacts.nx[left], contacts.ny[left], contacts.closing[left] = nx, ny, closing
+            contacts.first[left], contacts.second[left], contacts.closing[left] = i, j, closing
+            set_normal(contacts, left, (nx, ny, 0.0))
             left += 1
     return left
 
@@ -228,18 +230,18 @@ def _going_back(go_back: Callable[..., None]) -> tuple[Any, Any]:
 
 
 @inlined
-def distance_between(nz, i, j, here):
-    """Returns the distance of the centres of balls i and j, m; `nz` is `Contacts.nz`."""
+def distance_between(flight, i, j, here):
+    """Returns the distance of the centres of balls i and j, m; `flight` is `SceneArrays.flight`."""
     across = norm(here[j, X] - here[i, X], here[j, Y] - here[i, Y])
-    if nz is None:
+    if flight is None:
         return across
     return norm(across, here[j, UP] - here[i, UP])
 
 
 @inlined
-def _raise(nz, i, shift, work):  # out: work
-    """Moves ball i up or down, not below its height on the cloth; `nz` is `Contacts.nz`."""
-    if nz is None:
+def _raise(flight, i, shift, work):  # out: work
+    """Moves ball i up or down, not below its height on the cloth; `flight` is `SceneArrays.flight`."""
+    if flight is None:
         return
     work.here[i, UP] = work.state.rows[i, Z] = max(work.here[i, UP] + shift[i, UPWARDS], 0.0)
 
@@ -251,7 +253,7 @@ def _push_apart(count, scene, work):  # out: work
     shift, done, overlap, scale = scratch.dv, scratch.done, scratch.descent[0], scratch.descent[1]
     for c in range(count):
         i, j = contacts.first[c], contacts.second[c]
-        distance = distance_between(contacts.nz, i, j, here)
+        distance = distance_between(scene.flight, i, j, here)
         overlap[c] = contact_distance(scene.spheres, scene.radius, i, j) - distance
         scale[c] = 1.0 / (inv_mass[i] + inv_mass[j])
     sum_impulses(count, contacts, overlap, scale, inv_mass, shift, done)
@@ -259,7 +261,7 @@ def _push_apart(count, scene, work):  # out: work
         for i in (contacts.first[c], contacts.second[c]):
             if done[i]:
                 _place(i, here[i, X] + shift[i, X], here[i, Y] + shift[i, Y], work)
-                _raise(contacts.nz, i, shift, work)
+                _raise(scene.flight, i, shift, work)
                 done[i] = False
     return True
 

@@ -8,7 +8,7 @@ from billiards_env.engine.contact_rule import CushionContact, collide, hit_corne
 from billiards_env.engine.log import BALL_BALL, BALL_CUSHION, BALL_POCKET, LANDING, OFF_TABLE, log_event, phase_ended
 from billiards_env.engine.shots import count_hit, drive_off, pot
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.clusters.impulses import set_upwards
+from billiards_env.physics.clusters.impulses import set_normal
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.walls import wall_normal, walls_met
@@ -58,7 +58,7 @@ def add_contact(i, j, meeting, now, state, scene, contacts, count):  # out: stat
     Returns:
         Whether the balls were added.
     """
-    distance, (nx, ny, nz), closing = _approach(state.flight, i, j, now, state, scene.numbers)
+    distance, n, closing = _approach(state.flight, i, j, now, state, scene.numbers)
     if same(meeting, now):
         closing = max(closing, 0.0)
     elif distance - contact_distance(scene.spheres, scene.radius, i, j) > CONTACT_GAP or closing <= 0.0:
@@ -69,21 +69,11 @@ def add_contact(i, j, meeting, now, state, scene, contacts, count):  # out: stat
     k = count
     while k > 0 and (first[k - 1] > i or (first[k - 1] == i and second[k - 1] > j)):
         first[k], second[k], contacts.closing[k] = first[k - 1], second[k - 1], contacts.closing[k - 1]
-        contacts.nx[k], contacts.ny[k] = contacts.nx[k - 1], contacts.ny[k - 1]
-        _move_upwards(contacts.nz, k)
+        set_normal(contacts, k, contacts.normal[k - 1])
         k -= 1
-    first[k], second[k] = i, j
-    contacts.nx[k], contacts.ny[k], contacts.closing[k] = nx, ny, closing
-    set_upwards(contacts.nz, k, nz)
+    first[k], second[k], contacts.closing[k] = i, j, closing
+    set_normal(contacts, k, n)
     return True
-
-
-@inlined
-def _move_upwards(nz, k):  # out: nz
-    """Moves entry k - 1 of `Contacts.nz` to entry k."""
-    if nz is None:
-        return
-    nz[k] = nz[k - 1]
 
 
 @inlined

@@ -45,7 +45,7 @@ from billiards_env.jit import allocating, allocating_entry_point, inlined, kerne
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange, restitution_at
 from billiards_env.physics.ball_cushion import reflect, reflect_both
-from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts, empty_scratch, set_upwards
+from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts, empty_scratch, set_normal
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.pockets import pocket_at
@@ -275,12 +275,11 @@ def _find_overlaps(count, scene, work):  # out: work
         for j in range(len(phase)):
             if j == i or (j < i and work.moved[j]) or phase[j] == POTTED:
                 continue
-            (nx, ny, nz), closing = _overlap(scene.flight, i, j, here, scene)
+            n, closing = _overlap(scene.flight, i, j, here, scene)
             if closing < 0.0:
                 continue
-            contacts.first[n_overlaps], contacts.second[n_overlaps] = i, j
-            contacts.nx[n_overlaps], contacts.ny[n_overlaps], contacts.closing[n_overlaps] = nx, ny, closing
-            set_upwards(contacts.nz, n_overlaps, nz)
+            contacts.first[n_overlaps], contacts.second[n_overlaps], contacts.closing[n_overlaps] = i, j, closing
+            set_normal(contacts, n_overlaps, n)
             n_overlaps += 1
     return n_overlaps
 

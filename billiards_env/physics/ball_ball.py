@@ -19,7 +19,7 @@ from billiards_env.physics.laws.balls import (
     up_after,
 )
 from billiards_env.physics.laws.tables import friction_of, restitution_of
-from billiards_env.physics.state import VZ, ball_of, set_motion
+from billiards_env.physics.state import VZ, X, Y, ball_of, set_motion
 
 
 @inlined
@@ -133,11 +133,11 @@ def push_pair(i, j, n, p, state, scene):  # out: state
 
 
 @inlined
-def _push(nz, contacts, p, state, scene):  # out: state
+def _push(flight, contacts, p, state, scene):  # out: state
     """Changes the motion of the balls of the first contact by the impulse p along its normal, and by its friction."""
     i, j = contacts.first[0], contacts.second[0]
-    if nz is None:
-        push_pair(i, j, (contacts.nx[0], contacts.ny[0]), p, state, scene)
+    if flight is None:
+        push_pair(i, j, (contacts.normal[0, X], contacts.normal[0, Y]), p, state, scene)
         return
     nx, ny, tilt = frame_of(contacts, 0, scene.spheres)
     pair = Pair(nx, ny, scene.radius[i], scene.radius[j], scene.inv_mass[i], scene.inv_mass[j])
@@ -189,7 +189,7 @@ def exchange_pair(e, contacts, state, scene):  # out: state
         p = (closing + rebound) / (inv_mass[i] + inv_mass[j])
     else:
         p = normal_impulse(closing, inv_mass[i], inv_mass[j], e)
-    _push(contacts.nz, contacts, p, state, scene)
+    _push(contacts.flight, contacts, p, state, scene)
     return raised
 
 

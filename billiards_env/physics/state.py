@@ -31,6 +31,7 @@ LASTS = 11  # time from T0 to the end of the phase, s
 WIDTH = 12
 Z, VZ = 12, 13  # only with flight: the height of the centre above its height on the cloth, m; its velocity, m/s
 FLIGHT_WIDTH = 14
+VELOCITY, SLIP = (VX, VY, VZ), (UX, UY)  # by axis
 
 # Phases of a ball's motion.
 REST, SPINNING, ROLLING, SLIDING, FREE, POTTED, AIRBORNE = 0, 1, 2, 3, 4, 5, 6
@@ -187,17 +188,23 @@ def scene_of(scene, k):
 
 
 @inlined
-def _flies(flight):
+def has_flight(flight):
     """Returns True if `SceneArrays.flight` is not None, and None otherwise."""
     if flight is None:
         return None
     return True
 
 
+@inlined
+def axes_of(flight):
+    """Returns the number of components of vectors in a scene; `flight` is `SceneArrays.flight`."""
+    return 2 if flight is None else 3
+
+
 @allocating
 def empty_state(n, flight):
     """Returns the `State` of n balls, with undefined content; `flight` is `SceneArrays.flight`."""
-    return State(np.empty((n, WIDTH if flight is None else FLIGHT_WIDTH)), np.empty(n, np.int8), _flies(flight))
+    return State(np.empty((n, WIDTH if flight is None else FLIGHT_WIDTH)), np.empty(n, np.int8), has_flight(flight))
 
 
 @kernel

@@ -20,7 +20,8 @@ def collide(impacts, rebound, rows, scene):
     first, second, nx, ny, closing = impacts
     contacts = empty_contacts(len(first), None)
     contacts.first[:], contacts.second[:] = first, second
-    contacts.nx[:], contacts.ny[:], contacts.closing[:], contacts.rebound[:] = nx, ny, closing, rebound
+    contacts.normal[:, 0], contacts.normal[:, 1] = nx, ny
+    contacts.closing[:], contacts.rebound[:] = closing, rebound
     state = State(rows, np.zeros(len(rows), np.int8), None)
     e = restitution_at(len(first), contacts, scene)
     scratch = empty_scratch(len(rows), len(first), scene.ball_friction, None)

@@ -30,11 +30,12 @@ def plastic(first, second, nx, ny, increase, inv_mass):
     count, n = len(first), len(inv_mass)
     contacts, scratch = empty_contacts(count, None), empty_scratch(n, count, None, None)
     contacts.first[:], contacts.second[:] = first, second
-    contacts.nx[:], contacts.ny[:], contacts.closing[:], contacts.rebound[:] = nx, ny, increase, 0.0
+    contacts.normal[:, 0], contacts.normal[:, 1] = nx, ny
+    contacts.closing[:], contacts.rebound[:] = increase, 0.0
     scratch.increase[:, 0], scratch.increase[:, 1] = increase, 0.0
     scratch.change[:] = 0.0
     solve_plastic(count, contacts, inv_mass, scratch)
-    return scratch.impulse[:, 0] + scratch.impulse[:, 1], scratch.change[:, 0::2] + scratch.change[:, 1::2]
+    return scratch.impulse[:, 0] + scratch.impulse[:, 1], scratch.change[:, :, 0] + scratch.change[:, :, 1]
 
 
 def check_plastic(contacts, inverse, within):

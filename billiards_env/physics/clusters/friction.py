@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.clusters.complementarity import solve_smallest
-from billiards_env.physics.clusters.impulses import RESIDUE, quantum, to_double
+from billiards_env.physics.clusters.impulses import RESIDUE, UPWARDS, quantum, to_double
 from billiards_env.physics.double_double import HI, LO
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.laws.balls import Pair, along_normal, contact_slip, tilt_between
 from billiards_env.physics.laws.tables import friction_of
-from billiards_env.physics.state import UX, UY, VX, VY, VZ, WZ, ball_of
+from billiards_env.physics.state import UX, UY, VX, VY, VZ, WZ, X, Y, ball_of
 
 # Columns of `Rubbing.sums`: the impulse, and the impulses that turn a ball about z and about horizontal axes.
 _PX, _PY, _PZ, _TURN, _ROLL_X, _ROLL_Y = 0, 1, 2, 3, 4, 5
@@ -57,58 +57,54 @@ class Frame(NamedTuple):
 @inlined
 def frame_of(contacts, c, spheres):
     """Returns the `Frame` of contact c; `spheres` is `SceneArrays.spheres`."""
-    nx, ny = _horizontal(contacts.nz, contacts.nx[c], contacts.ny[c])
-    return Frame(nx, ny, _tilt_at(spheres, contacts, c))
+    nx, ny, cosine, sine = _direction_of(spheres, contacts.flight, contacts, c)
+    return Frame(nx, ny, _tilt(spheres, cosine, sine))
 
 
 @inlined
-def _horizontal(nz, nx, ny):
-    """Returns the horizontal direction of a normal; `nz` is `Contacts.nz`."""
-    if nz is None:
-        return nx, ny
-    cosine = norm(nx, ny)
+def _direction_of(spheres, flight, contacts, c):
+    """Returns the horizontal unit vector (x, y) of contact c, and the cosine and the sine of its normal."""
+    nx, ny = contacts.normal[c, X], contacts.normal[c, Y]
+    if spheres is None:
+        return nx, ny, 1.0, 0.0
+    if flight is None:
+        cosine, sine = tilt_between(True, spheres[contacts.first[c]], spheres[contacts.second[c]])
+        return nx, ny, cosine, sine
+    cosine, sine = norm(nx, ny), contacts.normal[c, UPWARDS]
     if cosine == 0.0:  # one ball is above the other: any direction
-        return 1.0, 0.0
-    return nx / cosine, ny / cosine
+        return 1.0, 0.0, cosine, sine
+    return nx / cosine, ny / cosine, cosine, sine
 
 
 @inlined
-def _tilt_at(spheres, contacts, c):
-    """Returns the inclination of contact c's normal, as `tilt_of` does."""
+def _tilt(spheres, cosine, sine):
+    """Returns `Frame.tilt`."""
     if spheres is None:
         return None
-    return _inclination(contacts.nz, spheres, contacts, c)
+    return cosine, sine
 
 
 @inlined
-def _inclination(nz, spheres, contacts, c):
-    """Implements `_tilt_at` for spheres; `nz` is `Contacts.nz`."""
-    if nz is None:
-        return tilt_between(True, spheres[contacts.first[c]], spheres[contacts.second[c]])
-    return norm(contacts.nx[c], contacts.ny[c]), nz[c]
-
-
-@inlined
-def _normal_of(nz, tilt, p):
+def _normal_of(flight, tilt, p):
     """Returns the impulse along the normal: p if balls may fly, otherwise the impulse whose horizontal part is p."""
-    if nz is None:
+    if flight is None:
         return along_normal(tilt, p)
     return p
 
 
 @inlined
-def up_slip(nz, tilt, up, a, b):
+def up_slip(flight, tilt, up, a, b):
     """Returns the slip up, including the vertical velocities in the rows a and b of `State.rows`, m/s."""
-    if nz is None:
+    if flight is None:
         return up
     cosine, _ = tilt
     return up + cosine * (a[VZ] - b[VZ])
 
 
 @inlined
-def _push_up(nz, row, speed):  # out: row
+def _push_up(flight, row, speed):  # out: row
     """Adds a speed to the vertical velocity of a row of `State.rows`; without flight the table stops it."""
-    if nz is None:
+    if flight is None:
         return
     row[VZ] += speed
 
@@ -190,7 +186,7 @@ def _slip_of(tilt, across, along, up, turn, lean, roll):
     return across + 2.5 * (cosine * turn - sine * lean), (cosine * up - sine * along) + 2.5 * roll
 
 
-@kernel
+@inlined
 def _change_of_slip(c, contacts, sums, inv_mass, spheres):
     """Returns the change of contact c's slip across and up by the sums of impulses, m/s."""
     i, j, (nx, ny, tilt) = contacts.first[c], contacts.second[c], frame_of(contacts, c, spheres)
@@ -264,10 +260,10 @@ def _rub_together(count, contacts, state, scene, rubbing):  # out: state, rubbin
         one, two = state.rows[i], state.rows[j]
         pair = Pair(nx, ny, radius[i], radius[j], inv_mass[i], inv_mass[j])
         slip[c, _ACROSS], slip[c, _UP] = contact_slip(tilt, ball_of(one), ball_of(two), pair)
-        slip[c, _UP] = up_slip(contacts.nz, tilt, slip[c, _UP], one, two)
+        slip[c, _UP] = up_slip(contacts.flight, tilt, slip[c, _UP], one, two)
         speed = norm(slip[c, _ACROSS], slip[c, _UP])
         mu = friction_of(scene.ball_friction, scene.numbers, speed)
-        rubbing.limit[c] = mu * _normal_of(contacts.nz, tilt, rubbing.normal[c])
+        rubbing.limit[c] = mu * _normal_of(contacts.flight, tilt, rubbing.normal[c])
     _minimise_energy(count, contacts, inv_mass, scene.spheres, rubbing)
     _sum_friction(count, contacts, rubbing.last, scene.spheres, rubbing)
     for c in range(count):
@@ -281,7 +277,7 @@ def _rub_together(count, contacts, state, scene, rubbing):  # out: state, rubbin
             s[UX] += inverse * (sums[_PX] + 2.5 * sums[_ROLL_X])
             s[UY] += inverse * (sums[_PY] + 2.5 * sums[_ROLL_Y])
             s[WZ] += 2.5 * inverse * sums[_TURN] / radius[k]
-            _push_up(contacts.nz, s, inverse * sums[_PZ])
+            _push_up(contacts.flight, s, inverse * sums[_PZ])
 
 
 @inlined

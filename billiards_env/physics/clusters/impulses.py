@@ -24,12 +24,10 @@ from billiards_env.physics.clusters.complementarity import (
     solve_complementarity,
 )
 from billiards_env.physics.double_double import HI, LO, add, multiply, two_product, two_sum
-from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, VZ, X, Y
+from billiards_env.physics.state import SLIDING_AND_ROLLING, SLIP, VELOCITY, X, axes_of, has_flight
 
-# Columns of `Scratch.change`: changes of velocity along x, y and, with flight, z, double-double, m/s.
-DVX, DVX_LO, DVY, DVY_LO, DVZ, DVZ_LO = 0, 1, 2, 3, 4, 5
-
-UPWARDS = 2  # the column of `Scratch.dv` with the vertical change
+UPWARDS = 2
+"""The third axis of vectors, only with flight."""
 
 _SWEEPS = 2000  # largest number of iterations of `_descend`
 RESIDUE = 2.0**-80
@@ -42,18 +40,16 @@ class Contacts(NamedTuple):
     Attributes:
         first: (most,) int64, a ball of each pair.
         second: (most,) int64, the other ball.
-        nx: (most,) float64, the unit normal from first to second along x.
-        ny: (most,) float64, the same along y.
-        nz: (most,) float64, the same upwards; None in scenes without flight, whose normals are horizontal.
+        normal: (most, 2 or, with flight, 3) float64, the unit normal from first to second.
+        flight: True in scenes with flight, otherwise None.
         closing: (most,) float64, speed of approach, m/s, >= 0.
         rebound: (most,) float64, least speed of separation after the impact, m/s, >= 0.
     """
 
     first: Any
     second: Any
-    nx: Any
-    ny: Any
-    nz: Any
+    normal: Any
+    flight: Any
     closing: Any
     rebound: Any
 
@@ -64,20 +60,18 @@ def empty_contacts(most, flight):
 
     `flight` is `SceneArrays.flight`.
     """
-    balls, numbers = np.empty((2, most), np.int64), np.empty((5, most))
-    nz = None if flight is None else numbers[4]
-    contacts = Contacts(balls[0], balls[1], numbers[0], numbers[1], nz, numbers[2], numbers[3])
+    balls, speeds, normal = np.empty((2, most), np.int64), np.empty((2, most)), np.empty((most, axes_of(flight)))
+    contacts = Contacts(balls[0], balls[1], normal, has_flight(flight), speeds[0], speeds[1])
     for c in range(most):  # `np.zeros` would be another function to compile
         contacts.rebound[c] = 0.0
     return contacts
 
 
 @inlined
-def set_upwards(nz, k, value):  # out: nz
-    """Sets entry k of `Contacts.nz`."""
-    if nz is None:
-        return
-    nz[k] = value
+def set_normal(contacts, c, n):  # out: contacts
+    """Sets the normal of contact c; without flight the third component of n is ignored."""
+    for axis in range(contacts.normal.shape[1]):
+        contacts.normal[c, axis] = n[axis]
 
 
 class Rubbing(NamedTuple):
@@ -112,7 +106,7 @@ class Scratch(NamedTuple):
     Attributes:
         increase: (most, 2) float64, double-double: required increase of each contact's speed of separation, m/s.
         impulse: (most, 2) float64, double-double, kg m/s.
-        change: (n, 4 or 6) float64, changes of velocity, see the columns above.
+        change: (n, 2 or 3, 2) float64, changes of velocity, double-double, m/s.
         problem: The `ComplementarityProblem` of up to `MOST` contacts.
         descent: (4, most) float64, scratch of `_descend`.
         dv: (n, 2 or 3) float64, changes of velocity, m/s; `apply_changes` uses it as scratch.
@@ -150,11 +144,11 @@ def _empty_rubbing(ball_friction, n, most):
 @allocating
 def empty_scratch(n, most, ball_friction, flight):
     """Returns the `Scratch` for n balls and `most` contacts; the others are fields of `SceneArrays`."""
-    axes = 2 if flight is None else 3
+    axes = axes_of(flight)
     return Scratch(
         increase=np.empty((most, 2)),
         impulse=np.empty((most, 2)),
-        change=np.empty((n, 2 * axes)),
+        change=np.empty((n, axes, 2)),
         problem=empty_problem(min(most, MOST)),
         descent=np.empty((4, most)),
         dv=np.empty((n, axes)),
@@ -168,30 +162,12 @@ def separation_speed(contacts, c, state):
     """Returns the speed at which the balls of contact c separate, m/s, as a double-double number."""
     i, j = contacts.first[c], contacts.second[c]
     rows = state.rows
-    wx, wx_lo = two_sum(rows[j, VX], -rows[i, VX])
-    wy, wy_lo = two_sum(rows[j, VY], -rows[i, VY])
-    x, x_lo = multiply(wx, wx_lo, contacts.nx[c], 0.0)
-    y, y_lo = multiply(wy, wy_lo, contacts.ny[c], 0.0)
-    return _and_upwards(contacts.nz, c, add(x, x_lo, y, y_lo), rows[i], rows[j])
-
-
-@inlined
-def _and_upwards(nz, c, speed, a, b):
-    """Returns the speed of separation, double-double, including the vertical velocities of the rows a and b."""
-    if nz is None:
-        return speed
-    w, w_lo = two_sum(b[VZ], -a[VZ])
-    z, z_lo = multiply(w, w_lo, nz[c], 0.0)
-    return add(speed[HI], speed[LO], z, z_lo)
-
-
-@inlined
-def _cosine(nz, c, k, cosine):
-    """Returns the cosine of the angle of two normals, double-double, from that of their horizontal parts."""
-    if nz is None:
-        return cosine
-    z, z_lo = two_product(nz[c], nz[k])
-    return add(cosine[HI], cosine[LO], z, z_lo)
+    speed, speed_lo = 0.0, 0.0
+    for axis in range(contacts.normal.shape[1]):
+        w, w_lo = two_sum(rows[j, VELOCITY[axis]], -rows[i, VELOCITY[axis]])
+        w, w_lo = multiply(w, w_lo, contacts.normal[c, axis], 0.0)
+        speed, speed_lo = add(speed, speed_lo, w, w_lo)
+    return speed, speed_lo
 
 
 @inlined
@@ -210,9 +186,10 @@ def _coupling(contacts, c, k, inv_mass):
         shared, shared_lo = -inv_mass[second[c]], 0.0
     else:
         return 0.0, 0.0
-    x, x_lo = two_product(contacts.nx[c], contacts.nx[k])
-    y, y_lo = two_product(contacts.ny[c], contacts.ny[k])
-    cosine, cosine_lo = _cosine(contacts.nz, c, k, add(x, x_lo, y, y_lo))
+    cosine, cosine_lo = 0.0, 0.0
+    for axis in range(contacts.normal.shape[1]):
+        x, x_lo = two_product(contacts.normal[c, axis], contacts.normal[k, axis])
+        cosine, cosine_lo = add(cosine, cosine_lo, x, x_lo)
     return multiply(cosine, cosine_lo, shared, shared_lo)
 
 
@@ -239,7 +216,7 @@ def _descend(count, contacts, inv_mass, scratch):  # out: scratch
     Nesterov (1983), with the restart of O'Donoghue and Candes (2015), scaled to a unit diagonal. Every sum over a
     ball's contacts is exact (see `sum_impulses`), so it does not depend on their order.
     """
-    first, second, nx, ny = contacts.first, contacts.second, contacts.nx, contacts.ny
+    first, second, normal = contacts.first, contacts.second, contacts.normal
     increase, dv, done = scratch.increase, scratch.dv, scratch.done
     scale, point, last, step = scratch.descent[0], scratch.descent[1], scratch.descent[2], scratch.descent[3]
     for c in range(count):
@@ -262,9 +239,10 @@ def _descend(count, contacts, inv_mass, scratch):  # out: scratch
         for c in range(count):
             i, j = first[c], second[c]
             done[i] = done[j] = False
-            opening = nx[c] * (dv[j, X] - dv[i, X]) + ny[c] * (dv[j, Y] - dv[i, Y])
-            opening = _opening(contacts.nz, c, opening, dv[i], dv[j]) - increase[c, HI]
-            new = max(0.0, point[c] - opening * scale[c] / bound)
+            opening = 0.0
+            for axis in range(normal.shape[1]):
+                opening += normal[c, axis] * (dv[j, axis] - dv[i, axis])
+            new = max(0.0, point[c] - (opening - increase[c, HI]) * scale[c] / bound)
             step[c] = new - last[c]
             last[c] = new
             change = max(change, abs(step[c]))
@@ -281,14 +259,6 @@ def _descend(count, contacts, inv_mass, scratch):  # out: scratch
             point[c] = last[c] + momentum * step[c]
     for c in range(count):
         scratch.impulse[c, HI], scratch.impulse[c, LO] = last[c] * scale[c], 0.0
-
-
-@inlined
-def _opening(nz, c, opening, a, b):
-    """Returns the change of the speed of separation, including the vertical changes in the rows a and b."""
-    if nz is None:
-        return opening
-    return opening + nz[c] * (b[UPWARDS] - a[UPWARDS])
 
 
 @kernel
@@ -326,29 +296,16 @@ def sum_impulses(count, contacts, impulse, scale, inv_mass, dv, done):  # out: d
     q = quantum(largest, count) if count > 2 and largest > 0.0 else 0.0
     for c in range(count):
         p = impulse[c] * scale[c]
-        px, py = (p * contacts.nx[c] + q) - q, (p * contacts.ny[c] + q) - q
-        i, j = first[c], second[c]
-        dv[i, X] -= px
-        dv[i, Y] -= py
-        dv[j, X] += px
-        dv[j, Y] += py
-        _push_up(contacts.nz, c, p, q, dv[i], dv[j])
+        for axis in range(dv.shape[1]):
+            part = (p * contacts.normal[c, axis] + q) - q
+            dv[first[c], axis] -= part
+            dv[second[c], axis] += part
     for c in range(count):
         for k in (first[c], second[c]):
             if not done[k]:
                 for axis in range(dv.shape[1]):
                     dv[k, axis] *= inv_mass[k]
                 done[k] = True
-
-
-@inlined
-def _push_up(nz, c, p, q, a, b):  # out: a, b
-    """Adds the vertical part of an impulse p to the rows a and b of `sum_impulses`, rounded with the quantum q."""
-    if nz is None:
-        return
-    pz = (p * nz[c] + q) - q
-    a[UPWARDS] -= pz
-    b[UPWARDS] += pz
 
 
 @kernel
@@ -375,21 +332,10 @@ def solve_plastic(count, contacts, inv_mass, scratch):  # out: scratch
         for k in (contacts.first[c], contacts.second[c]):
             sign = -1.0 if k == contacts.first[c] else 1.0
             p, p_lo = multiply(impulse[c, HI], impulse[c, LO], sign * inv_mass[k], 0.0)
-            x, x_lo = multiply(p, p_lo, contacts.nx[c], 0.0)
-            y, y_lo = multiply(p, p_lo, contacts.ny[c], 0.0)
-            change[k, DVX], change[k, DVX_LO] = add(change[k, DVX], change[k, DVX_LO], x, x_lo)
-            change[k, DVY], change[k, DVY_LO] = add(change[k, DVY], change[k, DVY_LO], y, y_lo)
-            _change_upwards(contacts.nz, c, p, p_lo, change[k])
+            for axis in range(change.shape[1]):
+                x, x_lo = multiply(p, p_lo, contacts.normal[c, axis], 0.0)
+                change[k, axis, HI], change[k, axis, LO] = add(change[k, axis, HI], change[k, axis, LO], x, x_lo)
     return direct
-
-
-@inlined
-def _change_upwards(nz, c, p, p_lo, change):  # out: change
-    """Adds the vertical part of a change of velocity p along the normal, double-double, to a row of changes."""
-    if nz is None:
-        return
-    z, z_lo = multiply(p, p_lo, nz[c], 0.0)
-    change[DVZ], change[DVZ_LO] = add(change[DVZ], change[DVZ_LO], z, z_lo)
 
 
 @inlined
@@ -442,22 +388,12 @@ def apply_changes(count, factor, contacts, state, scene, scratch):  # out: state
             done[k] = True
             s = state.rows[k]
             residue = RESIDUE * (largest * scale[k, X])
-            x, x_lo = multiply(change[k, DVX], change[k, DVX_LO], times, times_lo)
-            y, y_lo = multiply(change[k, DVY], change[k, DVY_LO], times, times_lo)
-            s[VX] = to_double(*add(s[VX], 0.0, x, x_lo), residue)
-            s[VY] = to_double(*add(s[VY], 0.0, y, y_lo), residue)
-            if numbers.motion == SLIDING_AND_ROLLING:
-                s[UX] = to_double(*add(s[UX], 0.0, x, x_lo), residue)
-                s[UY] = to_double(*add(s[UY], 0.0, y, y_lo), residue)
-            _apply_upwards(contacts.nz, s, change[k], (times, times_lo), residue)
+            for axis in range(change.shape[1]):
+                x, x_lo = multiply(change[k, axis, HI], change[k, axis, LO], times, times_lo)
+                v = VELOCITY[axis]
+                s[v] = to_double(*add(s[v], 0.0, x, x_lo), residue)
+                if axis < len(SLIP) and numbers.motion == SLIDING_AND_ROLLING:
+                    u = SLIP[axis]
+                    s[u] = to_double(*add(s[u], 0.0, x, x_lo), residue)
     for c in range(count):
         done[contacts.first[c]] = done[contacts.second[c]] = False
-
-
-@inlined
-def _apply_upwards(nz, row, change, times, residue):  # out: row
-    """Adds the vertical part of a row of changes to a ball's velocity; see `apply_changes`."""
-    if nz is None:
-        return
-    z, z_lo = multiply(change[DVZ], change[DVZ_LO], times[HI], times[LO])
-    row[VZ] = to_double(*add(row[VZ], 0.0, z, z_lo), residue)
