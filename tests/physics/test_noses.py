@@ -87,19 +87,24 @@ def test_a_ball_in_the_air_overlaps_no_nose_until_the_contact_that_is_found(a_ta
         end = (velocity[2] + math.sqrt(velocity[2] ** 2 + 2 * G * max(start[2], 0.0))) / G
 
 
+def beside_tip(noses, rng, angles, spread):
+    """Returns a point of the nose of a random tip, a unit vector from it to the centre of a ball, and the cushion."""
+    x, y, q, begin_x, begin_y, end_x, end_y, wall = noses.tips[rng.integers(len(noses.tips))]
+    out = np.array([-begin_y - end_y, begin_x + end_x, 0.0]) + rng.normal(0, spread, 3) * [1, 1, 0]
+    out /= np.linalg.norm(out)
+    angle = rng.uniform(*angles)
+    return [x, y, noses.height] + q * out, math.cos(angle) * out + [0.0, 0.0, math.sin(angle)], wall
+
+
 @pytest.mark.parametrize("depth", [1e-3, 1e-6, 1e-9, -1e-9, -1e-6, -1e-3])
 def test_a_ball_that_grazes_a_tip_touches_it_and_one_that_passes_it_does_not(depth):
     a_table, rng, grazed = TABLES["pool_7ft"], np.random.default_rng(0), 0
     noses = noses_of(a_table)
     while grazed < 100:
-        x, y, q, begin_x, begin_y, end_x, end_y, wall = noses.tips[rng.integers(len(noses.tips))]
-        out = np.array([-begin_y - end_y, begin_x + end_x, 0.0]) + rng.normal(0, 0.2, 3) * [1, 1, 0]
-        out /= np.linalg.norm(out)
-        angle = rng.uniform(-1.2, 1.2)
-        n = math.cos(angle) * out + [0.0, 0.0, math.sin(angle)]  # from the nose to the centre
+        nose, n, wall = beside_tip(noses, rng, (-1.2, 1.2), 0.2)
         velocity = np.cross(n, rng.normal(size=3))
         velocity *= rng.uniform(0.3, 3.0) / np.linalg.norm(velocity)
-        place = np.array([x, y, noses.height]) + q * out + (R - depth) * n
+        place = nose + (R - depth) * n
         back = rng.uniform(0.02, 0.1)
         start, velocity = place - back * velocity - [0, 0, G / 2 * back * back], velocity + np.array([0, 0, G * back])
         path = position(start, velocity, np.linspace(0.0, 2 * back, 4001))
@@ -116,14 +121,10 @@ def test_a_ball_that_touches_a_tip_and_hardly_approaches_it_hits_it_at_once():
     a_table, rng = TABLES["pool_7ft"], np.random.default_rng(0)
     noses, hits = noses_of(a_table), 0
     for _ in range(300):
-        x, y, q, begin_x, begin_y, end_x, end_y, _ = noses.tips[rng.integers(len(noses.tips))]
-        out = np.array([-begin_y - end_y, begin_x + end_x, 0.0])
-        out /= np.linalg.norm(out)
-        angle = rng.uniform(-1.2, 0.0)
-        n = math.cos(angle) * out + [0.0, 0.0, math.sin(angle)]  # from the nose to the centre
+        nose, n, _ = beside_tip(noses, rng, (-1.2, 0.0), 0.0)
         velocity = np.cross(n, rng.normal(size=3))
         velocity *= -np.copysign(1.0, velocity[2])
-        start = np.array([x, y, noses.height]) + q * out + (R + 10.0 ** rng.uniform(-17, -15)) * n
+        start = nose + (R + 10.0 ** rng.uniform(-17, -15)) * n
         velocity -= 10.0 ** rng.uniform(-15, -10) * n
         t, _, _ = times(start, velocity, noses, 0.05)
         if t < INF:
