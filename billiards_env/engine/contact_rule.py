@@ -385,7 +385,7 @@ def hit_cushion(contact, time, state, scene, memory):  # out: state, memory
 
 
 @inlined
-def hit_nose(flight, i, wall, state, scene):  # out: state
+def hit_nose(i, wall, state, scene):  # out: state
     """Changes the motion of ball i, which is in the air, by its impact on the nose of a cushion.
 
     After a weak impact the ball leaves the nose at A tau / 2 or faster. So there is no infinite sequence of bounces.
@@ -393,10 +393,8 @@ def hit_nose(flight, i, wall, state, scene):  # out: state
     Returns:
         The speed of approach, m/s, and the number of acts of the rule.
     """
-    if flight is None:
-        return 0.0, 0
     row, numbers, radius = state.rows[i], scene.numbers, scene.radius[i]
-    n = nose_normal(row, wall, flight)
+    n = nose_normal(row, wall, scene.flight)
     limits, speed = limits_in_space(n[2], numbers), _along(n, row)
     after, rebound = cushion_restitution(speed, numbers) * speed, 0.5 * limits.speed
     if speed > limits.speed or after >= rebound:

@@ -124,7 +124,7 @@ def _resolve_corner(i, walls, now, k, scene, work, shots, log):  # out: work, sh
 
 
 @inlined
-def _speed_of_fall(flight, i, state, numbers):
+def speed_of_fall(flight, i, state, numbers):
     """Returns the vertical speed at which ball i lands at the end of its phase, m/s; 0 if it is on the cloth."""
     if flight is None or state.phase[i] != AIRBORNE:
         return 0.0
@@ -132,7 +132,7 @@ def _speed_of_fall(flight, i, state, numbers):
 
 
 @inlined
-def _resolve_in_air(flight, i, kind, other, k, scene, state, shots):  # out: state, shots
+def resolve_in_air(flight, i, kind, other, k, scene, state, shots):  # out: state, shots
     """Resolves the impact of ball i, which is in the air, on a nose, or drives it off the table.
 
     Returns:
@@ -145,7 +145,7 @@ def _resolve_in_air(flight, i, kind, other, k, scene, state, shots):  # out: sta
         drive_off(k, i, state, scene, shots)
         return speed, 0
     shots.cushions[k, i] += 1
-    return hit_nose(flight, i, other, state, scene)
+    return hit_nose(i, other, state, scene)
 
 
 @inlined
@@ -177,7 +177,7 @@ def resolve_singles(count, now, k, scene, work, shots, log):  # out: work, shots
             pot(k, i, other, state, scene, shots)
         elif is_airborne(scene.flight, state.phase[i]) and kind != LANDING:
             advance(state, i, now, scene.numbers)
-            speed, acts = _resolve_in_air(scene.flight, i, kind, other, k, scene, state, shots)
+            speed, acts = resolve_in_air(scene.flight, i, kind, other, k, scene, state, shots)
         elif kind == BALL_CUSHION:
             advance(state, i, now, scene.numbers)
             walls = walls_met(state, i, other, scene.radius[i], scene.numbers, scene.outline)
@@ -196,7 +196,7 @@ def resolve_singles(count, now, k, scene, work, shots, log):  # out: work, shots
                 scatter_motion(scene.scatter, key, i, (contact.nx, contact.ny), limit, state, scene)
             shots.cushions[k, i] += 1
         else:
-            speed = _speed_of_fall(scene.flight, i, state, scene.numbers)
+            speed = speed_of_fall(scene.flight, i, state, scene.numbers)
             end_phase(state, i, now, scene.numbers)
             kind = phase_ended(kind, state.rows[i])
         shots.n_contact_rule[k] += acts

@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import math
 
-from billiards_env.engine.contact_rule import hit_nose, leaning, limits_in_space
+from billiards_env.engine.contact_rule import leaning, limits_in_space
 from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, LANDING, OFF_TABLE, log_event
 from billiards_env.engine.overlaps import KEEPS_PLACES, UP, UP_SPEED, fix_at_rest
+from billiards_env.engine.pic_events import resolve_in_air, speed_of_fall
 from billiards_env.engine.predictions import end_in_air
-from billiards_env.engine.shots import drive_off, pot
+from billiards_env.engine.shots import pot
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.noses import is_free, nose_normal, pocket_below, way_to_nose
@@ -108,7 +109,7 @@ def end_flight(flight, i, now, k, scene, work, shots, log):  # out: work, shots,
     end, kind, other = _end_of_flight(i, t, scene, work)
     if kind < 0:
         return False
-    fall, over = row[LASTS] * scene.numbers.g - row[VZ], place_after(path_of(state, i), end)
+    fall, over = speed_of_fall(flight, i, state, scene.numbers), place_after(path_of(state, i), end)
     advance(state, i, now, scene.numbers)
     if kind == LANDING:
         row[VZ] = -fall
@@ -118,21 +119,13 @@ def end_flight(flight, i, now, k, scene, work, shots, log):  # out: work, shots,
         row[X], row[Y] = back_to_wall(
             *over, scene.flight.inset + _reach(row, scene.radius[i], scene.flight), other, scene.numbers, scene.outline
         )
-        _hit_nose(i, other, now, k, scene, work, shots, log)
-        return True
-    speed = norm(row[VX], row[VY])
-    if kind == BALL_POCKET:
-        pot(k, i, other, state, scene, shots)
-    else:
-        drive_off(k, i, state, scene, shots)
-    _record(kind, i, other, speed, now, k, (state, shots), log)
-    _follow(i, work)
+    _resolve(i, (kind, other), now, k, scene, work, shots, log)
     return True
 
 
 @inlined
-def _record(kind, i, other, speed, now, k, records, log):  # out: records, log
-    """Records an event of ball i; `records` are the `State` and the `Shots`."""
+def record(kind, i, other, speed, now, k, records, log):  # out: records, log
+    """Records an event of ball i at a `Time`; `records` are the `State` and the `Shots`."""
     state, shots = records
     shots.n_events[k] += 1
     shots.time[k] = now.hi
@@ -148,7 +141,7 @@ def _land(i, now, k, scene, work, shots, log):  # out: work, shots, log
     begin_phase(work.state, i, scene.numbers)
     _follow(i, work)
     fix_at_rest(scene.numbers.fix, i, scene, work)
-    _record(LANDING, i, -1, speed, now, k, (work.state, shots), log)
+    record(LANDING, i, -1, speed, now, k, (work.state, shots), log)
 
 
 @inlined
@@ -170,12 +163,16 @@ def _reach(row, radius, noses):
 
 
 @kernel
-def _hit_nose(i, wall, now, k, scene, work, shots, log):  # out: work, shots, log
-    """Reflects ball i at the nose of a cushion and records this."""
-    speed, _ = hit_nose(scene.flight, i, wall, work.state, scene)
+def _resolve(i, event, now, k, scene, work, shots, log):  # out: work, shots, log
+    """Resolves and records an event of ball i in the air: its kind, and the nose or the pocket or -1."""
+    state, (kind, other) = work.state, event
+    if kind == BALL_POCKET:
+        speed = norm(state.rows[i, VX], state.rows[i, VY])
+        pot(k, i, other, state, scene, shots)
+    else:
+        speed, _ = resolve_in_air(scene.flight, i, kind, other, k, scene, state, shots)
+    record(kind, i, other, speed, now, k, (state, shots), log)
     _follow(i, work)
-    shots.cushions[k, i] += 1
-    _record(BALL_CUSHION, i, wall, speed, now, k, (work.state, shots), log)
 
 
 @inlined
@@ -200,6 +197,6 @@ def hit_noses(flight, i, now, k, scene, work, shots, log):  # out: work, shots, 
         if scene.numbers.fix != KEEPS_PLACES and (dx != 0.0 or dy != 0.0):
             share = 1.0 - touch / norm(dx, dy)
             row[X], row[Y] = row[X] + share * dx, row[Y] + share * dy
-        _hit_nose(i, wall, now, k, scene, work, shots, log)
+        _resolve(i, (BALL_CUSHION, wall), now, k, scene, work, shots, log)
         has_hit = True
     return has_hit

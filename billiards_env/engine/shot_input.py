@@ -22,15 +22,7 @@ from billiards_env.physics.geometry.noses import is_free
 from billiards_env.physics.geometry.pockets import pocket_at
 from billiards_env.physics.geometry.walls import half_sizes
 from billiards_env.physics.scatter import Scatter
-from billiards_env.physics.state import (
-    CUE_BALL,
-    SPIN_X,
-    SPIN_Y,
-    SPIN_Z,
-    X,
-    Y,
-    scene_of,
-)
+from billiards_env.physics.state import CUE_BALL, SPIN_X, SPIN_Y, SPIN_Z, X, Y, scene_of
 from billiards_env.scene import CONTACT_GAP, Scene, check_positions, check_ranges
 from billiards_env.support.checks import (
     MAX_SPEED,
@@ -334,19 +326,17 @@ def _fill_heights(
         (n,) or (m, n) bool: the balls in play on the cloth.
     """
     heights[...] = 0.0
-    if above is not None:
-        _fill(heights[..., :1], "positions", above)
-    if rising is not None:
-        _fill(heights[..., 1:], "velocities", rising)
-    if above is None and rising is None:
-        return shot.in_play
-    for column, name, within in ((0, "positions", Range(0.0, 1e4, "m")), (1, "velocities", RANGES["speed"])):
-        values = heights[..., column]
+    given = ("positions", above, Range(0.0, 1e4, "m")), ("velocities", rising, RANGES["speed"])
+    for column, (name, values, within) in enumerate(given):
+        if values is None:
+            continue
+        _fill(heights[..., column : column + 1], name, values)
+        filled = heights[..., column]
         assert within.most is not None
-        bad = np.argwhere(~((values >= within.least) & (values <= within.most)))
+        bad = np.argwhere(~((filled >= within.least) & (filled <= within.most)))
         if len(bad):
             at = tuple(bad[0])
-            raise ValueError(f"{_entry(name, *at, 2)} = {short(values[at])}: expected {range_text('a number', within)}")
+            raise ValueError(f"{_entry(name, *at, 2)} = {short(filled[at])}: expected {range_text('a number', within)}")
     flies = shot.in_play & (heights[..., 0] > 0.0)
     if flies.any():
         _check_in_air(scene, shot, heights[..., 0], flies)
