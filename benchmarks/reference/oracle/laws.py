@@ -307,7 +307,7 @@ def hit_fixed(
     """
     radius = world.radius[ball]
     surface = _sum(velocity, _scale(radius, _cross(spin, n)))
-    slipping = _sum(surface, _scale(-_dot(surface, n), n))
+    slipping = _sum(surface, _scale(-dot(surface, n), n))
     impulse, speed = _scale(-push, n), norm(slipping)
     if speed:
         impulse = _sum(impulse, _scale(-min(mu * push / speed, mpmath.mpf(2) / 7), slipping))
@@ -360,18 +360,18 @@ def bounce_both(
         for turn in range(2 * TURNS):
             n, share = order[turn % 2], shares(v, *order)[turn % 2]
             if share > noise:
-                rest = _scale(_dot(v, n) - share, n)
+                rest = _scale(dot(v, n) - share, n)
                 v, w = bounce(world, ball, n, _sum(v, _scale(-1, rest)), w)
                 v = _sum(v, rest)
         ends.append((*v, *_scale(world.radius[ball] * mpmath.sqrt(mpmath.mpf("0.4")), w)))  # energy: half the square
     mean = _scale(mpmath.mpf("0.5"), _sum(*ends))
     turning = _scale(world.radius[ball] * mpmath.sqrt(mpmath.mpf("0.4")), spin)
     stopped = (mpmath.mpf(0), mpmath.mpf(0), *turning)
-    way, excess = _sum(mean, _scale(-1, stopped)), _dot(mean, mean) - _dot((*velocity, *turning), (*velocity, *turning))
+    way, excess = _sum(mean, _scale(-1, stopped)), dot(mean, mean) - dot((*velocity, *turning), (*velocity, *turning))
     if excess > noise * noise:
         # The larger root x of |stopped + x way|^2 = |before|^2
-        slope, square = _dot(stopped, way), _dot(way, way)
-        mean = _sum(stopped, _scale((mpmath.sqrt(slope**2 + square * _dot(velocity, velocity)) - slope) / square, way))
+        slope, square = dot(stopped, way), dot(way, way)
+        mean = _sum(stopped, _scale((mpmath.sqrt(slope**2 + square * dot(velocity, velocity)) - slope) / square, way))
     return mean[:2], _scale(1 / (world.radius[ball] * mpmath.sqrt(mpmath.mpf("0.4"))), mean[2:])
 
 
@@ -452,8 +452,8 @@ def _stronge(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz
     toward, up, side = (cos, mpmath.mpf(0), sin), (-sin, mpmath.mpf(0), cos), (0, 1, 0)  # of the point of contact
     velocity, spin = (vx, vy, mpmath.mpf(0)), (wx, wy, wz)
     surface = _sum(velocity, _scale(radius, _cross(spin, toward)))
-    slip = _dot(surface, up), _dot(surface, side)
-    speed, normal = norm(slip), _dot(surface, toward)
+    slip = dot(surface, up), dot(surface, side)
+    speed, normal = norm(slip), dot(surface, toward)
     impulse = _scale(-(1 + e) * normal, toward)
     if speed > 0:
         friction = (_compliant(speed / (mu * normal), e, world) * mu * normal + speed) / mpmath.mpf("3.5") if mu else 0
@@ -523,10 +523,6 @@ def _sum(a: Vector, b: Vector) -> Vector:
 
 def _scale(factor: Real, a: Vector) -> Vector:
     return tuple(factor * x for x in a)
-
-
-def _dot(a: Vector, b: Vector) -> Real:
-    return sum(x * y for x, y in zip(a, b, strict=True))
 
 
 def _cross(a: Vector, b: Vector) -> Vector:
@@ -619,7 +615,7 @@ def _rub(
         i, j = pair
         turning = _sum(_scale(world.radius[i], w[i]), _scale(world.radius[j], w[j]))
         u = _sum(_sum(v[i], _scale(-1, v[j])), _cross(turning, normal[pair]))
-        return _sum(u, _scale(-_dot(u, normal[pair]), normal[pair]))
+        return _sum(u, _scale(-dot(u, normal[pair]), normal[pair]))
 
     speeds = {pair: norm(slip_at(pair)) for pair in pressing}
     limit = {}

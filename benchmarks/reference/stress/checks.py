@@ -73,14 +73,15 @@ DEPTH = 1e-12  # m; the largest overlap, and the largest distance beyond a cushi
 
 
 @inlined
-def _height(flight, i, t, state, numbers):
-    """Returns the height of ball i above the cloth, m, and its vertical velocity, m/s, after t seconds of a phase."""
+def _motion(flight, i, now, state, numbers):
+    """Returns the position of ball i, m, and its velocity, m/s, both (x, y, z), at a `Time` in its phase."""
+    t, s = since(now, own_time(state, i)), state.rows[i]
+    x, y, vx, vy = motion_after(state, i, t)
     if flight is None:
-        return 0.0, 0.0
-    s = state.rows[i]
+        return (x, y, 0.0), (vx, vy, 0.0)
     if state.phase[i] != AIRBORNE:
-        return s[Z], s[VZ]
-    return s[Z] + t * (s[VZ] - 0.5 * t * numbers.g), s[VZ] - t * numbers.g
+        return (x, y, s[Z]), (vx, vy, s[VZ])
+    return (x, y, s[Z] + t * (s[VZ] - 0.5 * t * numbers.g)), (vx, vy, s[VZ] - t * numbers.g)
 
 
 @kernel
@@ -91,12 +92,11 @@ def _energy(now, state, mass, scene, scale):
     for i in range(len(radius)):
         if state.phase[i] == POTTED or math.isinf(mass[i]):
             continue
-        t = since(now, own_time(state, i))
-        _, _, vx, vy = motion_after(state, i, t)
-        z, vz = _height(state.flight, i, t, state, numbers)
+        (_, _, z), (vx, vy, vz) = _motion(state.flight, i, now, state, numbers)
         vx, vy, vz = vx / scale, vy / scale, vz / scale
         twice = vx * vx + vy * vy + (vz * vz + 2.0 * numbers.g * z / scale / scale)
         if numbers.motion == SLIDING_AND_ROLLING:
+            t = since(now, own_time(state, i))
             ux, uy = slip_after(state, i, t)
             ux, uy = ux / scale, uy / scale
             falls = state.phase[i] == AIRBORNE
@@ -154,13 +154,11 @@ def _beyond_noses(flight, x, y, z, radius, scene):
 @kernel
 def _check_positions(now, state, scene, xy, findings):
     """Compares the positions of the balls at a `Time` with each other, the cushions, the pockets and the cloth."""
-    numbers, radius, pockets, flight = scene.numbers, scene.radius, scene.pockets, state.flight
+    numbers, radius, pockets = scene.numbers, scene.radius, scene.pockets
     for i in range(len(radius)):
         if state.phase[i] == POTTED:
             continue
-        t = since(now, own_time(state, i))
-        x, y, vx, vy = motion_after(state, i, t)
-        z, vz = _height(flight, i, t, state, numbers)
+        (x, y, z), (vx, vy, vz) = _motion(state.flight, i, now, state, numbers)
         if not math.isfinite(x + y + vx + vy + z + vz):
             findings[BROKEN] = 1.0
         xy[i, X], xy[i, Y], xy[i, 2] = x, y, z
@@ -191,14 +189,13 @@ def _check(log, scene, mass, acts, findings):
     momenta, xy = np.empty((n, 3)), np.empty((n, 3))
     findings[:] = 0.0
     findings[OUTSIDE] = findings[OVERLAP] = -math.inf
-    scale = 0.0
+    now, scale = Time(0.0, 0.0), 0.0
     for i in range(n):
         rows[i] = segments[i, SEGMENT_ROW:]
         phases[i] = int(segments[i, SEGMENT_PHASE])
         scale = max(scale, norm(rows[i, VX], rows[i, VY]), norm(rows[i, UX], rows[i, UY]), radius[i] * abs(rows[i, WZ]))
-        z, vz = _height(scene.flight, i, 0.0, state, scene.numbers)
+        (_, _, z), (_, _, vz) = _motion(scene.flight, i, now, state, scene.numbers)
         scale = max(scale, abs(vz), math.sqrt(2.0 * scene.numbers.g * z))
-    now = Time(0.0, 0.0)
     _check_positions(now, state, scene, xy, findings)
     if scale == 0.0:
         return
@@ -216,9 +213,7 @@ def _check(log, scene, mass, acts, findings):
             _check_positions(Time(0.5 * (now.hi + previous), 0.0), state, scene, xy, findings)
         before = _energy(now, state, mass, scene, scale)
         for i in range(n):
-            t = since(now, own_time(state, i))
-            _, _, momenta[i, X], momenta[i, Y] = motion_after(state, i, t)
-            _, momenta[i, 2] = _height(scene.flight, i, t, state, scene.numbers)
+            _, (momenta[i, X], momenta[i, Y], momenta[i, 2]) = _motion(scene.flight, i, now, state, scene.numbers)
         impacts_only, fixed = True, False
         while k < n_events and events[k, TIME] == now.hi and events[k, TIME_LO] == now.lo:
             impact = events[k, KIND] == BALL_BALL
@@ -226,7 +221,7 @@ def _check(log, scene, mass, acts, findings):
             findings[IMPACTS] += impact
             if events[k, KIND] == LANDING:
                 i = int(segments[row, SEGMENT_BALL])
-                z, _ = _height(scene.flight, i, since(now, own_time(state, i)), state, scene.numbers)
+                (_, _, z), _ = _motion(scene.flight, i, now, state, scene.numbers)
                 findings[OUTSIDE] = max(findings[OUTSIDE], abs(z))
             for _ in range(2 if impact else 1):
                 i = int(segments[row, SEGMENT_BALL])
@@ -247,9 +242,7 @@ def _check(log, scene, mass, acts, findings):
             for i in range(n):
                 if phases[i] == POTTED or math.isinf(mass[i]):
                     continue
-                t = since(now, own_time(state, i))
-                _, _, vx, vy = motion_after(state, i, t)
-                _, vz = _height(scene.flight, i, t, state, scene.numbers)
+                _, (vx, vy, vz) = _motion(scene.flight, i, now, state, scene.numbers)
                 px += mass[i] * ((vx - momenta[i, X]) / scale)
                 py += mass[i] * ((vy - momenta[i, Y]) / scale)
                 pz += mass[i] * ((vz - momenta[i, 2]) / scale)
