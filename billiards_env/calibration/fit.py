@@ -186,8 +186,8 @@ def half_widths(spread: Floats, shots: int) -> Floats:
 def determined(fit: Fit, contact: int) -> Fit:
     """Returns a fit with its covariance, without constants that end at a bound or that the rows do not determine.
 
-    The first stay at the bound, the others get their start, and the rest is fitted again. The covariance includes the
-    `unexplained_shifts`, with which an interval may be wider than `_WIDE` allows.
+    A constant stays at its bound. One that the rows do not determine gets its start. The rest is then fitted again. The
+    covariance includes the `unexplained_shifts`, with which an interval may be wider than `_WIDE` allows.
     """
     while True:
         names = fit.names
