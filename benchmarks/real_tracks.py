@@ -84,13 +84,12 @@ def measure(scene: Scene, tracks: list[Track], others: list[Track] | None) -> di
         judged = together(each)
     return {
         "machine": machine(),
-        "cushion": scene.physics.cushion,
         "shots": len(tracks),
         "judged_shots": judged.shots,
         "parts": 1 if others is not None else PARTS,
         "seconds": seconds,
         "frame": result.frame._asdict(),
-        "table": [result.scene.table.length, result.scene.table.width],
+        "scene": result.scene.to_dict(),
         "values": result.values,
         "kept": result.kept,
         "intervals_95": {name: list(ends) for name, ends in result.intervals.items()},
@@ -162,8 +161,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     each = f", each of {parts} parts with the constants that were fitted to the others" if parts > 1 else ""
     fitted = shots - shots // parts if parts > 1 else shots
     return {
-        "how": f"{shots} shots were fitted with `{result['cushion']}` cushions, in {result['seconds']:.0f} s of "
-        f"processor time; {result['judged_shots']} shots were judged{each}.",
+        "how": f"{shots} shots were fitted with `{result['scene']['physics']['cushion']}` cushions, in "
+        f"{result['seconds']:.0f} s of processor time; {result['judged_shots']} shots were judged{each}.",
         "summary": f"Until the second contact of the cue ball, {result['judged']['rows_5mm_contact2']:.0%} of the "
         f"recorded positions of {result['judged_shots']} shots are within 5 mm of the computed path. For each shot the "
         f"constants of the model are fitted to {fitted} other shots. Only the start is fitted to the shot itself.",
@@ -173,21 +172,15 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def draw(result: dict[str, Any], scene: Scene, tracks: list[Track], path: Path) -> None:
+def draw(result: dict[str, Any], tracks: list[Track], path: Path) -> None:
     """Draws shots from a small to a large error, the errors of all shots, and their growth.
 
     Args:
         result: What `measure` returned for these tracks.
-        scene: The scene of the measurement.
         tracks: The tracks.
         path: The file of the picture.
     """
-    length, width = result["table"]
-    scene = dataclasses.replace(
-        scene,
-        physics=dataclasses.replace(scene.physics, cushion=result["cushion"], **result["values"]),
-        table=dataclasses.replace(scene.table, length=length, width=width),
-    )
+    scene = Scene.from_dict(result["scene"])
     offset, scale, angle = result["frame"].values()
     frame = Frame(tuple(offset), tuple(scale), angle)
     tracks = [frame.apply(track) for track in clean(tracks)[0]]
@@ -223,12 +216,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--picture", type=Path, help="draw this file with the constants in the JSON file, and stop")
     args = parser.parse_args(arguments)
     tracks = read_tracks(args.fit)
+    if args.picture is not None:
+        draw(json.loads(args.output.read_text(encoding="utf-8")), tracks, args.picture)
+        return
     scene = Scene.named(args.scene, max(int(track.balls.max()) for track in tracks))
     if args.cushion is not None:
         scene = dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, cushion=args.cushion))
-    if args.picture is not None:
-        draw(json.loads(args.output.read_text(encoding="utf-8")), scene, tracks, args.picture)
-        return
     others = None if args.judge is None else read_tracks(args.judge)
     report(measure(scene, tracks, others), blocks, args.output)
 

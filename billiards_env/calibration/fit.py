@@ -39,7 +39,7 @@ class Fit(NamedTuple):
         names: The fitted constants.
         start: The scene with the constants before the fit.
         shots: The m shots with their starts; the rows that are used are near their paths.
-        kept: Why the other free constants keep their start, by name.
+        kept: Why the other free constants are not fitted, by name: they are at a bound, or keep their start.
         covariance: (s, s) of the constants.
         stages: The constants of each stage and their variances, by name.
         share: The share of the rows until the second contact that are near their paths.
@@ -186,7 +186,8 @@ def half_widths(spread: Floats, shots: int) -> Floats:
 def determined(fit: Fit, contact: int) -> Fit:
     """Returns a fit with its covariance, without constants that end at a bound or that the rows do not determine.
 
-    The covariance includes the `unexplained_shifts`, with which an interval may be wider than `_WIDE` allows.
+    A constant stays at its bound. One that the rows do not determine gets its start. The rest is then fitted again. The
+    covariance includes the `unexplained_shifts`, with which an interval may be wider than `_WIDE` allows.
     """
     while True:
         names = fit.names
@@ -198,9 +199,9 @@ def determined(fit: Fit, contact: int) -> Fit:
         worst = int(np.argmax(width))
         if width[worst] <= _WIDE:
             return fit._replace(covariance=spread + np.diag(unexplained_shifts(fit, spread)))
-        why = "it ends at the bound of its range" if edge[worst] else "the rows do not determine it"
+        why = f"it ends at the bound {numbers[worst]:g} of its range" if edge[worst] else "the rows do not determine it"
         kept, left = fit.kept | {names[worst]: why}, names[:worst] + names[worst + 1 :]
         if not left:
             raise ValueError(f"free = {list(kept)}: the rows do not determine any of them, expected more shots")
-        scene = with_physics(fit.scene, **values_of(fit.start, [names[worst]]))
+        scene = fit.scene if edge[worst] else with_physics(fit.scene, **values_of(fit.start, [names[worst]]))
         fit, _ = fit_shared(fit._replace(scene=scene, names=left, kept=kept), contact)

@@ -44,7 +44,7 @@ class Calibration:
         scene: The scene with the fitted constants.
         start: The constants before the fit, by name.
         values: The fitted constants, by name.
-        kept: Why the other constants keep their start, by name.
+        kept: Why the other free constants are not fitted, by name: they are at a bound, or keep their start.
         covariance: (s, s) float64, of the constants in the order of `values`, see `fit.covariance`.
         row_noise: Standard deviation of a coordinate of a row, m.
         frame: The frame of the given tracks.

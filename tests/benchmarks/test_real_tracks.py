@@ -49,7 +49,7 @@ def test_figures_are_printed_and_written(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(real_tracks, "LATER", 0.5)
     monkeypatch.setattr(real_tracks, "draw_fit", record)
     picture = tmp_path / "fit.png"
-    real_tracks.main([str(source), "--scene", "carom", "--output", str(path), "--picture", str(picture)])
+    real_tracks.main([str(source), "--output", str(path), "--picture", str(picture)])
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert fitted == [3, 2, 2, 2, 3]  # the picture needs no fit of the constants
     for title, (track, used, recording) in panels.items():

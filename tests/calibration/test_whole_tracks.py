@@ -222,14 +222,14 @@ def test_an_interval_includes_a_shift_between_stages_that_chance_does_not_explai
         assert fit.unexplained_shifts(one, spread) == pytest.approx([expected])
 
 
-def test_numbers_that_are_not_determined_or_end_at_a_bound_are_kept(monkeypatch):
+def test_numbers_keep_their_start_if_they_are_not_determined_and_stay_at_a_bound_where_they_end(monkeypatch):
     result = calibrate(OFF, whole_tracks()[:3], ("mu_slide", "mu_ball_factor"), contacts=2)
     assert result.kept == {"mu_ball_factor": "the rows do not determine it"}
     assert "mu_ball_factor  1" in str(result)
     monkeypatch.setitem(RANGES, "restitution", Range(0.0, 0.94))  # e_ball is 0.95
     result = calibrate(fit.with_physics(SCENE, e_ball=0.92), whole_tracks()[:3], ("mu_slide", "e_ball"), contacts=2)
-    assert result.kept == {"e_ball": "it ends at the bound of its range"}
-    assert result.scene.physics.e_ball == 0.92
+    assert result.kept == {"e_ball": "it ends at the bound 0.94 of its range"}
+    assert result.scene.physics.e_ball == 0.94
 
 
 def test_there_are_no_numbers_if_few_rows_fit(monkeypatch):
