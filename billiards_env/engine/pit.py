@@ -37,9 +37,9 @@ from billiards_env.engine.overlaps import (
     fix_before,
     fix_in_corner,
 )
-from billiards_env.engine.pit_flight import end_flight, find_height, hit_noses, land_pressed, overlap_in_space, record
+from billiards_env.engine.pit_flight import end_flight, find_height, hit_noses, land_pressed, overlap_in_space
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
-from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, count_hit, end_at, pot
+from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, count_hit, end_at, pot, record_event
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange, restitution_at
@@ -192,7 +192,7 @@ def _end_next_phase(k, scene, work, shots, log):  # out: work, shots, log
     end_phase(state, first, time, scene.numbers)
     kind = phase_ended(kind, state.rows[first])
     begin_phase(state, first, scene.numbers)
-    record(kind, first, -1, 0.0, time, k, (state, shots), log)
+    record_event((kind, first, -1, 0.0), time, k, state, shots, log)
     log_segment(log, state, first)
     _predict_phase_end(first, work)
 
@@ -206,7 +206,7 @@ def _test_pockets_of(i, now, k, scene, work, shots, log):  # out: work, shots, l
         return False
     advance(work.state, i, now, scene.numbers)
     pot(k, i, pocket, work.state, scene, shots)
-    record(BALL_POCKET, i, pocket, norm(here[i, VX], here[i, VY]), now, k, (work.state, shots), log)
+    record_event((BALL_POCKET, i, pocket, norm(here[i, VX], here[i, VY])), now, k, work.state, shots, log)
     work.changed[i] = True
     return True
 
@@ -299,7 +299,7 @@ def _resolve_overlaps(count, now, k, scene, work, shots, log):  # out: work, sho
         if contacts.closing[c] == 0.0:  # they overlap without an impact
             continue
         count_hit(k, i, j, now, shots)
-        record(BALL_BALL, i, j, contacts.closing[c], now, k, (state, shots), log)
+        record_event((BALL_BALL, i, j, contacts.closing[c]), now, k, state, shots, log)
     for c in range(count):
         for i in (contacts.first[c], contacts.second[c]):
             land_pressed(scene.flight, i, now, k, scene, work, shots, log)
@@ -389,7 +389,7 @@ def _test_cushions(now, k, scene, work, shots, log):  # out: work, shots, log
             for hit, at_speed in ((wall, speed), (other, other_speed)):
                 if hit >= 0 and at_speed > 0.0:
                     shots.cushions[k, i] += 1
-                    record(BALL_CUSHION, i, hit, at_speed, now, k, (state, shots), log)
+                    record_event((BALL_CUSHION, i, hit, at_speed), now, k, state, shots, log)
         if phase_of(ball_of(state.rows[i]), numbers) < ROLLING:  # it has stopped, so this is its last test
             if fix_at_rest(numbers.fix, i, scene, work):
                 advance(state, i, now, numbers)

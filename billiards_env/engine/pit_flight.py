@@ -13,11 +13,11 @@ from __future__ import annotations
 import math
 
 from billiards_env.engine.contact_rule import leaning, limits_in_space
-from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, LANDING, OFF_TABLE, log_event
+from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, LANDING, OFF_TABLE
 from billiards_env.engine.overlaps import KEEPS_PLACES, UP, UP_SPEED, fix_at_rest
 from billiards_env.engine.pic_events import resolve_in_air, speed_of_fall
 from billiards_env.engine.predictions import end_in_air
-from billiards_env.engine.shots import pot
+from billiards_env.engine.shots import pot, record_event
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.noses import is_free, nose_normal, pocket_below, way_to_nose
@@ -124,15 +124,6 @@ def end_flight(flight, i, now, k, scene, work, shots, log):  # out: work, shots,
 
 
 @inlined
-def record(kind, i, other, speed, now, k, records, log):  # out: records, log
-    """Records an event of ball i at a `Time`; `records` are the `State` and the `Shots`."""
-    state, shots = records
-    shots.n_events[k] += 1
-    shots.time[k] = now.hi
-    log_event(log, now, kind, i, other, state, speed, False)
-
-
-@inlined
 def _land(i, now, k, scene, work, shots, log):  # out: work, shots, log
     """Changes the motion of ball i by the slate, which it touches, and records this."""
     row = work.state.rows[i]
@@ -141,7 +132,7 @@ def _land(i, now, k, scene, work, shots, log):  # out: work, shots, log
     begin_phase(work.state, i, scene.numbers)
     _follow(i, work)
     fix_at_rest(scene.numbers.fix, i, scene, work)
-    record(LANDING, i, -1, speed, now, k, (work.state, shots), log)
+    record_event((LANDING, i, -1, speed), now, k, work.state, shots, log)
 
 
 @inlined
@@ -164,14 +155,17 @@ def _reach(row, radius, noses):
 
 @kernel
 def _resolve(i, event, now, k, scene, work, shots, log):  # out: work, shots, log
-    """Resolves and records an event of ball i in the air: its kind, and the nose or the pocket or -1."""
+    """Resolves and records an event of ball i, which is in the air.
+
+    `event` is its kind, and the cushion, the pocket or -1.
+    """
     state, (kind, other) = work.state, event
     if kind == BALL_POCKET:
         speed = norm(state.rows[i, VX], state.rows[i, VY])
         pot(k, i, other, state, scene, shots)
     else:
         speed, _ = resolve_in_air(scene.flight, i, kind, other, k, scene, state, shots)
-    record(kind, i, other, speed, now, k, (state, shots), log)
+    record_event((kind, i, other, speed), now, k, state, shots, log)
     _follow(i, work)
 
 

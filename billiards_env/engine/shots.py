@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.engine.log import log_event
 from billiards_env.jit import inlined
 from billiards_env.physics.geometry.pockets import centre_of
 from billiards_env.physics.motion import advance, capture
@@ -214,6 +215,18 @@ def count_hit(k, i, j, now, shots):  # out: shots
     if shots.cushions_before_hit[k, other] < 0:
         shots.cushions_before_hit[k, other] = shots.cushions[k, cue]
         shots.touched_first[k, other] = now.hi == shots.first_hit_time[k]
+
+
+@inlined
+def record_event(event, now, k, state, shots, log):  # out: shots, log
+    """Counts and logs an event of shot k at a `Time`, which is then the time of the shot.
+
+    `event` is its kind, its ball, the other ball or wall or pocket or -1, and the speed, see `log.log_event`.
+    """
+    kind, i, other, speed = event
+    shots.n_events[k] += 1
+    shots.time[k] = now.hi
+    log_event(log, now, kind, i, other, state, speed, False)
 
 
 @inlined

@@ -31,7 +31,7 @@ LASTS = 11  # time from T0 to the end of the phase, s
 WIDTH = 12
 Z, VZ = 12, 13  # only with flight: the height of the centre above its height on the cloth, m; its velocity, m/s
 FLIGHT_WIDTH = 14
-VELOCITY, SLIP = (VX, VY, VZ), (UX, UY)  # by axis
+VELOCITY, SLIP = (VX, VY, VZ), (UX, UY)  # the columns of each axis
 
 # Phases of a ball's motion.
 REST, SPINNING, ROLLING, SLIDING, FREE, POTTED, AIRBORNE = 0, 1, 2, 3, 4, 5, 6
@@ -189,7 +189,7 @@ def scene_of(scene, k):
 
 @inlined
 def has_flight(flight):
-    """Returns True if `SceneArrays.flight` is not None, and None otherwise."""
+    """Returns `State.flight`: True in scenes with flight, otherwise None; `flight` is `SceneArrays.flight`."""
     if flight is None:
         return None
     return True
@@ -197,7 +197,7 @@ def has_flight(flight):
 
 @inlined
 def axes_of(flight):
-    """Returns the number of components of vectors in a scene; `flight` is `SceneArrays.flight`."""
+    """Returns the number of components of a vector: 3 with flight, otherwise 2; `flight` is `SceneArrays.flight`."""
     return 2 if flight is None else 3
 
 

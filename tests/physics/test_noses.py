@@ -88,7 +88,10 @@ def test_a_ball_in_the_air_overlaps_no_nose_until_the_contact_that_is_found(a_ta
 
 
 def beside_tip(noses, rng, angles, spread):
-    """Returns a point of the nose of a random tip, a unit vector from it to the centre of a ball, and the cushion."""
+    """Returns a point of the nose of a random tip, a unit vector from it to the centre of a ball, and its cushion.
+
+    `angles` are the limits of the inclination of the vector, `spread` is the deviation of its direction.
+    """
     x, y, q, begin_x, begin_y, end_x, end_y, wall = noses.tips[rng.integers(len(noses.tips))]
     out = np.array([-begin_y - end_y, begin_x + end_x, 0.0]) + rng.normal(0, spread, 3) * [1, 1, 0]
     out /= np.linalg.norm(out)

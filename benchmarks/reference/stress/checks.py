@@ -1,7 +1,7 @@
 """Runs shots and checks every event of each: overlap, energy, momentum, positions, heights.
 
-The checks use only the log of the shot, which does not depend on how the engine finds the events, and the noses of the
-engine.
+The checks use only the log of the shot and the geometry of the table. The log does not depend on how the engine finds
+the events.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ DEPTH = 1e-12  # m; the largest overlap, and the largest distance beyond a cushi
 
 @inlined
 def _motion(flight, i, now, state, numbers):
-    """Returns the position of ball i, m, and its velocity, m/s, both (x, y, z), at a `Time` in its phase."""
+    """Returns the position of ball i, m, and its velocity, m/s, both (x, y, z), at a `Time` during its phase."""
     t, s = since(now, own_time(state, i)), state.rows[i]
     x, y, vx, vy = motion_after(state, i, t)
     if flight is None:
@@ -194,7 +194,7 @@ def _check(log, scene, mass, acts, findings):
         rows[i] = segments[i, SEGMENT_ROW:]
         phases[i] = int(segments[i, SEGMENT_PHASE])
         scale = max(scale, norm(rows[i, VX], rows[i, VY]), norm(rows[i, UX], rows[i, UY]), radius[i] * abs(rows[i, WZ]))
-        (_, _, z), (_, _, vz) = _motion(scene.flight, i, now, state, scene.numbers)
+        (_, _, z), (_, _, vz) = _motion(state.flight, i, now, state, scene.numbers)
         scale = max(scale, abs(vz), math.sqrt(2.0 * scene.numbers.g * z))
     _check_positions(now, state, scene, xy, findings)
     if scale == 0.0:
@@ -213,7 +213,7 @@ def _check(log, scene, mass, acts, findings):
             _check_positions(Time(0.5 * (now.hi + previous), 0.0), state, scene, xy, findings)
         before = _energy(now, state, mass, scene, scale)
         for i in range(n):
-            _, (momenta[i, X], momenta[i, Y], momenta[i, 2]) = _motion(scene.flight, i, now, state, scene.numbers)
+            _, (momenta[i, X], momenta[i, Y], momenta[i, 2]) = _motion(state.flight, i, now, state, scene.numbers)
         impacts_only, fixed = True, False
         while k < n_events and events[k, TIME] == now.hi and events[k, TIME_LO] == now.lo:
             impact = events[k, KIND] == BALL_BALL
@@ -221,7 +221,7 @@ def _check(log, scene, mass, acts, findings):
             findings[IMPACTS] += impact
             if events[k, KIND] == LANDING:
                 i = int(segments[row, SEGMENT_BALL])
-                (_, _, z), _ = _motion(scene.flight, i, now, state, scene.numbers)
+                (_, _, z), _ = _motion(state.flight, i, now, state, scene.numbers)
                 findings[OUTSIDE] = max(findings[OUTSIDE], abs(z))
             for _ in range(2 if impact else 1):
                 i = int(segments[row, SEGMENT_BALL])
@@ -242,7 +242,7 @@ def _check(log, scene, mass, acts, findings):
             for i in range(n):
                 if phases[i] == POTTED or math.isinf(mass[i]):
                     continue
-                _, (vx, vy, vz) = _motion(scene.flight, i, now, state, scene.numbers)
+                _, (vx, vy, vz) = _motion(state.flight, i, now, state, scene.numbers)
                 px += mass[i] * ((vx - momenta[i, X]) / scale)
                 py += mass[i] * ((vy - momenta[i, Y]) / scale)
                 pz += mass[i] * ((vz - momenta[i, 2]) / scale)
@@ -274,7 +274,7 @@ class Checked(NamedTuple):
 
     Attributes:
         shots: The `Shots` after their ends; a ball that is not in play is potted.
-        found: (m, N_FOUND) float64; the columns are named above.
+        findings: (m, N_FINDINGS) float64; the columns are named above.
         rise_bound: The largest energy that one act of the contact-time rule may add, J.
     """
 

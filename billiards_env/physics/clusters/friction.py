@@ -63,7 +63,10 @@ def frame_of(contacts, c, spheres):
 
 @inlined
 def _direction_of(spheres, flight, contacts, c):
-    """Returns the horizontal unit vector (x, y) of contact c, and the cosine and the sine of its normal."""
+    """Returns the horizontal unit vector (x, y) of contact c, and the cosine and the sine of its inclination.
+
+    `flight` is `Contacts.flight`.
+    """
     nx, ny = contacts.normal[c, X], contacts.normal[c, Y]
     if spheres is None:
         return nx, ny, 1.0, 0.0
@@ -78,7 +81,7 @@ def _direction_of(spheres, flight, contacts, c):
 
 @inlined
 def _tilt(spheres, cosine, sine):
-    """Returns `Frame.tilt`."""
+    """Returns `Frame.tilt`; `spheres` is `SceneArrays.spheres`."""
     if spheres is None:
         return None
     return cosine, sine

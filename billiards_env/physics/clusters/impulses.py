@@ -27,7 +27,7 @@ from billiards_env.physics.double_double import HI, LO, add, multiply, two_produ
 from billiards_env.physics.state import SLIDING_AND_ROLLING, SLIP, VELOCITY, X, axes_of, has_flight
 
 UPWARDS = 2
-"""The third axis of vectors, only with flight."""
+"""The index of the vertical component of a vector, in scenes with flight."""
 
 _SWEEPS = 2000  # largest number of iterations of `_descend`
 RESIDUE = 2.0**-80
@@ -69,7 +69,7 @@ def empty_contacts(most, flight):
 
 @inlined
 def set_normal(contacts, c, n):  # out: contacts
-    """Sets the normal of contact c; without flight the third component of n is ignored."""
+    """Sets the normal of contact c; without flight it ignores the third component of n."""
     for axis in range(contacts.normal.shape[1]):
         contacts.normal[c, axis] = n[axis]
 
@@ -165,8 +165,8 @@ def separation_speed(contacts, c, state):
     speed, speed_lo = 0.0, 0.0
     for axis in range(contacts.normal.shape[1]):
         w, w_lo = two_sum(rows[j, VELOCITY[axis]], -rows[i, VELOCITY[axis]])
-        w, w_lo = multiply(w, w_lo, contacts.normal[c, axis], 0.0)
-        speed, speed_lo = add(speed, speed_lo, w, w_lo)
+        part, part_lo = multiply(w, w_lo, contacts.normal[c, axis], 0.0)
+        speed, speed_lo = add(speed, speed_lo, part, part_lo)
     return speed, speed_lo
 
 
