@@ -22,6 +22,7 @@ _LEVEL = -0.5  # the mean elevation before the training: below 0 the cue is leve
 _FAR = 60.0  # densities of exp(-60) have no effect, and much smaller ones are denormal numbers, which are slow
 _LEAST_WORTH = 1e-3  # of a mixture that is joined with others
 _EVEN, _WIDE = 0.3, 2.0  # sharpness and spread of the most varied proposals
+_PATHS = 16  # hidden units of the network of the clear paths
 _NEVER = -1e4  # the logit of a component whose ball is not on the table, or not legal
 
 
@@ -153,6 +154,7 @@ class Layouts(NamedTuple):
         dx: (m, f, p) the directions to the points, reflected back.
         dy: (m, f, p)
         inverse: (m, f, p) 1/m: 1 over the distances of the points.
+        paths: (m, f, r * p) what the logits gain from clear paths; (m, f, 0) without them.
         allowed: (m, f) bool, whether a component may aim at the ball.
     """
 
@@ -161,7 +163,24 @@ class Layouts(NamedTuple):
     dx: Tensor
     dy: Tensor
     inverse: Tensor
+    paths: Tensor
     allowed: Tensor
+
+
+class _Others(NamedTuple):
+    """The other object balls of m layouts, for each of f balls in first place.
+
+    Attributes:
+        places: (m, f, n - 1, 2) reflected positions.
+        ways: (m, f, n - 1, 2) m, from the cue ball to them.
+        present: (m, f, n - 1) bool, whether they are on the table.
+        flags: (m, f, n - 1, 1) 1 for a legal ball; (m, f, n - 1, 0) without legal balls.
+    """
+
+    places: Tensor
+    ways: Tensor
+    present: Tensor
+    flags: Tensor
 
 
 class AimNetwork(nn.Module):
@@ -187,6 +206,8 @@ class AimNetwork(nn.Module):
             layout then share the other layers. If `aim` is "layout", the last of them also moves the point of
             each component sideways. 0 for no such layers: the goal is then an input of all networks. It has no effect
             without a goal.
+        diameter: The diameter of a ball, m. With it the logits also depend on how clear two paths are: that of the cue
+            ball to its contact with the ball in first place, and that of this ball from there on. 0 for no such paths.
 
     Attributes:
         std: Standard deviations of the speed, over the largest, of the point aimed at, m, and of the three other
@@ -212,9 +233,10 @@ class AimNetwork(nn.Module):
         strikes: bool = False,
         waves: int = 0,
         goal_units: int = 0,
+        diameter: float = 0.0,
     ) -> None:
         super().__init__()
-        self.aim, self.waves = aim, waves
+        self.aim, self.waves, self.diameter = aim, waves, diameter
         self.ranges = len(speeds) - 1
         self.numbers = TIP * strikes
         self.goal, self.legal = "goal" in features, "legal_balls" in features
@@ -241,6 +263,10 @@ class AimNetwork(nn.Module):
         self.other_ball = nn.Sequential(nn.Linear(5 + self.legal, half), nn.ReLU(), nn.Linear(half, half), nn.ReLU())
         self.other_balls = nn.Linear(half, sum(self.widths), bias=False)
         nn.init.zeros_(self.other_balls.weight)
+        if diameter:
+            last = nn.Linear(_PATHS, self.ranges)
+            nn.init.zeros_(last.weight)
+            self.of_paths = nn.Sequential(nn.Linear(2, _PATHS), nn.ReLU(), last)
 
     def forward(self, positions: Tensor, legal: Tensor | None = None, **others: Tensor) -> tuple[Mixture, Tensor]:
         """Returns the mixtures and the values (m,) for m layouts of n object balls, for any n.
@@ -275,17 +301,22 @@ class AimNetwork(nn.Module):
         goals, rest = tables[:, :, 1 + n :].reshape(m * f, -1), rest.repeat_interleave(f, 0)
         waves = self._waves(cue_ball), self._waves(ball)
         features = torch.cat((cue_ball, ball, way, distance, 1 / (distance + 0.1), goals, rest, *waves), 1)
-        added = self._other_balls(tables, first, flags, way, on_table) if n > 1 else (None, None, None)
-        chosen, judged, aimed = added
+        chosen, judged, aimed, around = None, None, None, None
+        if n > 1:
+            around = self._others(tables, first, flags, on_table)
+            chosen, judged, aimed = self._other_balls(around, ball, way)
         near = torch.cat((ball, waves[1]), 1)
         offset = self.points(near) if self.aim == "ball" else self.points(features, aimed)
         dx, dy = (to_ball[:, :, None] + (self.first_points + self.CIRCLE * offset.unflatten(1, (2, -1)))).unbind(1)
         inverse = torch.rsqrt(dx * dx + dy * dy + 1e-9)
-        dx, dy = dx * inverse * signs[:, :1], dy * inverse * signs[:, 1:]
-        parts = self.choice(features, chosen), signs, dx, dy, inverse
-        choice, signs, dx, dy, inverse = (part.reshape(m, f, -1) for part in parts)
+        dx, dy = dx * inverse, dy * inverse
+        paths = positions.new_empty(m, f, 0)
+        if around is not None and self.diameter:
+            paths = self._paths(around, to_ball, dx.detach(), dy.detach())
+        parts = self.choice(features, chosen), signs, dx * signs[:, :1], dy * signs[:, 1:], inverse, paths
+        *parts, paths = (part.reshape(m, f, -1) for part in parts)
         possible = allowed.gather(1, first)
-        layouts = Layouts(choice, signs, dx, dy, inverse, possible)
+        layouts = Layouts(*parts, paths, possible)
         counted = possible if self.legal else on_table.gather(1, first)
         values = self.critic(features, judged).reshape(m, f) * counted
         return layouts, values.sum(1) / counted.sum(1).clamp(min=1)
@@ -311,7 +342,7 @@ class AimNetwork(nn.Module):
         """
         if rows is not None:
             layouts = Layouts(*(part.index_select(0, rows) for part in layouts))
-        choice, signs, *parts, allowed = layouts
+        choice, signs, *parts, paths, allowed = layouts
         dx, dy, inverse = (part.repeat(1, 1, self.ranges) for part in parts)
         if self.goal_units and goal is not None:
             near = (goal * signs).flatten(0, 1)
@@ -321,6 +352,8 @@ class AimNetwork(nn.Module):
         if self.shifts:
             shift, *tip = tip
             dx, dy = _turned(dx, dy, self.CIRCLE * shift * inverse * signs.prod(2, keepdim=True))
+        if paths.shape[2]:
+            logit = logit + paths
         logit = logit.masked_fill(~allowed[:, :, None], _NEVER)
         speed = self.slowest + self.faster * faster.sigmoid()
         # The std of the direction is the std of the point over its distance. The limit is for points near the cue ball.
@@ -338,31 +371,59 @@ class AimNetwork(nn.Module):
         angles = (places[:, :, None] * octaves).flatten(1)
         return torch.cat((angles.sin(), angles.cos()), 1)
 
-    def _other_balls(
-        self, tables: Tensor, first: Tensor, flags: Tensor, way: Tensor, on_table: Tensor
-    ) -> Sequence[Tensor]:
-        """Returns what the other object balls add to the first layers of `choice`, `critic` and `points`.
+    def _others(self, tables: Tensor, first: Tensor, flags: Tensor, on_table: Tensor) -> _Others:
+        """Returns the other object balls.
 
         Args:
             tables: (m, f, 1 + n + goals, 2) the reflected layouts.
             first: (m, f) the balls in first place.
             flags: (m, n) 1 for a legal ball; (m, 0) without legal balls.
-            way: (m * f, 2) directions from the cue ball to the ball in first place.
             on_table: (m, n) the balls on the table.
         """
-        (m, n), f = on_table.shape, first.shape[1]
+        n, f = on_table.shape[1], first.shape[1]
         numbers = torch.tensor([[j for j in range(n) if j != i] for i in range(n)], device=first.device)[first]
-        others = tables.gather(2, 1 + numbers[:, :, :, None].expand(-1, -1, -1, 2))
-        ball, cue_ball = tables.gather(2, 1 + first[:, :, None, None].expand(-1, -1, -1, 2)), tables[:, :, :1]
-        dx, dy = ((others - cue_ball) * self.half_extents).unbind(3)
+        places = tables.gather(2, 1 + numbers[:, :, :, None].expand(-1, -1, -1, 2))
+        ways = (places - tables[:, :, :1]) * self.half_extents
+        present = on_table[:, None].expand(-1, f, -1).gather(2, numbers)
+        flags = flags[:, None].expand(-1, f, -1).gather(2, numbers)[..., None] if self.legal else places[..., :0]
+        return _Others(places, ways, present, flags)
+
+    def _other_balls(self, others: _Others, ball: Tensor, way: Tensor) -> Sequence[Tensor]:
+        """Returns what the other object balls add to the first layers of `choice`, `critic` and `points`.
+
+        Args:
+            others: The other object balls.
+            ball: (m * f, 2) the reflected position of the ball in first place.
+            way: (m * f, 2) directions from the cue ball to it.
+        """
+        m, f = others.present.shape[:2]
+        dx, dy = others.ways.unbind(3)
         ux, uy = way.reshape(m, f, 1, 2).unbind(3)
-        near = 1 / (((others - ball) * self.half_extents).norm(dim=3) + 0.1)
-        features = torch.cat((others, torch.stack((dx * ux + dy * uy, dy * ux - dx * uy, near), 3)), 3)
-        if self.legal:
-            features = torch.cat((features, flags[:, None].expand(-1, f, -1).gather(2, numbers)[..., None]), 3)
-        present = on_table[:, None].expand(-1, f, -1).gather(2, numbers)[..., None]
-        total = (self.other_ball(features) * present).sum(2)
+        near = 1 / (((others.places - ball.reshape(m, f, 1, 2)) * self.half_extents).norm(dim=3) + 0.1)
+        features = torch.stack((dx * ux + dy * uy, dy * ux - dx * uy, near), 3)
+        features = torch.cat((others.places, features, others.flags), 3)
+        total = (self.other_ball(features) * others.present[..., None]).sum(2)
         return self.other_balls(total.flatten(0, 1)).split(self.widths, 1)
+
+    def _paths(self, others: _Others, to_ball: Tensor, dx: Tensor, dy: Tensor) -> Tensor:
+        """Returns what clear paths add to the logits, (m, f, r * p).
+
+        Args:
+            others: The other object balls.
+            to_ball: (m * f, 2) m, from the cue ball to the ball in first place.
+            dx: (m * f, p) the directions to the points.
+            dy: (m * f, p)
+        """
+        (m, f), size = others.present.shape[:2], self.diameter
+        ways, present = others.ways.flatten(0, 1), others.present.flatten(0, 1)
+        along, aside = (part[:, :, 0] for part in _components(to_ball[:, None], dx, dy))
+        aside = aside.clamp(-size, size)
+        ahead = (size * size - aside * aside).sqrt()  # of the cue ball at the contact
+        hit_x, hit_y = (ahead * dx - aside * dy) / size, (ahead * dy + aside * dx) / size
+        length = (along - ahead + 0.5 * size)[:, :, None]
+        before = _clearance(ways, present, dx, dy, size, length)
+        after = _clearance(ways - to_ball[:, None], present, hit_x, hit_y, size)
+        return self.of_paths(torch.stack((before, after), 2)).transpose(1, 2).reshape(m, f, -1)
 
 
 class _Layers(nn.Sequential):
@@ -384,6 +445,34 @@ class _Layers(nn.Sequential):
         for layer in layers:
             x = layer(x)
         return x
+
+
+def _components(ways: Tensor, dx: Tensor, dy: Tensor) -> tuple[Tensor, Tensor]:
+    """Returns the components (k, p, j) of vectors (k, j, 2) along directions (k, p), and to the left of them."""
+    (x, y), dx, dy = ways[:, None].unbind(3), dx[:, :, None], dy[:, :, None]
+    return x * dx + y * dy, y * dx - x * dy
+
+
+def _clearance(
+    ways: Tensor, present: Tensor, dx: Tensor, dy: Tensor, size: float, length: Tensor | float = math.inf
+) -> Tensor:
+    """Returns how clear the paths of a ball are, (k, p).
+
+    The number is the least distance between the path and a ball next to it, minus `size`, in units of half of `size`.
+    It is at least -1, and at most 1. It is below 0 if a ball is in the way.
+
+    Args:
+        ways: (k, j, 2) m, from the start of the paths to the other balls.
+        present: (k, j) bool, whether they are on the table.
+        dx: (k, p) the directions of the paths.
+        dy: (k, p)
+        size: The diameter of a ball, m.
+        length: (k, p, 1) the lengths of the paths, m.
+    """
+    along, aside = _components(ways, dx, dy)
+    elsewhere = ~present[:, None] | (along < 0) | (along > length)
+    clear = (2 * aside.abs() / size - 2).masked_fill(elsewhere, 1.0)
+    return clear.amin(2).clamp(-1.0, 1.0)
 
 
 def _turned(x: Tensor, y: Tensor, tangent: Tensor) -> tuple[Tensor, Tensor]:
