@@ -1,7 +1,8 @@
 """The network of `billiards_env.sb3.AimPolicy`: from the positions of the balls to a mixture of Gaussians over actions.
 
-It contains no pockets, ghost balls or cut angles. Each component of the mixture aims at a learned point next to an
-object ball. `agents.likelihood` and `examples/ppo.py` train it without PPO of Stable-Baselines3.
+Each component of the mixture aims at a learned point next to an object ball. The network contains no pockets, ghost
+balls or cut angles. With `diameter` it computes the direction of the object ball after the hit, to find the balls in
+its way. `agents.likelihood` and `examples/ppo.py` train it without PPO of Stable-Baselines3.
 """
 
 from __future__ import annotations
