@@ -1,8 +1,9 @@
 """The network of `billiards_env.sb3.AimPolicy`: from the positions of the balls to a mixture of Gaussians over actions.
 
-Each component of the mixture aims at a learned point next to an object ball. The network contains no pockets, ghost
-balls or cut angles. With `diameter` it computes the direction of the object ball after the hit, to find the balls in
-its way. `agents.likelihood` and `examples/ppo.py` train it without PPO of Stable-Baselines3.
+Each component of the mixture aims at a learned point next to an object ball. The network contains no pockets, and
+without `diameter` no ghost balls or cut angles. With `diameter` it also computes the direction of the object ball after
+the hit, and whether other balls are in the paths of both balls. `agents.likelihood` and `examples/ppo.py` train it
+without PPO of Stable-Baselines3.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ _LEVEL = -0.5  # the mean elevation before the training: below 0 the cue is leve
 _FAR = 60.0  # densities of exp(-60) have no effect, and much smaller ones are denormal numbers, which are slow
 _LEAST_WORTH = 1e-3  # of a mixture that is joined with others
 _EVEN, _WIDE = 0.3, 2.0  # sharpness and spread of the most varied proposals
-_PATHS = 16  # hidden units of the network of the clear paths
+_PATH_UNITS = 16  # hidden units of the network of the paths
 _NEVER = -1e4  # the logit of a component whose ball is not on the table, or not legal
 
 
@@ -155,7 +156,7 @@ class Layouts(NamedTuple):
         dx: (m, f, p) the directions to the points, reflected back.
         dy: (m, f, p)
         inverse: (m, f, p) 1/m: 1 over the distances of the points.
-        paths: (m, f, r * p) what the logits gain from clear paths; (m, f, 0) without them.
+        paths: (m, f, r * p) what the paths add to the logits; (m, f, 0) without `diameter` or with one object ball.
         allowed: (m, f) bool, whether a component may aim at the ball.
     """
 
@@ -168,18 +169,18 @@ class Layouts(NamedTuple):
     allowed: Tensor
 
 
-class _Others(NamedTuple):
+class _OtherBalls(NamedTuple):
     """The other object balls of m layouts, for each of f balls in first place.
 
     Attributes:
         places: (m, f, n - 1, 2) reflected positions.
-        ways: (m, f, n - 1, 2) m, from the cue ball to them.
+        vectors: (m, f, n - 1, 2) m, from the cue ball to them.
         present: (m, f, n - 1) bool, whether they are on the table.
         flags: (m, f, n - 1, 1) 1 for a legal ball; (m, f, n - 1, 0) without legal balls.
     """
 
     places: Tensor
-    ways: Tensor
+    vectors: Tensor
     present: Tensor
     flags: Tensor
 
@@ -265,9 +266,9 @@ class AimNetwork(nn.Module):
         self.other_balls = nn.Linear(half, sum(self.widths), bias=False)
         nn.init.zeros_(self.other_balls.weight)
         if diameter:
-            last = nn.Linear(_PATHS, self.ranges)
+            last = nn.Linear(_PATH_UNITS, self.ranges)
             nn.init.zeros_(last.weight)
-            self.of_paths = nn.Sequential(nn.Linear(2, _PATHS), nn.ReLU(), last)
+            self.of_paths = nn.Sequential(nn.Linear(2, _PATH_UNITS), nn.ReLU(), last)
 
     def forward(self, positions: Tensor, legal: Tensor | None = None, **others: Tensor) -> tuple[Mixture, Tensor]:
         """Returns the mixtures and the values (m,) for m layouts of n object balls, for any n.
@@ -302,22 +303,21 @@ class AimNetwork(nn.Module):
         goals, rest = tables[:, :, 1 + n :].reshape(m * f, -1), rest.repeat_interleave(f, 0)
         waves = self._waves(cue_ball), self._waves(ball)
         features = torch.cat((cue_ball, ball, way, distance, 1 / (distance + 0.1), goals, rest, *waves), 1)
-        chosen, judged, aimed, around = None, None, None, None
+        chosen, judged, aimed, other_balls = None, None, None, None
         if n > 1:
-            around = self._others(tables, first, flags, on_table)
-            chosen, judged, aimed = self._other_balls(around, ball, way)
+            other_balls = self._others_of(tables, first, flags, on_table)
+            chosen, judged, aimed = self._other_balls(other_balls, ball, way)
         near = torch.cat((ball, waves[1]), 1)
         offset = self.points(near) if self.aim == "ball" else self.points(features, aimed)
         dx, dy = (to_ball[:, :, None] + (self.first_points + self.CIRCLE * offset.unflatten(1, (2, -1)))).unbind(1)
         inverse = torch.rsqrt(dx * dx + dy * dy + 1e-9)
         dx, dy = dx * inverse, dy * inverse
         paths = positions.new_empty(m, f, 0)
-        if around is not None and self.diameter:
-            paths = self._paths(around, to_ball, dx.detach(), dy.detach())
+        if other_balls is not None and self.diameter:
+            paths = self._paths(other_balls, to_ball, dx.detach(), dy.detach())  # clear paths do not move the points
         parts = self.choice(features, chosen), signs, dx * signs[:, :1], dy * signs[:, 1:], inverse, paths
-        *parts, paths = (part.reshape(m, f, -1) for part in parts)
         possible = allowed.gather(1, first)
-        layouts = Layouts(*parts, paths, possible)
+        layouts = Layouts(*(part.reshape(m, f, -1) for part in parts), possible)
         counted = possible if self.legal else on_table.gather(1, first)
         values = self.critic(features, judged).reshape(m, f) * counted
         return layouts, values.sum(1) / counted.sum(1).clamp(min=1)
@@ -372,8 +372,8 @@ class AimNetwork(nn.Module):
         angles = (places[:, :, None] * octaves).flatten(1)
         return torch.cat((angles.sin(), angles.cos()), 1)
 
-    def _others(self, tables: Tensor, first: Tensor, flags: Tensor, on_table: Tensor) -> _Others:
-        """Returns the other object balls.
+    def _others_of(self, tables: Tensor, first: Tensor, flags: Tensor, on_table: Tensor) -> _OtherBalls:
+        """Returns the `_OtherBalls` of the layouts.
 
         Args:
             tables: (m, f, 1 + n + goals, 2) the reflected layouts.
@@ -384,12 +384,12 @@ class AimNetwork(nn.Module):
         n, f = on_table.shape[1], first.shape[1]
         numbers = torch.tensor([[j for j in range(n) if j != i] for i in range(n)], device=first.device)[first]
         places = tables.gather(2, 1 + numbers[:, :, :, None].expand(-1, -1, -1, 2))
-        ways = (places - tables[:, :, :1]) * self.half_extents
+        vectors = (places - tables[:, :, :1]) * self.half_extents
         present = on_table[:, None].expand(-1, f, -1).gather(2, numbers)
         flags = flags[:, None].expand(-1, f, -1).gather(2, numbers)[..., None] if self.legal else places[..., :0]
-        return _Others(places, ways, present, flags)
+        return _OtherBalls(places, vectors, present, flags)
 
-    def _other_balls(self, others: _Others, ball: Tensor, way: Tensor) -> Sequence[Tensor]:
+    def _other_balls(self, others: _OtherBalls, ball: Tensor, way: Tensor) -> Sequence[Tensor]:
         """Returns what the other object balls add to the first layers of `choice`, `critic` and `points`.
 
         Args:
@@ -398,7 +398,7 @@ class AimNetwork(nn.Module):
             way: (m * f, 2) directions from the cue ball to it.
         """
         m, f = others.present.shape[:2]
-        dx, dy = others.ways.unbind(3)
+        dx, dy = others.vectors.unbind(3)
         ux, uy = way.reshape(m, f, 1, 2).unbind(3)
         near = 1 / (((others.places - ball.reshape(m, f, 1, 2)) * self.half_extents).norm(dim=3) + 0.1)
         features = torch.stack((dx * ux + dy * uy, dy * ux - dx * uy, near), 3)
@@ -406,8 +406,10 @@ class AimNetwork(nn.Module):
         total = (self.other_ball(features) * others.present[..., None]).sum(2)
         return self.other_balls(total.flatten(0, 1)).split(self.widths, 1)
 
-    def _paths(self, others: _Others, to_ball: Tensor, dx: Tensor, dy: Tensor) -> Tensor:
-        """Returns what clear paths add to the logits, (m, f, r * p).
+    def _paths(self, others: _OtherBalls, to_ball: Tensor, dx: Tensor, dy: Tensor) -> Tensor:
+        """Returns what the paths add to the logits, (m, f, r * p).
+
+        A path of the cue ball that misses the ball counts as the thinnest hit.
 
         Args:
             others: The other object balls.
@@ -415,15 +417,15 @@ class AimNetwork(nn.Module):
             dx: (m * f, p) the directions to the points.
             dy: (m * f, p)
         """
-        (m, f), size = others.present.shape[:2], self.diameter
-        ways, present = others.ways.flatten(0, 1), others.present.flatten(0, 1)
+        (m, f), diameter = others.present.shape[:2], self.diameter
+        vectors, present = others.vectors.flatten(0, 1), others.present.flatten(0, 1)
         along, aside = (part[:, :, 0] for part in _components(to_ball[:, None], dx, dy))
-        aside = aside.clamp(-size, size)
-        ahead = (size * size - aside * aside).sqrt()  # of the cue ball at the contact
-        hit_x, hit_y = (ahead * dx - aside * dy) / size, (ahead * dy + aside * dx) / size
-        length = (along - ahead + 0.5 * size)[:, :, None]
-        before = _clearance(ways, present, dx, dy, size, length)
-        after = _clearance(ways - to_ball[:, None], present, hit_x, hit_y, size)
+        aside = aside.clamp(-diameter, diameter)
+        ahead = (diameter * diameter - aside * aside).sqrt()  # from the cue ball at the contact to the ball it hits
+        hit_x, hit_y = (ahead * dx - aside * dy) / diameter, (ahead * dy + aside * dx) / diameter
+        length = (along - ahead + 0.5 * diameter)[:, :, None]  # a ball just beyond the contact can be in the way
+        before = _clearance(vectors, present, dx, dy, diameter, length)
+        after = _clearance(vectors - to_ball[:, None], present, hit_x, hit_y, diameter)
         return self.of_paths(torch.stack((before, after), 2)).transpose(1, 2).reshape(m, f, -1)
 
 
@@ -448,31 +450,32 @@ class _Layers(nn.Sequential):
         return x
 
 
-def _components(ways: Tensor, dx: Tensor, dy: Tensor) -> tuple[Tensor, Tensor]:
+def _components(vectors: Tensor, dx: Tensor, dy: Tensor) -> tuple[Tensor, Tensor]:
     """Returns the components (k, p, j) of vectors (k, j, 2) along directions (k, p), and to the left of them."""
-    (x, y), dx, dy = ways[:, None].unbind(3), dx[:, :, None], dy[:, :, None]
+    (x, y), dx, dy = vectors[:, None].unbind(3), dx[:, :, None], dy[:, :, None]
     return x * dx + y * dy, y * dx - x * dy
 
 
 def _clearance(
-    ways: Tensor, present: Tensor, dx: Tensor, dy: Tensor, size: float, length: Tensor | float = math.inf
+    vectors: Tensor, present: Tensor, dx: Tensor, dy: Tensor, diameter: float, length: Tensor | float = math.inf
 ) -> Tensor:
     """Returns how clear the paths of a ball are, (k, p).
 
-    The number is the least distance between the path and a ball next to it, minus `size`, in units of half of `size`.
-    It is at least -1, and at most 1. It is below 0 if a ball is in the way.
+    The number is (d - D) / (D / 2), limited to the interval from -1 to 1. D is the diameter, and d is the least
+    distance of the centre of another ball from the line of the path. The number is negative if a ball is in the way,
+    and 1 if no ball is beside the path.
 
     Args:
-        ways: (k, j, 2) m, from the start of the paths to the other balls.
+        vectors: (k, j, 2) m, from the start of the paths to the other balls.
         present: (k, j) bool, whether they are on the table.
         dx: (k, p) the directions of the paths.
         dy: (k, p)
-        size: The diameter of a ball, m.
-        length: (k, p, 1) the lengths of the paths, m.
+        diameter: The diameter of a ball, m.
+        length: (k, p, 1) the lengths of the paths, m; infinite by default.
     """
-    along, aside = _components(ways, dx, dy)
+    along, aside = _components(vectors, dx, dy)
     elsewhere = ~present[:, None] | (along < 0) | (along > length)
-    clear = (2 * aside.abs() / size - 2).masked_fill(elsewhere, 1.0)
+    clear = (2 * aside.abs() / diameter - 2).masked_fill(elsewhere, 1.0)
     return clear.amin(2).clamp(-1.0, 1.0)
 
 

@@ -105,7 +105,8 @@ class AimPolicy(ActorCriticPolicy):
             `aim_network.OBSERVED`. None for all of them that the environment has.
         points, speeds, hidden: As in `AimNetwork`.
         waves, goal_units: As in `AimNetwork`.
-        paths: Whether the networks observe how clear the paths of the balls are, see `diameter` of `AimNetwork`.
+        paths: Whether the logits also depend on how clear the paths of the balls are, see `diameter` of `AimNetwork`.
+            All balls count with the radius of the cue ball.
         aim: As in `AimNetwork`; None for "ball" in the tasks that need pockets and "layout" in the others.
         exploration: The number of shots after which the next four arguments have their last values.
         std_speed: First and last standard deviation of the speed, over the largest.
@@ -203,7 +204,7 @@ class AimPolicy(ActorCriticPolicy):
         features = {name: self.game.features[name] for name in self.observe}
         strikes = action_named(self.game.action).has_cue
         network = dict(self.network)
-        diameter = 2.0 * self.game.scene.balls.radius[0] * network.pop("paths")
+        diameter = 2.0 * self.game.scene.balls.radius[0] if network.pop("paths") else 0.0
         half_extents = self.game.scene.half_extents
         self.net = AimNetwork(half_extents, **network, features=features, strikes=strikes, diameter=diameter)
         self.register_buffer("shots", torch.zeros((), dtype=torch.int64))

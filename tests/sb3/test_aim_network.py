@@ -104,11 +104,14 @@ def test_balls_in_the_way_of_the_cue_ball_or_of_the_object_ball_change_the_logit
     net = AimNetwork(HALF, 1, (0.1, 0.3, 0.6), 16, diameter=0.06)
     with torch.no_grad():
         net.first_points[:] = torch.tensor([[0.0], [0.03]])  # half a ball to the left: a cut of 30 degrees
-        for weights in [*list(net.points.parameters())[-2:], *(of_paths := list(net.of_paths.parameters()))]:
+        of_paths = list(net.of_paths.parameters())
+        for weights in [*list(net.points.parameters())[-2:], *of_paths]:
             weights.zero_()
-        first, added, last, _ = of_paths
-        added[:2] = 1.0
-        for each in (first, last):  # the first range takes the first path, the second the other
+        first, bias, last, _ = (
+            of_paths  # the logit of the first range is 1 plus the first number; of the second, the other
+        )
+        bias[:2] = 1.0
+        for each in (first, last):
             each[0, 0] = each[1, 1] = 1.0
         to_ball, aside = torch.tensor([0.4, 0.0]), torch.tensor([0.0, 0.03])
         aim = (to_ball + aside) / (to_ball + aside).norm()
@@ -118,16 +121,16 @@ def test_balls_in_the_way_of_the_cue_ball_or_of_the_object_ball_change_the_logit
         hit = (ahead * aim + off * left) / 0.06
         right = torch.tensor([hit[1], -hit[0]])
         cue_ball = torch.tensor([0.05, 0.1])
-        for other, expected in {
-            (0.2 * aim + 0.06 * left): (1.0, 2.0),  # touches the path of the cue ball
-            (0.2 * aim - 0.075 * left): (1.5, 2.0),
-            (0.2 * aim + 0.02 * left): (0.0, 2.0),
-            (-0.2 * aim): (2.0, 2.0),
-            (0.6 * aim + 0.02 * left): (2.0, 2.0),  # beyond the contact
-            (to_ball + 0.3 * hit + 0.06 * right): (2.0, 1.0),  # touches the path of the object ball
-            (to_ball + 0.3 * hit - 0.1 * right): (2.0, 2.0),
-            (to_ball - 0.3 * hit): (2.0, 2.0),
-        }.items():
+        for other, expected in [
+            (0.2 * aim + 0.06 * left, (1.0, 2.0)),  # the cue ball would touch it
+            (0.2 * aim - 0.075 * left, (1.5, 2.0)),
+            (0.2 * aim + 0.02 * left, (0.0, 2.0)),
+            (-0.2 * aim, (2.0, 2.0)),
+            (0.6 * aim + 0.02 * left, (2.0, 2.0)),  # beyond the contact
+            (to_ball + 0.3 * hit + 0.06 * right, (2.0, 1.0)),  # the object ball would touch it
+            (to_ball + 0.3 * hit - 0.1 * right, (2.0, 2.0)),
+            (to_ball - 0.3 * hit, (2.0, 2.0)),
+        ]:
             positions = torch.stack((cue_ball, cue_ball + to_ball, cue_ball + other)) / torch.tensor(HALF)
             layouts, _ = net.layouts(positions[None])
             assert layouts.paths[0, 0].tolist() == pytest.approx(expected, abs=1e-4), other
