@@ -1,7 +1,9 @@
 """The network of `billiards_env.sb3.AimPolicy`: from the positions of the balls to a mixture of Gaussians over actions.
 
-It contains no pockets, ghost balls or cut angles. Each component of the mixture aims at a learned point next to an
-object ball. `agents.likelihood` and `examples/ppo.py` train it without PPO of Stable-Baselines3.
+Each component of the mixture aims at a learned point next to an object ball. The network contains no pockets, and
+without `diameter` no ghost balls or cut angles. With `diameter` it also computes the direction of the object ball after
+the hit, and whether other balls are in the paths of both balls. `agents.likelihood` and `examples/ppo.py` train it
+without PPO of Stable-Baselines3.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ _LEVEL = -0.5  # the mean elevation before the training: below 0 the cue is leve
 _FAR = 60.0  # densities of exp(-60) have no effect, and much smaller ones are denormal numbers, which are slow
 _LEAST_WORTH = 1e-3  # of a mixture that is joined with others
 _EVEN, _WIDE = 0.3, 2.0  # sharpness and spread of the most varied proposals
+_PATH_UNITS = 16  # hidden units of the network of the paths
 _NEVER = -1e4  # the logit of a component whose ball is not on the table, or not legal
 
 
@@ -153,6 +156,7 @@ class Layouts(NamedTuple):
         dx: (m, f, p) the directions to the points, reflected back.
         dy: (m, f, p)
         inverse: (m, f, p) 1/m: 1 over the distances of the points.
+        paths: (m, f, r * p) what the paths add to the logits; (m, f, 0) without `diameter` or with one object ball.
         allowed: (m, f) bool, whether a component may aim at the ball.
     """
 
@@ -161,7 +165,24 @@ class Layouts(NamedTuple):
     dx: Tensor
     dy: Tensor
     inverse: Tensor
+    paths: Tensor
     allowed: Tensor
+
+
+class _OtherBalls(NamedTuple):
+    """The other object balls of m layouts, for each of f balls in first place.
+
+    Attributes:
+        places: (m, f, n - 1, 2) reflected positions.
+        vectors: (m, f, n - 1, 2) m, from the cue ball to them.
+        present: (m, f, n - 1) bool, whether they are on the table.
+        flags: (m, f, n - 1, 1) 1 for a legal ball; (m, f, n - 1, 0) without legal balls.
+    """
+
+    places: Tensor
+    vectors: Tensor
+    present: Tensor
+    flags: Tensor
 
 
 class AimNetwork(nn.Module):
@@ -187,6 +208,8 @@ class AimNetwork(nn.Module):
             layout then share the other layers. If `aim` is "layout", the last of them also moves the point of
             each component sideways. 0 for no such layers: the goal is then an input of all networks. It has no effect
             without a goal.
+        diameter: The diameter of a ball, m. With it the logits also depend on how clear two paths are: that of the cue
+            ball to its contact with the ball in first place, and that of this ball from there on. 0 for no such paths.
 
     Attributes:
         std: Standard deviations of the speed, over the largest, of the point aimed at, m, and of the three other
@@ -212,9 +235,10 @@ class AimNetwork(nn.Module):
         strikes: bool = False,
         waves: int = 0,
         goal_units: int = 0,
+        diameter: float = 0.0,
     ) -> None:
         super().__init__()
-        self.aim, self.waves = aim, waves
+        self.aim, self.waves, self.diameter = aim, waves, diameter
         self.ranges = len(speeds) - 1
         self.numbers = TIP * strikes
         self.goal, self.legal = "goal" in features, "legal_balls" in features
@@ -241,6 +265,10 @@ class AimNetwork(nn.Module):
         self.other_ball = nn.Sequential(nn.Linear(5 + self.legal, half), nn.ReLU(), nn.Linear(half, half), nn.ReLU())
         self.other_balls = nn.Linear(half, sum(self.widths), bias=False)
         nn.init.zeros_(self.other_balls.weight)
+        if diameter:
+            last = nn.Linear(_PATH_UNITS, self.ranges)
+            nn.init.zeros_(last.weight)
+            self.of_paths = nn.Sequential(nn.Linear(2, _PATH_UNITS), nn.ReLU(), last)
 
     def forward(self, positions: Tensor, legal: Tensor | None = None, **others: Tensor) -> tuple[Mixture, Tensor]:
         """Returns the mixtures and the values (m,) for m layouts of n object balls, for any n.
@@ -275,17 +303,21 @@ class AimNetwork(nn.Module):
         goals, rest = tables[:, :, 1 + n :].reshape(m * f, -1), rest.repeat_interleave(f, 0)
         waves = self._waves(cue_ball), self._waves(ball)
         features = torch.cat((cue_ball, ball, way, distance, 1 / (distance + 0.1), goals, rest, *waves), 1)
-        added = self._other_balls(tables, first, flags, way, on_table) if n > 1 else (None, None, None)
-        chosen, judged, aimed = added
+        chosen, judged, aimed, other_balls = None, None, None, None
+        if n > 1:
+            other_balls = self._others_of(tables, first, flags, on_table)
+            chosen, judged, aimed = self._other_balls(other_balls, ball, way)
         near = torch.cat((ball, waves[1]), 1)
         offset = self.points(near) if self.aim == "ball" else self.points(features, aimed)
         dx, dy = (to_ball[:, :, None] + (self.first_points + self.CIRCLE * offset.unflatten(1, (2, -1)))).unbind(1)
         inverse = torch.rsqrt(dx * dx + dy * dy + 1e-9)
-        dx, dy = dx * inverse * signs[:, :1], dy * inverse * signs[:, 1:]
-        parts = self.choice(features, chosen), signs, dx, dy, inverse
-        choice, signs, dx, dy, inverse = (part.reshape(m, f, -1) for part in parts)
+        dx, dy = dx * inverse, dy * inverse
+        paths = positions.new_empty(m, f, 0)
+        if other_balls is not None and self.diameter:
+            paths = self._paths(other_balls, to_ball, dx.detach(), dy.detach())  # clear paths do not move the points
+        parts = self.choice(features, chosen), signs, dx * signs[:, :1], dy * signs[:, 1:], inverse, paths
         possible = allowed.gather(1, first)
-        layouts = Layouts(choice, signs, dx, dy, inverse, possible)
+        layouts = Layouts(*(part.reshape(m, f, -1) for part in parts), possible)
         counted = possible if self.legal else on_table.gather(1, first)
         values = self.critic(features, judged).reshape(m, f) * counted
         return layouts, values.sum(1) / counted.sum(1).clamp(min=1)
@@ -311,7 +343,7 @@ class AimNetwork(nn.Module):
         """
         if rows is not None:
             layouts = Layouts(*(part.index_select(0, rows) for part in layouts))
-        choice, signs, *parts, allowed = layouts
+        choice, signs, *parts, paths, allowed = layouts
         dx, dy, inverse = (part.repeat(1, 1, self.ranges) for part in parts)
         if self.goal_units and goal is not None:
             near = (goal * signs).flatten(0, 1)
@@ -321,6 +353,8 @@ class AimNetwork(nn.Module):
         if self.shifts:
             shift, *tip = tip
             dx, dy = _turned(dx, dy, self.CIRCLE * shift * inverse * signs.prod(2, keepdim=True))
+        if paths.shape[2]:
+            logit = logit + paths
         logit = logit.masked_fill(~allowed[:, :, None], _NEVER)
         speed = self.slowest + self.faster * faster.sigmoid()
         # The std of the direction is the std of the point over its distance. The limit is for points near the cue ball.
@@ -338,31 +372,61 @@ class AimNetwork(nn.Module):
         angles = (places[:, :, None] * octaves).flatten(1)
         return torch.cat((angles.sin(), angles.cos()), 1)
 
-    def _other_balls(
-        self, tables: Tensor, first: Tensor, flags: Tensor, way: Tensor, on_table: Tensor
-    ) -> Sequence[Tensor]:
-        """Returns what the other object balls add to the first layers of `choice`, `critic` and `points`.
+    def _others_of(self, tables: Tensor, first: Tensor, flags: Tensor, on_table: Tensor) -> _OtherBalls:
+        """Returns the `_OtherBalls` of the layouts.
 
         Args:
             tables: (m, f, 1 + n + goals, 2) the reflected layouts.
             first: (m, f) the balls in first place.
             flags: (m, n) 1 for a legal ball; (m, 0) without legal balls.
-            way: (m * f, 2) directions from the cue ball to the ball in first place.
             on_table: (m, n) the balls on the table.
         """
-        (m, n), f = on_table.shape, first.shape[1]
+        n, f = on_table.shape[1], first.shape[1]
         numbers = torch.tensor([[j for j in range(n) if j != i] for i in range(n)], device=first.device)[first]
-        others = tables.gather(2, 1 + numbers[:, :, :, None].expand(-1, -1, -1, 2))
-        ball, cue_ball = tables.gather(2, 1 + first[:, :, None, None].expand(-1, -1, -1, 2)), tables[:, :, :1]
-        dx, dy = ((others - cue_ball) * self.half_extents).unbind(3)
+        places = tables.gather(2, 1 + numbers[:, :, :, None].expand(-1, -1, -1, 2))
+        vectors = (places - tables[:, :, :1]) * self.half_extents
+        present = on_table[:, None].expand(-1, f, -1).gather(2, numbers)
+        flags = flags[:, None].expand(-1, f, -1).gather(2, numbers)[..., None] if self.legal else places[..., :0]
+        return _OtherBalls(places, vectors, present, flags)
+
+    def _other_balls(self, others: _OtherBalls, ball: Tensor, way: Tensor) -> Sequence[Tensor]:
+        """Returns what the other object balls add to the first layers of `choice`, `critic` and `points`.
+
+        Args:
+            others: The other object balls.
+            ball: (m * f, 2) the reflected position of the ball in first place.
+            way: (m * f, 2) directions from the cue ball to it.
+        """
+        m, f = others.present.shape[:2]
+        dx, dy = others.vectors.unbind(3)
         ux, uy = way.reshape(m, f, 1, 2).unbind(3)
-        near = 1 / (((others - ball) * self.half_extents).norm(dim=3) + 0.1)
-        features = torch.cat((others, torch.stack((dx * ux + dy * uy, dy * ux - dx * uy, near), 3)), 3)
-        if self.legal:
-            features = torch.cat((features, flags[:, None].expand(-1, f, -1).gather(2, numbers)[..., None]), 3)
-        present = on_table[:, None].expand(-1, f, -1).gather(2, numbers)[..., None]
-        total = (self.other_ball(features) * present).sum(2)
+        near = 1 / (((others.places - ball.reshape(m, f, 1, 2)) * self.half_extents).norm(dim=3) + 0.1)
+        features = torch.stack((dx * ux + dy * uy, dy * ux - dx * uy, near), 3)
+        features = torch.cat((others.places, features, others.flags), 3)
+        total = (self.other_ball(features) * others.present[..., None]).sum(2)
         return self.other_balls(total.flatten(0, 1)).split(self.widths, 1)
+
+    def _paths(self, others: _OtherBalls, to_ball: Tensor, dx: Tensor, dy: Tensor) -> Tensor:
+        """Returns what the paths add to the logits, (m, f, r * p).
+
+        A path of the cue ball that misses the ball counts as the thinnest hit.
+
+        Args:
+            others: The other object balls.
+            to_ball: (m * f, 2) m, from the cue ball to the ball in first place.
+            dx: (m * f, p) the directions to the points.
+            dy: (m * f, p)
+        """
+        (m, f), diameter = others.present.shape[:2], self.diameter
+        vectors, present = others.vectors.flatten(0, 1), others.present.flatten(0, 1)
+        along, aside = (part[:, :, 0] for part in _components(to_ball[:, None], dx, dy))
+        aside = aside.clamp(-diameter, diameter)
+        ahead = (diameter * diameter - aside * aside).sqrt()  # from the cue ball at the contact to the ball it hits
+        hit_x, hit_y = (ahead * dx - aside * dy) / diameter, (ahead * dy + aside * dx) / diameter
+        length = (along - ahead + 0.5 * diameter)[:, :, None]  # a ball just beyond the contact can be in the way
+        before = _clearance(vectors, present, dx, dy, diameter, length)
+        after = _clearance(vectors - to_ball[:, None], present, hit_x, hit_y, diameter)
+        return self.of_paths(torch.stack((before, after), 2)).transpose(1, 2).reshape(m, f, -1)
 
 
 class _Layers(nn.Sequential):
@@ -384,6 +448,35 @@ class _Layers(nn.Sequential):
         for layer in layers:
             x = layer(x)
         return x
+
+
+def _components(vectors: Tensor, dx: Tensor, dy: Tensor) -> tuple[Tensor, Tensor]:
+    """Returns the components (k, p, j) of vectors (k, j, 2) along directions (k, p), and to the left of them."""
+    (x, y), dx, dy = vectors[:, None].unbind(3), dx[:, :, None], dy[:, :, None]
+    return x * dx + y * dy, y * dx - x * dy
+
+
+def _clearance(
+    vectors: Tensor, present: Tensor, dx: Tensor, dy: Tensor, diameter: float, length: Tensor | float = math.inf
+) -> Tensor:
+    """Returns how clear the paths of a ball are, (k, p).
+
+    The number is (d - D) / (D / 2), limited to the interval from -1 to 1. D is the diameter, and d is the least
+    distance of the centre of another ball from the line of the path. The number is negative if a ball is in the way,
+    and 1 if no ball is beside the path.
+
+    Args:
+        vectors: (k, j, 2) m, from the start of the paths to the other balls.
+        present: (k, j) bool, whether they are on the table.
+        dx: (k, p) the directions of the paths.
+        dy: (k, p)
+        diameter: The diameter of a ball, m.
+        length: (k, p, 1) the lengths of the paths, m; infinite by default.
+    """
+    along, aside = _components(vectors, dx, dy)
+    elsewhere = ~present[:, None] | (along < 0) | (along > length)
+    clear = (2 * aside.abs() / diameter - 2).masked_fill(elsewhere, 1.0)
+    return clear.amin(2).clamp(-1.0, 1.0)
 
 
 def _turned(x: Tensor, y: Tensor, tangent: Tensor) -> tuple[Tensor, Tensor]:

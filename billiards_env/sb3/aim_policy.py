@@ -25,7 +25,7 @@ from billiards_env.envs.arguments import plain
 from billiards_env.envs.tasks import task_of
 from billiards_env.envs.trials import Outcomes
 from billiards_env.sb3.aim_network import OBSERVED, AimNetwork, Mixture
-from billiards_env.support.checks import Range, finite, integer, numbers, one_of, sequence, short
+from billiards_env.support.checks import Range, finite, flag, integer, numbers, one_of, sequence, short
 
 PPO_SETTINGS: dict[str, Any] = {
     "n_steps": 1,
@@ -105,6 +105,8 @@ class AimPolicy(ActorCriticPolicy):
             `aim_network.OBSERVED`. None for all of them that the environment has.
         points, speeds, hidden: As in `AimNetwork`.
         waves, goal_units: As in `AimNetwork`.
+        paths: Whether the logits also depend on how clear the paths of the balls are, see `diameter` of `AimNetwork`.
+            All balls count with the radius of the cue ball.
         aim: As in `AimNetwork`; None for "ball" in the tasks that need pockets and "layout" in the others.
         exploration: The number of shots after which the next four arguments have their last values.
         std_speed: First and last standard deviation of the speed, over the largest.
@@ -143,6 +145,7 @@ class AimPolicy(ActorCriticPolicy):
         aim: str | None = None,
         waves: int = 0,
         goal_units: int = 0,
+        paths: bool = False,
         exploration: int = 500_000,
         std_speed: Sequence[float] = (0.1, 0.03),
         std_aim: Sequence[float] = (0.025, 0.0015),
@@ -154,6 +157,7 @@ class AimPolicy(ActorCriticPolicy):
             integer(name, number, _UNITS)
         integer("waves", waves, Range(0, 16))
         integer("goal_units", goal_units, Range(0, 4096))
+        flag("paths", paths)
         integer("exploration", exploration, Range(1, None))
         borders = numbers("speeds", speeds)
         if borders.ndim != 1 or not 2 <= len(borders) <= _MOST_SPEEDS or not (np.diff(borders) > 0.0).all():
@@ -186,7 +190,7 @@ class AimPolicy(ActorCriticPolicy):
         aim = aim or ("ball" if task_of(self.game.task, self.game.model.n_players).pockets else "layout")
         one_of("aim", aim, ("ball", "layout"))
         self.network: dict[str, Any] = {"points": points, "speeds": tuple(speeds), "hidden": hidden, "aim": aim}
-        self.network |= {"waves": waves, "goal_units": goal_units}
+        self.network |= {"waves": waves, "goal_units": goal_units, "paths": paths}
         seen = [name for name in OBSERVED if name in self.game.features]
         self.observe = seen if observe is None else list(sequence("observe", observe))
         for name in self.observe:
@@ -199,7 +203,10 @@ class AimPolicy(ActorCriticPolicy):
     def _build(self, lr_schedule: Callable[[float], float]) -> None:
         features = {name: self.game.features[name] for name in self.observe}
         strikes = action_named(self.game.action).has_cue
-        self.net = AimNetwork(self.game.scene.half_extents, **self.network, features=features, strikes=strikes)
+        network = dict(self.network)
+        diameter = 2.0 * self.game.scene.balls.radius[0] if network.pop("paths") else 0.0
+        half_extents = self.game.scene.half_extents
+        self.net = AimNetwork(half_extents, **network, features=features, strikes=strikes, diameter=diameter)
         self.register_buffer("shots", torch.zeros((), dtype=torch.int64))
         self.set_shots(0)
         self.optimizer = torch.optim.Adam(self.parameters(), lr=lr_schedule(1), eps=1e-5, fused=True)

@@ -14,7 +14,7 @@ FORMS = {
     "goal": (2, {"features": {"goal": (1, 2), "shots_left": (), "physics": (2,)}}),
     "goal in two layers": (2, {"features": {"goal": (1, 2)}, "waves": 2, "goal_units": 8}),
     "points for a goal": (2, {"aim": "layout", "features": {"goal": (1, 2)}, "goal_units": 8}),
-    "run-out": (4, {"features": {"legal_balls": (4,)}}),
+    "run-out": (4, {"features": {"legal_balls": (4,)}, "diameter": 0.06}),
     "strikes": (2, {"aim": "layout", "strikes": True}),
 }
 
@@ -93,9 +93,47 @@ def test_other_balls_matter_unless_they_are_potted(form):
     shifted = potted.clone()
     shifted[:, -1, 0] += 0.1
     with torch.no_grad():
-        values = [net(**{**layouts, "positions": each})[1] for each in (layouts["positions"], moved, potted, shifted)]
-    assert not torch.allclose(values[0], values[1])
-    torch.testing.assert_close(values[2], values[3])
+        parts = [net(**{**layouts, "positions": each}) for each in (layouts["positions"], moved, potted, shifted)]
+    weights, values = [mixture.log_weight for mixture, _ in parts], [value for _, value in parts]
+    for one, other, gone, same in (weights, values):
+        assert not torch.allclose(one, other)
+        torch.testing.assert_close(gone, same)
+
+
+def test_balls_in_the_way_of_the_cue_ball_or_of_the_object_ball_change_the_logits():
+    net = AimNetwork(HALF, 1, (0.1, 0.3, 0.6), 16, diameter=0.06)
+    with torch.no_grad():
+        net.first_points[:] = torch.tensor([[0.0], [0.03]])  # half a ball to the left: a cut of 30 degrees
+        of_paths = list(net.of_paths.parameters())
+        for weights in [*list(net.points.parameters())[-2:], *of_paths]:
+            weights.zero_()
+        first, bias, last, _ = (
+            of_paths  # the logit of the first range is 1 plus the first number; of the second, the other
+        )
+        bias[:2] = 1.0
+        for each in (first, last):
+            each[0, 0] = each[1, 1] = 1.0
+        to_ball, aside = torch.tensor([0.4, 0.0]), torch.tensor([0.0, 0.03])
+        aim = (to_ball + aside) / (to_ball + aside).norm()
+        left = torch.tensor([-aim[1], aim[0]])
+        off = aim[0] * to_ball[1] - aim[1] * to_ball[0]
+        ahead = (0.06**2 - off * off).sqrt()
+        hit = (ahead * aim + off * left) / 0.06
+        right = torch.tensor([hit[1], -hit[0]])
+        cue_ball = torch.tensor([0.05, 0.1])
+        for other, expected in [
+            (0.2 * aim + 0.06 * left, (1.0, 2.0)),  # the cue ball would touch it
+            (0.2 * aim - 0.075 * left, (1.5, 2.0)),
+            (0.2 * aim + 0.02 * left, (0.0, 2.0)),
+            (-0.2 * aim, (2.0, 2.0)),
+            (0.6 * aim + 0.02 * left, (2.0, 2.0)),  # beyond the contact
+            (to_ball + 0.3 * hit + 0.06 * right, (2.0, 1.0)),  # the object ball would touch it
+            (to_ball + 0.3 * hit - 0.1 * right, (2.0, 2.0)),
+            (to_ball - 0.3 * hit, (2.0, 2.0)),
+        ]:
+            positions = torch.stack((cue_ball, cue_ball + to_ball, cue_ball + other)) / torch.tensor(HALF)
+            layouts, _ = net.layouts(positions[None])
+            assert layouts.paths[0, 0].tolist() == pytest.approx(expected, abs=1e-4), other
 
 
 def test_the_density_of_the_mixture_integrates_to_one():

@@ -46,7 +46,7 @@ def shots(policy: Any) -> int:
 
 @pytest.mark.parametrize("name", GAMES)
 def test_ppo_trains_it_in_every_game_with_object_balls(name):
-    model = make(env=GAMES[name], hidden=16)
+    model = make(env=GAMES[name], hidden=16, paths=True)
     before = [weights.clone() for weights in model.policy.parameters()]
     model.learn(32)
     after = list(model.policy.parameters())
@@ -69,7 +69,7 @@ def test_it_learns_from_positions_alone():
 
 
 def test_a_saved_model_plays_and_learns_as_before(tmp_path):
-    model = make(hidden=16, aim="layout", exploration=64).learn(32)
+    model = make(hidden=16, aim="layout", paths=True, exploration=64).learn(32)
     observations = np.array([[0.2, -0.3, -0.4, 0.5]], np.float32)
     model.save(tmp_path / "model")
     model.policy.save(tmp_path / "policy")
@@ -79,7 +79,7 @@ def test_a_saved_model_plays_and_learns_as_before(tmp_path):
             policy.predict(observations, deterministic=True)[0], model.predict(observations, deterministic=True)[0]
         )
         assert shots(policy) == 32
-    assert net(loaded).aim == "layout"
+    assert (net(loaded).aim, net(loaded).diameter) == ("layout", 2 * 0.028575)
 
 
 def test_the_schedules_follow_the_shots_between_rollouts():
