@@ -264,9 +264,10 @@ def _is_solved(task: str, learned: float) -> bool:
 
 
 def best_row(measured: Result, task: str) -> str | None:
-    """Returns the row of `AimPolicy` with the most success in a task, without proposals; None if none plays it."""
+    """Returns the row of `AimPolicy` with the most success in a task with `_BEST_OF`; None if none plays it."""
     names = [name for name, one in measured.items() if task in one.get("proposals", {}) and not _is_usual(one)]
-    return max(names, key=lambda name: _alone(measured[name], task), default=None)
+    count = str(PROPOSALS[-1])
+    return max(names, key=lambda name: measured[name]["proposals"][task][count]["success"], default=None)
 
 
 def _is_usual(result: Result) -> bool:
