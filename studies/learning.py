@@ -312,7 +312,7 @@ def draw(measured: Result, folder: Path) -> None:
     for name, result in measured.items():
         if result["runs"]:
             rows_of.setdefault(result["settings"]["task"], []).append(name)
-    across = min(4, len(rows_of))
+    across = min(5, len(rows_of))
     down = -(-len(rows_of) // across)
     figure = new_figure(2.5 * across, 2.1 * down + 0.4)
     panels = figure.subplots(down, across, sharey=True, squeeze=False).ravel()
