@@ -317,7 +317,7 @@ class AimNetwork(nn.Module):
             paths = self._paths(other_balls, to_ball, dx.detach(), dy.detach())  # clear paths do not move the points
         parts = self.choice(features, chosen), signs, dx * signs[:, :1], dy * signs[:, 1:], inverse, paths
         possible = allowed.gather(1, first)
-        layouts = Layouts(*(part.reshape(m, f, -1) for part in parts), possible)
+        layouts = Layouts._make((*(part.reshape(m, f, -1) for part in parts), possible))
         counted = possible if self.legal else on_table.gather(1, first)
         values = self.critic(features, judged).reshape(m, f) * counted
         return layouts, values.sum(1) / counted.sum(1).clamp(min=1)
