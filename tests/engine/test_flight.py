@@ -229,8 +229,18 @@ def test_a_ball_struck_at_31_degrees_meets_a_ball_0_40_m_ahead_in_the_middle_of_
 
 def test_a_ball_in_the_air_meets_the_nose_of_a_cushion_or_flies_over_it():
     s = scene(length=2.0)
+    sine = s.table.cushion_height / R - 1
+    nose = np.array([1.0 - R * (1 - math.sqrt(1 - sine**2)), R * sine])
     low = play([0.8, 0, 0.02], [2.0, 0.1, 0.3], (5.0, 9.0, 7.0), scene=s, max_time=0.2)
-    assert (kinds(low)[0], low.cushions[0]) == ("cushion", 1)
+    assert kinds(low)[0] == "cushion"
+    hit = low.events[0]
+    z = low.heights_at(hit["time"])[0]
+    assert math.hypot(nose[0] - hit["x"], nose[1] - z) == pytest.approx(R, abs=1e-14)
+    n = np.array([nose[0] - hit["x"], 0.0, nose[1] - z]) / R
+    before, after = pieces(low)[:2]
+    velocity = before[[VX, VY, VZ]] - [0, 0, G * hit["time"]]
+    assert after[[VX, VY, VZ]] @ n == pytest.approx(-0.85 * velocity @ n, rel=1e-12)
+    assert low.cushions[0] == 1
     high = play([0.8, 0.5, 0.05], [2.0, 0.1, 1.0], scene=s)
     assert kinds(high) == ["off_table"]
     assert high.potted.tolist() == [True, False, False]

@@ -1,7 +1,6 @@
 """Runs shots and checks every event of each: overlap, energy, momentum, positions, heights.
 
-The checks use only the log of the shot and the geometry of the table. The log does not depend on how the engine finds
-the events.
+The checks use only the log of the shot, which does not depend on how the engine finds the events.
 """
 
 from __future__ import annotations
@@ -34,8 +33,22 @@ from billiards_env.engine.shots import Shots, empty_shots, start_fields
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
-from billiards_env.physics.geometry.noses import way_to_nose
-from billiards_env.physics.geometry.outline_walls import BEGIN_TX, BEGIN_TY, END_TX, END_TY, TIP_RADIUS, TIP_X, TIP_Y
+from billiards_env.physics.geometry.outline_walls import (
+    BEGIN_TX,
+    BEGIN_TY,
+    END_TX,
+    END_TY,
+    HALF_LINE,
+    LINE_X,
+    LINE_Y,
+    NX,
+    NY,
+    TIP_RADIUS,
+    TIP_X,
+    TIP_Y,
+    TX,
+    TY,
+)
 from billiards_env.physics.geometry.pockets import distance_from, pocket_at
 from billiards_env.physics.laws.cloth import spin_after
 from billiards_env.physics.motion import motion_after, slip_after
@@ -141,14 +154,50 @@ def _outside(x, y, radius, numbers, outline):
 
 
 @inlined
+def _distance_to(px, py, x, y, above, pockets):
+    """Returns the distance of a ball from a point of a nose, m; infinite in a pocket, where there is no nose."""
+    for k in range(len(pockets)):
+        if distance_from(pockets[k], px, py) < 0.0:
+            return math.inf
+    return norm(norm(x - px, y - py), above)
+
+
+@kernel
+def _nose_distance(outline, x, y, above, inset, numbers, pockets):
+    """Returns the distance of a ball from the nearest nose, m; `above` is its height above the noses.
+
+    The ends of the noses at pockets and the noses behind the ball do not count.
+    """
+    if outline is None:
+        px, py = math.copysign(numbers.half_length - inset, x), math.copysign(numbers.half_width - inset, y)
+        return min(_distance_to(px, y, x, y, above, pockets), _distance_to(x, py, x, y, above, pockets))
+    nearest = math.inf
+    for line in outline.lines:
+        dx, dy = x - line[LINE_X], y - line[LINE_Y]
+        gap = -(line[NX] * dx + line[NY] * dy) - inset
+        if gap >= 0.0 and abs(line[TX] * dx + line[TY] * dy) <= line[HALF_LINE]:
+            px, py = x + gap * line[NX], y + gap * line[NY]
+            nearest = min(nearest, _distance_to(px, py, x, y, above, pockets))
+    for tip in outline.tips:
+        dx, dy = x - tip[TIP_X], y - tip[TIP_Y]
+        if dx * tip[BEGIN_TX] + dy * tip[BEGIN_TY] >= 0.0 and dx * tip[END_TX] + dy * tip[END_TY] <= 0.0:
+            share = (tip[TIP_RADIUS] + inset) / norm(dx, dy)
+            px, py = tip[TIP_X] + share * dx, tip[TIP_Y] + share * dy
+            nearest = min(nearest, _distance_to(px, py, x, y, above, pockets))
+    return nearest
+
+
+@inlined
 def _beyond_noses(flight, x, y, z, radius, scene):
     """Returns how far a ball in the air overlaps a nose or is beyond the noses, m; negative if neither is true."""
     if flight is None:
         return -math.inf
-    beyond = -math.inf
+    height = scene.numbers.cushion_height - radius
+    inset, beyond = radius - math.sqrt(radius * radius - height * height), -math.inf
     if pocket_at(scene.pockets, x, y, 1.0) < 0:
-        beyond = _outside(x, y, flight.inset, scene.numbers, scene.outline)
-    return max(beyond, radius - norm(norm(*way_to_nose(x, y, -1, flight)), z - flight.height))
+        beyond = _outside(x, y, inset, scene.numbers, scene.outline)
+    apart = _nose_distance(scene.outline, x, y, z - height, inset, scene.numbers, scene.pockets)
+    return max(beyond, radius - apart)
 
 
 @kernel
@@ -163,7 +212,7 @@ def _check_positions(now, state, scene, xy, findings):
             findings[BROKEN] = 1.0
         xy[i, X], xy[i, Y], xy[i, 2] = x, y, z
         if state.phase[i] == AIRBORNE:
-            out = max(-z, _beyond_noses(scene.flight, x, y, z, radius[i], scene))
+            out = max(-z, _beyond_noses(state.flight, x, y, z, radius[i], scene))
         else:
             if z != 0.0 or vz != 0.0:
                 findings[BROKEN] = 1.0
