@@ -1,16 +1,21 @@
 """The hash of the code that a compiled function reaches, which is in the names of its files on disk."""
 
+import re
 import sys
 from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numba import typeof
 
-from billiards_env.engine import PIC, Engine
+from billiards_env.engine import PIC, Engine, overlaps
 from billiards_env.engine.compile import run_shots_of
+from billiards_env.jit import inlined
 from billiards_env.jit.code_hash import _own, code_hash, fields_of
+from billiards_env.physics.laws import tables
 
 KERNELS = '''
 import math
@@ -85,6 +90,108 @@ CHANGES = [
 @pytest.mark.parametrize("edit", CHANGES)
 def test_an_edit_of_code_that_is_reached_changes_the_hash(monkeypatch, edit):
     assert made(monkeypatch, edit) != made(monkeypatch)
+
+
+PROGRAM = """
+from enum import IntEnum
+from billiards_env.jit import entry_point, inlined
+
+class Law(IntEnum):
+    ONE = {enum}
+
+def scaled(by):
+    @inlined
+    def call(x):
+        return by * x
+    return call
+
+def chain(kernels, shift={default}):
+    @inlined
+    def last(x):
+        return x + shift
+    call = last
+    for kernel in kernels:
+        call = after(kernel, call)
+    return call
+
+def after(kernel, rest):
+    @inlined
+    def call(x):
+        return rest(kernel(x) + 1.0)
+    return call
+
+def loop(module):
+    @inlined
+    def call(x):
+        return module.near(x) - 2.0 * module.far(x)
+    return call
+
+near, far = scaled({near}), scaled({far})
+table = chain([scaled(by) for by in {table}])
+ways = loop(MODULE)
+
+@entry_point
+def run(x):
+    return near(x) - 3.0 * far(x) + 5.0 * table(x) + 7.0 * ways(x) + Law.ONE * PAIR[1]
+"""
+
+SIZES = st.integers(1, 4).map(float)
+PARTS = {
+    "near": SIZES,
+    "far": SIZES,
+    "enum": st.integers(1, 4),
+    "default": SIZES,
+    "table": st.lists(SIZES, max_size=3),
+    "module": st.tuples(SIZES, SIZES),
+    "pair": st.tuples(SIZES, SIZES),
+}
+
+
+def program(parts: dict[str, Any]) -> tuple[str, float]:
+    """Returns the hash of a program, and its result in Python."""
+    results = []
+    for decorated in (True, False):
+        text = PROGRAM if decorated else re.sub(r"@(inlined|entry_point)\n", "\n", PROGRAM)
+        module: Any = ModuleType("program_of_a_test")
+        pair = ModuleType("pair_of_a_test")
+        exec("def scaled(by):\n    def call(x):\n        return by * x\n    return call", vars(pair))
+        near, far = (pair.scaled(by) for by in parts["module"])
+        vars(pair).update(near=inlined(near) if decorated else near, far=inlined(far) if decorated else far)
+        vars(module).update(MODULE=pair, PAIR=parts["pair"])
+        exec(text.format(**parts), vars(module))
+        results.append(module.run)
+    return code_hash(getattr(results[0], "py_func", results[0])), results[1](1.5)
+
+
+@settings(max_examples=150, deadline=None)
+@given(one=st.fixed_dictionaries(PARTS), part=st.sampled_from([*PARTS]), data=st.data())
+def test_an_edit_that_changes_the_result_changes_the_hash(one, part, data):
+    """Closures of one factory, chains, tables, modules, enums and tuples: an edit may also exchange two of them."""
+    other = {**one, part: data.draw(PARTS[part])}
+    if data.draw(st.booleans()):
+        other = {**one, "near": one["far"], "far": one["near"], "table": one["table"][::-1]}
+    (first, result), (second, changed) = program(one), program(other)
+    assert first == program(one)[0]
+    assert first != second or result == changed
+
+
+def exchanged(values: Any, i: int, j: int) -> Any:
+    """Returns a tuple with two items in each other's places."""
+    items = list(values)
+    items[i], items[j] = items[j], items[i]
+    return tuple(items)
+
+
+def test_laws_that_change_places_change_the_hash():
+    laws = tables.CUSHION_LAWS
+    one, other = tables.by_law(*laws), tables.by_law(*exchanged(laws, 0, 1))
+    assert code_hash(getattr(one, "py_func", one)) != code_hash(getattr(other, "py_func", other))
+
+
+def test_fixes_that_change_places_change_the_hash():
+    kernels = [fix.in_corner for fix in overlaps._FIXES.values()]
+    one, other = overlaps._choice(kernels), overlaps._choice(exchanged(kernels, 0, 1))
+    assert code_hash(getattr(one, "py_func", one)) != code_hash(getattr(other, "py_func", other))
 
 
 OTHERS = [
