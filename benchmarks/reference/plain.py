@@ -13,7 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.engine.all_pairs import SOON, most_contacts
-from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, phase_end
+from billiards_env.engine.log import (
+    BALL_CUSHION,
+    BALL_POCKET,
+    LANDING,
+    ROLLING_REST,
+    SLIDING_ROLLING,
+    phase_end,
+)
 from billiards_env.engine.pic import event_loop, make_workspace
 from billiards_env.engine.pic_events import add_contact
 from billiards_env.engine.predictions import (
@@ -21,7 +28,10 @@ from billiards_env.engine.predictions import (
     NextEvent,
     Singles,
     empty_singles,
+    event_in_air,
+    meeting_time,
     rank_of,
+    rise_between,
     single_time,
 )
 from billiards_env.engine.runner import for_all_shots
@@ -41,6 +51,7 @@ from billiards_env.physics.state import (
     ROLLING,
     Time,
     before,
+    is_airborne,
     later,
     moves,
     own_time,
@@ -104,7 +115,9 @@ def _predict_single(i, state, scene, singles):
     s = state.rows[i]
     end = s[LASTS]
     kind, other = phase_end(phase), -1
-    if phase >= ROLLING:
+    if is_airborne(scene.flight, phase):
+        end, kind, other = event_in_air(scene.flight, i, state, scene)
+    elif phase >= ROLLING:
         path = path_of(state, i)
         end, kind, other = _predict_wall(scene.outline, path, scene.radius[i], end, kind, other, scene.numbers)
         for k in range(len(scene.pockets)):
@@ -121,7 +134,7 @@ def _predict_single(i, state, scene, singles):
 def _predict_pair(i, j, now, state, scene, singles):
     """Predicts the next meeting of balls i < j, of which one moves."""
     for k in (i, j):
-        if singles.hi[k] <= now.hi and singles.kind[k] in (SLIDING_ROLLING, ROLLING_REST):
+        if singles.hi[k] <= now.hi and singles.kind[k] in (SLIDING_ROLLING, ROLLING_REST, LANDING):
             return Time(math.inf, 0.0)
     end = min(singles.hi[i], singles.hi[j]) - now.hi
     xi, yi, vxi, vyi = motion_after(state, i, since(now, own_time(state, i)))
@@ -130,7 +143,8 @@ def _predict_pair(i, j, now, state, scene, singles):
     ax, ay = rows[j, AX] - rows[i, AX], rows[j, AY] - rows[i, AY]
     reach = contact_distance(scene.spheres, scene.radius, i, j)
     noise = IMPULSE_ROUNDING * (norm(vxi, vyi) + norm(vxj, vyj))
-    t = circle_time(Path(xj - xi, yj - yi, vxj - vxi, vyj - vyi, ax, ay), reach, end, noise)
+    path = Path(xj - xi, yj - yi, vxj - vxi, vyj - vyi, ax, ay)
+    t = meeting_time(rise_between(state.flight, i, j, now, state, scene.numbers), path, reach, end, noise)
     return later(now, t) if t < math.inf else Time(math.inf, 0.0)
 
 

@@ -137,7 +137,7 @@ def predict_single(i, state, scene, singles):  # out: singles
     end = state.rows[i, LASTS]
     kind, other = phase_end(phase), -1
     if is_airborne(scene.flight, phase):
-        end, kind, other = _event_in_air(scene.flight, i, state, scene)
+        end, kind, other = event_in_air(scene.flight, i, state, scene)
     elif phase >= ROLLING:
         path = path_of(state, i)
         t, wall = wall_time(path, scene.radius[i], end, numbers, scene.outline)
@@ -184,7 +184,7 @@ def end_in_air(i, state, scene):
 
 
 @kernel
-def _event_in_air(flight, i, state, scene):
+def event_in_air(flight, i, state, scene):
     """Returns the next event of ball i alone, which is in the air; the result is that of `end_in_air`."""
     if flight is None:
         return math.inf, LANDING, -1
@@ -262,13 +262,13 @@ def predict_pair(i, j, state, scene, singles):
     if meeting_bound(path, reach, end) == math.inf:
         return Time(math.inf, 0.0)
     noise = IMPULSE_ROUNDING * (norm(vxi, vyi) + norm(vxj, vyj))
-    rise = _rise_between(state.flight, i, j, now, state, scene.numbers)
-    t = _meeting_time(rise, path, reach, end, noise)
+    rise = rise_between(state.flight, i, j, now, state, scene.numbers)
+    t = meeting_time(rise, path, reach, end, noise)
     return later(now, t) if t < math.inf else Time(math.inf, 0.0)
 
 
 @inlined
-def _rise_between(flight, i, j, now, state, numbers):
+def rise_between(flight, i, j, now, state, numbers):
     """Returns how ball j rises relative to ball i from a `Time` on, or None without flight.
 
     Returns:
@@ -284,8 +284,8 @@ def _rise_between(flight, i, j, now, state, numbers):
 
 
 @inlined
-def _meeting_time(rise, path, reach, end, noise):
-    """Returns the time at which two balls meet; `rise` is the result of `_rise_between`, the rest as `circle_time`."""
+def meeting_time(rise, path, reach, end, noise):
+    """Returns the time at which two balls meet; `rise` is the result of `rise_between`, the rest as `circle_time`."""
     if rise is None:
         return circle_time(path, reach, end, noise)
     relative, speeds = rise

@@ -220,7 +220,10 @@ def model_of(maker: Callable[..., Any], arguments: Mapping[str, Any]) -> Model:
     for name, value in arguments.items():
         if name not in known:
             expected = f"one of the arguments {', '.join(known)}{suggestion(name, known)}"
-            raise TypeError(f"{name} = {short(value)}: expected {expected}")
+            python = (
+                f"{maker.__name__}() got an unexpected keyword argument {name!r}"  # TorchRL searches for these words
+            )
+            raise TypeError(f"{name} = {short(value)}: expected {expected}; {python}")
     return make_model(**arguments)
 
 

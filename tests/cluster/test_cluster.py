@@ -110,7 +110,7 @@ def test_one_process_trains_with_the_schedules_of_the_policy(cluster, tmp_path):
     assert weights(folder)["net.std"][0].item() == pytest.approx(0.4 * 0.25**0.125)  # before the second of two updates
     with pytest.raises(ValueError, match="runners = 3: expected a divisor"):
         trained(tmp_path / "odd", runners=3)
-    with pytest.raises(ValueError, match="expected 'aim' and None"):
+    with pytest.raises(ValueError, match="expected 'aim', None and 'ppo' with RLlib"):
         trained(tmp_path / "usual", policy={"head": "gaussian"})
 
 

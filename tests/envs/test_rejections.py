@@ -10,6 +10,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import OrderEnforcing
 
+from billiards_env.billiards_v0 import raw_env
 from billiards_env.envs import make_env, make_model, make_vector_env
 from tests.helpers.environments import STRIKE, same
 from tests.helpers.errors import refusals
@@ -30,6 +31,16 @@ def test_every_argument_refuses_a_value_of_a_wrong_type(name):
         for others in ({}, game, {"task": "place", "mode": "pit", "dt": 0.01}):
             with pytest.raises((TypeError, ValueError), match=rf"^{name} = <object .*: expected "):
                 make(**{**others, name: object()})
+
+
+@pytest.mark.parametrize("make", [make_env, make_vector_env, raw_env])
+def test_an_unknown_argument_has_the_words_of_python_too(make):
+    """TorchRL first passes `frameskip`, and makes the environment without it if the message has these words."""
+    words = (
+        rf"^frameskip = 1: expected one of the arguments .*; {make.__name__}\(\) got an unexpected keyword argument 'fr"
+    )
+    with pytest.raises(TypeError, match=words):
+        make(frameskip=1)
 
 
 WRONG: list[tuple[Any, ...]] = [
