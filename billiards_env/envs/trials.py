@@ -23,7 +23,7 @@ from billiards_env.envs.arguments import Model
 from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.snapshots import EpisodeState, checked_state
 from billiards_env.jit import streams
-from billiards_env.support.checks import finite
+from billiards_env.support.checks import finite, numbers, short
 
 
 class Outcomes(NamedTuple):
@@ -72,8 +72,11 @@ class Trials:
         threads: int | None,
     ) -> Outcomes:
         """Plays actions, see `BilliardsEnv.try_actions`; `own` are the states of the environment."""
-        m = len(actions := np.asarray(actions, np.float64)) if np.ndim(actions) else 0
-        actions = finite("actions", actions, (m, *self._shape))
+        given = numbers("actions", actions)
+        m = len(given) if given.ndim else 0
+        actions = finite("actions", given, (m, *self._shape))
+        if not isinstance(noise, np.random.Generator | None):
+            raise TypeError(f"noise = {short(noise)}: expected a numpy.random.Generator, or None for no noise")
         with self._lock:
             if self._episodes is None or len(self._episodes.state.over) < m:
                 self._episodes = Episodes(1 << max(m - 1, 0).bit_length(), self._model)

@@ -122,6 +122,11 @@ OTHER = make_env(n_object_balls=2)
         (([[0.1, np.nan]],), "actions = .*: expected finite numbers"),
         (([[0.1, 0.2]],), "actions: expected 3, one for each environment, not 1"),
         (([[0.1, 0.2]], OTHER.get_state()[None]), r"state\['scene'\]"),
+        ((np.ma.masked_greater([[0.1, 0.2]] * 3, 0.1),), "actions = .*: expected .*mask"),
+        (([["a", "b"]] * 3,), "actions = .*: expected finite numbers"),
+        (([[1j, 0.2]] * 3,), "actions = .*: expected finite numbers"),
+        (([[0.1, 0.2], [0.1]],), "actions = .*: expected finite numbers"),
+        (([[0.1, 0.2]] * 3, None, 3), "noise = 3: expected a numpy.random.Generator", TypeError),
     ],
 )
 def test_wrong_trials_are_refused(arguments, message, kind):
