@@ -146,10 +146,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         window = GameWindow(model, players, rng, save, width, args.palette)
     print("H shows the keys in the window, F1 the rules.", flush=True)
     window.ask = args.save is None
-    window.run()
-    if args.save is not None or (window.interrupted and not window.saved):
-        window.save()
-        print(window.message)
+    ended_early = True
+    try:
+        window.run()
+        ended_early = window.interrupted
+    finally:  # also after an error of the window or of a player
+        if args.save is not None or (ended_early and not window.saved):
+            window.save()
+            print(window.message)
     if window.interrupted:
         sys.exit(130)
 

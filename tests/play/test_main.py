@@ -110,6 +110,21 @@ def test_a_signal_saves_the_game_to_a_new_file(monkeypatch, tmp_path):
     assert Path("game.json").read_text() == "another game"
 
 
+@pytest.mark.parametrize("options", [[], ["--save", "game.json"]])
+def test_an_error_of_a_player_or_of_the_window_loses_no_stroke(monkeypatch, tmp_path, options):
+    def frame(self):
+        self.model = go(self.model)
+        raise ArithmeticError("of a player")
+
+    monkeypatch.setattr(windows.GameWindow, "frame", frame)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ArithmeticError, match="of a player"):
+        main(["--rules", "carom", *options])
+    saved = records.load(Path("game.json"))
+    assert isinstance(saved, records.GameRecord)
+    assert len(saved.strokes) == 1
+
+
 def test_a_window_with_a_text_is_open_while_the_engine_is_compiled(monkeypatch, frames):
     release, shown = threading.Event(), []
 
