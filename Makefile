@@ -9,6 +9,10 @@ SIMULATORS := .venv-simulators/.installed
 RLLIB := .venv-rllib/.installed
 TOOLS := .venv-tools/.installed
 PYTHONS := 3.10 3.11 3.12 3.13 3.14 3.15
+# What continuous integration runs. docs and smoke come first, because tests use the page and the simulators.
+CI := docs smoke test slow tools rllib web dist pythons
+# make ci WITHOUT=web: no browser is installed.
+WITHOUT ?=
 CORE := tests/shots/test_result.py tests/engine/test_reference.py tests/shots/test_batch.py tests/envs/test_billiards.py tests/envs/test_tasks.py tests/test_main.py
 ARGS ?= --players human,search:20
 # make results ADDRESS=auto: a Ray cluster does the work of results and study.
@@ -17,7 +21,7 @@ SPREAD := $(if $(ADDRESS),--address $(ADDRESS))
 WORK := $(if $(ADDRESS),.venv-rllib/bin,$(BIN))
 WORKS := $(if $(ADDRESS),$(RLLIB),$(INSTALLED))
 
-.PHONY: help train play test pythons tools page web docs dist ci smoke stress lint bench errors results study rllib figures format clean
+.PHONY: help train play test fast slow pythons tools page web docs dist ci smoke stress lint bench errors results study rllib figures format clean
 
 help:  ## show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -31,8 +35,13 @@ train: $(INSTALLED)  ## train the example agent (resumes, if interrupted), compa
 play: $(INSTALLED)  ## play against the computer in a window, e.g. make play ARGS="--rules carom --players human,human"
 	$(BIN)/python -m billiards_env.play $(ARGS)
 
-test: lint  ## lint, type check, then run the fast tests and the doctests
+test: lint fast  ## lint, type check, then run the fast tests and the doctests
+
+fast: $(INSTALLED)  ## the fast tests and the doctests
 	$(BIN)/pytest -n 2 --dist worksteal -q
+
+slow: $(INSTALLED)  ## the slow tests
+	$(BIN)/pytest -n 2 --dist worksteal -q -m slow
 
 pythons:  ## test the core (shots, batches, the environment, commands) on each installed Python from 3.10 to 3.15
 	@for v in $(PYTHONS); do \
@@ -41,8 +50,8 @@ pythons:  ## test the core (shots, batches, the environment, commands) on each i
 	        && ran="$$ran\n$$v passed" || { ran="$$ran\n$$v failed"; failed=1; }; \
 	done; printf "$(CORE) on$$ran\n"; [ -z "$$failed" ]
 
-tools: $(TOOLS)  ## test the integrations with TorchRL, Minari, Optuna and JAX, which are installed in .venv-tools
-	.venv-tools/bin/pytest -q -m tools tests/tools tests/examples
+tools: $(TOOLS)  ## test TorchRL, Minari, Optuna, JAX, pymunk and MuJoCo with this package; they are installed in .venv-tools
+	.venv-tools/bin/pytest -q -m tools tests/tools tests/examples tests/benchmarks/test_comparison.py
 
 page: $(WEB)  ## build the engines for browsers, and the page that 'billiards web' opens
 	$(BIN)/python -m docs.web.build
@@ -56,14 +65,24 @@ docs: page  ## build the documentation in site/; runs the tutorials, warnings ar
 dist: page  ## build the source archive and the wheel in dist/, and try the wheel in an empty environment
 	$(BIN)/python -m benchmarks.release.dist --output build/dist.json
 
-ci: test pythons tools rllib web docs smoke dist  ## run the steps of .github/workflows/ci.yml locally
+ci:  ## all checks of continuous integration, each also after the failure of another one (45 minutes on two cores)
+	@for target in $(filter-out $(WITHOUT),$(CI)); do \
+	    start=$$SECONDS; $(MAKE) -k --no-print-directory $$target PYTHONS="$(filter-out $(VERSION),$(PYTHONS))" \
+	        && result=passed || { result=failed; failed=1; }; \
+	    ran="$$ran$$target $$result in $$((SECONDS - start)) s\n"; \
+	done; printf "\n$$ran"; [ -z "$$failed" ]
 
-smoke: $(INSTALLED)  ## run short benchmarks, to check that they work
+smoke: $(INSTALLED) $(SIMULATORS)  ## short runs of the benchmarks that the tests do not run whole
 	$(BIN)/python -m benchmarks.speed --repeats 1 --output build/speed.json
 	$(BIN)/python -m benchmarks.vector --repeats 1 --output build/vector.json
+	$(BIN)/python -m benchmarks.ablation --repeats 1 --output build/ablation.json
+	$(BIN)/python -m benchmarks.comparison --shots 1 --passes 1 --output build/comparison.json
+	$(BIN)/python -m benchmarks.accuracy --shots 4 --outcomes 8 --passes 1 --output build/accuracy.json --images build
+	$(BIN)/python -m benchmarks.error_limit --shots 1 --output build/error_limit.json --images build
+	$(BIN)/python -m benchmarks.validation --output build/validation.json --images build
+	$(BIN)/python -m benchmarks.stress --scale 0.0001 --output build/stress.json
 
-stress: $(INSTALLED)  ## the slow tests, and ten million random shots, every event checked (20 minutes)
-	$(BIN)/pytest -n 2 --dist worksteal -q -m slow
+stress: slow  ## the slow tests, and ten million random shots, every event checked (20 minutes)
 	$(BIN)/python -m benchmarks.stress
 
 lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
@@ -154,9 +173,10 @@ $(RLLIB): pyproject.toml constraints.txt constraints-rllib.txt
 	.venv-rllib/bin/pip install --quiet -c .venv-rllib/constraints.txt -e '.[train,render,plot,multi,dev,rllib]'
 	touch $@
 
-$(TOOLS): pyproject.toml constraints.txt
+$(TOOLS): pyproject.toml constraints.txt benchmarks/simulators.txt
 	$(PYTHON) -m venv --clear .venv-tools
 	.venv-tools/bin/pip install --quiet -c constraints.txt -e '.[train,render,multi,dev,tools,jax]'
+	.venv-tools/bin/pip install --quiet --no-deps $$(grep -E '^(cffi|mujoco|pycparser|pymunk)' benchmarks/simulators.txt)
 	touch $@
 
 # pooltool needs other versions of numba and llvmlite than this package.

@@ -100,8 +100,8 @@ def test_the_front_page_shows_what_was_measured():
     assert "why" not in comparison.blocks(result)
 
 
+@pytest.mark.tools
 def test_pymunk_is_compared(monkeypatch):
-    pytest.importorskip("pymunk")
     monkeypatch.setattr(simulators, "PYTHON", sys.executable)
     laws, kind = "elastic disks", "1 object ball"
     with simulators.runner("pymunk", 60) as (_, runner):
@@ -134,9 +134,9 @@ def test_a_shot_of_the_worker_ends_in_a_pocket_at_a_cushion_or_when_nothing_can_
     assert (simulators_worker.play_shots(0.01, scene, place, step, starts, speeds) == -1).all()
 
 
+@pytest.mark.tools
 @pytest.mark.parametrize("module", ["pymunk", "mujoco"])
 def test_the_worker_plays_direct_pots(module):
-    pytest.importorskip(module)
     scene = rigid()
     place, step, at_end = getattr(simulators_worker, f"in_{module}")(0.002, scene)
     late = simulators_worker.delays(0.002, scene, place, step, at_end)
@@ -146,9 +146,9 @@ def test_the_worker_plays_direct_pots(module):
     assert pockets.tolist() == [5, -1, -1] * 100
 
 
+@pytest.mark.tools
 @pytest.mark.parametrize("module", ["pymunk", "mujoco"])
 def test_a_shot_of_the_worker_does_not_depend_on_earlier_ones(module):
-    pytest.importorskip(module)
     scene, random = rigid(), np.random.default_rng(0)
     place, step, _ = getattr(simulators_worker, f"in_{module}")(0.01, scene)
     starts = random.uniform(-0.5, 0.5, (2000, 2, 2)) @ (1, 1j) + np.array([-0.6, 0.6])
