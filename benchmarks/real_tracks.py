@@ -107,7 +107,7 @@ def judge_simulated(result: Calibration, scatter: dict[str, float] | None) -> Ju
     error = result.judged.median(1) / 1.1774  # the median distance of Gaussian errors in two coordinates
     for k, (shot, start) in enumerate(zip(result.shots, result.starts, strict=True)):
         velocities, spins = np.zeros((scene.n_balls, 2)), np.zeros((scene.n_balls, 3))
-        velocities[0], spins[0] = result.velocities[k], result.spins[k]
+        velocities[shot.cue_ball], spins[shot.cue_ball] = result.velocities[k], result.spins[k]
         ideal = simulate(
             *(scene, result.positions[k], velocities),
             spins=spins,

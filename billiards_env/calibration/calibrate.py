@@ -10,7 +10,7 @@ errors of the laws: see `fit.covariance`.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Literal
 
 import numpy as np
@@ -21,7 +21,7 @@ from billiards_env.calibration.fit import MANY, Fit, determined, values_of
 from billiards_env.calibration.frame import Frame, check_frame, fit_frame
 from billiards_env.calibration.judge import find_problems, judge
 from billiards_env.calibration.report import Calibration
-from billiards_env.calibration.shot import SPIN, VELOCITY, prepare
+from billiards_env.calibration.shot import SPIN, VELOCITY, Shot, prepare
 from billiards_env.calibration.stages import ENOUGH, fit_stages, near_rows
 from billiards_env.calibration.starts import search
 from billiards_env.calibration.tracks import Floats, Track, check_tracks
@@ -66,8 +66,8 @@ def calibrate(
         noise: Standard deviation of a coordinate of a row, m; None for an estimate.
         contacts: The contact of the cue ball until which rows are fitted, 2 to 9.
         hold_back: Whether every fifth of ten or more shots is held back at first.
-        velocities: (m, 2) m/s, the cue ball's velocities at the first rows, if they are known.
-        spins: (m, 3) rad/s, its spins, if they are known.
+        velocities: (m, 2) m/s, the cue balls' velocities at the first rows, if they are known.
+        spins: (m, 3) rad/s, their spins, if they are known.
         progress: A function that is called with a line of text after each stage.
 
     Returns:
@@ -75,17 +75,18 @@ def calibrate(
 
     Raises:
         ValueError: If a constant is unknown, a track is invalid or does not lie on the table, or the rows do not
-            determine any constant.
+            determine any constant; if no ball of a track moves first, see `tracks.first_balls`.
     """
     check_scene(scene)
     names = _free_names(scene, free)
     contacts, hold_back = integer("contacts", contacts, _CONTACTS), flag("hold_back", hold_back)
-    tracks, warnings = clean(check_tracks(scene, shots, 4 if velocities is None else 1))
+    tracks, warnings = clean(check_tracks(scene, shots))
     scene, file_frame = _framed(scene, tracks, frame, contacts)
     tracks = [file_frame.apply(track) for track in tracks]
     error = noise_of(tracks) if noise is None else real("noise", noise, _NOISE)
     known = _known_starts(scene, len(tracks), velocities, spins)
     prepared = [prepare(scene, track, error, start) for track, start in zip(tracks, known, strict=True)]
+    warnings += _check_cue_balls(prepared, 4 if velocities is None else 1)
     if frame is None:
         check_frame(scene, prepared, error)
     fit, predicted = Fit(scene, names, scene, prepared, {}, np.zeros((0, 0))), None
@@ -134,6 +135,21 @@ def _free_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
     for name in names:
         one_of("free", name, tuple(physics_inputs(physics)))
     return names
+
+
+def _check_cue_balls(shots: Sequence[Shot], least: int) -> Iterator[str]:
+    """Yields a sentence about each shot in which other balls begin to move with the cue ball.
+
+    Raises:
+        ValueError: If the cue ball has fewer than `least` rows.
+    """
+    for shot in shots:
+        name, ball = shot.track.name, shot.cue_ball
+        count = np.count_nonzero(shot.track.balls[~shot.added] == ball)
+        if count < least:
+            raise ValueError(f"shots[{name!r}]: {count} rows of the cue ball, ball {ball}: expected {least} or more")
+        if len(shot.first) > 1:
+            yield f"shot {name}: balls {shot.first} begin to move in one frame, ball 0 counts as the cue ball"
 
 
 def _known_starts(scene: Scene, m: int, velocities: ArrayLike | None, spins: ArrayLike | None) -> Floats:

@@ -13,7 +13,7 @@ import numpy as np
 
 from billiards_env.calibration.tracks import Track
 
-_CLIPPED = 8, 2.0  # rows at an extreme coordinate, and their number over that at the next one
+_CLIPPED = 8, 2.0  # places at an extreme coordinate, and their number over that at the next one
 _EXACT = 1e-7  # the noise of exact tracks, in the unit of the coordinates
 _APART = 1e-6  # s, the least step between two frames
 _SIDE = 5  # rows of a ball before and after a step
@@ -63,8 +63,9 @@ def drop_clipped(tracks: Sequence[Track]) -> tuple[list[Track], int]:
     """Returns tracks without rows clipped at the border of a picture, and the number of clipped rows."""
     places = np.concatenate([track.positions for track in tracks])
     clipped = np.zeros(len(places), np.bool_)
-    for values in (*places.T, *-places.T):
-        extremes, counts = np.unique(values, return_counts=True)
+    different = np.unique(places, axis=0)  # a ball at rest counts once
+    for values, once in zip((*places.T, *-places.T), (*different.T, *-different.T), strict=True):
+        extremes, counts = np.unique(once, return_counts=True)
         if len(extremes) > 1 and counts[-1] >= max(_CLIPPED[0], _CLIPPED[1] * counts[-2]):
             clipped |= values == extremes[-1]
     parts = np.split(~clipped, np.cumsum([len(track.times) for track in tracks])[:-1])

@@ -34,7 +34,8 @@ class Contact(NamedTuple):
     Attributes:
         time: s, as in the track.
         ball: The ball.
-        other: The other ball, `CUSHION` or `POCKET`. In a track the other ball has the larger number.
+        other: The other ball, `CUSHION` or `POCKET`. In a track, `ball` is the cue ball if it is one of two balls,
+            and the one with the smaller number otherwise.
         place: (2,) m, the place of the ball.
         speed: The normal speed before the contact, m/s; 0 for balls in a track.
         body: The number of the cushion, of the pocket or of the other ball, as in the events of a shot.
@@ -48,18 +49,23 @@ class Contact(NamedTuple):
     body: int
 
 
-def find_contacts(scene: Scene, track: Track) -> list[Contact]:
+def find_contacts(scene: Scene, track: Track, cue_ball: int) -> list[Contact]:
     """Returns the contacts of a track whose resting balls have rows, in the order of time.
 
     The table counts as a rectangle. The search misses a few contacts, such as very thin hits, and finds a few that do
     not exist.
+
+    Args:
+        scene: The scene.
+        track: The track.
+        cue_ball: The cue ball, which begins to move without a hit.
     """
     half = np.array([scene.table.length, scene.table.width]) / 2.0
-    paths = track.paths()
+    paths = dict(sorted(track.paths().items(), key=lambda path: path[0] != cue_ball))  # the cue ball first
     contacts = [contact for i, path in paths.items() for contact in _rebounds(i, *path, half - scene.balls.radius[i])]
     for i, j in itertools.combinations(paths, 2):
         contacts += _hits(i, j, paths[i], paths[j], float(scene.balls.contact_distances(i)[j]))
-    return distinct([*contacts, *_missed_hits(scene, paths, contacts)])
+    return distinct([*contacts, *_missed_hits(scene, paths, cue_ball, contacts)])
 
 
 def distinct(contacts: Iterable[Contact]) -> list[Contact]:
@@ -121,8 +127,8 @@ def _hits(i: int, j: int, one: tuple[Floats, Floats], two: tuple[Floats, Floats]
         yield Contact(time, i, j, a[k], 0.0, j)
 
 
-def _missed_hits(scene: Scene, paths: Paths, contacts: Iterable[Contact]) -> Iterator[Contact]:
-    """Yields a hit for each object ball that begins to move without one.
+def _missed_hits(scene: Scene, paths: Paths, cue_ball: int, contacts: Iterable[Contact]) -> Iterator[Contact]:
+    """Yields a hit for each other ball than the cue ball that begins to move without one.
 
     The other ball is the one whose distance is closest to contact. Hits are missed if rows are missing then, or if the
     ball meets a cushion at once.
@@ -133,7 +139,8 @@ def _missed_hits(scene: Scene, paths: Paths, contacts: Iterable[Contact]) -> Ite
         far = np.convolve(distance > _MOVED, np.ones(_ROWS))[_ROWS - 1 :] == _ROWS  # this row and the next ones
         row = int(far.argmax())
         moves = row > 0 and np.sort(distance)[-_ROWS] > _AWAY
-        if ball == 0 or not moves or any(ball in (hit.ball, hit.body) and hit.time < t[row] + _ONE for hit in hits):
+        hit_before = any(ball in (hit.ball, hit.body) and hit.time < t[row] + _ONE for hit in hits)
+        if ball == cue_ball or not moves or hit_before:
             continue
         nearest: list[tuple[float, float, int, Floats]] = []
         for other, (times, places) in paths.items():
@@ -143,7 +150,7 @@ def _missed_hits(scene: Scene, paths: Paths, contacts: Iterable[Contact]) -> Ite
         if nearest:
             off, time, other, place = min(nearest, key=lambda near: near[0])
             if off < _CLOSE:
-                one, two = sorted((ball, other))
+                one, two = sorted((ball, other), key=lambda body: (body != cue_ball, body))
                 yield Contact(time, one, two, place if one == other else p[0], 0.0, two)
 
 

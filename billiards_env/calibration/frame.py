@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from billiards_env.calibration.cleaning import noise_of
 from billiards_env.calibration.contacts import CUSHION, Contact, find_contacts
 from billiards_env.calibration.shot import Shot
-from billiards_env.calibration.tracks import Floats, Ints, Track, with_rest
+from billiards_env.calibration.tracks import Floats, Ints, Track, first_balls, with_rest
 from billiards_env.scene import Scene
 
 _LEAST = 5  # rebounds at a cushion
@@ -97,7 +98,10 @@ def fit_frame(scene: Scene, tracks: Sequence[Track], contacts: int) -> tuple[Fra
     angle = 0.0
     frame = Frame(tuple(offset.tolist()), tuple(scale.tolist()), angle)
     for _ in range(_ROUNDS):
-        shots = [find_contacts(scene, with_rest(frame.apply(track))[0]) for track in tracks]
+        framed = [frame.apply(track) for track in tracks]
+        filled, noise = [with_rest(track)[0] for track in framed], noise_of(framed)
+        cue_balls = [first_balls(track, noise)[0] for track in filled]
+        shots = [find_contacts(scene, track, ball) for track, ball in zip(filled, cue_balls, strict=True)]
         lines, counts, turn, give_by_speed = find_lines([contact for shot in shots for contact in shot])
         if np.isnan(lines).any():
             text = ", ".join(f"{n} at {name}" for n, name in zip(counts, _CUSHIONS, strict=True))
@@ -108,8 +112,9 @@ def fit_frame(scene: Scene, tracks: Sequence[Track], contacts: int) -> tuple[Fra
         angle = angle + turn
         frame = Frame(tuple(offset.tolist()), tuple(scale.tolist()), angle)
         speeds = []
-        for shot in shots:
-            end = min([contact.time for contact in shot if contact.ball == 0][contacts - 1 : contacts], default=np.inf)
+        for shot, ball in zip(shots, cue_balls, strict=True):
+            times = [contact.time for contact in shot if contact.ball == ball]
+            end = min(times[contacts - 1 : contacts], default=np.inf)
             speeds += [contact.speed for contact in shot if contact.other == CUSHION and contact.time < end]
         give = give_by_speed * float(np.mean(speeds)) if speeds else 0.0
     return frame, give

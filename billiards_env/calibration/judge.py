@@ -105,7 +105,7 @@ def _judge_shot(scene: Scene, shot: Shot) -> Judged:
     same = np.zeros(0, np.bool_)
     for contact in CONTACTS:
         shot = search(scene, shot.wide(contact))
-        off, cue = errors(scene, shot), shot.track.balls == 0
+        off, cue = errors(scene, shot), shot.track.balls == shot.cue_ball
         distances[contact] = np.hypot(*off[shot.used & shot.moving].T)
         if contact == 3:
             t, (x, y) = shot.time[cue], off[cue].T
@@ -120,7 +120,7 @@ def _judge_shot(scene: Scene, shot: Shot) -> Judged:
         last = cushions[2]
         end = min(contacts[last - 1].time - shot.begin + _LATER, shot.end(last + 1))
         shot = search(scene, shot._replace(used=shot.time < end))
-        in_model = distinct(model_contacts(scene, shot, 0))
+        in_model = distinct(model_contacts(scene, shot, shot.cue_ball))
         same = np.array([[hit.other for hit in in_model[:last]] == [hit.other for hit in contacts[:last]]])
     return Judged(distances, predicted, same, 1)
 

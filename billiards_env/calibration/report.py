@@ -98,18 +98,23 @@ class Calibration:
         return np.array([shot.begin for shot in self.shots]) + self.starts[:, INSTANT]
 
     @property
+    def cue_balls(self) -> list[int]:
+        """The cue ball of each shot, to which its velocity and its spin belong."""
+        return [shot.cue_ball for shot in self.shots]
+
+    @property
     def positions(self) -> Floats:
         """(m, n, 2) m, the balls at the starts."""
         return self.starts[:, PLACES].reshape(len(self.shots), -1, 2)
 
     @property
     def velocities(self) -> Floats:
-        """(m, 2) m/s, of the cue ball at the starts."""
+        """(m, 2) m/s, of the cue balls at the starts."""
         return self.starts[:, VELOCITY]
 
     @property
     def spins(self) -> Floats:
-        """(m, 3) rad/s, of the cue ball at the starts."""
+        """(m, 3) rad/s, of the cue balls at the starts."""
         return self.starts[:, SPIN]
 
     @property
@@ -119,7 +124,10 @@ class Calibration:
         return np.array([np.sqrt(square.mean()) if square.size else np.nan for square in squares])
 
     def shot(self, k: int) -> ShotResult:
-        """Returns the fitted shot of track k, recorded to its last row. It starts at `strikes[k]`."""
+        """Returns the fitted shot of track k, recorded to its last row. It starts at `strikes[k]`.
+
+        `first_hit` and other facts about a cue ball are those of ball 0, also if `cue_balls[k]` is another one.
+        """
         return simulated(self.scene, self.shots[k])
 
     def judge(self, tracks: Sequence[Track]) -> Judged:
@@ -128,7 +136,7 @@ class Calibration:
         Raises:
             ValueError: If there are no tracks or one is invalid.
         """
-        framed = [self.frame.apply(track) for track in clean(check_tracks(self.scene, tracks, 1))[0]]
+        framed = [self.frame.apply(track) for track in clean(check_tracks(self.scene, tracks))[0]]
         return judge(self.scene, [prepare(self.scene, track, self.row_noise) for track in framed])
 
     def noise(self, intended: ArrayLike) -> dict[str, float]:
@@ -202,6 +210,7 @@ class Calibration:
             "predicted": None if self.predicted is None else self.predicted.to_dict(),
             "warnings": self.warnings,
             "rms": dict(zip((shot.track.name for shot in self.shots), rms, strict=True)),
+            "cue_balls": self.cue_balls,
             "velocities": self.velocities.tolist(),
             "spins": self.spins.tolist(),
             "problems": [problem._asdict() for problem in self.problems],

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from billiards_env.calibration.contacts import Contact, find_contacts, find_exchange
-from billiards_env.calibration.tracks import Bools, Floats, Track, with_rest
+from billiards_env.calibration.tracks import Bools, Floats, Track, first_balls, with_rest
 from billiards_env.scene import Scene
 
 PLACES, VELOCITY, SPIN, INSTANT = slice(None, -6), slice(-6, -4), slice(-4, -1), -1
@@ -28,6 +28,8 @@ _REST = 2e-3  # m, the error of a place of rest; cameras distort by about as muc
 # The rows of the cue ball for two guesses of its velocity: the first one after its rest, and their number.
 _WINDOWS = (1, 8), (0, 2)
 
+Spans = dict[int, tuple[int, int]]  # the moving rows of each ball, see `_moving_span`
+
 
 class Shot(NamedTuple):
     """A track that is ready for the fit, and its fit.
@@ -36,6 +38,7 @@ class Shot(NamedTuple):
         track: The track in the order of time, with rows of balls at rest.
         added: (r,) bool, the rows that `with_rest` added.
         moving: (r,) bool, whether the ball has begun to move and has not come to rest.
+        first: The balls that begin to move first, see `first_balls`.
         contacts: The contacts that were found without a model.
         begin: s, the last time at which the cue ball rested, or its first row.
         gap: s, the strike is at most this much later; 0 if the cue ball moves at the first row.
@@ -54,6 +57,7 @@ class Shot(NamedTuple):
     track: Track
     added: Bools
     moving: Bools
+    first: list[int]
     contacts: list[Contact]
     begin: float
     gap: float
@@ -68,6 +72,11 @@ class Shot(NamedTuple):
     leaves: tuple[float, int] = (np.inf, -1)
 
     @property
+    def cue_ball(self) -> int:
+        """The ball that is struck."""
+        return self.first[0]
+
+    @property
     def time(self) -> Floats:
         """(r,) s, the times of the rows after `begin`."""
         return self.track.times - self.begin
@@ -75,7 +84,7 @@ class Shot(NamedTuple):
     @property
     def cue_contacts(self) -> list[Contact]:
         """The contacts of the cue ball."""
-        return [contact for contact in self.contacts if contact.ball == 0]
+        return [contact for contact in self.contacts if contact.ball == self.cue_ball]
 
     def end(self, contact: int) -> float:
         """Returns the end of the rows to fit before a contact of the cue ball, s after `begin`; inf for all rows."""
@@ -103,58 +112,124 @@ def prepare(scene: Scene, track: Track, noise: float, known: Floats | None = Non
         track: The track.
         noise: Standard deviation of a coordinate, m.
         known: (width,), the numbers of the start that are known; NaN for the others.
+
+    Raises:
+        ValueError: If the track has no cue ball, see `first_balls`.
     """
     filled, added = with_rest(track)
-    n, paths = scene.n_balls, filled.paths()
     exchanged = find_exchange(scene, track)
+    first = first_balls(_without_exchange(filled, exchanged), noise)
+    cue_ball = first[0]
+    contacts = find_contacts(scene, filled.rows(filled.times < exchanged[2]), cue_ball)
     least = max(_MOVED, 4.0 * noise)
-    contacts = find_contacts(scene, filled.rows(filled.times < exchanged[2]))
-    moving = np.zeros(len(added), np.bool_)
-    rest = np.full((n, 2), np.nan)
-    rests = {}
-    for ball, (_, path) in paths.items():
-        away, ends = (np.hypot(*(path - path[k]).T) > least for k in (0, -1))
-        rests[ball] = int(away.argmax()) if away.any() else len(path)
-        rest[ball] = np.median(path[: rests[ball]], axis=0)
-        moving[np.flatnonzero(filled.balls == ball)[rests[ball] : len(path) - int(ends[::-1].argmax()) + 1]] = True
-
-    (t, p), last = paths[0], rests[0] - 1
-    begin, gap = float(t[0]), 0.0
-    hit = min((one.time for one in contacts if one.ball == 0), default=np.inf)
-    starts = np.zeros((len(_WINDOWS), 2 * n + 6))
-    places = starts[:, PLACES].reshape(-1, n, 2)  # a view
-    places[:] = np.nan_to_num(rest)
-    for start, place, (first, count) in zip(starts, places[:, 0], _WINDOWS, strict=True):
-        rows = slice(last + first, max(last + first + 2, min(last + first + count, int(np.searchsorted(t, hit)))))
-        if len(t[rows]) > 1:
-            start[VELOCITY], place[:] = np.polyfit(t[rows] - t[last], p[rows], 1)
-            speed = max(float(np.hypot(*start[VELOCITY])), 1e-6)
-            start[INSTANT] = (rest[0] - place) @ start[VELOCITY] / speed**2  # the path passes the place of rest
-            if last > 0 or (start[INSTANT] > 0.05 * (t[1] - t[0]) and start[INSTANT] * speed > least):
-                begin, gap = float(t[last]), float(t[last + 1] - t[last])
-    known = np.full(2 * n + 6, np.nan) if known is None else known.copy()
-    if gap > 0.0:
-        places[:, 0] = rest[0]
-    else:
-        known[INSTANT], rest[0] = 0.0, np.nan
-    if scene.physics.motion != "sliding":
-        known[SPIN] = 0.0
-    weight = ~np.isnan(rest.ravel()) / max(_REST, noise)
-    prior = np.zeros((2 * n + 3, 2 * n + 6))
-    prior[:-3, PLACES] = np.diag(weight)
+    spans = {ball: _moving_span(path, least) for ball, (_, path) in filled.paths().items()}
+    rest = _places_of_rest(scene, filled, spans)
+    hit = min((contact.time for contact in contacts if contact.ball == cue_ball), default=np.inf)
+    starts, begin, gap = _guess_starts(filled.paths()[cue_ball], spans[cue_ball][0] - 1, rest, cue_ball, hit, least)
+    known = _known_numbers(scene, gap, known)
+    if gap == 0.0:
+        rest[cue_ball] = np.nan  # the cue ball has left it
+    prior, target = _prior(rest, max(_REST, noise))
     return Shot(
         track=filled,
         added=added,
-        moving=moving & ~added,
+        moving=_moving_rows(filled, spans) & ~added,
+        first=first,
         contacts=contacts,
         begin=begin,
         gap=gap,
         exchanged=exchanged,
-        in_play=np.isin(np.arange(n), track.balls),
+        in_play=np.isin(np.arange(scene.n_balls), track.balls),
         known=known,
         prior=prior,
-        target=np.append(weight * np.nan_to_num(rest).ravel(), np.zeros(3)),
+        target=target,
         starts=np.where(np.isnan(known), starts, known),
         scale=max(SCALE, CAUCHY * noise),
         used=np.ones(len(added), np.bool_),
     )
+
+
+def _without_exchange(track: Track, exchanged: tuple[int, int, float, float]) -> Track:
+    """Returns a track with the right names of the two balls whose names are exchanged."""
+    one, two, begin, end = exchanged
+    rows = (track.times >= begin) & (track.times <= end) & np.isin(track.balls, (one, two))
+    return track._replace(balls=np.where(rows, one + two - track.balls, track.balls))
+
+
+def _moving_span(path: Floats, least: float) -> tuple[int, int]:
+    """Returns the first row (r, 2) that is farther than `least` from the first one, and the end of the moving rows.
+
+    The ball is at rest from the end on. Both are r if the ball does not move.
+    """
+    away, to_come = (np.hypot(*(path - path[k]).T) > least for k in (0, -1))
+    if not away.any():
+        return len(path), len(path)
+    return int(away.argmax()), len(path) - int(to_come[::-1].argmax()) + 1
+
+
+def _moving_rows(track: Track, spans: Spans) -> Bools:
+    """Returns whether the ball of each row moves, (r,) bool."""
+    moving = np.zeros(len(track.balls), np.bool_)
+    for ball, span in spans.items():
+        moving[np.flatnonzero(track.balls == ball)[slice(*span)]] = True
+    return moving
+
+
+def _places_of_rest(scene: Scene, track: Track, spans: Spans) -> Floats:
+    """Returns the places of the balls before they move, (n, 2) m; NaN for a ball without rows."""
+    rest = np.full((scene.n_balls, 2), np.nan)
+    for ball, (_, path) in track.paths().items():
+        rest[ball] = np.median(path[: spans[ball][0]], axis=0)
+    return rest
+
+
+def _guess_starts(
+    path: tuple[Floats, Floats], last: int, rest: Floats, cue_ball: int, hit: float, least: float
+) -> tuple[Floats, float, float]:
+    """Guesses the start of a shot from lines through the first rows of the cue ball after its rest.
+
+    Args:
+        path: The times (k,), s, and the places (k, 2), m, of the cue ball.
+        last: Its last row at rest.
+        rest: (n, 2) m, the places of rest.
+        cue_ball: The cue ball.
+        hit: s, its first contact.
+        least: m, a ball is at rest within this distance.
+
+    Returns:
+        A start for each of `_WINDOWS`, `Shot.begin` and `Shot.gap`.
+    """
+    (t, p), n = path, len(rest)
+    begin, gap = float(t[0]), 0.0
+    starts = np.zeros((len(_WINDOWS), 2 * n + 6))
+    places = starts[:, PLACES].reshape(-1, n, 2)  # a view
+    places[:] = np.nan_to_num(rest)
+    for start, place, (first, count) in zip(starts, places[:, cue_ball], _WINDOWS, strict=True):
+        rows = slice(last + first, max(last + first + 2, min(last + first + count, int(np.searchsorted(t, hit)))))
+        if len(t[rows]) > 1:
+            start[VELOCITY], place[:] = np.polyfit(t[rows] - t[last], p[rows], 1)
+            speed = max(float(np.hypot(*start[VELOCITY])), 1e-6)
+            start[INSTANT] = (rest[cue_ball] - place) @ start[VELOCITY] / speed**2  # the path passes the place of rest
+            if last > 0 or (start[INSTANT] > 0.05 * (t[1] - t[0]) and start[INSTANT] * speed > least):
+                begin, gap = float(t[last]), float(t[last + 1] - t[last])
+    if gap > 0.0:
+        places[:, cue_ball] = rest[cue_ball]
+    return starts, begin, gap
+
+
+def _known_numbers(scene: Scene, gap: float, known: Floats | None) -> Floats:
+    """Returns the numbers of the start that are not fitted, (width,); NaN for the others."""
+    numbers = np.full(2 * scene.n_balls + 6, np.nan) if known is None else known.copy()
+    if gap == 0.0:
+        numbers[INSTANT] = 0.0
+    if scene.physics.motion != "sliding":
+        numbers[SPIN] = 0.0
+    return numbers
+
+
+def _prior(rest: Floats, error: float) -> tuple[Floats, Floats]:
+    """Returns `Shot.prior` and `Shot.target` of places of rest (n, 2), NaN for none, with an error, m."""
+    weight = ~np.isnan(rest.ravel()) / error
+    prior = np.zeros((rest.size + 3, rest.size + 6))
+    prior[:-3, PLACES] = np.diag(weight)
+    return prior, np.append(weight * np.nan_to_num(rest).ravel(), np.zeros(3))

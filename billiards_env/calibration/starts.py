@@ -59,12 +59,18 @@ class Normal(NamedTuple):
 
 def run(scene: Scene, starts: Floats, shot: Shot) -> BatchResult:
     """Simulates a shot from starts (g, width) until its last row that is used."""
-    places, velocities = starts[:, PLACES].reshape(len(starts), -1, 2), starts[:, VELOCITY]
-    spins = starts[:, SPIN] if scene.physics.motion == "sliding" else None
+    places = starts[:, PLACES].reshape(len(starts), -1, 2)
+    velocities, spins = np.zeros_like(places), np.zeros((*places.shape[:2], 3))
+    velocities[:, shot.cue_ball], spins[:, shot.cue_ball] = starts[:, VELOCITY], starts[:, SPIN]
     end = max(1e-3, float(shot.time.max(initial=0.0, where=shot.used)))
     # A call takes a millisecond, too little for threads.
     return simulate_batch(
-        scene, places, velocities, spins=spins, in_play=shot.in_play, max_time=end, record=True, threads=1
+        *(scene, places, velocities),
+        spins=spins if scene.physics.motion == "sliding" else None,
+        in_play=shot.in_play,
+        max_time=end,
+        record=True,
+        threads=1,
     )
 
 
@@ -118,8 +124,8 @@ def linearised(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = 
     # The simulated shots begin at the strike.
     clock = np.clip(times - starts[:, INSTANT, None], 0.0, record.time[:, None])
     places, velocities = _motion(record, ball, clock[:, frame])
-    rates = start_jacobians(record, clock, names, 1)[np.arange(g)[:, None], frame, :, ball]  # (g, r, lanes, 2)
-    rates = np.moveaxis(rates, 2, 3)
+    rates = start_jacobians(record, clock, shot.cue_ball, names, 1)
+    rates = np.moveaxis(rates[np.arange(g)[:, None], frame, :, ball], 2, 3)  # (g, r, 2, lanes)
     off = ((places - shot.track.positions[rows]) / shot.scale).reshape(g, -1)
     values = np.concatenate((off, (starts @ shot.prior.T - shot.target) / CAUCHY), axis=1)
     jacobian = np.zeros((*values.shape, width + len(names)))
@@ -154,7 +160,8 @@ def allowed(scene: Scene, starts: Floats, shot: Shot) -> tuple[Floats, Bools]:
     moved = starts.copy()
     moved[:, VELOCITY] = velocity = np.clip(moved[:, VELOCITY], -MOST_SPEED, MOST_SPEED)
     moved[:, INSTANT] = np.clip(moved[:, INSTANT], 0.0, shot.gap)
-    most = MOST_SPIN * (2.5 * scene.cue.miscue_offset * np.hypot(*velocity.T) / scene.balls.radius[0])[:, None]
+    largest = 2.5 * scene.cue.miscue_offset * np.hypot(*velocity.T) / radius[shot.cue_ball]  # of a level strike
+    most = MOST_SPIN * largest[:, None]
     spins, places = moved[:, SPIN], moved[:, PLACES].reshape(len(moved), -1, 2)  # views
     np.clip(spins, -most, most, out=spins, where=np.isnan(shot.known[SPIN]))
     pairs = shot.in_play[:, None] & shot.in_play & (index[:, None] != index)
@@ -223,18 +230,18 @@ def settle(
     return starts, current
 
 
-def _axes(scene: Scene, velocities: Floats) -> Floats:
+def _axes(scene: Scene, shot: Shot, velocities: Floats) -> Floats:
     """Returns the spins v / R about the axes of `SPINS`, (..., 3, 3), one in each row, at velocities (..., 2)."""
     x, y = np.moveaxis(velocities, -1, 0)
     zero, speed = np.zeros_like(x), np.maximum(np.hypot(x, y), 1e-6)
-    axes = np.array([[x, y, zero], [-y, x, zero], [zero, zero, speed]]) / scene.balls.radius[0]
+    axes = np.array([[x, y, zero], [-y, x, zero], [zero, zero, speed]]) / scene.balls.radius[shot.cue_ball]
     return np.moveaxis(axes, (0, 1), (-2, -1))
 
 
-def _with_spins(scene: Scene, starts: Floats, spins: Floats) -> Floats:
+def _with_spins(scene: Scene, shot: Shot, starts: Floats, spins: Floats) -> Floats:
     """Returns copies of starts (g, width) with other spins (g, 3), over v / R for the axes of `SPINS`."""
     starts = starts.copy()
-    starts[:, SPIN] = (spins[:, None] @ _axes(scene, starts[:, VELOCITY]))[:, 0]
+    starts[:, SPIN] = (spins[:, None] @ _axes(scene, shot, starts[:, VELOCITY]))[:, 0]
     return starts
 
 
@@ -242,11 +249,11 @@ def _guesses(scene: Scene, shot: Shot) -> Floats:
     """Returns the starts (g, width) of a shot, and their copies with other spins."""
     starts, most = shot.starts, 2.5 * scene.cue.miscue_offset
     spins = [(0.0, roll, side * most) for side in SIDES for roll in ROLLS]
-    others = _with_spins(scene, np.repeat(starts, len(spins), axis=0), np.tile(spins, (len(starts), 1)))
+    others = _with_spins(scene, shot, np.repeat(starts, len(spins), axis=0), np.tile(spins, (len(starts), 1)))
     return np.concatenate((starts, others))
 
 
-def _random(scene: Scene, start: Floats, rng: np.random.Generator) -> Floats:
+def _random(scene: Scene, shot: Shot, start: Floats, rng: np.random.Generator) -> Floats:
     """Returns random starts (2 * _EACH, width) with directions and speeds near those of a start (1, width).
 
     The first half has spins near those of the start, the second half spins of the prior.
@@ -254,10 +261,10 @@ def _random(scene: Scene, start: Floats, rng: np.random.Generator) -> Floats:
     others, velocity = np.repeat(start, 2 * _EACH, axis=0), start[:, VELOCITY]
     turn, faster = rng.uniform(-1.0, 1.0, (2, len(others), 1))
     others[:, VELOCITY] += _FASTER * faster * velocity + _TURN * turn * (velocity[:, ::-1] * (-1.0, 1.0))
-    axes, spins = _axes(scene, velocity[0]), SPINS * rng.standard_normal((2, _EACH, 3))
+    axes, spins = _axes(scene, shot, velocity[0]), SPINS * rng.standard_normal((2, _EACH, 3))
     spins[0] = axes @ start[0, SPIN] / axes[2, 2] ** 2 + _NEAR * spins[0]
     spins[1, :, 1] += 0.5
-    return _with_spins(scene, others, spins.reshape(-1, 3))
+    return _with_spins(scene, shot, others, spins.reshape(-1, 3))
 
 
 def _best(scene: Scene, starts: Floats, shot: Shot, halves: Sequence[tuple[int, int]]) -> tuple[Floats, float]:
@@ -297,13 +304,13 @@ def search(scene: Scene, shot: Shot) -> Shot:
         ValueError: If balls overlap or lie outside of the table.
     """
     if len(shot.starts) == 1:  # the result of a fit, whose velocity gives the prior of the spin
-        axes, prior, target = _axes(scene, shot.starts[0, VELOCITY]), shot.prior.copy(), shot.target.copy()
+        axes, prior, target = _axes(scene, shot, shot.starts[0, VELOCITY]), shot.prior.copy(), shot.target.copy()
         prior[-3:, SPIN], target[-2] = axes / axes[2, 2] ** 2 / np.array([SPINS]).T, 0.5 / SPINS[1]
         shot = shot._replace(prior=prior, target=target)
     start, loss = _best(scene, _guesses(scene, shot), shot, _HALVES)
     rng, gain = np.random.default_rng(0), np.inf
     while gain >= _GAIN:
-        other, other_loss = _best(scene, _random(scene, start, rng), shot, _RANDOM)
+        other, other_loss = _best(scene, _random(scene, shot, start, rng), shot, _RANDOM)
         gain = loss - other_loss
         start, loss = (other, other_loss) if gain > 0.0 else (start, loss)
     return shot._replace(starts=start)

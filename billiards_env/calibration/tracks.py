@@ -1,8 +1,8 @@
 """Tracks, the places of the balls of a shot in the frames of a film, and their files.
 
 Times are in seconds, places in metres in the frame of the scene (the origin is the centre of the table, x runs along
-its length). Balls are numbered as in the scene, the cue ball is ball 0. A ball without rows in a shot is not on the
-table. A ball at rest needs only one row.
+its length). Balls are numbered as in the scene. The cue ball of a shot is the one that moves first, see
+`first_balls`. A ball without rows in a shot is not on the table. A ball at rest needs only one row.
 """
 
 from __future__ import annotations
@@ -43,6 +43,7 @@ _OF_BALL = re.compile(r"(.*\S)[ _.]([xy]\s*(?:[\[(].*)?)", re.IGNORECASE)  # a c
 _EXAMPLE = "'shot,time,ball,x,y' and 'a,0.02,red,0.315,-0.2', or 'time,red_x,red_y' and '0.02,0.315,-0.2'"
 _APART = 1e-6  # s, least time between two rows of a ball; no camera takes frames that fast
 _MOVES = 0.008  # m, after which a ball has moved
+_AWAY, _ROWS = 0.004, 3  # m, a ball has begun to move when it is this far away in so many rows; one may be an outlier
 _GAP, _STEP = 5.0, 5.0  # frames without a row of a ball, after which it may have rested, and between added rows
 _PLACE = 0.004  # m, two places of a ball at rest
 _SLOW = 0.6  # the speed over a gap, over that after it, of a ball that rested first
@@ -123,7 +124,7 @@ def read_tracks(path: str | os.PathLike[str], unit: str = "m") -> list[Track]:
     [...], "x": [...], "y": [...]}}}.
 
     Balls that are whole numbers, one of them 0, are numbered as in the scene. Otherwise the ball of a shot that moves
-    first is the cue ball, and the others follow in the order of their names.
+    first is ball 0, and the others follow in the order of their names.
 
     Args:
         path: The file.
@@ -243,7 +244,7 @@ def _finite(name: str, cell: Any) -> float:
 
 
 def _track(shot: str, rows: list[Row], index: dict[str, float]) -> Track:
-    """Returns the track of a shot, in which the cue ball is ball 0. Balls without numbers have an empty index."""
+    """Returns the track of a shot. Without numbers of the balls, `index` is empty, and the first to move is ball 0."""
     times, balls, *places = zip(*rows, strict=True)
     names = sorted(set(balls))
     track = Track(shot, np.array(times), np.array([names.index(ball) for ball in balls]), np.column_stack(places))
@@ -254,19 +255,63 @@ def _track(shot: str, rows: list[Row], index: dict[str, float]) -> Track:
     keep[order[:-1][again & (np.hypot(*np.diff(ordered.positions, axis=0).T) > _MOVES)]] = False  # at two places
     if not index:
         least = max(_MOVES, 1e-3 * float(np.abs(track.positions).max()))
-        begins = [np.append(t[np.hypot(*(p - p[0]).T) > least], np.inf)[0] for t, p in ordered.paths().values()]
-        first = names[int(np.argmin(begins))]
+        begins = _begins(ordered, least)
+        first = names[min(begins, key=lambda ball: begins[ball])]
         index = {name: k for k, name in enumerate(sorted(names, key=lambda name: name != first))}
     return track._replace(balls=np.array([index[name] for name in names], np.int64)[track.balls]).rows(keep)
 
 
-def check_tracks(scene: Scene, tracks: Sequence[Track], least: int) -> list[Track]:
+def _begins(track: Track, least: float) -> dict[int, float]:
+    """Returns the time at which each ball begins to move, s; inf if it stays within `least` of its first place.
+
+    The time comes from the speed between the first two rows after it, and lies between the rows around it.
+    """
+    begins = {}
+    for ball, (t, p) in track.paths().items():
+        way = np.hypot(*(p - p[0]).T)
+        moves = np.convolve(way <= least, np.ones(_ROWS))[_ROWS - 1 :] == 0
+        k = int(moves.argmax())
+        begins[ball] = float(t[k]) if moves[k] else np.inf
+        if moves[k] and k + 1 < len(t):
+            speed = np.hypot(*(p[k + 1] - p[k])) / max(t[k + 1] - t[k], _APART)
+            begins[ball] = float(np.clip(t[k] - way[k] / max(speed, 1e-12), t[k - 1], t[k]))
+    return begins
+
+
+def first_balls(track: Track, noise: float) -> list[int]:
+    """Returns the balls that begin to move within one frame from the first one. The first of them is the cue ball.
+
+    Args:
+        track: The track with rows of balls at rest, in the order of time.
+        noise: Standard deviation of a coordinate, m.
+
+    Raises:
+        ValueError: If no ball moves, or there are several without ball 0.
+    """
+    begins = _begins(track, max(_AWAY, 4.0 * noise))
+    latest = min(begins.values()) + _frame_of(track)
+    first = [ball for ball, begin in begins.items() if begin < latest]
+    if not first:
+        raise ValueError(f"shots[{track.name!r}]: no ball moves: expected one that was struck")
+    if len(first) > 1 and 0 not in first:
+        raise ValueError(
+            f"shots[{track.name!r}]: balls {first} begin to move in one frame: expected one, or ball 0 too"
+        )
+    return first
+
+
+def _frame_of(track: Track) -> float:
+    """Returns the time between two frames, s; 1 if there is only one frame."""
+    steps = np.diff(np.unique(track.times))
+    return float(np.median(steps[steps > _APART])) if (steps > _APART).any() else 1.0
+
+
+def check_tracks(scene: Scene, tracks: Sequence[Track]) -> list[Track]:
     """Returns tracks with their rows in the order of time.
 
     Raises:
         ValueError: If there are no tracks, two have the same name, an array has a wrong shape or a number that is not
-            finite, a ball is not in the scene or has two rows at one time, or the cue ball has fewer than `least`
-            rows.
+            finite, a ball is not in the scene or has two rows at one time, or a track has no rows.
     """
     if not tracks:
         raise ValueError("shots = []: expected one track or more")
@@ -283,8 +328,8 @@ def check_tracks(scene: Scene, tracks: Sequence[Track], least: int) -> list[Trac
             raise ValueError(f"{name}.times = {short(times.tolist())}: expected at most {RANGES['limit'].most:g} s")
         if balls.dtype.kind not in "iu" or not ((balls >= 0) & (balls < scene.n_balls)).all():
             raise ValueError(f"{name}.balls = {short(np.unique(balls).tolist())}: expected 0 to {scene.n_balls - 1}")
-        if np.count_nonzero(balls == 0) < least:
-            raise ValueError(f"{name}: {np.count_nonzero(balls == 0)} rows of the cue ball: expected {least} or more")
+        if not k:
+            raise ValueError(f"{name}: no rows: expected one or more")
         order = np.lexsort((times, balls))  # by ball, then by time
         close = (np.diff(balls[order]) == 0) & (np.diff(times[order]) < _APART)
         if close.any():
@@ -303,9 +348,7 @@ def with_rest(track: Track) -> tuple[Track, Bools]:
     Returns:
         The track with its rows in the order of time, and whether a row was added.
     """
-    steps, end = np.diff(np.unique(track.times)), float(track.times.max())
-    parts = [track]
-    frame = float(np.median(steps[steps > _APART])) if (steps > _APART).any() else 1.0
+    end, frame, parts = float(track.times.max()), _frame_of(track), [track]
     for ball, (t, p) in track.paths().items():
         gaps = np.diff(t, append=end)
         speeds = np.append(np.hypot(*np.diff(p, axis=0).T) / gaps[:-1], (0.0, 0.0))

@@ -707,22 +707,24 @@ def _ball_jacobians(record: Record, times: Floats) -> Floats:
 _BLOCK = 2**23  # numbers in the outputs of one call of `push_lanes`
 
 
-def start_jacobians(record: Record, times: Floats, names: Sequence[str], threads: int | None) -> Floats:
+def start_jacobians(record: Record, times: Floats, ball: int, names: Sequence[str], threads: int | None) -> Floats:
     """Returns the derivatives of the positions of m shots at ascending times (m, q) by their starts and by numbers.
 
     Args:
         record: The record.
         times: s; not later than the ends of the shots.
+        ball: The ball with a velocity.
         names: Numbers of `Physics`, see `physics_inputs`.
         threads: Number of threads.
 
     Returns:
         (m, q, 2 n + 5 + len(names), n, 2) float64: the derivatives with respect to the positions of the n balls, the
-        velocity and the spin of ball 0, and the numbers.
+        velocity and the spin of the ball, and the numbers.
     """
     (m, q), n = times.shape, record.scene.n_balls
     known = physics_inputs(record.scene.physics) if names else {}
-    start = [BALL_INPUTS * i + axis for i in range(n) for axis in (0, 1)] + [2, 3, 4, 5, 6]
+    start = [BALL_INPUTS * i + axis for i in range(n) for axis in (0, 1)]
+    start += [BALL_INPUTS * ball + k for k in (2, 3, 4, 5, 6)]
     lanes = np.zeros((len(start) + len(names), BALL_INPUTS * n + (NUMBER_INPUTS if names else 0)))
     lanes[np.arange(len(start)), start] = 1.0
     for lane, name in zip(lanes[len(start) :], names, strict=True):

@@ -87,7 +87,7 @@ def test_the_slope_is_that_of_the_loss_with_fitted_starts():
 
 
 def free_shot(scene, known=None):
-    track = Track("", np.zeros(2), np.array([0, 1]), np.zeros((2, 2)))
+    track = Track("", np.array([0.0, 0.0, 1.0]), np.array([0, 1, 0]), np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]]))
     return prepare(scene, track, 0.002, known)
 
 

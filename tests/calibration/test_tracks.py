@@ -98,7 +98,7 @@ def test_a_bad_line_is_named(text, message, tmp_path):
 
 def test_rows_are_sorted_by_time():
     unsorted = Track("a", np.array([3.0, 2, 1, 0, 4]), np.array([0, 1, 0, 0, 0]), np.zeros((5, 2)))
-    (track,) = check_tracks(Scene.named("pool"), [unsorted], 4)
+    (track,) = check_tracks(Scene.named("pool"), [unsorted])
     assert track.times.tolist() == [0, 1, 2, 3, 4]
     assert track.balls.tolist() == [0, 0, 1, 0, 0]
 

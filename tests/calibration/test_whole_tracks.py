@@ -58,7 +58,7 @@ def test_ranges_and_noise_for_training():
 
 def test_contacts_and_noise_are_found_without_a_model():
     assert noise_of(whole_tracks()) == pytest.approx(0.0005, rel=0.3)
-    seen = [find_contacts(SCENE, with_rest(track)[0]) for track in whole_tracks()]
+    seen = [find_contacts(SCENE, with_rest(track)[0], 0) for track in whole_tracks()]
     assert sum(len(contacts) for contacts in seen) > 60
     assert sum(any(one.other == 1 for one in contacts if one.ball == 0) for contacts in seen) >= 9  # a thin hit
     rebounds = [one for contacts in seen for one in contacts if one.other == CUSHION]
@@ -85,7 +85,7 @@ def test_a_ball_that_begins_to_move_was_hit():
     places = np.concatenate((before, after, [[0.6525, -0.6402]], [[0.632, -0.678]], ball))
     rows = np.concatenate((times[:11], times[12:], [0.1, 0.24], times[14:]))
     track = Track("s", rows, np.repeat([0, 1], (20, 9)), places)
-    (hit,) = [one for one in find_contacts(SCENE, with_rest(track)[0]) if one.other >= 0]
+    (hit,) = [one for one in find_contacts(SCENE, with_rest(track)[0], 0) if one.other >= 0]
     assert (hit.ball, hit.other) == (0, 1)
     assert 0.2 <= hit.time <= 0.24
 
@@ -98,8 +98,8 @@ def test_a_slow_ball_and_an_outlier_give_no_second_hit():
     still[35] += [0.0, 0.012]
     places = np.stack((np.where(times[:, None] < 0.3, cue, 0.9 * cue), slow, still), axis=1)
     track = Track("s", np.repeat(times, 3), np.tile([0, 1, 2], 50), places.reshape(-1, 2))
-    assert len([one for one in find_contacts(SCENE, track) if one.other == 1]) <= 1
-    assert not [one for one in find_contacts(SCENE, track) if one.other == 2]
+    assert len([one for one in find_contacts(SCENE, track, 0) if one.other == 1]) <= 1
+    assert not [one for one in find_contacts(SCENE, track, 0) if one.other == 2]
 
 
 def test_the_frame_is_fitted_from_rebounds_and_clipped_rows_are_left_out():

@@ -323,7 +323,7 @@ def test_derivatives_of_many_shots_are_those_of_single_shots(monkeypatch):
     batch = simulate_batch(scene, places, velocities, spins=spins, record=True)
     times = batch.time[:, None] * [0.2, 0.9]
     monkeypatch.setattr(shot_derivatives, "_BLOCK", 1)  # one shot in each call
-    jacobians = shot_derivatives.start_jacobians(batch._record("test"), times, ("mu_roll",), 1)
+    jacobians = shot_derivatives.start_jacobians(batch._record("test"), times, 0, ("mu_roll",), 1)
     for k, q in np.ndindex(times.shape):
         shot, t = batch[k], float(times[k, q])
         by_places = shot.jacobian("positions", "positions", t=t).reshape(2, 2, 4)
